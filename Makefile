@@ -1,0 +1,57 @@
+# The commands of this project; `make help` lists them.
+
+PYTHON  ?= python3
+CONFIG  ?= config/config.yaml
+CORES   ?= 2
+BIN     := .venv/bin
+READY   := .venv/ready
+SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
+
+.DEFAULT_GOAL := help
+.PHONY: help environment study report plan test check-style test-python docs lock clean
+
+help: ## list these commands
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
+	  | awk -F'|' '{printf "  make %-14s %s\n", $$1, $$2}'
+	@echo "  Options: CONFIG=config/config.yaml  CORES=2  PYTHON=python3"
+
+environment: $(READY) ## make the Python environment in .venv from the lock file
+
+$(READY): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo \
+	  "ERROR: $(PYTHON) is older than Python 3.11: run make with PYTHON=/path/to/a/newer/python3"; exit 1; }
+	$(PYTHON) -m venv --clear .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+study: $(READY) ## run the whole study and build its report
+	@$(SNAKEMAKE)
+	@$(BIN)/python workflow/build_report.py $(CONFIG)
+
+plan: $(READY) ## show what a study would run, without running it
+	@$(SNAKEMAKE) --dry-run --quiet rules
+
+test: check-style test-python ## everything that CI runs
+
+check-style: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/snakefmt --check Snakefile workflow/rules
+	$(BIN)/snakemake --lint
+	$(BIN)/python workflow/document.py --check
+
+test-python: $(READY)
+	$(BIN)/python -m pytest
+
+docs: $(READY) ## renew the parts of the documents that follow from the code
+	$(BIN)/python workflow/document.py
+
+lock: $(READY) ## renew requirements.lock with the newest versions that fit
+	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+	  --no-header --no-annotate --extra workflow --extra dev --upgrade \
+	  --output-file requirements.lock pyproject.toml
+
+clean: ## remove the results of CONFIG's study (asks first)
+	@folder=$$($(BIN)/python workflow/build_report.py --print-folder $(CONFIG)); \
+	  printf 'Remove %s? [y/N] ' "$$folder"; read answer; [ "$$answer" = y ] && rm -r "$$folder"

@@ -1,0 +1,27 @@
+"""Where does a ground stone tool wear? From a mesh and confocal scans to predicted and scored wear."""
+
+from snakemake.utils import min_version
+
+min_version("9.14.8")
+
+
+configfile: f"{workflow.basedir}/config/config.yaml"
+
+
+report: "workflow/report/study.rst"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/specimen.smk"
+include: "workflow/rules/macroscale.smk"
+include: "workflow/rules/coupling.smk"
+include: "workflow/rules/microscale.smk"
+include: "workflow/rules/validation.smk"
+include: "workflow/rules/report.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        tables=study_tables,
+        figures=study_figures,

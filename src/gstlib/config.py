@@ -1,0 +1,160 @@
+"""The study's configuration, checked as a whole before anything runs.
+
+A config file is held against `workflow/schemas/config.schema.yaml` and against what a schema
+cannot say; every problem found is reported at once, with its key, its value and what to do.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import yaml
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import ValidationError, best_match
+
+from gstlib.bem import contact_modulus
+from gstlib.errors import ConfigError
+
+__all__ = ["alternative_contact_modulus", "check_config", "check_files", "study_contact_modulus"]
+
+
+def check_config(config: Mapping, schema: str | Path, source: str) -> None:
+    """Refuse a config that the study cannot run with.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration, defaults included.
+    schema : path
+        Its JSON schema (YAML).
+    source : str
+        Name of the config file, for the message.
+
+    Raises
+    ------
+    ConfigError
+        Its message lists every problem found.
+    """
+    validator = Draft202012Validator(yaml.safe_load(Path(schema).read_text(encoding="utf-8")))
+    problems = [_explain(error) for error in _leaves(validator.iter_errors(config))]
+    if not problems:  # the rest relies on the types being right
+        problems = _contradictions(config)
+    if problems:
+        raise ConfigError(
+            source,
+            "the configuration cannot be used\n  - " + "\n  - ".join(problems) + "\n ",
+            "Every key is described in config/README.md.",
+        )
+
+
+def check_files(files: Mapping[str, str], source: str) -> None:
+    """Refuse to start while measured files are missing.
+
+    Parameters
+    ----------
+    files : mapping
+        Path of each file by what it is, as in ``{"mesh": "data/tool.stl"}``.
+    source : str
+        Where the files are named, for the message.
+
+    Raises
+    ------
+    ConfigError
+        Its message lists every missing file.
+    """
+    missing = [f"{what}: {path}" for what, path in files.items() if not Path(path).is_file()]
+    if missing:
+        raise ConfigError(
+            source,
+            f"{len(missing)} of {len(files)} files do not exist\n  - " + "\n  - ".join(missing) + "\n ",
+            "Put the files there, or correct the names (paths are relative to the working folder).",
+        )
+
+
+def _leaves(errors) -> list[ValidationError]:
+    """The errors themselves, not the alternatives (oneOf) that they are hidden in."""
+    found = []
+    for error in sorted(errors, key=lambda error: [str(part) for part in error.absolute_path]):
+        if error.validator == "oneOf" and error.instance is not None:
+            found.extend(_leaves(_chosen_branch(error)))
+        else:
+            found.append(error)
+    return found
+
+
+def _chosen_branch(error: ValidationError) -> list[ValidationError]:
+    """Errors of the branch of a `oneOf` that the value was meant for: the one not of type null."""
+    branches: dict[int, list[ValidationError]] = {}
+    for suberror in error.context:
+        branches.setdefault(suberror.schema_path[0], []).append(suberror)
+    meant = [
+        branch
+        for branch in branches.values()
+        if not any(suberror.validator_value == "null" for suberror in branch)
+    ]
+    return meant[0] if meant else [best_match([error])]
+
+
+def _explain(error: ValidationError) -> str:
+    key = ".".join(str(part) for part in error.absolute_path)
+    if error.validator == "additionalProperties":
+        known = error.schema["properties"]
+        unknown = sorted(set(error.instance) - set(known))
+        place = f"'{key}' has" if key else "there are"
+        return f"{place} unknown keys {unknown}: remove or correct them (known: {sorted(known)})"
+    if error.validator == "required":
+        missing = sorted(set(error.validator_value) - set(error.instance))
+        return f"'{key}' lacks {missing}: add them"
+    description = error.schema.get("description", "")
+    wish = f" [{description}]" if description else ""
+    return f"'{key}' is {error.instance!r}: {error.message}{wish}"
+
+
+def _contradictions(config: Mapping) -> list[str]:
+    problems = []
+    if (config["specimen"] is None) == (config["inputs"] is None):
+        problems.append(
+            "exactly one of 'specimen' (generated) and 'inputs' (your files) must be there: "
+            "set the other to null"
+        )
+    square = config["square"]
+    frame = square["frame"]
+    x_axis, normal = frame["x_axis"], frame["normal"]
+    norms = [sum(value * value for value in axis) ** 0.5 for axis in (x_axis, normal)]
+    if not all(norms):
+        problems.append("'square.frame' has an axis of length zero: give a direction")
+    elif abs(sum(a * b for a, b in zip(x_axis, normal, strict=True))) > 1e-3 * norms[0] * norms[1]:
+        problems.append(
+            f"'square.frame' has x_axis {x_axis} and normal {normal}, which are not "
+            "perpendicular: correct one of them"
+        )
+    if config["scans"]["size_mm"] > square["size_mm"]:
+        problems.append(
+            f"'scans.size_mm' is {config['scans']['size_mm']}, more than the square's "
+            f"{square['size_mm']} mm: a patch must fit in the square"
+        )
+    for name in ("patches", "published"):
+        if config[name] is not None and not Path(config[name]).is_file():
+            problems.append(f"'{name}' names {config[name]}, which does not exist: correct the path")
+    return problems
+
+
+def study_contact_modulus(material: Mapping) -> float:
+    """The contact modulus (MPa) that the study uses: as given, else from the elastic constants."""
+    given = material["contact_modulus_MPa"]
+    return _standard_contact_modulus(material) if given is None else float(given)
+
+
+def alternative_contact_modulus(material: Mapping) -> float | None:
+    """The standard contact modulus (MPa) where the config gives another one directly, else None."""
+    if material["contact_modulus_MPa"] is None:
+        return None
+    return _standard_contact_modulus(material)
+
+
+def _standard_contact_modulus(material: Mapping) -> float:
+    return contact_modulus(
+        material["young_1_MPa"],
+        material["poisson_1"],
+        material["young_2_MPa"],
+        material["poisson_2"],
+    )

@@ -1,0 +1,142 @@
+"""Contact of a surface with a flat, from and to the study's own data: `gstlib.bem` for this study.
+
+`gstlib.bem` knows arrays; here its load path becomes a dataset with names and units, and a table.
+"""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from gstlib.bem import ContactState, LoadPath, UnreachableTargetError, load_path
+from gstlib.errors import InputError
+from gstlib.surface import spacing_of
+
+__all__ = ["contact_dataset", "load_path_table", "solve_path"]
+
+_log = logging.getLogger(__name__)
+
+
+def solve_path(
+    height: xr.DataArray,
+    *,
+    source: str | Path,
+    contact_modulus_MPa: float,
+    target_pressure_MPa: float,
+    steps: int,
+    tolerance: float,
+    maximum_displacement_um: float,
+    keep_states: bool,
+    workers: int = 1,
+) -> LoadPath:
+    """Load path of a surface up to a mean pressure, logged step by step.
+
+    Parameters
+    ----------
+    height : (ny, nx) xarray.DataArray
+        Surface heights, mm.
+    source : path
+        The file that the surface comes from, for the error message.
+    contact_modulus_MPa, target_pressure_MPa : float
+        E* and the mean pressure to reach, MPa.
+    steps, tolerance, keep_states, workers
+        See `gstlib.bem.load_path`.
+    maximum_displacement_um : float
+        Largest far-field displacement allowed, µm.
+
+    Raises
+    ------
+    InputError
+        The pressure is not reached within `maximum_displacement_um`.
+    """
+
+    def report(step: int, of: int, state: ContactState) -> None:
+        _log.info(
+            "step %d of %d: displacement %.4f µm, mean pressure %.5g MPa, contact %.4g %%, "
+            "residual %.1e, %d iterations",
+            step + 1,
+            of,
+            state.displacement * 1e3,
+            state.mean_pressure,
+            state.contact_fraction * 100,
+            state.residual,
+            state.iterations,
+        )
+
+    try:
+        return load_path(
+            height.values,
+            spacing_of(height),
+            contact_modulus_MPa,
+            target_pressure=target_pressure_MPa,
+            steps=steps,
+            tolerance=tolerance,
+            workers=workers,
+            maximum_displacement=maximum_displacement_um * 1e-3,
+            keep_states=keep_states,
+            progress=report,
+        )
+    except UnreachableTargetError as error:
+        raise InputError(
+            source,
+            f"the target pressure of {target_pressure_MPa:g} MPa cannot be reached ({error})",
+            "Lower target_pressure_MPa or raise maximum_displacement_um in the config.",
+        ) from error
+
+
+def contact_dataset(height: xr.DataArray, path: LoadPath, *, every_step: bool) -> xr.Dataset:
+    """The load path with its fields, named and with units.
+
+    Parameters
+    ----------
+    height : (ny, nx) xarray.DataArray
+        The surface that was pressed, mm.
+    path : LoadPath
+        From `solve_path`; with its states when `every_step`.
+    every_step : bool
+        Keep pressure and gap of every step, dims (step, y, x), not just of the final state (y, x).
+    """
+
+    def along_path(values, units, long_name):
+        return ("step", np.asarray(values), {"units": units, "long_name": long_name})
+
+    if every_step:
+        dims = ("step", "y", "x")
+        pressure = np.stack([state.pressure for state in path.states])
+        gap = np.stack([state.gap for state in path.states])
+    else:
+        dims = ("y", "x")
+        pressure, gap = path.final.pressure, path.final.gap
+    return xr.Dataset(
+        {
+            "height": height,
+            "pressure": (dims, pressure, {"units": "MPa", "long_name": "contact pressure"}),
+            "gap": (dims, gap, {"units": "mm", "long_name": "gap between the bodies"}),
+            "displacement": along_path(
+                path.displacement, "mm", "far-field displacement from first touch"
+            ),
+            "mean_pressure": along_path(path.mean_pressure, "MPa", "mean pressure"),
+            "contact_fraction": along_path(
+                path.contact_fraction, "1", "real over nominal contact area"
+            ),
+            "stiffness": along_path(path.stiffness, "MPa/mm", "contact stiffness"),
+            "residual": along_path(path.residual, "1", "largest violation of contact conditions"),
+            "iterations": along_path(path.iterations, "1", "solver iterations"),
+        },
+        coords={"step": ("step", np.arange(1, len(path.displacement) + 1))},
+    )
+
+
+def load_path_table(contact: xr.Dataset) -> pd.DataFrame:
+    """Load path as a table, one row per step (columns of `macroscale_path.csv`)."""
+    return pd.DataFrame(
+        {
+            "step": contact.step.values,
+            "displacement_um": contact.displacement.values * 1e3,
+            "mean_pressure_MPa": contact.mean_pressure.values,
+            "contact_fraction": contact.contact_fraction.values,
+            "stiffness_MPa_per_um": contact.stiffness.values * 1e-3,
+        }
+    )

@@ -1,0 +1,34 @@
+"""What can be wrong with a study's input, said so that the reader knows what to do about it."""
+
+from pathlib import Path
+
+__all__ = ["ConfigError", "GstError", "InputError"]
+
+
+class GstError(Exception):
+    """Base of the errors that gstlib raises on purpose; its message is meant for the user."""
+
+
+class InputError(GstError):
+    """A file or value of the user's cannot be used.
+
+    Parameters
+    ----------
+    source : str or Path
+        The file, or the config key, at fault.
+    problem : str
+        What is wrong, with the offending value.
+    remedy : str
+        What to do about it.
+    """
+
+    def __init__(self, source: str | Path, problem: str, remedy: str):
+        super().__init__(source, problem, remedy)
+        self.source, self.problem, self.remedy = str(source), problem.rstrip("."), remedy
+
+    def __str__(self) -> str:
+        return f"{self.source}: {self.problem}. {self.remedy}"
+
+
+class ConfigError(InputError):
+    """A value in the config file or a row of the patch table cannot be used."""

@@ -1,0 +1,46 @@
+"""Every picture of the study, drawn from stored results only: nothing is computed here.
+
+Each function takes datasets and tables as the stages store them and returns a matplotlib figure,
+to be written by `save_figure`. `source_note` is small print for the corner of the figure: a
+generated specimen's pictures say so themselves.
+"""
+
+from gstlib.figures.macroscale import (
+    contact_steps_figure,
+    elastic_rigid_figure,
+    force_figure,
+    input_figure,
+    macroscale_curves_figure,
+    patch_pressure_figure,
+)
+from gstlib.figures.microscale import (
+    microscale_curves_figure,
+    microscale_maps_figure,
+    preparation_figure,
+)
+from gstlib.figures.style import save_figure
+from gstlib.figures.validation import (
+    overview_figure,
+    patch_figure,
+    published_figure,
+    truth_figure,
+    validation_figure,
+)
+
+__all__ = [
+    "contact_steps_figure",
+    "elastic_rigid_figure",
+    "force_figure",
+    "input_figure",
+    "macroscale_curves_figure",
+    "microscale_curves_figure",
+    "microscale_maps_figure",
+    "overview_figure",
+    "patch_figure",
+    "patch_pressure_figure",
+    "preparation_figure",
+    "published_figure",
+    "save_figure",
+    "truth_figure",
+    "validation_figure",
+]

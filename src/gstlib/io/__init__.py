@@ -1,0 +1,1 @@
+"""Files: meshes, scans, HDF5 between the stages, CSV tables at the end."""

@@ -1,0 +1,1 @@
+"""From what an instrument wrote to a surface that contact can be solved on."""

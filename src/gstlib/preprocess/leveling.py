@@ -1,0 +1,100 @@
+"""The best-fit plane of a surface, by ordinary least squares on the heights, and its removal."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from gstlib.errors import InputError
+
+__all__ = ["Plane", "fit_plane", "remove_plane"]
+
+
+@dataclass(frozen=True)
+class Plane:
+    """z = offset + slope_x (x - x̄) + slope_y (y - ȳ), with (x̄, ȳ) the centre of the surface.
+
+    Attributes
+    ----------
+    offset : float
+        Height at the centre of the surface, mm.
+    slope_y, slope_x : float
+        Rise per length along y and x.
+    """
+
+    offset: float
+    slope_y: float
+    slope_x: float
+
+    @property
+    def tilt_x_mrad(self) -> float:
+        """Angle of the plane along x, mrad, positive where it rises with x."""
+        return 1e3 * math.atan(self.slope_x)
+
+    @property
+    def tilt_y_mrad(self) -> float:
+        """Angle of the plane along y, mrad, positive where it rises with y."""
+        return 1e3 * math.atan(self.slope_y)
+
+    def heights(self, surface: xr.DataArray) -> xr.DataArray:
+        """The plane's heights, mm, on the grid of `surface`."""
+        y, x = _centred(surface)
+        return xr.DataArray(
+            self.offset + self.slope_y * y[:, None] + self.slope_x * x, coords=surface.coords
+        )
+
+
+def fit_plane(surface: xr.DataArray, mask: xr.DataArray | np.ndarray | None = None) -> Plane:
+    """Least-squares plane of a surface.
+
+    Parameters
+    ----------
+    surface : (ny, nx) xarray.DataArray
+        Heights, mm; NaN are left out.
+    mask : (ny, nx) array of bool, optional
+        Elements to fit; all measured ones by default.
+
+    Raises
+    ------
+    InputError
+        Fewer than three elements, or none off one line, are left to fit.
+    """
+    used = np.isfinite(surface.values)
+    if mask is not None:
+        used &= np.asarray(mask, dtype=bool)
+    y, x = _centred(surface)
+    count = used.sum()
+    # Sums along rows and columns do, without a matrix of all the points. Centring on the points
+    # fitted keeps the two slopes apart from the offset, and the sums free of cancellation.
+    per_row, per_column = used.sum(axis=1), used.sum(axis=0)
+    y_mean, x_mean = per_row @ y / max(count, 1), per_column @ x / max(count, 1)
+    dy, dx = y - y_mean, x - x_mean
+    z_mean = surface.values[used].mean() if count else math.nan
+    z = np.where(used, surface.values - z_mean, 0.0)
+    yy, xx, xy = per_row @ dy**2, per_column @ dx**2, dy @ used @ dx
+    determinant = yy * xx - xy**2
+    if not determinant > 1e-12 * (yy + xx) ** 2:
+        raise InputError(
+            surface.attrs.get("file", "surface"),
+            f"a plane cannot be fitted to {int(count)} measured points on one line",
+            "Measure the patch again.",
+        )
+    zy, zx = dy @ z.sum(axis=1), z.sum(axis=0) @ dx
+    slope_y, slope_x = (xx * zy - xy * zx) / determinant, (yy * zx - xy * zy) / determinant
+    offset = z_mean - slope_y * y_mean - slope_x * x_mean
+    return Plane(float(offset), float(slope_y), float(slope_x))
+
+
+def remove_plane(
+    surface: xr.DataArray, mask: xr.DataArray | np.ndarray | None = None
+) -> tuple[xr.DataArray, Plane]:
+    """The surface without its least-squares plane (fitted on `mask`), and the plane."""
+    plane = fit_plane(surface, mask)
+    return surface.copy(data=surface.values - plane.heights(surface).values), plane
+
+
+def _centred(surface: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates (mm) from the centre of the grid."""
+    y, x = surface.y.values, surface.x.values
+    return y - (y[0] + y[-1]) / 2, x - (x[0] + x[-1]) / 2

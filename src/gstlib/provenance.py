@@ -1,0 +1,81 @@
+"""Where a result comes from: hashes of inputs and of the code that made it, versions, settings."""
+
+import ast
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import gstlib
+
+__all__ = ["file_sha256", "provenance", "source_hash"]
+
+
+def file_sha256(path: str | Path) -> str:
+    """SHA-256 of a file's bytes, as hexadecimal text."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> dict[str, str]:
+    """Attributes for a result file: version of gstlib, hashes of inputs (by file name), settings."""
+    hashes = {Path(path).name: file_sha256(path) for path in inputs}
+    return {
+        "gstlib_version": gstlib.__version__,
+        "input_sha256": json.dumps(hashes, sort_keys=True),
+        "settings": json.dumps(dict(settings), sort_keys=True, default=str),
+    }
+
+
+def _imported_names(path: Path, package: Path) -> set[str]:
+    """Dotted names that the Python file `path` imports, modules and what is taken from them."""
+    inside = path.is_relative_to(package)
+    here = path.relative_to(package.parent).parent.parts if inside else ()
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = here[: len(here) - node.level + 1] if node.level else ()
+            module = ".".join([*above, *filter(None, [node.module])])
+            names.add(module)
+            names.update(f"{module}.{alias.name}" for alias in node.names)
+    return names
+
+
+def _imported_files(path: Path, package: Path) -> set[Path]:
+    """Files of the package that the Python file `path` imports directly."""
+    found = set()
+    for name in _imported_names(path, package):
+        parts = name.split(".")
+        if parts[0] != package.name:
+            continue
+        # importing a module also runs the __init__ of every package above it
+        for depth in range(1, len(parts) + 1):
+            stem = package.parent.joinpath(*parts[:depth])
+            found.update(
+                file for file in (stem.with_suffix(".py"), stem / "__init__.py") if file.is_file()
+            )
+    return found
+
+
+def source_hash(script: str | Path) -> str:
+    """Hash of every gstlib file that `script` imports, however indirectly.
+
+    A rule takes it as a parameter, so that a change in the library reruns just the rules that use
+    what changed.
+    """
+    package = Path(gstlib.__file__).parent
+    seen: set[Path] = set()
+    queue = {Path(script)}
+    while queue:
+        file = queue.pop()
+        if file not in seen:
+            seen.add(file)
+            queue |= _imported_files(file, package)
+    seen.discard(Path(script))  # Snakemake itself watches the script
+    digest = hashlib.sha256()
+    for file in sorted(seen):
+        digest.update(file.relative_to(package).as_posix().encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]

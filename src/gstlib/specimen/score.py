@@ -1,0 +1,243 @@
+"""Scores what each stage of the study recovered against the generated specimen's truth.
+
+Every row is a quantity with its true and its recovered value. Scores of masks (precision, recall)
+have 1 as their true value; r.m.s. errors have 0.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from gstlib.errors import InputError
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import read_table
+from gstlib.specimen.stone import fit_plane
+from gstlib.specimen.truth import true_surface
+
+__all__ = ["score_truth"]
+
+_COLUMNS = ["stage", "quantity", "patch", "unit", "true", "recovered", "error"]
+_UM = 1e3
+
+Results = str | Path | xr.Dataset
+
+
+def score_truth(
+    truth: Results,
+    *,
+    macroscale: Results | None = None,
+    surfaces: Mapping[tuple[str, str], Results] | None = None,
+    registered: Mapping[str, Results] | None = None,
+    patch_pressures: str | Path | pd.DataFrame | None = None,
+    true_pressures: pd.Series | None = None,
+) -> pd.DataFrame:
+    """Hold what the stages recovered against the truth. Stages left out are not scored.
+
+    Parameters
+    ----------
+    truth : path or Dataset
+        ``truth.h5`` of `generate_specimen`.
+    macroscale : path or Dataset, optional
+        ``macroscale/surface.h5``: ``height`` (y, x) mm on the analysis grid.
+    surfaces : mapping of (patch, epoch) to path or Dataset, optional
+        Prepared scans, ``surfaces/{patch}_{epoch}.h5``.
+    registered : mapping of patch to path or Dataset, optional
+        T1 laid over T0, ``registered/{patch}.h5``.
+    patch_pressures : path or DataFrame, optional
+        Recovered ``patch, pressure_MPa``.
+    true_pressures : Series, optional
+        True pressure (MPa) of each patch, indexed by its name: of the contact of the true
+        macroscale surface (`true_surface`) over the true T0 places (`true_patches`).
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``stage, quantity, patch, unit, true, recovered, error`` (recovered - true); ``patch`` is
+        empty for what is global.
+
+    Raises
+    ------
+    InputError
+        A result does not fit the truth: another patch, or another shape.
+    """
+    truth = _open(truth)
+    rows: list[tuple] = []
+    if macroscale is not None:
+        rows += _score_macroscale(truth, _open(macroscale))
+    for (patch, epoch), result in (surfaces or {}).items():
+        rows += _score_surface(_patch(truth, patch), patch, epoch, _open(result))
+    for patch, result in (registered or {}).items():
+        at = _patch(truth, patch)
+        rows += _score_registration(at, patch, _open(result))
+        rows += _score_wear(at, patch, _open(result), truth.attrs["wear_threshold_um"])
+    if patch_pressures is not None and true_pressures is not None:
+        table = patch_pressures
+        if not isinstance(table, pd.DataFrame):
+            table = read_table(table)
+        rows += _score_pressures(truth, table.set_index("patch").pressure_MPa, true_pressures)
+    return pd.DataFrame([(*row, row[-1] - row[-2]) for row in rows], columns=_COLUMNS)
+
+
+def _open(result: Results) -> xr.Dataset:
+    return result if isinstance(result, xr.Dataset) else read_dataset(result)
+
+
+def _patch(truth: xr.Dataset, patch: str) -> xr.Dataset:
+    if patch not in truth.patch.values:
+        raise InputError(
+            "truth",
+            f"patch {patch} is not in it (it has {', '.join(map(str, truth.patch.values))})",
+            "Generate the specimen again with this patch table.",
+        )
+    return truth.sel(patch=patch)
+
+
+def _level(heights: np.ndarray) -> np.ndarray:
+    steps = [np.arange(size, dtype=float) for size in heights.shape]
+    return heights - fit_plane(heights, *steps)[2]
+
+
+def _matching(true: np.ndarray, recovered: np.ndarray, what: str) -> None:
+    if true.shape != recovered.shape:
+        raise InputError(
+            what,
+            f"it has shape {recovered.shape}, the truth {true.shape}",
+            "Generate the specimen again, or score the results that belong to it.",
+        )
+
+
+def _score_macroscale(truth: xr.Dataset, macroscale: xr.Dataset) -> list[tuple]:
+    """The gridded mesh against the true macroscale surface, planes removed from both."""
+    true, found = true_surface(truth).values, macroscale["height"].values
+    _matching(true, found, "macroscale surface")
+    true, found = _level(true) * _UM, _level(found) * _UM
+    return [
+        ("macroscale", "Sq", "", "um", float(true.std()), float(found.std())),
+        ("macroscale", "highest", "", "um", float(true.max()), float(found.max())),
+        ("macroscale", "height_rms_error", "", "um", 0.0, float((found - true).std())),
+        ("macroscale", "height_correlation", "", "1", 1.0, _correlation(true, found)),
+    ]
+
+
+def _score_surface(at: xr.Dataset, patch: str, epoch: str, surface: xr.Dataset) -> list[tuple]:
+    """A prepared scan: tilt, filled points, outliers; at T0 heights against the true ones."""
+    at_epoch = at.sel(epoch=epoch)
+    outlier, unmeasured = at_epoch.outlier.values, at_epoch.unmeasured.values
+    found = surface["outlier"].values.astype(bool)
+    filled = surface["filled"].values.astype(bool)
+    _matching(outlier, found, f"surface of patch {patch} at {epoch}")
+    precision, recall = _precision_recall(outlier, found)
+    stage = "preprocessing"
+    rows = [
+        (stage, f"{epoch} {name}", patch, unit, float(true), float(recovered))
+        for name, unit, true, recovered in (
+            ("tilt_x", "mrad", at_epoch.plane_x_mrad, surface.attrs["tilt_x_mrad"]),
+            ("tilt_y", "mrad", at_epoch.plane_y_mrad, surface.attrs["tilt_y_mrad"]),
+            ("filled", "1", unmeasured.sum(), filled.sum()),
+            ("filled_elsewhere", "1", 0, (filled & ~unmeasured).sum()),
+            ("outliers", "1", outlier.sum(), found.sum()),
+            ("outlier_precision", "1", 1, precision),
+            ("outlier_recall", "1", 1, recall),
+        )
+    ]
+    if epoch == "T0":
+        true, height = _level(at.height.values) * _UM, _level(surface["height"].values) * _UM
+        rows += [
+            ("microscale input", "T0 Sq", patch, "um", float(true.std()), float(height.std())),
+            (
+                "microscale input",
+                "T0 height_rms_error",
+                patch,
+                "um",
+                0.0,
+                float((height - true).std()),
+            ),
+        ]
+    return rows
+
+
+def _score_registration(at: xr.Dataset, patch: str, registered: xr.Dataset) -> list[tuple]:
+    """Where T1 was found to lie, along the axes of the T0 scan."""
+    t0, t1 = at.sel(epoch="T0"), at.sel(epoch="T1")
+    turn = np.deg2rad(float(t0.rotation_deg))
+    dx, dy = float(t1.x_mm - t0.x_mm), float(t1.y_mm - t0.y_mm)
+    shift_x = np.cos(turn) * dx + np.sin(turn) * dy
+    shift_y = np.cos(turn) * dy - np.sin(turn) * dx
+    return [
+        ("registration", name, patch, unit, float(true), float(registered.attrs[key]))
+        for name, unit, true, key in (
+            ("shift_x", "um", shift_x * _UM, "shift_x_um"),
+            ("shift_y", "um", shift_y * _UM, "shift_y_um"),
+            ("overlap", "1", at.overlap, "overlap"),
+        )
+    ]
+
+
+def _score_wear(
+    at: xr.Dataset, patch: str, registered: xr.Dataset, threshold_um: float
+) -> list[tuple]:
+    """The measured height loss, on the part of the T0 scan that T1 covers."""
+    change = registered["change"].values
+    depth = at.wear_depth.values
+    _matching(depth, change, f"registered surface of patch {patch}")
+    covered = np.isfinite(change)
+    if not covered.any():
+        return []
+    worn = (depth * _UM > threshold_um)[covered]
+    loss = registered["loss"].values.astype(bool)[covered]
+    precision, recall = _precision_recall(worn, loss)
+    lost = -change[covered] * _UM
+    return [
+        ("wear", "worn_share", patch, "1", float(worn.mean()), float(loss.mean())),
+        ("wear", "loss_precision", patch, "1", 1.0, precision),
+        ("wear", "loss_recall", patch, "1", 1.0, recall),
+        (
+            "wear",
+            "mean_depth",
+            patch,
+            "um",
+            float(np.where(worn, depth[covered], 0.0).mean() * _UM),
+            float(np.where(loss, lost, 0.0).mean()),
+        ),
+    ]
+
+
+def _score_pressures(truth: xr.Dataset, found: pd.Series, true: pd.Series) -> list[tuple]:
+    """Patch pressures, and by how much the placement error misses the true place."""
+    rows = []
+    for patch in found.index:
+        at = _patch(truth, patch).sel(epoch="T0")
+        rows += [
+            (
+                "coupling",
+                f"place_{axis}",
+                patch,
+                "mm",
+                float(at[f"{axis}_mm"]),
+                float(at[f"nominal_{axis}_mm"]),
+            )
+            for axis in "xy"
+        ]
+        rows.append(("coupling", "pressure", patch, "MPa", float(true[patch]), float(found[patch])))
+    return rows
+
+
+def _precision_recall(true: np.ndarray, found: np.ndarray) -> tuple[float, float]:
+    """Of what was found, the share that is true; of what is true, the share that was found.
+
+    NaN where nothing was found, or nothing was there.
+    """
+    hits = float((true & found).sum())
+    return (
+        hits / found.sum() if found.any() else np.nan,
+        hits / true.sum() if true.any() else np.nan,
+    )
+
+
+def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+    if a.std() == 0 or b.std() == 0:
+        return np.nan
+    return float(np.corrcoef(a.ravel(), b.ravel())[0, 1])

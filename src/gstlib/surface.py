@@ -1,0 +1,81 @@
+"""The one data type of the study: heights on a regular grid.
+
+A surface is an `xarray.DataArray` with dimensions ``("y", "x")``, in that order; coordinates ``y``
+and ``x`` hold the element centres in mm, both increasing; heights are float64 in mm, positive out
+of the stone; unmeasured elements are NaN. Element (i, j) covers one spacing in each direction
+around its centre, so a surface of n elements is n spacings long.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+
+__all__ = ["axis_coordinates", "crop", "make_surface", "remove_mean", "spacing_of"]
+
+
+def axis_coordinates(count: int, spacing: float, start: float = 0.0) -> np.ndarray:
+    """Centres (mm) of `count` elements of length `spacing`, the first one beginning at `start`."""
+    return start + (np.arange(count) + 0.5) * spacing
+
+
+def make_surface(
+    heights: np.ndarray,
+    spacing: float | Sequence[float],
+    *,
+    origin: Sequence[float] = (0.0, 0.0),
+    name: str = "height",
+    long_name: str = "surface height",
+    **attrs,
+) -> xr.DataArray:
+    """A surface from an array of heights.
+
+    Parameters
+    ----------
+    heights : (ny, nx) array_like
+        Heights in mm, positive out of the stone, NaN where unmeasured.
+    spacing : float or (dy, dx)
+        Element size in mm.
+    origin : (y, x)
+        Corner, in mm, where the first element begins (not its centre).
+    name, long_name : str
+        Name of the variable and what it is in words.
+    **attrs
+        Further attributes to keep with it (strings or numbers).
+    """
+    heights = np.asarray(heights, dtype=float)
+    if heights.ndim != 2:
+        raise ValueError(f"a surface has 2 dimensions, not {heights.ndim}")
+    dy, dx = np.broadcast_to(np.asarray(spacing, dtype=float), 2)
+    if not (np.isfinite([dy, dx]).all() and dy > 0 and dx > 0):
+        raise ValueError(f"spacing must be positive and finite, not {spacing}")
+    ny, nx = heights.shape
+    y_attrs = {"units": "mm", "long_name": "y position", "spacing": float(dy)}
+    x_attrs = {"units": "mm", "long_name": "x position", "spacing": float(dx)}
+    return xr.DataArray(
+        heights,
+        dims=("y", "x"),
+        coords={
+            "y": ("y", axis_coordinates(ny, dy, origin[0]), y_attrs),
+            "x": ("x", axis_coordinates(nx, dx, origin[1]), x_attrs),
+        },
+        name=name,
+        attrs={"units": "mm", "long_name": long_name, **attrs},
+    )
+
+
+def spacing_of(surface: xr.DataArray | xr.Dataset) -> tuple[float, float]:
+    """Element size (dy, dx) in mm, as it was given: free of the rounding of the coordinates."""
+    return float(surface.y.attrs["spacing"]), float(surface.x.attrs["spacing"])
+
+
+def crop(
+    surface: xr.DataArray, *, y: tuple[float, float], x: tuple[float, float]
+) -> xr.DataArray:
+    """The elements whose centres lie in the closed intervals `y` and `x` (mm)."""
+    return surface.sel(y=slice(*y), x=slice(*x))
+
+
+def remove_mean(surface: xr.DataArray) -> xr.DataArray:
+    """The surface with its mean height at zero."""
+    return (surface - surface.mean()).assign_attrs(surface.attrs)

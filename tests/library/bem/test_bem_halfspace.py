@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+from reference import dense_matrix
+
+from gstlib.bem import HalfSpace, InvalidContactInput
+
+SHAPES = [(1, 1), (1, 7), (6, 1), (5, 5), (13, 8), (9, 17), (16, 16)]
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("spacing", [0.05, (0.05, 0.02)])
+def test_displacement_is_the_dense_sum(shape, spacing):
+    pressure = np.random.default_rng(1).standard_normal(shape)
+    expected = dense_matrix(shape, spacing) @ pressure.ravel()
+    displacement = HalfSpace(shape, spacing, 12820.0).displacement(pressure)
+    assert displacement.shape == shape
+    np.testing.assert_allclose(displacement.ravel(), expected, atol=1e-13 * abs(expected).max())
+
+
+def test_not_periodic():
+    pressure = np.zeros((32, 32))
+    pressure[16, 0] = 1
+    displacement = HalfSpace((32, 32), 0.1, 1.0).displacement(pressure)
+    assert np.all(np.diff(displacement[16]) < 0)
+
+
+@pytest.mark.parametrize("shape", [(64, 64), (200, 131), (257, 300)])
+def test_same_bits_for_any_number_of_workers(shape):
+    pressure = np.random.default_rng(2).random(shape)
+    one, two, three = (
+        HalfSpace(shape, 0.1, 1.0, workers=w).displacement(pressure) for w in (1, 2, 3)
+    )
+    assert one.tobytes() == two.tobytes() == three.tobytes()
+
+
+def test_counts_convolutions_and_leaves_its_input_alone():
+    half_space = HalfSpace((8, 8), 0.1, 1.0)
+    pressure = np.ones((8, 8))
+    half_space.displacement(pressure)
+    half_space.displacement(pressure)
+    assert half_space.convolutions == 2
+    assert np.all(pressure == 1)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (24, 30), (30, 24)])
+@pytest.mark.parametrize("spacing", [0.05, (0.05, 0.15)])
+def test_approximate_inverse_is_close_and_positive_definite(shape, spacing):
+    matrix = dense_matrix(shape, spacing)
+    inverse = HalfSpace(shape, spacing, 12820.0).approximate_inverse()
+    columns = [inverse(unit.reshape(shape)).ravel() for unit in np.eye(matrix.shape[0])]
+    approximate = np.array(columns)
+    np.testing.assert_allclose(approximate, approximate.T, atol=1e-12 * abs(approximate).max())
+    eigenvalues = np.linalg.eigvals(approximate @ matrix).real
+    # The whole grid in contact is the hardest case: its borders are what the inverse ignores.
+    assert eigenvalues.min() > 0.5
+    assert eigenvalues.max() < 40
+
+
+@pytest.mark.parametrize(
+    ("shape", "spacing", "modulus", "workers"),
+    [
+        ((0, 3), 0.1, 1.0, 1),
+        ((3,), 0.1, 1.0, 1),
+        ("ab", 0.1, 1.0, 1),
+        ((3, 3), 0.0, 1.0, 1),
+        ((3, 3), (0.1, -0.1), 1.0, 1),
+        ((3, 3), np.nan, 1.0, 1),
+        ((3, 3), "a", 1.0, 1),
+        ((3, 3), (1, 1, 1), 1.0, 1),
+        ((3, 3), 0.1, 0.0, 1),
+        ((3, 3), 0.1, np.inf, 1),
+        ((3, 3), 0.1, None, 1),
+        ((3, 3), 0.1, 1.0, 0),
+        ((3, 3), 0.1, 1.0, 1.5),
+    ],
+)
+def test_bad_input_is_refused(shape, spacing, modulus, workers):
+    with pytest.raises(InvalidContactInput):
+        HalfSpace(shape, spacing, modulus, workers)
+
+
+def test_pressure_of_another_shape_is_refused():
+    with pytest.raises(InvalidContactInput, match=r"\(3, 4\)"):
+        HalfSpace((4, 3), 0.1, 1.0).displacement(np.zeros((3, 4)))

@@ -1,0 +1,293 @@
+"""Figures: written from stored results, the same bytes each time, and faithful to their input."""
+
+import copy
+
+import matplotlib
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from matplotlib.image import imread
+
+import gstlib.figures as figures
+from gstlib.figures.style import block_of, draw_heights, draw_mask, new_figure
+from gstlib.surface import make_surface
+
+STEPS = 4
+
+
+def contact_of(height, *, every_step, rng):
+    """A made-up contact dataset: pressure where the surface stands high."""
+    depth = height.values - np.quantile(height.values, 0.95)
+    pressure = np.clip(depth, 0, None) * 1e4
+    fields = {"pressure": pressure, "gap": np.clip(-depth, 0, None)}
+    dims = ("y", "x")
+    if every_step:
+        fields = {
+            name: np.stack([field * (k + 1) / STEPS for k in range(STEPS)])
+            for name, field in fields.items()
+        }
+        dims = ("step", "y", "x")
+    path = np.arange(1, STEPS + 1) / STEPS
+    return xr.Dataset(
+        {
+            "height": height,
+            **{name: (dims, field) for name, field in fields.items()},
+            "displacement": ("step", 0.02 * path),
+            "mean_pressure": ("step", (10 + 40 * rng.random()) * path**2),
+            "contact_fraction": ("step", 0.05 * path),
+            "stiffness": ("step", 2e3 * path),
+        },
+        attrs={"contact_modulus_MPa": 12820.0},
+    )
+
+
+@pytest.fixture
+def study():
+    """What the figures take, small."""
+    rng = np.random.default_rng(0)
+    square = make_surface(rng.normal(0, 5e-3, (20, 20)), 0.25)
+    patches = {name: make_surface(rng.normal(0, 2e-3, (60, 60)), 0.014) for name in ("1", "2", "3")}
+    contacts = {
+        name: contact_of(height, every_step=False, rng=rng) for name, height in patches.items()
+    }
+    t0 = patches["1"]
+    change = rng.normal(0, 1e-4, t0.shape) - 1e-3 * (t0.values > 3e-3)
+    change[:, :6] = np.nan
+    registered = xr.Dataset(
+        {
+            "t1": (("y", "x"), t0.values + change),
+            "change": (("y", "x"), change),
+            "loss": (("y", "x"), np.nan_to_num(change) < -2e-4),
+        },
+        coords=t0.coords,
+        attrs={"level_of_detection_um": 0.2, "overlap": 0.9},
+    )
+    prepared = xr.Dataset(
+        {
+            "height": t0,
+            "filled": (("y", "x"), rng.random(t0.shape) < 0.01),
+            "outlier": (("y", "x"), rng.random(t0.shape) < 0.01),
+        },
+        attrs={"tilt_x_mrad": 1.0, "tilt_y_mrad": -2.0},
+    )
+    pressures = pd.DataFrame(
+        {
+            "patch": ["1", "2", "3"],
+            "x_mm": [0.5, 2.5, 4.5],
+            "y_mm": [0.5, 1.5, 4.4],
+            "rotation_deg": [0.0, 10.0, -3.0],
+            "pressure_MPa": [30.0, 0.0, 5.0],
+            "in_study": [True, False, True],
+        }
+    )
+    scores = pd.DataFrame({"patch": ["1", "2", "3"], "loss_fraction": [0.1, np.nan, 0.2]})
+    for name in ("f1", "roc_auc", "highest_f1", "highest_roc_auc"):
+        scores[name] = [0.5, np.nan, 0.7]
+    return {
+        "square": square,
+        "macroscale": contact_of(square, every_step=True, rng=rng),
+        "contacts": contacts,
+        "registered": registered,
+        "prepared": {"T0": prepared, "T1": prepared},
+        "measured": {"T0": t0.where(t0 < 5e-3), "T1": t0 + 1.0},
+        "pressures": pressures,
+        "scores": scores,
+        "summary": pd.DataFrame(
+            {
+                "statistic": ["spearman(pressure_MPa, loss_fraction)"],
+                "value": [0.5],
+                "low": [-0.1],
+                "high": [0.9],
+                "p_value": [0.2],
+            }
+        ),
+        "microscale": pd.DataFrame(
+            {
+                "patch": ["1", "2", "3"],
+                "mean_pressure_MPa": [30.0, 20.0, 5.0],
+                "contact_fraction": [0.03, 0.02, 0.01],
+            }
+        ),
+        "truth": pd.DataFrame(
+            {
+                "stage": ["a", "a", "a", "b", "c"],
+                "quantity": ["tilt", "tilt", "tilt", "precision", "missing"],
+                "patch": ["1", "2", "3", "1", ""],
+                "unit": ["mrad", "mrad", "mrad", "1", "um"],
+                "true": [1.0, 2.0, 3.0, 1.0, np.nan],
+                "recovered": [1.1, 2.1, np.nan, 0.9, 3.0],
+            }
+        ),
+        "published": pd.DataFrame(
+            {
+                "quantity": ["displacement", "patch pressure", "patch pressure"],
+                "patch": [np.nan, "1", "2"],
+                "unit": ["um", "MPa", "MPa"],
+                "published": [27.0, 8.0, 20.0],
+                "computed": [28.0, 9.0, 18.0],
+            }
+        ),
+    }
+
+
+SIZE = {"patch_size_mm": 0.85}
+DRAW = {
+    "input": lambda s, **n: figures.input_figure(s["square"], s["pressures"], **SIZE, **n),
+    "steps": lambda s, **n: figures.contact_steps_figure(s["macroscale"], **n),
+    "rigid": lambda s, **n: figures.elastic_rigid_figure(s["macroscale"], **n),
+    "curves": lambda s, **n: figures.macroscale_curves_figure(s["macroscale"], **n),
+    "force": lambda s, **n: figures.force_figure(s["macroscale"], s["pressures"], **SIZE, **n),
+    "pressure": lambda s, **n: figures.patch_pressure_figure(s["pressures"], **n),
+    "preparation": lambda s, **n: figures.preparation_figure(
+        s["prepared"], s["measured"], patch="1", **n
+    ),
+    "maps": lambda s, **n: figures.microscale_maps_figure(s["contacts"], **n),
+    "paths": lambda s, **n: figures.microscale_curves_figure(s["contacts"], **n),
+    "patch": lambda s, **n: figures.patch_figure(
+        s["contacts"]["1"], s["registered"], patch="1", **n
+    ),
+    "validation": lambda s, **n: figures.validation_figure(
+        s["scores"], s["summary"], s["microscale"], **n
+    ),
+    "truth": lambda s, **n: figures.truth_figure(s["truth"], **n),
+    "published": lambda s, **n: figures.published_figure(s["published"], **n),
+    "overview": lambda s, **n: figures.overview_figure(
+        s["macroscale"],
+        s["pressures"],
+        s["contacts"]["1"],
+        s["registered"],
+        patch="1",
+        **SIZE,
+        **n,
+    ),
+}
+
+
+def leaves(value):
+    """Every dataset, array and table in a nest of mappings."""
+    if isinstance(value, dict):
+        for item in value.values():
+            yield from leaves(item)
+    else:
+        yield value
+
+
+@pytest.mark.parametrize("name", DRAW)
+def test_figure_is_drawn_noted_and_leaves_its_input_alone(study, tmp_path, name):
+    before = copy.deepcopy(study)
+    figure = DRAW[name](study, source_note="generated specimen")
+    assert "generated specimen" in [text.get_text() for text in figure.texts]
+    figures.save_figure(figure, tmp_path / "figure.png")
+    pixels = imread(tmp_path / "figure.png")
+    assert pixels[..., :3].min() < 0.3
+    assert pixels.shape[1] > 600
+    for now, then in zip(leaves(study), leaves(before), strict=True):
+        if isinstance(now, pd.DataFrame):
+            pd.testing.assert_frame_equal(now, then)
+        else:
+            xr.testing.assert_identical(now, then)
+
+
+@pytest.mark.parametrize("name", ["force", "patch", "truth"])
+def test_same_input_gives_the_same_bytes(study, tmp_path, name):
+    for run in ("a", "b"):
+        figures.save_figure(DRAW[name](study), tmp_path / f"{run}.png", tmp_path / f"{run}.svg")
+    for kind in ("png", "svg"):
+        one, other = ((tmp_path / f"{run}.{kind}").read_bytes() for run in ("a", "b"))
+        assert one == other
+    assert b"matplotlib" not in (tmp_path / "a.png").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.png", "a.svg", "b.png", "b.svg"]
+
+
+def test_users_matplotlib_settings_do_not_matter(study, tmp_path):
+    figures.save_figure(
+        figures.force_figure(study["macroscale"], study["pressures"], **SIZE), tmp_path / "a.png"
+    )
+    with matplotlib.rc_context({"font.size": 20, "image.cmap": "jet", "savefig.dpi": 40}):
+        figures.save_figure(
+            figures.force_figure(study["macroscale"], study["pressures"], **SIZE),
+            tmp_path / "b.png",
+        )
+        assert matplotlib.rcParams["font.size"] == 20
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_maps_are_images_in_svg(study, tmp_path):
+    figure = DRAW["maps"](study)
+    figures.save_figure(figure, tmp_path / "a.png", tmp_path / "a.svg")
+    text = (tmp_path / "a.svg").read_text()
+    assert text.count("<image") == len(study["contacts"])
+    assert len(text) < 1e6
+    assert "<dc:date>" not in text
+
+
+def test_origin_is_at_the_top_right():
+    surface = make_surface(np.zeros((10, 20)), 0.1)
+    surface[0, 0] = 1.0
+    axes = new_figure(4, 2).subplots()
+    draw_heights(axes, surface, limits=(0, 1))
+    origin, far_x, far_y = axes.transData.transform([(0, 0), (2, 0), (0, 1)])
+    assert origin[0] > far_x[0]
+    assert origin[1] > far_y[1]
+    image = axes.images[0]
+    x, y = surface.x.values[0], surface.y.values[0]
+    assert image.get_extent() == pytest.approx((0, 2, 0, 1))
+    assert image.get_array()[int(y / 0.1), int(x / 0.1)] == 1000
+
+
+def test_one_element_is_not_lost_when_thickened_and_fades_otherwise():
+    surface = make_surface(np.zeros((30, 31)), 0.1)
+    mask = np.zeros(surface.shape, dtype=bool)
+    mask[7, 30] = True
+    axes = new_figure(3, 3).subplots()
+    draw_heights(axes, surface)
+    draw_mask(axes, surface, mask, "black", block=4, thicken=True)
+    draw_mask(axes, surface, mask, "black", block=4)
+    thick, fair = (np.asarray(image.get_array())[..., 3] for image in axes.images[1:])
+    assert thick[1, 7] == 1
+    assert thick.sum() == 1
+    assert fair[1, 7] == pytest.approx(1 / 16)
+    assert axes.get_xlim() == pytest.approx((3.1, 0))
+
+
+def test_block_matches_the_panel():
+    assert block_of((100, 100), 2.0) == 1
+    assert block_of((512, 512), 2.0) == 2
+    assert block_of((512, 300), 1.0) == 4
+
+
+def test_rigid_interpenetration_contains_elastic_contact(study):
+    figure = figures.elastic_rigid_figure(study["macroscale"])
+    legend = figure.axes[0].get_legend()
+    assert [text.get_text().split(":")[0] for text in legend.get_texts()] == [
+        "elastic contact",
+        "rigid interpenetration",
+    ]
+
+
+def test_patch_figure_shares_the_colours_of_both_epochs(study):
+    figure = figures.patch_figure(study["contacts"]["1"], study["registered"], patch="1")
+    named = {axes.get_title(): axes for axes in figure.axes if axes.get_title()}
+    assert (
+        named["T0, before use"].images[0].get_clim() == named["T1, after use"].images[0].get_clim()
+    )
+
+
+def test_a_study_without_t1_and_without_patches_can_be_drawn(study, tmp_path):
+    one = {"T0": study["prepared"]["T0"]}
+    figures.save_figure(
+        figures.preparation_figure(one, study["measured"], patch="1"), tmp_path / "a.png"
+    )
+    figure = figures.overview_figure(
+        study["macroscale"],
+        study["pressures"],
+        study["contacts"]["1"],
+        None,
+        patch="1",
+        **SIZE,
+    )
+    assert len(figure.axes) == 3
+    for draw in (figures.microscale_maps_figure, figures.microscale_curves_figure):
+        figures.save_figure(draw({}), tmp_path / "b.png")
+    assert len(list(tmp_path.iterdir())) == 2

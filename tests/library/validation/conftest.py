@@ -1,0 +1,55 @@
+"""Two measurements of one made-up stone: T0, and T1 worn, displaced, tilted and noisy."""
+
+import numpy as np
+import pytest
+import scipy.ndimage
+
+from gstlib.surface import make_surface
+
+SPACING = 1.66e-3
+
+
+def self_affine(size, rng, *, hurst=0.8, longest=3):
+    """Periodic self-affine heights of unit r.m.s.; `longest` is the roll-off in waves a side."""
+    wave = np.hypot(*np.meshgrid(*[np.fft.fftfreq(size) * size] * 2, indexing="ij"))
+    amplitude = np.where(wave > 0, np.maximum(wave, longest) ** -(1 + hurst), 0)
+    heights = np.fft.ifft2(np.fft.fft2(rng.standard_normal((size, size))) * amplitude).real
+    return heights / heights.std()
+
+
+def level(heights):
+    """Heights less their least-squares plane."""
+    y, x = np.indices(heights.shape).reshape(2, -1)
+    design = np.stack([np.ones(y.size), y, x], axis=1)
+    plane = np.linalg.lstsq(design, heights.ravel(), rcond=None)[0]
+    return heights - (design @ plane).reshape(heights.shape)
+
+
+@pytest.fixture(scope="session")
+def remeasure():
+    """Make (T0, T1, true change in mm on T0's grid), T1 placed at `shift` (y, x) elements."""
+    size, whole = 256, 1024
+    rng = np.random.default_rng(7)
+    stone = 4e-3 * scipy.ndimage.gaussian_filter(self_affine(whole, rng, longest=8), 0.8)
+    pits = self_affine(whole, rng, longest=60) > 2.7
+
+    def make(shift, *, rotation_deg=0.0, wear=0.1, noise_um=0.2, tilt=1e-3, seed=0, other=False):
+        rng = np.random.default_rng(seed)
+        middle = slice((whole - size) // 2, (whole + size) // 2)
+        top = np.quantile(stone[middle, middle], 1 - wear)
+        worn = np.where(stone > top, top + 0.3 * (stone - top), stone)
+        worn = np.where(pits, worn - 3e-3, worn) if wear else worn
+        y, x = np.indices((size, size)) - (size - 1) / 2
+        turn, centre = np.radians(rotation_deg), (whole - 1) / 2
+        rows = np.cos(turn) * y + np.sin(turn) * x + shift[0] + centre
+        columns = -np.sin(turn) * y + np.cos(turn) * x + shift[1] + centre
+        source = np.roll(worn, (whole // 2, whole // 3), (0, 1)) if other else worn
+        moved = scipy.ndimage.map_coordinates(source, [rows, columns], order=3)
+        moved += tilt * SPACING * (x - 0.5 * y)
+        t0, t1 = (
+            make_surface(level(h + 1e-3 * noise_um * rng.standard_normal(h.shape)), SPACING)
+            for h in (stone[middle, middle], moved)
+        )
+        return t0, t1, (worn - stone)[middle, middle]
+
+    return make

@@ -1,0 +1,98 @@
+"""A study is run here as a user runs it: Snakemake in a process of its own, in an empty folder."""
+
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[2]
+
+
+@dataclass
+class Study:
+    """A folder with the shipped configs, and what Snakemake says there."""
+
+    folder: Path
+    config: str = "config/tiny.yaml"
+    environment: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def results(self) -> Path:
+        return self.folder / yaml.safe_load((self.folder / self.config).read_text())["results"]
+
+    def command(self, *arguments: str, cores: int = 2) -> list[str]:
+        # -m with this interpreter: the environment under test, whatever is on the PATH
+        return [
+            *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
+            *("--directory", str(self.folder), "--cores", str(cores)),
+            *("--configfile", str(self.folder / self.config)),
+            *arguments,
+        ]
+
+    def run(self, *arguments: str, cores: int = 2) -> subprocess.CompletedProcess:
+        return subprocess.run(
+            self.command(*arguments, cores=cores),
+            cwd=self.folder,
+            env=os.environ | self.environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    def planned(self) -> set[str]:
+        """Names of the rules that a run would execute now."""
+        result = self.run("--dry-run", "--quiet", "host", "reason", "progress")
+        assert result.returncode == 0, result.stderr + result.stdout
+        lines = (result.stdout + result.stderr).splitlines()
+        words = ("rule ", "localrule ", "checkpoint ", "localcheckpoint ")
+        return {
+            line.split(":")[0].split()[-1] for line in lines if line.strip().startswith(words)
+        }
+
+    def change(self, **sections: object) -> None:
+        """Write a config of its own: the present one with these sections or keys replaced."""
+        config = yaml.safe_load((self.folder / self.config).read_text())
+        for name, value in sections.items():
+            if isinstance(value, dict) and isinstance(config.get(name), dict):
+                config[name] |= value
+            else:
+                config[name] = value
+        self.config = "config/changed.yaml"
+        (self.folder / self.config).write_text(yaml.safe_dump(config, sort_keys=False))
+
+    def tables(self) -> dict[str, str]:
+        return {file.name: file.read_text() for file in sorted(self.results.glob("tables/*.csv"))}
+
+
+def fresh(folder: Path) -> Study:
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copytree(ROOT / "config", folder / "config")
+    return Study(folder)
+
+
+@pytest.fixture()
+def study(tmp_path) -> Study:
+    """An empty folder with the shipped configs."""
+    return fresh(tmp_path / "study")
+
+
+@pytest.fixture(scope="session")
+def finished_tiny(tmp_path_factory) -> Study:
+    """The tiny study, run once on 2 cores. Not to be changed: see `tiny`."""
+    finished = fresh(tmp_path_factory.mktemp("tiny") / "study")
+    result = finished.run()
+    assert result.returncode == 0, result.stdout + result.stderr
+    return finished
+
+
+@pytest.fixture()
+def tiny(finished_tiny, tmp_path) -> Study:
+    """A copy of the finished tiny study, dates and Snakemake's records included."""
+    folder = tmp_path / "study"
+    shutil.copytree(finished_tiny.folder, folder, copy_function=shutil.copy2)
+    return Study(folder)

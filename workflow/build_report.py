@@ -1,0 +1,41 @@
+"""Build the report of a finished study, unless it is up to date, and say where everything is."""
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+
+import yaml
+
+DEFAULT = Path(__file__).parents[1] / "config" / "config.yaml"
+
+
+def results_folder(config: Path) -> Path:
+    """The study's result folder: the key `results`, from the config or from the default one."""
+    for file in (config, DEFAULT):
+        settings = yaml.safe_load(file.read_text(encoding="utf-8")) or {}
+        if "results" in settings:
+            return Path(settings["results"])
+    raise SystemExit(f"{DEFAULT} lacks the key 'results'")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("config", type=Path)
+    parser.add_argument("--print-folder", action="store_true", help="only print the result folder")
+    arguments = parser.parse_args()
+    folder = results_folder(arguments.config)
+    if arguments.print_folder:
+        print(folder)
+        return
+    report = folder / "report.html"
+    sources = [*folder.glob("tables/*"), *folder.glob("figures/**/*.png")]
+    newest = max(file.stat().st_mtime for file in sources)
+    if not report.exists() or report.stat().st_mtime < newest:
+        snakemake = [sys.executable, "-m", "snakemake", "--configfile", arguments.config]
+        subprocess.run([*snakemake, "--report", report, "--quiet", "all"], check=True)
+    print(f"Done. Report: {report} (open it in a browser); tables: {folder / 'tables'}")
+
+
+if __name__ == "__main__":
+    main()

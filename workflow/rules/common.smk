@@ -1,0 +1,102 @@
+# What every stage shares: the checked configuration, the patch table, names of files.
+
+import os
+from pathlib import Path
+
+import pandas as pd
+
+from gstlib.config import (
+    alternative_contact_modulus,
+    check_config,
+    check_files,
+    study_contact_modulus,
+)
+from gstlib.io.patches import read_patches
+from gstlib.provenance import source_hash
+
+SCHEMAS = Path(workflow.basedir) / "workflow/schemas"
+SCRIPTS = Path(workflow.basedir) / "workflow/scripts"
+
+CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles)
+
+check_config(config, SCHEMAS / "config.schema.yaml", source=CONFIG_FILES)
+
+RESULTS = config["results"].rstrip("/")
+SQUARE_MM = config["square"]["size_mm"]
+PATCH_MM = config["scans"]["size_mm"]
+GENERATED = config["specimen"] is not None
+CONTACT_MODULUS_MPA = study_contact_modulus(config["material"])
+ALTERNATIVE_MODULUS_MPA = alternative_contact_modulus(config["material"])
+
+PATCHES = read_patches(
+    config["patches"],
+    schema=SCHEMAS / "patches.schema.yaml",
+    size_mm=SQUARE_MM,
+    patch_size_mm=PATCH_MM,
+).set_index("patch", drop=False)
+WORN_PATCHES = [patch for patch in PATCHES.index if PATCHES.t1[patch]]
+MESH = f"{RESULTS}/specimen/mesh.stl" if GENERATED else config["inputs"]["mesh"]
+SCAN_FOLDER = f"{RESULTS}/specimen/scans" if GENERATED else config["inputs"]["scan_folder"]
+if not GENERATED:
+    check_files(
+        {"mesh": MESH}
+        | {
+            f"patch {row.patch} at {epoch.upper()}": f"{SCAN_FOLDER}/{getattr(row, epoch)}"
+            for row in PATCHES.itertuples()
+            for epoch in ("t0", "t1")
+            if getattr(row, epoch)
+        },
+        source=f"{CONFIG_FILES}, {config['patches']}",
+    )
+# A figure of a generated stone must not pass for one of a real tool.
+SOURCE_NOTE = "generated specimen" if GENERATED else None
+
+
+wildcard_constraints:
+    patch="|".join(PATCHES.index),
+    epoch="T0|T1",
+
+
+def code(script):
+    """Hash of the library code that `script` uses: a parameter, so that its change is a reason to rerun."""
+    return source_hash(SCRIPTS / script)
+
+
+def epochs_of(patch):
+    """When the patch was scanned."""
+    return ["T0", "T1"] if patch in WORN_PATCHES else ["T0"]
+
+
+def scan_file(epoch):
+    """Input function: the scan of the patch at `epoch`."""
+    return lambda wildcards: f"{SCAN_FOLDER}/{PATCHES[epoch.lower()][wildcards.patch]}"
+
+
+def read_pressures(table):
+    return pd.read_csv(table, dtype={"patch": str}).set_index("patch")
+
+
+def studied_patches():
+    """Patches in the microscale study, known once the scales are coupled."""
+    pressures = read_pressures(checkpoints.couple_scales.get().output.table)
+    return list(pressures.index[pressures.in_study == "yes"])
+
+
+def patch_pressure(wildcards, input):
+    """Params function: macroscale pressure (MPa) of the patch, known once the scales are coupled."""
+    return float(read_pressures(input.pressures).pressure_MPa[wildcards.patch])
+
+
+def crop_of(patch):
+    """Centre (x, y) in mm of the piece to cut from the scan of a patch, or None for a whole scan."""
+    row = PATCHES.loc[patch]
+    return None if pd.isna(row.crop_x_mm) else [float(row.crop_x_mm), float(row.crop_y_mm)]
+
+
+def for_studied_patches(pattern, only=None):
+    """Input function: `pattern` for every patch in the microscale study (and in `only`, if given)."""
+    return lambda wildcards: [
+        pattern.format(results=RESULTS, patch=patch)
+        for patch in studied_patches()
+        if only is None or patch in only
+    ]

@@ -1,0 +1,65 @@
+# From the square to its patches.
+# Takes: the macroscale contact and how well T1 lies over T0. Gives: every patch's pressure, and
+# which patches enter the microscale study (hence a checkpoint: the rest of the DAG depends on it).
+
+
+checkpoint couple_scales:
+    input:
+        contact=rules.solve_macroscale.output.contact,
+        registered=expand(f"{RESULTS}/registered/{{patch}}.h5", patch=WORN_PATCHES),
+        surfaces=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index),
+    output:
+        table=report(
+            f"{RESULTS}/tables/patch_pressures.csv",
+            caption="../report/patch_pressures.rst",
+            category="3 Coupling",
+            labels={"what": "pressure of every patch", "kind": "table"},
+        ),
+    params:
+        patches=PATCHES.to_dict("list"),
+        worn=WORN_PATCHES,
+        patch_mm=PATCH_MM,
+        selection=config["selection"],
+        code=code("couple_scales.py"),
+    log:
+        f"{RESULTS}/logs/couple_scales.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/couple_scales.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    message:
+        "Summing macroscale forces over the patches"
+    script:
+        "../scripts/couple_scales.py"
+
+
+if config["published"] is not None:
+
+    rule compare_published:
+        input:
+            published=config["published"],
+            path=rules.solve_macroscale.output.path,
+            pressures=f"{RESULTS}/tables/patch_pressures.csv",
+        output:
+            table=report(
+                f"{RESULTS}/tables/published.csv",
+                caption="../report/published.rst",
+                category="3 Coupling",
+                labels={"what": "published against computed", "kind": "table"},
+            ),
+        params:
+            code=code("compare_published.py"),
+        log:
+            f"{RESULTS}/logs/compare_published.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/compare_published.tsv"
+        threads: 1
+        resources:
+            mem_mb=1000,
+            runtime=10,
+        message:
+            "Setting the published figures beside the computed ones"
+        script:
+            "../scripts/compare_published.py"

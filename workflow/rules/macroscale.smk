@@ -1,0 +1,94 @@
+# The whole square against a flat.
+# Takes: the mesh. Gives: its heights on a grid, and the contact at every load step.
+
+
+rule grid_macroscale:
+    input:
+        mesh=MESH,
+    output:
+        surface=f"{RESULTS}/macroscale/surface.h5",
+    params:
+        mesh_unit="mm" if GENERATED else config["inputs"]["mesh_unit"],
+        frame=config["square"]["frame"],
+        square_mm=SQUARE_MM,
+        grid=config["macroscale"]["grid"],
+        margin_mm=config["macroscale"]["margin_mm"],
+        code=code("grid_macroscale.py"),
+    log:
+        f"{RESULTS}/logs/grid_macroscale.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/grid_macroscale.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    message:
+        "Interpolating {input.mesh} on the analysed square"
+    script:
+        "../scripts/grid_macroscale.py"
+
+
+rule solve_macroscale:
+    input:
+        surface=rules.grid_macroscale.output.surface,
+    output:
+        contact=f"{RESULTS}/macroscale/contact.h5",
+        path=report(
+            f"{RESULTS}/tables/macroscale_path.csv",
+            caption="../report/macroscale_path.rst",
+            category="2 Macroscale",
+            labels={"what": "load path", "kind": "table"},
+        ),
+    params:
+        contact_modulus_MPa=CONTACT_MODULUS_MPA,
+        target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
+        steps=config["macroscale"]["steps"],
+        tolerance=config["macroscale"]["tolerance"],
+        maximum_displacement_um=config["macroscale"]["maximum_displacement_um"],
+        code=code("solve_macroscale.py"),
+    log:
+        f"{RESULTS}/logs/solve_macroscale.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/solve_macroscale.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    message:
+        "Pressing the square up to {params.target_pressure_MPa} MPa"
+    script:
+        "../scripts/solve_macroscale.py"
+
+
+rule solve_sensitivity:
+    input:
+        surface=rules.grid_macroscale.output.surface,
+    output:
+        table=report(
+            f"{RESULTS}/tables/sensitivity.csv",
+            caption="../report/sensitivity.rst",
+            category="2 Macroscale",
+            labels={"what": "contact modulus", "kind": "table"},
+        ),
+    params:
+        moduli_MPa={
+            "used": CONTACT_MODULUS_MPA,
+            "from the elastic constants": ALTERNATIVE_MODULUS_MPA,
+        },
+        patches=PATCHES.to_dict("list"),
+        patch_mm=PATCH_MM,
+        target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
+        tolerance=config["macroscale"]["tolerance"],
+        code=code("solve_sensitivity.py"),
+    log:
+        f"{RESULTS}/logs/solve_sensitivity.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/solve_sensitivity.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
+    message:
+        "Solving the macroscale with the other reading of the contact modulus"
+    script:
+        "../scripts/solve_sensitivity.py"

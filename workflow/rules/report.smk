@@ -1,0 +1,291 @@
+# Pictures, from stored results only.
+# Takes: HDF5 and tables of every stage. Gives: PNG (in the report) and SVG of each figure.
+
+
+def picture(name, category, what, **labels):
+    """The PNG of a figure, with its place in the report; caption and figure share their name."""
+    caption = name.split("/")[0]
+    return report(
+        f"{RESULTS}/figures/{name}.png",
+        caption=f"../report/{caption}.rst",
+        category=category,
+        labels={"what": what, **labels, "kind": "figure"},
+    )
+
+
+def vector(name):
+    """The SVG of a figure."""
+    return f"{RESULTS}/figures/{name}.svg"
+
+
+rule plot_macroscale:
+    input:
+        contact=rules.solve_macroscale.output.contact,
+        pressures=f"{RESULTS}/tables/patch_pressures.csv",
+    output:
+        inputs=picture("inputs", "1 Inputs", "square and scanned patches"),
+        inputs_svg=vector("inputs"),
+        contact_steps=picture("contact_steps", "2 Macroscale", "contact as the load grows"),
+        contact_steps_svg=vector("contact_steps"),
+        elastic_rigid=picture(
+            "elastic_rigid", "2 Macroscale", "elastic contact and rigid interpenetration"
+        ),
+        elastic_rigid_svg=vector("elastic_rigid"),
+        macroscale_curves=picture("macroscale_curves", "2 Macroscale", "area and pressure curves"),
+        macroscale_curves_svg=vector("macroscale_curves"),
+        forces=picture("forces", "3 Coupling", "contact forces under the patches"),
+        forces_svg=vector("forces"),
+        patch_pressures=picture("patch_pressures", "3 Coupling", "pressure of every patch"),
+        patch_pressures_svg=vector("patch_pressures"),
+    params:
+        patch_mm=PATCH_MM,
+        note=SOURCE_NOTE,
+        code=code("plot_macroscale.py"),
+    log:
+        f"{RESULTS}/logs/plot_macroscale.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/plot_macroscale.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "Drawing the macroscale"
+    script:
+        "../scripts/plot_macroscale.py"
+
+
+rule plot_microscale:
+    input:
+        contacts=for_studied_patches("{results}/microscale/{patch}.h5"),
+    output:
+        microscale_maps=picture("microscale_maps", "4 Microscale", "contact of every patch"),
+        microscale_maps_svg=vector("microscale_maps"),
+        microscale_curves=picture("microscale_curves", "4 Microscale", "area and pressure curves"),
+        microscale_curves_svg=vector("microscale_curves"),
+    params:
+        patches=lambda wildcards: studied_patches(),
+        note=SOURCE_NOTE,
+        code=code("plot_microscale.py"),
+    log:
+        f"{RESULTS}/logs/plot_microscale.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/plot_microscale.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    message:
+        "Drawing the microscale"
+    script:
+        "../scripts/plot_microscale.py"
+
+
+rule plot_preparation:
+    input:
+        surfaces=lambda wildcards: expand(
+            f"{RESULTS}/surfaces/{{patch}}_{{epoch}}.h5",
+            patch=wildcards.patch,
+            epoch=epochs_of(wildcards.patch),
+        ),
+    output:
+        preparation=picture(
+            "preparation/{patch}", "1 Inputs", "preparation of the scans", patch="{patch}"
+        ),
+        preparation_svg=vector("preparation/{patch}"),
+    params:
+        epochs=lambda wildcards: epochs_of(wildcards.patch),
+        note=SOURCE_NOTE,
+        code=code("plot_preparation.py"),
+    log:
+        f"{RESULTS}/logs/plot_preparation/{{patch}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/plot_preparation/{{patch}}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "Drawing the preparation of patch {wildcards.patch}"
+    script:
+        "../scripts/plot_preparation.py"
+
+
+rule plot_patch:
+    input:
+        contact=f"{RESULTS}/microscale/{{patch}}.h5",
+        registered=f"{RESULTS}/registered/{{patch}}.h5",
+    output:
+        patch=picture(
+            "patch/{patch}", "5 Validation", "before, predicted, after", patch="{patch}"
+        ),
+        patch_svg=vector("patch/{patch}"),
+    params:
+        note=SOURCE_NOTE,
+        code=code("plot_patch.py"),
+    log:
+        f"{RESULTS}/logs/plot_patch/{{patch}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/plot_patch/{{patch}}.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "Drawing patch {wildcards.patch} before use, as predicted and after use"
+    script:
+        "../scripts/plot_patch.py"
+
+
+rule plot_validation:
+    input:
+        patches=rules.score_patches.output.patches,
+        summary=rules.score_patches.output.summary,
+        microscale=rules.gather_microscale.output.summary,
+    output:
+        validation=picture("validation", "5 Validation", "scores against the rival"),
+        validation_svg=vector("validation"),
+    params:
+        note=SOURCE_NOTE,
+        code=code("plot_validation.py"),
+    log:
+        f"{RESULTS}/logs/plot_validation.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/plot_validation.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    message:
+        "Drawing the validation"
+    script:
+        "../scripts/plot_validation.py"
+
+
+if GENERATED:
+
+    rule plot_truth:
+        input:
+            truth=rules.score_truth.output.table,
+        output:
+            truth=picture("truth", "6 Against the truth", "recovered against true"),
+            truth_svg=vector("truth"),
+        params:
+            note=SOURCE_NOTE,
+            code=code("plot_truth.py"),
+        log:
+            f"{RESULTS}/logs/plot_truth.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/plot_truth.tsv"
+        threads: 1
+        resources:
+            mem_mb=1000,
+            runtime=10,
+        message:
+            "Drawing what was recovered against the truth"
+        script:
+            "../scripts/plot_truth.py"
+
+
+if config["published"] is not None:
+
+    rule plot_published:
+        input:
+            published=rules.compare_published.output.table,
+        output:
+            published=picture("published", "3 Coupling", "published against computed"),
+            published_svg=vector("published"),
+        params:
+            note=SOURCE_NOTE,
+            code=code("plot_published.py"),
+        log:
+            f"{RESULTS}/logs/plot_published.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/plot_published.tsv"
+        threads: 1
+        resources:
+            mem_mb=1000,
+            runtime=10,
+        message:
+            "Drawing published against computed figures"
+        script:
+            "../scripts/plot_published.py"
+
+
+def hardest_pressed():
+    """The patch in the microscale study with the highest pressure."""
+    pressures = read_pressures(checkpoints.couple_scales.get().output.table)
+    return pressures.pressure_MPa[studied_patches()].idxmax()
+
+
+def registered_of_hardest_pressed(wildcards):
+    patch = hardest_pressed()
+    return f"{RESULTS}/registered/{patch}.h5" if patch in WORN_PATCHES else []
+
+
+rule plot_overview:
+    input:
+        macroscale=rules.solve_macroscale.output.contact,
+        pressures=f"{RESULTS}/tables/patch_pressures.csv",
+        contact=lambda wildcards: f"{RESULTS}/microscale/{hardest_pressed()}.h5",
+        registered=registered_of_hardest_pressed,
+    output:
+        overview=picture("overview", "0 Overview", "the study at a glance"),
+        overview_svg=vector("overview"),
+    params:
+        patch=lambda wildcards: hardest_pressed(),
+        patch_mm=PATCH_MM,
+        note=SOURCE_NOTE,
+        code=code("plot_overview.py"),
+    log:
+        f"{RESULTS}/logs/plot_overview.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/plot_overview.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+        runtime=10,
+    message:
+        "Drawing the study at a glance"
+    script:
+        "../scripts/plot_overview.py"
+
+
+study_tables = [
+    f"{RESULTS}/tables/{name}.csv"
+    for name, wanted in {
+        "preprocessing": True,
+        "macroscale_path": True,
+        "sensitivity": ALTERNATIVE_MODULUS_MPA is not None,
+        "patch_pressures": True,
+        "published": config["published"] is not None,
+        "microscale_summary": True,
+        "microscale_paths": True,
+        "validation_patches": bool(WORN_PATCHES),
+        "validation_summary": bool(WORN_PATCHES),
+        "truth": GENERATED,
+    }.items()
+    if wanted
+]
+fixed_figures = [
+    f"{RESULTS}/figures/{name}.png"
+    for name, wanted in {
+        "overview": True,
+        "inputs": True,
+        "microscale_maps": True,
+        "validation": bool(WORN_PATCHES),
+        "truth": GENERATED,
+        "published": config["published"] is not None,
+    }.items()
+    if wanted
+]
+
+
+def study_figures(wildcards):
+    """Input function: every figure of the study."""
+    studied = studied_patches()
+    return [
+        *fixed_figures,
+        *(f"{RESULTS}/figures/preparation/{patch}.png" for patch in studied),
+        *(f"{RESULTS}/figures/patch/{patch}.png" for patch in studied if patch in WORN_PATCHES),
+    ]

@@ -1,0 +1,72 @@
+# The generated specimen, where the config asks for one.
+# Takes: the patch table. Gives: a mesh, scans before and after use, and the truth about them.
+
+if GENERATED:
+
+    rule generate_specimen:
+        input:
+            patches=config["patches"],
+        output:
+            mesh=MESH,
+            scans=[
+                f"{SCAN_FOLDER}/{name}"
+                for name in sorted({*PATCHES.t0, *PATCHES.t1[WORN_PATCHES]})
+            ],
+            truth=f"{RESULTS}/specimen/truth.h5",
+        params:
+            patches=PATCHES.to_dict("list"),
+            specimen=config["specimen"],
+            square_mm=SQUARE_MM,
+            scan_folder=SCAN_FOLDER,
+            grid=config["macroscale"]["grid"],
+            code=code("generate_specimen.py"),
+        log:
+            f"{RESULTS}/logs/generate_specimen.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/generate_specimen.tsv"
+        threads: 1
+        resources:
+            mem_mb=3000,
+            runtime=20,
+        message:
+            "Making the specimen: mesh, {input.patches} scanned before and after use"
+        script:
+            "../scripts/generate_specimen.py"
+
+    rule score_truth:
+        input:
+            truth=rules.generate_specimen.output.truth,
+            surface=f"{RESULTS}/macroscale/surface.h5",
+            pressures=f"{RESULTS}/tables/patch_pressures.csv",
+            surfaces=expand(
+                f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index
+            )
+            + expand(f"{RESULTS}/surfaces/{{patch}}_T1.h5", patch=WORN_PATCHES),
+            registered=expand(f"{RESULTS}/registered/{{patch}}.h5", patch=WORN_PATCHES),
+        output:
+            table=report(
+                f"{RESULTS}/tables/truth.csv",
+                caption="../report/truth.rst",
+                category="6 Against the truth",
+                labels={"what": "every stage", "kind": "table"},
+            ),
+        params:
+            patches=list(PATCHES.index),
+            worn=WORN_PATCHES,
+            patch_mm=PATCH_MM,
+            contact_modulus_MPa=CONTACT_MODULUS_MPA,
+            target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
+            tolerance=config["macroscale"]["tolerance"],
+            code=code("score_truth.py"),
+        log:
+            f"{RESULTS}/logs/score_truth.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/score_truth.tsv"
+        threads: 1
+        resources:
+            mem_mb=2000,
+            runtime=20,
+        message:
+            "Scoring every stage against the specimen's truth"
+        script:
+            "../scripts/score_truth.py"

@@ -1,0 +1,44 @@
+"""Sum macroscale forces over each patch, and choose the patches of the microscale study.
+
+Inputs: contact.h5 of the macroscale, the patches' T0 surfaces (their real size), registrations.
+Outputs: patch_pressures.csv. Settings: the patch table, patch side, selection rules.
+"""
+
+from pathlib import Path
+
+import pandas as pd
+
+from gstlib.coupling import patch_pressures, select_patches
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import write_table
+from gstlib.logs import job_log
+
+
+def main(
+    contact: Path,
+    registered: dict[str, Path],
+    table: Path,
+    *,
+    patches: pd.DataFrame,
+    patch_mm: float,
+    selection: dict[str, float],
+) -> None:
+    final = read_dataset(contact).isel(step=-1)
+    pressures = patch_pressures(final.pressure, patches, size_mm=patch_mm)
+    quality = pd.DataFrame(
+        [{"patch": patch} | read_dataset(file).attrs for patch, file in registered.items()],
+        columns=["patch", "overlap", "correlation"],
+    )
+    write_table(table, select_patches(pressures, quality, **selection))
+
+
+if "snakemake" in globals():
+    with job_log(snakemake.log[0]):
+        main(
+            Path(snakemake.input.contact),
+            dict(zip(snakemake.params.worn, map(Path, snakemake.input.registered), strict=True)),
+            Path(snakemake.output.table),
+            patches=pd.DataFrame(snakemake.params.patches),
+            patch_mm=snakemake.params.patch_mm,
+            selection=snakemake.params.selection,
+        )

@@ -1,0 +1,62 @@
+"""Gather the microscale contacts into two tables.
+
+Inputs: the patches' contacts. Outputs: microscale_summary.csv, microscale_paths.csv.
+Settings: the patches, in order.
+"""
+
+from pathlib import Path
+
+import pandas as pd
+
+from gstlib.contact import load_path_table
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import write_table
+from gstlib.logs import job_log
+
+SUMMARY = [
+    "patch",
+    "target_pressure_MPa",
+    "mean_pressure_MPa",
+    "displacement_um",
+    "contact_fraction",
+    "stiffness_MPa_per_um",
+    "residual",
+    "iterations",
+]
+PATH = [
+    "patch",
+    "step",
+    "displacement_um",
+    "mean_pressure_MPa",
+    "contact_fraction",
+    "stiffness_MPa_per_um",
+]
+
+
+def main(contacts: dict[str, Path], summary: Path, paths: Path) -> None:
+    finals, tables = [], []
+    for patch, file in contacts.items():
+        contact = read_dataset(file)
+        table = load_path_table(contact).assign(patch=patch)
+        tables.append(table)
+        finals.append(
+            table.iloc[-1].to_dict()
+            | {
+                "target_pressure_MPa": contact.attrs["target_pressure_MPa"],
+                "residual": float(contact.residual[-1]),
+                "iterations": int(contact.iterations.sum()),
+            }
+        )
+    write_table(summary, pd.DataFrame(finals, columns=SUMMARY))
+    write_table(
+        paths, pd.concat(tables)[PATH] if tables else pd.DataFrame(columns=PATH)
+    )
+
+
+if "snakemake" in globals():
+    with job_log(snakemake.log[0]):
+        main(
+            dict(zip(snakemake.params.patches, map(Path, snakemake.input.contacts), strict=True)),
+            Path(snakemake.output.summary),
+            Path(snakemake.output.paths),
+        )

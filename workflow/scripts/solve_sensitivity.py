@@ -1,0 +1,69 @@
+"""Solve the macroscale with each reading of the contact modulus, and set them side by side.
+
+Inputs: surface.h5. Outputs: sensitivity.csv.
+Settings: the contact moduli by name, the patch table, patch side, target pressure, tolerance.
+"""
+
+from pathlib import Path
+
+import pandas as pd
+import xarray as xr
+
+from gstlib.bem import solve_contact
+from gstlib.coupling import patch_pressures
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import write_table
+from gstlib.logs import job_log
+from gstlib.surface import spacing_of
+
+
+def main(
+    surface: Path,
+    table: Path,
+    *,
+    moduli_MPa: dict[str, float],
+    patches: pd.DataFrame,
+    patch_mm: float,
+    target_pressure_MPa: float,
+    tolerance: float,
+    threads: int,
+) -> None:
+    height = read_dataset(surface).height
+    rows = []
+    for basis, modulus in moduli_MPa.items():
+        state = solve_contact(
+            height.values,
+            spacing_of(height),
+            modulus,
+            mean_pressure=target_pressure_MPa,
+            tolerance=tolerance,
+            workers=threads,
+        )
+        pressure = xr.DataArray(state.pressure, coords=height.coords, dims=height.dims)
+        by_patch = patch_pressures(pressure, patches, size_mm=patch_mm)
+        rows += [
+            (basis, "contact modulus", "", "MPa", float(modulus)),
+            (basis, "displacement", "", "um", state.displacement * 1e3),
+            (basis, "contact fraction", "", "1", state.contact_fraction),
+        ]
+        rows += [
+            (basis, "patch pressure", row.patch, "MPa", float(row.pressure_MPa))
+            for row in by_patch.itertuples()
+        ]
+    write_table(
+        table, pd.DataFrame(rows, columns=["contact_modulus", "quantity", "patch", "unit", "value"])
+    )
+
+
+if "snakemake" in globals():
+    with job_log(snakemake.log[0]):
+        main(
+            Path(snakemake.input.surface),
+            Path(snakemake.output.table),
+            moduli_MPa=snakemake.params.moduli_MPa,
+            patches=pd.DataFrame(snakemake.params.patches),
+            patch_mm=snakemake.params.patch_mm,
+            target_pressure_MPa=snakemake.params.target_pressure_MPa,
+            tolerance=snakemake.params.tolerance,
+            threads=snakemake.threads,
+        )
