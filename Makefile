@@ -38,7 +38,6 @@ check-style: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/snakefmt --check Snakefile workflow/rules
-	$(BIN)/snakemake --lint
 	$(BIN)/python workflow/document.py --check
 
 test-python: $(READY)

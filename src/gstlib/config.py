@@ -65,7 +65,9 @@ def check_files(files: Mapping[str, str], source: str) -> None:
     if missing:
         raise ConfigError(
             source,
-            f"{len(missing)} of {len(files)} files do not exist\n  - " + "\n  - ".join(missing) + "\n ",
+            f"{len(missing)} of {len(files)} files do not exist\n  - "
+            + "\n  - ".join(missing)
+            + "\n ",
             "Put the files there, or correct the names (paths are relative to the working folder).",
         )
 
@@ -134,7 +136,9 @@ def _contradictions(config: Mapping) -> list[str]:
         )
     for name in ("patches", "published"):
         if config[name] is not None and not Path(config[name]).is_file():
-            problems.append(f"'{name}' names {config[name]}, which does not exist: correct the path")
+            problems.append(
+                f"'{name}' names {config[name]}, which does not exist: correct the path"
+            )
     return problems
 
 

@@ -18,7 +18,7 @@ def file_sha256(path: str | Path) -> str:
 
 
 def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> dict[str, str]:
-    """Attributes for a result file: version of gstlib, hashes of inputs (by file name), settings."""
+    """Attributes for a result file: version of gstlib, hashes of inputs by name, settings."""
     hashes = {Path(path).name: file_sha256(path) for path in inputs}
     return {
         "gstlib_version": gstlib.__version__,

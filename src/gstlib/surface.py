@@ -69,9 +69,7 @@ def spacing_of(surface: xr.DataArray | xr.Dataset) -> tuple[float, float]:
     return float(surface.y.attrs["spacing"]), float(surface.x.attrs["spacing"])
 
 
-def crop(
-    surface: xr.DataArray, *, y: tuple[float, float], x: tuple[float, float]
-) -> xr.DataArray:
+def crop(surface: xr.DataArray, *, y: tuple[float, float], x: tuple[float, float]) -> xr.DataArray:
     """The elements whose centres lie in the closed intervals `y` and `x` (mm)."""
     return surface.sel(y=slice(*y), x=slice(*x))
 

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
 
 
-@pytest.fixture()
+@pytest.fixture
 def config(monkeypatch):
     monkeypatch.chdir(ROOT)
     return yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))

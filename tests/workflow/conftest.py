@@ -50,9 +50,7 @@ class Study:
         assert result.returncode == 0, result.stderr + result.stdout
         lines = (result.stdout + result.stderr).splitlines()
         words = ("rule ", "localrule ", "checkpoint ", "localcheckpoint ")
-        return {
-            line.split(":")[0].split()[-1] for line in lines if line.strip().startswith(words)
-        }
+        return {line.split(":")[0].split()[-1] for line in lines if line.strip().startswith(words)}
 
     def change(self, **sections: object) -> None:
         """Write a config of its own: the present one with these sections or keys replaced."""
@@ -75,7 +73,7 @@ def fresh(folder: Path) -> Study:
     return Study(folder)
 
 
-@pytest.fixture()
+@pytest.fixture
 def study(tmp_path) -> Study:
     """An empty folder with the shipped configs."""
     return fresh(tmp_path / "study")
@@ -90,7 +88,7 @@ def finished_tiny(tmp_path_factory) -> Study:
     return finished
 
 
-@pytest.fixture()
+@pytest.fixture
 def tiny(finished_tiny, tmp_path) -> Study:
     """A copy of the finished tiny study, dates and Snakemake's records included."""
     folder = tmp_path / "study"

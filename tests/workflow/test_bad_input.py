@@ -1,4 +1,4 @@
-"""Bad input ends in one clear error that names file, value and remedy, and leaves nothing half made."""
+"""Bad input ends in one clear error with file, value and remedy, and leaves nothing half made."""
 
 import shutil
 
@@ -8,7 +8,7 @@ import trimesh
 import yaml
 
 
-@pytest.fixture()
+@pytest.fixture
 def measured(study, finished_tiny):
     """The tiny specimen's files, given as a user gives measured ones."""
     shutil.copytree(finished_tiny.results / "specimen", study.folder / "data")
@@ -28,7 +28,9 @@ def fails_with(study, *words, target=()):
     for word in words:
         assert word in said, f"{word!r} not in:\n{said}"
     assert "Traceback" not in said
-    assert not [file for file in study.results.rglob("*") if file.suffix in (".h5", ".csv", ".part")]
+    assert not [
+        file for file in study.results.rglob("*") if file.suffix in (".h5", ".csv", ".part")
+    ]
 
 
 def edit_patches(study, old, new):
@@ -92,9 +94,16 @@ def test_mesh_in_metres(measured):
 
 def test_square_outside_the_mesh(measured):
     config = yaml.safe_load((measured.folder / measured.config).read_text())
-    measured.change(square=config["square"] | {"frame": {
-        "origin_mm": [300.0, 0.0, 0.0], "x_axis": [-1.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]
-    }})
+    measured.change(
+        square=config["square"]
+        | {
+            "frame": {
+                "origin_mm": [300.0, 0.0, 0.0],
+                "x_axis": [-1.0, 0.0, 0.0],
+                "normal": [0.0, 0.0, 1.0],
+            }
+        }
+    )
     fails_with(measured, "data/mesh.stl", "square.frame", target=SURFACE)
 
 

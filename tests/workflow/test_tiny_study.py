@@ -133,7 +133,9 @@ def test_intermediates_carry_units_names_and_provenance(finished_tiny):
             assert variable.attrs["units"]
             assert variable.attrs["long_name"]
         assert dataset.attrs["gstlib_version"]
-        assert all(len(digest) == 64 for digest in json.loads(dataset.attrs["input_sha256"]).values())
+        assert all(
+            len(digest) == 64 for digest in json.loads(dataset.attrs["input_sha256"]).values()
+        )
 
 
 def test_report_holds_every_figure(finished_tiny, tmp_path):

@@ -100,3 +100,40 @@ def for_studied_patches(pattern, only=None):
         for patch in studied_patches()
         if only is None or patch in only
     ]
+
+
+def hardest_pressed():
+    """The patch in the microscale study with the highest pressure."""
+    pressures = read_pressures(checkpoints.couple_scales.get().output.table)
+    return pressures.pressure_MPa[studied_patches()].idxmax()
+
+
+def registered_of_hardest_pressed(wildcards):
+    patch = hardest_pressed()
+    return f"{RESULTS}/registered/{patch}.h5" if patch in WORN_PATCHES else []
+
+
+def picture(name, category, what, **labels):
+    """The PNG of a figure, with its place in the report; caption and figure share their name."""
+    caption = name.split("/")[0]
+    return report(
+        f"{RESULTS}/figures/{name}.png",
+        caption=f"../report/{caption}.rst",
+        category=category,
+        labels={"what": what, **labels, "kind": "figure"},
+    )
+
+
+def vector(name):
+    """The SVG of a figure."""
+    return f"{RESULTS}/figures/{name}.svg"
+
+
+def study_figures(wildcards):
+    """Input function: every figure of the study."""
+    studied = studied_patches()
+    return [
+        *fixed_figures,
+        *(f"{RESULTS}/figures/preparation/{patch}.png" for patch in studied),
+        *(f"{RESULTS}/figures/patch/{patch}.png" for patch in studied if patch in WORN_PATCHES),
+    ]

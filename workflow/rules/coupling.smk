@@ -15,12 +15,6 @@ checkpoint couple_scales:
             category="3 Coupling",
             labels={"what": "pressure of every patch", "kind": "table"},
         ),
-    params:
-        patches=PATCHES.to_dict("list"),
-        worn=WORN_PATCHES,
-        patch_mm=PATCH_MM,
-        selection=config["selection"],
-        code=code("couple_scales.py"),
     log:
         f"{RESULTS}/logs/couple_scales.log",
     benchmark:
@@ -29,6 +23,12 @@ checkpoint couple_scales:
     resources:
         mem_mb=1000,
         runtime=10,
+    params:
+        patches=PATCHES.to_dict("list"),
+        worn=WORN_PATCHES,
+        patch_mm=PATCH_MM,
+        selection=config["selection"],
+        code=code("couple_scales.py"),
     message:
         "Summing macroscale forces over the patches"
     script:
@@ -49,8 +49,6 @@ if config["published"] is not None:
                 category="3 Coupling",
                 labels={"what": "published against computed", "kind": "table"},
             ),
-        params:
-            code=code("compare_published.py"),
         log:
             f"{RESULTS}/logs/compare_published.log",
         benchmark:
@@ -59,6 +57,8 @@ if config["published"] is not None:
         resources:
             mem_mb=1000,
             runtime=10,
+        params:
+            code=code("compare_published.py"),
         message:
             "Setting the published figures beside the computed ones"
         script:

@@ -7,13 +7,6 @@ rule grid_macroscale:
         mesh=MESH,
     output:
         surface=f"{RESULTS}/macroscale/surface.h5",
-    params:
-        mesh_unit="mm" if GENERATED else config["inputs"]["mesh_unit"],
-        frame=config["square"]["frame"],
-        square_mm=SQUARE_MM,
-        grid=config["macroscale"]["grid"],
-        margin_mm=config["macroscale"]["margin_mm"],
-        code=code("grid_macroscale.py"),
     log:
         f"{RESULTS}/logs/grid_macroscale.log",
     benchmark:
@@ -22,6 +15,13 @@ rule grid_macroscale:
     resources:
         mem_mb=2000,
         runtime=10,
+    params:
+        mesh_unit="mm" if GENERATED else config["inputs"]["mesh_unit"],
+        frame=config["square"]["frame"],
+        square_mm=SQUARE_MM,
+        grid=config["macroscale"]["grid"],
+        margin_mm=config["macroscale"]["margin_mm"],
+        code=code("grid_macroscale.py"),
     message:
         "Interpolating {input.mesh} on the analysed square"
     script:
@@ -39,13 +39,6 @@ rule solve_macroscale:
             category="2 Macroscale",
             labels={"what": "load path", "kind": "table"},
         ),
-    params:
-        contact_modulus_MPa=CONTACT_MODULUS_MPA,
-        target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
-        steps=config["macroscale"]["steps"],
-        tolerance=config["macroscale"]["tolerance"],
-        maximum_displacement_um=config["macroscale"]["maximum_displacement_um"],
-        code=code("solve_macroscale.py"),
     log:
         f"{RESULTS}/logs/solve_macroscale.log",
     benchmark:
@@ -54,6 +47,13 @@ rule solve_macroscale:
     resources:
         mem_mb=2000,
         runtime=30,
+    params:
+        contact_modulus_MPa=CONTACT_MODULUS_MPA,
+        target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
+        steps=config["macroscale"]["steps"],
+        tolerance=config["macroscale"]["tolerance"],
+        maximum_displacement_um=config["macroscale"]["maximum_displacement_um"],
+        code=code("solve_macroscale.py"),
     message:
         "Pressing the square up to {params.target_pressure_MPa} MPa"
     script:
@@ -70,6 +70,14 @@ rule solve_sensitivity:
             category="2 Macroscale",
             labels={"what": "contact modulus", "kind": "table"},
         ),
+    log:
+        f"{RESULTS}/logs/solve_sensitivity.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/solve_sensitivity.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=30,
     params:
         moduli_MPa={
             "used": CONTACT_MODULUS_MPA,
@@ -80,14 +88,6 @@ rule solve_sensitivity:
         target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
         tolerance=config["macroscale"]["tolerance"],
         code=code("solve_sensitivity.py"),
-    log:
-        f"{RESULTS}/logs/solve_sensitivity.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/solve_sensitivity.tsv"
-    threads: 1
-    resources:
-        mem_mb=2000,
-        runtime=30,
     message:
         "Solving the macroscale with the other reading of the contact modulus"
     script:

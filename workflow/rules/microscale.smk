@@ -18,20 +18,20 @@ rule prepare_patch:
         t0=f"{RESULTS}/surfaces/{{patch}}_T0.h5",
         t1=f"{RESULTS}/surfaces/{{patch}}_T1.h5",
         registered=f"{RESULTS}/registered/{{patch}}.h5",
-    wildcard_constraints:
-        patch="|".join(WORN_PATCHES) or "(?!)",
-    params:
-        crop=lambda wildcards: crop_of(wildcards.patch),
-        maximum_shift_mm=config["registration"]["maximum_shift_mm"],
-        **PREPARATION,
     log:
         f"{RESULTS}/logs/prepare_patch/{{patch}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/prepare_patch/{{patch}}.tsv"
+    wildcard_constraints:
+        patch="|".join(WORN_PATCHES) or "(?!)",
     threads: 1
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        **PREPARATION,
+        crop=lambda wildcards: crop_of(wildcards.patch),
+        maximum_shift_mm=config["registration"]["maximum_shift_mm"],
     message:
         "Cleaning the scans of patch {wildcards.patch} and laying T1 over T0"
     script:
@@ -44,15 +44,15 @@ use rule prepare_patch as prepare_unworn_patch with:
         t0=scan_file("T0"),
     output:
         t0=f"{RESULTS}/surfaces/{{patch}}_T0.h5",
-    wildcard_constraints:
-        patch="|".join(PATCHES.index.difference(WORN_PATCHES)) or "(?!)",
-    params:
-        crop=lambda wildcards: crop_of(wildcards.patch),
-        **PREPARATION,
     log:
         f"{RESULTS}/logs/prepare_unworn_patch/{{patch}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/prepare_unworn_patch/{{patch}}.tsv"
+    wildcard_constraints:
+        patch="|".join(PATCHES.index.difference(WORN_PATCHES)) or "(?!)",
+    params:
+        **PREPARATION,
+        crop=lambda wildcards: crop_of(wildcards.patch),
     message:
         "Cleaning the scan of patch {wildcards.patch}"
 
@@ -68,10 +68,6 @@ rule tabulate_preprocessing:
             category="1 Inputs",
             labels={"what": "what was done to each scan", "kind": "table"},
         ),
-    params:
-        patches=list(PATCHES.index),
-        worn=WORN_PATCHES,
-        code=code("tabulate_preprocessing.py"),
     log:
         f"{RESULTS}/logs/tabulate_preprocessing.log",
     benchmark:
@@ -80,6 +76,10 @@ rule tabulate_preprocessing:
     resources:
         mem_mb=1000,
         runtime=10,
+    params:
+        patches=list(PATCHES.index),
+        worn=WORN_PATCHES,
+        code=code("tabulate_preprocessing.py"),
     message:
         "Gathering what was done to each scan"
     script:
@@ -94,13 +94,6 @@ rule solve_patch:
         pressures=ancient(f"{RESULTS}/tables/patch_pressures.csv"),
     output:
         contact=f"{RESULTS}/microscale/{{patch}}.h5",
-    params:
-        target_pressure_MPa=patch_pressure,
-        contact_modulus_MPa=CONTACT_MODULUS_MPA,
-        steps=config["microscale"]["steps"],
-        tolerance=config["microscale"]["tolerance"],
-        maximum_displacement_um=config["microscale"]["maximum_displacement_um"],
-        code=code("solve_patch.py"),
     log:
         f"{RESULTS}/logs/solve_patch/{{patch}}.log",
     benchmark:
@@ -109,6 +102,13 @@ rule solve_patch:
     resources:
         mem_mb=1500,
         runtime=60,
+    params:
+        target_pressure_MPa=patch_pressure,
+        contact_modulus_MPa=CONTACT_MODULUS_MPA,
+        steps=config["microscale"]["steps"],
+        tolerance=config["microscale"]["tolerance"],
+        maximum_displacement_um=config["microscale"]["maximum_displacement_um"],
+        code=code("solve_patch.py"),
     message:
         "Pressing patch {wildcards.patch} up to {params.target_pressure_MPa} MPa"
     script:
@@ -126,9 +126,6 @@ rule gather_microscale:
             labels={"what": "state at each patch's pressure", "kind": "table"},
         ),
         paths=f"{RESULTS}/tables/microscale_paths.csv",
-    params:
-        patches=lambda wildcards: studied_patches(),
-        code=code("gather_microscale.py"),
     log:
         f"{RESULTS}/logs/gather_microscale.log",
     benchmark:
@@ -137,6 +134,9 @@ rule gather_microscale:
     resources:
         mem_mb=1000,
         runtime=10,
+    params:
+        patches=lambda wildcards: studied_patches(),
+        code=code("gather_microscale.py"),
     message:
         "Gathering the microscale contacts"
     script:

@@ -2,22 +2,6 @@
 # Takes: HDF5 and tables of every stage. Gives: PNG (in the report) and SVG of each figure.
 
 
-def picture(name, category, what, **labels):
-    """The PNG of a figure, with its place in the report; caption and figure share their name."""
-    caption = name.split("/")[0]
-    return report(
-        f"{RESULTS}/figures/{name}.png",
-        caption=f"../report/{caption}.rst",
-        category=category,
-        labels={"what": what, **labels, "kind": "figure"},
-    )
-
-
-def vector(name):
-    """The SVG of a figure."""
-    return f"{RESULTS}/figures/{name}.svg"
-
-
 rule plot_macroscale:
     input:
         contact=rules.solve_macroscale.output.contact,
@@ -37,10 +21,6 @@ rule plot_macroscale:
         forces_svg=vector("forces"),
         patch_pressures=picture("patch_pressures", "3 Coupling", "pressure of every patch"),
         patch_pressures_svg=vector("patch_pressures"),
-    params:
-        patch_mm=PATCH_MM,
-        note=SOURCE_NOTE,
-        code=code("plot_macroscale.py"),
     log:
         f"{RESULTS}/logs/plot_macroscale.log",
     benchmark:
@@ -49,6 +29,10 @@ rule plot_macroscale:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        patch_mm=PATCH_MM,
+        note=SOURCE_NOTE,
+        code=code("plot_macroscale.py"),
     message:
         "Drawing the macroscale"
     script:
@@ -63,10 +47,6 @@ rule plot_microscale:
         microscale_maps_svg=vector("microscale_maps"),
         microscale_curves=picture("microscale_curves", "4 Microscale", "area and pressure curves"),
         microscale_curves_svg=vector("microscale_curves"),
-    params:
-        patches=lambda wildcards: studied_patches(),
-        note=SOURCE_NOTE,
-        code=code("plot_microscale.py"),
     log:
         f"{RESULTS}/logs/plot_microscale.log",
     benchmark:
@@ -75,6 +55,10 @@ rule plot_microscale:
     resources:
         mem_mb=2000,
         runtime=10,
+    params:
+        patches=lambda wildcards: studied_patches(),
+        note=SOURCE_NOTE,
+        code=code("plot_microscale.py"),
     message:
         "Drawing the microscale"
     script:
@@ -93,10 +77,6 @@ rule plot_preparation:
             "preparation/{patch}", "1 Inputs", "preparation of the scans", patch="{patch}"
         ),
         preparation_svg=vector("preparation/{patch}"),
-    params:
-        epochs=lambda wildcards: epochs_of(wildcards.patch),
-        note=SOURCE_NOTE,
-        code=code("plot_preparation.py"),
     log:
         f"{RESULTS}/logs/plot_preparation/{{patch}}.log",
     benchmark:
@@ -105,6 +85,10 @@ rule plot_preparation:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        epochs=lambda wildcards: epochs_of(wildcards.patch),
+        note=SOURCE_NOTE,
+        code=code("plot_preparation.py"),
     message:
         "Drawing the preparation of patch {wildcards.patch}"
     script:
@@ -116,13 +100,8 @@ rule plot_patch:
         contact=f"{RESULTS}/microscale/{{patch}}.h5",
         registered=f"{RESULTS}/registered/{{patch}}.h5",
     output:
-        patch=picture(
-            "patch/{patch}", "5 Validation", "before, predicted, after", patch="{patch}"
-        ),
+        patch=picture("patch/{patch}", "5 Validation", "before, predicted, after", patch="{patch}"),
         patch_svg=vector("patch/{patch}"),
-    params:
-        note=SOURCE_NOTE,
-        code=code("plot_patch.py"),
     log:
         f"{RESULTS}/logs/plot_patch/{{patch}}.log",
     benchmark:
@@ -131,6 +110,9 @@ rule plot_patch:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        note=SOURCE_NOTE,
+        code=code("plot_patch.py"),
     message:
         "Drawing patch {wildcards.patch} before use, as predicted and after use"
     script:
@@ -145,9 +127,6 @@ rule plot_validation:
     output:
         validation=picture("validation", "5 Validation", "scores against the rival"),
         validation_svg=vector("validation"),
-    params:
-        note=SOURCE_NOTE,
-        code=code("plot_validation.py"),
     log:
         f"{RESULTS}/logs/plot_validation.log",
     benchmark:
@@ -156,6 +135,9 @@ rule plot_validation:
     resources:
         mem_mb=1000,
         runtime=10,
+    params:
+        note=SOURCE_NOTE,
+        code=code("plot_validation.py"),
     message:
         "Drawing the validation"
     script:
@@ -170,9 +152,6 @@ if GENERATED:
         output:
             truth=picture("truth", "6 Against the truth", "recovered against true"),
             truth_svg=vector("truth"),
-        params:
-            note=SOURCE_NOTE,
-            code=code("plot_truth.py"),
         log:
             f"{RESULTS}/logs/plot_truth.log",
         benchmark:
@@ -181,6 +160,9 @@ if GENERATED:
         resources:
             mem_mb=1000,
             runtime=10,
+        params:
+            note=SOURCE_NOTE,
+            code=code("plot_truth.py"),
         message:
             "Drawing what was recovered against the truth"
         script:
@@ -195,9 +177,6 @@ if config["published"] is not None:
         output:
             published=picture("published", "3 Coupling", "published against computed"),
             published_svg=vector("published"),
-        params:
-            note=SOURCE_NOTE,
-            code=code("plot_published.py"),
         log:
             f"{RESULTS}/logs/plot_published.log",
         benchmark:
@@ -206,21 +185,13 @@ if config["published"] is not None:
         resources:
             mem_mb=1000,
             runtime=10,
+        params:
+            note=SOURCE_NOTE,
+            code=code("plot_published.py"),
         message:
             "Drawing published against computed figures"
         script:
             "../scripts/plot_published.py"
-
-
-def hardest_pressed():
-    """The patch in the microscale study with the highest pressure."""
-    pressures = read_pressures(checkpoints.couple_scales.get().output.table)
-    return pressures.pressure_MPa[studied_patches()].idxmax()
-
-
-def registered_of_hardest_pressed(wildcards):
-    patch = hardest_pressed()
-    return f"{RESULTS}/registered/{patch}.h5" if patch in WORN_PATCHES else []
 
 
 rule plot_overview:
@@ -232,11 +203,6 @@ rule plot_overview:
     output:
         overview=picture("overview", "0 Overview", "the study at a glance"),
         overview_svg=vector("overview"),
-    params:
-        patch=lambda wildcards: hardest_pressed(),
-        patch_mm=PATCH_MM,
-        note=SOURCE_NOTE,
-        code=code("plot_overview.py"),
     log:
         f"{RESULTS}/logs/plot_overview.log",
     benchmark:
@@ -245,6 +211,11 @@ rule plot_overview:
     resources:
         mem_mb=1500,
         runtime=10,
+    params:
+        patch=lambda wildcards: hardest_pressed(),
+        patch_mm=PATCH_MM,
+        note=SOURCE_NOTE,
+        code=code("plot_overview.py"),
     message:
         "Drawing the study at a glance"
     script:
@@ -279,13 +250,3 @@ fixed_figures = [
     }.items()
     if wanted
 ]
-
-
-def study_figures(wildcards):
-    """Input function: every figure of the study."""
-    studied = studied_patches()
-    return [
-        *fixed_figures,
-        *(f"{RESULTS}/figures/preparation/{patch}.png" for patch in studied),
-        *(f"{RESULTS}/figures/patch/{patch}.png" for patch in studied if patch in WORN_PATCHES),
-    ]

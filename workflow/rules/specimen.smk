@@ -13,13 +13,6 @@ if GENERATED:
                 for name in sorted({*PATCHES.t0, *PATCHES.t1[WORN_PATCHES]})
             ],
             truth=f"{RESULTS}/specimen/truth.h5",
-        params:
-            patches=PATCHES.to_dict("list"),
-            specimen=config["specimen"],
-            square_mm=SQUARE_MM,
-            scan_folder=SCAN_FOLDER,
-            grid=config["macroscale"]["grid"],
-            code=code("generate_specimen.py"),
         log:
             f"{RESULTS}/logs/generate_specimen.log",
         benchmark:
@@ -28,6 +21,12 @@ if GENERATED:
         resources:
             mem_mb=3000,
             runtime=20,
+        params:
+            patches=PATCHES.to_dict("list"),
+            specimen=config["specimen"],
+            square_mm=SQUARE_MM,
+            grid=config["macroscale"]["grid"],
+            code=code("generate_specimen.py"),
         message:
             "Making the specimen: mesh, {input.patches} scanned before and after use"
         script:
@@ -38,9 +37,7 @@ if GENERATED:
             truth=rules.generate_specimen.output.truth,
             surface=f"{RESULTS}/macroscale/surface.h5",
             pressures=f"{RESULTS}/tables/patch_pressures.csv",
-            surfaces=expand(
-                f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index
-            )
+            surfaces=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index)
             + expand(f"{RESULTS}/surfaces/{{patch}}_T1.h5", patch=WORN_PATCHES),
             registered=expand(f"{RESULTS}/registered/{{patch}}.h5", patch=WORN_PATCHES),
         output:
@@ -50,14 +47,6 @@ if GENERATED:
                 category="6 Against the truth",
                 labels={"what": "every stage", "kind": "table"},
             ),
-        params:
-            patches=list(PATCHES.index),
-            worn=WORN_PATCHES,
-            patch_mm=PATCH_MM,
-            contact_modulus_MPa=CONTACT_MODULUS_MPA,
-            target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
-            tolerance=config["macroscale"]["tolerance"],
-            code=code("score_truth.py"),
         log:
             f"{RESULTS}/logs/score_truth.log",
         benchmark:
@@ -66,6 +55,14 @@ if GENERATED:
         resources:
             mem_mb=2000,
             runtime=20,
+        params:
+            patches=list(PATCHES.index),
+            worn=WORN_PATCHES,
+            patch_mm=PATCH_MM,
+            contact_modulus_MPa=CONTACT_MODULUS_MPA,
+            target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
+            tolerance=config["macroscale"]["tolerance"],
+            code=code("score_truth.py"),
         message:
             "Scoring every stage against the specimen's truth"
         script:

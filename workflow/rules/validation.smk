@@ -20,11 +20,6 @@ rule score_patches:
             category="5 Validation",
             labels={"what": "over all patches", "kind": "table"},
         ),
-    params:
-        patches=lambda wildcards: [p for p in studied_patches() if p in WORN_PATCHES],
-        seed=config["validation"]["seed"],
-        resamples=config["validation"]["resamples"],
-        code=code("score_patches.py"),
     log:
         f"{RESULTS}/logs/score_patches.log",
     benchmark:
@@ -33,6 +28,11 @@ rule score_patches:
     resources:
         mem_mb=2000,
         runtime=20,
+    params:
+        patches=lambda wildcards: [p for p in studied_patches() if p in WORN_PATCHES],
+        seed=config["validation"]["seed"],
+        resamples=config["validation"]["resamples"],
+        code=code("score_patches.py"),
     message:
         "Scoring predicted contact against measured height loss"
     script:

@@ -29,8 +29,8 @@ def main(published: Path, path: Path, pressures: Path, table: Path) -> None:
         raise InputError(
             published,
             f"names quantities or patches that the study does not have: {unknown}",
-            f"Quantities are {sorted({quantity for quantity, _ in computed})}; patches are those of "
-            "the patch table.",
+            f"Quantities are {sorted({quantity for quantity, _ in computed})}; patches are those "
+            "of the patch table.",
         )
     write_table(
         table,

@@ -25,9 +25,14 @@ def main(
 ) -> None:
     final = read_dataset(contact).isel(step=-1)
     pressures = patch_pressures(final.pressure, patches, size_mm=patch_mm)
+    attrs = {patch: read_dataset(file).attrs for patch, file in registered.items()}
     quality = pd.DataFrame(
-        [{"patch": patch} | read_dataset(file).attrs for patch, file in registered.items()],
-        columns=["patch", "overlap", "correlation"],
+        {
+            "patch": list(attrs),
+            "overlap": [quality["overlap"] for quality in attrs.values()],
+            # of the detail: the long waves of a stone correlate wherever T1 is laid
+            "correlation": [quality["detail_correlation"] for quality in attrs.values()],
+        }
     )
     write_table(table, select_patches(pressures, quality, **selection))
 

@@ -38,7 +38,7 @@ if "snakemake" in globals():
         main(
             pd.DataFrame(snakemake.params.patches),
             Path(snakemake.output.mesh),
-            Path(snakemake.params.scan_folder),
+            Path(snakemake.output.scans[0]).parent,
             Path(snakemake.output.truth),
             specimen=snakemake.params.specimen,
             square_mm=snakemake.params.square_mm,

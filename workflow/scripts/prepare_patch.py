@@ -19,7 +19,13 @@ from gstlib.validation.registration import apply_registration, register
 
 
 def prepare(
-    scan: Path, surface: Path, *, patch_mm: float, crop: list | None, scans: dict, preprocessing: dict
+    scan: Path,
+    surface: Path,
+    *,
+    patch_mm: float,
+    crop: list | None,
+    scans: dict,
+    preprocessing: dict,
 ) -> xr.DataArray:
     """Read, cut, clean and store one scan; return its heights."""
     spacing_um = scans["scatter_spacing_um"]

@@ -13,9 +13,7 @@ from .errors import InvalidContactInput
 __all__ = ["contact_modulus", "love_kernel"]
 
 
-def contact_modulus(
-    young_1: float, poisson_1: float, young_2: float, poisson_2: float
-) -> float:
+def contact_modulus(young_1: float, poisson_1: float, young_2: float, poisson_2: float) -> float:
     """Contact modulus E* of two elastic half-spaces, 1/E* = (1 - ν₁²)/E₁ + (1 - ν₂²)/E₂.
 
     Parameters

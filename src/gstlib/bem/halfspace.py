@@ -135,13 +135,14 @@ class _EvenConvolution:
     def __init__(self, shape, padded, spectrum):
         self.shape = shape
         self.padded = padded
-        # Transposed like the spectrum of the field below; the inverse transform's scale goes in.
-        self.spectrum = np.ascontiguousarray(spectrum(padded).T) / math.prod(padded)
+        # Transposed like the spectrum of the field below, and mirrored to all wave numbers along y;
+        # the inverse transform's scale goes in.
+        half = spectrum(padded).T / math.prod(padded)
+        self.spectrum = np.concatenate((half, half[:, -2:0:-1]), axis=1)
 
     def __call__(self, field, workers):
         ny, nx = self.shape
         my, mx = self.padded
-        half = my // 2
         # Transposed, so that the transforms along y run along contiguous memory.
         transform = np.empty((mx // 2 + 1, ny), complex)
         result = np.empty(self.shape)
@@ -153,12 +154,10 @@ class _EvenConvolution:
 
         def columns(start):
             block = transform[start : start + _COLUMNS]
-            spectrum = self.spectrum[start : start + _COLUMNS]
             padded = np.zeros((len(block), my), complex)
             padded[:, :ny] = block
             ducc0.fft.c2c(padded, axes=(1,), out=padded)
-            padded[:, : half + 1] *= spectrum
-            padded[:, half + 1 :] *= spectrum[:, half - 1 : 0 : -1]
+            padded *= self.spectrum[start : start + _COLUMNS]
             ducc0.fft.c2c(padded, axes=(1,), forward=False, out=padded)
             block[:] = padded[:, :ny]
 

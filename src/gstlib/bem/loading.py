@@ -126,10 +126,13 @@ def load_path(
     state, tangent = final, None
     for index in reversed(range(steps)):
         if index < steps - 1:
-            predicted = state.pressure - tangent * (displacement[index + 1] - displacement[index])
+            # Along the tangent of p², not of p: at a moving edge p is the root of the distance, so
+            # p² is smooth where p is not (on Hertz's sphere p² is linear in δ).
+            descent = displacement[index + 1] - displacement[index]
+            squared = state.pressure * (state.pressure - 2 * descent * tangent)
             state = problem.solve(
                 displacement=displacement[index],
-                initial_pressure=np.maximum(predicted, 0.0),
+                initial_pressure=np.sqrt(np.maximum(squared, 0.0)),
                 **controls,
             )
         tangent, stiffness[index] = problem.tangent(state.contact, tangent)

@@ -48,6 +48,8 @@ _LARGE_CUT = 0.3
 _TANGENT_TOLERANCE = 1e-3
 # Least share of the largest lift, so that every free element can take part in balancing the load.
 _LEAST_LIFT = 1e-3
+# A line search does not raise or lower the pressure as a whole by more than this share.
+_LARGE_LEVEL = 0.5
 # Iterations of the projected gradient, slow but sure, after an iteration that raised the energy.
 _CAUTIOUS = 10
 # The recurrence goes on to this share of the tolerance, so that the recomputed residual meets it.
@@ -346,10 +348,13 @@ class ContactProblem:
                     lift = np.maximum(lift, _LEAST_LIFT * lift.max()) * free
                 direction -= lift * (direction.sum() / lift.sum())
             preconditioned = direction
-            if change is not None:
-                direction = preconditioned - change * free * (
-                    np.vdot(preconditioned, change_field) / np.vdot(change, change_field)
-                )
+            # Directions whose displacement is known already: the last change and, unless the load is
+            # kept, the pressure itself, which sets the level of the whole.
+            level = [(convolved, field)] if total is None and convolved.any() else []
+            known = level if change is None else [(change, change_field), *level]
+            if known:
+                weights = _weights(known, [np.vdot(direction, image) for _, image in known])
+                direction = preconditioned - _sum(weights, known)[0] * free
                 if total is not None:
                     direction -= lift * (direction.sum() / lift.sum())
                 if np.vdot(direction, penetration) <= 0:
@@ -372,16 +377,19 @@ class ContactProblem:
                 field = field + scale * change_field
                 change = None
                 continue
-            if scale <= 0:
-                scale = 1.0
-            step = min(max(scale * step, 0.3), 3.0)
+            steps = [(change, change_field), *level]
+            weights = _weights(steps, [np.vdot(vector, penetration) for vector, _ in steps])
+            if not 0 < weights[0] or abs(weights[1:]).sum() > _LARGE_LEVEL:
+                weights = np.array([max(scale, 0.0) or 1.0] + [0.0] * len(level))
+            step = min(max(weights[0] * step, 0.3), 3.0)
 
-            convolved = convolved + scale * change
-            field = field + scale * change_field
+            change, change_field = _sum(weights, steps)
+            convolved = convolved + change
+            field = field + change_field
             kept = trial > 0
             pressure = admissible(convolved * kept, None if lift is None else lift * kept)
             cut = pressure - convolved
-            if np.abs(cut).max() > _LARGE_CUT * scale * np.abs(change).max():
+            if np.abs(cut).max() > _LARGE_CUT * np.abs(change).max():
                 field = field + apply(half_space.displacement, cut)
                 convolved = pressure
                 energy = np.vdot(pressure, 0.5 * field - overlap)
@@ -389,7 +397,6 @@ class ContactProblem:
                     cautious = _CAUTIOUS
                 lowest_energy = min(energy, lowest_energy)
         return pressure
-
 
     def tangent(self, contact, start=None):
         """Response to displacement on a fixed contact set: dp/dδ, and the stiffness.
@@ -439,6 +446,21 @@ class ContactProblem:
         grid.reshape(-1)[elements] = solution
         # The energy 2·Σp' − p'ᵀKp', stationary at the solution where it equals Σp'.
         return grid, float((solution.sum() + np.vdot(residual, solution)) / grid.size)
+
+
+def _weights(pairs, right):
+    """Weights w that solve Σⱼ (vᵢᵀKvⱼ) wⱼ = rightᵢ, from pairs (v, Kv); least norm if dependent."""
+    gram = np.array([[np.vdot(vector, image) for _, image in pairs] for vector, _ in pairs])
+    norm = np.sqrt(np.diagonal(gram))
+    scaled = gram / np.outer(norm, norm)
+    return np.linalg.lstsq(scaled, np.asarray(right) / norm, rcond=1e-10)[0] / norm
+
+
+def _sum(weights, pairs):
+    """The pair (Σ w·v, Σ w·Kv)."""
+    return tuple(
+        sum(w * v for w, v in zip(weights, c, strict=True)) for c in zip(*pairs, strict=True)
+    )
 
 
 def _balanced(trial, lift, total):

@@ -92,14 +92,14 @@ def contact_steps_figure(
     steps = np.unique(np.linspace(0, contact.sizes["step"] - 1, panels).round().astype(int))
     columns = min(3, len(steps))
     rows = math.ceil(len(steps) / columns)
-    figure = new_figure(WIDTH, rows * WIDTH / columns * 1.06)
+    figure = new_figure(WIDTH, rows * WIDTH / columns * 1.1)
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for axes, step in zip(grid.flat, steps, strict=False):
         state = contact.isel(step=step)
         draw_heights(axes, contact["height"], relief=True)
         draw_mask(axes, contact["height"], state["pressure"].values > 0, CONTACT)
         axes.set_title(
-            f"δ = {float(state['displacement']) * MM_TO_UM:.1f} µm, "
+            f"δ = {float(state['displacement']) * MM_TO_UM:.1f} µm\n"
             f"p̄ = {float(state['mean_pressure']):.3g} MPa, "
             f"contact {float(state['contact_fraction']):.1%}"
         )

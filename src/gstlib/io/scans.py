@@ -150,8 +150,8 @@ def check_size(scan: xr.DataArray, size_mm: float) -> None:
             scan.attrs.get("file", "scan"),
             f"the scan is {width:.4g} × {height:.4g} mm ({scan.shape[1]} × {scan.shape[0]} "
             f"points), but the study's patches are {size_mm:g} × {size_mm:g} mm",
-            "Correct scans.size_mm in the config, or have the scan cut: give crop_x_mm and crop_y_mm "
-            "in the patch table.",
+            "Correct scans.size_mm in the config, or have a piece of the scan cut: give crop_x_mm "
+            "and crop_y_mm in the patch table.",
         )
 
 

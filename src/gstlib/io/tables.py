@@ -1,4 +1,4 @@
-"""CSV tables: tidy, in a stable order, with fixed digits, so that `diff` shows real changes only."""
+"""CSV tables: tidy, in a stable order, with fixed digits: `diff` shows real changes only."""
 
 import os
 from pathlib import Path

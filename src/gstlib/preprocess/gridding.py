@@ -73,7 +73,9 @@ class Frame:
             vector = np.asarray(getattr(self, name), dtype=float)
             if vector.shape != (3,) or not np.isfinite(vector).all():
                 raise ConfigError(
-                    f"square.frame.{name}", f"{getattr(self, name)} is not three numbers", "Give x, y, z."
+                    f"square.frame.{name}",
+                    f"{getattr(self, name)} is not three numbers",
+                    "Give x, y, z.",
                 )
             vectors[name] = vector
         for name in ("x_axis", "normal"):
@@ -270,8 +272,9 @@ def _use_face(points, faces, up, hits: _Hits, source) -> np.ndarray:
     if len(hits.face) == 0:
         raise InputError(
             source,
-            "the mesh does not reach into the square",
-            "Check square.frame in the config.",
+            f"the mesh does not reach into the square: what lies near it is "
+            f"{np.ptp(points[:, :2], axis=0).max():.4g} mm wide",
+            "Check inputs.mesh_unit and square.frame in the config.",
         )
     side = 2 * body[hits.face] + up[hits.face]
     cover = np.bincount(side)
@@ -283,8 +286,8 @@ def _use_face(points, faces, up, hits: _Hits, source) -> np.ndarray:
         raise InputError(
             source,
             "the mesh's faces over the square look against the frame's normal",
-            "Turn square.frame.normal in the config if it points into the stone; else turn the mesh's "
-            "faces.",
+            "Turn square.frame.normal in the config if it points into the stone; else turn the "
+            "mesh's faces.",
         )
     return body == nearest // 2
 
@@ -302,7 +305,8 @@ def _check_single_valued(hits: _Hits, x, y, source) -> None:
             source,
             f"the mesh folds over within the square: {_describe(folded, x, y)} has two heights, "
             f"up to {step.max():.3g} mm apart",
-            "Turn square.frame so that it looks at the use-face squarely, move it, or repair the mesh.",
+            "Turn square.frame so that it looks at the use-face squarely, move it, or repair the "
+            "mesh.",
         )
     if folded.any():
         _log.warning("the mesh folds over in specks: %s", _describe(folded, x, y))

@@ -160,8 +160,8 @@ def _scan_all(
             tilts = {
                 "tilt_x_mrad": scan.tilt_x_mrad,
                 "tilt_y_mrad": scan.tilt_y_mrad,
-                "plane_x_mrad": slope_x * 1e3 + scan.tilt_x_mrad,
-                "plane_y_mrad": slope_y * 1e3 + scan.tilt_y_mrad,
+                "plane_x_mrad": np.arctan(slope_x + scan.tilt_x_mrad * 1e-3) * 1e3,
+                "plane_y_mrad": np.arctan(slope_y + scan.tilt_y_mrad * 1e-3) * 1e3,
             }
             for name, value in (vars(place) | tilts).items():
                 per_epoch[name][i, j] = value
@@ -183,8 +183,8 @@ def _scan_all(
         "rotation_deg": ("degree", "true turn of the scan, x towards y"),
         "tilt_x_mrad": ("mrad", "slope along x that the mould's tilt adds"),
         "tilt_y_mrad": ("mrad", "slope along y that the mould's tilt adds"),
-        "plane_x_mrad": ("mrad", "slope along x of the tilted true surface: what levelling takes"),
-        "plane_y_mrad": ("mrad", "slope along y of the tilted true surface: what levelling takes"),
+        "plane_x_mrad": ("mrad", "angle along x of the tilted true surface: what levelling takes"),
+        "plane_y_mrad": ("mrad", "angle along y of the tilted true surface: what levelling takes"),
     }
     values = {name: (one, per_epoch[name], *meanings[name]) for name in per_epoch}
     return values | {

@@ -151,6 +151,7 @@ def make_stone(parameters: SpecimenParameters, square_mm: float) -> Stone:
     One factor scales macroscale waves and detail alike, so that the macroscale part has the asked
     r.m.s. on the square and the spectrum goes on without a step.
     """
+    # ASSUME: an isotropic Gaussian self-affine surface; a real stone has grains and pits besides.
     p = parameters
     pebble = Pebble(tuple(p.outer_size_mm), p.concavity_mm)
     spectrum = {"hurst_exponent": p.hurst_exponent, "roll_off": p.roll_off_wavelength_mm}

@@ -5,6 +5,7 @@ One file, ``truth.h5``. Maps of scans have the dims ``(patch, epoch, y, x)`` or 
 dims ``(macroscale_y, macroscale_x)``.
 """
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 
@@ -16,7 +17,7 @@ EPOCHS = ("T0", "T1")
 
 
 def truth_dataset(
-    macroscale,
+    macroscale: np.ndarray,
     square_mm: float,
     scan_points: int,
     scan_spacing_mm: float,

@@ -1,9 +1,8 @@
 """What use takes off the generated stone: height loss by rules that know nothing of contact.
 
 Three things happen. Summits are flattened, more so where the macroscale surface is high, but with
-chance. Chips break out, more of them in the same regions. And some loss comes about
-anywhere, in valleys as on summits, as grit between the stones would do. Where they meet, the
-deepest counts.
+chance. Chips break out, more of them in the same regions. And some loss comes about anywhere, in
+valleys as on summits, as grit between the stones would do. Where they meet, the deepest counts.
 """
 
 import numpy as np
@@ -14,6 +13,9 @@ from gstlib.specimen.randomness import smooth_field, stream
 from gstlib.specimen.stone import Stone, fit_plane
 
 __all__ = ["wear_depth"]
+
+# ASSUME: these three rules and their sizes; the paper shows traces, it does not measure them. They
+# do not know the contact solver, so that scoring its prediction against them is no tautology.
 
 # Points of the coarse grid per length over which the severity varies.
 _POINTS_PER_LENGTH = 8

@@ -126,12 +126,10 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
 def _unchanged_plane(
     design: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, float, np.ndarray]:
-    """Plane through the unchanged points, their robust spread, and which they are.
-
+    """Plane through the unchanged points, their robust spread, and which they are."""
     # ASSUME: the unchanged part is the largest population of height differences: the fit starts
-    from the shortest half of them, so wear of nearly half of the area, all on one side, does not
-    pull the datum down as a least-squares plane would.
-    """
+    # from the shortest half of them, so wear of nearly half of the area, all on one side, does not
+    # pull the datum down as a least-squares plane would.
     plane = np.array([np.median(values), 0.0, 0.0])
     kept = np.zeros(values.size, dtype=bool)
     sigma = np.inf

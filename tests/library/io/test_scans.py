@@ -187,5 +187,7 @@ class TestCut:
 
 def test_size_of_a_scan():
     check_size(make_surface(np.zeros((512, 512)), 1.66e-3), 0.85)
-    with pytest.raises(InputError, match=r"b\.plu: the scan is 0\.9562 × 0\.8499 mm.*0\.85 × 0\.85"):
+    with pytest.raises(
+        InputError, match=r"b\.plu: the scan is 0\.9562 × 0\.8499 mm.*0\.85 × 0\.85"
+    ):
         check_size(make_surface(np.zeros((512, 576)), 1.66e-3, file="b.plu"), 0.85)

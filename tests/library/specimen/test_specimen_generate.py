@@ -141,7 +141,8 @@ def test_scan_is_the_truth_with_tilt_noise_spikes_and_holes(specimen, truth, par
         np.testing.assert_array_equal(np.isnan(heights), at.unmeasured.values)
         assert at.unmeasured.values.sum() == round(parameters.unmeasured_share * heights.size)
         steps = np.arange(len(heights)) * parameters.scan_spacing_mm
-        plane = 1e-3 * (at.plane_y_mrad.item() * steps[:, None] + at.plane_x_mrad.item() * steps)
+        slope_y, slope_x = (np.tan(1e-3 * at[f"plane_{axis}_mrad"].item()) for axis in "yx")
+        plane = slope_y * steps[:, None] + slope_x * steps
         noise = heights - plane - at.height.values
         noise -= np.nanmedian(noise)
         clean = ~at.outlier.values & ~at.unmeasured.values

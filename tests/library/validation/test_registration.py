@@ -35,6 +35,13 @@ def test_known_shift_is_recovered_within_a_fifth_of_an_element(remeasure, share,
     assert 0.2e-3 < registration.residual_mm < 0.6e-3  # both scans' noise: 0.28 µm
 
 
+def test_wear_does_not_pull_the_alignment(remeasure):
+    shift = (20.3, -11.6)
+    t0, t1, _ = remeasure(shift, wear=0.3, noise_um=0.05)
+    registration = register(t0, t1, maximum_shift_mm=0.1)
+    assert error_in_elements(registration, shift) < 0.03
+
+
 @pytest.mark.parametrize("turn", [0.3, -1.2, 2.0])
 def test_rotation_is_recovered(remeasure, turn):
     shift = (20.3, -11.6)

@@ -192,6 +192,15 @@ def test_rank_correlation_agrees_with_scipy(seed):
     assert result["p_value"].between(0, 1).all()
 
 
+def test_interval_lies_around_a_middling_correlation():
+    data = table(n=12)
+    data["loss_fraction"] = data["pressure_MPa"] + 40 * data["loss_fraction"]
+    first = rank_correlations(data, generator=np.random.default_rng(0)).iloc[0]
+    assert 0.5 < first["value"] < 0.98
+    assert 0 < first["low"] < first["value"] < first["high"] <= 1
+    assert 0 < first["p_value"] < 0.05
+
+
 def test_same_seed_same_table():
     runs = [rank_correlations(table(n=12), generator=np.random.default_rng(5)) for _ in range(2)]
     pd.testing.assert_frame_equal(*runs)

@@ -1,0 +1,77 @@
+"""Planes: exact on planes, and what is left has none."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gstlib.errors import InputError
+from gstlib.preprocess.leveling import Plane, fit_plane, remove_plane
+from gstlib.surface import make_surface
+
+slopes = st.floats(-0.5, 0.5)
+shapes = st.tuples(st.integers(2, 12), st.integers(2, 12))
+
+
+def plane_surface(shape, offset, slope_y, slope_x, spacing=(0.02, 0.05), origin=(1.0, -3.0)):
+    surface = make_surface(np.zeros(shape), spacing, origin=origin)
+    return surface.copy(data=Plane(offset, slope_y, slope_x).heights(surface).values)
+
+
+@given(shapes, st.floats(-100, 100), slopes, slopes)
+def test_exact_on_planes(shape, offset, slope_y, slope_x):
+    plane = fit_plane(plane_surface(shape, offset, slope_y, slope_x))
+    assert plane.offset == pytest.approx(offset, abs=1e-10)
+    assert plane.slope_y == pytest.approx(slope_y, abs=1e-10)
+    assert plane.slope_x == pytest.approx(slope_x, abs=1e-10)
+
+
+@given(st.floats(-100, 100), slopes, slopes, st.integers(0, 1000))
+def test_result_does_not_depend_on_the_plane(offset, slope_y, slope_x, seed):
+    rng = np.random.default_rng(seed)
+    rough = rng.normal(scale=1e-2, size=(9, 7))
+    rough[rng.uniform(size=rough.shape) < 0.2] = math.nan
+    tilted = plane_surface((9, 7), offset, slope_y, slope_x)
+    level, _ = remove_plane(tilted + rough)
+    expected, _ = remove_plane(tilted.copy(data=rough))
+    np.testing.assert_allclose(level.values, expected.values, atol=1e-12)
+    again = fit_plane(level)
+    assert max(map(abs, (again.offset, again.slope_y, again.slope_x))) < 1e-12
+
+
+@given(st.integers(0, 1000))
+def test_agrees_with_a_general_least_squares_solver(seed):
+    rng = np.random.default_rng(seed)
+    surface = make_surface(rng.normal(size=(6, 8)), (0.1, 0.3))
+    mask = rng.uniform(size=(6, 8)) < 0.6
+    mask[:2, :2] = True
+    plane = fit_plane(surface, mask)
+    y, x = np.meshgrid(surface.y - 0.3, surface.x - 1.2, indexing="ij")
+    matrix = np.stack([np.ones_like(x), y, x], axis=-1)
+    expected = np.linalg.lstsq(matrix[mask], surface.values[mask])[0]
+    np.testing.assert_allclose((plane.offset, plane.slope_y, plane.slope_x), expected, atol=1e-9)
+
+
+def test_tilt_and_its_sign():
+    plane = fit_plane(plane_surface((5, 5), 0, 0.002, -0.001))
+    assert plane.tilt_y_mrad == pytest.approx(2.0, rel=1e-5)
+    assert plane.tilt_x_mrad == pytest.approx(-1.0, rel=1e-5)
+
+
+def test_attributes_and_grid_stay():
+    surface = plane_surface((4, 5), 1, 0.1, 0.1).assign_attrs(file="a.plu")
+    level, _ = remove_plane(surface)
+    assert level.attrs == surface.attrs
+    assert level.x.attrs == surface.x.attrs
+    assert np.ptp(surface.values) > 0  # the one given is left as it was
+
+
+def test_too_few_points():
+    surface = make_surface(np.full((4, 4), math.nan), 1.0, file="a.plu")
+    surface[1, :] = 1.0
+    with pytest.raises(InputError, match=r"a\.plu: a plane cannot be fitted to 4"):
+        fit_plane(surface)
+    with pytest.raises(InputError, match="cannot be fitted to 0"):
+        fit_plane(surface, np.zeros((4, 4), bool))

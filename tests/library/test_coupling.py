@@ -1,0 +1,130 @@
+"""Coupling: forces are shared out without loss, wherever and however a footprint lies."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gstlib.coupling import footprint_weights, patch_pressures, select_patches
+from gstlib.surface import make_surface
+
+GRID = make_surface(np.zeros((20, 24)), (0.25, 0.2))  # 5 mm × 4.8 mm
+
+
+def pressure_field(seed):
+    rng = np.random.default_rng(seed)
+    values = rng.exponential(20.0, GRID.shape) * (rng.uniform(size=GRID.shape) < 0.3)
+    return GRID.copy(data=values)
+
+
+def area(weights):
+    return weights.sum() * 0.25 * 0.2
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(1.5, 3.5), st.floats(1.5, 3.3), st.floats(0.01, 1.8), st.floats(-180, 180))
+def test_footprint_inside_has_its_whole_area(y, x, size, rotation):
+    weights = footprint_weights(GRID, x, y, size, rotation)
+    assert area(weights) == pytest.approx(size**2, rel=1e-9)
+    assert weights.min() >= 0
+    assert weights.max() <= 1 + 1e-12
+
+
+def test_unturned_footprint_is_the_product_of_its_overlaps():
+    weights = footprint_weights(GRID, x=1.23, y=2.71, size=0.85)
+    overlap_y, overlap_x = (
+        np.clip(np.minimum(c + d / 2, m + 0.425) - np.maximum(c - d / 2, m - 0.425), 0, None) / d
+        for c, d, m in ((GRID.y.values, 0.25, 2.71), (GRID.x.values, 0.2, 1.23))
+    )
+    np.testing.assert_allclose(weights, np.outer(overlap_y, overlap_x), atol=1e-12)
+
+
+def test_rotation_turns_x_towards_y():
+    grid = make_surface(np.zeros((200, 200)), 0.025)
+    weights = footprint_weights(grid, x=2.5, y=2.5, size=2.0, rotation_deg=30)
+    corner = 2.5 + np.array([[np.cos(np.radians(75)), np.sin(np.radians(75))]]) * np.sqrt(2)
+    column, row = ((corner - 0.02) / 0.025).astype(int)[0]
+    assert weights[row - 2, column] > 0  # the corner (1, 1) is now at 75° from x
+    assert weights[column - 2, row] == 0  # and not at 15°
+    quarter = footprint_weights(grid, x=2.5, y=2.5, size=2.0, rotation_deg=120)
+    np.testing.assert_allclose(weights, quarter, atol=1e-9)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.integers(0, 1000),
+    st.floats(0.4, 2.0),
+    st.floats(-1, 1),
+    st.floats(-1, 1),
+    st.floats(-90, 90),
+)
+def test_footprints_that_tile_share_out_all_of_the_force(seed, size, shift_x, shift_y, rotation):
+    pressure = pressure_field(seed)
+    angle = np.radians(rotation)
+    count = int(np.ceil(5 / size)) + 2
+    places = size * np.stack(np.meshgrid(*2 * [np.arange(-count, count + 1)]), -1).reshape(-1, 2)
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    x, y = (places @ turn + (2.4 + shift_x, 2.5 + shift_y)).T
+    near = np.hypot(x - 2.4, y - 2.5) < 3.6 + size
+    patches = pd.DataFrame(
+        {"patch": np.arange(near.sum()).astype(str), "x_mm": x[near], "y_mm": y[near]}
+    ).assign(rotation_deg=rotation)
+    table = patch_pressures(pressure, patches, size_mm=size)
+    total = float(pressure.sum()) * 0.25 * 0.2
+    assert table.force_N.sum() == pytest.approx(total, rel=1e-9)
+    np.testing.assert_allclose(table.pressure_MPa, table.force_N / size**2)
+
+
+def test_uniform_pressure_comes_through():
+    patches = pd.DataFrame({"patch": ["a"], "x_mm": [1.234], "y_mm": [3.21]})
+    uniform = GRID.copy(data=np.full(GRID.shape, 22.0))
+    row = patch_pressures(uniform, patches, size_mm=0.85).iloc[0]
+    assert row.pressure_MPa == pytest.approx(22.0)
+    assert row.contact_fraction == pytest.approx(1.0)
+    assert row.peak_pressure_MPa == 22.0
+    assert row.force_N == pytest.approx(22.0 * 0.85**2)
+
+
+def test_patch_without_contact():
+    pressure = GRID.copy()
+    pressure[2, 2] = 50.0
+    patches = pd.DataFrame({"patch": ["far"], "x_mm": [4.0], "y_mm": [4.0]})
+    row = patch_pressures(pressure, patches, size_mm=0.85).iloc[0]
+    assert row.pressure_MPa == row.contact_fraction == row.peak_pressure_MPa == 0
+
+
+class TestSelection:
+    pressures = pd.DataFrame({"patch": list("12345"), "pressure_MPa": [0.0, 0.5, 8.0, 22.0, 70.0]})
+    registration = pd.DataFrame(
+        {
+            "patch": list("1345"),
+            "overlap": [0.52, 0.52, 0.95, np.nan],
+            "correlation": [0.99, 0.3, 0.99, 0.99],
+        }
+    )
+
+    def select(self, registration):
+        return select_patches(
+            self.pressures,
+            registration,
+            minimum_pressure_MPa=1.0,
+            minimum_overlap=0.8,
+            minimum_correlation=0.6,
+        )
+
+    def test_reasons(self):
+        table = self.select(self.registration)
+        assert list(table.reason) == [
+            "no macroscale contact; T0/T1 overlap 0.52 below 0.80",
+            "pressure 0.5 below 1 MPa",
+            "T0/T1 overlap 0.52 below 0.80; T0/T1 correlation 0.30 below 0.60",
+            "",
+            "T0/T1 overlap nan below 0.80",
+        ]
+        assert list(table.in_study) == [False, False, False, True, False]
+
+    def test_without_t1_the_pressure_decides(self):
+        table = self.select(None)
+        assert list(table.in_study) == [False, False, True, True, True]
+        assert list(table.reason[:2]) == ["no macroscale contact", "pressure 0.5 below 1 MPa"]
