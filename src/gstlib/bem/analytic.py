@@ -69,7 +69,7 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Ellipsoid:
-    """Hertz: principal radii `radius_x` ≠ `radius_y` (mm) under `force`. Johnson, eqs. 4.25-4.26."""
+    """Hertz: radii `radius_x` ≠ `radius_y` (mm) under `force` (N). Johnson, eqs. 4.25-4.26."""
 
     force: float
     radius_x: float
@@ -260,7 +260,7 @@ def crossed_waves_full_contact_pressure(amplitude, wavelength, contact_modulus) 
 def full_contact_rms_pressure(rms_gradient, contact_modulus) -> float:
     """Standard deviation of pressure (MPa) in full contact with a rough surface: E* h'rms / 2.
 
-    Each wave vector q of the surface takes the pressure E*|q|/2 per unit of height (Johnson, §13.2).
+    Each wave vector q of the surface takes the pressure E*|q|/2 per height (Johnson, §13.2).
     """
     return 0.5 * contact_modulus * rms_gradient
 
@@ -268,8 +268,8 @@ def full_contact_rms_pressure(rms_gradient, contact_modulus) -> float:
 def love_rectangle_displacement(x, y, sides, pressure, contact_modulus):
     """Displacement (mm) at (x, y) on the surface under a uniform pressure on a rectangle.
 
-    Love; Johnson, eq. 3.25. `sides` (mm) are the rectangle's lengths along x and y; its centre is the
-    origin. Not on the edges' lines themselves.
+    Love; Johnson, eq. 3.25. `sides` (mm) are the rectangle's lengths along x and y, its centre is
+    the origin. Not on the edges' lines themselves.
     """
     left, right = x + sides[0] / 2, x - sides[0] / 2
     top, bottom = y + sides[1] / 2, y - sides[1] / 2

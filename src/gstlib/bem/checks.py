@@ -9,6 +9,7 @@ from .errors import InvalidContactInput
 __all__ = [
     "checked_heights",
     "checked_level",
+    "checked_limit",
     "checked_modulus",
     "checked_spacing",
     "checked_tolerance",
@@ -60,6 +61,14 @@ def checked_level(name: str, value, unit: str) -> float:
     if not 0 <= number < math.inf:
         raise InvalidContactInput(f"{name} must be finite and not negative ({unit}), got {value}")
     return number
+
+
+def checked_limit(pressure_limit) -> float:
+    """Ceiling on the pressure (MPa): positive, infinite for none."""
+    limit = _number("pressure_limit", pressure_limit, "MPa")
+    if not limit > 0:
+        raise InvalidContactInput(f"pressure_limit must be positive (MPa), got {pressure_limit}")
+    return limit
 
 
 def checked_heights(heights) -> np.ndarray:

@@ -6,13 +6,14 @@ that the steps divide; the others follow downwards, each started from the one ab
 exact tangent dp/dδ.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from .checks import checked_level, checked_tolerance
 from .errors import InvalidContactInput, UnreachableTargetError
-from .solver import ContactProblem, ContactState, warn_at_border
+from .solver import MAX_ITERATIONS, ContactProblem, ContactState, warn_at_border
 
 __all__ = ["LoadPath", "load_path"]
 
@@ -62,7 +63,8 @@ def load_path(
     steps=20,
     tolerance=1e-6,
     maximum_displacement=None,
-    max_iterations=500,
+    pressure_limit=math.inf,
+    max_iterations=MAX_ITERATIONS,
     workers=1,
     keep_states=False,
     progress=None,
@@ -71,7 +73,7 @@ def load_path(
 
     Parameters
     ----------
-    heights, spacing, contact_modulus, tolerance, max_iterations, workers
+    heights, spacing, contact_modulus, tolerance, pressure_limit, max_iterations, workers
         As in :func:`gstlib.bem.solve_contact`.
     target_pressure : float
         Mean pressure of the last state (MPa), > 0; met to rounding.
@@ -103,10 +105,14 @@ def load_path(
     DomainTooSmallWarning
         Contact at the target reaches the border of the grid.
     """
-    problem = ContactProblem(heights, spacing, contact_modulus, workers)
+    problem = ContactProblem(heights, spacing, contact_modulus, workers, pressure_limit)
     target_pressure = checked_level("target_pressure", target_pressure, "MPa")
     if target_pressure == 0:
         raise InvalidContactInput("target_pressure must be positive (MPa), got 0")
+    if target_pressure >= problem.pressure_limit:
+        raise InvalidContactInput(
+            f"target_pressure {target_pressure} MPa is not below pressure_limit {pressure_limit}"
+        )
     if not isinstance(steps, (int, np.integer)) or steps < 1:
         raise InvalidContactInput(f"steps must be an integer of at least 1, got {steps!r}")
     controls = {"tolerance": checked_tolerance(tolerance), "max_iterations": max_iterations}
@@ -135,7 +141,7 @@ def load_path(
                 initial_pressure=np.sqrt(np.maximum(squared, 0.0)),
                 **controls,
             )
-        tangent, stiffness[index] = problem.tangent(state.contact, tangent)
+        tangent, stiffness[index] = problem.tangent(state.elastic_contact, tangent)
         summary[index] = (
             state.mean_pressure,
             state.contact_fraction,

@@ -1,21 +1,24 @@
 """Stick and slip under a tangential load, from two frictionless solutions.
 
-With Coulomb friction μ and a tangential force Q that grows at constant normal force P, the tractions
-are q = μ [p(P) − p(P₀)], P₀ = P − Q/μ: full friction less that of the contact under the reduced load.
-That smaller contact sticks; the rest of the contact slips. Exact in two dimensions and for
-uncoupled normal and tangential problems of similar bodies; in three dimensions it neglects the
-displacement across the load, which vanishes with Poisson's ratio.
+With Coulomb friction μ and a tangential force Q that grows at constant normal force P, the
+tractions are q = μ [p(P) − p(P₀)], P₀ = P − Q/μ: full friction less that of the contact under the
+reduced load. That smaller contact sticks; the rest of the contact slips.
+
+ASSUME: the bodies are elastically similar, so that tangential tractions do not press them apart,
+and the displacement across the tangential load is neglected (it vanishes with Poisson's ratio).
 
 Sources: M. Ciavarella, Int. J. Solids Struct. 35 (1998) 2349; J. Jäger, Arch. Appl. Mech. 68 (1998)
 247.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from .checks import checked_tolerance
 from .errors import InvalidContactInput
-from .solver import ContactState, solve_contact
+from .solver import MAX_ITERATIONS, ContactProblem, ContactState
 
 __all__ = ["SlipState", "solve_slip"]
 
@@ -81,7 +84,8 @@ def solve_slip(
     Raises
     ------
     InvalidContactInput
-        Friction not positive, a ratio outside [0, 1], a normal contact without load.
+        Friction not positive, a ratio outside [0, 1], a normal contact without load or with a
+        pressure limit.
     """
     if not friction > 0:
         raise InvalidContactInput(f"friction must be positive, got {friction}")
@@ -93,18 +97,20 @@ def solve_slip(
         raise InvalidContactInput(f"poisson must lie in (-1, 0.5], got {poisson}")
     if not normal.mean_pressure > 0:
         raise InvalidContactInput("the normal contact carries no load")
+    if normal.pressure_limit < math.inf:
+        raise InvalidContactInput(
+            "the normal contact has a pressure limit: stick and slip need none"
+        )
     if tangential_ratio == 0:
         reduced = normal
     else:
         remaining = 1 - tangential_ratio
-        reduced = solve_contact(
-            heights,
-            spacing,
-            contact_modulus,
+        # The contact itself has been warned of, if it reaches the border; this one is smaller.
+        reduced = ContactProblem(heights, spacing, contact_modulus, workers).solve(
             mean_pressure=remaining * normal.mean_pressure,
             initial_pressure=remaining * normal.pressure,
-            tolerance=tolerance,
-            workers=workers,
+            tolerance=checked_tolerance(tolerance),
+            max_iterations=MAX_ITERATIONS,
         )
     traction = friction * (normal.pressure - reduced.pressure)
     stick = reduced.contact & normal.contact

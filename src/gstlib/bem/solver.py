@@ -26,6 +26,7 @@ import numpy as np
 from .checks import (
     checked_heights,
     checked_level,
+    checked_limit,
     checked_modulus,
     checked_spacing,
     checked_tolerance,
@@ -35,6 +36,8 @@ from .halfspace import HalfSpace
 
 __all__ = ["ContactState", "solve_contact"]
 
+# Iterations allowed on each grid; rough surfaces take tens.
+MAX_ITERATIONS = 500
 # Longest side of the coarsest grid, where a cold start costs next to nothing.
 _COARSEST = 64
 # Tolerance on coarse grids: they differ from the next by more than this anyway.
@@ -82,6 +85,9 @@ class ContactState:
         any pressure field of the same load could still gain.
     history : tuple of float
         Residual of each iteration on the finest grid, as the recurrence had it.
+    pressure_limit : float
+        The ceiling asked for (MPa). Where the pressure is at it, −gap is the depth by which the
+        surface has yielded, and no violation.
     """
 
     pressure: np.ndarray
@@ -94,6 +100,18 @@ class ContactState:
     residual: float
     duality_gap: float
     history: tuple[float, ...]
+    pressure_limit: float = math.inf
+
+    @property
+    def ceiling_share(self) -> float:
+        """Share of the contact whose pressure is at the limit; 0 without contact."""
+        contact = np.count_nonzero(self.pressure)
+        return float(np.count_nonzero(self.pressure >= self.pressure_limit) / max(contact, 1))
+
+    @property
+    def elastic_contact(self) -> np.ndarray:
+        """Mask of the contact below the limit; bool, shape (ny, nx)."""
+        return self.contact & (self.pressure < self.pressure_limit)
 
     @property
     def contact(self) -> np.ndarray:
@@ -109,8 +127,9 @@ def solve_contact(
     displacement=None,
     mean_pressure=None,
     initial_pressure=None,
+    pressure_limit=math.inf,
     tolerance=1e-6,
-    max_iterations=500,
+    max_iterations=MAX_ITERATIONS,
     workers=1,
 ) -> ContactState:
     """Contact at a given displacement or under a given mean pressure.
@@ -130,6 +149,10 @@ def solve_contact(
     initial_pressure : array_like, shape (ny, nx), optional
         Start from this pressure (MPa) on the finest grid; by default, from coarser grids.
         Changes the cost, not the solution.
+    pressure_limit : float
+        Ceiling on the pressure, as a hardness (MPa): the elastic, perfectly plastic contact
+        p ≤ H of Almqvist et al. (Tribol. Int. 40 (2007) 574). Infinite by default.
+        ASSUME: that a stone's strength acts as such a ceiling.
     tolerance : float
         Asked of `residual`, see :class:`ContactState`. About 1e-12 is the floor of float64.
     max_iterations : int
@@ -144,7 +167,8 @@ def solve_contact(
     Raises
     ------
     InvalidContactInput
-        Heights with holes or not two-dimensional, a negative or missing load, a wrong shape...
+        Heights with holes or not two-dimensional, a negative or missing load, a wrong shape, a
+        mean pressure not below the limit...
     ConvergenceError
         The tolerance was not reached.
 
@@ -164,13 +188,17 @@ def solve_contact(
     >>> state.contact_fraction
     1.0
     """
-    problem = ContactProblem(heights, spacing, contact_modulus, workers)
+    problem = ContactProblem(heights, spacing, contact_modulus, workers, pressure_limit)
     if (displacement is None) == (mean_pressure is None):
         raise InvalidContactInput("give exactly one of displacement (mm) and mean_pressure (MPa)")
     if displacement is not None:
         displacement = checked_level("displacement", displacement, "mm")
     else:
         mean_pressure = checked_level("mean_pressure", mean_pressure, "MPa")
+        if mean_pressure >= problem.pressure_limit:
+            raise InvalidContactInput(
+                f"mean_pressure {mean_pressure} MPa is not below pressure_limit {pressure_limit}"
+            )
     if initial_pressure is not None:
         initial_pressure = _checked_initial(initial_pressure, problem.half_space.shape)
     state = problem.solve(
@@ -187,8 +215,9 @@ def solve_contact(
 class ContactProblem:
     """One surface and one half-space, to be solved at several loads. Checks heights once."""
 
-    def __init__(self, heights, spacing, contact_modulus, workers=1):
+    def __init__(self, heights, spacing, contact_modulus, workers=1, pressure_limit=math.inf):
         heights = checked_heights(heights)
+        self.pressure_limit = checked_limit(pressure_limit)
         self.half_space = HalfSpace(
             heights.shape, checked_spacing(spacing), checked_modulus(contact_modulus), workers
         )
@@ -208,7 +237,19 @@ class ContactProblem:
         """Solve at one load; arguments as of :func:`solve_contact`, already checked."""
         shape = self.half_space.shape
         if displacement == 0 or mean_pressure == 0:
-            return ContactState(np.zeros(shape), -self._relief, 0.0, 0.0, 0.0, 0, 0, 0.0, 0.0, ())
+            return ContactState(
+                pressure=np.zeros(shape),
+                gap=-self._relief,
+                displacement=0.0,
+                mean_pressure=0.0,
+                contact_fraction=0.0,
+                iterations=0,
+                convolutions=0,
+                residual=0.0,
+                duality_gap=0.0,
+                history=(),
+                pressure_limit=self.pressure_limit,
+            )
         total = None if mean_pressure is None else mean_pressure * math.prod(shape)
         if initial_pressure is None or (mean_pressure is not None and not initial_pressure.any()):
             initial_pressure = self._start(displacement, mean_pressure, max_iterations)
@@ -246,6 +287,7 @@ class ContactProblem:
             (2 * dy, 2 * dx),
             self.half_space.contact_modulus,
             self.half_space.workers,
+            self.pressure_limit,
         )
         # δ is counted from the summit of the finest grid, which averaging lowers.
         coarse._relief = relief
@@ -279,17 +321,22 @@ class ContactProblem:
 
     def _recompute(self, pressure, displacement, total, history, before):
         """State of a pressure field, by a convolution of its own, and the surface displacement."""
+        pressure = np.minimum(pressure, self.pressure_limit)
         if total is not None:
-            pressure = pressure * (total / pressure.sum())
+            # Along itself: scaled, but for what is at the limit.
+            pressure = _balanced(pressure, pressure, total, self.pressure_limit)
         force = pressure.sum()
         field = self.half_space.displacement(pressure) if force > 0 else np.zeros_like(pressure)
         gap = field - self._relief
         if total is not None:
-            displacement = float(np.vdot(pressure, gap) / force)
+            displacement = self._displacement(pressure, gap)
         gap -= displacement
         contact = pressure > 0
-        violation = np.maximum(-gap, np.abs(gap) * contact).max()
-        virtual_work = np.vdot(pressure, gap) - force * min(gap.min(), 0.0)
+        # Either the gap is open where there is pressure, or closed where there could be more.
+        opened = (gap * contact).max()
+        closed = -(gap * (pressure < self.pressure_limit)).min()
+        violation = max(opened, closed)
+        virtual_work = np.vdot(pressure, gap) - _least_work(gap, force, self.pressure_limit)
         state = ContactState(
             pressure=pressure,
             gap=gap,
@@ -301,8 +348,17 @@ class ContactProblem:
             residual=float(violation / displacement),
             duality_gap=float(virtual_work / np.vdot(pressure, field)) if force > 0 else math.inf,
             history=tuple(history),
+            pressure_limit=self.pressure_limit,
         )
         return state, field
+
+    def _displacement(self, pressure, opening):
+        """δ at which the contact closes, from the opening Kp + (h_max − h) of each element."""
+        elastic = pressure * (pressure < self.pressure_limit)
+        if elastic.any():
+            return float(np.vdot(elastic, opening) / elastic.sum())
+        # All contact is at the limit: any δ from here to the next touch would do.
+        return float(opening[pressure > 0].max())
 
     def _descend(
         self, candidates, pressure, field, displacement, total, tolerance, history, max_iterations
@@ -319,10 +375,12 @@ class ContactProblem:
             grid.reshape(-1)[candidates] = values
             return operator(grid).reshape(-1)[candidates]
 
+        limit = self.pressure_limit
+
         def admissible(values, lift):
             if total is None:
-                return np.maximum(values, 0.0)
-            return _balanced(values, lift, total)
+                return np.clip(values, 0.0, limit)
+            return _balanced(values, lift, total, limit)
 
         relief = self._relief.reshape(-1)[candidates]
         convolved = pressure
@@ -332,9 +390,9 @@ class ContactProblem:
         lowest_energy, cautious = math.inf, 0
         while len(history) < max_iterations:
             if total is not None:
-                displacement = np.vdot(pressure, field - relief) / pressure.sum()
+                displacement = self._displacement(pressure, field - relief)
             penetration = relief + displacement - field
-            free = (pressure > 0) | (penetration > 0)
+            free = np.where(penetration > 0, pressure < limit, pressure > 0)
             history.append(float(np.abs(penetration[free]).max(initial=0.0) / displacement))
             if history[-1] <= tolerance:
                 break
@@ -348,9 +406,10 @@ class ContactProblem:
                     lift = np.maximum(lift, _LEAST_LIFT * lift.max()) * free
                 direction -= lift * (direction.sum() / lift.sum())
             preconditioned = direction
-            # Directions whose displacement is known already: the last change and, unless the load is
-            # kept, the pressure itself, which sets the level of the whole.
-            level = [(convolved, field)] if total is None and convolved.any() else []
+            # Directions whose displacement is known already: the last change and, unless load or
+            # limit hold it, the pressure itself, which sets the level of the whole.
+            scalable = total is None and 0 < convolved.max() < limit
+            level = [(convolved, field)] if scalable else []
             known = level if change is None else [(change, change_field), *level]
             if known:
                 weights = _weights(known, [np.vdot(direction, image) for _, image in known])
@@ -368,6 +427,7 @@ class ContactProblem:
             if not change.any():
                 break  # stuck at rounding; the recomputed residual will tell
             change_field = apply(half_space.displacement, change)
+            # The exact line search along the change alone...
             scale = np.vdot(penetration, change) / np.vdot(change, change_field)
             if cautious:
                 # Between one admissible pressure and another: admissible, and of less energy.
@@ -377,17 +437,21 @@ class ContactProblem:
                 field = field + scale * change_field
                 change = None
                 continue
+            # ... and together with the level.
             steps = [(change, change_field), *level]
             weights = _weights(steps, [np.vdot(vector, penetration) for vector, _ in steps])
-            if not 0 < weights[0] or abs(weights[1:]).sum() > _LARGE_LEVEL:
-                weights = np.array([max(scale, 0.0) or 1.0] + [0.0] * len(level))
+            if weights[0] <= 0 or abs(weights[1:]).sum() > _LARGE_LEVEL:
+                weights = np.array([scale if scale > 0 else 1.0, *[0.0] * len(level)])
             step = min(max(weights[0] * step, 0.3), 3.0)
 
             change, change_field = _sum(weights, steps)
             convolved = convolved + change
             field = field + change_field
-            kept = trial > 0
-            pressure = admissible(convolved * kept, None if lift is None else lift * kept)
+            # What the trial cut stays at its bound.
+            inside = (trial > 0) & (trial < limit)
+            pressure = admissible(
+                np.where(inside, convolved, trial), None if lift is None else lift * inside
+            )
             cut = pressure - convolved
             if np.abs(cut).max() > _LARGE_CUT * np.abs(change).max():
                 field = field + apply(half_space.displacement, cut)
@@ -406,7 +470,7 @@ class ContactProblem:
         Parameters
         ----------
         contact : ndarray of bool, shape (ny, nx)
-            Elements in contact; at least one.
+            Elements whose pressure follows the displacement.
         start : ndarray, shape (ny, nx), optional
             A tangent to start from.
 
@@ -420,12 +484,14 @@ class ContactProblem:
         half_space = self.half_space
         elements = np.flatnonzero(contact)
         grid = np.zeros(contact.shape)
+        if not elements.size:
+            return grid, 0.0
 
         def apply(operator, values):
             grid.reshape(-1)[elements] = values
             return operator(grid).reshape(-1)[elements]
 
-        if start is None:
+        if start is None or not start[contact].any():
             solution = apply(self._inverse, np.ones(elements.size))
         else:
             solution = start.reshape(-1)[elements]
@@ -463,24 +529,36 @@ def _sum(weights, pairs):
     )
 
 
-def _balanced(trial, lift, total):
-    """max(trial + c·lift, 0) with the number c for which its sum is `total`; lift ≥ 0."""
-    # The sum is convex and increasing in c, so Newton's method converges from any c at which it
-    # increases, and from the right after the first step.
+def _balanced(trial, lift, total, limit):
+    """clip(trial + c·lift, 0, limit) with the number c for which its sum is `total`; lift ≥ 0."""
+    pressure = np.clip(trial, 0.0, limit)
+    moving = lift > 0
+    if not moving.any():
+        return pressure
+    low = (-trial[moving] / lift[moving]).min()
+    high = ((min(total, limit) - trial[moving]) / lift[moving]).max()
     shift = 0.0
-    for _ in range(100):
-        pressure = np.maximum(trial + shift * lift, 0.0)
+    for _ in range(200):
         excess = pressure.sum() - total
         if abs(excess) <= 1e-14 * total:
             break
-        slope = lift[pressure > 0].sum()
-        if slope > 0:
-            shift -= excess / slope
-        else:
-            # Nothing carries load: go to where the first element would carry all of it.
-            loaded = lift > 0
-            shift = ((total - trial[loaded]) / lift[loaded]).min()
+        # The sum increases with c, piece by piece linear: Newton's method, kept between bounds.
+        low, high = (low, shift) if excess > 0 else (shift, high)
+        slope = lift[(pressure > 0) & (pressure < limit)].sum()
+        shift = shift - excess / slope if slope > 0 else math.inf
+        if not low < shift < high:
+            shift = 0.5 * (low + high)
+        pressure = np.clip(trial + shift * lift, 0.0, limit)
     return pressure
+
+
+def _least_work(gap, force, limit):
+    """Least Σ s·g of the fields 0 ≤ s ≤ limit with the sum `force`, or 0 if that is less."""
+    if limit == math.inf:
+        return force * min(gap.min(), 0.0)
+    full, rest = divmod(force / limit, 1)
+    lowest = np.sort(gap, axis=None)[: int(full) + 1]
+    return min(limit * (lowest[: int(full)].sum() + rest * lowest[-1]), 0.0)
 
 
 def _checked_initial(initial_pressure, shape):

@@ -1,5 +1,5 @@
 import sys
 from pathlib import Path
 
-# `reference.py` beside this file, importable whatever the import mode of pytest.
+# `bem_reference.py` beside this file, importable whatever the import mode of pytest.
 sys.path.insert(0, str(Path(__file__).parent))

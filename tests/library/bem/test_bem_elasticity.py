@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from reference import influence
+from bem_reference import influence
 
 from gstlib.bem import InvalidContactInput, contact_modulus
 from gstlib.bem.elasticity import love_kernel

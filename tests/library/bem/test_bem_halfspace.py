@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from reference import dense_matrix
+from bem_reference import dense_matrix
 
 from gstlib.bem import HalfSpace, InvalidContactInput
 

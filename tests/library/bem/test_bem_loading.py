@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from reference import MODULUS, self_affine, sphere
+from bem_reference import MODULUS, self_affine, sphere
 
 from gstlib.bem import InvalidContactInput, UnreachableTargetError, load_path, solve_contact
 
@@ -106,7 +106,7 @@ def test_progress_is_told_every_state():
 
 def test_target_beyond_the_allowed_displacement():
     reached = solve_contact(HEIGHTS, SPACING, MODULUS, displacement=0.005).mean_pressure
-    with pytest.raises(UnreachableTargetError, match="0.005") as caught:
+    with pytest.raises(UnreachableTargetError, match=r"0\.005 mm") as caught:
         load_path(
             HEIGHTS, SPACING, MODULUS, target_pressure=2 * reached, maximum_displacement=0.005
         )

@@ -1,0 +1,230 @@
+"""The solver against closed forms, with rates of convergence; closed forms against each other."""
+
+import math
+
+import numpy as np
+import pytest
+from bem_reference import MODULUS, influence, self_affine
+
+from gstlib.bem import HalfSpace, load_path, solve_contact
+from gstlib.bem.analytic import (
+    SQUARE_PUNCH_STIFFNESS,
+    CircularPunch,
+    Cone,
+    Ellipsoid,
+    MindlinSphere,
+    Sphere,
+    Wave,
+    crossed_waves_full_contact_pressure,
+    full_contact_rms_pressure,
+    love_rectangle_displacement,
+)
+
+pytestmark = pytest.mark.filterwarnings("ignore::gstlib.bem.DomainTooSmallWarning")
+
+
+def centred(n, spacing):
+    at = (np.arange(n) - (n - 1) / 2) * spacing
+    return np.meshgrid(at, at)
+
+
+def integral(pressure, half, n=2000):
+    spacing = 2 * half / n
+    x, y = centred(n, spacing)
+    return pressure(x, y).sum() * spacing**2
+
+
+@pytest.mark.parametrize(
+    ("contact", "half"),
+    [
+        (Sphere(20.0, 10.0, MODULUS), 0.3),
+        (Ellipsoid(20.0, 10.0, 3.0, MODULUS), 0.3),
+        (Cone(20.0, 1.4, MODULUS), 0.2),
+        (CircularPunch(20.0, 0.2, MODULUS), 0.2),
+    ],
+)
+def test_pressures_carry_the_force(contact, half):
+    assert integral(contact.pressure, half) == pytest.approx(20.0, rel=5e-3)
+
+
+def test_numbers_of_hertz():
+    # Computed by hand from Johnson's formulas for P = 1 N, R = 1 mm, E* = 0.75 MPa: a = 1 mm.
+    sphere = Sphere(1.0, 1.0, 0.75)
+    assert sphere.contact_radius == pytest.approx(1)
+    assert sphere.displacement == pytest.approx(1)
+    assert sphere.peak_pressure == pytest.approx(1.5 / math.pi)
+    assert sphere.stiffness == pytest.approx(1.5)
+
+
+def test_ellipsoid_tends_to_the_sphere_and_turns():
+    sphere = Sphere(20.0, 10.0, MODULUS)
+    nearly = Ellipsoid(20.0, 10.0, 10.0001, MODULUS)
+    assert nearly.semi_axes == pytest.approx([sphere.contact_radius] * 2, rel=1e-4)
+    assert nearly.displacement == pytest.approx(sphere.displacement, rel=1e-4)
+    assert nearly.peak_pressure == pytest.approx(sphere.peak_pressure, rel=1e-4)
+    assert Ellipsoid(1, 2, 5, 1).semi_axes == Ellipsoid(1, 5, 2, 1).semi_axes[::-1]
+
+
+def test_cone_work_is_consistent():
+    # dP/dδ = 2E*a for any contact of revolution.
+    low, high = Cone(20.0, 1.4, MODULUS), Cone(20.002, 1.4, MODULUS)
+    stiffness = 0.002 / (high.displacement - low.displacement)
+    assert stiffness == pytest.approx(2 * MODULUS * low.contact_radius, rel=1e-3)
+
+
+def solved(heights, spacing, force, **options):
+    mean = force / (heights.size * spacing**2)
+    return solve_contact(heights, spacing, MODULUS, mean_pressure=mean, tolerance=1e-8, **options)
+
+
+@pytest.mark.parametrize("grids", [(48, 96, 192)])
+def test_ellipsoid_converges(grids):
+    exact = Ellipsoid(20.0, 12.0, 4.0, MODULUS)
+    side = 2.6 * max(exact.semi_axes)
+    errors = []
+    for n in grids:
+        spacing = side / n
+        x, y = centred(n, spacing)
+        state = solved(-(x**2) / 24 - y**2 / 8, spacing, 20.0)
+        difference = state.pressure - exact.pressure(x, y)
+        summit = spacing**2 / 4 * (1 / 24 + 1 / 8)
+        errors.append(
+            (
+                np.sqrt((difference**2).mean()) / exact.peak_pressure,
+                abs((state.displacement + summit) / exact.displacement - 1),
+            )
+        )
+    errors = np.array(errors)
+    assert np.all(errors[-1] < [2e-3, 2e-4])
+    assert np.all(np.log2(errors[0] / errors[-1]) / 2 > [0.9, 1.2])
+
+
+def test_cone_converges():
+    exact = Cone(20.0, 1.4, MODULUS)
+    side = 2.6 * exact.contact_radius
+    errors = []
+    for n in (33, 65, 129):  # odd: the tip lies on an element's centre
+        spacing = side / n
+        x, y = centred(n, spacing)
+        state = solved(-np.hypot(x, y) / math.tan(1.4), spacing, 20.0)
+        away = np.hypot(x, y) > 0.2 * exact.contact_radius
+        difference = (state.pressure - exact.pressure(x, y))[away]
+        errors.append(
+            (
+                np.sqrt((difference**2).mean()) / (MODULUS / math.tan(1.4)),
+                abs(state.displacement / exact.displacement - 1),
+            )
+        )
+    errors = np.array(errors)
+    assert np.all(errors[-1] < [5e-3, 4e-3])
+    assert np.all(np.log2(errors[0] / errors[-1]) / 2 > [0.8, 0.8])
+
+
+def test_circular_punch_converges():
+    errors = []
+    for n in (32, 64, 128):
+        spacing = 1.0 / n
+        x, y = centred(n, spacing)
+        heights = np.where(np.hypot(x, y) < 0.45, 0.0, -1.0)
+        state = solve_contact(heights, spacing, MODULUS, displacement=1e-3, tolerance=1e-8)
+        assert np.array_equal(state.contact, heights == 0)
+        # The radius of the circle of as many elements.
+        radius = math.sqrt(np.count_nonzero(state.contact) * spacing**2 / math.pi)
+        exact = CircularPunch(1.0, radius, MODULUS)
+        errors.append(abs(state.mean_pressure / 1e-3 / exact.stiffness - 1))
+    assert errors[-1] < 4e-3
+    assert np.log2(errors[0] / errors[-1]) / 2 > 0.8
+
+
+def test_square_punch_extrapolates_to_the_constant():
+    found = []
+    for n in (32, 64, 128):
+        path = load_path(np.zeros((n, n)), 1 / n, MODULUS, target_pressure=1.0, steps=1)
+        found.append(path.stiffness[0] / MODULUS)
+    errors = SQUARE_PUNCH_STIFFNESS - np.array(found)
+    assert 2 * found[2] - found[1] == pytest.approx(SQUARE_PUNCH_STIFFNESS, abs=1e-4)
+    assert np.log2(errors[:-1] / errors[1:]) == pytest.approx([1, 1], abs=0.05)
+
+
+def test_uniform_rectangle_is_exact_at_element_centres():
+    pressure = np.zeros((40, 30))
+    pressure[10:17, 5:16] = 3.0
+    displacement = HalfSpace((40, 30), (0.1, 0.2), MODULUS).displacement(pressure)
+    y, x = (np.indices((40, 30)) + 0.5) * np.array([0.1, 0.2])[:, None, None]
+    exact = love_rectangle_displacement(x - 2.1, y - 1.35, (2.2, 0.7), 3.0, MODULUS)
+    np.testing.assert_allclose(displacement, exact, rtol=1e-11)
+    assert love_rectangle_displacement(0.3, 0.2, (0.5, 0.7), 1.0, MODULUS) == pytest.approx(
+        influence(0.2, 0.3, 0.7, 0.5)
+    )
+
+
+def test_wave_in_the_middle_of_a_large_free_domain():
+    # A free half-space is no periodic one: pressure rises to the borders. Within the middle wave
+    # it is uniform, and Westergaard's profile holds for the mean pressure found there.
+    errors = []
+    for points in (16, 32):
+        n, wavelength, amplitude = 5 * points, 0.1, 2e-4
+        spacing = wavelength / points
+        x, _ = centred(n, spacing)
+        heights = amplitude * np.cos(2 * np.pi * x / wavelength)
+        state = solve_contact(heights, spacing, MODULUS, mean_pressure=30.0, tolerance=1e-8)
+        middle = state.pressure[n // 2, 2 * points : 3 * points]
+        exact = Wave(middle.mean(), amplitude, wavelength, MODULUS)
+        profile = exact.pressure(x[0, 2 * points : 3 * points])
+        errors.append(np.sqrt(((middle - profile) ** 2).mean()) / profile.max())
+        assert (middle > 0).mean() == pytest.approx(exact.contact_fraction, abs=2.1 / points)
+    assert errors[-1] < 0.03
+    assert errors[-1] < 0.7 * errors[0]
+
+
+def test_wave_pressure_has_its_mean():
+    for share in (0.1, 0.6, 1.0, 1.5):
+        star = Wave(1.0, 1e-3, 0.5, MODULUS).full_contact_pressure
+        wave = Wave(share * star, 1e-3, 0.5, MODULUS)
+        x = (np.arange(4000) + 0.5) / 4000 * 0.5
+        assert wave.pressure(x).mean() == pytest.approx(share * star, rel=1e-4)
+        assert (wave.pressure(x) > 0).mean() == pytest.approx(wave.contact_fraction, abs=1e-3)
+
+
+def test_crossed_waves_close_at_their_pressure():
+    # In the middle of a free domain pressed into full contact, the pressure of the waves rides on
+    # that of a flat punch; its amplitude is the mean pressure at which the last gap closes.
+    points, wavelength, amplitude = 16, 0.1, 1e-5
+    n, spacing = 8 * points, wavelength / 16
+    x, y = centred(n, spacing)
+    waves = np.cos(2 * np.pi * x / wavelength) * np.cos(2 * np.pi * y / wavelength)
+    mean = 10 * crossed_waves_full_contact_pressure(amplitude, wavelength, MODULUS)
+    state = solve_contact(amplitude * waves, spacing, MODULUS, mean_pressure=mean, tolerance=1e-9)
+    assert state.contact_fraction == 1
+    flat = solve_contact(0 * waves, spacing, MODULUS, mean_pressure=mean, tolerance=1e-9)
+    middle = np.s_[3 * points : 5 * points, 3 * points : 5 * points]
+    ripple = (state.pressure - flat.pressure)[middle]
+    found = 4 * (ripple * waves[middle]).mean()
+    exact = crossed_waves_full_contact_pressure(amplitude, wavelength, MODULUS)
+    assert found == pytest.approx(exact, rel=0.02)
+
+
+def test_full_contact_of_a_rough_surface():
+    n, length = 128, 0.85
+    heights = 1e-3 * self_affine(n, seed=4, cut_off=8)
+    state = solve_contact(heights, length / n, MODULUS, mean_pressure=50.0, tolerance=1e-9)
+    flat = solve_contact(0 * heights, length / n, MODULUS, mean_pressure=50.0, tolerance=1e-9)
+    assert state.contact_fraction == 1
+    wave_y = 2 * np.pi * np.fft.fftfreq(n, length / n)[:, None]
+    wave_x = 2 * np.pi * np.fft.rfftfreq(n, length / n)
+    slope = [np.fft.irfft2(1j * q * np.fft.rfft2(heights), s=(n, n)) for q in (wave_x, wave_y)]
+    rms_gradient = math.sqrt(sum((s**2).mean() for s in slope))
+    middle = np.s_[16:-16, 16:-16]
+    found = (state.pressure - flat.pressure)[middle].std()
+    assert found == pytest.approx(full_contact_rms_pressure(rms_gradient, MODULUS), rel=0.1)
+
+
+def test_mindlin_carries_its_force_and_slips_wholly_at_the_limit():
+    normal = Sphere(20.0, 10.0, MODULUS)
+    mindlin = MindlinSphere(normal, 0.4, 3.0, 0.24)
+    assert integral(mindlin.traction, 0.3) == pytest.approx(3.0, rel=5e-3)
+    assert MindlinSphere(normal, 0.4, 8.0, 0.24).stick_radius == 0
+    # For a small force nothing slips: stiffness 2E*a over (2 − ν)/(2(1 − ν)).
+    small = MindlinSphere(normal, 0.4, 1e-4, 0.24)
+    ratio = (2 - 0.24) / (2 * (1 - 0.24))
+    assert 1e-4 / small.tangential_displacement == pytest.approx(normal.stiffness / ratio, rel=1e-4)

@@ -1,0 +1,79 @@
+"""The ceiling on pressure, p ≤ H."""
+
+import numpy as np
+import pytest
+from bem_reference import MODULUS, dense_matrix, self_affine
+from scipy.optimize import lsq_linear
+
+from gstlib.bem import InvalidContactInput, load_path, solve_contact
+
+pytestmark = pytest.mark.filterwarnings("ignore::gstlib.bem.DomainTooSmallWarning")
+
+SMALL = self_affine(20, seed=5, length=0.04, rms=0.002, roll_off=0.02)
+SPACING = 0.002
+
+
+@pytest.mark.parametrize("limit", [200.0, 500.0, 2000.0, 1e6])
+def test_agrees_with_doubly_bounded_least_squares(limit):
+    factor = np.linalg.cholesky(dense_matrix(SMALL.shape, SPACING))
+    overlap = 0.004 - (SMALL.max() - SMALL.ravel())
+    expected = lsq_linear(
+        factor.T, np.linalg.solve(factor, overlap), (0, limit), method="bvls", tol=1e-14
+    ).x
+    state = solve_contact(
+        SMALL, SPACING, MODULUS, displacement=0.004, pressure_limit=limit, tolerance=1e-11
+    )
+    np.testing.assert_allclose(state.pressure.ravel(), expected, atol=1e-8 * expected.max())
+    assert state.pressure.max() <= limit
+    loaded = solve_contact(
+        SMALL,
+        SPACING,
+        MODULUS,
+        mean_pressure=state.mean_pressure,
+        pressure_limit=limit,
+        tolerance=1e-11,
+    )
+    np.testing.assert_allclose(loaded.pressure, state.pressure, atol=1e-6 * expected.max())
+    assert loaded.mean_pressure == pytest.approx(state.mean_pressure, rel=1e-12)
+
+
+def test_conditions_and_share_at_the_ceiling():
+    heights, limit = self_affine(96, seed=1), 3000.0
+    state = solve_contact(
+        heights, 0.85 / 96, MODULUS, mean_pressure=60.0, pressure_limit=limit, tolerance=1e-9
+    )
+    at_limit = state.pressure == limit
+    slack = 1e-9 * state.displacement
+    assert at_limit.any()
+    assert np.all(state.gap[at_limit] <= slack)
+    assert np.all(abs(state.gap[state.elastic_contact]) <= slack)
+    assert np.all(state.gap[~state.contact] >= -slack)
+    assert state.ceiling_share == at_limit.sum() / state.contact.sum()
+    elastic = solve_contact(heights, 0.85 / 96, MODULUS, mean_pressure=60.0)
+    assert elastic.ceiling_share == 0
+    assert state.contact_fraction > elastic.contact_fraction
+    assert state.displacement > elastic.displacement
+
+
+def test_path_with_a_ceiling_softens():
+    heights = self_affine(96, seed=1)
+    path = load_path(
+        heights, 0.85 / 96, MODULUS, target_pressure=60.0, steps=6, pressure_limit=2000.0
+    )
+    elastic = load_path(heights, 0.85 / 96, MODULUS, target_pressure=60.0, steps=6)
+    assert path.mean_pressure[-1] == pytest.approx(60.0)
+    assert path.displacement[-1] > elastic.displacement[-1]
+    assert path.final.pressure.max() == 2000.0
+
+
+@pytest.mark.parametrize("limit", [0, -1.0, np.nan, "hard"])
+def test_bad_ceiling_is_refused(limit):
+    with pytest.raises(InvalidContactInput, match="pressure_limit"):
+        solve_contact(SMALL, SPACING, MODULUS, displacement=1e-3, pressure_limit=limit)
+
+
+def test_load_above_the_ceiling_is_refused():
+    with pytest.raises(InvalidContactInput, match="not below"):
+        solve_contact(SMALL, SPACING, MODULUS, mean_pressure=10.0, pressure_limit=10.0)
+    with pytest.raises(InvalidContactInput, match="not below"):
+        load_path(SMALL, SPACING, MODULUS, target_pressure=10.0, pressure_limit=5.0)
