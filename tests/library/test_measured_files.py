@@ -160,6 +160,9 @@ def test_config_agrees_with_the_marker(marker, frame, patches):
     following = np.roll(corners, -1, axis=0)
     turns = corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]
     assert (np.sign(turns) == np.sign(turns[0])).all()
+    # The square lies around the marker: centred on it, but for what it takes to hold the map.
+    marker_centre = frame.to_frame(quads.reshape(-1, 3))[:, :2].mean(axis=0)
+    np.testing.assert_allclose(marker_centre, [2.5, 2.5 + 0.65], atol=0.05)
     # The surface, at z = 0, lies between its two copies.
     assert frame.to_frame(quads[0])[:, 2].min() > 0 > frame.to_frame(quads[1])[:, 2].max()
 
