@@ -14,7 +14,7 @@ import yaml
 
 ROOT = Path(__file__).parents[1]
 # a comment that begins with ASSUME, and the comment lines that go on with it
-ASSUMPTION = re.compile(r"# ASSUME: (.*(?:\n[ \t]*# .*)*)")
+ASSUMPTION = re.compile(r"# ASSUME: (.*(?:\n[ \t]*# (?!ASSUME).*)*)")
 
 
 def keys(schema: dict, definitions: dict, prefix: str = "") -> Iterator[tuple[str, str, str]]:

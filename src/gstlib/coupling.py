@@ -5,6 +5,8 @@ the footprint's edge count by the share of their area inside, so that footprints
 share its force out without loss, wherever they lie.
 """
 
+# ASSUME: the x and y of a patch are those of its centre; the paper gives the place by its x and y.
+
 import numpy as np
 import pandas as pd
 import xarray as xr

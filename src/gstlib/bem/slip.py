@@ -4,9 +4,6 @@ With Coulomb friction μ and a tangential force Q that grows at constant normal 
 tractions are q = μ [p(P) − p(P₀)], P₀ = P − Q/μ: full friction less that of the contact under the
 reduced load. That smaller contact sticks; the rest of the contact slips.
 
-ASSUME: the bodies are elastically similar, so that tangential tractions do not press them apart,
-and the displacement across the tangential load is neglected (it vanishes with Poisson's ratio).
-
 Sources: M. Ciavarella, Int. J. Solids Struct. 35 (1998) 2349; J. Jäger, Arch. Appl. Mech. 68 (1998)
 247.
 """
@@ -21,6 +18,10 @@ from .errors import InvalidContactInput
 from .solver import MAX_ITERATIONS, ContactProblem, ContactState
 
 __all__ = ["SlipState", "solve_slip"]
+
+# ASSUME: in `solve_slip` the bodies are elastically similar, so that tangential tractions do not
+# press them apart, and the displacement across the tangential load is neglected (it vanishes with
+# Poisson's ratio).
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,6 +36,8 @@ from .halfspace import HalfSpace
 
 __all__ = ["ContactState", "solve_contact"]
 
+# ASSUME: a stone's strength, where `pressure_limit` gives one, acts as a ceiling on the pressure.
+
 # Iterations allowed on each grid; rough surfaces take tens.
 MAX_ITERATIONS = 500
 # Longest side of the coarsest grid, where a cold start costs next to nothing.
@@ -152,7 +154,6 @@ def solve_contact(
     pressure_limit : float
         Ceiling on the pressure, as a hardness (MPa): the elastic, perfectly plastic contact
         p ≤ H of Almqvist et al. (Tribol. Int. 40 (2007) 574). Infinite by default.
-        ASSUME: that a stone's strength acts as such a ceiling.
     tolerance : float
         Asked of `residual`, see :class:`ContactState`. About 1e-12 is the floor of float64.
     max_iterations : int

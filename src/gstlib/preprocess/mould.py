@@ -7,6 +7,9 @@ import xarray as xr
 
 __all__ = ["unmould"]
 
+# ASSUME: once a mould is undone, rows of a scan run along the square's +y and columns along its +x,
+# up to the patch's rotation; the paper says which axis is flipped, not how the instrument lies.
+
 
 def unmould(
     surface: xr.DataArray, *, invert: bool = True, flip_axis: str | None = "x"

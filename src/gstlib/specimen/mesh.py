@@ -47,6 +47,7 @@ def specimen_mesh(
     along = np.clip((_FADE_TO - rim_distance) / (_FADE_TO - _FADE_FROM), 0, 1)
     fade = along**2 * (3 - 2 * along)
     # ASSUME: photogrammetry is a sharp low-pass at the cut-off, plus white noise in height.
+
     # Half a period away the field is another one; heights below look down
     period = len(stone.waviness) * stone.waviness_spacing
     offset = np.where(upper, 0.0, period / 2)

@@ -20,6 +20,7 @@ __all__ = ["Pebble", "even_triangulation"]
 
 # ASSUME: the paper gives the outer size and a slightly concave use-face; the rest of the shape is
 # free, and far from the analysed square.
+
 # Egg shape: the pebble is wider by this share at the +x end than in the middle, before scaling.
 _TAPER = 0.25
 # Height of the crest of the use-face over the rim, as a share of the pebble's height.

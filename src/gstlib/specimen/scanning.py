@@ -19,8 +19,7 @@ __all__ = ["Placement", "Scan", "mould", "place_scans", "sample", "take_scan"]
 
 # ASSUME: all errors of placing and measuring are independent and normal, spikes and unmeasured
 # points fall anywhere; the paper gives no figures for them.
-# ASSUME: rows of a scan run along the square's +y and columns along its +x (after the mould is
-# undone), up to the patch's rotation.
+
 # Share of the T0 scan's area that a poorly overlapping T1 scan misses.
 _POOR_MISSED = (0.4, 0.7)
 # Points around a scan that the interpolation looks at.
