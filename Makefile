@@ -40,8 +40,9 @@ check-style: $(READY)
 	$(BIN)/snakefmt --check Snakefile workflow/rules
 	$(BIN)/python workflow/document.py --check
 
+# one thread: on two cores the small matrix products of a test only wait for each other
 test-python: $(READY)
-	$(BIN)/python -m pytest
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 
 docs: $(READY) ## renew the parts of the documents that follow from the code
 	$(BIN)/python workflow/document.py

@@ -5,6 +5,8 @@
 
 import logging
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +14,18 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.bem import (
+    ContactError,
     ContactState,
     DomainTooSmallWarning,
     LoadPath,
     UnreachableTargetError,
     load_path,
+    solve_contact,
 )
 from gstlib.errors import InputError
 from gstlib.surface import spacing_of
 
-__all__ = ["contact_dataset", "load_path_table", "solve_path"]
+__all__ = ["contact_dataset", "load_path_table", "solve_at_pressure", "solve_path"]
 
 _log = logging.getLogger(__name__)
 
@@ -56,7 +60,7 @@ def solve_path(
     Raises
     ------
     InputError
-        The pressure is not reached within `maximum_displacement_um`.
+        The pressure is not reached within `maximum_displacement_um`, or the solver gives up.
     """
 
     def report(step: int, of: int, state: ContactState) -> None:
@@ -72,28 +76,64 @@ def solve_path(
             state.iterations,
         )
 
+    with _explained(source, target_pressure_MPa):
+        return load_path(
+            height.values,
+            spacing_of(height),
+            contact_modulus_MPa,
+            target_pressure=target_pressure_MPa,
+            steps=steps,
+            tolerance=tolerance,
+            workers=workers,
+            maximum_displacement=maximum_displacement_um * 1e-3,
+            keep_states=keep_states,
+            progress=report,
+        )
+
+
+def solve_at_pressure(
+    height: xr.DataArray,
+    *,
+    source: str | Path,
+    contact_modulus_MPa: float,
+    target_pressure_MPa: float,
+    tolerance: float,
+    workers: int = 1,
+) -> tuple[ContactState, xr.DataArray]:
+    """Contact of a surface at a mean pressure alone, and its pressure on the surface's grid.
+
+    Parameters as of `solve_path`; the pressure is in MPa.
+    """
+    with _explained(source, target_pressure_MPa):
+        state = solve_contact(
+            height.values,
+            spacing_of(height),
+            contact_modulus_MPa,
+            mean_pressure=target_pressure_MPa,
+            tolerance=tolerance,
+            workers=workers,
+        )
+    return state, xr.DataArray(state.pressure, coords=height.coords, dims=height.dims)
+
+
+@contextmanager
+def _explained(source: str | Path, target_pressure_MPa: float) -> Iterator[None]:
+    """Say the solver's errors in the study's words, and leave out the warning that is the rule."""
     try:
         with warnings.catch_warnings():
             # The square and the patches are cut out of a larger stone, so contact at their edges is
             # the rule here; docs/method.md says what that means.
             warnings.simplefilter("ignore", DomainTooSmallWarning)
-            return load_path(
-                height.values,
-                spacing_of(height),
-                contact_modulus_MPa,
-                target_pressure=target_pressure_MPa,
-                steps=steps,
-                tolerance=tolerance,
-                workers=workers,
-                maximum_displacement=maximum_displacement_um * 1e-3,
-                keep_states=keep_states,
-                progress=report,
-            )
+            yield
     except UnreachableTargetError as error:
         raise InputError(
             source,
             f"the target pressure of {target_pressure_MPa:g} MPa cannot be reached ({error})",
             "Lower target_pressure_MPa or raise maximum_displacement_um in the config.",
+        ) from error
+    except ContactError as error:
+        raise InputError(
+            source, f"its contact could not be solved: {error}", "Look at the surface's figure."
         ) from error
 
 

@@ -16,12 +16,10 @@ __all__ = ["job_log"]
 def job_log(path: str | Path) -> Iterator[logging.Logger]:
     """Log to `path` and to stderr while the block runs.
 
-    An error that is meant for the user (`GstError`, or one of the contact solver's) ends the
+    An error that is meant for the user (`GstError`) ends the
     process with exit code 1 and its one-line message; anything else is a fault of the program
-    and keeps its traceback. Both stand in the log file with the traceback.
+    and keeps its traceback.
     """
-    from gstlib.bem.errors import ContactError
-
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     log = logging.getLogger("gstlib")
     log.setLevel(logging.INFO)
@@ -39,9 +37,9 @@ def job_log(path: str | Path) -> Iterator[logging.Logger]:
     )
     try:
         yield log
-    except (GstError, ContactError) as error:
+    except GstError as error:
         to_screen.setLevel(logging.CRITICAL)
-        log.error("%s", error, exc_info=True)
+        log.error("%s", error)
         print(f"\nERROR: {error}\n", file=sys.stderr)
         raise SystemExit(1) from None
     except Exception:

@@ -11,6 +11,8 @@ import pytest
 import yaml
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from gstlib.bem import HalfSpace
+from gstlib.contact import solve_at_pressure
 from gstlib.io.meshes import read_mesh
 from gstlib.io.patches import read_patches
 from gstlib.io.scans import check_size, cut_scan, read_scan
@@ -71,6 +73,34 @@ def test_leica_grooves():
     prepared = prepare_scan(read_scan(DATA / "surfalize-gpl3/leica-dcm3d-test_1.plu"), **AS_SCANNED)
     assert prepared.attrs["instrument"] == "DCM 3D rev. 2"
     assert prepared.attrs["Sq_after_um"] == pytest.approx(5.14, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "pressure"),
+    [
+        ("surfacetopography-mit/plu-1.plu", 0.85, 22.0),  # 512 × 512 points: the paper's patch
+        ("surfalize-gpl3/leica-dcm3d-test_1.plu", 0.19, 76.07),  # the paper's hardest pressed patch
+    ],
+)
+def test_contact_of_measured_patches(name, size, pressure):
+    piece = cut_scan(read_scan(DATA / name), (0, 0), size)
+    height = prepare_scan(piece, **AS_SCANNED).height
+    state, field = solve_at_pressure(
+        height,
+        source=name,
+        contact_modulus_MPa=12820.0,
+        target_pressure_MPa=pressure,
+        tolerance=1e-8,
+    )
+    assert float(field.mean()) == pytest.approx(pressure, rel=1e-3)
+    operator = HalfSpace(height.shape, spacing_of(height), 12820.0)
+    interpenetration = state.displacement - (height.values.max() - height.values)
+    gap = operator.displacement(field.values) - interpenetration
+    contact = field.values > 0
+    assert (field.values >= 0).all()
+    assert np.abs(gap[contact]).max() <= 1e-6 * interpenetration.max()
+    assert gap[~contact].min(initial=0.0) >= -1e-6 * interpenetration.max()
+    assert 0.001 < state.contact_fraction < 1
 
 
 def test_alicona():

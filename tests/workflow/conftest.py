@@ -1,6 +1,7 @@
 """A study is run here as a user runs it: Snakemake in a process of its own, in an empty folder."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -29,9 +30,10 @@ class Study:
         # -m with this interpreter: the environment under test, whatever is on the PATH
         return [
             *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
+            *("--workflow-profile", str(ROOT / "workflow/profiles/default")),
             *("--directory", str(self.folder), "--cores", str(cores)),
-            *("--configfile", str(self.folder / self.config)),
             *arguments,
+            *("--configfile", str(self.folder / self.config)),  # takes all that follows
         ]
 
     def run(self, *arguments: str, cores: int = 2) -> subprocess.CompletedProcess:
@@ -46,11 +48,10 @@ class Study:
 
     def planned(self) -> set[str]:
         """Names of the rules that a run would execute now."""
-        result = self.run("--dry-run", "--quiet", "host", "reason", "progress")
+        result = self.run("--dry-run")
         assert result.returncode == 0, result.stderr + result.stdout
-        lines = (result.stdout + result.stderr).splitlines()
-        words = ("rule ", "localrule ", "checkpoint ", "localcheckpoint ")
-        return {line.split(":")[0].split()[-1] for line in lines if line.strip().startswith(words)}
+        counts = re.findall(r"^(\w+) +\d+$", result.stdout + result.stderr, re.MULTILINE)
+        return set(counts) - {"all", "total"}
 
     def change(self, **sections: object) -> None:
         """Write a config of its own: the present one with these sections or keys replaced."""
@@ -94,3 +95,15 @@ def tiny(finished_tiny, tmp_path) -> Study:
     folder = tmp_path / "study"
     shutil.copytree(finished_tiny.folder, folder, copy_function=shutil.copy2)
     return Study(folder)
+
+
+@pytest.fixture
+def measured(study, finished_tiny):
+    """The tiny specimen's files, given as a user gives measured ones."""
+    shutil.copytree(finished_tiny.results / "specimen", study.folder / "data")
+    study.change(
+        results="results-measured",
+        specimen=None,
+        inputs={"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"},
+    )
+    return study

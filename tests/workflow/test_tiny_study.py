@@ -212,3 +212,35 @@ def test_a_killed_run_is_resumed_with_the_same_tables(finished_tiny, tmp_path):
     result = study.run()
     assert result.returncode == 0, result.stderr
     assert study.tables() == finished_tiny.tables()
+
+
+def test_a_study_of_measured_files_without_t1(measured):
+    """No T1 and figures to compare with: validation is left out, the rest is whole."""
+    table = measured.folder / "config/patches_tiny.tsv"
+    lines = [
+        line.rsplit("\t", 1)[0] if not line.startswith("#") else line
+        for line in table.read_text().splitlines()
+    ]
+    table.write_text("\n".join(lines) + "\n")
+    (measured.folder / "published.csv").write_text(
+        "quantity,patch,unit,value\nmean pressure,,MPa,22\npatch pressure,13,MPa,10\n"
+    )
+    measured.change(published="published.csv")
+    result = measured.run()
+    assert result.returncode == 0, result.stderr
+    assert set(measured.tables()) == {
+        "macroscale_path.csv",
+        "microscale_paths.csv",
+        "microscale_summary.csv",
+        "patch_pressures.csv",
+        "preprocessing.csv",
+        "published.csv",
+        "sensitivity.csv",
+    }
+    published = read_table(measured.results / "tables/published.csv").set_index("quantity")
+    assert published.computed["mean pressure"] == pytest.approx(22, rel=1e-3)
+    pressures = read_table(measured.results / "tables/patch_pressures.csv").set_index("patch")
+    assert published.computed["patch pressure"] == pressures.pressure_MPa["13"]
+    # a patch with a poor T0/T1 overlap counts when there is no T1
+    assert not pressures.reason.fillna("").str.contains("overlap").any()
+    assert (measured.results / "figures/overview.png").stat().st_size > 0

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import solve_contact
+from gstlib.contact import solve_at_pressure
 from gstlib.coupling import patch_pressures
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
@@ -18,7 +18,6 @@ from gstlib.logs import job_log
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen import true_patches, true_surface
 from gstlib.specimen.score import score_truth
-from gstlib.surface import spacing_of
 
 
 def true_pressures(
@@ -32,15 +31,14 @@ def true_pressures(
 ) -> pd.Series:
     """Pressure (MPa) that the true surface puts on each patch at its true place."""
     height, _ = remove_plane(true_surface(truth))
-    state = solve_contact(
-        height.values,
-        spacing_of(height),
-        contact_modulus_MPa,
-        mean_pressure=target_pressure_MPa,
+    _, pressure = solve_at_pressure(
+        height,
+        source="the true macroscale surface",
+        contact_modulus_MPa=contact_modulus_MPa,
+        target_pressure_MPa=target_pressure_MPa,
         tolerance=tolerance,
         workers=threads,
     )
-    pressure = xr.DataArray(state.pressure, coords=height.coords, dims=height.dims)
     table = patch_pressures(pressure, true_patches(truth), size_mm=patch_mm)
     return table.set_index("patch").pressure_MPa
 

@@ -7,14 +7,12 @@ Settings: the contact moduli by name, the patch table, patch side, target pressu
 from pathlib import Path
 
 import pandas as pd
-import xarray as xr
 
-from gstlib.bem import solve_contact
+from gstlib.contact import solve_at_pressure
 from gstlib.coupling import patch_pressures
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
 from gstlib.logs import job_log
-from gstlib.surface import spacing_of
 
 
 def main(
@@ -31,15 +29,14 @@ def main(
     height = read_dataset(surface).height
     rows = []
     for basis, modulus in moduli_MPa.items():
-        state = solve_contact(
-            height.values,
-            spacing_of(height),
-            modulus,
-            mean_pressure=target_pressure_MPa,
+        state, pressure = solve_at_pressure(
+            height,
+            source=surface,
+            contact_modulus_MPa=modulus,
+            target_pressure_MPa=target_pressure_MPa,
             tolerance=tolerance,
             workers=threads,
         )
-        pressure = xr.DataArray(state.pressure, coords=height.coords, dims=height.dims)
         by_patch = patch_pressures(pressure, patches, size_mm=patch_mm)
         rows += [
             (basis, "contact modulus", "", "MPa", float(modulus)),
