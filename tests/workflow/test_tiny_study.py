@@ -244,3 +244,19 @@ def test_a_study_of_measured_files_without_t1(measured):
     # a patch with a poor T0/T1 overlap counts when there is no T1
     assert not pressures.reason.fillna("").str.contains("overlap").any()
     assert (measured.results / "figures/overview.png").stat().st_size > 0
+
+
+def test_a_study_that_no_patch_enters_ends_with_the_macroscale(tiny):
+    for folder in ("microscale", "figures"):
+        shutil.rmtree(tiny.results / folder)
+    for table in [*tiny.results.glob("tables/micro*"), *tiny.results.glob("tables/valid*")]:
+        table.unlink()
+    tiny.change(selection={"minimum_pressure_MPa": 1000.0})
+    result = tiny.run()
+    assert result.returncode == 0, result.stderr
+    assert "no patch enters the microscale study" in result.stderr
+    pressures = read_table(tiny.results / "tables/patch_pressures.csv")
+    assert not pressures.in_study.any()
+    assert not (tiny.results / "microscale").exists()
+    assert not (tiny.results / "tables/microscale_summary.csv").exists()
+    assert (tiny.results / "figures/inputs.png").exists()

@@ -129,11 +129,38 @@ def vector(name):
     return f"{RESULTS}/figures/{name}.svg"
 
 
+def study_tables(wildcards):
+    """Input function: every table of the study; no patch may enter the microscale study."""
+    studied = studied_patches()
+    scored = set(studied) & set(WORN_PATCHES)
+    wanted = {
+        "preprocessing": True,
+        "macroscale_path": True,
+        "sensitivity": ALTERNATIVE_MODULUS_MPA is not None,
+        "patch_pressures": True,
+        "published": config["published"] is not None,
+        "microscale_summary": studied,
+        "microscale_paths": studied,
+        "validation_patches": scored,
+        "validation_summary": scored,
+        "truth": GENERATED,
+    }
+    return [f"{RESULTS}/tables/{name}.csv" for name, there in wanted.items() if there]
+
+
 def study_figures(wildcards):
     """Input function: every figure of the study."""
     studied = studied_patches()
-    return [
-        *fixed_figures,
-        *(f"{RESULTS}/figures/preparation/{patch}.png" for patch in studied),
-        *(f"{RESULTS}/figures/patch/{patch}.png" for patch in studied if patch in WORN_PATCHES),
-    ]
+    scored = [patch for patch in studied if patch in WORN_PATCHES]
+    wanted = {
+        "overview": studied,
+        "inputs": True,
+        "microscale_maps": studied,
+        "validation": scored,
+        "truth": GENERATED,
+        "published": config["published"] is not None,
+    }
+    names = [name for name, there in wanted.items() if there]
+    names += [f"preparation/{patch}" for patch in studied]
+    names += [f"patch/{patch}" for patch in scored]
+    return [f"{RESULTS}/figures/{name}.png" for name in names]

@@ -220,33 +220,3 @@ rule plot_overview:
         "Drawing the study at a glance"
     script:
         "../scripts/plot_overview.py"
-
-
-study_tables = [
-    f"{RESULTS}/tables/{name}.csv"
-    for name, wanted in {
-        "preprocessing": True,
-        "macroscale_path": True,
-        "sensitivity": ALTERNATIVE_MODULUS_MPA is not None,
-        "patch_pressures": True,
-        "published": config["published"] is not None,
-        "microscale_summary": True,
-        "microscale_paths": True,
-        "validation_patches": bool(WORN_PATCHES),
-        "validation_summary": bool(WORN_PATCHES),
-        "truth": GENERATED,
-    }.items()
-    if wanted
-]
-fixed_figures = [
-    f"{RESULTS}/figures/{name}.png"
-    for name, wanted in {
-        "overview": True,
-        "inputs": True,
-        "microscale_maps": True,
-        "validation": bool(WORN_PATCHES),
-        "truth": GENERATED,
-        "published": config["published"] is not None,
-    }.items()
-    if wanted
-]

@@ -4,6 +4,7 @@ Inputs: contact.h5 of the macroscale, the patches' T0 surfaces (their real size)
 Outputs: patch_pressures.csv. Settings: the patch table, patch side, selection rules.
 """
 
+import logging
 from pathlib import Path
 
 import pandas as pd
@@ -34,7 +35,14 @@ def main(
             "correlation": [quality["detail_correlation"] for quality in attrs.values()],
         }
     )
-    write_table(table, select_patches(pressures, quality, **selection))
+    selected = select_patches(pressures, quality, **selection)
+    if not selected.in_study.any():
+        logging.getLogger("gstlib").warning(
+            "no patch enters the microscale study: the reasons are in %s, the rules in the section "
+            "'selection' of the config",
+            table,
+        )
+    write_table(table, selected)
 
 
 if "snakemake" in globals():

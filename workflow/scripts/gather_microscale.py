@@ -48,7 +48,7 @@ def main(contacts: dict[str, Path], summary: Path, paths: Path) -> None:
             }
         )
     write_table(summary, pd.DataFrame(finals, columns=SUMMARY))
-    write_table(paths, pd.concat(tables)[PATH] if tables else pd.DataFrame(columns=PATH))
+    write_table(paths, pd.concat(tables)[PATH])
 
 
 if "snakemake" in globals():
