@@ -23,5 +23,5 @@ include: "workflow/rules/report.smk"
 rule all:
     default_target: True
     input:
-        tables=study_tables,
-        figures=study_figures,
+        FIXED_TARGETS,
+        studied_targets,

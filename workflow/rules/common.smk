@@ -129,38 +129,35 @@ def vector(name):
     return f"{RESULTS}/figures/{name}.svg"
 
 
-def study_tables(wildcards):
-    """Input function: every table of the study; no patch may enter the microscale study."""
-    studied = studied_patches()
-    scored = set(studied) & set(WORN_PATCHES)
-    wanted = {
-        "preprocessing": True,
-        "macroscale_path": True,
-        "sensitivity": ALTERNATIVE_MODULUS_MPA is not None,
-        "patch_pressures": True,
-        "published": config["published"] is not None,
-        "microscale_summary": studied,
-        "microscale_paths": studied,
-        "validation_patches": scored,
-        "validation_summary": scored,
-        "truth": GENERATED,
-    }
-    return [f"{RESULTS}/tables/{name}.csv" for name, there in wanted.items() if there]
+# Known before the first job: these stand in every plan.
+FIXED_TARGETS = [
+    f"{RESULTS}/{name}"
+    for name, wanted in {
+        "tables/preprocessing.csv": True,
+        "tables/macroscale_path.csv": True,
+        "tables/sensitivity.csv": ALTERNATIVE_MODULUS_MPA is not None,
+        "tables/patch_pressures.csv": True,
+        "tables/published.csv": config["published"] is not None,
+        "tables/truth.csv": GENERATED,
+        "figures/inputs.png": True,
+        "figures/published.png": config["published"] is not None,
+        "figures/truth.png": GENERATED,
+    }.items()
+    if wanted
+]
 
 
-def study_figures(wildcards):
-    """Input function: every figure of the study."""
+def studied_targets(wildcards):
+    """Input function: what there is of the patches in the microscale study, which may be none."""
     studied = studied_patches()
     scored = [patch for patch in studied if patch in WORN_PATCHES]
-    wanted = {
-        "overview": studied,
-        "inputs": True,
-        "microscale_maps": studied,
-        "validation": scored,
-        "truth": GENERATED,
-        "published": config["published"] is not None,
-    }
-    names = [name for name, there in wanted.items() if there]
-    names += [f"preparation/{patch}" for patch in studied]
-    names += [f"patch/{patch}" for patch in scored]
-    return [f"{RESULTS}/figures/{name}.png" for name in names]
+    names = []
+    if studied:
+        names += ["tables/microscale_summary.csv", "tables/microscale_paths.csv"]
+        names += ["figures/overview.png", "figures/microscale_maps.png"]
+        names += [f"figures/preparation/{patch}.png" for patch in studied]
+    if scored:
+        names += ["tables/validation_patches.csv", "tables/validation_summary.csv"]
+        names += ["figures/validation.png"]
+        names += [f"figures/patch/{patch}.png" for patch in scored]
+    return [f"{RESULTS}/{name}" for name in names]
