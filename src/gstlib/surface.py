@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-__all__ = ["axis_coordinates", "crop", "make_surface", "remove_mean", "spacing_of"]
+__all__ = ["axis_coordinates", "make_surface", "spacing_of"]
 
 
 def axis_coordinates(count: int, spacing: float, start: float = 0.0) -> np.ndarray:
@@ -67,13 +67,3 @@ def make_surface(
 def spacing_of(surface: xr.DataArray | xr.Dataset) -> tuple[float, float]:
     """Element size (dy, dx) in mm, as it was given: free of the rounding of the coordinates."""
     return float(surface.y.attrs["spacing"]), float(surface.x.attrs["spacing"])
-
-
-def crop(surface: xr.DataArray, *, y: tuple[float, float], x: tuple[float, float]) -> xr.DataArray:
-    """The elements whose centres lie in the closed intervals `y` and `x` (mm)."""
-    return surface.sel(y=slice(*y), x=slice(*x))
-
-
-def remove_mean(surface: xr.DataArray) -> xr.DataArray:
-    """The surface with its mean height at zero."""
-    return (surface - surface.mean()).assign_attrs(surface.attrs)
