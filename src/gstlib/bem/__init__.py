@@ -13,7 +13,8 @@ from .errors import (
 )
 from .halfspace import HalfSpace
 from .loading import LoadPath, load_path
-from .solver import ContactState, solve_contact
+from .solver import solve_contact
+from .state import ContactState
 
 __all__ = [
     "ContactError",

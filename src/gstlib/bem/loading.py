@@ -13,7 +13,9 @@ import numpy as np
 
 from .checks import checked_level, checked_tolerance
 from .errors import InvalidContactInput, UnreachableTargetError
-from .solver import MAX_ITERATIONS, ContactProblem, ContactState, warn_at_border
+from .solver import MAX_ITERATIONS, ContactProblem, warn_at_border
+from .state import ContactState
+from .stiffness import unit_response
 
 __all__ = ["LoadPath", "load_path"]
 
@@ -141,7 +143,9 @@ def load_path(
                 initial_pressure=np.sqrt(np.maximum(squared, 0.0)),
                 **controls,
             )
-        tangent, stiffness[index] = problem.tangent(state.elastic_contact, tangent)
+        tangent, stiffness[index] = unit_response(
+            problem.half_space, state.elastic_contact, tangent
+        )
         summary[index] = (
             state.mean_pressure,
             state.contact_fraction,

@@ -15,7 +15,8 @@ import numpy as np
 
 from .checks import checked_tolerance
 from .errors import InvalidContactInput
-from .solver import MAX_ITERATIONS, ContactProblem, ContactState
+from .solver import MAX_ITERATIONS, ContactProblem
+from .state import ContactState
 
 __all__ = ["SlipState", "solve_slip"]
 

@@ -19,10 +19,10 @@ convolution of their own.
 
 import math
 import warnings
-from dataclasses import dataclass
 
 import numpy as np
 
+from .algebra import dot
 from .checks import (
     checked_heights,
     checked_level,
@@ -31,10 +31,14 @@ from .checks import (
     checked_spacing,
     checked_tolerance,
 )
+from .descent import descend
 from .errors import ConvergenceError, DomainTooSmallWarning, InvalidContactInput
 from .halfspace import HalfSpace
+from .load import Load
+from .state import ContactState
+from .window import Window
 
-__all__ = ["ContactState", "solve_contact"]
+__all__ = ["ContactProblem", "solve_contact", "warn_at_border"]
 
 # ASSUME: a stone's strength, where `pressure_limit` gives one, acts as a ceiling on the pressure.
 
@@ -46,79 +50,9 @@ _COARSEST = 64
 _COARSE_TOLERANCE = 1e-3
 # Elements whose gap at the start is below this share of the displacement are followed in the
 # iterations; the final check covers every element, and adds those that were missed.
-_CANDIDATE_GAP = 0.25
-# A cut larger than this share of the step is convolved at once rather than with the next one.
-_LARGE_CUT = 0.3
-# Largest relative error of the unit displacement on the contact under a tangent's pressure.
-_TANGENT_TOLERANCE = 1e-3
-# Least share of the largest lift, so that every free element can take part in balancing the load.
-_LEAST_LIFT = 1e-3
-# A line search does not raise or lower the pressure as a whole by more than this share.
-_LARGE_LEVEL = 0.5
-# Iterations of the projected gradient, slow but sure, after an iteration that raised the energy.
-_CAUTIOUS = 10
+_CANDIDATE_GAP = 0.05
 # The recurrence goes on to this share of the tolerance, so that the recomputed residual meets it.
 _INNER_SHARE = 0.7
-
-
-@dataclass(frozen=True, eq=False)
-class ContactState:
-    """A solved contact. Recomputed fields: gap, residual and duality gap come from the pressure.
-
-    Attributes
-    ----------
-    pressure : ndarray, shape (ny, nx)
-        Contact pressure (MPa), ≥ 0; zero out of contact.
-    gap : ndarray, shape (ny, nx)
-        Kp − w (mm): zero in contact and positive elsewhere, within `residual` × `displacement`.
-    displacement : float
-        Far-field displacement δ from first touch at the highest summit (mm); the largest rigid
-        interpenetration.
-    mean_pressure : float
-        Total force over nominal area (MPa).
-    contact_fraction : float
-        Share of elements with p > 0.
-    iterations, convolutions : int
-        Spent on the finest grid, the final check included.
-    residual : float
-        Largest of abs(gap) where p > 0 and of −gap where p = 0, divided by `displacement`.
-    duality_gap : float
-        (pᵀg − F min g) / pᵀKp with F = Σp: a bound, relative to twice the elastic energy, on what
-        any pressure field of the same load could still gain.
-    history : tuple of float
-        Residual of each iteration on the finest grid, as the recurrence had it.
-    pressure_limit : float
-        The ceiling asked for (MPa). Where the pressure is at it, −gap is the depth by which the
-        surface has yielded, and no violation.
-    """
-
-    pressure: np.ndarray
-    gap: np.ndarray
-    displacement: float
-    mean_pressure: float
-    contact_fraction: float
-    iterations: int
-    convolutions: int
-    residual: float
-    duality_gap: float
-    history: tuple[float, ...]
-    pressure_limit: float = math.inf
-
-    @property
-    def ceiling_share(self) -> float:
-        """Share of the contact whose pressure is at the limit; 0 without contact."""
-        contact = np.count_nonzero(self.pressure)
-        return float(np.count_nonzero(self.pressure >= self.pressure_limit) / max(contact, 1))
-
-    @property
-    def elastic_contact(self) -> np.ndarray:
-        """Mask of the contact below the limit; bool, shape (ny, nx)."""
-        return self.contact & (self.pressure < self.pressure_limit)
-
-    @property
-    def contact(self) -> np.ndarray:
-        """Mask of the real contact, p > 0; bool, shape (ny, nx)."""
-        return self.pressure > 0
 
 
 def solve_contact(
@@ -222,7 +156,6 @@ class ContactProblem:
         self.half_space = HalfSpace(
             heights.shape, checked_spacing(spacing), checked_modulus(contact_modulus), workers
         )
-        self._inverse = self.half_space.approximate_inverse()
         self._relief = heights - heights.max()  # h − h_max, ≤ 0
         self._coarser = None
 
@@ -251,27 +184,21 @@ class ContactProblem:
                 history=(),
                 pressure_limit=self.pressure_limit,
             )
-        total = None if mean_pressure is None else mean_pressure * math.prod(shape)
-        if initial_pressure is None or (mean_pressure is not None and not initial_pressure.any()):
-            initial_pressure = self._start(displacement, mean_pressure, max_iterations)
-        return self._iterate(initial_pressure, displacement, total, tolerance, max_iterations)
+        force = None if mean_pressure is None else mean_pressure * math.prod(shape)
+        load = Load(displacement, force, self.pressure_limit)
+        if initial_pressure is None or (force is not None and not initial_pressure.any()):
+            initial_pressure = self._start(load, max_iterations)
+        return self._iterate(initial_pressure, load, tolerance, max_iterations)
 
-    def _start(self, displacement, mean_pressure, max_iterations):
+    def _start(self, load, max_iterations):
         """Pressure to start from: from the grid of elements twice as long, if worth it."""
         shape = self.half_space.shape
         if max(shape) <= _COARSEST:
-            return np.full(shape, 0.0 if mean_pressure is None else mean_pressure)
+            return np.full(shape, 0.0 if load.force is None else load.force / math.prod(shape))
         if self._coarser is None:
             self._coarser = self._coarsen()
-        coarse = self._coarser
-        total = None if mean_pressure is None else mean_pressure * math.prod(shape) / 4
-        state = coarse._iterate(
-            coarse._start(displacement, mean_pressure, max_iterations),
-            displacement,
-            total,
-            _COARSE_TOLERANCE,
-            max_iterations,
-        )
+        start = self._coarser._start(load.coarser(), max_iterations)
+        state = self._coarser._iterate(start, load.coarser(), _COARSE_TOLERANCE, max_iterations)
         pressure = np.repeat(np.repeat(state.pressure, 2, axis=0), 2, axis=1)
         return pressure[: shape[0], : shape[1]]
 
@@ -294,12 +221,12 @@ class ContactProblem:
         coarse._relief = relief
         return coarse
 
-    def _iterate(self, pressure, displacement, total, tolerance, max_iterations):
+    def _iterate(self, pressure, load, tolerance, max_iterations):
         """Improve `pressure` until its recomputed residual is below `tolerance`."""
         history = []
         before = self.half_space.convolutions
         while True:
-            state, field = self._recompute(pressure, displacement, total, history, before)
+            state, field = self._recompute(pressure, load, history, before)
             if state.residual <= tolerance:
                 return state
             if len(history) >= max_iterations:
@@ -309,257 +236,46 @@ class ContactProblem:
                 (state.gap < _CANDIDATE_GAP * state.displacement) | (state.pressure > 0)
             )
             pressure = np.zeros_like(pressure)
-            pressure.reshape(-1)[candidates] = self._descend(
-                candidates,
+            pressure.reshape(-1)[candidates] = descend(
+                Window(self.half_space, candidates),
+                load,
+                self._relief.reshape(-1)[candidates],
                 state.pressure.reshape(-1)[candidates],
                 field.reshape(-1)[candidates],
-                displacement,
-                total,
                 _INNER_SHARE * tolerance,
                 history,
                 max_iterations,
             )
 
-    def _recompute(self, pressure, displacement, total, history, before):
+    def _recompute(self, pressure, load, history, before):
         """State of a pressure field, by a convolution of its own, and the surface displacement."""
-        pressure = np.minimum(pressure, self.pressure_limit)
-        if total is not None:
-            # Along itself: scaled, but for what is at the limit.
-            pressure = _balanced(pressure, pressure, total, self.pressure_limit)
-        force = pressure.sum()
+        # Along itself: scaled, but for what is at the limit.
+        pressure = load.admissible(pressure, np.minimum(pressure, load.pressure_limit))
+        force = float(pressure.sum())
         field = self.half_space.displacement(pressure) if force > 0 else np.zeros_like(pressure)
         gap = field - self._relief
-        if total is not None:
-            displacement = self._displacement(pressure, gap)
+        displacement = load.displacement_at(pressure, gap)
         gap -= displacement
         contact = pressure > 0
         # Either the gap is open where there is pressure, or closed where there could be more.
         opened = (gap * contact).max()
-        closed = -(gap * (pressure < self.pressure_limit)).min()
+        closed = -(gap * (pressure < load.pressure_limit)).min()
         violation = max(opened, closed)
-        virtual_work = np.vdot(pressure, gap) - _least_work(gap, force, self.pressure_limit)
+        virtual_work = dot(pressure, gap) - load.least_work(gap, force)
         state = ContactState(
             pressure=pressure,
             gap=gap,
             displacement=displacement,
-            mean_pressure=float(force / pressure.size),
+            mean_pressure=force / pressure.size,
             contact_fraction=float(np.count_nonzero(contact) / pressure.size),
             iterations=len(history),
             convolutions=self.half_space.convolutions - before,
             residual=float(violation / displacement),
-            duality_gap=float(virtual_work / np.vdot(pressure, field)) if force > 0 else math.inf,
+            duality_gap=virtual_work / dot(pressure, field) if force > 0 else math.inf,
             history=tuple(history),
             pressure_limit=self.pressure_limit,
         )
         return state, field
-
-    def _displacement(self, pressure, opening):
-        """δ at which the contact closes, from the opening Kp + (h_max − h) of each element."""
-        elastic = pressure * (pressure < self.pressure_limit)
-        if elastic.any():
-            return float(np.vdot(elastic, opening) / elastic.sum())
-        # All contact is at the limit: any δ from here to the next touch would do.
-        return float(opening[pressure > 0].max())
-
-    def _descend(
-        self, candidates, pressure, field, displacement, total, tolerance, history, max_iterations
-    ):
-        """Preconditioned conjugate gradients on the candidates; returns their pressure.
-
-        `field` is the displacement of `pressure`. In the loop it belongs to `convolved`, a
-        pressure that differs from the admissible `pressure` by the last cut.
-        """
-        half_space = self.half_space
-        grid = np.zeros(half_space.shape)
-
-        def apply(operator, values):
-            grid.reshape(-1)[candidates] = values
-            return operator(grid).reshape(-1)[candidates]
-
-        limit = self.pressure_limit
-
-        def admissible(values, lift):
-            if total is None:
-                return np.clip(values, 0.0, limit)
-            return _balanced(values, lift, total, limit)
-
-        relief = self._relief.reshape(-1)[candidates]
-        convolved = pressure
-        change = change_field = lift = lift_set = None
-        step = 1.0
-        overlap = relief if displacement is None else relief + displacement
-        lowest_energy, cautious = math.inf, 0
-        while len(history) < max_iterations:
-            if total is not None:
-                displacement = self._displacement(pressure, field - relief)
-            penetration = relief + displacement - field
-            free = np.where(penetration > 0, pressure < limit, pressure > 0)
-            history.append(float(np.abs(penetration[free]).max(initial=0.0) / displacement))
-            if history[-1] <= tolerance:
-                break
-
-            direction = apply(self._inverse, penetration * free) * free
-            if total is not None:
-                # Pressure that a uniform lift adds: the direction along which the load is kept.
-                if lift is None or not np.array_equal(free, lift_set):
-                    lift, lift_set = apply(self._inverse, free.astype(float)), free
-                    # Positive but for grids of a few elements; where it carries load it must be.
-                    lift = np.maximum(lift, _LEAST_LIFT * lift.max()) * free
-                direction -= lift * (direction.sum() / lift.sum())
-            preconditioned = direction
-            # Directions whose displacement is known already: the last change and, unless load or
-            # limit hold it, the pressure itself, which sets the level of the whole.
-            scalable = total is None and 0 < convolved.max() < limit
-            level = [(convolved, field)] if scalable else []
-            known = level if change is None else [(change, change_field), *level]
-            if known:
-                weights = _weights(known, [np.vdot(direction, image) for _, image in known])
-                direction = preconditioned - _sum(weights, known)[0] * free
-                if total is not None:
-                    direction -= lift * (direction.sum() / lift.sum())
-                if np.vdot(direction, penetration) <= 0:
-                    direction = preconditioned
-            trial = admissible(pressure + step * direction, lift)
-            if cautious or np.vdot(penetration, trial - pressure) <= 0:
-                gradient = penetration * free / half_space.self_influence
-                trial = admissible(pressure + gradient, free.astype(float))
-
-            change = trial - convolved
-            if not change.any():
-                break  # stuck at rounding; the recomputed residual will tell
-            change_field = apply(half_space.displacement, change)
-            # The exact line search along the change alone...
-            scale = np.vdot(penetration, change) / np.vdot(change, change_field)
-            if cautious:
-                # Between one admissible pressure and another: admissible, and of less energy.
-                cautious -= 1
-                scale = min(scale, 1.0)
-                pressure = convolved = convolved + scale * change
-                field = field + scale * change_field
-                change = None
-                continue
-            # ... and together with the level.
-            steps = [(change, change_field), *level]
-            weights = _weights(steps, [np.vdot(vector, penetration) for vector, _ in steps])
-            if weights[0] <= 0 or abs(weights[1:]).sum() > _LARGE_LEVEL:
-                weights = np.array([scale if scale > 0 else 1.0, *[0.0] * len(level)])
-            step = min(max(weights[0] * step, 0.3), 3.0)
-
-            change, change_field = _sum(weights, steps)
-            convolved = convolved + change
-            field = field + change_field
-            # What the trial cut stays at its bound.
-            inside = (trial > 0) & (trial < limit)
-            pressure = admissible(
-                np.where(inside, convolved, trial), None if lift is None else lift * inside
-            )
-            cut = pressure - convolved
-            if np.abs(cut).max() > _LARGE_CUT * np.abs(change).max():
-                field = field + apply(half_space.displacement, cut)
-                convolved = pressure
-                energy = np.vdot(pressure, 0.5 * field - overlap)
-                if energy >= lowest_energy:
-                    cautious = _CAUTIOUS
-                lowest_energy = min(energy, lowest_energy)
-        return pressure
-
-    def tangent(self, contact, start=None):
-        """Response to displacement on a fixed contact set: dp/dδ, and the stiffness.
-
-        Solves K p' = 1 on the contact, p' = 0 elsewhere, by preconditioned conjugate gradients.
-
-        Parameters
-        ----------
-        contact : ndarray of bool, shape (ny, nx)
-            Elements whose pressure follows the displacement.
-        start : ndarray, shape (ny, nx), optional
-            A tangent to start from.
-
-        Returns
-        -------
-        tangent : ndarray, shape (ny, nx)
-            p' (MPa/mm), such that K p' is 1 on the contact within `_TANGENT_TOLERANCE`.
-        stiffness : float
-            d(mean pressure)/dδ (MPa/mm). Its error is of second order in that of p'.
-        """
-        half_space = self.half_space
-        elements = np.flatnonzero(contact)
-        grid = np.zeros(contact.shape)
-        if not elements.size:
-            return grid, 0.0
-
-        def apply(operator, values):
-            grid.reshape(-1)[elements] = values
-            return operator(grid).reshape(-1)[elements]
-
-        if start is None or not start[contact].any():
-            solution = apply(self._inverse, np.ones(elements.size))
-        else:
-            solution = start.reshape(-1)[elements]
-        image = apply(half_space.displacement, solution)
-        factor = solution.sum() / np.vdot(solution, image)
-        solution = factor * solution
-        residual = 1 - factor * image
-        direction, previous = 0.0, 1.0
-        while np.abs(residual).max() > _TANGENT_TOLERANCE:
-            preconditioned = apply(self._inverse, residual)
-            product = np.vdot(residual, preconditioned)
-            direction = preconditioned + direction * (product / previous)
-            previous = product
-            image = apply(half_space.displacement, direction)
-            scale = product / np.vdot(direction, image)
-            solution = solution + scale * direction
-            residual = residual - scale * image
-        grid.reshape(-1)[elements] = solution
-        # The energy 2·Σp' − p'ᵀKp', stationary at the solution where it equals Σp'.
-        return grid, float((solution.sum() + np.vdot(residual, solution)) / grid.size)
-
-
-def _weights(pairs, right):
-    """Weights w that solve Σⱼ (vᵢᵀKvⱼ) wⱼ = rightᵢ, from pairs (v, Kv); least norm if dependent."""
-    gram = np.array([[np.vdot(vector, image) for _, image in pairs] for vector, _ in pairs])
-    norm = np.sqrt(np.diagonal(gram))
-    scaled = gram / np.outer(norm, norm)
-    return np.linalg.lstsq(scaled, np.asarray(right) / norm, rcond=1e-10)[0] / norm
-
-
-def _sum(weights, pairs):
-    """The pair (Σ w·v, Σ w·Kv)."""
-    return tuple(
-        sum(w * v for w, v in zip(weights, c, strict=True)) for c in zip(*pairs, strict=True)
-    )
-
-
-def _balanced(trial, lift, total, limit):
-    """clip(trial + c·lift, 0, limit) with the number c for which its sum is `total`; lift ≥ 0."""
-    pressure = np.clip(trial, 0.0, limit)
-    moving = lift > 0
-    if not moving.any():
-        return pressure
-    low = (-trial[moving] / lift[moving]).min()
-    high = ((min(total, limit) - trial[moving]) / lift[moving]).max()
-    shift = 0.0
-    for _ in range(200):
-        excess = pressure.sum() - total
-        if abs(excess) <= 1e-14 * total:
-            break
-        # The sum increases with c, piece by piece linear: Newton's method, kept between bounds.
-        low, high = (low, shift) if excess > 0 else (shift, high)
-        slope = lift[(pressure > 0) & (pressure < limit)].sum()
-        shift = shift - excess / slope if slope > 0 else math.inf
-        if not low < shift < high:
-            shift = 0.5 * (low + high)
-        pressure = np.clip(trial + shift * lift, 0.0, limit)
-    return pressure
-
-
-def _least_work(gap, force, limit):
-    """Least Σ s·g of the fields 0 ≤ s ≤ limit with the sum `force`, or 0 if that is less."""
-    if limit == math.inf:
-        return force * min(gap.min(), 0.0)
-    full, rest = divmod(force / limit, 1)
-    lowest = np.sort(gap, axis=None)[: int(full) + 1]
-    return min(limit * (lowest[: int(full)].sum() + rest * lowest[-1]), 0.0)
 
 
 def _checked_initial(initial_pressure, shape):

@@ -1,0 +1,138 @@
+"""The iterations: bound-constrained conjugate gradients on the elements that may be in contact."""
+
+import math
+
+import numpy as np
+
+from .algebra import combination, dot, energy_weights
+from .window import SINGLE_ERROR
+
+__all__ = ["descend"]
+
+# A cut larger than this share of the step is convolved at once rather than with the next one.
+_LARGE_CUT = 0.3
+# Least share of the largest lift, so that every free element can take part in balancing the load.
+_LEAST_LIFT = 1e-3
+# The lift is computed again when this share of the free elements has changed.
+_STALE_LIFT = 0.02
+# A line search does not raise or lower the pressure as a whole by more than this share.
+_LARGE_LEVEL = 0.5
+# Iterations of the projected gradient, slow but sure, after an iteration that raised the energy.
+_CAUTIOUS = 10
+# The field is computed again in double precision when rounding may be this share of the residual.
+_LARGE_ROUNDING = 0.3
+
+
+def descend(window, load, relief, pressure, field, tolerance, history, max_iterations):
+    """Improve a pressure until the residual of the recurrence is below the tolerance.
+
+    Each iteration adds a change whose displacement is known in single precision; rounding thus
+    scales with the changes, which shrink, and what has come together is swept out by an exact
+    convolution now and then.
+
+    Parameters
+    ----------
+    window : Window
+        The elements, n of them; all vectors below are of their values.
+    load : Load
+    relief : ndarray, shape (n,)
+        h − h_max (mm).
+    pressure, field : ndarray, shape (n,)
+        An admissible pressure (MPa) to start from, and its exact displacement (mm).
+    tolerance : float
+        Of the residual, relative to the far-field displacement.
+    history : list of float
+        Receives the residual of each iteration.
+    max_iterations : int
+        Length at which the history ends.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        The pressure.
+    """
+    # `field` is the displacement of `convolved`, a pressure that differs from the admissible
+    # `pressure` by the last cut.
+    convolved = pressure
+    change = change_field = lift = lift_set = None
+    step = 1.0
+    rounding = 0.0
+    lowest_energy, cautious = math.inf, 0
+    while len(history) < max_iterations:
+        displacement = load.displacement_at(pressure, field - relief)
+        penetration = relief + displacement - field
+        free = np.where(penetration > 0, pressure < load.pressure_limit, pressure > 0)
+        violation = np.abs(penetration[free]).max(initial=0.0)
+        if rounding > _LARGE_ROUNDING * violation:
+            convolved, field, rounding = pressure, window.exact_displacement(pressure), 0.0
+            continue
+        history.append(float(violation / displacement))
+        if history[-1] <= tolerance:
+            break
+
+        direction = window.pressure(penetration * free) * free
+        if load.force is not None:
+            # Pressure that a uniform lift adds: the direction along which the load is kept.
+            if lift is None or np.count_nonzero(free != lift_set) > _STALE_LIFT * free.sum():
+                uniform, lift_set = window.pressure(free.astype(float)), free
+            # Positive but for grids of a few elements; where it carries load it must be.
+            lift = np.maximum(uniform, _LEAST_LIFT * uniform.max()) * free
+            direction -= lift * (direction.sum() / lift.sum())
+        preconditioned = direction
+        # Directions whose displacement is known already: the last change and, unless load or
+        # limit hold it, the pressure itself, which sets the level of the whole.
+        scalable = load.force is None and 0 < convolved.max() < load.pressure_limit
+        level = [(convolved, field)] if scalable else []
+        known = level if change is None else [(change, change_field), *level]
+        if known:
+            weights = energy_weights(known, [dot(direction, image) for _, image in known])
+            direction = preconditioned - combination(weights, known)[0] * free
+            if load.force is not None:
+                direction -= lift * (direction.sum() / lift.sum())
+            if dot(direction, penetration) <= 0:
+                direction = preconditioned
+        trial = load.admissible(pressure + step * direction, lift)
+        if cautious or dot(penetration, trial - pressure) <= 0:
+            gradient = penetration * free / window.self_influence
+            trial = load.admissible(pressure + gradient, free.astype(float))
+
+        change = trial - convolved
+        change_field = window.displacement(change)
+        rounding += SINGLE_ERROR * np.abs(change_field).max()
+        curvature = dot(change, change_field)
+        if not curvature > 0:
+            break  # stuck at rounding; the recomputed residual will tell
+        # The exact line search along the change alone...
+        scale = dot(penetration, change) / curvature
+        if cautious:
+            # Between one admissible pressure and another: admissible, and of less energy.
+            cautious -= 1
+            scale = min(scale, 1.0)
+            pressure = convolved = convolved + scale * change
+            field = field + scale * change_field
+            change = None
+            continue
+        # ... and together with the level.
+        steps = [(change, change_field), *level]
+        weights = energy_weights(steps, [dot(vector, penetration) for vector, _ in steps])
+        if weights[0] <= 0 or abs(weights[1:]).sum() > _LARGE_LEVEL:
+            weights = np.array([scale if scale > 0 else 1.0, *[0.0] * len(level)])
+        step = min(max(weights[0] * step, 0.3), 3.0)
+
+        change, change_field = combination(weights, steps)
+        convolved = convolved + change
+        field = field + change_field
+        # What the trial cut stays at its bound.
+        inside = (trial > 0) & (trial < load.pressure_limit)
+        pressure = load.admissible(
+            np.where(inside, convolved, trial), None if lift is None else lift * inside
+        )
+        cut = pressure - convolved
+        if np.abs(cut).max() > _LARGE_CUT * np.abs(change).max():
+            convolved, field, rounding = pressure, window.exact_displacement(pressure), 0.0
+            # Bold steps alone may go round in circles.
+            energy = dot(pressure, 0.5 * field - relief - displacement * (load.force is None))
+            if energy >= lowest_energy:
+                cautious = _CAUTIOUS
+            lowest_energy = min(energy, lowest_energy)
+    return pressure

@@ -1,0 +1,81 @@
+"""What holds a contact: a displacement or a force, and a ceiling on the pressure."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .algebra import dot
+
+__all__ = ["Load"]
+
+
+@dataclass(frozen=True)
+class Load:
+    """Displacement or force control; one of the two is None.
+
+    Attributes
+    ----------
+    displacement : float or None
+        Far-field displacement (mm).
+    force : float or None
+        Sum of the elements' pressures (MPa).
+    pressure_limit : float
+        Ceiling on the pressure (MPa), may be infinite.
+    """
+
+    displacement: float | None
+    force: float | None
+    pressure_limit: float
+
+    def coarser(self):
+        """The same load on elements of twice the length."""
+        return self if self.force is None else replace(self, force=self.force / 4)
+
+    def displacement_at(self, pressure, opening) -> float:
+        """Displacement that closes the contact, from the opening Kp + (h_max − h)."""
+        if self.displacement is not None:
+            return self.displacement
+        elastic = pressure * (pressure < self.pressure_limit)
+        if elastic.any():
+            return dot(elastic, opening) / float(elastic.sum())
+        # All contact is at the limit: any displacement from here to the next touch would do.
+        return float(opening[pressure > 0].max())
+
+    def admissible(self, trial, lift):
+        """The pressure nearest to `trial` within its bounds, raised along `lift` ≥ 0 to the force.
+
+        clip(trial + c·lift, 0, limit) with the number c for which its sum is the force.
+        """
+        limit, force = self.pressure_limit, self.force
+        pressure = np.clip(trial, 0.0, limit)
+        if force is None:
+            return pressure
+        moving = lift > 0
+        if not moving.any():
+            return pressure
+        shift, low, high = 0.0, None, None
+        for _ in range(200):
+            excess = float(pressure.sum()) - force
+            if abs(excess) <= 1e-14 * force:
+                break
+            if low is None:
+                low = (-trial[moving] / lift[moving]).min()
+                high = ((min(force, limit) - trial[moving]) / lift[moving]).max()
+            # The sum increases with c, piece by piece linear: Newton's method between bounds.
+            low, high = (low, shift) if excess > 0 else (shift, high)
+            slope = float(dot(lift, ((pressure > 0) & (pressure < limit)).astype(float)))
+            shift = shift - excess / slope if slope > 0 else math.inf
+            if not low < shift < high:
+                shift = 0.5 * (low + high)
+            pressure = np.clip(trial + shift * lift, 0.0, limit)
+        return pressure
+
+    def least_work(self, gap, force) -> float:
+        """Least Σ s·g of the fields 0 ≤ s ≤ limit with the sum `force`, or 0 if that is less."""
+        if self.pressure_limit == math.inf:
+            return force * min(gap.min(), 0.0)
+        full, rest = divmod(force / self.pressure_limit, 1)
+        lowest = np.sort(gap, axis=None)[: int(full) + 1]
+        work = lowest[: int(full)].sum() + rest * lowest[-1]
+        return min(self.pressure_limit * work, 0.0)
