@@ -8,6 +8,9 @@ import numpy as np
 
 __all__ = ["combination", "dot", "energy_weights"]
 
+# Two directions are dependent when rounding may have left this of their Gram determinant.
+_DEPENDENT = 1e-10
+
 
 def dot(one, two) -> float:
     """Σ one·two over all elements."""
@@ -15,11 +18,25 @@ def dot(one, two) -> float:
 
 
 def energy_weights(pairs, right):
-    """Weights w that solve Σⱼ (vᵢᵀKvⱼ) wⱼ = rightᵢ, from pairs (v, Kv); least norm if dependent."""
-    gram = np.array([[dot(vector, image) for _, image in pairs] for vector, _ in pairs])
-    norm = np.sqrt(np.diagonal(gram))
-    scaled = gram / np.outer(norm, norm)
-    return np.linalg.lstsq(scaled, np.asarray(right) / norm, rcond=1e-10)[0] / norm
+    """Weights w that solve Σⱼ (vᵢᵀKvⱼ) wⱼ = rightᵢ, from one or two pairs (v, Kv).
+
+    The second has no weight where it says nothing that the first does not.
+    """
+    (first, image), *others = pairs
+    energy = dot(first, image)
+    if not others:
+        return np.array([right[0] / energy])
+    second, second_image = others[0]
+    mixed, other_energy = dot(second, image), dot(second, second_image)
+    determinant = energy * other_energy - mixed**2
+    if not determinant > _DEPENDENT * energy * other_energy:
+        return np.array([right[0] / energy, 0.0])
+    return np.array(
+        [
+            (other_energy * right[0] - mixed * right[1]) / determinant,
+            (energy * right[1] - mixed * right[0]) / determinant,
+        ]
+    )
 
 
 def combination(weights, pairs):

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from .algebra import combination, dot, energy_weights
+from .preconditioner import Preconditioner
 from .window import SINGLE_ERROR
 
 __all__ = ["descend"]
@@ -13,8 +14,6 @@ __all__ = ["descend"]
 _LARGE_CUT = 0.3
 # Least share of the largest lift, so that every free element can take part in balancing the load.
 _LEAST_LIFT = 1e-3
-# The lift is computed again when this share of the free elements has changed.
-_STALE_LIFT = 0.02
 # A line search does not raise or lower the pressure as a whole by more than this share.
 _LARGE_LEVEL = 0.5
 # Iterations of the projected gradient, slow but sure, after an iteration that raised the energy.
@@ -54,7 +53,8 @@ def descend(window, load, relief, pressure, field, tolerance, history, max_itera
     # `field` is the displacement of `convolved`, a pressure that differs from the admissible
     # `pressure` by the last cut.
     convolved = pressure
-    change = change_field = lift = lift_set = None
+    preconditioner = Preconditioner(window)
+    change = change_field = lift = None
     step = 1.0
     rounding = 0.0
     lowest_energy, cautious = math.inf, 0
@@ -70,13 +70,16 @@ def descend(window, load, relief, pressure, field, tolerance, history, max_itera
         if history[-1] <= tolerance:
             break
 
-        direction = window.pressure(penetration * free) * free
+        preconditioner.fit(free)
+        residual = penetration * free
+        direction = preconditioner(residual) * free
+        if dot(direction, residual) <= 0:
+            direction = preconditioner.short_range(residual) * free
         if load.force is not None:
             # Pressure that a uniform lift adds: the direction along which the load is kept.
-            if lift is None or np.count_nonzero(free != lift_set) > _STALE_LIFT * free.sum():
-                uniform, lift_set = window.pressure(free.astype(float)), free
+            lift = preconditioner.uniform
             # Positive but for grids of a few elements; where it carries load it must be.
-            lift = np.maximum(uniform, _LEAST_LIFT * uniform.max()) * free
+            lift = np.maximum(lift, _LEAST_LIFT * lift.max()) * free
             direction -= lift * (direction.sum() / lift.sum())
         preconditioned = direction
         # Directions whose displacement is known already: the last change and, unless load or

@@ -26,8 +26,12 @@ class Window:
         rows, columns = np.divmod(elements, half_space.shape[1])
         rows, columns = rows - rows.min(), columns - columns.min()
         self._half_space = half_space.window((rows.max() + 1, columns.max() + 1))
+        self._rows, self._columns = rows, columns
         self._places = rows * self._half_space.shape[1] + columns
         self._grid = np.zeros(self._half_space.shape, np.float32)
+        self.shape = self._half_space.shape
+        self.spacing = half_space.spacing
+        self.contact_modulus = half_space.contact_modulus
         self.self_influence = half_space.self_influence
 
     def exact_displacement(self, pressure):
@@ -43,6 +47,11 @@ class Window:
     def pressure(self, displacement):
         """Approximate pressure (MPa) that has the displacement (mm)."""
         return self._apply(self._half_space.approximate_inverse, self._grid, displacement)
+
+    def cells(self, block):
+        """Cell of each element, flat, on a grid of `block` times `block` elements; its shape."""
+        shape = tuple(-(-n // block) for n in self.shape)
+        return self._rows // block * shape[1] + self._columns // block, shape
 
     def _apply(self, operator, grid, values):
         grid.reshape(-1)[self._places] = values
