@@ -19,6 +19,7 @@ from gstlib.bem.analytic import (
     full_contact_rms_pressure,
     love_rectangle_displacement,
 )
+from gstlib.bem.topography import corrected_contact_fraction
 
 pytestmark = pytest.mark.filterwarnings("ignore::gstlib.bem.DomainTooSmallWarning")
 
@@ -202,6 +203,34 @@ def test_crossed_waves_close_at_their_pressure():
     found = 4 * (ripple * waves[middle]).mean()
     exact = crossed_waves_full_contact_pressure(amplitude, wavelength, MODULUS)
     assert found == pytest.approx(exact, rel=0.02)
+
+
+# Corrected contact fraction of a periodic surface of crossed waves at p̄/p*: Johnson, Greenwood &
+# Higginson's problem, solved on 256² elements by an independent, periodic code (PEERS.md).
+@pytest.mark.parametrize(
+    ("share", "expected", "on_all"), [(0.05, 0.1136, 0.0833), (0.2, 0.3446, 0.391)]
+)
+def test_crossed_waves_touch_as_much_as_periodic_ones(share, expected, on_all):
+    # On a free domain the pressure rises to the borders: what counts is that of the middle wave.
+    waves, wavelength, amplitude = 6, 0.1, 5e-4
+    star = crossed_waves_full_contact_pressure(amplitude, wavelength, MODULUS)
+    errors = []
+    for points in (32, 64, 128):
+        n, spacing = waves * points, wavelength / points
+        x, y = np.meshgrid(*2 * [(np.arange(n) + 0.5) * spacing])
+        heights = (
+            amplitude * np.cos(2 * np.pi * x / wavelength) * np.cos(2 * np.pi * y / wavelength)
+        )
+        state = solve_contact(heights, spacing, MODULUS, mean_pressure=on_all * star)
+        middle = slice(n // 2 - points // 2, n // 2 + points // 2)
+        local = state.pressure[middle, middle].mean() / star
+        assert local == pytest.approx(share, rel=0.02)
+        # To the tabulated load along the power law between the two loads.
+        power = math.log(0.3446 / 0.1136) / math.log(4)
+        found = corrected_contact_fraction(state.contact[middle, middle])
+        errors.append(abs(found * (share / local) ** power / expected - 1))
+    assert errors[-1] < 0.02
+    assert errors[-1] < max(errors)
 
 
 def test_full_contact_of_a_rough_surface():

@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine, sphere
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gstlib.bem import InvalidContactInput, UnreachableTargetError, load_path, solve_contact
 
@@ -52,6 +54,33 @@ def test_path_is_the_direct_solution(path, index):
     np.testing.assert_allclose(
         path.states[index].pressure, direct.pressure, atol=1e-7 * direct.pressure.max()
     )
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.tuples(st.integers(2, 20), st.integers(2, 20)),
+    st.floats(1.0, 1000.0),
+    st.integers(2, 6),
+)
+def test_path_is_the_direct_solution_on_any_surface(seed, shape, target, steps):
+    heights = 0.002 * np.random.default_rng(seed).standard_normal(shape)
+    path = load_path(
+        heights,
+        0.01,
+        MODULUS,
+        target_pressure=target,
+        steps=steps,
+        tolerance=1e-11,
+        keep_states=True,
+    )
+    for state in path.states:
+        direct = solve_contact(
+            heights, 0.01, MODULUS, displacement=state.displacement, tolerance=1e-11
+        )
+        np.testing.assert_allclose(
+            state.pressure, direct.pressure, atol=1e-7 * direct.pressure.max()
+        )
 
 
 @pytest.mark.parametrize("index", [1, 7])
