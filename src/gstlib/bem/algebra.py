@@ -39,8 +39,9 @@ def energy_weights(pairs, right):
     )
 
 
-def combination(weights, pairs):
-    """The pair (Σ w·v, Σ w·Kv)."""
-    return tuple(
-        sum(w * v for w, v in zip(weights, c, strict=True)) for c in zip(*pairs, strict=True)
-    )
+def combination(weights, vectors):
+    """Σ w·v."""
+    total = weights[0] * vectors[0]
+    for weight, vector in zip(weights[1:], vectors[1:], strict=True):
+        total += weight * vector
+    return total

@@ -89,7 +89,7 @@ def descend(window, load, relief, pressure, field, tolerance, history, max_itera
         known = level if change is None else [(change, change_field), *level]
         if known:
             weights = energy_weights(known, [dot(direction, image) for _, image in known])
-            direction = preconditioned - combination(weights, known)[0] * free
+            direction = preconditioned - combination(weights, [v for v, _ in known]) * free
             if load.force is not None:
                 direction -= lift * (direction.sum() / lift.sum())
             if dot(direction, penetration) <= 0:
@@ -122,7 +122,7 @@ def descend(window, load, relief, pressure, field, tolerance, history, max_itera
             weights = np.array([scale if scale > 0 else 1.0, *[0.0] * len(level)])
         step = min(max(weights[0] * step, 0.3), 3.0)
 
-        change, change_field = combination(weights, steps)
+        change, change_field = (combination(weights, c) for c in zip(*steps, strict=True))
         convolved = convolved + change
         field = field + change_field
         # What the trial cut stays at its bound.

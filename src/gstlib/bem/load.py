@@ -36,9 +36,12 @@ class Load:
         """Displacement that closes the contact, from the opening Kp + (h_max − h)."""
         if self.displacement is not None:
             return self.displacement
-        elastic = pressure * (pressure < self.pressure_limit)
-        if elastic.any():
-            return dot(elastic, opening) / float(elastic.sum())
+        elastic = pressure
+        if self.pressure_limit < math.inf:
+            elastic = pressure * (pressure < self.pressure_limit)
+        force = float(elastic.sum())
+        if force > 0:
+            return dot(elastic, opening) / force
         # All contact is at the limit: any displacement from here to the next touch would do.
         return float(opening[pressure > 0].max())
 
@@ -64,7 +67,10 @@ class Load:
                 high = ((min(force, limit) - trial[moving]) / lift[moving]).max()
             # The sum increases with c, piece by piece linear: Newton's method between bounds.
             low, high = (low, shift) if excess > 0 else (shift, high)
-            slope = float(dot(lift, ((pressure > 0) & (pressure < limit)).astype(float)))
+            inside = pressure > 0
+            if limit < math.inf:
+                inside &= pressure < limit
+            slope = dot(lift, inside.astype(float))
             shift = shift - excess / slope if slope > 0 else math.inf
             if not low < shift < high:
                 shift = 0.5 * (low + high)

@@ -6,15 +6,18 @@ interpenetration at far-field displacement δ, counted from first touch: w = δ 
 Either δ is given, or the mean pressure, and then δ is an unknown too.
 
 The method is a bound-constrained conjugate gradient (Polonsky & Keer, Wear 231 (1999) 206;
-Vollebregt, J. Optim. Theory Appl. 162 (2014) 936) with three additions:
+Vollebregt, J. Optim. Theory Appl. 162 (2014) 936) with these additions:
 
-- the approximate inverse of K, restricted to the contact, is the preconditioner (Vollebregt);
+- the preconditioner is an approximate inverse of K on the elements in contact (Vollebregt), and
+  corrects it for islands of contact that sink together (:mod:`gstlib.bem.preconditioner`);
 - grids are nested: each starts from the solution on elements twice as long;
 - one convolution an iteration. Where an iteration ends at p < 0, the pressure is cut to zero, and
-  the displacement of that small cut is not computed on its own but with the next direction.
+  the displacement of that small cut is not computed on its own but with the next direction;
+- changes are convolved in single precision, and only on the elements that may come into contact;
+  what rounding leaves is swept out by an exact convolution (:mod:`gstlib.bem.descent`).
 
 What is returned never rests on that recurrence: pressure, gap and residual are recomputed by a
-convolution of their own.
+convolution of their own, in double precision and on every element.
 """
 
 import math

@@ -206,7 +206,7 @@ def test_crossed_waves_close_at_their_pressure():
 
 
 # Corrected contact fraction of a periodic surface of crossed waves at p̄/p*: Johnson, Greenwood &
-# Higginson's problem, solved on 256² elements by an independent, periodic code (PEERS.md).
+# Higginson's problem, solved on 256² elements by an independent, periodic code.
 @pytest.mark.parametrize(
     ("share", "expected", "on_all"), [(0.05, 0.1136, 0.0833), (0.2, 0.3446, 0.391)]
 )
