@@ -16,6 +16,7 @@ include: "workflow/rules/specimen.smk"
 include: "workflow/rules/macroscale.smk"
 include: "workflow/rules/coupling.smk"
 include: "workflow/rules/microscale.smk"
+include: "workflow/rules/grinding.smk"
 include: "workflow/rules/validation.smk"
 include: "workflow/rules/report.smk"
 

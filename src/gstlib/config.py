@@ -14,7 +14,14 @@ from jsonschema.exceptions import ValidationError, best_match
 from gstlib.bem import contact_modulus
 from gstlib.errors import ConfigError
 
-__all__ = ["alternative_contact_modulus", "check_config", "check_files", "study_contact_modulus"]
+__all__ = [
+    "alternative_contact_modulus",
+    "check_config",
+    "check_files",
+    "check_hardness",
+    "study_contact_modulus",
+    "study_poisson",
+]
 
 
 def check_config(config: Mapping, schema: str | Path, source: str) -> None:
@@ -69,6 +76,41 @@ def check_files(files: Mapping[str, str], source: str) -> None:
             + "\n  - ".join(missing)
             + "\n ",
             "Put the files there, or correct the names (paths are relative to the working folder).",
+        )
+
+
+def check_hardness(
+    hardness_MPa: float | None, pressures_MPa: Mapping[str, float], source: str
+) -> None:
+    """Refuse a hardness that cannot carry the mean pressure of every patch.
+
+    Parameters
+    ----------
+    hardness_MPa : float or None
+        The ceiling, if the config gives one.
+    pressures_MPa : mapping of patch to float
+        Target pressure of each patch in the microscale study.
+    source : str
+        Where the hardness is given, for the message.
+
+    Raises
+    ------
+    ConfigError
+        Names the patches.
+    """
+    if hardness_MPa is None:
+        return
+    beyond = [
+        f"{patch} ({value:.4g} MPa)"
+        for patch, value in pressures_MPa.items()
+        if value >= hardness_MPa
+    ]
+    if beyond:
+        raise ConfigError(
+            source,
+            f"'hardness' is {hardness_MPa:g} MPa, not above the mean pressure of patch "
+            + ", ".join(beyond),
+            "Raise it, or set it to null.",
         )
 
 
@@ -134,6 +176,12 @@ def _contradictions(config: Mapping) -> list[str]:
             f"'scans.size_mm' is {config['scans']['size_mm']}, more than the square's "
             f"{square['size_mm']} mm: a patch must fit in the square"
         )
+    target = config["macroscale"]["target_pressure_MPa"]
+    if config["hardness"] is not None and config["hardness"] <= target:
+        problems.append(
+            f"'hardness' is {config['hardness']} MPa, not above macroscale.target_pressure_MPa of "
+            f"{target}: no contact carries more than its hardness; raise it, or set it to null"
+        )
     for name in ("patches", "published"):
         if config[name] is not None and not Path(config[name]).is_file():
             problems.append(
@@ -162,3 +210,18 @@ def _standard_contact_modulus(material: Mapping) -> float:
         material["young_2_MPa"],
         material["poisson_2"],
     )
+
+
+def study_poisson(material: Mapping) -> float:
+    """Poisson's ratio of two like stones as compliant tangentially as the study's two are.
+
+    The mean of both ratios weighted by the stones' shear compliance 1/G = 2 (1 + ν)/E: with it,
+    (2 − ν)/(2 (1 − ν)) is the sum of (2 − ν)/(4G) over the sum of (1 − ν)/(2G), tangential over
+    normal compliance (Johnson, Contact Mechanics, §7.2).
+    """
+    # ASSUME: where the two stones differ, their tangential compliances add; that tangential
+    # tractions then press unlike bodies apart (Dundurs' β) is neglected.
+    ratios = [material["poisson_1"], material["poisson_2"]]
+    moduli = [material["young_1_MPa"], material["young_2_MPa"]]
+    compliances = [(1 + ratio) / young for ratio, young in zip(ratios, moduli, strict=True)]
+    return sum(r * c for r, c in zip(ratios, compliances, strict=True)) / sum(compliances)

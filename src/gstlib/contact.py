@@ -1,9 +1,10 @@
-"""Contact of a surface with a flat, from and to the study's own data: `gstlib.bem` for this study.
+"""Contact of a surface, from and to the study's own data: `gstlib.bem` for this study.
 
 `gstlib.bem` knows arrays; here its load path becomes a dataset with names and units, and a table.
 """
 
 import logging
+import math
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,10 +23,19 @@ from gstlib.bem import (
     load_path,
     solve_contact,
 )
+from gstlib.bem.topography import equivalent_heights
 from gstlib.errors import InputError
 from gstlib.surface import spacing_of
 
-__all__ = ["contact_dataset", "load_path_table", "solve_at_pressure", "solve_path"]
+__all__ = [
+    "contact_dataset",
+    "explained",
+    "final_state",
+    "load_path_table",
+    "pressed_height",
+    "solve_at_pressure",
+    "solve_path",
+]
 
 _log = logging.getLogger(__name__)
 
@@ -76,7 +86,7 @@ def solve_path(
             state.iterations,
         )
 
-    with _explained(source, target_pressure_MPa):
+    with explained(source, target_pressure_MPa):
         return load_path(
             height.values,
             spacing_of(height),
@@ -98,26 +108,64 @@ def solve_at_pressure(
     contact_modulus_MPa: float,
     target_pressure_MPa: float,
     tolerance: float,
+    pressure_limit_MPa: float = math.inf,
     workers: int = 1,
 ) -> tuple[ContactState, xr.DataArray]:
     """Contact of a surface at a mean pressure alone, and its pressure on the surface's grid.
 
-    Parameters as of `solve_path`; the pressure is in MPa.
+    Parameters as of `solve_path`, and the ceiling on the pressure; pressures are in MPa.
     """
-    with _explained(source, target_pressure_MPa):
+    with explained(source, target_pressure_MPa):
         state = solve_contact(
             height.values,
             spacing_of(height),
             contact_modulus_MPa,
             mean_pressure=target_pressure_MPa,
+            pressure_limit=pressure_limit_MPa,
             tolerance=tolerance,
             workers=workers,
         )
     return state, xr.DataArray(state.pressure, coords=height.coords, dims=height.dims)
 
 
+def pressed_height(contact: xr.Dataset) -> xr.DataArray:
+    """Heights (mm) of the surface that touches a flat as the stored contact's surface was touched.
+
+    Its own heights or, where there is a counterface, the sum of both.
+    """
+    if "counterface" not in contact:
+        return contact.height
+    return contact.height.copy(
+        data=equivalent_heights(contact.height.values, contact.counterface.values)
+    )
+
+
+def final_state(contact: xr.Dataset, *, source: str | Path, workers: int = 1) -> ContactState:
+    """The final state of a stored contact: its pressure is kept, all else is computed from it.
+
+    Parameters
+    ----------
+    contact : xarray.Dataset
+        From `contact_dataset`, without ``every_step``, with the settings it was solved with as
+        attributes.
+    source : path
+        The file that it comes from, for the error message.
+    """
+    height, target = pressed_height(contact), contact.attrs["target_pressure_MPa"]
+    with explained(source, target):
+        return solve_contact(
+            height.values,
+            spacing_of(height),
+            contact.attrs["contact_modulus_MPa"],
+            mean_pressure=target,
+            initial_pressure=contact.pressure.values,
+            tolerance=contact.attrs["tolerance"],
+            workers=workers,
+        )
+
+
 @contextmanager
-def _explained(source: str | Path, target_pressure_MPa: float) -> Iterator[None]:
+def explained(source: str | Path, target_pressure_MPa: float) -> Iterator[None]:
     """Say the solver's errors in the study's words, and leave out the warning that is the rule."""
     try:
         with warnings.catch_warnings():

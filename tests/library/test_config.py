@@ -8,7 +8,9 @@ from gstlib.config import (
     alternative_contact_modulus,
     check_config,
     check_files,
+    check_hardness,
     study_contact_modulus,
+    study_poisson,
 )
 from gstlib.errors import ConfigError
 
@@ -74,6 +76,10 @@ def test_all_problems_are_told_at_once(config):
         ("square.frame.normal", [0.0, 0.0, 0.0], "length zero"),
         ("scans.size_mm", 6.0, "must fit"),
         ("patches", "nowhere.tsv", "does not exist"),
+        ("hardness", 22.0, "not above macroscale.target_pressure_MPa of 22"),
+        ("hardness", -5.0, "'hardness' is -5.0"),
+        ("grinding", {"friction": 0.6, "tangential_ratio": 1.5}, "grinding.tangential_ratio"),
+        ("grinding", {"friction": 0, "tangential_ratio": 0.5}, "grinding.friction"),
         ("inputs", {"mesh": "a", "mesh_unit": "feet", "scan_folder": "b"}, "feet"),
     ],
 )
@@ -101,3 +107,35 @@ def test_contact_modulus_of_the_paper():
     computed = constants | {"contact_modulus_MPa": None}
     assert study_contact_modulus(computed) == alternative_contact_modulus(given)
     assert alternative_contact_modulus(computed) is None
+
+
+def test_grinding_and_hardness_may_be_left_out(config):
+    check_config(
+        config | {"grinding": None, "hardness": None, "counterface": {"scan": "a.plu"}},
+        SCHEMA,
+        source="mine.yaml",
+    )
+
+
+def test_a_hardness_below_a_patch_pressure_is_told_with_the_patch():
+    pressures = {"3": 12.0, "7": 40.0}
+    check_hardness(40.1, pressures, source="mine.yaml")
+    check_hardness(None, pressures, source="mine.yaml")
+    with pytest.raises(ConfigError, match=r"mine\.yaml: 'hardness' is 40 MPa.* patch 7 \(40 MPa\)"):
+        check_hardness(40.0, pressures, source="mine.yaml")
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [((2e4, 0.2), (2e4, 0.2)), ((2e4, 0.2), (8e4, 0.35)), ((1e3, 0.0), (9e5, 0.5))],
+)
+def test_poisson_stands_for_the_compliances_of_both_stones(first, second):
+    material = {"young_1_MPa": first[0], "poisson_1": first[1]}
+    material |= {"young_2_MPa": second[0], "poisson_2": second[1]}
+    tangential = normal = 0.0
+    for young, poisson in (first, second):
+        shear = young / (2 * (1 + poisson))
+        tangential += (2 - poisson) / (4 * shear)
+        normal += (1 - poisson) / (2 * shear)
+    one = study_poisson(material)
+    assert (2 - one) / (2 * (1 - one)) == pytest.approx(tangential / normal)

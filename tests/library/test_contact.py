@@ -2,7 +2,13 @@ import numpy as np
 import pytest
 
 from gstlib.bem import load_path
-from gstlib.contact import contact_dataset, load_path_table, solve_at_pressure, solve_path
+from gstlib.contact import (
+    contact_dataset,
+    final_state,
+    load_path_table,
+    solve_at_pressure,
+    solve_path,
+)
 from gstlib.errors import InputError
 from gstlib.surface import make_surface
 
@@ -58,6 +64,28 @@ def test_state_alone_is_the_end_of_the_path():
     state, pressure = solve_at_pressure(HEIGHT, target_pressure_MPa=50.0, **alone)
     assert state.displacement == pytest.approx(path.displacement[-1], rel=1e-6)
     assert float(pressure.mean()) == pytest.approx(50.0, rel=1e-9)
+
+
+def test_final_state_is_the_stored_one_and_costs_one_convolution():
+    path = solve_path(HEIGHT, keep_states=False, **SETTINGS)
+    contact = contact_dataset(HEIGHT, path, every_step=False).assign_attrs(SETTINGS)
+    again = final_state(contact, source="contact.h5")
+    assert again.convolutions == 1
+    np.testing.assert_array_equal(again.contact, path.final.contact)
+    np.testing.assert_allclose(again.pressure, path.final.pressure, rtol=1e-12)
+    assert again.displacement == pytest.approx(path.displacement[-1], rel=1e-12)
+
+
+def test_a_ceiling_holds_at_the_same_mean_pressure():
+    alone = {name: SETTINGS[name] for name in ("source", "contact_modulus_MPa", "tolerance")}
+    elastic, _ = solve_at_pressure(HEIGHT, target_pressure_MPa=50.0, **alone)
+    ceiling = 0.5 * elastic.pressure.max()
+    state, pressure = solve_at_pressure(
+        HEIGHT, target_pressure_MPa=50.0, pressure_limit_MPa=ceiling, **alone
+    )
+    assert float(pressure.max()) == ceiling
+    assert float(pressure.mean()) == pytest.approx(50.0, rel=1e-9)
+    assert state.ceiling_share > 0
 
 
 def test_errors_of_the_solver_are_said_for_the_user():

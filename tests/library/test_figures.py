@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.image import imread
 
 import gstlib.figures as figures
-from gstlib.figures.style import block_of, draw_heights, draw_mask, new_figure
+from gstlib.figures.style import block_of, draw_classes, draw_heights, draw_mask, new_figure
 from gstlib.surface import make_surface
 
 STEPS = 4
@@ -40,6 +40,28 @@ def contact_of(height, *, every_step, rng):
         },
         attrs={"contact_modulus_MPa": 12820.0},
     )
+
+
+def slip_of(contact):
+    """Made up: what carries much sticks, the rest of the contact slips."""
+    pressure = contact["pressure"].values
+    stick = pressure > 0.3 * pressure.max()
+    return xr.Dataset(
+        {
+            "stick": (("y", "x"), stick),
+            "slip": (("y", "x"), (pressure > 0) & ~stick),
+            "mean_traction": 3.0,
+        },
+        attrs={"friction": 0.6, "tangential_ratio": 0.5},
+    )
+
+
+def limited_of(contact):
+    """Made up: the pressure cut at a third, and a little contact more."""
+    hardness = float(contact["pressure"].max()) / 3
+    pressure = np.minimum(contact["pressure"].values + 1e-3, hardness)
+    pressure[:40] = np.minimum(contact["pressure"].values[:40], hardness)
+    return xr.Dataset({"pressure": (("y", "x"), pressure)}, attrs={"hardness_MPa": hardness})
 
 
 @pytest.fixture
@@ -88,6 +110,8 @@ def study():
         "square": square,
         "macroscale": contact_of(square, every_step=True, rng=rng),
         "contacts": contacts,
+        "slips": {name: slip_of(contact) for name, contact in contacts.items()},
+        "limited": {name: limited_of(contact) for name, contact in contacts.items()},
         "registered": registered,
         "prepared": {"T0": prepared, "T1": prepared},
         "measured": {"T0": t0.where(t0 < 5e-3), "T1": t0 + 1.0},
@@ -143,6 +167,10 @@ DRAW = {
         s["prepared"], s["measured"], patch="1", **n
     ),
     "maps": lambda s, **n: figures.microscale_maps_figure(s["contacts"], **n),
+    "slip": lambda s, **n: figures.slip_figure(
+        {name: contact["height"] for name, contact in s["contacts"].items()}, s["slips"], **n
+    ),
+    "hardness": lambda s, **n: figures.hardness_figure(s["contacts"], s["limited"], **n),
     "paths": lambda s, **n: figures.microscale_curves_figure(s["contacts"], **n),
     "patch": lambda s, **n: figures.patch_figure(
         s["contacts"]["1"], s["registered"], patch="1", **n
@@ -249,6 +277,21 @@ def test_one_element_is_not_lost_when_thickened_and_fades_otherwise():
     assert thick.sum() == 1
     assert fair[1, 7] == pytest.approx(1 / 16)
     assert axes.get_xlim() == pytest.approx((3.1, 0))
+
+
+def test_a_block_has_the_colour_of_most_of_its_marks():
+    surface = make_surface(np.zeros((4, 6)), 0.1)
+    red, blue = np.zeros((2, 4, 6), dtype=bool)
+    red[0, :2], blue[1, 0] = True, True
+    blue[0, 2] = True
+    axes = new_figure(3, 3).subplots()
+    draw_heights(axes, surface)
+    draw_classes(axes, surface, {"red": red, "blue": blue}, block=2)
+    painted = np.asarray(axes.images[-1].get_array())
+    assert painted.shape == (2, 3, 4)
+    assert painted[0, 0].tolist() == [1, 0, 0, 1]
+    assert painted[0, 1].tolist() == [0, 0, 1, 1]
+    assert painted[..., 3].sum() == 2
 
 
 def test_block_matches_the_panel():

@@ -103,7 +103,9 @@ def test_scan_full_of_holes(measured):
 
 
 def test_target_pressure_out_of_reach(study, finished_tiny):
-    study.change(macroscale={"target_pressure_MPa": 5000.0, "maximum_displacement_um": 100.0})
+    study.change(
+        macroscale={"target_pressure_MPa": 5000.0, "maximum_displacement_um": 100.0}, hardness=None
+    )
     surface = study.results / "macroscale/surface.h5"
     result = study.run(str(surface.relative_to(study.folder)))
     assert result.returncode == 0, result.stderr

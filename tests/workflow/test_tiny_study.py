@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -29,6 +30,15 @@ COLUMNS = {
     "microscale_paths": [
         *("patch", "step", "displacement_um", "mean_pressure_MPa", "contact_fraction"),
         "stiffness_MPa_per_um",
+    ],
+    "slip": [
+        *("patch", "pressure_MPa", "friction", "tangential_ratio", "mean_traction_MPa"),
+        *("stick_share", "slip_share", "slip_area_fraction", "tangential_displacement_um"),
+    ],
+    "hardness": [
+        *("patch", "pressure_MPa", "hardness_MPa", "elastic_peak_pressure_MPa"),
+        *("elastic_contact_fraction", "contact_fraction", "ceiling_share"),
+        *("elastic_displacement_um", "displacement_um", "dice", "iou", "deepest_yield_um"),
     ],
     "preprocessing": [
         *("patch", "epoch", "unmeasured", "filled", "outliers", "outlier_k", "tilt_x_mrad"),
@@ -112,6 +122,76 @@ def test_every_stored_state_fulfils_the_contact_conditions(finished_tiny):
             assert residual <= 1e-6, file
 
 
+def test_stored_stick_and_slip_obey_coulomb(finished_tiny):
+    files = sorted(finished_tiny.results.glob("slip/*.h5"))
+    rows = read_table(finished_tiny.results / "tables/slip.csv").set_index("patch")
+    assert sorted(rows.index) == sorted(file.stem for file in files) != []
+    for file in files:
+        slip, contact = read_dataset(file), read_dataset(file.parents[1] / "microscale" / file.name)
+        friction, ratio = slip.attrs["friction"], slip.attrs["tangential_ratio"]
+        assert (friction, ratio) == (0.6, 0.5)
+        pressure, traction = contact.pressure.values, slip.traction.values
+        stick, slides = slip.stick.values, slip.slip.values
+        full = friction * pressure
+        noise = 1e-6 * full.max()
+        assert traction.min() >= -noise
+        assert (traction - full).max() <= noise
+        np.testing.assert_allclose(traction[slides], full[slides], atol=noise)
+        assert (traction[stick] < full[stick]).all()
+        assert traction.sum() == pytest.approx(ratio * full.sum(), rel=1e-6)
+        np.testing.assert_array_equal(stick | slides, pressure > 0)
+        assert not (stick & slides).any()
+        assert rows.slip_share[file.stem] == pytest.approx(
+            slides.sum() / (pressure > 0).sum(), 1e-4
+        )
+        assert rows.mean_traction_MPa[file.stem] == pytest.approx(traction.mean(), 1e-4)
+
+
+def test_sticking_contact_moves_as_one(finished_tiny):
+    """Where the contact sticks, the traction displaces it evenly; where it slips, by less."""
+    for file in sorted(finished_tiny.results.glob("slip/*.h5")):
+        slip, contact = read_dataset(file), read_dataset(file.parents[1] / "microscale" / file.name)
+        friction, modulus = slip.attrs["friction"], contact.attrs["contact_modulus_MPa"]
+        moved = love_displacement(slip.traction.values / friction, spacing_of(contact), modulus)
+        stuck = moved[slip.stick.values]
+        assert np.ptp(stuck) <= 1e-6 * float(contact.displacement[-1])
+        # by how much, in the tangential direction
+        ratio = (2 - slip.attrs["poisson"]) / (2 * (1 - slip.attrs["poisson"]))
+        assert float(slip.tangential_displacement) == pytest.approx(
+            friction * ratio * stuck.mean(), rel=1e-5
+        )
+        assert moved[slip.slip.values].max() <= stuck.mean() * (1 + 1e-6)
+
+
+def test_stored_contacts_with_a_ceiling_obey_it(finished_tiny):
+    files = sorted(finished_tiny.results.glob("hardness/*.h5"))
+    rows = read_table(finished_tiny.results / "tables/hardness.csv").set_index("patch")
+    assert sorted(rows.index) == sorted(file.stem for file in files) != []
+    for file in files:
+        limited = read_dataset(file)
+        contact = read_dataset(file.parents[1] / "microscale" / file.name)
+        hardness, row = limited.attrs["hardness_MPa"], rows.loc[file.stem]
+        height, pressure = contact.height.values, limited.pressure.values
+        interpenetration = float(limited.displacement) - (height.max() - height)
+        gap = -interpenetration + love_displacement(
+            pressure, spacing_of(contact), contact.attrs["contact_modulus_MPa"]
+        )
+        at_ceiling, touches = pressure >= hardness, pressure > 0
+        allowed = 1e-6 * interpenetration.max()
+        assert pressure.min() >= 0
+        assert pressure.max() == hardness
+        assert np.abs(gap[touches & ~at_ceiling]).max() <= allowed
+        assert gap[~touches].min() >= -allowed
+        assert gap[at_ceiling].max() <= allowed
+        assert pressure.mean() == pytest.approx(contact.attrs["target_pressure_MPa"], rel=1e-6)
+        assert 0 < row.ceiling_share < 1
+        assert row.ceiling_share == pytest.approx(at_ceiling.sum() / touches.sum(), rel=1e-4)
+        assert row.deepest_yield_um == pytest.approx(-1e3 * gap[at_ceiling].min(), rel=1e-4)
+        elastic = contact.pressure.values > 0
+        assert row.iou == pytest.approx((elastic & touches).sum() / (elastic | touches).sum(), 1e-4)
+        assert row.elastic_peak_pressure_MPa == pytest.approx(float(contact.pressure.max()), 1e-4)
+
+
 def test_targets_are_hit(finished_tiny):
     tables = finished_tiny.results / "tables"
     final = read_table(tables / "macroscale_path.csv").iloc[-1]
@@ -158,13 +238,63 @@ def test_a_changed_target_pressure_reruns_from_the_macroscale_path_on(tiny):
     tiny.change(macroscale={"target_pressure_MPa": 20.0})
     planned = tiny.planned()
     assert {"solve_macroscale", "couple_scales"} <= planned
-    assert planned.isdisjoint({"generate_specimen", "grid_macroscale", "prepare_patch"})
+    assert planned.isdisjoint({"generate_specimen", "grid_macroscale", "prepare_t0_scans"})
+
+
+def test_a_changed_scan_reruns_nothing_of_the_other_patches(tiny):
+    """All scans of an epoch are read again, but what comes out as it was causes nothing to run."""
+    scan = tiny.results / "specimen/scans/5_T1.plu"
+    content = bytearray(scan.read_bytes())
+    heights = np.frombuffer(content, "<f4", 64 * 64, 508)
+    heights[2000] += 0.5
+    scan.write_bytes(content)
+    before = (tiny.results / "surfaces/5_T1.h5").read_bytes()
+    result = tiny.run()
+    assert result.returncode == 0, result.stderr
+    ran = set(re.findall(r"Finished jobid: \d+ \(Rule: (\w+)\)", result.stdout + result.stderr))
+    assert {"prepare_t1_scans", "register_patches"} <= ran
+    # patch 5 is not in the study
+    assert ran.isdisjoint({"prepare_t0_scans", "solve_patch", "score_patches", "plot_patches"})
+    assert (tiny.results / "surfaces/5_T1.h5").read_bytes() != before
+
+
+@pytest.mark.parametrize(
+    ("change", "reruns"),
+    [
+        ({"grinding": {"friction": 0.5, "tangential_ratio": 0.5}}, {"solve_slip", "plot_slip"}),
+        ({"hardness": 900.0}, {"solve_hardness", "plot_hardness"}),
+    ],
+)
+def test_a_changed_case_reruns_that_case_alone(tiny, change, reruns):
+    tiny.change(**change)
+    assert tiny.planned() == reruns
+
+
+def test_cases_that_are_not_asked_for_are_not_made(tiny):
+    for case in ("slip", "hardness"):
+        shutil.rmtree(tiny.results / case)
+        for file in tiny.results.glob(f"*/{case}.*"):
+            file.unlink()
+    tiny.change(grinding=None, hardness=None)
+    assert tiny.planned() == set()
+
+
+def test_a_hardness_that_a_patch_cannot_bear_ends_before_the_patches(tiny):
+    """Patch 10 carries 58 MPa; its poor overlap is let pass."""
+    shutil.rmtree(tiny.results / "microscale")
+    tiny.change(hardness=30.0, selection={"minimum_correlation": -1.0, "minimum_overlap": 0.1})
+    result = tiny.run()
+    said = result.stdout + result.stderr
+    assert result.returncode != 0
+    for word in ("changed.yaml", "'hardness' is 30 MPa", "patch 10 (58 MPa)", "set it to null"):
+        assert word in said, said
+    assert not (tiny.results / "microscale").exists()
 
 
 def test_a_changed_outlier_share_reruns_from_the_preparation_on(tiny):
     tiny.change(preprocessing={"outlier_share": 0.004})
     planned = tiny.planned()
-    assert {"prepare_patch", "couple_scales", "tabulate_preprocessing"} <= planned
+    assert {"prepare_t0_scans", "register_patches", "tabulate_preprocessing"} <= planned
     assert planned.isdisjoint({"generate_specimen", "grid_macroscale", "solve_macroscale"})
 
 
@@ -173,7 +303,9 @@ def test_a_changed_outlier_share_reruns_from_the_preparation_on(tiny):
     [
         ("coupling.py", {"couple_scales"}, {"solve_macroscale", "grid_macroscale"}),
         ("bem/halfspace.py", {"solve_macroscale"}, {"grid_macroscale", "generate_specimen"}),
-        ("preprocess/gridding.py", {"grid_macroscale"}, {"generate_specimen", "prepare_patch"}),
+        ("validation/change.py", {"register_patches"}, {"prepare_t0_scans", "prepare_t1_scans"}),
+        ("hardness.py", {"solve_hardness"}, {"solve_patch", "solve_slip"}),
+        ("preprocess/gridding.py", {"grid_macroscale"}, {"generate_specimen", "prepare_t0_scans"}),
     ],
 )
 def test_a_changed_library_file_reruns_what_uses_it(tiny, tmp_path, module, reruns, stays):
@@ -229,6 +361,7 @@ def test_a_study_of_measured_files_without_t1(measured):
     result = measured.run()
     assert result.returncode == 0, result.stderr
     assert set(measured.tables()) == {
+        "hardness.csv",
         "macroscale_path.csv",
         "microscale_paths.csv",
         "microscale_summary.csv",
@@ -236,6 +369,7 @@ def test_a_study_of_measured_files_without_t1(measured):
         "preprocessing.csv",
         "published.csv",
         "sensitivity.csv",
+        "slip.csv",
     }
     published = read_table(measured.results / "tables/published.csv").set_index("quantity")
     assert published.computed["mean pressure"] == pytest.approx(22, rel=1e-3)
@@ -244,6 +378,37 @@ def test_a_study_of_measured_files_without_t1(measured):
     # a patch with a poor T0/T1 overlap counts when there is no T1
     assert not pressures.reason.fillna("").str.contains("overlap").any()
     assert (measured.results / "figures/overview.png").stat().st_size > 0
+
+
+def test_a_rough_counterface(tiny):
+    """One of the specimen's own scans: the microscale follows, all before it stays."""
+    tiny.change(counterface={"scan": "results-tiny/specimen/scans/5_T0.plu"})
+    planned = tiny.planned()
+    assert {"prepare_counterface", "solve_patch", "solve_slip", "solve_hardness"} <= planned
+    assert planned.isdisjoint({"prepare_t0_scans", "solve_macroscale", "couple_scales"})
+    flat = tiny.tables()
+    result = tiny.run()
+    assert result.returncode == 0, result.stderr
+    assert tiny.tables()["microscale_summary.csv"] != flat["microscale_summary.csv"]
+    face = read_dataset(tiny.results / "surfaces/5_T0.h5").height.values[:, ::-1]
+    for file in sorted(tiny.results.glob("microscale/*.h5")):
+        contact = read_dataset(file)
+        np.testing.assert_array_equal(contact.counterface, face)
+        spacing, modulus = spacing_of(contact), contact.attrs["contact_modulus_MPa"]
+        both = contact.height.values + face
+        residual = recomputed_residual(
+            both, contact.pressure.values, float(contact.displacement[-1]), spacing, modulus
+        )
+        assert residual <= 1e-6
+        slip = read_dataset(tiny.results / "slip" / file.name)
+        np.testing.assert_array_equal(slip.stick | slip.slip, contact.pressure > 0)
+        limited = read_dataset(tiny.results / "hardness" / file.name)
+        at_ceiling = limited.pressure.values >= limited.attrs["hardness_MPa"]
+        gap = love_displacement(limited.pressure.values, spacing, modulus) - (
+            float(limited.displacement) - (both.max() - both)
+        )
+        below = (limited.pressure.values > 0) & ~at_ceiling
+        assert np.abs(gap[below]).max() <= 1e-6 * float(limited.displacement)
 
 
 def test_a_study_that_no_patch_enters_ends_with_the_macroscale(tiny):

@@ -9,7 +9,9 @@ from gstlib.config import (
     alternative_contact_modulus,
     check_config,
     check_files,
+    check_hardness,
     study_contact_modulus,
+    study_poisson,
 )
 from gstlib.io.patches import read_patches
 from gstlib.provenance import source_hash
@@ -37,9 +39,11 @@ PATCHES = read_patches(
 WORN_PATCHES = [patch for patch in PATCHES.index if PATCHES.t1[patch]]
 MESH = f"{RESULTS}/specimen/mesh.stl" if GENERATED else config["inputs"]["mesh"]
 SCAN_FOLDER = f"{RESULTS}/specimen/scans" if GENERATED else config["inputs"]["scan_folder"]
+COUNTERFACE = None if config["counterface"] is None else config["counterface"]["scan"]
 if not GENERATED:
     check_files(
         {"mesh": MESH}
+        | ({} if COUNTERFACE is None else {"counterface": COUNTERFACE})
         | {
             f"patch {row.patch} at {epoch.upper()}": f"{SCAN_FOLDER}/{getattr(row, epoch)}"
             for row in PATCHES.itertuples()
@@ -54,7 +58,6 @@ SOURCE_NOTE = "generated specimen" if GENERATED else None
 
 wildcard_constraints:
     patch="|".join(PATCHES.index),
-    epoch="T0|T1",
 
 
 def code(script):
@@ -62,14 +65,9 @@ def code(script):
     return source_hash(SCRIPTS / script)
 
 
-def epochs_of(patch):
-    """When the patch was scanned."""
-    return ["T0", "T1"] if patch in WORN_PATCHES else ["T0"]
-
-
-def scan_file(epoch):
-    """Input function: the scan of the patch at `epoch`."""
-    return lambda wildcards: f"{SCAN_FOLDER}/{PATCHES[epoch.lower()][wildcards.patch]}"
+def scan_files(epoch, patches):
+    """The scans of the patches at `epoch` ("t0" or "t1")."""
+    return [f"{SCAN_FOLDER}/{PATCHES[epoch][patch]}" for patch in patches]
 
 
 def read_pressures(table):
@@ -82,15 +80,21 @@ def studied_patches():
     return list(pressures.index[pressures.in_study == "yes"])
 
 
+def pressures_of(patches):
+    """Macroscale pressure (MPa) of each of the patches, known once the scales are coupled."""
+    pressures = read_pressures(checkpoints.couple_scales.get().output.table).pressure_MPa
+    return pressures[patches].to_dict()
+
+
 def patch_pressure(wildcards, input):
     """Params function: macroscale pressure (MPa) of the patch, known once the scales are coupled."""
     return float(read_pressures(input.pressures).pressure_MPa[wildcards.patch])
 
 
-def crop_of(patch):
-    """Centre (x, y) in mm of the piece to cut from the scan of a patch, or None for a whole scan."""
-    row = PATCHES.loc[patch]
-    return None if pd.isna(row.crop_x_mm) else [float(row.crop_x_mm), float(row.crop_y_mm)]
+def crops_of(patches):
+    """Centre [x, y] in mm of the piece to cut from each patch's scan, or None for a whole scan."""
+    crops = PATCHES.loc[patches, ["crop_x_mm", "crop_y_mm"]]
+    return [None if x != x else [float(x), float(y)] for x, y in crops.itertuples(index=False)]
 
 
 def for_studied_patches(pattern, only=None):
@@ -104,8 +108,8 @@ def for_studied_patches(pattern, only=None):
 
 def hardest_pressed():
     """The patch in the microscale study with the highest pressure."""
-    pressures = read_pressures(checkpoints.couple_scales.get().output.table)
-    return pressures.pressure_MPa[studied_patches()].idxmax()
+    pressures = pressures_of(studied_patches())
+    return max(pressures, key=pressures.get)
 
 
 def registered_of_hardest_pressed(wildcards):
@@ -113,14 +117,24 @@ def registered_of_hardest_pressed(wildcards):
     return f"{RESULTS}/registered/{patch}.h5" if patch in WORN_PATCHES else []
 
 
-def picture(name, category, what, **labels):
+def picture(name, category, what):
     """The PNG of a figure, with its place in the report; caption and figure share their name."""
-    caption = name.split("/")[0]
     return report(
         f"{RESULTS}/figures/{name}.png",
-        caption=f"../report/{caption}.rst",
+        caption=f"../report/{name}.rst",
         category=category,
-        labels={"what": what, **labels, "kind": "figure"},
+        labels={"what": what, "kind": "figure"},
+    )
+
+
+def pictures(name, category, what):
+    """A folder with a PNG (in the report) and an SVG for each patch."""
+    return report(
+        directory(f"{RESULTS}/figures/{name}"),
+        patterns=["{patch}.png"],
+        caption=f"../report/{name}.rst",
+        category=category,
+        labels={"what": what, "patch": "{patch}", "kind": "figure"},
     )
 
 
@@ -150,14 +164,21 @@ FIXED_TARGETS = [
 def studied_targets(wildcards):
     """Input function: what there is of the patches in the microscale study, which may be none."""
     studied = studied_patches()
+    # here, before hours are spent on the patches
+    check_hardness(config["hardness"], pressures_of(studied), source=CONFIG_FILES)
     scored = [patch for patch in studied if patch in WORN_PATCHES]
     names = []
     if studied:
         names += ["tables/microscale_summary.csv", "tables/microscale_paths.csv"]
         names += ["figures/overview.png", "figures/microscale_maps.png"]
-        names += [f"figures/preparation/{patch}.png" for patch in studied]
+        names += ["figures/preparation"]
+        names += [
+            name
+            for section, case in [("grinding", "slip"), ("hardness", "hardness")]
+            if config[section] is not None
+            for name in (f"tables/{case}.csv", f"figures/{case}.png")
+        ]
     if scored:
         names += ["tables/validation_patches.csv", "tables/validation_summary.csv"]
-        names += ["figures/validation.png"]
-        names += [f"figures/patch/{patch}.png" for patch in scored]
+        names += ["figures/validation.png", "figures/patch"]
     return [f"{RESULTS}/{name}" for name in names]

@@ -1,60 +1,97 @@
-# Each patch against a flat, one job per patch.
+# Each patch against a flat, or against a counterface where the config names one.
 # Takes: the scans and the patches' pressures. Gives: clean surfaces, T1 laid over T0, the contact
-# of every patch in the study up to its own pressure.
-
-PREPARATION = dict(
-    patch_mm=PATCH_MM,
-    scans=config["scans"],
-    preprocessing=config["preprocessing"],
-    code=code("prepare_patch.py"),
-)
+# of every patch in the study up to its own pressure (one job per patch).
 
 
-rule prepare_patch:
+# All scans of an epoch in one job: to start the reader of scans takes longer than to clean a scan.
+rule prepare_t0_scans:
     input:
-        t0=scan_file("T0"),
-        t1=scan_file("T1"),
+        scans=scan_files("t0", PATCHES.index),
     output:
-        t0=f"{RESULTS}/surfaces/{{patch}}_T0.h5",
-        t1=f"{RESULTS}/surfaces/{{patch}}_T1.h5",
-        registered=f"{RESULTS}/registered/{{patch}}.h5",
+        surfaces=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index),
     log:
-        f"{RESULTS}/logs/prepare_patch/{{patch}}.log",
+        f"{RESULTS}/logs/prepare_t0_scans.log",
     benchmark:
-        f"{RESULTS}/benchmarks/prepare_patch/{{patch}}.tsv"
-    wildcard_constraints:
-        patch="|".join(WORN_PATCHES) or "(?!)",
+        f"{RESULTS}/benchmarks/prepare_t0_scans.tsv"
     threads: 1
     resources:
         mem_mb=1500,
-        runtime=10,
+        runtime=30,
     params:
-        **PREPARATION,
-        crop=lambda wildcards: crop_of(wildcards.patch),
-        maximum_shift_mm=config["registration"]["maximum_shift_mm"],
+        crops=crops_of(PATCHES.index),
+        patch_mm=PATCH_MM,
+        scans=config["scans"],
+        preprocessing=config["preprocessing"],
+        code=code("prepare_scans.py"),
     message:
-        "Cleaning the scans of patch {wildcards.patch} and laying T1 over T0"
+        "Cleaning the scans at T0"
     script:
-        "../scripts/prepare_patch.py"
+        "../scripts/prepare_scans.py"
 
 
-# a patch without T1 is a full citizen: it only lacks the registration
-use rule prepare_patch as prepare_unworn_patch with:
-    input:
-        t0=scan_file("T0"),
-    output:
-        t0=f"{RESULTS}/surfaces/{{patch}}_T0.h5",
-    log:
-        f"{RESULTS}/logs/prepare_unworn_patch/{{patch}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/prepare_unworn_patch/{{patch}}.tsv"
-    wildcard_constraints:
-        patch="|".join(PATCHES.index.difference(WORN_PATCHES)) or "(?!)",
-    params:
-        **PREPARATION,
-        crop=lambda wildcards: crop_of(wildcards.patch),
-    message:
-        "Cleaning the scan of patch {wildcards.patch}"
+if WORN_PATCHES:
+
+    use rule prepare_t0_scans as prepare_t1_scans with:
+        input:
+            scans=scan_files("t1", WORN_PATCHES),
+        output:
+            surfaces=expand(f"{RESULTS}/surfaces/{{patch}}_T1.h5", patch=WORN_PATCHES),
+        log:
+            f"{RESULTS}/logs/prepare_t1_scans.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/prepare_t1_scans.tsv"
+        params:
+            crops=crops_of(WORN_PATCHES),
+            patch_mm=PATCH_MM,
+            scans=config["scans"],
+            preprocessing=config["preprocessing"],
+            code=code("prepare_scans.py"),
+        message:
+            "Cleaning the scans at T1"
+
+    rule register_patches:
+        input:
+            t0=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=WORN_PATCHES),
+            t1=expand(f"{RESULTS}/surfaces/{{patch}}_T1.h5", patch=WORN_PATCHES),
+        output:
+            registered=expand(f"{RESULTS}/registered/{{patch}}.h5", patch=WORN_PATCHES),
+        log:
+            f"{RESULTS}/logs/register_patches.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/register_patches.tsv"
+        threads: 1
+        resources:
+            mem_mb=1500,
+            runtime=30,
+        params:
+            patches=WORN_PATCHES,
+            maximum_shift_mm=config["registration"]["maximum_shift_mm"],
+            code=code("register_patches.py"),
+        message:
+            "Laying T1 over T0"
+        script:
+            "../scripts/register_patches.py"
+
+
+if COUNTERFACE is not None:
+
+    use rule prepare_t0_scans as prepare_counterface with:
+        input:
+            scans=[COUNTERFACE],
+        output:
+            surfaces=[f"{RESULTS}/surfaces/counterface.h5"],
+        log:
+            f"{RESULTS}/logs/prepare_counterface.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/prepare_counterface.tsv"
+        params:
+            crops=[None],
+            patch_mm=PATCH_MM,
+            scans=config["scans"],
+            preprocessing=config["preprocessing"],
+            code=code("prepare_scans.py"),
+        message:
+            "Cleaning the scan of the counterface"
 
 
 rule tabulate_preprocessing:
@@ -89,6 +126,7 @@ rule tabulate_preprocessing:
 rule solve_patch:
     input:
         surface=f"{RESULTS}/surfaces/{{patch}}_T0.h5",
+        counterface=[] if COUNTERFACE is None else f"{RESULTS}/surfaces/counterface.h5",
         # ancient: a patch is solved again when its own pressure changes (a parameter), not
         # whenever the table is written
         pressures=ancient(f"{RESULTS}/tables/patch_pressures.csv"),

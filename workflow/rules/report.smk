@@ -65,58 +65,108 @@ rule plot_microscale:
         "../scripts/plot_microscale.py"
 
 
+if config["grinding"] is not None:
+
+    rule plot_slip:
+        input:
+            contacts=for_studied_patches("{results}/microscale/{patch}.h5"),
+            slips=rules.solve_slip.output.slips,
+        output:
+            slip=picture("slip", "4 Microscale", "stick and slip"),
+            slip_svg=vector("slip"),
+        log:
+            f"{RESULTS}/logs/plot_slip.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/plot_slip.tsv"
+        threads: 1
+        resources:
+            mem_mb=2000,
+            runtime=10,
+        params:
+            patches=lambda wildcards: studied_patches(),
+            note=SOURCE_NOTE,
+            code=code("plot_slip.py"),
+        message:
+            "Drawing stick and slip"
+        script:
+            "../scripts/plot_slip.py"
+
+
+if config["hardness"] is not None:
+
+    rule plot_hardness:
+        input:
+            contacts=for_studied_patches("{results}/microscale/{patch}.h5"),
+            limited=rules.solve_hardness.output.limited,
+        output:
+            hardness=picture("hardness", "4 Microscale", "with a ceiling on the pressure"),
+            hardness_svg=vector("hardness"),
+        log:
+            f"{RESULTS}/logs/plot_hardness.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/plot_hardness.tsv"
+        threads: 1
+        resources:
+            mem_mb=2000,
+            runtime=10,
+        params:
+            patches=lambda wildcards: studied_patches(),
+            note=SOURCE_NOTE,
+            code=code("plot_hardness.py"),
+        message:
+            "Drawing the contacts with a ceiling on the pressure"
+        script:
+            "../scripts/plot_hardness.py"
+
+
+# All patches in one job: to start matplotlib takes half as long as to draw a patch.
 rule plot_preparation:
     input:
-        surfaces=lambda wildcards: expand(
-            f"{RESULTS}/surfaces/{{patch}}_{{epoch}}.h5",
-            patch=wildcards.patch,
-            epoch=epochs_of(wildcards.patch),
-        ),
+        t0=for_studied_patches("{results}/surfaces/{patch}_T0.h5"),
+        t1=for_studied_patches("{results}/surfaces/{patch}_T1.h5", only=WORN_PATCHES),
     output:
-        preparation=picture(
-            "preparation/{patch}", "1 Inputs", "preparation of the scans", patch="{patch}"
-        ),
-        preparation_svg=vector("preparation/{patch}"),
+        preparation=pictures("preparation", "1 Inputs", "preparation of the scans"),
     log:
-        f"{RESULTS}/logs/plot_preparation/{{patch}}.log",
+        f"{RESULTS}/logs/plot_preparation.log",
     benchmark:
-        f"{RESULTS}/benchmarks/plot_preparation/{{patch}}.tsv"
+        f"{RESULTS}/benchmarks/plot_preparation.tsv"
     threads: 1
     resources:
         mem_mb=1500,
-        runtime=10,
+        runtime=20,
     params:
-        epochs=lambda wildcards: epochs_of(wildcards.patch),
+        patches=lambda wildcards: studied_patches(),
+        worn=lambda wildcards: [p for p in studied_patches() if p in WORN_PATCHES],
         note=SOURCE_NOTE,
         code=code("plot_preparation.py"),
     message:
-        "Drawing the preparation of patch {wildcards.patch}"
+        "Drawing the preparation of the scans"
     script:
         "../scripts/plot_preparation.py"
 
 
-rule plot_patch:
+rule plot_patches:
     input:
-        contact=f"{RESULTS}/microscale/{{patch}}.h5",
-        registered=f"{RESULTS}/registered/{{patch}}.h5",
+        contacts=for_studied_patches("{results}/microscale/{patch}.h5", only=WORN_PATCHES),
+        registered=for_studied_patches("{results}/registered/{patch}.h5", only=WORN_PATCHES),
     output:
-        patch=picture("patch/{patch}", "5 Validation", "before, predicted, after", patch="{patch}"),
-        patch_svg=vector("patch/{patch}"),
+        patch=pictures("patch", "5 Validation", "before, predicted, after"),
     log:
-        f"{RESULTS}/logs/plot_patch/{{patch}}.log",
+        f"{RESULTS}/logs/plot_patches.log",
     benchmark:
-        f"{RESULTS}/benchmarks/plot_patch/{{patch}}.tsv"
+        f"{RESULTS}/benchmarks/plot_patches.tsv"
     threads: 1
     resources:
         mem_mb=1500,
-        runtime=10,
+        runtime=20,
     params:
+        patches=lambda wildcards: [p for p in studied_patches() if p in WORN_PATCHES],
         note=SOURCE_NOTE,
-        code=code("plot_patch.py"),
+        code=code("plot_patches.py"),
     message:
-        "Drawing patch {wildcards.patch} before use, as predicted and after use"
+        "Drawing the patches before use, as predicted and after use"
     script:
-        "../scripts/plot_patch.py"
+        "../scripts/plot_patches.py"
 
 
 rule plot_validation:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from gstlib.coupling import patch_pressures, select_patches
-from gstlib.io.store import read_dataset
+from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import write_table
 from gstlib.logs import job_log
 
@@ -26,7 +26,7 @@ def main(
 ) -> None:
     final = read_dataset(contact).isel(step=-1)
     pressures = patch_pressures(final.pressure, patches, size_mm=patch_mm)
-    attrs = {patch: read_dataset(file).attrs for patch, file in registered.items()}
+    attrs = {patch: read_attributes(file) for patch, file in registered.items()}
     quality = pd.DataFrame(
         {
             "patch": list(attrs),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from gstlib.io.store import read_dataset
+from gstlib.io.store import read_attributes
 from gstlib.io.tables import write_table
 from gstlib.logs import job_log
 
@@ -26,7 +26,7 @@ COLUMNS = [
 def main(surfaces: dict[tuple[str, str], Path], table: Path) -> None:
     rows = []
     for (patch, epoch), file in surfaces.items():
-        attrs = read_dataset(file).attrs
+        attrs = read_attributes(file)
         rows.append({"patch": patch, "epoch": epoch} | {name: attrs[name] for name in COLUMNS})
     write_table(table, pd.DataFrame(rows))
 

@@ -14,9 +14,11 @@ from gstlib.figures.macroscale import (
     patch_pressure_figure,
 )
 from gstlib.figures.microscale import (
+    hardness_figure,
     microscale_curves_figure,
     microscale_maps_figure,
     preparation_figure,
+    slip_figure,
 )
 from gstlib.figures.style import save_figure
 from gstlib.figures.validation import (
@@ -31,6 +33,7 @@ __all__ = [
     "contact_steps_figure",
     "elastic_rigid_figure",
     "force_figure",
+    "hardness_figure",
     "input_figure",
     "macroscale_curves_figure",
     "microscale_curves_figure",
@@ -41,6 +44,7 @@ __all__ = [
     "preparation_figure",
     "published_figure",
     "save_figure",
+    "slip_figure",
     "truth_figure",
     "validation_figure",
 ]

@@ -1,10 +1,11 @@
 """The patches: how a scan was cleaned, and how each is pressed (the paper's Figs. 9 and 10)."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -20,6 +21,7 @@ from gstlib.figures.style import (
     VERMILION,
     WIDTH,
     block_of,
+    draw_classes,
     draw_heights,
     draw_mask,
     height_limits,
@@ -32,9 +34,11 @@ from gstlib.figures.style import (
 )
 
 __all__ = [
+    "hardness_figure",
     "microscale_curves_figure",
     "microscale_maps_figure",
     "preparation_figure",
+    "slip_figure",
 ]
 
 
@@ -126,28 +130,130 @@ def microscale_maps_figure(
     contacts : mapping of patch to xarray.Dataset
         ``height``, ``pressure`` (y, x) of the final state and the load path (step).
     """
-    columns = max(1, min(columns, len(contacts)))
-    rows = max(1, math.ceil(len(contacts) / columns))
-    panel = WIDTH / max(columns, 3)
-    figure = new_figure(columns * panel, rows * panel * 1.14 + 0.2)
-    grid = figure.subplots(rows, columns, squeeze=False)
-    block = 1
-    for axes, (patch, contact) in zip(grid.flat, contacts.items(), strict=False):
-        height, pressure = contact["height"], contact["pressure"].values
-        block = max(block, block_of(height.shape, 0.95 * panel))
-        draw_heights(axes, height, relief=True, ticks=False)
-        draw_mask(axes, height, pressure > 0, CONTACT, block=block, thicken=True)
-        axes.set_title(
-            f"patch {patch}: {float(contact['mean_pressure'][-1]):.1f} MPa, "
-            f"{(pressure > 0).mean():.2%}",
-            fontsize=7,
-        )
-    for axes in grid.flat[len(contacts) :]:
-        axes.set_axis_off()
-    if contacts:
-        scale_bar(grid.flat[0], 0.2)
+    figure, panels, block = _small_multiples(
+        {patch: contact["height"] for patch, contact in contacts.items()}, columns
+    )
+    for axes, (patch, contact) in zip(panels, contacts.items(), strict=True):
+        in_contact = contact["pressure"].values > 0
+        draw_mask(axes, contact["height"], in_contact, CONTACT, block=block, thicken=True)
+        reached = float(contact["mean_pressure"][-1])
+        axes.set_title(f"patch {patch}: {reached:.1f} MPa, {in_contact.mean():.2%}", fontsize=7)
     write_notes(figure, source_note, ["Black: in contact; grey: height.", thickened_note(block)])
     return figure
+
+
+@styled
+def slip_figure(
+    heights: Mapping[str, xr.DataArray],
+    slips: Mapping[str, xr.Dataset],
+    *,
+    columns: int = 4,
+    source_note: str | None = None,
+) -> Figure:
+    """Where every patch sticks and slips under the tangential load.
+
+    Parameters
+    ----------
+    heights : mapping of patch to (y, x) xarray.DataArray
+        Heights of the patches, mm.
+    slips : mapping of patch to xarray.Dataset
+        ``stick``, ``slip`` (y, x), ``mean_traction`` and the attributes ``friction``,
+        ``tangential_ratio``.
+    """
+    figure, panels, block = _small_multiples(heights, columns, room=0.25)
+    load = ""
+    for axes, (patch, slip) in zip(panels, slips.items(), strict=True):
+        sticks, slides = slip["stick"].values, slip["slip"].values
+        draw_classes(axes, heights[patch], {BLUE: sticks, VERMILION: slides}, block=block)
+        axes.set_title(
+            f"patch {patch}: {float(slip['mean_traction']):.1f} MPa, "
+            f"slips {slides.sum() / max((slides | sticks).sum(), 1):.0%}",
+            fontsize=7,
+        )
+        load = f"μ = {slip.attrs['friction']:g}, Q/μP = {slip.attrs['tangential_ratio']:g}."
+    _legend_on_top(figure, [(BLUE, "sticks"), (VERMILION, "slips")])
+    write_notes(
+        figure,
+        source_note,
+        [load, "Titles: mean traction, share of contact.", thickened_note(block)],
+    )
+    return figure
+
+
+@styled
+def hardness_figure(
+    contacts: Mapping[str, xr.Dataset],
+    limited: Mapping[str, xr.Dataset],
+    *,
+    columns: int = 4,
+    source_note: str | None = None,
+) -> Figure:
+    """Every patch's contact with a ceiling on its pressure, against the elastic one.
+
+    Parameters
+    ----------
+    contacts : mapping of patch to xarray.Dataset
+        ``height``, ``pressure`` (y, x) of the elastic contact.
+    limited : mapping of patch to xarray.Dataset
+        ``pressure`` (y, x) and the attribute ``hardness_MPa``.
+    """
+    figure, panels, block = _small_multiples(
+        {patch: contact["height"] for patch, contact in contacts.items()}, columns, room=0.25
+    )
+    ceiling = ""
+    for axes, (patch, contact) in zip(panels, contacts.items(), strict=True):
+        hardness = limited[patch].attrs["hardness_MPa"]
+        elastic, pressure = contact["pressure"].values > 0, limited[patch]["pressure"].values
+        at_ceiling = pressure >= hardness
+        below = (pressure > 0) & ~at_ceiling
+        classes = {CONTACT: below & elastic, BLUE: below & ~elastic, VERMILION: at_ceiling}
+        draw_classes(axes, contact["height"], classes, block=block)
+        axes.set_title(
+            f"patch {patch}: {elastic.mean():.2%} → {(pressure > 0).mean():.2%}", fontsize=7
+        )
+        ceiling = f"Ceiling: {hardness:g} MPa."
+    _legend_on_top(
+        figure,
+        [
+            (CONTACT, "in contact either way"),
+            (VERMILION, "at the ceiling"),
+            (BLUE, "only with the ceiling"),
+        ],
+    )
+    write_notes(
+        figure,
+        source_note,
+        [ceiling, "Titles: contact without and with it.", thickened_note(block)],
+    )
+    return figure
+
+
+def _small_multiples(
+    heights: Mapping[str, xr.DataArray], columns: int, room: float = 0.0
+) -> tuple[Figure, Sequence[Axes], int]:
+    """A pale relief of every patch, with `room` (inches) above; and the block to mark them by."""
+    columns = max(1, min(columns, len(heights)))
+    rows = max(1, math.ceil(len(heights) / columns))
+    panel = WIDTH / max(columns, 3)
+    figure = new_figure(columns * panel, rows * panel * 1.14 + 0.2 + room)
+    grid = figure.subplots(rows, columns, squeeze=False)
+    for axes, height in zip(grid.flat, heights.values(), strict=False):
+        draw_heights(axes, height, relief=True, ticks=False)
+    for axes in grid.flat[len(heights) :]:
+        axes.set_axis_off()
+    if heights:
+        scale_bar(grid.flat[0], 0.2)
+    block = max((block_of(height.shape, 0.95 * panel) for height in heights.values()), default=1)
+    return figure, list(grid.flat[: len(heights)]), block
+
+
+def _legend_on_top(figure: Figure, classes: Sequence[tuple[str, str]]) -> None:
+    figure.legend(
+        handles=[Patch(color=colour, label=label) for colour, label in classes],
+        loc="outside upper center",
+        ncols=len(classes),
+        handlelength=1,
+    )
 
 
 @styled

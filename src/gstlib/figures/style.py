@@ -7,7 +7,7 @@ classes, perceptually uniform maps for numbers.
 
 import math
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import ParamSpec, TypeVar
@@ -40,6 +40,7 @@ __all__ = [
     "VERMILION",
     "WIDTH",
     "block_of",
+    "draw_classes",
     "draw_heights",
     "draw_map",
     "draw_mask",
@@ -115,7 +116,7 @@ def save_figure(figure: Figure, png: str | Path, svg: str | Path | None = None) 
     """Write a figure as PNG and, if asked, as SVG; same figure, same bytes.
 
     Nothing of the clock or of matplotlib's version is written into the files, and each is whole
-    or absent.
+    or absent. The figure keeps the layout of its first file.
     """
     targets = [(Path(png), "png", {"Software": None})]
     if svg is not None:
@@ -128,6 +129,8 @@ def save_figure(figure: Figure, png: str | Path, svg: str | Path | None = None) 
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)
+        # Laying out takes longer than drawing, and both files are to look the same.
+        figure.set_layout_engine("none")
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -236,22 +239,47 @@ def draw_mask(
     marked. With `thicken` it is marked whole if any of them is, so that a spot of one element
     does not fade away; say so under the figure.
     """
+    count = _count_in_blocks(mask, block)
+    painted = np.empty((*count.shape, 4))
+    painted[..., :3] = to_rgb(colour)
+    painted[..., 3] = count > 0 if thicken else count / block**2
+    _lay_over(axes, field, painted, block)
+
+
+def draw_classes(
+    axes: Axes, field: xr.DataArray, classes: Mapping[str, np.ndarray], *, block: int = 1
+) -> None:
+    """Mark masks that exclude each other, by colour, over what is drawn already.
+
+    An image pixel that stands for a `block` of elements is marked if any of them is, in the
+    colour of most of them: spots of one element do not fade away, as with `thicken` of `draw_mask`.
+    """
+    counts = np.stack([_count_in_blocks(mask, block) for mask in classes.values()])
+    painted = np.empty((*counts.shape[1:], 4))
+    painted[..., :3] = np.array([to_rgb(colour) for colour in classes])[counts.argmax(axis=0)]
+    painted[..., 3] = counts.any(axis=0)
+    _lay_over(axes, field, painted, block)
+
+
+def _count_in_blocks(mask: np.ndarray, block: int) -> np.ndarray:
+    """How many elements of each block are marked; the last blocks may stick out of the mask."""
     mask = np.asarray(mask, dtype=bool)
     ny, nx = (-(-n // block) * block for n in mask.shape)
     padded = np.zeros((ny, nx), dtype=bool)
     padded[: mask.shape[0], : mask.shape[1]] = mask
-    blocks = padded.reshape(ny // block, block, nx // block, block)
-    share = blocks.any(axis=(1, 3)) if thicken else blocks.mean(axis=(1, 3))
-    painted = np.empty((*share.shape, 4))
-    painted[..., :3] = to_rgb(colour)
-    painted[..., 3] = share
+    return padded.reshape(ny // block, block, nx // block, block).sum(axis=(1, 3))
+
+
+def _lay_over(axes: Axes, field: xr.DataArray, painted: np.ndarray, block: int) -> None:
+    """Show an image of blocks (rows, columns, RGBA) on the grid of `field`."""
     dy, dx = spacing_of(field)
     left, top = float(field.x[0]) - dx / 2, float(field.y[0]) - dy / 2
+    rows, columns = painted.shape[:2]
     limits = axes.get_xlim(), axes.get_ylim()
     axes.imshow(
         painted,
         origin="lower",
-        extent=(left, left + nx * dx, top, top + ny * dy),
+        extent=(left, left + columns * block * dx, top, top + rows * block * dy),
         interpolation="nearest",
     )
     axes.set_xlim(limits[0])

@@ -5,14 +5,14 @@ Nothing in them depends on the clock.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import xarray as xr
 
 from gstlib.errors import InputError
 
-__all__ = ["read_dataset", "write_dataset"]
+__all__ = ["read_attributes", "read_dataset", "write_dataset"]
 
 # Below this many values compression only adds overhead.
 _COMPRESS_FROM = 1024
@@ -53,17 +53,30 @@ def write_dataset(
         temporary.unlink(missing_ok=True)
 
 
-def read_dataset(path: str | Path) -> xr.Dataset:
-    """Read the whole file into memory and close it.
+def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Dataset:
+    """Read a file, or some of its variables, into memory and close it.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file of `write_dataset`.
+    only : iterable of str, optional
+        Variables to read; all by default.
 
     Raises
     ------
     InputError
-        The file is missing or is not a readable HDF5 file.
+        The file is missing or is not a readable HDF5 file, or lacks a variable.
     """
     try:
-        return xr.load_dataset(path, engine="h5netcdf")
+        with xr.open_dataset(path, engine="h5netcdf") as dataset:
+            return (dataset if only is None else dataset[list(only)]).load()
     except (OSError, ValueError, KeyError) as error:
         raise InputError(
             path, f"cannot be read as HDF5 ({error})", "Delete it and run the study again."
         ) from error
+
+
+def read_attributes(path: str | Path) -> dict[str, object]:
+    """The attributes of a file, without its fields; raises as `read_dataset`."""
+    return read_dataset(path, only=()).attrs

@@ -21,7 +21,7 @@ _LEVEL_OF_DETECTION = 1.96
 # Points further than this from the plane, in standard deviations, are no part of the fit.
 _TRIM = 3.0
 _MAD_TO_SIGMA = 1.4826
-# The trimmed set settles in a few rounds; the bound only guards against a cycle of two sets.
+# The trimmed set settles in a few rounds, or soon alternates; the bound only guards against more.
 _ROUNDS = 50
 
 
@@ -132,14 +132,16 @@ def _unchanged_plane(
     # pull the datum down as a least-squares plane would.
     plane = np.array([np.median(values), 0.0, 0.0])
     kept = np.zeros(values.size, dtype=bool)
+    before = kept
     sigma = np.inf
     for _ in range(_ROUNDS):
         left = values - plane @ design
         centre, sigma = _shortest_half(left)
         now = np.abs(left - centre) <= _TRIM * sigma
-        if (now == kept).all():
+        # settled, or in turns the one and the other of two sets a few points apart
+        if (now == kept).all() or (now == before).all():
             break
-        kept = now
+        before, kept = kept, now
         plane = _least_squares(design[:, kept], values[kept])
     # the shortest half is wide where much has worn; what is kept gives the spread of the rest
     for _ in range(_ROUNDS):
