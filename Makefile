@@ -8,7 +8,7 @@ READY   := .venv/ready
 SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 
 .DEFAULT_GOAL := help
-.PHONY: help environment study report plan test check-style test-python docs lock clean
+.PHONY: help environment study report plan test check-style test-python bench docs lock clean
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -43,6 +43,9 @@ check-style: $(READY)
 # one thread: on two cores the small matrix products of a test only wait for each other
 test-python: $(READY)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
+
+bench: $(READY) ## measure the contact solver against other codes (half an hour)
+	$(BIN)/python benchmarks/run.py
 
 docs: $(READY) ## renew the parts of the documents that follow from the code
 	$(BIN)/python workflow/document.py

@@ -13,103 +13,142 @@ import numpy as np
 
 from .elasticity import love_kernel
 
-__all__ = ["EvenConvolution", "even_size", "love_spectrum", "shared_among"]
+__all__ = ["Crew", "EvenConvolution", "even_size", "love_spectrum"]
 
-# Lines per block: few enough to stay in cache, many enough that the cost of the calls vanishes
-# (measured: flat from 32 to 96).
-_LINES = 64
+# Lines per block: few enough to stay in cache and to be shared evenly, many enough that the cost of
+# the calls vanishes (measured: flat from 32 to 128).
+_LINES = 32
+# Fewer numbers than this are transformed in one thread: waking others takes as long (measured).
+_WORTH_THREADS = 300_000
 # Lines of a buffer lie this many numbers more apart: at a power of two they share cache sets
 # (measured: transforms of 1024 numbers in single precision take 2.6 times as long).
 _OFFSET = 8
 
 
 class EvenConvolution:
-    """Circular convolution on a padded grid with a kernel that is even in both axes."""
+    """Circular convolution on a padded grid with a kernel that is even in both axes.
 
-    def __init__(self, shape, spectrum, dtype):
-        """From the shape of the fields, and the kernel's spectrum at wave numbers from 0 on."""
+    It keeps its workspace: fresh memory is slow to touch, above all in threads.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Of the fields (ny, nx).
+    spectrum : ndarray, shape (my // 2 + 1, mx // 2 + 1)
+        Of the kernel, on the padded grid (my, mx), at wave numbers from 0 on.
+    dtype : data-type
+        Of fields and results: single or double precision.
+    crew : Crew
+        The threads; small grids do without.
+    """
+
+    def __init__(self, shape, spectrum, dtype, crew):
         self.shape = shape
-        self.padded = tuple(2 * (n - 1) for n in spectrum.shape)
-        self.dtype = np.dtype(dtype)
+        self._padded = tuple(2 * (n - 1) for n in spectrum.shape)
         # Transposed like the spectrum of the field below, and mirrored to all wave numbers along y;
         # the inverse transform's scale goes in.
-        half = spectrum.T / math.prod(self.padded)
-        self.spectrum = np.concatenate((half, half[:, -2:0:-1]), axis=1, dtype=dtype)
+        half = spectrum.T / math.prod(self._padded)
+        self._spectrum = np.concatenate((half, half[:, -2:0:-1]), axis=1, dtype=dtype)
+        self._crew = crew if math.prod(self._padded) >= _WORTH_THREADS else Crew(1)
+        self._workspace(dtype)
 
     def astype(self, dtype):
         """The same convolution in another precision."""
         other = copy.copy(self)
-        other.dtype, other.spectrum = np.dtype(dtype), self.spectrum.astype(dtype)
+        other._spectrum = self._spectrum.astype(dtype)
+        other._workspace(dtype)
         return other
 
-    def __call__(self, field, each_block):
-        ny, nx = self.shape
-        my, mx = self.padded
-        complex_type = np.result_type(self.dtype, np.complex64)
+    def _workspace(self, dtype):
+        ny, (my, mx) = self.shape[0], self._padded
+        complex_type = np.result_type(dtype, np.complex64)
         # Transposed, so that the transforms along y run along contiguous memory.
-        transform = np.empty((mx // 2 + 1, ny), complex_type)
-        result = np.empty(self.shape, self.dtype)
+        self._transform = np.empty((mx // 2 + 1, ny), complex_type)
+        self._result = np.empty(self.shape, dtype)
 
-        def rows_forward(starts):
-            rows = np.zeros((min(_LINES, ny), mx), self.dtype)
+        def lines(length, number):
+            buffer = np.zeros((_LINES, length + _OFFSET), number)
+            return buffer[:, :length]
+
+        # For each thread: padded rows and columns, which keep their zeros, and room for results.
+        self._buffers = [
+            (lines(mx, dtype), lines(my, complex_type), lines(my, complex_type), lines(mx, dtype))
+            for _ in range(self._crew.size)
+        ]
+
+    def __call__(self, field):
+        """The convolution of a field (ny, nx); the next call overwrites it."""
+        ny, nx = self.shape
+        mx = self._padded[1]
+        transform, result = self._transform, self._result
+
+        def rows_forward(worker, starts):
+            padded = self._buffers[worker][0]
             for start in starts:
-                lines = field[start : start + _LINES]
-                rows[: len(lines), :nx] = lines
-                ducc0.fft.r2c(
-                    rows[: len(lines)], axes=(1,), out=transform.T[start : start + _LINES]
-                )
+                rows = field[start : start + _LINES]
+                count = len(rows)
+                padded[:count, :nx] = rows
+                ducc0.fft.r2c(padded[:count], axes=(1,), out=transform.T[start : start + count])
 
-        def columns(starts):
-            # One buffer keeps its zeros, the other takes the transform.
-            padded = np.zeros((_LINES, my + _OFFSET), complex_type)[:, :my]
-            buffer = np.empty((_LINES, my + _OFFSET), complex_type)[:, :my]
+        def columns(worker, starts):
+            _, padded, buffer, _ = self._buffers[worker]
             for start in starts:
                 lines = transform[start : start + _LINES]
                 count = len(lines)
                 padded[:count, :ny] = lines
                 block = ducc0.fft.c2c(padded[:count], axes=(1,), out=buffer[:count])
-                block *= self.spectrum[start : start + _LINES]
+                block *= self._spectrum[start : start + count]
                 ducc0.fft.c2c(block, axes=(1,), forward=False, out=block)
                 lines[:] = block[:, :ny]
 
-        def rows_backward(starts):
-            rows = np.empty((_LINES, mx + _OFFSET), self.dtype)[:, :mx]
+        def rows_backward(worker, starts):
+            buffer = self._buffers[worker][3]
             for start in starts:
-                lines = result[start : start + _LINES]
+                rows = result[start : start + _LINES]
+                count = len(rows)
                 block = ducc0.fft.c2r(
-                    transform.T[start : start + _LINES],
+                    transform.T[start : start + count],
                     axes=(1,),
                     lastsize=mx,
                     forward=False,
-                    out=rows[: len(lines)],
+                    out=buffer[:count],
                 )
-                lines[:] = block[:, :nx]
+                rows[:] = block[:, :nx]
 
-        each_block(rows_forward, ny)
-        each_block(columns, mx // 2 + 1)
-        each_block(rows_backward, ny)
+        self._crew.run(rows_forward, ny)
+        self._crew.run(columns, mx // 2 + 1)
+        self._crew.run(rows_backward, ny)
         return result
 
 
-def shared_among(workers):
-    """A function that runs a task on all blocks of lines, shared among the workers."""
-    if workers == 1:
-        return lambda task, lines: task(range(0, lines, _LINES))
-    # Imported here: one thread, the usual case of a workflow's job, has no use for it.
-    from concurrent.futures import ThreadPoolExecutor
+class Crew:
+    """Threads that share blocks of lines; the calling thread is one of them.
 
-    # The threads end with the pool, and the pool with the last half-space that refers to it.
-    pool = ThreadPoolExecutor(workers - 1)
+    Parameters
+    ----------
+    size : int
+        Threads, at least 1.
+    """
 
-    def shared(task, lines):
-        # This thread takes a share of its own.
+    def __init__(self, size):
+        self.size = size
+        if size > 1:
+            # Imported here: one thread, the usual case of a workflow's job, has no use for it.
+            from concurrent.futures import ThreadPoolExecutor
+
+            # Its threads start when first used, and end with the last reference to it.
+            self._pool = ThreadPoolExecutor(size - 1)
+
+    def run(self, task, lines):
+        """Call ``task(worker, starts)`` in each thread, with the first lines of its blocks."""
         starts = range(0, lines, _LINES)
-        others = [pool.submit(task, starts[worker::workers]) for worker in range(1, workers)]
-        task(starts[::workers])
+        others = [
+            self._pool.submit(task, worker, starts[worker :: self.size])
+            for worker in range(1, self.size)
+        ]
+        task(0, starts[:: self.size])
         for other in others:
             other.result()
-
-    return shared
 
 
 def even_size(minimum):

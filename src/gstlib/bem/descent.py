@@ -22,7 +22,7 @@ _CAUTIOUS = 10
 _LARGE_ROUNDING = 0.3
 
 
-def descend(window, load, relief, pressure, field, tolerance, history, max_iterations):
+def descend(window, load, relief, pressure, field, tolerance, rounding, history, max_iterations):
     """Improve a pressure until the residual of the recurrence is below the tolerance.
 
     Each iteration adds a change whose displacement is known in single precision; rounding thus
@@ -37,9 +37,11 @@ def descend(window, load, relief, pressure, field, tolerance, history, max_itera
     relief : ndarray, shape (n,)
         h − h_max (mm).
     pressure, field : ndarray, shape (n,)
-        An admissible pressure (MPa) to start from, and its exact displacement (mm).
+        An admissible pressure (MPa) to start from, and its displacement (mm).
     tolerance : float
         Of the residual, relative to the far-field displacement.
+    rounding : float
+        Largest error of the displacement given (mm).
     history : list of float
         Receives the residual of each iteration.
     max_iterations : int
@@ -56,7 +58,6 @@ def descend(window, load, relief, pressure, field, tolerance, history, max_itera
     preconditioner = Preconditioner(window)
     change = change_field = lift = None
     step = 1.0
-    rounding = 0.0
     lowest_energy, cautious = math.inf, 0
     while len(history) < max_iterations:
         displacement = load.displacement_at(pressure, field - relief)

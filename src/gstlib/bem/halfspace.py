@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from .checks import checked_modulus, checked_spacing, checked_workers
-from .convolution import EvenConvolution, even_size, love_spectrum, shared_among
+from .convolution import Crew, EvenConvolution, even_size, love_spectrum
 from .elasticity import love_kernel
 from .errors import InvalidContactInput
 
@@ -28,6 +28,8 @@ _WORTH_A_WINDOW = 0.7
 
 class HalfSpace:
     """Exact non-periodic response of an elastic half-space to uniform pressures on rectangles.
+
+    It keeps a workspace: not to be called from several threads at a time.
 
     Parameters
     ----------
@@ -64,12 +66,11 @@ class HalfSpace:
         self.contact_modulus = checked_modulus(contact_modulus)
         self.workers = checked_workers(workers)
         self._convolutions = 0
-        self._each_block = shared_among(self.workers)
+        self._crew = Crew(self.workers)
         self.self_influence = love_kernel((1, 1), self.spacing, self.contact_modulus)[0, 0]
         padded = tuple(even_size(2 * n - 1) for n in self.shape)
-        self._displace = EvenConvolution(
-            self.shape, love_spectrum(padded, self.spacing, self.contact_modulus), np.float64
-        )
+        spectrum = love_spectrum(padded, self.spacing, self.contact_modulus)
+        self._displace = EvenConvolution(self.shape, spectrum, np.float64, self._crew)
         self._displace_single = self._invert = self._window = None
 
     @property
@@ -101,7 +102,7 @@ class HalfSpace:
                 f"pressure has shape {pressure.shape}, the half-space {self.shape}"
             )
         self._convolutions += 1
-        return self._displace(pressure, self._each_block)
+        return self._displace(pressure).copy()
 
     def approximate_displacement(self, pressure) -> np.ndarray:
         """The same in single precision, at two thirds of the time and half of the memory.
@@ -117,12 +118,12 @@ class HalfSpace:
         Returns
         -------
         ndarray of float32, shape (ny, nx)
-            Displacement (mm).
+            Displacement (mm); the next call overwrites it.
         """
         if self._displace_single is None:
             self._displace_single = self._displace.astype(np.float32)
         self._convolutions += 1
-        return self._displace_single(pressure, self._each_block)
+        return self._displace_single(pressure)
 
     def approximate_inverse(self, displacement) -> np.ndarray:
         """A cheap approximate inverse of :meth:`displacement`, to precondition with.
@@ -140,13 +141,13 @@ class HalfSpace:
         Returns
         -------
         ndarray of float32, shape (ny, nx)
-            Pressure (MPa).
+            Pressure (MPa); the next call overwrites it.
         """
         if self._invert is None:
             padded = inverse_padding(self.shape)
             spectrum = love_spectrum(padded, self.spacing, self.contact_modulus)
-            self._invert = EvenConvolution(self.shape, 1 / spectrum, np.float32)
-        return self._invert(displacement, self._each_block)
+            self._invert = EvenConvolution(self.shape, 1 / spectrum, np.float32, self._crew)
+        return self._invert(displacement)
 
     def window(self, shape):
         """The half-space on a part of the grid that holds `shape` elements.

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from .algebra import dot
-from .convolution import EvenConvolution, love_spectrum, shared_among
+from .convolution import Crew, EvenConvolution, love_spectrum
 from .halfspace import inverse_padding
 
 __all__ = ["Preconditioner"]
@@ -72,7 +72,10 @@ class Preconditioner:
         local = _LOCAL
         while True:
             self._far = EvenConvolution(
-                self._shape, self._spectrum / (local + density * self._spectrum), np.float64
+                self._shape,
+                self._spectrum / (local + density * self._spectrum),
+                np.float64,
+                Crew(1),
             )
             self.uniform = profile - self._from_afar(free)
             if self.uniform.sum() >= _KEPT * profile.sum():
@@ -89,7 +92,7 @@ class Preconditioner:
 
     def _from_afar(self, displacement):
         """φ T φ r."""
-        far = self._far(self._mean(self._profile * displacement), shared_among(1))
+        far = self._far(self._mean(self._profile * displacement))
         return self._profile * far.reshape(-1)[self._cells]
 
     def _mean(self, values):

@@ -47,8 +47,9 @@ def test_counts_convolutions_and_leaves_its_input_alone():
 @pytest.mark.parametrize("spacing", [0.05, (0.05, 0.15)])
 def test_approximate_inverse_is_close_and_positive_definite(shape, spacing):
     matrix = dense_matrix(shape, spacing)
-    inverse = HalfSpace(shape, spacing, 12820.0).approximate_inverse
-    columns = [inverse(unit.reshape(shape)).ravel() for unit in np.eye(matrix.shape[0])]
+    half_space = HalfSpace(shape, spacing, 12820.0)
+    units = np.eye(matrix.shape[0]).reshape(-1, *shape)
+    columns = [half_space.approximate_inverse(unit).ravel().copy() for unit in units]
     approximate = np.array(columns)
     # In single precision.
     np.testing.assert_allclose(approximate, approximate.T, atol=1e-6 * abs(approximate).max())

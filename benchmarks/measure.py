@@ -1,0 +1,282 @@
+"""One measurement is one fresh process; a case is calibration, then rounds over all codes."""
+
+import json
+import os
+import statistics
+import subprocess
+import tempfile
+import time
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from cases import CODES, GOAL, Case, Code, Growth
+from environments import ENVIRONMENTS, UnavailableError
+from evaluate import evaluate
+from problems import MODULUS, SCRATCH, Surface
+
+__all__ = ["Calibration", "Run", "measure_case", "measure_growth"]
+
+CODES_FOLDER = Path(__file__).parent / "codes"
+# Tolerances on the ladder differ by half a decade; a code that is not there after this many
+# tighter ones, or gains less than a tenth by the last, never gets there.
+RUNG = 10**0.5
+MOST_RUNGS = 8
+LEAST_GAIN = 0.9
+# Seconds after which a single measurement is given up.
+TIME_LIMIT = 1800
+# Repeats fall with the time of one: (seconds below which, repeats).
+REPEATS = ((4.0, 5), (20.0, 3), (float("inf"), 1))
+
+
+class RunError(Exception):
+    """A runner that crashed or took too long."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One measurement, with the accuracy that our evaluator finds; worst over the levels."""
+
+    cpu: float
+    wall: float
+    peak_mb: float
+    added_mb: float
+    iterations: int | None
+    convolutions: int | None
+    gap_error: float
+    force_error: float
+    contact_fraction: float
+    verdict: str
+
+    @property
+    def reached(self):
+        # NaN, under displacement control, is no error of the force.
+        return self.gap_error <= GOAL and not self.force_error > GOAL
+
+
+def run(code: Code, surface: Surface, levels: dict, tolerance: float, threads: int) -> Run:
+    """Solve once in a process of its own, and evaluate what it returns."""
+    python = ENVIRONMENTS[code.environment].interpreter()
+    with tempfile.TemporaryDirectory(dir=SCRATCH) as folder:
+        task = {
+            "problem": str(surface.stored()),
+            "variant": code.variant,
+            "control": code.control,
+            "levels": levels[code.control],
+            "target_pressure": levels["load"][-1],
+            "tolerance": tolerance,
+            "threads": threads,
+            "fields": f"{folder}/fields.npz",
+            "record": f"{folder}/record.json",
+        }
+        Path(folder, "task.json").write_text(json.dumps(task), encoding="utf-8")
+        limits = dict.fromkeys(
+            ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), str(threads)
+        )
+        try:
+            done = subprocess.run(
+                [python, CODES_FOLDER / f"{code.script}.py", f"{folder}/task.json"],
+                env={**os.environ, **limits},
+                capture_output=True,
+                text=True,
+                timeout=TIME_LIMIT,
+            )
+        except subprocess.TimeoutExpired:
+            raise RunError(f"not done after {TIME_LIMIT} s") from None
+        if done.returncode:
+            raise RunError((done.stderr.strip().splitlines() or ["no message"])[-1])
+        record = json.loads(Path(task["record"]).read_text(encoding="utf-8"))
+        with np.load(task["fields"]) as stored:
+            pressure = stored["pressure"]
+    heights = surface.heights()
+    control, wanted = code.control, levels[code.control]
+    if code.environment == "gstlib" and len(wanted) > 1:
+        # Our own path chooses its displacements itself: they are part of what it returns.
+        control, wanted = "displacement", record["displacement"]
+    accuracies = [
+        evaluate(
+            field,
+            heights,
+            surface.spacing,
+            MODULUS,
+            load=level if control == "load" else None,
+            far_field=level if control == "displacement" else None,
+        )
+        for field, level in zip(pressure, wanted, strict=True)
+    ]
+    # NaN compares false: max() would drop it only by chance.
+    worst = max(accuracies, key=lambda accuracy: accuracy.gap_error)
+    return Run(
+        cpu=record["cpu"],
+        wall=record["wall"],
+        peak_mb=record["peak_mb"],
+        added_mb=record["added_mb"],
+        iterations=record["iterations"],
+        convolutions=record["convolutions"],
+        gap_error=max(worst.gap_error, *(a.negative_pressure for a in accuracies)),
+        force_error=max(accuracy.force_error for accuracy in accuracies),
+        contact_fraction=accuracies[-1].contact_fraction,
+        verdict=record.get("verdict", ""),
+    )
+
+
+def levels_of(surface: Surface, pressure: float, steps: int) -> dict:
+    """The same states for load and for displacement control, from a reference far more accurate."""
+    store = SCRATCH / f"{surface.stored().stem}-{pressure:g}MPa-{steps}.json"
+    if not store.exists():
+        from gstlib.bem import DomainTooSmallWarning, load_path
+
+        with warnings.catch_warnings():
+            # A periodic surface has contact at its border too; no concern of a comparison.
+            warnings.simplefilter("ignore", DomainTooSmallWarning)
+            path = load_path(
+                surface.heights(),
+                surface.spacing,
+                MODULUS,
+                target_pressure=pressure,
+                steps=steps,
+                tolerance=1e-11,
+            )
+        levels = {"load": list(path.mean_pressure), "displacement": list(path.displacement)}
+        store.write_text(json.dumps(levels), encoding="utf-8")
+    return json.loads(store.read_text(encoding="utf-8"))
+
+
+class Calibration:
+    """The loosest tolerance of each code that reaches the goal, by case; kept in a file.
+
+    A stored tolerance is where the search starts; with `again`, and always for gstlib, which
+    changes, looser ones are tried too.
+    """
+
+    def __init__(self, path: Path, again: bool):
+        self.path, self.again = path, again
+        self.known = {}
+        if path.exists():
+            for line in path.read_text(encoding="utf-8").splitlines()[1:]:
+                case, label, tolerance = line.rsplit(";", 2)
+                self.known[case, label] = float(tolerance)
+
+    def find(self, case: str, code: Code, attempt) -> tuple[float, Run]:
+        """Tolerance and its run; ``attempt(tolerance)`` makes one."""
+        stored = self.known.get((case, code.label))
+        tolerance = stored or code.start
+        best = attempt(tolerance)
+        if best.reached and (stored is None or self.again or code.environment == "gstlib"):
+            while (looser := attempt(tolerance * RUNG)).reached:
+                tolerance, best = tolerance * RUNG, looser
+        else:
+            for _ in range(MOST_RUNGS):
+                if best.reached:
+                    break
+                tighter = attempt(tolerance / RUNG)
+                if not tighter.reached and tighter.gap_error > LEAST_GAIN * best.gap_error:
+                    break
+                tolerance, best = tolerance / RUNG, tighter
+        self.known[case, code.label] = tolerance
+        self._write()
+        return tolerance, best
+
+    def _write(self):
+        rows = [f"{case};{label};{tol:.3g}" for (case, label), tol in sorted(self.known.items())]
+        text = "\n".join(["case;code;tolerance", *rows]) + "\n"
+        self.path.write_text(text, encoding="utf-8")
+
+
+def measure_case(case: Case, labels, calibration: Calibration, most_repeats: int) -> list[dict]:
+    """Rows of the case's table, one for each code and number of threads."""
+    levels = levels_of(case.surface, case.pressure, case.steps)
+    entries = []
+    for label in labels:
+        code = CODES[label]
+
+        def attempt(tolerance, code=code):
+            result = run(code, case.surface, levels, tolerance, 1)
+            say(case.name, code.label, tolerance, result)
+            return result
+
+        try:
+            tolerance, first = calibration.find(case.name, code, attempt)
+        except (RunError, UnavailableError) as problem:
+            print(f"peer {label}: not available ({problem})", flush=True)
+            continue
+        repeats = next(count for limit, count in REPEATS if first.wall < limit)
+        entries += [
+            (code, threads, tolerance, min(repeats, most_repeats), []) for threads in case.threads
+        ]
+    for number in range(max((entry[3] for entry in entries), default=0)):
+        for code, threads, tolerance, repeats, runs in entries:
+            if number < repeats:
+                try:
+                    runs.append(run(code, case.surface, levels, tolerance, threads))
+                except RunError as problem:
+                    print(f"{code.label}: {problem}", flush=True)
+        print(f"{case.name}: round {number + 1} done at {time.strftime('%H:%M:%S')}", flush=True)
+    rows = [row(*entry) for entry in entries if entry[-1]]
+    own = {r["threads"]: r["cpu_median"] for r in rows if r["code"] == "gstlib, load"}
+    for r in rows:
+        r["ratio"] = r["cpu_median"] / own[r["threads"]] if r["threads"] in own else ""
+    return rows
+
+
+def row(code: Code, threads: int, tolerance: float, _, runs: list[Run]) -> dict:
+    worst = max(runs, key=lambda r: r.gap_error)
+    return {
+        "code": code.label,
+        "control": code.control,
+        "threads": threads,
+        "cpu_median": statistics.median(r.cpu for r in runs),
+        "cpu_min": min(r.cpu for r in runs),
+        "ratio": "",
+        "wall_median": statistics.median(r.wall for r in runs),
+        "wall_min": min(r.wall for r in runs),
+        "iterations": runs[0].iterations,
+        "convolutions": runs[0].convolutions,
+        "peak_mb": max(r.peak_mb for r in runs),
+        "added_mb": max(r.added_mb for r in runs),
+        "gap_error": worst.gap_error,
+        "force_error": max(r.force_error for r in runs),
+        "contact_fraction": runs[0].contact_fraction,
+        "tolerance": tolerance,
+        "reached": "yes" if all(r.reached for r in runs) else "no",
+        "runs": len(runs),
+    }
+
+
+def measure_growth(case: Growth, runs, calibration: Calibration, keep) -> list[dict]:
+    """Rows, one for each code, size and seed; `keep` stores them after each."""
+    rows = []
+    for label, sizes, seeds in runs:
+        code = CODES[label]
+        for size in sizes:
+            for seed in seeds:
+                surface = Surface("rough", size, seed)
+                try:
+                    levels = {"load": [case.pressure]}
+                    if code.control == "displacement":
+                        levels = levels_of(surface, case.pressure, 1)
+                    tolerance = calibration.known.get(("rough-76", label), code.start)
+                    for _ in range(4):
+                        result = run(code, surface, levels, tolerance, 1)
+                        say(f"{case.name} {size}² seed {seed}", label, tolerance, result)
+                        if result.reached:
+                            break
+                        tolerance /= RUNG
+                    else:
+                        tolerance *= RUNG
+                except (RunError, UnavailableError) as problem:
+                    print(f"peer {label}: not available ({problem})", flush=True)
+                    continue
+                entry = row(code, 1, tolerance, 1, [result])
+                rows.append({"size": size, "seed": seed, **entry})
+                keep(rows)
+    return rows
+
+
+def say(case, label, tolerance, result):
+    print(
+        f"{case}: {label}, tolerance {tolerance:.1e}: CPU {result.cpu:.2f} s, gap error "
+        f"{result.gap_error:.1e}{'' if result.reached else ' (missed)'}",
+        flush=True,
+    )

@@ -1,0 +1,66 @@
+"""The surfaces on which codes are compared, made once and stored for runners of any interpreter."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gstlib.specimen.randomness import self_affine_field, stream
+
+__all__ = ["MODULUS", "Surface"]
+
+SCRATCH = Path(__file__).parent / ".scratch"
+# Side of the patch (mm) and contact modulus (MPa) of the study.
+LENGTH = 0.85
+MODULUS = 12820.0
+# r.m.s. height (mm), Hurst exponent, roll-off wavelength (mm), cut-off wavelength (elements).
+RMS, HURST, ROLL_OFF, CUT_OFF = 0.005, 0.8, 0.2, 4
+# Radius of the sphere (mm): at 76 MPa about an eighth of the patch is in contact.
+RADIUS = 1.5
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface on n × n elements of one patch.
+
+    `kind` "rough": self-affine, the same statistics at every n but for the cut-off, which stays at
+    four *elements*: a finer grid shows finer roughness, so that the contact breaks up further and
+    the problem grows harder as well as larger. "sphere": a paraboloid.
+    """
+
+    kind: str
+    size: int
+    seed: int = 0
+
+    @property
+    def name(self):
+        return f"{self.kind}-{self.size}" + (f"-seed{self.seed}" if self.kind == "rough" else "")
+
+    @property
+    def spacing(self):
+        return LENGTH / self.size
+
+    def heights(self):
+        """Heights (mm), float64, shape (size, size)."""
+        if self.kind == "sphere":
+            at = (np.arange(self.size) - (self.size - 1) / 2) * self.spacing
+            return -(at[:, None] ** 2 + at**2) / (2 * RADIUS)
+        field = self_affine_field(
+            stream(self.seed, "benchmark"),
+            self.size,
+            self.spacing,
+            hurst_exponent=HURST,
+            roll_off=ROLL_OFF,
+            shortest=CUT_OFF * self.spacing,
+        ).astype(float)
+        return (field - field.mean()) * (RMS / field.std())
+
+    def stored(self) -> Path:
+        """The npz that runners read; written at the first call."""
+        recipe = repr((self, LENGTH, MODULUS, RMS, HURST, ROLL_OFF, CUT_OFF, RADIUS)).encode()
+        path = SCRATCH / f"{self.name}-{hashlib.sha256(recipe).hexdigest()[:8]}.npz"
+        if not path.exists():
+            SCRATCH.mkdir(exist_ok=True)
+            np.savez(path, heights=self.heights(), spacing=self.spacing, contact_modulus=MODULUS)
+        return path

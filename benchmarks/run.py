@@ -1,0 +1,116 @@
+"""Speed and accuracy of gstlib.bem against other contact codes: ``python benchmarks/run.py``.
+
+Makes each code's environment on first use, measures the cases one after the other, and rewrites
+results/, the tables in README.md and the figure after each of them: a run that stops can be gone on
+with by naming the cases that are left.
+"""
+
+import argparse
+import csv
+import json
+import math
+import time
+from pathlib import Path
+
+from cases import CASES, CODES, Growth
+from environments import ENVIRONMENTS, UnavailableError
+from machine import describe
+from measure import Calibration, measure_case, measure_growth
+from report import write_report
+
+RESULTS = Path(__file__).parent / "results"
+
+
+def main():
+    options = arguments()
+    RESULTS.mkdir(exist_ok=True)
+    cases = [CASES[name] for name in options.case or CASES]
+    if not options.report:
+        start = time.monotonic()
+        available = check_environments(cases, options)
+        calibration = Calibration(RESULTS / "calibration.csv", options.calibrate)
+        for case in cases:
+            print(f"\n{case.title}", flush=True)
+            measure(case, options, available, calibration)
+            write_report(RESULTS)
+        print(f"\n{(time.monotonic() - start) / 60:.1f} minutes", flush=True)
+    write_report(RESULTS)
+
+
+def measure(case, options, available, calibration):
+    def wanted(label):
+        chosen = not options.codes or any(part.lower() in label.lower() for part in options.codes)
+        return chosen and CODES[label].environment in available
+
+    path = RESULTS / f"{case.name}.csv"
+    if isinstance(case, Growth):
+        runs = case.runs + (case.more if options.all else ())
+        runs = [entry for entry in runs if wanted(entry[0])]
+        measure_growth(case, runs, calibration, lambda rows: write_table(path, rows))
+    else:
+        labels = case.codes + (case.more if options.all else ())
+        rows = measure_case(case, list(filter(wanted, labels)), calibration, options.repeats)
+        if rows:
+            write_table(path, rows)
+
+
+def check_environments(cases, options):
+    """Environments that can be used; says which cannot, and why."""
+    needed = set()
+    for case in cases:
+        if isinstance(case, Growth):
+            labels = [run[0] for run in case.runs + (case.more if options.all else ())]
+        else:
+            labels = case.codes + (case.more if options.all else ())
+        needed |= {CODES[label].environment for label in labels}
+    available = []
+    for name in ENVIRONMENTS:
+        if name not in needed:
+            continue
+        try:
+            ENVIRONMENTS[name].interpreter()
+            available.append(name)
+        except UnavailableError as problem:
+            print(f"peer {name}: not available ({problem})", flush=True)
+    path = RESULTS / "machine.json"
+    machine = describe(available)
+    if path.exists():
+        # Tables of cases that are not measured this time still stand.
+        earlier = json.loads(path.read_text(encoding="utf-8"))
+        machine["codes"] = {**earlier["codes"], **machine["codes"]}
+    path.write_text(json.dumps(machine, indent=2) + "\n", encoding="utf-8")
+    return available
+
+
+def write_table(path, rows):
+    """Rows as CSV, rounded to the digits that mean something."""
+
+    def rounded(key, value):
+        if value is None or (isinstance(value, float) and math.isnan(value)):
+            return ""
+        if not isinstance(value, float):
+            return value
+        if key.endswith("_mb"):
+            return round(value)
+        digits = 2 if key.endswith("_error") else 3
+        return f"{value:.{digits}g}"
+
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({key: rounded(key, value) for key, value in r.items()} for r in rows)
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--case", nargs="+", choices=CASES, help="only these cases")
+    parser.add_argument("--codes", nargs="+", help="only codes whose name holds one of these")
+    parser.add_argument("--repeats", type=int, default=5, help="at most so many (default 5)")
+    parser.add_argument("--all", action="store_true", help="slow codes and sizes, other builds too")
+    parser.add_argument("--calibrate", action="store_true", help="search all tolerances afresh")
+    parser.add_argument("--report", action="store_true", help="tables and figure only")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,175 @@
+"""Where does the time of a study go, and how much of it is starting interpreters?
+
+    python benchmarks/study.py [--config config/config.yaml] [--cores 2] [--repeats 5]
+
+Runs the study from nothing in a folder of its own, and writes benchmarks/results/study.csv (with
+--output: elsewhere), one row for each rule:
+
+jobs       how many ran;
+wall_s     their wall times together, as Snakemake's `benchmark` measured them;
+cpu_s      their CPU times together;
+start_s    of these, starting: interpreter and imports;
+start_share  start_s / cpu_s.
+
+Each interpreter of the study notes at its end its CPU time and which modules it had loaded, so that
+imports made late or by chance count too. Starting is then measured bare: as many interpreters at a
+time as the study has cores import just these modules, `repeats` times; the median of their CPU
+times counts. CPU times, as starting does nothing but compute, and as what else the machine does
+disturbs them less than wall times: on a quiet machine a job's two times are nearly the same. The
+row `snakemake` is Snakemake's own process: its wall is the study's. The row `all` is all jobs
+together.
+"""
+
+import argparse
+import json
+import os
+import platform
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+import yaml
+
+ROOT = Path(__file__).parents[1]
+
+# Put on the path of every interpreter of the study: at its end it writes down what it used.
+NOTE_USE = """
+import atexit, json, os, sys, time
+
+def note():
+    job = getattr(sys.modules["__main__"], "snakemake", None)
+    rule = getattr(job, "rule", "snakemake")
+    modules = [name for name in sys.modules if name != "__main__"]
+    path = os.path.join(os.environ["STUDY_NOTES"], f"{rule}.{os.getpid()}.json")
+    with open(path, "w") as file:
+        json.dump({"modules": modules, "cpu_s": time.process_time()}, file)
+
+atexit.register(note)
+"""
+IMPORT_MODULES = """
+import importlib, json, sys
+
+for name in json.load(open(sys.argv[1])):
+    try:
+        importlib.import_module(name)
+    except Exception:  # parts of packages that are not modules of their own
+        pass
+"""
+
+
+@dataclass
+class Use:
+    """What the interpreters of one rule used."""
+
+    cpu_s: float = 0.0
+    modules: list[str] = field(default_factory=list)
+
+
+def run_study(config: str, cores: int, folder: Path) -> tuple[float, Path, dict[str, Use]]:
+    """Run the study in `folder`; return its wall time (s), its results, and what each rule used."""
+    shutil.copytree(ROOT / "config", folder / "config")
+    notes = folder / "notes"
+    hook = folder / "hook"
+    for made in (notes, hook):
+        made.mkdir()
+    (hook / "sitecustomize.py").write_text(NOTE_USE)
+    path = os.pathsep.join(filter(None, [str(hook), os.environ.get("PYTHONPATH")]))
+    command = [
+        *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
+        *("--workflow-profile", str(ROOT / "workflow/profiles/default")),
+        *("--directory", str(folder), "--cores", str(cores), "--quiet", "all"),
+        *("--configfile", str(folder / config)),
+    ]
+    start = time.perf_counter()
+    subprocess.run(
+        command,
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": path, "STUDY_NOTES": str(notes)},
+        check=True,
+    )
+    wall = time.perf_counter() - start
+    results = folder / yaml.safe_load((folder / config).read_text())["results"]
+    used = defaultdict(Use)
+    for file in sorted(notes.glob("*.json")):
+        note, use = json.loads(file.read_text()), used[file.name.split(".")[0]]
+        use.cpu_s += note["cpu_s"]
+        use.modules = max(use.modules, note["modules"], key=len)
+    return wall, results, used
+
+
+def job_walls(results: Path) -> dict[str, list[float]]:
+    """Wall times (s) of the jobs of each rule, from Snakemake's benchmark files."""
+    walls = defaultdict(list)
+    for file in sorted((results / "benchmarks").rglob("*.tsv")):
+        rule = file.relative_to(results / "benchmarks").parts[0].removesuffix(".tsv")
+        walls[rule] += pd.read_csv(file, sep="\t").s.tolist()
+    return walls
+
+
+def start_time(modules: list[str], *, cores: int, repeats: int, folder: Path) -> float:
+    """Median time (s) of an interpreter that imports the modules, `cores` at a time.
+
+    CPU time: starting does nothing but compute, and what else the machine does disturbs it less.
+    """
+    names = folder / "names.json"
+    names.write_text(json.dumps(modules))
+    command = [sys.executable, "-c", IMPORT_MODULES, str(names)]
+    one_thread = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    times = []
+    for _ in range(repeats):
+        together = [
+            subprocess.Popen(command, stderr=subprocess.DEVNULL, env=one_thread)
+            for _ in range(cores)
+        ]
+        for process in together:
+            _, process.returncode, used = os.wait4(process.pid, 0)
+            times.append(used.ru_utime + used.ru_stime)
+    return statistics.median(times)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--config", default="config/config.yaml")
+    parser.add_argument("--cores", type=int, default=2)
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--output", type=Path, default=ROOT / "benchmarks/results/study.csv")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        wall, results, used = run_study(options.config, options.cores, folder)
+        measure = partial(start_time, repeats=options.repeats, folder=folder)
+        rows = [
+            (rule, len(walls), sum(walls), used[rule].cpu_s, len(walls) * start)
+            for rule, walls in job_walls(results).items()
+            for start in [measure(used[rule].modules, cores=options.cores)]
+        ]
+        own = measure(used["snakemake"].modules, cores=1)
+    table = pd.DataFrame(rows, columns=["rule", "jobs", "wall_s", "cpu_s", "start_s"])
+    table = table.sort_values("cpu_s", ascending=False)
+    every = table.drop(columns="rule").sum()
+    table.loc[len(table)] = ["all", int(every.jobs), every.wall_s, every.cpu_s, every.start_s]
+    table.loc[len(table)] = ["snakemake", 1, wall, used["snakemake"].cpu_s, own]
+    table["start_share"] = table.start_s / table.cpu_s
+    core = options.cores * wall
+    header = (
+        f"# {options.config} on {options.cores} cores of {os.cpu_count()} "
+        f"({platform.machine()}, Python {platform.python_version()}): wall {wall:.1f} s; starting "
+        f"interpreters is {every.start_s / every.cpu_s:.1%} of the jobs' CPU time, and with "
+        f"Snakemake's own {(every.start_s + own) / core:.1%} of cores x wall\n"
+    )
+    text = header + table.to_csv(index=False, float_format="%.3f", lineterminator="\n")
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    options.output.write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""The evaluator against integrals and a direct sum; one measurement from end to end, at 32².
+
+Needs this project's environment only: ``python -m pytest benchmarks``.
+"""
+
+import numpy as np
+import pytest
+from cases import CODES, GOAL
+from evaluate import displacement, evaluate, kernel
+from measure import levels_of, run
+from problems import MODULUS, Surface
+from report import growth_factors
+from scipy.integrate import dblquad
+
+SPACING = 0.01
+
+
+@pytest.mark.parametrize(("row", "column"), [(0, 1), (2, 0), (1, 3)])
+def test_kernel_is_the_integral_over_the_element(row, column):
+    half = SPACING / 2
+    integral, _ = dblquad(
+        lambda x, y: 1 / np.hypot(row * SPACING - y, column * SPACING - x),
+        *(-half, half, -half, half),
+        epsabs=1e-14,
+    )
+    value = kernel((4, 4), SPACING, MODULUS)[row, column]
+    assert value == pytest.approx(integral / (np.pi * MODULUS), rel=1e-9)
+
+
+def test_kernel_of_an_element_on_itself():
+    expected = 4 * np.arcsinh(1) * SPACING / (np.pi * MODULUS)
+    assert kernel((1, 1), SPACING, MODULUS)[0, 0] == pytest.approx(expected, rel=1e-14)
+
+
+def test_displacement_is_the_direct_sum():
+    pressure = np.random.default_rng(1).random((6, 9))
+    influence = kernel(pressure.shape, SPACING, MODULUS)
+    row, column = np.indices(pressure.shape).reshape(2, -1)
+    dense = influence[abs(row[:, None] - row), abs(column[:, None] - column)]
+    direct = (dense @ pressure.ravel()).reshape(pressure.shape)
+    np.testing.assert_allclose(displacement(pressure, SPACING, MODULUS), direct, rtol=1e-13)
+
+
+def test_a_wrong_pressure_is_seen():
+    surface = Surface("rough", 32)
+    rng = np.random.default_rng(2)
+    pressure = rng.random((32, 32)) * (rng.random((32, 32)) < 0.5) * 100
+    field = displacement(pressure, surface.spacing, MODULUS)
+    # Heights made so that the gap closes exactly where there is pressure and is open elsewhere.
+    heights = field - 0.001 * (pressure == 0)
+    far_field = heights.max()
+    exact = evaluate(pressure, heights, surface.spacing, MODULUS, far_field=far_field)
+    assert exact.gap_error < 1e-12
+    free = evaluate(pressure, heights, surface.spacing, MODULUS, load=pressure.mean())
+    assert free.gap_error < 1e-12
+    assert free.force_error == 0
+    moved = evaluate(pressure, heights, surface.spacing, MODULUS, far_field=far_field + 1e-5)
+    assert moved.gap_error == pytest.approx(1e-5 / heights.std(), rel=1e-6)
+    # Contact where the gap is open by a micrometre.
+    pressure[np.unravel_index(np.argmin(pressure), pressure.shape)] = 1e-9
+    assert evaluate(pressure, heights, surface.spacing, MODULUS, load=50.0).gap_error > 0.1
+
+
+@pytest.mark.parametrize("label", ["gstlib, load", "gstlib, displacement"])
+@pytest.mark.parametrize("steps", [1, 3])
+def test_runner_of_gstlib(label, steps):
+    surface = Surface("rough", 32)
+    result = run(CODES[label], surface, levels_of(surface, 76.0, steps), 1e-11, 1)
+    assert result.gap_error < GOAL
+    assert 0 < result.contact_fraction < 0.5
+    assert result.convolutions > 0
+    assert result.peak_mb > 10
+
+
+def test_growth_is_taken_surface_by_surface():
+    rows = [
+        {"code": "a", "size": size, "seed": seed, "convolutions": count}
+        for size, seed, count in ((256, 0, 20), (256, 1, 30), (512, 0, 40), (512, 1, 30))
+    ]
+    assert growth_factors(rows) == {("a", 512): (pytest.approx(2**0.5), 2.0)}
