@@ -53,6 +53,7 @@ class Preconditioner:
             window.contact_modulus,
         )
         self._free = None
+        self._local = _LOCAL
 
     def fit(self, free):
         """Prepare for a set of free elements, unless the last one was nearly the same.
@@ -69,18 +70,13 @@ class Preconditioner:
         profile = self._profile = self._window.pressure(free.astype(float)) * free
         density = self._mean(profile)
         density = _DENSITY * dot(density, density) * _BLOCK**2 / profile.sum()
-        local = _LOCAL
         while True:
-            self._far = EvenConvolution(
-                self._shape,
-                self._spectrum / (local + density * self._spectrum),
-                np.float64,
-                Crew(1),
-            )
+            spectrum = self._spectrum / (self._local + density * self._spectrum)
+            self._far = EvenConvolution(self._shape, spectrum, np.float64, Crew(1))
             self.uniform = profile - self._from_afar(free)
             if self.uniform.sum() >= _KEPT * profile.sum():
                 return
-            local *= _LOCAL_GROWTH
+            self._local *= _LOCAL_GROWTH
 
     def __call__(self, displacement):
         """Pressure (MPa), shape (n,), from a displacement (mm) that is zero where not free."""

@@ -229,11 +229,17 @@ class ContactProblem:
         history = []
         before = self.half_space.convolutions
         # To begin with, single precision will do.
-        state, field = self._recompute(
-            pressure, self.half_space.approximate_displacement, load, history, before
-        )
-        rounding = SINGLE_ERROR * field.max()
+        respond, rounding = self.half_space.approximate_displacement, SINGLE_ERROR
         while True:
+            state, field = self._recompute(pressure, respond, load, history, before)
+            error = rounding * field.max()
+            if error > 0 and state.residual * state.displacement <= error:
+                respond, rounding = self.half_space.displacement, 0.0
+                continue
+            if error == 0 and state.residual <= tolerance:
+                return state
+            if error == 0 and len(history) >= max_iterations:
+                raise ConvergenceError(state.residual, tolerance, len(history))
             # Only elements that are, or may come, in contact take part in the iterations.
             candidates = np.flatnonzero(
                 (state.gap < _CANDIDATE_GAP * state.displacement) | (state.pressure > 0)
@@ -246,18 +252,11 @@ class ContactProblem:
                 state.pressure.reshape(-1)[candidates],
                 field.reshape(-1)[candidates],
                 _INNER_SHARE * tolerance,
-                rounding,
+                error,
                 history,
                 max_iterations,
             )
-            state, field = self._recompute(
-                pressure, self.half_space.displacement, load, history, before
-            )
-            if state.residual <= tolerance:
-                return state
-            if len(history) >= max_iterations:
-                raise ConvergenceError(state.residual, tolerance, len(history))
-            rounding = 0.0
+            respond, rounding = self.half_space.displacement, 0.0
 
     def _recompute(self, pressure, respond, load, history, before):
         """State of a pressure field, by a convolution of its own, and the surface displacement."""
@@ -270,9 +269,9 @@ class ContactProblem:
         gap -= displacement
         contact = pressure > 0
         # Either the gap is open where there is pressure, or closed where there could be more.
-        opened = (gap * contact).max()
-        closed = -(gap * (pressure < load.pressure_limit)).min()
-        violation = max(opened, closed)
+        opened = gap[contact].max(initial=0.0)
+        below = gap if load.pressure_limit == math.inf else gap[pressure < load.pressure_limit]
+        violation = max(opened, -below.min(initial=0.0))
         virtual_work = dot(pressure, gap) - load.least_work(gap, force)
         state = ContactState(
             pressure=pressure,
