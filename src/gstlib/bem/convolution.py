@@ -139,6 +139,10 @@ class Crew:
             # Its threads start when first used, and end with the last reference to it.
             self._pool = ThreadPoolExecutor(size - 1)
 
+    def start(self, task):
+        """Let another thread do a task, if there is one; gives a function that waits for it."""
+        return self._pool.submit(task).result if self.size > 1 else lambda: None
+
     def run(self, task, lines):
         """Call ``task(worker, starts)`` in each thread, with the first lines of its blocks."""
         starts = range(0, lines, _LINES)

@@ -8,6 +8,7 @@ positive into the half-space.
 """
 
 import math
+from functools import cached_property
 
 import numpy as np
 
@@ -68,10 +69,28 @@ class HalfSpace:
         self._convolutions = 0
         self._crew = Crew(self.workers)
         self.self_influence = love_kernel((1, 1), self.spacing, self.contact_modulus)[0, 0]
+        self._window = None
+        # Each transform is made when first asked for or, with several threads, meanwhile.
+        self._wait = self._crew.start(self._prepare)
+
+    def _prepare(self):
+        return self._double, self._single, self._inverse
+
+    @cached_property
+    def _double(self):
         padded = tuple(even_size(2 * n - 1) for n in self.shape)
         spectrum = love_spectrum(padded, self.spacing, self.contact_modulus)
-        self._displace = EvenConvolution(self.shape, spectrum, np.float64, self._crew)
-        self._displace_single = self._invert = self._window = None
+        return EvenConvolution(self.shape, spectrum, np.float64, self._crew)
+
+    @cached_property
+    def _single(self):
+        return self._double.astype(np.float32)
+
+    @cached_property
+    def _inverse(self):
+        padded = inverse_padding(self.shape)
+        spectrum = love_spectrum(padded, self.spacing, self.contact_modulus)
+        return EvenConvolution(self.shape, 1 / spectrum, np.float32, self._crew)
 
     @property
     def convolutions(self) -> int:
@@ -102,7 +121,8 @@ class HalfSpace:
                 f"pressure has shape {pressure.shape}, the half-space {self.shape}"
             )
         self._convolutions += 1
-        return self._displace(pressure).copy()
+        self._wait()
+        return self._double(pressure).copy()
 
     def approximate_displacement(self, pressure) -> np.ndarray:
         """The same in single precision, at two thirds of the time and half of the memory.
@@ -120,10 +140,9 @@ class HalfSpace:
         ndarray of float32, shape (ny, nx)
             Displacement (mm); the next call overwrites it.
         """
-        if self._displace_single is None:
-            self._displace_single = self._displace.astype(np.float32)
         self._convolutions += 1
-        return self._displace_single(pressure)
+        self._wait()
+        return self._single(pressure)
 
     def approximate_inverse(self, displacement) -> np.ndarray:
         """A cheap approximate inverse of :meth:`displacement`, to precondition with.
@@ -143,11 +162,8 @@ class HalfSpace:
         ndarray of float32, shape (ny, nx)
             Pressure (MPa); the next call overwrites it.
         """
-        if self._invert is None:
-            padded = inverse_padding(self.shape)
-            spectrum = love_spectrum(padded, self.spacing, self.contact_modulus)
-            self._invert = EvenConvolution(self.shape, 1 / spectrum, np.float32, self._crew)
-        return self._invert(displacement)
+        self._wait()
+        return self._inverse(displacement)
 
     def window(self, shape):
         """The half-space on a part of the grid that holds `shape` elements.
