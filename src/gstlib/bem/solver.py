@@ -282,7 +282,7 @@ class ContactProblem:
             iterations=len(history),
             convolutions=self.half_space.convolutions - before,
             residual=float(violation / displacement),
-            duality_gap=virtual_work / dot(pressure, field) if force > 0 else math.inf,
+            duality_gap=float(virtual_work / dot(pressure, field)) if force > 0 else math.inf,
             history=tuple(history),
             pressure_limit=self.pressure_limit,
         )
