@@ -31,8 +31,8 @@ class Preconditioner:
     φ. So φ r is to be divided by α + φ̄K; what is too much is φ T φ r with T = (α K⁻¹ + φ̄)⁻¹. It
     is smooth but for φ, and is computed on a coarse grid. No source is known to us.
 
-    Measured (rough 256² to 2048² elements, contact of 1 to 4 %): a third fewer iterations than
-    with M alone, and nearly as many on all grids.
+    Measured (rough surfaces, contact of 3 %, residual 1e-8 and 3e-10): a quarter to two fifths
+    fewer iterations than with M alone at 512² and 1024², none to a quarter at 256².
 
     Parameters
     ----------
