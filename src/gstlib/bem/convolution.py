@@ -5,21 +5,30 @@ transformed, each block stays in cache, and since every block is computed by one
 way whatever their number, so are the bits of the result.
 """
 
-import copy
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import ducc0
 import numpy as np
 
 from .elasticity import love_kernel
 
-__all__ = ["Crew", "EvenConvolution", "even_size", "love_spectrum"]
+__all__ = [
+    "WORTH_THREADS",
+    "Crew",
+    "EvenConvolution",
+    "even_size",
+    "even_spectrum",
+    "exact_padding",
+    "love_spectrum",
+]
 
-# Lines per block: few enough to stay in cache and to be shared evenly, many enough that the cost of
-# the calls vanishes (measured: flat from 32 to 128).
-_LINES = 32
+# Lines per block times bytes of a real number: few enough to stay in cache and be shared evenly,
+# many enough that the cost of the calls vanishes (measured: 32 lines in double precision and 64 in
+# single are best for two threads; for one it is flat from 32 to 128).
+_BLOCK = 256
 # Fewer numbers than this are transformed in one thread: waking others takes as long (measured).
-_WORTH_THREADS = 300_000
+WORTH_THREADS = 300_000
 # Lines of a buffer lie this many numbers more apart: at a power of two they share cache sets
 # (measured: transforms of 1024 numbers in single precision take 2.6 times as long).
 _OFFSET = 8
@@ -49,17 +58,8 @@ class EvenConvolution:
         # the inverse transform's scale goes in.
         half = spectrum.T / math.prod(self._padded)
         self._spectrum = np.concatenate((half, half[:, -2:0:-1]), axis=1, dtype=dtype)
-        self._crew = crew if math.prod(self._padded) >= _WORTH_THREADS else Crew(1)
-        self._workspace(dtype)
-
-    def astype(self, dtype):
-        """The same convolution in another precision."""
-        other = copy.copy(self)
-        other._spectrum = self._spectrum.astype(dtype)
-        other._workspace(dtype)
-        return other
-
-    def _workspace(self, dtype):
+        self._crew = crew if math.prod(self._padded) >= WORTH_THREADS else Crew(1)
+        self._lines = _BLOCK // np.dtype(dtype).itemsize
         ny, (my, mx) = self.shape[0], self._padded
         complex_type = np.result_type(dtype, np.complex64)
         # Transposed, so that the transforms along y run along contiguous memory.
@@ -67,7 +67,7 @@ class EvenConvolution:
         self._result = np.empty(self.shape, dtype)
 
         def lines(length, number):
-            buffer = np.zeros((_LINES, length + _OFFSET), number)
+            buffer = np.zeros((self._lines, length + _OFFSET), number)
             return buffer[:, :length]
 
         # For each thread: padded rows and columns, which keep their zeros, and room for results.
@@ -78,34 +78,72 @@ class EvenConvolution:
 
     def __call__(self, field):
         """The convolution of a field (ny, nx); the next call overwrites it."""
-        ny, nx = self.shape
-        mx = self._padded[1]
-        transform, result = self._transform, self._result
+        self.forward(field)
+        return self.backward()
 
-        def rows_forward(worker, starts):
+    def forward(self, field):
+        """Transform a field (ny, nx) along x, the first step of a convolution."""
+        nx, transform, size = self.shape[1], self._transform, self._lines
+
+        def rows(worker, starts):
             padded = self._buffers[worker][0]
             for start in starts:
-                rows = field[start : start + _LINES]
-                count = len(rows)
-                padded[:count, :nx] = rows
+                block = field[start : start + size]
+                count = len(block)
+                padded[:count, :nx] = block
                 ducc0.fft.r2c(padded[:count], axes=(1,), out=transform.T[start : start + count])
 
+        self._crew.run(rows, self.shape[0], size)
+
+    def waves(self, count_y, count_x):
+        """The longest waves of the field that was transformed.
+
+        Returns
+        -------
+        ndarray of complex, shape (count_x, count_y)
+            At wave numbers 0 to count_x - 1 along x; along y from 0 on and then the negative
+            ones, as an FFT of the even length count_y has them.
+        """
+        half, size = count_y // 2, self._lines
+        waves = np.empty((count_x, count_y), self._transform.dtype)
+        for start in range(0, count_x, size):
+            part = waves[start : start + size]
+            block = self._along_y(0, start, len(part))
+            part[:, :half], part[:, half:] = block[:, :half], block[:, -half:]
+        return waves
+
+    def backward(self, waves=None):
+        """The rest of a convolution, of the field that :meth:`forward` had.
+
+        Parameters
+        ----------
+        waves : ndarray of complex, shape (count_x, count_y), optional
+            To be added to the result: its waves as :meth:`waves` orders them.
+        """
+        ny, nx = self.shape
+        mx = self._padded[1]
+        transform, result, size = self._transform, self._result, self._lines
+        extra = 0 if waves is None else len(waves)
+        half = 0 if waves is None else waves.shape[1] // 2
+
         def columns(worker, starts):
-            _, padded, buffer, _ = self._buffers[worker]
             for start in starts:
-                lines = transform[start : start + _LINES]
+                lines = transform[start : start + size]
                 count = len(lines)
-                padded[:count, :ny] = lines
-                block = ducc0.fft.c2c(padded[:count], axes=(1,), out=buffer[:count])
+                block = self._along_y(worker, start, count)
                 block *= self._spectrum[start : start + count]
+                if start < extra:
+                    part = waves[start : start + count]
+                    block[: len(part), :half] += part[:, :half]
+                    block[: len(part), -half:] += part[:, half:]
                 ducc0.fft.c2c(block, axes=(1,), forward=False, out=block)
                 lines[:] = block[:, :ny]
 
-        def rows_backward(worker, starts):
+        def rows(worker, starts):
             buffer = self._buffers[worker][3]
             for start in starts:
-                rows = result[start : start + _LINES]
-                count = len(rows)
+                lines = result[start : start + size]
+                count = len(lines)
                 block = ducc0.fft.c2r(
                     transform.T[start : start + count],
                     axes=(1,),
@@ -113,12 +151,17 @@ class EvenConvolution:
                     forward=False,
                     out=buffer[:count],
                 )
-                rows[:] = block[:, :nx]
+                lines[:] = block[:, :nx]
 
-        self._crew.run(rows_forward, ny)
-        self._crew.run(columns, mx // 2 + 1)
-        self._crew.run(rows_backward, ny)
+        self._crew.run(columns, mx // 2 + 1, size)
+        self._crew.run(rows, ny, size)
         return result
+
+    def _along_y(self, worker, start, count):
+        """Columns of the field's transform, transformed along y too, in a buffer of the worker."""
+        _, padded, buffer, _ = self._buffers[worker]
+        padded[:count, : self.shape[0]] = self._transform[start : start + count]
+        return ducc0.fft.c2c(padded[:count], axes=(1,), out=buffer[:count])
 
 
 class Crew:
@@ -133,9 +176,6 @@ class Crew:
     def __init__(self, size):
         self.size = size
         if size > 1:
-            # Imported here: one thread, the usual case of a workflow's job, has no use for it.
-            from concurrent.futures import ThreadPoolExecutor
-
             # Its threads start when first used, and end with the last reference to it.
             self._pool = ThreadPoolExecutor(size - 1)
 
@@ -143,9 +183,9 @@ class Crew:
         """Let another thread do a task, if there is one; gives a function that waits for it."""
         return self._pool.submit(task).result if self.size > 1 else lambda: None
 
-    def run(self, task, lines):
+    def run(self, task, lines, size):
         """Call ``task(worker, starts)`` in each thread, with the first lines of its blocks."""
-        starts = range(0, lines, _LINES)
+        starts = range(0, lines, size)
         others = [
             self._pool.submit(task, worker, starts[worker :: self.size])
             for worker in range(1, self.size)
@@ -160,6 +200,11 @@ def even_size(minimum):
     return 2 * ducc0.fft.good_size((minimum + 1) // 2)
 
 
+def exact_padding(shape):
+    """Padded size on which opposite ends do not see each other."""
+    return tuple(even_size(2 * n - 1) for n in shape)
+
+
 def love_spectrum(padded, spacing, contact_modulus):
     """Spectrum of Love's kernel, wrapped to the nearest image on a grid of even size `padded`.
 
@@ -170,4 +215,9 @@ def love_spectrum(padded, spacing, contact_modulus):
         real besides.
     """
     quadrant = tuple(m // 2 + 1 for m in padded)
-    return ducc0.fft.dct(love_kernel(quadrant, spacing, contact_modulus), type=1)
+    return even_spectrum(love_kernel(quadrant, spacing, contact_modulus))
+
+
+def even_spectrum(quadrant):
+    """Spectrum, from wave number 0 on, of a kernel that is even in y and x, from its quadrant."""
+    return ducc0.fft.dct(quadrant, type=1)

@@ -6,7 +6,7 @@ import numpy as np
 
 from .algebra import combination, dot, energy_weights
 from .preconditioner import Preconditioner
-from .window import SINGLE_ERROR
+from .window import APPROXIMATION_ERROR
 
 __all__ = ["descend"]
 
@@ -18,16 +18,16 @@ _LEAST_LIFT = 1e-3
 _LARGE_LEVEL = 0.5
 # Iterations of the projected gradient, slow but sure, after an iteration that raised the energy.
 _CAUTIOUS = 10
-# The field is computed again in double precision when rounding may be this share of the residual.
-_LARGE_ROUNDING = 0.3
+# The field is computed again, exactly, when its error may be this share of the residual.
+_LARGE_ERROR = 0.3
 
 
-def descend(window, load, relief, pressure, field, tolerance, rounding, history, max_iterations):
+def descend(window, load, relief, pressure, field, tolerance, error, history, max_iterations):
     """Improve a pressure until the residual of the recurrence is below the tolerance.
 
-    Each iteration adds a change whose displacement is known in single precision; rounding thus
-    scales with the changes, which shrink, and what has come together is swept out by an exact
-    convolution now and then.
+    Each iteration adds a change whose displacement is computed approximately; errors thus scale
+    with the changes, which shrink, and what has come together is swept out by an exact convolution
+    now and then.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def descend(window, load, relief, pressure, field, tolerance, rounding, history,
         An admissible pressure (MPa) to start from, and its displacement (mm).
     tolerance : float
         Of the residual, relative to the far-field displacement.
-    rounding : float
+    error : float
         Largest error of the displacement given (mm).
     history : list of float
         Receives the residual of each iteration.
@@ -64,8 +64,8 @@ def descend(window, load, relief, pressure, field, tolerance, rounding, history,
         penetration = relief + displacement - field
         free = np.where(penetration > 0, pressure < load.pressure_limit, pressure > 0)
         violation = np.abs(penetration[free]).max(initial=0.0)
-        if rounding > _LARGE_ROUNDING * violation:
-            convolved, field, rounding = pressure, window.exact_displacement(pressure), 0.0
+        if error > _LARGE_ERROR * violation:
+            convolved, field, error = pressure, window.exact_displacement(pressure), 0.0
             continue
         history.append(float(violation / displacement))
         if history[-1] <= tolerance:
@@ -102,7 +102,7 @@ def descend(window, load, relief, pressure, field, tolerance, rounding, history,
 
         change = trial - convolved
         change_field = window.displacement(change)
-        rounding += SINGLE_ERROR * np.abs(change_field).max()
+        error += APPROXIMATION_ERROR * np.abs(change_field).max()
         curvature = dot(change, change_field)
         if not curvature > 0:
             break  # stuck at rounding; the recomputed residual will tell
@@ -133,7 +133,7 @@ def descend(window, load, relief, pressure, field, tolerance, rounding, history,
         )
         cut = pressure - convolved
         if np.abs(cut).max() > _LARGE_CUT * np.abs(change).max():
-            convolved, field, rounding = pressure, window.exact_displacement(pressure), 0.0
+            convolved, field, error = pressure, window.exact_displacement(pressure), 0.0
             # Bold steps alone may go round in circles.
             energy = dot(pressure, 0.5 * field - relief - displacement * (load.force is None))
             if energy >= lowest_energy:

@@ -13,9 +13,17 @@ from functools import cached_property
 import numpy as np
 
 from .checks import checked_modulus, checked_spacing, checked_workers
-from .convolution import Crew, EvenConvolution, even_size, love_spectrum
+from .convolution import (
+    WORTH_THREADS,
+    Crew,
+    EvenConvolution,
+    even_size,
+    exact_padding,
+    love_spectrum,
+)
 from .elasticity import love_kernel
 from .errors import InvalidContactInput
+from .splitting import SplitConvolution
 
 __all__ = ["HalfSpace", "inverse_padding"]
 
@@ -70,21 +78,27 @@ class HalfSpace:
         self._crew = Crew(self.workers)
         self.self_influence = love_kernel((1, 1), self.spacing, self.contact_modulus)[0, 0]
         self._window = None
-        # Each transform is made when first asked for or, with several threads, meanwhile.
-        self._wait = self._crew.start(self._prepare)
+        # Each transform is made when first asked for; if it is large, by another thread meanwhile.
+        large = math.prod(exact_padding(self.shape)) >= WORTH_THREADS
+        self._wait = self._crew.start(self._prepare) if large else lambda: None
 
     def _prepare(self):
         return self._double, self._single, self._inverse
 
     @cached_property
     def _double(self):
-        padded = tuple(even_size(2 * n - 1) for n in self.shape)
+        return self._exact(np.float64)
+
+    def _exact(self, dtype):
+        padded = exact_padding(self.shape)
         spectrum = love_spectrum(padded, self.spacing, self.contact_modulus)
-        return EvenConvolution(self.shape, spectrum, np.float64, self._crew)
+        return EvenConvolution(self.shape, spectrum, dtype, self._crew)
 
     @cached_property
     def _single(self):
-        return self._double.astype(np.float32)
+        if SplitConvolution.saves(self.shape, self.spacing):
+            return SplitConvolution(self.shape, self.spacing, self.contact_modulus, self._crew)
+        return self._exact(np.float32)
 
     @cached_property
     def _inverse(self):
@@ -125,9 +139,9 @@ class HalfSpace:
         return self._double(pressure).copy()
 
     def approximate_displacement(self, pressure) -> np.ndarray:
-        """The same in single precision, at two thirds of the time and half of the memory.
+        """The same, nearly, at a third of the time: the kernel split, and in single precision.
 
-        Its error, a few 1e-7 of the largest displacement, does no harm to a correction that is
+        Its error, up to 2e-6 of the largest displacement, does no harm to a correction that is
         added to a field known exactly.
 
         Parameters

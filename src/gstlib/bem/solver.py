@@ -13,8 +13,9 @@ Vollebregt, J. Optim. Theory Appl. 162 (2014) 936) with these additions:
 - grids are nested: each starts from the solution on elements twice as long;
 - one convolution an iteration. Where an iteration ends at p < 0, the pressure is cut to zero, and
   the displacement of that small cut is not computed on its own but with the next direction;
-- changes are convolved in single precision, and only on the elements that may come into contact;
-  what rounding leaves is swept out by an exact convolution (:mod:`gstlib.bem.descent`).
+- changes are convolved approximately (:mod:`gstlib.bem.splitting`), and only on the elements that
+  may come into contact; the error that gathers is swept out by an exact convolution
+  (:mod:`gstlib.bem.descent`).
 
 What is returned never rests on that recurrence: pressure, gap and residual are recomputed by a
 convolution of their own, in double precision and on every element.
@@ -39,7 +40,7 @@ from .errors import ConvergenceError, DomainTooSmallWarning, InvalidContactInput
 from .halfspace import HalfSpace
 from .load import Load
 from .state import ContactState
-from .window import SINGLE_ERROR, Window
+from .window import APPROXIMATION_ERROR, Window
 
 __all__ = ["ContactProblem", "solve_contact", "warn_at_border"]
 
@@ -228,13 +229,13 @@ class ContactProblem:
         """Improve `pressure` until its recomputed residual is below `tolerance`."""
         history = []
         before = self.half_space.convolutions
-        # To begin with, single precision will do.
-        respond, rounding = self.half_space.approximate_displacement, SINGLE_ERROR
+        # To begin with, an approximate displacement will do.
+        respond, inaccuracy = self.half_space.approximate_displacement, APPROXIMATION_ERROR
         while True:
             state, field = self._recompute(pressure, respond, load, history, before)
-            error = rounding * field.max()
+            error = inaccuracy * field.max()
             if error > 0 and state.residual * state.displacement <= error:
-                respond, rounding = self.half_space.displacement, 0.0
+                respond, inaccuracy = self.half_space.displacement, 0.0
                 continue
             if error == 0 and state.residual <= tolerance:
                 return state
@@ -256,7 +257,7 @@ class ContactProblem:
                 history,
                 max_iterations,
             )
-            respond, rounding = self.half_space.displacement, 0.0
+            respond, inaccuracy = self.half_space.displacement, 0.0
 
     def _recompute(self, pressure, respond, load, history, before):
         """State of a pressure field, by a convolution of its own, and the surface displacement."""

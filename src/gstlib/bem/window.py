@@ -2,11 +2,11 @@
 
 import numpy as np
 
-__all__ = ["SINGLE_ERROR", "Window"]
+__all__ = ["APPROXIMATION_ERROR", "Window"]
 
-# Relative error of a displacement in single precision, of the largest (measured: below it on grids
-# of 33 x 70 to 1024 x 1024, for noise, for sparse contact and for uniform pressure).
-SINGLE_ERROR = 4e-7
+# Relative error of an approximate displacement, of the largest (measured: below it on grids of
+# 33 x 70 to 1024 x 1024, for noise, for sparse contact and for uniform pressure).
+APPROXIMATION_ERROR = 3e-6
 
 
 class Window:
@@ -41,7 +41,7 @@ class Window:
         )
 
     def displacement(self, pressure):
-        """The same within `SINGLE_ERROR`."""
+        """The same within `APPROXIMATION_ERROR`."""
         return self._apply(self._half_space.approximate_displacement, self._grid, pressure)
 
     def pressure(self, displacement):

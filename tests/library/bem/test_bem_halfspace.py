@@ -3,7 +3,10 @@ import pytest
 from bem_reference import dense_matrix
 
 from gstlib.bem import HalfSpace, InvalidContactInput
-from gstlib.bem.window import SINGLE_ERROR, Window
+from gstlib.bem.convolution import Crew
+from gstlib.bem.elasticity import love_kernel
+from gstlib.bem.splitting import SplitConvolution
+from gstlib.bem.window import APPROXIMATION_ERROR, Window
 
 SHAPES = [(1, 1), (1, 7), (6, 1), (5, 5), (13, 8), (9, 17), (16, 16)]
 
@@ -59,9 +62,19 @@ def test_approximate_inverse_is_close_and_positive_definite(shape, spacing):
     assert eigenvalues.max() < 40
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (33, 70), (256, 256), (300, 257)])
-def test_single_precision_has_the_stated_error(shape):
-    half_space = HalfSpace(shape, 0.01, 12820.0)
+@pytest.mark.parametrize(
+    ("shape", "spacing"),
+    [
+        ((1, 1), 0.01),
+        ((33, 70), 0.01),
+        ((256, 256), 0.01),
+        ((300, 257), 0.01),
+        ((400, 220), (0.01, 0.02)),
+        ((512, 512), (0.02, 0.015)),
+    ],
+)
+def test_approximate_displacement_has_the_stated_error(shape, spacing):
+    half_space = HalfSpace(shape, spacing, 12820.0)
     rng = np.random.default_rng(4)
     for pressure in (
         rng.standard_normal(shape),
@@ -71,8 +84,29 @@ def test_single_precision_has_the_stated_error(shape):
         exact = half_space.displacement(pressure)
         single = half_space.approximate_displacement(pressure.astype(np.float32))
         assert single.dtype == np.float32
-        assert abs(single - exact).max() <= SINGLE_ERROR * abs(exact).max()
+        assert abs(single - exact).max() <= APPROXIMATION_ERROR * abs(exact).max()
     assert half_space.convolutions == 6
+
+
+def test_split_kernel_is_used_where_it_saves():
+    assert SplitConvolution.saves((300, 257), (0.01, 0.01))
+    assert SplitConvolution.saves((2048, 2048), (0.01, 0.01))
+    assert not SplitConvolution.saves((64, 64), (0.01, 0.01))
+    # Along y this margin would be longer than the grid.
+    assert not SplitConvolution.saves((300, 300), (0.001, 0.01))
+
+
+def test_split_kernel_has_no_far_images():
+    """A load at one corner is felt at the other as on an unbounded half-space."""
+    shape, spacing = (260, 300), (0.01, 0.01)
+    displacement = SplitConvolution(shape, spacing, 1000.0, Crew(1))
+    for load, place in (((0, 0), (-1, -1)), ((-1, 0), (0, -1)), ((130, -1), (130, 0))):
+        pressure = np.zeros(shape, np.float32)
+        pressure[load] = 1.0
+        rows, columns = (abs(load[axis] % n - place[axis] % n) for axis, n in enumerate(shape))
+        expected = love_kernel((rows + 1, columns + 1), spacing, 1000.0)[rows, columns]
+        largest = love_kernel((1, 1), spacing, 1000.0)[0, 0]
+        assert displacement(pressure)[place] == pytest.approx(expected, abs=5e-7 * largest)
 
 
 def test_window_is_the_whole_grid_seen_by_its_elements():
@@ -91,7 +125,7 @@ def test_window_is_the_whole_grid_seen_by_its_elements():
             window.exact_displacement(pressure[mask]), expected, atol=1e-13 * expected.max()
         )
         single = window.displacement(pressure[mask])
-        assert abs(single - expected).max() <= SINGLE_ERROR * expected.max()
+        assert abs(single - expected).max() <= APPROXIMATION_ERROR * expected.max()
         assert half_space.convolutions == before + 2
     assert half_space.window((10, 12)).shape == (10, 12)
     assert half_space.window((10, 11)).shape == (10, 12)  # the last one will do
