@@ -126,11 +126,17 @@ def _coarse_kernel(coarse, spacing, sigma):
 
 def _smoothing(size, spacing, sigma):
     """exp(−q²σ²/8) at the wave numbers q of a grid; 0 at the last, which has no sign."""
-    smoothing = np.exp(-((2 * math.pi * np.fft.fftfreq(size, spacing) * sigma) ** 2) / 8)
+    wave_number = 2 * math.pi * _waves(size) / (size * spacing)
+    smoothing = np.exp(-((wave_number * sigma) ** 2) / 8)
     smoothing[size // 2] = 0.0
     return smoothing
 
 
 def _shift(size, share):
     """Factors that move waves on by this share of the grid."""
-    return np.exp(-2j * math.pi * np.fft.fftfreq(size, 1 / size) * share)
+    return np.exp(-2j * math.pi * _waves(size) * share)
+
+
+def _waves(size):
+    """Waves in the grid's length, in the order of an FFT of even size."""
+    return np.concatenate((np.arange(size // 2), np.arange(-size // 2, 0)))

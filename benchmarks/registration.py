@@ -1,0 +1,339 @@
+"""Registration of T1 to T0: gstlib's against well-kept libraries, on scans with known truth.
+
+    uv run --with scikit-image --with simpleitk --with pystackreg --with opencv-python-headless \
+        python benchmarks/registration.py --seeds 5
+
+Each library gets what it asks for: band-passed heights, the coarse shift found by scikit-image's
+masked correlation over the overlap, a plane taken off; those that take a mask are run again
+without the points where heights disagree (worn, spikes), three times. A library that is not there
+is left out, with a line that says so. The error is the distance, in points, by which the centre of
+T1 is misplaced, and the turn; a field counts as lost from half a point on.
+"""
+
+import argparse
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import scipy.ndimage
+
+from gstlib.surface import make_surface
+from gstlib.validation.registration import register
+
+SPACING = 1.66e-3
+# Shares of the field, and degrees.
+SHIFTS = (0.0, 0.05, 0.1, 0.2)
+TURNS = (0.0, 0.5, 2.0)
+CONDITIONS = {
+    "noise": {},
+    "wear": {"wear": 0.3},
+    "outliers": {"spikes": 0.005},
+    "tilt": {"tilt": 5e-3},
+    "all": {"wear": 0.3, "spikes": 0.005, "tilt": 5e-3},
+}
+# Band of the detail, points: gstlib's own, for the coarse step of the libraries as well.
+BAND = (1.5, 21.0)
+LOST = 0.5
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where T1 lies on T0: shift (rows, columns) of its centre in points, turn in radians."""
+
+    shift: np.ndarray
+    turn: float
+
+
+def scans(size, *, shift, turn, seed, wear=0.0, spikes=0.0, tilt=1e-3, noise=0.1e-3):
+    """T0 and T1 (mm) of one stone: a self-affine field with a roll-off, its highest part worn."""
+    rng = np.random.default_rng(seed)
+    whole = 2 * size
+    wave = np.hypot(*np.meshgrid(*[np.fft.fftfreq(whole) * whole] * 2, indexing="ij"))
+    amplitude = np.where(wave > 0, np.maximum(wave, 6) ** -1.8, 0) * (wave < whole / 4)
+    stone = np.fft.ifft2(np.fft.fft2(rng.standard_normal((whole, whole))) * amplitude).real
+    stone *= 5e-3 / stone.std()
+    middle = slice((whole - size) // 2, (whole + size) // 2)
+    top = np.quantile(stone[middle, middle], 1 - wear)
+    worn = np.minimum(stone, top + 0.2 * (stone - top))
+    v, u = np.indices((size, size)) - (size - 1) / 2
+    rows = np.cos(turn) * v + np.sin(turn) * u + shift[0] + (whole - 1) / 2
+    columns = np.cos(turn) * u - np.sin(turn) * v + shift[1] + (whole - 1) / 2
+    after = scipy.ndimage.map_coordinates(worn, [rows, columns], order=3)
+    after += tilt * SPACING * (u - 0.5 * v)
+    epochs = []
+    for heights in (stone[middle, middle], after):
+        measured = heights + noise * rng.standard_normal(heights.shape)
+        spike = rng.random(heights.shape) < spikes
+        epochs.append(level(measured + spike * rng.uniform(5e-3, 30e-3, heights.shape)))
+    return epochs
+
+
+def level(heights):
+    """Heights less their least-squares plane."""
+    y, x = np.indices(heights.shape).reshape(2, -1) / len(heights) - 0.5
+    design = np.stack([np.ones(y.size), y, x], axis=1)
+    plane = np.linalg.lstsq(design, heights.ravel(), rcond=None)[0]
+    return heights - (design @ plane).reshape(heights.shape)
+
+
+def gstlib_register(t0, t1):
+    """The project's own."""
+    found = register(
+        make_surface(t0, SPACING),
+        make_surface(t1, SPACING),
+        maximum_shift_mm=0.3 * len(t0) * SPACING,
+    )
+    shift = np.array([found.shift_y_mm, found.shift_x_mm]) / SPACING
+    return Pose(shift, math.radians(found.rotation_deg))
+
+
+def detail(heights):
+    """Band-passed heights, clipped at three robust deviations."""
+    low, high = (scipy.ndimage.gaussian_filter(heights, sigma) for sigma in BAND)
+    band = low - high
+    bound = 3 * 1.4826 * np.median(np.abs(band))
+    return np.clip(band, -bound, bound)
+
+
+def masked_correlation(t0, t1):
+    """scikit-image: the whole-point shift at the peak of the correlation over the overlap."""
+    from skimage.registration import phase_cross_correlation
+
+    factor = max(1, len(t0) // 256)
+    coarse0, coarse1 = (detail(h)[::factor, ::factor] for h in (t0, t1))
+    everywhere = np.ones(coarse0.shape, dtype=bool)
+    shift, _, _ = phase_cross_correlation(
+        coarse0, coarse1, reference_mask=everywhere, moving_mask=everywhere, overlap_ratio=0.3
+    )
+    return Pose(factor * np.asarray(shift, dtype=float), 0.0)
+
+
+def upsampled_correlation(t0, t1):
+    """scikit-image: then the phase correlation of the common part, upsampled a hundredfold."""
+    from skimage.registration import phase_cross_correlation
+
+    shift = masked_correlation(t0, t1).shift.astype(int)
+    for _ in range(3):
+        part0, part1 = common(detail(t0), detail(t1), shift)
+        window = np.outer(np.hanning(part0.shape[0]), np.hanning(part0.shape[1]))
+        fine, _, _ = phase_cross_correlation(
+            part0 * window, part1 * window, upsample_factor=100, normalization=None
+        )
+        step = np.rint(fine).astype(int)
+        if not step.any():
+            break
+        shift = shift + step
+    return Pose(shift + fine - step, 0.0)
+
+
+def common(a, b, shift):
+    """The parts of both that lie on each other, `b` shifted by whole points."""
+    first = np.maximum(shift, 0)
+    last = np.minimum(a.shape, np.asarray(b.shape) + shift)
+    of_a = tuple(slice(i, j) for i, j in zip(first, last, strict=True))
+    of_b = tuple(slice(i, j) for i, j in zip(first - shift, last - shift, strict=True))
+    return a[of_a], b[of_b]
+
+
+def from_matrix(matrix, centre):
+    """Pose from the matrix (x, y, 1) of T0's points to T1's."""
+    centre = np.array([centre, centre, 1.0])
+    x, y, _ = np.linalg.solve(matrix, centre) - centre
+    return Pose(np.array([y, x]), math.atan2(matrix[0, 1], matrix[0, 0]))
+
+
+def to_matrix(pose, centre):
+    """Matrix (x, y, 1) of T0's points to T1's."""
+    cosine, sine = math.cos(pose.turn), math.sin(pose.turn)
+    matrix = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    y, x = pose.shift
+    matrix[:2, 2] = centre - matrix[:2, :2] @ [centre + x, centre + y]
+    return matrix
+
+
+def stackreg(t0, t1):
+    """pystackreg (TurboReg): rigid body, from the coarse shift."""
+    from pystackreg import StackReg
+
+    start = masked_correlation(t0, t1).shift.astype(int)
+    side = min(size - abs(s) for size, s in zip(t0.shape, start, strict=True))
+    part0, part1 = (part[:side, :side] for part in common(smooth(t0), smooth(t1), start))
+    matrix = np.asarray(StackReg(StackReg.RIGID_BODY).register(part0, part1))
+    first0, first1 = np.maximum(start, 0), np.maximum(-start, 0)
+    of_t0, of_t1 = np.eye(3), np.eye(3)
+    of_t0[:2, 2], of_t1[:2, 2] = -first0[::-1], first1[::-1]
+    return from_matrix(of_t1 @ matrix @ of_t0, (len(t1) - 1) / 2)
+
+
+def smooth(heights):
+    """Clipped, so that no spike rules, and smoothed over a point."""
+    bound = 4 * 1.4826 * np.median(np.abs(heights - np.median(heights)))
+    return scipy.ndimage.gaussian_filter(np.clip(heights, -bound, bound), 1.0)
+
+
+def unchanged(t0, t1, pose, share=3.0):
+    """Points of T0 whose difference to T1, at `pose`, is within `share` robust deviations."""
+    centre = (len(t1) - 1) / 2
+    v, u = np.indices(t0.shape)
+    matrix = to_matrix(pose, centre)
+    x, y, _ = np.einsum("ij,jkl->ikl", matrix, np.stack([u, v, np.ones(u.shape)]))
+    moved = scipy.ndimage.map_coordinates(t1, [y, x], order=1, cval=np.nan)
+    inside = np.isfinite(moved)
+    left = (moved - t0)[inside]
+    design = np.stack([np.ones(left.size), v[inside] / len(t0), u[inside] / len(t0)], axis=1)
+    kept = np.ones(left.size, dtype=bool)
+    for _ in range(10):
+        off = left - design @ np.linalg.lstsq(design[kept], left[kept], rcond=None)[0]
+        off -= np.median(off)
+        kept = np.abs(off) < share * 1.4826 * np.median(np.abs(off))
+    mask = np.zeros(t0.shape, dtype=np.uint8)
+    mask[inside] = kept
+    return mask
+
+
+def ecc(t0, t1):
+    """OpenCV: enhanced correlation coefficient, Euclidean motion, trimmed."""
+    import cv2
+
+    pose = masked_correlation(t0, t1)
+    centre = (len(t1) - 1) / 2
+    a, b = (detail(h).astype(np.float32) for h in (t0, t1))
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-7)
+    # from smooth to fine, then without what disagrees
+    for smoothing, trim in ((13, False), (5, False), (1, True), (1, True), (1, True)):
+        mask = unchanged(t0, t1, pose) if trim else np.ones(b.shape, dtype=np.uint8)
+        if trim:  # OpenCV's mask is one of the moving image
+            warp = to_matrix(pose, centre)[:2].astype(np.float32)
+            mask = cv2.warpAffine(mask, warp, b.shape[::-1], flags=cv2.INTER_NEAREST)
+        warp = to_matrix(pose, centre)[:2].astype(np.float32)
+        _, warp = cv2.findTransformECC(a, b, warp, cv2.MOTION_EUCLIDEAN, stop, mask, smoothing)
+        pose = from_matrix(np.vstack([warp, [0, 0, 1]]).astype(float), centre)
+    return pose
+
+
+def simpleitk(t0, t1):
+    """SimpleITK: Euler transform by correlation, coarse to fine, trimmed."""
+    import SimpleITK as sitk  # noqa: N813
+
+    pose = masked_correlation(t0, t1)
+    centre = (len(t1) - 1) / 2
+    fixed, moving = (sitk.GetImageFromArray(detail(h)) for h in (t0, t1))
+    for factors, trim in (([4, 2, 1], False), ([1], True), ([1], True)):
+        matrix = to_matrix(pose, centre)
+        transform = sitk.Euler2DTransform()
+        # about the point that lies on T1's centre, so that shift and turn do not couple
+        transform.SetCenter([centre + pose.shift[1], centre + pose.shift[0]])
+        transform.SetAngle(-pose.turn)
+        transform.SetTranslation((-pose.shift[::-1]).tolist())
+        method = sitk.ImageRegistrationMethod()
+        method.SetMetricAsCorrelation()
+        method.SetInterpolator(sitk.sitkBSpline3 if trim else sitk.sitkLinear)
+        method.SetShrinkFactorsPerLevel(factors)
+        method.SetSmoothingSigmasPerLevel([f / 2 if f > 1 else 0 for f in factors])
+        method.SetOptimizerAsRegularStepGradientDescent(1.0, 1e-4, 200, 0.6)
+        method.SetOptimizerScalesFromPhysicalShift()
+        method.SetInitialTransform(transform, inPlace=True)
+        if trim:
+            method.SetMetricFixedMask(sitk.GetImageFromArray(unchanged(t0, t1, pose)))
+        method.Execute(fixed, moving)
+        origin = np.array(transform.TransformPoint([0.0, 0.0]))
+        matrix = np.eye(3)
+        matrix[:2, 0] = np.array(transform.TransformPoint([1.0, 0.0])) - origin
+        matrix[:2, 1] = np.array(transform.TransformPoint([0.0, 1.0])) - origin
+        matrix[:2, 2] = origin
+        pose = from_matrix(matrix, centre)
+    return pose
+
+
+METHODS = {
+    "gstlib": (gstlib_register, None),
+    "scikit-image, masked": (masked_correlation, "skimage"),
+    "scikit-image, upsampled": (upsampled_correlation, "skimage"),
+    "pystackreg": (stackreg, "pystackreg"),
+    "OpenCV, ECC": (ecc, "cv2"),
+    "SimpleITK": (simpleitk, "SimpleITK"),
+}
+
+
+def main():
+    options = arguments()
+    rows = []
+    for label, (method, module) in METHODS.items():
+        if options.methods and not any(part in label for part in options.methods):
+            continue
+        try:
+            if module:
+                __import__(module)
+        except ImportError as error:
+            print(f"{label}: not available ({error})")
+            continue
+        for name, condition in CONDITIONS.items():
+            for seed in range(options.seeds):
+                for share in SHIFTS:
+                    for turn_deg in TURNS:
+                        rows.append(
+                            measure(
+                                label, method, name, condition, seed, share, turn_deg, options.size
+                            )
+                        )
+    table = pd.DataFrame(rows)
+    if options.output:
+        table.to_csv(options.output, index=False, float_format="%.5g")
+    for by in (["method", "condition"], ["method", "turn_deg"], ["method"]):
+        print(summary(table, by).to_string(index=False), end="\n\n")
+
+
+def measure(label, method, name, condition, seed, share, turn_deg, size):
+    rng = np.random.default_rng([seed, int(1000 * share), int(10 * turn_deg)])
+    way = rng.uniform(0, 2 * math.pi)
+    shift = share * size * np.array([math.sin(way), math.cos(way)]) + rng.uniform(-0.5, 0.5, 2)
+    turn = math.radians(turn_deg) * rng.choice([-1, 1])
+    t0, t1 = scans(size, shift=shift, turn=turn, seed=seed, **condition)
+    start = time.process_time()
+    try:
+        pose = method(t0, t1)
+        error = float(np.hypot(*(pose.shift - shift)))
+        turn_error = math.degrees(abs(pose.turn - turn))
+    except Exception as failure:  # whatever a library raises where it does not converge
+        print(f"{label}, {name}, seed {seed}, {share}, {turn_deg}: {failure}")
+        error = turn_error = math.inf
+    return {
+        "method": label,
+        "condition": name,
+        "seed": seed,
+        "shift_share": share,
+        "turn_deg": turn_deg,
+        "error_points": error,
+        "turn_error_deg": turn_error,
+        "cpu_s": time.process_time() - start,
+    }
+
+
+def summary(table, by):
+    """Median and largest error, how often it is small, and the time, for each group."""
+    groups = table.groupby(by, sort=False)
+    return groups.agg(
+        cases=("seed", "size"),
+        error_median=("error_points", "median"),
+        error_p95=("error_points", lambda e: float(np.sort(e)[math.ceil(0.95 * len(e)) - 1])),
+        error_largest=("error_points", "max"),
+        within_a_fifth=("error_points", lambda e: (e < 0.2).mean()),
+        lost=("error_points", lambda e: (~(e < LOST)).mean()),
+        turn_error_median_deg=("turn_error_deg", "median"),
+        cpu_s_median=("cpu_s", "median"),
+    ).reset_index()
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--size", type=int, default=512, help="points along a side")
+    parser.add_argument("--methods", nargs="*", help="parts of names")
+    parser.add_argument("--output", help="CSV of every case")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()
