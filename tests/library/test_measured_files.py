@@ -76,14 +76,19 @@ def test_leica_grooves():
 
 
 @pytest.mark.parametrize(
-    ("name", "size", "pressure"),
+    ("name", "options", "size", "pressure"),
     [
-        ("surfacetopography-mit/plu-1.plu", 0.85, 22.0),  # 512 × 512 points: the paper's patch
-        ("surfalize-gpl3/leica-dcm3d-test_1.plu", 0.19, 76.07),  # the paper's hardest pressed patch
+        # 512 × 512 points: the paper's patch
+        ("surfacetopography-mit/plu-1.plu", {}, 0.85, 22.0),
+        # the paper's hardest pressed patch
+        ("surfalize-gpl3/leica-dcm3d-test_1.plu", {}, 0.19, 76.07),
+        ("surfacetopography-mit/al3d-1.al3d", {}, 0.08, 76.07),
+        ("pebble-usewear/confoc_3d.xyz", POINTS, 0.85, 22.0),
+        ("pebble-usewear/confoc_3d_grid10um.xyz", {"unit": "um"}, 0.85, 22.0),
     ],
 )
-def test_contact_of_measured_patches(name, size, pressure):
-    piece = cut_scan(read_scan(DATA / name), (0, 0), size)
+def test_contact_of_measured_patches(name, options, size, pressure):
+    piece = cut_scan(read_scan(DATA / name, **options), (0, 0), size)
     height = prepare_scan(piece, **AS_SCANNED).height
     state, field = solve_at_pressure(
         height,

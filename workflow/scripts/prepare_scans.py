@@ -10,7 +10,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from gstlib.io.scans import check_size, cut_scan, read_scan
+from gstlib.io.scans import check_size, cut_scan, read_scan, read_settings
 from gstlib.io.store import write_dataset
 from gstlib.logs import job_log
 from gstlib.preprocess.mould import unmould
@@ -31,13 +31,7 @@ def prepare(
     preprocessing: dict,
 ) -> None:
     """Read, cut, clean and store one scan."""
-    spacing_um, extent_mm = scans["scatter_spacing_um"], scans["scatter_extent_mm"]
-    raw: xr.DataArray = read_once(
-        scan,
-        unit=scans["unit"],
-        scatter_spacing_mm=None if spacing_um is None else spacing_um * 1e-3,
-        scatter_extent_mm=None if extent_mm is None else tuple(extent_mm),
-    )
+    raw: xr.DataArray = read_once(scan, **read_settings(scans))
     if crop is None:
         check_size(raw, patch_mm)
     else:

@@ -1,41 +1,36 @@
-"""Height maps as the instrument wrote them, read through SurfaceTopography, as surfaces in mm.
+"""Height maps as the instrument wrote them, as surfaces in mm.
 
-SurfaceTopography gives heights as [ix, iy] in a unit that differs per file; here they become rows
-along y, columns along x, in the order of the file, in mm. Text files of points (.xyz) are read
-here, since a scattered cloud has to be gridded first. SurfaceTopography: Röttger et al. 2022, Surf.
-Topogr.: Metrol. Prop. 10:035032.
+Which formats, through which reader, and what has been checked of each is in docs/formats.md. Files
+are not trusted: whatever their bytes, `read_scan` returns a plausible surface or says why not.
 """
 
 import math
-import struct
-import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 from gstlib.errors import InputError
-from gstlib.surface import axis_coordinates, make_surface, spacing_of
+from gstlib.io.bounds import LARGEST_FILE
+from gstlib.io.gsf import read_gsf
+from gstlib.io.height_map import SCAN_UNITS, HeightMap, Unsaid
+from gstlib.io.matrices import read_matrix
+from gstlib.io.points import read_points
+from gstlib.surface import make_surface, spacing_of
 
-__all__ = ["SCAN_UNITS", "check_size", "cut_scan", "read_scan"]
-
-# Length of each unit in mm.
-SCAN_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
+__all__ = ["SCAN_UNITS", "check_size", "cut_scan", "read_scan", "read_settings"]
 
 # What a profilometer of any kind can have measured (mm); outside it the unit is wrong.
 _LARGEST_FIELD, _LARGEST_RANGE = 50.0, 10.0
 _SMALLEST_SPACING, _LARGEST_SPACING = 1e-6, 0.5
+# 8192 × 8192; contact of more points than that is not solved here.
+_MOST_POINTS = 1 << 26
 # A scan may differ from the study's size by this share: pixel sizes are rounded (512 × 1.66 µm is
 # 849.92 µm), and a row more or less does no harm.
 _SIZE_TOLERANCE = 0.01
 # Spacings come from float32 numbers or text; digits beyond these are noise.
 _SPACING_DIGITS = 7
-# Coordinates in text are rounded: a point belongs to a grid if within this share of a step.
-_GRID_TOLERANCE = 0.05
-
-# A .plu has no magic number: more points a side than this and it is something else.
-_LARGEST_PLU_SIDE = 1 << 16
 
 _MEASURE_AGAIN = "Export or copy the scan again."
 
@@ -44,6 +39,7 @@ def read_scan(
     path: str | Path,
     *,
     unit: str | None = None,
+    spacing_mm: float | None = None,
     scatter_spacing_mm: float | None = None,
     scatter_extent_mm: Sequence[float] | None = None,
 ) -> xr.DataArray:
@@ -52,10 +48,13 @@ def read_scan(
     Parameters
     ----------
     path : str or Path
-        Any map that SurfaceTopography reads (.plu, .plux, .al3d, .sur, .opd, ...), or a text file
-        of points .xyz (columns x, y, z), on a grid or scattered.
+        An instrument's file (.plu, .plux, .sur, .x3p, .al3d, .vk4, .gwy, .gsf, .sdf, or another
+        that SurfaceTopography reads); a matrix of heights in text, a row of the map a line (.csv,
+        .txt, .asc); or points in text (.xyz: columns x, y, z), on a grid or scattered.
     unit : {"m", "mm", "um", "nm"}, optional
         Unit of files that do not name theirs; of no effect on the others.
+    spacing_mm : float, optional
+        Distance of the points in files that do not tell theirs; of no effect on the others.
     scatter_spacing_mm : float, optional
         Element size on which scattered points are interpolated (linearly, in their Delaunay
         triangulation).
@@ -72,7 +71,12 @@ def read_scan(
     ------
     InputError
         The file is missing, empty, truncated, unreadable or no map; its unit, its spacing or the
-        spacing to grid it with is not known; its size is absurd; nothing in it is measured.
+        spacing to grid it with is not known; its size is absurd; nothing in it is measured; or it
+        takes more memory or time to read than its size warrants (see `gstlib.io.bounds`).
+
+    Notes
+    -----
+    Of a file with several height maps the first is read, and a warning logged.
     """
     path = Path(path)
     if unit is not None and unit not in SCAN_UNITS:
@@ -81,17 +85,63 @@ def read_scan(
         raise InputError(
             path, "no such file", "Correct the name in the patch table, or the folder."
         )
-    if path.stat().st_size == 0:
+    size = path.stat().st_size
+    if size == 0:
         raise InputError(path, "the file is empty", _MEASURE_AGAIN)
-    if path.suffix.lower() == ".xyz":
-        heights, spacing, attrs = _read_points(
-            path, _unit_factor(path, unit), scatter_spacing_mm, scatter_extent_mm
+    if size > LARGEST_FILE:
+        raise InputError(
+            path, f"{size} bytes are too many for a scan", "Cut it in the instrument's software."
         )
-    else:
-        heights, spacing, attrs = _read_instrument_file(path, unit)
-    spacing = tuple(float(f"{step:.{_SPACING_DIGITS}g}") for step in spacing)
+    unsaid = Unsaid(unit, spacing_mm)
+    try:
+        with np.errstate(all="ignore"):  # what overflows is refused below
+            raw = _read(path, unsaid, scatter_spacing_mm, scatter_extent_mm)
+    except OSError as error:
+        raise InputError(
+            path, f"cannot be opened ({error.strerror})", "Check the rights to read it."
+        ) from error
+    # No instrument measures an infinite height; some exports mark unmeasured points with it.
+    heights = np.where(np.isfinite(raw.heights), raw.heights, np.nan)
+    spacing = tuple(float(f"{step:.{_SPACING_DIGITS}g}") for step in raw.spacing)
     _check_plausible(path, heights, spacing)
-    return make_surface(heights, spacing, long_name="height as measured", file=path.name, **attrs)
+    return make_surface(
+        heights, spacing, long_name="height as measured", file=path.name, **raw.attrs
+    )
+
+
+def read_settings(scans: Mapping) -> dict:
+    """Keyword arguments of `read_scan` from the section ``scans`` of a config."""
+
+    def in_mm(length_um: float | None) -> float | None:
+        return None if length_um is None else length_um * 1e-3
+
+    extent = scans["scatter_extent_mm"]
+    return {
+        "unit": scans["unit"],
+        "spacing_mm": in_mm(scans["spacing_um"]),
+        "scatter_spacing_mm": in_mm(scans["scatter_spacing_um"]),
+        "scatter_extent_mm": None if extent is None else tuple(extent),
+    }
+
+
+def _read(
+    path: Path,
+    unsaid: Unsaid,
+    scatter_spacing_mm: float | None,
+    scatter_extent_mm: Sequence[float] | None,
+) -> HeightMap:
+    match path.suffix.lower():
+        case ".xyz":
+            return read_points(path, unsaid, scatter_spacing_mm, scatter_extent_mm)
+        case ".csv" | ".txt" | ".asc":
+            return read_matrix(path, unsaid)
+        case ".gsf":
+            return read_gsf(path, unsaid)
+        case _:
+            # takes a second or two
+            from gstlib.io.instruments import read_instrument_file
+
+            return read_instrument_file(path, unsaid)
 
 
 def cut_scan(scan: xr.DataArray, centre: Sequence[float], size_mm: float) -> xr.DataArray:
@@ -159,22 +209,24 @@ def _attrs(scan: xr.DataArray) -> dict:
     return {name: value for name, value in scan.attrs.items() if name != "units"}
 
 
-def _unit_factor(path: Path, unit: str | None) -> float:
-    if unit is None:
-        raise InputError(
-            path,
-            "the file does not say its unit of length",
-            f"Set scans.unit in the config to one of {list(SCAN_UNITS)}.",
-        )
-    return SCAN_UNITS[unit]
-
-
 def _check_plausible(path: Path, heights: np.ndarray, spacing: Sequence[float]) -> None:
+    ny, nx = heights.shape
+    if min(ny, nx) < 2:
+        raise InputError(path, f"holds {ny} × {nx} points, not a map", "Export the whole map.")
+    if ny * nx > _MOST_POINTS:
+        raise InputError(
+            path, f"holds {ny} × {nx} points, too many", "Cut it in the instrument's software."
+        )
     if not np.isfinite(heights).any():
         raise InputError(path, "not one point is measured", "Measure the patch again.")
-    field = max(n * step for n, step in zip(heights.shape, spacing, strict=True))
-    extent = float(np.nanmax(heights) - np.nanmin(heights))
     remedy = "Check scans.unit in the config, and the instrument's export."
+    if not (np.isfinite(spacing).all() and min(spacing) > 0):
+        raise InputError(
+            path, f"points every {spacing[1]:g} × {spacing[0]:g} mm make no map", remedy
+        )
+    field = max(ny * spacing[0], nx * spacing[1])
+    with np.errstate(over="ignore"):
+        extent = float(np.nanmax(heights) - np.nanmin(heights))
     if field > _LARGEST_FIELD or max(spacing) > _LARGEST_SPACING:
         raise InputError(
             path,
@@ -196,178 +248,3 @@ def _check_plausible(path: Path, heights: np.ndarray, spacing: Sequence[float]) 
             "or unmeasured points are stored as a number",
             remedy,
         )
-
-
-def _read_instrument_file(path: Path, unit: str | None) -> tuple[np.ndarray, tuple, dict]:
-    """Heights (ny, nx) mm, spacing (dy, dx) mm and metadata through SurfaceTopography."""
-    from SurfaceTopography.IO import open_topography
-    from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
-
-    is_plu = path.suffix.lower() == ".plu"
-    if is_plu:
-        _check_plu(path)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of the many readers that it tries
-            # .plu has no magic number, so it is the one format that must not be guessed.
-            reader = open_topography(str(path), format="plu" if is_plu else None)
-            channel = reader.default_channel
-            named = channel.unit is not None
-    except Exception as error:  # the readers raise whatever their parsers raise
-        first_line = str(error).strip().splitlines()[:1]
-        raise InputError(
-            path,
-            f"cannot be read as a height map ({type(error).__name__}: {' '.join(first_line)})",
-            "Export the scan in the instrument's own format (.plu, .plux, .al3d, .sur, ...).",
-        ) from error
-    if channel.dim != 2:
-        raise InputError(path, "holds a profile, not a map", "Export the whole topography.")
-    if channel.physical_sizes is None:
-        raise InputError(
-            path,
-            "the file does not say the spacing of its points",
-            "Export the scan in a format that does (.plu, .plux, .al3d, .sur, .xyz, ...).",
-        )
-    if not named:
-        _unit_factor(path, unit)
-    try:
-        topography = channel.topography() if named else channel.topography(unit=unit)
-        heights = np.ma.filled(np.ma.asarray(topography.heights(), dtype=float), np.nan)
-    except Exception as error:
-        raise InputError(
-            path,
-            f"its heights cannot be read ({type(error).__name__}: {error}): the file is truncated "
-            "or damaged",
-            _MEASURE_AGAIN,
-        ) from error
-    factor = get_unit_conversion_factor(topography.unit, "mm")
-    nx, ny = heights.shape
-    size_x, size_y = topography.physical_sizes
-    spacing = (float(size_y) * factor / ny, float(size_x) * factor / nx)
-    return heights.T * factor, spacing, _metadata(topography.info)
-
-
-def _metadata(info: dict) -> dict[str, str]:
-    """What the file tells of the instrument, as text."""
-    instrument = info.get("instrument") or {}
-    raw = info.get("raw_metadata") or {}
-    configuration = raw.get("measurement_configuration") if isinstance(raw, dict) else None
-    found = {
-        "instrument": instrument.get("name"),
-        "vendor": instrument.get("vendor"),
-        "objective": (configuration or {}).get("objective"),
-        "acquired": info.get("acquisition_time"),
-    }
-    return {name: str(value) for name, value in found.items() if value is not None}
-
-
-def _check_plu(path: Path) -> None:
-    """Hold a .plu file against the size of its first layer: 500 bytes of header, rows, columns."""
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        start = file.read(508)
-    if len(start) < 508:
-        raise InputError(
-            path, f"{size} bytes are less than a .plu header: the file is truncated", _MEASURE_AGAIN
-        )
-    rows, columns = struct.unpack_from("<II", start, 500)
-    if not (0 < rows < _LARGEST_PLU_SIDE and 0 < columns < _LARGEST_PLU_SIDE):
-        raise InputError(
-            path,
-            f"its first layer announces {rows} × {columns} points: not a .plu topography",
-            "Export the scan again, or correct the file's ending.",
-        )
-    needed = 508 + 4 * rows * columns
-    if size < needed:
-        raise InputError(
-            path,
-            f"{rows} × {columns} points take {needed} bytes, but the file has {size}: it is "
-            "truncated",
-            _MEASURE_AGAIN,
-        )
-
-
-def _read_points(
-    path: Path,
-    factor: float,
-    scatter_spacing: float | None,
-    scatter_extent: Sequence[float] | None,
-) -> tuple[np.ndarray, tuple, dict]:
-    """Heights (ny, nx) mm and spacing (dy, dx) mm from a text file of points."""
-    x, y, z = _load_columns(path).T * factor
-    grid = _as_grid(x, y)
-    if grid is not None:
-        (columns, dx), (rows, dy) = grid
-        heights = np.full((rows.max() + 1, columns.max() + 1), np.nan)
-        heights[rows, columns] = z
-        return heights, (dy, dx), {}
-    if scatter_spacing is None:
-        raise InputError(
-            path,
-            f"its {len(x)} points are scattered, not on a grid",
-            "Set scans.scatter_spacing_um in the config to the spacing to grid them with.",
-        )
-    x0, x1, y0, y1 = scatter_extent or (x.min(), x.max(), y.min(), y.max())
-    nx, ny = (round((end - start) / scatter_spacing) for start, end in ((x0, x1), (y0, y1)))
-    if min(nx, ny) < 2 or nx * ny > 1 << 26:
-        raise InputError(
-            path,
-            f"gridding {x1 - x0:.4g} × {y1 - y0:.4g} mm every {scatter_spacing:g} mm "
-            f"makes {nx} × {ny} elements",
-            "Check scans.unit, scatter_spacing_um and scatter_extent_mm in the config.",
-        )
-    from scipy.interpolate import griddata
-
-    centres = np.meshgrid(
-        axis_coordinates(nx, scatter_spacing, x0), axis_coordinates(ny, scatter_spacing, y0)
-    )
-    heights = griddata((x, y), z, tuple(centres), method="linear")
-    return heights, (scatter_spacing, scatter_spacing), {"gridded": "linearly, from points"}
-
-
-def _load_columns(path: Path) -> np.ndarray:
-    """The first three columns of a text file, (points, 3)."""
-    failure: Exception | None = None
-    for delimiter in (None, ",", ";"):
-        try:
-            points = np.loadtxt(
-                path, usecols=(0, 1, 2), delimiter=delimiter, ndmin=2, encoding="utf-8-sig"
-            )
-        except (ValueError, IndexError) as error:
-            failure = failure or error
-            continue
-        if len(points) >= 4:
-            # A point without x or y is nowhere; one without z is unmeasured.
-            return points[np.isfinite(points[:, :2]).all(axis=1)]
-        failure = ValueError(f"only {len(points)} points")
-    raise InputError(
-        path,
-        f"cannot be read as columns x, y, z of numbers ({failure})",
-        "Export the points as text, one 'x y z' a line; comments begin with '#'.",
-    )
-
-
-def _as_grid(x: np.ndarray, y: np.ndarray):
-    """((column of each point, dx), (row of each point, dy)), or None if they are scattered."""
-    axes = []
-    for values in (x, y):
-        levels = np.unique(values)
-        gaps = np.diff(levels)
-        if not len(gaps):
-            return None
-        # Rounded text repeats a coordinate with small differences; real steps are larger.
-        step = float(np.median(gaps[gaps > _GRID_TOLERANCE * gaps.max()]))
-        index = np.round((values - levels[0]) / step)
-        span = index.max()
-        if span < 1 or span > 1 << 16:
-            return None
-        step = float(levels[-1] - levels[0]) / span
-        index = np.round((values - levels[0]) / step).astype(int)
-        if np.abs(values - levels[0] - index * step).max() > _GRID_TOLERANCE * step:
-            return None
-        axes.append((index, step))
-    (columns, _), (rows, _) = axes
-    places = rows.astype(np.int64) * (columns.max() + 1) + columns
-    if len(np.unique(places)) < len(places):
-        return None
-    return axes

@@ -97,13 +97,13 @@ def test_truncated_ply(tmp_path, stone):
     path = tmp_path / "stone.ply"
     stone.export(path)
     path.write_bytes(path.read_bytes()[:3000])
-    _refused(path, "cannot be read as PLY")
+    _refused(path, "ends within .face.: it is truncated")
 
 
 def test_no_mesh_at_all(tmp_path):
     for name in ("a.stl", "a.ply", "a.obj"):
         (tmp_path / name).write_text("I am not a mesh, whatever my ending says\n" * 10)
-        _refused(tmp_path / name, "not an STL|cannot be read|no faces")
+        _refused(tmp_path / name, "not an STL|header of a PLY|line 1, .* is damaged")
 
 
 def test_no_faces(tmp_path):
@@ -123,4 +123,4 @@ def test_vertices_that_are_not_numbers(tmp_path):
 
 def test_obj_with_a_face_of_a_vertex_that_is_not_there(tmp_path):
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 10 0 0\nv 0 10 0\nf 1 2 7\n")
-    _refused(tmp_path / "a.obj", "cannot be read as OBJ")
+    _refused(tmp_path / "a.obj", "a face has vertex 7 of 3")

@@ -1,69 +1,106 @@
 """Scans: orientation, spacing and unmeasured points as in the file; bad files are refused."""
 
+import logging
 import math
-import struct
 
 import numpy as np
 import pytest
+from scan_files import (
+    FORMATS,
+    gwy_bytes,
+    plu_bytes,
+    plux_members,
+    vk4_bytes,
+    write_gsf,
+    write_sur,
+    write_x3p,
+    write_xyz,
+    zipped,
+)
 
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import check_size, cut_scan, read_scan
 from gstlib.surface import make_surface, spacing_of
 
-# Not square, and no symmetry: every mistake of axes shows.
-NY, NX, DY, DX = 5, 8, 1.66e-3, 0.83e-3
+# Not square, odd, and no symmetry: every mistake of axes shows.
+NY, NX, DY, DX = 5, 7, 1.66e-3, 0.83e-3
+# what matrices do not say
+KNOWN = {"unit": "um", "spacing_mm": 1e-3}
 
 
 @pytest.fixture
 def heights():
     heights = 1e-3 * np.random.default_rng(1).normal(size=(NY, NX))
-    heights[1, 6] = math.nan
+    heights[1, 5] = math.nan
     return heights
 
 
-def plu_bytes(heights_um, dy_um, dx_um):
-    """A .plu as in the table of its bytes, written apart from `write_plu`."""
-    ny, nx = heights_um.shape
-    header = bytearray(500)
-    header[:19] = b"2021-04-19 11:40:13"
-    struct.pack_into("<III", header, 388, ny, nx, nx)
-    struct.pack_into("<ffff", header, 400, 0.0, dx_um, dy_um, 0.0)
-    struct.pack_into("<I", header, 428, 3)
-    struct.pack_into("<I", header, 440, 34)
-    struct.pack_into("<I", header, 444, 3)
-    header[489], header[490], header[491], header[492] = 1, 251, 7, 0
-    values = np.where(np.isnan(heights_um), 1000001.0, heights_um).astype("<f4")
-    limits = struct.pack("<ff", np.nanmin(heights_um), np.nanmax(heights_um))
-    return bytes(header) + struct.pack("<II", ny, nx) + values.tobytes() + limits
+def _refused(path, match, **kwargs):
+    with pytest.raises(InputError, match=match) as caught:
+        read_scan(path, **kwargs)
+    assert path.name in str(caught.value)
 
 
-def test_plu_by_its_bytes(tmp_path, heights):
-    path = tmp_path / "a.plu"
-    path.write_bytes(plu_bytes(heights * 1e3, DY * 1e3, DX * 1e3))
-    scan = read_scan(path)
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_gives_the_same_surface(tmp_path, heights, name):
+    sample = FORMATS[name]
+    path = tmp_path / f"a{sample.ending}"
+    spacing = (DX, DX) if sample.square else (DY, DX)
+    sample.write(path, heights, spacing)
+    scan = read_scan(path, **sample.options(DX))
+    expected = heights
+    if not sample.unmeasured:
+        lowest = np.nanmin(heights)
+        expected = np.nan_to_num(heights, nan=lowest) - lowest
     assert scan.dims == ("y", "x")
-    assert scan.shape == (NY, NX)
-    np.testing.assert_allclose(scan.values, heights, rtol=1e-6)  # NaN where NaN
-    assert spacing_of(scan) == pytest.approx((DY, DX), rel=1e-7)
-    assert scan.attrs["objective"] == "Leica HC PL Fluotar EPI 10X"
+    np.testing.assert_allclose(scan.values, expected, atol=2e-9)  # NaN where NaN
+    assert spacing_of(scan) == pytest.approx(spacing, rel=1e-6)
+    assert scan.attrs["file"] == path.name
+    assert sample.attrs.items() <= scan.attrs.items()
     assert all(isinstance(value, str) for value in scan.attrs.values())
 
 
 def test_plu_as_the_project_writes_it(tmp_path, heights):
     write_plu(tmp_path / "a.plu", heights, (DY, DX))
-    scan = read_scan(tmp_path / "a.plu", unit="mm")  # its own unit counts, not this one
+    scan = read_scan(tmp_path / "a.plu", unit="mm", spacing_mm=1.0)  # its own count, not these
     np.testing.assert_allclose(scan.values, heights, rtol=1e-6)
     assert spacing_of(scan) == (DY, DX)
-    assert scan.attrs["file"] == "a.plu"
 
 
-def _write_xyz(path, heights, order):
-    rows, columns = np.indices(heights.shape)
-    points = np.stack(
-        [DX * 1e3 * (columns + 0.5), DY * 1e3 * (rows + 0.5), heights * 1e3], axis=-1
-    ).reshape(-1, 3)[order]
-    np.savetxt(path, points[np.isfinite(points[:, 2])], fmt="%.6f")
+@pytest.mark.parametrize("kind", "DFLI")
+def test_x3p_of_all_types(tmp_path, heights, kind):
+    write_x3p(tmp_path / "a.x3p", heights, (DY, DX), kind=kind)
+    np.testing.assert_allclose(read_scan(tmp_path / "a.x3p").values, heights, atol=1.1e-7)
+
+
+def test_sur_of_16_bits(tmp_path, heights):
+    write_sur(tmp_path / "a.sur", heights, (DY, DX), bits=16)
+    np.testing.assert_allclose(read_scan(tmp_path / "a.sur").values, heights, atol=3e-7)
+
+
+def _gwy(layers, spacing):
+    return gwy_bytes({1: layers[1], 0: layers[0]}, spacing)  # stored in the wrong order
+
+
+@pytest.mark.parametrize(
+    ("ending", "content", "layer"),
+    [
+        (".plu", plu_bytes, "layer0, the first of 2 height maps"),
+        (".plux", lambda *args: zipped(plux_members(*args)), "Layer 0, the first of 2 height maps"),
+        (".vk4", vk4_bytes, "Default, the first of 2 height maps"),
+        (".gwy", _gwy, "Map 0, the first of 2 height maps"),
+    ],
+)
+def test_first_of_several_layers(tmp_path, heights, caplog, ending, content, layer):
+    heights = np.nan_to_num(heights)
+    path = tmp_path / f"a{ending}"
+    path.write_bytes(content([heights, 0.5 * heights], (DY, DX)))
+    with caplog.at_level(logging.WARNING, logger="gstlib"):
+        scan = read_scan(path)
+    np.testing.assert_allclose(scan.values - scan.values.min(), heights - heights.min(), atol=2e-9)
+    assert scan.attrs["layer"] == layer
+    assert f"{path}: read is {layer}" in caplog.text
 
 
 @pytest.mark.parametrize("shuffled", [False, True])
@@ -71,10 +108,22 @@ def test_gridded_points(tmp_path, heights, shuffled):
     order = np.arange(heights.size)
     if shuffled:
         order = np.random.default_rng(2).permutation(order)
-    _write_xyz(tmp_path / "a.xyz", heights, order)
+    write_xyz(tmp_path / "a.xyz", heights, (DY, DX), order=order)
     scan = read_scan(tmp_path / "a.xyz", unit="um")
     np.testing.assert_allclose(scan.values, heights, atol=1e-9)
     assert spacing_of(scan) == pytest.approx((DY, DX))
+
+
+def test_points_that_say_their_units(tmp_path, heights):
+    write_xyz(tmp_path / "b.xyz", heights, (DY, DX))
+    text = (tmp_path / "b.xyz").read_text()
+    header = "# Channel: Z\n# Lateral units: µm\n# Value units: nm\n"
+    (tmp_path / "a.xyz").write_text(header + text, encoding="utf-8")
+    scan = read_scan(tmp_path / "a.xyz", unit="mm")
+    np.testing.assert_allclose(scan.values, heights * 1e-3, atol=1e-12)
+    assert spacing_of(scan) == pytest.approx((DY, DX))
+    (tmp_path / "a.xyz").write_text(header.replace("nm", "V") + text, encoding="utf-8")
+    _refused(tmp_path / "a.xyz", r"units \['V'\]", unit="um")
 
 
 def test_scattered_points_are_exact_on_a_plane(tmp_path):
@@ -89,19 +138,25 @@ def test_scattered_points_are_exact_on_a_plane(tmp_path):
     np.testing.assert_allclose(scan.values, expected.transpose("y", "x").values, atol=1e-12)
 
 
-def _refused(path, match, **kwargs):
-    with pytest.raises(InputError, match=match) as caught:
-        read_scan(path, **kwargs)
-    assert path.name in str(caught.value)
-
-
 def test_scattered_points_need_a_spacing_and_a_unit(tmp_path):
     np.savetxt(tmp_path / "a.xyz", np.random.default_rng(3).uniform(size=(50, 3)))
     _refused(tmp_path / "a.xyz", "does not say its unit")
     _refused(tmp_path / "a.xyz", "50 points are scattered", unit="mm")
     _refused(tmp_path / "a.xyz", "makes 0 × 0 elements", unit="mm", scatter_spacing_mm=5.0)
     _refused(tmp_path / "a.xyz", "elements.*unit", unit="m", scatter_spacing_mm=1e-4)
+    # memory for the grid would have no bound
+    _refused(tmp_path / "a.xyz", "elements of 50 points", unit="mm", scatter_spacing_mm=5e-3)
     _refused(tmp_path / "a.xyz", "unknown scan unit", unit="parsec")
+
+
+def test_points_on_a_line_and_a_far_point(tmp_path):
+    line = np.arange(20.0)
+    np.savetxt(tmp_path / "a.xyz", np.column_stack([line, line, line]))
+    _refused(tmp_path / "a.xyz", "no surface can be laid", unit="um", scatter_spacing_mm=1e-3)
+    # a grid of 60000 × 60000 places for a handful of points is no grid
+    x, y = (axis.ravel() for axis in np.meshgrid([0, 1, 60000], [0, 1, 60000]))
+    np.savetxt(tmp_path / "a.xyz", np.column_stack([x, y, x]), fmt="%g")
+    _refused(tmp_path / "a.xyz", "9 points are scattered", unit="nm")
 
 
 def test_text_that_is_no_points(tmp_path):
@@ -109,6 +164,106 @@ def test_text_that_is_no_points(tmp_path):
     _refused(tmp_path / "a.xyz", "cannot be read as columns x, y, z", unit="um")
     (tmp_path / "a.xyz").write_text("1 2 3\n1 3 3\n")
     _refused(tmp_path / "a.xyz", "only 2 points", unit="um")
+
+
+class TestMatrices:
+    def write(self, tmp_path, text, ending=".csv"):
+        (tmp_path / f"a{ending}").write_text(text, encoding="utf-8")
+        return tmp_path / f"a{ending}"
+
+    def test_unit_and_spacing_come_from_the_config(self, tmp_path):
+        path = self.write(tmp_path, "1 2 3 4\n5 6 7 8\n", ".txt")
+        _refused(path, "does not say its unit.*scans.unit", spacing_mm=1e-3)
+        _refused(path, "spacing of its points.*scans.spacing_um", unit="um")
+        scan = read_scan(path, **KNOWN)
+        np.testing.assert_allclose(
+            scan.values, [[0.001, 0.002, 0.003, 0.004], [0.005, 0.006, 0.007, 0.008]]
+        )
+        assert spacing_of(scan) == (1e-3, 1e-3)
+
+    def test_unmeasured_cells(self, tmp_path):
+        path = self.write(tmp_path, "1,,3,nan\n5,BAD,---,8\n9,1,2,Bad\n")
+        expected = [[1, 0, 3, 0], [5, 0, 0, 8], [9, 1, 2, 0]]
+        scan = read_scan(path, **KNOWN)
+        np.testing.assert_allclose(np.nan_to_num(scan.values), np.array(expected) * 1e-3)
+        assert np.isnan(scan.values).sum() == 5
+
+    def test_separator_at_the_end_of_each_line(self, tmp_path):
+        path = self.write(tmp_path, "1;2;3;4;\r\n5;6;7;;\r\n")
+        scan = read_scan(path, **KNOWN)
+        assert scan.shape == (2, 4)
+        assert np.isnan(scan.values[1, 3])
+
+    def test_ragged(self, tmp_path):
+        _refused(
+            self.write(tmp_path, "1,2,3,4\n5,6,7\n"),
+            "line 2 has 3 cells, the first row 4",
+            **KNOWN,
+        )
+
+    @pytest.mark.parametrize("cell", ["seven", "1_0", "0x10", "7 µm"])
+    def test_text_cell(self, tmp_path, cell):
+        path = self.write(tmp_path, f"1,2,3,4\n5,6,{cell},8\n")
+        _refused(path, "line 2 is no row of numbers", **KNOWN)
+
+    def test_points_under_the_wrong_name(self, tmp_path):
+        path = self.write(tmp_path, "x,y,z\n" + "0,0,1\n" * 9)
+        _refused(path, "3 columns and 9 rows.*xyz", **KNOWN)
+
+    def test_profile(self, tmp_path):
+        path = self.write(tmp_path, "".join(f"{i} {i % 3}\n" for i in range(20)), ".txt")
+        _refused(path, "profile", **KNOWN)
+
+    def test_header_of_an_instrument_counts(self, tmp_path):
+        header = "h=2 w=4\npixel size=1.5e-6 m\nheight conversion factor (-> m)=2e-9\n"
+        path = self.write(tmp_path, header + "1 2 3 4\n5 6 7 8\n", ".txt")
+        scan = read_scan(path, unit="mm", spacing_mm=1.0)
+        np.testing.assert_allclose(scan.values[0], [2e-6, 4e-6, 6e-6, 8e-6])
+        assert spacing_of(scan) == pytest.approx((1.5e-3, 1.5e-3))
+
+    def test_half_a_header_is_completed(self, tmp_path):
+        path = self.write(tmp_path, "# Value units: nm\n" + 3 * "1,2,3,4\n")
+        _refused(path, "spacing of its points")
+        scan = read_scan(path, spacing_mm=1e-3)
+        np.testing.assert_allclose(scan.values[0], [1e-6, 2e-6, 3e-6, 4e-6])
+
+    def test_header_that_contradicts(self, tmp_path):
+        # heights in rows of another number than there are
+        path = self.write(tmp_path, "h=7 w=4\npixel size=1e-6 m\n1 2 3 4\n5 6 7 8\n", ".txt")
+        _refused(path, "header cannot be understood", **KNOWN)
+        path = self.write(tmp_path, "# all lengths: (nm)\n" + 3 * "1,2,3,4\n")
+        _refused(path, r"speaks of \['nm'\].*is um", **KNOWN)
+        path = self.write(tmp_path, "# all lengths: (µm)\n" + 3 * "1,2,3,4\n")
+        assert read_scan(path, **KNOWN).shape == (3, 4)
+
+    @pytest.mark.parametrize(
+        "text", ["no number at all\n" * 3, "# " + 2000 * " " + "\n1 2 3\n", "#\n" * 300]
+    )
+    def test_no_matrix(self, tmp_path, text):
+        _refused(self.write(tmp_path, text, ".txt"), "no row of numbers", **KNOWN)
+
+    def test_bytes_under_the_name_of_a_text(self, tmp_path):
+        (tmp_path / "a.csv").write_bytes(bytes(range(256)) * 4)
+        _refused(tmp_path / "a.csv", "is no text", **KNOWN)
+
+    def test_other_encodings(self, tmp_path):
+        for encoding in ("utf-16", "latin-1"):
+            text = "# Width: 4 µm\n# Height: 2 µm\n# Value units: nm\n1 2 3 4\n5 6 7 8\n"
+            (tmp_path / "a.txt").write_bytes(text.encode(encoding))
+            assert spacing_of(read_scan(tmp_path / "a.txt")) == (1e-3, 1e-3)
+
+
+def test_gsf_units(tmp_path, heights):
+    path = tmp_path / "a.gsf"
+    write_gsf(path, heights, (DY, DX), units=None)
+    _refused(path, "does not say its unit")
+    np.testing.assert_allclose(read_scan(path, unit="m").values, heights, atol=1e-9)
+    write_gsf(path, heights * 1e9, (DY * 1e6, DX * 1e6), units=("µm", "nm"))
+    scan = read_scan(path, unit="m")
+    np.testing.assert_allclose(scan.values, heights, atol=1e-9)
+    assert spacing_of(scan) == pytest.approx((DY, DX))
+    write_gsf(path, heights, (DY, DX), units=("m", "V"))
+    _refused(path, "'V' is no length")
 
 
 def test_missing_and_empty(tmp_path):
@@ -119,7 +274,7 @@ def test_missing_and_empty(tmp_path):
 
 @pytest.mark.parametrize(("length", "match"), [(100, "header.*truncated"), (600, "truncated")])
 def test_truncated_plu(tmp_path, heights, length, match):
-    (tmp_path / "a.plu").write_bytes(plu_bytes(heights * 1e3, 1.66, 1.66)[:length])
+    (tmp_path / "a.plu").write_bytes(plu_bytes([heights], (DY, DX))[:length])
     _refused(tmp_path / "a.plu", match)
 
 
@@ -128,16 +283,22 @@ def test_what_is_no_plu(tmp_path):
     _refused(tmp_path / "a.plu", "not a .plu")
 
 
-@pytest.mark.parametrize("name", ["a.al3d", "a.sur", "a.bin", "noending"])
+@pytest.mark.parametrize("name", ["a.al3d", "a.sur", "a.bin", "noending", "a.hgt"])
 def test_unknown_content(tmp_path, name):
-    (tmp_path / name).write_bytes(b"nothing that any instrument wrote " * 50)
-    _refused(tmp_path / name, "cannot be read as a height map")
+    # as many bytes as a square map of 16-bit heights has: one format has no other mark
+    (tmp_path / name).write_bytes(b"what no instrument wrote" * 3 * 4**3)
+    _refused(tmp_path / name, "cannot be read as a height map", unit="um", spacing_mm=1e-3)
+
+
+def test_known_content_without_its_ending(tmp_path, heights):
+    FORMATS["al3d"].write(tmp_path / "a.scan", heights, (DY, DX))
+    np.testing.assert_allclose(read_scan(tmp_path / "a.scan").values, heights, atol=1e-9)
 
 
 @pytest.mark.parametrize(
     ("spacing", "factor", "match"),
     [
-        (10.0, 1.0, "field of 80 mm.*unit"),
+        (10.0, 1.0, "field of 70 mm.*unit"),
         (1e-7, 1.0, "too close.*unit"),
         (1e-3, 1e4, "heights range over.*unit"),
     ],
@@ -145,20 +306,6 @@ def test_unknown_content(tmp_path, name):
 def test_absurd_sizes(tmp_path, heights, spacing, factor, match):
     write_plu(tmp_path / "a.plu", heights * factor, spacing)
     _refused(tmp_path / "a.plu", match)
-
-
-def test_nothing_measured(tmp_path, heights):
-    path = tmp_path / "a.plu"
-    path.write_bytes(
-        plu_bytes(heights * 1e3, 1.66, 1.66)[:508]
-        + np.full(NY * NX + 2, 1000001.0, "<f4").tobytes()
-    )
-    _refused(path, "not one point is measured")
-
-
-def test_profile_is_refused(tmp_path):
-    (tmp_path / "a.txt").write_text("".join(f"{i} {i % 3}\n" for i in range(20)))
-    _refused(tmp_path / "a.txt", "profile|cannot be read|spacing", unit="um")
 
 
 class TestCut:
