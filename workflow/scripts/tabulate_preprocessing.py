@@ -1,6 +1,7 @@
-"""Gather what was done to each scan.
+"""Gather what was done to each scan, and what each outlier rule finds in it.
 
-Inputs: the prepared surfaces. Outputs: preprocessing.csv. Settings: patches, those with a T1.
+Inputs: the prepared surfaces. Outputs: preprocessing.csv, outliers.csv. Settings: patches, those
+with a T1.
 """
 
 from pathlib import Path
@@ -12,23 +13,50 @@ from gstlib.io.tables import write_table
 from gstlib.logs import job_log
 
 COLUMNS = [
+    "points",
     "unmeasured",
+    "unmeasured_share",
     "filled",
+    "outlier_rule",
     "outliers",
+    "outlier_share",
     "outlier_k",
     "tilt_x_mrad",
     "tilt_y_mrad",
     "Sq_before_um",
     "Sq_after_um",
+    "highest_before_um",
+    "highest_after_um",
 ]
 
 
-def main(surfaces: dict[tuple[str, str], Path], table: Path) -> None:
-    rows = []
+def main(surfaces: dict[tuple[str, str], Path], table: Path, outliers: Path) -> None:
+    done, found = [], []
     for (patch, epoch), file in surfaces.items():
         attrs = read_attributes(file)
-        rows.append({"patch": patch, "epoch": epoch} | {name: attrs[name] for name in COLUMNS})
-    write_table(table, pd.DataFrame(rows))
+        scan = {"patch": patch, "epoch": epoch}
+        done.append(scan | {name: attrs[name] for name in COLUMNS})
+        found.append(scan | compare_rules(attrs))
+    write_table(table, pd.DataFrame(done))
+    write_table(outliers, pd.DataFrame(found))
+
+
+def compare_rules(attrs: dict) -> dict:
+    """Both rules' outliers of a scan, from the attributes of its surface."""
+    window, median, both = (attrs[f"outliers_{name}"] for name in ("window", "median", "both"))
+    either = window + median - both
+    return {
+        "outlier_rule": attrs["outlier_rule"],
+        "window_k": attrs["outlier_k_window"],
+        "window": window,
+        "window_share": window / attrs["points"],
+        "median_threshold": attrs["outlier_k_median"],
+        "median_scale_um": attrs["outlier_scale_um"],
+        "median": median,
+        "median_share": median / attrs["points"],
+        "both": both,
+        "agreement": both / either if either else float("nan"),
+    }
 
 
 if "snakemake" in globals():
@@ -45,4 +73,5 @@ if "snakemake" in globals():
         main(
             dict(sorted(files.items(), key=lambda item: (order[item[0][0]], item[0][1]))),
             Path(snakemake.output.table),
+            Path(snakemake.output.outliers),
         )

@@ -8,7 +8,7 @@ from scipy.spatial import QhullError
 
 from gstlib.errors import InputError
 
-__all__ = ["fill_unmeasured", "interpolate_holes"]
+__all__ = ["check_unmeasured", "fill_unmeasured", "interpolate_holes"]
 
 
 def fill_unmeasured(
@@ -35,6 +35,14 @@ def fill_unmeasured(
     InputError
         More than `maximum_share` of the points, or all of them, are unmeasured.
     """
+    check_unmeasured(surface, maximum_share)
+    holes = ~np.isfinite(surface.values)
+    filled = xr.DataArray(holes, coords=surface.coords, dims=surface.dims, name="filled")
+    return surface.copy(data=interpolate_holes(surface.values, holes)), filled
+
+
+def check_unmeasured(surface: xr.DataArray, maximum_share: float) -> None:
+    """Refuse a surface of which more than a share (0 to 1), or all, is NaN: raises InputError."""
     holes = ~np.isfinite(surface.values)
     source = surface.attrs.get("file", "scan")
     if holes.all():
@@ -47,8 +55,6 @@ def fill_unmeasured(
             "Measure the patch again, leave it out of the patch table, or raise "
             "preprocessing.maximum_unmeasured in the config.",
         )
-    filled = xr.DataArray(holes, coords=surface.coords, dims=surface.dims, name="filled")
-    return surface.copy(data=interpolate_holes(surface.values, holes)), filled
 
 
 def interpolate_holes(heights: np.ndarray, holes: np.ndarray) -> np.ndarray:

@@ -3,112 +3,33 @@
 As in the paper: the cloud of vertices is cropped larger than the square, interpolated linearly over
 its Delaunay triangulation in the square's plane (what MATLAB's scatteredInterpolant does), and the
 square is cut out after. Before it, the use-face is told from the rest of the stone, since a closed
-mesh has two sheets over each x, y.
+mesh has two sheets over each x, y. The faces themselves, pierced along the normal, give the heights
+a second time, without any interpolation: a check of the first.
 """
 
 import logging
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
-from gstlib.errors import ConfigError, InputError
+from gstlib.errors import InputError
+from gstlib.preprocess.frame import Frame
+from gstlib.preprocess.sheet import SAME_VERTEX, crop_mesh, find_use_face, pierce
 from gstlib.surface import axis_coordinates, make_surface
 
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Frame", "grid_mesh"]
+__all__ = ["Frame", "grid_both_ways", "grid_mesh"]
 
 _log = logging.getLogger(__name__)
 
-# Axes typed with a few digits are perpendicular to within this cosine; beyond it one is wrong.
-_PERPENDICULAR = 0.01
-# A mesh whose faces' area vectors cancel to this share encloses a volume, pin-holes aside.
-_CLOSED = 0.01
-# Vertices closer than this (mm) are one: STL repeats them for every face.
-_SAME_VERTEX = 1e-6
 # ASSUME: holes of the mesh up to this share of the square are bridged by the interpolation, as the
 # paper's would; they are pin-holes of the scanner.
 _BRIDGED_SHARE = 1e-2
 # ASSUME: overhangs up to this share of the square are specks of the scanner and let pass.
 _FOLDED_SHARE = 1e-3
-
-
-@dataclass(frozen=True)
-class Frame:
-    """Where the analysed square lies on the stone, in the mesh's own coordinates (mm).
-
-    Attributes
-    ----------
-    origin : (3,) array_like
-        Reference corner of the square (the top-right one as one looks at the stone).
-    x_axis : (3,) array_like
-        Direction of an edge from the origin into the square.
-    normal : (3,) array_like
-        Direction out of the stone.
-
-    Raises
-    ------
-    ConfigError
-        An axis is no direction, or the two are not perpendicular; small deviations, as of typed
-        digits, are taken out of `x_axis`.
-
-    Examples
-    --------
-    >>> frame = Frame(origin=(2.5, 2.5, 0), x_axis=(-1, 0, 0), normal=(0, 0, 1))
-    >>> frame.to_frame([[2.0, 1.0, 0.1]])
-    array([[0.5, 1.5, 0.1]])
-    """
-
-    origin: Sequence[float]
-    x_axis: Sequence[float]
-    normal: Sequence[float]
-
-    def __post_init__(self):
-        vectors = {}
-        for name in ("origin", "x_axis", "normal"):
-            vector = np.asarray(getattr(self, name), dtype=float)
-            if vector.shape != (3,) or not np.isfinite(vector).all():
-                raise ConfigError(
-                    f"square.frame.{name}",
-                    f"{getattr(self, name)} is not three numbers",
-                    "Give x, y, z.",
-                )
-            vectors[name] = vector
-        for name in ("x_axis", "normal"):
-            length = np.linalg.norm(vectors[name])
-            if length == 0:
-                raise ConfigError(f"square.frame.{name}", "has length zero", "Give a direction.")
-            vectors[name] = vectors[name] / length
-        cosine = float(vectors["x_axis"] @ vectors["normal"])
-        if abs(cosine) > _PERPENDICULAR:
-            raise ConfigError(
-                "square.frame",
-                f"x_axis and normal enclose {np.degrees(np.arccos(cosine)):.4g}°, not 90°",
-                "Correct one of them.",
-            )
-        x_axis = vectors["x_axis"] - cosine * vectors["normal"]
-        vectors["x_axis"] = x_axis / np.linalg.norm(x_axis)
-        for name, vector in vectors.items():
-            object.__setattr__(self, name, tuple(vector.tolist()))
-
-    @property
-    def y_axis(self) -> tuple[float, float, float]:
-        """Third axis, normal × x_axis: the other edge from the origin into the square."""
-        return tuple(np.cross(self.normal, self.x_axis).tolist())
-
-    def to_frame(self, points: np.ndarray) -> np.ndarray:
-        """Coordinates (x, y, z) in the square's frame of (n, 3) points of the mesh, mm."""
-        axes = np.array([self.x_axis, self.y_axis, self.normal])
-        return (np.asarray(points, dtype=float) - np.array(self.origin)) @ axes.T
-
-    def from_frame(self, points: np.ndarray) -> np.ndarray:
-        """Coordinates in the mesh of (n, 3) points (x, y, z) of the square's frame, mm."""
-        axes = np.array([self.x_axis, self.y_axis, self.normal])
-        return np.asarray(points, dtype=float) @ axes + np.array(self.origin)
 
 
 def grid_mesh(
@@ -120,7 +41,7 @@ def grid_mesh(
     margin_mm: float,
     source: str = "mesh",
 ) -> xr.DataArray:
-    """Heights of the use-face over the analysed square.
+    """Heights of the use-face over the analysed square, interpolated as in the paper.
 
     Parameters
     ----------
@@ -151,155 +72,77 @@ def grid_mesh(
         The square misses the stone or sticks out of it, the mesh folds over within the square, or
         its faces look into the stone.
     """
+    return grid_both_ways(
+        mesh, frame, size_mm=size_mm, shape=shape, margin_mm=margin_mm, source=source
+    ).height
+
+
+def grid_both_ways(
+    mesh: "trimesh.Trimesh",
+    frame: Frame,
+    *,
+    size_mm: float,
+    shape: tuple[int, int],
+    margin_mm: float,
+    source: str = "mesh",
+) -> xr.Dataset:
+    """Heights of the use-face, interpolated and pierced.
+
+    Parameters and errors are those of `grid_mesh`.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``height``, as `grid_mesh` gives it, and ``pierced``: the same heights (mm) where the normal
+        through an element's centre meets the mesh's own faces, NaN where there is none (a hole);
+        its attribute ``mesh_points`` is the number of those faces' corners.
+    """
     points = frame.to_frame(mesh.vertices)
-    faces = np.asarray(mesh.faces)
-    outwards = _orientation(points, faces)
-    points, faces = _crop(points, faces, size_mm, margin_mm, source)
-    up = outwards * _projected_areas(points, faces) > 0
+    crop = crop_mesh(mesh, points, size_mm=size_mm, margin_mm=margin_mm, source=source)
     ny, nx = shape
     y, x = np.meshgrid(
         axis_coordinates(ny, size_mm / ny), axis_coordinates(nx, size_mm / nx), indexing="ij"
     )
-    hits = _pierce(points, faces, x.ravel(), y.ravel())
-    kept = up & _use_face(points, faces, up, hits, source)
-    _check_single_valued(hits.keep(kept), x.ravel(), y.ravel(), source)
-    used = points[np.unique(faces[kept])]
-    heights = _interpolate(used, x, y)
-    bare = hits.keep(kept).count(x.size).reshape(shape) == 0
-    _check_coverage(np.isnan(heights), bare, x, y, source)
-    return make_surface(
-        heights,
-        (size_mm / ny, size_mm / nx),
-        long_name="height of the use-face",
-        mesh_points=len(used),
-        mesh_edge_mm=_mean_edge(points, faces[kept]),
-    )
-
-
-@dataclass(frozen=True)
-class _Hits:
-    """Where the normals through the element centres pierce faces: element, face, height (mm)."""
-
-    element: np.ndarray
-    face: np.ndarray
-    height: np.ndarray
-
-    def keep(self, faces: np.ndarray) -> "_Hits":
-        """Those on the faces of a mask."""
-        chosen = faces[self.face]
-        return _Hits(self.element[chosen], self.face[chosen], self.height[chosen])
-
-    def count(self, elements: int) -> np.ndarray:
-        """Number of hits per element."""
-        return np.bincount(self.element, minlength=elements)
-
-
-def _orientation(points: np.ndarray, faces: np.ndarray) -> int:
-    """+1, or -1 for a closed mesh that is inside out (negative volume)."""
-    corners = points[faces] - points.mean(axis=0)
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    closed = np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum()
-    if closed and np.einsum("ij,ij->", corners[:, 0], areas) < 0:
-        _log.warning("the mesh is inside out (its volume is negative): its faces were turned")
-        return -1
-    return 1
-
-
-def _crop(points, faces, size, margin, source) -> tuple[np.ndarray, np.ndarray]:
-    """Faces whose bounding box meets the square and its margin, with equal vertices merged."""
-    inside = np.ones(len(faces), dtype=bool)
-    for axis in (0, 1):
-        corners = points[:, axis][faces]
-        inside &= (corners.min(axis=1) <= size + margin) & (corners.max(axis=1) >= -margin)
-    if not inside.any():
-        low, high = points.min(axis=0), points.max(axis=0)
-        raise InputError(
-            source,
-            f"no part of the mesh lies over the square: in the square's frame the mesh spans "
-            f"x {low[0]:.4g} to {high[0]:.4g} and y {low[1]:.4g} to {high[1]:.4g} mm, the square "
-            f"0 to {size:g} mm",
-            "Check inputs.mesh_unit and square.frame in the config.",
-        )
-    used, local = np.unique(faces[inside], return_inverse=True)
-    _, first, same = np.unique(
-        np.round(points[used] / _SAME_VERTEX).astype(np.int64),
-        axis=0,
-        return_index=True,
-        return_inverse=True,
-    )
-    return points[used][first], same.reshape(-1)[local].reshape(-1, 3)
-
-
-def _projected_areas(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Signed area (mm²) of each face seen along the normal: positive if it looks outwards."""
-    a, b, c = (points[faces[:, k], :2] for k in range(3))
-    return 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
-
-
-def _pierce(points: np.ndarray, faces: np.ndarray, x: np.ndarray, y: np.ndarray) -> _Hits:
-    """All faces over and under each (x, y)."""
-    import shapely
-
-    # A face seen edge-on covers nothing.
-    seen = np.flatnonzero(np.abs(_projected_areas(points, faces)) > 1e-12)
-    triangles = points[faces[seen]]
-    tree = shapely.STRtree(shapely.polygons(triangles[:, [0, 1, 2, 0], :2]))
-    element, hit = tree.query(shapely.points(x, y), predicate="intersects")
-    a, b, c = (triangles[hit, k] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    height = (
-        a[:, 2]
-        - (normal[:, 0] * (x[element] - a[:, 0]) + normal[:, 1] * (y[element] - a[:, 1]))
-        / normal[:, 2]
-    )
-    return _Hits(element, seen[hit], height)
-
-
-def _use_face(points, faces, up, hits: _Hits, source) -> np.ndarray:
-    """Mask of the faces of the body that the use-face is part of.
-
-    A body is what hangs together within the crop; each has a side that looks outwards and one that
-    looks away. The use-face is, of the sides that cover most of the square, the nearest to its
-    plane.
-    """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    tails, heads = faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel()
-    graph = coo_array((np.ones(len(tails), bool), (tails, heads)), shape=2 * [len(points)])
-    _, labels = connected_components(graph, directed=False)
-    body = labels[faces[:, 0]]
-    if len(hits.face) == 0:
-        raise InputError(
-            source,
-            f"the mesh does not reach into the square: what lies near it is "
-            f"{np.ptp(points[:, :2], axis=0).max():.4g} mm wide",
-            "Check inputs.mesh_unit and square.frame in the config.",
-        )
-    side = 2 * body[hits.face] + up[hits.face]
-    cover = np.bincount(side)
-    # Specks, flaps and the inside of a hollow scan are no candidates.
-    candidates = np.flatnonzero(cover >= 0.5 * cover.max())
-    distance = [abs(float(np.median(hits.height[side == index]))) for index in candidates]
-    nearest = int(candidates[int(np.argmin(distance))])
-    if nearest % 2 == 0:
+    hits = pierce(crop, x.ravel(), y.ravel())
+    body, up = find_use_face(crop, hits, source)
+    if not up:
         raise InputError(
             source,
             "the mesh's faces over the square look against the frame's normal",
             "Turn square.frame.normal in the config if it points into the stone; else turn the "
             "mesh's faces.",
         )
-    return body == nearest // 2
+    kept = crop.up & body
+    hits = hits.keep(kept)
+    pierced = hits.highest(x.size)
+    _check_single_valued(pierced - hits.lowest(x.size), x.ravel(), y.ravel(), source)
+    pierced = np.where(np.isfinite(pierced), pierced, np.nan).reshape(shape)
+    used = np.unique(crop.faces[kept])
+    heights = _interpolate(crop.points[used], x, y, source)
+    _check_coverage(np.isnan(heights), np.isnan(pierced), x, y, source)
+    spacing = (size_mm / ny, size_mm / nx)
+    return xr.Dataset(
+        {
+            "height": make_surface(
+                heights,
+                spacing,
+                long_name="height of the use-face",
+                mesh_points=len(used),
+                mesh_edge_mm=_mean_edge(crop.points, crop.faces[kept]),
+            ),
+            "pierced": make_surface(
+                pierced,
+                spacing,
+                long_name="height of the use-face's faces",
+                mesh_points=len(np.unique(crop.faces[hits.face])),
+            ),
+        }
+    )
 
 
-def _check_single_valued(hits: _Hits, x, y, source) -> None:
-    """Refuse a use-face that folds over: several heights at one element."""
-    low = np.full(x.size, np.inf)
-    high = np.full(x.size, -np.inf)
-    np.minimum.at(low, hits.element, hits.height)
-    np.maximum.at(high, hits.element, hits.height)
-    step = np.where(np.isfinite(low), high - low, 0.0)
-    folded = step > _SAME_VERTEX
+def _check_single_valued(step: np.ndarray, x, y, source) -> None:
+    """Refuse a use-face that folds over: several heights, `step` apart, at one element."""
+    folded = step > SAME_VERTEX
     if folded.sum() > _FOLDED_SHARE * x.size:
         raise InputError(
             source,
@@ -312,11 +155,19 @@ def _check_single_valued(hits: _Hits, x, y, source) -> None:
         _log.warning("the mesh folds over in specks: %s", _describe(folded, x, y))
 
 
-def _interpolate(points: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _interpolate(points: np.ndarray, x: np.ndarray, y: np.ndarray, source: str) -> np.ndarray:
     """Linear interpolation of scattered heights at (x, y), NaN outside their hull."""
     from scipy.interpolate import LinearNDInterpolator
+    from scipy.spatial import QhullError
 
-    return LinearNDInterpolator(points[:, :2], points[:, 2])(x, y)
+    try:
+        return LinearNDInterpolator(points[:, :2], points[:, 2])(x, y)
+    except (QhullError, ValueError) as error:
+        raise InputError(
+            source,
+            f"its {len(points)} vertices over the square cannot be triangulated",
+            "Repair the mesh, or move square.frame.",
+        ) from error
 
 
 def _check_coverage(outside, bare, x, y, source) -> None:
@@ -327,7 +178,8 @@ def _check_coverage(outside, bare, x, y, source) -> None:
             source,
             f"the square sticks out of the mesh, or the mesh has a hole: there is no use-face in "
             f"{_describe(missing, x, y)}",
-            "Move square.frame in the config, make square.size_mm smaller, or repair the mesh.",
+            "Move square.frame in the config, make square.size_mm smaller, or repair the mesh "
+            "(holes, and faces turned inside out).",
         )
     if bare.any():
         _log.warning("holes of the mesh were bridged: %s", _describe(bare, x, y))

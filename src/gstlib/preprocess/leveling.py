@@ -68,11 +68,12 @@ def fit_plane(surface: xr.DataArray, mask: xr.DataArray | np.ndarray | None = No
     # Sums along rows and columns do, without a matrix of all the points. Centring on the points
     # fitted keeps the two slopes apart from the offset, and the sums free of cancellation.
     per_row, per_column = used.sum(axis=1), used.sum(axis=0)
-    y_mean, x_mean = per_row @ y / max(count, 1), per_column @ x / max(count, 1)
+    y_mean, x_mean = _dot(per_row, y) / max(count, 1), _dot(per_column, x) / max(count, 1)
     dy, dx = y - y_mean, x - x_mean
     z_mean = surface.values[used].mean() if count else math.nan
     z = np.where(used, surface.values - z_mean, 0.0)
-    yy, xx, xy = per_row @ dy**2, per_column @ dx**2, dy @ used @ dx
+    yy, xx = _dot(per_row, dy**2), _dot(per_column, dx**2)
+    xy = _dot(dy, np.where(used, dx, 0.0).sum(axis=1))
     determinant = yy * xx - xy**2
     if not determinant > 1e-12 * (yy + xx) ** 2:
         raise InputError(
@@ -80,7 +81,7 @@ def fit_plane(surface: xr.DataArray, mask: xr.DataArray | np.ndarray | None = No
             f"a plane cannot be fitted to {int(count)} measured points on one line",
             "Measure the patch again.",
         )
-    zy, zx = dy @ z.sum(axis=1), z.sum(axis=0) @ dx
+    zy, zx = _dot(dy, z.sum(axis=1)), _dot(dx, z.sum(axis=0))
     slope_y, slope_x = (xx * zy - xy * zx) / determinant, (yy * zx - xy * zy) / determinant
     offset = z_mean - slope_y * y_mean - slope_x * x_mean
     return Plane(float(offset), float(slope_y), float(slope_x))
@@ -92,6 +93,11 @@ def remove_plane(
     """The surface without its least-squares plane (fitted on `mask`), and the plane."""
     plane = fit_plane(surface, mask)
     return surface.copy(data=surface.values - plane.heights(surface).values), plane
+
+
+def _dot(one: np.ndarray, other: np.ndarray) -> float:
+    """Σ one·other, without BLAS: its sums differ in their last bits from run to run."""
+    return float(np.einsum("i,i->", one, other))
 
 
 def _centred(surface: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:

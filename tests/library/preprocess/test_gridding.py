@@ -6,8 +6,9 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gstlib.errors import ConfigError, InputError
-from gstlib.preprocess.gridding import Frame, grid_mesh
+from gstlib.errors import InputError
+from gstlib.preprocess.frame import Frame
+from gstlib.preprocess.gridding import grid_both_ways, grid_mesh
 
 UP = Frame(origin=(0, 0, 0), x_axis=(1, 0, 0), normal=(0, 0, 1))
 
@@ -28,59 +29,20 @@ def sheet(function, edge=0.25, low=-1.5, high=6.5, seed=0):
     return trimesh.Trimesh(np.c_[points, function(*points.T)], faces, process=False)
 
 
-def grid(mesh, frame=UP, *, size_mm=5.0, shape=(40, 50), margin_mm=1.0):
-    return grid_mesh(
+def grid(mesh, frame=UP, *, method=grid_mesh, size_mm=5.0, shape=(40, 50), margin_mm=1.0):
+    return method(
         mesh, frame, size_mm=size_mm, shape=shape, margin_mm=margin_mm, source="stone.stl"
     )
-
-
-class TestFrame:
-    def test_paper_corner_is_top_right(self):
-        frame = Frame(origin=(2.5, 2.5, 0), x_axis=(-1, 0, 0), normal=(0, 0, 1))
-        assert frame.y_axis == (0, -1, 0)
-        np.testing.assert_allclose(
-            frame.to_frame([[2.5, 2.5, 1], [-2.5, 2.5, 0], [2.5, -2.5, 0]]),
-            [[0, 0, 1], [5, 0, 0], [0, 5, 0]],
-        )
-
-    @given(st.lists(st.floats(-50, 50), min_size=3, max_size=3), st.integers(0, 1000))
-    def test_there_and_back(self, origin, seed):
-        rng = np.random.default_rng(seed)
-        normal, other = rng.normal(size=(2, 3))
-        frame = Frame(origin, np.cross(normal, other), normal)
-        points = rng.normal(scale=30, size=(5, 3))
-        local = frame.to_frame(points)
-        np.testing.assert_allclose(frame.from_frame(local), points, atol=1e-10)
-        distances = np.linalg.norm(local[1:] - local[0], axis=1)
-        np.testing.assert_allclose(distances, np.linalg.norm(points[1:] - points[0], axis=1))
-        handed = np.dot(np.cross(frame.x_axis, frame.y_axis), frame.normal)
-        assert handed == pytest.approx(1)
-
-    def test_typed_digits_are_made_perpendicular(self):
-        frame = Frame((0, 0, 0), (0.7071, 0.7071, 0.001), (0, 0, 2))
-        assert np.dot(frame.x_axis, frame.normal) == pytest.approx(0, abs=1e-15)
-        assert frame.normal == (0, 0, 1)
-
-    @pytest.mark.parametrize(
-        ("x_axis", "normal", "match"),
-        [
-            ((1, 0, 0.1), (0, 0, 1), "x_axis and normal enclose 84"),
-            ((0, 0, 0), (0, 0, 1), "x_axis: has length zero"),
-            ((1, 0), (0, 0, 1), "x_axis: .* is not three numbers"),
-            ((1, 0, 0), (0, 0, float("nan")), "normal: .* is not three numbers"),
-        ],
-    )
-    def test_bad_axes(self, x_axis, normal, match):
-        with pytest.raises(ConfigError, match=match):
-            Frame((0, 0, 0), x_axis, normal)
 
 
 @settings(max_examples=15, deadline=None)
 @given(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-2, 2), st.integers(0, 100))
 def test_plane_is_exact(slope_x, slope_y, offset, seed):
-    surface = grid(sheet(lambda x, y: offset + slope_x * x + slope_y * y, edge=0.5, seed=seed))
-    expected = offset + slope_x * surface.x + slope_y * surface.y
-    np.testing.assert_allclose(surface.values, expected.transpose("y", "x").values, atol=1e-9)
+    plane = sheet(lambda x, y: offset + slope_x * x + slope_y * y, edge=0.5, seed=seed)
+    gridded = grid(plane, method=grid_both_ways)
+    expected = (offset + slope_x * gridded.x + slope_y * gridded.y).transpose("y", "x").values
+    np.testing.assert_allclose(gridded.height.values, expected, atol=1e-9)
+    np.testing.assert_allclose(gridded.pierced.values, expected, atol=1e-9)
 
 
 def test_grid_is_the_square():
@@ -92,13 +54,15 @@ def test_grid_is_the_square():
     assert surface.attrs["mesh_edge_mm"] == pytest.approx(0.28, rel=0.1)
 
 
-def test_converges_at_second_order():
-    def hills(x, y):
-        return 0.1 * np.sin(1.3 * x) * np.cos(0.9 * y)
+def hills(x, y):
+    return 0.1 * np.sin(1.3 * x) * np.cos(0.9 * y)
 
+
+@pytest.mark.parametrize("name", ["height", "pierced"])
+def test_converges_at_second_order(name):
     errors = []
     for edge in (0.5, 0.25, 0.125):
-        surface = grid(sheet(hills, edge=edge))
+        surface = grid(sheet(hills, edge=edge), method=grid_both_ways)[name]
         exact = hills(*np.meshgrid(surface.x, surface.y))
         errors.append(np.sqrt(np.mean((surface.values - exact) ** 2)))
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -113,10 +77,11 @@ def on_top(radius):
 @pytest.mark.parametrize("radius", [20.0, 4.0])  # the small one is in the crop with both its sides
 def test_ball_gives_the_side_that_the_normal_leaves(radius):
     ball = trimesh.creation.icosphere(subdivisions=5, radius=radius)
-    surface = grid(ball, on_top(radius), margin_mm=2.0)
-    x, y = np.meshgrid(surface.x - 2.5, surface.y - 2.5)
+    gridded = grid(ball, on_top(radius), margin_mm=2.0, method=grid_both_ways)
+    x, y = np.meshgrid(gridded.x - 2.5, gridded.y - 2.5)
     exact = np.sqrt(radius**2 - x**2 - y**2) - radius - 0.2
-    np.testing.assert_allclose(surface.values, exact, atol=0.02)
+    np.testing.assert_allclose(gridded.height.values, exact, atol=0.02)
+    np.testing.assert_allclose(gridded.pierced.values, exact, atol=0.02)
 
 
 def test_underside_is_reached_by_a_frame_there():
@@ -150,13 +115,51 @@ def test_speck_over_the_surface_is_not_the_use_face():
     np.testing.assert_allclose(surface.values, -0.5, atol=1e-12)
 
 
+def innermost(mesh):
+    """Mask of the face at the middle of the square."""
+    distance = np.linalg.norm(mesh.triangles_center[:, :2] - 2.5, axis=1)
+    return np.arange(len(mesh.faces)) == distance.argmin()
+
+
 def test_pin_hole_is_bridged(caplog):
     plane = sheet(lambda x, y: 0.1 * x)
-    middle = np.linalg.norm(plane.triangles_center[:, :2] - 2.5, axis=1).argmin()
-    plane.update_faces(np.arange(len(plane.faces)) != middle)
-    surface = grid(plane)
-    np.testing.assert_allclose(surface.values, 0.1 * np.broadcast_to(surface.x, (40, 50)))
+    plane.update_faces(~innermost(plane))
+    gridded = grid(plane, method=grid_both_ways)
+    exact = 0.1 * np.broadcast_to(gridded.x, (40, 50))
+    np.testing.assert_allclose(gridded.height.values, exact)
     assert "holes of the mesh were bridged" in caplog.text
+    # The faces themselves are known everywhere else, and only there.
+    hole = np.isnan(gridded.pierced.values)
+    assert 0 < hole.sum() < 0.01 * hole.size
+    np.testing.assert_allclose(gridded.pierced.values[~hole], exact[~hole])
+
+
+def test_a_face_turned_over_is_bridged_and_many_are_refused(caplog):
+    plane = sheet(lambda x, y: 0.1 * x)
+    wrong = innermost(plane)
+    plane.faces[wrong] = plane.faces[wrong][:, ::-1]
+    np.testing.assert_allclose(grid(plane).values, 0.1 * np.broadcast_to(grid(plane).x, (40, 50)))
+    assert "holes of the mesh were bridged" in caplog.text
+    many = np.linalg.norm(plane.triangles_center[:, :2] - 2.5, axis=1) < 1.0
+    plane.faces[many] = plane.faces[many][:, ::-1]
+    refused("faces turned inside out", plane)
+
+
+def test_closed_pebble_against_its_ellipsoid():
+    axes = np.array([50.0, 40.0, 15.0])
+    pebble = trimesh.creation.icosphere(subdivisions=6)
+    pebble.apply_scale(axes)
+    gridded = grid(pebble, on_top(15), method=grid_both_ways)
+    x, y = np.meshgrid(gridded.x - 2.5, gridded.y - 2.5)
+    exact = axes[2] * np.sqrt(1 - (x / axes[0]) ** 2 - (y / axes[1]) ** 2) - axes[2] - 0.2
+    for name in ("height", "pierced"):
+        np.testing.assert_allclose(gridded[name].values, exact, atol=2e-3)
+
+
+def test_open_shell_with_inverted_normals():
+    shell = sheet(hills)
+    shell.invert()
+    refused("look against the frame's normal.*else turn the mesh's faces", shell)
 
 
 def refused(match, mesh, frame=UP, **kwargs):

@@ -1,4 +1,4 @@
-"""Outliers: the paper's rule, never more than the share, and spikes are found."""
+"""Outliers: each rule as it is written, spikes are found, and what no rule should take is left."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,27 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
-from gstlib.preprocess.outliers import deviation_ratio, replace_outliers
+from gstlib.preprocess.outliers import deviation_ratio, median_outliers, window_outliers
 from gstlib.surface import make_surface
+
+MEDIAN = {"half_width": 3, "threshold": 5.0}
 
 
 def rough(seed=0, size=64, smoothing=2.0):
     return gaussian_filter(np.random.default_rng(seed).normal(size=(size, size)), smoothing) * 1e-2
+
+
+def spiky(seed, tilt_y=0.0, tilt_x=0.0, size=96):
+    """A tilted rough face with spikes of one to nine points, apart from each other."""
+    rng = np.random.default_rng(seed)
+    rows, columns = np.indices((size, size))
+    truth = rough(seed, size) + 40.0 + 1e-3 * (tilt_y * rows + tilt_x * columns)
+    spikes = np.zeros(truth.shape, bool)
+    places = rng.permutation((size // 12) ** 2)[:15]
+    for row, column in 12 * np.array(np.divmod(places, size // 12)).T + rng.integers(0, 9, (15, 2)):
+        spikes[row : row + rng.integers(1, 4), column : column + rng.integers(1, 4)] = True
+    sign = rng.choice([-1.0, 1.0], size=truth.shape)
+    return make_surface(truth + 0.05 * sign * spikes, 1e-3), spikes
 
 
 def test_ratio_is_the_rule_as_written():
@@ -25,16 +40,39 @@ def test_ratio_is_the_rule_as_written():
         assert ratio[i, j] == pytest.approx(expected, rel=1e-6)
 
 
+def test_median_rule_is_the_rule_as_written():
+    """A face without a plane of its own, so that the windows can be taken as they are; smooth on
+    one part and rough on another, so that the noise of the window and that of all points rule."""
+    rng = np.random.default_rng(2)
+    quarter = rng.standard_t(2, (12, 13)) * np.geomspace(0.1, 3.0, 13) * 1e-3
+    heights = np.block([[quarter, quarter[:, ::-1]], [quarter[::-1], quarter[::-1, ::-1]]])
+    r, t = 2, 3.0
+    outlier, scale = median_outliers(make_surface(heights, 1e-3), half_width=r, threshold=t)
+    padded = np.pad(heights, r, mode="reflect")
+    windows = [padded[i : i + 2 * r + 1, j : j + 2 * r + 1] for i, j in np.ndindex(heights.shape)]
+    median = np.array([np.median(w) for w in windows])
+    mad = np.array([np.median(np.abs(w - m)) for w, m in zip(windows, median, strict=True)])
+    off = np.abs(heights.ravel() - median)
+    assert scale == pytest.approx(1.4826 * np.median(off), rel=1e-9)
+    beyond = [off > t * 1.4826 * mad, off > t * scale]
+    np.testing.assert_array_equal(outlier.ravel(), beyond[0] & beyond[1])
+    assert (beyond[0] & beyond[1]).sum() > 10
+    assert (beyond[0] ^ beyond[1]).sum() > 10
+
+
 @settings(max_examples=12, deadline=None)
-@given(st.integers(0, 1000), st.floats(0, 0.1), st.integers(1, 6))
-def test_never_more_than_the_share(seed, share, half_width):
+@given(st.integers(0, 1000), st.floats(0, 0.1), st.integers(1, 6), st.floats(0, 0.5))
+def test_window_rule_takes_the_share_of_the_measured_points_and_no_others(
+    seed, share, half_width, unmeasured
+):
     surface = make_surface(rough(seed), 1e-3)
-    clean, outlier, k = replace_outliers(surface, half_width=half_width, share=share)
-    allowed = share * surface.size
-    assert int(outlier.sum()) <= allowed
-    assert int(outlier.sum()) > allowed - 2  # and no fewer than need be
+    measured = np.random.default_rng(seed).random(surface.shape) >= unmeasured
+    outlier, k = window_outliers(surface, half_width=half_width, share=share, measured=measured)
+    allowed = share * measured.sum()
+    assert outlier.sum() <= allowed
+    assert outlier.sum() > allowed - 2  # and no fewer than need be
+    assert not (outlier & ~measured).any()
     assert k >= 0
-    np.testing.assert_array_equal(clean.values[~outlier.values], surface.values[~outlier.values])
 
 
 @settings(max_examples=12, deadline=None)
@@ -42,49 +80,97 @@ def test_never_more_than_the_share(seed, share, half_width):
 def test_threshold_falls_as_the_share_grows(seed, share, other):
     surface = make_surface(rough(seed, size=32), 1e-3)
     few, many = sorted((share, other))
-    found = [replace_outliers(surface, half_width=3, share=s) for s in (few, many)]
-    assert found[0][2] >= found[1][2]
-    assert not (found[0][1] & ~found[1][1]).any()  # the fewer are among the more
+    found = [window_outliers(surface, half_width=3, share=s) for s in (few, many)]
+    assert found[0][1] >= found[1][1]
+    assert not (found[0][0] & ~found[1][0]).any()  # the fewer are among the more
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(0, 1000), st.floats(2, 8), st.floats(2, 8))
+def test_a_higher_threshold_finds_no_new_outliers(seed, threshold, other):
+    surface, _ = spiky(seed)
+    low, high = sorted((threshold, other))
+    found = [median_outliers(surface, half_width=3, threshold=t)[0] for t in (low, high)]
+    assert not (found[1] & ~found[0]).any()
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    st.integers(0, 1000),
+    st.sampled_from([1.0, -1.0]),
+    st.floats(0.01, 100),
+    st.floats(-50, 50),
+    st.floats(-5, 5),
+)
+def test_median_rule_knows_no_unit_no_sign_no_zero_and_no_tilt(seed, sign, factor, offset, tilt):
+    surface, _ = spiky(seed)
+    found, scale = median_outliers(surface, **MEDIAN)
+    seen = sign * factor * (surface + tilt * surface.x - tilt / 2 * surface.y) + offset
+    other, its = median_outliers(seen, **MEDIAN)
+    np.testing.assert_array_equal(other, found)
+    assert its == pytest.approx(factor * scale, rel=1e-6)
 
 
 def test_share_of_nothing_leaves_all():
     surface = make_surface(rough(), 1e-3)
-    clean, outlier, _ = replace_outliers(surface, half_width=5, share=0.0)
+    outlier, _ = window_outliers(surface, half_width=5, share=0.0)
     assert not outlier.any()
-    np.testing.assert_array_equal(clean.values, surface.values)
 
 
 @pytest.mark.parametrize("offset", [0.0, 76.3])  # some instruments count from far away
 def test_flat_surface_has_none(offset):
     surface = make_surface(np.full((40, 40), offset), 1e-3)
-    _, outlier, k = replace_outliers(surface, half_width=5, share=0.01)
+    outlier, k = window_outliers(surface, half_width=5, share=0.01)
     assert not outlier.any()
     assert k == 0
-
-
-def test_smooth_surface_hardly_changes():
-    heights = rough(smoothing=6.0)
-    clean, _, _ = replace_outliers(make_surface(heights, 1e-3), half_width=5, share=0.01)
-    assert np.abs(clean.values - heights).max() < 0.2 * heights.std()
+    assert not median_outliers(surface, **MEDIAN)[0].any()
+    tilted = surface + 0.04 * surface.x - 0.02 * surface.y
+    assert not median_outliers(tilted, **MEDIAN)[0].any()
 
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 1000), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
 def test_planted_spikes_are_found_whatever_the_tilt(seed, tilt_y, tilt_x):
+    surface, spikes = spiky(seed, tilt_y, tilt_x)
+    by_window, _ = window_outliers(surface, half_width=5, share=0.02)
+    by_median, _ = median_outliers(surface, **MEDIAN)
+    assert by_median[spikes].all()
+    assert (by_median & ~spikes).mean() < 1e-3
+    assert by_window[spikes].mean() > 0.8
+    assert (by_window & ~spikes).mean() > 0.005  # it takes its share, whatever there is
+
+
+def test_ridges_and_steps_are_not_outliers():
+    """What a mean takes for outliers: a median keeps an edge where it is."""
+    rows, columns = np.indices((80, 80))
+    noise = np.random.default_rng(4).normal(0, 1e-5, rows.shape)
+    for face in (5e-3 * (columns > 40), 1e-3 * np.abs(rows - 40), 5e-3 * (rows > columns)):
+        outlier, _ = median_outliers(make_surface(face + noise, 1e-3), **MEDIAN)
+        assert outlier.mean() < 1e-3
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 1000), st.integers(1, 6))
+def test_unmeasured_points_neither_are_outliers_nor_hide_any(seed, width):
+    surface, spikes = spiky(seed)
     rng = np.random.default_rng(seed)
-    truth = rough(seed, size=96) + 40.0
-    rows, columns = np.indices(truth.shape)
-    truth = truth + 1e-3 * (tilt_y * rows + tilt_x * columns)
-    spikes = np.zeros(truth.shape, bool)
-    # Spikes of one to four points, apart from each other.
-    for i, j in 12 * rng.permutation(64)[:15, None] % [96, 1] + [0, 0]:
-        row, column = 4 + i, 4 + 12 * (int(j) // 96 % 8)
-        spikes[row : row + rng.integers(1, 3), column : column + rng.integers(1, 3)] = True
-    sign = rng.choice([-1.0, 1.0], size=truth.shape)
-    surface = make_surface(truth + 0.05 * sign * spikes, 1e-3)
-    clean, outlier, _ = replace_outliers(surface, half_width=5, share=0.02)
-    assert outlier.values[spikes].all()
-    assert np.abs(clean.values - truth)[spikes].max() < 0.01
+    holes = np.zeros(spikes.shape, bool)
+    for row, column in np.argwhere(spikes)[rng.integers(0, spikes.sum(), 6)]:
+        holes[row + 1 : row + 1 + width, max(column - width // 2, 0) : column + width // 2] = True
+    outlier, _ = median_outliers(surface.where(~holes), **MEDIAN)
+    assert not (outlier & holes).any()
+    inner = slice(3, -3), slice(3, -3)  # at the map's rim, windows are short of points as it is
+    assert outlier[inner][(spikes & ~holes)[inner]].all()
+    assert (outlier & ~spikes).mean() < 1e-3
+
+
+def test_chunks_change_nothing(monkeypatch):
+    surface, _ = spiky(1)
+    whole, _ = median_outliers(surface, half_width=3, threshold=1.0)
+    monkeypatch.setattr("gstlib.preprocess.outliers._CHUNK", 500)
+    parts, _ = median_outliers(surface, half_width=3, threshold=1.0)
+    assert whole.sum() > 100
+    np.testing.assert_array_equal(parts, whole)
 
 
 def test_cluster_that_fills_its_window_is_out_of_reach():
@@ -94,3 +180,7 @@ def test_cluster_that_fills_its_window_is_out_of_reach():
     narrow, wide = (deviation_ratio(heights, r)[32, 32] for r in (3, 10))
     assert narrow == pytest.approx(np.sqrt((49 - 25) / 25))
     assert wide == pytest.approx(np.sqrt((441 - 25) / 25))
+    found = [
+        median_outliers(make_surface(heights, 1e-3), half_width=r, threshold=6.0)[0] for r in (3, 4)
+    ]
+    assert [bool(one[32, 32]) for one in found] == [False, True]

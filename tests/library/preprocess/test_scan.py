@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from gstlib.errors import InputError
+from gstlib.errors import ConfigError, InputError
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.preprocess.scan import prepare_scan
 from gstlib.surface import make_surface
@@ -38,10 +38,13 @@ def case():
     return stone, spikes & ~holes, holes, make_surface(mould, 1e-3, file="a.plu", vendor="V")
 
 
-def test_stone_is_recovered(case):
+@pytest.mark.parametrize("rule", ["window", "median"])
+def test_stone_is_recovered(case, rule):
     stone, spikes, holes, raw = case
-    scan = prepare_scan(raw, **SETTINGS)
+    scan = prepare_scan(raw, **SETTINGS, outlier_rule=rule)
     np.testing.assert_array_equal(scan.filled, holes)
+    np.testing.assert_array_equal(scan.outlier, scan[f"outlier_{rule}"])
+    assert not (scan.outlier & scan.filled).any()
     assert scan.outlier.values[spikes].all()
     error = scan.height.values - stone
     # Where nothing was replaced, the plane's fit is all that can be off.
@@ -55,6 +58,8 @@ def test_every_step_is_counted(case):
     stone, _, holes, raw = case
     attrs = prepare_scan(raw, **SETTINGS).attrs
     assert attrs["unmeasured"] == attrs["filled"] == holes.sum()
+    assert attrs["points"] == stone.size
+    assert attrs["unmeasured_share"] == holes.mean()
     assert 0 < attrs["outliers"] <= 0.01 * stone.size
     assert attrs["outlier_share"] == attrs["outliers"] / stone.size
     assert attrs["tilt_y_mrad"] == pytest.approx(4.0, abs=0.1)
@@ -63,6 +68,45 @@ def test_every_step_is_counted(case):
     assert attrs["Sq_after_um"] == pytest.approx(1e3 * stone.std(), rel=0.01)
     assert attrs["file"] == "a.plu"
     assert attrs["vendor"] == "V"
+
+
+def test_both_rules_are_compared_whichever_is_in_force(case):
+    _, spikes, _, raw = case
+    window, median = (prepare_scan(raw, **SETTINGS, outlier_rule=r) for r in ("window", "median"))
+    for name in ("outlier_window", "outlier_median"):
+        np.testing.assert_array_equal(window[name], median[name])
+    for scan, rule in ((window, "window"), (median, "median")):
+        assert scan.attrs["outlier_rule"] == rule
+        assert scan.attrs["outliers"] == scan.attrs[f"outliers_{rule}"] == scan.outlier.sum()
+        assert scan.attrs["outlier_k"] == scan.attrs[f"outlier_k_{rule}"]
+    both = (window.outlier & median.outlier).sum()
+    assert window.attrs["outliers_both"] == median.attrs["outliers_both"] == both
+    np.testing.assert_array_equal(median.outlier, spikes)
+    assert window.outlier.sum() > median.outlier.sum()  # it takes its share
+
+
+def test_highest_points_are_above_the_plane_and_on_the_stones_side(case):
+    stone, _, _, raw = case
+    attrs = prepare_scan(raw, **SETTINGS, outlier_rule="median").attrs
+    assert attrs["highest_after_um"] == pytest.approx(1e3 * stone.max(), rel=0.05)
+    assert attrs["highest_before_um"] > 1e3 * stone.max() + 10
+    assert attrs["highest_before_um"] < 1e3 * stone.max() + 31
+
+
+@pytest.mark.parametrize("rule", ["window", "median"])
+def test_a_spike_beside_a_hole_does_not_spread_into_it(case, rule):
+    stone, _, holes, _ = case
+    spikes = np.zeros_like(holes)
+    spikes[59, 33:36] = spikes[64, 32] = spikes[102, 84] = True
+    raw = make_surface(-np.where(holes, math.nan, stone + 0.03 * spikes)[:, ::-1], 1e-3)
+    scan = prepare_scan(raw, **SETTINGS, outlier_rule=rule)
+    assert scan.outlier.values[spikes].all()
+    assert np.abs(scan.height.values - stone)[holes | spikes].max() < 0.5 * stone.std()
+
+
+def test_a_rule_that_there_is_not(case):
+    with pytest.raises(ConfigError, match=r"outlier_rule: is 'mean'\. One of: window, median"):
+        prepare_scan(case[3], **SETTINGS, outlier_rule="mean")
 
 
 def test_can_be_stored_and_given_back(case, tmp_path):
