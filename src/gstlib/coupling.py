@@ -7,6 +7,8 @@ share its force out without loss, wherever they lie.
 
 # ASSUME: the x and y of a patch are those of its centre; the paper gives the place by its x and y.
 
+import math
+
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -120,8 +122,8 @@ def select_patches(
     pressures : pandas.DataFrame
         From `patch_pressures`.
     registration : pandas.DataFrame or None
-        ``patch``, ``overlap`` (share of T0's area that T1 covers), ``correlation``; patches that
-        are not in it have no T1 and are judged on their pressure alone.
+        ``patch``, ``overlap`` (share of T0's area that T1 covers), ``correlation`` (NaN where T1
+        was not found on T0); patches not in it have no T1 and are judged on their pressure alone.
     minimum_pressure_MPa : float
         A patch in the study carries more than 0 and at least this.
     minimum_overlap, minimum_correlation : float
@@ -146,8 +148,9 @@ def select_patches(
                 ("overlap", minimum_overlap),
                 ("correlation", minimum_correlation),
             ):
-                # Written so that NaN (not registered) counts as too low.
-                if not quality[name] >= least:
+                if math.isnan(quality[name]):
+                    found.append("T1 was not found on T0")
+                elif quality[name] < least:
                     found.append(f"T0/T1 {name} {quality[name]:.2f} below {least:.2f}")
         reasons.append("; ".join(found))
     return pressures.assign(in_study=[not text for text in reasons], reason=reasons)

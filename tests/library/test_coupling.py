@@ -120,7 +120,7 @@ class TestSelection:
             "pressure 0.5 below 1 MPa",
             "T0/T1 overlap 0.52 below 0.80; T0/T1 correlation 0.30 below 0.60",
             "",
-            "T0/T1 overlap nan below 0.80",
+            "T1 was not found on T0",
         ]
         assert list(table.in_study) == [False, False, False, True, False]
 

@@ -1,6 +1,40 @@
 # From the square to its patches.
-# Takes: the macroscale contact and how well T1 lies over T0. Gives: every patch's pressure, and
-# which patches enter the microscale study (hence a checkpoint: the rest of the DAG depends on it).
+# Takes: the macroscale surface and contact, and how well T1 lies over T0. Gives: where each patch
+# lies on the square, every patch's pressure, and which patches enter the microscale study (hence a
+# checkpoint: the rest of the DAG depends on it).
+
+
+rule place_patches:
+    input:
+        surface=rules.grid_macroscale.output.surface,
+        surfaces=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index),
+    output:
+        table=report(
+            f"{RESULTS}/tables/placement.csv",
+            caption="../report/placement_table.rst",
+            category="3 Coupling",
+            labels={"what": "where the patches lie", "kind": "table"},
+        ),
+        maps=f"{RESULTS}/coupling/placement.h5",
+    log:
+        f"{RESULTS}/logs/place_patches.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/place_patches.tsv"
+    threads: 1
+    resources:
+        mem_mb=2000,
+        runtime=10,
+    params:
+        patches=PATCHES.to_dict("list"),
+        patch_mm=PATCH_MM,
+        maximum_shift_um=config["placement"]["maximum_shift_um"],
+        significance=config["placement"]["significance"],
+        seed=config["placement"]["seed"],
+        code=code("place_patches.py"),
+    message:
+        "Looking for the patches on the square"
+    script:
+        "../scripts/place_patches.py"
 
 
 checkpoint couple_scales:
@@ -8,6 +42,7 @@ checkpoint couple_scales:
         contact=rules.solve_macroscale.output.contact,
         registered=expand(f"{RESULTS}/registered/{{patch}}.h5", patch=WORN_PATCHES),
         surfaces=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index),
+        placement=rules.place_patches.output.table if config["placement"]["correct"] else [],
     output:
         table=report(
             f"{RESULTS}/tables/patch_pressures.csv",
