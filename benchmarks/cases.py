@@ -115,6 +115,14 @@ CASES = {
             threads=(1, 2),
         ),
         Case(
+            "threads-2048",
+            "Rough 2048² at 76 MPa, cold, one thread and two",
+            Surface("rough", 2048),
+            76.0,
+            ("gstlib, load",),
+            threads=(1, 2),
+        ),
+        Case(
             "hertz-256",
             "Smooth sphere 256², cold, one thread",
             Surface("sphere", 256),

@@ -1,5 +1,8 @@
 # Was the prediction right?
-# Takes: predicted contact, and T1 laid over T0. Gives: scores per patch and over the patches.
+# Takes: predicted contact, and T1 laid over T0. Gives: scores per patch and over the patches, each
+# against chance and against rivals that need no mechanics.
+
+EXPECTED_WORST = config["validation"]["expected_worst"]
 
 
 rule score_patches:
@@ -13,6 +16,18 @@ rule score_patches:
             caption="../report/validation_patches.rst",
             category="5 Validation",
             labels={"what": "scores of each patch", "kind": "table"},
+        ),
+        gains=report(
+            f"{RESULTS}/tables/validation_gains.csv",
+            caption="../report/validation_gains.rst",
+            category="5 Validation",
+            labels={"what": "scores against chance and best rival", "kind": "table"},
+        ),
+        failures=report(
+            f"{RESULTS}/tables/validation_failures.csv",
+            caption="../report/validation_failures.rst",
+            category="5 Validation",
+            labels={"what": "where the prediction fails", "kind": "table"},
         ),
         summary=report(
             f"{RESULTS}/tables/validation_summary.csv",
@@ -30,8 +45,11 @@ rule score_patches:
         runtime=20,
     params:
         patches=lambda wildcards: [p for p in studied_patches() if p in WORN_PATCHES],
-        seed=config["validation"]["seed"],
-        resamples=config["validation"]["resamples"],
+        validation={
+            key: value for key, value in config["validation"].items() if key != "expected_worst"
+        },
+        # a claim about other patches is none about these
+        worst=EXPECTED_WORST if set(EXPECTED_WORST) <= set(PATCHES.index) else [],
         code=code("score_patches.py"),
     message:
         "Scoring predicted contact against measured height loss"

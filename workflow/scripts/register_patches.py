@@ -1,7 +1,7 @@
 """Lay T1 over T0, patch by patch, and take the height change.
 
-Inputs: the surfaces at T0 and T1. Outputs: a file with T1, change and loss for each patch.
-Settings: the patches, farthest shift.
+Inputs: the surfaces at T0 and T1. Outputs: a file with T1, change, loss and gain for each patch.
+Settings: the patches, farthest shift, least points of a trace.
 """
 
 import logging
@@ -11,24 +11,25 @@ from gstlib.errors import InputError
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.logs import job_log
 from gstlib.provenance import provenance
-from gstlib.validation.change import height_change
-from gstlib.validation.registration import apply_registration, register
+from gstlib.validation.change import measured_change
 
 
-def lay_over(t0: Path, t1: Path, registered: Path, *, maximum_shift_mm: float) -> None:
+def lay_over(
+    t0: Path, t1: Path, registered: Path, *, maximum_shift_mm: float, minimum_points: int
+) -> None:
     """Register T1 to T0 and store the height change."""
-    before, after = (read_dataset(file, only=["height"]).height for file in (t0, t1))
-    registration = register(before, after, maximum_shift_mm=maximum_shift_mm)
-    change = height_change(before, apply_registration(after, registration, like=before))
-    settings = {"maximum_shift_mm": maximum_shift_mm}
+    before, after = (read_dataset(file, only=["height", "filled", "outlier"]) for file in (t0, t1))
+    settings = {"maximum_shift_mm": maximum_shift_mm, "minimum_points": minimum_points}
+    registration, change = measured_change(before, after, **settings)
     write_dataset(registered, change, registration.as_attrs() | provenance([t0, t1], settings))
 
 
-def main(files: dict[str, tuple[Path, Path, Path]], *, maximum_shift_mm: float) -> None:
+def main(files: dict[str, tuple[Path, Path, Path]], **settings: float) -> None:
+    log = logging.getLogger("gstlib")
     for patch, (t0, t1, registered) in files.items():
-        logging.getLogger("gstlib").info("patch %s", patch)
+        log.info("patch %s", patch)
         try:
-            lay_over(t0, t1, registered, maximum_shift_mm=maximum_shift_mm)
+            lay_over(t0, t1, registered, **settings)
         except InputError as error:  # it names the epoch, but not the patch
             source = f"patch {patch}, {error.source}"
             raise InputError(source, error.problem, error.remedy) from error
@@ -45,4 +46,5 @@ if "snakemake" in globals():
         main(
             dict(zip(snakemake.params.patches, paths, strict=True)),
             maximum_shift_mm=snakemake.params.maximum_shift_mm,
+            minimum_points=snakemake.params.minimum_points,
         )

@@ -1,19 +1,33 @@
 """Score predicted contact against measured height loss, patch by patch and over the patches.
 
 Inputs: contacts and registered height changes of the patches, microscale_summary.csv.
-Outputs: validation_patches.csv, validation_summary.csv.
-Settings: the patches, seed and number of resamples.
+Outputs: validation_patches.csv, validation_gains.csv, validation_failures.csv,
+validation_summary.csv. Settings: the patches, those expected to be the worst, and `validation`
+of the config.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from gstlib.contact import pressed_height
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table, write_table
 from gstlib.logs import job_log
-from gstlib.validation.scores import rank_correlations, score_patch
+from gstlib.validation.across import (
+    EXTENTS,
+    expected_worst,
+    mean_gains,
+    mean_recalls,
+    mean_scores,
+    rank_correlations,
+)
+from gstlib.validation.comparison import CONTACT, compare, score_patch, scores_of
+from gstlib.validation.failures import gap_bands, height_bands, split_loss
+from gstlib.validation.gains import null_scores, weigh_patch
+from gstlib.validation.rivals import RIVALS
 
 
 def main(
@@ -21,25 +35,54 @@ def main(
     registered: dict[str, Path],
     microscale: Path,
     patches: Path,
+    gains: Path,
+    failures: Path,
     summary: Path,
     *,
+    worst: Sequence[str],
     seed: int,
     resamples: int,
+    shifts: int,
+    height_quantiles: Sequence[float],
+    gap_limits_um: Sequence[float],
+    **lengths: float,
 ) -> None:
-    scores = pd.DataFrame(
-        [
-            {"patch": patch} | score_patch(contact.height, contact, read_dataset(registered[patch]))
-            for patch, contact in ((patch, read_dataset(file)) for patch, file in contacts.items())
+    scored, weighed, split, nulls = [], [], [], []
+    for patch in contacts:
+        contact, change = read_dataset(contacts[patch]), read_dataset(registered[patch])
+        at = compare(pressed_height(contact), contact, change, **lengths)
+        # a patch draws the same whichever others are in the study
+        generator = np.random.default_rng([seed, *patch.encode()])
+        scores = scores_of(at)
+        nulls.append(null_scores(at, shifts=shifts, generator=generator))
+        rows = weigh_patch(scores, at, nulls[-1], resamples=resamples, generator=generator)
+        touching = at.predictions[CONTACT].mask
+        bands = {
+            "height": height_bands(contact["height"].values, at.valid, height_quantiles),
+            "gap": gap_bands(touching, contact["gap"].values, at.valid, gap_limits_um),
+        }
+        scored.append({"patch": patch} | score_patch(at, scores, change))
+        weighed += [{"patch": patch} | row for row in rows]
+        split += [
+            {"patch": patch, "split": name} | row
+            for name, masks in bands.items()
+            for row in split_loss(touching, at.loss, at.valid, masks)
         ]
-    )
-    write_table(patches, scores)
-    pressure = read_table(microscale).set_index("patch").mean_pressure_MPa
-    correlations = rank_correlations(
-        scores.assign(pressure_MPa=scores.patch.map(pressure)),
-        resamples=resamples,
-        generator=np.random.default_rng(seed),
-    )
-    write_table(summary, correlations)
+    scored, weighed, split = map(pd.DataFrame, (scored, weighed, split))
+    predicted = read_table(microscale).rename(columns={"mean_pressure_MPa": "pressure_MPa"})
+    both = scored.merge(predicted[["patch", "pressure_MPa", "stiffness_MPa_per_um"]], on="patch")
+    chance = {"resamples": resamples, "generator": np.random.default_rng(seed)}
+    parts = [
+        mean_gains(scored, RIVALS, **chance),
+        mean_scores(weighed, nulls, **chance),
+        rank_correlations(both, **chance),
+        mean_recalls(split, **chance),
+        expected_worst(both, worst, [*EXTENTS, "pressure_MPa", "contact_fraction"]),
+    ]
+    write_table(patches, scored)
+    write_table(gains, weighed)
+    write_table(failures, split)
+    write_table(summary, pd.concat([part for part in parts if len(part)], ignore_index=True))
 
 
 if "snakemake" in globals():
@@ -50,7 +93,9 @@ if "snakemake" in globals():
             dict(zip(ids, map(Path, snakemake.input.registered), strict=True)),
             Path(snakemake.input.microscale),
             Path(snakemake.output.patches),
+            Path(snakemake.output.gains),
+            Path(snakemake.output.failures),
             Path(snakemake.output.summary),
-            seed=snakemake.params.seed,
-            resamples=snakemake.params.resamples,
+            worst=snakemake.params.worst,
+            **snakemake.params.validation,
         )

@@ -1,6 +1,7 @@
 """Score every stage against the generated specimen's truth.
 
-Inputs: truth.h5, surface.h5 of the macroscale, patch_pressures.csv, prepared and registered scans.
+Inputs: truth.h5, surface.h5 of the macroscale, placement.csv, patch_pressures.csv, prepared and
+registered scans.
 Outputs: truth.csv. Settings: patches, those with a T1, patch side; contact modulus, target
 pressure and tolerance of the macroscale.
 """
@@ -48,6 +49,7 @@ def main(
     surface: Path,
     surfaces: dict[tuple[str, str], Path],
     registered: dict[str, Path],
+    placement: Path,
     pressures: Path,
     table: Path,
     **settings: float,
@@ -58,6 +60,7 @@ def main(
         macroscale=surface,
         surfaces=surfaces,
         registered=registered,
+        placement=placement,
         patch_pressures=pressures,
         true_pressures=true_pressures(known, **settings),
     )
@@ -73,6 +76,7 @@ if "snakemake" in globals():
             Path(snakemake.input.surface),
             dict(zip(scans, map(Path, snakemake.input.surfaces), strict=True)),
             dict(zip(worn, map(Path, snakemake.input.registered), strict=True)),
+            Path(snakemake.input.placement),
             Path(snakemake.input.pressures),
             Path(snakemake.output.table),
             patch_mm=snakemake.params.patch_mm,

@@ -1,4 +1,4 @@
-"""Prediction beside what use did (the paper's Fig. 11), its scores, and results beside truth."""
+"""Prediction beside what use did (the paper's Fig. 11), and results beside what is known."""
 
 import math
 
@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from gstlib.figures.macroscale import draw_footprints, draw_forces
+from gstlib.figures.scores import draw_agreement
 from gstlib.figures.style import (
-    AMBER,
     BLUE,
     CHANGE_MAP,
     CONTACT,
@@ -38,10 +38,7 @@ __all__ = [
     "patch_figure",
     "published_figure",
     "truth_figure",
-    "validation_figure",
 ]
-
-_HIT, _MISS, _FALSE_ALARM = BLUE, AMBER, CONTACT
 
 
 @styled
@@ -59,7 +56,7 @@ def patch_figure(
     contact : xarray.Dataset
         ``height`` (T0) and ``pressure`` (y, x) of the final state.
     registered : xarray.Dataset
-        ``t1``, ``change``, ``loss`` (y, x) and the attribute ``level_of_detection_um``.
+        ``t1``, ``change``, ``loss``, ``gain`` (y, x), the attribute ``level_of_detection_um``.
     patch : str
         Its id, for the title.
     """
@@ -91,15 +88,23 @@ def patch_figure(
     legend_below(predicted, [Patch(color=CONTACT, label=f"in contact: {in_contact.mean():.2%}")])
 
     bound = max(-height_limits(change)[0], 2 * registered.attrs["level_of_detection_um"])
+    # what noise may have done is drawn as no change
+    counted = loss | registered["gain"].values.astype(bool)
     image = draw_map(
-        changed, t0, change.values * MM_TO_UM, cmap=CHANGE_MAP, limits=(-bound, bound), ticks=False
+        changed,
+        t0,
+        np.where(counted, change.values, 0 * change.values) * MM_TO_UM,
+        cmap=CHANGE_MAP,
+        limits=(-bound, bound),
+        ticks=False,
     )
-    _bar(figure, image, changed, "height change (µm)")
+    draw_mask(changed, t0, ~inside, "white", block=block)
+    _bar(figure, image, changed, "height change (µm), 0 where not detected")
     changed.set_title("measured change T1 − T0")
 
-    seen = t0.where(inside)
     for axes in (lost, agreement):
-        draw_heights(axes, seen, relief=True, limits=height_limits(t0), ticks=False)
+        draw_heights(axes, t0, relief=True, ticks=False)
+        draw_mask(axes, t0, ~inside, "white", block=block)
     draw_mask(lost, t0, loss, VERMILION, block=block)
     lost.set_title("measured loss")
     limit = registered.attrs["level_of_detection_um"]
@@ -108,20 +113,16 @@ def patch_figure(
         lost, [Patch(color=VERMILION, label=f"lost more than {limit:.2f} µm: {share:.1%}")]
     )
 
-    classes = {
-        "miss": (loss & ~in_contact, _MISS),
-        "false alarm": (in_contact & ~loss & inside, _FALSE_ALARM),
-        "hit": (loss & in_contact, _HIT),
-    }
-    handles = []
-    for name, (mask, colour) in classes.items():
-        draw_mask(agreement, t0, mask, colour, block=block, thicken=name != "miss")
-        handles.append(Patch(color=colour, label=f"{name} {mask.sum() / max(inside.sum(), 1):.1%}"))
+    classes = draw_agreement(agreement, contact, registered, block=block)
+    handles = [
+        Patch(color=colour, label=f"{name} {mask.sum() / max(inside.sum(), 1):.1%}")
+        for name, (mask, colour) in classes.items()
+    ]
     agreement.set_title("agreement")
     for axes in (before, predicted, after, changed, lost, agreement):
         axes.set_anchor("N")
     legend_below(agreement, handles[::-1])
-    write_notes(figure, source_note, ["Bare: not measured at both times.", thickened_note(block)])
+    write_notes(figure, source_note, ["Bare: change not known.", thickened_note(block)])
     return figure
 
 
@@ -129,72 +130,6 @@ def _bar(figure: Figure, image, axes: Axes, label: str) -> None:
     bar = figure.colorbar(image, ax=axes, orientation="horizontal", shrink=0.8, pad=0.02, aspect=25)
     bar.ax.tick_params(labelsize=6)
     bar.set_label(label, fontsize=6.5, labelpad=1)
-
-
-@styled
-def validation_figure(
-    scores: pd.DataFrame,
-    summary: pd.DataFrame,
-    microscale: pd.DataFrame,
-    *,
-    source_note: str | None = None,
-) -> Figure:
-    """Scores of every patch beside the rival's, and pressure against the extent of the traces.
-
-    Parameters
-    ----------
-    scores : pandas.DataFrame
-        ``validation_patches.csv``: ``patch, f1, roc_auc, loss_fraction`` and the same scores with
-        ``highest_`` in front.
-    summary : pandas.DataFrame
-        ``validation_summary.csv``: ``statistic, value, low, high, p_value``.
-    microscale : pandas.DataFrame
-        ``microscale_summary.csv``: ``patch, mean_pressure_MPa, contact_fraction``.
-    """
-    figure = new_figure(WIDTH, 0.66 * WIDTH)
-    (f1, auc), (by_pressure, by_contact) = figure.subplots(2, 2)
-    for axes, name, label in ((f1, "f1", "F1"), (auc, "roc_auc", "ROC-AUC")):
-        places = np.arange(len(scores))
-        model, rival = scores[name], scores[f"highest_{name}"]
-        axes.vlines(places, np.minimum(model, rival), np.maximum(model, rival), color=PALE, lw=3)
-        axes.plot(places, rival, "o", mfc="white", color=GREY, label="highest points")
-        axes.plot(places, model, "o", color=BLUE, label="predicted contact")
-        axes.set_xticks(places, scores["patch"])
-        axes.set(xlabel="patch", ylabel=f"{label} against measured loss")
-        axes.margins(x=0.08)
-    f1.set_ylim(bottom=0)
-    auc.axhline(0.5, color=GREY, lw=0.6, ls=":")
-    auc.annotate(
-        "chance", (1, 0.5), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=6
-    )
-    f1.legend(loc="upper left", bbox_to_anchor=(0, 1.16), ncols=2)
-
-    both = microscale[["patch", "mean_pressure_MPa", "contact_fraction"]].merge(
-        scores[["patch", "loss_fraction"]], on="patch"
-    )
-    for axes, column, scale, label, statistic in (
-        (by_pressure, "mean_pressure_MPa", 1, "patch pressure (MPa)", "pressure_MPa"),
-        (by_contact, "contact_fraction", 100, "predicted contact (%)", "contact_fraction"),
-    ):
-        axes.plot(both[column] * scale, both["loss_fraction"] * 100, "o", color=VERMILION)
-        for patch, x, y in zip(
-            both["patch"], both[column] * scale, both["loss_fraction"] * 100, strict=True
-        ):
-            axes.annotate(patch, (x, y), xytext=(3, 3), textcoords="offset points", fontsize=6.5)
-        axes.set(xlabel=label, ylabel="area with loss (%)")
-        axes.margins(0.13)
-        axes.set_xlim(left=0)
-        axes.set_ylim(bottom=0)
-        row = summary[summary["statistic"] == f"spearman({statistic}, loss_fraction)"]
-        if len(row) and math.isfinite(row["value"].iloc[0]):
-            found = row.iloc[0]
-            axes.set_title(
-                f"Spearman ρ = {found['value']:.2f} "
-                f"[{found['low']:.2f}, {found['high']:.2f}], p = {found['p_value']:.2g}",
-                fontsize=7,
-            )
-    write_notes(figure, source_note, ["In brackets: 95 % bootstrap interval over patches."])
-    return figure
 
 
 @styled
@@ -333,21 +268,14 @@ def overview_figure(
     scale_bar(axes[2], 0.2)
     axes[2].set_title(f"3  predicted contact, patch {patch}\n{in_contact.mean():.1%} of its area")
     if registered is not None:
-        loss = registered["loss"].values.astype(bool)
         inside = np.isfinite(registered["change"].values)
-        draw_heights(axes[3], t0.where(inside), relief=True, limits=height_limits(t0), ticks=False)
-        draw_mask(axes[3], t0, loss & ~in_contact, _MISS, block=block)
-        false_alarm = in_contact & ~loss & inside
-        draw_mask(axes[3], t0, false_alarm, _FALSE_ALARM, block=block, thicken=True)
-        draw_mask(axes[3], t0, loss & in_contact, _HIT, block=block, thicken=True)
+        draw_heights(axes[3], t0, relief=True, ticks=False)
+        draw_mask(axes[3], t0, ~inside, "white", block=block)
+        classes = draw_agreement(axes[3], contact, registered, block=block)
         axes[3].set_title("4  measured loss\nagainst the prediction")
         legend_below(
             axes[3],
-            [
-                Patch(color=_HIT, label="hit"),
-                Patch(color=_MISS, label="miss"),
-                Patch(color=_FALSE_ALARM, label="false alarm"),
-            ],
+            [Patch(color=colour, label=name) for name, (_, colour) in reversed(classes.items())],
         )
     write_notes(
         figure,

@@ -2,26 +2,31 @@
 
 Between the two epochs the mould is taken anew and the scan is placed anew, so T1 is shifted against
 T0 by up to a good part of the field, turned by a little, tilted, noisy, and worn. Coarse: the
-shift is the peak of the normalised cross-correlation over the overlap (Padfield 2012, IEEE Trans.
-Image Process. 21:2706) of the band-passed heights; a self-affine surface is ruled by its longest
-waves, which fit anywhere within a field, so they are taken out first. Fine: Gauss-Newton least
-squares of the height difference in shift, rotation and plane, coarse to fine, with Tukey's biweight
-so that worn points do not pull (inverse-compositional alignment: Baker and Matthews 2004, Int. J.
-Comput. Vis. 56:221).
+shift is the peak of the normalised cross-correlation over the overlap (scikit-image, after Padfield
+2012, IEEE Trans. Image Process. 21:2706) of the band-passed heights; a self-affine surface is ruled
+by its longest waves, which fit anywhere within a field, so they are taken out first. Fine:
+Gauss-Newton least squares of the height difference in shift, rotation and plane, coarse to fine,
+with Tukey's biweight so that worn points do not pull (inverse-compositional alignment: Baker and
+Matthews 2004, Int. J. Comput. Vis. 56:221).
+
+The fine step is the project's own: no library fits shift, turn and tilt together and without the
+worn points. On scans of 512² points with wear, spikes and tilt it misses by 0.002 points in the
+median and 0.007 at most. With a loop around them that takes off the plane and masks what disagrees,
+SimpleITK misses by 0.003 and 0.017 at 16 times the CPU time, OpenCV by 0.005 and 0.027 at three
+times; pystackreg, which takes no mask, by 0.04 and 0.17 at the same (benchmarks/registration.py).
 """
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.fft
 import scipy.ndimage
 import xarray as xr
 
 from gstlib.errors import InputError
 from gstlib.surface import spacing_of
 
-__all__ = ["Registration", "apply_registration", "register"]
+__all__ = ["Registration", "apply_registration", "carry_mask", "register"]
 
 # The search runs on a grid of at most so many elements a side: its peak is good to a fraction of a
 # coarse element, which is within reach of the refinement.
@@ -30,9 +35,14 @@ _SEARCH_SIZE = 256
 # than this share of the field are taken out.
 _NOISE_ELEMENTS = 1.5
 _LONGEST_SHARE = 1 / 24
+# A T1 that covers less of T0 is beyond reach: the smaller the overlap, the more fits by chance.
+_LEAST_OVERLAP = 0.25
+# Least correlation times the root of the overlap that chance does not reach.
+_BEYOND_CHANCE = 0.35
 # Gauss-Newton steps below this many elements change nothing that can be measured.
 _SMALLEST_STEP = 0.005
 _STEPS_PER_LEVEL = 12
+_LEAST_POINTS = 100
 # The refinement repairs the peak of the search; if it wanders further (in coarse elements) it has
 # lost the surface.
 _REFINEMENT_REACH = 8
@@ -41,6 +51,8 @@ _QUALITY_NOISE = 0.02
 # 95 % efficiency at the normal distribution (Holland and Welsch 1977).
 _BIWEIGHT = 4.685
 _MAD_TO_SIGMA = 1.4826
+# Weights of neighbours below this are rounding.
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -106,7 +118,8 @@ def register(
     reference, moving : (y, x) xarray.DataArray
         Levelled heights in mm of the same spacing, no NaN; their shapes may differ.
     maximum_shift_mm : float
-        Largest shift searched, along each axis.
+        Largest shift along each axis that is surely searched, as long as a quarter of the field
+        overlaps; shifts that leave as much of it are searched too.
     minimum_correlation : float
         Detail correlation from which the alignment counts as found.
     rotation : bool
@@ -136,8 +149,10 @@ def register(
     )
     factor = math.ceil(max(*h0.shape, *h1.shape) / _SEARCH_SIZE)
     detail0, detail1 = _detail(h0, factor), _detail(h1, factor)
-    limit = maximum_shift_mm / np.asarray(spacing) / factor
-    pose = np.array([*_search(detail0, detail1, limit, placed / factor) * factor, 0.0])
+    pose = np.zeros(3)
+    if detail0.any() and detail1.any():
+        least = _least_overlap(h0.shape, maximum_shift_mm / np.asarray(spacing))
+        pose[:2] = _search(detail0, detail1, least) * factor
 
     if rotation:
         turn = _turn_by_search(detail0, detail1, pose / [factor, factor, 1])
@@ -155,6 +170,7 @@ def register(
     on_grid = _sample(_spline(h1), pose, h0.shape)
     inside = np.isfinite(on_grid)
     overlap = float(inside.mean())
+    covered = inside.sum() / min(h0.size, h1.size)
     correlation, residual = math.nan, math.nan
     if inside.sum() > 3:
         flat0, flat1 = _flatten(h0, inside), _flatten(on_grid, inside)
@@ -169,9 +185,12 @@ def register(
         correlation=correlation,
         detail_correlation=quality,
         residual_mm=residual,
-        # ASSUME: an alignment is believed from a correlation of the band-passed heights of 0.5 on;
-        # chance alone gives up to about 0.3 at half overlap.
-        found=bool(quality >= minimum_correlation),
+        # ASSUME: an alignment is believed from a correlation of the band-passed heights of 0.5 on,
+        # and of 0.35 over the root of the overlap: by chance surfaces that have nothing in common
+        # come to 0.2 over that root, seldom to 0.3.
+        found=bool(
+            quality >= minimum_correlation and quality * math.sqrt(covered) >= _BEYOND_CHANCE
+        ),
     )
 
 
@@ -189,14 +208,45 @@ def apply_registration(
     like : (y, x) xarray.DataArray
         The reference: its grid is used, its heights are not.
     """
-    spacing = np.asarray(_check(like, moving, holes=moving))
-    placed = [float(moving[a][0]) - float(like[a][0]) for a in "yx"]
-    shift = np.array([registration.shift_y_mm, registration.shift_x_mm])
-    pose = np.array([*(placed + shift) / spacing, math.radians(registration.rotation_deg)])
+    _check(like, moving, holes=moving)
+    pose = _pose(registration, moving, like)
     heights = _sample(_spline(np.asarray(moving, dtype=float)), pose, like.shape)
     return xr.DataArray(
         heights, dims=like.dims, coords=like.coords, name=moving.name, attrs=dict(moving.attrs)
     )
+
+
+def carry_mask(mask: xr.DataArray, registration: Registration, like: xr.DataArray) -> np.ndarray:
+    """Where marked points of the moving surface have a part in the heights on the grid of `like`.
+
+    Parameters
+    ----------
+    mask : (y, x) xarray.DataArray of bool
+        Marked points of the moving surface.
+    registration, like
+        As of `apply_registration`.
+
+    Returns
+    -------
+    (y, x) ndarray of bool
+        True where one of the four points around is marked; False outside the overlap.
+    """
+    # ASSUME: of the sixteen points that cubic interpolation weighs, the four around rule.
+    marked = np.asarray(mask, dtype=bool).astype(float)
+    return _sample(marked, _pose(registration, mask, like), like.shape, order=1) > _ROUNDING
+
+
+def _pose(registration: Registration, moving: xr.DataArray, like: xr.DataArray) -> np.ndarray:
+    """Shift (y, x) in elements between the corners of the grids, and turn in radians."""
+    placed = [float(moving[axis][0]) - float(like[axis][0]) for axis in "yx"]
+    shift = np.array([registration.shift_y_mm, registration.shift_x_mm])
+    return np.array([*(placed + shift) / spacing_of(like), math.radians(registration.rotation_deg)])
+
+
+def _least_overlap(shape: tuple[int, int], maximum_shift: np.ndarray) -> float:
+    """Share of the reference that is left at the largest shift (elements) along both axes."""
+    left = 1 - maximum_shift / np.asarray(shape)
+    return max(_LEAST_OVERLAP, float(np.prod(np.maximum(left, 0))))
 
 
 def _check(
@@ -229,54 +279,20 @@ def _detail(heights: np.ndarray, factor: int) -> np.ndarray:
     return np.clip(detail, -bound, bound) if bound > 0 else detail
 
 
-def _search(a: np.ndarray, b: np.ndarray, limit: np.ndarray, placed: np.ndarray) -> np.ndarray:
-    """Shift (y, x) of `b` on `a`, in elements, at the peak of their correlation over the overlap.
+def _search(a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
+    """Shift (y, x) of `b` on `a`, in whole elements, at the peak of their masked correlation."""
+    # here: whoever only lays a known registration over another surface does without it
+    from skimage.registration import phase_cross_correlation
 
-    Shifts are searched within `limit` of `placed`; a parabola through the peak's neighbours gives
-    the fraction.
-    """
-    shape = [
-        scipy.fft.next_fast_len(m + n - 1, real=True) for m, n in zip(a.shape, b.shape, strict=True)
-    ]
-    of_a = [scipy.fft.rfft2(f, shape) for f in (np.ones_like(a), a, a * a)]
-    of_b = [np.conj(scipy.fft.rfft2(f, shape)) for f in (np.ones_like(b), b, b * b)]
-
-    def sums(i: int, j: int) -> np.ndarray:
-        """Sum over the overlap of a^i b^j, for every shift."""
-        return scipy.fft.irfft2(of_a[i] * of_b[j], shape)
-
-    count = np.maximum(np.rint(sums(0, 0)), 1)
-    sum_a, sum_b = sums(1, 0), sums(0, 1)
-    covariance = sums(1, 1) - sum_a * sum_b / count
-    variance_a = sums(2, 0) - sum_a**2 / count
-    variance_b = sums(0, 2) - sum_b**2 / count
-    scale = np.sqrt(np.maximum(variance_a, 0) * np.maximum(variance_b, 0))
-    usable = scale > 1e-9 * scale.max()
-    correlation = np.where(usable, covariance / np.where(usable, scale, 1), 0)
-
-    shifts = [
-        np.arange(max(math.floor(p - m), -nb + 1), min(math.ceil(p + m), na - 1) + 1, dtype=int)
-        for p, m, na, nb in zip(placed, limit, a.shape, b.shape, strict=True)
-    ]
-    window = correlation[np.ix_(shifts[0] % shape[0], shifts[1] % shape[1])]
-    # chance correlations grow as the overlap shrinks, about as one over its root
-    weight = np.sqrt(count[np.ix_(shifts[0] % shape[0], shifts[1] % shape[1])])
-    row, column = np.unravel_index(int(np.argmax(window * weight)), window.shape)
-    return np.array(
-        [
-            shifts[0][row] + _vertex(window[:, column], row),
-            shifts[1][column] + _vertex(window[row], column),
-        ]
+    shift, _, _ = phase_cross_correlation(
+        a,
+        b,
+        reference_mask=np.ones(a.shape, dtype=bool),
+        moving_mask=np.ones(b.shape, dtype=bool),
+        overlap_ratio=least_overlap,
     )
-
-
-def _vertex(values: np.ndarray, peak: int) -> float:
-    """Offset of a parabola's top from the sampled peak; 0 where the peak is at the end."""
-    if not 0 < peak < len(values) - 1:
-        return 0.0
-    before, top, after = values[peak - 1 : peak + 2]
-    curvature = before - 2 * top + after
-    return float(0.5 * (before - after) / curvature) if curvature < 0 else 0.0
+    # scikit-image counts from centre to centre, here it is from corner to corner
+    return np.asarray(shift, dtype=float) + np.subtract(a.shape, b.shape) / 2
 
 
 def _turn_by_search(a: np.ndarray, b: np.ndarray, pose: np.ndarray) -> float:
@@ -340,8 +356,8 @@ def _refine(h0: np.ndarray, h1: np.ndarray, pose: np.ndarray, *, rotation: bool)
         for _ in range(_STEPS_PER_LEVEL):
             moved = _sample(smooth1, pose, h0.shape, stride=stride)
             inside = np.isfinite(moved)
-            if inside.sum() < 100:
-                return pose
+            if inside.sum() < _LEAST_POINTS:
+                break  # the next level takes more points of the same overlap
             residual = (moved - coarse0)[inside]
             dy = (y[inside] - pose[0] - (h1.shape[0] - 1) / 2) / half
             dx = (x[inside] - pose[1] - (h1.shape[1] - 1) / 2) / half
@@ -364,7 +380,7 @@ def _refine(h0: np.ndarray, h1: np.ndarray, pose: np.ndarray, *, rotation: bool)
 
 def _plane_of_most(design: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Plane through the values by reweighted least squares: the start of the robust fit."""
-    plane = np.linalg.solve(design @ design.T, design @ values)
+    plane = _least_squares(design, design, values)
     for _ in range(_STEPS_PER_LEVEL):
         plane = _robust_fit(design, values, plane, rows=slice(0, 3))
     return plane
@@ -374,12 +390,17 @@ def _robust_fit(
     design: np.ndarray, values: np.ndarray, plane: np.ndarray, *, rows: slice = slice(2, 5)
 ) -> np.ndarray:
     """Weighted least squares; biweights of what the last plane (the design's `rows`) leaves."""
-    left = values - plane @ design[rows]
+    left = values - np.einsum("i,ij->j", plane, design[rows])
     left -= np.median(left)
     bound = _BIWEIGHT * _robust_sigma(left)
     weight = np.clip(1 - (left / bound) ** 2, 0, None) ** 2 if bound > 0 else np.ones_like(left)
-    weighted = design * weight
-    return np.linalg.lstsq(weighted @ design.T, weighted @ values, rcond=None)[0]
+    return _least_squares(design * weight, design, values)
+
+
+def _least_squares(weighted: np.ndarray, design: np.ndarray, values: np.ndarray) -> np.ndarray:
+    # einsum, not a product of matrices: BLAS adds up in an order that changes from run to run
+    normal = np.einsum("ik,jk->ij", weighted, design)
+    return np.linalg.lstsq(normal, np.einsum("ik,k->i", weighted, values), rcond=None)[0]
 
 
 def _flatten(heights: np.ndarray, inside: np.ndarray) -> np.ndarray:
@@ -387,7 +408,8 @@ def _flatten(heights: np.ndarray, inside: np.ndarray) -> np.ndarray:
     rows, columns = np.nonzero(inside)
     design = np.stack([np.ones(rows.size), rows / inside.shape[0], columns / inside.shape[1]])
     values = heights[inside]
-    return values - np.linalg.solve(design @ design.T, design @ values) @ design
+    plane = _least_squares(design, design, values)
+    return values - np.einsum("i,ij->j", plane, design)
 
 
 def _detail_correlation(a: np.ndarray, b: np.ndarray, pose: np.ndarray) -> float:
@@ -400,8 +422,8 @@ def _pearson(a: np.ndarray, b: np.ndarray) -> float:
     if a.size < 3:
         return 0.0
     a, b = a - a.mean(), b - b.mean()
-    scale = math.sqrt(float(a @ a) * float(b @ b))
-    return float(a @ b) / scale if scale > 0 else 0.0
+    scale = math.sqrt(float(np.sum(a * a)) * float(np.sum(b * b)))
+    return float(np.sum(a * b)) / scale if scale > 0 else 0.0
 
 
 def _robust_sigma(values: np.ndarray) -> float:

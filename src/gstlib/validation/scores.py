@@ -1,31 +1,33 @@
-"""Does height go where contact was predicted? Scores of one patch, and rank correlations of many.
+"""How well does a prediction agree with what was seen? Scores of masks and of rankings.
 
-A score means little alone: each stands beside that of a rival that needs no mechanics, the highest
-points of the patch at equal area, whose columns begin with ``highest_``.
+Every score here is a function of a few sums over the points compared: how many were hit, how many
+marked, and so on. A null that moves the prediction and an interval that draws blocks of the patch
+only make other sums, thousands at once; they come back here, so that a score has one definition.
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
-import pandas as pd
-import xarray as xr
-
-from gstlib.validation.change import wear_summary
+import scipy.ndimage
 
 __all__ = [
-    "contact_ranking",
-    "highest_points",
+    "MASK_SCORES",
+    "RANK_SCORES",
+    "SCORES",
+    "average_precision",
+    "fractions",
+    "fractions_skill",
+    "fractions_skill_of_sums",
     "mask_scores",
-    "rank_correlations",
+    "mask_scores_of_counts",
+    "rank_scores",
+    "rank_scores_of_counts",
     "roc_auc",
-    "score_patch",
 ]
 
-# Up to this many patches all pairings are tried (8! = 40320), beyond it a random sample of them.
-_EXACT_UP_TO = 8
-_RANDOM_PAIRINGS = 9999
-_CONFIDENCE = 0.95
+MASK_SCORES = "precision", "recall", "f1", "iou", "mcc"
+RANK_SCORES = "roc_auc", "pr_auc"
+SCORES = *MASK_SCORES, "fss", *RANK_SCORES
 
 
 def mask_scores(
@@ -46,22 +48,105 @@ def mask_scores(
         ``precision`` (share of the predicted that is observed; NaN if nothing is predicted),
         ``recall`` (share of the observed that is predicted; NaN if nothing is observed), ``f1``
         (their harmonic mean, the Dice coefficient) and ``iou`` (intersection over union), both NaN
-        if both masks are empty, 0 if only one is.
+        if both masks are empty, 0 if only one is; ``mcc`` (Matthews' correlation coefficient, 0 at
+        chance whatever the areas; NaN if a mask is empty or full).
     """
     predicted, observed, valid = _masks(predicted, observed, valid)
-    hits = int((predicted & observed & valid).sum())
-    marked = int((predicted & valid).sum())
-    present = int((observed & valid).sum())
+    scores = mask_scores_of_counts(
+        (predicted & observed & valid).sum(),
+        (predicted & valid).sum(),
+        (observed & valid).sum(),
+        valid.sum(),
+    )
+    return {name: float(value) for name, value in scores.items()}
+
+
+def mask_scores_of_counts(
+    hits: np.ndarray, marked: np.ndarray, present: np.ndarray, measured: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The scores of `mask_scores`, from how many points were hit, marked, present and measured.
+
+    The counts broadcast against each other: one score for each set of counts.
+    """
+    hits, marked, present, measured = (
+        np.asarray(count, dtype=float) for count in (hits, marked, present, measured)
+    )
+    spread = marked * (measured - marked) * present * (measured - present)
     return {
         "precision": _ratio(hits, marked),
         "recall": _ratio(hits, present),
         "f1": _ratio(2 * hits, marked + present),
         "iou": _ratio(hits, marked + present - hits),
+        "mcc": _ratio(hits * measured - marked * present, np.sqrt(np.maximum(spread, 0))),
     }
 
 
-def roc_auc(score: np.ndarray, observed: np.ndarray, valid: np.ndarray | None = None) -> float:
-    """Probability that a random observed point scores above a random other one; ties count half.
+def fractions(mask: np.ndarray, size: int, valid: np.ndarray | None = None) -> np.ndarray:
+    """Share of the valid points in a square window around each point that the mask marks.
+
+    Parameters
+    ----------
+    mask : (ny, nx) array_like of bool
+    size : int
+        Odd side of the window, in elements; it is cut off at the edges.
+    valid : (ny, nx) array_like of bool, optional
+        Points that count; all by default.
+
+    Returns
+    -------
+    (ny, nx) ndarray
+        From 0 to 1; 0 where no valid point is in the window.
+    """
+    mask, _, valid = _masks(mask, mask, valid)
+    if size < 1 or size % 2 == 0:
+        raise ValueError(f"the window must be an odd number of elements wide, not {size}")
+    if size == 1:
+        return (mask & valid).astype(float)
+    marked, there = (
+        np.rint(scipy.ndimage.uniform_filter(m.astype(float), size, mode="constant") * size**2)
+        for m in (mask & valid, valid)
+    )
+    return np.divide(marked, there, out=np.zeros_like(marked), where=there > 0)
+
+
+def fractions_skill(
+    predicted: np.ndarray, observed: np.ndarray, valid: np.ndarray | None = None, *, size: int
+) -> float:
+    """Fractions skill score (Roberts and Lean 2008, Mon. Weather Rev. 136:78): near counts as hit.
+
+    Compared are not points but the shares of a window that are marked, so that a miss by less
+    than the window is forgiven: 1 - Σ(p - o)² / Σ(p² + o²). A window of one element gives F1.
+
+    Parameters
+    ----------
+    predicted, observed : (ny, nx) array_like of bool
+        The prediction is known everywhere; what was observed, where valid.
+    valid : (ny, nx) array_like of bool, optional
+        Where to compare; everywhere by default.
+    size : int
+        Odd side of the window, in elements.
+
+    Returns
+    -------
+    float
+        From 0 to 1, at most 2 a / (1 + a²) where the areas' ratio is a; NaN if both are empty.
+    """
+    predicted, observed, valid = _masks(predicted, observed, valid)
+    p, o = fractions(predicted, size)[valid], fractions(observed, size, valid)[valid]
+    return float(fractions_skill_of_sums(p @ o, p @ p, o @ o))
+
+
+def fractions_skill_of_sums(
+    product: np.ndarray, predicted: np.ndarray, observed: np.ndarray
+) -> np.ndarray:
+    """The score of `fractions_skill` from the sums of p o, p² and o² over the valid points."""
+    return _ratio(2 * np.asarray(product, dtype=float), np.asarray(predicted) + observed)
+
+
+def rank_scores(
+    score: np.ndarray, observed: np.ndarray, valid: np.ndarray | None = None
+) -> dict[str, float]:
+    """How well a number ranks the points at which the event was above the others.
 
     Parameters
     ----------
@@ -74,12 +159,13 @@ def roc_auc(score: np.ndarray, observed: np.ndarray, valid: np.ndarray | None = 
 
     Returns
     -------
-    float
-        Area under the receiver operating characteristic, from the Mann-Whitney statistic; NaN if
-        the event is everywhere or nowhere.
+    dict
+        ``roc_auc``: probability that a random point of the event scores above a random other one,
+        ties counting half (area under the receiver operating characteristic); ``pr_auc``: average
+        precision, the mean over the events of the precision at each one's score (area under the
+        precision-recall curve without interpolation), whose level at chance is the prevalence.
+        Both NaN if the event is nowhere or everywhere.
     """
-    from scipy.stats import rankdata
-
     score = np.asarray(score, dtype=float)
     observed, _, valid = _masks(observed, observed, valid)
     if score.shape != observed.shape:
@@ -87,166 +173,53 @@ def roc_auc(score: np.ndarray, observed: np.ndarray, valid: np.ndarray | None = 
     values, event = score[valid], observed[valid]
     if np.isnan(values).any():
         raise ValueError("the score is NaN at a valid point")
-    positives = int(event.sum())
-    negatives = event.size - positives
-    if not positives or not negatives:
-        return math.nan
-    rank_sum = float(rankdata(values)[event].sum())
-    return (rank_sum - positives * (positives + 1) / 2) / (positives * negatives)
+    if not event.any() or event.all():
+        return dict.fromkeys(RANK_SCORES, math.nan)
+    order = np.argsort(-values)
+    values, event = values[order], event[order]
+    starts = np.flatnonzero(np.r_[True, values[1:] != values[:-1]])
+    events = np.add.reduceat(event.astype(np.int64), starts)
+    sizes = np.diff(np.r_[starts, values.size])
+    return {
+        name: float(value) for name, value in rank_scores_of_counts(events, sizes - events).items()
+    }
 
 
-def highest_points(heights: np.ndarray, count: int, valid: np.ndarray | None = None) -> np.ndarray:
-    """Mask of the `count` highest valid points: the guess that needs no mechanics.
-
-    Among equal heights the first in row order win, so the count is exact.
-    """
-    heights = np.asarray(heights, dtype=float)
-    valid = np.ones(heights.shape, dtype=bool) if valid is None else np.asarray(valid, dtype=bool)
-    places = np.flatnonzero(valid)
-    if not 0 <= count <= places.size:
-        raise ValueError(f"{count} highest points asked of {places.size} valid ones")
-    order = np.argsort(-heights.ravel()[places], kind="stable")
-    mask = np.zeros(heights.shape, dtype=bool)
-    mask.ravel()[places[order[:count]]] = True
-    return mask
-
-
-def contact_ranking(pressure: np.ndarray, gap: np.ndarray | None = None) -> np.ndarray:
-    """How likely each point is to wear by the contact solution, as a score to rank by.
-
-    The pressure (MPa) where there is contact, minus the gap (mm) where there is none, so that a
-    point nearly touched ranks above one far from it; only the order means something. Without a
-    gap all points out of contact are equal.
-    """
-    pressure = np.asarray(pressure, dtype=float)
-    outside = 0.0 if gap is None else -np.maximum(np.asarray(gap, dtype=float), 0)
-    return np.where(pressure > 0, pressure, outside)
-
-
-def score_patch(t0: xr.DataArray, contact: xr.Dataset, registered: xr.Dataset) -> dict[str, float]:
-    """One patch's row: predicted contact and its rival against measured loss.
+def rank_scores_of_counts(events: np.ndarray, others: np.ndarray) -> dict[str, np.ndarray]:
+    """The scores of `rank_scores`, from how many points of each kind lie at each level.
 
     Parameters
     ----------
-    t0 : (y, x) xarray.DataArray
-        Heights before use, mm.
-    contact : xarray.Dataset
-        ``pressure`` (y, x) in MPa and, for the continuous score, ``gap`` (y, x) in mm, both on
-        the grid of `t0`.
-    registered : xarray.Dataset
-        As from `gstlib.validation.change.height_change`.
+    events, others : (..., levels) array_like
+        Points with and without the event at each level of the score, the highest level first.
 
     Returns
     -------
     dict
-        ``contact_fraction`` (whole patch), ``valid_contact_fraction`` (in the overlap), the items
-        of `wear_summary` (its ``loss_fraction`` is the prevalence), then ``precision, recall, f1,
-        iou, roc_auc`` of the prediction within the overlap, and the same with ``highest_`` in
-        front for the equally many highest points.
+        Arrays of shape (...); points at the same level count as ties.
     """
-    heights = t0.values
-    pressure = contact["pressure"].values
-    valid = np.isfinite(registered["change"].values)
-    if not heights.shape == pressure.shape == valid.shape:
-        raise ValueError(
-            f"T0, pressure and change have shapes {heights.shape}, {pressure.shape}, {valid.shape}"
-        )
-    predicted = pressure > 0
-    loss = registered["loss"].values.astype(bool)
-    gap = contact["gap"].values if "gap" in contact else None
-    rival = highest_points(heights, int((predicted & valid).sum()), valid)
-    row = {
-        "contact_fraction": float(predicted.mean()),
-        "valid_contact_fraction": _ratio(int((predicted & valid).sum()), int(valid.sum())),
-        **wear_summary(registered),
-        **mask_scores(predicted, loss, valid),
-        "roc_auc": roc_auc(contact_ranking(pressure, gap), loss, valid),
+    events, others = np.asarray(events, dtype=float), np.asarray(others, dtype=float)
+    found, passed = events.cumsum(axis=-1), others.cumsum(axis=-1)
+    positives, negatives = found[..., -1], passed[..., -1]
+    both = (positives > 0) & (negatives > 0)
+    above = (others * (found - events / 2)).sum(axis=-1)
+    precision = _ratio(found, found + passed)
+    return {
+        "roc_auc": np.where(both, _ratio(above, positives * negatives), np.nan),
+        "pr_auc": np.where(both, _ratio(np.nansum(events * precision, axis=-1), positives), np.nan),
     }
-    rivals = mask_scores(rival, loss, valid)
-    rivals["roc_auc"] = roc_auc(heights, loss, valid)
-    return row | {f"highest_{name}": value for name, value in rivals.items()}
 
 
-def rank_correlations(
-    table: pd.DataFrame,
-    *,
-    generator: np.random.Generator,
-    predictors: Sequence[str] = ("pressure_MPa", "contact_fraction"),
-    extents: Sequence[str] = ("loss_fraction", "loss_per_area_um"),
-    resamples: int = 2000,
-) -> pd.DataFrame:
-    """Spearman correlation over patches of each predictor with each extent of the traces.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        One row per patch; rows with a missing value are left out of that pair.
-    generator : numpy.random.Generator
-        Source of chance for the interval and, above 8 patches, for the p-value.
-    predictors, extents : sequences of str
-        Columns to pair.
-    resamples : int
-        Bootstrap samples of patches.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``statistic`` (``spearman(predictor, extent)``), ``value``, ``low`` and ``high`` (95 %
-        percentile bootstrap over patches), ``p_value`` (two-sided permutation test: every pairing
-        up to 8 patches, 9999 random ones beyond), ``n``. NaN with fewer than 3 patches or a
-        constant column.
-    """
-    rows = []
-    for predictor in predictors:
-        for extent in extents:
-            both = table[[predictor, extent]].dropna()
-            x, y = both.to_numpy(dtype=float).T
-            value, low, high, p_value = _spearman(x, y, generator, resamples)
-            rows.append(
-                {
-                    "statistic": f"spearman({predictor}, {extent})",
-                    "value": value,
-                    "low": low,
-                    "high": high,
-                    "p_value": p_value,
-                    "n": len(both),
-                }
-            )
-    return pd.DataFrame(rows, columns=["statistic", "value", "low", "high", "p_value", "n"])
+def roc_auc(score: np.ndarray, observed: np.ndarray, valid: np.ndarray | None = None) -> float:
+    """Area under the receiver operating characteristic: see `rank_scores`."""
+    return rank_scores(score, observed, valid)["roc_auc"]
 
 
-def _spearman(
-    x: np.ndarray, y: np.ndarray, generator: np.random.Generator, resamples: int
-) -> tuple[float, float, float, float]:
-    """Spearman's rho, its bootstrap interval and its permutation p-value."""
-    from scipy.stats import permutation_test, rankdata
-
-    if x.size < 3 or np.ptp(x) == 0 or np.ptp(y) == 0:
-        return (math.nan,) * 4
-    ranks_x, ranks_y = rankdata(x), rankdata(y)
-    value = float(_row_correlation(ranks_x, ranks_y))
-    test = permutation_test(
-        (ranks_x,),
-        lambda shuffled, axis: _row_correlation(shuffled, ranks_y),
-        permutation_type="pairings",
-        n_resamples=math.factorial(_EXACT_UP_TO) if x.size <= _EXACT_UP_TO else _RANDOM_PAIRINGS,
-        vectorized=True,
-        rng=generator,
-    )
-    drawn = generator.integers(0, x.size, (resamples, x.size))
-    samples = _row_correlation(rankdata(x[drawn], axis=1), rankdata(y[drawn], axis=1))
-    # a draw of one patch over and over has no correlation
-    low, high = np.nanquantile(samples, [(1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2])
-    return value, float(low), float(high), float(test.pvalue)
-
-
-def _row_correlation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Pearson correlation along the last axis; NaN where one of them is constant."""
-    a = a - a.mean(axis=-1, keepdims=True)
-    b = b - b.mean(axis=-1, keepdims=True)
-    scale = np.sqrt((a * a).sum(axis=-1) * (b * b).sum(axis=-1))
-    product = (a * b).sum(axis=-1)
-    return np.divide(product, scale, out=np.full(np.shape(product), np.nan), where=scale > 0)
+def average_precision(
+    score: np.ndarray, observed: np.ndarray, valid: np.ndarray | None = None
+) -> float:
+    """Area under the precision-recall curve: see `rank_scores`."""
+    return rank_scores(score, observed, valid)["pr_auc"]
 
 
 def _masks(
@@ -259,5 +232,7 @@ def _masks(
     return predicted, observed, valid
 
 
-def _ratio(part: int, whole: int) -> float:
-    return part / whole if whole else math.nan
+def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
+    """Part over whole; NaN where the whole is 0."""
+    part, whole = np.broadcast_arrays(part, whole)
+    return np.divide(part, whole, out=np.full(part.shape, np.nan), where=whole > 0)

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+import scipy.ndimage
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.surface import make_surface
-from gstlib.validation.change import height_change, wear_summary
+from gstlib.validation.change import height_change, measured_change, no_change, wear_summary
 from gstlib.validation.registration import apply_registration, register
 
 SPACING = 1.66e-3
@@ -105,3 +106,118 @@ def test_no_overlap_is_refused():
         height_change(t0, t1 * np.nan)
     with pytest.raises(ValueError, match="shape"):
         height_change(t0, t1[1:])
+
+
+def bumpy(size=160, *, noise=0.1e-3, seed=0):
+    """A smooth surface (mm) whose left half is level and whose right half has steep waves."""
+    rng = np.random.default_rng(seed)
+    y, x = np.indices((size, size))
+    waves = 4e-3 * np.sin(2 * np.pi * y / 20) * np.sin(2 * np.pi * x / 20) * (x >= size / 2)
+    return waves, noise * rng.standard_normal((2, size, size))
+
+
+def test_level_of_detection_is_higher_on_slopes_that_the_registration_misses():
+    missed = 0.5  # points, along y
+    waves, (noise0, noise1) = bumpy()
+    moved = scipy.ndimage.shift(waves, (missed, 0), mode="wrap")
+    t0, t1 = make_surface(waves + noise0, SPACING), make_surface(moved + noise1, SPACING)
+    result = height_change(t0, t1)
+    # along y only: of the squared slope, half counts on the whole, all of it on slopes along y
+    assert 0.7 < result.attrs["lateral_sigma_um"] / (missed * SPACING * 1e3) < 1.05
+    limit = result["level_of_detection"].values
+    assert np.median(limit[:, :80]) < 0.6 * np.median(limit[:, 80:])
+    # one value for the patch puts a quarter of the steep half beyond it
+    beyond = np.abs(result["change"].values) > limit
+    assert beyond[:, 80:].mean() < 0.09
+    one_value = np.abs(result["change"].values) > 1.96 * result.attrs["change_sigma_um"] * 1e-3
+    assert one_value[:, 80:].mean() > 2 * beyond[:, 80:].mean()
+
+
+def test_slopes_do_not_matter_where_the_measurements_meet():
+    waves, (noise0, noise1) = bumpy()
+    result = height_change(
+        make_surface(waves + noise0, SPACING), make_surface(waves + noise1, SPACING)
+    )
+    assert result.attrs["lateral_sigma_um"] < 0.1
+    assert result.attrs["level_of_detection_um"] == pytest.approx(0.196 * np.sqrt(2), rel=0.05)
+
+
+def test_replaced_points_say_nothing():
+    t0, t1, _ = plateau(0.2, 2e-3)
+    known = np.ones(t0.shape, dtype=bool)
+    known[30:40, 30:40] = False
+    spoilt = t0.copy()
+    spoilt[30:40, 30:40] += 50e-3
+    result = height_change(spoilt, t1, known)
+    assert np.isnan(result["change"].values[~known]).all()
+    assert np.isfinite(result["t1"]).all()
+    assert not result["loss"].values[~known].any()
+    assert result.attrs["known_share"] == pytest.approx(1 - 100 / 6400)
+    np.testing.assert_allclose(
+        result["change"].values[known], height_change(t0, t1, known)["change"].values[known]
+    )
+
+
+@pytest.mark.parametrize("points", [1, 4, 5, 40])
+def test_smaller_spots_are_no_trace(points):
+    t0 = make_surface(np.zeros((80, 80)), SPACING)
+    change = 1e-6 * np.random.default_rng(1).standard_normal(t0.shape)
+    change[10, 10:14] = -1e-3  # four in a row
+    change[40, 40] = change[41, 41] = change[42, 40] = change[43, 41] = -1e-3  # corner to corner
+    change[60:65, 20:25] = -1e-3
+    change[60:62, 60:62] = 1e-3
+    result = height_change(t0, t0 + change, minimum_points=points)
+    large = np.abs(change) > 1e-4
+    sizes = {1: (33, 4), 4: (33, 4), 5: (25, 0), 40: (0, 0)}[points]
+    assert (result["loss"].values & large).sum() == sizes[0]
+    assert (result["gain"].values & large).sum() == sizes[1]
+    assert result.attrs["minimum_points"] == points
+
+
+def test_noise_alone_makes_hardly_any_trace():
+    t0, t1, _ = plateau(0.0, 0.0, size=400)
+    summary = wear_summary(height_change(t0, t1, minimum_points=8))
+    assert summary["loss_fraction"] < 1e-4
+    assert summary["gain_fraction"] < 1e-4
+
+
+def prepared(surface, replaced):
+    masks = {"filled": (("y", "x"), replaced), "outlier": (("y", "x"), np.zeros_like(replaced))}
+    return xr.Dataset({"height": surface} | masks)
+
+
+def test_from_prepared_scans_to_the_change(remeasure):
+    t0, t1, truth = remeasure((13.4, -9.7), wear=0.12)
+    hole0, hole1 = np.zeros((2, *t0.shape), dtype=bool)
+    hole0[100, 100], hole1[150, 150] = True, True
+    registration, result = measured_change(
+        prepared(t0, hole0), prepared(t1, hole1), maximum_shift_mm=0.1, minimum_points=8
+    )
+    assert registration.found
+    known = np.isfinite(result["change"].values)
+    assert not known[100, 100]
+    # T1's point lies 13.4 rows further down and 9.7 columns to the left, on T0
+    assert not known[163:165, 140:142].any()
+    assert known[100, 102]
+    assert known[162, 140]
+    worn = truth < 0
+    loss = result["loss"].values & known
+    assert (loss & worn).sum() / loss.sum() > 0.98
+    assert (loss & (truth < -1e-3)).sum() / ((truth < -1e-3) & known).sum() > 0.95
+
+
+def test_nothing_is_known_of_another_stone(remeasure, tmp_path):
+    t0, t1, _ = remeasure((0, 0), other=True)
+    nothing = np.zeros(t0.shape, dtype=bool)
+    registration, result = measured_change(
+        prepared(t0, nothing), prepared(t1, nothing), maximum_shift_mm=0.1, minimum_points=8
+    )
+    assert not registration.found
+    assert np.isnan(result["change"]).all()
+    assert not result["loss"].any()
+    xr.testing.assert_identical(result, no_change(t0))
+    assert set(height_change(t0, t1).attrs) == set(result.attrs) | {"minimum_points"}
+    write_dataset(tmp_path / "registered.h5", result)
+    summary = wear_summary(read_dataset(tmp_path / "registered.h5"))
+    assert np.isnan(summary["loss_fraction"])
+    assert summary["loss_area_mm2"] == 0
