@@ -8,7 +8,7 @@ READY   := .venv/ready
 SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 
 .DEFAULT_GOAL := help
-.PHONY: help environment study report plan test check-style test-python bench docs lock clean
+.PHONY: help environment study report check plan diff test check-style test-python bench docs lock clean
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -29,8 +29,14 @@ study: $(READY) ## run the whole study and build its report
 	@$(SNAKEMAKE)
 	@$(BIN)/python workflow/build_report.py $(CONFIG)
 
+check: $(READY) ## check config, patch table and every file, and say what a run would do
+	@$(BIN)/python workflow/check.py $(CONFIG) --cores $(CORES)
+
 plan: $(READY) ## show what a study would run, without running it
 	@$(SNAKEMAKE) --dry-run --quiet rules
+
+diff: $(READY) ## compare two result folders: make diff A=results B=other/results
+	@$(BIN)/gst diff $(A) $(B)
 
 test: check-style test-python ## everything that CI runs
 

@@ -13,12 +13,15 @@ report: "workflow/report/study.rst"
 
 include: "workflow/rules/common.smk"
 include: "workflow/rules/specimen.smk"
+include: "workflow/rules/inputs.smk"
 include: "workflow/rules/macroscale.smk"
 include: "workflow/rules/coupling.smk"
 include: "workflow/rules/microscale.smk"
+include: "workflow/rules/texture.smk"
 include: "workflow/rules/grinding.smk"
 include: "workflow/rules/validation.smk"
 include: "workflow/rules/report.smk"
+include: "workflow/rules/power.smk"
 
 
 rule all:

@@ -44,7 +44,11 @@ def allowed(part: dict, definitions: dict) -> str:
     kind = " or ".join(kind) if isinstance(kind, list) else kind
     kind = {"string": "text", "object": "section"}.get(kind, kind.replace("string", "text"))
     if kind == "array":
-        return f"list of {part['minItems']} numbers"
+        if "maxItems" in part:
+            inner = resolve(part["items"], definitions)
+            what = "points" if inner.get("type") == "array" else "numbers"
+            return f"list of {part['minItems']} {what}"
+        return f"list of {allowed(part['items'], definitions)}"
     bounds = [
         f"{sign} {part[name]:g}"
         for name, sign in [

@@ -6,6 +6,7 @@ cannot say; every problem found is reported at once, with its key, its value and
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import yaml
 from jsonschema import Draft202012Validator
@@ -13,12 +14,18 @@ from jsonschema.exceptions import ValidationError, best_match
 
 from gstlib.bem import contact_modulus
 from gstlib.errors import ConfigError
+from gstlib.preprocess.frame import frame_from_points
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = [
     "alternative_contact_modulus",
     "check_config",
     "check_files",
     "check_hardness",
+    "faulty_sections",
+    "measured_files",
     "study_contact_modulus",
     "study_poisson",
 ]
@@ -41,8 +48,7 @@ def check_config(config: Mapping, schema: str | Path, source: str) -> None:
     ConfigError
         Its message lists every problem found.
     """
-    validator = Draft202012Validator(yaml.safe_load(Path(schema).read_text(encoding="utf-8")))
-    problems = [_explain(error) for error in _leaves(validator.iter_errors(config))]
+    problems = [_explain(error) for error in _leaves(_validator(schema).iter_errors(config))]
     if not problems:  # the rest relies on the types being right
         problems = _contradictions(config)
     if problems:
@@ -51,6 +57,17 @@ def check_config(config: Mapping, schema: str | Path, source: str) -> None:
             "the configuration cannot be used\n  - " + "\n  - ".join(problems) + "\n ",
             "Every key is described in config/README.md.",
         )
+
+
+def faulty_sections(config: Mapping, schema: str | Path) -> set[str]:
+    """The top-level keys of a config whose values break its schema, or that are missing."""
+    errors = list(_validator(schema).iter_errors(config))
+    missing = {name for name in _validator(schema).schema["required"] if name not in config}
+    return missing | {str(error.absolute_path[0]) for error in errors if error.absolute_path}
+
+
+def _validator(schema: str | Path) -> Draft202012Validator:
+    return Draft202012Validator(yaml.safe_load(Path(schema).read_text(encoding="utf-8")))
 
 
 def check_files(files: Mapping[str, str], source: str) -> None:
@@ -77,6 +94,28 @@ def check_files(files: Mapping[str, str], source: str) -> None:
             + "\n ",
             "Put the files there, or correct the names (paths are relative to the working folder).",
         )
+
+
+def measured_files(config: Mapping, patches: "pd.DataFrame") -> dict[str, str]:
+    """Path of each measured file of a study by what it is, for `check_files`.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration, with ``inputs``.
+    patches : pandas.DataFrame
+        The patch table (`gstlib.io.patches.read_patches`).
+    """
+    inputs = config["inputs"]
+    files = {"mesh": inputs["mesh"]}
+    if config["counterface"] is not None:
+        files["counterface"] = config["counterface"]["scan"]
+    return files | {
+        f"patch {row.patch} at {epoch.upper()}": f"{inputs['scan_folder']}/{getattr(row, epoch)}"
+        for row in patches.itertuples()
+        for epoch in ("t0", "t1")
+        if getattr(row, epoch)
+    }
 
 
 def check_hardness(
@@ -161,16 +200,7 @@ def _contradictions(config: Mapping) -> list[str]:
             "set the other to null"
         )
     square = config["square"]
-    frame = square["frame"]
-    x_axis, normal = frame["x_axis"], frame["normal"]
-    norms = [sum(value * value for value in axis) ** 0.5 for axis in (x_axis, normal)]
-    if not all(norms):
-        problems.append("'square.frame' has an axis of length zero: give a direction")
-    elif abs(sum(a * b for a, b in zip(x_axis, normal, strict=True))) > 1e-3 * norms[0] * norms[1]:
-        problems.append(
-            f"'square.frame' has x_axis {x_axis} and normal {normal}, which are not "
-            "perpendicular: correct one of them"
-        )
+    problems += _frame_problems(square["frame"])
     if config["scans"]["size_mm"] > square["size_mm"]:
         problems.append(
             f"'scans.size_mm' is {config['scans']['size_mm']}, more than the square's "
@@ -182,12 +212,49 @@ def _contradictions(config: Mapping) -> list[str]:
             f"'hardness' is {config['hardness']} MPa, not above macroscale.target_pressure_MPa of "
             f"{target}: no contact carries more than its hardness; raise it, or set it to null"
         )
+    for name in ("height_quantiles", "gap_limits_um"):
+        limits = config["validation"][name]
+        if sorted(limits) != list(limits):
+            problems.append(f"'validation.{name}' is {limits}: put the limits in rising order")
+    short, long = config["texture"]["s_filter_um"], config["texture"]["l_filter_um"]
+    if long is not None and long <= short:
+        problems.append(
+            f"'texture.l_filter_um' is {long}, not above texture.s_filter_um of {short}: no wave "
+            "passes both filters; raise it, or set it to null"
+        )
     for name in ("patches", "published"):
         if config[name] is not None and not Path(config[name]).is_file():
             problems.append(
                 f"'{name}' names {config[name]}, which does not exist: correct the path"
             )
     return problems
+
+
+def _frame_problems(frame: Mapping) -> list[str]:
+    """What is wrong with the frame of the square, whichever way it is given."""
+    marker, points = frame["marker"], frame["points_mm"]
+    if marker is not None and points is not None:
+        return ["'square.frame' has both points_mm and marker: set one of them to null"]
+    if marker is not None:
+        if Path(marker).is_file():
+            return []
+        return [f"'square.frame.marker' names {marker}, which does not exist: correct the path"]
+    if points is not None:
+        try:
+            frame_from_points(points)
+        except ConfigError as error:
+            return [str(error)]
+        return []
+    x_axis, normal = frame["x_axis"], frame["normal"]
+    norms = [sum(value * value for value in axis) ** 0.5 for axis in (x_axis, normal)]
+    if not all(norms):
+        return ["'square.frame' has an axis of length zero: give a direction"]
+    if abs(sum(a * b for a, b in zip(x_axis, normal, strict=True))) > 1e-3 * norms[0] * norms[1]:
+        return [
+            f"'square.frame' has x_axis {x_axis} and normal {normal}, which are not "
+            "perpendicular: correct one of them"
+        ]
+    return []
 
 
 def study_contact_modulus(material: Mapping) -> float:

@@ -1,8 +1,9 @@
 """What can be wrong with a study's input, said so that the reader knows what to do about it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
-__all__ = ["ConfigError", "GstError", "InputError"]
+__all__ = ["ConfigError", "GstError", "InputError", "InputsError"]
 
 
 class GstError(Exception):
@@ -32,3 +33,17 @@ class InputError(GstError):
 
 class ConfigError(InputError):
     """A value in the config file or a row of the patch table cannot be used."""
+
+
+class InputsError(GstError):
+    """Several things are wrong; the message lists them all."""
+
+    def __init__(self, errors: Sequence[GstError]):
+        super().__init__(errors)
+        self.errors = tuple(errors)
+
+    def __str__(self) -> str:
+        if len(self.errors) == 1:
+            return str(self.errors[0])
+        listed = "\n  - ".join(str(error) for error in self.errors)
+        return f"{len(self.errors)} problems\n  - {listed}"

@@ -3,12 +3,16 @@
 import ast
 import hashlib
 import json
+import platform
+import re
+import subprocess
 from collections.abc import Iterable, Mapping
+from importlib import metadata
 from pathlib import Path
 
 import gstlib
 
-__all__ = ["file_sha256", "provenance", "source_hash"]
+__all__ = ["commit", "file_sha256", "provenance", "source_hash", "study_provenance"]
 
 
 def file_sha256(path: str | Path) -> str:
@@ -25,6 +29,66 @@ def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> 
         "input_sha256": json.dumps(hashes, sort_keys=True),
         "settings": json.dumps(dict(settings), sort_keys=True, default=str),
     }
+
+
+def study_provenance(
+    config: Mapping[str, object], inputs: Iterable[str | Path], commit: str | None
+) -> dict[str, object]:
+    """Where all results of a study come from; the same on every machine.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration, defaults included.
+    inputs : iterable of path
+        Measured files, tables.
+    commit : str or None
+        Of the program, see `commit`.
+
+    Returns
+    -------
+    dict
+        ``config``; ``inputs`` (SHA-256 by path); ``software``: gstlib with its commit, Python, and
+        the version of every package that gstlib asks for.
+    """
+    required = {
+        re.split(r"[^A-Za-z0-9._-]", text, maxsplit=1)[0]
+        for text in metadata.requires("gstlib") or []
+        if "extra ==" not in text or "workflow" in text
+    }
+    return {
+        "config": dict(config),
+        "inputs": {str(path): file_sha256(path) for path in sorted(inputs, key=str)},
+        "software": {
+            "gstlib": gstlib.__version__,
+            "commit": commit,
+            "python": platform.python_version(),
+            "packages": {name: metadata.version(name) for name in sorted(required, key=str.lower)},
+        },
+    }
+
+
+def commit(folder: str | Path) -> str | None:
+    """Commit that a folder of the program is at, and "+" if changed since; None without git."""
+    try:
+        described = subprocess.run(
+            [
+                "git",
+                "-C",
+                folder,
+                "describe",
+                "--always",
+                "--abbrev=40",
+                "--dirty=+",
+                "--exclude=*",
+            ],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return described.stdout.strip()
 
 
 def _imported_names(path: Path, package: Path) -> set[str]:

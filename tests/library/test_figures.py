@@ -81,6 +81,7 @@ def study():
             "t1": (("y", "x"), t0.values + change),
             "change": (("y", "x"), change),
             "loss": (("y", "x"), np.nan_to_num(change) < -2e-4),
+            "gain": (("y", "x"), np.nan_to_num(change) > 2e-4),
         },
         coords=t0.coords,
         attrs={"level_of_detection_um": 0.2, "overlap": 0.9},
@@ -90,8 +91,20 @@ def study():
             "height": t0,
             "filled": (("y", "x"), rng.random(t0.shape) < 0.01),
             "outlier": (("y", "x"), rng.random(t0.shape) < 0.01),
+            "outlier_window": (("y", "x"), rng.random(t0.shape) < 0.01),
+            "outlier_median": (("y", "x"), rng.random(t0.shape) < 0.01),
         },
-        attrs={"tilt_x_mrad": 1.0, "tilt_y_mrad": -2.0},
+        attrs={
+            "tilt_x_mrad": 1.0,
+            "tilt_y_mrad": -2.0,
+            "Sq_before_um": 3.0,
+            "Sq_after_um": 2.0,
+            "highest_before_um": 30.0,
+            "highest_after_um": 8.0,
+            "outlier_rule": "window",
+            "outlier_k_window": 1.8,
+            "outlier_k_median": 6.0,
+        },
     )
     pressures = pd.DataFrame(
         {
@@ -104,8 +117,26 @@ def study():
         }
     )
     scores = pd.DataFrame({"patch": ["1", "2", "3"], "loss_fraction": [0.1, np.nan, 0.2]})
-    for name in ("f1", "roc_auc", "highest_f1", "highest_roc_auc"):
-        scores[name] = [0.5, np.nan, 0.7]
+    for score in ("mcc", "pr_auc"):
+        for front in ("", "highest_", "curvature_"):
+            scores[f"{front}{score}"] = [0.5, np.nan, 0.7]
+    gains = pd.DataFrame(
+        [
+            {"patch": patch, "score": score, "value": value, "null_low": 0.0, "null_high": 0.2}
+            | {"p_value": p_value}
+            for score in ("mcc", "pr_auc")
+            for patch, value, p_value in (("1", 0.5, 1e-4), ("2", np.nan, np.nan), ("3", 0.1, 0.5))
+        ]
+    )
+    failures = pd.DataFrame(
+        [
+            {"patch": patch, "split": split, "band": band, "area_share": 0.5}
+            | {"loss_share": share, "hit_share": share / 4}
+            for patch in ("1", "3")
+            for split in ("height", "gap")
+            for band, share in (("0-50 %", 0.2), ("50-100 %", 0.8))
+        ]
+    )
     return {
         "square": square,
         "macroscale": contact_of(square, every_step=True, rng=rng),
@@ -117,20 +148,22 @@ def study():
         "measured": {"T0": t0.where(t0 < 5e-3), "T1": t0 + 1.0},
         "pressures": pressures,
         "scores": scores,
+        "gains": gains,
+        "failures": failures,
         "summary": pd.DataFrame(
             {
-                "statistic": ["spearman(pressure_MPa, loss_fraction)"],
-                "value": [0.5],
-                "low": [-0.1],
-                "high": [0.9],
-                "p_value": [0.2],
-            }
-        ),
-        "microscale": pd.DataFrame(
-            {
-                "patch": ["1", "2", "3"],
-                "mean_pressure_MPa": [30.0, 20.0, 5.0],
-                "contact_fraction": [0.03, 0.02, 0.01],
+                "statistic": [
+                    "spearman(pressure_MPa, loss_fraction)",
+                    "gain(mcc)",
+                    "gain(pr_auc)",
+                    "gain(f1)",
+                ],
+                "value": [0.5, -0.2, 0.1, np.nan],
+                "low": [-0.1, -0.3, -0.1, np.nan],
+                "high": [0.9, -0.1, 0.3, np.nan],
+                "p_value": [0.2, 0.01, 0.3, np.nan],
+                "n": [2, 2, 2, 0],
+                "against": ["other pairings", "rigid", "highest", ""],
             }
         ),
         "truth": pd.DataFrame(
@@ -176,7 +209,10 @@ DRAW = {
         s["contacts"]["1"], s["registered"], patch="1", **n
     ),
     "validation": lambda s, **n: figures.validation_figure(
-        s["scores"], s["summary"], s["microscale"], **n
+        s["contacts"],
+        {name: s["registered"] for name in s["contacts"]},
+        *(s[name] for name in ("scores", "gains", "failures", "summary")),
+        **n,
     ),
     "truth": lambda s, **n: figures.truth_figure(s["truth"], **n),
     "published": lambda s, **n: figures.published_figure(s["published"], **n),
@@ -315,6 +351,26 @@ def test_patch_figure_shares_the_colours_of_both_epochs(study):
     assert (
         named["T0, before use"].images[0].get_clim() == named["T1, after use"].images[0].get_clim()
     )
+
+
+def test_validation_figure_says_what_the_tables_say(study):
+    figure = DRAW["validation"](study)
+    title = figure.get_suptitle()
+    assert "in 1 of 2 patches" in title
+    assert "does worse than rigid interpenetration (MCC −0.2 [−0.3, −0.1])" in title
+    assert "is not told apart from highest points (PR-AUC 0.1 [−0.1, 0.3])" in title
+    patches = [axes.get_ylabel() for axes in figure.subfigs[1].axes if axes.get_ylabel()]
+    # the hardest pressed first
+    pressures = [float(label.split("\n")[1].removesuffix(" MPa")) for label in patches]
+    assert len(patches) == 3
+    assert pressures == sorted(pressures, reverse=True)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_validation_of_few_patches_can_be_drawn(study, tmp_path, count):
+    study["contacts"] = dict(list(study["contacts"].items())[:count])
+    study["summary"] = study["summary"][:0]
+    figures.save_figure(DRAW["validation"](study), tmp_path / "a.png")
 
 
 def test_a_study_without_t1_and_without_patches_can_be_drawn(study, tmp_path):

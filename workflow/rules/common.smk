@@ -10,11 +10,12 @@ from gstlib.config import (
     check_config,
     check_files,
     check_hardness,
+    measured_files,
     study_contact_modulus,
     study_poisson,
 )
 from gstlib.io.patches import read_patches
-from gstlib.provenance import source_hash
+from gstlib.provenance import commit, source_hash
 
 SCHEMAS = Path(workflow.basedir) / "workflow/schemas"
 SCRIPTS = Path(workflow.basedir) / "workflow/scripts"
@@ -38,20 +39,11 @@ PATCHES = read_patches(
 ).set_index("patch", drop=False)
 WORN_PATCHES = [patch for patch in PATCHES.index if PATCHES.t1[patch]]
 MESH = f"{RESULTS}/specimen/mesh.stl" if GENERATED else config["inputs"]["mesh"]
+MARKER = config["square"]["frame"]["marker"]
 SCAN_FOLDER = f"{RESULTS}/specimen/scans" if GENERATED else config["inputs"]["scan_folder"]
 COUNTERFACE = None if config["counterface"] is None else config["counterface"]["scan"]
 if not GENERATED:
-    check_files(
-        {"mesh": MESH}
-        | ({} if COUNTERFACE is None else {"counterface": COUNTERFACE})
-        | {
-            f"patch {row.patch} at {epoch.upper()}": f"{SCAN_FOLDER}/{getattr(row, epoch)}"
-            for row in PATCHES.itertuples()
-            for epoch in ("t0", "t1")
-            if getattr(row, epoch)
-        },
-        source=f"{CONFIG_FILES}, {config['patches']}",
-    )
+    check_files(measured_files(config, PATCHES), source=f"{CONFIG_FILES}, {config['patches']}")
 # A figure of a generated stone must not pass for one of a real tool.
 SOURCE_NOTE = "generated specimen" if GENERATED else None
 
@@ -95,6 +87,17 @@ def crops_of(patches):
     """Centre [x, y] in mm of the piece to cut from each patch's scan, or None for a whole scan."""
     crops = PATCHES.loc[patches, ["crop_x_mm", "crop_y_mm"]]
     return [None if x != x else [float(x), float(y)] for x, y in crops.itertuples(index=False)]
+
+
+# Each scan with the patch and the epoch that it is of, and the piece to cut from it.
+SCAN_USES = [
+    [f"{SCAN_FOLDER}/{name}", [patch, epoch.upper(), crop]]
+    for patch, crop in zip(PATCHES.index, crops_of(PATCHES.index))
+    for epoch in ("t0", "t1")
+    if (name := PATCHES[epoch][patch])
+]
+if COUNTERFACE is not None:
+    SCAN_USES.append([COUNTERFACE, ["counterface", "", None]])
 
 
 def for_studied_patches(pattern, only=None):
@@ -147,13 +150,24 @@ def vector(name):
 FIXED_TARGETS = [
     f"{RESULTS}/{name}"
     for name, wanted in {
+        "provenance.json": True,
+        "tables/inputs.csv": True,
         "tables/preprocessing.csv": True,
+        "tables/outliers.csv": True,
+        "tables/gridding.csv": True,
         "tables/macroscale_path.csv": True,
         "tables/sensitivity.csv": ALTERNATIVE_MODULUS_MPA is not None,
+        "tables/placement.csv": True,
+        "tables/registration.csv": bool(WORN_PATCHES),
         "tables/patch_pressures.csv": True,
+        "tables/texture.csv": True,
+        "figures/texture.png": bool(WORN_PATCHES),
         "tables/published.csv": config["published"] is not None,
         "tables/truth.csv": GENERATED,
         "figures/inputs.png": True,
+        "figures/macroscale_curves.png": True,
+        "figures/preparation": True,
+        "figures/placement.png": True,
         "figures/published.png": config["published"] is not None,
         "figures/truth.png": GENERATED,
     }.items()
@@ -171,7 +185,6 @@ def studied_targets(wildcards):
     if studied:
         names += ["tables/microscale_summary.csv", "tables/microscale_paths.csv"]
         names += ["figures/overview.png", "figures/microscale_maps.png"]
-        names += ["figures/preparation"]
         names += [
             name
             for section, case in [("grinding", "slip"), ("hardness", "hardness")]

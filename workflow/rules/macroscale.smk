@@ -5,8 +5,15 @@
 rule grid_macroscale:
     input:
         mesh=MESH,
+        marker=[] if MARKER is None else MARKER,
     output:
         surface=f"{RESULTS}/macroscale/surface.h5",
+        table=report(
+            f"{RESULTS}/tables/gridding.csv",
+            caption="../report/gridding.rst",
+            category="2 Macroscale",
+            labels={"what": "gridding, two ways", "kind": "table"},
+        ),
     log:
         f"{RESULTS}/logs/grid_macroscale.log",
     benchmark:
@@ -17,8 +24,7 @@ rule grid_macroscale:
         runtime=10,
     params:
         mesh_unit="mm" if GENERATED else config["inputs"]["mesh_unit"],
-        frame=config["square"]["frame"],
-        square_mm=SQUARE_MM,
+        square=config["square"],
         grid=config["macroscale"]["grid"],
         margin_mm=config["macroscale"]["margin_mm"],
         code=code("grid_macroscale.py"),

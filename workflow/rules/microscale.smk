@@ -66,11 +66,39 @@ if WORN_PATCHES:
         params:
             patches=WORN_PATCHES,
             maximum_shift_mm=config["registration"]["maximum_shift_mm"],
+            minimum_points=config["traces"]["minimum_points"],
             code=code("register_patches.py"),
         message:
             "Laying T1 over T0"
         script:
             "../scripts/register_patches.py"
+
+    rule tabulate_registration:
+        input:
+            registered=expand(f"{RESULTS}/registered/{{patch}}.h5", patch=WORN_PATCHES),
+        output:
+            table=report(
+                f"{RESULTS}/tables/registration.csv",
+                caption="../report/registration.rst",
+                category="5 Validation",
+                labels={"what": "how T1 lies over T0", "kind": "table"},
+            ),
+        log:
+            f"{RESULTS}/logs/tabulate_registration.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/tabulate_registration.tsv"
+        threads: 1
+        resources:
+            mem_mb=1000,
+            runtime=10,
+        params:
+            patches=WORN_PATCHES,
+            selection=config["selection"],
+            code=code("tabulate_registration.py"),
+        message:
+            "Gathering how T1 lies over T0"
+        script:
+            "../scripts/tabulate_registration.py"
 
 
 if COUNTERFACE is not None:
@@ -104,6 +132,12 @@ rule tabulate_preprocessing:
             caption="../report/preprocessing.rst",
             category="1 Inputs",
             labels={"what": "what was done to each scan", "kind": "table"},
+        ),
+        outliers=report(
+            f"{RESULTS}/tables/outliers.csv",
+            caption="../report/outliers.rst",
+            category="1 Inputs",
+            labels={"what": "outliers of each scan by both rules", "kind": "table"},
         ),
     log:
         f"{RESULTS}/logs/tabulate_preprocessing.log",

@@ -7,8 +7,6 @@ rule plot_macroscale:
         contact=rules.solve_macroscale.output.contact,
         pressures=f"{RESULTS}/tables/patch_pressures.csv",
     output:
-        inputs=picture("inputs", "1 Inputs", "square and scanned patches"),
-        inputs_svg=vector("inputs"),
         contact_steps=picture("contact_steps", "2 Macroscale", "contact as the load grows"),
         contact_steps_svg=vector("contact_steps"),
         elastic_rigid=picture(
@@ -37,6 +35,33 @@ rule plot_macroscale:
         "Drawing the macroscale"
     script:
         "../scripts/plot_macroscale.py"
+
+
+rule plot_placement:
+    input:
+        surface=rules.grid_macroscale.output.surface,
+        placement=rules.place_patches.output.table,
+        maps=rules.place_patches.output.maps,
+    output:
+        placement=picture("placement", "3 Coupling", "where the patches lie"),
+        placement_svg=vector("placement"),
+    log:
+        f"{RESULTS}/logs/plot_placement.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/plot_placement.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        patches=PATCHES.to_dict("list"),
+        patch_mm=PATCH_MM,
+        note=SOURCE_NOTE,
+        code=code("plot_placement.py"),
+    message:
+        "Drawing where the patches lie"
+    script:
+        "../scripts/plot_placement.py"
 
 
 rule plot_microscale:
@@ -122,8 +147,8 @@ if config["hardness"] is not None:
 # All patches in one job: to start matplotlib takes half as long as to draw a patch.
 rule plot_preparation:
     input:
-        t0=for_studied_patches("{results}/surfaces/{patch}_T0.h5"),
-        t1=for_studied_patches("{results}/surfaces/{patch}_T1.h5", only=WORN_PATCHES),
+        t0=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index),
+        t1=expand(f"{RESULTS}/surfaces/{{patch}}_T1.h5", patch=WORN_PATCHES),
     output:
         preparation=pictures("preparation", "1 Inputs", "preparation of the scans"),
     log:
@@ -135,8 +160,8 @@ rule plot_preparation:
         mem_mb=1500,
         runtime=20,
     params:
-        patches=lambda wildcards: studied_patches(),
-        worn=lambda wildcards: [p for p in studied_patches() if p in WORN_PATCHES],
+        patches=list(PATCHES.index),
+        worn=WORN_PATCHES,
         note=SOURCE_NOTE,
         code=code("plot_preparation.py"),
     message:
@@ -171,11 +196,14 @@ rule plot_patches:
 
 rule plot_validation:
     input:
+        contacts=for_studied_patches("{results}/microscale/{patch}.h5", only=WORN_PATCHES),
+        registered=for_studied_patches("{results}/registered/{patch}.h5", only=WORN_PATCHES),
         patches=rules.score_patches.output.patches,
+        gains=rules.score_patches.output.gains,
+        failures=rules.score_patches.output.failures,
         summary=rules.score_patches.output.summary,
-        microscale=rules.gather_microscale.output.summary,
     output:
-        validation=picture("validation", "5 Validation", "scores against the rival"),
+        validation=picture("validation", "5 Validation", "prediction against loss, chance, rivals"),
         validation_svg=vector("validation"),
     log:
         f"{RESULTS}/logs/plot_validation.log",
@@ -183,9 +211,10 @@ rule plot_validation:
         f"{RESULTS}/benchmarks/plot_validation.tsv"
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=1500,
+        runtime=20,
     params:
+        patches=lambda wildcards: [p for p in studied_patches() if p in WORN_PATCHES],
         note=SOURCE_NOTE,
         code=code("plot_validation.py"),
     message:

@@ -36,6 +36,7 @@ if GENERATED:
         input:
             truth=rules.generate_specimen.output.truth,
             surface=f"{RESULTS}/macroscale/surface.h5",
+            placement=f"{RESULTS}/tables/placement.csv",
             pressures=f"{RESULTS}/tables/patch_pressures.csv",
             surfaces=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index)
             + expand(f"{RESULTS}/surfaces/{{patch}}_T1.h5", patch=WORN_PATCHES),

@@ -1,4 +1,4 @@
-"""Draw the square: inputs, contact as the load grows, curves, forces, patch pressures.
+"""Draw the square: contact as the load grows, curves, forces, patch pressures.
 
 Inputs: contact.h5 of the macroscale, patch_pressures.csv. Outputs: a PNG and an SVG each.
 Settings: patch side, a note on the source.
@@ -23,9 +23,6 @@ def main(
     """`output` maps the name of each figure to its PNG, and ``<name>_svg`` to its SVG."""
     solved, table = read_dataset(contact), read_table(pressures)
     drawn = {
-        "inputs": figures.input_figure(
-            solved.height, table, patch_size_mm=patch_mm, source_note=note
-        ),
         "contact_steps": figures.contact_steps_figure(solved, source_note=note),
         "elastic_rigid": figures.elastic_rigid_figure(solved, source_note=note),
         "macroscale_curves": figures.macroscale_curves_figure(solved, source_note=note),

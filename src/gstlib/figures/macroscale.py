@@ -1,4 +1,4 @@
-"""The square: what goes in, and how it is pressed (the paper's Figs. 3 and 5 to 8, Table 1)."""
+"""The square and how it is pressed (the paper's Figs. 5 to 8, Table 1)."""
 
 import math
 
@@ -38,41 +38,10 @@ __all__ = [
     "draw_forces",
     "elastic_rigid_figure",
     "force_figure",
-    "input_figure",
     "macroscale_curves_figure",
+    "mark_origin",
     "patch_pressure_figure",
 ]
-
-
-@styled
-def input_figure(
-    height: xr.DataArray,
-    pressures: pd.DataFrame,
-    *,
-    patch_size_mm: float,
-    source_note: str | None = None,
-) -> Figure:
-    """Heights of the square and where the patches were scanned (Fig. 3).
-
-    Parameters
-    ----------
-    height : (y, x) xarray.DataArray
-        Levelled heights of the square, mm, in the square's frame.
-    pressures : pandas.DataFrame
-        ``patch, x_mm, y_mm, in_study``, optionally ``rotation_deg``.
-    patch_size_mm : float
-        Side of a patch.
-    source_note : str, optional
-        Where the data comes from, written in the corner of the figure.
-    """
-    figure = new_figure(0.72 * WIDTH, 0.66 * WIDTH)
-    axes = figure.subplots()
-    image = draw_heights(axes, height)
-    figure.colorbar(image, ax=axes, label="height (µm)", shrink=0.9)
-    draw_footprints(axes, pressures, patch_size_mm, colour="white", label_all=True)
-    _mark_origin(axes)
-    write_notes(figure, source_note, ["Solid outline: in the microscale study."])
-    return figure
 
 
 @styled
@@ -246,13 +215,16 @@ def draw_footprints(
     label_all: bool = False,
     show_pressure: bool = False,
 ) -> None:
-    """Outline the patches: solid and bold in the study, dashed and thin out of it."""
+    """Outline the patches: solid and bold in the study, dashed and thin out of it.
+
+    Before it is known which are (no column ``in_study``), all are solid.
+    """
     half = patch_size_mm / 2
     corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
     for row in pressures.itertuples(index=False):
         turn = math.radians(float(getattr(row, "rotation_deg", 0.0)))
         turned = corners @ [[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]]
-        chosen = bool(row.in_study)
+        chosen = bool(getattr(row, "in_study", True))
         outline = turned + np.array([row.x_mm, row.y_mm])
         axes.add_patch(
             Polygon(
@@ -282,7 +254,7 @@ def draw_footprints(
             )
 
 
-def _mark_origin(axes: Axes) -> None:
+def mark_origin(axes: Axes) -> None:
     """Mark the reference corner, from which places are measured."""
     axes.add_line(Line2D([0], [0], marker="o", markersize=5, color=VERMILION, clip_on=False))
     axes.annotate(

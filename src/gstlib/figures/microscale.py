@@ -1,9 +1,8 @@
-"""The patches: how a scan was cleaned, and how each is pressed (the paper's Figs. 9 and 10)."""
+"""The patches: how each is pressed (the paper's Figs. 9 and 10)."""
 
 import math
 from collections.abc import Mapping, Sequence
 
-import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -14,9 +13,7 @@ from matplotlib.patches import Patch
 from gstlib.figures.style import (
     BLUE,
     CONTACT,
-    GREY,
     MM_TO_UM,
-    PALE,
     PRESSURE_MAP,
     VERMILION,
     WIDTH,
@@ -24,8 +21,6 @@ from gstlib.figures.style import (
     draw_classes,
     draw_heights,
     draw_mask,
-    height_limits,
-    legend_below,
     new_figure,
     scale_bar,
     styled,
@@ -37,86 +32,8 @@ __all__ = [
     "hardness_figure",
     "microscale_curves_figure",
     "microscale_maps_figure",
-    "preparation_figure",
     "slip_figure",
 ]
-
-
-@styled
-def preparation_figure(
-    prepared: Mapping[str, xr.Dataset],
-    measured: Mapping[str, xr.DataArray],
-    *,
-    patch: str,
-    source_note: str | None = None,
-) -> Figure:
-    """A patch's scans as measured and as prepared, and what was changed; one row an epoch.
-
-    Parameters
-    ----------
-    prepared : mapping of epoch to xarray.Dataset
-        ``height`` (mm), ``filled``, ``outlier`` (y, x) and the attributes ``tilt_x_mrad``,
-        ``tilt_y_mrad``.
-    measured : mapping of epoch to (y, x) xarray.DataArray
-        The same scans as measured, turned back from the mould, mm, NaN where unmeasured.
-    patch : str
-        Its id, for the title.
-    """
-    rows = len(prepared)
-    figure = new_figure(WIDTH, rows * 0.32 * WIDTH + 0.35)
-    figure.suptitle(f"patch {patch}")
-    grid = figure.subplots(rows, 4, squeeze=False)
-    block = 1
-    for axes, (epoch, surface) in zip(grid, prepared.items(), strict=True):
-        raw, height = measured[epoch], surface["height"]
-        filled, outlier = surface["filled"].values, surface["outlier"].values
-        block = block_of(height.shape, 0.2 * WIDTH)
-        for place, values, limits in (
-            (axes[0], raw, height_limits(raw)),
-            (axes[1], height, height_limits(height)),
-        ):
-            image = draw_heights(place, values, limits=limits, ticks=False)
-            bar = figure.colorbar(image, ax=place, shrink=0.75, pad=0.02)
-            bar.ax.tick_params(labelsize=6)
-            bar.set_label("µm", fontsize=6.5, labelpad=1)
-        draw_heights(axes[2], height, relief=True, ticks=False)
-        draw_mask(axes[2], height, filled, BLUE, block=block)
-        draw_mask(axes[2], height, outlier, VERMILION, block=block)
-        axes[0].set_title(f"{epoch}, as measured")
-        axes[1].set_title(
-            f"prepared, tilt {surface.attrs['tilt_x_mrad']:.2f}, "
-            f"{surface.attrs['tilt_y_mrad']:.2f} mrad",
-            fontsize=7,
-        )
-        axes[2].set_title("points replaced")
-        legend_below(
-            axes[2],
-            [
-                Patch(color=BLUE, label=f"unmeasured: {filled.mean():.2%}"),
-                Patch(color=VERMILION, label=f"outliers: {outlier.mean():.2%}"),
-            ],
-            columns=1,
-        )
-        scale_bar(axes[0], 0.2)
-        _height_histogram(axes[3], raw, height)
-    write_notes(figure, source_note, ["Colours are scaled to each map."])
-    return figure
-
-
-def _height_histogram(axes, raw: xr.DataArray, height: xr.DataArray) -> None:
-    before = raw.values[np.isfinite(raw.values)] * MM_TO_UM
-    after = height.values.ravel() * MM_TO_UM
-    before = before - np.median(before)
-    low, high = min(before.min(), after.min()), max(before.max(), after.max())
-    bins = np.linspace(low, high if high > low else low + 1, 80)
-    axes.hist(before, bins, color=PALE, edgecolor=GREY, histtype="stepfilled", label="measured")
-    axes.hist(after, bins, color=BLUE, histtype="step", label="prepared")
-    axes.set_yscale("log")
-    axes.set(xlabel="height (µm)", title="number of points")
-    axes.tick_params(labelsize=6)
-    axes.legend(
-        fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.27), ncols=2, handlelength=1
-    )
 
 
 @styled

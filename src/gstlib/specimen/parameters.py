@@ -4,7 +4,9 @@ from dataclasses import dataclass, fields
 
 from gstlib.errors import ConfigError
 
-__all__ = ["SpecimenParameters"]
+__all__ = ["WEAR_PLACEMENTS", "SpecimenParameters"]
+
+WEAR_PLACEMENTS = ("summits", "random")
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,9 @@ class SpecimenParameters:
         Share of points without a value.
     unmeasured_size_um : float
         Size of the blots that lack a value.
+    wear_placement : {"summits", "random"}
+        Where wear lies: on summits, where the macroscale surface is high; or the same wear moved
+        elsewhere by chance, with no relation to the heights under it.
     wear_share : float
         Share of the square where summits are worn to half of the full severity or more.
     wear_chance_um : float
@@ -109,6 +114,7 @@ class SpecimenParameters:
     spike_height_um: tuple[float, float]
     unmeasured_share: float
     unmeasured_size_um: float
+    wear_placement: str
     wear_share: float
     wear_chance_um: float
     wear_chance_length_um: float
@@ -140,6 +146,12 @@ class SpecimenParameters:
                 f"{self.shortest_wavelength_points} points of {self.scan_spacing_um} µm are not "
                 f"below the cut-off wavelength, {self.cut_off_wavelength_mm} mm",
                 "Lower it or specimen.scan_spacing_um.",
+            )
+        if self.wear_placement not in WEAR_PLACEMENTS:
+            raise ConfigError(
+                "specimen.wear_placement",
+                f"is '{self.wear_placement}'",
+                f"One of: {', '.join(WEAR_PLACEMENTS)}.",
             )
         if self.spike_height_um[0] > self.spike_height_um[1]:
             raise ConfigError(

@@ -3,6 +3,8 @@
 Three things happen. Summits are flattened, more so where the macroscale surface is high, but with
 chance. Chips break out, more of them in the same regions. And some loss comes about anywhere, in
 valleys as on summits, as grit between the stones would do. Where they meet, the deepest counts.
+
+Wear placed at random is the same wear somewhere else: what a study finds in it, it finds by chance.
 """
 
 import numpy as np
@@ -55,7 +57,15 @@ def wear_depth(stone: Stone, parameters: SpecimenParameters) -> np.ndarray:
 
     _valleys(depth, stone, p)
     _chips(depth, severity, step, stone, p)
-    return depth
+    return _elsewhere(depth, p) if p.wear_placement == "random" else depth
+
+
+def _elsewhere(depth: np.ndarray, p: SpecimenParameters) -> np.ndarray:
+    """The same wear, moved over the grid's edges by a shift drawn by chance."""
+    # ASSUME: every shift is as likely as any other, so that on average over shifts the wear has no
+    # covariance with any surface; its amount, the shape of its traces and how they cluster stay.
+    shift = stream(p.seed, "wear", "placement").integers(0, len(depth), 2)
+    return np.roll(depth, shift, axis=(0, 1))
 
 
 def _severity(height: np.ndarray, spacing: float, p: SpecimenParameters) -> np.ndarray:

@@ -32,6 +32,7 @@ _TINY = {
     "spike_height_um": [15.0, 60.0],
     "unmeasured_share": 0.01,
     "unmeasured_size_um": 30.0,
+    "wear_placement": "summits",
     "wear_share": 0.25,
     "wear_chance_um": 5.0,
     "wear_chance_length_um": 250.0,

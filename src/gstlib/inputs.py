@@ -1,0 +1,174 @@
+"""Every file of a study read once, quickly, before any work: what it holds, and all that is wrong.
+
+A study of hours must not end at its last scan. What is found wrong with one file does not keep the
+others from being looked at, so that all can be put right at once.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+import xarray as xr
+
+from gstlib.errors import GstError, InputError, InputsError
+from gstlib.inspection import scan_facts
+from gstlib.io.meshes import read_mesh
+from gstlib.io.scans import check_size, cut_scan, read_scan, read_settings
+from gstlib.preprocess.filling import check_unmeasured
+from gstlib.preprocess.frame import find_frame
+from gstlib.preprocess.gridding import grid_mesh
+from gstlib.preprocess.leveling import remove_plane
+from gstlib.surface import spacing_of
+
+__all__ = ["Inputs", "ScanFile", "check_inputs"]
+
+_FACTS = (
+    "points_x", "points_y", "spacing_x_um", "spacing_y_um", "unmeasured", "Sq_um", "tilt_x_mrad",
+    "tilt_y_mrad", "instrument", "objective",
+)  # fmt: skip
+# Spacings of T0 and T1 that differ by more than this share are of two magnifications.
+_SAME_SPACING = 1e-3
+
+
+@dataclass(frozen=True)
+class ScanFile:
+    """A scan that the study uses: which file, for what, and the piece to cut from it.
+
+    Attributes
+    ----------
+    path : Path
+    patch : str
+        Patch, or "counterface".
+    epoch : str
+        T0, T1, or empty.
+    crop : (x, y) or None
+        Centre (mm) of the piece, from the scan's centre; None for the whole scan.
+    """
+
+    path: Path
+    patch: str
+    epoch: str
+    crop: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What was found.
+
+    Attributes
+    ----------
+    scans : pandas.DataFrame
+        A row for each readable scan: ``patch, epoch, file`` and the facts of `scan_facts`.
+    square : (ny, nx) xarray.DataArray or None
+        Heights of the analysed square (mm), its plane removed; None if it cannot be had.
+    problems : tuple of GstError
+        Everything that would stop the study.
+    """
+
+    scans: pd.DataFrame
+    square: xr.DataArray | None
+    problems: tuple[GstError, ...]
+
+    def raise_problems(self) -> None:
+        """Raise `InputsError` if there are any."""
+        if self.problems:
+            raise InputsError(self.problems)
+
+
+def check_inputs(
+    mesh: str | Path,
+    scans: Iterable[ScanFile],
+    *,
+    mesh_unit: str,
+    square: Mapping,
+    macroscale: Mapping,
+    scan_settings: Mapping,
+    maximum_unmeasured: float,
+) -> Inputs:
+    """Read the mesh and every scan of a study.
+
+    Parameters
+    ----------
+    mesh, mesh_unit
+        As in `read_mesh`.
+    scans : iterable of ScanFile
+    square, macroscale, scan_settings : mapping
+        The sections ``square``, ``macroscale`` and ``scans`` of the config.
+    maximum_unmeasured : float
+        Largest share (0 to 1) of unmeasured points in a patch.
+    """
+    problems: list[GstError] = []
+    heights = None
+    try:
+        heights = _square(mesh, mesh_unit, square, macroscale)
+    except GstError as error:
+        problems.append(error)
+    rows, spacings = [], {}
+    by_file: dict[Path, list[ScanFile]] = {}
+    for scan in scans:
+        by_file.setdefault(scan.path, []).append(scan)
+    for path, uses in by_file.items():
+        try:
+            whole = read_scan(path, **read_settings(scan_settings))
+        except GstError as error:
+            problems.append(error)
+            continue
+        for use in uses:
+            try:
+                piece = _piece(whole, use, scan_settings["size_mm"], maximum_unmeasured)
+            except GstError as error:
+                problems.append(error)
+                continue
+            facts = scan_facts(piece)
+            spacings[use.patch, use.epoch] = use.path, spacing_of(piece)
+            rows.append(
+                {"patch": use.patch, "epoch": use.epoch, "file": path.name}
+                | {name: facts.get(name) for name in _FACTS}
+            )
+    problems += _unequal_spacings(spacings)
+    columns = ["patch", "epoch", "file", *_FACTS]
+    return Inputs(pd.DataFrame(rows, columns=columns), heights, tuple(problems))
+
+
+def _square(mesh, unit, square, macroscale) -> xr.DataArray:
+    stone = read_mesh(mesh, unit=unit)
+    gridded = grid_mesh(
+        stone,
+        find_frame(square, stone, unit=unit, source=str(mesh)),
+        size_mm=square["size_mm"],
+        shape=(macroscale["grid"], macroscale["grid"]),
+        margin_mm=macroscale["margin_mm"],
+        source=str(mesh),
+    )
+    return remove_plane(gridded)[0]
+
+
+def _piece(whole, use: ScanFile, size_mm, maximum_unmeasured) -> xr.DataArray:
+    """What the study uses of a scan."""
+    if use.crop is None:
+        check_size(whole, size_mm)
+        piece = whole
+    else:
+        piece = cut_scan(whole, use.crop, size_mm)
+    check_unmeasured(piece, maximum_unmeasured)
+    return piece
+
+
+def _unequal_spacings(spacings: Mapping) -> list[InputError]:
+    """T1 is laid over T0 point by point, so both need the same spacing."""
+    problems = []
+    for (patch, epoch), (path, spacing) in spacings.items():
+        if epoch != "T1" or (patch, "T0") not in spacings:
+            continue
+        first_path, first = spacings[patch, "T0"]
+        if max(abs(a / b - 1) for a, b in zip(spacing, first, strict=True)) > _SAME_SPACING:
+            problems.append(
+                InputError(
+                    path,
+                    f"its points are {spacing[1] * 1e3:.5g} µm apart, those of {first_path} "
+                    f"{first[1] * 1e3:.5g} µm",
+                    "Scan both epochs of a patch with the same objective, or resample one.",
+                )
+            )
+    return problems

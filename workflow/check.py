@@ -1,0 +1,167 @@
+"""Check a study without running it: `make check CONFIG=...`.
+
+Reads the config, the patch table and every measured file, says all that is wrong with them, and
+what a run would do. Exit code 0 if the study can be run, 1 if not.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+import pandas as pd
+import yaml
+from snakemake.utils import update_config
+
+from gstlib.config import check_config, check_files, faulty_sections, measured_files
+from gstlib.errors import GstError, InputsError
+from gstlib.estimate import estimate_study, machine_speed
+from gstlib.inputs import Inputs, ScanFile, check_inputs
+from gstlib.io.patches import read_patches
+
+ROOT = Path(__file__).parents[1]
+DEFAULT = ROOT / "config/config.yaml"
+SCHEMAS = ROOT / "workflow/schemas"
+
+
+def read_config(path: Path) -> dict:
+    """The config as Snakemake merges it: the default's values where `path` states none."""
+    config = yaml.safe_load(DEFAULT.read_text(encoding="utf-8"))
+    try:
+        own = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise SystemExit(f"ERROR: {path}: cannot be read as YAML: {error}") from None
+    update_config(config, own)
+    return config
+
+
+def scan_files(config: dict, patches: pd.DataFrame) -> list[ScanFile]:
+    """Every scan of the study that exists."""
+    folder = Path(config["inputs"]["scan_folder"])
+    scans = [
+        ScanFile(
+            folder / getattr(row, epoch),
+            row.patch,
+            epoch.upper(),
+            None if row.crop_x_mm != row.crop_x_mm else (row.crop_x_mm, row.crop_y_mm),
+        )
+        for row in patches.itertuples()
+        for epoch in ("t0", "t1")
+        if getattr(row, epoch)
+    ]
+    if config["counterface"] is not None:
+        scans.append(ScanFile(Path(config["counterface"]["scan"]), "counterface", ""))
+    return [scan for scan in scans if scan.path.is_file()]
+
+
+def check(config: dict, source: str) -> tuple[list[GstError], pd.DataFrame | None, Inputs | None]:
+    """All problems, the patch table and what the files hold, as far as each can be had."""
+    problems: list[GstError] = []
+    schema = SCHEMAS / "config.schema.yaml"
+    try:
+        check_config(config, schema, source=source)
+    except GstError as error:
+        problems.append(error)
+    # What a fault in one section leaves sound is looked at all the same.
+    faulty = faulty_sections(config, schema)
+    patches = found = None
+    if not faulty & {"patches", "square", "scans"}:
+        try:
+            patches = read_patches(
+                config["patches"],
+                schema=SCHEMAS / "patches.schema.yaml",
+                size_mm=config["square"]["size_mm"],
+                patch_size_mm=config["scans"]["size_mm"],
+            )
+        except GstError as error:
+            problems.append(error)
+    needed = {"inputs", "counterface", "macroscale", "preprocessing"}
+    if patches is not None and not faulty & needed and config["inputs"] is not None:
+        try:
+            check_files(measured_files(config, patches), source=f"{source}, {config['patches']}")
+        except GstError as error:
+            problems.append(error)
+        if Path(config["inputs"]["mesh"]).is_file():
+            found = check_inputs(
+                config["inputs"]["mesh"],
+                scan_files(config, patches),
+                mesh_unit=config["inputs"]["mesh_unit"],
+                square=config["square"],
+                macroscale=config["macroscale"],
+                scan_settings=config["scans"],
+                maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
+            )
+            problems += found.problems
+    return problems, patches, found
+
+
+def summary(config: dict, patches: pd.DataFrame, found: Inputs | None, cores: int) -> str:
+    """What a run would do."""
+    square, scans = config["macroscale"]["grid"], int((patches.t0 != "").sum())
+    worn = int((patches.t1 != "").sum())
+    if found is not None and len(found.scans):
+        points = int((found.scans.points_x * found.scans.points_y).max())
+        side = f"{found.scans.points_x.max()} × {found.scans.points_y.max()}"
+    else:
+        points = config["specimen"]["scan_points"] ** 2 if config["specimen"] else 512**2
+        side = f"{points**0.5:.0f} × {points**0.5:.0f}"
+    cost = estimate_study(
+        scan_points=points,
+        scans=scans + worn,
+        patches=len(patches),
+        patch_steps=config["microscale"]["steps"],
+        square_points=square**2,
+        square_steps=config["macroscale"]["steps"],
+        speed=machine_speed(),
+    )
+    lines = [
+        f"stone       {config['title']}"
+        + (" (to be generated)" if config["specimen"] else f": {config['inputs']['mesh']}"),
+        f"macroscale  {config['square']['size_mm']:g} mm square, {square} × {square} elements, "
+        f"{config['macroscale']['steps']} steps to "
+        f"{config['macroscale']['target_pressure_MPa']:g} MPa",
+        f"patches     {len(patches)} of {config['scans']['size_mm']:g} mm, {side} points, "
+        f"{config['microscale']['steps']} steps each; {worn} with a scan after use",
+        f"cost        about {_duration(cost.cpu_s / cores)} on {cores} cores, if every patch is "
+        f"studied; {cost.memory_mb:.0f} MB a job",
+        f"results in  {config['results']}",
+    ]
+    return "\n".join(f"  {line}" for line in lines)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} seconds"
+    return f"{seconds / 60:.0f} minutes" if seconds < 6000 else f"{seconds / 3600:.1f} hours"
+
+
+def draw(config: dict, patches: pd.DataFrame, found: Inputs, picture: Path) -> None:
+    from gstlib import figures
+
+    figure = figures.input_figure(
+        found.square, patches, patch_size_mm=config["scans"]["size_mm"], source_note=None
+    )
+    figures.save_figure(figure, picture)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("config", type=Path)
+    parser.add_argument("--cores", type=int, default=2, help="cores to estimate the time for")
+    arguments = parser.parse_args()
+    config = read_config(arguments.config)
+    problems, patches, found = check(config, str(arguments.config))
+    if patches is not None and not faulty_sections(config, SCHEMAS / "config.schema.yaml"):
+        print(f"{arguments.config}\n{summary(config, patches, found, arguments.cores)}")
+    if found is not None and found.square is not None:
+        picture = Path(config["results"]) / "check.png"
+        draw(config, patches, found, picture)
+        print(f"  picture     {picture}: the square with its patches")
+    if problems:
+        print(f"\nERROR: {InputsError(problems)}", file=sys.stderr)
+        return 1
+    print("\nNothing is wrong with these inputs.")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
