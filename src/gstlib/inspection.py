@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from gstlib.errors import InputError
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.leveling import remove_plane
@@ -51,7 +52,7 @@ def inspect_file(
     Returns
     -------
     facts : dict
-        See `scan_facts` and `mesh_facts`.
+        ``unit`` (whether the file says it), then as of `scan_facts` or `mesh_facts`.
     heights : (ny, nx) xarray.DataArray
         mm: the scan without its plane, or the mesh seen along its shortest side.
 
@@ -62,10 +63,17 @@ def inspect_file(
     """
     if Path(path).suffix.lower() in MESH_SUFFIXES:
         mesh = read_mesh(path, unit=unit or "mm")
-        return mesh_facts(mesh), mesh_relief(mesh)
+        said = f"{unit}, as told" if unit else "mm, for lack of another: meshes do not say it"
+        return {"unit": said} | mesh_facts(mesh), mesh_relief(mesh)
     spacing_mm = None if spacing_um is None else spacing_um / _MM_TO_UM
-    scan = read_scan(path, unit=unit, spacing_mm=spacing_mm, scatter_spacing_mm=spacing_mm)
-    return scan_facts(scan), remove_plane(scan)[0]
+    given = {"spacing_mm": spacing_mm, "scatter_spacing_mm": spacing_mm}
+    try:
+        scan, said = read_scan(path, **given), "in the file"
+    except InputError:
+        if unit is None:
+            raise
+        scan, said = read_scan(path, unit=unit, **given), f"{unit}, as told"
+    return {"unit": said} | scan_facts(scan), remove_plane(scan)[0]
 
 
 def scan_facts(scan: xr.DataArray) -> dict[str, object]:

@@ -40,6 +40,7 @@ def test_facts_of_a_scan(scan_file):
     assert facts["tilt_x_mrad"] == pytest.approx(TILT_X * 1e3, abs=0.1)
     assert facts["tilt_y_mrad"] == pytest.approx(TILT_Y * 1e3, abs=0.1)
     assert facts["objective"]
+    assert facts["unit"] == "in the file"
     assert level.shape == (40, 60)
 
 
@@ -102,3 +103,4 @@ def test_text_without_a_unit_asks_for_one(tmp_path):
     result = run("inspect", "--unit", "um", tmp_path / "a.xyz")
     assert result.exit_code == 0, result.output
     assert "spacing_x_um  2\n" in result.output
+    assert "um, as told" in result.output

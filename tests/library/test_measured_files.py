@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from gstlib.bem import HalfSpace
 from gstlib.contact import solve_at_pressure
+from gstlib.inspection import inspect_file
 from gstlib.io.meshes import read_mesh
 from gstlib.io.patches import read_patches
 from gstlib.io.scans import check_size, cut_scan, read_scan
@@ -249,3 +250,27 @@ def test_patches_of_the_pebble(patches):
     together = np.vstack([np.hstack(pieces[3:]), np.hstack(pieces[:3])])
     np.testing.assert_array_equal(together[:85], scan.values[:85])
     np.testing.assert_array_equal(together[85:], scan.values[-85:])
+
+
+@pytest.mark.parametrize(
+    ("name", "told", "expected"),
+    [
+        ("surfacetopography-mit/plu-1.plu", {}, {"points_x": 768, "spacing_x_um": 1.66}),
+        ("surfalize-gpl3/leica-dcm3d-test_1.plu", {}, {"points_y": 576, "Sq_um": 5.17}),
+        ("surfacetopography-mit/al3d-1.al3d", {}, {"points_x": 200, "points_y": 296}),
+        ("pebble-usewear/confoc_3d_grid10um.xyz", {"unit": "um"}, {"points_x": 255}),
+        (
+            "pebble-usewear/confoc_3d.xyz",
+            {"unit": "um", "spacing_um": 10.0},
+            {"spacing_x_um": 10.0},
+        ),
+        ("grasselli-mit/example_surface.stl", {}, {"faces": 16672, "closed": "no"}),
+        ("lithics3d-gpl2/demoFlake1.stl", {}, {"vertices": 75967, "closed": "yes"}),
+        ("pebble-mesh-3dhop/lithic_tool_model_full.ply", {}, {"faces": 447278, "bodies": 1}),
+    ],
+)
+def test_inspection(name, told, expected):
+    facts, heights = inspect_file(DATA / name, **told)
+    for key, value in expected.items():
+        assert facts[key] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-3))
+    assert np.isfinite(heights.values).any()
