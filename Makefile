@@ -8,7 +8,7 @@ READY   := .venv/ready
 SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 
 .DEFAULT_GOAL := help
-.PHONY: help environment study report check plan diff test check-style test-python bench docs lock clean
+.PHONY: help environment study report check plan diff test check-style test-python bench power docs lock clean
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -52,6 +52,10 @@ test-python: $(READY)
 
 bench: $(READY) ## measure the contact solver against other codes (half an hour)
 	$(BIN)/python benchmarks/run.py
+
+power: $(READY) ## how often the study finds a relation, real or absent (15 minutes)
+	@$(BIN)/snakemake --cores $(CORES) --configfile config/power.yaml power
+	@cp results-power/tables/power.csv results-power/figures/power.png docs/
 
 docs: $(READY) ## renew the parts of the documents that follow from the code
 	$(BIN)/python workflow/document.py
