@@ -70,6 +70,7 @@ def run(main, study, out, patches=PATCHES, worst=()):
         {patch: study / f"registered_{patch}.h5" for patch in patches},
         study / "microscale.csv",
         *(out / f"{name}.csv" for name in NAMES),
+        places={patch: [float(k % 3), float(k // 3)] for k, patch in enumerate(patches)},
         worst=worst,
         seed=1,
         resamples=199,

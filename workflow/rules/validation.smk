@@ -48,6 +48,7 @@ rule score_patches:
         validation={
             key: value for key, value in config["validation"].items() if key != "expected_worst"
         },
+        places=PATCHES[["x_mm", "y_mm"]].T.to_dict("list"),
         # a claim about other patches is none about these
         worst=EXPECTED_WORST if set(EXPECTED_WORST) <= set(PATCHES.index) else [],
         code=code("score_patches.py"),

@@ -39,6 +39,7 @@ def main(
     failures: Path,
     summary: Path,
     *,
+    places: dict[str, Sequence[float]],
     worst: Sequence[str],
     seed: int,
     resamples: int,
@@ -71,11 +72,12 @@ def main(
     scored, weighed, split = map(pd.DataFrame, (scored, weighed, split))
     predicted = read_table(microscale).rename(columns={"mean_pressure_MPa": "pressure_MPa"})
     both = scored.merge(predicted[["patch", "pressure_MPa", "stiffness_MPa_per_um"]], on="patch")
+    both[["x_mm", "y_mm"]] = [places[patch] for patch in both.patch]
     chance = {"resamples": resamples, "generator": np.random.default_rng(seed)}
     parts = [
         mean_gains(scored, RIVALS, **chance),
         mean_scores(weighed, nulls, **chance),
-        rank_correlations(both, **chance),
+        rank_correlations(both, places=("x_mm", "y_mm"), **chance),
         mean_recalls(split, **chance),
         expected_worst(both, worst, [*EXTENTS, "pressure_MPa", "contact_fraction"]),
     ]
@@ -96,6 +98,7 @@ if "snakemake" in globals():
             Path(snakemake.output.gains),
             Path(snakemake.output.failures),
             Path(snakemake.output.summary),
+            places=snakemake.params.places,
             worst=snakemake.params.worst,
             **snakemake.params.validation,
         )

@@ -12,6 +12,7 @@ import pandas as pd
 from scipy.stats import hypergeom, permutation_test, rankdata
 
 from gstlib.validation.intervals import percentile_interval
+from gstlib.validation.neighbours import neighbours_p_value
 from gstlib.validation.nulls import p_value
 from gstlib.validation.scores import SCORES
 
@@ -43,6 +44,7 @@ def rank_correlations(
     generator: np.random.Generator,
     predictors: Sequence[str] = PREDICTORS,
     extents: Sequence[str] = EXTENTS,
+    places: Sequence[str] | None = None,
     resamples: int = 2000,
 ) -> pd.DataFrame:
     """Rank correlations over patches of each predictor with each extent of the traces.
@@ -55,6 +57,9 @@ def rank_correlations(
         Source of chance for the interval and, above 8 patches, for the p-value.
     predictors, extents : sequences of str
         Columns to pair.
+    places : (str, str), optional
+        Columns of the patches' x and y: Spearman's p-value then allows for neighbouring patches
+        being alike (`gstlib.validation.neighbours`).
     resamples : int
         Bootstrap samples of patches.
 
@@ -68,11 +73,15 @@ def rank_correlations(
     rows = []
     for predictor in predictors:
         for extent in extents:
-            both = table[[predictor, extent]].dropna()
-            x, y = both.to_numpy(dtype=float).T
+            both = table[[predictor, extent, *(places or ())]].dropna()
+            x, y, *where = both.to_numpy(dtype=float).T
             for name, features in (("spearman", _centred_ranks), ("kendall", _pair_signs)):
-                found = _association(x, y, features, generator, resamples)
-                rows.append((f"{name}({predictor}, {extent})", *found, len(both), "other pairings"))
+                *found, p = _association(x, y, features, generator, resamples)
+                against = "other pairings"
+                if where and name == "spearman":
+                    p = neighbours_p_value(x, y, np.transpose(where), exchanged=p)
+                    against += ", neighbours alike"
+                rows.append((f"{name}({predictor}, {extent})", *found, p, len(both), against))
     return pd.DataFrame(rows, columns=SUMMARY_COLUMNS)
 
 

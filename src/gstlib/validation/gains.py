@@ -21,6 +21,7 @@ from gstlib.validation.nulls import (
     shifted_rank_scores,
 )
 from gstlib.validation.scores import SCORES
+from gstlib.validation.seam import seam_factor
 
 __all__ = ["null_scores", "weigh_patch"]
 
@@ -47,6 +48,7 @@ def null_scores(
     -------
     dict
         For each score an array, all over the same shifts; the first value is that of no shift.
+        The others are drawn apart about their mean for the torus' seam (`seam_factor`).
         Ranks are taken in levels, so that the rank scores differ a little from exact ones.
     """
     contact, loss, valid = comparison.predictions[CONTACT], comparison.loss, comparison.valid
@@ -59,11 +61,27 @@ def null_scores(
         generator=generator,
     )
     places = np.vstack([[0, 0], places])
-    return {
+    of_masks = {
         **shifted_mask_scores(contact.mask, loss, valid, places),
         "fss": shifted_fractions_skill(contact.shares, comparison.loss_shares, valid, places),
-        **shifted_rank_scores(levels_of(contact.ranking, _LEVELS), loss, valid, places),
     }
+    levels = levels_of(contact.ranking, _LEVELS)
+    of_ranks = shifted_rank_scores(levels, loss, valid, places)
+    # ASSUME: what the torus' seam does to a sum of products, it does to every score made of it.
+    factors = seam_factor(contact.mask, loss, valid), seam_factor(levels, loss, valid)
+    return {
+        name: _stretched(values, factor)
+        for scores, factor in zip((of_masks, of_ranks), factors, strict=True)
+        for name, values in scores.items()
+    }
+
+
+def _stretched(values: np.ndarray, factor: float) -> np.ndarray:
+    """The scores of the shifts, all but the first, drawn apart about their mean."""
+    elsewhere = values[1:]
+    known = elsewhere[np.isfinite(elsewhere)]
+    mean = known.mean() if known.size else math.nan
+    return np.append(values[:1], mean + factor * (elsewhere - mean))
 
 
 def weigh_patch(

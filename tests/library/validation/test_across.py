@@ -251,3 +251,26 @@ def test_a_claim_about_patches_that_are_not_there_has_no_value():
     assert math.isnan(gone["value"])
     assert gone["n"] == 7
     assert not len(expected_worst(table(), [], ["loss_fraction"]))
+
+
+def test_neighbours_weaken_a_correlation_of_smooth_numbers():
+    rng = np.random.default_rng(8)
+    y, x = np.mgrid[:4, :4].reshape(2, -1).astype(float)
+    table = pd.DataFrame(
+        {
+            "pressure_MPa": x + 0.3 * rng.standard_normal(16),
+            "loss_fraction": x + 0.3 * rng.standard_normal(16),
+            "x_mm": x,
+            "y_mm": y,
+        }
+    )
+    chance = {"predictors": ["pressure_MPa"], "extents": ["loss_fraction"], "resamples": 99}
+    plain, allowed = (
+        rank_correlations(table, generator=np.random.default_rng(1), places=places, **chance)
+        for places in (None, ("x_mm", "y_mm"))
+    )
+    assert list(allowed.against) == ["other pairings, neighbours alike", "other pairings"]
+    assert allowed.p_value[0] > plain.p_value[0]
+    pd.testing.assert_frame_equal(
+        plain.drop(columns=["p_value", "against"]), allowed.drop(columns=["p_value", "against"])
+    )
