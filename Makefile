@@ -54,7 +54,7 @@ bench: $(READY) ## measure the contact solver against other codes (half an hour)
 	$(BIN)/python benchmarks/run.py
 
 power: $(READY) ## how often the study finds a relation, real or absent (15 minutes)
-	@$(BIN)/snakemake --cores $(CORES) --configfile config/power.yaml power
+	@$(BIN)/snakemake power --cores $(CORES) --configfile config/power.yaml
 	@cp results-power/tables/power.csv results-power/figures/power.png docs/
 
 docs: $(READY) ## renew the parts of the documents that follow from the code

@@ -28,7 +28,9 @@ class InputError(GstError):
         self.source, self.problem, self.remedy = str(source), problem.rstrip("."), remedy
 
     def __str__(self) -> str:
-        return f"{self.source}: {self.problem}. {self.remedy}"
+        # a problem that is a list ends its last line itself
+        end = " " if self.problem.endswith("\n ") else ". "
+        return f"{self.source}: {self.problem}{end}{self.remedy}"
 
 
 class ConfigError(InputError):
