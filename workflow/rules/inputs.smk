@@ -1,7 +1,7 @@
 # Every file read once before any work, so that all that is wrong with them is said at once.
 # Takes: the mesh and every scan. Gives: what they hold, and a picture of where the patches lie.
 # No rule takes its output, which would make all of them rerun with it: it goes first by its priority,
-# and alone, for it takes all cores; if it fails, nothing else is begun.
+# and alone, for it asks for more cores than there are; if it fails, nothing else is begun.
 
 
 rule check_inputs:
@@ -23,7 +23,7 @@ rule check_inputs:
     benchmark:
         f"{RESULTS}/benchmarks/check_inputs.tsv"
     priority: 100
-    threads: workflow.cores or 1
+    threads: 64
     resources:
         mem_mb=2000,
         runtime=30,
