@@ -11,8 +11,8 @@ all patches (`peaks`). All patches together tell of a shift that they share, and
 (`together`).
 """
 
-from gstlib.placement.table import found_places, place_patches, warnings_of
 from gstlib.placement.rows import AGREES, ALL, CANNOT_TELL, SHIFTED
+from gstlib.placement.table import found_places, place_patches, warnings_of
 
 __all__ = [
     "AGREES",

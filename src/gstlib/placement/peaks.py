@@ -10,9 +10,16 @@ from gstlib.placement.matching import Match
 __all__ = ["Peak", "best_shift", "find_peak", "shift_columns"]
 
 
+# Of the spline through a map's points.
+_ORDER = 5
+
+
 @dataclass(frozen=True)
 class Peak:
-    """Top of a map of correlations: the shift (y, x) in steps, and the curvature (2, 2) there."""
+    """Top of a map of correlations: the shift (y, x) in steps, and the curvature (2, 2) there.
+
+    `index` is the point of the map nearest to it.
+    """
 
     value: float
     index: tuple[int, int]
@@ -21,36 +28,41 @@ class Peak:
 
 
 def find_peak(correlation: np.ndarray) -> Peak | None:
-    """The top of a map (y, x), between its points; None on the map's edge, or where none agrees."""
-    row, column = np.unravel_index(np.nanargmax(correlation), correlation.shape)
-    around = correlation[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
-    if around.shape != (3, 3) or not np.isfinite(around).all() or not around[1, 1] > 0:
+    """The top of a map (y, x), between its points; None on the map's edge, or where none agrees.
+
+    A ridge aslant to the map's axes may be narrower than its points are apart and have its top
+    some points beside the highest one: a spline through all of them finds it.
+    """
+    from scipy.interpolate import RectBivariateSpline
+    from scipy.optimize import minimize
+
+    # Unknown is what lies beyond straight edges: what is known is a rectangle.
+    known = np.isfinite(correlation)
+    along = [np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))]
+    if min(map(len, along)) <= _ORDER:
         return None
-    slope = np.array([_slope(correlation[:, column], row), _slope(correlation[row], column)])
-    mixed = (around[2, 2] - around[2, 0] - around[0, 2] + around[0, 0]) / 4
-    curvature = np.array(
-        [
-            [around[2, 1] - 2 * around[1, 1] + around[0, 1], mixed],
-            [mixed, around[1, 2] - 2 * around[1, 1] + around[1, 0]],
-        ]
-    )
-    if not (np.linalg.eigvalsh(curvature) < 0).all():
+    values = correlation[np.ix_(*along)]
+    spline = RectBivariateSpline(*along, values, kx=_ORDER, ky=_ORDER)
+    start = [
+        a[i] for a, i in zip(along, np.unravel_index(values.argmax(), values.shape), strict=True)
+    ]
+    top = minimize(
+        lambda at: -spline(*at).item(),
+        start,
+        jac=lambda at: [-spline(*at, dx=1).item(), -spline(*at, dy=1).item()],
+        bounds=[(a[0], a[-1]) for a in along],
+        options={"ftol": 0.0, "gtol": 1e-9},
+    ).x
+    if any(at - a[0] < 1 or a[-1] - at < 1 for at, a in zip(top, along, strict=True)):
         return None
-    beside = np.clip(-np.linalg.solve(curvature, slope), -1, 1)
-    value = around[1, 1] + slope @ beside / 2
+    mixed = spline(*top, dx=1, dy=1).item()
+    curvature = np.array([[spline(*top, dx=2).item(), mixed], [mixed, spline(*top, dy=2).item()]])
+    value = spline(*top).item()
+    if not value > 0 or not (np.linalg.eigvalsh(curvature) < 0).all():
+        return None
     middle = (np.array(correlation.shape) - 1) / 2
-    return Peak(
-        float(min(value, 1.0)), (row, column), np.array([row, column]) + beside - middle, curvature
-    )
-
-
-def _slope(values: np.ndarray, at: int) -> float:
-    """Slope there, to the fourth order where four neighbours are known: peaks are lopsided."""
-    near = (values[at + 1] - values[at - 1]) / 2
-    if not 2 <= at < len(values) - 2:
-        return near
-    far = (values[at + 2] - values[at - 2]) / 4
-    return (4 * near - far) / 3 if np.isfinite(far) else near
+    nearest = tuple(int(i) for i in np.rint(top))
+    return Peak(min(value, 1.0), nearest, top - middle, curvature)
 
 
 def best_shift(match: Match, peak: Peak, noise: float, free: int, step_um: float) -> dict:
