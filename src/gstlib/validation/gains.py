@@ -48,7 +48,8 @@ def null_scores(
     -------
     dict
         For each score an array, all over the same shifts; the first value is that of no shift.
-        The others are drawn apart about their mean for the torus' seam (`seam_factor`).
+        Of the others, those above their mean are drawn away from it for the torus' seam
+        (`seam_factor`).
         Ranks are taken in levels, so that the rank scores differ a little from exact ones.
     """
     contact, loss, valid = comparison.predictions[CONTACT], comparison.loss, comparison.valid
@@ -77,11 +78,15 @@ def null_scores(
 
 
 def _stretched(values: np.ndarray, factor: float) -> np.ndarray:
-    """The scores of the shifts, all but the first, drawn apart about their mean."""
+    """The scores of the shifts, all but the first, those above their mean drawn away from it.
+
+    The ones below stay: where most shifts hit nothing at all, a patch that hits nothing either
+    would else be better than they are.
+    """
     elsewhere = values[1:]
     known = elsewhere[np.isfinite(elsewhere)]
     mean = known.mean() if known.size else math.nan
-    return np.append(values[:1], mean + factor * (elsewhere - mean))
+    return np.append(values[:1], elsewhere + (factor - 1) * np.maximum(elsewhere - mean, 0))
 
 
 def weigh_patch(

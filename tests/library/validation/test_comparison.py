@@ -13,6 +13,7 @@ from gstlib.validation.comparison import compare, score_patch, scores_of
 from gstlib.validation.failures import gap_bands, height_bands, split_loss
 from gstlib.validation.gains import null_scores, weigh_patch
 from gstlib.validation.scores import SCORES
+from gstlib.validation.seam import seam_factor
 
 LENGTHS = {"neighbourhood_um": 3.0, "curvature_length_um": 2.0}
 
@@ -182,3 +183,17 @@ def test_loss_in_valleys_is_seen_as_missed_there():
     assert [row["recall"] for row in rows] == pytest.approx([0, math.nan, 1], nan_ok=True)
     assert [row["loss_share"] for row in rows] == [0.75, 0, 0.25]
     assert [row["loss_fraction"] for row in rows] == [0.6, 0, 1]
+
+
+def test_what_hits_nothing_is_no_better_than_shifts_that_hit_nothing(patch):
+    """One large spot and one large loss: nearly all shifts hit nothing either."""
+    t0, contact, change = patch
+    pressure = np.zeros(t0.shape)
+    pressure[:12, :12] = 1.0
+    contact["pressure"] = ("y", "x"), pressure
+    change["loss"] = change["loss"] & False
+    change["loss"][30:42, 30:42] = True
+    comparison, _, rows = rows_of((t0, contact, change))
+    assert seam_factor(pressure > 0, comparison.loss, comparison.valid) > 1
+    assert rows["f1"]["value"] == 0
+    assert rows["f1"]["p_value"] == 1
