@@ -77,6 +77,11 @@ def test_what_has_no_ranking_has_no_rank_scores():
     assert not {"roc_auc", "pr_auc"} & set(found)
 
 
+def at_least(rate, trials):
+    """The least rate found in so many trials, by 2.5 standard errors, where it is truly `rate`."""
+    return rate - 2.5 * np.sqrt(rate * (1 - rate) / trials)
+
+
 def gain_of(rng, size, length=2.5):
     """A patch whose loss two guesses follow, one more closely; and its loss."""
     loss, close, loose = (field(rng, length, size) for _ in range(3))
@@ -109,8 +114,8 @@ def test_interval_of_a_gain_holds_the_true_gain_as_often_as_it_says():
                 held[name, kind] += low <= truth[name] <= high
     for name in truth:
         assert truth[name] > 0.1
-        # of 95 % asked, a bootstrap of a few dozen blocks holds it in about nine of ten cases
-        assert held[name, "blocks"] / repeats > 0.82
+        # of 95 % asked, a bootstrap of a few dozen blocks holds it in nine of ten cases
+        assert held[name, "blocks"] / repeats > at_least(0.90, repeats)
         assert held[name, "points"] / repeats < 0.75
 
 
@@ -126,7 +131,8 @@ def test_interval_of_a_mean_of_few_holds_it_as_often_as_it_says(units):
         held += low <= 0 <= high
         plain_low, plain_high = np.quantile(means, [0.025, 0.975])
         plain += plain_low <= 0 <= plain_high
-    assert held / repeats > 0.91
+    # of 95 % asked, six patches have 93
+    assert held / repeats > at_least(0.93, repeats)
     assert held >= plain
     if units < 13:
         assert plain / repeats < 0.91
