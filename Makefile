@@ -8,7 +8,7 @@ READY   := .venv/ready
 SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 
 .DEFAULT_GOAL := help
-.PHONY: help environment study report check plan diff test check-style test-python bench power docs lock clean
+.PHONY: help environment study report check plan diff test check-style test-python bench power margin baseline docs lock clean
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -53,9 +53,17 @@ test-python: $(READY)
 bench: $(READY) ## measure the contact solver against other codes (half an hour)
 	$(BIN)/python benchmarks/run.py
 
+margin: $(READY) ## by how much tables differ, beneath their digits, between cores and processors (10 minutes)
+	$(BIN)/python benchmarks/margin.py --config $(CONFIG)
+
 power: $(READY) ## how often the study finds a relation, real or absent (15 minutes)
 	@$(BIN)/snakemake power --cores $(CORES) --configfile config/power.yaml
 	@cp results-power/tables/power.csv results-power/figures/power.png docs/
+
+baseline: $(READY) ## renew the tables that the default study is held against by the tests
+	@$(SNAKEMAKE)
+	rm -rf tests/baseline && mkdir -p tests/baseline
+	cp -r results/tables tests/baseline/
 
 docs: $(READY) ## renew the parts of the documents that follow from the code
 	$(BIN)/python workflow/document.py

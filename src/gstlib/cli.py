@@ -106,3 +106,21 @@ def diff(before, after, tolerance, as_json, at_most) -> None:
         click.echo(text or f"No difference between {before} and {after}.")
     # A result comes of its config and inputs: where only those differ, the results are the same.
     sys.exit(any(change.where != "provenance" for change in changes))
+
+
+@main.command()
+@click.argument("results", type=click.Path(path_type=Path))
+@click.argument("archive", type=click.Path(path_type=Path, dir_okay=False))
+def crate(results, archive) -> None:
+    """Pack a study's tables, figures and report into an RO-Crate, a ZIP, for a repository.
+
+    It says with which settings, inputs and versions they were made.
+    """
+    from gstlib.crate import write_crate
+
+    try:
+        count = write_crate(results, archive)
+    except GstError as error:
+        click.echo(f"ERROR: {error}", err=True)
+        sys.exit(1)
+    click.echo(f"{archive}: {count} files and where they come from")

@@ -8,6 +8,7 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -72,6 +73,12 @@ def fresh(folder: Path) -> Study:
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copytree(ROOT / "config", folder / "config")
     return Study(folder)
+
+
+def older_processor() -> dict[str, str]:
+    """Environment in which NumPy and OpenBLAS use what every processor of the kind has."""
+    found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+    return {"NPY_DISABLE_CPU_FEATURES": " ".join(found), "OPENBLAS_CORETYPE": "Prescott"}
 
 
 @pytest.fixture

@@ -1,9 +1,13 @@
 """Gather the microscale contacts into two tables.
 
+The residual stands there as the power of ten that it is below: its digits are rounding, other ones
+on every processor.
+
 Inputs: the patches' contacts. Outputs: microscale_summary.csv, microscale_paths.csv.
 Settings: the patches, in order.
 """
 
+import math
 from pathlib import Path
 
 import pandas as pd
@@ -33,6 +37,10 @@ PATH = [
 ]
 
 
+def power_of_ten_above(value: float) -> float:
+    return 10.0 ** math.ceil(math.log10(value)) if value > 0 else 0.0
+
+
 def main(contacts: dict[str, Path], summary: Path, paths: Path) -> None:
     finals, tables = [], []
     for patch, file in contacts.items():
@@ -43,7 +51,7 @@ def main(contacts: dict[str, Path], summary: Path, paths: Path) -> None:
             table.iloc[-1].to_dict()
             | {
                 "target_pressure_MPa": contact.attrs["target_pressure_MPa"],
-                "residual": float(contact.residual[-1]),
+                "residual": power_of_ten_above(float(contact.residual[-1])),
                 "iterations": int(contact.iterations.sum()),
             }
         )

@@ -5,10 +5,12 @@ from pathlib import Path
 
 import pandas as pd
 
-__all__ = ["SIGNIFICANT_DIGITS", "read_table", "write_table"]
+__all__ = ["ALL_DIGITS", "SIGNIFICANT_DIGITS", "read_table", "write_table"]
 
 # Results are solved to a relative residual of 1e-6 or better; five digits stay above that noise.
 SIGNIFICANT_DIGITS = 5
+# Set to 1 it prints every digit, to see by how much two runs differ beneath the printed ones.
+ALL_DIGITS = "GSTLIB_ALL_DIGITS"
 
 
 def _format(value: object) -> str:
@@ -17,7 +19,8 @@ def _format(value: object) -> str:
     if isinstance(value, bool) or type(value).__name__ in ("bool", "bool_"):
         return "yes" if value else "no"
     if isinstance(value, float):
-        text = f"{float(value):.{SIGNIFICANT_DIGITS}g}"
+        digits = 17 if os.environ.get(ALL_DIGITS) == "1" else SIGNIFICANT_DIGITS
+        text = f"{float(value):.{digits}g}"
         return "0" if text == "-0" else text
     return str(value)
 

@@ -1,0 +1,121 @@
+"""By how much do a study's tables differ from run to run, beneath the digits that are printed?
+
+    python benchmarks/margin.py [--config config/config.yaml]
+
+Runs the study three times from nothing, each in a folder of its own and with every digit printed:
+on 2 cores; on 1 core; and on 1 core with the instructions of an older processor only, whose sums
+and functions differ in their last bits, as those of another machine do. Writes
+benchmarks/results/margin.csv (with --output: elsewhere), a row for each of the latter two and each
+table, held against the first:
+
+values             numbers in the table that are no whole ones;
+different          of these, how many differ in any digit;
+largest_relative   largest difference over the value;
+margin             half a unit of the last digit that is printed, over the difference: the least;
+expected_changes   how many printed numbers would differ, if their next digits were drawn by chance:
+                   the sum of the differences in units of the last printed digit;
+changes            how many printed numbers and words do differ.
+
+Between the stages, too, all digits are handed on here. In a study of a user they are rounded in the
+tables, so that differences grow less.
+"""
+
+import argparse
+import math
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from gstlib.difference import compare_results
+from gstlib.io.tables import ALL_DIGITS, SIGNIFICANT_DIGITS
+
+ROOT = Path(__file__).parents[1]
+RUNS = {"2 cores": 2, "1 core": 1, "older processor": 1}
+
+
+def older_processor() -> dict[str, str]:
+    """Environment in which NumPy and OpenBLAS use what every processor of the kind has."""
+    found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+    return {"NPY_DISABLE_CPU_FEATURES": " ".join(found), "OPENBLAS_CORETYPE": "Prescott"}
+
+
+def run_study(config: str, cores: int, folder: Path, environment: dict[str, str]) -> Path:
+    """Run the study in `folder`; return its results."""
+    shutil.copytree(ROOT / "config", folder / "config")
+    command = [
+        *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
+        *("--workflow-profile", str(ROOT / "workflow/profiles/default")),
+        *("--directory", str(folder), "--cores", str(cores), "--quiet", "all"),
+        *("--configfile", str(folder / config)),
+    ]
+    subprocess.run(
+        command, cwd=folder, env=os.environ | environment | {ALL_DIGITS: "1"}, check=True
+    )
+    return folder / yaml.safe_load((folder / config).read_text())["results"]
+
+
+def half_unit(value: float) -> float:
+    """Half a unit of the last digit of `value` that a table prints."""
+    return 0.5 * 10.0 ** (math.floor(math.log10(abs(value))) + 1 - SIGNIFICANT_DIGITS)
+
+
+def margins(before: Path, after: Path) -> Iterator[dict[str, object]]:
+    """A row for each table of two result folders."""
+    changes = compare_results(before, after)
+    for file in sorted((before / "tables").glob("*.csv")):
+        of_table = [change for change in changes if change.where == file.name]
+        numbers = [change for change in of_table if change.relative is not None]
+        pairs = [(float(change.before), float(change.after)) for change in numbers]
+        units = [2 * half_unit(max(pair, key=abs)) for pair in pairs]
+        moved = [abs(b - a) / unit for (a, b), unit in zip(pairs, units, strict=True)]
+        printed = [[f"{value:.{SIGNIFICANT_DIGITS}g}" for value in pair] for pair in pairs]
+        yield {
+            "table": file.name,
+            "values": count_values(file),
+            "different": len(numbers),
+            "largest_relative": max((change.relative for change in numbers), default=0.0),
+            "margin": 0.5 / max(moved) if moved else math.inf,
+            "expected_changes": sum(moved),
+            "changes": len(of_table) - len(numbers) + sum(a != b for a, b in printed),
+        }
+
+
+def count_values(file: Path) -> int:
+    """Numbers in a table that are no whole ones."""
+    cells = pd.read_csv(file, dtype=str, keep_default_na=False).to_numpy().ravel()
+    numbers = pd.to_numeric(pd.Series(cells), errors="coerce").dropna()
+    return int((numbers % 1 != 0).sum())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--config", default="config/config.yaml")
+    parser.add_argument("--output", type=Path, default=ROOT / "benchmarks/results/margin.csv")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        results = {}
+        for run, cores in RUNS.items():
+            folder = Path(name) / run.replace(" ", "_")
+            environment = older_processor() if run == "older processor" else {}
+            results[run] = run_study(options.config, cores, folder, environment)
+        first, *others = RUNS
+        rows = [
+            {"run": run} | row for run in others for row in margins(results[first], results[run])
+        ]
+    table = pd.DataFrame(rows)
+    text = table.to_csv(index=False, float_format="%.2g", lineterminator="\n")
+    options.output.parent.mkdir(parents=True, exist_ok=True)
+    options.output.write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,63 @@
+"""Results packed as an RO-Crate: every file in it, and where they come from."""
+
+import json
+import zipfile
+
+import pytest
+from click.testing import CliRunner
+from rocrate.rocrate import ROCrate
+
+from gstlib.cli import main
+from gstlib.crate import write_crate
+from gstlib.errors import InputError
+
+RECORD = {
+    "config": {"title": "a stone", "macroscale": {"grid": 100}},
+    "inputs": {"data/mesh.stl": "ab" * 32, "config/patches.tsv": "cd" * 32},
+    "software": {
+        "gstlib": "0.1.0",
+        "commit": "ef" * 20,
+        "python": "3.11.7",
+        "packages": {"numpy": "2.4.6", "scipy": "1.17.0"},
+    },
+}
+PACKED = {"provenance.json", "tables/a.csv", "figures/b.png", "figures/patch/1.png"}
+
+
+@pytest.fixture
+def results(tmp_path):
+    folder = tmp_path / "results"
+    for name in (*PACKED, "microscale/1.h5", "figures/b.svg"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(json.dumps(RECORD) if name == "provenance.json" else name)
+    return folder
+
+
+def test_files_and_where_they_come_from(results, tmp_path):
+    archive = tmp_path / "out/study.zip"
+    assert write_crate(results, archive) == len(PACKED)
+    with zipfile.ZipFile(archive) as packed:
+        assert set(packed.namelist()) > PACKED
+        assert packed.read("tables/a.csv") == b"tables/a.csv"
+        assert "microscale/1.h5" not in packed.namelist()
+    crate = ROCrate(archive)
+    assert crate.name == "a stone"
+    study = crate.root_dataset["mentions"]
+    assert {file.id for file in study["result"]} == PACKED
+    assert study["instrument"]["softwareVersion"] == "0.1.0"
+    assert study["instrument"]["identifier"] == "ef" * 20
+    assert "numpy 2.4.6" in study["instrument"]["softwareRequirements"]
+    hashes = {one["name"]: one["sha256"] for one in study["object"] if "sha256" in one}
+    assert hashes == RECORD["inputs"]
+    settings = {one["name"]: one["value"] for one in study["object"] if "value" in one}
+    assert json.loads(settings["macroscale"]) == {"grid": 100}
+
+
+def test_what_cannot_be_packed(results, tmp_path):
+    with pytest.raises(InputError, match=r"is no \.zip"):
+        write_crate(results, tmp_path / "study.tar")
+    (results / "provenance.json").unlink()
+    said = CliRunner().invoke(main, ["crate", str(results), str(tmp_path / "study.zip")])
+    assert said.exit_code == 1
+    assert "Name the results folder of a finished study" in said.output
+    assert not (tmp_path / "study.zip").exists()
