@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-__all__ = ["ConfigError", "GstError", "InputError", "InputsError"]
+__all__ = ["ConfigError", "GstError", "InputError", "InputsError", "OutputError"]
 
 
 class GstError(Exception):
@@ -35,6 +35,10 @@ class InputError(GstError):
 
 class ConfigError(InputError):
     """A value in the config file or a row of the patch table cannot be used."""
+
+
+class OutputError(InputError):
+    """A result cannot be written where the user wants it: disk full, read-only, not allowed."""
 
 
 class InputsError(GstError):

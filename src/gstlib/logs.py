@@ -4,10 +4,11 @@ import logging
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from gstlib.errors import GstError
+from gstlib.io.files import cannot_write
 
 __all__ = ["job_log"]
 
@@ -20,10 +21,15 @@ def job_log(path: str | Path) -> Iterator[logging.Logger]:
     process with exit code 1 and its one-line message; anything else is a fault of the program
     and keeps its traceback.
     """
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    try:
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        to_file = logging.FileHandler(path, mode="w", encoding="utf-8")
+    except OSError as error:
+        raise SystemExit(f"\nERROR: {cannot_write(path, error)}\n") from None
+    # a full disk is told by the error that ends the job, not by each line that finds no room
+    to_file.handleError = lambda record: None
     log = logging.getLogger("gstlib")
     log.setLevel(logging.INFO)
-    to_file = logging.FileHandler(path, mode="w", encoding="utf-8")
     to_file.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
     to_screen = logging.StreamHandler(sys.stderr)
     to_screen.setLevel(logging.WARNING)
@@ -49,4 +55,5 @@ def job_log(path: str | Path) -> Iterator[logging.Logger]:
         warnings.showwarning = show_warning
         for handler in handlers:
             log.removeHandler(handler)
-            handler.close()
+            with suppress(OSError):
+                handler.close()

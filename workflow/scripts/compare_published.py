@@ -14,8 +14,8 @@ from gstlib.logs import job_log
 
 
 def main(published: Path, path: Path, pressures: Path, table: Path) -> None:
-    final = read_table(path).iloc[-1]
-    by_patch = read_table(pressures).set_index("patch").pressure_MPa
+    final = read_table(path, ["displacement_um", "mean_pressure_MPa", "contact_fraction"]).iloc[-1]
+    by_patch = read_table(pressures, ["patch", "pressure_MPa"]).set_index("patch").pressure_MPa
     computed = {
         ("displacement", ""): final.displacement_um,
         ("mean pressure", ""): final.mean_pressure_MPa,

@@ -32,7 +32,8 @@ def main(
     if placement is None:
         patches = patches.assign(place="nominal")
     else:
-        patches = found_places(patches, read_table(placement))
+        found = read_table(placement, ["patch", "shift_x_um", "shift_y_um", "verdict"])
+        patches = found_places(patches, found)
     pressures = patch_pressures(final.pressure, patches, size_mm=patch_mm)
     pressures.insert(pressures.columns.get_loc("y_mm") + 1, "place", list(patches.place))
     attrs = {patch: read_attributes(file) for patch, file in registered.items()}

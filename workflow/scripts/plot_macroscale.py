@@ -21,7 +21,8 @@ def main(
     note: str | None,
 ) -> None:
     """`output` maps the name of each figure to its PNG, and ``<name>_svg`` to its SVG."""
-    solved, table = read_dataset(contact), read_table(pressures)
+    solved = read_dataset(contact)
+    table = read_table(pressures, ["patch", "x_mm", "y_mm", "pressure_MPa", "in_study"])
     drawn = {
         "contact_steps": figures.contact_steps_figure(solved, source_note=note),
         "elastic_rigid": figures.elastic_rigid_figure(solved, source_note=note),

@@ -27,7 +27,7 @@ def main(
 ) -> None:
     figure = figures.overview_figure(
         read_dataset(macroscale),
-        read_table(pressures),
+        read_table(pressures, ["patch", "x_mm", "y_mm", "pressure_MPa", "in_study"]),
         read_dataset(contact),
         None if registered is None else read_dataset(registered),
         patch=patch,

@@ -28,7 +28,7 @@ def main(
     figure = figures.placement_figure(
         read_dataset(surface).height,
         patches,
-        read_table(placement),
+        read_table(placement, ["patch", "shift_x_um", "shift_y_um", "verdict", "looks"]),
         read_dataset(maps),
         patch_size_mm=patch_mm,
         source_note=note,

@@ -11,7 +11,9 @@ from gstlib.logs import job_log
 
 
 def main(rates: Path, png: Path, svg: Path, *, note: str | None) -> None:
-    figures.save_figure(figures.power_figure(read_table(rates), source_note=note), png, svg)
+    columns = ["test", "drawn", "wear", "level", "specimens", "rate", "low", "high"]
+    figure = figures.power_figure(read_table(rates, columns), source_note=note)
+    figures.save_figure(figure, png, svg)
 
 
 if "snakemake" in globals():

@@ -11,7 +11,8 @@ from gstlib.logs import job_log
 
 
 def main(published: Path, png: Path, svg: Path, *, note: str | None) -> None:
-    figure = figures.published_figure(read_table(published), source_note=note)
+    columns = ["quantity", "patch", "unit", "published", "computed"]
+    figure = figures.published_figure(read_table(published, columns), source_note=note)
     figures.save_figure(figure, png, svg)
 
 

@@ -11,7 +11,10 @@ from gstlib.logs import job_log
 
 
 def main(texture: Path, png: Path, svg: Path, *, note: str | None) -> None:
-    figures.save_figure(figures.texture_figure(read_table(texture), source_note=note), png, svg)
+    table = read_table(
+        texture, ["patch", "epoch", "Sq_um", "Sk_um", "Spk_um", "Svk_um", "Sal_um", "Str"]
+    )
+    figures.save_figure(figures.texture_figure(table, source_note=note), png, svg)
 
 
 if "snakemake" in globals():

@@ -11,7 +11,8 @@ from gstlib.logs import job_log
 
 
 def main(truth: Path, png: Path, svg: Path, *, note: str | None) -> None:
-    figures.save_figure(figures.truth_figure(read_table(truth), source_note=note), png, svg)
+    table = read_table(truth, ["stage", "quantity", "patch", "unit", "true", "recovered"])
+    figures.save_figure(figures.truth_figure(table, source_note=note), png, svg)
 
 
 if "snakemake" in globals():

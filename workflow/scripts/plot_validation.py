@@ -11,14 +11,19 @@ from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
 from gstlib.logs import job_log
 
+# What is drawn of each table.
+COLUMNS = {
+    "patches": ["patch", "loss_fraction"],
+    "gains": ["patch", "score", "value", "null_low", "null_high", "p_value"],
+    "failures": ["split", "band", "area_share", "loss_share", "hit_share"],
+    "summary": ["statistic", "value", "low", "high", "p_value", "against"],
+}
+
 
 def main(
     contacts: dict[str, Path],
     registered: dict[str, Path],
-    patches: Path,
-    gains: Path,
-    failures: Path,
-    summary: Path,
+    tables: dict[str, Path],
     png: Path,
     svg: Path,
     *,
@@ -28,7 +33,7 @@ def main(
     figure = figures.validation_figure(
         {patch: read_dataset(file, only=predicted) for patch, file in contacts.items()},
         {patch: read_dataset(file, only=["change", "loss"]) for patch, file in registered.items()},
-        *(read_table(table) for table in (patches, gains, failures, summary)),
+        *(read_table(tables[name], columns) for name, columns in COLUMNS.items()),
         source_note=note,
     )
     figures.save_figure(figure, png, svg)
@@ -40,10 +45,7 @@ if "snakemake" in globals():
         main(
             dict(zip(ids, map(Path, snakemake.input.contacts), strict=True)),
             dict(zip(ids, map(Path, snakemake.input.registered), strict=True)),
-            Path(snakemake.input.patches),
-            Path(snakemake.input.gains),
-            Path(snakemake.input.failures),
-            Path(snakemake.input.summary),
+            {name: Path(snakemake.input[name]) for name in COLUMNS},
             Path(snakemake.output.validation),
             Path(snakemake.output.validation_svg),
             note=snakemake.params.note,

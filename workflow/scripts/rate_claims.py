@@ -13,7 +13,8 @@ from gstlib.power import rejection_rates
 
 
 def main(tests: list[Path], p_values: Path, rates: Path) -> None:
-    table = pd.concat([read_table(file) for file in tests], ignore_index=True)
+    columns = ["seed", "test", "drawn", "wear", "p_value"]
+    table = pd.concat([read_table(file, columns) for file in tests], ignore_index=True)
     write_table(p_values, table)
     write_table(rates, rejection_rates(table))
 

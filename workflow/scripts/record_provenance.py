@@ -5,21 +5,16 @@ program's commit.
 """
 
 import json
-import os
 from pathlib import Path
 
+from gstlib.io.files import write_whole
 from gstlib.logs import job_log
 from gstlib.provenance import study_provenance
 
 
 def main(inputs: list[str], output: Path, *, config: dict, commit: str | None) -> None:
     text = json.dumps(study_provenance(config, inputs, commit), indent=1, ensure_ascii=False)
-    temporary = output.with_name(f".{output.name}.{os.getpid()}.part")
-    try:
-        temporary.write_text(text + "\n", encoding="utf-8")
-        os.replace(temporary, output)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(output, f"{text}\n".encode())
 
 
 if "snakemake" in globals():

@@ -70,8 +70,9 @@ def main(
             for row in split_loss(touching, at.loss, at.valid, masks)
         ]
     scored, weighed, split = map(pd.DataFrame, (scored, weighed, split))
-    predicted = read_table(microscale).rename(columns={"mean_pressure_MPa": "pressure_MPa"})
-    both = scored.merge(predicted[["patch", "pressure_MPa", "stiffness_MPa_per_um"]], on="patch")
+    columns = ["patch", "mean_pressure_MPa", "stiffness_MPa_per_um"]
+    predicted = read_table(microscale, columns)[columns]
+    both = scored.merge(predicted.rename(columns={"mean_pressure_MPa": "pressure_MPa"}), on="patch")
     both[["x_mm", "y_mm"]] = [places[patch] for patch in both.patch]
     chance = {"resamples": resamples, "generator": np.random.default_rng(seed)}
     parts = [

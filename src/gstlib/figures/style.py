@@ -5,8 +5,8 @@ right, x runs to the left and y downwards. Colours are colour-blind safe: Okabe 
 classes, perceptually uniform maps for numbers.
 """
 
+import io
 import math
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -23,6 +23,7 @@ from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
+from gstlib.io.files import write_whole
 from gstlib.surface import spacing_of
 
 __all__ = [
@@ -122,13 +123,9 @@ def save_figure(figure: Figure, png: str | Path, svg: str | Path | None = None) 
     if svg is not None:
         targets.append((Path(svg), "svg", {"Date": None, "Creator": None}))
     for path, kind, metadata in targets:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            figure.savefig(temporary, format=kind, metadata=metadata)
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format=kind, metadata=metadata)
+        write_whole(path, drawn.getbuffer())
         # Laying out takes longer than drawing, and both files are to look the same.
         figure.set_layout_engine("none")
 

@@ -5,12 +5,13 @@ rev. 2", objective "Leica HC PL Fluotar EPI 10X"), so that any reader of such fi
 what the instrument would have written. Nothing in the file depends on the clock.
 """
 
-import os
 import struct
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+
+from gstlib.io.files import write_whole
 
 __all__ = ["PLU_UNMEASURED_UM", "write_plu"]
 
@@ -56,14 +57,7 @@ def write_plu(
         Not a map of two dimensions, an infinite height, or a height that the format reads as
         unmeasured.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        temporary.write_bytes(_encode(np.asarray(heights), spacing, comment, acquired))
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(path, _encode(np.asarray(heights), spacing, comment, acquired))
 
 
 def _encode(

@@ -1,16 +1,19 @@
 """HDF5 between the stages: complete or absent, and the same bytes for the same content.
 
 Files are written through xarray's h5netcdf engine, so xarray, h5py, h5dump and MATLAB open them.
-Nothing in them depends on the clock.
+Nothing in them depends on the clock. Every array has HDF5's own checksum (the fletcher32 filter),
+so that whoever reads a damaged file gets an error, not wrong numbers.
 """
 
-import os
+import io
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import h5py
 import xarray as xr
 
 from gstlib.errors import InputError
+from gstlib.io.files import write_whole
 
 __all__ = ["read_attributes", "read_dataset", "write_dataset"]
 
@@ -31,26 +34,34 @@ def write_dataset(
         Every data variable must carry ``units`` and ``long_name``.
     attrs : mapping, optional
         Attributes of the file, added to those of the dataset (see `gstlib.provenance`).
+
+    Raises
+    ------
+    OutputError
+        See `write_whole`.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     for name, variable in dataset.data_vars.items():
         missing = {"units", "long_name"} - set(variable.attrs)
         if missing:
             raise ValueError(f"variable '{name}' lacks {', '.join(sorted(missing))}")
-    encoding = {
-        name: {"zlib": True, "complevel": 4, "shuffle": True}
-        for name, variable in dataset.data_vars.items()
-        if variable.size >= _COMPRESS_FROM and variable.dtype.kind in "fiub"
-    }
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        dataset.assign_attrs(attrs or {}).to_netcdf(
-            temporary, engine="h5netcdf", format="NETCDF4", encoding=encoding
-        )
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    # In memory first: HDF5 does not recover from a disk that fills up under it.
+    content = io.BytesIO()
+    dataset.assign_attrs(attrs or {}).to_netcdf(
+        content,
+        engine="h5netcdf",
+        format="NETCDF4",
+        encoding={name: _encoding(variable) for name, variable in dataset.variables.items()},
+    )
+    write_whole(path, content.getbuffer())
+
+
+def _encoding(variable: xr.Variable) -> dict[str, object]:
+    """How a variable is stored: with a checksum, and compressed where that is worth it."""
+    if not variable.shape or not variable.size or variable.dtype.kind not in "fiub":
+        return {}
+    if variable.size < _COMPRESS_FROM:
+        return {"fletcher32": True, "chunksizes": variable.shape}
+    return {"fletcher32": True, "zlib": True, "complevel": 4, "shuffle": True}
 
 
 def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Dataset:
@@ -66,12 +77,16 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
     Raises
     ------
     InputError
-        The file is missing or is not a readable HDF5 file, or lacks a variable.
+        The file is missing, damaged or no HDF5 file, or lacks a variable.
     """
     try:
+        # alone, h5netcdf also prints a stack when it is given what is no HDF5 at all
+        h5py.File(path).close()
         with xr.open_dataset(path, engine="h5netcdf") as dataset:
             return (dataset if only is None else dataset[list(only)]).load()
-    except (OSError, ValueError, KeyError) as error:
+    except MemoryError:  # not the file's fault
+        raise
+    except Exception as error:  # a damaged file makes HDF5 fail in any of its own ways
         raise InputError(
             path, f"cannot be read as HDF5 ({error})", "Delete it and run the study again."
         ) from error

@@ -1,9 +1,12 @@
 """CSV tables: tidy, in a stable order, with fixed digits: `diff` shows real changes only."""
 
-import os
+from collections.abc import Iterable
 from pathlib import Path
 
 import pandas as pd
+
+from gstlib.errors import InputError
+from gstlib.io.files import write_whole
 
 __all__ = ["ALL_DIGITS", "SIGNIFICANT_DIGITS", "read_table", "write_table"]
 
@@ -30,20 +33,35 @@ def write_table(path: str | Path, table: pd.DataFrame) -> None:
 
     The file is complete or absent; row order is the table's own.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     text = table.astype(object).map(_format).to_csv(index=False, lineterminator="\n")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    write_whole(path, text.encode())
+
+
+def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
+    """Read a table of `write_table`: yes/no columns as bool, ``patch`` as text.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file of `write_table`.
+    columns : iterable of str, optional
+        Columns that must be there.
+
+    Raises
+    ------
+    InputError
+        The file is missing or is no table, or lacks a column.
+    """
     try:
-        temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def read_table(path: str | Path) -> pd.DataFrame:
-    """Read a table of `write_table`: yes/no columns as bool, ``patch`` as text."""
-    table = pd.read_csv(path, dtype={"patch": str}, keep_default_na=True)
+        table = pd.read_csv(path, dtype={"patch": str}, keep_default_na=True)
+    except (OSError, ValueError) as error:  # pandas' own errors are ValueErrors
+        reason = " ".join(str(error).split())
+        raise InputError(
+            path, f"cannot be read as a table ({reason})", "Delete it and run the study again."
+        ) from error
+    missing = [column for column in columns if column not in table.columns]
+    if missing:
+        raise InputError(path, f"lacks {', '.join(missing)}", "Delete it and run the study again.")
     for column in table.columns:
         if table[column].isin(["yes", "no"]).all() and len(table):
             table[column] = table[column] == "yes"

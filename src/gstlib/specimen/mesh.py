@@ -1,11 +1,11 @@
 """The generated specimen's mesh, as photogrammetry would have made it."""
 
 import io
-import os
 from pathlib import Path
 
 import numpy as np
 
+from gstlib.io.files import write_whole
 from gstlib.specimen.pebble import even_triangulation
 from gstlib.specimen.stone import Stone
 
@@ -61,14 +61,7 @@ def write_stl(path: str | Path, vertices: np.ndarray, faces: np.ndarray) -> None
     """Write a mesh as binary STL, complete or not at all."""
     import trimesh
 
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     content = io.BytesIO()
     mesh.export(content, file_type="stl")
-    try:
-        temporary.write_bytes(content.getvalue())
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(path, content.getvalue())

@@ -82,9 +82,10 @@ def score_truth(
         rows += _score_registration(at, patch, _open(result))
         rows += _score_wear(at, patch, _open(result), truth.attrs["wear_threshold_um"])
     if placement is not None:
-        rows += _score_placement(truth, _table(placement))
+        rows += _score_placement(truth, _table(placement, "shift_x_um", "shift_y_um"))
     if patch_pressures is not None and true_pressures is not None:
-        rows += _score_pressures(truth, _table(patch_pressures), true_pressures)
+        pressures = _table(patch_pressures, "x_mm", "y_mm", "pressure_MPa")
+        rows += _score_pressures(truth, pressures, true_pressures)
     return pd.DataFrame([(*row, row[-1] - row[-2]) for row in rows], columns=_COLUMNS)
 
 
@@ -92,9 +93,10 @@ def _open(result: Results) -> xr.Dataset:
     return result if isinstance(result, xr.Dataset) else read_dataset(result)
 
 
-def _table(result: str | Path | pd.DataFrame) -> pd.DataFrame:
-    table = result if isinstance(result, pd.DataFrame) else read_table(result)
-    return table.set_index("patch")
+def _table(result: str | Path | pd.DataFrame, *columns: str) -> pd.DataFrame:
+    if not isinstance(result, pd.DataFrame):
+        result = read_table(result, ["patch", *columns])
+    return result.set_index("patch")
 
 
 def _patch(truth: xr.Dataset, patch: str) -> xr.Dataset:

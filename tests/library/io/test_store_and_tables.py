@@ -1,11 +1,13 @@
+import contextlib
 import time
 
 import h5py
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
-from gstlib.errors import InputError
+from gstlib.errors import InputError, OutputError
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_table, write_table
 from gstlib.surface import make_surface
@@ -50,18 +52,75 @@ def test_units_are_required(tmp_path):
 def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     write_dataset(tmp_path / "a.h5", dataset())
     before = (tmp_path / "a.h5").read_bytes()
-    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
-    with pytest.raises(OSError, match="disk full"):
+    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError("no luck")))
+    with pytest.raises(OutputError, match=r"a\.h5: cannot be written: no luck"):
         write_dataset(tmp_path / "a.h5", dataset() * 2, {})
     assert [file.name for file in tmp_path.iterdir()] == ["a.h5"]
     assert (tmp_path / "a.h5").read_bytes() == before
 
 
-@pytest.mark.parametrize("content", [b"", b"not HDF5 at all"])
-def test_unreadable_files_are_named(tmp_path, content):
-    (tmp_path / "a.h5").write_bytes(content)
+@pytest.mark.parametrize("content", [b"", b"not HDF5 at all", bytes(4000), None])
+def test_unreadable_files_are_named(tmp_path, content, capfd):
+    path = tmp_path / "a.h5"
+    if content is None:  # cut off
+        write_dataset(path, dataset())
+        content = path.read_bytes()[: path.stat().st_size // 2]
+    path.write_bytes(content)
     with pytest.raises(InputError, match=r"a\.h5.*Delete it"):
-        read_dataset(tmp_path / "a.h5")
+        read_dataset(path)
+    assert capfd.readouterr().err == ""
+
+
+def test_a_flipped_bit_in_an_array_is_noticed(tmp_path):
+    """In a large array, which is compressed, and in small ones, which are not."""
+    path = tmp_path / "a.h5"
+    write_dataset(path, dataset())
+    whole = path.read_bytes()
+    with h5py.File(path) as file:
+        chunks = [
+            variable.id.get_chunk_info(number)
+            for variable in file.values()
+            for number in range(variable.id.get_num_chunks())
+        ]
+    assert len(chunks) >= 3  # y, x, height
+    for chunk in chunks:
+        for at in (0, chunk.size // 2, chunk.size - 5):
+            content = bytearray(whole)
+            content[chunk.byte_offset + at] ^= 1
+            path.write_bytes(content)
+            with pytest.raises(InputError, match=r"a\.h5.*Delete it"):
+                read_dataset(path)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_whatever_bit_is_flipped_no_other_error_comes(tmp_path):
+    """HDF5 fails in many ways; each becomes the one error that names the file."""
+    path = tmp_path / "a.h5"
+    write_dataset(path, dataset())
+    whole = path.read_bytes()
+    noticed = 0
+    for at in range(0, len(whole), len(whole) // 150):
+        content = bytearray(whole)
+        content[at] ^= 16
+        path.write_bytes(content)
+        with contextlib.suppress(InputError):
+            read_dataset(path)
+            continue
+        noticed += 1
+    assert noticed > 75
+
+
+def test_an_empty_array_and_a_scalar_are_stored(tmp_path):
+    named = {"units": "1", "long_name": "n"}
+    odd = xr.Dataset(
+        {
+            "none": (("i",), np.zeros(0), named),
+            "one": ((), 2.5, named),
+            "few": (("j",), [1, 2], named),
+        }
+    )
+    write_dataset(tmp_path / "a.h5", odd)
+    assert read_dataset(tmp_path / "a.h5").equals(odd)
 
 
 def test_table_digits_and_words(tmp_path):
@@ -81,3 +140,17 @@ def test_table_digits_and_words(tmp_path):
     read = read_table(tmp_path / "t.csv")
     assert list(read.patch) == ["01", "2"]
     assert read.in_study.tolist() == [True, False]
+
+
+@pytest.mark.parametrize("content", [b"", b"a,b\n1,2\n3,4,5\n", b"\xff\xfe\x00"])
+def test_unreadable_tables_are_named(tmp_path, content):
+    (tmp_path / "t.csv").write_bytes(content)
+    with pytest.raises(InputError, match=r"t\.csv.*Delete it"):
+        read_table(tmp_path / "t.csv")
+
+
+def test_a_missing_column_is_named(tmp_path):
+    write_table(tmp_path / "t.csv", pd.DataFrame({"patch": ["1"], "force_N": [2.0]}))
+    assert len(read_table(tmp_path / "t.csv", ["patch", "force_N"])) == 1
+    with pytest.raises(InputError, match=r"t\.csv: lacks pressure_MPa, x_mm\. Delete it"):
+        read_table(tmp_path / "t.csv", ["patch", "pressure_MPa", "x_mm"])
