@@ -8,7 +8,7 @@ READY   := .venv/ready
 SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 
 .DEFAULT_GOAL := help
-.PHONY: help environment study report check plan diff test check-style test-python bench power margin baseline docs lock clean
+.PHONY: help environment study report check plan diff test check-style test-python bench power margin baseline docs lock clean unlock
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -26,7 +26,7 @@ $(READY): requirements.lock pyproject.toml
 	@touch $@
 
 study: $(READY) ## run the whole study and build its report
-	@$(SNAKEMAKE)
+	@$(SNAKEMAKE) || { $(BIN)/python workflow/unlock.py --explain $(CONFIG); exit 1; }
 	@$(BIN)/python workflow/build_report.py $(CONFIG)
 
 check: $(READY) ## check config, patch table and every file, and say what a run would do
@@ -34,6 +34,9 @@ check: $(READY) ## check config, patch table and every file, and say what a run 
 
 plan: $(READY) ## show what a study would run, without running it
 	@$(SNAKEMAKE) --dry-run --quiet rules
+
+unlock: $(READY) ## remove the lock that a killed run left, unless a run is still at work
+	@$(BIN)/python workflow/unlock.py $(CONFIG)
 
 diff: $(READY) ## compare two result folders: make diff A=results B=other/results
 	@$(BIN)/gst diff $(A) $(B)

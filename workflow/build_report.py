@@ -33,7 +33,10 @@ def main() -> None:
     newest = max(file.stat().st_mtime for file in sources)
     if not report.exists() or report.stat().st_mtime < newest:
         snakemake = [sys.executable, "-m", "snakemake", "--configfile", arguments.config]
-        subprocess.run([*snakemake, "--report", report, "--quiet", "all"], check=True)
+        # half a report, newer than all that it shows, would pass for whole
+        part = report.with_name(".report.part.html")
+        subprocess.run([*snakemake, "--report", part, "--quiet", "all"], check=True)
+        part.replace(report)
     print(f"Done. Report: {report} (open it in a browser); tables: {folder / 'tables'}")
 
 

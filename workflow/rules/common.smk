@@ -3,8 +3,6 @@
 import os
 from pathlib import Path
 
-import pandas as pd
-
 from gstlib.config import (
     alternative_contact_modulus,
     check_config,
@@ -14,7 +12,10 @@ from gstlib.config import (
     study_contact_modulus,
     study_poisson,
 )
+from gstlib.errors import InputError
+from gstlib.io.files import check_writable
 from gstlib.io.patches import read_patches
+from gstlib.io.tables import read_table
 from gstlib.provenance import commit, source_hash
 
 SCHEMAS = Path(workflow.basedir) / "workflow/schemas"
@@ -48,6 +49,10 @@ if not GENERATED:
 SOURCE_NOTE = "generated specimen" if GENERATED else None
 
 
+onstart:
+    check_writable(RESULTS)
+
+
 wildcard_constraints:
     patch="|".join(PATCHES.index),
 
@@ -63,13 +68,19 @@ def scan_files(epoch, patches):
 
 
 def read_pressures(table):
-    return pd.read_csv(table, dtype={"patch": str}).set_index("patch")
+    """patch_pressures.csv by patch. Jobs are planned by it: one cut off must not pass for a smaller study."""
+    pressures = read_table(table, ["patch", "pressure_MPa", "in_study"]).set_index("patch")
+    if list(pressures.index) != list(PATCHES.index):
+        raise InputError(
+            table, "has not one row for each patch", "Delete it and run the study again."
+        )
+    return pressures
 
 
 def studied_patches():
     """Patches in the microscale study, known once the scales are coupled."""
     pressures = read_pressures(checkpoints.couple_scales.get().output.table)
-    return list(pressures.index[pressures.in_study == "yes"])
+    return list(pressures.index[pressures.in_study])
 
 
 def pressures_of(patches):

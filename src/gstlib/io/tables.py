@@ -1,5 +1,6 @@
 """CSV tables: tidy, in a stable order, with fixed digits: `diff` shows real changes only."""
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
