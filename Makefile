@@ -8,7 +8,7 @@ READY   := .venv/ready
 SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 
 .DEFAULT_GOAL := help
-.PHONY: help environment study report check plan diff test check-style test-python bench power margin baseline docs lock clean unlock
+.PHONY: help environment study report check plan diff test check-style test-python bench power margin baseline docs lock clean unlock test-faults
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -52,6 +52,9 @@ check-style: $(READY)
 # one thread: on two cores the small matrix products of a test only wait for each other
 test-python: $(READY)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
+
+test-faults: $(READY) ## kill runs, fill disks, damage files, and count what is lost (an hour)
+	$(BIN)/python tests/faults/run.py
 
 bench: $(READY) ## measure the contact solver against other codes (half an hour)
 	$(BIN)/python benchmarks/run.py

@@ -13,6 +13,7 @@ from pathlib import Path
 import psutil
 from build_report import results_folder
 
+SNAKEFILE = Path(__file__).parents[1] / "Snakefile"
 LOCKS = Path(".snakemake/locks")
 
 
@@ -74,8 +75,9 @@ def main() -> int:
             file=sys.stderr,
         )
         return 1
-    snakemake = [sys.executable, "-m", "snakemake", "--configfile", arguments.config]
-    subprocess.run([*snakemake, "--unlock", "--quiet", "all"], check=True)
+    snakemake = [sys.executable, "-m", "snakemake", "--snakefile", SNAKEFILE]
+    unlock = ["--unlock", "--quiet", "all", "--configfile", arguments.config]
+    subprocess.run([*snakemake, *unlock], check=True)
     print(f"{results}: unlocked.")
     return 0
 
