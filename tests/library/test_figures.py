@@ -195,7 +195,9 @@ DRAW = {
     "rigid": lambda s, **n: figures.elastic_rigid_figure(s["macroscale"], **n),
     "curves": lambda s, **n: figures.macroscale_curves_figure(s["macroscale"], **n),
     "force": lambda s, **n: figures.force_figure(s["macroscale"], s["pressures"], **SIZE, **n),
-    "pressure": lambda s, **n: figures.patch_pressure_figure(s["pressures"], **n),
+    "pressure": lambda s, **n: figures.patch_pressure_figure(
+        s["pressures"].assign(low_MPa=0.0, high_MPa=90.0), **n
+    ),
     "preparation": lambda s, **n: figures.preparation_figure(
         s["prepared"], s["measured"], patch="1", **n
     ),

@@ -19,6 +19,10 @@ from gstlib.surface import spacing_of
 
 COLUMNS = {
     "patch_pressures": ["patch", "x_mm", "y_mm", "pressure_MPa", "in_study", "reason"],
+    "patch_intervals": [
+        *("patch", "pressure_MPa", "low_MPa", "high_MPa", "placement_low_MPa"),
+        *("placement_high_MPa", "material_low_MPa", "material_high_MPa"),
+    ],
     "macroscale_path": [
         *("step", "displacement_um", "mean_pressure_MPa", "contact_fraction"),
         "stiffness_MPa_per_um",

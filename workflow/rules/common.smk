@@ -171,6 +171,7 @@ FIXED_TARGETS = [
         "tables/placement.csv": True,
         "tables/registration.csv": bool(WORN_PATCHES),
         "tables/patch_pressures.csv": True,
+        "tables/patch_intervals.csv": True,
         "tables/texture.csv": True,
         "figures/texture.png": bool(WORN_PATCHES),
         "tables/published.csv": config["published"] is not None,

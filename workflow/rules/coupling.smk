@@ -70,6 +70,40 @@ checkpoint couple_scales:
         "../scripts/couple_scales.py"
 
 
+rule bound_pressures:
+    input:
+        surface=rules.grid_macroscale.output.surface,
+        contact=rules.solve_macroscale.output.contact,
+        pressures=f"{RESULTS}/tables/patch_pressures.csv",
+    output:
+        table=report(
+            f"{RESULTS}/tables/patch_intervals.csv",
+            caption="../report/patch_intervals.rst",
+            category="3 Coupling",
+            labels={"what": "interval of every patch's pressure", "kind": "table"},
+        ),
+    log:
+        f"{RESULTS}/logs/bound_pressures.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/bound_pressures.tsv"
+    threads: 1
+    resources:
+        mem_mb=1000,
+        runtime=10,
+    params:
+        material=config["material"],
+        contact_modulus_MPa=CONTACT_MODULUS_MPA,
+        target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
+        tolerance=config["macroscale"]["tolerance"],
+        patch_mm=PATCH_MM,
+        uncertainty=config["uncertainty"],
+        code=code("bound_pressures.py"),
+    message:
+        "Drawing places and elastic constants, for the intervals of the patches' pressures"
+    script:
+        "../scripts/bound_pressures.py"
+
+
 if config["published"] is not None:
 
     rule compare_published:

@@ -6,6 +6,7 @@ rule plot_macroscale:
     input:
         contact=rules.solve_macroscale.output.contact,
         pressures=f"{RESULTS}/tables/patch_pressures.csv",
+        intervals=rules.bound_pressures.output.table,
     output:
         contact_steps=picture("contact_steps", "2 Macroscale", "contact as the load grows"),
         contact_steps_svg=vector("contact_steps"),

@@ -170,12 +170,12 @@ def draw_forces(axes: Axes, contact: xr.Dataset, *, ticks: bool = True):
 
 @styled
 def patch_pressure_figure(pressures: pd.DataFrame, *, source_note: str | None = None) -> Figure:
-    """Nominal pressure of every patch, in and out of the study (Table 1).
+    """Nominal pressure of every patch, in and out of the study (Table 1), with its interval.
 
     Parameters
     ----------
     pressures : pandas.DataFrame
-        ``patch, pressure_MPa, in_study``.
+        ``patch, pressure_MPa, low_MPa, high_MPa, in_study``.
     """
     figure = new_figure(WIDTH, 0.36 * WIDTH)
     axes = figure.subplots()
@@ -191,18 +191,20 @@ def patch_pressure_figure(pressures: pd.DataFrame, *, source_note: str | None = 
         linewidth=0.8,
         label="left out",
     )
+    low, high = (pressures[f"{end}_MPa"].to_numpy(dtype=float) for end in ("low", "high"))
+    axes.vlines(places, low, high, color="black", linewidth=0.7)
     axes.set_xticks(places, pressures["patch"])
     axes.tick_params(axis="x", length=0)
     axes.set(xlabel="patch", ylabel="nominal pressure (MPa)", xlim=(-0.7, len(places) - 0.3))
     axes.bar_label(
-        axes.bar(places, values, alpha=0),
+        axes.bar(places, np.maximum(values, high), alpha=0),
         labels=[f"{value:.1f}" if value > 0 else "0" for value in values],
         fontsize=6,
         padding=1,
         color=GREY,
     )
     axes.legend()
-    write_notes(figure, source_note)
+    write_notes(figure, source_note, ["Lines: 95 % interval by place and elastic constants."])
     return figure
 
 
