@@ -13,16 +13,11 @@ from typing import NamedTuple
 import pandas as pd
 import xarray as xr
 
-from gstlib.contact import solve_at_pressure
 from gstlib.coupling import patch_pressures, select_patches
-from gstlib.io.meshes import read_mesh
-from gstlib.io.scans import read_scan
-from gstlib.preprocess.frame import find_frame
-from gstlib.preprocess.gridding import grid_mesh
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.preprocess.scan import prepare_scan
+from gstlib.preprocess.patch import clean_scan
 from gstlib.specimen import SpecimenParameters, generate_specimen
 from gstlib.specimen.parameters import WEAR_PLACEMENTS
+from gstlib.stages import grid_square, press_patch, press_square
 from gstlib.validation.change import measured_change
 
 __all__ = ["Trial", "try_specimen"]
@@ -99,73 +94,41 @@ def try_specimen(
                 parameters=replace(parameters, wear_placement=placement),
             )
         before_use = folders[WEAR_PLACEMENTS[0]]
-        pressure = _macroscale_pressure(
-            before_use / "mesh.stl", square, macroscale, contact_modulus_MPa
+        mesh = before_use / "mesh.stl"
+        height = grid_square(
+            mesh,
+            mesh_unit="mm",
+            square=square,
+            grid=macroscale["grid"],
+            margin_mm=macroscale["margin_mm"],
+        )
+        pressure = press_square(
+            height, source=mesh, macroscale=macroscale, contact_modulus_MPa=contact_modulus_MPa
         )
         pressures = patch_pressures(pressure, patches, size_mm=patch_mm)
+        reading = {
+            "crop": None,
+            "patch_mm": patch_mm,
+            "scans": scans,
+            "preprocessing": preprocessing,
+        }
         for at in patches.merge(pressures[["patch", "pressure_MPa"]]).itertuples(index=False):
             if not _in_study(at, {}, selection):
                 continue
-            before = _surface(before_use / at.t0, scans, preprocessing)
-            contact = _contact(before.height, at.pressure_MPa, microscale, contact_modulus_MPa)
+            before = clean_scan(before_use / at.t0, **reading)
+            contact = press_patch(
+                before[["height"]],
+                pressure_MPa=at.pressure_MPa,
+                tolerance=microscale["tolerance"],
+                contact_modulus_MPa=contact_modulus_MPa,
+            )
             for placement, folder in folders.items():
-                after = _surface(folder / at.t1, scans, preprocessing)
+                after = clean_scan(folder / at.t1, **reading)
                 found, change = measured_change(before, after, **registration, **traces)
                 quality = {"overlap": found.overlap, "correlation": found.detail_correlation}
                 if _in_study(at, quality, selection):
                     at_place = (at.patch, at.x_mm, at.y_mm, at.pressure_MPa)
                     yield Trial(placement, *at_place, contact, change)
-
-
-def _macroscale_pressure(
-    mesh: Path, square: Mapping, macroscale: Mapping, contact_modulus_MPa: float
-) -> xr.DataArray:
-    """Contact pressure (MPa) of the square at the target pressure."""
-    stone = read_mesh(mesh, unit="mm")
-    gridded = grid_mesh(
-        stone,
-        find_frame(square, stone, source=str(mesh)),
-        size_mm=square["size_mm"],
-        shape=(macroscale["grid"], macroscale["grid"]),
-        margin_mm=macroscale["margin_mm"],
-        source=str(mesh),
-    )
-    return solve_at_pressure(
-        remove_plane(gridded)[0],
-        source=mesh,
-        contact_modulus_MPa=contact_modulus_MPa,
-        target_pressure_MPa=macroscale["target_pressure_MPa"],
-        tolerance=macroscale["tolerance"],
-    )[1]
-
-
-def _surface(scan: Path, scans: Mapping, preprocessing: Mapping) -> xr.Dataset:
-    """A scan as the study prepares it."""
-    mould = scans["mould"]
-    return prepare_scan(
-        read_scan(scan), mould_invert=mould["invert"], mould_flip=mould["flip"], **preprocessing
-    )
-
-
-def _contact(
-    height: xr.DataArray, pressure_MPa: float, microscale: Mapping, contact_modulus_MPa: float
-) -> xr.Dataset:
-    """Contact of a patch at its own pressure."""
-    state, pressure = solve_at_pressure(
-        height,
-        source="patch",
-        contact_modulus_MPa=contact_modulus_MPa,
-        target_pressure_MPa=pressure_MPa,
-        tolerance=microscale["tolerance"],
-    )
-    return xr.Dataset(
-        {
-            "height": height,
-            "pressure": pressure,
-            "gap": (height.dims, state.gap),
-            "displacement": state.displacement,
-        }
-    )
 
 
 def _in_study(at: tuple, quality: Mapping[str, float], selection: Mapping) -> bool:
