@@ -8,6 +8,7 @@ share its force out without loss, wherever they lie.
 # ASSUME: the x and y of a patch are those of its centre; the paper gives the place by its x and y.
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -15,7 +16,7 @@ import xarray as xr
 
 from gstlib.surface import spacing_of
 
-__all__ = ["footprint_weights", "patch_pressures", "select_patches"]
+__all__ = ["footprint_weights", "patch_pressures", "select_patches", "shifted_places"]
 
 
 def footprint_weights(
@@ -62,6 +63,40 @@ def footprint_weights(
         inside = shapely.area(shapely.intersection(elements, footprint))
         weights[np.ix_(rows, columns)] = inside / (dy * dx)
     return weights
+
+
+def shifted_places(
+    patches: pd.DataFrame, shift_um: Sequence[float], *, size_mm: float, square_mm: float
+) -> pd.DataFrame:
+    """The patch table with every patch shifted that has not been moved to where it was found.
+
+    Parameters
+    ----------
+    patches : pandas.DataFrame
+        ``x_mm, y_mm, rotation_deg``; ``place``, "found" for those that stay.
+    shift_um : (x, y)
+        One that would leave the square stays at its edge.
+    size_mm, square_mm : float
+        Sides of a patch and of the square.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `patches` with ``place`` "shifted" where it is.
+    """
+    if not any(shift_um):
+        return patches
+    stays = patches.place == "found"
+    angle = np.radians(patches.rotation_deg)
+    half = size_mm / 2 * (abs(np.cos(angle)) + abs(np.sin(angle)))
+    moved = {
+        name: np.clip(patches[name] + shift * 1e-3, half, square_mm - half)
+        for name, shift in zip(("x_mm", "y_mm"), shift_um, strict=True)
+    }
+    return patches.assign(
+        **{name: patches[name].where(stays, values) for name, values in moved.items()},
+        place=patches.place.where(stays, "shifted"),
+    )
 
 
 def patch_pressures(

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gstlib.coupling import footprint_weights, patch_pressures, select_patches
+from gstlib.coupling import footprint_weights, patch_pressures, select_patches, shifted_places
 from gstlib.surface import make_surface
 
 GRID = make_surface(np.zeros((20, 24)), (0.25, 0.2))  # 5 mm × 4.8 mm
@@ -128,3 +128,21 @@ class TestSelection:
         table = self.select(None)
         assert list(table.in_study) == [False, False, True, True, True]
         assert list(table.reason[:2]) == ["no macroscale contact", "pressure 0.5 below 1 MPa"]
+
+
+def test_shifted_places_stay_on_the_square_and_found_ones_where_they_are():
+    patches = pd.DataFrame(
+        {
+            "patch": ["1", "2", "3"],
+            "x_mm": [1.0, 4.57, 2.0],
+            "y_mm": [2.0, 3.0, 4.0],
+            "rotation_deg": [0.0, 0.0, 90.0],
+            "place": ["nominal", "nominal", "found"],
+        }
+    )
+    sides = {"size_mm": 0.85, "square_mm": 5.0}
+    moved = shifted_places(patches, [30.0, -20.0], **sides)
+    np.testing.assert_allclose(moved.x_mm, [1.03, 4.575, 2.0], rtol=1e-12)
+    np.testing.assert_allclose(moved.y_mm, [1.98, 2.98, 4.0], rtol=1e-12)
+    assert list(moved.place) == ["shifted", "shifted", "found"]
+    assert shifted_places(patches, [0.0, 0.0], **sides) is patches

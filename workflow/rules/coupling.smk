@@ -62,6 +62,8 @@ checkpoint couple_scales:
         patches=PATCHES.to_dict("list"),
         worn=WORN_PATCHES,
         patch_mm=PATCH_MM,
+        square_mm=SQUARE_MM,
+        shift_um=[config["placement"][f"shift_{axis}_um"] for axis in "xy"],
         selection=config["selection"],
         code=code("couple_scales.py"),
     message:

@@ -2,7 +2,8 @@
 
 Inputs: contact.h5 of the macroscale, the patches' T0 surfaces (their real size), registrations, and
 placement.csv where patches are to be taken from where they were found. Outputs:
-patch_pressures.csv. Settings: the patch table, patch side, selection rules.
+patch_pressures.csv. Settings: the patch table, sides of patch and square, a shift of all patches,
+selection rules.
 """
 
 import logging
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from gstlib.coupling import patch_pressures, select_patches
+from gstlib.coupling import patch_pressures, select_patches, shifted_places
 from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_table, write_table
 from gstlib.logs import job_log
@@ -26,6 +27,8 @@ def main(
     *,
     patches: pd.DataFrame,
     patch_mm: float,
+    square_mm: float,
+    shift_um: list[float],
     selection: dict[str, float],
 ) -> None:
     final = read_dataset(contact).isel(step=-1)
@@ -34,6 +37,7 @@ def main(
     else:
         found = read_table(placement, ["patch", "shift_x_um", "shift_y_um", "verdict"])
         patches = found_places(patches, found)
+    patches = shifted_places(patches, shift_um, size_mm=patch_mm, square_mm=square_mm)
     pressures = patch_pressures(final.pressure, patches, size_mm=patch_mm)
     pressures.insert(pressures.columns.get_loc("y_mm") + 1, "place", list(patches.place))
     attrs = {patch: read_attributes(file) for patch, file in registered.items()}
@@ -67,5 +71,7 @@ if "snakemake" in globals():
             Path(snakemake.output.table),
             patches=pd.DataFrame(snakemake.params.patches),
             patch_mm=snakemake.params.patch_mm,
+            square_mm=snakemake.params.square_mm,
+            shift_um=snakemake.params.shift_um,
             selection=snakemake.params.selection,
         )
