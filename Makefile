@@ -5,10 +5,12 @@ CONFIG  ?= config/config.yaml
 CORES   ?= 2
 BIN     := .venv/bin
 READY   := .venv/ready
+# a config of the user's own, if one is given
+SWEPT   := $(if $(filter file,$(origin CONFIG)),config/sweep.yaml,$(CONFIG))
 SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 
 .DEFAULT_GOAL := help
-.PHONY: help environment study report check plan diff test check-style test-python bench power margin baseline docs lock clean unlock test-faults
+.PHONY: help environment study report check plan diff test check-style test-python bench power margin baseline docs lock clean unlock test-faults sweep
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -70,6 +72,10 @@ baseline: $(READY) ## renew the tables that the default study is held against by
 	@$(SNAKEMAKE)
 	rm -rf tests/baseline && mkdir -p tests/baseline
 	cp -r results/tables tests/baseline/
+
+sweep: $(READY) ## what moves the results most, one thing set otherwise at a time (10 minutes)
+	@$(BIN)/snakemake sweep --cores $(CORES) --configfile $(SWEPT)
+	@echo "Done. Table: tables/sweep.csv; figure: figures/sweep.png, in the results folder"
 
 docs: $(READY) ## renew the parts of the documents that follow from the code
 	$(BIN)/python workflow/document.py

@@ -22,6 +22,7 @@ include: "workflow/rules/grinding.smk"
 include: "workflow/rules/validation.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/power.smk"
+include: "workflow/rules/sweep.smk"
 
 
 rule all:

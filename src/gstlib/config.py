@@ -15,6 +15,7 @@ from jsonschema.exceptions import ValidationError, best_match
 from gstlib.bem import contact_modulus
 from gstlib.errors import ConfigError
 from gstlib.preprocess.frame import frame_from_points
+from gstlib.sweep.factors import sweep_problems
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,15 +49,21 @@ def check_config(config: Mapping, schema: str | Path, source: str) -> None:
     ConfigError
         Its message lists every problem found.
     """
-    problems = [_explain(error) for error in _leaves(_validator(schema).iter_errors(config))]
-    if not problems:  # the rest relies on the types being right
-        problems = _contradictions(config)
+    problems = _faults(config, schema)
+    if not problems and config["sweep"] is not None:
+        problems = sweep_problems(config, lambda changed: _faults(changed, schema))
     if problems:
         raise ConfigError(
             source,
             "the configuration cannot be used\n  - " + "\n  - ".join(problems) + "\n ",
             "Every key is described in config/README.md.",
         )
+
+
+def _faults(config: Mapping, schema: str | Path) -> list[str]:
+    """All that a schema says against a config and, if that is nothing, all that it cannot say."""
+    problems = [_explain(error) for error in _leaves(_validator(schema).iter_errors(config))]
+    return problems or _contradictions(config)  # which relies on the types being right
 
 
 def faulty_sections(config: Mapping, schema: str | Path) -> set[str]:

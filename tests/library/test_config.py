@@ -95,6 +95,25 @@ def test_contradictions_are_told(config, path, value, words):
     assert words in problems(config)
 
 
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"macroscale": {"steps": 5}}, "depends on macroscale.steps, only on grid"),
+        ({"specimen": {"seed": 8}}, "'specimen' is no section that can be swept (those are mat"),
+        ({"macroscale": 3}, "'macroscale' is no section"),
+        ({"macroscale": {"grid": 5}}, "'macroscale.grid' is 5: 5 is less than the minimum of 8"),
+        ({"texture": {"l_filter_um": 5.0}}, "no wave passes both filters"),
+        ({"material": {"poisson_2": 0.1}}, "poisson_2 without effect while material.contact_mod"),
+    ],
+)
+def test_a_sweep_that_makes_no_sense_is_told_with_factor_and_value(config, changes, words):
+    good = {"macroscale": {"grid": 50}}
+    message = problems(config | {"sweep": {"fine": [good], "my factor": [good, changes]}})
+    assert "'sweep.my factor', value 2: " in message
+    assert words in message
+    assert message.count("'sweep.") == 1
+
+
 def test_missing_files_are_listed(tmp_path):
     (tmp_path / "there").touch()
     with pytest.raises(ConfigError, match=r"1 of 2 files(.|\n)*scan: .*gone"):

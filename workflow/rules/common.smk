@@ -1,6 +1,7 @@
 # What every stage shares: the checked configuration, the patch table, names of files.
 
 import os
+import re
 from pathlib import Path
 
 from gstlib.config import (
@@ -17,6 +18,7 @@ from gstlib.io.files import check_writable
 from gstlib.io.patches import read_patches
 from gstlib.io.tables import read_table
 from gstlib.provenance import commit, source_hash
+from gstlib.sweep.factors import SWEPT, sweep_settings
 
 SCHEMAS = Path(workflow.basedir) / "workflow/schemas"
 SCRIPTS = Path(workflow.basedir) / "workflow/scripts"

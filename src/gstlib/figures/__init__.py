@@ -24,6 +24,7 @@ from gstlib.figures.power import power_figure
 from gstlib.figures.preparation import preparation_figure
 from gstlib.figures.scores import validation_figure
 from gstlib.figures.style import save_figure
+from gstlib.figures.sweep import sweep_figure
 from gstlib.figures.texture import texture_figure
 from gstlib.figures.validation import (
     overview_figure,
@@ -51,6 +52,7 @@ __all__ = [
     "save_figure",
     "slip_figure",
     "surface_figure",
+    "sweep_figure",
     "texture_figure",
     "truth_figure",
     "validation_figure",
