@@ -74,18 +74,10 @@ def solve_path(
     """
 
     def report(step: int, of: int, state: ContactState) -> None:
-        _log.info(
-            "step %d of %d: displacement %.4f µm, mean pressure %.5g MPa, contact %.4g %%, "
-            "residual %.1e, %d iterations",
-            step + 1,
-            of,
-            state.displacement * 1e3,
-            state.mean_pressure,
-            state.contact_fraction * 100,
-            state.residual,
-            state.iterations,
-        )
+        _log.info("step %d of %d: %s", step + 1, of, _described(state))
 
+    # the last step is the target, and is solved first: see `gstlib.bem.load_path`
+    _log.info("%d x %d elements, %d steps, the last one first", *height.shape, steps)
     with explained(source, target_pressure_MPa):
         return load_path(
             height.values,
@@ -99,6 +91,15 @@ def solve_path(
             keep_states=keep_states,
             progress=report,
         )
+
+
+def _described(state: ContactState) -> str:
+    """A state for the log."""
+    return (
+        f"displacement {state.displacement * 1e3:.4f} µm, mean pressure {state.mean_pressure:.5g} "
+        f"MPa, contact {state.contact_fraction * 100:.4g} %, residual {state.residual:.1e}, "
+        f"{state.iterations} iterations"
+    )
 
 
 def solve_at_pressure(
@@ -125,6 +126,7 @@ def solve_at_pressure(
             tolerance=tolerance,
             workers=workers,
         )
+    _log.info(_described(state))
     return state, xr.DataArray(state.pressure, coords=height.coords, dims=height.dims)
 
 

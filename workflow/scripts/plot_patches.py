@@ -8,13 +8,13 @@ from pathlib import Path
 
 from gstlib import figures
 from gstlib.io.store import read_dataset
-from gstlib.logs import job_log
+from gstlib.logs import job_log, patch_by_patch
 
 
 def main(
     contacts: dict[str, Path], registered: dict[str, Path], folder: Path, *, note: str | None
 ) -> None:
-    for patch, contact in contacts.items():
+    for patch, contact in patch_by_patch(contacts):
         figure = figures.patch_figure(
             read_dataset(contact), read_dataset(registered[patch]), patch=patch, source_note=note
         )

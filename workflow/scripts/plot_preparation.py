@@ -8,12 +8,12 @@ from pathlib import Path
 
 from gstlib import figures
 from gstlib.io.store import read_dataset
-from gstlib.logs import job_log
+from gstlib.logs import job_log, patch_by_patch
 
 
 def main(surfaces: dict[str, dict[str, Path]], folder: Path, *, note: str | None) -> None:
     """`surfaces` maps each patch to its epochs' files."""
-    for patch, files in surfaces.items():
+    for patch, files in patch_by_patch(surfaces):
         prepared = {epoch: read_dataset(file) for epoch, file in files.items()}
         measured = {epoch: surface.measured for epoch, surface in prepared.items()}
         figure = figures.preparation_figure(prepared, measured, patch=patch, source_note=note)

@@ -4,12 +4,11 @@ Inputs: the surfaces at T0 and T1. Outputs: a file with T1, change, loss and gai
 Settings: the patches, farthest shift, least points of a trace.
 """
 
-import logging
 from pathlib import Path
 
 from gstlib.errors import InputError
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.logs import job_log
+from gstlib.logs import job_log, patch_by_patch
 from gstlib.provenance import provenance
 from gstlib.validation.change import measured_change
 
@@ -25,9 +24,7 @@ def lay_over(
 
 
 def main(files: dict[str, tuple[Path, Path, Path]], **settings: float) -> None:
-    log = logging.getLogger("gstlib")
-    for patch, (t0, t1, registered) in files.items():
-        log.info("patch %s", patch)
+    for patch, (t0, t1, registered) in patch_by_patch(files):
         try:
             lay_over(t0, t1, registered, **settings)
         except InputError as error:  # it names the epoch, but not the patch

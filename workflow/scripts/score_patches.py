@@ -15,7 +15,7 @@ import pandas as pd
 from gstlib.contact import pressed_height
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table, write_table
-from gstlib.logs import job_log
+from gstlib.logs import job_log, patch_by_patch
 from gstlib.validation.across import (
     EXTENTS,
     expected_worst,
@@ -49,8 +49,8 @@ def main(
     **lengths: float,
 ) -> None:
     scored, weighed, split, nulls = [], [], [], []
-    for patch in contacts:
-        contact, change = read_dataset(contacts[patch]), read_dataset(registered[patch])
+    for patch, file in patch_by_patch(contacts):
+        contact, change = read_dataset(file), read_dataset(registered[patch])
         at = compare(pressed_height(contact), contact, change, **lengths)
         # a patch draws the same whichever others are in the study
         generator = np.random.default_rng([seed, *patch.encode()])

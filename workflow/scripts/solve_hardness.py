@@ -13,7 +13,7 @@ import pandas as pd
 from gstlib.hardness import hardness_dataset, hardness_summary
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import write_table
-from gstlib.logs import job_log
+from gstlib.logs import job_log, patch_by_patch
 from gstlib.provenance import provenance
 
 
@@ -21,7 +21,7 @@ def main(
     contacts: dict[str, Path], folder: Path, table: Path, *, hardness_MPa: float, threads: int
 ) -> None:
     rows = []
-    for patch, file in contacts.items():
+    for patch, file in patch_by_patch(contacts):
         elastic = read_dataset(file)
         limited = hardness_dataset(elastic, source=file, hardness_MPa=hardness_MPa, workers=threads)
         settings = {"hardness_MPa": hardness_MPa}

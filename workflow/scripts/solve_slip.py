@@ -14,7 +14,7 @@ import pandas as pd
 from gstlib.grinding import slip_dataset, slip_summary
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import write_table
-from gstlib.logs import job_log
+from gstlib.logs import job_log, patch_by_patch
 from gstlib.provenance import provenance
 
 
@@ -22,7 +22,7 @@ def main(
     contacts: dict[str, Path], slips: Path, table: Path, *, threads: int, **settings: float
 ) -> None:
     rows = []
-    for patch, file in contacts.items():
+    for patch, file in patch_by_patch(contacts):
         slip = slip_dataset(read_dataset(file), source=file, workers=threads, **settings)
         write_dataset(slips / f"{patch}.h5", slip, provenance([file], settings))
         rows.append({"patch": patch} | slip_summary(slip))

@@ -11,7 +11,7 @@ import pandas as pd
 
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
-from gstlib.logs import job_log
+from gstlib.logs import job_log, patch_by_patch
 from gstlib.validation.texture import texture_rows
 
 
@@ -24,7 +24,7 @@ def main(
     l_filter_um: float | None,
 ) -> None:
     rows = []
-    for patch, file in surfaces.items():
+    for patch, file in patch_by_patch(surfaces):
         t1 = read_dataset(registered[patch], only=["t1"]) if patch in registered else None
         of_patch = texture_rows(
             read_dataset(file, only=["height"]).height,
