@@ -206,6 +206,11 @@ def _contradictions(config: Mapping) -> list[str]:
             "exactly one of 'specimen' (generated) and 'inputs' (your files) must be there: "
             "set the other to null"
         )
+    if config["power"] is not None and config["specimen"] is None:
+        problems.append(
+            "'power' asks for many generated specimens, and 'specimen' is null: describe the "
+            "specimen, or set 'power' to null"
+        )
     square = config["square"]
     problems += _frame_problems(square["frame"])
     if config["scans"]["size_mm"] > square["size_mm"]:
