@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from gstlib.io.tables import read_table
+from gstlib.sweep.factors import merged
 from gstlib.sweep.outcomes import StoredStudy, outcomes
 
 SWEEP = {
@@ -46,8 +47,12 @@ def stored(study, patches):
     )
 
 
+def config_of(study):
+    return json.loads((study.results / "provenance.json").read_text())["config"]
+
+
 def test_computed_anew_or_read_the_outcomes_are_the_study_s(finished_tiny):
-    config = json.loads((finished_tiny.results / "provenance.json").read_text())["config"]
+    config = config_of(finished_tiny)
     pressures = read_table(finished_tiny.results / "tables/patch_pressures.csv")
     study = stored(finished_tiny, pressures.patch)
     read = outcomes(study, config, config)
@@ -67,6 +72,29 @@ def test_computed_anew_or_read_the_outcomes_are_the_study_s(finished_tiny):
     texture = read_table(finished_tiny.results / "tables/texture.csv")
     changes = texture.Sq_um[texture.epoch == "change"]
     assert found["mean_change(Sq_um)"] == pytest.approx(changes.mean())
+
+
+@pytest.mark.parametrize(
+    ("changes", "moved"),
+    [
+        ({"material": {"contact_modulus_MPa": None}}, "pressure_MPa"),
+        ({"macroscale": {"grid": 30}}, "pressure_MPa"),
+        ({"placement": {"shift_y_um": -40.0}}, "pressure_MPa"),
+        ({"preprocessing": {"outlier_rule": "window"}}, "mean(f1)"),
+        ({"traces": {"minimum_points": 6}}, "mean(f1)"),
+        ({"texture": {"l_filter_um": 150.0}}, "mean_change(Sq_um)"),
+    ],
+)
+def test_what_is_not_computed_anew_does_not_depend_on_the_change(finished_tiny, changes, moved):
+    config = config_of(finished_tiny)
+    changed = merged(config, changes)
+    pressures = read_table(finished_tiny.results / "tables/patch_pressures.csv")
+    study = stored(finished_tiny, pressures.patch)
+    partly, anew = (outcomes(study, base, changed) for base in (config, {}))
+    np.testing.assert_allclose(partly.result, anew.result, rtol=1e-4, atol=1e-9)
+    of_study = outcomes(study, config, config)
+    one, other = (t.result[t.output == moved].to_numpy() for t in (partly, of_study))
+    assert not np.allclose(one, other, rtol=1e-3)
 
 
 def test_a_setting_is_the_study_with_that_config(tiny):
