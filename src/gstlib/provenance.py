@@ -1,6 +1,7 @@
 """Where a result comes from: hashes of inputs and of the code that made it, versions, settings."""
 
 import ast
+import functools
 import hashlib
 import json
 import platform
@@ -22,10 +23,15 @@ def file_sha256(path: str | Path) -> str:
 
 
 def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> dict[str, str]:
-    """Attributes for a result file: version of gstlib, hashes of inputs by name, settings."""
+    """Attributes for a result file: hashes of inputs by name, settings, versions and commit."""
     hashes = {Path(path).name: file_sha256(path) for path in inputs}
+    checkout = Path(gstlib.__file__).parents[2]
+    # installed elsewhere than in its own checkout, gstlib may lie in somebody else's
+    at = commit(checkout) if (checkout / ".git").exists() else None
     return {
         "gstlib_version": gstlib.__version__,
+        "gstlib_commit": at or "",
+        "packages": json.dumps(_packages()),
         "input_sha256": json.dumps(hashes, sort_keys=True),
         "settings": json.dumps(dict(settings), sort_keys=True, default=str),
     }
@@ -51,11 +57,6 @@ def study_provenance(
         ``config``; ``inputs`` (SHA-256 by path); ``software``: gstlib with its commit, Python, and
         the version of every package that gstlib asks for.
     """
-    required = {
-        re.split(r"[^A-Za-z0-9._-]", text, maxsplit=1)[0]
-        for text in metadata.requires("gstlib") or []
-        if "extra ==" not in text or "workflow" in text
-    }
     return {
         "config": dict(config),
         "inputs": {str(path): file_sha256(path) for path in sorted(inputs, key=str)},
@@ -63,11 +64,22 @@ def study_provenance(
             "gstlib": gstlib.__version__,
             "commit": commit,
             "python": platform.python_version(),
-            "packages": {name: metadata.version(name) for name in sorted(required, key=str.lower)},
+            "packages": _packages(),
         },
     }
 
 
+def _packages() -> dict[str, str]:
+    """Version of every package that gstlib and its workflow ask for."""
+    required = {
+        re.split(r"[^A-Za-z0-9._-]", text, maxsplit=1)[0]
+        for text in metadata.requires("gstlib") or []
+        if "extra ==" not in text or "workflow" in text
+    }
+    return {name: metadata.version(name) for name in sorted(required, key=str.lower)}
+
+
+@functools.cache
 def commit(folder: str | Path) -> str | None:
     """Commit that a folder of the program is at, and "+" if changed since; None without git."""
     try:
