@@ -12,6 +12,7 @@ report: "workflow/report/study.rst"
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/resources.smk"
 include: "workflow/rules/specimen.smk"
 include: "workflow/rules/inputs.smk"
 include: "workflow/rules/macroscale.smk"

@@ -22,8 +22,8 @@ rule place_patches:
         f"{RESULTS}/benchmarks/place_patches.tsv"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=10,
+        mem_mb=memory_of_all_mb,
+        runtime=minutes,
     params:
         patches=PATCHES.to_dict("list"),
         patch_mm=PATCH_MM,
@@ -56,8 +56,8 @@ checkpoint couple_scales:
         f"{RESULTS}/benchmarks/couple_scales.tsv"
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         patches=PATCHES.to_dict("list"),
         worn=WORN_PATCHES,
@@ -126,8 +126,8 @@ if config["published"] is not None:
             f"{RESULTS}/benchmarks/compare_published.tsv"
         threads: 1
         resources:
-            mem_mb=1000,
-            runtime=10,
+            mem_mb=memory_mb,
+            runtime=minutes,
         params:
             code=code("compare_published.py"),
         message:

@@ -21,8 +21,8 @@ if config["grinding"] is not None:
             f"{RESULTS}/benchmarks/solve_slip.tsv"
         threads: 1
         resources:
-            mem_mb=1500,
-            runtime=60,
+            mem_mb=memory_mb,
+            runtime=minutes,
         params:
             patches=lambda wildcards: studied_patches(),
             friction=config["grinding"]["friction"],
@@ -54,8 +54,8 @@ if config["hardness"] is not None:
             f"{RESULTS}/benchmarks/solve_hardness.tsv"
         threads: 1
         resources:
-            mem_mb=1500,
-            runtime=60,
+            mem_mb=memory_mb,
+            runtime=minutes,
         params:
             patches=lambda wildcards: studied_patches(),
             hardness_MPa=config["hardness"],

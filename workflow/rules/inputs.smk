@@ -25,8 +25,8 @@ rule check_inputs:
     priority: 100
     threads: 64
     resources:
-        mem_mb=2000,
-        runtime=30,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         uses=SCAN_USES,
         patches=PATCHES.to_dict("list"),
@@ -54,8 +54,8 @@ rule record_provenance:
         f"{RESULTS}/logs/record_provenance.log",
     threads: 1
     resources:
-        mem_mb=500,
-        runtime=10,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         config=config,
         commit=commit(workflow.basedir),

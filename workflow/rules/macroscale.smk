@@ -20,8 +20,8 @@ rule grid_macroscale:
         f"{RESULTS}/benchmarks/grid_macroscale.tsv"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=10,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         mesh_unit="mm" if GENERATED else config["inputs"]["mesh_unit"],
         square=config["square"],
@@ -51,8 +51,8 @@ rule solve_macroscale:
         f"{RESULTS}/benchmarks/solve_macroscale.tsv"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=30,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         contact_modulus_MPa=CONTACT_MODULUS_MPA,
         target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
@@ -82,8 +82,8 @@ rule solve_sensitivity:
         f"{RESULTS}/benchmarks/solve_sensitivity.tsv"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=30,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         moduli_MPa={
             "used": CONTACT_MODULUS_MPA,

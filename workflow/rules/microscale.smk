@@ -15,8 +15,8 @@ rule prepare_t0_scans:
         f"{RESULTS}/benchmarks/prepare_t0_scans.tsv"
     threads: 1
     resources:
-        mem_mb=1500,
-        runtime=30,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         crops=crops_of(PATCHES.index),
         patch_mm=PATCH_MM,
@@ -61,8 +61,8 @@ if WORN_PATCHES:
             f"{RESULTS}/benchmarks/register_patches.tsv"
         threads: 1
         resources:
-            mem_mb=1500,
-            runtime=30,
+            mem_mb=memory_mb,
+            runtime=minutes,
         params:
             patches=WORN_PATCHES,
             maximum_shift_mm=config["registration"]["maximum_shift_mm"],
@@ -89,8 +89,8 @@ if WORN_PATCHES:
             f"{RESULTS}/benchmarks/tabulate_registration.tsv"
         threads: 1
         resources:
-            mem_mb=1000,
-            runtime=10,
+            mem_mb=memory_mb,
+            runtime=minutes,
         params:
             patches=WORN_PATCHES,
             selection=config["selection"],
@@ -145,8 +145,8 @@ rule tabulate_preprocessing:
         f"{RESULTS}/benchmarks/tabulate_preprocessing.tsv"
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         patches=list(PATCHES.index),
         worn=WORN_PATCHES,
@@ -172,8 +172,8 @@ rule solve_patch:
         f"{RESULTS}/benchmarks/solve_patch/{{patch}}.tsv"
     threads: 1
     resources:
-        mem_mb=1500,
-        runtime=60,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         target_pressure_MPa=patch_pressure,
         contact_modulus_MPa=CONTACT_MODULUS_MPA,
@@ -204,8 +204,8 @@ rule gather_microscale:
         f"{RESULTS}/benchmarks/gather_microscale.tsv"
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         patches=lambda wildcards: studied_patches(),
         code=code("gather_microscale.py"),

@@ -26,8 +26,8 @@ rule plot_macroscale:
         f"{RESULTS}/benchmarks/plot_macroscale.tsv"
     threads: 1
     resources:
-        mem_mb=1500,
-        runtime=10,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         patch_mm=PATCH_MM,
         note=SOURCE_NOTE,
@@ -52,8 +52,8 @@ rule plot_placement:
         f"{RESULTS}/benchmarks/plot_placement.tsv"
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         patches=PATCHES.to_dict("list"),
         patch_mm=PATCH_MM,
@@ -79,8 +79,8 @@ rule plot_microscale:
         f"{RESULTS}/benchmarks/plot_microscale.tsv"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=10,
+        mem_mb=memory_of_all_mb,
+        runtime=minutes,
     params:
         patches=lambda wildcards: studied_patches(),
         note=SOURCE_NOTE,
@@ -106,8 +106,8 @@ if config["grinding"] is not None:
             f"{RESULTS}/benchmarks/plot_slip.tsv"
         threads: 1
         resources:
-            mem_mb=2000,
-            runtime=10,
+            mem_mb=memory_of_all_mb,
+            runtime=minutes,
         params:
             patches=lambda wildcards: studied_patches(),
             note=SOURCE_NOTE,
@@ -133,8 +133,8 @@ if config["hardness"] is not None:
             f"{RESULTS}/benchmarks/plot_hardness.tsv"
         threads: 1
         resources:
-            mem_mb=2000,
-            runtime=10,
+            mem_mb=memory_of_all_mb,
+            runtime=minutes,
         params:
             patches=lambda wildcards: studied_patches(),
             note=SOURCE_NOTE,
@@ -158,8 +158,8 @@ rule plot_preparation:
         f"{RESULTS}/benchmarks/plot_preparation.tsv"
     threads: 1
     resources:
-        mem_mb=1500,
-        runtime=20,
+        mem_mb=memory_of_all_mb,
+        runtime=minutes,
     params:
         patches=list(PATCHES.index),
         worn=WORN_PATCHES,
@@ -183,8 +183,8 @@ rule plot_patches:
         f"{RESULTS}/benchmarks/plot_patches.tsv"
     threads: 1
     resources:
-        mem_mb=1500,
-        runtime=20,
+        mem_mb=memory_of_all_mb,
+        runtime=minutes,
     params:
         patches=lambda wildcards: [p for p in studied_patches() if p in WORN_PATCHES],
         note=SOURCE_NOTE,
@@ -212,8 +212,8 @@ rule plot_validation:
         f"{RESULTS}/benchmarks/plot_validation.tsv"
     threads: 1
     resources:
-        mem_mb=1500,
-        runtime=20,
+        mem_mb=memory_of_all_mb,
+        runtime=minutes,
     params:
         patches=lambda wildcards: [p for p in studied_patches() if p in WORN_PATCHES],
         note=SOURCE_NOTE,
@@ -238,8 +238,8 @@ if GENERATED:
             f"{RESULTS}/benchmarks/plot_truth.tsv"
         threads: 1
         resources:
-            mem_mb=1000,
-            runtime=10,
+            mem_mb=memory_mb,
+            runtime=minutes,
         params:
             note=SOURCE_NOTE,
             code=code("plot_truth.py"),
@@ -263,8 +263,8 @@ if config["published"] is not None:
             f"{RESULTS}/benchmarks/plot_published.tsv"
         threads: 1
         resources:
-            mem_mb=1000,
-            runtime=10,
+            mem_mb=memory_mb,
+            runtime=minutes,
         params:
             note=SOURCE_NOTE,
             code=code("plot_published.py"),
@@ -289,8 +289,8 @@ rule plot_overview:
         f"{RESULTS}/benchmarks/plot_overview.tsv"
     threads: 1
     resources:
-        mem_mb=1500,
-        runtime=10,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         patch=lambda wildcards: hardest_pressed(),
         patch_mm=PATCH_MM,

@@ -19,7 +19,8 @@ if GENERATED:
             f"{RESULTS}/benchmarks/generate_specimen.tsv"
         threads: 1
         resources:
-            mem_mb=3000,
+            # the whole surface is made as fine as the scans
+            mem_mb=1000 + config["specimen"]["scan_points"] ** 2 // 1000,
             runtime=20,
         params:
             patches=PATCHES.to_dict("list"),
@@ -54,8 +55,8 @@ if GENERATED:
             f"{RESULTS}/benchmarks/score_truth.tsv"
         threads: 1
         resources:
-            mem_mb=2000,
-            runtime=20,
+            mem_mb=memory_mb,
+            runtime=minutes,
         params:
             patches=list(PATCHES.index),
             worn=WORN_PATCHES,

@@ -20,8 +20,8 @@ rule tabulate_texture:
         f"{RESULTS}/benchmarks/tabulate_texture.tsv"
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=20,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         patches=list(PATCHES.index),
         worn=WORN_PATCHES,
@@ -47,8 +47,8 @@ if WORN_PATCHES:
             f"{RESULTS}/benchmarks/plot_texture.tsv"
         threads: 1
         resources:
-            mem_mb=1000,
-            runtime=10,
+            mem_mb=memory_mb,
+            runtime=minutes,
         params:
             note=SOURCE_NOTE,
             code=code("plot_texture.py"),

@@ -41,8 +41,8 @@ rule score_patches:
         f"{RESULTS}/benchmarks/score_patches.tsv"
     threads: 1
     resources:
-        mem_mb=2000,
-        runtime=20,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         patches=lambda wildcards: [p for p in studied_patches() if p in WORN_PATCHES],
         validation={
