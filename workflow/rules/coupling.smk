@@ -90,8 +90,8 @@ rule bound_pressures:
         f"{RESULTS}/benchmarks/bound_pressures.tsv"
     threads: 1
     resources:
-        mem_mb=1000,
-        runtime=10,
+        mem_mb=memory_mb,
+        runtime=minutes,
     params:
         material=config["material"],
         contact_modulus_MPa=CONTACT_MODULUS_MPA,
