@@ -84,7 +84,6 @@ def run_study(config: str, cores: int, folder: Path) -> tuple[float, Path, dict[
     path = os.pathsep.join(filter(None, [str(hook), os.environ.get("PYTHONPATH")]))
     command = [
         *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
-        *("--workflow-profile", str(ROOT / "workflow/profiles/default")),
         *("--directory", str(folder), "--cores", str(cores), "--quiet", "all"),
         *("--configfile", str(folder / config)),
     ]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import h5py
 from report import Count
-from study import Study
+from study import Study, missing_or_differing
 
 
 def cut_off(path: Path) -> None:
@@ -97,7 +97,8 @@ def try_damage(folder: Path, finished: Study, reference: dict[str, bytes]) -> li
 def _run_on(study: Study, file: str, reference: dict[str, bytes]) -> str:
     done, said = study.make_as_told()
     if done:
-        return "" if study.files() == reference else "not noticed"
+        amiss = missing_or_differing(study.files(), reference)
+        return f"not noticed; {amiss}" if amiss else ""
     errors = [line for line in said.splitlines() if file in line and "elete" in line]
     if not errors or "Traceback" in said:
         study.tell(said)
@@ -105,7 +106,7 @@ def _run_on(study: Study, file: str, reference: dict[str, bytes]) -> str:
     print(f"    {errors[0].strip()[:150]}", flush=True)
     (study.results / file).unlink()
     done, said = study.make_as_told()
-    if not done or study.files() != reference:
+    amiss = missing_or_differing(study.files(), reference) if done else "did not end"
+    if amiss:
         study.tell(said)
-        return "not mended by deleting the file"
-    return ""
+    return f"not mended by deleting the file: {amiss}" if amiss else ""

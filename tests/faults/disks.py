@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 from report import Count
-from study import Study, differing
+from study import Study, differing, missing_or_differing
 
 FULL = ("cannot be written: the disk is full", "No space left on device")
 
@@ -68,9 +68,10 @@ def _try_disk(study, disk, reference, read_only: Count, full: Count) -> None:
         _judge(study, full, done, said, clear, reference)
     remount(disk, "size=1g")
     done, said = study.make_as_told()
-    if not done or study.files() != reference or study.leftovers():
+    amiss = missing_or_differing(study.files(), reference) if done else "did not end"
+    if amiss or study.leftovers():
         study.tell(said)
-        full.add("not the same results once there was room" if done else "did not end")
+        full.add(amiss or f"left behind: {study.leftovers()}")
 
 
 def _judge(study, count: Count, done: bool, said: str, clear: bool, reference) -> None:
@@ -101,9 +102,10 @@ def try_two_runs(folder: Path, reference: dict[str, bytes]) -> list[Count]:
     unlocked, told = study.make("unlock")
     allowed = "" if not unlocked and "another run is at work" in told else "not refused"
     said_first = first.communicate()[0]
-    if first.returncode or study.files() != reference:
+    harmed = missing_or_differing(study.files(), reference)
+    if first.returncode or harmed:
         study.tell(said_first)
-        refused = allowed = "harmed the first run"
+        refused = allowed = f"harmed the first run: {harmed}"
     later.add(refused)
     unlock.add(allowed)
 
@@ -114,10 +116,9 @@ def try_two_runs(folder: Path, reference: dict[str, bytes]) -> list[Count]:
     codes = [run.returncode for run in runs]
     done, last = study.make_as_told()
     print(f"  exit codes {codes}", flush=True)
-    if not done or study.files() != reference:
+    amiss = missing_or_differing(study.files(), reference) if done else "did not end"
+    if amiss:
         for text in [*said, last]:
             study.tell(text)
-        together.add("other results" if done else "did not end")
-    else:
-        together.add()
+    together.add(amiss)
     return [later, unlock, together]

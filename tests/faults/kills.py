@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 from report import Count
-from study import Study, differing
+from study import Study, differing, missing_or_differing
 
 KINDS = {
     "job": "SIGKILL to one job",
@@ -37,9 +37,7 @@ def try_kills(
                 break
             amiss.append((kinds.pop(0), wrong))
         done, said = study.make_as_told()
-        end = "" if done else "the study did not end"
-        if done and study.files() != reference:
-            end = "other results"
+        end = missing_or_differing(study.files(), reference) if done else "the study did not end"
         if done and study.leftovers():
             end = f"left behind: {study.leftovers()}"
         if end:
@@ -52,6 +50,10 @@ def try_kills(
 def _kill_once(study, kind, choose, reference, duration) -> str | None:
     """What is amiss after a kill at a random moment; None if the run had ended before."""
     after = choose.uniform(0.02, 0.35) * duration
+    if any((study.folder / ".snakemake/locks").glob("*")):
+        unlocked, told = study.make("unlock")
+        if not unlocked:
+            return f"not unlocked: {told}"
     process = study.start()
     started = time.monotonic()
     killed = False

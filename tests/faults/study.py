@@ -118,6 +118,12 @@ class Study:
         print("\n".join("    | " + line for line in said.splitlines()[-40:]), flush=True)
 
 
+def missing_or_differing(found: dict[str, bytes], reference: dict[str, bytes]) -> str:
+    """What is amiss with the results of a study that has ended; empty if nothing is."""
+    names = [*differing(found, reference), *(name for name in reference if name not in found)]
+    return f"other results: {', '.join(names)}" if names else ""
+
+
 def differing(found: dict[str, bytes], reference: dict[str, bytes]) -> list[str]:
     """Names of the results that are not, byte for byte, those of the undisturbed study."""
     return [name for name, content in found.items() if reference.get(name) != content]

@@ -31,7 +31,6 @@ class Study:
         # -m with this interpreter: the environment under test, whatever is on the PATH
         return [
             *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
-            *("--workflow-profile", str(ROOT / "workflow/profiles/default")),
             *("--directory", str(self.folder), "--cores", str(cores)),
             *arguments,
             *("--configfile", str(self.folder / self.config)),  # takes all that follows

@@ -1,5 +1,6 @@
 """Damaged files, locks and folders; `make test-faults` tries what takes longer, such as kills."""
 
+import base64
 import subprocess
 import sys
 from pathlib import Path
@@ -56,6 +57,13 @@ def test_a_results_folder_that_cannot_be_written_to(study):
     study.change(results="/proc/gst")
     assert "/proc/gst: cannot be written: " in said_by(study.run())
     assert not list(study.folder.glob(".snakemake/locks/*"))
+
+
+def test_what_was_at_work_in_a_killed_run_is_run_again(tiny):
+    """Snakemake's mark of a job at work, left behind: no error that asks for an option."""
+    name = base64.urlsafe_b64encode(b"results-tiny/tables/texture.csv").decode()
+    (tiny.folder / ".snakemake/incomplete" / name).write_text('{"external_jobid": null}')
+    assert "tabulate_texture" in tiny.planned()
 
 
 def unlock(study, *options):

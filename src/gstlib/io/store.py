@@ -9,7 +9,6 @@ import io
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import h5py
 import xarray as xr
 
 from gstlib.errors import InputError
@@ -80,8 +79,6 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
         The file is missing, damaged or no HDF5 file, or lacks a variable.
     """
     try:
-        # alone, h5netcdf also prints a stack when it is given what is no HDF5 at all
-        h5py.File(path).close()
         with xr.open_dataset(path, engine="h5netcdf") as dataset:
             return (dataset if only is None else dataset[list(only)]).load()
     except MemoryError:  # not the file's fault
