@@ -52,7 +52,6 @@ def run_study(config: str, cores: int, folder: Path, environment: dict[str, str]
     shutil.copytree(ROOT / "config", folder / "config")
     command = [
         *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
-        *("--workflow-profile", str(ROOT / "workflow/profiles/default")),
         *("--directory", str(folder), "--cores", str(cores), "--quiet", "all"),
         *("--configfile", str(folder / config)),
     ]
