@@ -130,8 +130,9 @@ class Progress:
     def plan(self, total: int, *, growing: bool) -> None:
         """The run has `total` steps, and more to come that are not yet known if it is `growing`."""
         self.total, self.growing = total, growing
+        noun = "step" if total == 1 else "steps"
         more = ", and more for the patches that turn out to be studied" if growing else ""
-        self.write(f"{total} steps to do{more}.")
+        self.write(f"{total} {noun} to do{more}.")
         if self.live:
             threading.Thread(target=self._tick, daemon=True).start()
 
@@ -192,7 +193,8 @@ class Progress:
                     "the same command goes on from there."
                 )
             else:  # some of the steps may have turned out not to be needed
-                self.write(f"All is done: {self.done} steps in {took}.")
+                noun = "step" if self.done == 1 else "steps"
+                self.write(f"All is done: {self.done} {noun} in {took}.")
 
     def summary(self) -> str:
         """How far, how long, how long still, and what goes on now."""

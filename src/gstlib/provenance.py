@@ -8,6 +8,7 @@ import platform
 import re
 import subprocess
 from collections.abc import Iterable, Mapping
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -119,8 +120,9 @@ def _imported_names(path: Path, package: Path) -> set[str]:
     return names
 
 
-def _imported_files(path: Path, package: Path) -> set[Path]:
-    """Files of the package that the Python file `path` imports directly."""
+@cache
+def _imported_files(path: Path, package: Path, state: tuple[int, int]) -> set[Path]:
+    """Files of the package that the Python file `path`, in that state, imports directly."""
     found = set()
     for name in _imported_names(path, package):
         parts = name.split(".")
@@ -148,7 +150,8 @@ def source_hash(script: str | Path) -> str:
         file = queue.pop()
         if file not in seen:
             seen.add(file)
-            queue |= _imported_files(file, package)
+            status = file.stat()
+            queue |= _imported_files(file, package, (status.st_mtime_ns, status.st_size))
     seen.discard(Path(script))  # Snakemake itself watches the script
     digest = hashlib.sha256()
     for file in sorted(seen):

@@ -2,6 +2,7 @@
 
 import os
 import re
+from functools import cache
 from pathlib import Path
 
 from gstlib.config import (
@@ -69,14 +70,34 @@ def scan_files(epoch, patches):
     return [f"{SCAN_FOLDER}/{PATCHES[epoch][patch]}" for patch in patches]
 
 
-def read_pressures(table):
-    """patch_pressures.csv by patch. Jobs are planned by it: one cut off must not pass for a smaller study."""
+def batches(patches):
+    """The patches of each job that does many of them, and what tells its name from the others'."""
+    size = config["patches_per_job"]
+    parts = [patches[start : start + size] for start in range(0, len(patches), size)]
+    if len(parts) == 1:
+        return [("", parts[0])]
+    return [(f"_{number}", part) for number, part in enumerate(parts, start=1)]
+
+
+def named(patches):
+    """The patches of a job in a few words."""
+    return f"patches {patches[0]} to {patches[-1]}" if len(patches) > 1 else f"patch {patches[0]}"
+
+
+@cache
+def _pressures(table, state):
     pressures = read_table(table, ["patch", "pressure_MPa", "in_study"]).set_index("patch")
     if list(pressures.index) != list(PATCHES.index):
         raise InputError(
             table, "has not one row for each patch", "Delete it and run the study again."
         )
     return pressures
+
+
+def read_pressures(table):
+    """patch_pressures.csv by patch, read once. One cut off must not pass for a smaller study."""
+    status = os.stat(table) if os.path.exists(table) else None
+    return _pressures(str(table), status and (status.st_mtime_ns, status.st_size))
 
 
 def studied_patches():
@@ -120,6 +141,34 @@ def for_studied_patches(pattern, only=None):
         for patch in studied_patches()
         if only is None or patch in only
     ]
+
+
+def drawn(patches):
+    """Those of the patches that are drawn one by one: in even steps if there are too many."""
+    count = min(len(patches), config["most_drawn_patches"])
+    return [patches[place * len(patches) // count] for place in range(count)]
+
+
+def drawn_patches(only=None):
+    """The drawn ones of the studied patches (in `only`, if given), from hard to little pressed."""
+    pressures = pressures_of(studied_patches())
+    by_pressure = sorted(pressures, key=lambda patch: -pressures[patch])
+    wanted = set(pressures if only is None else only)
+    chosen = set(drawn([patch for patch in by_pressure if patch in wanted]))
+    return [patch for patch in pressures if patch in chosen]  # in the table's order
+
+
+def for_drawn_patches(pattern, only=None):
+    """Input function: `pattern` for every patch that is drawn."""
+    return lambda wildcards: [
+        pattern.format(results=RESULTS, patch=patch) for patch in drawn_patches(only)
+    ]
+
+
+def note_on(drawn, all_):
+    """What stands under a figure: where its data is from, and how many of all patches it shows."""
+    some = f"{len(drawn)} of {len(all_)} patches" if len(drawn) < len(all_) else None
+    return "; ".join(filter(None, [SOURCE_NOTE, some])) or None
 
 
 def hardest_pressed():

@@ -1,12 +1,14 @@
 # From the square to its patches.
 # Takes: the macroscale surface and contact, and how well T1 lies over T0. Gives: where each patch
-# lies on the square, every patch's pressure, and which patches enter the microscale study (hence a
-# checkpoint: the rest of the DAG depends on it).
+# lies on the square, every patch's pressure, and which patches enter the microscale study. It is a
+# checkpoint, since the rest of the DAG depends on that.
 
 
+# Paths and no `rules.name.output` beside files of every patch: Snakemake would look each of them up
+# among all of them.
 rule place_patches:
     input:
-        surface=rules.grid_macroscale.output.surface,
+        surface=f"{RESULTS}/macroscale/surface.h5",
         surfaces=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index),
     output:
         table=report(
@@ -39,10 +41,10 @@ rule place_patches:
 
 checkpoint couple_scales:
     input:
-        contact=rules.solve_macroscale.output.contact,
+        contact=f"{RESULTS}/macroscale/contact.h5",
         registered=expand(f"{RESULTS}/registered/{{patch}}.h5", patch=WORN_PATCHES),
         surfaces=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index),
-        placement=rules.place_patches.output.table if config["placement"]["correct"] else [],
+        placement=f"{RESULTS}/tables/placement.csv" if config["placement"]["correct"] else [],
     output:
         table=report(
             f"{RESULTS}/tables/patch_pressures.csv",

@@ -3,75 +3,72 @@
 # of every patch in the study up to its own pressure (one job per patch).
 
 
-# All scans of an epoch in one job: to start the reader of scans takes longer than to clean a scan.
-rule prepare_t0_scans:
-    input:
-        scans=scan_files("t0", PATCHES.index),
-    output:
-        surfaces=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index),
-    log:
-        f"{RESULTS}/logs/prepare_t0_scans.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/prepare_t0_scans.tsv"
-    threads: 1
-    resources:
-        mem_mb=memory_mb,
-        runtime=minutes,
-    params:
-        crops=crops_of(PATCHES.index),
-        patch_mm=PATCH_MM,
-        scans=config["scans"],
-        preprocessing=config["preprocessing"],
-        code=code("prepare_scans.py"),
-    message:
-        "Cleaning the scans at T0"
-    script:
-        "../scripts/prepare_scans.py"
+# Many scans in one job: to start the reader of scans takes longer than to clean a scan.
+SCAN_BATCHES = {
+    f"prepare_{epoch.lower()}_scans{part}": (epoch, patches)
+    for epoch, ids in [("T0", list(PATCHES.index)), ("T1", WORN_PATCHES)]
+    for part, patches in batches(ids)
+}
 
+for job, (epoch, patches) in SCAN_BATCHES.items():
 
-if WORN_PATCHES:
-
-    use rule prepare_t0_scans as prepare_t1_scans with:
+    rule:
+        name:
+            job
         input:
-            scans=scan_files("t1", WORN_PATCHES),
+            scans=scan_files(epoch.lower(), patches),
         output:
-            surfaces=expand(f"{RESULTS}/surfaces/{{patch}}_T1.h5", patch=WORN_PATCHES),
+            surfaces=[f"{RESULTS}/surfaces/{patch}_{epoch}.h5" for patch in patches],
         log:
-            f"{RESULTS}/logs/prepare_t1_scans.log",
+            f"{RESULTS}/logs/{job}.log",
         benchmark:
-            f"{RESULTS}/benchmarks/prepare_t1_scans.tsv"
-        params:
-            crops=crops_of(WORN_PATCHES),
-            patch_mm=PATCH_MM,
-            scans=config["scans"],
-            preprocessing=config["preprocessing"],
-            code=code("prepare_scans.py"),
-        message:
-            "Cleaning the scans at T1"
-
-    rule register_patches:
-        input:
-            t0=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=WORN_PATCHES),
-            t1=expand(f"{RESULTS}/surfaces/{{patch}}_T1.h5", patch=WORN_PATCHES),
-        output:
-            registered=expand(f"{RESULTS}/registered/{{patch}}.h5", patch=WORN_PATCHES),
-        log:
-            f"{RESULTS}/logs/register_patches.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/register_patches.tsv"
+            f"{RESULTS}/benchmarks/{job}.tsv"
         threads: 1
         resources:
             mem_mb=memory_mb,
             runtime=minutes,
         params:
-            patches=WORN_PATCHES,
+            crops=crops_of(patches),
+            patch_mm=PATCH_MM,
+            scans=config["scans"],
+            preprocessing=config["preprocessing"],
+            code=code("prepare_scans.py"),
+        message:
+            f"Cleaning the scans at {epoch}: {named(patches)}"
+        script:
+            "../scripts/prepare_scans.py"
+
+
+for part, patches in batches(WORN_PATCHES):
+
+    rule:
+        name:
+            f"register_patches{part}"
+        input:
+            t0=[f"{RESULTS}/surfaces/{patch}_T0.h5" for patch in patches],
+            t1=[f"{RESULTS}/surfaces/{patch}_T1.h5" for patch in patches],
+        output:
+            registered=[f"{RESULTS}/registered/{patch}.h5" for patch in patches],
+        log:
+            f"{RESULTS}/logs/register_patches{part}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/register_patches{part}.tsv"
+        threads: 1
+        resources:
+            mem_mb=memory_mb,
+            runtime=minutes,
+        params:
+            patches=patches,
             maximum_shift_mm=config["registration"]["maximum_shift_mm"],
             minimum_points=config["traces"]["minimum_points"],
             code=code("register_patches.py"),
         message:
-            "Laying T1 over T0"
+            f"Laying T1 over T0: {named(patches)}"
         script:
             "../scripts/register_patches.py"
+
+
+if WORN_PATCHES:
 
     rule tabulate_registration:
         input:
@@ -103,7 +100,7 @@ if WORN_PATCHES:
 
 if COUNTERFACE is not None:
 
-    use rule prepare_t0_scans as prepare_counterface with:
+    rule prepare_counterface:
         input:
             scans=[COUNTERFACE],
         output:
@@ -112,6 +109,10 @@ if COUNTERFACE is not None:
             f"{RESULTS}/logs/prepare_counterface.log",
         benchmark:
             f"{RESULTS}/benchmarks/prepare_counterface.tsv"
+        threads: 1
+        resources:
+            mem_mb=memory_mb,
+            runtime=minutes,
         params:
             crops=[None],
             patch_mm=PATCH_MM,
@@ -120,6 +121,8 @@ if COUNTERFACE is not None:
             code=code("prepare_scans.py"),
         message:
             "Cleaning the scan of the counterface"
+        script:
+            "../scripts/prepare_scans.py"
 
 
 rule tabulate_preprocessing:

@@ -67,7 +67,7 @@ rule plot_placement:
 
 rule plot_microscale:
     input:
-        contacts=for_studied_patches("{results}/microscale/{patch}.h5"),
+        contacts=for_drawn_patches("{results}/microscale/{patch}.h5"),
     output:
         microscale_maps=picture("microscale_maps", "4 Microscale", "contact of every patch"),
         microscale_maps_svg=vector("microscale_maps"),
@@ -82,8 +82,8 @@ rule plot_microscale:
         mem_mb=memory_of_all_mb,
         runtime=minutes,
     params:
-        patches=lambda wildcards: studied_patches(),
-        note=SOURCE_NOTE,
+        patches=lambda wildcards: drawn_patches(),
+        note=lambda wildcards: note_on(drawn_patches(), studied_patches()),
         code=code("plot_microscale.py"),
     message:
         "Drawing the microscale"
@@ -95,7 +95,7 @@ if config["grinding"] is not None:
 
     rule plot_slip:
         input:
-            contacts=for_studied_patches("{results}/microscale/{patch}.h5"),
+            contacts=for_drawn_patches("{results}/microscale/{patch}.h5"),
             slips=rules.solve_slip.output.slips,
         output:
             slip=picture("slip", "4 Microscale", "stick and slip"),
@@ -109,8 +109,8 @@ if config["grinding"] is not None:
             mem_mb=memory_of_all_mb,
             runtime=minutes,
         params:
-            patches=lambda wildcards: studied_patches(),
-            note=SOURCE_NOTE,
+            patches=lambda wildcards: drawn_patches(),
+            note=lambda wildcards: note_on(drawn_patches(), studied_patches()),
             code=code("plot_slip.py"),
         message:
             "Drawing stick and slip"
@@ -122,7 +122,7 @@ if config["hardness"] is not None:
 
     rule plot_hardness:
         input:
-            contacts=for_studied_patches("{results}/microscale/{patch}.h5"),
+            contacts=for_drawn_patches("{results}/microscale/{patch}.h5"),
             limited=rules.solve_hardness.output.limited,
         output:
             hardness=picture("hardness", "4 Microscale", "with a ceiling on the pressure"),
@@ -136,8 +136,8 @@ if config["hardness"] is not None:
             mem_mb=memory_of_all_mb,
             runtime=minutes,
         params:
-            patches=lambda wildcards: studied_patches(),
-            note=SOURCE_NOTE,
+            patches=lambda wildcards: drawn_patches(),
+            note=lambda wildcards: note_on(drawn_patches(), studied_patches()),
             code=code("plot_hardness.py"),
         message:
             "Drawing the contacts with a ceiling on the pressure"
@@ -145,11 +145,17 @@ if config["hardness"] is not None:
             "../scripts/plot_hardness.py"
 
 
+DRAWN_SCANS = drawn(list(PATCHES.index))
+
+
 # All patches in one job: to start matplotlib takes half as long as to draw a patch.
 rule plot_preparation:
     input:
-        t0=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index),
-        t1=expand(f"{RESULTS}/surfaces/{{patch}}_T1.h5", patch=WORN_PATCHES),
+        t0=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=DRAWN_SCANS),
+        t1=expand(
+            f"{RESULTS}/surfaces/{{patch}}_T1.h5",
+            patch=[p for p in DRAWN_SCANS if p in WORN_PATCHES],
+        ),
     output:
         preparation=pictures("preparation", "1 Inputs", "preparation of the scans"),
     log:
@@ -161,8 +167,8 @@ rule plot_preparation:
         mem_mb=memory_of_all_mb,
         runtime=minutes,
     params:
-        patches=list(PATCHES.index),
-        worn=WORN_PATCHES,
+        patches=DRAWN_SCANS,
+        worn=[p for p in DRAWN_SCANS if p in WORN_PATCHES],
         note=SOURCE_NOTE,
         code=code("plot_preparation.py"),
     message:
@@ -173,8 +179,8 @@ rule plot_preparation:
 
 rule plot_patches:
     input:
-        contacts=for_studied_patches("{results}/microscale/{patch}.h5", only=WORN_PATCHES),
-        registered=for_studied_patches("{results}/registered/{patch}.h5", only=WORN_PATCHES),
+        contacts=for_drawn_patches("{results}/microscale/{patch}.h5", only=WORN_PATCHES),
+        registered=for_drawn_patches("{results}/registered/{patch}.h5", only=WORN_PATCHES),
     output:
         patch=pictures("patch", "5 Validation", "before, predicted, after"),
     log:
@@ -186,7 +192,7 @@ rule plot_patches:
         mem_mb=memory_of_all_mb,
         runtime=minutes,
     params:
-        patches=lambda wildcards: [p for p in studied_patches() if p in WORN_PATCHES],
+        patches=lambda wildcards: drawn_patches(WORN_PATCHES),
         note=SOURCE_NOTE,
         code=code("plot_patches.py"),
     message:
@@ -197,8 +203,9 @@ rule plot_patches:
 
 rule plot_validation:
     input:
-        contacts=for_studied_patches("{results}/microscale/{patch}.h5", only=WORN_PATCHES),
-        registered=for_studied_patches("{results}/registered/{patch}.h5", only=WORN_PATCHES),
+        contacts=for_drawn_patches("{results}/microscale/{patch}.h5", only=WORN_PATCHES),
+        registered=for_drawn_patches("{results}/registered/{patch}.h5", only=WORN_PATCHES),
+        microscale=rules.gather_microscale.output.summary,
         patches=rules.score_patches.output.patches,
         gains=rules.score_patches.output.gains,
         failures=rules.score_patches.output.failures,
@@ -215,8 +222,10 @@ rule plot_validation:
         mem_mb=memory_of_all_mb,
         runtime=minutes,
     params:
-        patches=lambda wildcards: [p for p in studied_patches() if p in WORN_PATCHES],
-        note=SOURCE_NOTE,
+        patches=lambda wildcards: drawn_patches(WORN_PATCHES),
+        note=lambda wildcards: note_on(
+            drawn_patches(WORN_PATCHES), [p for p in studied_patches() if p in WORN_PATCHES]
+        ),
         code=code("plot_validation.py"),
     message:
         "Drawing the validation"

@@ -9,7 +9,7 @@ rule score_patches:
     input:
         contacts=for_studied_patches("{results}/microscale/{patch}.h5", only=WORN_PATCHES),
         registered=for_studied_patches("{results}/registered/{patch}.h5", only=WORN_PATCHES),
-        microscale=rules.gather_microscale.output.summary,
+        microscale=f"{RESULTS}/tables/microscale_summary.csv",
     output:
         patches=report(
             f"{RESULTS}/tables/validation_patches.csv",

@@ -6,16 +6,25 @@ level of the tests, seed.
 """
 
 import logging
+from collections import UserDict
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import write_table
 from gstlib.logs import job_log
 from gstlib.placement import place_patches, warnings_of
 from gstlib.provenance import provenance
+
+
+class Heights(UserDict):
+    """Heights by patch, read when their turn comes: many scans at once would fill the memory."""
+
+    def __getitem__(self, patch: str) -> xr.DataArray:
+        return read_dataset(self.data[patch], only=["height"]).height
 
 
 def main(
@@ -34,7 +43,7 @@ def main(
     placement, found = place_patches(
         macroscale,
         patches,
-        {patch: read_dataset(file, only=["height"]).height for patch, file in surfaces.items()},
+        Heights(surfaces),
         size_mm=patch_mm,
         edge_mm=float(macroscale.attrs["mesh_edge_mm"]),
         maximum_shift_um=maximum_shift_um,

@@ -1,6 +1,6 @@
 """Draw what was predicted and measured on every patch, with its scores beside chance and rivals.
 
-Inputs: the patches' contacts and registered height changes, the validation tables. Outputs: a PNG
+Inputs: the drawn patches' contacts and registered height changes, the tables of all. Outputs: a PNG
 and an SVG. Settings: the patches, a note on the source.
 """
 
@@ -23,6 +23,7 @@ COLUMNS = {
 def main(
     contacts: dict[str, Path],
     registered: dict[str, Path],
+    microscale: Path,
     tables: dict[str, Path],
     png: Path,
     svg: Path,
@@ -34,6 +35,9 @@ def main(
         {patch: read_dataset(file, only=predicted) for patch, file in contacts.items()},
         {patch: read_dataset(file, only=["change", "loss"]) for patch, file in registered.items()},
         *(read_table(tables[name], columns) for name, columns in COLUMNS.items()),
+        pressures=read_table(microscale, ["patch", "mean_pressure_MPa"])
+        .set_index("patch")
+        .mean_pressure_MPa.to_dict(),
         source_note=note,
     )
     figures.save_figure(figure, png, svg)
@@ -45,6 +49,7 @@ if "snakemake" in globals():
         main(
             dict(zip(ids, map(Path, snakemake.input.contacts), strict=True)),
             dict(zip(ids, map(Path, snakemake.input.registered), strict=True)),
+            Path(snakemake.input.microscale),
             {name: Path(snakemake.input[name]) for name in COLUMNS},
             Path(snakemake.output.validation),
             Path(snakemake.output.validation_svg),

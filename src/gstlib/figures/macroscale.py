@@ -17,12 +17,14 @@ from gstlib.figures.style import (
     CONTACT,
     FORCE_MAP,
     GREY,
+    LEGIBLE,
     MM_TO_UM,
     VERMILION,
     WIDTH,
     draw_heights,
     draw_map,
     draw_mask,
+    name_patches,
     new_figure,
     styled,
     write_notes,
@@ -193,16 +195,17 @@ def patch_pressure_figure(pressures: pd.DataFrame, *, source_note: str | None = 
     )
     low, high = (pressures[f"{end}_MPa"].to_numpy(dtype=float) for end in ("low", "high"))
     axes.vlines(places, low, high, color="black", linewidth=0.7)
-    axes.set_xticks(places, pressures["patch"])
+    name_patches(axes, pressures["patch"])
     axes.tick_params(axis="x", length=0)
-    axes.set(xlabel="patch", ylabel="nominal pressure (MPa)", xlim=(-0.7, len(places) - 0.3))
-    axes.bar_label(
-        axes.bar(places, np.maximum(values, high), alpha=0),
-        labels=[f"{value:.1f}" if value > 0 else "0" for value in values],
-        fontsize=6,
-        padding=1,
-        color=GREY,
-    )
+    axes.set(ylabel="nominal pressure (MPa)", xlim=(-0.7, len(places) - 0.3))
+    if len(places) <= LEGIBLE:
+        axes.bar_label(
+            axes.bar(places, np.maximum(values, high), alpha=0),
+            labels=[f"{value:.1f}" if value > 0 else "0" for value in values],
+            fontsize=6,
+            padding=1,
+            color=GREY,
+        )
     axes.legend()
     write_notes(figure, source_note, ["Lines: 95 % interval by place and elastic constants."])
     return figure
@@ -219,8 +222,10 @@ def draw_footprints(
 ) -> None:
     """Outline the patches: solid and bold in the study, dashed and thin out of it.
 
-    Before it is known which are (no column ``in_study``), all are solid.
+    Before it is known which are (no column ``in_study``), all are solid. Of more patches than are
+    `LEGIBLE` no pressures are written.
     """
+    show_pressure = show_pressure and len(pressures) <= LEGIBLE
     half = patch_size_mm / 2
     corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
     for row in pressures.itertuples(index=False):

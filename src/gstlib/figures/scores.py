@@ -16,6 +16,7 @@ from gstlib.figures.style import (
     BLUE,
     CONTACT,
     GREY,
+    LEGIBLE,
     PALE,
     VERMILION,
     block_of,
@@ -64,6 +65,7 @@ def validation_figure(
     failures: pd.DataFrame,
     summary: pd.DataFrame,
     *,
+    pressures: Mapping[str, float] | None = None,
     source_note: str | None = None,
 ) -> Figure:
     """Predicted contact, measured loss and their agreement for each patch, with its scores.
@@ -79,9 +81,12 @@ def validation_figure(
     scores, gains, failures, summary : pandas.DataFrame
         The tables ``validation_patches.csv``, ``validation_gains.csv``,
         ``validation_failures.csv``, ``validation_summary.csv``.
+    pressures : mapping of str to float, optional
+        Pressure (MPa) of every patch in the tables, where maps of some only are drawn.
     """
-    pressures = {patch: float(contacts[patch]["mean_pressure"][-1]) for patch in contacts}
-    order = sorted(pressures, key=pressures.get, reverse=True)
+    drawn = {patch: float(contacts[patch]["mean_pressure"][-1]) for patch in contacts}
+    pressures = drawn if pressures is None else pressures
+    order = sorted(drawn, key=drawn.get, reverse=True)
     across = min(2, max(1, len(order)))
     rows = max(1, math.ceil(len(order) / across))
     figure = new_figure(_WIDTH, _TOP + rows * _MAP + _AROUND)
@@ -222,6 +227,8 @@ def _draw_extent(
     for patch, pressure in pressures.items():
         if math.isfinite(loss[patch]):
             axes.plot(pressure, 100 * loss[patch], "o", color=VERMILION)
+            if len(pressures) > LEGIBLE:
+                continue
             axes.annotate(
                 patch,
                 (pressure, 100 * loss[patch]),

@@ -34,6 +34,7 @@ __all__ = [
     "FORCE_MAP",
     "GREY",
     "HEIGHT_MAP",
+    "LEGIBLE",
     "MM_TO_UM",
     "PALE",
     "PRESSURE_MAP",
@@ -47,6 +48,7 @@ __all__ = [
     "draw_mask",
     "height_limits",
     "legend_below",
+    "name_patches",
     "new_figure",
     "save_figure",
     "scale_bar",
@@ -61,6 +63,7 @@ R = TypeVar("R")
 MM_TO_UM = 1e3
 WIDTH = 7.2  # inches: a journal's double column
 _DPI = 150
+LEGIBLE = 60  # so many patches can be named beside each other
 
 CONTACT, GREY, PALE = "#000000", "#7a7a7a", "#e4e4e4"
 BLUE, VERMILION, AMBER = "#0072B2", "#D55E00", "#E69F00"
@@ -148,6 +151,13 @@ def write_notes(figure: Figure, source_note: str | None, notes: Iterable[str] = 
     at = 0.03 / figure.get_figheight()
     figure.text(0.008, at, left, ha="left", **style)
     figure.text(0.992, at, source_note or "", ha="right", style="italic", **style)
+
+
+def name_patches(axes: Axes, names: Sequence[str], **style) -> None:
+    """Name the patches along x, one for each whole number; of many, some in even steps."""
+    step = math.ceil(len(names) / LEGIBLE) or 1
+    axes.set_xticks(np.arange(0, len(names), step), list(names)[::step], **style)
+    axes.set_xlabel("patch" if step == 1 else f"patch (every {step}th is named)")
 
 
 def height_limits(*surfaces: xr.DataArray) -> tuple[float, float]:

@@ -6,7 +6,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from gstlib.figures.style import BLUE, GREY, VERMILION, WIDTH, new_figure, styled, write_notes
+from gstlib.figures.style import (
+    BLUE,
+    GREY,
+    VERMILION,
+    WIDTH,
+    name_patches,
+    new_figure,
+    styled,
+    write_notes,
+)
 
 __all__ = ["texture_figure"]
 
@@ -56,6 +65,5 @@ def _changes(axes: Axes, before: pd.Series, after: pd.Series) -> None:
         axes.vlines(places[chosen], before[chosen], after[chosen], color=colour, lw=1.2)
         axes.plot(places[chosen], after[chosen], "o", color=colour, markersize=3.5)
     axes.plot(places, before, "o", mfc="white", color=GREY, markersize=3.5, zorder=3)
-    axes.set_xticks(places, before.index, fontsize=5.5)
-    axes.set_xlabel("patch")
+    name_patches(axes, before.index, fontsize=5.5)
     axes.margins(x=0.03)
