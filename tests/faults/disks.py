@@ -60,7 +60,7 @@ def _try_disk(study, disk, reference, read_only: Count, full: Count) -> None:
 
     used = _used_kb(disk)
     size = sum(map(len, reference.values())) / 1024
-    for share in (0.0, 0.2, 0.4, 0.6, 0.8, 0.95):
+    for share in (0.0, 0.3, 0.6, 0.9):
         # the same disk, a little larger each time: the study goes on from where it stopped
         remount(disk, f"size={int(max(used + share * size, _used_kb(disk)) + 24)}k")
         done, said = study.make_as_told()

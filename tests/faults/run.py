@@ -20,8 +20,8 @@ from study import Study
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("kinds", nargs="*", help="kills, disks, two, damage; all by default")
-    parser.add_argument("--kills", type=int, default=24)
-    parser.add_argument("--kills-in-a-study", type=int, default=6)
+    parser.add_argument("--kills", type=int, default=21)
+    parser.add_argument("--kills-in-a-study", type=int, default=7)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
     kinds = arguments.kinds or ["kills", "disks", "two", "damage"]
