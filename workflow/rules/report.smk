@@ -164,7 +164,7 @@ rule plot_preparation:
         f"{RESULTS}/benchmarks/plot_preparation.tsv"
     threads: 1
     resources:
-        mem_mb=memory_of_all_mb,
+        mem_mb=memory_mb,
         runtime=minutes,
     params:
         patches=DRAWN_SCANS,

@@ -13,7 +13,7 @@ def megabytes(files):
 def memory_mb(wildcards, input, attempt):
     """Resource function for work on one patch after the other: 700 MB, and 50 times the largest input.
 
-    Of these, 250 MB are for the two Snakemakes around every job on a cluster, 100 to 250 for
+    Of these, 300 MB are for the two Snakemakes around every job on a cluster, 100 to 250 for
     Python's libraries. A second attempt is given twice as much.
     """
     return attempt * round(700 + 50 * max(megabytes(input), default=0))
