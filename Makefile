@@ -3,19 +3,23 @@
 PYTHON  ?= python3
 CONFIG  ?= config/config.yaml
 CORES   ?= 2
+PROFILE ?= default
 BIN     := .venv/bin
 READY   := .venv/ready
 # a config of the user's own, if one is given
 SWEPT   := $(if $(filter file,$(origin CONFIG)),config/sweep.yaml,$(CONFIG))
-SNAKEMAKE := $(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
+# Snakemake finds the default profile by itself; on a cluster the profile says how many cores
+SNAKEMAKE := $(BIN)/snakemake $(if $(filter default,$(PROFILE)),--cores $(CORES),\
+  --workflow-profile workflow/profiles/$(PROFILE)) --configfile $(CONFIG)
 
 .DEFAULT_GOAL := help
-.PHONY: help environment study report check plan diff test check-style test-python bench power margin baseline docs lock clean unlock test-faults sweep
+.PHONY: help environment study report check plan unlock diff test check-style test-python test-slurm \
+  test-faults baseline bench margin power sweep docs lock clean
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
 	  | awk -F'|' '{printf "  make %-14s %s\n", $$1, $$2}'
-	@echo "  Options: CONFIG=config/config.yaml  CORES=2  PYTHON=python3"
+	@echo "  Options: CONFIG=config/config.yaml  CORES=2  PROFILE=default  PYTHON=python3"
 
 environment: $(READY) ## make the Python environment in .venv from the lock file
 
@@ -52,8 +56,13 @@ check-style: $(READY)
 	$(BIN)/python workflow/document.py --check
 
 # one thread: on two cores the small matrix products of a test only wait for each other
+# -m '': those that need Slurm, too; where it is not installed they are skipped, and say so
 test-python: $(READY)
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m ''
+
+test-slurm: $(READY) ## the tiny study through a real Slurm; installs one with apt-get if need be (root)
+	tests/slurm/start_slurm.sh --install
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m slurm tests/workflow/test_slurm.py
 
 test-faults: $(READY) ## kill runs, fill disks, damage files, and count what is lost (an hour)
 	$(BIN)/python tests/faults/run.py
@@ -82,7 +91,7 @@ docs: $(READY) ## renew the parts of the documents that follow from the code
 
 lock: $(READY) ## renew requirements.lock with the newest versions that fit
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
-	  --no-header --no-annotate --extra workflow --extra dev --upgrade \
+	  --no-header --no-annotate --extra workflow --extra slurm --extra dev --upgrade \
 	  --output-file requirements.lock pyproject.toml
 
 clean: ## remove the results of CONFIG's study (asks first)
