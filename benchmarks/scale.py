@@ -97,7 +97,6 @@ def snakemake(folder: Path, *arguments: str) -> tuple[dict[str, float], str]:
     """Run Snakemake there; how it went (wall and CPU s, peak MB), and what it said."""
     command = [
         *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
-        *("--workflow-profile", str(ROOT / "workflow/profiles/default")),
         *("--directory", str(folder), *arguments, "--configfile", str(folder / CONFIG)),
     ]
     start = time.perf_counter()

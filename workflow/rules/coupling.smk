@@ -24,7 +24,7 @@ rule place_patches:
         f"{RESULTS}/benchmarks/place_patches.tsv"
     threads: 1
     resources:
-        mem_mb=memory_of_all_mb,
+        mem_mb=memory_mb,
         runtime=minutes,
     params:
         patches=PATCHES.to_dict("list"),
