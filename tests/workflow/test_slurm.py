@@ -1,0 +1,193 @@
+"""The tiny study through a real Slurm on this machine, with and without faults: the same tables.
+
+`make test-slurm` installs Slurm where it is missing; elsewhere these tests are skipped. Slurm's own
+records say what became of the jobs.
+"""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from conftest import ROOT, Study, fresh
+
+pytestmark = pytest.mark.slurm
+
+SCRIPTS = ROOT / "tests/slurm"
+RECORDS = Path("/run/gst-slurm/jobs.log")
+# For hung processes. Snakemake waits for ever once Slurm has been silent too long.
+LIMIT = 1800
+
+
+@pytest.fixture(scope="module", autouse=True)
+def slurm():
+    """Slurm, up on this machine."""
+    started = subprocess.run(
+        [SCRIPTS / "start_slurm.sh"], capture_output=True, text=True, check=False
+    )
+    if started.returncode != 0:
+        pytest.skip((started.stdout + started.stderr).strip().splitlines()[-1])
+    yield
+    subprocess.run([SCRIPTS / "stop_slurm.sh"], check=True)
+
+
+def command(study: Study, *arguments: str) -> list[str]:
+    """Snakemake as a cluster's user calls it, but that looks at its jobs sooner."""
+    return [
+        *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
+        *("--workflow-profile", str(ROOT / "workflow/profiles/slurm")),
+        *("--directory", str(study.folder), "--slurm-init-seconds-before-status-checks", "3"),
+        *arguments,
+        *("--configfile", str(study.folder / study.config)),
+    ]
+
+
+class Run:
+    """Snakemake at work in a study's folder; what it says goes to a file."""
+
+    def __init__(self, study: Study, name: str, *arguments: str):
+        self.log = study.folder / f"{name}.log"
+        with self.log.open("w") as log:
+            self.process = subprocess.Popen(
+                command(study, *arguments),
+                cwd=study.folder,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    def finish(self) -> int:
+        try:
+            return self.process.wait(LIMIT)
+        finally:
+            self.kill()
+
+    def kill(self) -> None:
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait()
+
+    @property
+    def name(self) -> str:
+        """The name that all jobs of the run have in Slurm."""
+        return re.search(r"SLURM run ID: (\S+)", self.log.read_text())[1]
+
+    def submitted(self) -> list[str]:
+        return re.findall(r"submitted with SLURM jobid (\d+)", self.log.read_text())
+
+    def job(self, rule: str, *, running: bool = False) -> str:
+        """Id of the first job of a rule, or of its group, once submitted, or even at its work."""
+        deadline = time.monotonic() + LIMIT
+        while self.process.poll() is None and time.monotonic() < deadline:
+            found = re.search(rf"slurm_logs/\w*{rule}\w*/(\d+).log", self.log.read_text())
+            if found and (not running or f"{found[1]}.0" in self.steps()):
+                return found[1]
+            time.sleep(0.2)
+        raise AssertionError(f"no job of {rule}:\n{self.log.read_text()}")
+
+    @staticmethod
+    def steps() -> list[str]:
+        """What runs, as JOB.STEP: a rule is at work in step 0 of its job."""
+        query = ["squeue", "--noheader", "--steps", "--format=%i"]
+        return subprocess.run(query, capture_output=True, text=True, check=True).stdout.split()
+
+    def said(self, job: str) -> str:
+        """Slurm's own log of a job that failed."""
+        return next(self.log.parent.glob(f".snakemake/slurm_logs/*/{job}.log")).read_text()
+
+    def states(self) -> dict[str, str]:
+        """What became of every job of the run, by Slurm's records: its state by its id."""
+        records = [
+            dict(field.split("=", 1) for field in line.split() if "=" in field)
+            for line in RECORDS.read_text().splitlines()
+        ]
+        return {job["JobId"]: job["JobState"] for job in records if job["Name"] == self.name}
+
+
+def freeze(job: str) -> None:
+    """Stop every process of a job but Slurm's own, as when a file system hangs."""
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            environment = (folder / "environ").read_bytes().split(b"\0")
+            name = (folder / "comm").read_text().strip()
+            if f"SLURM_JOB_ID={job}".encode() in environment and name != "slurmstepd":
+                os.kill(int(folder.name), signal.SIGSTOP)
+        except OSError:
+            continue  # it has ended meanwhile, or is none of ours
+
+
+def stored(study: Study) -> dict[str, bytes]:
+    """Every HDF5 file of the study."""
+    return {
+        str(file.relative_to(study.results)): file.read_bytes()
+        for file in sorted(study.results.rglob("*.h5"))
+    }
+
+
+def test_the_same_study_as_on_one_machine(finished_tiny, tmp_path):
+    study = fresh(tmp_path / "study")
+    run = Run(study, "run")
+    assert run.finish() == 0, run.log.read_text()
+    assert study.tables() == finished_tiny.tables()
+    assert stored(study) == stored(finished_tiny)
+    assert list(run.states().values()) == ["COMPLETED"] * len(run.submitted())
+    # short jobs are grouped, and nothing but the target is left to the machine that submits
+    assert 5 < len(run.submitted()) < 20
+    assert set(re.findall(r"localrule (\w+)", run.log.read_text())) == {"all"}
+    assert study.planned() == set()
+
+
+def test_faults_of_jobs_are_mended_by_a_second_attempt(finished_tiny, tmp_path):
+    """One job is given too little memory, one hangs past its time limit, one is cancelled."""
+    study = fresh(tmp_path / "study")
+    run = Run(
+        study,
+        "run",
+        *("--set-resources", "prepare_t0_scans:mem_mb=100 * attempt ** 4"),
+        "grid_macroscale:runtime=attempt ** 5",  # minutes: 1, and 32
+        "solve_macroscale:runtime=0",
+        "solve_sensitivity:runtime=0",
+    )
+    try:
+        frozen = run.job("grid_macroscale", running=True)
+        freeze(frozen)
+        cancelled = run.job("prepare_t1_scans", running=True)
+        subprocess.run(["scancel", cancelled], check=True)
+        starved = run.job("prepare_t0_scans")
+        assert run.finish() == 0, run.log.read_text()
+    finally:
+        run.kill()
+    assert "DUE TO TIME LIMIT" in run.said(frozen)
+    assert "exceeded memory limit" in run.said(starved)
+    states = run.states()
+    assert states[cancelled] == "CANCELLED"
+    others = [states[job] for job in run.submitted() if job not in (frozen, starved, cancelled)]
+    assert others == ["COMPLETED"] * (len(run.submitted()) - 3)
+    assert study.tables() == finished_tiny.tables()
+
+
+def test_a_killed_snakemake_is_followed_by_the_documented_recovery(finished_tiny, tmp_path):
+    """docs/cluster.md: cancel what still runs, unlock, run again."""
+    study = fresh(tmp_path / "study")
+    killed = Run(study, "killed")
+    try:
+        orphan = killed.job("prepare_t0_scans", running=True)
+    finally:
+        killed.kill()
+    locked = Run(study, "locked")
+    assert locked.finish() != 0
+    assert "--unlock" in locked.log.read_text()
+    subprocess.run(["scancel", "--name", killed.name], check=True)
+    deadline = time.monotonic() + 60
+    while orphan not in killed.states() and time.monotonic() < deadline:
+        time.sleep(0.2)
+    assert killed.states()[orphan] == "CANCELLED"
+    assert Run(study, "unlock", "--unlock").finish() == 0
+    again = Run(study, "again")
+    assert again.finish() == 0, again.log.read_text()
+    assert set(again.states().values()) == {"COMPLETED"}
+    assert study.tables() == finished_tiny.tables()
