@@ -24,7 +24,7 @@ within() { # within SECONDS COMMAND...: try until it succeeds
 if [ -e /etc/slurm/slurm.conf ] && [ "$(readlink /etc/slurm/slurm.conf)" != $STATE/slurm.conf ]; then
   refuse "/etc/slurm/slurm.conf is another Slurm's; it is left alone"
 fi
-if pgrep -x 'slurmd|slurmctld|sackd' >/dev/null && ! running slurmctld && ! running slurmd; then
+if { pgrep -x slurmd || pgrep -x slurmctld; } >/dev/null && ! running slurmctld && ! running slurmd; then
   refuse "this machine belongs to a Slurm already; it is left alone"
 fi
 if ! command -v slurmctld >/dev/null || ! command -v slurmd >/dev/null || ! command -v munged >/dev/null; then
@@ -34,6 +34,11 @@ if ! command -v slurmctld >/dev/null || ! command -v slurmd >/dev/null || ! comm
   apt-get update -qq
   # the distribution's own services find no configuration, and stay down
   DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends slurm-wlm munge >/dev/null
+fi
+
+if running munged && running slurmctld && running slurmd && timeout 5 scontrol ping >/dev/null; then
+  echo "Slurm is up"
+  exit 0
 fi
 
 mkdir -p $STATE/{log,munge,state,spool} /etc/slurm
@@ -66,6 +71,7 @@ JobAcctGatherFrequency=task=1
 JobAcctGatherParams=OverMemoryKill
 SelectType=select/cons_tres
 SelectTypeParameters=CR_CPU_Memory
+DefMemPerCPU=256
 SchedulerType=sched/backfill
 # start jobs at once, not at the next round of the scheduler
 SchedulerParameters=batch_sched_delay=0,sched_interval=2,sched_min_interval=0,bf_interval=2
