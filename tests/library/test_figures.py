@@ -266,6 +266,16 @@ def test_same_input_gives_the_same_bytes(study, tmp_path, name):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.png", "a.svg", "b.png", "b.svg"]
 
 
+def test_the_last_digits_of_a_layout_do_not_show_in_an_svg(tmp_path):
+    """The solver that lays a figure out sums in another order from run to run."""
+    for name, width in [("a", 0.8 / 3), ("b", 0.8 / 3 + 1e-14)]:
+        figure = new_figure(3, 2)
+        figure.set_layout_engine("none")
+        figure.add_axes((0.1, 0.1, width, 0.8)).plot([0, 2], [0, 1])
+        figures.save_figure(figure, tmp_path / f"{name}.png", tmp_path / f"{name}.svg")
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
 def test_users_matplotlib_settings_do_not_matter(study, tmp_path):
     figures.save_figure(
         figures.force_figure(study["macroscale"], study["pressures"], **SIZE), tmp_path / "a.png"

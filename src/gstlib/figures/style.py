@@ -63,7 +63,6 @@ R = TypeVar("R")
 MM_TO_UM = 1e3
 WIDTH = 7.2  # inches: a journal's double column
 _DPI = 150
-_PLACE_DECIMALS = 5  # of a figure's width and height: a hundredth of a pixel
 LEGIBLE = 60  # so many patches can be named beside each other
 
 CONTACT, GREY, PALE = "#000000", "#7a7a7a", "#e4e4e4"
@@ -132,11 +131,9 @@ def save_figure(figure: Figure, png: str | Path, svg: str | Path | None = None) 
         write_whole(path, drawn.getbuffer())
         # Laying out takes longer than drawing, and both files are to look the same.
         figure.set_layout_engine("none")
-        # The last bits of a layout differ from run to run, and an SVG has names made from them.
+        # Last digits of a layout differ from run to run, and an SVG names its clip paths by them.
         for axes in figure.axes:
-            bounds = axes.get_position(original=True).bounds
-            axes.set_position([round(side, _PLACE_DECIMALS) for side in bounds], which="original")
-            axes.apply_aspect()
+            axes.set_position(np.round(axes.get_position(original=True).bounds, 9))
 
 
 def new_figure(width: float, height: float) -> Figure:
