@@ -11,6 +11,7 @@ PROFILE = ROOT / "workflow/profiles/slurm"
 def test_groups_are_of_rules_that_there_are():
     text = "".join(file.read_text() for file in ROOT.glob("workflow/rules/*.smk"))
     rules = set(re.findall(r"(?:rule|checkpoint|as) (\w+)(?:| with):", text))
+    rules |= set(re.findall(r'f"(\w+)\{part\}"', text))  # one for each batch of patches
     profile = yaml.safe_load((PROFILE / "config.yaml").read_text())
     assert set(profile["groups"]) | set(profile["set-threads"]) <= rules
     assert set(profile["group-components"]) <= set(profile["groups"].values())
