@@ -15,7 +15,7 @@ rule place_patches:
             f"{RESULTS}/tables/placement.csv",
             caption="../report/placement_table.rst",
             category="3 Coupling",
-            labels={"what": "where the patches lie", "kind": "table"},
+            labels={"what": "table: where the patches lie"},
         ),
         maps=f"{RESULTS}/coupling/placement.h5",
     log:
@@ -50,7 +50,7 @@ checkpoint couple_scales:
             f"{RESULTS}/tables/patch_pressures.csv",
             caption="../report/patch_pressures.rst",
             category="3 Coupling",
-            labels={"what": "pressure of every patch", "kind": "table"},
+            labels={"what": "table: pressure of every patch"},
         ),
     log:
         f"{RESULTS}/logs/couple_scales.log",
@@ -84,7 +84,7 @@ rule bound_pressures:
             f"{RESULTS}/tables/patch_intervals.csv",
             caption="../report/patch_intervals.rst",
             category="3 Coupling",
-            labels={"what": "interval of every patch's pressure", "kind": "table"},
+            labels={"what": "table: interval of every patch's pressure"},
         ),
     log:
         f"{RESULTS}/logs/bound_pressures.log",
@@ -120,7 +120,7 @@ if config["published"] is not None:
                 f"{RESULTS}/tables/published.csv",
                 caption="../report/published.rst",
                 category="3 Coupling",
-                labels={"what": "published against computed", "kind": "table"},
+                labels={"what": "table: published against computed"},
             ),
         log:
             f"{RESULTS}/logs/compare_published.log",

@@ -13,7 +13,7 @@ if config["grinding"] is not None:
                 f"{RESULTS}/tables/slip.csv",
                 caption="../report/slip.rst",
                 category="4 Microscale",
-                labels={"what": "stick and slip", "kind": "table"},
+                labels={"what": "table: stick and slip"},
             ),
         log:
             f"{RESULTS}/logs/solve_slip.log",
@@ -46,7 +46,7 @@ if config["hardness"] is not None:
                 f"{RESULTS}/tables/hardness.csv",
                 caption="../report/hardness.rst",
                 category="4 Microscale",
-                labels={"what": "with a ceiling on the pressure", "kind": "table"},
+                labels={"what": "table: with a ceiling on the pressure"},
             ),
         log:
             f"{RESULTS}/logs/solve_hardness.log",

@@ -14,7 +14,7 @@ rule check_inputs:
             f"{RESULTS}/tables/inputs.csv",
             caption="../report/inputs_table.rst",
             category="1 Inputs",
-            labels={"what": "what every scan holds", "kind": "table"},
+            labels={"what": "table: what every scan holds"},
         ),
         inputs=picture("inputs", "1 Inputs", "square and scanned patches"),
         inputs_svg=vector("inputs"),

@@ -12,7 +12,7 @@ rule grid_macroscale:
             f"{RESULTS}/tables/gridding.csv",
             caption="../report/gridding.rst",
             category="2 Macroscale",
-            labels={"what": "gridding, two ways", "kind": "table"},
+            labels={"what": "table: gridding, two ways"},
         ),
     log:
         f"{RESULTS}/logs/grid_macroscale.log",
@@ -43,7 +43,7 @@ rule solve_macroscale:
             f"{RESULTS}/tables/macroscale_path.csv",
             caption="../report/macroscale_path.rst",
             category="2 Macroscale",
-            labels={"what": "load path", "kind": "table"},
+            labels={"what": "table: load path"},
         ),
     log:
         f"{RESULTS}/logs/solve_macroscale.log",
@@ -74,7 +74,7 @@ rule solve_sensitivity:
             f"{RESULTS}/tables/sensitivity.csv",
             caption="../report/sensitivity.rst",
             category="2 Macroscale",
-            labels={"what": "contact modulus", "kind": "table"},
+            labels={"what": "table: contact modulus"},
         ),
     log:
         f"{RESULTS}/logs/solve_sensitivity.log",

@@ -78,7 +78,7 @@ if WORN_PATCHES:
                 f"{RESULTS}/tables/registration.csv",
                 caption="../report/registration.rst",
                 category="5 Validation",
-                labels={"what": "how T1 lies over T0", "kind": "table"},
+                labels={"what": "table: how T1 lies over T0"},
             ),
         log:
             f"{RESULTS}/logs/tabulate_registration.log",
@@ -134,13 +134,13 @@ rule tabulate_preprocessing:
             f"{RESULTS}/tables/preprocessing.csv",
             caption="../report/preprocessing.rst",
             category="1 Inputs",
-            labels={"what": "what was done to each scan", "kind": "table"},
+            labels={"what": "table: what was done to each scan"},
         ),
         outliers=report(
             f"{RESULTS}/tables/outliers.csv",
             caption="../report/outliers.rst",
             category="1 Inputs",
-            labels={"what": "outliers of each scan by both rules", "kind": "table"},
+            labels={"what": "table: outliers of each scan by both rules"},
         ),
     log:
         f"{RESULTS}/logs/tabulate_preprocessing.log",
@@ -198,7 +198,7 @@ rule gather_microscale:
             f"{RESULTS}/tables/microscale_summary.csv",
             caption="../report/microscale_summary.rst",
             category="4 Microscale",
-            labels={"what": "state at each patch's pressure", "kind": "table"},
+            labels={"what": "table: state at each patch's pressure"},
         ),
         paths=f"{RESULTS}/tables/microscale_paths.csv",
     log:

@@ -57,7 +57,7 @@ if GENERATED and config["power"] is not None:
                 f"{RESULTS}/tables/power.csv",
                 caption="../report/power_table.rst",
                 category="7 Power",
-                labels={"what": "how often each test makes a claim", "kind": "table"},
+                labels={"what": "table: how often each test makes a claim"},
             ),
         log:
             f"{RESULTS}/logs/rate_claims.log",

@@ -47,7 +47,7 @@ if GENERATED:
                 f"{RESULTS}/tables/truth.csv",
                 caption="../report/truth.rst",
                 category="6 Against the truth",
-                labels={"what": "every stage", "kind": "table"},
+                labels={"what": "table: every stage"},
             ),
         log:
             f"{RESULTS}/logs/score_truth.log",

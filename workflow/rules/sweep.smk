@@ -61,7 +61,7 @@ if config["sweep"] is not None:
                 f"{RESULTS}/tables/sweep.csv",
                 caption="../report/sweep_table.rst",
                 category="8 Sweep",
-                labels={"what": "results with one thing set otherwise", "kind": "table"},
+                labels={"what": "table: results with one thing set otherwise"},
             ),
         log:
             f"{RESULTS}/logs/tabulate_sweep.log",

@@ -12,7 +12,7 @@ rule tabulate_texture:
             f"{RESULTS}/tables/texture.csv",
             caption="../report/texture_table.rst",
             category="5 Validation",
-            labels={"what": "surface texture before and after use", "kind": "table"},
+            labels={"what": "table: surface texture before and after use"},
         ),
     log:
         f"{RESULTS}/logs/tabulate_texture.log",
