@@ -22,7 +22,7 @@ def test_piped_output_is_short_and_counts_the_steps(tiny):
     assert "3 steps to do.\n" in said
     counts = re.findall(r"^(\d+) of (\d+) steps done", said, re.MULTILINE)
     assert counts == [("1", "3"), ("2", "3"), ("3", "3")]
-    assert re.search(r"^All is done: 3 steps in \d+ s", said, re.MULTILINE)
+    assert re.search(r"^All is done: 3 steps in .* s\.$", said, re.MULTILINE)
     assert "WARNING: patch 10: T1 was not found" in said  # from the job's log
 
 
@@ -41,7 +41,7 @@ def test_a_terminal_shows_each_step(tiny):
     os.close(ours)
     assert run.wait() == 0
     shown = said.decode()
-    assert re.search(r" 1 of 1 +\d+ s  Interpolating results-tiny/specimen/mesh.stl.*\n", shown)
+    assert re.search(r" 1 of 1 .* s  Interpolating results-tiny/specimen/mesh.stl.*\n", shown)
     assert "Now: Interpolating" in shown
     assert "\x1b[" in shown
 
