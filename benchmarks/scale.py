@@ -200,7 +200,11 @@ def main() -> None:
     for patches in options.patches:
         rows.append(measure(patches, options.cores, in_full=patches <= options.run))
         print(rows[-1], flush=True)
-        table = pd.DataFrame(rows).T.rename_axis("quantity").set_axis(options.patches[: len(rows)], axis=1)
+        table = (
+            pd.DataFrame(rows)
+            .T.rename_axis("quantity")
+            .set_axis(options.patches[: len(rows)], axis=1)
+        )
         table = table.drop(index="patches")
         table.to_csv(options.output, float_format="%.4g", lineterminator="\n")
     print(table)
