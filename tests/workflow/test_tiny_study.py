@@ -418,6 +418,7 @@ def test_a_study_of_measured_files_without_t1(measured):
         "microscale_paths.csv",
         "microscale_summary.csv",
         "outliers.csv",
+        "patch_intervals.csv",
         "patch_pressures.csv",
         "placement.csv",
         "preprocessing.csv",
