@@ -35,7 +35,7 @@ import pandas as pd
 import yaml
 
 from gstlib.difference import compare_results
-from gstlib.io.tables import ALL_DIGITS, SIGNIFICANT_DIGITS
+from gstlib.io.tables import ALL_DIGITS, SIGNIFICANT_DIGITS, printed
 
 ROOT = Path(__file__).parents[1]
 RUNS = {"2 cores": 2, "1 core": 1, "older processor": 1}
@@ -75,7 +75,6 @@ def margins(before: Path, after: Path) -> Iterator[dict[str, object]]:
         pairs = [(float(change.before), float(change.after)) for change in numbers]
         units = [2 * half_unit(max(pair, key=abs)) for pair in pairs]
         moved = [abs(b - a) / unit for (a, b), unit in zip(pairs, units, strict=True)]
-        printed = [[f"{value:.{SIGNIFICANT_DIGITS}g}" for value in pair] for pair in pairs]
         yield {
             "table": file.name,
             "values": count_values(file),
@@ -83,7 +82,9 @@ def margins(before: Path, after: Path) -> Iterator[dict[str, object]]:
             "largest_relative": max((change.relative for change in numbers), default=0.0),
             "margin": 0.5 / max(moved) if moved else math.inf,
             "expected_changes": sum(moved),
-            "changes": len(of_table) - len(numbers) + sum(a != b for a, b in printed),
+            "changes": len(of_table)
+            - len(numbers)
+            + sum(printed(a) != printed(b) for a, b in pairs),
         }
 
 

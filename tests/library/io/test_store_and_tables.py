@@ -6,10 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gstlib.errors import InputError, OutputError
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.io.tables import read_table, write_table
+from gstlib.io.tables import printed, read_table, write_table
 from gstlib.surface import make_surface
 
 
@@ -154,3 +156,16 @@ def test_a_missing_column_is_named(tmp_path):
     assert len(read_table(tmp_path / "t.csv", ["patch", "force_N"])) == 1
     with pytest.raises(InputError, match=r"t\.csv: lacks pressure_MPa, x_mm\. Delete it"):
         read_table(tmp_path / "t.csv", ["patch", "pressure_MPa", "x_mm"])
+
+
+@given(st.integers(10_000, 99_999), st.sampled_from([0.3, 0.5, 0.6, 0.25, 1.5]))
+def test_a_tie_is_printed_alike_whatever_its_last_bits(digits, factor):
+    """0.3 times 35.885 is a tie; sums come to it from either side."""
+    value = digits / 1000 * factor
+    assert printed(value * (1 - 1e-12)) == printed(value) == printed(value * (1 + 1e-12))
+
+
+def test_printed_numbers():
+    values = [0.0, -0.0, 1.0, 123456.0, 2 / 3, -1e-7, float("inf")]
+    expected = ["0", "0", "1", "1.2346e+05", "0.66667", "-1e-07", "inf"]
+    assert [printed(value) for value in values] == expected
