@@ -36,8 +36,10 @@ def descend(window, load, relief, pressure, field, tolerance, error, history, ma
     load : Load
     relief : ndarray, shape (n,)
         h − h_max (mm).
-    pressure, field : ndarray, shape (n,)
-        An admissible pressure (MPa) to start from, and its displacement (mm).
+    pressure : ndarray, shape (n,)
+        To start from (MPa), ≥ 0.
+    field : ndarray, shape (n,), or None
+        The displacement (mm) of the pressure, where it is known; the pressure is admissible then.
     tolerance : float
         Of the residual, relative to the far-field displacement.
     error : float
@@ -52,6 +54,10 @@ def descend(window, load, relief, pressure, field, tolerance, error, history, ma
     ndarray, shape (n,)
         The pressure.
     """
+    if field is None:
+        pressure = load.scaled(pressure)
+        field = window.displacement(pressure)
+        error = APPROXIMATION_ERROR * field.max()
     # `field` is the displacement of `convolved`, a pressure that differs from the admissible
     # `pressure` by the last cut.
     convolved = pressure

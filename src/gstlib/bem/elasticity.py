@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import InvalidContactInput
 
-__all__ = ["contact_modulus", "love_kernel"]
+__all__ = ["LoveKernel", "contact_modulus", "love_kernel"]
 
 
 def contact_modulus(young_1: float, poisson_1: float, young_2: float, poisson_2: float) -> float:
@@ -81,6 +81,53 @@ def love_kernel(
     # corners. Corners are shared by neighbours: evaluate each once, then difference along x and y.
     y = (np.arange(shape[0] + 1) - 0.5)[:, None] * dy
     x = (np.arange(shape[1] + 1) - 0.5)[None, :] * dx
-    corners = x * np.arcsinh(y / np.abs(x)) + y * np.arcsinh(x / np.abs(y))
+
+    def along(one, other):
+        term = other / np.abs(one)
+        np.arcsinh(term, out=term)
+        term *= one
+        return term
+
+    corners = along(x, y)
+    corners = corners + (corners.T if dy == dx and shape[0] == shape[1] else along(y, x))
     integral = np.diff(np.diff(corners, axis=0), axis=1)
-    return integral / (math.pi * contact_modulus)
+    integral /= math.pi * contact_modulus
+    return integral
+
+
+class LoveKernel:
+    """Love's kernel of one kind of element, evaluated once for grids of several sizes.
+
+    It is homogeneous, and exactly so in floating point for powers of two: on elements twice as long
+    it is twice as large.
+
+    Parameters
+    ----------
+    spacing : (float, float)
+        Sides (dy, dx) of the elements (mm).
+    contact_modulus : float
+        E* (MPa).
+    shape : (int, int)
+        Offsets along y and x to evaluate at once; more are evaluated when asked for.
+    """
+
+    def __init__(self, spacing, contact_modulus, shape=(1, 1)):
+        self.spacing = spacing
+        self.contact_modulus = contact_modulus
+        self._finest, self._factor = self, 1
+        self._known = love_kernel(shape, spacing, contact_modulus)
+
+    def coarser(self, factor):
+        """The kernel of elements longer by a power of two."""
+        kernel = object.__new__(LoveKernel)
+        kernel.spacing = tuple(factor * side for side in self.spacing)
+        kernel.contact_modulus = self.contact_modulus
+        kernel._finest, kernel._factor = self._finest, factor * self._factor
+        return kernel
+
+    def quadrant(self, shape):
+        """Influence (mm/MPa) at offsets from zero on; a fresh array of that shape."""
+        finest = self._finest
+        if any(n > m for n, m in zip(shape, finest._known.shape, strict=True)):
+            return love_kernel(shape, self.spacing, self.contact_modulus)
+        return self._factor * finest._known[: shape[0], : shape[1]]

@@ -21,7 +21,7 @@ from .convolution import (
     exact_padding,
     love_spectrum,
 )
-from .elasticity import love_kernel
+from .elasticity import LoveKernel
 from .errors import InvalidContactInput
 from .splitting import SplitConvolution
 
@@ -50,6 +50,8 @@ class HalfSpace:
         E* (MPa).
     workers : int
         Threads. The result has the same bits for any number of them.
+    kernel : LoveKernel, optional
+        Of these elements, where it has been made before.
 
     Attributes
     ----------
@@ -69,17 +71,21 @@ class HalfSpace:
     array([[1.1222]])
     """
 
-    def __init__(self, shape, spacing, contact_modulus, workers=1):
+    def __init__(self, shape, spacing, contact_modulus, workers=1, kernel=None):
         self.shape = _checked_shape(shape)
         self.spacing = checked_spacing(spacing)
         self.contact_modulus = checked_modulus(contact_modulus)
         self.workers = checked_workers(workers)
         self._convolutions = 0
         self._crew = Crew(self.workers)
-        self.self_influence = love_kernel((1, 1), self.spacing, self.contact_modulus)[0, 0]
+        padded = exact_padding(self.shape)
+        self.kernel = kernel or LoveKernel(
+            self.spacing, self.contact_modulus, tuple(m // 2 + 1 for m in padded)
+        )
+        self.self_influence = float(self.kernel.quadrant((1, 1))[0, 0])
         self._window = None
         # Each transform is made when first asked for; if it is large, by another thread meanwhile.
-        large = math.prod(exact_padding(self.shape)) >= WORTH_THREADS
+        large = math.prod(padded) >= WORTH_THREADS
         self._wait = self._crew.start(self._prepare) if large else lambda: None
 
     def _prepare(self):
@@ -90,20 +96,18 @@ class HalfSpace:
         return self._exact(np.float64)
 
     def _exact(self, dtype):
-        padded = exact_padding(self.shape)
-        spectrum = love_spectrum(padded, self.spacing, self.contact_modulus)
+        spectrum = love_spectrum(exact_padding(self.shape), self.kernel)
         return EvenConvolution(self.shape, spectrum, dtype, self._crew)
 
     @cached_property
     def _single(self):
         if SplitConvolution.saves(self.shape, self.spacing):
-            return SplitConvolution(self.shape, self.spacing, self.contact_modulus, self._crew)
+            return SplitConvolution(self.shape, self.kernel, self._crew)
         return self._exact(np.float32)
 
     @cached_property
     def _inverse(self):
-        padded = inverse_padding(self.shape)
-        spectrum = love_spectrum(padded, self.spacing, self.contact_modulus)
+        spectrum = love_spectrum(inverse_padding(self.shape), self.kernel)
         return EvenConvolution(self.shape, 1 / spectrum, np.float32, self._crew)
 
     @property
@@ -134,9 +138,13 @@ class HalfSpace:
             raise InvalidContactInput(
                 f"pressure has shape {pressure.shape}, the half-space {self.shape}"
             )
+        return self.exact_displacement(pressure).copy()
+
+    def exact_displacement(self, pressure) -> np.ndarray:
+        """:meth:`displacement` of an array of float; the next call overwrites it."""
         self._convolutions += 1
         self._wait()
-        return self._double(pressure).copy()
+        return self._double(pressure)
 
     def approximate_displacement(self, pressure) -> np.ndarray:
         """The same, nearly, at a third of the time: the kernel split, and in single precision.
@@ -203,7 +211,9 @@ class HalfSpace:
                 return known
         if self._window is not None:
             self._convolutions += self._window.convolutions
-        self._window = HalfSpace(shape, self.spacing, self.contact_modulus, self.workers)
+        self._window = HalfSpace(
+            shape, self.spacing, self.contact_modulus, self.workers, self.kernel
+        )
         return self._window
 
 

@@ -77,6 +77,12 @@ class Load:
             pressure = np.clip(trial + shift * lift, 0.0, limit)
         return pressure
 
+    def scaled(self, pressure):
+        """A pressure ≥ 0 raised along itself to the force, but for what is at the limit."""
+        if self.pressure_limit < math.inf:
+            pressure = np.minimum(pressure, self.pressure_limit)
+        return pressure if self.force is None else self.admissible(pressure, pressure)
+
     def least_work(self, gap, force) -> float:
         """Least Σ s·g of the fields 0 ≤ s ≤ limit with the sum `force`, or 0 if that is less."""
         if self.pressure_limit == math.inf:

@@ -141,6 +141,8 @@ def load_path(
             state = problem.solve(
                 displacement=displacement[index],
                 initial_pressure=np.sqrt(np.maximum(squared, 0.0)),
+                # On the way down, elements leave the contact and none joins.
+                candidates=np.flatnonzero(state.pressure),
                 **controls,
             )
         tangent, stiffness[index] = unit_response(

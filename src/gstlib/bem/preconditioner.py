@@ -10,7 +10,7 @@ from .halfspace import inverse_padding
 
 __all__ = ["Preconditioner"]
 
-# Elements along the side of a cell of the coarse grid (measured: 12 and 16 do as well).
+# Elements along the side of a cell of the coarse grid, a power of two (measured: 16 does as well).
 _BLOCK = 8
 # T takes the density for this share of what the contact sees around it (measured: 0.3 to 0.6 do).
 _DENSITY = 0.5
@@ -47,11 +47,7 @@ class Preconditioner:
     def __init__(self, window):
         self._window = window
         self._cells, self._shape = window.cells(_BLOCK)
-        self._spectrum = love_spectrum(
-            inverse_padding(self._shape),
-            tuple(_BLOCK * step for step in window.spacing),
-            window.contact_modulus,
-        )
+        self._spectrum = love_spectrum(inverse_padding(self._shape), window.kernel.coarser(_BLOCK))
         self._free = None
         self._local = _LOCAL
 

@@ -154,11 +154,17 @@ def solve_contact(
 class ContactProblem:
     """One surface and one half-space, to be solved at several loads. Checks heights once."""
 
-    def __init__(self, heights, spacing, contact_modulus, workers=1, pressure_limit=math.inf):
+    def __init__(
+        self, heights, spacing, contact_modulus, workers=1, pressure_limit=math.inf, kernel=None
+    ):
         heights = checked_heights(heights)
         self.pressure_limit = checked_limit(pressure_limit)
         self.half_space = HalfSpace(
-            heights.shape, checked_spacing(spacing), checked_modulus(contact_modulus), workers
+            heights.shape,
+            checked_spacing(spacing),
+            checked_modulus(contact_modulus),
+            workers,
+            kernel,
         )
         self._relief = heights - heights.max()  # h − h_max, ≤ 0
         self._coarser = None
@@ -169,10 +175,15 @@ class ContactProblem:
         displacement=None,
         mean_pressure=None,
         initial_pressure=None,
+        candidates=None,
         tolerance,
         max_iterations,
     ) -> ContactState:
-        """Solve at one load; arguments as of :func:`solve_contact`, already checked."""
+        """Solve at one load; arguments as of :func:`solve_contact`, already checked.
+
+        `candidates` are flat indices of all elements that are likely to be in contact, where they
+        are known along with an initial pressure, which has to be zero elsewhere.
+        """
         shape = self.half_space.shape
         if displacement == 0 or mean_pressure == 0:
             return ContactState(
@@ -191,20 +202,32 @@ class ContactProblem:
         force = None if mean_pressure is None else mean_pressure * math.prod(shape)
         load = Load(displacement, force, self.pressure_limit)
         if initial_pressure is None or (force is not None and not initial_pressure.any()):
-            initial_pressure = self._start(load, max_iterations)
-        return self._iterate(initial_pressure, load, tolerance, max_iterations)
+            initial_pressure, candidates = self._start(load, max_iterations)
+        return self._iterate(initial_pressure, candidates, load, tolerance, max_iterations)
 
     def _start(self, load, max_iterations):
-        """Pressure to start from: from the grid of elements twice as long, if worth it."""
+        """Pressure to start from, and candidates: from the grid of elements twice as long."""
         shape = self.half_space.shape
         if max(shape) <= _COARSEST:
-            return np.full(shape, 0.0 if load.force is None else load.force / math.prod(shape))
+            uniform = 0.0 if load.force is None else load.force / math.prod(shape)
+            return np.full(shape, uniform), None
         if self._coarser is None:
             self._coarser = self._coarsen()
-        start = self._coarser._start(load.coarser(), max_iterations)
-        state = self._coarser._iterate(start, load.coarser(), _COARSE_TOLERANCE, max_iterations)
-        pressure = np.repeat(np.repeat(state.pressure, 2, axis=0), 2, axis=1)
-        return pressure[: shape[0], : shape[1]]
+        coarse = self._coarser._iterate(
+            *self._coarser._start(load.coarser(), max_iterations),
+            load.coarser(),
+            _COARSE_TOLERANCE,
+            max_iterations,
+            certified=False,
+        )
+
+        def refined(field):
+            return np.repeat(np.repeat(field, 2, axis=0), 2, axis=1)[: shape[0], : shape[1]]
+
+        pressure = refined(coarse.pressure)
+        # The same elastic displacement under the finer relief.
+        gap = refined(coarse.gap + self._coarser._relief) - self._relief
+        return pressure, _candidates(pressure, gap, coarse.displacement)
 
     def _coarsen(self):
         ny, nx = self.half_space.shape
@@ -213,58 +236,70 @@ class ContactProblem:
         relief = 0.25 * (
             relief[::2, ::2] + relief[1::2, ::2] + relief[::2, 1::2] + relief[1::2, 1::2]
         )
-        dy, dx = self.half_space.spacing
+        kernel = self.half_space.kernel.coarser(2)
         coarse = ContactProblem(
             relief,
-            (2 * dy, 2 * dx),
-            self.half_space.contact_modulus,
+            kernel.spacing,
+            kernel.contact_modulus,
             self.half_space.workers,
             self.pressure_limit,
+            kernel,
         )
         # δ is counted from the summit of the finest grid, which averaging lowers.
         coarse._relief = relief
         return coarse
 
-    def _iterate(self, pressure, load, tolerance, max_iterations):
-        """Improve `pressure` until its recomputed residual is below `tolerance`."""
+    def _iterate(self, pressure, candidates, load, tolerance, max_iterations, certified=True):
+        """Improve `pressure` until its recomputed residual is below `tolerance`.
+
+        Only candidates take part in the iterations; by default, they come from the gap under
+        the pressure. A state that is not to be `certified` is recomputed approximately.
+        """
         history = []
         before = self.half_space.convolutions
         # To begin with, an approximate displacement will do.
         respond, inaccuracy = self.half_space.approximate_displacement, APPROXIMATION_ERROR
+        field, error = None, 0.0
         while True:
-            state, field = self._recompute(pressure, respond, load, history, before)
-            error = inaccuracy * field.max()
-            if error > 0 and state.residual * state.displacement <= error:
-                respond, inaccuracy = self.half_space.displacement, 0.0
-                continue
-            if error == 0 and state.residual <= tolerance:
-                return state
-            if error == 0 and len(history) >= max_iterations:
-                raise ConvergenceError(state.residual, tolerance, len(history))
-            # Only elements that are, or may come, in contact take part in the iterations.
-            candidates = np.flatnonzero(
-                (state.gap < _CANDIDATE_GAP * state.displacement) | (state.pressure > 0)
-            )
-            pressure = np.zeros_like(pressure)
-            pressure.reshape(-1)[candidates] = descend(
+            if candidates is None:
+                state, field = self._recompute(pressure, respond, load, history, before)
+                error = inaccuracy * float(field.max())
+                if certified and error > 0 and state.residual * state.displacement <= error:
+                    respond, inaccuracy = self.half_space.exact_displacement, 0.0
+                    continue
+                final = error == 0 or not certified
+                if final and state.residual <= tolerance:
+                    return state
+                if final and len(history) >= max_iterations:
+                    raise ConvergenceError(state.residual, tolerance, len(history))
+                pressure = state.pressure
+                candidates = _candidates(pressure, state.gap, state.displacement)
+                field = field.reshape(-1)[candidates].astype(float)
+            values = descend(
                 Window(self.half_space, candidates),
                 load,
                 self._relief.reshape(-1)[candidates],
-                state.pressure.reshape(-1)[candidates],
-                field.reshape(-1)[candidates],
+                pressure.reshape(-1)[candidates],
+                field,
                 _INNER_SHARE * tolerance,
                 error,
                 history,
                 max_iterations,
             )
-            respond, inaccuracy = self.half_space.displacement, 0.0
+            pressure = np.zeros(self.half_space.shape)
+            pressure.reshape(-1)[candidates] = values
+            candidates = None
+            if certified:
+                respond, inaccuracy = self.half_space.exact_displacement, 0.0
 
     def _recompute(self, pressure, respond, load, history, before):
-        """State of a pressure field, by a convolution of its own, and the surface displacement."""
-        # Along itself: scaled, but for what is at the limit.
-        pressure = load.admissible(pressure, np.minimum(pressure, load.pressure_limit))
+        """State of a pressure field by a convolution of its own, and its displacement.
+
+        The next convolution overwrites the displacement.
+        """
+        pressure = load.scaled(pressure)
         force = float(pressure.sum())
-        field = respond(pressure).astype(float) if force > 0 else np.zeros_like(pressure)
+        field = respond(pressure) if force > 0 else np.zeros_like(pressure)
         gap = field - self._relief
         displacement = load.displacement_at(pressure, gap)
         gap -= displacement
@@ -290,8 +325,13 @@ class ContactProblem:
         return state, field
 
 
+def _candidates(pressure, gap, displacement):
+    """Elements that are, or may come, in contact: flat indices."""
+    return np.flatnonzero((gap < _CANDIDATE_GAP * displacement) | (pressure > 0))
+
+
 def _checked_initial(initial_pressure, shape):
-    pressure = np.asarray(initial_pressure, dtype=float)
+    pressure = np.array(initial_pressure, dtype=float)
     if pressure.shape != shape:
         raise InvalidContactInput(
             f"initial_pressure has shape {pressure.shape}, the heights {shape}"

@@ -17,7 +17,6 @@ import ducc0
 import numpy as np
 
 from .convolution import Crew, EvenConvolution, even_size, even_spectrum, exact_padding
-from .elasticity import love_kernel
 
 __all__ = ["SplitConvolution"]
 
@@ -36,22 +35,20 @@ class SplitConvolution:
     Parameters
     ----------
     shape : (int, int)
-    spacing : (float, float)
-        (dy, dx) (mm).
-    contact_modulus : float
-        E* (MPa).
+    kernel : LoveKernel
     crew : Crew
     """
 
-    def __init__(self, shape, spacing, contact_modulus, crew):
+    def __init__(self, shape, kernel, crew):
+        spacing = kernel.spacing
         sigma, padded = _sigma(spacing), _padding(shape, spacing)
         lengths = tuple(m * step for m, step in zip(padded, spacing, strict=True))
         coarse = tuple(even_size(math.ceil(length * _SIGMA / sigma)) for length in lengths)
         coarse_spacing = tuple(length / m for length, m in zip(lengths, coarse, strict=True))
-        element = math.prod(spacing) / (math.pi * contact_modulus)
+        element = math.prod(spacing) / (math.pi * kernel.contact_modulus)
 
         quadrant = tuple(m // 2 + 1 for m in padded)
-        near = love_kernel(quadrant, spacing, contact_modulus)
+        near = kernel.quadrant(quadrant)
         near -= element * _far_field(quadrant, spacing, sigma)
         self._near = EvenConvolution(shape, even_spectrum(near), np.float32, crew)
         far = element * _coarse_kernel(coarse, coarse_spacing, sigma)

@@ -30,14 +30,13 @@ class Window:
         self._places = rows * self._half_space.shape[1] + columns
         self._grid = np.zeros(self._half_space.shape, np.float32)
         self.shape = self._half_space.shape
-        self.spacing = half_space.spacing
-        self.contact_modulus = half_space.contact_modulus
+        self.kernel = half_space.kernel
         self.self_influence = half_space.self_influence
 
     def exact_displacement(self, pressure):
         """Displacement (mm) of a pressure (MPa), in double precision."""
         return self._apply(
-            self._half_space.displacement, np.zeros(self._half_space.shape), pressure
+            self._half_space.exact_displacement, np.zeros(self._half_space.shape), pressure
         )
 
     def displacement(self, pressure):

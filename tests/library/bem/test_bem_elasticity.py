@@ -5,7 +5,7 @@ import pytest
 from bem_reference import influence
 
 from gstlib.bem import InvalidContactInput, contact_modulus
-from gstlib.bem.elasticity import love_kernel
+from gstlib.bem.elasticity import LoveKernel, love_kernel
 
 
 def test_contact_modulus_of_the_two_stones():
@@ -48,3 +48,13 @@ def test_love_kernel_at_the_origin_and_far_away():
     assert kernel[0, 0] * math.pi / 0.2 == pytest.approx(4 * math.asinh(1), rel=1e-14)
     # Far away an element is a point force: F/(π E* r).
     assert kernel[300, 399] == pytest.approx(0.2 / (math.pi * math.hypot(300, 399)), rel=1e-6)
+
+
+@pytest.mark.parametrize("spacing", [(0.3, 0.3), (0.3, 0.17)])
+def test_kernels_of_coarser_elements_are_the_same_bits(spacing):
+    """Whether taken from the finest one's values or evaluated anew."""
+    kernel = LoveKernel(spacing, 1e4, (33, 33))
+    coarse = tuple(8 * side for side in spacing)
+    for shape in ((5, 9), (33, 33), (40, 3)):
+        taken = kernel.coarser(2).coarser(4).quadrant(shape)
+        np.testing.assert_array_equal(taken, love_kernel(shape, coarse, 1e4))
