@@ -19,10 +19,11 @@ from problems import MODULUS, SCRATCH, Surface
 __all__ = ["Calibration", "Run", "measure_case", "measure_growth"]
 
 CODES_FOLDER = Path(__file__).parent / "codes"
-# Tolerances on the ladder differ by half a decade; a code that is not there after this many
-# tighter ones, or gains less than a tenth by the last, never gets there.
-RUNG = 10**0.5
-MOST_RUNGS = 8
+# Tolerances on the ladder differ by a quarter of a decade, about what one iteration gains; a code
+# that is not there after this many tighter ones, or gains less than a tenth by the last two, never
+# gets there.
+RUNG = 10**0.25
+MOST_RUNGS = 16
 LEAST_GAIN = 0.9
 # Seconds after which a single measurement is given up.
 TIME_LIMIT = 1800
@@ -167,13 +168,13 @@ class Calibration:
             while (looser := attempt(tolerance * RUNG)).reached:
                 tolerance, best = tolerance * RUNG, looser
         else:
-            for _ in range(MOST_RUNGS):
-                if best.reached:
+            tried = [(tolerance, best)]
+            while not best.reached and len(tried) <= MOST_RUNGS:
+                tolerance, best = tolerance / RUNG, attempt(tolerance / RUNG)
+                tried.append((tolerance, best))
+                if len(tried) > 2 and best.gap_error > LEAST_GAIN * tried[-3][1].gap_error:
+                    tolerance, best = tried[-3]
                     break
-                tighter = attempt(tolerance / RUNG)
-                if not tighter.reached and tighter.gap_error > LEAST_GAIN * best.gap_error:
-                    break
-                tolerance, best = tolerance / RUNG, tighter
         self.known[case, code.label] = tolerance
         self._write()
         return tolerance, best
@@ -257,7 +258,7 @@ def measure_growth(case: Growth, runs, calibration: Calibration, keep) -> list[d
                     if code.control == "displacement":
                         levels = levels_of(surface, case.pressure, 1)
                     tolerance = calibration.known.get(("rough-76", label), code.start)
-                    for _ in range(4):
+                    for _ in range(8):
                         result = run(code, surface, levels, tolerance, 1)
                         say(f"{case.name} {size}² seed {seed}", label, tolerance, result)
                         if result.reached:
