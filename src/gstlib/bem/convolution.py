@@ -25,9 +25,9 @@ __all__ = [
 # many enough that the cost of the calls vanishes (measured: 32 lines in double precision and 64 in
 # single are best for two threads; for one it is flat from 32 to 128).
 _BLOCK = 256
-# Fewer numbers than this are transformed in one thread (measured: in single precision a step of 576²
-# takes 0.2 ms, waking another thread and waiting for it 0.07 ms on a virtual machine; two threads
-# gained nothing there).
+# Fewer numbers than this are transformed in one thread (measured: a step of 576² takes 0.2 ms in
+# single precision, waking another thread and waiting for it 0.07 ms on a virtual machine; two
+# threads gained nothing there).
 WORTH_THREADS = 500_000
 # Lines of a buffer lie this many numbers more apart: at a power of two they share cache sets
 # (measured: transforms of 1024 numbers in single precision take 2.6 times as long).
