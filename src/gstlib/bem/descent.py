@@ -43,7 +43,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, history, ma
     tolerance : float
         Of the residual, relative to the far-field displacement.
     error : float
-        Largest error of the displacement given (mm).
+        Largest error of the field given (mm); not used without one.
     history : list of float
         Receives the residual of each iteration.
     max_iterations : int

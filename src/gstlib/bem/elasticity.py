@@ -4,6 +4,7 @@ Sources: K. L. Johnson, *Contact Mechanics* (1985), §3.3 and §4.2; A. E. H. Lo
 (1929) 377.
 """
 
+import copy
 import math
 
 import numpy as np
@@ -82,21 +83,23 @@ def love_kernel(
     y = (np.arange(shape[0] + 1) - 0.5)[:, None] * dy
     x = (np.arange(shape[1] + 1) - 0.5)[None, :] * dx
 
-    def along(one, other):
+    def antiderivative(one, other):
+        """One of its two terms: one·asinh(other/|one|)."""
         term = other / np.abs(one)
         np.arcsinh(term, out=term)
         term *= one
         return term
 
-    corners = along(x, y)
-    corners = corners + (corners.T if dy == dx and shape[0] == shape[1] else along(y, x))
+    corners = antiderivative(x, y)
+    symmetric = dy == dx and shape[0] == shape[1]
+    corners = corners + (corners.T if symmetric else antiderivative(y, x))
     integral = np.diff(np.diff(corners, axis=0), axis=1)
     integral /= math.pi * contact_modulus
     return integral
 
 
 class LoveKernel:
-    """Love's kernel of one kind of element, evaluated once for grids of several sizes.
+    """Love's kernel, evaluated once for grids of several sizes and of longer elements.
 
     It is homogeneous, and exactly so in floating point for powers of two: on elements twice as long
     it is twice as large.
@@ -108,26 +111,23 @@ class LoveKernel:
     contact_modulus : float
         E* (MPa).
     shape : (int, int)
-        Offsets along y and x to evaluate at once; more are evaluated when asked for.
+        Offsets along y and x that are kept; beyond them it is evaluated anew each time.
     """
 
-    def __init__(self, spacing, contact_modulus, shape=(1, 1)):
+    def __init__(self, spacing, contact_modulus, shape):
         self.spacing = spacing
         self.contact_modulus = contact_modulus
-        self._finest, self._factor = self, 1
-        self._known = love_kernel(shape, spacing, contact_modulus)
+        self._kept, self._factor = love_kernel(shape, spacing, contact_modulus), 1
 
     def coarser(self, factor):
-        """The kernel of elements longer by a power of two."""
-        kernel = object.__new__(LoveKernel)
+        """The kernel of elements longer by `factor`, a power of two."""
+        kernel = copy.copy(self)
         kernel.spacing = tuple(factor * side for side in self.spacing)
-        kernel.contact_modulus = self.contact_modulus
-        kernel._finest, kernel._factor = self._finest, factor * self._factor
+        kernel._factor = factor * self._factor
         return kernel
 
     def quadrant(self, shape):
         """Influence (mm/MPa) at offsets from zero on; a fresh array of that shape."""
-        finest = self._finest
-        if any(n > m for n, m in zip(shape, finest._known.shape, strict=True)):
+        if any(n > m for n, m in zip(shape, self._kept.shape, strict=True)):
             return love_kernel(shape, self.spacing, self.contact_modulus)
-        return self._factor * finest._known[: shape[0], : shape[1]]
+        return self._factor * self._kept[: shape[0], : shape[1]]

@@ -51,12 +51,13 @@ class HalfSpace:
     workers : int
         Threads. The result has the same bits for any number of them.
     kernel : LoveKernel, optional
-        Of these elements, where it has been made before.
+        Of this spacing and modulus, where it has been made before.
 
     Attributes
     ----------
     self_influence : float
         Displacement of an element under unit pressure on itself (mm/MPa).
+    kernel : LoveKernel
 
     Raises
     ------
@@ -141,7 +142,7 @@ class HalfSpace:
         return self.exact_displacement(pressure).copy()
 
     def exact_displacement(self, pressure) -> np.ndarray:
-        """:meth:`displacement` of an array of float; the next call overwrites it."""
+        """:meth:`displacement` of a float64 array, unchecked; the next call overwrites it."""
         self._convolutions += 1
         self._wait()
         return self._double(pressure)
@@ -154,8 +155,8 @@ class HalfSpace:
 
         Parameters
         ----------
-        pressure : ndarray of float32, shape (ny, nx)
-            Pressure (MPa).
+        pressure : ndarray, shape (ny, nx)
+            Pressure (MPa), in either precision.
 
         Returns
         -------

@@ -77,8 +77,16 @@ class Load:
             pressure = np.clip(trial + shift * lift, 0.0, limit)
         return pressure
 
+    def carried_by(self, pressure) -> bool:
+        """Whether a pressure ≥ 0 can be scaled to the force within its limit."""
+        if self.force is None:
+            return True
+        if self.pressure_limit == math.inf:
+            return bool(pressure.any())
+        return np.count_nonzero(pressure) * self.pressure_limit > self.force
+
     def scaled(self, pressure):
-        """A pressure ≥ 0 raised along itself to the force, but for what is at the limit."""
+        """A pressure ≥ 0 scaled to the force, but for what is at the limit; maybe itself."""
         if self.pressure_limit < math.inf:
             pressure = np.minimum(pressure, self.pressure_limit)
         return pressure if self.force is None else self.admissible(pressure, pressure)

@@ -137,12 +137,18 @@ def load_path(
             # Along the tangent of p², not of p: at a moving edge p is the root of the distance, so
             # p² is smooth where p is not (on Hertz's sphere p² is linear in δ).
             descent = displacement[index + 1] - displacement[index]
-            squared = state.pressure * (state.pressure - 2 * descent * tangent)
+            contact = np.flatnonzero(state.contact)
+            above, slope = (field.reshape(-1)[contact] for field in (state.pressure, tangent))
+            start = np.zeros_like(state.pressure)
+            start.reshape(-1)[contact] = np.sqrt(
+                np.maximum(above * (above - 2 * descent * slope), 0)
+            )
             state = problem.solve(
                 displacement=displacement[index],
-                initial_pressure=np.sqrt(np.maximum(squared, 0.0)),
-                # On the way down, elements leave the contact and none joins.
-                candidates=np.flatnonzero(state.pressure),
+                initial_pressure=start,
+                # On the way down elements leave the contact; what joins it after all, against
+                # the continuum's rule, is added by the solver's final check.
+                candidates=contact,
                 **controls,
             )
         tangent, stiffness[index] = unit_response(

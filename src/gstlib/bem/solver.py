@@ -52,8 +52,8 @@ MAX_ITERATIONS = 500
 _COARSEST = 64
 # Tolerance on coarse grids: they differ from the next by more than this anyway.
 _COARSE_TOLERANCE = 1e-2
-# Elements whose gap at the start is below this share of the displacement are followed in the
-# iterations; the final check covers every element, and adds those that were missed.
+# Elements whose gap, as far as it is known at the start, is below this share of the displacement
+# are followed in the iterations; the final check covers every element, and adds what was missed.
 _CANDIDATE_GAP = 0.05
 # The recurrence goes on to this share of the tolerance, so that the recomputed residual meets it.
 _INNER_SHARE = 0.7
@@ -181,8 +181,8 @@ class ContactProblem:
     ) -> ContactState:
         """Solve at one load; arguments as of :func:`solve_contact`, already checked.
 
-        `candidates` are flat indices of all elements that are likely to be in contact, where they
-        are known along with an initial pressure, which has to be zero elsewhere.
+        `candidates` : flat indices, shape (n,), of the elements to follow first; they need an
+        `initial_pressure` that is zero elsewhere.
         """
         shape = self.half_space.shape
         if displacement == 0 or mean_pressure == 0:
@@ -201,15 +201,17 @@ class ContactProblem:
             )
         force = None if mean_pressure is None else mean_pressure * math.prod(shape)
         load = Load(displacement, force, self.pressure_limit)
-        if initial_pressure is None or (force is not None and not initial_pressure.any()):
+        if initial_pressure is not None and not load.carried_by(initial_pressure):
+            initial_pressure = None
+        if initial_pressure is None:
             initial_pressure, candidates = self._start(load, max_iterations)
         return self._iterate(initial_pressure, candidates, load, tolerance, max_iterations)
 
     def _start(self, load, max_iterations):
         """Pressure to start from, and candidates: from the grid of elements twice as long."""
         shape = self.half_space.shape
+        uniform = 0.0 if load.force is None else load.force / math.prod(shape)
         if max(shape) <= _COARSEST:
-            uniform = 0.0 if load.force is None else load.force / math.prod(shape)
             return np.full(shape, uniform), None
         if self._coarser is None:
             self._coarser = self._coarsen()
@@ -225,6 +227,8 @@ class ContactProblem:
             return np.repeat(np.repeat(field, 2, axis=0), 2, axis=1)[: shape[0], : shape[1]]
 
         pressure = refined(coarse.pressure)
+        if not load.carried_by(pressure):  # the border of an odd grid was cut off
+            return np.full(shape, uniform), None
         # The same elastic displacement under the finer relief.
         gap = refined(coarse.gap + self._coarser._relief) - self._relief
         return pressure, _candidates(pressure, gap, coarse.displacement)
@@ -261,7 +265,7 @@ class ContactProblem:
         respond, inaccuracy = self.half_space.approximate_displacement, APPROXIMATION_ERROR
         field, error = None, 0.0
         while True:
-            if candidates is None:
+            if candidates is None or not candidates.size:
                 state, field = self._recompute(pressure, respond, load, history, before)
                 error = inaccuracy * float(field.max())
                 if certified and error > 0 and state.residual * state.displacement <= error:
@@ -298,27 +302,29 @@ class ContactProblem:
         The next convolution overwrites the displacement.
         """
         pressure = load.scaled(pressure)
-        force = float(pressure.sum())
+        contact = np.flatnonzero(pressure > 0)
+        loaded = pressure.reshape(-1)[contact]
+        force = float(loaded.sum())
         field = respond(pressure) if force > 0 else np.zeros_like(pressure)
         gap = field - self._relief
-        displacement = load.displacement_at(pressure, gap)
+        displacement = load.displacement_at(loaded, gap.reshape(-1)[contact])
         gap -= displacement
-        contact = pressure > 0
         # Either the gap is open where there is pressure, or closed where there could be more.
-        opened = gap[contact].max(initial=0.0)
+        opened = gap.reshape(-1)[contact]
         below = gap if load.pressure_limit == math.inf else gap[pressure < load.pressure_limit]
-        violation = max(opened, -below.min(initial=0.0))
-        virtual_work = dot(pressure, gap) - load.least_work(gap, force)
+        violation = max(opened.max(initial=0.0), -below.min(initial=0.0))
+        virtual_work = dot(loaded, opened) - load.least_work(gap, force)
+        doubled_energy = dot(loaded, field.reshape(-1)[contact])
         state = ContactState(
             pressure=pressure,
             gap=gap,
             displacement=displacement,
             mean_pressure=force / pressure.size,
-            contact_fraction=float(np.count_nonzero(contact) / pressure.size),
+            contact_fraction=contact.size / pressure.size,
             iterations=len(history),
             convolutions=self.half_space.convolutions - before,
             residual=float(violation / displacement),
-            duality_gap=float(virtual_work / dot(pressure, field)) if force > 0 else math.inf,
+            duality_gap=float(virtual_work / doubled_energy) if force > 0 else math.inf,
             history=tuple(history),
             pressure_limit=self.pressure_limit,
         )

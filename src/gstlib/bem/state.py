@@ -60,6 +60,8 @@ class ContactState:
     @property
     def elastic_contact(self) -> np.ndarray:
         """Mask of the contact below the limit; bool, shape (ny, nx)."""
+        if self.pressure_limit == math.inf:
+            return self.contact
         return self.contact & (self.pressure < self.pressure_limit)
 
     @property

@@ -13,7 +13,7 @@ __all__ = ["ALL_DIGITS", "SIGNIFICANT_DIGITS", "printed", "read_table", "write_t
 
 # Results are solved to a relative residual of 1e-6 or better; five digits stay above that noise.
 SIGNIFICANT_DIGITS = 5
-# Digits that are the same on every machine.
+# Differences beyond these digits are taken for rounding.
 _KNOWN_DIGITS = 10
 # Set to 1 it prints every digit, to see by how much two runs differ beneath the printed ones.
 ALL_DIGITS = "GSTLIB_ALL_DIGITS"

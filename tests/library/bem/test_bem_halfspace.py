@@ -99,7 +99,7 @@ def test_split_kernel_is_used_where_it_saves():
 def test_split_kernel_has_no_far_images():
     """A load at one corner is felt at the other as on an unbounded half-space."""
     shape, spacing = (260, 300), (0.01, 0.01)
-    displacement = SplitConvolution(shape, LoveKernel(spacing, 1000.0), Crew(1))
+    displacement = SplitConvolution(shape, LoveKernel(spacing, 1000.0, (1, 1)), Crew(1))
     for load, place in (((0, 0), (-1, -1)), ((-1, 0), (0, -1)), ((130, -1), (130, 0))):
         pressure = np.zeros(shape, np.float32)
         pressure[load] = 1.0

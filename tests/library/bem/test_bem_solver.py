@@ -341,3 +341,34 @@ def test_contact_at_the_border_warns():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         solve_contact(-heights, 0.01, MODULUS, displacement=1e-3)
+
+
+def test_a_spike_that_coarser_grids_do_not_touch():
+    """Averaging lowers it out of reach, on 128 elements a side too."""
+    heights = np.zeros((256, 256))
+    heights[100, 77] = 0.1
+    state = solve_contact(heights, 1e-3, 1e4, displacement=1e-3)
+    assert np.flatnonzero(state.pressure).tolist() == [100 * 256 + 77]
+    assert state.residual < 1e-6
+
+
+@pytest.mark.filterwarnings("ignore::gstlib.bem.DomainTooSmallWarning")
+@pytest.mark.parametrize(("size", "spike"), [(64, 30), (131, 130)])
+def test_the_load_is_carried_though_the_start_cannot(size, spike):
+    """The start, given or from a coarser grid, is in contact where the limit forbids the load."""
+    heights = np.zeros((size, size))
+    heights[spike, spike] = 1.0
+    limit = 100.0
+    pressure = 3 * limit / size**2  # the spike alone bears a third
+    start = np.where(heights > 0, 1.0, 0.0)
+    for initial in (None, start):
+        state = solve_contact(
+            heights,
+            0.01,
+            1e4,
+            mean_pressure=pressure,
+            pressure_limit=limit,
+            initial_pressure=initial,
+        )
+        assert state.mean_pressure == pytest.approx(pressure, rel=1e-12)
+        assert state.pressure[spike, spike] == limit
