@@ -150,7 +150,6 @@ def test_faults_of_jobs_are_mended_by_a_second_attempt(finished_tiny, tmp_path):
         *("--set-resources", "prepare_t0_scans:mem_mb=100 * attempt ** 4"),
         "grid_macroscale:runtime=attempt ** 5",  # minutes: 1, and 32
         "solve_macroscale:runtime=0",
-        "solve_sensitivity:runtime=0",
     )
     try:
         frozen = run.job("grid_macroscale", running=True)

@@ -113,11 +113,16 @@ def test_a_setting_is_the_study_with_that_config(tiny):
     swept = table[(table.factor == "placement along x") & (table.output == "pressure_MPa")]
     tiny.change(placement={"shift_x_um": 30.0})
     pressures = "results-tiny/tables/patch_pressures.csv"
-    result = tiny.run(pressures)
+    sensitivity = "results-tiny/tables/sensitivity.csv"
+    result = tiny.run(pressures, sensitivity)
     assert result.returncode == 0, result.stderr
     study = read_table(tiny.folder / pressures)
     assert (study.place == "shifted").all()
     np.testing.assert_allclose(swept.result, study.pressure_MPa)
+    # beside the other contact modulus, patches lie where they lie in the study
+    beside = read_table(tiny.folder / sensitivity)
+    beside = beside[(beside.contact_modulus == "used") & (beside.quantity == "patch pressure")]
+    np.testing.assert_allclose(beside.value, study.pressure_MPa, rtol=1e-4)
 
 
 def test_the_shipped_sweep_is_planned(study):

@@ -74,6 +74,40 @@ checkpoint couple_scales:
         "../scripts/couple_scales.py"
 
 
+rule solve_sensitivity:
+    input:
+        surface=rules.grid_macroscale.output.surface,
+        pressures=f"{RESULTS}/tables/patch_pressures.csv",
+    output:
+        table=report(
+            f"{RESULTS}/tables/sensitivity.csv",
+            caption="../report/sensitivity.rst",
+            category="3 Coupling",
+            labels={"what": "table: contact modulus"},
+        ),
+    log:
+        f"{RESULTS}/logs/solve_sensitivity.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/solve_sensitivity.tsv"
+    threads: 1
+    resources:
+        mem_mb=memory_mb,
+        runtime=minutes,
+    params:
+        moduli_MPa={
+            "used": CONTACT_MODULUS_MPA,
+            "from the elastic constants": ALTERNATIVE_MODULUS_MPA,
+        },
+        patch_mm=PATCH_MM,
+        target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
+        tolerance=config["macroscale"]["tolerance"],
+        code=code("solve_sensitivity.py"),
+    message:
+        "Solving the macroscale with the other reading of the contact modulus"
+    script:
+        "../scripts/solve_sensitivity.py"
+
+
 rule bound_pressures:
     input:
         surface=rules.grid_macroscale.output.surface,

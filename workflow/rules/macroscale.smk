@@ -64,37 +64,3 @@ rule solve_macroscale:
         "Pressing the square up to {params.target_pressure_MPa} MPa"
     script:
         "../scripts/solve_macroscale.py"
-
-
-rule solve_sensitivity:
-    input:
-        surface=rules.grid_macroscale.output.surface,
-    output:
-        table=report(
-            f"{RESULTS}/tables/sensitivity.csv",
-            caption="../report/sensitivity.rst",
-            category="2 Macroscale",
-            labels={"what": "table: contact modulus"},
-        ),
-    log:
-        f"{RESULTS}/logs/solve_sensitivity.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/solve_sensitivity.tsv"
-    threads: 1
-    resources:
-        mem_mb=memory_mb,
-        runtime=minutes,
-    params:
-        moduli_MPa={
-            "used": CONTACT_MODULUS_MPA,
-            "from the elastic constants": ALTERNATIVE_MODULUS_MPA,
-        },
-        patches=PATCHES.to_dict("list"),
-        patch_mm=PATCH_MM,
-        target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
-        tolerance=config["macroscale"]["tolerance"],
-        code=code("solve_sensitivity.py"),
-    message:
-        "Solving the macroscale with the other reading of the contact modulus"
-    script:
-        "../scripts/solve_sensitivity.py"

@@ -1,7 +1,7 @@
 """Solve the macroscale with each reading of the contact modulus, and set them side by side.
 
-Inputs: surface.h5. Outputs: sensitivity.csv.
-Settings: the contact moduli by name, the patch table, patch side, target pressure, tolerance.
+Inputs: surface.h5, patch_pressures.csv (where the patches lie). Outputs: sensitivity.csv.
+Settings: the contact moduli by name, patch side, target pressure, tolerance.
 """
 
 from pathlib import Path
@@ -11,22 +11,23 @@ import pandas as pd
 from gstlib.contact import solve_at_pressure
 from gstlib.coupling import patch_pressures
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import write_table
+from gstlib.io.tables import read_table, write_table
 from gstlib.logs import job_log
 
 
 def main(
     surface: Path,
+    pressures: Path,
     table: Path,
     *,
     moduli_MPa: dict[str, float],
-    patches: pd.DataFrame,
     patch_mm: float,
     target_pressure_MPa: float,
     tolerance: float,
     threads: int,
 ) -> None:
     height = read_dataset(surface).height
+    patches = read_table(pressures)
     rows = []
     for basis, modulus in moduli_MPa.items():
         state, pressure = solve_at_pressure(
@@ -56,9 +57,9 @@ if "snakemake" in globals():
     with job_log(snakemake.log[0]):
         main(
             Path(snakemake.input.surface),
+            Path(snakemake.input.pressures),
             Path(snakemake.output.table),
             moduli_MPa=snakemake.params.moduli_MPa,
-            patches=pd.DataFrame(snakemake.params.patches),
             patch_mm=snakemake.params.patch_mm,
             target_pressure_MPa=snakemake.params.target_pressure_MPa,
             tolerance=snakemake.params.tolerance,
