@@ -9,8 +9,9 @@ READY   := .venv/ready
 # a config of the user's own, if one is given
 SWEPT   := $(if $(filter file,$(origin CONFIG)),config/sweep.yaml,$(CONFIG))
 # Snakemake finds the default profile by itself; on a cluster the profile says how many cores
-SNAKEMAKE := $(BIN)/snakemake $(if $(filter default,$(PROFILE)),--cores $(CORES),\
-  --workflow-profile workflow/profiles/$(PROFILE)) --configfile $(CONFIG)
+RUN := $(BIN)/snakemake $(if $(filter default,$(PROFILE)),--cores $(CORES),\
+  --workflow-profile workflow/profiles/$(PROFILE))
+SNAKEMAKE := $(RUN) --configfile $(CONFIG)
 
 .DEFAULT_GOAL := help
 .PHONY: help environment study report check plan unlock diff test check-style test-python test-slurm \
@@ -74,16 +75,16 @@ margin: $(READY) ## by how much tables differ, beneath their digits, between cor
 	$(BIN)/python benchmarks/margin.py --config $(CONFIG)
 
 power: $(READY) ## how often the study finds a relation, real or absent (15 minutes)
-	@$(BIN)/snakemake power --cores $(CORES) --configfile config/power.yaml
+	@$(RUN) power --configfile config/power.yaml
 	@cp results-power/tables/power.csv results-power/figures/power.png docs/
 
 baseline: $(READY) ## renew the tables that the default study is held against by the tests
-	@$(SNAKEMAKE)
+	@$(RUN) --configfile config/config.yaml
 	rm -rf tests/baseline && mkdir -p tests/baseline
 	cp -r results/tables tests/baseline/
 
 sweep: $(READY) ## what moves the results most, one thing set otherwise at a time (10 minutes)
-	@$(BIN)/snakemake sweep --cores $(CORES) --configfile $(SWEPT)
+	@$(RUN) sweep --configfile $(SWEPT)
 	@echo "Done. Table: tables/sweep.csv; figure: figures/sweep.png, in the results folder"
 
 docs: $(READY) ## renew the parts of the documents that follow from the code
