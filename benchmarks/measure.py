@@ -27,8 +27,9 @@ MOST_RUNGS = 16
 LEAST_GAIN = 0.9
 # Seconds after which a single measurement is given up.
 TIME_LIMIT = 1800
-# Repeats fall with the time of one: (seconds below which, repeats).
-REPEATS = ((4.0, 5), (20.0, 3), (float("inf"), 1))
+# Repeats fall with the time of one: (seconds below which, repeats). What is fast goes on when the
+# slow codes are through: a short run that follows a long one of other code is the slower for it.
+REPEATS = ((2.0, 15), (15.0, 5), (20.0, 3), (float("inf"), 1))
 
 
 class RunError(Exception):
@@ -172,7 +173,8 @@ class Calibration:
             while not best.reached and len(tried) <= MOST_RUNGS:
                 tolerance, best = tolerance / RUNG, attempt(tolerance / RUNG)
                 tried.append((tolerance, best))
-                if len(tried) > 2 and best.gap_error > LEAST_GAIN * tried[-3][1].gap_error:
+                stuck = len(tried) > 2 and best.gap_error > LEAST_GAIN * tried[-3][1].gap_error
+                if stuck and not best.reached:
                     tolerance, best = tried[-3]
                     break
         self.known[case, code.label] = tolerance
