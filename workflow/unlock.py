@@ -1,12 +1,17 @@
 """Remove the lock that a killed run left: `make unlock CONFIG=...`, unless a run is still at work.
 
 Snakemake locks the files of a run while it is at work. Ended by force (`kill -9`, no memory left, a
-power cut), it cannot take the lock away, and the next run finds it.
+power cut), it cannot take the lock away, and the next run finds it. The files of steps that were at
+work then are removed along with it. Snakemake does know them, and makes them again by itself, but
+not those of steps behind the checkpoint: it looks before it knows these steps, and what they left
+would pass for finished.
 """
 
 import argparse
+import shutil
 import subprocess
 import sys
+from base64 import urlsafe_b64decode
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,12 +20,22 @@ from build_report import results_folder
 
 SNAKEFILE = Path(__file__).parents[1] / "Snakefile"
 LOCKS = Path(".snakemake/locks")
+UNFINISHED = Path(".snakemake/incomplete")
 
 
 def locked(results: Path) -> bool:
     """Whether any file in the folder `results` is locked."""
     lines = (line for file in LOCKS.glob("*.lock") for line in file.read_text().splitlines())
     return any(results in Path(line).parents for line in lines)
+
+
+def unfinished(results: Path) -> list[Path]:
+    """Outputs, in the folder `results`, of steps that began and did not end."""
+    # A mark's name is the output's in base64, long ones in pieces: folders that begin with @.
+    marks = (file.relative_to(UNFINISHED).parts for file in UNFINISHED.rglob("*") if file.is_file())
+    names = (urlsafe_b64decode("".join(part.removeprefix("@") for part in mark)) for mark in marks)
+    files = sorted(Path(name.decode()) for name in names)
+    return [file for file in files if results in file.parents and file.exists()]
 
 
 def processes() -> Iterator[tuple[int, bool]]:
@@ -78,7 +93,10 @@ def main() -> int:
     snakemake = [sys.executable, "-m", "snakemake", "--snakefile", SNAKEFILE]
     unlock = ["--unlock", "--quiet", "all", "--configfile", arguments.config]
     subprocess.run([*snakemake, *unlock], check=True)
-    print(f"{results}: unlocked.")
+    removed = unfinished(results)
+    for file in removed:
+        shutil.rmtree(file) if file.is_dir() else file.unlink()
+    print(f"{results}: unlocked. Files of unfinished steps, removed: {len(removed)}.")
     return 0
 
 

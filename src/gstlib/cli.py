@@ -124,3 +124,24 @@ def crate(results, archive) -> None:
         click.echo(f"ERROR: {error}", err=True)
         sys.exit(1)
     click.echo(f"{archive}: {count} files and where they come from")
+
+
+@main.command()
+@click.argument("results", type=click.Path(path_type=Path))
+def config(results) -> None:
+    """Print the config that results were made with, to make them again.
+
+    Every value stands in it, defaults included.
+    """
+    import yaml
+
+    from gstlib.crate import read_record
+
+    try:
+        record = read_record(results)
+    except GstError as error:
+        click.echo(f"ERROR: {error}", err=True)
+        sys.exit(1)
+    commit = record["software"]["commit"] or "unknown"
+    click.echo(f"# gstlib {record['software']['gstlib']}, commit {commit}")
+    click.echo(yaml.safe_dump(record["config"], sort_keys=False, allow_unicode=True), nl=False)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from gstlib.errors import InputError
 
-__all__ = ["write_crate"]
+__all__ = ["read_record", "write_crate"]
 
 _PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 # Folders and files of the results that a reader wants; the fields (HDF5) are large.
@@ -54,7 +54,7 @@ def write_crate(results: str | Path, target: str | Path) -> int:
     results, target = Path(results), Path(target)
     if target.suffix != ".zip":
         raise InputError(target, "is no .zip", "Name the archive to write, such as study.zip.")
-    record = _read_record(results)
+    record = read_record(results)
     software = record["software"]
 
     def described(number: str, **properties) -> ContextEntity:
@@ -111,7 +111,8 @@ def write_crate(results: str | Path, target: str | Path) -> int:
     return len(files)
 
 
-def _read_record(results: Path) -> dict:
+def read_record(results: Path) -> dict:
+    """The `provenance.json` of a results folder; InputError if there is none."""
     file = results / "provenance.json"
     try:
         return json.loads(file.read_text(encoding="utf-8"))

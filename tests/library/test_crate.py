@@ -4,6 +4,7 @@ import json
 import zipfile
 
 import pytest
+import yaml
 from click.testing import CliRunner
 from rocrate.rocrate import ROCrate
 
@@ -61,3 +62,13 @@ def test_what_cannot_be_packed(results, tmp_path):
     assert said.exit_code == 1
     assert "Name the results folder of a finished study" in said.output
     assert not (tmp_path / "study.zip").exists()
+
+
+def test_the_config_to_make_results_again(results, tmp_path):
+    said = CliRunner().invoke(main, ["config", str(results)])
+    assert said.exit_code == 0
+    assert said.output.startswith(f"# gstlib 0.1.0, commit {'ef' * 20}\n")
+    assert yaml.safe_load(said.output) == RECORD["config"]
+    said = CliRunner().invoke(main, ["config", str(tmp_path)])
+    assert said.exit_code == 1
+    assert "provenance.json: cannot be read" in said.output

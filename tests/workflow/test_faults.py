@@ -66,6 +66,27 @@ def test_what_was_at_work_in_a_killed_run_is_run_again(tiny):
     assert "tabulate_texture" in tiny.planned()
 
 
+def test_unlocking_removes_what_unfinished_steps_behind_the_checkpoint_left(tiny):
+    """Killed between its files, a step is not run again for the one that is there."""
+    figures = [tiny.results / f"figures/microscale_{name}" for name in ("maps.png", "curves.png")]
+    contents = [file.read_bytes() for file in figures]
+    names = [str(file.relative_to(tiny.folder)).encode() for file in figures]
+    for name in names:
+        code = base64.urlsafe_b64encode(name).decode()
+        (tiny.folder / ".snakemake/metadata" / code).unlink()
+        (tiny.folder / ".snakemake/incomplete" / code).write_text('{"external_jobid": null}')
+    figures[1].unlink()
+    lock = tiny.folder / ".snakemake/locks/0.output.lock"
+    lock.parent.mkdir(exist_ok=True)
+    lock.write_bytes(b"\n".join(names))
+    result = unlock(tiny)
+    assert result.returncode == 0, result.stderr
+    assert "removed: 1." in result.stdout
+    result = tiny.run()
+    assert result.returncode == 0, result.stderr
+    assert [file.read_bytes() for file in figures] == contents
+
+
 def unlock(study, *options):
     return subprocess.run(
         [sys.executable, str(ROOT / "workflow/unlock.py"), study.config, *options],

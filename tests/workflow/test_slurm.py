@@ -47,10 +47,12 @@ def command(study: Study, *arguments: str) -> list[str]:
 
 
 class Run:
-    """Snakemake at work in a study's folder; what it says goes to a file."""
+    """Snakemake at work in a study's folder; what it shows goes to a file."""
 
     def __init__(self, study: Study, name: str, *arguments: str):
         self.log = study.folder / f"{name}.log"
+        self.own_logs = study.folder / ".snakemake/log"
+        self.earlier = set(self.own_logs.glob("*.log"))
         with self.log.open("w") as log:
             self.process = subprocess.Popen(
                 command(study, *arguments),
@@ -71,23 +73,27 @@ class Run:
             os.killpg(self.process.pid, signal.SIGKILL)
             self.process.wait()
 
+    def record(self) -> str:
+        """All that Snakemake has said, by its own log."""
+        return "".join(file.read_text() for file in set(self.own_logs.glob("*.log")) - self.earlier)
+
     @property
     def name(self) -> str:
         """The name that all jobs of the run have in Slurm."""
-        return re.search(r"SLURM run ID: (\S+)", self.log.read_text())[1]
+        return re.search(r"SLURM run ID: (\S+)", self.record())[1]
 
     def submitted(self) -> list[str]:
-        return re.findall(r"submitted with SLURM jobid (\d+)", self.log.read_text())
+        return re.findall(r"submitted with SLURM jobid (\d+)", self.record())
 
     def job(self, rule: str, *, running: bool = False) -> str:
         """Id of the first job of a rule, or of its group, once submitted, or even at its work."""
         deadline = time.monotonic() + LIMIT
         while self.process.poll() is None and time.monotonic() < deadline:
-            found = re.search(rf"slurm_logs/\w*{rule}\w*/(\d+).log", self.log.read_text())
+            found = re.search(rf"slurm_logs/\w*{rule}\w*/(\d+).log", self.record())
             if found and (not running or f"{found[1]}.0" in self.steps()):
                 return found[1]
             time.sleep(0.2)
-        raise AssertionError(f"no job of {rule}:\n{self.log.read_text()}")
+        raise AssertionError(f"no job of {rule}:\n{self.record()}")
 
     @staticmethod
     def steps() -> list[str]:
@@ -137,7 +143,10 @@ def test_the_same_study_as_on_one_machine(finished_tiny, tmp_path):
     assert list(run.states().values()) == ["COMPLETED"] * len(run.submitted())
     # short jobs are grouped, and nothing but the target is left to the machine that submits
     assert 5 < len(run.submitted()) < 20
-    assert set(re.findall(r"localrule (\w+)", run.log.read_text())) == {"all"}
+    assert set(re.findall(r"localrule (\w+)", run.record())) == {"all"}
+    shown = run.log.read_text()
+    assert re.search(r"\d+ of \d+ steps done, .* left\. Now: ", shown)
+    assert "All is done: " in shown
     assert study.planned() == set()
 
 
