@@ -35,7 +35,7 @@ import pandas as pd
 import yaml
 
 from gstlib.difference import compare_results
-from gstlib.io.tables import ALL_DIGITS, SIGNIFICANT_DIGITS, printed
+from gstlib.io.tables import ALL_DIGITS, FEWER_DIGITS, SIGNIFICANT_DIGITS, printed
 
 ROOT = Path(__file__).parents[1]
 RUNS = {"2 cores": 2, "1 core": 1, "older processor": 1}
@@ -61,9 +61,9 @@ def run_study(config: str, cores: int, folder: Path, environment: dict[str, str]
     return folder / yaml.safe_load((folder / config).read_text())["results"]
 
 
-def half_unit(value: float) -> float:
-    """Half a unit of the last digit of `value` that a table prints."""
-    return 0.5 * 10.0 ** (math.floor(math.log10(abs(value))) + 1 - SIGNIFICANT_DIGITS)
+def last_unit(value: float, digits: int) -> float:
+    """A unit of the last of so many significant digits."""
+    return 10.0 ** (math.floor(math.log10(abs(value))) + 1 - digits)
 
 
 def margins(before: Path, after: Path) -> Iterator[dict[str, object]]:
@@ -72,9 +72,12 @@ def margins(before: Path, after: Path) -> Iterator[dict[str, object]]:
     for file in sorted((before / "tables").glob("*.csv")):
         of_table = [change for change in changes if change.where == file.name]
         numbers = [change for change in of_table if change.relative is not None]
-        pairs = [(float(change.before), float(change.after)) for change in numbers]
-        units = [2 * half_unit(max(pair, key=abs)) for pair in pairs]
-        moved = [abs(b - a) / unit for (a, b), unit in zip(pairs, units, strict=True)]
+        moved, changed = [], len(of_table) - len(numbers)
+        for change in numbers:
+            digits = FEWER_DIGITS.get(change.column, SIGNIFICANT_DIGITS)
+            one, other = float(change.before), float(change.after)
+            moved.append(abs(other - one) / last_unit(max(one, other, key=abs), digits))
+            changed += printed(one, digits) != printed(other, digits)
         yield {
             "table": file.name,
             "values": count_values(file),
@@ -82,9 +85,7 @@ def margins(before: Path, after: Path) -> Iterator[dict[str, object]]:
             "largest_relative": max((change.relative for change in numbers), default=0.0),
             "margin": 0.5 / max(moved) if moved else math.inf,
             "expected_changes": sum(moved),
-            "changes": len(of_table)
-            - len(numbers)
-            + sum(printed(a) != printed(b) for a, b in pairs),
+            "changes": changed,
         }
 
 

@@ -28,7 +28,7 @@ COLUMNS = {
     ],
     "microscale_summary": [
         *("patch", "target_pressure_MPa", "mean_pressure_MPa", "displacement_um"),
-        *("contact_fraction", "stiffness_MPa_per_um", "residual", "iterations"),
+        *("contact_fraction", "stiffness_MPa_per_um", "residual"),
     ],
     "microscale_paths": [
         *("patch", "step", "displacement_um", "mean_pressure_MPa", "contact_fraction"),

@@ -1,7 +1,7 @@
 """Gather the microscale contacts into two tables.
 
 The residual stands there as the power of ten that it is below: its digits are rounding, other ones
-on every processor.
+on every processor. So may be the number of iterations, which is left to the contacts' files.
 
 Inputs: the patches' contacts. Outputs: microscale_summary.csv, microscale_paths.csv.
 Settings: the patches, in order.
@@ -25,7 +25,6 @@ SUMMARY = [
     "contact_fraction",
     "stiffness_MPa_per_um",
     "residual",
-    "iterations",
 ]
 PATH = [
     "patch",
@@ -52,7 +51,6 @@ def main(contacts: dict[str, Path], summary: Path, paths: Path) -> None:
             | {
                 "target_pressure_MPa": contact.attrs["target_pressure_MPa"],
                 "residual": power_of_ten_above(float(contact.residual[-1])),
-                "iterations": int(contact.iterations.sum()),
             }
         )
     write_table(summary, pd.DataFrame(finals, columns=SUMMARY))

@@ -9,45 +9,59 @@ import pandas as pd
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
 
-__all__ = ["ALL_DIGITS", "SIGNIFICANT_DIGITS", "printed", "read_table", "write_table"]
+__all__ = [
+    "ALL_DIGITS",
+    "FEWER_DIGITS",
+    "SIGNIFICANT_DIGITS",
+    "printed",
+    "read_table",
+    "write_table",
+]
 
 # Results are solved to a relative residual of 1e-6 or better; five digits stay above that noise.
 SIGNIFICANT_DIGITS = 5
+# Columns with fewer digits: a stiffness is converged to about 1e-6.
+FEWER_DIGITS = {"stiffness_MPa_per_um": 4}
 # Differences beyond these digits are taken for rounding.
 _KNOWN_DIGITS = 10
 # Set to 1 it prints every digit, to see by how much two runs differ beneath the printed ones.
 ALL_DIGITS = "GSTLIB_ALL_DIGITS"
 
 
-def printed(value: float) -> str:
-    """A number as tables print it, with `SIGNIFICANT_DIGITS`.
+def printed(value: float, digits: int = SIGNIFICANT_DIGITS) -> str:
+    """A number as tables print it, with so many significant digits.
 
     Ties are told from noise: 0.3 times the 35.885 of another table is 10.7655, and its last digit
     shall not depend on the sixteenth.
     """
     known = float(f"{value:.{_KNOWN_DIGITS}g}")
-    text = f"{known:.{SIGNIFICANT_DIGITS}g}"
+    text = f"{known:.{digits}g}"
     return "0" if text == "-0" else text
 
 
-def _format(value: object) -> str:
+def _format(value: object, digits: int) -> str:
     if value is None or value is pd.NA or (isinstance(value, float) and value != value):
         return ""
     if isinstance(value, bool) or type(value).__name__ in ("bool", "bool_"):
         return "yes" if value else "no"
     if isinstance(value, float):
         every_digit = os.environ.get(ALL_DIGITS) == "1"
-        return f"{float(value):.17g}" if every_digit else printed(float(value))
+        return f"{float(value):.17g}" if every_digit else printed(float(value), digits)
     return str(value)
 
 
 def write_table(path: str | Path, table: pd.DataFrame) -> None:
-    """Write `table` as CSV: floats with `SIGNIFICANT_DIGITS`, booleans as yes/no, NaN as empty.
+    """Write `table` as CSV: floats with `SIGNIFICANT_DIGITS` or `FEWER_DIGITS`, booleans as yes/no,
+    NaN as empty.
 
     The file is complete or absent; row order is the table's own.
     """
-    text = table.astype(object).map(_format).to_csv(index=False, lineterminator="\n")
-    write_whole(path, text.encode())
+    text = table.astype(object).apply(
+        lambda column: column.map(
+            lambda value: _format(value, FEWER_DIGITS.get(column.name, SIGNIFICANT_DIGITS))
+        )
+    )
+    write_whole(path, text.to_csv(index=False, lineterminator="\n").encode())
 
 
 def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:

@@ -4,6 +4,7 @@ Every row is a quantity with its true and its recovered value. Scores of masks (
 have 1 as their true value; r.m.s. errors have 0.
 """
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -20,6 +21,8 @@ from gstlib.specimen.truth import true_surface
 
 __all__ = ["score_truth"]
 
+# Of the larger one, kept in the difference of two numbers.
+_ERROR_DIGITS = 7
 _COLUMNS = ["stage", "quantity", "patch", "unit", "true", "recovered", "error"]
 _UM = 1e3
 _RULES = "window", "median"  # of gstlib.preprocess.outliers
@@ -86,7 +89,15 @@ def score_truth(
     if patch_pressures is not None and true_pressures is not None:
         pressures = _table(patch_pressures, "x_mm", "y_mm", "pressure_MPa")
         rows += _score_pressures(truth, pressures, true_pressures)
-    return pd.DataFrame([(*row, row[-1] - row[-2]) for row in rows], columns=_COLUMNS)
+    return pd.DataFrame([(*row, _error(*row[-2:])) for row in rows], columns=_COLUMNS)
+
+
+def _error(true: float, recovered: float) -> float:
+    """Difference, without the digits that are but rounding of two nearly equal numbers."""
+    scale = max(abs(true), abs(recovered))
+    if not 0 < scale < math.inf:
+        return recovered - true
+    return round(recovered - true, _ERROR_DIGITS - 1 - math.floor(math.log10(scale)))
 
 
 def _open(result: Results) -> xr.Dataset:

@@ -187,8 +187,8 @@ def _gain(
     return {
         "best_rival": best,
         "best_rival_value": rivals[best],
-        "gain": gain,
-        "gain_low": low,
-        "gain_high": high,
+        "gain": round(gain, _DECIMALS),
+        "gain_low": round(low, _DECIMALS),
+        "gain_high": round(high, _DECIMALS),
         "blocks": blocks,
     }
