@@ -80,7 +80,7 @@ def test_perfect_prediction_is_no_chance_and_beats_its_rivals(patch):
         assert 0 < row["gain_low"] < row["gain"] < row["gain_high"]
         best = max(one[name] for rival, one in scores.items() if rival != "contact" and name in one)
         assert row["best_rival_value"] == best
-        assert row["gain"] == scores["contact"][name] - best
+        assert row["gain"] == pytest.approx(scores["contact"][name] - best, abs=1e-9)
         assert scores[row["best_rival"]][name] == best
     assert rows["mcc"]["null_mean"] == pytest.approx(0, abs=0.02)
 
