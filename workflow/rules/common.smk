@@ -54,6 +54,9 @@ SOURCE_NOTE = "generated specimen" if GENERATED else None
 
 onstart:
     check_writable(RESULTS)
+    # A limit on jobs a second makes Snakemake (9.27) look at all that wait anew every second, once for
+    # each step that has ended: hundreds of times a second in a long run. Cores are the limit here.
+    workflow.scheduler.job_rate_limiter = None
 
 
 wildcard_constraints:
