@@ -201,9 +201,7 @@ class ContactProblem:
             )
         force = None if mean_pressure is None else mean_pressure * math.prod(shape)
         load = Load(displacement, force, self.pressure_limit)
-        if initial_pressure is not None and not load.carried_by(initial_pressure):
-            initial_pressure = None
-        if initial_pressure is None:
+        if initial_pressure is None or not load.carried_by(initial_pressure):
             initial_pressure, candidates = self._start(load, max_iterations)
         return self._iterate(initial_pressure, candidates, load, tolerance, max_iterations)
 
