@@ -25,10 +25,9 @@ __all__ = [
 # many enough that the cost of the calls vanishes (measured: 32 lines in double precision and 64 in
 # single are best for two threads; for one it is flat from 32 to 128).
 _BLOCK = 256
-# Fewer numbers than this are transformed in one thread (measured: a step of 576² takes 0.2 ms in
-# single precision, waking another thread and waiting for it 0.07 ms on a virtual machine; two
-# threads gained nothing there).
-WORTH_THREADS = 500_000
+# Fewer numbers than this are transformed in one thread (measured on a virtual machine: at 576² two
+# threads take three quarters of the time of one; waking the other takes 0.05 ms, a step 0.2 ms).
+WORTH_THREADS = 300_000
 # Lines of a buffer lie this many numbers more apart: at a power of two they share cache sets
 # (measured: transforms of 1024 numbers in single precision take 2.6 times as long).
 _OFFSET = 8
@@ -79,16 +78,26 @@ class EvenConvolution:
             for _ in range(self._crew.size)
         ]
 
-    def __call__(self, field):
-        """The convolution of a field (ny, nx); the next call overwrites it."""
-        self.forward(field)
-        return self.backward()
+    def __call__(self, field, longest=(0, 0), respond=None):
+        """The convolution of a field (ny, nx); the next call overwrites it.
 
-    def forward(self, field):
-        """Transform a field (ny, nx) along x, the first step of a convolution."""
-        nx, transform, size = self.shape[1], self._transform, self._lines
+        Parameters
+        ----------
+        field : ndarray, shape (ny, nx)
+        longest : (int, int)
+            Numbers (count_y, count_x) of waves that `respond` is given.
+        respond : callable, optional
+            Takes the longest waves of the field, an ndarray of complex (count_x, count_y): wave
+            numbers 0 to count_x - 1 along x; along y from 0 on and then the negative ones, as
+            an FFT of the even length count_y has them. Returns waves to be added to the result.
+            Other threads go on meanwhile.
+        """
+        ny, nx = self.shape
+        mx = self._padded[1]
+        transform, result, size = self._transform, self._result, self._lines
+        half, extra = longest[0] // 2, longest[1]
 
-        def rows(worker, starts):
+        def rows_forward(worker, starts):
             padded = self._buffers[worker][0]
             for start in starts:
                 block = field[start : start + size]
@@ -96,53 +105,28 @@ class EvenConvolution:
                 padded[:count, :nx] = block
                 ducc0.fft.r2c(padded[:count], axes=(1,), out=transform.T[start : start + count])
 
-        self._crew.run(rows, self.shape[0], size)
-
-    def waves(self, count_y, count_x):
-        """The longest waves of the field that was transformed.
-
-        Returns
-        -------
-        ndarray of complex, shape (count_x, count_y)
-            At wave numbers 0 to count_x - 1 along x; along y from 0 on and then the negative
-            ones, as an FFT of the even length count_y has them.
-        """
-        half, size = count_y // 2, self._lines
-        waves = np.empty((count_x, count_y), self._transform.dtype)
-        for start in range(0, count_x, size):
-            part = waves[start : start + size]
-            block = self._along_y(0, start, len(part))
-            part[:, :half], part[:, half:] = block[:, :half], block[:, -half:]
-        return waves
-
-    def backward(self, waves=None):
-        """The rest of a convolution, of the field that :meth:`forward` had.
-
-        Parameters
-        ----------
-        waves : ndarray of complex, shape (count_x, count_y), optional
-            To be added to the result: its waves as :meth:`waves` orders them.
-        """
-        ny, nx = self.shape
-        mx = self._padded[1]
-        transform, result, size = self._transform, self._result, self._lines
-        extra = 0 if waves is None else len(waves)
-        half = 0 if waves is None else waves.shape[1] // 2
+        def long_waves():
+            waves = np.empty((extra, 2 * half), transform.dtype)
+            blocks = [slice(start, min(start + size, extra)) for start in range(0, extra, size)]
+            for lines in blocks:
+                block = self._along_y(0, lines)
+                waves[lines, :half], waves[lines, half:] = block[:, :half], block[:, -half:]
+            added = respond(waves)
+            for lines in blocks:
+                block = self._along_y(0, lines)
+                block *= self._spectrum[lines]
+                block[:, :half] += added[lines, :half]
+                block[:, -half:] += added[lines, half:]
+                self._back_along_y(block, lines)
 
         def columns(worker, starts):
             for start in starts:
-                lines = transform[start : start + size]
-                count = len(lines)
-                block = self._along_y(worker, start, count)
-                block *= self._spectrum[start : start + count]
-                if start < extra:
-                    part = waves[start : start + count]
-                    block[: len(part), :half] += part[:, :half]
-                    block[: len(part), -half:] += part[:, half:]
-                ducc0.fft.c2c(block, axes=(1,), forward=False, out=block)
-                lines[:] = block[:, :ny]
+                lines = slice(start, start + size)
+                block = self._along_y(worker, lines)
+                block *= self._spectrum[lines]
+                self._back_along_y(block, lines)
 
-        def rows(worker, starts):
+        def rows_backward(worker, starts):
             buffer = self._buffers[worker][3]
             for start in starts:
                 lines = result[start : start + size]
@@ -156,15 +140,23 @@ class EvenConvolution:
                 )
                 lines[:] = block[:, :nx]
 
-        self._crew.run(columns, mx // 2 + 1, size)
-        self._crew.run(rows, ny, size)
+        self._crew.run(rows_forward, range(0, ny, size))
+        self._crew.run(columns, range(extra, mx // 2 + 1, size), respond and long_waves)
+        self._crew.run(rows_backward, range(0, ny, size))
         return result
 
-    def _along_y(self, worker, start, count):
+    def _along_y(self, worker, lines):
         """Columns of the field's transform, transformed along y too, in a buffer of the worker."""
         _, padded, buffer, _ = self._buffers[worker]
-        padded[:count, : self.shape[0]] = self._transform[start : start + count]
+        block = self._transform[lines]
+        count = len(block)
+        padded[:count, : self.shape[0]] = block
         return ducc0.fft.c2c(padded[:count], axes=(1,), out=buffer[:count])
+
+    def _back_along_y(self, block, lines):
+        """The reverse, in place."""
+        ducc0.fft.c2c(block, axes=(1,), forward=False, out=block)
+        self._transform[lines] = block[:, : self.shape[0]]
 
 
 class Crew:
@@ -186,14 +178,17 @@ class Crew:
         """Let another thread do a task, if there is one; gives a function that waits for it."""
         return self._pool.submit(task).result if self.size > 1 else lambda: None
 
-    def run(self, task, lines, size):
-        """Call ``task(worker, starts)`` in each thread, with the first lines of its blocks."""
-        starts = range(0, lines, size)
-        others = [
-            self._pool.submit(task, worker, starts[worker :: self.size])
-            for worker in range(1, self.size)
-        ]
-        task(0, starts[:: self.size])
+    def run(self, task, starts, meanwhile=None):
+        """Call ``task(worker, starts)`` in each thread, with the first lines of its blocks.
+
+        The calling thread does `meanwhile` before it takes its share.
+        """
+        # One iterator for all: each takes the next block when it is done with one.
+        starts = iter(starts)
+        others = [self._pool.submit(task, worker, starts) for worker in range(1, self.size)]
+        if meanwhile is not None:
+            meanwhile()
+        task(0, starts)
         for other in others:
             other.result()
 

@@ -72,13 +72,15 @@ class SplitConvolution:
     def __call__(self, pressure):
         """Displacement of a pressure (ny, nx) of float32; the next call overwrites it."""
         size_y, size_x = self._coarse
-        self._near.forward(pressure)
-        waves = self._near.waves(size_y, size_x // 2 + 1)
+        return self._near(pressure, (size_y, size_x // 2 + 1), self._from_afar)
+
+    def _from_afar(self, waves):
+        """Waves of the far part's displacement, from those of the pressure."""
         waves *= self._down
-        load = ducc0.fft.c2r(waves, axes=(1, 0), lastsize=size_x, forward=False)
+        load = ducc0.fft.c2r(waves, axes=(1, 0), lastsize=self._coarse[1], forward=False)
         waves = ducc0.fft.r2c(self._far(load.T).T, axes=(1, 0))
         waves *= self._up
-        return self._near.backward(waves)
+        return waves
 
 
 def _sigma(spacing):
