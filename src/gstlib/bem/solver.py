@@ -54,7 +54,8 @@ _COARSEST = 64
 _COARSE_TOLERANCE = 1e-2
 # Elements whose gap, as far as it is known at the start, is below this share of the displacement
 # are followed in the iterations; the final check covers every element, and adds what was missed
-# (measured: at 0.01 contact is missed, and the iterations begin again).
+# (measured on ten rough patches: up to 7 % less time than 0.05; from 0.015 down some contact is
+# missed at first, and the iterations begin again).
 _CANDIDATE_GAP = 0.03
 # The recurrence goes on to this share of the tolerance, so that the recomputed residual meets it.
 _INNER_SHARE = 0.7
