@@ -79,7 +79,8 @@ def try_damage(folder: Path, finished: Study, reference: dict[str, bytes]) -> li
     for number, (name, damage, files) in enumerate(CASES):
         count = Count(name)
         for file in files:
-            study = Study(folder / f"damage{number}-{Path(file).stem}").copy_from(finished)
+            place = folder / f"damage{number}-{file.replace('/', '-')}"
+            study = Study(place).copy_from(finished)
             damage(study.results / file)
             print(f"  {file}:", flush=True)
             count.add(_run_on(study, file, reference))
