@@ -8,6 +8,7 @@ would pass for finished.
 """
 
 import argparse
+import os
 import shutil
 import subprocess
 import sys
@@ -71,9 +72,18 @@ def at_work() -> str | None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("config", type=Path)
-    parser.add_argument("--explain", action="store_true", help="only say why a run finds a lock")
+    parser.add_argument(
+        "--explain", action="store_true", help="only say what kept a run from beginning"
+    )
     arguments = parser.parse_args()
     results = results_folder(arguments.config)
+    if arguments.explain and not os.access(".", os.W_OK):
+        print(
+            f"\nERROR: {Path.cwd()}: cannot be written, and Snakemake keeps its notes there. Mount "
+            "the disk for writing, or run the study in a clone elsewhere.",
+            file=sys.stderr,
+        )
+        return 1
     if not locked(results):
         if not arguments.explain:
             print(f"{results}: not locked.")
