@@ -8,7 +8,6 @@ would pass for finished.
 """
 
 import argparse
-import os
 import shutil
 import subprocess
 import sys
@@ -18,6 +17,9 @@ from pathlib import Path
 
 import psutil
 from build_report import results_folder
+
+from gstlib.errors import OutputError
+from gstlib.io.files import check_writable
 
 SNAKEFILE = Path(__file__).parents[1] / "Snakefile"
 LOCKS = Path(".snakemake/locks")
@@ -77,13 +79,12 @@ def main() -> int:
     )
     arguments = parser.parse_args()
     results = results_folder(arguments.config)
-    if arguments.explain and not os.access(".", os.W_OK):
-        print(
-            f"\nERROR: {Path.cwd()}: cannot be written, and Snakemake keeps its notes there. Mount "
-            "the disk for writing, or run the study in a clone elsewhere.",
-            file=sys.stderr,
-        )
-        return 1
+    if arguments.explain:
+        try:
+            check_writable(Path.cwd())  # where Snakemake keeps its notes
+        except OutputError as error:
+            print(f"\nERROR: {error}", file=sys.stderr)
+            return 1
     if not locked(results):
         if not arguments.explain:
             print(f"{results}: not locked.")

@@ -26,7 +26,7 @@ __all__ = [
 # single are best for two threads; for one it is flat from 32 to 128).
 _BLOCK = 256
 # Fewer numbers than this are transformed in one thread (measured on a virtual machine: at 576² two
-# threads take three quarters of the time of one; waking the other takes 0.05 ms, a step 0.2 ms).
+# threads take four fifths of the time of one; waking the other takes 0.05 ms, a step 0.2 ms).
 WORTH_THREADS = 300_000
 # Lines of a buffer lie this many numbers more apart: at a power of two they share cache sets
 # (measured: transforms of 1024 numbers in single precision take 2.6 times as long).
@@ -154,7 +154,7 @@ class EvenConvolution:
         return ducc0.fft.c2c(padded[:count], axes=(1,), out=buffer[:count])
 
     def _back_along_y(self, block, lines):
-        """The reverse, in place."""
+        """A block of them back into the field's transform; the block is overwritten."""
         ducc0.fft.c2c(block, axes=(1,), forward=False, out=block)
         self._transform[lines] = block[:, : self.shape[0]]
 

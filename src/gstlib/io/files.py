@@ -19,7 +19,7 @@ _REMEDIES = {
     errno.EDQUOT: ("your disk quota is used up", "Make room, then run the study again."),
     errno.EROFS: (
         "the disk is read-only",
-        "Mount it for writing, or set `results` in the config to another folder.",
+        "Mount it for writing, or have the project, or its `results`, on another.",
     ),
     errno.EACCES: (
         "permission denied",
