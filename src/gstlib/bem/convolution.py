@@ -36,7 +36,7 @@ _OFFSET = 8
 class EvenConvolution:
     """Circular convolution on a padded grid with a kernel that is even in both axes.
 
-    It keeps its workspace: fresh memory is slow to touch, above all in threads.
+    It works in the memory of its crew: fresh memory is slow to touch, above all in threads.
 
     Parameters
     ----------
@@ -47,43 +47,30 @@ class EvenConvolution:
     dtype : data-type
         Of fields and results: single or double precision.
     crew : Crew
-        The threads; small grids do without.
+        The threads; small grids do with one.
     """
 
     def __init__(self, shape, spectrum, dtype, crew):
         self.shape = shape
+        self._dtype = np.dtype(dtype)
         self._padded = tuple(2 * (n - 1) for n in spectrum.shape)
-        # Transposed like the spectrum of the field below, and mirrored to all wave numbers along y;
-        # the inverse transform's scale goes in.
-        half = spectrum.T / math.prod(self._padded)
+        self._lines = _BLOCK // self._dtype.itemsize
+        self._crew = crew
+        self._threads = crew.size if math.prod(self._padded) >= WORTH_THREADS else 1
+        # Transposed like the spectrum of the field below, and mirrored to all wave numbers along y.
         # Made complex, products take half the time in single precision (measured; none is saved in
         # double).
-        stored = np.complex64 if dtype == np.float32 else dtype
+        half, stored = spectrum.T, np.complex64 if dtype == np.float32 else dtype
         self._spectrum = np.concatenate((half, half[:, -2:0:-1]), axis=1, dtype=stored)
-        self._crew = crew if math.prod(self._padded) >= WORTH_THREADS else Crew(1)
-        self._lines = _BLOCK // np.dtype(dtype).itemsize
-        ny, (my, mx) = self.shape[0], self._padded
-        complex_type = np.result_type(dtype, np.complex64)
-        # Transposed, so that the transforms along y run along contiguous memory.
-        self._transform = np.empty((mx // 2 + 1, ny), complex_type)
-        self._result = np.empty(self.shape, dtype)
 
-        def lines(length, number):
-            buffer = np.zeros((self._lines, length + _OFFSET), number)
-            return buffer[:, :length]
-
-        # For each thread: padded rows and columns, which keep their zeros, and room for results.
-        self._buffers = [
-            (lines(mx, dtype), lines(my, complex_type), lines(my, complex_type), lines(mx, dtype))
-            for _ in range(self._crew.size)
-        ]
-
-    def __call__(self, field, longest=(0, 0), respond=None):
-        """The convolution of a field (ny, nx); the next call overwrites it.
+    def __call__(self, field, elements=None, longest=(0, 0), respond=None):
+        """The convolution of a field.
 
         Parameters
         ----------
-        field : ndarray, shape (ny, nx)
+        field : ndarray, shape (ny, nx), or (n,)
+        elements : Elements, optional
+            The n elements whose values `field` holds; the others are zero.
         longest : (int, int)
             Numbers (count_y, count_x) of waves that `respond` is given.
         respond : callable, optional
@@ -91,76 +78,93 @@ class EvenConvolution:
             numbers 0 to count_x - 1 along x; along y from 0 on and then the negative ones, as
             an FFT of the even length count_y has them. Returns waves to be added to the result.
             Other threads go on meanwhile.
+
+        Returns
+        -------
+        ndarray, shape (ny, nx), or (n,)
+            On the whole grid, and then the next call overwrites it; or on the elements, of float64.
         """
-        ny, nx = self.shape
-        mx = self._padded[1]
-        transform, result, size = self._transform, self._result, self._lines
+        (ny, nx), (my, mx), size = self.shape, self._padded, self._lines
         half, extra = longest[0] // 2, longest[1]
+        number, wave = self._dtype, np.result_type(self._dtype, np.complex64)
+        # Transposed, so that the transforms along y run along contiguous memory.
+        transform = self._crew.memory("transform", (mx // 2 + 1, ny), wave)
+        workers = range(self._threads)
+        # Columns or rows of each thread, in the same memory: the larger is asked for first.
+        columns, rows = (
+            [self._crew.memory(worker, (size, length + _OFFSET), kind) for worker in workers]
+            for length, kind in ((my, wave), (mx, number))
+        )
+        if elements is None:
+            result = self._crew.memory("result", self.shape, number)
+        else:
+            result = np.empty(len(field))
+            places, parts = elements.layout(self.shape, size, mx + _OFFSET)
 
         def rows_forward(worker, starts):
-            padded = self._buffers[worker][0]
+            memory = rows[worker]
             for start in starts:
-                block = field[start : start + size]
-                count = len(block)
-                padded[:count, :nx] = block
-                ducc0.fft.r2c(padded[:count], axes=(1,), out=transform.T[start : start + count])
+                lines = slice(start, min(start + size, ny))
+                block = memory[: lines.stop - start, :mx]
+                if elements is None:
+                    block[:, :nx] = field[lines]
+                    block[:, nx:] = 0
+                else:
+                    part = parts[start // size]
+                    block[:] = 0
+                    memory.reshape(-1)[places[part]] = field[part]
+                ducc0.fft.r2c(block, axes=(1,), out=transform.T[lines])
+
+        def along_y(block, lines):
+            block[:, :ny] = transform[lines]
+            block[:, ny:] = 0
+            ducc0.fft.c2c(block, axes=(1,), out=block)
+
+        def back_along_y(block, lines):
+            ducc0.fft.c2c(block, axes=(1,), forward=False, inorm=2, out=block)
+            transform[lines] = block[:, :ny]
 
         def long_waves():
-            waves = np.empty((extra, 2 * half), transform.dtype)
-            blocks = [slice(start, min(start + size, extra)) for start in range(0, extra, size)]
-            for lines in blocks:
-                block = self._along_y(0, lines)
-                waves[lines, :half], waves[lines, half:] = block[:, :half], block[:, -half:]
-            added = respond(waves)
-            for lines in blocks:
-                block = self._along_y(0, lines)
-                block *= self._spectrum[lines]
-                block[:, :half] += added[lines, :half]
-                block[:, -half:] += added[lines, half:]
-                self._back_along_y(block, lines)
+            lines = slice(extra)
+            block = self._crew.memory("long waves", (extra, my + _OFFSET), wave)[:, :my]
+            along_y(block, lines)
+            added = respond(np.concatenate((block[:, :half], block[:, -half:]), axis=1))
+            block *= self._spectrum[lines]
+            block[:, :half] += added[:, :half]
+            block[:, -half:] += added[:, half:]
+            back_along_y(block, lines)
 
-        def columns(worker, starts):
+        def middle(worker, starts):
             for start in starts:
-                lines = slice(start, start + size)
-                block = self._along_y(worker, lines)
+                lines = slice(start, min(start + size, mx // 2 + 1))
+                block = columns[worker][: lines.stop - start, :my]
+                along_y(block, lines)
                 block *= self._spectrum[lines]
-                self._back_along_y(block, lines)
+                back_along_y(block, lines)
 
         def rows_backward(worker, starts):
-            buffer = self._buffers[worker][3]
+            memory = rows[worker]
             for start in starts:
-                lines = result[start : start + size]
-                count = len(lines)
-                block = ducc0.fft.c2r(
-                    transform.T[start : start + count],
-                    axes=(1,),
-                    lastsize=mx,
-                    forward=False,
-                    out=buffer[:count],
+                lines = slice(start, min(start + size, ny))
+                block = memory[: lines.stop - start, :mx]
+                ducc0.fft.c2r(
+                    transform.T[lines], axes=(1,), lastsize=mx, forward=False, inorm=2, out=block
                 )
-                lines[:] = block[:, :nx]
+                if elements is None:
+                    result[lines] = block[:, :nx]
+                else:
+                    part = parts[start // size]
+                    result[part] = memory.reshape(-1)[places[part]]
 
-        self._crew.run(rows_forward, range(0, ny, size))
-        self._crew.run(columns, range(extra, mx // 2 + 1, size), respond and long_waves)
-        self._crew.run(rows_backward, range(0, ny, size))
+        run, threads = self._crew.run, self._threads
+        run(rows_forward, range(0, ny, size), threads)
+        run(middle, range(extra, mx // 2 + 1, size), threads, respond and long_waves)
+        run(rows_backward, range(0, ny, size), threads)
         return result
-
-    def _along_y(self, worker, lines):
-        """Columns of the field's transform, transformed along y too, in a buffer of the worker."""
-        _, padded, buffer, _ = self._buffers[worker]
-        block = self._transform[lines]
-        count = len(block)
-        padded[:count, : self.shape[0]] = block
-        return ducc0.fft.c2c(padded[:count], axes=(1,), out=buffer[:count])
-
-    def _back_along_y(self, block, lines):
-        """A block of them back into the field's transform; the block is overwritten."""
-        ducc0.fft.c2c(block, axes=(1,), forward=False, out=block)
-        self._transform[lines] = block[:, : self.shape[0]]
 
 
 class Crew:
-    """Threads that share blocks of lines; the calling thread is one of them.
+    """Threads that share blocks of lines, and memory; the calling thread is one of them.
 
     Parameters
     ----------
@@ -170,22 +174,30 @@ class Crew:
 
     def __init__(self, size):
         self.size = size
+        self._memory = {}
         if size > 1:
             # Its threads start when first used, and end with the last reference to it.
             self._pool = ThreadPoolExecutor(size - 1)
+
+    def memory(self, name, shape, dtype):
+        """An array in memory of this name, with whatever its last user left there."""
+        count = math.prod(shape) * np.dtype(dtype).itemsize
+        if name not in self._memory or self._memory[name].size < count:
+            self._memory[name] = np.empty(count, np.uint8)
+        return self._memory[name][:count].view(dtype).reshape(shape)
 
     def start(self, task):
         """Let another thread do a task, if there is one; gives a function that waits for it."""
         return self._pool.submit(task).result if self.size > 1 else lambda: None
 
-    def run(self, task, starts, meanwhile=None):
-        """Call ``task(worker, starts)`` in each thread, with the first lines of its blocks.
+    def run(self, task, starts, threads, meanwhile=None):
+        """Call ``task(worker, starts)`` in so many threads, with the first lines of its blocks.
 
         The calling thread does `meanwhile` before it takes its share.
         """
         # One iterator for all: each takes the next block when it is done with one.
         starts = iter(starts)
-        others = [self._pool.submit(task, worker, starts) for worker in range(1, self.size)]
+        others = [self._pool.submit(task, worker, starts) for worker in range(1, threads)]
         if meanwhile is not None:
             meanwhile()
         task(0, starts)
@@ -216,5 +228,5 @@ def love_spectrum(padded, kernel):
 
 
 def even_spectrum(quadrant):
-    """Spectrum, from wave number 0 on, of a kernel that is even in y and x, from its quadrant."""
-    return ducc0.fft.dct(quadrant, type=1)
+    """Spectrum, from wave number 0 on, of a kernel even in y and x; in place of its quadrant."""
+    return ducc0.fft.dct(quadrant, type=1, out=quadrant)

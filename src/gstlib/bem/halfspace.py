@@ -141,13 +141,26 @@ class HalfSpace:
             )
         return self.exact_displacement(pressure).copy()
 
-    def exact_displacement(self, pressure) -> np.ndarray:
-        """:meth:`displacement` of a float64 array, unchecked; the next call overwrites it."""
+    def exact_displacement(self, pressure, elements=None) -> np.ndarray:
+        """:meth:`displacement`, unchecked, on the grid or on some elements of it.
+
+        Parameters
+        ----------
+        pressure : ndarray, shape (ny, nx), or (n,)
+            Pressure (MPa).
+        elements : Elements, optional
+            The n elements whose pressure is given; the others have none.
+
+        Returns
+        -------
+        ndarray, shape (ny, nx), or (n,)
+            Displacement (mm) on the grid, and then the next call overwrites it, or on the elements.
+        """
         self._convolutions += 1
         self._wait()
-        return self._double(pressure)
+        return self._double(pressure, elements)
 
-    def approximate_displacement(self, pressure) -> np.ndarray:
+    def approximate_displacement(self, pressure, elements=None) -> np.ndarray:
         """The same, nearly, at a third of the time: the kernel split, and in single precision.
 
         Its error, up to 2e-6 of the largest displacement, does no harm to a correction that is
@@ -155,19 +168,19 @@ class HalfSpace:
 
         Parameters
         ----------
-        pressure : ndarray, shape (ny, nx)
-            Pressure (MPa), in either precision.
+        pressure, elements
+            As of :meth:`exact_displacement`.
 
         Returns
         -------
-        ndarray of float32, shape (ny, nx)
-            Displacement (mm); the next call overwrites it.
+        ndarray of float32, shape (ny, nx), or of float64, shape (n,)
+            Displacement (mm), as of :meth:`exact_displacement`.
         """
         self._convolutions += 1
         self._wait()
-        return self._single(pressure)
+        return self._single(pressure, elements)
 
-    def approximate_inverse(self, displacement) -> np.ndarray:
+    def approximate_inverse(self, displacement, elements=None) -> np.ndarray:
         """A cheap approximate inverse of :meth:`displacement`, to precondition with.
 
         Convolution with the inverse of the kernel's spectrum on a grid padded by a tenth only;
@@ -177,16 +190,18 @@ class HalfSpace:
 
         Parameters
         ----------
-        displacement : ndarray of float32, shape (ny, nx)
+        displacement : ndarray, shape (ny, nx), or (n,)
             Displacement (mm).
+        elements : Elements, optional
+            The n elements whose displacement is given; that of the others is zero.
 
         Returns
         -------
-        ndarray of float32, shape (ny, nx)
-            Pressure (MPa); the next call overwrites it.
+        ndarray of float32, shape (ny, nx), or of float64, shape (n,)
+            Pressure (MPa), as the displacement of :meth:`exact_displacement`.
         """
         self._wait()
-        return self._inverse(displacement)
+        return self._inverse(displacement, elements)
 
     def window(self, shape):
         """The half-space on a part of the grid that holds `shape` elements.

@@ -48,6 +48,7 @@ class Preconditioner:
         self._window = window
         self._cells, self._shape = window.cells(_BLOCK)
         self._spectrum = love_spectrum(inverse_padding(self._shape), window.kernel.coarser(_BLOCK))
+        self._crew = Crew(1)
         self._free = None
         self._local = _LOCAL
 
@@ -68,7 +69,7 @@ class Preconditioner:
         density = _DENSITY * dot(density, density) * _BLOCK**2 / profile.sum()
         while True:
             spectrum = self._spectrum / (self._local + density * self._spectrum)
-            self._far = EvenConvolution(self._shape, spectrum, np.float64, Crew(1))
+            self._far = EvenConvolution(self._shape, spectrum, np.float64, self._crew)
             self.uniform = profile - self._from_afar(free)
             if self.uniform.sum() >= _KEPT * profile.sum():
                 return

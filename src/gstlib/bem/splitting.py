@@ -60,7 +60,8 @@ class SplitConvolution:
             for m, step, size, n in zip(coarse, coarse_spacing, padded, shape, strict=True)
         )
         down = down_x[: coarse[1] // 2 + 1, None] * down_y / math.prod(coarse)
-        self._down, self._up = down.astype(np.complex64), down.conj().astype(np.complex64)
+        up = down.conj() * math.prod(padded)
+        self._down, self._up = down.astype(np.complex64), up.astype(np.complex64)
         self._coarse = coarse
 
     @staticmethod
@@ -69,10 +70,10 @@ class SplitConvolution:
         near, exact = math.prod(_padding(shape, spacing)), math.prod(exact_padding(shape))
         return near < _WORTH_SPLITTING * exact
 
-    def __call__(self, pressure):
-        """Displacement of a pressure (ny, nx) of float32; the next call overwrites it."""
+    def __call__(self, pressure, elements=None):
+        """Displacement of a pressure, on the grid or on some elements, as of EvenConvolution."""
         size_y, size_x = self._coarse
-        return self._near(pressure, (size_y, size_x // 2 + 1), self._from_afar)
+        return self._near(pressure, elements, (size_y, size_x // 2 + 1), self._from_afar)
 
     def _from_afar(self, waves):
         """Waves of the far part's displacement, from those of the pressure."""

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from .elements import Elements
+
 __all__ = ["APPROXIMATION_ERROR", "Window"]
 
 # Relative error of an approximate displacement, of the largest (measured: below it on grids of
@@ -26,32 +28,24 @@ class Window:
         rows, columns = np.divmod(elements, half_space.shape[1])
         rows, columns = rows - rows.min(), columns - columns.min()
         self._half_space = half_space.window((rows.max() + 1, columns.max() + 1))
-        self._rows, self._columns = rows, columns
-        self._places = rows * self._half_space.shape[1] + columns
-        self._grid = np.zeros(self._half_space.shape, np.float32)
+        self._elements = Elements(rows, columns)
         self.shape = self._half_space.shape
         self.kernel = half_space.kernel
         self.self_influence = half_space.self_influence
 
     def exact_displacement(self, pressure):
         """Displacement (mm) of a pressure (MPa), in double precision."""
-        return self._apply(
-            self._half_space.exact_displacement, np.zeros(self._half_space.shape), pressure
-        )
+        return self._half_space.exact_displacement(pressure, self._elements)
 
     def displacement(self, pressure):
         """The same within `APPROXIMATION_ERROR`."""
-        return self._apply(self._half_space.approximate_displacement, self._grid, pressure)
+        return self._half_space.approximate_displacement(pressure, self._elements)
 
     def pressure(self, displacement):
         """Approximate pressure (MPa) that has the displacement (mm)."""
-        return self._apply(self._half_space.approximate_inverse, self._grid, displacement)
+        return self._half_space.approximate_inverse(displacement, self._elements)
 
     def cells(self, block):
         """Cell of each element, flat, on a grid of `block` times `block` elements; its shape."""
         shape = tuple(-(-n // block) for n in self.shape)
-        return self._rows // block * shape[1] + self._columns // block, shape
-
-    def _apply(self, operator, grid, values):
-        grid.reshape(-1)[self._places] = values
-        return operator(grid).reshape(-1)[self._places].astype(float)
+        return self._elements.rows // block * shape[1] + self._elements.columns // block, shape

@@ -255,6 +255,7 @@ def test_a_low_far_corner_changes_nothing():
     assert_same(after.pressure, before.pressure)
 
 
+@pytest.mark.usefixtures("always_threads")
 def test_same_bits_for_any_number_of_workers():
     heights = self_affine(100)
     one, two = (

@@ -1,0 +1,48 @@
+"""Some elements of a grid, as vectors hold their values and blocks of the grid's rows do."""
+
+from itertools import pairwise
+
+import numpy as np
+
+__all__ = ["Elements"]
+
+
+class Elements:
+    """Elements in the order of their flat indices.
+
+    Parameters
+    ----------
+    rows, columns : ndarray of int, shape (n,)
+    """
+
+    def __init__(self, rows, columns):
+        self.rows, self.columns = rows, columns
+        self._layouts = {}
+
+    def layout(self, shape, lines, stride):
+        """Where the elements lie in memory that holds a block of a grid's rows at a time.
+
+        Parameters
+        ----------
+        shape : (int, int)
+            Of the grid (ny, nx).
+        lines : int
+            Rows in a block.
+        stride : int
+            Numbers from one row in memory to the next.
+
+        Returns
+        -------
+        places : ndarray of int, shape (n,)
+            Of each element in its block.
+        parts : list of slice
+            The elements of each block.
+        """
+        key = shape, lines, stride
+        if key not in self._layouts:
+            ends = np.searchsorted(self.rows, np.arange(0, shape[0] + lines, lines))
+            self._layouts[key] = (
+                self.rows % lines * stride + self.columns,
+                [slice(*part) for part in pairwise(ends)],
+            )
+        return self._layouts[key]
