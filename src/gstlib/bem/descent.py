@@ -66,10 +66,12 @@ def descend(window, load, relief, pressure, field, tolerance, error, history, ma
     step = 1.0
     lowest_energy, cautious = math.inf, 0
     while len(history) < max_iterations:
-        displacement = load.displacement_at(pressure, field - relief)
-        penetration = relief + displacement - field
+        opening = field - relief
+        displacement = load.displacement_at(pressure, opening)
+        penetration = displacement - opening
         free = np.where(penetration > 0, pressure < load.pressure_limit, pressure > 0)
-        violation = np.abs(penetration[free]).max(initial=0.0)
+        residual = penetration * free
+        violation = np.abs(residual).max()
         if error > _LARGE_ERROR * violation:
             convolved, field, error = pressure, window.exact_displacement(pressure), 0.0
             continue
@@ -78,7 +80,6 @@ def descend(window, load, relief, pressure, field, tolerance, error, history, ma
             break
 
         preconditioner.fit(free)
-        residual = penetration * free
         direction = preconditioner(residual) * free
         if dot(direction, residual) <= 0:
             direction = preconditioner.short_range(residual) * free
@@ -139,7 +140,8 @@ def descend(window, load, relief, pressure, field, tolerance, error, history, ma
         )
         cut = pressure - convolved
         if np.abs(cut).max() > _LARGE_CUT * np.abs(change).max():
-            convolved, field, error = pressure, window.exact_displacement(pressure), 0.0
+            convolved, field = pressure, window.displacement(pressure)
+            error = APPROXIMATION_ERROR * field.max()
             # Bold steps alone may go round in circles.
             energy = dot(pressure, 0.5 * field - relief - displacement * (load.force is None))
             if energy >= lowest_energy:

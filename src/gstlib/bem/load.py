@@ -51,21 +51,21 @@ class Load:
         clip(trial + c·lift, 0, limit) with the number c for which its sum is the force.
         """
         limit, force = self.pressure_limit, self.force
-        pressure = np.clip(trial, 0.0, limit)
+        pressure = self._bounded(trial)
         if force is None:
             return pressure
         moving = lift > 0
         if not moving.any():
             return pressure
-        shift, low, high = 0.0, None, None
+        shift, low, high = 0.0, -math.inf, math.inf
+        if limit < math.inf:
+            low, high = self._bounds(trial[moving], lift[moving])
         for _ in range(200):
             excess = float(pressure.sum()) - force
             if abs(excess) <= 1e-14 * force:
                 break
-            if low is None:
-                low = (-trial[moving] / lift[moving]).min()
-                high = ((min(force, limit) - trial[moving]) / lift[moving]).max()
-            # The sum increases with c, piece by piece linear: Newton's method between bounds.
+            # The sum increases with c, piece by piece linear: Newton's method between bounds, which
+            # without a limit, the sum being convex, are only needed where it starts on no slope.
             low, high = (low, shift) if excess > 0 else (shift, high)
             inside = pressure > 0
             if limit < math.inf:
@@ -73,9 +73,23 @@ class Load:
             slope = dot(lift, inside.astype(float))
             shift = shift - excess / slope if slope > 0 else math.inf
             if not low < shift < high:
+                if not math.isfinite(high - low):
+                    lowest, highest = self._bounds(trial[moving], lift[moving])
+                    low, high = max(low, lowest), min(high, highest)
                 shift = 0.5 * (low + high)
-            pressure = np.clip(trial + shift * lift, 0.0, limit)
+            pressure = self._bounded(trial + shift * lift)
         return pressure
+
+    def _bounds(self, trial, lift):
+        """Numbers c for which trial + c·lift is nowhere positive; or has the force everywhere."""
+        highest = min(self.force, self.pressure_limit)
+        return (-trial / lift).min(), ((highest - trial) / lift).max()
+
+    def _bounded(self, trial):
+        pressure = np.maximum(trial, 0.0)
+        return (
+            pressure if self.pressure_limit == math.inf else pressure.clip(max=self.pressure_limit)
+        )
 
     def carried_by(self, pressure) -> bool:
         """Whether a pressure ≥ 0 can be scaled to the force within its limit."""

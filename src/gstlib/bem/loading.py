@@ -139,13 +139,9 @@ def load_path(
             descent = displacement[index + 1] - displacement[index]
             contact = np.flatnonzero(state.contact)
             above, slope = (field.reshape(-1)[contact] for field in (state.pressure, tangent))
-            start = np.zeros_like(state.pressure)
-            start.reshape(-1)[contact] = np.sqrt(
-                np.maximum(above * (above - 2 * descent * slope), 0)
-            )
             state = problem.solve(
                 displacement=displacement[index],
-                initial_pressure=start,
+                initial_pressure=np.sqrt(np.maximum(above * (above - 2 * descent * slope), 0)),
                 # On the way down elements leave the contact; what joins it after all, against
                 # the continuum's rule, is added by the solver's final check.
                 candidates=contact,

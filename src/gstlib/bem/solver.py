@@ -183,8 +183,8 @@ class ContactProblem:
     ) -> ContactState:
         """Solve at one load; arguments as of :func:`solve_contact`, already checked.
 
-        `candidates` : flat indices, shape (n,), of the elements to follow first; they need an
-        `initial_pressure` that is zero elsewhere.
+        `candidates` : flat indices, shape (n,), of the elements to follow first;
+        `initial_pressure`, shape (n,), is theirs then, and zero elsewhere.
         """
         shape = self.half_space.shape
         if displacement == 0 or mean_pressure == 0:
@@ -223,15 +223,22 @@ class ContactProblem:
             certified=False,
         )
 
-        def refined(field):
-            return np.repeat(np.repeat(field, 2, axis=0), 2, axis=1)[: shape[0], : shape[1]]
-
-        pressure = refined(coarse.pressure)
-        if not load.carried_by(pressure):  # the border of an odd grid was cut off
+        # Candidates under the same elastic displacement: where the finer relief comes near it.
+        depth = coarse.gap + self._coarser._relief - _CANDIDATE_GAP * coarse.displacement
+        depth[coarse.contact] = -math.inf
+        depth = np.repeat(depth, 2, axis=1)[:, : shape[1]]
+        near = np.empty(shape, bool)
+        for lines in (slice(0, None, 2), slice(1, None, 2)):
+            relief = self._relief[lines]
+            np.greater(relief, depth[: len(relief)], out=near[lines])
+        candidates = np.flatnonzero(near)
+        rows, columns = np.divmod(candidates, shape[1])
+        pressure = coarse.pressure[rows // 2, columns // 2]
+        # None at all is near under a spike that the coarse grid misses; it carries too little where
+        # the border of an odd grid was cut off.
+        if not (candidates.size and load.carried_by(pressure)):
             return np.full(shape, uniform), None
-        # The same elastic displacement under the finer relief.
-        gap = refined(coarse.gap + self._coarser._relief) - self._relief
-        return pressure, _candidates(pressure, gap, coarse.displacement)
+        return pressure, candidates
 
     def _coarsen(self):
         ny, nx = self.half_space.shape
@@ -256,8 +263,9 @@ class ContactProblem:
     def _iterate(self, pressure, candidates, load, tolerance, max_iterations, certified=True):
         """Improve `pressure` until its recomputed residual is below `tolerance`.
 
-        Only candidates take part in the iterations; by default, they come from the gap under
-        the pressure. A state that is not to be `certified` is recomputed approximately.
+        Only candidates take part in the iterations, and `pressure` is theirs; without any it is
+        that of the grid, which may be overwritten, and they come from the gap under it. A state
+        that is not to be `certified` is recomputed approximately.
         """
         history = []
         before = self.half_space.convolutions
@@ -265,7 +273,7 @@ class ContactProblem:
         respond, inaccuracy = self.half_space.approximate_displacement, APPROXIMATION_ERROR
         field, error = None, 0.0
         while True:
-            if candidates is None or not candidates.size:
+            if candidates is None:
                 state, field = self._recompute(pressure, respond, load, history, before)
                 error = inaccuracy * float(field.max())
                 if certified and error > 0 and state.residual * state.displacement <= error:
@@ -276,14 +284,15 @@ class ContactProblem:
                     return state
                 if final and len(history) >= max_iterations:
                     raise ConvergenceError(state.residual, tolerance, len(history))
-                pressure = state.pressure
-                candidates = _candidates(pressure, state.gap, state.displacement)
+                near = state.gap < _CANDIDATE_GAP * state.displacement
+                candidates = np.flatnonzero(near | state.contact)
+                pressure = state.pressure.reshape(-1)[candidates]
                 field = field.reshape(-1)[candidates].astype(float)
             values = descend(
                 Window(self.half_space, candidates),
                 load,
                 self._relief.reshape(-1)[candidates],
-                pressure.reshape(-1)[candidates],
+                pressure,
                 field,
                 _INNER_SHARE * tolerance,
                 error,
@@ -299,11 +308,12 @@ class ContactProblem:
     def _recompute(self, pressure, respond, load, history, before):
         """State of a pressure field by a convolution of its own, and its displacement.
 
-        The next convolution overwrites the displacement.
+        The pressure is scaled to the load, in place; the next convolution overwrites the
+        displacement.
         """
-        pressure = load.scaled(pressure)
         contact = np.flatnonzero(pressure > 0)
-        loaded = pressure.reshape(-1)[contact]
+        loaded = load.scaled(pressure.reshape(-1)[contact])
+        pressure.reshape(-1)[contact] = loaded
         force = float(loaded.sum())
         field = respond(pressure) if force > 0 else np.zeros_like(pressure)
         gap = field - self._relief
@@ -331,13 +341,8 @@ class ContactProblem:
         return state, field
 
 
-def _candidates(pressure, gap, displacement):
-    """Elements that are, or may come, in contact: flat indices."""
-    return np.flatnonzero((gap < _CANDIDATE_GAP * displacement) | (pressure > 0))
-
-
 def _checked_initial(initial_pressure, shape):
-    pressure = np.array(initial_pressure, dtype=float)
+    pressure = np.array(initial_pressure, dtype=float, order="C")
     if pressure.shape != shape:
         raise InvalidContactInput(
             f"initial_pressure has shape {pressure.shape}, the heights {shape}"
