@@ -199,12 +199,18 @@ def picture(name, category, what):
 
 def pictures(name, category, what):
     """A folder with a PNG (in the report) and an SVG for each patch."""
+
+    def labels(wildcards):
+        # The report sorts texts, and 10 before 2; a page does not show spaces in front.
+        longest = max(map(len, PATCHES.index))
+        return {"what": f"figure: {what}", "patch": wildcards.patch.rjust(longest)}
+
     return report(
         directory(f"{RESULTS}/figures/{name}"),
         patterns=["{patch}.png"],
         caption=f"../report/{name}.rst",
         category=category,
-        labels={"what": f"figure: {what}", "patch": "{patch}"},
+        labels=labels,
     )
 
 
