@@ -48,10 +48,10 @@ def checked_workers(workers) -> int:
 
 
 def checked_tolerance(tolerance) -> float:
-    """Tolerance on the residual: positive."""
+    """Tolerance on the residual: positive, and below that of no contact at all."""
     number = _number("tolerance", tolerance, "relative to the displacement")
-    if not number > 0:
-        raise InvalidContactInput(f"tolerance must be positive, got {tolerance}")
+    if not 0 < number < 1:
+        raise InvalidContactInput(f"tolerance must be positive and below 1, got {tolerance}")
     return number
 
 

@@ -82,7 +82,8 @@ class EvenConvolution:
         Returns
         -------
         ndarray, shape (ny, nx), or (n,)
-            On the whole grid, and then the next call overwrites it; or on the elements, of float64.
+            On the whole grid, and then the crew's next convolution overwrites it; or on the
+            elements, of float64.
         """
         (ny, nx), (my, mx), size = self.shape, self._padded, self._lines
         half, extra = longest[0] // 2, longest[1]
@@ -90,7 +91,7 @@ class EvenConvolution:
         # Transposed, so that the transforms along y run along contiguous memory.
         transform = self._crew.memory("transform", (mx // 2 + 1, ny), wave)
         workers = range(self._threads)
-        # Columns or rows of each thread, in the same memory: the larger is asked for first.
+        # Columns or rows of each thread, in the same memory. Columns first: they are mostly larger.
         columns, rows = (
             [self._crew.memory(worker, (size, length + _OFFSET), kind) for worker in workers]
             for length, kind in ((my, wave), (mx, number))

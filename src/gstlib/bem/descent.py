@@ -26,8 +26,8 @@ def descend(window, load, relief, pressure, field, tolerance, error, history, ma
     """Improve a pressure until the residual of the recurrence is below the tolerance.
 
     Each iteration adds a change whose displacement is computed approximately; errors thus scale
-    with the changes, which shrink, and what has come together is swept out by an exact convolution
-    now and then.
+    with the changes, which shrink, and what has come together, at the start too, is swept out by an
+    exact convolution now and then.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, history, ma
     preconditioner = Preconditioner(window)
     change = change_field = lift = None
     step = 1.0
-    lowest_energy, cautious = math.inf, 0
+    started, lowest_energy, cautious = False, math.inf, 0
     while len(history) < max_iterations:
         opening = field - relief
         displacement = load.displacement_at(pressure, opening)
@@ -140,8 +140,12 @@ def descend(window, load, relief, pressure, field, tolerance, error, history, ma
         )
         cut = pressure - convolved
         if np.abs(cut).max() > _LARGE_CUT * np.abs(change).max():
-            convolved, field = pressure, window.displacement(pressure)
-            error = APPROXIMATION_ERROR * field.max()
+            if not started:
+                # At the first, most often that of the start, much is still to change.
+                started, convolved, field = True, pressure, window.displacement(pressure)
+                error = APPROXIMATION_ERROR * field.max()
+                continue
+            convolved, field, error = pressure, window.exact_displacement(pressure), 0.0
             # Bold steps alone may go round in circles.
             energy = dot(pressure, 0.5 * field - relief - displacement * (load.force is None))
             if energy >= lowest_energy:

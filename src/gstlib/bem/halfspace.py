@@ -154,7 +154,8 @@ class HalfSpace:
         Returns
         -------
         ndarray, shape (ny, nx), or (n,)
-            Displacement (mm) on the grid, and then the next call overwrites it, or on the elements.
+            Displacement (mm) on the grid, and then the next use of the half-space overwrites it, or
+            on the elements.
         """
         self._convolutions += 1
         self._wait()

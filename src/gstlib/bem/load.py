@@ -101,9 +101,13 @@ class Load:
 
     def scaled(self, pressure):
         """A pressure ≥ 0 scaled to the force, but for what is at the limit; maybe itself."""
+        lift = pressure
         if self.pressure_limit < math.inf:
             pressure = np.minimum(pressure, self.pressure_limit)
-        return pressure if self.force is None else self.admissible(pressure, pressure)
+            lift = pressure * (pressure < self.pressure_limit)
+        if self.force is None:
+            return pressure
+        return self.admissible(pressure, lift if lift.any() else pressure)
 
     def least_work(self, gap, force) -> float:
         """Least Σ s·g of the fields 0 ≤ s ≤ limit with the sum `force`, or 0 if that is less."""

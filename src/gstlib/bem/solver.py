@@ -183,8 +183,8 @@ class ContactProblem:
     ) -> ContactState:
         """Solve at one load; arguments as of :func:`solve_contact`, already checked.
 
-        `candidates` : flat indices, shape (n,), of the elements to follow first;
-        `initial_pressure`, shape (n,), is theirs then, and zero elsewhere.
+        `candidates` : flat indices in ascending order, shape (n,), at least one, of the elements
+        to follow first; `initial_pressure`, shape (n,), is theirs then, and zero elsewhere.
         """
         shape = self.half_space.shape
         if displacement == 0 or mean_pressure == 0:
@@ -205,6 +205,8 @@ class ContactProblem:
         load = Load(displacement, force, self.pressure_limit)
         if initial_pressure is None or not load.carried_by(initial_pressure):
             initial_pressure, candidates = self._start(load, max_iterations)
+        elif candidates is None:
+            initial_pressure = np.array(initial_pressure, order="C")
         return self._iterate(initial_pressure, candidates, load, tolerance, max_iterations)
 
     def _start(self, load, max_iterations):
@@ -263,9 +265,9 @@ class ContactProblem:
     def _iterate(self, pressure, candidates, load, tolerance, max_iterations, certified=True):
         """Improve `pressure` until its recomputed residual is below `tolerance`.
 
-        Only candidates take part in the iterations, and `pressure` is theirs; without any it is
-        that of the grid, which may be overwritten, and they come from the gap under it. A state
-        that is not to be `certified` is recomputed approximately.
+        Only candidates take part in the iterations, and `pressure` is theirs; if they are None it
+        is that of the grid, in C order and overwritten, and they come from the gap under it. A
+        state that is not to be `certified` is recomputed approximately.
         """
         history = []
         before = self.half_space.convolutions
@@ -342,7 +344,7 @@ class ContactProblem:
 
 
 def _checked_initial(initial_pressure, shape):
-    pressure = np.array(initial_pressure, dtype=float, order="C")
+    pressure = np.asarray(initial_pressure, dtype=float)
     if pressure.shape != shape:
         raise InvalidContactInput(
             f"initial_pressure has shape {pressure.shape}, the heights {shape}"

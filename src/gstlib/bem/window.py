@@ -21,7 +21,7 @@ class Window:
     half_space : HalfSpace
         That of the whole grid.
     elements : ndarray of int, shape (n,)
-        Flat indices, at least one.
+        Flat indices in ascending order, at least one.
     """
 
     def __init__(self, half_space, elements):

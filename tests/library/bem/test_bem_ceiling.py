@@ -37,6 +37,20 @@ def test_agrees_with_doubly_bounded_least_squares(limit):
     assert loaded.mean_pressure == pytest.approx(state.mean_pressure, rel=1e-12)
 
 
+@pytest.mark.parametrize("mean_pressure", np.logspace(-2, 0, 8))
+def test_converges_where_nearly_all_is_at_the_limit(mean_pressure):
+    y, x = np.mgrid[:12, :19]
+    heights = -0.01 * ((y - 6) ** 2 + (x - 9.5) ** 2)
+    for excess in np.logspace(-4, -2, 12):
+        limit = mean_pressure * (1 + excess)
+        state = solve_contact(
+            heights, 0.1, 1e3, mean_pressure=mean_pressure, pressure_limit=limit, tolerance=1e-9
+        )
+        assert state.residual <= 1e-9
+        assert state.pressure.max() <= limit
+        assert state.mean_pressure == pytest.approx(mean_pressure, rel=1e-12)
+
+
 def test_conditions_and_share_at_the_ceiling():
     heights, limit = self_affine(96, seed=1), 3000.0
     state = solve_contact(

@@ -28,12 +28,15 @@ def test_not_periodic():
     assert np.all(np.diff(displacement[16]) < 0)
 
 
-@pytest.mark.parametrize("shape", [(64, 64), (200, 131), (257, 300)])
+@pytest.mark.parametrize("share", [0, 1], ids=["whole grid", "window"])
+@pytest.mark.parametrize("shape", [(64, 64), (200, 131), (20, 400), (257, 300)])
 @pytest.mark.usefixtures("always_threads")
-def test_same_bits_for_any_number_of_workers(shape):
+def test_same_bits_for_any_number_of_workers(shape, share):
     rng = np.random.default_rng(2)
     pressure = rng.random(shape)
-    elements = np.flatnonzero(rng.random(shape) < 0.1)
+    some = rng.random(shape) < 0.1
+    some[:, : share * shape[1] // 2] = False
+    elements = np.flatnonzero(some)
     results = []
     for workers in (1, 2, 3):
         half_space = HalfSpace(shape, 0.1, 1.0, workers)

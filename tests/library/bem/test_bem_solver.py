@@ -265,6 +265,20 @@ def test_same_bits_for_any_number_of_workers():
     assert one.gap.tobytes() == two.gap.tobytes()
 
 
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_a_start_is_left_alone_and_its_memory_layout_does_not_matter(order):
+    heights = self_affine(20)
+    solved = solve_contact(heights, 0.01, MODULUS, mean_pressure=30.0, tolerance=1e-9)
+    start = np.array(0.9 * solved.pressure, order=order)
+    copy = start.copy()
+    state = solve_contact(
+        heights, 0.01, MODULUS, mean_pressure=30.0, tolerance=1e-9, initial_pressure=start
+    )
+    assert np.array_equal(start, copy)
+    assert state.iterations == 0
+    assert state.mean_pressure == pytest.approx(30.0, rel=1e-12)
+
+
 def test_heights_are_left_alone_and_the_state_is_frozen():
     heights = self_affine(16)
     copy = heights.copy()
@@ -298,6 +312,7 @@ HOLED[1, 2] = np.nan
         ({"displacement": None, "mean_pressure": -1.0}, "mean_pressure"),
         ({"displacement": "deep"}, "displacement"),
         ({"tolerance": 0}, "tolerance"),
+        ({"tolerance": 1.0}, "tolerance"),
         ({"workers": 0}, "workers"),
         ({"initial_pressure": np.zeros((4, 5))}, r"\(4, 5\)"),
         ({"initial_pressure": np.full((4, 4), -1.0)}, "initial_pressure"),
