@@ -207,6 +207,10 @@ class ContactProblem:
             initial_pressure, candidates = self._start(load, max_iterations)
         elif candidates is None:
             initial_pressure = np.array(initial_pressure, order="C")
+            if force is not None:
+                # Beforehand: were it far from the force, rounding would leave nothing of it.
+                initial_pressure /= initial_pressure.max()
+                initial_pressure *= force / initial_pressure.sum()
         return self._iterate(initial_pressure, candidates, load, tolerance, max_iterations)
 
     def _start(self, load, max_iterations):

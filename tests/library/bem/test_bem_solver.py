@@ -368,7 +368,6 @@ def test_a_spike_that_coarser_grids_do_not_touch():
     assert state.residual < 1e-6
 
 
-@pytest.mark.filterwarnings("ignore::gstlib.bem.DomainTooSmallWarning")
 @pytest.mark.parametrize(("size", "spike"), [(64, 30), (131, 130)])
 def test_the_load_is_carried_though_the_start_cannot(size, spike):
     """The start, given or from a coarser grid, is in contact where the limit forbids the load."""
@@ -388,3 +387,16 @@ def test_the_load_is_carried_though_the_start_cannot(size, spike):
         )
         assert state.mean_pressure == pytest.approx(pressure, rel=1e-12)
         assert state.pressure[spike, spike] == limit
+
+
+@pytest.mark.parametrize("limit", [np.inf, 300.0])
+@pytest.mark.parametrize("scale", [1e-320, 1e-30, 1e17, 1e30, 1e300])
+def test_a_start_may_be_far_from_the_force(scale, limit):
+    heights = self_affine(24, seed=3)
+    start = scale * np.random.default_rng(0).random(heights.shape)
+    load = {"mean_pressure": 20.0, "pressure_limit": limit, "tolerance": 1e-9}
+    found, expected = (
+        solve_contact(heights, 0.01, MODULUS, initial_pressure=given, **load)
+        for given in (start, None)
+    )
+    np.testing.assert_allclose(found.pressure, expected.pressure, atol=1e-6 * 300)
