@@ -22,7 +22,7 @@ from scipy.signal import correlate
 from gstlib.bem import contact_modulus
 from gstlib.contact import solve_at_pressure
 from gstlib.coupling import footprint_weights
-from gstlib.surface import spacing_of
+from gstlib.surface import make_surface, spacing_of
 
 __all__ = [
     "draw_contact_moduli",
@@ -161,12 +161,14 @@ def pressures_at_shifts(
     moved = np.clip(shifts, back, forth) / spacing  # in elements
     reach = int(np.ceil(np.abs(moved).max())) + 1
     # An outline moved by whole elements has the same weights: they are taken at parts of an
-    # element only, and the pressures under them are shifted element by element.
-    around = np.pad(pressure.values, ((0, 0), (reach, reach), (reach, reach)))
+    # element only, and the pressures under them are shifted element by element. That part of an
+    # element may lead beyond the square, and back again with the shift.
+    around = np.pad(pressure.values, ((0, 0), (reach, reach + 1), (reach, reach + 1)))
+    frame = make_surface(np.zeros(np.add(pressure.shape[1:], 1)), spacing, origin=corner)
     lattice = np.empty((len(around), *(_PARTS * (2 * reach + 1),) * 2))
     for i, j in np.ndindex(_PARTS, _PARTS):
         dy, dx = spacing * (i, j) / _PARTS
-        weights = footprint_weights(pressure, x_mm + dx, y_mm + dy, size_mm, rotation_deg)
+        weights = footprint_weights(frame, x_mm + dx, y_mm + dy, size_mm, rotation_deg)
         (y0, y1), (x0, x1) = ((at.min(), at.max() + 1) for at in weights.nonzero())
         lattice[:, i::_PARTS, j::_PARTS] = correlate(
             around[:, y0 : y1 + 2 * reach, x0 : x1 + 2 * reach],

@@ -101,6 +101,19 @@ def test_a_shifted_patch_is_the_patch_at_that_place(row):
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("x_mm", "y_mm"), [(4.575, 2.5), (0.425, 4.575), (4.57, 4.56)])
+def test_a_patch_at_an_edge_is_the_patch_at_that_place(x_mm, y_mm):
+    shifts = SPACING * np.array([[0.0, 0.0], [-0.5, -0.5], [-1.5, -2.0]])
+    place = {"x_mm": x_mm, "y_mm": y_mm, "rotation_deg": 0.0}
+    if x_mm < 1:
+        shifts[:, 1] *= -1
+    found = pressures_at_shifts(patchy().expand_dims("k"), shifts, **place, size_mm=0.85)[0]
+    moved = pd.DataFrame([{"patch": "1", **place}] * 3)
+    moved = moved.assign(x_mm=x_mm + shifts[:, 1], y_mm=y_mm + shifts[:, 0])
+    expected = patch_pressures(patchy(), moved, size_mm=0.85).pressure_MPa
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
 def test_a_patch_stays_on_the_square():
     corner = {"x_mm": 0.425, "y_mm": 4.575, "rotation_deg": 0.0, "size_mm": 0.85}
     shifts = np.array([[0.3, -0.3], [0.0, 0.0], [-0.1, 0.1]])
