@@ -164,8 +164,8 @@ class HalfSpace:
     def approximate_displacement(self, pressure, elements=None) -> np.ndarray:
         """The same, nearly, at a third of the time: the kernel split, and in single precision.
 
-        Its error, up to 2e-6 of the largest displacement, does no harm to a correction that is
-        added to a field known exactly.
+        Its error, 2e-6 of the largest displacement, does no harm to a correction that is added to
+        a field known exactly. Stripes of alternating sign are the worst case known: 5e-6.
 
         Parameters
         ----------

@@ -34,7 +34,8 @@ class LoadPath:
         Share of elements in contact.
     stiffness : ndarray, shape (steps,)
         Contact stiffness d(mean pressure)/d(displacement) (MPa/mm): exact, by one linear solve
-        on the fixed contact set of each state (its relative error is of the order of 1e-6).
+        on the fixed contact set of each state (its relative error is of the order of 1e-6; up to
+        1e-4 where the contact is a few long elements).
     iterations, convolutions : ndarray of int, shape (steps,)
         Spent on each state on the finest grid; those for the stiffness are not counted in.
     residual : ndarray, shape (steps,)

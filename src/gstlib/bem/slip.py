@@ -21,8 +21,13 @@ from .state import ContactState
 __all__ = ["SlipState", "solve_slip"]
 
 # ASSUME: in `solve_slip` the bodies are elastically similar, so that tangential tractions do not
-# press them apart, and the displacement across the tangential load is neglected (it vanishes with
-# Poisson's ratio).
+# press them apart; the displacement across the tangential load is neglected (it vanishes with
+# Poisson's ratio), and that along it taken as the mean over all directions of the load: exact for a
+# circle and for isotropic roughness, 5 % too small along a contact five times as long as wide, 5 %
+# too large across it.
+
+# Under less load the pressure is nowhere more; by this share of the largest it is no rounding.
+_RISE = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +91,8 @@ def solve_slip(
     Raises
     ------
     InvalidContactInput
-        Friction not positive, a ratio outside [0, 1], a normal contact without load or with a
-        pressure limit.
+        Friction not positive, a ratio outside [0, 1], a normal contact without load, with a
+        pressure limit, or of another surface.
     """
     if not friction > 0:
         raise InvalidContactInput(f"friction must be positive, got {friction}")
@@ -103,16 +108,27 @@ def solve_slip(
         raise InvalidContactInput(
             "the normal contact has a pressure limit: stick and slip need none"
         )
+    problem = ContactProblem(heights, spacing, contact_modulus, workers)
+    if normal.pressure.shape != problem.half_space.shape:
+        raise InvalidContactInput(
+            f"the normal contact has shape {normal.pressure.shape}, the heights "
+            f"{problem.half_space.shape}"
+        )
     if tangential_ratio == 0:
         reduced = normal
     else:
         remaining = 1 - tangential_ratio
         # The contact itself has been warned of, if it reaches the border; this one is smaller.
-        reduced = ContactProblem(heights, spacing, contact_modulus, workers).solve(
+        reduced = problem.solve(
             mean_pressure=remaining * normal.mean_pressure,
             initial_pressure=remaining * normal.pressure,
             tolerance=checked_tolerance(tolerance),
             max_iterations=MAX_ITERATIONS,
+        )
+    if (reduced.pressure - normal.pressure).max() > _RISE * normal.pressure.max():
+        raise InvalidContactInput(
+            "under less load the pressure rises: the normal contact is one of other heights, "
+            "spacing or contact modulus"
         )
     traction = friction * (normal.pressure - reduced.pressure)
     stick = reduced.contact & normal.contact

@@ -31,7 +31,8 @@ class ContactState:
         Largest of abs(gap) where p > 0 and of −gap where p = 0, divided by `displacement`.
     duality_gap : float
         (pᵀg − F min g) / pᵀKp with F = Σp: a bound, relative to twice the elastic energy, on what
-        any pressure field of the same load could still gain.
+        any pressure field of the same force could still gain; whether the force is that of a
+        given displacement, the residual tells.
     history : tuple of float
         Residual of each iteration on the finest grid, as the recurrence had it.
     pressure_limit : float

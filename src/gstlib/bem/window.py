@@ -7,7 +7,8 @@ from .elements import Elements
 __all__ = ["APPROXIMATION_ERROR", "Window"]
 
 # Relative error of an approximate displacement, of the largest (measured: below it on grids of
-# 33 x 70 to 1024 x 1024, for noise, for sparse contact and for uniform pressure).
+# 33 x 70 to 1024 x 1024, for noise, for sparse contact and for uniform pressure; it only says when
+# to look again, exactly).
 APPROXIMATION_ERROR = 3e-6
 
 

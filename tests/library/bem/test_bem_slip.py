@@ -84,6 +84,27 @@ def test_a_ceiling_is_refused():
         )
 
 
+@pytest.mark.parametrize(
+    ("heights", "message"),
+    [
+        (self_affine(64, seed=8), "other heights"),
+        (ROUGH[:32], r"\(64, 64\), the heights \(32, 64\)"),
+    ],
+)
+def test_the_contact_of_another_surface_is_refused(heights, message):
+    normal = solve_contact(ROUGH, SPACING, MODULUS, mean_pressure=40.0)
+    with pytest.raises(InvalidContactInput, match=message):
+        solve_slip(
+            heights,
+            SPACING,
+            MODULUS,
+            normal=normal,
+            friction=0.5,
+            tangential_ratio=0.5,
+            poisson=0.24,
+        )
+
+
 def test_no_normal_load_is_refused():
     with pytest.raises(InvalidContactInput, match="no load"):
         slip_of(ROUGH, SPACING, 0.0)

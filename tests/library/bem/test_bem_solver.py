@@ -359,6 +359,12 @@ def test_contact_at_the_border_warns():
         solve_contact(-heights, 0.01, MODULUS, displacement=1e-3)
 
 
+@pytest.mark.parametrize(("shape", "border"), [((8, 8), 28), ((1, 8), 8), ((1, 1), 1)])
+def test_each_element_at_the_border_counts_once(shape, border):
+    with pytest.warns(DomainTooSmallWarning, match=f"on {border} elements"):
+        solve_contact(np.zeros(shape), 0.01, MODULUS, mean_pressure=1.0)
+
+
 def test_a_spike_that_coarser_grids_do_not_touch():
     """Averaging lowers it out of reach, on 128 elements a side too."""
     heights = np.zeros((256, 256))
