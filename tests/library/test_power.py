@@ -14,7 +14,13 @@ from gstlib.specimen.randomness import smooth_field
 from gstlib.surface import make_surface
 from gstlib.validation.change import height_change
 
-CHANCE = {"seed": [1, 5], "shifts": 199, "neighbourhood_um": 30.0, "curvature_length_um": 20.0}
+CHANCE = {
+    "seed": [1, 5],
+    "shifts": 199,
+    "neighbourhood_um": 30.0,
+    "curvature_length_um": 20.0,
+    "most_noise": 0.2,
+}
 
 
 def drawn_p_values(by_specimen, *, wear="random", test="test"):

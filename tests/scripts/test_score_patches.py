@@ -75,6 +75,7 @@ def run(main, study, out, patches=PATCHES, worst=()):
         seed=1,
         resamples=199,
         shifts=999,
+        most_noise=1.0,
         height_quantiles=[0.5, 0.9],
         gap_limits_um=[1.0],
         neighbourhood_um=6.0,

@@ -6,6 +6,7 @@ validation_summary.csv. Settings: the patches, those expected to be the worst, a
 of the config.
 """
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -44,6 +45,7 @@ def main(
     seed: int,
     resamples: int,
     shifts: int,
+    most_noise: float,
     height_quantiles: Sequence[float],
     gap_limits_um: Sequence[float],
     **lengths: float,
@@ -56,7 +58,22 @@ def main(
         generator = np.random.default_rng([seed, *patch.encode()])
         scores = scores_of(at)
         nulls.append(null_scores(at, shifts=shifts, generator=generator))
-        rows = weigh_patch(scores, at, nulls[-1], resamples=resamples, generator=generator)
+        rows = weigh_patch(
+            scores,
+            at,
+            nulls[-1],
+            most_noise=most_noise,
+            resamples=resamples,
+            generator=generator,
+        )
+        if at.noise_share > most_noise:
+            logging.getLogger("gstlib").warning(
+                "patch %s: %.0f %% as much rose as fell, so that the loss may be noise, which "
+                "agrees with contact by itself: not tested against chance. A larger "
+                "traces.minimum_points takes out noise.",
+                patch,
+                100 * at.noise_share,
+            )
         touching = at.predictions[CONTACT].mask
         bands = {
             "height": height_bands(contact["height"].values, at.valid, height_quantiles),

@@ -25,9 +25,11 @@ def main(
     **settings,
 ) -> None:
     trials = try_specimen(patches, SpecimenParameters(**{**specimen, "seed": seed}), **settings)
-    lengths = {name: validation[name] for name in ("neighbourhood_um", "curvature_length_um")}
+    names = ("shifts", "neighbourhood_um", "curvature_length_um", "most_noise")
     found, scored = p_values(
-        trials, seed=[validation["seed"], seed], shifts=validation["shifts"], **lengths
+        trials,
+        seed=[validation["seed"], seed],
+        **{name: validation[name] for name in names},
     )
     for path, table in ((tests, found), (scores, scored)):
         table.insert(0, "seed", seed)

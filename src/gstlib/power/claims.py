@@ -31,6 +31,7 @@ def p_values(
     shifts: int,
     neighbourhood_um: float,
     curvature_length_um: float,
+    most_noise: float,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """P-values of every test of the study on one specimen, for each placement of its wear.
 
@@ -40,7 +41,7 @@ def p_values(
         The patches of one specimen, from `try_specimen`.
     seed : sequence of int
         Of the shifts and permutations.
-    shifts, neighbourhood_um, curvature_length_um
+    shifts, neighbourhood_um, curvature_length_um, most_noise
         As in `gstlib.validation`.
 
     Returns
@@ -70,7 +71,9 @@ def p_values(
         place = {"x_mm": trial.x_mm, "y_mm": trial.y_mm, "pressure_MPa": trial.pressure}
         row = score_patch(at, scores, trial.registered)
         scored.append(names | place | row)
-        rows = weigh_patch(scores, at, null, resamples=_RESAMPLES, generator=generator)
+        rows = weigh_patch(
+            scores, at, null, most_noise=most_noise, resamples=_RESAMPLES, generator=generator
+        )
         weighed += [names | row for row in rows]
         nulls.append(null)
     columns = ["test", "drawn", "wear", "patches", "p_value"]

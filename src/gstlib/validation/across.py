@@ -97,7 +97,7 @@ def mean_scores(
     Parameters
     ----------
     gains : pandas.DataFrame
-        ``score, value`` for every patch and score.
+        ``score, value, p_value`` for every patch and score.
     nulls : sequence of dict
         For each patch, in the same order, as from `gstlib.validation.gains.null_scores`: its
         shifts are its own, so that the i-th of all patches together are one draw.
@@ -110,12 +110,13 @@ def mean_scores(
     -------
     pandas.DataFrame
         `SUMMARY_COLUMNS`: ``mean(score)``, one-sided p-value. Patches where the score is not
-        defined are left out.
+        defined, or chance not tested, are left out.
     """
     rows = []
     for score in SCORES:
-        values = gains.loc[gains["score"] == score, "value"].to_numpy(dtype=float)
-        known = np.isfinite(values)
+        of_score = gains[gains["score"] == score]
+        values = of_score["value"].to_numpy(dtype=float)
+        known = of_score["p_value"].notna().to_numpy()
         low, high, p = math.nan, math.nan, math.nan
         if known.any():
             low, high = _interval_of_mean(values[known], generator, resamples)
@@ -139,7 +140,10 @@ def mean_gains(
     """Mean over patches of each score less that of the rival with the best mean.
 
     One rival stands for all patches, as one would have to choose it beforehand. It is chosen on
-    these patches, which makes the gain look smaller, never larger.
+    these patches, which makes the gain look smaller, never larger. Precision, recall, F1, IoU and
+    the fractions skill depend on how much is marked, also by chance: against ``rigid``, whose area
+    is not that of the contact, their gain compares areas as well as places. MCC and the rank scores
+    do not.
 
     Parameters
     ----------

@@ -38,6 +38,9 @@ class Comparison:
         mm.
     correlation_length : float
         Distance (mm) over which loss is correlated.
+    noise_share : float
+        What rose over what fell: the share of the loss that noise, as likely up as down, would
+        explain. NaN without loss.
     """
 
     predictions: dict[str, Prediction]
@@ -46,6 +49,7 @@ class Comparison:
     loss_shares: np.ndarray
     spacing: tuple[float, float]
     correlation_length: float
+    noise_share: float
 
 
 def compare(
@@ -80,7 +84,7 @@ def compare(
             f"T0, pressure and change have shapes {heights.shape}, {pressure.shape}, {valid.shape}"
         )
     spacing = spacing_of(heights)
-    loss = registered["loss"].values.astype(bool) & valid
+    loss, gain = (registered[name].values.astype(bool) & valid for name in ("loss", "gain"))
     window = _odd_elements(neighbourhood_um * 1e-3, max(spacing))
     displacement = contact["displacement"].values if "displacement" in contact else np.nan
     return Comparison(
@@ -99,6 +103,7 @@ def compare(
         loss_shares=fractions(loss, window, valid),
         spacing=spacing,
         correlation_length=correlation_length(loss, valid, spacing),
+        noise_share=float(gain.sum() / loss.sum()) if loss.any() else math.nan,
     )
 
 
@@ -138,7 +143,7 @@ def score_patch(
     -------
     dict
         ``contact_fraction`` (whole patch), ``valid_contact_fraction`` (where the loss is known),
-        the items of `wear_summary` (its ``loss_fraction`` is the prevalence),
+        the items of `wear_summary` (its ``loss_fraction`` is the prevalence), ``noise_share`` and
         ``correlation_length_um`` of the loss, ``rigid_fraction`` (share of the known area that a
         rigid flat cuts off at the same displacement); then the scores of the contact, and the same
         for each rival, its name in front.
@@ -148,6 +153,7 @@ def score_patch(
         "contact_fraction": float(contact.mean()),
         "valid_contact_fraction": float(contact[valid].mean()) if valid.any() else math.nan,
         **wear_summary(registered),
+        "noise_share": comparison.noise_share,
         "correlation_length_um": comparison.correlation_length * 1e3,
     }
     if "rigid" in scores:  # the one whose area is not that of the contact

@@ -3,6 +3,10 @@
 The gain, score less that of the best rival, is what the contact solution adds to what a look at
 the surface tells. The best rival is the one that did best on this very patch: being chosen by its
 luck, it makes the gain look smaller, never larger.
+
+What is high at T0 by error is in contact, and lost at T1: loss that is noise agrees with contact,
+at its own place only, and no shift tells that from wear. Noise goes up as often as down. Where so
+much rose that it may explain the loss, chance is not tested.
 """
 
 import math
@@ -94,6 +98,7 @@ def weigh_patch(
     comparison: Comparison,
     null: dict[str, np.ndarray],
     *,
+    most_noise: float,
     resamples: int,
     generator: np.random.Generator,
 ) -> list[dict[str, object]]:
@@ -106,6 +111,8 @@ def weigh_patch(
     comparison : Comparison
     null : dict
         As from `null_scores`.
+    most_noise : float
+        The `noise_share` up to which there are p-values.
     resamples : int
         Block bootstrap resamples for the interval of the gain.
     generator : numpy.random.Generator
@@ -116,8 +123,9 @@ def weigh_patch(
     list of dict
         ``score, value``; ``null_mean, null_low, null_high`` (95 % of the shifts lie between),
         ``effect_size`` (value less mean, in standard deviations of the shifts), ``p_value``
-        (one-sided), ``shifts``; ``best_rival, best_rival_value, gain, gain_low, gain_high`` (95 %
-        block bootstrap), ``blocks``. No interval from fewer blocks than `FEWEST_BLOCKS`.
+        (one-sided; NaN with too much noise), ``shifts``; ``best_rival, best_rival_value, gain,
+        gain_low, gain_high`` (95 % block bootstrap), ``blocks``. No interval from fewer blocks than
+        `FEWEST_BLOCKS`.
     """
     # ASSUME: blocks are twice as long as the distance at which the loss's autocorrelation has
     # fallen to 1/e, and the patch is divided evenly into them.
@@ -141,6 +149,8 @@ def weigh_patch(
         # `here` is the value in levels, as the null is
         elsewhere = elsewhere[np.isfinite(elsewhere)] + (value - here)
         row = {"score": score, "value": value, **_against_chance(value, elsewhere)}
+        if comparison.noise_share > most_noise:
+            row["p_value"] = math.nan
         rows.append(row | _gain(score, scores, resampled, blocks))
     return rows
 

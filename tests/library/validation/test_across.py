@@ -107,7 +107,7 @@ def weighed(values):
     """The gains table of patches that all scores rate the same."""
     return pd.DataFrame(
         [
-            {"patch": str(number), "score": score, "value": value}
+            {"patch": str(number), "score": score, "value": value, "p_value": value}
             for number, value in enumerate(values)
             for score in SCORES
         ]

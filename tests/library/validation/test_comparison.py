@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from gstlib.specimen.randomness import smooth_field
 from gstlib.surface import make_surface
 from gstlib.validation.change import height_change
 from gstlib.validation.comparison import compare, score_patch, scores_of
@@ -37,13 +38,15 @@ def patch():
     return t0, contact, height_change(t0, t1)
 
 
-def rows_of(patch, *, resamples=199, seed=0, **changed):
+def rows_of(patch, *, resamples=199, seed=0, most_noise=1.0, **changed):
     t0, contact, change = patch
     comparison = compare(t0, contact, change, **(LENGTHS | changed))
     scores = scores_of(comparison)
     rng = np.random.default_rng(seed)
     null = null_scores(comparison, shifts=999, generator=rng)
-    rows = weigh_patch(scores, comparison, null, resamples=resamples, generator=rng)
+    rows = weigh_patch(
+        scores, comparison, null, most_noise=most_noise, resamples=resamples, generator=rng
+    )
     return comparison, scores, {row["score"]: row for row in rows}
 
 
@@ -105,7 +108,7 @@ def test_no_interval_from_a_handful_of_blocks(patch):
     wide = dataclasses.replace(comparison, correlation_length=0.015)
     rng = np.random.default_rng(0)
     null = null_scores(wide, shifts=999, generator=rng)
-    few = weigh_patch(scores_of(wide), wide, null, resamples=199, generator=rng)[0]
+    few = weigh_patch(scores_of(wide), wide, null, most_noise=1.0, resamples=199, generator=rng)[0]
     assert few["blocks"] == 4
     assert math.isnan(few["gain_low"])
     assert few["gain"] == rows["precision"]["gain"]
@@ -127,6 +130,31 @@ def test_a_patch_without_loss_or_without_known_points_has_no_scores(patch):
     comparison, scores, rows = rows_of((t0, contact, change))
     assert all(math.isnan(row["value"]) and math.isnan(row["p_value"]) for row in rows.values())
     assert math.isnan(score_patch(comparison, scores, change)["valid_contact_fraction"])
+
+
+def measured_twice(rng, worn=0.0):
+    """Two measurements of one surface; their errors are alike over a few points."""
+    stone = 5e-4 * smooth_field(rng, 256, 1.0, 8.0)
+    t0, t1 = (make_surface(stone + 1e-4 * smooth_field(rng, 256, 1.0, 3.0), 1e-3) for _ in "01")
+    touching = t0.values > np.quantile(t0.values, 0.96)
+    t1 -= 1e-3 * (t0.values > np.quantile(t0.values, 1 - worn))
+    fields = {"pressure": 5.0 * touching, "gap": 1e-3 * ~touching}
+    contact = xr.Dataset({name: (("y", "x"), values) for name, values in fields.items()})
+    return t0, contact, height_change(t0, t1, minimum_points=8)
+
+
+def test_noise_that_agrees_with_contact_is_not_claimed_for_wear():
+    def p_values(most_noise):
+        rng = np.random.default_rng(5)
+        patches = [measured_twice(rng) for _ in range(8)]
+        return [rows_of(one, most_noise=most_noise)[2]["f1"]["p_value"] for one in patches]
+
+    # An unworn surface: what is high by error is in contact, and lower the next time.
+    assert np.mean(np.array(p_values(np.inf)) <= 0.05) > 0.3
+    assert np.isnan(p_values(0.2)).all()
+    worn, _, rows = rows_of(measured_twice(np.random.default_rng(5), worn=0.05), most_noise=0.2)
+    assert 0 < worn.noise_share < 0.2
+    assert rows["f1"]["p_value"] < 0.01
 
 
 def test_prediction_of_another_shape_is_refused(patch):
