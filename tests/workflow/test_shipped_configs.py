@@ -34,4 +34,11 @@ def test_config_plans_a_study(study, config):
 
 
 def test_configs_are_found():
-    assert {"config.yaml", "m12.yaml", "pebble.yaml", "tiny.yaml"} <= set(CONFIGS)
+    assert {"config.yaml", "m12.yaml", "own.yaml", "pebble.yaml", "tiny.yaml"} <= set(CONFIGS)
+
+
+def test_own_stone_is_that_of_its_own_constants():
+    """What the paper chose to print, or to expect, does not come along with a copied config."""
+    own = yaml.safe_load((ROOT / "config/own.yaml").read_text())
+    assert own["material"]["contact_modulus_MPa"] is None
+    assert not {"published", "validation", "preprocessing"} & set(own)
