@@ -406,3 +406,13 @@ def test_a_start_may_be_far_from_the_force(scale, limit):
         for given in (start, None)
     )
     np.testing.assert_allclose(found.pressure, expected.pressure, atol=1e-6 * 300)
+
+
+def test_elements_sixty_times_as_long_as_wide_under_a_pressure_limit():
+    # Bold steps alone go round in circles here.
+    heights = 1e-3 * (np.add.outer(np.arange(288) // 3, np.arange(214) // 5) % 2)
+    state = solve_contact(
+        heights, (0.01, 0.6), 1e4, mean_pressure=12.57, pressure_limit=100.0, tolerance=1e-6
+    )
+    assert state.residual <= 1e-6
+    assert state.pressure.max() == 100.0
