@@ -176,6 +176,19 @@ def test_a_mirrored_patch_is_noticed(wrong, looks):
     assert all(looks in text for text in told)
 
 
+def test_a_table_whose_places_are_wrong_is_noticed():
+    stone = Waves(6)
+    heights = [stone.patch(y, x) for y, x in NINE]
+
+    def told(places):
+        found, _ = place(stone.square(), table(places), heights)
+        return [text for text in warnings_of(found.reset_index()) if "x_mm and y_mm" in text]
+
+    assert told(NINE) == []
+    assert len(told([(x, y) for y, x in NINE])) == 1  # those on the diagonal are right
+    assert len(told(NINE[4:] + NINE[:4])) == 1
+
+
 def test_nothing_can_be_told_with_a_coarse_mesh_or_a_small_square(caplog):
     stone = Waves(2)
     heights = [stone.patch(y, x) for y, x in NINE]
@@ -210,6 +223,7 @@ def test_only_shifted_patches_are_moved():
     placement = pd.DataFrame(
         {
             "patch": ["2", "1", "3", ALL],
+            "correlation": [0.9, 0.8, 0.1, 0.9],
             "shift_x_um": [100.0, 50.0, np.nan, 1.0],
             "shift_y_um": [-20.0, 5.0, np.nan, 1.0],
             "shift_x_error_um": [10.0, 40.0, np.nan, 1.0],
