@@ -70,36 +70,81 @@ def number(cell: str) -> float:
 
 
 def split_header(path: Path, text: str) -> tuple[list[str], list[tuple[int, str]]]:
-    """The lines before the first row of numbers, and the rest as (line number, line).
+    """The lines before the first row of the matrix, and the rest as (line number, line).
 
-    A row of numbers has two cells at least, and at least one number. Lines without content and
+    A row has two cells at least. The header ends before the first row with a number, or before the
+    rows right above it that have as many cells, none of them measured. Lines without content and
     comments (``#``) are left out of the rest.
+
+    Raises
+    ------
+    InputError
+        A line of the header is too long for one, or one too many; or the first row is empty under
+        a header of as many cells, which it may belong to.
     """
-    header, rows = [], []
-    for count, line in enumerate(text.splitlines(), start=1):
-        if not line.strip():
-            continue
-        if not rows and not _has_numbers(line):
-            header.append(line)
-            if len(header) > _LONGEST_HEADER or len(line) > _LONGEST_HEADER_LINE:
-                raise InputError(
-                    path,
-                    f"line {count} is no row of numbers: {line[:60]!r}",
-                    "Export the heights as text, one row of the map a line.",
-                )
-        elif not line.lstrip().startswith("#"):
-            rows.append((count, line))
-    return header, rows
+    lines = [(n, line) for n, line in enumerate(text.splitlines(), start=1) if line.strip(" ")]
+    first = next((n for n, (_, line) in enumerate(lines) if _has_numbers(line)), len(lines))
+    shape = _shape(lines[first][1]) if first < len(lines) else None
+    for above in reversed(range(first)):
+        line = lines[above][1]
+        if _shape(line) == shape and _is_unmeasured(line):
+            first = above
+        elif not _is_comment(line):
+            break
+    header = [(n, line) for n, line in lines[:first] if line.strip()]
+    for place, (n, line) in enumerate(header):
+        if place >= _LONGEST_HEADER or len(line) > _LONGEST_HEADER_LINE:
+            raise InputError(
+                path,
+                f"line {n} is no row of numbers: {line[:60]!r}",
+                "Export the heights as text, one row of the map a line.",
+            )
+    # a line of nothing but tabs is a row where tabs separate the cells
+    rows = [
+        (n, line)
+        for n, line in lines[first:]
+        if not _is_comment(line) and (line.strip() or shape[0] == "\t")
+    ]
+    if rows and header and _shape(header[-1][1]) == shape and _is_spacer(rows[0][1]):
+        raise InputError(
+            path,
+            f"line {rows[0][0]} has no number and may be the end of the header, or a row of "
+            "unmeasured points",
+            "Delete it in the one case; in the other, write NaN into its cells.",
+        )
+    return [line for _, line in header], rows
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip().lower() for cell in cells_of(line, separator_of(line))]
+
+
+def _shape(line: str) -> tuple[str | None, int]:
+    return separator_of(line), len(_cells(line))
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith("#")
+
+
+def _is_unmeasured(line: str) -> bool:
+    return _UNMEASURED.issuperset(_cells(line))
+
+
+def _is_spacer(line: str) -> bool:
+    # spreadsheets write the blank line under a header as one of empty cells
+    return {"", "---"}.issuperset(_cells(line))
 
 
 def _has_numbers(line: str) -> bool:
-    # the first cells are enough: only headers are to be told from rows
-    cells = cells_of(line[:1000], separator_of(line))[:20]
+    cells = _cells(line)
     try:
-        numbers = [number(cell) for cell in cells]
+        # the first cells are enough to tell a header from a row with a word in it, which is damaged
+        for cell in cells[:20]:
+            number(cell)
     except ValueError:
         return False
-    return len(cells) > 1 and any(value == value for value in numbers)
+    return len(cells) > 1 and not _UNMEASURED.issuperset(cells)
 
 
 def mentioned_units(header: list[str]) -> set[str]:

@@ -188,6 +188,38 @@ class TestMatrices:
         np.testing.assert_allclose(np.nan_to_num(scan.values), np.array(expected) * 1e-3)
         assert np.isnan(scan.values).sum() == 5
 
+    @pytest.mark.parametrize("separator", [",", ";", "\t", " "])
+    @pytest.mark.parametrize("cell", ["", "NaN", "BAD", "---"])
+    @pytest.mark.parametrize("header", ["", "# Value units: µm\n", "Heights of a stone\n\n"])
+    def test_unmeasured_rows_on_top(self, tmp_path, separator, cell, header):
+        if separator == " " and not cell:
+            pytest.skip("blanks separate no empty cells")
+        heights = np.arange(1.0, 40 * 30 + 1).reshape(40, 30)
+        heights[:2] = heights[2:4, :25] = heights[20] = np.nan
+        rows = [separator.join(cell if v != v else f"{v:g}" for v in row) for row in heights]
+        path = self.write(tmp_path, header + "# a comment\n".join(f"{row}\n" for row in rows))
+        scan = read_scan(path, **KNOWN)
+        np.testing.assert_allclose(scan.values, heights * 1e-3)
+
+    def test_wide_and_many_unmeasured_rows_on_top(self, tmp_path):
+        path = self.write(tmp_path, 300 * (1999 * ";" + "\n") + 1999 * "1,5;" + "2\n")
+        scan = read_scan(path, **KNOWN)
+        assert scan.shape == (301, 2000)
+        assert np.isfinite(scan.values[-1]).all()
+        assert np.isnan(scan.values[:-1]).all()
+
+    def test_empty_row_that_may_end_a_header(self, tmp_path):
+        # as a spreadsheet writes a title and a blank line over the heights
+        text = "Heights,,,\n,,,\n1,2,3,4\n5,6,7,8\n9,9,9,9\n"
+        _refused(self.write(tmp_path, text), "line 2 has no number.*header.*NaN", **KNOWN)
+        scan = read_scan(self.write(tmp_path, text.replace("\n,,,", "")), **KNOWN)
+        assert scan.shape == (3, 4)
+        scan = read_scan(self.write(tmp_path, text.replace("\n,,,", "\n,,,NaN")), **KNOWN)
+        assert scan.shape == (4, 4)
+        # another number of cells is no row of this matrix
+        scan = read_scan(self.write(tmp_path, text.replace("\n,,,", "\n,,")), **KNOWN)
+        assert scan.shape == (3, 4)
+
     def test_separator_at_the_end_of_each_line(self, tmp_path):
         path = self.write(tmp_path, "1;2;3;4;\r\n5;6;7;;\r\n")
         scan = read_scan(path, **KNOWN)
