@@ -1,9 +1,11 @@
 """The patch table: where on the square each scan was taken, and which files it is in.
 
-TSV or CSV, one row per patch, ``#`` begins a comment line. Columns: ``patch`` (id), ``x_mm``,
-``y_mm`` (centre of the scan in the square's frame), ``rotation_deg`` (about the normal, x towards
-y), ``t0``, ``t1`` (file names in the scan folder), ``crop_x_mm``, ``crop_y_mm`` (centre of the
-piece to cut from the scan, from the scan's centre), ``note``.
+Text as spreadsheets write it, one row per patch: tabs, commas or semicolons separate the cells, as
+the line of column names has them; but for commas, numbers may have decimal commas. ``#`` begins a
+comment line. Columns: ``patch`` (id), ``x_mm``, ``y_mm`` (centre of the scan in the square's
+frame), ``rotation_deg`` (about the normal, x towards y), ``t0``, ``t1`` (file names in the scan
+folder), ``crop_x_mm``, ``crop_y_mm`` (centre of the piece to cut from the scan, from the scan's
+centre), ``note``.
 """
 
 import csv
@@ -15,6 +17,7 @@ from pathlib import Path
 import pandas as pd
 
 from gstlib.errors import ConfigError
+from gstlib.io.text import separator_of
 
 __all__ = ["natural_key", "read_patches"]
 
@@ -34,7 +37,7 @@ def read_patches(
     Parameters
     ----------
     path : str or Path
-        .tsv or .csv file.
+        .tsv, .csv or .txt file, UTF-8 or (with its mark) UTF-16.
     schema : mapping or path
         JSON schema of a row (a path: YAML or JSON), `workflow/schemas/patches.schema.yaml`. It
         sees numbers as numbers, and cells left empty as absent.
@@ -54,9 +57,9 @@ def read_patches(
     """
     path = Path(path)
     schema = _load_schema(schema)
-    columns, lines = _read_lines(path)
+    delimiter, columns, lines = _read_lines(path)
     _check_columns(path, columns, schema)
-    rows, problems = _check_rows(columns, lines, schema)
+    rows, problems = _check_rows(columns, lines, schema, decimal_comma=delimiter != ",")
     problems += _duplicates(rows)
     problems += _out_of_square(rows, size_mm, patch_size_mm)
     if problems:
@@ -95,32 +98,50 @@ def _load_schema(schema: Mapping | str | Path) -> Mapping:
     return yaml.safe_load(Path(schema).read_text(encoding="utf-8"))
 
 
-def _read_lines(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Column names, and (line number, cells) of each row."""
+def _read_lines(path: Path) -> tuple[str, list[str], list[tuple[int, list[str]]]]:
+    """Delimiter, column names, and (line number, cells) of each row."""
     if not path.is_file():
         raise ConfigError(
             path, "no such file", "Correct the path of the patch table in the config."
         )
-    delimiters = {".tsv": "\t", ".csv": ","}
-    if path.suffix.lower() not in delimiters:
+    if path.suffix.lower() not in (".tsv", ".csv", ".txt"):
         raise ConfigError(
-            path, f"a patch table is .tsv or .csv, not '{path.suffix}'", "Rename or convert it."
+            path,
+            f"a patch table is .tsv, .csv or .txt, not '{path.suffix}'",
+            "Save it as CSV.",
         )
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ConfigError(path, f"is not UTF-8 text ({error})", "Save it as UTF-8.") from error
+    # a spreadsheet writes a cell with a comment in quotes, and blank rows as rows of empty cells
     lines = [
-        (number, [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))])
-        for delimiter in [delimiters[path.suffix.lower()]]
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
+        (number, line)
+        for number, line in enumerate(_text(path).splitlines(), start=1)
+        if line.strip(" \t,;") and not line.lstrip(' "').startswith("#")
     ]
     if len(lines) < 2:
         raise ConfigError(
             path, "the table has no rows", "Give a line of column names and one line per patch."
         )
-    return lines[0][1], lines[1:]
+    delimiter = separator_of(lines[0][1]) or ","
+    cells = [
+        (number, _filled(next(csv.reader([line], delimiter=delimiter)))) for number, line in lines
+    ]
+    return delimiter, cells[0][1], cells[1:]
+
+
+def _text(path: Path) -> str:
+    content = path.read_bytes()
+    encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
+    try:
+        return content.decode(encoding)
+    except UnicodeDecodeError as error:
+        raise ConfigError(path, f"is not UTF-8 text ({error})", "Save it as UTF-8.") from error
+
+
+def _filled(cells: list[str]) -> list[str]:
+    """The cells up to the last that is not empty."""
+    cells = [cell.strip() for cell in cells]
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
 
 
 def _check_columns(path: Path, columns: list[str], schema: Mapping) -> None:
@@ -134,15 +155,16 @@ def _check_columns(path: Path, columns: list[str], schema: Mapping) -> None:
         if names
     ]
     if problems:
-        separator = "tabs" if path.suffix.lower() == ".tsv" else "commas"
         raise ConfigError(
             path,
             "; ".join(problems) + f" (found {columns})",
-            f"Known columns: {known}, separated by {separator}.",
+            f"Known columns: {known}, separated by tabs, commas or semicolons.",
         )
 
 
-def _check_rows(columns, lines, schema) -> tuple[list[tuple[int, dict]], list[tuple[int, str]]]:
+def _check_rows(
+    columns, lines, schema, *, decimal_comma: bool
+) -> tuple[list[tuple[int, dict]], list[tuple[int, str]]]:
     """Rows as (line number, values) and what the schema says against them."""
     from jsonschema import Draft202012Validator
 
@@ -158,7 +180,7 @@ def _check_rows(columns, lines, schema) -> tuple[list[tuple[int, dict]], list[tu
         for name, cell in zip(columns, cells, strict=False):
             if cell:
                 is_text = schema["properties"][name].get("type") == "string"
-                row[name] = cell if is_text else _number(cell)
+                row[name] = cell if is_text else _number(cell, decimal_comma)
         label = f"line {number} (patch {row['patch']})" if "patch" in row else f"line {number}"
         # A row that lacks several columns makes one error for each, which say the same.
         found = dict.fromkeys(_explain(error, row) for error in validator.iter_errors(row))
@@ -167,9 +189,9 @@ def _check_rows(columns, lines, schema) -> tuple[list[tuple[int, dict]], list[tu
     return rows, problems
 
 
-def _number(cell: str) -> float | str:
+def _number(cell: str, decimal_comma: bool) -> float | str:
     try:
-        value = float(cell)
+        value = float(cell.replace(",", ".") if decimal_comma else cell)
     except ValueError:
         return cell
     return value if math.isfinite(value) else cell

@@ -51,6 +51,42 @@ def test_rows_in_natural_order_with_every_column(table, name, separator):
     assert (patches.note == "").all()
 
 
+@pytest.mark.parametrize("name", ["p.csv", "p.tsv", "p.txt"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize(("separator", "point"), [(",", "."), (";", ","), ("\t", ","), (";", ".")])
+def test_tables_as_spreadsheets_write_them(tmp_path, name, encoding, separator, point):
+    rows = [
+        ["# moulds"],
+        [],
+        ["patch", "x_mm", "y_mm", "t0", "note"],
+        ["5", f"4{point}5", f"0{point}5", "5.plu", "Höhe"],
+        [],
+        ["7", "1", f"1{point}25", "7.plu"],
+    ]
+    text = "".join(separator.join(row + [""] * (7 - len(row))) + "\r\n" for row in rows)
+    (tmp_path / name).write_bytes(text.encode(encoding))
+    patches = read(tmp_path / name)
+    assert list(patches.patch) == ["5", "7"]
+    assert list(patches.x_mm) == [4.5, 1.0]
+    assert list(patches.y_mm) == [0.5, 1.25]
+    assert list(patches.note) == ["Höhe", ""]
+
+
+def test_spreadsheet_tables_keep_their_line_numbers(table):
+    text = (
+        '"# a comment; quoted";;;;\n;;;;\npatch;x_mm;y_mm;t0;\n1;0,5;1;a;\n;;;;\n'
+        "2;1.234,5;1;b;\n3;1;1;c;seen\n"
+    )
+    refused(
+        table(text),
+        "line 6 (patch 2): x_mm is '1.234,5', not a number",
+        "line 7: 5 cells in 4 columns",
+        "2 problems",
+    )
+    # between commas a comma is no decimal sign
+    refused(table('patch,x_mm,y_mm,t0\n1,"0,5",1,a\n'), "x_mm is '0,5', not a number")
+
+
 def test_ids_stay_text(table):
     patches = read(table("patch,x_mm,y_mm,t0\n01,1,1,a\n1,2,2,b\n"))
     assert sorted(patches.patch) == ["01", "1"]
@@ -107,7 +143,8 @@ def test_footprint_may_touch_the_edge(table):
         ("patch,x_mm,t0", "missing columns ['y_mm']"),
         ("patch,x_mm,y_mm,t0,pressure", "unknown columns ['pressure']"),
         ("patch,x_mm,y_mm,t0,t0", "repeated columns ['t0']"),
-        ("patch\tx_mm\ty_mm\tt0", "separated by commas"),
+        ("patch,x_mm,y_mm,,t0", "unknown columns ['']"),
+        ("patch x_mm y_mm t0", "separated by tabs, commas or semicolons"),
     ],
 )
 def test_columns(table, header, part):
@@ -121,6 +158,7 @@ def test_files_that_are_no_table(table, tmp_path):
     refused(table("x", "table.xlsx"), "'.xlsx'")
     (tmp_path / "latin.csv").write_bytes("patch,x_mm,y_mm,t0,note\n1,1,1,a,Höhe".encode("latin-1"))
     refused(tmp_path / "latin.csv", "not UTF-8")
+    refused(table(",,,\n,,,\n", "commas.csv"), "no rows")
 
 
 def test_shipped_tables():
