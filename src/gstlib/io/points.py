@@ -1,7 +1,7 @@
 """Points in text (.xyz: columns x, y, z), on a grid or scattered."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from gstlib.errors import InputError
 from gstlib.io.bounds import bounded
 from gstlib.io.height_map import SCAN_UNITS, HeightMap, Unsaid
-from gstlib.io.text import read_text
+from gstlib.io.text import cells_of, number, read_text, separator_of
 from gstlib.surface import axis_coordinates
 
 __all__ = ["read_points"]
@@ -21,6 +21,8 @@ _LEAST_FILLED = 0.25
 _LARGEST_SIDE = 1 << 16
 # Between scattered points nothing is known: ten elements from one to the next are more than enough.
 _MOST_ELEMENTS_PER_POINT = 100
+
+_EXPORT = "Export the points as text, one 'x y z' a line; comments begin with '#'."
 
 
 def read_points(
@@ -101,26 +103,46 @@ def _units(path: Path, text: str, unsaid: Unsaid) -> tuple[float, float]:
 
 def _load_columns(path: Path, text: str) -> np.ndarray:
     """The first three columns of a text, (points, 3)."""
-    failure: Exception | None = None
-    if ";" in text and "," in text and "." not in text:
-        text = text.replace(",", ".")  # decimal commas
+    mark = separator_of(next((line for _, line in _data_lines(text)), ""))
+    if mark in (";", "\t"):
+        text = re.sub(r",(?=\d)", ".", text)  # decimal commas
     lines = text.splitlines()
     for delimiter in (None, ",", ";"):
         try:
             points = np.loadtxt(lines, usecols=(0, 1, 2), delimiter=delimiter, ndmin=2)
-        except (ValueError, IndexError) as error:
-            failure = failure or error
+            break
+        except (ValueError, IndexError):
             continue
-        # A point without x or y is nowhere; one without z is unmeasured.
-        points = points[np.isfinite(points[:, :2]).all(axis=1)]
-        if len(points) >= 4:
-            return points
-        failure = ValueError(f"only {len(points)} points")
-    raise InputError(
-        path,
-        f"cannot be read as columns x, y, z of numbers ({failure})",
-        "Export the points as text, one 'x y z' a line; comments begin with '#'.",
-    )
+    else:
+        # slower, but it knows unmeasured cells, and the line at fault
+        points = np.array([_point(path, n, line, mark) for n, line in _data_lines(text)])
+    # A point without x or y is nowhere; one without z is unmeasured.
+    points = points[np.isfinite(points[:, :2]).all(axis=1)]
+    if len(points) < 4:
+        raise InputError(
+            path, f"cannot be read as columns x, y, z: it has only {len(points)} points", _EXPORT
+        )
+    return points
+
+
+def _data_lines(text: str) -> Iterator[tuple[int, str]]:
+    """Lines with content, numbered, without their comments."""
+    for count, line in enumerate(text.splitlines(), start=1):
+        line = line.partition("#")[0]
+        if line.strip():
+            yield count, line
+
+
+def _point(path: Path, count: int, line: str, mark: str | None) -> list[float]:
+    try:
+        x, y, z = (number(cell) for cell in cells_of(line, mark)[:3])
+    except ValueError:
+        raise InputError(
+            path,
+            f"cannot be read as columns x, y, z of numbers: line {count} is {line.strip()[:60]!r}",
+            _EXPORT,
+        ) from None
+    return [x, y, z]
 
 
 def _as_grid(x: np.ndarray, y: np.ndarray):

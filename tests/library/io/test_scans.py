@@ -159,9 +159,36 @@ def test_points_on_a_line_and_a_far_point(tmp_path):
     _refused(tmp_path / "a.xyz", "9 points are scattered", unit="nm")
 
 
+@pytest.mark.parametrize("separator", [" ", "\t", ";"])
+def test_points_with_decimal_commas_and_unmeasured_heights(tmp_path, heights, separator):
+    write_xyz(tmp_path / "a.xyz", np.nan_to_num(heights, nan=9.0), (DY, DX))
+    text = (tmp_path / "a.xyz").read_text().replace(" ", separator)
+    if separator != " ":
+        text = text.replace(".", ",")
+    for mark in ("NaN", "BAD", "---", "" if separator != " " else "nan"):
+        unmeasured = text.replace("9000,000000000", mark).replace("9000.000000000", mark)
+        (tmp_path / "a.xyz").write_text("# Sq 1.5, rounded\n" + unmeasured)
+        scan = read_scan(tmp_path / "a.xyz", unit="um")
+        np.testing.assert_allclose(scan.values, heights, atol=1e-9)
+        assert spacing_of(scan) == pytest.approx((DY, DX))
+
+
+def test_points_between_commas_and_tabs(tmp_path, heights):
+    write_xyz(tmp_path / "a.xyz", heights, (DY, DX))
+    text = (tmp_path / "a.xyz").read_text()
+    (tmp_path / "a.xyz").write_text(text.replace(" ", ",\t"))
+    np.testing.assert_allclose(read_scan(tmp_path / "a.xyz", unit="um").values, heights, atol=1e-9)
+
+
 def test_text_that_is_no_points(tmp_path):
     (tmp_path / "a.xyz").write_text("x y z\n1 2 three\n")
-    _refused(tmp_path / "a.xyz", "cannot be read as columns x, y, z", unit="um")
+    _refused(tmp_path / "a.xyz", "cannot be read as columns x, y, z.*line 1 is 'x y z'", unit="um")
+    (tmp_path / "a.xyz").write_text("# x y z\n1 2 3\n1 2 three\n")
+    _refused(tmp_path / "a.xyz", "line 3 is '1 2 three'", unit="um")
+    (tmp_path / "a.xyz").write_text("0,5 1,5 2,5\n" * 9)
+    _refused(tmp_path / "a.xyz", "line 1 is '0,5 1,5 2,5'", unit="um")
+    (tmp_path / "a.xyz").write_text("1 2\n" * 9)
+    _refused(tmp_path / "a.xyz", "line 1 is '1 2'", unit="um")
     (tmp_path / "a.xyz").write_text("1 2 3\n1 3 3\n")
     _refused(tmp_path / "a.xyz", "only 2 points", unit="um")
 
