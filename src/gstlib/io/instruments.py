@@ -7,6 +7,7 @@ a mark make a map of anything. SurfaceTopography: Röttger et al. 2022, Surf. To
 10:035032. Importing this module imports the library, which takes a second or two.
 """
 
+import io
 import logging
 import struct
 import warnings
@@ -47,6 +48,8 @@ _NEVER = {"asc", "hgt", "nms", "xyz"}
 _LARGEST_PLU_SIDE = 1 << 16
 # Objects of Digital Surf files that hold no heights: binary, intensity and colour images, spectra.
 _SUR_NO_HEIGHTS = {3, 10, 12, 20, 21}
+# Where their header has its units, so many of so many bytes.
+_SUR_UNITS, _SUR_UNIT_COUNT, _SUR_UNIT_BYTES = 180, 6, 16
 _X3P_BYTES = {"I": 2, "L": 4, "F": 4, "D": 8}
 # Magic, two tags, and the comment that follows the counted tags of an Alicona file; a tag.
 _AL3D_HEADER, _AL3D_TAG = 17 + 2 * 52 + 256, 52
@@ -78,7 +81,16 @@ def read_instrument_file(path: Path, unsaid: Unsaid) -> HeightMap:
 
 
 def _open(path: Path) -> ReaderBase:
-    formats = _candidates(path)
+    with path.open("rb") as file:
+        start = file.read(512)
+    if start.startswith(b"DSCOMPRESSED"):
+        raise InputError(
+            path,
+            "is a compressed file of Digital Surf, which is not understood here",
+            "Save it without compression (in MountainsMap or the instrument's software), or export "
+            "it as .x3p or as text.",
+        )
+    formats = _candidates(path, start)
     if not formats:
         raise InputError(
             path,
@@ -89,7 +101,8 @@ def _open(path: Path) -> ReaderBase:
     failures = []
     for name in formats:
         try:
-            return open_topography(str(path), format=name)
+            source = _sur_in_latin_1(path) if name == "sur" else str(path)
+            return open_topography(source, format=name)
         except MemoryError:
             raise
         except Exception as error:  # the readers raise whatever their parsers raise
@@ -102,12 +115,24 @@ def _open(path: Path) -> ReaderBase:
     ) from failures[0]
 
 
-def _candidates(path: Path) -> list[str]:
+def _sur_in_latin_1(path: Path) -> io.BytesIO:
+    """The file with its units in Latin-1, as its reader wants them; some programs write UTF-8."""
+    content = bytearray(path.read_bytes())
+    for unit in range(_SUR_UNIT_COUNT):
+        start = _SUR_UNITS + unit * _SUR_UNIT_BYTES
+        place = slice(start, start + _SUR_UNIT_BYTES)
+        try:
+            text = content[place].decode("utf-8").replace("μ", "µ").encode("latin-1")
+        except UnicodeError:
+            continue  # Latin-1 already, or no unit
+        content[place] = text + content[place][len(text) :]
+    return io.BytesIO(content)
+
+
+def _candidates(path: Path, start: bytes) -> list[str]:
     suffix = path.suffix.lower()
     if suffix in _FORMATS:
         return [_FORMATS[suffix]]
-    with path.open("rb") as file:
-        start = file.read(512)
     return [
         reader.format()
         for reader in readers

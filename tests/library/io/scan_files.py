@@ -77,14 +77,14 @@ def write_plux(path, heights, spacing, claim=None):
     path.write_bytes(zipped(plux_members([heights], spacing, claim)))
 
 
-def write_sur(path, heights, spacing, claim=None, bits=32):
+def write_sur(path, heights, spacing, claim=None, bits=32, micrometres=b"\xb5m"):
     """Steps along x in mm, along y in µm; heights in nm steps of which are stored."""
     ny, nx = _claimed(heights, claim)
     unit_nm = 1e-3 if bits == 32 else 0.5
     steps = np.round(heights * 1e6 / unit_nm)
     lowest = int(np.nanmin(steps)) if np.isfinite(steps).any() else 0
     values = np.where(np.isnan(steps), lowest - 2, steps)
-    text = [b"X", b"Y", b"Z", b"mm", b"\xb5m", b"nm", b"mm", b"\xb5m", b"nm"]
+    text = [b"X", b"Y", b"Z", *2 * [b"mm", micrometres, b"nm"]]
     header = struct.pack("<12sHHHH", b"DIGITAL SURF", 0, 1, 1, 2)
     header += struct.pack("<30s30s", b"a stone", b"a profiler")
     header += struct.pack("<HHHHH8xH", 0, 2, 0, int(np.isnan(steps).any()), 1, bits)

@@ -79,6 +79,24 @@ def test_sur_of_16_bits(tmp_path, heights):
     np.testing.assert_allclose(read_scan(tmp_path / "a.sur").values, heights, atol=3e-7)
 
 
+@pytest.mark.parametrize("unit", ["µm", "μm"])  # micro sign, Greek letter
+@pytest.mark.parametrize("padding", ["", 13 * " "])
+def test_sur_with_units_in_utf_8(tmp_path, heights, unit, padding):
+    micrometres = (unit + padding).encode("utf-8")
+    write_sur(tmp_path / "a.sur", heights, (DY, DX), micrometres=micrometres)
+    scan = read_scan(tmp_path / "a.sur")
+    np.testing.assert_allclose(scan.values, heights, atol=1e-9)
+    assert spacing_of(scan) == pytest.approx((DY, DX))
+
+
+@pytest.mark.parametrize("name", ["a.sur", "a.bin"])
+def test_compressed_sur(tmp_path, heights, name):
+    write_sur(tmp_path / "b.sur", heights, (DY, DX))
+    content = (tmp_path / "b.sur").read_bytes()
+    (tmp_path / name).write_bytes(content.replace(b"DIGITAL SURF", b"DSCOMPRESSED"))
+    _refused(tmp_path / name, "compressed file of Digital Surf.*without compression")
+
+
 def _gwy(layers, spacing):
     return gwy_bytes({1: layers[1], 0: layers[0]}, spacing)  # stored in the wrong order
 
