@@ -17,6 +17,9 @@ from gstlib.io.text import cells_of, mentioned_units, number, read_text, separat
 
 __all__ = ["read_matrix"]
 
+# Fewer numbers may be evenly spaced by chance; coordinates are so within rounding, in steps.
+_FEWEST_COORDINATES, _COORDINATE_TOLERANCE = 10, 0.05
+
 _EXPORT = "Export the whole topography as a matrix, or as .plu, .plux, .sur, .x3p or .al3d."
 
 
@@ -25,6 +28,7 @@ def read_matrix(path: Path, unsaid: Unsaid) -> HeightMap:
     with bounded(path, path.stat().st_size):
         header, rows = split_header(path, read_text(path))
         heights = _cells(path, rows)
+        _check_coordinates(path, header, heights)
     ny, nx = heights.shape
     if nx < 3:
         raise InputError(path, f"holds a profile ({nx} columns of numbers), not a map", _EXPORT)
@@ -75,6 +79,42 @@ def _cells(path: Path, rows: list[tuple[int, str]]) -> np.ndarray:
     # a separator at the end of each line makes one empty cell more
     ended = mark is not None and all(line.rstrip(" ").endswith(mark) for _, line in rows)
     return matrix[:, :-1] if ended else matrix
+
+
+def _check_coordinates(path: Path, header: list[str], heights: np.ndarray) -> None:
+    """Refuse a matrix with its coordinates in a row above it and a column beside it."""
+    row, column = heights[0, 1:], heights[1:, 0]
+    if header and not _is_even(row):
+        row, column = _numbers_above(header[-1], heights.shape[1]), heights[:, 0]
+    inner = heights[1:, 1:]
+    if (
+        _is_even(row)
+        and _is_even(column)
+        # the rows of an ideal plane are even, all of them
+        and not any(_is_even(line) for lines in (inner, inner.T) for line in lines)
+    ):
+        raise InputError(
+            path,
+            "the numbers on top of its columns and those of its first column go up or down in "
+            "equal steps, as coordinates do, not heights",
+            "Export the heights alone, or delete that row and that column.",
+        )
+
+
+def _numbers_above(line: str, width: int) -> np.ndarray:
+    """Numbers of a header's line over columns of the matrix, from the second on, if it has them."""
+    try:
+        return np.array([number(cell) for cell in cells_of(line, separator_of(line))[1:width]])
+    except ValueError:
+        return np.array([])
+
+
+def _is_even(values: np.ndarray) -> bool:
+    if len(values) < _FEWEST_COORDINATES:
+        return False
+    step = (values[-1] - values[0]) / (len(values) - 1)
+    deviation = np.abs(values - values[0] - step * np.arange(len(values)))
+    return bool(step != 0 and deviation.max() <= _COORDINATE_TOLERANCE * abs(step))
 
 
 def _meaning(path: Path, header: list[str], shape: tuple[int, int]):

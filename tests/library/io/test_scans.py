@@ -265,6 +265,29 @@ class TestMatrices:
         scan = read_scan(self.write(tmp_path, text.replace("\n,,,", "\n,,")), **KNOWN)
         assert scan.shape == (3, 4)
 
+    @pytest.mark.parametrize("corner", ["y/x", "0", ""])
+    @pytest.mark.parametrize("step", [13.28, -0.001])
+    def test_coordinates_beside_the_heights(self, tmp_path, corner, step):
+        heights = np.random.default_rng(4).normal(size=(12, 15))
+        lines = [[corner, *(f"{n * step:.4f}" for n in range(15))]]
+        lines += [
+            [f"{n * step:.4f}", *(f"{value:.4f}" for value in row)] for n, row in enumerate(heights)
+        ]
+        text = "".join(";".join(line) + "\n" for line in lines)
+        _refused(self.write(tmp_path, text), "as coordinates do.*delete that row", **KNOWN)
+        # one of the two alone may be chance
+        for part in ("".join(text.splitlines(True)[1:]), text.replace(lines[5][0], "0.5")):
+            assert read_scan(self.write(tmp_path, part), **KNOWN).shape[1] == 16
+
+    @pytest.mark.parametrize("header", ["", "y/x" + ",".join(map(str, range(15))) + "\n"])
+    def test_plane_has_no_coordinates(self, tmp_path, header):
+        rows, columns = np.indices((12, 15))
+        heights = 0.3 * rows - 0.2 * columns
+        heights[1, 1] = heights[4, 7] = np.nan
+        text = "".join(",".join(f"{value:.3f}" for value in row) + "\n" for row in heights)
+        scan = read_scan(self.write(tmp_path, header + text), **KNOWN)
+        np.testing.assert_allclose(scan.values, heights * 1e-3, atol=1e-12)
+
     def test_separator_at_the_end_of_each_line(self, tmp_path):
         path = self.write(tmp_path, "1;2;3;4;\r\n5;6;7;;\r\n")
         scan = read_scan(path, **KNOWN)
