@@ -11,6 +11,9 @@ from gstlib.errors import GstError
 
 __all__ = ["main"]
 
+# What stands here for the keys of a config that a refusal of a file may ask for.
+_OPTIONS = {"scans.unit": "--unit", "spacing_um": "--spacing-um"}
+
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(gstlib.__version__, prog_name="gst")
@@ -45,13 +48,17 @@ def inspect(files, unit, spacing_um, picture, as_json) -> None:
 
     if picture is not None and len(files) > 1:
         raise click.UsageError("--picture takes one file")
+    if picture is not None and picture.suffix.lower() != ".png":
+        raise click.UsageError(f"--picture draws a PNG: name it .png, not '{picture.name}'")
     failed = False
     for file in files:
         try:
             facts, heights = inspect_file(file, unit=unit, spacing_um=spacing_um)
         except GstError as error:
             failed = True
-            click.echo(f"ERROR: {error}", err=True)
+            options = [option for key, option in _OPTIONS.items() if key in str(error)]
+            here = f" For gst inspect, that is {' and '.join(options)}." if options else ""
+            click.echo(f"ERROR: {error}{here}", err=True)
             continue
         if as_json:
             click.echo(json.dumps({"path": str(file)} | facts))

@@ -95,11 +95,28 @@ def test_command_speaks_json_and_goes_on_after_a_bad_file(scan_file, tmp_path):
     assert json.loads(line)["points_y"] == 40
 
 
+def test_picture_is_a_png_by_its_name_too(scan_file, tmp_path):
+    result = run("inspect", scan_file, "--picture", tmp_path / "a.jpg")
+    assert result.exit_code == 2
+    assert "name it .png, not 'a.jpg'" in result.stderr
+    assert not (tmp_path / "a.jpg").exists()
+
+
+def test_matrix_and_scattered_points_ask_for_the_spacing(tmp_path):
+    np.savetxt(tmp_path / "a.txt", np.random.default_rng(1).normal(size=(9, 9)))
+    assert "that is --unit." in run("inspect", tmp_path / "a.txt").stderr
+    assert "that is --spacing-um." in run("inspect", "--unit", "um", tmp_path / "a.txt").stderr
+    np.savetxt(tmp_path / "a.xyz", np.random.default_rng(1).uniform(size=(50, 3)))
+    assert "that is --spacing-um." in run("inspect", "--unit", "um", tmp_path / "a.xyz").stderr
+    result = run("inspect", "--unit", "um", "--spacing-um", "2", tmp_path / "a.txt")
+    assert result.exit_code == 0, result.output
+
+
 def test_text_without_a_unit_asks_for_one(tmp_path):
     rows, columns = np.indices((20, 30))
     points = np.stack([2.0 * columns, 2.0 * rows, rows % 3], axis=-1).reshape(-1, 3)
     np.savetxt(tmp_path / "a.xyz", points)
-    assert "unit" in run("inspect", tmp_path / "a.xyz").stderr
+    assert "that is --unit." in run("inspect", tmp_path / "a.xyz").stderr
     result = run("inspect", "--unit", "um", tmp_path / "a.xyz")
     assert result.exit_code == 0, result.output
     assert "spacing_x_um  2\n" in result.output
