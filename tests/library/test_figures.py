@@ -378,6 +378,21 @@ def test_validation_figure_says_what_the_tables_say(study):
     assert pressures == sorted(pressures, reverse=True)
 
 
+def test_validation_leaves_out_a_studied_patch_without_t1(study):
+    del study["contacts"]["2"]
+    figure = figures.validation_figure(
+        study["contacts"],
+        {name: study["registered"] for name in study["contacts"]},
+        study["scores"][study["scores"].patch != "2"],
+        *(study[name] for name in ("gains", "failures", "summary")),
+        pressures={"1": 30.0, "2": 40.0, "3": 5.0},
+    )
+    worn = next(axes for axes in figure.subfigs[0].axes if "worn" in axes.get_title())
+    named = {text.get_text() for text in worn.texts}
+    assert {"1", "3"} <= named
+    assert "2" not in named
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_validation_of_few_patches_can_be_drawn(study, tmp_path, count):
     study["contacts"] = dict(list(study["contacts"].items())[:count])

@@ -82,7 +82,8 @@ def validation_figure(
         The tables ``validation_patches.csv``, ``validation_gains.csv``,
         ``validation_failures.csv``, ``validation_summary.csv``.
     pressures : mapping of str to float, optional
-        Pressure (MPa) of every patch in the tables, where maps of some only are drawn.
+        Pressure (MPa) of every patch in the tables, where maps of some only are drawn. A patch
+        that is not in the tables (it has no T1) is left out.
     """
     drawn = {patch: float(contacts[patch]["mean_pressure"][-1]) for patch in contacts}
     pressures = drawn if pressures is None else pressures
@@ -223,15 +224,14 @@ def _draw_extent(
     axes: Axes, pressures: Mapping[str, float], scores: pd.DataFrame, summary: pd.DataFrame
 ) -> None:
     """Area with loss of each patch against its pressure."""
-    loss = scores.set_index("patch")["loss_fraction"]
-    for patch, pressure in pressures.items():
-        if math.isfinite(loss[patch]):
-            axes.plot(pressure, 100 * loss[patch], "o", color=VERMILION)
-            if len(pressures) > LEGIBLE:
-                continue
+    lost = scores.set_index("patch")["loss_fraction"].dropna()
+    lost = lost[lost.index.isin(list(pressures))]
+    for patch, share in lost.items():
+        axes.plot(pressures[patch], 100 * share, "o", color=VERMILION)
+        if len(lost) <= LEGIBLE:
             axes.annotate(
                 patch,
-                (pressure, 100 * loss[patch]),
+                (pressures[patch], 100 * share),
                 xytext=(3, 3),
                 textcoords="offset points",
                 fontsize=6.5,
