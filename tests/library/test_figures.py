@@ -12,6 +12,7 @@ from matplotlib.image import imread
 import gstlib.figures as figures
 from gstlib.figures.style import block_of, draw_classes, draw_heights, draw_mask, new_figure
 from gstlib.surface import make_surface
+from gstlib.validation.change import no_change
 
 STEPS = 4
 
@@ -376,6 +377,12 @@ def test_validation_figure_says_what_the_tables_say(study):
     pressures = [float(label.split("\n")[1].removesuffix(" MPa")) for label in patches]
     assert len(patches) == 3
     assert pressures == sorted(pressures, reverse=True)
+
+
+@pytest.mark.parametrize("name", ["patch", "overview", "validation"])
+def test_a_patch_of_whose_change_nothing_is_known_can_be_drawn(study, tmp_path, name):
+    study["registered"] = no_change(study["contacts"]["1"]["height"]).assign_attrs(overlap=0.9)
+    figures.save_figure(DRAW[name](study), tmp_path / "a.png")
 
 
 def test_validation_leaves_out_a_studied_patch_without_t1(study):

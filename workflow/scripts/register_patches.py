@@ -4,6 +4,7 @@ Inputs: the surfaces at T0 and T1. Outputs: a file with T1, change, loss and gai
 Settings: the patches, farthest shift, least points of a trace.
 """
 
+import logging
 from pathlib import Path
 
 from gstlib.errors import InputError
@@ -14,19 +15,34 @@ from gstlib.validation.change import measured_change
 
 
 def lay_over(
-    t0: Path, t1: Path, registered: Path, *, maximum_shift_mm: float, minimum_points: int
+    patch: str,
+    t0: Path,
+    t1: Path,
+    registered: Path,
+    *,
+    maximum_shift_mm: float,
+    minimum_points: int,
 ) -> None:
     """Register T1 to T0 and store the height change."""
     before, after = (read_dataset(file, only=["height", "filled", "outlier"]) for file in (t0, t1))
     settings = {"maximum_shift_mm": maximum_shift_mm, "minimum_points": minimum_points}
     registration, change = measured_change(before, after, **settings)
+    if registration.found and not change.attrs["known_share"]:
+        logging.getLogger("gstlib").warning(
+            "patch %s: hardly any point has a height of its own at T0 and at T1 (%.0f %% and "
+            "%.0f %% of the scans are holes or outliers, T1 covers %.0f %% of T0): nothing is said "
+            "of its wear. Scan it again, or leave its t1 empty.",
+            patch,
+            *(100 * (epoch.filled | epoch.outlier).values.mean() for epoch in (before, after)),
+            100 * registration.overlap,
+        )
     write_dataset(registered, change, registration.as_attrs() | provenance([t0, t1], settings))
 
 
 def main(files: dict[str, tuple[Path, Path, Path]], **settings: float) -> None:
-    for patch, (t0, t1, registered) in patch_by_patch(files):
+    for patch, paths in patch_by_patch(files):
         try:
-            lay_over(t0, t1, registered, **settings)
+            lay_over(patch, *paths, **settings)
         except InputError as error:  # it names the epoch, but not the patch
             source = f"patch {patch}, {error.source}"
             raise InputError(source, error.problem, error.remedy) from error

@@ -166,6 +166,8 @@ def name_patches(axes: Axes, names: Sequence[str], **style) -> None:
 def height_limits(*surfaces: xr.DataArray) -> tuple[float, float]:
     """Colour limits (µm) that several height maps (mm) share; the few extremes are cut off."""
     values = np.concatenate([surface.values[np.isfinite(surface.values)] for surface in surfaces])
+    if not values.size:
+        return -1.0, 1.0
     low, high = np.percentile(values, [0.5, 99.5]) * MM_TO_UM
     return (float(low), float(high)) if high > low else (float(low) - 1, float(high) + 1)
 

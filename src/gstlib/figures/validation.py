@@ -87,7 +87,8 @@ def patch_figure(
     predicted.set_title("predicted contact")
     legend_below(predicted, [Patch(color=CONTACT, label=f"in contact: {in_contact.mean():.2%}")])
 
-    bound = max(-height_limits(change)[0], 2 * registered.attrs["level_of_detection_um"])
+    limit = registered.attrs["level_of_detection_um"]  # NaN where no change is known
+    bound = np.nanmax([-height_limits(change)[0], 2 * limit])
     # what noise may have done is drawn as no change
     counted = loss | registered["gain"].values.astype(bool)
     image = draw_map(
@@ -107,11 +108,9 @@ def patch_figure(
         draw_mask(axes, t0, ~inside, "white", block=block)
     draw_mask(lost, t0, loss, VERMILION, block=block)
     lost.set_title("measured loss")
-    limit = registered.attrs["level_of_detection_um"]
     share = loss.sum() / max(inside.sum(), 1)
-    legend_below(
-        lost, [Patch(color=VERMILION, label=f"lost more than {limit:.2f} µm: {share:.1%}")]
-    )
+    told = f"lost more than {limit:.2f} µm: {share:.1%}" if inside.any() else "change not known"
+    legend_below(lost, [Patch(color=VERMILION if inside.any() else "white", label=told)])
 
     classes = draw_agreement(agreement, contact, registered, block=block)
     handles = [

@@ -67,19 +67,20 @@ def measured_change(
     Returns
     -------
     Registration, xarray.Dataset
-        The latter as of `height_change`, or of `no_change` where the registration is not believed.
+        The latter as of `height_change`, or of `no_change` where the registration is not believed
+        or fewer than 100 points have a height of their own at both epochs.
     """
     registration = register(before.height, after.height, maximum_shift_mm=maximum_shift_mm)
     if not registration.found:
         return registration, no_change(before.height)
+    on_t0 = apply_registration(after.height, registration, like=before.height)
     replaced = carry_mask(_replaced(after), registration, like=before.height)
-    change = height_change(
-        before.height,
-        apply_registration(after.height, registration, like=before.height),
-        known=~(_replaced(before).values | replaced),
-        minimum_points=minimum_points,
+    known = np.isfinite(on_t0.values) & ~(_replaced(before).values | replaced)
+    if known.sum() < _LEAST_POINTS:
+        return registration, no_change(before.height)
+    return registration, height_change(
+        before.height, on_t0, known=known, minimum_points=minimum_points
     )
-    return registration, change
 
 
 def _replaced(surface: xr.Dataset) -> xr.DataArray:
@@ -166,7 +167,7 @@ def height_change(
 
 
 def no_change(t0: xr.DataArray) -> xr.Dataset:
-    """What `height_change` would give of a T1 that lies nowhere on T0: nothing is known."""
+    """What `height_change` would give without a point measured at both epochs."""
     nowhere = np.full(t0.shape, np.nan)
     names = ("level_of_detection_um", "change_sigma_um", "lateral_sigma_um", "unchanged_share")
     return _dataset(

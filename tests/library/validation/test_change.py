@@ -221,3 +221,15 @@ def test_nothing_is_known_of_another_stone(remeasure, tmp_path):
     summary = wear_summary(read_dataset(tmp_path / "registered.h5"))
     assert np.isnan(summary["loss_fraction"])
     assert summary["loss_area_mm2"] == 0
+
+
+def test_nothing_is_known_where_hardly_a_point_was_measured_at_both_epochs(remeasure):
+    t0, t1, _ = remeasure((0, 0))
+    holes0, holes1 = np.zeros((2, *t0.shape), dtype=bool)
+    holes0[::2], holes1[1::2] = True, True
+    holes1[1, :50] = False  # measured at both
+    registration, result = measured_change(
+        prepared(t0, holes0), prepared(t1, holes1), maximum_shift_mm=0.1, minimum_points=8
+    )
+    assert registration.found
+    xr.testing.assert_identical(result, no_change(t0))
