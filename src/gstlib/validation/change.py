@@ -32,6 +32,10 @@ __all__ = ["height_change", "measured_change", "no_change", "wear_summary"]
 # slope of the point; noise of both scans and what registration leaves are in it, and about 2.5 % of
 # unchanged points exceed it on either side.
 _LEVEL_OF_DETECTION = 1.96
+# ASSUME: two measurements are told apart no finer than instruments store heights: in single
+# precision, 1e-7 of what they vary by. Below that lies rounding alone, which of a scan that was
+# given twice would make traces.
+_RESOLUTION = 1e-7
 # Points further than this from the plane, in standard deviations, are no part of the fit.
 _TRIM = 3.0
 _MAD_TO_SIGMA = 1.4826
@@ -148,7 +152,9 @@ def height_change(
     change = np.where(inside, difference - datum, np.nan)
     steepness = _squared_slope(before, spacing_of(t0))
     level, lateral = _variance_by_slope(change[inside], steepness[inside], kept)
-    variance = np.where(inside, level + lateral * steepness, np.nan)
+    resolution = _RESOLUTION * before[inside].std()
+    variance = np.maximum(level + lateral * steepness, resolution**2)
+    variance[~inside] = np.nan
     limit = _LEVEL_OF_DETECTION * np.sqrt(variance)
     return _dataset(
         t0,

@@ -174,6 +174,23 @@ def test_smaller_spots_are_no_trace(points):
     assert result.attrs["minimum_points"] == points
 
 
+@pytest.mark.parametrize("rounded", ["not", "to single precision"])
+def test_the_same_scan_twice_shows_no_wear(remeasure, rounded):
+    """Laid over itself, it differs by what the arithmetic rounds."""
+    t0, _, _ = remeasure((0, 0))
+    t1 = t0.copy() if rounded == "not" else t0.astype(np.float32).astype(float)
+    nothing = np.zeros(t0.shape, dtype=bool)
+    registration, result = measured_change(
+        prepared(t0, nothing), prepared(t1, nothing), maximum_shift_mm=0.1, minimum_points=1
+    )
+    assert registration.found
+    summary = wear_summary(result)
+    assert (summary["loss_fraction"], summary["gain_fraction"]) == (0, 0)
+    limit = result.attrs["level_of_detection_um"]
+    assert limit > 1.9e-7 * 1e3 * float(t0.std())
+    assert limit < 1e-6
+
+
 def test_noise_alone_makes_hardly_any_trace():
     t0, t1, _ = plateau(0.0, 0.0, size=400)
     summary = wear_summary(height_change(t0, t1, minimum_points=8))
