@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from gstlib.io.store import write_dataset
+from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_table, write_table
 from gstlib.surface import make_surface
 from gstlib.validation.change import height_change
@@ -19,11 +19,16 @@ NAMES = "patches", "gains", "failures", "summary"
 
 
 @pytest.fixture(scope="module")
-def main():
+def script():
     spec = importlib.util.spec_from_file_location("score_patches", SCRIPT)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.main
+    return module
+
+
+@pytest.fixture(scope="module")
+def main(script):
+    return script.main
 
 
 @pytest.fixture(scope="module")
@@ -114,3 +119,35 @@ def test_nothing_is_said_of_a_claim_that_was_not_made(main, study, tmp_path):
     assert not summary.statistic.str.startswith("expected_worst").any()
     # one patch: scores, and no statistics over patches
     assert summary.low.isna().all()
+
+
+@pytest.mark.parametrize(
+    ("rose", "fell", "words"),
+    [
+        (0.01, 0.05, []),
+        (0.04, 0.05, ["80 % as much rose as fell", "minimum_points"]),
+        (0.06, 0.01, ["far more rose than fell (6 % and 1 %", "t0 and t1 exchanged", "residue"]),
+        (0.06, 0.0, ["far more rose than fell (6 % and 0 %"]),
+        (0.0, 0.0, []),
+        (np.nan, np.nan, []),  # nothing is known of the change
+    ],
+)
+def test_a_patch_that_rose_is_told_once_and_in_its_own_words(script, caplog, rose, fell, words):
+    row = {"patch": "7", "gain_fraction": rose, "loss_fraction": fell}
+    script.warn_of_gain(row | {"noise_share": rose / fell if fell else np.nan}, 0.5)
+    assert len(caplog.messages) == bool(words)
+    for word in words:
+        assert word in caplog.text
+
+
+def test_exchanged_epochs_are_asked_about(script, study, tmp_path, caplog):
+    """T1 in place of T0: what was lost has risen."""
+    for patch in ("5", "8"):
+        (tmp_path / f"contact_{patch}.h5").symlink_to(study / f"contact_{patch}.h5")
+        change = read_dataset(study / f"registered_{patch}.h5")
+        swapped = change.assign(change=-change.change, loss=change.gain, gain=change.loss)
+        write_dataset(tmp_path / f"registered_{patch}.h5", swapped, {})
+    (tmp_path / "microscale.csv").symlink_to(study / "microscale.csv")
+    run(script.main, tmp_path, tmp_path / "out", patches=["5", "8"])
+    assert [message.split(":")[0] for message in caplog.messages] == ["patch 5", "patch 8"]
+    assert caplog.text.count("t0 and t1 exchanged") == 2
