@@ -19,6 +19,15 @@ def results_folder(config: Path) -> Path:
     raise SystemExit(f"{DEFAULT} lacks the key 'results'")
 
 
+def is_up_to_date(report: Path) -> bool:
+    """Whether the report is there, and no older than anything that it shows."""
+    folder = report.parent
+    # its texts show the config: the title, settings; the record is written anew when that changes
+    shown = [*folder.glob("tables/*"), *folder.glob("figures/**/*.png")]
+    newest = max(file.stat().st_mtime for file in [folder / "provenance.json", *shown])
+    return report.exists() and report.stat().st_mtime >= newest
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("config", type=Path)
@@ -29,9 +38,7 @@ def main() -> None:
         print(folder)
         return
     report = folder / "report.html"
-    sources = [*folder.glob("tables/*"), *folder.glob("figures/**/*.png")]
-    newest = max(file.stat().st_mtime for file in sources)
-    if not report.exists() or report.stat().st_mtime < newest:
+    if not is_up_to_date(report):
         snakemake = [sys.executable, "-m", "snakemake", "--configfile", arguments.config]
         # half a report, newer than all that it shows, would pass for whole
         part = report.with_name(".report.part.html")
