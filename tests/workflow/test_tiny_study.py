@@ -253,6 +253,7 @@ def test_report_holds_every_figure(finished_tiny, tmp_path):
     result = finished_tiny.run("--report", str(report))
     assert result.returncode == 0, result.stderr
     text = report.read_text(encoding="utf-8")
+    assert "Predicted contact is compared with" in text
     figures = sorted(finished_tiny.results.glob("figures/**/*.png"))
     assert len(figures) > 8
     for figure in figures:
@@ -434,6 +435,11 @@ def test_a_study_of_measured_files_without_t1(measured):
     # a patch with a poor T0/T1 overlap counts when there is no T1
     assert not pressures.reason.fillna("").str.contains("overlap").any()
     assert (measured.results / "figures/overview.png").stat().st_size > 0
+    result = measured.run("--report", str(measured.folder / "report.html"))
+    assert result.returncode == 0, result.stderr
+    text = (measured.folder / "report.html").read_text(encoding="utf-8")
+    assert "the prediction is not compared with wear" in text
+    assert "between T0 and T1" not in text
 
 
 def test_a_rough_counterface(tiny):
