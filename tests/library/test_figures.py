@@ -400,6 +400,25 @@ def test_validation_leaves_out_a_studied_patch_without_t1(study):
     assert "2" not in named
 
 
+def texts_of(figure):
+    return " ".join(text.get_text() for text in figure.findobj(matplotlib.text.Text))
+
+
+def test_validation_of_few_patches_shows_no_p_value_and_no_interval(study):
+    """Of 3 to 5 patches there is a rank correlation, but no interval, and of 3 no p-value."""
+    study["summary"][["low", "high", "p_value"]] = np.nan
+    said = texts_of(DRAW["validation"](study))
+    assert "Spearman ρ = 0.5" in said
+    assert "nan" not in said
+    assert "bootstrap" not in said
+
+
+def test_validation_of_many_patches_says_what_its_intervals_are(study):
+    said = texts_of(DRAW["validation"](study))
+    assert "Spearman ρ = 0.5 [−0.1, 0.9]\np = 0.20" in said
+    assert "Bars and brackets: 95 % bootstrap over patches." in said
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_validation_of_few_patches_can_be_drawn(study, tmp_path, count):
     study["contacts"] = dict(list(study["contacts"].items())[:count])

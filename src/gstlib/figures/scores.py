@@ -119,11 +119,15 @@ def validation_figure(
     for axes in grid.flat[4 * len(order) :]:
         axes.set_axis_off()
     below.legend(handles=_legend(), loc="outside lower center", ncols=8, fontsize=7)
+    # few patches have no intervals
+    has_intervals = summary["low"].notna().any()
+    bootstrapped = "Bars and brackets: 95 % bootstrap over patches." if has_intervals else ""
     write_notes(
         figure,
         source_note,
         [
-            "Bars and brackets: 95 % bootstrap over patches. Grey bar: 95 % of shifted copies.",
+            bootstrapped,
+            "Grey bar: 95 % of shifted copies.",
             "Grey: height; bare: change not known.",
             thickened_note(block),
         ],
@@ -242,7 +246,9 @@ def _draw_extent(
     axes.set_ylim(bottom=0)
     row = _row(summary, "spearman(pressure_MPa, loss_fraction)")
     if row is not None:
-        told = f"Spearman ρ = {_interval(row)}\n{_p_text(row['p_value'])}"
+        told = f"Spearman ρ = {_interval(row)}"
+        if math.isfinite(row["p_value"]):
+            told += f"\n{_p_text(row['p_value'])}"
         axes.annotate(told, (0.02, 0.98), xycoords="axes fraction", va="top", fontsize=6.5)
     axes.set_title("Are harder pressed patches more worn?", fontsize=8)
 
