@@ -9,6 +9,7 @@ import json
 from pathlib import Path
 
 from gstlib.errors import InputError
+from gstlib.io.tables import read_table
 
 __all__ = ["read_record", "write_crate"]
 
@@ -20,6 +21,26 @@ _PARTS = {
     "tables/*.csv": "Table",
     "figures/**/*.png": "Figure",
 }
+# What every finished study has (the report is made last), what one has with patches in the
+# microscale study, and what one has if any of these was scanned after use.
+_FINISHED = [
+    "report.html",
+    "tables/inputs.csv",
+    "tables/preprocessing.csv",
+    "tables/outliers.csv",
+    "tables/gridding.csv",
+    "tables/macroscale_path.csv",
+    "tables/placement.csv",
+    "tables/patch_pressures.csv",
+    "tables/patch_intervals.csv",
+    "tables/texture.csv",
+]
+_STUDIED = ["tables/microscale_summary.csv", "figures/overview.png"]
+_SCORED = [
+    "tables/validation_patches.csv",
+    "tables/validation_summary.csv",
+    "figures/validation.png",
+]
 _FORMATS = {
     ".csv": "text/csv",
     ".html": "text/html",
@@ -46,7 +67,8 @@ def write_crate(results: str | Path, target: str | Path) -> int:
     Raises
     ------
     InputError
-        There is no finished study in `results`, or `target` is no ``.zip``.
+        There is no finished study in `results` (something that every study has is missing), or
+        `target` is no ``.zip``.
     """
     from rocrate.model.contextentity import ContextEntity
     from rocrate.rocrate import ROCrate
@@ -56,6 +78,7 @@ def write_crate(results: str | Path, target: str | Path) -> int:
         raise InputError(target, "is no .zip", "Name the archive to write, such as study.zip.")
     record = read_record(results)
     software = record["software"]
+    _check_finished(results)
 
     def described(number: str, **properties) -> ContextEntity:
         return crate.add(ContextEntity(crate, f"#{number}", properties=properties))
@@ -109,6 +132,27 @@ def write_crate(results: str | Path, target: str | Path) -> int:
     target.parent.mkdir(parents=True, exist_ok=True)
     crate.write_zip(target)
     return len(files)
+
+
+def _check_finished(results: Path) -> None:
+    """InputError if the study in `results` has not run to its end."""
+    wanted = list(_FINISHED)
+    pressures, registration = (
+        results / f"tables/{name}.csv" for name in ("patch_pressures", "registration")
+    )
+    if pressures.is_file():
+        table = read_table(pressures, ["patch", "in_study"])
+        studied = set(table.patch[table.in_study])
+        wanted += _STUDIED if studied else []
+        if registration.is_file() and studied & set(read_table(registration, ["patch"]).patch):
+            wanted += _SCORED
+    missing = [name for name in wanted if not (results / name).is_file()]
+    if missing:
+        raise InputError(
+            results,
+            f"holds no finished study: {', '.join(missing)} missing",
+            "Run `make study` with its config to the end, then pack it.",
+        )
 
 
 def read_record(results: Path) -> dict:

@@ -22,7 +22,19 @@ RECORD = {
         "packages": {"numpy": "2.4.6", "scipy": "1.17.0"},
     },
 }
-PACKED = {"provenance.json", "tables/a.csv", "figures/b.png", "figures/patch/1.png"}
+TABLES = {
+    "tables/patch_pressures.csv": "patch,in_study\n1,yes\n2,no\n",
+    "tables/registration.csv": "patch,found\n1,yes\n",
+} | {
+    f"tables/{name}.csv": "patch\n"
+    for name in (
+        *("inputs", "preprocessing", "outliers", "gridding", "macroscale_path", "placement"),
+        *("patch_intervals", "texture", "microscale_summary"),
+        *("validation_patches", "validation_summary"),
+    )
+}
+FIGURES = {"figures/overview.png", "figures/validation.png", "figures/patch/1.png"}
+PACKED = {"provenance.json", "report.html", "tables/a.csv", *TABLES, *FIGURES}
 
 
 @pytest.fixture
@@ -30,7 +42,8 @@ def results(tmp_path):
     folder = tmp_path / "results"
     for name in (*PACKED, "microscale/1.h5", "figures/b.svg"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(json.dumps(RECORD) if name == "provenance.json" else name)
+        known = TABLES | {"provenance.json": json.dumps(RECORD)}
+        (folder / name).write_text(known.get(name, name))
     return folder
 
 
@@ -62,6 +75,32 @@ def test_what_cannot_be_packed(results, tmp_path):
     assert said.exit_code == 1
     assert "Name the results folder of a finished study" in said.output
     assert not (tmp_path / "study.zip").exists()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("report.html", "tables/texture.csv", "tables/patch_pressures.csv"),
+        *("tables/microscale_summary.csv", "tables/validation_summary.csv"),
+        "figures/validation.png",
+    ],
+)
+def test_a_study_that_has_not_run_to_its_end_is_not_packed(results, tmp_path, name):
+    (results / name).unlink()
+    with pytest.raises(InputError, match=rf"no finished study: {name} missing.*\n*.*make study"):
+        write_crate(results, tmp_path / "study.zip")
+    assert not (tmp_path / "study.zip").exists()
+
+
+def test_a_study_without_patches_or_without_t1_is_finished_without_their_tables(results, tmp_path):
+    for name in ("registration", "validation_patches", "validation_summary"):
+        (results / f"tables/{name}.csv").unlink()
+    (results / "figures/validation.png").unlink()
+    assert write_crate(results, tmp_path / "without_t1.zip") == len(PACKED) - 4
+    (results / "tables/patch_pressures.csv").write_text("patch,in_study\n1,no\n")
+    for name in ("tables/microscale_summary.csv", "figures/overview.png"):
+        (results / name).unlink()
+    assert write_crate(results, tmp_path / "without_patches.zip") == len(PACKED) - 6
 
 
 def test_the_config_to_make_results_again(results, tmp_path):
