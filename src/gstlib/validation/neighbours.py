@@ -73,8 +73,10 @@ def _covariance(values: np.ndarray, distance: np.ndarray) -> np.ndarray:
     # the largest distance, as is usual for variograms; beyond it patches count as unrelated.
     apart = np.where(np.eye(len(distance), dtype=bool), np.inf, distance)
     step = float(np.median(apart.min(axis=1)))
-    number = np.maximum(np.rint(distance / step), 1)
-    number[((number + 0.5) * step > distance.max() / 2) | np.isinf(apart)] = 0
+    # rounded: on a lattice distances lie at the edges of classes, and the unit must not matter
+    steps = np.round(distance / step, 9)
+    number = np.maximum(np.rint(steps), 1)
+    number[(number + 0.5 > steps.max() / 2) | np.isinf(apart)] = 0
     centred = values - values.mean()
     products = np.multiply.outer(centred, centred)
     covariance = np.diag(np.diag(products).mean() * np.ones(len(values)))
