@@ -11,7 +11,9 @@ SWEPT   := $(if $(filter file,$(origin CONFIG)),config/sweep.yaml,$(CONFIG))
 # Snakemake finds the default profile by itself; on a cluster the profile says how many cores
 RUN := $(BIN)/snakemake $(if $(filter default,$(PROFILE)),--cores $(CORES),\
   --workflow-profile workflow/profiles/$(PROFILE))
-SNAKEMAKE := $(RUN) --configfile $(CONFIG)
+SNAKEMAKE := $(RUN) --configfile "$(CONFIG)"
+# first, for Snakemake answers a config that is no YAML with a traceback
+READ := $(BIN)/python workflow/read_config.py
 
 .DEFAULT_GOAL := help
 .PHONY: help environment study report check plan unlock diff test check-style test-python test-slurm \
@@ -33,17 +35,19 @@ $(READY): requirements.lock pyproject.toml
 	@touch $@
 
 study: $(READY) ## run the whole study and build its report
-	@$(SNAKEMAKE) || { $(BIN)/python workflow/unlock.py --explain $(CONFIG); exit 1; }
-	@$(BIN)/python workflow/build_report.py $(CONFIG)
+	@$(READ) "$(CONFIG)"
+	@$(SNAKEMAKE) || { $(BIN)/python workflow/unlock.py --explain "$(CONFIG)"; exit 1; }
+	@$(BIN)/python workflow/build_report.py "$(CONFIG)"
 
 check: $(READY) ## check config, patch table and every file, and say what a run would do
-	@$(BIN)/python workflow/check.py $(CONFIG) --cores $(CORES)
+	@$(BIN)/python workflow/check.py "$(CONFIG)" --cores $(CORES)
 
 plan: $(READY) ## show what a study would run, without running it
+	@$(READ) "$(CONFIG)"
 	@$(SNAKEMAKE) --dry-run --quiet rules
 
 unlock: $(READY) ## remove the lock that a killed run left, unless a run is still at work
-	@$(BIN)/python workflow/unlock.py $(CONFIG)
+	@$(BIN)/python workflow/unlock.py "$(CONFIG)"
 
 diff: $(READY) ## compare two result folders: make diff A=results B=other/results
 	@$(BIN)/gst diff $(A) $(B)
@@ -72,7 +76,7 @@ bench: $(READY) ## measure the contact solver against other codes (half an hour)
 	$(BIN)/python benchmarks/run.py
 
 margin: $(READY) ## by how much tables differ, beneath their digits, between cores and processors (10 minutes)
-	$(BIN)/python benchmarks/margin.py --config $(CONFIG)
+	$(BIN)/python benchmarks/margin.py --config "$(CONFIG)"
 
 power: $(READY) ## how often the study finds a relation, real or absent (15 minutes)
 	@$(RUN) power --configfile config/power.yaml
@@ -84,7 +88,8 @@ baseline: $(READY) ## renew the tables that the default study is held against by
 	cp -r results/tables tests/baseline/
 
 sweep: $(READY) ## what moves the results most, one thing set otherwise at a time (10 minutes)
-	@$(RUN) sweep --configfile $(SWEPT)
+	@$(READ) "$(SWEPT)"
+	@$(RUN) sweep --configfile "$(SWEPT)"
 	@echo "Done. Table: tables/sweep.csv; figure: figures/sweep.png, in the results folder"
 
 docs: $(READY) ## renew the parts of the documents that follow from the code
@@ -96,5 +101,5 @@ lock: $(READY) ## renew requirements.lock with the newest versions that fit
 	  --output-file requirements.lock pyproject.toml
 
 clean: ## remove the results of CONFIG's study (asks first)
-	@folder=$$($(BIN)/python workflow/build_report.py --print-folder $(CONFIG)); \
+	@folder=$$($(BIN)/python workflow/build_report.py --print-folder "$(CONFIG)"); \
 	  printf 'Remove %s? [y/N] ' "$$folder"; read answer; [ "$$answer" = y ] && rm -r "$$folder"

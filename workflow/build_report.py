@@ -5,7 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import yaml
+from gstlib.errors import ConfigError
+from gstlib.io.config_file import read_config_file
 
 DEFAULT = Path(__file__).parents[1] / "config" / "config.yaml"
 
@@ -13,9 +14,12 @@ DEFAULT = Path(__file__).parents[1] / "config" / "config.yaml"
 def results_folder(config: Path) -> Path:
     """The study's result folder: the key `results`, from the config or from the default one."""
     for file in (config, DEFAULT):
-        settings = yaml.safe_load(file.read_text(encoding="utf-8")) or {}
+        try:
+            settings = read_config_file(file)
+        except ConfigError as error:
+            raise SystemExit(f"\nERROR: {error}") from None
         if "results" in settings:
-            return Path(settings["results"])
+            return Path(str(settings["results"]))
     raise SystemExit(f"{DEFAULT} lacks the key 'results'")
 
 

@@ -9,13 +9,13 @@ import sys
 from pathlib import Path
 
 import pandas as pd
-import yaml
 from snakemake.utils import update_config
 
 from gstlib.config import check_config, check_files, faulty_sections, measured_files
-from gstlib.errors import GstError, InputsError
+from gstlib.errors import ConfigError, GstError, InputsError
 from gstlib.estimate import estimate_study, machine_speed
 from gstlib.inputs import Inputs, ScanFile, check_inputs
+from gstlib.io.config_file import read_config_file
 from gstlib.io.patches import read_patches
 
 ROOT = Path(__file__).parents[1]
@@ -25,11 +25,10 @@ SCHEMAS = ROOT / "workflow/schemas"
 
 def read_config(path: Path) -> dict:
     """The config as Snakemake merges it: the default's values where `path` states none."""
-    config = yaml.safe_load(DEFAULT.read_text(encoding="utf-8"))
     try:
-        own = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise SystemExit(f"ERROR: {path}: cannot be read as YAML: {error}") from None
+        config, own = read_config_file(DEFAULT), read_config_file(path)
+    except ConfigError as error:
+        raise SystemExit(f"\nERROR: {error}") from None
     update_config(config, own)
     return config
 

@@ -8,6 +8,7 @@ would pass for finished.
 """
 
 import argparse
+import shlex
 import shutil
 import subprocess
 import sys
@@ -96,8 +97,9 @@ def main() -> int:
     if arguments.explain:
         print(
             f"\nERROR: {results}: a run that was killed left its lock. If no run on another "
-            f"machine uses this folder: make unlock CONFIG={arguments.config}, then run the study "
-            "again. Finished work is kept.",
+            "machine uses this folder: make unlock "
+            f"CONFIG={shlex.quote(str(arguments.config))}, then run the study again. "
+            "Finished work is kept.",
             file=sys.stderr,
         )
         return 1

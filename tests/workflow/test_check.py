@@ -3,7 +3,9 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
+import pytest
 from conftest import ROOT
 
 
@@ -68,3 +70,32 @@ def test_a_run_begins_with_the_check(measured):
     assert "5_T1.plu" in said
     assert "Traceback" not in said
     assert not list(measured.results.rglob("*.h5"))
+
+
+def make(target, config):
+    """`make TARGET CONFIG=...` with the environment under test."""
+    command = ["make", "-o", ".venv/ready", f"BIN={Path(sys.executable).parent}", target]
+    return subprocess.run(
+        [*command, f"CONFIG={config}"], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize("target", ["study", "plan", "sweep", "check", "unlock"])
+def test_a_config_that_is_no_yaml_is_refused_in_one_sentence(tmp_path, target):
+    config = tmp_path / "mine.yaml"
+    config.write_text("title: my: stone\n")
+    result = make(target, config)
+    assert result.returncode != 0
+    assert result.stdout == ""
+    error, made = result.stderr.strip().splitlines()
+    assert error.startswith(f"ERROR: {config}: is not YAML: line 1, 'title: my: stone'")
+    assert made.startswith("make: ***")
+
+
+@pytest.mark.parametrize("target", ["check", "plan", "unlock"])
+def test_the_path_of_the_config_may_have_blanks(tmp_path, target):
+    config = tmp_path / "Fläche 1" / "mine.yaml"
+    config.parent.mkdir()
+    config.write_bytes((ROOT / "config/tiny.yaml").read_bytes())
+    result = make(target, config)
+    assert result.returncode == 0, result.stderr

@@ -1,0 +1,42 @@
+"""A config file that cannot be read is refused in one sentence, with the line and the remedy."""
+
+import pytest
+
+from gstlib.errors import ConfigError
+from gstlib.io.config_file import read_config_file
+
+
+def test_what_stands_in_it(tmp_path):
+    path = tmp_path / "Fläche 1.yaml"
+    path.write_text("title: Fläche\nsquare: {size_mm: 5}\n", encoding="utf-8")
+    assert read_config_file(path) == {"title": "Fläche", "square": {"size_mm": 5}}
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"# a stone\ntitle: my: stone\n", "line 2, 'title: my: stone'"),
+        (b"square:\n\tsize_mm: 5\n", "line 2, 'size_mm: 5'"),
+        (b'title: "abc\nx: [1,\n', "line 3"),
+        (b'title: "\x07"\n', "#x0007"),
+        (b"# a stone\ntitle: Fl\xe4che\n", "not UTF-8 text: byte 0xe4 in line 2"),
+        ("title: Fläche\n".encode("utf-16"), "not UTF-8"),
+        (b"- a\n- b\n", "holds a list"),
+        (b"42\n", "holds only 42"),
+        (b"# nothing\n", "holds nothing"),
+    ],
+)
+def test_what_is_no_config(tmp_path, content, problem):
+    path = tmp_path / "mine.yaml"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError, match=r"mine\.yaml: ") as caught:
+        read_config_file(path)
+    assert problem in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_no_such_file(tmp_path):
+    with pytest.raises(ConfigError, match=r"mine\.yaml: no such file.*CONFIG="):
+        read_config_file(tmp_path / "mine.yaml")
+    with pytest.raises(ConfigError, match="cannot be opened"):
+        read_config_file(tmp_path)
