@@ -11,7 +11,13 @@ from pathlib import Path
 import pandas as pd
 from snakemake.utils import update_config
 
-from gstlib.config import check_config, check_files, faulty_sections, measured_files
+from gstlib.config import (
+    check_config,
+    check_files,
+    check_interpreter,
+    faulty_sections,
+    measured_files,
+)
 from gstlib.errors import ConfigError, GstError, InputsError
 from gstlib.estimate import estimate_study, machine_speed
 from gstlib.inputs import Inputs, ScanFile, check_inputs
@@ -56,10 +62,14 @@ def check(config: dict, source: str) -> tuple[list[GstError], pd.DataFrame | Non
     """All problems, the patch table and what the files hold, as far as each can be had."""
     problems: list[GstError] = []
     schema = SCHEMAS / "config.schema.yaml"
-    try:
-        check_config(config, schema, source=source)
-    except GstError as error:
-        problems.append(error)
+    for look in (
+        lambda: check_interpreter(sys.executable),
+        lambda: check_config(config, schema, source=source),
+    ):
+        try:
+            look()
+        except GstError as error:
+            problems.append(error)
     # What a fault in one section leaves sound is looked at all the same.
     faulty = faulty_sections(config, schema)
     patches = found = None

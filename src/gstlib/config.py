@@ -4,6 +4,7 @@ A config file is held against `workflow/schemas/config.schema.yaml` and against 
 cannot say; every problem found is reported at once, with its key, its value and what to do.
 """
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,11 +26,15 @@ __all__ = [
     "check_config",
     "check_files",
     "check_hardness",
+    "check_interpreter",
     "faulty_sections",
     "measured_files",
     "study_contact_modulus",
     "study_poisson",
 ]
+
+# What a shell takes a word apart at, or replaces; and braces, which Snakemake replaces.
+_NOT_FOR_A_SHELL = re.compile(r"[\s'\"\\$`&;|<>()*?\[\]{}]")
 
 
 def check_config(config: Mapping, schema: str | Path, source: str) -> None:
@@ -100,6 +105,30 @@ def check_files(files: Mapping[str, str], source: str) -> None:
             + "\n  - ".join(missing)
             + "\n ",
             "Put the files there, or correct the names (paths are relative to the working folder).",
+        )
+
+
+def check_interpreter(path: str | Path) -> None:
+    """Refuse a Python that Snakemake cannot start steps with: it does not quote Python's path.
+
+    Parameters
+    ----------
+    path : str or Path
+        Python's own (``sys.executable``), in ``.venv`` in the project's folder.
+
+    Raises
+    ------
+    ConfigError
+        The path has a blank or another character that a shell does not take as it is.
+    """
+    found = sorted(set(_NOT_FOR_A_SHELL.findall(str(path))))
+    if found:
+        marks = ", ".join("a space" if mark == " " else repr(mark) for mark in found)
+        raise ConfigError(
+            path,
+            f"no step can be started with a Python whose path has {marks} in it",
+            "Move the project's folder to a path without, remove .venv there and run make "
+            "environment; your files and CONFIG may stay where they are.",
         )
 
 

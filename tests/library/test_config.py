@@ -9,6 +9,7 @@ from gstlib.config import (
     check_config,
     check_files,
     check_hardness,
+    check_interpreter,
     study_contact_modulus,
     study_poisson,
 )
@@ -118,6 +119,15 @@ def test_missing_files_are_listed(tmp_path):
     (tmp_path / "there").touch()
     with pytest.raises(ConfigError, match=r"1 of 2 files(.|\n)*scan: .*gone"):
         check_files({"mesh": f"{tmp_path}/there", "scan": f"{tmp_path}/gone"}, source="m.yaml")
+
+
+@pytest.mark.parametrize(
+    ("folder", "marks"), [("Meine Steine", "a space"), ("a&b", "'&'"), ("{a}", "'{', '}'")]
+)
+def test_a_python_that_no_step_can_be_started_with(folder, marks):
+    check_interpreter("/home/Müller/stone-2.1_b+c@d/.venv/bin/python")
+    with pytest.raises(ConfigError, match=f"has {marks} in it. Move the project's folder"):
+        check_interpreter(f"/home/{folder}/.venv/bin/python")
 
 
 def test_contact_modulus_of_the_paper():

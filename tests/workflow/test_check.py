@@ -99,3 +99,20 @@ def test_the_path_of_the_config_may_have_blanks(tmp_path, target):
     config.write_bytes((ROOT / "config/tiny.yaml").read_bytes())
     result = make(target, config)
     assert result.returncode == 0, result.stderr
+
+
+def test_a_project_in_a_folder_with_blanks_is_refused(study):
+    project = study.folder / "Meine Steine"
+    project.mkdir()
+    (project / ".venv").symlink_to(sys.prefix)
+    python = str(project / ".venv/bin/python")
+    for command in (
+        [python, str(ROOT / "workflow/check.py"), study.config],
+        [python, *study.command("--dry-run")[1:]],
+    ):
+        result = subprocess.run(
+            command, cwd=study.folder, capture_output=True, text=True, check=False
+        )
+        assert result.returncode != 0
+        assert "has a space in it. Move the project's folder" in result.stdout + result.stderr
+        assert "Traceback" not in result.stderr

@@ -2,6 +2,7 @@
 
 import os
 import re
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from gstlib.config import (
     check_config,
     check_files,
     check_hardness,
+    check_interpreter,
     measured_files,
     study_contact_modulus,
     study_poisson,
@@ -26,6 +28,7 @@ SCRIPTS = Path(workflow.basedir) / "workflow/scripts"
 
 CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles)
 
+check_interpreter(sys.executable)
 check_config(config, SCHEMAS / "config.schema.yaml", source=CONFIG_FILES)
 
 RESULTS = config["results"].rstrip("/")
