@@ -5,7 +5,9 @@ what a run would do. Exit code 0 if the study can be run, 1 if not.
 """
 
 import argparse
+import logging
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import pandas as pd
@@ -134,7 +136,32 @@ def summary(config: dict, patches: pd.DataFrame, found: Inputs | None, cores: in
         f"studied; {cost.memory_mb:.0f} MB a job",
         f"results in  {config['results']}",
     ]
+    if found is not None:
+        lines[1:1] = _seen(found)
     return "\n".join(f"  {line}" for line in lines)
+
+
+def _seen(found: Inputs) -> list[str]:
+    """The measures by which one sees that mesh and scans were read in the right unit."""
+    lines = []
+    if found.mesh is not None:
+        size = " × ".join(f"{found.mesh[f'size_{axis}_mm']:.4g}" for axis in "xyz")
+        lines.append(
+            f"mesh        {size} mm along its x, y, z; edges of "
+            f"{found.mesh['mean_edge_mm']:.3g} mm on average"
+        )
+    if len(found.scans):
+        unmeasured = 100 * found.scans.unmeasured
+        lines.append(
+            f"scans       Sq {_range(found.scans.Sq_um)} µm; from lowest to highest point "
+            f"{_range(found.ranges_um)} µm; {_range(unmeasured)} % unmeasured"
+        )
+    return lines
+
+
+def _range(values: Iterable[float]) -> str:
+    low, high = (f"{value:.4g}" for value in (min(values), max(values)))
+    return low if low == high else f"{low} to {high}"
 
 
 def _duration(seconds: float) -> str:
@@ -157,6 +184,7 @@ def main() -> int:
     parser.add_argument("config", type=Path)
     parser.add_argument("--cores", type=int, default=2, help="cores to estimate the time for")
     arguments = parser.parse_args()
+    logging.basicConfig(format="%(levelname)s: %(message)s")
     config = read_config(arguments.config)
     problems, patches, found = check(config, str(arguments.config))
     if patches is not None and not faulty_sections(config, SCHEMAS / "config.schema.yaml"):

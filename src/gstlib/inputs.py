@@ -4,6 +4,7 @@ A study of hours must not end at its last scan. What is found wrong with one fil
 others from being looked at, so that all can be put right at once.
 """
 
+import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.errors import GstError, InputError, InputsError
-from gstlib.inspection import scan_facts
+from gstlib.inspection import held_height, mesh_facts, scan_facts
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import check_size, cut_scan, read_scan, read_settings
 from gstlib.preprocess.filling import check_unmeasured
@@ -22,6 +23,8 @@ from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import spacing_of
 
 __all__ = ["Inputs", "ScanFile", "check_inputs"]
+
+_log = logging.getLogger(__name__)
 
 _FACTS = (
     "points_x", "points_y", "spacing_x_um", "spacing_y_um", "unmeasured", "Sq_um", "tilt_x_mrad",
@@ -60,6 +63,10 @@ class Inputs:
     ----------
     scans : pandas.DataFrame
         A row for each readable scan: ``patch, epoch, file`` and the facts of `scan_facts`.
+    ranges_um : tuple of float
+        From the lowest to the highest point of each of these scans, µm.
+    mesh : dict or None
+        The facts of `mesh_facts`; None if the mesh cannot be read.
     square : (ny, nx) xarray.DataArray or None
         Heights of the analysed square (mm), its plane removed; None if it cannot be had.
     problems : tuple of GstError
@@ -67,6 +74,8 @@ class Inputs:
     """
 
     scans: pd.DataFrame
+    ranges_um: tuple[float, ...]
+    mesh: dict | None
     square: xr.DataArray | None
     problems: tuple[GstError, ...]
 
@@ -97,14 +106,21 @@ def check_inputs(
         The sections ``square``, ``macroscale`` and ``scans`` of the config.
     maximum_unmeasured : float
         Largest share (0 to 1) of unmeasured points in a patch.
+
+    Notes
+    -----
+    What is odd and yet may be right is logged as a warning.
     """
     problems: list[GstError] = []
-    heights = None
+    facts_of_mesh = heights = None
     try:
-        heights = _square(mesh, mesh_unit, square, macroscale)
+        stone = read_mesh(mesh, unit=mesh_unit)
+        facts_of_mesh = mesh_facts(stone)
+        heights = _square(stone, mesh, mesh_unit, square, macroscale)
     except GstError as error:
         problems.append(error)
-    rows, spacings = [], {}
+    rows, ranges, spacings = [], [], {}
+    held: dict[float, dict[Path, float]] = {}
     by_file: dict[Path, list[ScanFile]] = {}
     for scan in scans:
         by_file.setdefault(scan.path, []).append(scan)
@@ -114,6 +130,8 @@ def check_inputs(
         except GstError as error:
             problems.append(error)
             continue
+        if (height := held_height(whole)) is not None:
+            held.setdefault(height[0], {})[path] = height[1]
         for use in uses:
             try:
                 piece = _piece(whole, use, scan_settings["size_mm"], maximum_unmeasured)
@@ -122,17 +140,24 @@ def check_inputs(
                 continue
             facts = scan_facts(piece)
             spacings[use.patch, use.epoch] = use.path, spacing_of(piece)
+            ranges.append(facts["highest_um"] - facts["lowest_um"])
             rows.append(
                 {"patch": use.patch, "epoch": use.epoch, "file": path.name}
                 | {name: facts.get(name) for name in _FACTS}
             )
+    _warn_of_held_heights(held)
     problems += _unequal_spacings(spacings)
     columns = ["patch", "epoch", "file", *_FACTS]
-    return Inputs(pd.DataFrame(rows, columns=columns), heights, tuple(problems))
+    return Inputs(
+        scans=pd.DataFrame(rows, columns=columns),
+        ranges_um=tuple(ranges),
+        mesh=facts_of_mesh,
+        square=heights,
+        problems=tuple(problems),
+    )
 
 
-def _square(mesh, unit, square, macroscale) -> xr.DataArray:
-    stone = read_mesh(mesh, unit=unit)
+def _square(stone, mesh, unit, square, macroscale) -> xr.DataArray:
     gridded = grid_mesh(
         stone,
         find_frame(square, stone, unit=unit, source=str(mesh)),
@@ -142,6 +167,20 @@ def _square(mesh, unit, square, macroscale) -> xr.DataArray:
         source=str(mesh),
     )
     return remove_plane(gridded)[0]
+
+
+def _warn_of_held_heights(held: Mapping[float, Mapping[Path, float]]) -> None:
+    """Name the heights that stand for unmeasured points, as they seem to, once for all scans."""
+    for height, shares in held.items():
+        first, *others = shares
+        _log.warning(
+            "%s%s: up to %.3g %% of the points of a scan have one height, %g µm. If that stands "
+            "for unmeasured points, export them as empty cells or NaN",
+            first,
+            f" and {len(others)} more" if others else "",
+            100 * max(shares.values()),
+            height,
+        )
 
 
 def _piece(whole, use: ScanFile, size_mm, maximum_unmeasured) -> xr.DataArray:

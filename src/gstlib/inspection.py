@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MESH_SUFFIXES",
+    "held_height",
     "inspect_file",
     "mesh_facts",
     "mesh_relief",
@@ -31,6 +32,11 @@ _MM_TO_UM = 1e3
 _RELIEF_CELLS = 200
 # From low to high; unmeasured is another character.
 _SHADES, _UNMEASURED = " ░▒▓█", "·"
+# One height at more than this share of the points, and at so many times the points of any other,
+# was written, not measured: of heights in few steps, each is about as frequent as the next.
+_HELD_SHARE, _HELD_TIMES = 1e-3, 10
+# As many points tell the shares of a larger scan.
+_ENOUGH_POINTS = 1 << 20
 # A character is about twice as high as wide.
 _ASPECT = 2.0
 
@@ -101,6 +107,26 @@ def scan_facts(scan: xr.DataArray) -> dict[str, object]:
         "Sq_um": float(np.nanstd(level.values)) * _MM_TO_UM,
         **own,
     }
+
+
+def held_height(scan: xr.DataArray) -> tuple[float, float] | None:
+    """The one height at which so many points of a scan (mm) lie that it was hardly measured.
+
+    Returns
+    -------
+    (height_um, share) or None
+        As of points that were not measured and stand in the file as 0 or -999; the share (0 to 1)
+        is of all points. None where there is no such height.
+    """
+    some = scan.values.ravel()[:: -(-scan.size // _ENOUGH_POINTS)]
+    heights, counts = np.unique(some[np.isfinite(some)], return_counts=True)
+    if not len(counts):
+        return None
+    most = int(np.argmax(counts))
+    others = np.delete(counts, most).max(initial=0)
+    if counts[most] <= max(_HELD_SHARE * some.size, _HELD_TIMES * others):
+        return None
+    return float(heights[most]) * _MM_TO_UM, float(counts[most] / some.size)
 
 
 def mesh_facts(mesh: "trimesh.Trimesh") -> dict[str, object]:

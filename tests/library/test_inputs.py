@@ -60,6 +60,9 @@ def test_good_files_are_described(folder):
     assert list(found.scans.patch + found.scans.epoch) == ["1T0", "1T1", "2T0", "2T1"]
     assert (found.scans.points_x == 50).all()
     assert found.scans.spacing_x_um.to_numpy() == pytest.approx(10)
+    assert found.mesh["size_z_mm"] == pytest.approx(10)
+    assert len(found.ranges_um) == 4
+    assert 6 < min(found.ranges_um) <= max(found.ranges_um) < 9  # of 2500 normal numbers
 
 
 def test_every_problem_is_named_once(folder):
@@ -117,3 +120,15 @@ def test_both_epochs_need_one_spacing(folder):
     assert "1_T1.plu" in str(problem)
     assert "5 µm apart" in str(problem)
     assert "10 µm" in str(problem)
+
+
+def test_one_height_of_many_points_is_warned_of_once(folder, caplog):
+    for name in ("1_T0", "2_T1"):
+        heights = 1e-3 * np.random.default_rng(5).standard_normal((50, 50))
+        heights.flat[::100] = -0.999
+        write_plu(folder / f"{name}.plu", heights, SPACING)
+    found = check_inputs(folder / "stone.stl", scans(folder), **SETTINGS)
+    assert found.problems == ()
+    (warning,) = caplog.messages
+    assert "1_T0.plu and 1 more: up to 1 % of the points" in warning
+    assert "-999 µm" in warning

@@ -9,7 +9,13 @@ import trimesh
 from click.testing import CliRunner
 
 from gstlib.cli import main
-from gstlib.inspection import inspect_file, mesh_facts, scan_facts, text_thumbnail
+from gstlib.inspection import (
+    held_height,
+    inspect_file,
+    mesh_facts,
+    scan_facts,
+    text_thumbnail,
+)
 from gstlib.io.plu import write_plu
 from gstlib.surface import make_surface
 
@@ -121,3 +127,25 @@ def test_text_without_a_unit_asks_for_one(tmp_path):
     assert result.exit_code == 0, result.output
     assert "spacing_x_um  2\n" in result.output
     assert "um, as told" in result.output
+
+
+class TestHeldHeight:
+    @pytest.fixture
+    def heights(self):
+        return 1e-3 * np.random.default_rng(1).standard_normal((64, 64))
+
+    @pytest.mark.parametrize("height_um", [0.0, -999.0])
+    def test_unmeasured_points_stored_as_a_number(self, heights, height_um):
+        heights.flat[::200] = height_um * 1e-3
+        assert held_height(make_surface(heights, 0.01)) == pytest.approx((height_um, 21 / 4096))
+
+    def test_measured_heights_in_few_steps_are_not_held(self, heights):
+        for step in (0.0, 1e-6, 1e-4, 1e-3):
+            coarse = np.round(heights / step) * step if step else heights
+            assert held_height(make_surface(coarse, 0.01)) is None
+
+    def test_what_is_not_measured_is_not_held(self, heights):
+        heights[:] = np.nan
+        assert held_height(make_surface(heights, 0.01)) is None
+        heights[5:] = 1e-3  # a sheet of glass, or nothing at all
+        assert held_height(make_surface(heights, 0.01)) == pytest.approx((1.0, 59 / 64))

@@ -37,6 +37,9 @@ def test_good_files(measured):
     result = check(measured)
     assert result.returncode == 0, result.stderr
     assert "64 × 64 points" in result.stdout
+    assert " mm along its x, y, z; edges of " in result.stdout
+    assert "scans       Sq " in result.stdout
+    assert "WARNING" not in result.stderr
     assert [file.name for file in measured.results.iterdir()] == ["check.png"]
 
 
