@@ -6,6 +6,7 @@ what a run would do. Exit code 0 if the study can be run, 1 if not.
 
 import argparse
 import logging
+import math
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -24,7 +25,7 @@ from gstlib.errors import ConfigError, GstError, InputsError
 from gstlib.estimate import estimate_study, machine_speed
 from gstlib.inputs import Inputs, ScanFile, check_inputs
 from gstlib.io.config_file import read_config_file
-from gstlib.io.patches import read_patches
+from gstlib.io.patches import read_patches, readable_patches
 
 ROOT = Path(__file__).parents[1]
 DEFAULT = ROOT / "config/config.yaml"
@@ -60,6 +61,26 @@ def scan_files(config: dict, patches: pd.DataFrame) -> list[ScanFile]:
     return [scan for scan in scans if scan.path.is_file()]
 
 
+def read_table(
+    config: dict, faulty: set[str], problems: list[GstError]
+) -> tuple[pd.DataFrame | None, pd.DataFrame]:
+    """The patch table, None with a fault added to the problems; and the rows that name scans."""
+    path, schema = config["patches"], SCHEMAS / "patches.schema.yaml"
+    if "patches" in faulty:
+        return None, pd.DataFrame()
+    try:
+        patches = read_patches(
+            path,
+            schema=schema,
+            size_mm=math.inf if "square" in faulty else config["square"]["size_mm"],
+            patch_size_mm=0.0 if "scans" in faulty else config["scans"]["size_mm"],
+        )
+    except GstError as error:
+        problems.append(error)
+        return None, readable_patches(path, schema=schema)
+    return patches, patches
+
+
 def check(config: dict, source: str) -> tuple[list[GstError], pd.DataFrame | None, Inputs | None]:
     """All problems, the patch table and what the files hold, as far as each can be had."""
     problems: list[GstError] = []
@@ -74,71 +95,75 @@ def check(config: dict, source: str) -> tuple[list[GstError], pd.DataFrame | Non
             problems.append(error)
     # What a fault in one section leaves sound is looked at all the same.
     faulty = faulty_sections(config, schema)
-    patches = found = None
-    if not faulty & {"patches", "square", "scans"}:
+    patches, named = read_table(config, faulty, problems)
+    found = None
+    if config["inputs"] is not None and not faulty & {"inputs", "counterface"}:
         try:
-            patches = read_patches(
-                config["patches"],
-                schema=SCHEMAS / "patches.schema.yaml",
-                size_mm=config["square"]["size_mm"],
-                patch_size_mm=config["scans"]["size_mm"],
-            )
+            check_files(measured_files(config, named), source=f"{source}, {config['patches']}")
         except GstError as error:
             problems.append(error)
-    needed = {"inputs", "counterface", "macroscale", "preprocessing"}
-    if patches is not None and not faulty & needed and config["inputs"] is not None:
-        try:
-            check_files(measured_files(config, patches), source=f"{source}, {config['patches']}")
-        except GstError as error:
-            problems.append(error)
-        if Path(config["inputs"]["mesh"]).is_file():
-            found = check_inputs(
-                config["inputs"]["mesh"],
-                scan_files(config, patches),
-                mesh_unit=config["inputs"]["mesh_unit"],
-                square=config["square"],
-                macroscale=config["macroscale"],
-                scan_settings=config["scans"],
-                maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
-            )
-            problems += found.problems
+        mesh = config["inputs"]["mesh"]
+        can_mesh = Path(mesh).is_file() and not faulty & {"square", "macroscale"}
+        can_scans = not faulty & {"scans", "preprocessing"}
+        found = check_inputs(
+            mesh if can_mesh else None,
+            scan_files(config, named) if can_scans else [],
+            mesh_unit=config["inputs"]["mesh_unit"],
+            square=config["square"],
+            macroscale=config["macroscale"],
+            scan_settings=config["scans"],
+            maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"] if can_scans else 0.0,
+        )
+        problems += found.problems
     return problems, patches, found
 
 
 def summary(config: dict, patches: pd.DataFrame, found: Inputs | None, cores: int) -> str:
     """What a run would do."""
-    square, scans = config["macroscale"]["grid"], int((patches.t0 != "").sum())
-    worn = int((patches.t1 != "").sum())
-    if found is not None and len(found.scans):
-        points = int((found.scans.points_x * found.scans.points_y).max())
-        side = f"{found.scans.points_x.max()} × {found.scans.points_y.max()}"
-    else:
-        points = config["specimen"]["scan_points"] ** 2 if config["specimen"] else 512**2
-        side = f"{points**0.5:.0f} × {points**0.5:.0f}"
-    cost = estimate_study(
-        scan_points=points,
-        scans=scans + worn,
-        patches=len(patches),
-        patch_steps=config["microscale"]["steps"],
-        square_points=square**2,
-        square_steps=config["macroscale"]["steps"],
-        speed=machine_speed(),
-    )
+    square, worn = config["macroscale"]["grid"], int((patches.t1 != "").sum())
+    points = scan_points(config, found)
     lines = [
         f"stone       {config['title']}"
         + (" (to be generated)" if config["specimen"] else f": {config['inputs']['mesh']}"),
         f"macroscale  {config['square']['size_mm']:g} mm square, {square} × {square} elements, "
         f"{config['macroscale']['steps']} steps to "
         f"{config['macroscale']['target_pressure_MPa']:g} MPa",
-        f"patches     {len(patches)} of {config['scans']['size_mm']:g} mm, {side} points, "
-        f"{config['microscale']['steps']} steps each; {worn} with a scan after use",
-        f"cost        about {_duration(cost.cpu_s / cores)} on {cores} cores, if every patch is "
-        f"studied; {cost.memory_mb:.0f} MB a job",
+        f"patches     {len(patches)} of {config['scans']['size_mm']:g} mm, "
+        + (f"{points[0]} × {points[1]} points, " if points else "")
+        + f"{config['microscale']['steps']} steps each; {worn} with a scan after use",
+        f"cost        {_cost(config, patches, points, cores)}",
         f"results in  {config['results']}",
     ]
     if found is not None:
         lines[1:1] = _seen(found)
     return "\n".join(f"  {line}" for line in lines)
+
+
+def scan_points(config: dict, found: Inputs | None) -> tuple[int, int] | None:
+    """Most points of a scan along x and y; None if no scan could be read."""
+    if config["specimen"]:
+        return config["specimen"]["scan_points"], config["specimen"]["scan_points"]
+    if found is None or not len(found.scans):
+        return None
+    return int(found.scans.points_x.max()), int(found.scans.points_y.max())
+
+
+def _cost(config: dict, patches: pd.DataFrame, points: tuple[int, int] | None, cores: int) -> str:
+    if points is None:
+        return "not known: no scan could be read"
+    cost = estimate_study(
+        scan_points=points[0] * points[1],
+        scans=int((patches.t0 != "").sum() + (patches.t1 != "").sum()),
+        patches=len(patches),
+        patch_steps=config["microscale"]["steps"],
+        square_points=config["macroscale"]["grid"] ** 2,
+        square_steps=config["macroscale"]["steps"],
+        speed=machine_speed(),
+    )
+    return (
+        f"about {_duration(cost.cpu_s / cores)} on {cores} cores, if every patch is studied; "
+        f"{cost.memory_mb:.0f} MB a job"
+    )
 
 
 def _seen(found: Inputs) -> list[str]:
@@ -187,9 +212,15 @@ def main() -> int:
     logging.basicConfig(format="%(levelname)s: %(message)s")
     config = read_config(arguments.config)
     problems, patches, found = check(config, str(arguments.config))
-    if patches is not None and not faulty_sections(config, SCHEMAS / "config.schema.yaml"):
+    faulty = faulty_sections(config, SCHEMAS / "config.schema.yaml")
+    if patches is not None and not faulty:
         print(f"{arguments.config}\n{summary(config, patches, found, arguments.cores)}")
-    if found is not None and found.square is not None:
+    if (
+        patches is not None
+        and found is not None
+        and found.square is not None
+        and (not faulty & {"results", "scans"})
+    ):
         picture = Path(config["results"]) / "check.png"
         draw(config, patches, found, picture)
         print(f"  picture     {picture}: the square with its patches")

@@ -51,5 +51,6 @@ class InputsError(GstError):
     def __str__(self) -> str:
         if len(self.errors) == 1:
             return str(self.errors[0])
-        listed = "\n  - ".join(str(error) for error in self.errors)
+        # lists within the list stand further in
+        listed = "\n  - ".join(str(error).replace("\n", "\n    ") for error in self.errors)
         return f"{len(self.errors)} problems\n  - {listed}"

@@ -86,7 +86,7 @@ class Inputs:
 
 
 def check_inputs(
-    mesh: str | Path,
+    mesh: str | Path | None,
     scans: Iterable[ScanFile],
     *,
     mesh_unit: str,
@@ -100,7 +100,7 @@ def check_inputs(
     Parameters
     ----------
     mesh, mesh_unit
-        As in `read_mesh`.
+        As in `read_mesh`; a mesh of None is not looked at.
     scans : iterable of ScanFile
     square, macroscale, scan_settings : mapping
         The sections ``square``, ``macroscale`` and ``scans`` of the config.
@@ -114,9 +114,10 @@ def check_inputs(
     problems: list[GstError] = []
     facts_of_mesh = heights = None
     try:
-        stone = read_mesh(mesh, unit=mesh_unit)
-        facts_of_mesh = mesh_facts(stone)
-        heights = _square(stone, mesh, mesh_unit, square, macroscale)
+        if mesh is not None:
+            stone = read_mesh(mesh, unit=mesh_unit)
+            facts_of_mesh = mesh_facts(stone)
+            heights = _square(stone, mesh, mesh_unit, square, macroscale)
     except GstError as error:
         problems.append(error)
     rows, ranges, spacings = [], [], {}

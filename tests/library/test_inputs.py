@@ -96,6 +96,14 @@ def test_one_problem_is_said_without_a_list(folder):
         found.raise_problems()
 
 
+def test_scans_are_looked_at_without_a_mesh(folder):
+    (folder / "1_T0.plu").write_bytes(b"no scan")
+    found = check_inputs(None, scans(folder), **SETTINGS)
+    assert (found.mesh, found.square) == (None, None)
+    (problem,) = found.problems
+    assert "1_T0.plu" in str(problem)
+
+
 def test_a_scan_is_read_once_for_all_its_pieces(folder, monkeypatch):
     import gstlib.inputs
 

@@ -61,6 +61,36 @@ def test_everything_wrong_is_said_at_once(measured):
     assert "Traceback" not in result.stderr
 
 
+def test_what_is_right_is_looked_at_beside_a_faulty_table_and_a_missing_mesh(measured):
+    table = measured.folder / "config/patches_tiny.tsv"
+    table.write_text(table.read_text().replace("\t0.50\t", "\t0.30\t", 1))
+    data = measured.folder / "data"
+    (data / "mesh.stl").unlink()
+    (data / "scans/7_T0.plu").write_bytes(b"too short")
+    measured.change(macroscale={"grid": -4})
+    result = check(measured)
+    assert result.returncode == 1
+    for words in (
+        ("4 problems",),
+        ("macroscale.grid", "-4"),
+        ("patch 5", "sticks out"),
+        ("mesh: data/mesh.stl",),
+        ("7_T0.plu", "truncated"),
+    ):
+        assert all(word in result.stderr for word in words), words
+    assert "Traceback" not in result.stderr
+
+
+def test_nothing_is_said_of_scans_that_cannot_be_read(measured):
+    for scan in (measured.folder / "data/scans").iterdir():
+        scan.write_bytes(b"too short")
+    result = check(measured)
+    assert result.returncode == 1
+    assert "patches     6 of 0.85 mm, 6 steps each" in result.stdout
+    assert "cost        not known" in result.stdout
+    assert "points" not in result.stdout
+
+
 def test_a_run_begins_with_the_check(measured):
     scans = measured.folder / "data/scans"
     for name in ("7_T0.plu", "5_T1.plu"):

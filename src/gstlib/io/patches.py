@@ -19,8 +19,10 @@ import pandas as pd
 from gstlib.errors import ConfigError
 from gstlib.io.text import separator_of
 
-__all__ = ["natural_key", "read_patches"]
+__all__ = ["natural_key", "read_patches", "readable_patches"]
 
+# What tells which scan is to be looked at, and which piece of it.
+_OF_THE_SCAN = {"t0", "t1", "crop_x_mm", "crop_y_mm"}
 # A footprint may touch the square's edge; this much (mm) beyond it is rounding.
 _EDGE_TOLERANCE = 1e-9
 
@@ -71,13 +73,51 @@ def read_patches(
             + "\n ",
             "Correct these rows; the columns are described in config/README.md.",
         )
+    frame = _frame([row for _, row in rows], schema)
+    return frame.sort_values("patch", key=lambda ids: ids.map(natural_key), ignore_index=True)
+
+
+def readable_patches(path: str | Path, *, schema: Mapping | str | Path) -> pd.DataFrame:
+    """The rows of a faulty patch table that name their scans, to look at these all the same.
+
+    Parameters
+    ----------
+    path, schema
+        As in `read_patches`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        As of `read_patches`, in the order of the file, the first row of an id alone, and numbers
+        that cannot be used NaN; without rows where nothing can be read.
+    """
+    from jsonschema import Draft202012Validator
+
+    schema = _load_schema(schema)
+    try:
+        columns, lines = _read_lines(Path(path))
+        _check_columns(Path(path), columns, schema)
+    except ConfigError:
+        return _frame([], schema)
+    rows: dict[str, dict] = {}
+    for _, row in _check_rows(columns, lines, schema)[0]:
+        errors = list(Draft202012Validator(schema).iter_errors(row))
+        faulty = {name for error in errors for name in error.absolute_path}
+        crop = any(error.validator == "dependentRequired" for error in errors)
+        if not crop and not faulty & _OF_THE_SCAN and {"patch", "t0"} <= set(row):
+            sound = {name: row[name] for name in row if name == "patch" or name not in faulty}
+            rows.setdefault(row["patch"].lower(), sound)
+    return _frame(list(rows.values()), schema)
+
+
+def _frame(rows: list[dict], schema: Mapping) -> pd.DataFrame:
+    """The rows with every column of the schema, what is not given as its default or empty."""
     table = {}
     for name, rule in schema["properties"].items():
         empty = rule.get("default", "" if rule.get("type") == "string" else math.nan)
-        values = [row.get(name, empty) for _, row in rows]
+        values = [row.get(name, empty) for row in rows]
         table[name] = values if rule.get("type") == "string" else [float(v) for v in values]
-    frame = pd.DataFrame(table)
-    return frame.sort_values("patch", key=lambda ids: ids.map(natural_key), ignore_index=True)
+    return pd.DataFrame(table)
 
 
 def natural_key(text: str) -> tuple:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gstlib.errors import ConfigError
-from gstlib.io.patches import read_patches
+from gstlib.io.patches import read_patches, readable_patches
 
 ROOT = Path(__file__).parents[3]
 SCHEMA = ROOT / "workflow" / "schemas" / "patches.schema.yaml"
@@ -164,3 +164,26 @@ def test_files_that_are_no_table(table, tmp_path):
 def test_shipped_tables():
     for path in sorted((ROOT / "config").glob("patches*.tsv")):
         assert len(read(path)) > 0
+
+
+def test_rows_that_name_their_scans_are_had_from_a_faulty_table(table):
+    path = table(
+        "patch,x_mm,y_mm,t0,t1,crop_x_mm,crop_y_mm\n"
+        "5,49,1,a,b,,\n"  # out of the square
+        "7,1;5,1,c,,0.1,0.2\n"  # no number
+        "7,1,1,d,,,\n"  # again
+        "8_,1,1,e,,,\n"  # no id
+        "9,1,1,f,,0.1,\n"  # half a crop: which piece is not known
+        "10,1,1,,,,\n"  # no scan
+    )
+    refused(path, "line 2", "line 3", "line 4", "line 5", "line 6", "line 7")
+    rows = readable_patches(path, schema=SCHEMA)
+    assert list(rows.patch) == ["5", "7", "8_"]
+    assert list(rows.t0 + rows.t1) == ["ab", "c", "e"]
+    np.testing.assert_array_equal(rows.x_mm, [49.0, np.nan, 1.0])
+    np.testing.assert_array_equal(rows.crop_x_mm, [np.nan, 0.1, np.nan])
+
+
+def test_a_table_that_cannot_be_read_has_no_rows(table):
+    for path in (table("patch,x,y\n1,2,3\n"), Path("none.csv")):
+        assert len(readable_patches(path, schema=SCHEMA)) == 0
