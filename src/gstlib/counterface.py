@@ -13,7 +13,7 @@ import xarray as xr
 from gstlib.errors import InputError
 from gstlib.surface import spacing_of
 
-__all__ = ["turned_over"]
+__all__ = ["check_grid", "turned_over"]
 
 # Spacings come from the instruments' files: this much apart (relative), they are the same.
 _SAME_SPACING = 1e-6
@@ -47,8 +47,31 @@ def turned_over(
     InputError
         Number or spacing of the points are not the patch's.
     """
-    grids = [(surface.shape, spacing_of(surface)) for surface in (counterface, patch)]
-    (shape, spacing), (patch_shape, patch_spacing) = grids
+    grid, patch_grid = ((face.shape, spacing_of(face)) for face in (counterface, patch))
+    check_grid(grid, patch_grid, source=source, patch_source=patch_source)
+    return patch.copy(data=counterface.values[:, ::-1]).assign_attrs(
+        units="mm", long_name="height of the counterface, turned over onto the patch"
+    )
+
+
+def check_grid(
+    counterface: tuple, patch: tuple, *, source: str | Path, patch_source: str | Path
+) -> None:
+    """Refuse a counterface whose points do not lie over those of a patch.
+
+    Parameters
+    ----------
+    counterface, patch : ((ny, nx), (dy, dx))
+        Shape and spacing (mm) of each.
+    source, patch_source : path
+        Their files, for the error message.
+
+    Raises
+    ------
+    InputError
+        Number or spacing of the points are not the patch's.
+    """
+    (shape, spacing), (patch_shape, patch_spacing) = grids = counterface, patch
     if shape != patch_shape or not np.allclose(spacing, patch_spacing, rtol=_SAME_SPACING, atol=0):
         told = [f"{n[1]} × {n[0]} points every {s[1]:g} × {s[0]:g} mm" for n, s in grids]
         raise InputError(
@@ -56,6 +79,3 @@ def turned_over(
             f"the counterface has {told[0]}, but {patch_source} has {told[1]}",
             "Scan the counterface as the patches were scanned, or set counterface to null.",
         )
-    return patch.copy(data=counterface.values[:, ::-1]).assign_attrs(
-        units="mm", long_name="height of the counterface, turned over onto the patch"
-    )

@@ -4,14 +4,17 @@ A study of hours must not end at its last scan. What is found wrong with one fil
 others from being looked at, so that all can be put right at once.
 """
 
+import hashlib
 import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 
+from gstlib.counterface import check_grid
 from gstlib.errors import GstError, InputError, InputsError
 from gstlib.inspection import held_height, mesh_facts, scan_facts
 from gstlib.io.meshes import read_mesh
@@ -85,6 +88,21 @@ class Inputs:
             raise InputsError(self.problems)
 
 
+@dataclass(frozen=True)
+class _Piece:
+    """What is remembered of a piece of a scan, to hold it against the others."""
+
+    path: Path
+    shape: tuple[int, int]
+    spacing: tuple[float, float]  # dy, dx, mm
+    content: bytes  # a hash of its heights
+
+    @classmethod
+    def of(cls, piece: xr.DataArray, path: Path) -> "_Piece":
+        content = hashlib.blake2b(np.ascontiguousarray(piece.values)).digest()
+        return cls(path, piece.shape, spacing_of(piece), content)
+
+
 def check_inputs(
     mesh: str | Path | None,
     scans: Iterable[ScanFile],
@@ -120,7 +138,8 @@ def check_inputs(
             heights = _square(stone, mesh, mesh_unit, square, macroscale)
     except GstError as error:
         problems.append(error)
-    rows, ranges, spacings = [], [], {}
+    rows, ranges = [], []
+    pieces: dict[tuple[str, str], _Piece] = {}
     held: dict[float, dict[Path, float]] = {}
     by_file: dict[Path, list[ScanFile]] = {}
     for scan in scans:
@@ -136,18 +155,21 @@ def check_inputs(
         for use in uses:
             try:
                 piece = _piece(whole, use, scan_settings["size_mm"], maximum_unmeasured)
-            except GstError as error:
-                problems.append(error)
+            except InputError as error:
+                problems.append(InputError(_named(use), error.problem, error.remedy))
                 continue
             facts = scan_facts(piece)
-            spacings[use.patch, use.epoch] = use.path, spacing_of(piece)
+            pieces[use.patch, use.epoch] = _Piece.of(piece, path)
             ranges.append(facts["highest_um"] - facts["lowest_um"])
             rows.append(
                 {"patch": use.patch, "epoch": use.epoch, "file": path.name}
                 | {name: facts.get(name) for name in _FACTS}
             )
     _warn_of_held_heights(held)
-    problems += _unequal_spacings(spacings)
+    problems += _unequal_spacings(pieces)
+    problems += _unlike_counterface(pieces)
+    problems += _same_at_both_epochs(pieces)
+    _warn_of_same_patches(pieces)
     columns = ["patch", "epoch", "file", *_FACTS]
     return Inputs(
         scans=pd.DataFrame(rows, columns=columns),
@@ -195,20 +217,75 @@ def _piece(whole, use: ScanFile, size_mm, maximum_unmeasured) -> xr.DataArray:
     return piece
 
 
-def _unequal_spacings(spacings: Mapping) -> list[InputError]:
+def _named(use: ScanFile) -> str:
+    """The file, and what it is of: files in two folders may have one name."""
+    what = f"patch {use.patch} at {use.epoch}" if use.epoch else use.patch
+    return f"{use.path} ({what})"
+
+
+def _both_epochs(pieces: Mapping) -> Iterable[tuple[str, _Piece, _Piece]]:
+    """Patch, its piece at T0 and that at T1, where both could be read."""
+    for (patch, epoch), piece in pieces.items():
+        if epoch == "T1" and (patch, "T0") in pieces:
+            yield patch, pieces[patch, "T0"], piece
+
+
+def _unequal_spacings(pieces: Mapping) -> list[InputError]:
     """T1 is laid over T0 point by point, so both need the same spacing."""
-    problems = []
-    for (patch, epoch), (path, spacing) in spacings.items():
-        if epoch != "T1" or (patch, "T0") not in spacings:
+    return [
+        InputError(
+            second.path,
+            f"its points are {second.spacing[1] * 1e3:.5g} µm apart, those of {first.path} "
+            f"{first.spacing[1] * 1e3:.5g} µm",
+            "Scan both epochs of a patch with the same objective, or resample one.",
+        )
+        for _, first, second in _both_epochs(pieces)
+        if max(abs(a / b - 1) for a, b in zip(second.spacing, first.spacing, strict=True))
+        > _SAME_SPACING
+    ]
+
+
+def _unlike_counterface(pieces: Mapping) -> list[GstError]:
+    """The counterface is laid over each patch at T0; the first that it does not fit is enough."""
+    face = pieces.get(("counterface", ""))
+    for (_, epoch), piece in pieces.items():
+        if face is None or epoch != "T0":
             continue
-        first_path, first = spacings[patch, "T0"]
-        if max(abs(a / b - 1) for a, b in zip(spacing, first, strict=True)) > _SAME_SPACING:
-            problems.append(
-                InputError(
-                    path,
-                    f"its points are {spacing[1] * 1e3:.5g} µm apart, those of {first_path} "
-                    f"{first[1] * 1e3:.5g} µm",
-                    "Scan both epochs of a patch with the same objective, or resample one.",
-                )
+        try:
+            check_grid(
+                (face.shape, face.spacing),
+                (piece.shape, piece.spacing),
+                source=face.path,
+                patch_source=piece.path,
             )
-    return problems
+        except GstError as error:
+            return [error]
+    return []
+
+
+def _same_at_both_epochs(pieces: Mapping) -> list[InputError]:
+    """Two scans never have the same noise: one of them was copied, and no wear would be found."""
+    return [
+        InputError(
+            second.path,
+            f"patch {patch} has the same heights at T1 as at T0"
+            + (f" ({first.path})" if first.path != second.path else ", from this one file"),
+            "Give the scan that was made after use, or leave t1 empty in the patch table.",
+        )
+        for patch, first, second in _both_epochs(pieces)
+        if first.content == second.content
+    ]
+
+
+def _warn_of_same_patches(pieces: Mapping) -> None:
+    same: dict[bytes, dict[str, Path]] = {}
+    for (patch, epoch), piece in pieces.items():
+        if epoch:
+            same.setdefault(piece.content, {})[patch] = piece.path
+    for files in same.values():
+        if len(files) > 1:
+            _log.warning(
+                "patches %s have the same heights (%s): give each its own scan",
+                ", ".join(files),
+                ", ".join(map(str, dict.fromkeys(files.values()))),
+            )

@@ -38,8 +38,8 @@ SETTINGS = {
 def folder(tmp_path):
     stone = trimesh.creation.box(extents=(20.0, 20.0, 10.0))
     stone.subdivide().subdivide().export(tmp_path / "stone.stl")
-    for name in ("1_T0", "1_T1", "2_T0", "2_T1"):
-        heights = 1e-3 * np.random.default_rng(len(name)).standard_normal((50, 50))
+    for seed, name in enumerate(("1_T0", "1_T1", "2_T0", "2_T1")):
+        heights = 1e-3 * np.random.default_rng(seed).standard_normal((50, 50))
         write_plu(tmp_path / f"{name}.plu", heights, SPACING)
     return tmp_path
 
@@ -131,8 +131,8 @@ def test_both_epochs_need_one_spacing(folder):
 
 
 def test_one_height_of_many_points_is_warned_of_once(folder, caplog):
-    for name in ("1_T0", "2_T1"):
-        heights = 1e-3 * np.random.default_rng(5).standard_normal((50, 50))
+    for seed, name in enumerate(("1_T0", "2_T1")):
+        heights = 1e-3 * np.random.default_rng(seed).standard_normal((50, 50))
         heights.flat[::100] = -0.999
         write_plu(folder / f"{name}.plu", heights, SPACING)
     found = check_inputs(folder / "stone.stl", scans(folder), **SETTINGS)
@@ -140,3 +140,46 @@ def test_one_height_of_many_points_is_warned_of_once(folder, caplog):
     (warning,) = caplog.messages
     assert "1_T0.plu and 1 more: up to 1 % of the points" in warning
     assert "-999 µm" in warning
+
+
+def test_a_counterface_needs_the_points_of_the_patches(folder):
+    for points, count in ((50, 0), (49, 1)):
+        face = ScanFile(folder / f"face{points}.plu", "counterface", "")
+        heights = 1e-3 * np.random.default_rng(9).standard_normal((points, points))
+        write_plu(face.path, heights, 0.5 / points)
+        problems = check_inputs(folder / "stone.stl", [*scans(folder), face], **SETTINGS).problems
+        assert len(problems) == count
+    assert "face49.plu: the counterface has 49 × 49 points" in str(problems[0])
+    assert "1_T0.plu has 50 × 50 points" in str(problems[0])
+
+
+def test_both_epochs_with_the_same_heights_are_refused(folder):
+    (folder / "1_T1.plu").write_bytes((folder / "1_T0.plu").read_bytes())
+    both = ScanFile(folder / "2_T0.plu", "2", "T1")
+    uses = [*scans(folder)[:3], both]
+    first, second = map(str, check_inputs(folder / "stone.stl", uses, **SETTINGS).problems)
+    assert "1_T1.plu: patch 1 has the same heights at T1 as at T0 (" in first
+    assert "1_T0.plu)" in first
+    assert "2_T0.plu: patch 2 has the same heights at T1 as at T0, from this one file" in second
+    assert "leave t1 empty" in second
+
+
+def test_two_patches_with_the_same_heights_are_warned_of(folder, caplog):
+    (folder / "2_T0.plu").write_bytes((folder / "1_T0.plu").read_bytes())
+    assert check_inputs(folder / "stone.stl", scans(folder), **SETTINGS).problems == ()
+    (warning,) = caplog.messages
+    assert warning.startswith("patches 1, 2 have the same heights (")
+    assert "2_T0.plu" in warning
+
+
+def test_files_of_one_name_are_told_apart(folder):
+    uses = []
+    for epoch in ("T0", "T1"):
+        path = folder / epoch / "7.plu"
+        path.parent.mkdir()
+        write_plu(path, 1e-3 * np.random.default_rng(len(uses)).random((50, 70)), SPACING)
+        uses.append(ScanFile(path, "7", epoch))
+    problems = check_inputs(folder / "stone.stl", uses, **SETTINGS).problems
+    assert [str(problem).split(": ")[0] for problem in problems] == [
+        f"{folder}/{epoch}/7.plu (patch 7 at {epoch})" for epoch in ("T0", "T1")
+    ]
