@@ -33,6 +33,8 @@ __all__ = [
     "study_poisson",
 ]
 
+# In a path, they are a placeholder to Snakemake.
+_BRACES = set("{}")
 # What a shell takes a word apart at, or replaces; and braces, which Snakemake replaces.
 _NOT_FOR_A_SHELL = re.compile(r"[\s'\"\\$`&;|<>()*?\[\]{}]")
 
@@ -83,7 +85,7 @@ def _validator(schema: str | Path) -> Draft202012Validator:
 
 
 def check_files(files: Mapping[str, str], source: str) -> None:
-    """Refuse to start while measured files are missing.
+    """Refuse to start while measured files are missing, or have names that Snakemake cannot take.
 
     Parameters
     ----------
@@ -95,8 +97,17 @@ def check_files(files: Mapping[str, str], source: str) -> None:
     Raises
     ------
     ConfigError
-        Its message lists every missing file.
+        Its message lists every such file.
     """
+    braced = [f"{what}: {path}" for what, path in files.items() if _BRACES & set(str(path))]
+    if braced:
+        raise ConfigError(
+            source,
+            "these paths have braces in them, which Snakemake fills in\n  - "
+            + "\n  - ".join(braced)
+            + "\n ",
+            "Rename the files or folders, and correct their names.",
+        )
     missing = [f"{what}: {path}" for what, path in files.items() if not Path(path).is_file()]
     if missing:
         raise ConfigError(
@@ -263,10 +274,15 @@ def _contradictions(config: Mapping) -> list[str]:
             f"'texture.l_filter_um' is {long}, not above texture.s_filter_um of {short}: no wave "
             "passes both filters; raise it, or set it to null"
         )
-    for name in ("patches", "published"):
-        if config[name] is not None and not Path(config[name]).is_file():
+    named = {name: config[name] for name in ("patches", "published")}
+    for name, path in named.items():
+        if path is not None and not Path(path).is_file():
+            problems.append(f"'{name}' names {path}, which does not exist: correct the path")
+    for name, path in {**named, "square.frame.marker": square["frame"]["marker"]}.items():
+        if path is not None and _BRACES & set(path):
             problems.append(
-                f"'{name}' names {config[name]}, which does not exist: correct the path"
+                f"'{name}' names {path}: Snakemake fills in what is in braces; rename the file "
+                "or its folder"
             )
     return problems
 

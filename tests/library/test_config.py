@@ -121,6 +121,18 @@ def test_missing_files_are_listed(tmp_path):
         check_files({"mesh": f"{tmp_path}/there", "scan": f"{tmp_path}/gone"}, source="m.yaml")
 
 
+def test_names_with_braces(config, tmp_path):
+    scan = tmp_path / "7{1} 50% #a.plu"
+    scan.touch()
+    with pytest.raises(ConfigError, match=r"patch 7 at T0: .*7\{1\} 50% #a\.plu\n.*Rename"):
+        check_files({"patch 7 at T0": str(scan)}, source="mine.yaml")
+    table = tmp_path / "{rows.csv"
+    table.touch()
+    message = problems(config | {"patches": str(table), "published": None})
+    assert f"'patches' names {table}: Snakemake" in message
+    assert "rename" in message
+
+
 @pytest.mark.parametrize(
     ("folder", "marks"), [("Meine Steine", "a space"), ("a&b", "'&'"), ("{a}", "'{', '}'")]
 )
