@@ -210,6 +210,16 @@ def _picked_frame(points, mesh, size_mm, unit, source) -> Frame:
                 f"point {number} is only {near:.4g} mm from point 1: that tells no direction",
                 "Pick it at the next corner of the square.",
             )
+    sides = np.linalg.norm(np.subtract(points[1:], points[0]), axis=1)
+    if _is_odd(sides, size_mm):
+        _log.warning(
+            "%s: points 2 and 3 are %.4g and %.4g mm from point 1, the square is %g × %g mm; it "
+            "begins at point 1. Pick its own corners, or correct square.size_mm",
+            key,
+            *sides,
+            size_mm,
+            size_mm,
+        )
     if not _looks_out(mesh, frame, size_mm, source):
         raise ConfigError(
             key,
@@ -295,8 +305,13 @@ def _check_sides(sides: np.ndarray, size_mm: float, marker: Path) -> None:
             said,
             "Draw the outline of the square in the unit of the mesh, or correct square.size_mm.",
         )
-    if low < _ODD_SIDE[0] or high > _ODD_SIDE[1]:
+    if _is_odd(sides, size_mm):
         _log.warning("%s: %s; the square is put at its centre", marker, said)
+
+
+def _is_odd(sides: np.ndarray, size_mm: float) -> bool:
+    """Whether a drawn or picked square is so much smaller or larger that it may be another one."""
+    return sides.min() < _ODD_SIDE[0] * size_mm or sides.max() > _ODD_SIDE[1] * size_mm
 
 
 def _looks_out(mesh: "trimesh.Trimesh", frame: Frame, size_mm: float, source: str) -> bool:

@@ -118,6 +118,15 @@ class TestPoints:
         mesh.invert()
         assert_same(ask(mesh, points_mm=frame.from_frame(CORNERS[[0, 1, 3]]).tolist()), frame)
 
+    def test_corners_of_another_square_are_warned_of(self, caplog):
+        frame, mesh = random_frame(1)
+        for size, warned in ((1.2, False), (0.85, False), (1.6, True), (0.5, True)):
+            caplog.clear()
+            points = frame.from_frame(size * CORNERS[[0, 1, 3]]).tolist()
+            assert_same(ask(mesh, points_mm=points), frame)
+            assert ("correct square.size_mm" in caplog.text) == warned
+        assert "2.5 and 2.5 mm from point 1, the square is 5 × 5 mm" in caplog.text
+
     @pytest.mark.parametrize(
         ("points", "match"),
         [
