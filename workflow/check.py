@@ -15,11 +15,13 @@ import pandas as pd
 from snakemake.utils import update_config
 
 from gstlib.config import (
+    alternative_contact_modulus,
     check_config,
     check_files,
     check_interpreter,
     faulty_sections,
     measured_files,
+    study_contact_modulus,
 )
 from gstlib.errors import ConfigError, GstError, InputsError
 from gstlib.estimate import estimate_study, machine_speed
@@ -128,6 +130,7 @@ def summary(config: dict, patches: pd.DataFrame, found: Inputs | None, cores: in
         f"macroscale  {config['square']['size_mm']:g} mm square, {square} × {square} elements, "
         f"{config['macroscale']['steps']} steps to "
         f"{config['macroscale']['target_pressure_MPa']:g} MPa",
+        f"stiffness   {_stiffness(config['material'])}",
         f"patches     {len(patches)} of {config['scans']['size_mm']:g} mm, "
         + (f"{points[0]} × {points[1]} points, " if points else "")
         + f"{config['microscale']['steps']} steps each; {worn} with a scan after use",
@@ -164,6 +167,12 @@ def _cost(config: dict, patches: pd.DataFrame, points: tuple[int, int] | None, c
         f"about {_duration(cost.cpu_s / cores)} on {cores} cores, if every patch is studied; "
         f"{cost.memory_mb:.0f} MB a job"
     )
+
+
+def _stiffness(material: dict) -> str:
+    standard = alternative_contact_modulus(material)
+    told = "" if standard is None else f", as given; {standard:.5g} MPa by the elastic constants"
+    return f"E* = {study_contact_modulus(material):.5g} MPa{told}"
 
 
 def _seen(found: Inputs) -> list[str]:

@@ -31,6 +31,7 @@ def test_shipped_studies(study):
         assert result.returncode == code, result.stderr
         assert said in result.stdout + result.stderr
         assert "elements" in result.stdout
+        assert "E* = 12820 MPa, as given; 10346 MPa by the elastic constants" in result.stdout
 
 
 def test_good_files(measured):

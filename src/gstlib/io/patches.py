@@ -95,12 +95,12 @@ def readable_patches(path: str | Path, *, schema: Mapping | str | Path) -> pd.Da
 
     schema = _load_schema(schema)
     try:
-        columns, lines = _read_lines(Path(path))
+        delimiter, columns, lines = _read_lines(Path(path))
         _check_columns(Path(path), columns, schema)
     except ConfigError:
         return _frame([], schema)
     rows: dict[str, dict] = {}
-    for _, row in _check_rows(columns, lines, schema)[0]:
+    for _, row in _check_rows(columns, lines, schema, decimal_comma=delimiter != ",")[0]:
         errors = list(Draft202012Validator(schema).iter_errors(row))
         faulty = {name for error in errors for name in error.absolute_path}
         crop = any(error.validator == "dependentRequired" for error in errors)
