@@ -25,7 +25,7 @@ def main() -> None:
 @click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option(
     "--unit",
-    type=click.Choice(["m", "mm", "um", "nm", "in"]),
+    type=click.Choice(["m", "cm", "mm", "um", "nm", "in"]),
     help="Unit of files that do not say it.",
 )
 @click.option(

@@ -236,7 +236,20 @@ def _explain(error: ValidationError) -> str:
         return f"'{key}' lacks {missing}: add them"
     description = error.schema.get("description", "")
     wish = f" [{description}]" if description else ""
-    return f"'{key}' is {error.instance!r}: {error.message}{wish}"
+    return f"'{key}' is {error.instance!r}: {error.message}{_as_number(error)}{wish}"
+
+
+def _as_number(error: ValidationError) -> str:
+    """How to write a number that YAML took for text."""
+    if error.validator != "type" or not isinstance(error.instance, str):
+        return ""
+    try:
+        number = repr(float(error.instance.replace(",", ".")))
+    except ValueError:
+        return ""
+    # YAML wants a point in what has an exponent
+    number = number if "." in number else number.replace("e", ".0e")
+    return f" but text, as YAML reads it: write {number}"
 
 
 def _contradictions(config: Mapping) -> list[str]:

@@ -183,3 +183,12 @@ def test_poisson_stands_for_the_compliances_of_both_stones(first, second):
         normal += (1 - poisson) / (2 * shear)
     one = study_poisson(material)
     assert (2 - one) / (2 * (1 - one)) == pytest.approx(tangential / normal)
+
+
+@pytest.mark.parametrize(
+    ("text", "number"), [("1e-9", "1.0e-09"), ("25e-10", "2.5e-09"), ("0,5", "0.5"), ("7e0", "7.0")]
+)
+def test_a_number_that_yaml_takes_for_text_is_written_out(config, text, number):
+    config["microscale"]["tolerance"] = yaml.safe_load(text)
+    assert f"write {number} " in problems(config)
+    assert isinstance(yaml.safe_load(number), float)

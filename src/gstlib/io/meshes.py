@@ -22,7 +22,7 @@ __all__ = ["MESH_UNITS", "read_mesh", "read_points"]
 _log = logging.getLogger(__name__)
 
 # Length of each unit in mm.
-MESH_UNITS = {"mm": 1.0, "m": 1000.0, "in": 25.4}
+MESH_UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4}
 
 # Largest extent (mm) of anything that a hand could grind with; outside it the unit is wrong.
 _SMALLEST_STONE, _LARGEST_STONE = 1.0, 1000.0
@@ -40,7 +40,7 @@ def read_mesh(path: str | Path, *, unit: str = "mm") -> "trimesh.Trimesh":
     ----------
     path : str or Path
         STL (binary or ASCII), PLY or OBJ. No other file is opened, whatever the mesh names.
-    unit : {"mm", "m", "in"}
+    unit : {"mm", "cm", "m", "um", "in"}
         Unit of the file's coordinates: none of the formats says it.
 
     Returns
@@ -83,7 +83,7 @@ def read_points(path: str | Path, *, unit: str = "mm") -> np.ndarray:
     path : str or Path
         STL, PLY or OBJ, or a text (CSV, XYZ, TXT, ASC) whose rows begin with x, y, z, separated by
         blanks, commas or semicolons; one row of names and comments (#) may stand above.
-    unit : {"mm", "m", "in"}
+    unit : {"mm", "cm", "m", "um", "in"}
         Unit of the coordinates.
 
     Returns
@@ -192,10 +192,10 @@ def _check_size(path: Path, extent: float, unit: str) -> None:
     # Metres and millimetres are what scanning software writes: name them first.
     fitting = [
         name
-        for name in ("m", "mm", "in")
+        for name in ("m", "mm", "um", "in")
         if name != unit and 10 <= extent * MESH_UNITS[name] <= _LARGEST_STONE
     ]
-    names = {"m": "metres", "mm": "millimetres", "in": "inches"}
+    names = {"m": "metres", "mm": "millimetres", "um": "micrometres", "in": "inches"}
     if fitting:
         remedy = f"It looks like {names[fitting[0]]}: set mesh_unit: {fitting[0]}."
     else:

@@ -162,7 +162,7 @@ def find_frame(
         before ``points_mm``, and that before ``origin_mm``, ``x_axis`` and ``normal``.
     mesh : trimesh.Trimesh
         The stone, mm.
-    unit : {"mm", "m", "in"}
+    unit : {"mm", "cm", "m", "um", "in"}
         Unit of the mesh's file, which is the marker's too.
     source : str
         Name of the mesh's file, for messages.

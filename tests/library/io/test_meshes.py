@@ -27,7 +27,9 @@ def test_formats_give_the_same_closed_mesh(tmp_path, stone, kind):
     assert mesh.volume == pytest.approx(stone.volume, rel=1e-5)
 
 
-@pytest.mark.parametrize(("unit", "length"), [("m", 1000.0), ("in", 25.4)])
+@pytest.mark.parametrize(
+    ("unit", "length"), [("cm", 10.0), ("m", 1000.0), ("um", 1e-3), ("in", 25.4)]
+)
 def test_units(tmp_path, stone, unit, length):
     stone.apply_scale(1 / length)
     stone.export(tmp_path / "stone.stl")
