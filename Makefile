@@ -16,7 +16,7 @@ SNAKEMAKE := $(RUN) --configfile "$(CONFIG)"
 READ := $(BIN)/python workflow/read_config.py
 
 .DEFAULT_GOAL := help
-.PHONY: help environment study report check plan unlock diff test check-style test-python test-slurm \
+.PHONY: help environment study check plan unlock diff test check-style test-python test-slurm \
   test-faults baseline bench margin power sweep docs lock clean
 
 help: ## list these commands
@@ -88,7 +88,7 @@ baseline: $(READY) ## renew the tables that the default study is held against by
 	cp -r results/tables tests/baseline/
 
 sweep: $(READY) ## what moves the results most, one thing set otherwise at a time (10 minutes)
-	@$(READ) "$(SWEPT)"
+	@$(READ) "$(SWEPT)" --needs sweep
 	@$(RUN) sweep --configfile "$(SWEPT)"
 	@echo "Done. Table: tables/sweep.csv; figure: figures/sweep.png, in the results folder"
 

@@ -2,10 +2,13 @@
 
 import json
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 import yaml
+from conftest import ROOT
 
 from gstlib.io.tables import read_table
 from gstlib.sweep.factors import merged
@@ -132,3 +135,15 @@ def test_the_shipped_sweep_is_planned(study):
     settings = yaml.safe_load((study.folder / study.config).read_text())["sweep"].values()
     count = 1 + sum(map(len, settings))
     assert re.search(rf"^try_setting +{count}$", result.stdout + result.stderr, re.MULTILINE)
+
+
+def test_a_config_without_the_section_is_told(study):
+    command = [sys.executable, str(ROOT / "workflow/read_config.py"), "--needs", "sweep"]
+    for name, code in (("tiny", 1), ("sweep", 0)):
+        config = study.folder / f"config/{name}.yaml"
+        result = subprocess.run(
+            [*command, str(config)], capture_output=True, text=True, check=False
+        )
+        assert result.returncode == code
+        assert ("has no section 'sweep'" in result.stderr) == bool(code)
+        assert "Traceback" not in result.stderr
