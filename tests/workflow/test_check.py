@@ -109,8 +109,15 @@ def test_a_run_begins_with_the_check(measured):
 def make(target, config):
     """`make TARGET CONFIG=...` with the environment under test."""
     command = ["make", "-o", ".venv/ready", f"BIN={Path(sys.executable).parent}", target]
+    # the tests themselves may run under make, which hands on what it was called with
+    environment = {key: value for key, value in os.environ.items() if "MAKE" not in key}
     return subprocess.run(
-        [*command, f"CONFIG={config}"], cwd=ROOT, capture_output=True, text=True, check=False
+        [*command, f"CONFIG={config}"],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 
