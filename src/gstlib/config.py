@@ -4,6 +4,7 @@ A config file is held against `workflow/schemas/config.schema.yaml` and against 
 cannot say; every problem found is reported at once, with its key, its value and what to do.
 """
 
+import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -244,11 +245,15 @@ def _as_number(error: ValidationError) -> str:
     if error.validator != "type" or not isinstance(error.instance, str):
         return ""
     try:
-        number = repr(float(error.instance.replace(",", ".")))
+        value = float(error.instance.replace(",", "."))
     except ValueError:
         return ""
+    if not math.isfinite(value):
+        return ""
+    if value.is_integer() and error.validator_value == "integer":
+        value = int(value)
     # YAML wants a point in what has an exponent
-    number = number if "." in number else number.replace("e", ".0e")
+    number = repr(value) if "." in repr(value) else repr(value).replace("e", ".0e")
     return f" but text, as YAML reads it: write {number}"
 
 

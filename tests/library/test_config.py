@@ -192,3 +192,13 @@ def test_a_number_that_yaml_takes_for_text_is_written_out(config, text, number):
     config["microscale"]["tolerance"] = yaml.safe_load(text)
     assert f"write {number} " in problems(config)
     assert isinstance(yaml.safe_load(number), float)
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"), [("20", "write 20 "), ("2,5", "write 2.5 "), ("inf", "")]
+)
+def test_a_whole_number_in_quotes_is_written_as_one(config, text, hint):
+    config["microscale"]["steps"] = text
+    told = problems(config)
+    assert hint in told
+    assert ("write" in told) == bool(hint)

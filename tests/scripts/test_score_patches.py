@@ -121,25 +121,6 @@ def test_nothing_is_said_of_a_claim_that_was_not_made(main, study, tmp_path):
     assert summary.low.isna().all()
 
 
-@pytest.mark.parametrize(
-    ("rose", "fell", "words"),
-    [
-        (0.01, 0.05, []),
-        (0.04, 0.05, ["80 % as much rose as fell", "minimum_points"]),
-        (0.06, 0.01, ["far more rose than fell (6 % and 1 %", "t0 and t1 exchanged", "residue"]),
-        (0.06, 0.0, ["far more rose than fell (6 % and 0 %"]),
-        (0.0, 0.0, []),
-        (np.nan, np.nan, []),  # nothing is known of the change
-    ],
-)
-def test_a_patch_that_rose_is_told_once_and_in_its_own_words(script, caplog, rose, fell, words):
-    row = {"patch": "7", "gain_fraction": rose, "loss_fraction": fell}
-    script.warn_of_gain(row | {"noise_share": rose / fell if fell else np.nan}, 0.5)
-    assert len(caplog.messages) == bool(words)
-    for word in words:
-        assert word in caplog.text
-
-
 def test_exchanged_epochs_are_asked_about(script, study, tmp_path, caplog):
     """T1 in place of T0: what was lost has risen."""
     for patch in ("5", "8"):

@@ -25,36 +25,10 @@ from gstlib.validation.across import (
     mean_scores,
     rank_correlations,
 )
-from gstlib.validation.comparison import CONTACT, compare, score_patch, scores_of
+from gstlib.validation.comparison import CONTACT, compare, score_patch, scores_of, warning_of
 from gstlib.validation.failures import gap_bands, height_bands, split_loss
 from gstlib.validation.gains import null_scores, weigh_patch
 from gstlib.validation.rivals import RIVALS
-
-# Noise is as likely up as down: of a patch of which so many times as much rose as fell, something
-# else must be the matter.
-BEYOND_NOISE = 2
-
-
-def warn_of_gain(scored: dict[str, float], most_noise: float) -> None:
-    """Say of a patch, by its row of scores, that it rose: by as much as it fell, or by far more."""
-    log, patch = logging.getLogger("gstlib"), scored["patch"]
-    if scored["gain_fraction"] > BEYOND_NOISE * scored["loss_fraction"]:
-        log.warning(
-            "patch %s: far more rose than fell (%.2g %% and %.2g %% of the area), and use only "
-            "takes away. Are t0 and t1 exchanged in the patch table, or was residue left on the "
-            "stone?",
-            patch,
-            100 * scored["gain_fraction"],
-            100 * scored["loss_fraction"],
-        )
-    elif scored["noise_share"] > most_noise:
-        log.warning(
-            "patch %s: %.0f %% as much rose as fell, so that the loss may be noise, which "
-            "agrees with contact by itself: not tested against chance. A larger "
-            "traces.minimum_points takes out noise.",
-            patch,
-            100 * scored["noise_share"],
-        )
 
 
 def main(
@@ -93,7 +67,8 @@ def main(
             generator=generator,
         )
         scored.append({"patch": patch} | score_patch(at, scores, change))
-        warn_of_gain(scored[-1], most_noise)
+        if warning := warning_of(scored[-1], most_noise):
+            logging.getLogger("gstlib").warning("%s", warning)
         touching = at.predictions[CONTACT].mask
         bands = {
             "height": height_bands(contact["height"].values, at.valid, height_quantiles),

@@ -1,6 +1,7 @@
 """One patch laid out for scoring: what was predicted, by whom, and what was seen."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +18,12 @@ from gstlib.validation.scores import (
     rank_scores,
 )
 
-__all__ = ["CONTACT", "Comparison", "compare", "score_patch", "scores_of"]
+__all__ = ["CONTACT", "Comparison", "compare", "score_patch", "scores_of", "warning_of"]
 
 CONTACT = "contact"  # the prediction that is on trial
+# Noise is as likely up as down: of a patch of which so many times as much rose as fell, something
+# else must be the matter.
+_BEYOND_NOISE = 2
 
 
 @dataclass(frozen=True)
@@ -163,6 +167,32 @@ def score_patch(
         front = "" if name == CONTACT else f"{name}_"
         row |= {f"{front}{score}": value for score, value in of_one.items()}
     return row
+
+
+def warning_of(row: Mapping, most_noise: float) -> str | None:
+    """What a user should look into if a patch rose by nearly as much as it fell, or by far more.
+
+    Parameters
+    ----------
+    row : mapping
+        ``patch``, and the items of `score_patch`.
+    most_noise : float
+        The `noise_share` up to which there are p-values.
+    """
+    rose, fell = row["gain_fraction"], row["loss_fraction"]
+    if rose > _BEYOND_NOISE * fell:
+        return (
+            f"patch {row['patch']}: far more rose than fell ({100 * rose:.2g} % and "
+            f"{100 * fell:.2g} % of the area), and use only takes away. Are t0 and t1 exchanged in "
+            "the patch table, or was residue left on the stone?"
+        )
+    if row["noise_share"] > most_noise:
+        return (
+            f"patch {row['patch']}: {100 * row['noise_share']:.0f} % as much rose as fell, so that "
+            "the loss may be noise, which agrees with contact by itself: not tested against "
+            "chance. A larger traces.minimum_points takes out noise."
+        )
+    return None
 
 
 def _odd_elements(length: float, spacing: float) -> int:

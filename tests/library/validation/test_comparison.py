@@ -10,7 +10,7 @@ import xarray as xr
 from gstlib.specimen.randomness import smooth_field
 from gstlib.surface import make_surface
 from gstlib.validation.change import height_change
-from gstlib.validation.comparison import compare, score_patch, scores_of
+from gstlib.validation.comparison import compare, score_patch, scores_of, warning_of
 from gstlib.validation.failures import gap_bands, height_bands, split_loss
 from gstlib.validation.gains import null_scores, weigh_patch
 from gstlib.validation.scores import SCORES
@@ -155,6 +155,24 @@ def test_noise_that_agrees_with_contact_is_not_claimed_for_wear():
     worn, _, rows = rows_of(measured_twice(np.random.default_rng(5), worn=0.05), most_noise=0.2)
     assert 0 < worn.noise_share < 0.2
     assert rows["f1"]["p_value"] < 0.01
+
+
+@pytest.mark.parametrize(
+    ("rose", "fell", "words"),
+    [
+        (0.01, 0.05, []),
+        (0.04, 0.05, ["80 % as much rose as fell", "minimum_points"]),
+        (0.06, 0.01, ["far more rose than fell (6 % and 1 %", "t0 and t1 exchanged", "residue"]),
+        (0.06, 0.0, ["far more rose than fell (6 % and 0 %"]),
+        (0.0, 0.0, []),
+        (np.nan, np.nan, []),  # nothing is known of the change
+    ],
+)
+def test_a_patch_that_rose_is_told_once_and_in_its_own_words(rose, fell, words):
+    row = {"patch": "7", "gain_fraction": rose, "loss_fraction": fell}
+    told = warning_of(row | {"noise_share": rose / fell if fell else np.nan}, 0.5)
+    assert bool(told) == bool(words)
+    assert all(word in told for word in words)
 
 
 def test_prediction_of_another_shape_is_refused(patch):
