@@ -68,7 +68,6 @@ class Case:
     pressure: float
     codes: tuple[str, ...]
     more: tuple[str, ...] = ()
-    threads: tuple[int, ...] = (1,)
     steps: int = 1
 
 
@@ -106,22 +105,6 @@ CASES = {
     for case in (
         Case("rough-76", "Rough 512² at 76 MPa, cold, one thread", _P2, 76.0, _SINGLE, _NATIVE),
         Case("rough-22", "Rough 512² at 22 MPa, cold, one thread", _P2, 22.0, _SINGLE, _NATIVE),
-        Case(
-            "threads",
-            "Rough 512² at 76 MPa, cold, one thread and two",
-            _P2,
-            76.0,
-            ("gstlib, load", "aspher, FFT", "aspher, FFT mixed precision", "slippy, BCCG"),
-            threads=(1, 2),
-        ),
-        Case(
-            "threads-2048",
-            "Rough 2048² at 76 MPa, cold, one thread and two",
-            Surface("rough", 2048),
-            76.0,
-            ("gstlib, load",),
-            threads=(1, 2),
-        ),
         Case(
             "hertz-256",
             "Smooth sphere 256², cold, one thread",

@@ -6,7 +6,6 @@ import statistics
 import subprocess
 import tempfile
 import time
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,7 +56,7 @@ class Run:
         return self.gap_error <= GOAL and not self.force_error > GOAL
 
 
-def run(code: Code, surface: Surface, levels: dict, tolerance: float, threads: int) -> Run:
+def run(code: Code, surface: Surface, levels: dict, tolerance: float) -> Run:
     """Solve once in a process of its own, and evaluate what it returns."""
     python = ENVIRONMENTS[code.environment].interpreter()
     with tempfile.TemporaryDirectory(dir=SCRATCH) as folder:
@@ -68,18 +67,16 @@ def run(code: Code, surface: Surface, levels: dict, tolerance: float, threads: i
             "levels": levels[code.control],
             "target_pressure": levels["load"][-1],
             "tolerance": tolerance,
-            "threads": threads,
+            "threads": 1,
             "fields": f"{folder}/fields.npz",
             "record": f"{folder}/record.json",
         }
         Path(folder, "task.json").write_text(json.dumps(task), encoding="utf-8")
-        limits = dict.fromkeys(
-            ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), str(threads)
-        )
+        one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
         try:
             done = subprocess.run(
                 [python, CODES_FOLDER / f"{code.script}.py", f"{folder}/task.json"],
-                env={**os.environ, **limits},
+                env={**os.environ, **one},
                 capture_output=True,
                 text=True,
                 timeout=TIME_LIMIT,
@@ -127,19 +124,16 @@ def levels_of(surface: Surface, pressure: float, steps: int) -> dict:
     """The same states for load and for displacement control, from a reference far more accurate."""
     store = SCRATCH / f"{surface.stored().stem}-{pressure:g}MPa-{steps}.json"
     if not store.exists():
-        from gstlib.bem import DomainTooSmallWarning, load_path
+        from gstlib.bem import load_path
 
-        with warnings.catch_warnings():
-            # A periodic surface has contact at its border too; no concern of a comparison.
-            warnings.simplefilter("ignore", DomainTooSmallWarning)
-            path = load_path(
-                surface.heights(),
-                surface.spacing,
-                MODULUS,
-                target_pressure=pressure,
-                steps=steps,
-                tolerance=1e-11,
-            )
+        path = load_path(
+            surface.heights(),
+            surface.spacing,
+            MODULUS,
+            target_pressure=pressure,
+            steps=steps,
+            tolerance=1e-11,
+        )
         levels = {"load": list(path.mean_pressure), "displacement": list(path.displacement)}
         store.write_text(json.dumps(levels), encoding="utf-8")
     return json.loads(store.read_text(encoding="utf-8"))
@@ -188,14 +182,14 @@ class Calibration:
 
 
 def measure_case(case: Case, labels, calibration: Calibration, most_repeats: int) -> list[dict]:
-    """Rows of the case's table, one for each code and number of threads."""
+    """Rows of the case's table, one for each code."""
     levels = levels_of(case.surface, case.pressure, case.steps)
     entries = []
     for label in labels:
         code = CODES[label]
 
         def attempt(tolerance, code=code):
-            result = run(code, case.surface, levels, tolerance, 1)
+            result = run(code, case.surface, levels, tolerance)
             say(case.name, code.label, tolerance, result)
             return result
 
@@ -205,30 +199,27 @@ def measure_case(case: Case, labels, calibration: Calibration, most_repeats: int
             print(f"peer {label}: not available ({problem})", flush=True)
             continue
         repeats = next(count for limit, count in REPEATS if first.wall < limit)
-        entries += [
-            (code, threads, tolerance, min(repeats, most_repeats), []) for threads in case.threads
-        ]
-    for number in range(max((entry[3] for entry in entries), default=0)):
-        for code, threads, tolerance, repeats, runs in entries:
+        entries.append((code, tolerance, min(repeats, most_repeats), []))
+    for number in range(max((entry[2] for entry in entries), default=0)):
+        for code, tolerance, repeats, runs in entries:
             if number < repeats:
                 try:
-                    runs.append(run(code, case.surface, levels, tolerance, threads))
+                    runs.append(run(code, case.surface, levels, tolerance))
                 except RunError as problem:
                     print(f"{code.label}: {problem}", flush=True)
         print(f"{case.name}: round {number + 1} done at {time.strftime('%H:%M:%S')}", flush=True)
     rows = [row(*entry) for entry in entries if entry[-1]]
-    own = {r["threads"]: r["cpu_median"] for r in rows if r["code"] == "gstlib, load"}
+    own = next((r["cpu_median"] for r in rows if r["code"] == "gstlib, load"), None)
     for r in rows:
-        r["ratio"] = r["cpu_median"] / own[r["threads"]] if r["threads"] in own else ""
+        r["ratio"] = r["cpu_median"] / own if own else ""
     return rows
 
 
-def row(code: Code, threads: int, tolerance: float, _, runs: list[Run]) -> dict:
+def row(code: Code, tolerance: float, _, runs: list[Run]) -> dict:
     worst = max(runs, key=lambda r: r.gap_error)
     return {
         "code": code.label,
         "control": code.control,
-        "threads": threads,
         "cpu_median": statistics.median(r.cpu for r in runs),
         "cpu_min": min(r.cpu for r in runs),
         "ratio": "",
@@ -261,7 +252,7 @@ def measure_growth(case: Growth, runs, calibration: Calibration, keep) -> list[d
                         levels = levels_of(surface, case.pressure, 1)
                     tolerance = calibration.known.get(("rough-76", label), code.start)
                     for _ in range(8):
-                        result = run(code, surface, levels, tolerance, 1)
+                        result = run(code, surface, levels, tolerance)
                         say(f"{case.name} {size}² seed {seed}", label, tolerance, result)
                         if result.reached:
                             break
@@ -271,7 +262,7 @@ def measure_growth(case: Growth, runs, calibration: Calibration, keep) -> list[d
                 except (RunError, UnavailableError) as problem:
                     print(f"peer {label}: not available ({problem})", flush=True)
                     continue
-                entry = row(code, 1, tolerance, 1, [result])
+                entry = row(code, tolerance, 1, [result])
                 rows.append({"size": size, "seed": seed, **entry})
                 keep(rows)
     return rows

@@ -63,10 +63,8 @@ def machine_line(machine):
 
 def case_table(rows):
     """One line per code, cheapest first among those that reach the accuracy."""
-    rows = sorted(rows, key=lambda r: (r["threads"], r["reached"] != "yes", r["cpu_median"]))
-    threads = len({r["threads"] for r in rows}) > 1
-    head = ["code", *(["threads"] if threads else [])]
-    head += ["CPU s, median (min)", "CPU to gstlib's", "wall s, median", "iterations"]
+    rows = sorted(rows, key=lambda r: (r["reached"] != "yes", r["cpu_median"]))
+    head = ["code", "CPU s, median (min)", "CPU to gstlib's", "wall s, median", "iterations"]
     head += ["convolutions", "peak MB (solve)", "gap error"]
     body = []
     for r in rows:
@@ -75,7 +73,6 @@ def case_table(rows):
         body.append(
             [
                 r["code"],
-                *([f"{r['threads']:.0f}"] if threads else []),
                 f"{r['cpu_median']:.3g} ({r['cpu_min']:.3g})",
                 "" if ratio is None else f"{ratio:.1f}",
                 f"{r['wall_median']:.3g}",
@@ -140,7 +137,7 @@ def target_table(tables):
         lines.append([what, asked, measured, {True: "yes", False: "**no**", None: ""}[met]])
 
     def against(name, part, what, factor):
-        rows = [r for r in tables[name] if r["reached"] == "yes" and r["threads"] == 1]
+        rows = [r for r in tables[name] if r["reached"] == "yes"]
         own = [r for r in rows if r["code"] == OWN]
         peers = [r for r in rows if part in r["code"] and not r["code"].startswith("gstlib")]
         # As the registry installs them, unless another build is asked for.
@@ -161,10 +158,6 @@ def target_table(tables):
         against(f"hertz-{size}", "", f"Sphere {size}²: fastest peer", 3)
         against(f"hertz-{size}", "slippy, BCCG", f"Sphere {size}²", 5)
         against(f"hertz-{size}", "Tamaas", f"Sphere {size}²", 20)
-    walls = {r["threads"]: r["wall_median"] for r in tables["threads"] if r["code"] == OWN}
-    if len(walls) == 2:
-        gain = walls[1] / walls[2]
-        line("Two threads: wall of one over wall of two", "≥ 1.5", f"{gain:.2f}", gain >= 1.5)
     for load in (76, 22):
         against(f"path-{load}", "", f"20 steps to {load} MPa: fastest peer", 5)
     own = {

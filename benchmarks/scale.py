@@ -3,23 +3,22 @@
     python benchmarks/scale.py [--patches 25 250 2500] [--run 250] [--cores 2]
 
 Makes a study of measured files for each number, in a folder of its own: patches of 0.85 mm, 1 mm
-apart, scanned at 64 x 64 points before and after use, on a square as large as they need. Writes
+apart, scanned at 64 x 64 points before and after use, on a square as large as they need; the
+generated pebble holds squares up to 39 mm, so at most 1521 patches can be run. Writes
 benchmarks/results/scale.csv (with --output: elsewhere), a column for each number:
 
 plan_*     `make plan` of the fresh study;
-coupled_*  the same once the scales are coupled and every patch is studied: the largest plan there
-           is. Empty files stand for what was done until then;
 run_*      the study itself, up to --run patches (of more only the plans are made), and tables_rows,
            the rows of all its tables together.
 
-`cpu_s` and `peak_mb` are of Snakemake's own process, `jobs_cpu_s` of the jobs. CPU times: what else
-the machine does disturbs them less than wall times.
+`cpu_s` is that of Snakemake and all its jobs, `peak_mb` of Snakemake's own process. CPU times: what
+else the machine does disturbs them less than wall times.
 """
 
 import argparse
 import math
-import os
 import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -31,8 +30,7 @@ import pandas as pd
 import yaml
 
 from gstlib.io.patches import read_patches
-from gstlib.specimen.generate import generate_specimen
-from gstlib.specimen.parameters import SpecimenParameters
+from gstlib.specimen import SpecimenParameters, generate_specimen, pebble, scanning
 
 ROOT = Path(__file__).parents[1]
 CONFIG = "config/scale.yaml"
@@ -55,10 +53,7 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
         yaml.safe_load((ROOT / "config" / f"{name}.yaml").read_text())
         for name in ("config", "tiny")
     )
-    # flat, as the face of a larger stone is over a few mm, and no scan lost: all can be studied
-    made = default["specimen"] | tiny["specimen"] | {"concavity_mm": 0.0, "poor_overlap_share": 0.0}
-    larger = max(1.0, side / 18)
-    made["outer_size_mm"] = [larger * size for size in made["outer_size_mm"]]
+    made = default["specimen"] | tiny["specimen"]
     config = tiny | {
         "results": RESULTS,
         "patches": "config/patches.tsv",
@@ -72,6 +67,8 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
     (folder / CONFIG).write_text(yaml.safe_dump(config))
     (folder / "data/scans").mkdir(parents=True)
     if scans:
+        # flat, as the face of a larger stone is over a few mm, and no scan lost: all can be studied
+        pebble._CONCAVITY_MM = scanning._POOR_SHARE = 0.0
         generate_specimen(
             read_patches(
                 table,
@@ -99,7 +96,7 @@ def snakemake(folder: Path, *arguments: str) -> tuple[dict[str, float], str]:
         *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
         *("--directory", str(folder), *arguments, "--configfile", str(folder / CONFIG)),
     ]
-    start = time.perf_counter()
+    start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     process = subprocess.Popen(
         command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
@@ -111,48 +108,29 @@ def snakemake(folder: Path, *arguments: str) -> tuple[dict[str, float], str]:
     watcher.join()
     if process.returncode:
         raise SystemExit(said)
-    return {"wall_s": wall} | used, said
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return {"wall_s": wall, "cpu_s": cpu} | used, said
 
 
 def _watch(pid: int, used: dict[str, float]) -> None:
-    """CPU time and largest memory of one process, without its children, as long as it is there."""
-    tick = os.sysconf("SC_CLK_TCK")
+    """Largest memory of one process, without its children, as long as it is there."""
     while True:
         try:
             status = Path(f"/proc/{pid}/status").read_text()
-            fields = Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2].split()
         except OSError:
             return
         peak = re.search(r"VmHWM:\s+(\d+)", status)
         if peak is None:  # ended, not waited for yet
             return
-        used |= {
-            "cpu_s": (int(fields[11]) + int(fields[12])) / tick,
-            "peak_mb": int(peak[1]) / 1024,
-        }
+        used["peak_mb"] = int(peak[1]) / 1024
         time.sleep(0.05)
 
 
-def plan(folder: Path, *arguments: str) -> dict[str, float]:
+def plan(folder: Path) -> dict[str, float]:
     """Jobs of a dry run, and what it takes."""
-    used, said = snakemake(folder, "--dry-run", "--quiet", "rules", *arguments)
+    used, said = snakemake(folder, "--dry-run", "--quiet", "rules")
     return {"jobs": int(re.search(r"^total\s+(\d+)$", said, re.MULTILINE)[1])} | used
-
-
-def pretend_coupled(folder: Path) -> None:
-    """Empty files for all that comes before the microscale; every patch has some pressure."""
-    _, said = snakemake(folder, "--summary")
-    files = [line.split("\t")[0] for line in said.splitlines() if line.startswith(RESULTS)]
-    for name in files:
-        file = folder / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.touch()
-    patches = pd.read_csv(folder / "config/patches.tsv", sep="\t", dtype=str)
-    pressures = patches[["patch"]].assign(pressure_MPa=10.0, in_study="yes")
-    pressures.to_csv(folder / RESULTS / "tables/patch_pressures.csv", index=False)
-    now = time.time()
-    for name in files:
-        os.utime(folder / name, (now, now))
 
 
 def run(folder: Path, cores: int) -> dict[str, float]:
@@ -160,13 +138,12 @@ def run(folder: Path, cores: int) -> dict[str, float]:
     used, _ = snakemake(folder, "--cores", str(cores))
     results = folder / RESULTS
     jobs = pd.concat(
-        pd.read_csv(file, sep="\t", usecols=["cpu_time"])
+        pd.read_csv(file, sep="\t", usecols=["max_rss"])
         for file in results.glob("benchmarks/**/*.tsv")
     )
     rows = {file.stem: len(pd.read_csv(file)) for file in results.glob("tables/*.csv")}
     return used | {
-        "jobs": len(jobs),
-        "jobs_cpu_s": jobs.cpu_time.sum(),
+        "largest_job_mb": jobs.max_rss.max(),
         "studied": rows["microscale_summary"],
         "tables_rows": sum(rows.values()),
     }
@@ -176,16 +153,12 @@ def measure(patches: int, cores: int, *, in_full: bool) -> dict[str, float]:
     """The row of so many patches."""
     row: dict[str, float] = {"patches": patches}
     with tempfile.TemporaryDirectory() as name:
-        fresh, coupled = Path(name) / "fresh", Path(name) / "coupled"
-        write_study(patches, fresh, scans=in_full)
-        row |= {f"plan_{key}": value for key, value in plan(fresh).items()}
-        write_study(patches, coupled, scans=False)
-        pretend_coupled(coupled)
-        found = plan(coupled, "--rerun-triggers", "mtime")
-        row |= {f"coupled_{key}": value for key, value in found.items()}
+        folder = Path(name) / "study"
+        write_study(patches, folder, scans=in_full)
+        row |= {f"plan_{key}": value for key, value in plan(folder).items()}
         if in_full:
-            row |= {f"run_{key}": value for key, value in run(fresh, cores).items()}
-            row["run_wall_s_per_patch"] = row["run_wall_s"] / patches
+            row |= {f"run_{key}": value for key, value in run(folder, cores).items()}
+            row["run_cpu_s_per_patch"] = row["run_cpu_s"] / patches
     return row
 
 

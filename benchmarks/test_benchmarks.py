@@ -65,7 +65,7 @@ def test_a_wrong_pressure_is_seen():
 @pytest.mark.parametrize("steps", [1, 3])
 def test_runner_of_gstlib(label, steps):
     surface = Surface("rough", 32)
-    result = run(CODES[label], surface, levels_of(surface, 76.0, steps), 1e-11, 1)
+    result = run(CODES[label], surface, levels_of(surface, 76.0, steps), 1e-11)
     assert result.gap_error < GOAL
     assert 0 < result.contact_fraction < 0.5
     assert result.convolutions > 0

@@ -3,18 +3,14 @@
 Named after neither package nor module, which it would hide from its own import.
 """
 
-import warnings
-
 from common import main
 
-from gstlib.bem import DomainTooSmallWarning, load_path, solve_contact
+from gstlib.bem import load_path, solve_contact
 
 
 def solve(problem, task):
     surface = (problem.heights, problem.spacing, problem.modulus)
-    options = {"tolerance": task.tolerance, "workers": task.threads}
-    # Contact at the border of a periodic test surface is no concern here.
-    warnings.simplefilter("ignore", DomainTooSmallWarning)
+    options = {"tolerance": task.tolerance}
     if len(task.levels) > 1:
         path = load_path(
             *surface,

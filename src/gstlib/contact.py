@@ -1,47 +1,83 @@
-"""Contact of a surface, from and to the study's own data: `gstlib.bem` for this study.
+"""A surface in, a contact dataset out: load path, slip, and a ceiling on the pressure.
 
-`gstlib.bem` knows arrays; here its load path becomes a dataset with names and units, and a table.
+`gstlib.bem` computes with arrays. Here are the study's surfaces, with names and units, and the
+solver's errors in the study's words. Where no pressure is asked for, the contact is empty: its
+pressure, displacement and stiffness are 0, and shares of the contact are NaN.
 """
 
 import logging
 import math
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import (
-    ContactError,
-    ContactState,
-    DomainTooSmallWarning,
-    LoadPath,
-    UnreachableTargetError,
-    load_path,
-    solve_contact,
-)
-from gstlib.bem.topography import equivalent_heights
+from gstlib.bem import ContactError, ContactState, load_path, solve_contact
 from gstlib.errors import InputError
 from gstlib.surface import spacing_of
 
 __all__ = [
-    "contact_dataset",
-    "explained",
-    "final_state",
+    "check_grid",
+    "contact_at_pressure",
+    "contact_path",
+    "hardness_dataset",
+    "hardness_summary",
     "load_path_table",
     "pressed_height",
-    "solve_at_pressure",
-    "solve_path",
+    "slip_dataset",
+    "slip_summary",
+    "turned_over",
 ]
+
+# Spacings come from the instruments' files: up to this relative difference they are the same.
+_SAME_SPACING = 1e-6
+
+# ASSUME: the counterface is turned over about the patch's y axis, so that its scan's columns run
+# against the patch's x; the same piece of it, neither shifted nor worn, is pressed on every patch;
+# at the macroscale the active stone stays flat. The paper's active stone is flat at both scales.
+
+# ASSUME: the grinding force grows at constant normal force and along one direction, from rest, so
+# that stick and slip are those before the stones slide as a whole; the paper has no friction.
+
+# ASSUME: under a tangential load the bodies are elastically similar, so that tangential tractions
+# do not press them apart; the displacement across the load is neglected (it vanishes with Poisson's
+# ratio), and that along it taken as the mean over all directions of the load: exact for a circle
+# and for isotropic roughness, 5 % too small along a contact five times as long as wide, 5 % too
+# large across it.
+
+# ASSUME: one hardness for every element. The default study's 2 GPa is an order of magnitude: quartz
+# indents at 11 to 12 GPa, quartzite as a whole is crushed at a few hundred MPa, and the strength of
+# an element as small as a scan's point is in between. The paper has none.
 
 _log = logging.getLogger(__name__)
 
+# Unit and long name of what a contact consists of.
+_VARIABLES = {
+    "pressure": ("MPa", "contact pressure"),
+    "gap": ("mm", "gap between the bodies"),
+    "displacement": ("mm", "far-field displacement from first touch"),
+    "mean_pressure": ("MPa", "mean pressure"),
+    "contact_fraction": ("1", "real over nominal contact area"),
+    "stiffness": ("MPa/mm", "contact stiffness"),
+    "ceiling_share": ("1", "share of the contact at the ceiling"),
+    "residual": ("1", "largest violation of contact conditions"),
+    "traction": ("MPa", "tangential traction along the load"),
+    "stick": ("1", "in contact, sticking"),
+    "slip": ("1", "in contact, slipping"),
+    "mean_traction": ("MPa", "tangential force over nominal area"),
+    "tangential_displacement": ("mm", "relative tangential displacement of the far fields"),
+}
+# Dimensions by their number.
+_DIMS: tuple[tuple[str, ...], ...] = ((), ("step",), ("y", "x"), ("step", "y", "x"))
+_FIELDS = "pressure", "gap"
+_NUMBERS = "displacement", "mean_pressure", "contact_fraction", "residual"
 
-def solve_path(
+
+def contact_path(
     height: xr.DataArray,
+    counterface: xr.DataArray | None = None,
     *,
     source: str | Path,
     contact_modulus_MPa: float,
@@ -49,185 +85,75 @@ def solve_path(
     steps: int,
     tolerance: float,
     maximum_displacement_um: float,
-    keep_states: bool,
-    workers: int = 1,
-) -> LoadPath:
-    """Load path of a surface up to a mean pressure, logged step by step.
+    every_step: bool = False,
+) -> xr.Dataset:
+    """Contact of a surface along a load path up to a mean pressure.
 
     Parameters
     ----------
     height : (ny, nx) xarray.DataArray
         Surface heights, mm.
+    counterface : (ny, nx) xarray.DataArray, optional
+        Heights (mm) of the face that presses on it, from `turned_over`; a flat if there is none.
     source : path
-        The file that the surface comes from, for the error message.
+        The file that the surface comes from, for error messages.
     contact_modulus_MPa, target_pressure_MPa : float
         E* and the mean pressure to reach, MPa.
-    steps, tolerance, keep_states, workers
+    steps, tolerance
         See `gstlib.bem.load_path`.
     maximum_displacement_um : float
         Largest far-field displacement allowed, µm.
+    every_step : bool
+        Keep pressure and gap of every step, dims (step, y, x), not just of the final state (y, x).
+
+    Returns
+    -------
+    xarray.Dataset
+        ``height``, and ``counterface`` if there is one; ``pressure`` MPa and ``gap`` mm; along the
+        path (step) ``displacement`` mm, ``mean_pressure`` MPa, ``contact_fraction``, ``stiffness``
+        MPa/mm and ``residual``. E*, target pressure and tolerance are its attributes.
 
     Raises
     ------
     InputError
         The pressure is not reached within `maximum_displacement_um`, or the solver gives up.
     """
-
-    def report(step: int, of: int, state: ContactState) -> None:
-        _log.info("step %d of %d: %s", step + 1, of, _described(state))
-
-    # the last step is the target, and is solved first: see `gstlib.bem.load_path`
-    _log.info("%d x %d elements, %d steps, the last one first", *height.shape, steps)
-    with explained(source, target_pressure_MPa):
-        return load_path(
-            height.values,
-            spacing_of(height),
-            contact_modulus_MPa,
-            target_pressure=target_pressure_MPa,
-            steps=steps,
-            tolerance=tolerance,
-            workers=workers,
-            maximum_displacement=maximum_displacement_um * 1e-3,
-            keep_states=keep_states,
-            progress=report,
+    contact = _faces(height, counterface, contact_modulus_MPa, target_pressure_MPa, tolerance)
+    options = {"target_pressure": target_pressure_MPa, "steps": steps, "keep_states": every_step}
+    path = _solved(load_path, contact, source, **options)
+    needed_um = path.final.displacement * 1e3
+    if needed_um > maximum_displacement_um:
+        raise InputError(
+            source,
+            f"the target pressure of {target_pressure_MPa:g} MPa cannot be reached within "
+            f"{maximum_displacement_um:g} µm of displacement: it takes {needed_um:.4g} µm",
+            "Lower target_pressure_MPa or raise maximum_displacement_um in the config.",
         )
+    fields = {name: getattr(path.final, name) for name in _FIELDS}
+    if every_step:
+        fields = {name: np.stack([getattr(at, name) for at in path.states]) for name in _FIELDS}
+    curve = {name: getattr(path, name) for name in (*_NUMBERS, "stiffness")}
+    contact = contact.assign_coords(step=np.arange(1, steps + 1))
+    return contact.assign(_variables(fields | curve))
 
 
-def _described(state: ContactState) -> str:
-    """A state for the log."""
-    return (
-        f"displacement {state.displacement * 1e3:.4f} µm, mean pressure {state.mean_pressure:.5g} "
-        f"MPa, contact {state.contact_fraction * 100:.4g} %, residual {state.residual:.1e}, "
-        f"{state.iterations} iterations"
-    )
-
-
-def solve_at_pressure(
+def contact_at_pressure(
     height: xr.DataArray,
+    counterface: xr.DataArray | None = None,
     *,
     source: str | Path,
     contact_modulus_MPa: float,
     target_pressure_MPa: float,
     tolerance: float,
-    pressure_limit_MPa: float = math.inf,
-    workers: int = 1,
-) -> tuple[ContactState, xr.DataArray]:
-    """Contact of a surface at a mean pressure alone, and its pressure on the surface's grid.
+) -> xr.Dataset:
+    """Contact of a surface at a mean pressure alone, without the path to it.
 
-    Parameters as of `solve_path`, and the ceiling on the pressure; pressures are in MPa.
+    Parameters, errors and what is returned as of `contact_path`; ``displacement``,
+    ``mean_pressure``, ``contact_fraction`` and ``residual`` are numbers, without ``stiffness``.
     """
-    with explained(source, target_pressure_MPa):
-        state = solve_contact(
-            height.values,
-            spacing_of(height),
-            contact_modulus_MPa,
-            mean_pressure=target_pressure_MPa,
-            pressure_limit=pressure_limit_MPa,
-            tolerance=tolerance,
-            workers=workers,
-        )
-    _log.info(_described(state))
-    return state, xr.DataArray(state.pressure, coords=height.coords, dims=height.dims)
-
-
-def pressed_height(contact: xr.Dataset) -> xr.DataArray:
-    """Heights (mm) of the surface that touches a flat as the stored contact's surface was touched.
-
-    Its own heights or, where there is a counterface, the sum of both.
-    """
-    if "counterface" not in contact:
-        return contact.height
-    return contact.height.copy(
-        data=equivalent_heights(contact.height.values, contact.counterface.values)
-    )
-
-
-def final_state(contact: xr.Dataset, *, source: str | Path, workers: int = 1) -> ContactState:
-    """The final state of a stored contact: its pressure is kept, all else is computed from it.
-
-    Parameters
-    ----------
-    contact : xarray.Dataset
-        From `contact_dataset`, without ``every_step``, with the settings it was solved with as
-        attributes.
-    source : path
-        The file that it comes from, for the error message.
-    """
-    height, target = pressed_height(contact), contact.attrs["target_pressure_MPa"]
-    with explained(source, target):
-        return solve_contact(
-            height.values,
-            spacing_of(height),
-            contact.attrs["contact_modulus_MPa"],
-            mean_pressure=target,
-            initial_pressure=contact.pressure.values,
-            tolerance=contact.attrs["tolerance"],
-            workers=workers,
-        )
-
-
-@contextmanager
-def explained(source: str | Path, target_pressure_MPa: float) -> Iterator[None]:
-    """Say the solver's errors in the study's words, and leave out the warning that is the rule."""
-    try:
-        with warnings.catch_warnings():
-            # The square and the patches are cut out of a larger stone, so contact at their edges is
-            # the rule here; docs/method.md says what that means.
-            warnings.simplefilter("ignore", DomainTooSmallWarning)
-            yield
-    except UnreachableTargetError as error:
-        raise InputError(
-            source,
-            f"the target pressure of {target_pressure_MPa:g} MPa cannot be reached ({error})",
-            "Lower target_pressure_MPa or raise maximum_displacement_um in the config.",
-        ) from error
-    except ContactError as error:
-        raise InputError(
-            source, f"its contact could not be solved: {error}", "Look at the surface's figure."
-        ) from error
-
-
-def contact_dataset(height: xr.DataArray, path: LoadPath, *, every_step: bool) -> xr.Dataset:
-    """The load path with its fields, named and with units.
-
-    Parameters
-    ----------
-    height : (ny, nx) xarray.DataArray
-        The surface that was pressed, mm.
-    path : LoadPath
-        From `solve_path`; with its states when `every_step`.
-    every_step : bool
-        Keep pressure and gap of every step, dims (step, y, x), not just of the final state (y, x).
-    """
-
-    def along_path(values, units, long_name):
-        return ("step", np.asarray(values), {"units": units, "long_name": long_name})
-
-    if every_step:
-        dims = ("step", "y", "x")
-        pressure = np.stack([state.pressure for state in path.states])
-        gap = np.stack([state.gap for state in path.states])
-    else:
-        dims = ("y", "x")
-        pressure, gap = path.final.pressure, path.final.gap
-    return xr.Dataset(
-        {
-            "height": height,
-            "pressure": (dims, pressure, {"units": "MPa", "long_name": "contact pressure"}),
-            "gap": (dims, gap, {"units": "mm", "long_name": "gap between the bodies"}),
-            "displacement": along_path(
-                path.displacement, "mm", "far-field displacement from first touch"
-            ),
-            "mean_pressure": along_path(path.mean_pressure, "MPa", "mean pressure"),
-            "contact_fraction": along_path(
-                path.contact_fraction, "1", "real over nominal contact area"
-            ),
-            "stiffness": along_path(path.stiffness, "MPa/mm", "contact stiffness"),
-            "residual": along_path(path.residual, "1", "largest violation of contact conditions"),
-            "iterations": along_path(path.iterations, "1", "solver iterations"),
-        },
-        coords={"step": ("step", np.arange(1, len(path.displacement) + 1))},
-    )
+    contact = _faces(height, counterface, contact_modulus_MPa, target_pressure_MPa, tolerance)
+    state = _solved(solve_contact, contact, source, mean_pressure=target_pressure_MPa)
+    return contact.assign(_state_variables(state))
 
 
 def load_path_table(contact: xr.Dataset) -> pd.DataFrame:
@@ -241,3 +167,254 @@ def load_path_table(contact: xr.Dataset) -> pd.DataFrame:
             "stiffness_MPa_per_um": contact.stiffness.values * 1e-3,
         }
     )
+
+
+def pressed_height(contact: xr.Dataset) -> xr.DataArray:
+    """Heights (mm) of the surface that touches a flat as the faces of a contact touch each other.
+
+    Parameters
+    ----------
+    contact : xarray.Dataset
+        With ``height`` and, where there is one, ``counterface``, as of `turned_over`.
+
+    Notes
+    -----
+    Only the gap between two faces enters a contact of half-spaces, so that heights add (Bemporad &
+    Paggi, Int. J. Solids Struct. 69-70 (2015) 465).
+    """
+    height, counterface = contact.height, contact.get("counterface")
+    return height if counterface is None else height.copy(data=height.values + counterface.values)
+
+
+def turned_over(
+    counterface: xr.DataArray, patch: xr.DataArray, *, source: str | Path, patch_source: str | Path
+) -> xr.DataArray:
+    """Heights of the active stone's own face where it is pressed on a patch.
+
+    Parameters
+    ----------
+    counterface : (ny, nx) xarray.DataArray
+        Its heights, mm, positive out of it, seen from above its own face.
+    patch : (ny, nx) xarray.DataArray
+        The patch that it is pressed on.
+    source, patch_source : path
+        Their files, for the error message.
+
+    Returns
+    -------
+    (ny, nx) xarray.DataArray
+        mm, positive towards the patch, on the patch's grid: mirrored along x.
+
+    Raises
+    ------
+    InputError
+        Number or spacing of the points are not the patch's.
+    """
+    grid, patch_grid = ((face.shape, spacing_of(face)) for face in (counterface, patch))
+    check_grid(grid, patch_grid, source=source, patch_source=patch_source)
+    return patch.copy(data=counterface.values[:, ::-1]).assign_attrs(
+        units="mm", long_name="height of the counterface, turned over onto the patch"
+    )
+
+
+def check_grid(
+    counterface: tuple, patch: tuple, *, source: str | Path, patch_source: str | Path
+) -> None:
+    """Refuse a counterface whose points do not match those of a patch, as `turned_over` does.
+
+    Parameters
+    ----------
+    counterface, patch : ((ny, nx), (dy, dx))
+        Shape and spacing (mm) of each.
+    """
+    (shape, spacing), (patch_shape, patch_spacing) = counterface, patch
+    if shape != patch_shape or not np.allclose(spacing, patch_spacing, rtol=_SAME_SPACING, atol=0):
+        own, other = (
+            f"{n[1]} × {n[0]} points every {s[1]:g} × {s[0]:g} mm" for n, s in (counterface, patch)
+        )
+        raise InputError(
+            source,
+            f"the counterface has {own}, but {patch_source} has {other}",
+            "Scan the counterface as the patches were scanned, or set counterface to null.",
+        )
+
+
+def slip_dataset(
+    contact: xr.Dataset,
+    *,
+    source: str | Path,
+    friction: float,
+    tangential_ratio: float,
+    poisson: float,
+) -> xr.Dataset:
+    """Stick and slip of a solved contact under a tangential load; its normal part stays as it is.
+
+    With Coulomb friction μ and a tangential force Q that grows at constant normal force P, the
+    tractions are q = μ [p(P) − p(P₀)], P₀ = P − Q/μ: full friction less that of the contact under
+    the reduced load. That smaller contact sticks; the rest of the contact slips.
+
+    Parameters
+    ----------
+    contact : xarray.Dataset
+        From `contact_path`, the final state only; the settings in its attributes hold here too.
+    source : path
+        The file that it comes from, for error messages.
+    friction : float
+        Coulomb's μ, > 0.
+    tangential_ratio : float
+        Q/μP, from 0 (nothing slips) to 1 (everything does).
+    poisson : float
+        Poisson's ratio of the two bodies taken as alike, see `gstlib.config.study_poisson`.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``traction`` (y, x) MPa, along the load; ``stick``, ``slip`` (y, x) bool, which together
+        are the contact; ``mean_pressure``, ``mean_traction`` MPa; ``tangential_displacement`` mm.
+
+    Raises
+    ------
+    InputError
+        The solver gives up.
+
+    References
+    ----------
+    M. Ciavarella, Int. J. Solids Struct. 35 (1998) 2349; J. Jäger, Arch. Appl. Mech. 68 (1998) 247.
+    The tangential over the normal compliance: K. L. Johnson, *Contact Mechanics* (1985), §7.2.
+    """
+    pressure, mean_pressure = contact.pressure.values, float(contact.mean_pressure[-1])
+    remaining = 1 - tangential_ratio
+    load = {"mean_pressure": remaining * mean_pressure, "initial_pressure": remaining * pressure}
+    reduced = _solved(solve_contact, contact, source, **load)
+    traction = friction * (pressure - reduced.pressure)
+    stick = reduced.contact & (pressure > 0)
+    compliance_ratio = (2 - poisson) / (2 * (1 - poisson))
+    descent = float(contact.displacement[-1]) - reduced.displacement
+    found = {
+        "traction": traction,
+        "stick": stick,
+        "slip": (pressure > 0) & ~stick,
+        "mean_pressure": mean_pressure,
+        "mean_traction": traction.mean(),
+        "tangential_displacement": friction * compliance_ratio * descent,
+    }
+    return xr.Dataset(
+        _variables(found),
+        coords={"y": contact.y, "x": contact.x},
+        attrs={"friction": friction, "tangential_ratio": tangential_ratio, "poisson": poisson},
+    )
+
+
+def slip_summary(slip: xr.Dataset) -> dict[str, float]:
+    """One patch's row of `slip.csv`, from `slip_dataset`; the shares are NaN without contact."""
+    sticking, slipping = int(slip.stick.sum()), int(slip.slip.sum())
+    return {
+        "pressure_MPa": float(slip.mean_pressure),
+        "friction": float(slip.attrs["friction"]),
+        "tangential_ratio": float(slip.attrs["tangential_ratio"]),
+        "mean_traction_MPa": float(slip.mean_traction),
+        "stick_share": _share(sticking, sticking + slipping),
+        "slip_share": _share(slipping, sticking + slipping),
+        "slip_area_fraction": slipping / slip.slip.size,
+        "tangential_displacement_um": float(slip.tangential_displacement) * 1e3,
+    }
+
+
+def hardness_dataset(contact: xr.Dataset, *, source: str | Path, hardness_MPa: float) -> xr.Dataset:
+    """A solved contact solved again with a ceiling on its pressure, at the same mean pressure.
+
+    An elastic solution puts pressures on the summits of a stone that far exceed what any stone
+    bears. The contact with p ≤ H says how much of the prediction rests on them.
+
+    Parameters and errors as of `slip_dataset`, but for `hardness_MPa`, the largest pressure (MPa)
+    that an element bears.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``pressure`` (y, x) MPa; ``gap`` (y, x) mm, where the pressure is at the ceiling minus the
+        depth of the yield; ``displacement`` mm, ``mean_pressure`` MPa, ``contact_fraction``,
+        ``ceiling_share`` (of the contact) and ``residual``.
+    """
+    load = {"mean_pressure": contact.attrs["target_pressure_MPa"], "pressure_limit": hardness_MPa}
+    state = _solved(solve_contact, contact, source, **load)
+    limited = xr.Dataset(
+        _state_variables(state, "ceiling_share"),
+        coords={"y": contact.y, "x": contact.x},
+        attrs={"hardness_MPa": hardness_MPa},
+    )
+    limited.gap.attrs["long_name"] += "; minus the depth of yield"
+    return limited
+
+
+def hardness_summary(contact: xr.Dataset, limited: xr.Dataset) -> dict[str, float]:
+    """One patch's row of `hardness.csv`, from its elastic contact and `hardness_dataset`.
+
+    Without contact both overlaps are NaN.
+    """
+    hardness = float(limited.attrs["hardness_MPa"])
+    elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
+    both, either = int((elastic & plastic).sum()), int((elastic | plastic).sum())
+    at_ceiling = limited.pressure.values >= hardness
+    return {
+        "pressure_MPa": float(limited.mean_pressure),
+        "hardness_MPa": hardness,
+        "elastic_peak_pressure_MPa": float(contact.pressure.max()),
+        "elastic_contact_fraction": float(elastic.mean()),
+        "contact_fraction": float(plastic.mean()),
+        "ceiling_share": float(limited.ceiling_share),
+        "elastic_displacement_um": float(contact.displacement[-1]) * 1e3,
+        "displacement_um": float(limited.displacement) * 1e3,
+        "dice": _share(2 * both, both + either),
+        "iou": _share(both, either),
+        "deepest_yield_um": float(np.max(-limited.gap.values[at_ceiling], initial=0.0)) * 1e3,
+    }
+
+
+def _faces(height, counterface, contact_modulus_MPa, target_pressure_MPa, tolerance) -> xr.Dataset:
+    faces = {"height": height} | ({} if counterface is None else {"counterface": counterface})
+    settings = {
+        "contact_modulus_MPa": contact_modulus_MPa,
+        "target_pressure_MPa": target_pressure_MPa,
+        "tolerance": tolerance,
+    }
+    return xr.Dataset(faces, attrs=settings)
+
+
+def _solved(solve: Callable, contact: xr.Dataset, source: str | Path, **options):
+    """What a solver of `gstlib.bem` finds for the faces of a contact, with its settings."""
+    height, modulus = pressed_height(contact), contact.attrs["contact_modulus_MPa"]
+    options["tolerance"] = contact.attrs["tolerance"]
+    try:
+        found = solve(height.values, spacing_of(height), modulus, **options)
+    except ContactError as error:
+        raise InputError(
+            source, f"its contact could not be solved: {error}", "Look at the surface's figure."
+        ) from error
+    state = getattr(found, "final", found)
+    _log.info(
+        "%g MPa: displacement %.4f µm, contact %.4g %%, residual %.1e, %d iterations",
+        state.mean_pressure,
+        state.displacement * 1e3,
+        state.contact_fraction * 100,
+        state.residual,
+        state.iterations,
+    )
+    return found
+
+
+def _state_variables(state: ContactState, *more: str) -> dict[str, tuple]:
+    return _variables({name: getattr(state, name) for name in (*_FIELDS, *_NUMBERS, *more)})
+
+
+def _variables(values: Mapping) -> dict[str, tuple]:
+    """Variables with their units; what they have for dimensions follows from their number."""
+    variables = {}
+    for name, value in values.items():
+        units, long_name = _VARIABLES[name]
+        variables[name] = _DIMS[np.ndim(value)], value, {"units": units, "long_name": long_name}
+    return variables
+
+
+def _share(part: int, whole: int) -> float:
+    return part / whole if whole else math.nan

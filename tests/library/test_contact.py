@@ -1,34 +1,49 @@
+"""A surface in, a contact dataset out: path, slip, ceiling, and two rough faces."""
+
 import numpy as np
 import pytest
 
-from gstlib.bem import load_path
 from gstlib.contact import (
-    contact_dataset,
-    final_state,
+    contact_at_pressure,
+    contact_path,
+    hardness_dataset,
+    hardness_summary,
     load_path_table,
-    solve_at_pressure,
-    solve_path,
+    pressed_height,
+    slip_dataset,
+    slip_summary,
+    turned_over,
 )
 from gstlib.errors import InputError
 from gstlib.surface import make_surface
 
-SPACING = 0.01
-HEIGHT = make_surface(0.002 * np.random.default_rng(5).standard_normal((24, 32)), SPACING)
-SETTINGS = {
+ALONE = {
     "source": "surface.h5",
     "contact_modulus_MPa": 12820.0,
     "target_pressure_MPa": 50.0,
-    "steps": 4,
-    "tolerance": 1e-8,
-    "maximum_displacement_um": 50.0,
+    "tolerance": 1e-9,
 }
+SETTINGS = ALONE | {"steps": 4, "maximum_displacement_um": 50.0}
+CEILING = {"source": "x", "hardness_MPa": 2000.0}
+LOAD = {"source": "x", "friction": 0.4, "tangential_ratio": 0.5, "poisson": 0.3}
 
 
-def test_fields_and_units_of_the_dataset():
-    path = solve_path(HEIGHT, keep_states=True, **SETTINGS)
-    contact = contact_dataset(HEIGHT, path, every_step=True)
-    assert contact.pressure.shape == (4, 24, 32)
-    assert {name: v.attrs["units"] for name, v in contact.data_vars.items()} == {
+def rough(seed, shape=(24, 32), spacing=0.01):
+    return make_surface(0.002 * np.random.default_rng(seed).standard_normal(shape), spacing)
+
+
+HEIGHT = rough(5)
+
+
+@pytest.fixture(scope="module")
+def contact():
+    return contact_path(HEIGHT, **SETTINGS)
+
+
+def test_fields_units_and_settings_of_a_path(contact):
+    every = contact_path(HEIGHT, every_step=True, **SETTINGS)
+    assert every.pressure.dims == every.gap.dims == ("step", "y", "x")
+    assert {name: v.attrs["units"] for name, v in every.data_vars.items()} == {
         "height": "mm",
         "pressure": "MPa",
         "gap": "mm",
@@ -37,66 +52,204 @@ def test_fields_and_units_of_the_dataset():
         "contact_fraction": "1",
         "stiffness": "MPa/mm",
         "residual": "1",
-        "iterations": "1",
     }
-    means = contact.pressure.mean(("y", "x"))
-    np.testing.assert_allclose(means, contact.mean_pressure, rtol=1e-12)
-    final = contact_dataset(HEIGHT, path, every_step=False)
-    assert (final.pressure == contact.pressure[-1]).all()
+    np.testing.assert_allclose(every.pressure.mean(("y", "x")), every.mean_pressure, rtol=1e-12)
+    np.testing.assert_array_equal((every.pressure > 0).mean(("y", "x")), every.contact_fraction)
+    assert (contact.pressure == every.pressure[-1]).all()
+    assert (contact.gap == every.gap[-1]).all()
+    assert contact.attrs == {name: v for name, v in ALONE.items() if name != "source"}
 
 
-# the study's own functions leave this warning out; the bare solver gives it
-@pytest.mark.filterwarnings("ignore::gstlib.bem.DomainTooSmallWarning")
-def test_table_converts_to_micrometres():
-    contact = contact_dataset(
-        HEIGHT, solve_path(HEIGHT, keep_states=False, **SETTINGS), every_step=False
-    )
-    bare = load_path(HEIGHT.values, SPACING, 12820.0, target_pressure=50.0, steps=4, tolerance=1e-8)
+def test_table_converts_to_micrometres(contact):
     table = load_path_table(contact)
-    np.testing.assert_allclose(table.displacement_um, bare.displacement * 1000)
-    np.testing.assert_allclose(table.stiffness_MPa_per_um, bare.stiffness / 1000)
     assert table.step.tolist() == [1, 2, 3, 4]
+    np.testing.assert_allclose(table.displacement_um, contact.displacement * 1000)
+    np.testing.assert_allclose(table.stiffness_MPa_per_um, contact.stiffness / 1000)
+    np.testing.assert_array_equal(table.mean_pressure_MPa, contact.mean_pressure)
+    np.testing.assert_array_equal(table.contact_fraction, contact.contact_fraction)
 
 
-def test_state_alone_is_the_end_of_the_path():
-    path = solve_path(HEIGHT, keep_states=False, **SETTINGS)
-    alone = {name: SETTINGS[name] for name in ("source", "contact_modulus_MPa", "tolerance")}
-    state, pressure = solve_at_pressure(HEIGHT, target_pressure_MPa=50.0, **alone)
-    assert state.displacement == pytest.approx(path.displacement[-1], rel=1e-6)
-    assert float(pressure.mean()) == pytest.approx(50.0, rel=1e-9)
+def test_a_pressure_alone_is_the_end_of_the_path(contact):
+    alone = contact_at_pressure(HEIGHT, **ALONE)
+    assert float(alone.displacement) == pytest.approx(float(contact.displacement[-1]), rel=1e-9)
+    np.testing.assert_allclose(alone.pressure, contact.pressure, atol=1e-6)
+    np.testing.assert_allclose(alone.gap, contact.gap, atol=1e-9)
+    assert float(alone.contact_fraction) == float((alone.pressure > 0).mean())
+    assert float(alone.residual) <= 1e-9
+    assert alone.height.identical(HEIGHT)
+    assert all(v.attrs["units"] and v.attrs["long_name"] for v in alone.data_vars.values())
 
 
-def test_final_state_is_the_stored_one_and_costs_no_iteration():
-    path = solve_path(HEIGHT, keep_states=False, **SETTINGS)
-    contact = contact_dataset(HEIGHT, path, every_step=False).assign_attrs(SETTINGS)
-    again = final_state(contact, source="contact.h5")
-    assert again.iterations == 0
-    assert again.convolutions == 2  # one in each precision
-    np.testing.assert_array_equal(again.contact, path.final.contact)
-    np.testing.assert_allclose(again.pressure, path.final.pressure, rtol=1e-12)
-    assert again.displacement == pytest.approx(path.displacement[-1], rel=1e-12)
-
-
-def test_a_ceiling_holds_at_the_same_mean_pressure():
-    alone = {name: SETTINGS[name] for name in ("source", "contact_modulus_MPa", "tolerance")}
-    elastic, _ = solve_at_pressure(HEIGHT, target_pressure_MPa=50.0, **alone)
-    ceiling = 0.5 * elastic.pressure.max()
-    state, pressure = solve_at_pressure(
-        HEIGHT, target_pressure_MPa=50.0, pressure_limit_MPa=ceiling, **alone
-    )
-    assert float(pressure.max()) == ceiling
-    assert float(pressure.mean()) == pytest.approx(50.0, rel=1e-9)
-    assert state.ceiling_share > 0
-
-
-def test_errors_of_the_solver_are_said_for_the_user():
+def test_errors_of_the_solver_name_the_file_and_the_remedy():
+    low = SETTINGS | {"target_pressure_MPa": 5e3, "maximum_displacement_um": 1.0}
     with pytest.raises(InputError, match=r"surface\.h5.*5000 MPa cannot be reached.*Lower"):
-        solve_path(
-            HEIGHT,
-            keep_states=False,
-            **SETTINGS | {"target_pressure_MPa": 5e3, "maximum_displacement_um": 1.0},
-        )
+        contact_path(HEIGHT, **low)
     holed = HEIGHT.copy()
     holed[3, 3] = np.nan
     with pytest.raises(InputError, match=r"surface\.h5: its contact could not be solved"):
-        solve_path(holed, keep_states=False, **SETTINGS)
+        contact_at_pressure(holed, **ALONE)
+
+
+def test_without_pressure_the_contact_is_empty():
+    empty = contact_path(HEIGHT, **SETTINGS | {"target_pressure_MPa": 0.0})
+    for name in ("displacement", "mean_pressure", "contact_fraction", "stiffness", "residual"):
+        assert empty[name].values.tolist() == [0, 0, 0, 0]
+    assert not empty.pressure.any()
+    np.testing.assert_array_equal(empty.gap, HEIGHT.max() - HEIGHT)
+    assert not contact_at_pressure(HEIGHT, **ALONE | {"target_pressure_MPa": 0.0}).pressure.any()
+
+    slip = slip_dataset(empty, **LOAD)
+    assert not (slip.stick | slip.slip).any()
+    row = slip_summary(slip)
+    assert np.isnan([row.pop("stick_share"), row.pop("slip_share")]).all()
+    assert row == {"friction": 0.4, "tangential_ratio": 0.5} | dict.fromkeys(
+        ("pressure_MPa", "mean_traction_MPa", "slip_area_fraction", "tangential_displacement_um"), 0
+    )
+
+    row = hardness_summary(empty, hardness_dataset(empty, **CEILING))
+    assert np.isnan([row.pop("dice"), row.pop("iou")]).all()
+    assert row.pop("hardness_MPa") == 2000
+    assert not any(row.values())
+
+
+# Two rough faces.
+
+FILES = {"source": "counterface.h5", "patch_source": "7_T0.h5"}
+
+
+def pressed(lower, upper):
+    """Contact where `upper` is turned over onto `lower`."""
+    face = turned_over(upper, lower, **FILES)
+    settings = ALONE | {"target_pressure_MPa": 40.0, "tolerance": 1e-10}
+    return contact_at_pressure(lower, face, **settings)
+
+
+def test_who_presses_whom_does_not_matter():
+    """Seen from above its own face, each has the pressures of the other, mirrored along x."""
+    a, b = rough(1), rough(2)
+    onto_a, onto_b = pressed(a, b), pressed(b, a)
+    assert (onto_a.pressure > 0).any()
+    np.testing.assert_allclose(
+        onto_a.pressure, onto_b.pressure.values[:, ::-1], atol=1e-6 * float(onto_a.pressure.max())
+    )
+    np.testing.assert_array_equal(pressed_height(onto_a), a.values + b.values[:, ::-1])
+    path = contact_path(a, turned_over(b, a, **FILES), **SETTINGS | {"target_pressure_MPa": 40.0})
+    np.testing.assert_allclose(path.pressure, onto_a.pressure, atol=1e-4)
+    assert path.height.identical(a)
+    assert path.counterface.identical(onto_a.counterface)
+
+
+def test_a_summit_of_the_counterface_is_pressed_on_the_mirrored_place():
+    flat = make_surface(np.zeros((20, 24)), 0.01)
+    summit = flat.copy()
+    summit[3, 5] = 0.001
+    pressure = pressed(flat, summit).pressure.values
+    assert np.unravel_index(pressure.argmax(), pressure.shape) == (3, 24 - 1 - 5)
+
+
+@pytest.mark.parametrize("other", [rough(2, shape=(20, 23)), rough(2, (20, 24), spacing=0.0101)])
+def test_another_grid_is_refused(other):
+    message = r"counterface\.h5: .*7_T0\.h5 has 24 × 20 points every 0.01"
+    with pytest.raises(InputError, match=message):
+        turned_over(other, rough(1, (20, 24)), **FILES)
+
+
+# Slip, with Cattaneo and Mindlin's sphere as the closed form.
+
+RADIUS, SPACING, MODULUS, POISSON = 1.0, 0.004, 10000.0, 0.3
+
+
+@pytest.fixture(scope="module")
+def sphere():
+    centres = (np.arange(96) - 47.5) * SPACING
+    height = make_surface(-(centres[:, None] ** 2 + centres**2) / (2 * RADIUS), SPACING)
+    changes = {"contact_modulus_MPa": MODULUS, "target_pressure_MPa": 30.0, "steps": 1}
+    return contact_path(height, **SETTINGS | changes | {"maximum_displacement_um": 100.0})
+
+
+@pytest.mark.parametrize("ratio", [0.3, 0.6, 0.9])
+def test_sphere_sticks_and_moves_as_cattaneo_and_mindlin_say(sphere, ratio):
+    friction = 0.4
+    slip = slip_dataset(
+        sphere, source="sphere", friction=friction, tangential_ratio=ratio, poisson=POISSON
+    )
+    row = slip_summary(slip)
+    force = 30.0 * sphere.height.size * SPACING**2
+    radius = (3 * force * RADIUS / (4 * MODULUS)) ** (1 / 3)
+    # stick radius over contact radius is (1 - Q/μP)^(1/3)
+    assert row["stick_share"] == pytest.approx((1 - ratio) ** (2 / 3), abs=0.02)
+    assert row["stick_share"] + row["slip_share"] == pytest.approx(1)
+    assert row["slip_area_fraction"] * sphere.height.size * SPACING**2 == pytest.approx(
+        np.pi * radius**2 * (1 - (1 - ratio) ** (2 / 3)), rel=0.05
+    )
+    assert row["mean_traction_MPa"] == pytest.approx(friction * ratio * 30.0, rel=1e-9)
+    assert float(slip.traction.mean()) == pytest.approx(row["mean_traction_MPa"])
+    compliances = (2 - POISSON) / (2 * (1 - POISSON))
+    closed = friction * compliances * radius**2 / RADIUS * (1 - (1 - ratio) ** (2 / 3))
+    assert row["tangential_displacement_um"] == pytest.approx(1e3 * closed, rel=0.01)
+    np.testing.assert_array_equal(slip.stick | slip.slip, sphere.pressure > 0)
+    assert not (slip.stick & slip.slip).any()
+    assert slip.attrs == {"friction": friction, "tangential_ratio": ratio, "poisson": POISSON}
+    assert all(v.attrs["units"] and v.attrs["long_name"] for v in slip.data_vars.values())
+
+
+def test_coulomb_holds_and_everything_slips_at_the_end(contact):
+    limit = 0.4 * contact.pressure.values
+    half, none, all_of_it = (
+        slip_dataset(contact, **LOAD | {"tangential_ratio": ratio}) for ratio in (0.5, 0, 1)
+    )
+    assert np.all(half.traction <= limit)
+    assert half.traction.min() > -1e-6 * limit.max()
+    np.testing.assert_array_equal(half.traction.values[half.slip], limit[half.slip])
+    assert half.stick.any()
+    assert half.slip.any()
+    assert slip_summary(none)["mean_traction_MPa"] == 0
+    assert slip_summary(none)["tangential_displacement_um"] == pytest.approx(0, abs=1e-9)
+    assert not none.slip.any()
+    assert not all_of_it.stick.any()
+    np.testing.assert_allclose(all_of_it.traction, limit)
+
+
+def test_slip_and_hardness_of_two_rough_faces_are_those_of_their_sum():
+    a, b = rough(1), rough(2)
+    both = contact_path(a, turned_over(b, a, **FILES), **SETTINGS)
+    alone = contact_path(pressed_height(both), **SETTINGS)
+    for solve, options in ((slip_dataset, LOAD), (hardness_dataset, CEILING)):
+        one, other = (solve(contact, **options) for contact in (both, alone))
+        for name, variable in one.data_vars.items():
+            np.testing.assert_allclose(variable, other[name], atol=1e-4)
+
+
+# A ceiling on the pressure.
+
+
+def test_a_hardness_out_of_reach_changes_nothing(contact):
+    beyond = 2 * float(contact.pressure.max())
+    limited = hardness_dataset(contact, source="x", hardness_MPa=beyond)
+    row = hardness_summary(contact, limited)
+    np.testing.assert_allclose(limited.pressure, contact.pressure, atol=1e-4)
+    assert row["dice"] == row["iou"] == 1
+    assert row["ceiling_share"] == row["deepest_yield_um"] == 0
+    assert row["displacement_um"] == pytest.approx(row["elastic_displacement_um"], rel=1e-6)
+
+
+def test_a_ceiling_holds_and_its_row_agrees_with_the_fields(contact):
+    hardness = 0.3 * float(contact.pressure.max())
+    limited = hardness_dataset(contact, source="x", hardness_MPa=hardness)
+    row = hardness_summary(contact, limited)
+    elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
+    at_ceiling = limited.pressure.values == hardness
+    assert limited.pressure.max() == hardness
+    assert row["pressure_MPa"] == pytest.approx(50.0, rel=1e-9)
+    assert float(limited.pressure.mean()) == pytest.approx(50.0, rel=1e-9)
+    assert row["elastic_peak_pressure_MPa"] == contact.pressure.max()
+    assert row["elastic_contact_fraction"] == elastic.mean()
+    assert row["ceiling_share"] == pytest.approx(at_ceiling.sum() / plastic.sum())
+    assert row["contact_fraction"] == plastic.mean() > row["elastic_contact_fraction"]
+    assert row["elastic_displacement_um"] == 1e3 * float(contact.displacement[-1])
+    assert row["displacement_um"] > row["elastic_displacement_um"]
+    assert row["iou"] == pytest.approx((elastic & plastic).sum() / (elastic | plastic).sum())
+    assert row["dice"] == pytest.approx(2 * row["iou"] / (1 + row["iou"]))
+    assert row["deepest_yield_um"] == pytest.approx(-1e3 * float(limited.gap.min()))
+    assert row["deepest_yield_um"] > 0
+    assert all(v.attrs["units"] and v.attrs["long_name"] for v in limited.data_vars.values())

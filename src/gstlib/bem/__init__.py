@@ -3,28 +3,18 @@
 Units: mm, N, MPa. This package knows nothing of stones, files or workflows.
 """
 
-from .elasticity import contact_modulus
-from .errors import (
-    ContactError,
-    ConvergenceError,
-    DomainTooSmallWarning,
-    InvalidContactInput,
-    UnreachableTargetError,
-)
-from .halfspace import HalfSpace
+from .errors import ContactError, ConvergenceError, InvalidContactInput
+from .halfspace import HalfSpace, contact_modulus
 from .loading import LoadPath, load_path
-from .solver import solve_contact
-from .state import ContactState
+from .solver import ContactState, solve_contact
 
 __all__ = [
     "ContactError",
     "ContactState",
     "ConvergenceError",
-    "DomainTooSmallWarning",
     "HalfSpace",
     "InvalidContactInput",
     "LoadPath",
-    "UnreachableTargetError",
     "contact_modulus",
     "load_path",
     "solve_contact",

@@ -1,42 +1,52 @@
-"""Convolution of fields with a kernel that is even along both axes, by FFT on a padded grid.
+"""Convolution of fields with Love's kernel, by FFT on a padded grid.
 
-Transforms run along x first, then along y, in blocks of fixed size: zero rows are never
-transformed, each block stays in cache, and since every block is computed by one thread in the same
-way whatever their number, so are the bits of the result.
+Two ways. `EvenConvolution` is exact: the grid is padded to twice its size. `SplitConvolution` takes
+a third of the time: the kernel 1/r has no end, so it is split as in Ewald's sum (P. P. Ewald, Ann.
+Phys. 369 (1921) 253),
+
+    K(r) = [K(r) − erf(r/σ)/(πE*r)] + erf(r/σ)/(πE*r).
+
+The first part ends after a few σ, so that a margin of that width is enough padding. The second part
+is smooth, so that a coarse grid holds it, on which padding costs little. Load gets to the coarse
+grid and displacement back by the longest waves of the fine grid's own transform. A Gaussian smooths
+them each way, so that neither rings far; the coarse kernel is freed of both Gaussians in advance.
 """
 
 import math
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 
 import ducc0
 import numpy as np
 
 __all__ = [
-    "WORTH_THREADS",
-    "Crew",
     "EvenConvolution",
+    "SplitConvolution",
     "even_size",
-    "even_spectrum",
     "exact_padding",
+    "love_kernel",
     "love_spectrum",
 ]
 
-# Lines per block times bytes of a real number: few enough to stay in cache and be shared evenly,
-# many enough that the cost of the calls vanishes (measured: 32 lines in double precision and 64 in
-# single are best for two threads; for one it is flat from 32 to 128).
+# Lines per block times bytes of a real number: few enough to stay in cache, many enough that the
+# cost of the calls vanishes (measured: flat from 32 to 128 lines).
 _BLOCK = 256
-# Fewer numbers than this are transformed in one thread (measured on a virtual machine: at 576² two
-# threads take four fifths of the time of one; waking the other takes 0.05 ms, a step 0.2 ms).
-WORTH_THREADS = 300_000
-# Lines of a buffer lie this many numbers more apart: at a power of two they share cache sets
-# (measured: transforms of 1024 numbers in single precision take 2.6 times as long).
+# Numbers added to each line of a buffer: lines a power of two apart share cache sets (measured:
+# transforms of 1024 numbers in single precision take 2.6 times as long).
 _OFFSET = 8
+# Measured together for an error of 2e-6 of the largest displacement, on noise (smooth loads: 1e-6).
+# Elements per coarse element; σ over the coarse spacing; width of the margin over σ.
+_COARSENING, _SIGMA, _MARGIN = 5, 2.5, 5.0
+# The coarse kernel fades out over this share of its length.
+_FADE = 0.5
+# Splitting saves time where the near part's grid is smaller than this share of the exact one.
+_WORTH_SPLITTING = 0.5
 
 
 class EvenConvolution:
     """Circular convolution on a padded grid with a kernel that is even in both axes.
 
-    It works in the memory of its crew: fresh memory is slow to touch, above all in threads.
+    Transforms run along x first, then along y, in blocks of fixed size: zero rows are never
+    transformed, and each block stays in cache.
 
     Parameters
     ----------
@@ -45,165 +55,129 @@ class EvenConvolution:
     spectrum : ndarray, shape (my // 2 + 1, mx // 2 + 1)
         Of the kernel, on the padded grid (my, mx), at wave numbers from 0 on.
     dtype : data-type
-        Of fields and results: single or double precision.
-    crew : Crew
-        The threads; small grids do with one.
+        Precision of the computation: single or double.
     """
 
-    def __init__(self, shape, spectrum, dtype, crew):
-        self.shape = shape
-        self._dtype = np.dtype(dtype)
-        self._padded = tuple(2 * (n - 1) for n in spectrum.shape)
-        self._lines = _BLOCK // self._dtype.itemsize
-        self._crew = crew
-        self._threads = crew.size if math.prod(self._padded) >= WORTH_THREADS else 1
+    def __init__(self, shape, spectrum, dtype):
+        my, mx = (2 * (n - 1) for n in spectrum.shape)
+        self._shape, self._padded = shape, (my, mx)
+        wave = np.result_type(dtype, np.complex64)
         # Transposed like the spectrum of the field below, and mirrored to all wave numbers along y.
         # Made complex, products take half the time in single precision (measured; none is saved in
         # double).
         half, stored = spectrum.T, np.complex64 if dtype == np.float32 else dtype
         self._spectrum = np.concatenate((half, half[:, -2:0:-1]), axis=1, dtype=stored)
+        # Memory is kept from call to call: fresh pages are slow to touch. The transform is
+        # transposed, so that transforms along y run along contiguous memory.
+        self._lines = _BLOCK // np.dtype(dtype).itemsize
+        self._transform = np.empty((mx // 2 + 1, shape[0]), wave)
+        self._rows = np.empty((self._lines, mx + _OFFSET), dtype)[:, :mx]
+        self._columns = np.empty((self._lines, my + _OFFSET), wave)[:, :my]
+        self._result = np.empty(shape, dtype)
 
-    def __call__(self, field, elements=None, longest=(0, 0), respond=None):
-        """The convolution of a field.
+    def __call__(
+        self,
+        field: np.ndarray,
+        longest: tuple[int, int] = (0, 0),
+        respond: Callable[[np.ndarray], np.ndarray] | None = None,
+    ) -> np.ndarray:
+        """The convolution of a field, shape (ny, nx); the next call overwrites it.
 
-        Parameters
-        ----------
-        field : ndarray, shape (ny, nx), or (n,)
-        elements : Elements, optional
-            The n elements whose values `field` holds; the others are zero.
-        longest : (int, int)
-            Numbers (count_y, count_x) of waves that `respond` is given.
-        respond : callable, optional
-            Takes the longest waves of the field, an ndarray of complex (count_x, count_y): wave
-            numbers 0 to count_x - 1 along x; along y from 0 on and then the negative ones, as
-            an FFT of the even length count_y has them. Returns waves to be added to the result.
-            Other threads go on meanwhile.
-
-        Returns
-        -------
-        ndarray, shape (ny, nx), or (n,)
-            On the whole grid, and then the crew's next convolution overwrites it; or on the
-            elements, of float64.
+        `respond`, if given, takes the `longest` waves (count_y, count_x) of the field, complex,
+        shape (count_x, count_y): wave numbers 0 to count_x - 1 along x; along y from 0 on and then
+        the negative ones, as an FFT of the even length count_y orders them. It returns waves that
+        are added to the result's.
         """
-        (ny, nx), (my, mx), size = self.shape, self._padded, self._lines
+        (ny, nx), (my, mx), transform = self._shape, self._padded, self._transform
         half, extra = longest[0] // 2, longest[1]
-        number, wave = self._dtype, np.result_type(self._dtype, np.complex64)
-        # Transposed, so that the transforms along y run along contiguous memory.
-        transform = self._crew.memory("transform", (mx // 2 + 1, ny), wave)
-        workers = range(self._threads)
-        # Columns or rows of each thread, in the same memory. Columns first: they are mostly larger.
-        columns, rows = (
-            [self._crew.memory(worker, (size, length + _OFFSET), kind) for worker in workers]
-            for length, kind in ((my, wave), (mx, number))
-        )
-        if elements is None:
-            result = self._crew.memory("result", self.shape, number)
-        else:
-            result = np.empty(len(field))
-            places, parts = elements.layout(self.shape, size, mx + _OFFSET)
+        for lines in self._blocks(0, ny):
+            block = self._rows[: lines.stop - lines.start]
+            block[:, :nx] = field[lines]
+            block[:, nx:] = 0
+            ducc0.fft.r2c(block, axes=(1,), out=transform.T[lines])
 
-        def rows_forward(worker, starts):
-            memory = rows[worker]
-            for start in starts:
-                lines = slice(start, min(start + size, ny))
-                block = memory[: lines.stop - start, :mx]
-                if elements is None:
-                    block[:, :nx] = field[lines]
-                    block[:, nx:] = 0
-                else:
-                    part = parts[start // size]
-                    block[:] = 0
-                    memory.reshape(-1)[places[part]] = field[part]
-                ducc0.fft.r2c(block, axes=(1,), out=transform.T[lines])
-
-        def along_y(block, lines):
-            block[:, :ny] = transform[lines]
-            block[:, ny:] = 0
-            ducc0.fft.c2c(block, axes=(1,), out=block)
-
-        def back_along_y(block, lines):
-            ducc0.fft.c2c(block, axes=(1,), forward=False, inorm=2, out=block)
-            transform[lines] = block[:, :ny]
-
-        def long_waves():
-            lines = slice(extra)
-            block = self._crew.memory("long waves", (extra, my + _OFFSET), wave)[:, :my]
-            along_y(block, lines)
+        if respond is not None:
+            block, lines = np.empty((extra, my), transform.dtype), slice(extra)
+            self._along_y(block, lines)
             added = respond(np.concatenate((block[:, :half], block[:, -half:]), axis=1))
             block *= self._spectrum[lines]
             block[:, :half] += added[:, :half]
             block[:, -half:] += added[:, half:]
-            back_along_y(block, lines)
+            self._back_along_y(block, lines)
+        for lines in self._blocks(extra, mx // 2 + 1):
+            block = self._columns[: lines.stop - lines.start]
+            self._along_y(block, lines)
+            block *= self._spectrum[lines]
+            self._back_along_y(block, lines)
 
-        def middle(worker, starts):
-            for start in starts:
-                lines = slice(start, min(start + size, mx // 2 + 1))
-                block = columns[worker][: lines.stop - start, :my]
-                along_y(block, lines)
-                block *= self._spectrum[lines]
-                back_along_y(block, lines)
+        for lines in self._blocks(0, ny):
+            block = self._rows[: lines.stop - lines.start]
+            ducc0.fft.c2r(
+                transform.T[lines], axes=(1,), lastsize=mx, forward=False, inorm=2, out=block
+            )
+            self._result[lines] = block[:, :nx]
+        return self._result
 
-        def rows_backward(worker, starts):
-            memory = rows[worker]
-            for start in starts:
-                lines = slice(start, min(start + size, ny))
-                block = memory[: lines.stop - start, :mx]
-                ducc0.fft.c2r(
-                    transform.T[lines], axes=(1,), lastsize=mx, forward=False, inorm=2, out=block
-                )
-                if elements is None:
-                    result[lines] = block[:, :nx]
-                else:
-                    part = parts[start // size]
-                    result[part] = memory.reshape(-1)[places[part]]
+    def _along_y(self, block, lines):
+        ny = self._shape[0]
+        block[:, :ny] = self._transform[lines]
+        block[:, ny:] = 0
+        ducc0.fft.c2c(block, axes=(1,), out=block)
 
-        run, threads = self._crew.run, self._threads
-        run(rows_forward, range(0, ny, size), threads)
-        run(middle, range(extra, mx // 2 + 1, size), threads, respond and long_waves)
-        run(rows_backward, range(0, ny, size), threads)
-        return result
+    def _back_along_y(self, block, lines):
+        ducc0.fft.c2c(block, axes=(1,), forward=False, inorm=2, out=block)
+        self._transform[lines] = block[:, : self._shape[0]]
+
+    def _blocks(self, start, stop):
+        for first in range(start, stop, self._lines):
+            yield slice(first, min(first + self._lines, stop))
 
 
-class Crew:
-    """Threads that share blocks of lines, and memory; the calling thread is one of them.
+class SplitConvolution:
+    """Displacement (mm) of a pressure field (MPa), shape (ny, nx), in single precision."""
 
-    Parameters
-    ----------
-    size : int
-        Threads, at least 1.
-    """
+    def __init__(self, shape, spacing, contact_modulus):
+        sigma, padded = _sigma(spacing), _margin_padding(shape, spacing)
+        lengths = tuple(m * step for m, step in zip(padded, spacing, strict=True))
+        coarse = tuple(even_size(math.ceil(length * _SIGMA / sigma)) for length in lengths)
+        coarse_spacing = tuple(length / m for length, m in zip(lengths, coarse, strict=True))
+        element = math.prod(spacing) / (math.pi * contact_modulus)
 
-    def __init__(self, size):
-        self.size = size
-        self._memory = {}
-        if size > 1:
-            # Its threads start when first used, and end with the last reference to it.
-            self._pool = ThreadPoolExecutor(size - 1)
+        quadrant = tuple(m // 2 + 1 for m in padded)
+        near = love_kernel(quadrant, spacing, contact_modulus)
+        near -= element * _far_field(quadrant, spacing, sigma)
+        self._near = EvenConvolution(shape, _even_spectrum(near), np.float32)
+        far = element * _coarse_kernel(coarse, coarse_spacing, sigma)
+        self._far = EvenConvolution(coarse, _even_spectrum(far), np.float32)
 
-    def memory(self, name, shape, dtype):
-        """An array in memory of this name, with whatever its last user left there."""
-        count = math.prod(shape) * np.dtype(dtype).itemsize
-        if name not in self._memory or self._memory[name].size < count:
-            self._memory[name] = np.empty(count, np.uint8)
-        return self._memory[name][:count].view(dtype).reshape(shape)
+        # To the coarse grid, into its middle; and back.
+        down_y, down_x = (
+            _smoothing(m, step, sigma) * _shift(m, (size - n) / (2 * size))
+            for m, step, size, n in zip(coarse, coarse_spacing, padded, shape, strict=True)
+        )
+        down = down_x[: coarse[1] // 2 + 1, None] * down_y / math.prod(coarse)
+        up = down.conj() * math.prod(padded)
+        self._down, self._up = down.astype(np.complex64), up.astype(np.complex64)
+        self._coarse = coarse
 
-    def start(self, task):
-        """Let another thread do a task, if there is one; gives a function that waits for it."""
-        return self._pool.submit(task).result if self.size > 1 else lambda: None
+    @staticmethod
+    def saves(shape, spacing):
+        """Whether it is faster than the exact convolution."""
+        near, exact = math.prod(_margin_padding(shape, spacing)), math.prod(exact_padding(shape))
+        return near < _WORTH_SPLITTING * exact
 
-    def run(self, task, starts, threads, meanwhile=None):
-        """Call ``task(worker, starts)`` in so many threads, with the first lines of its blocks.
+    def __call__(self, pressure):
+        """The displacement, shape (ny, nx); the next call overwrites it."""
+        size_y, size_x = self._coarse
+        return self._near(pressure, (size_y, size_x // 2 + 1), self._from_afar)
 
-        The calling thread does `meanwhile` before it takes its share.
-        """
-        # One iterator for all: each takes the next block when it is done with one.
-        starts = iter(starts)
-        others = [self._pool.submit(task, worker, starts) for worker in range(1, threads)]
-        if meanwhile is not None:
-            meanwhile()
-        task(0, starts)
-        for other in others:
-            other.result()
+    def _from_afar(self, waves):
+        """Waves of the far part's displacement, from those of the pressure."""
+        waves *= self._down
+        load = ducc0.fft.c2r(waves, axes=(1, 0), lastsize=self._coarse[1], forward=False)
+        waves = ducc0.fft.r2c(self._far(load.T).T, axes=(1, 0))
+        waves *= self._up
+        return waves
 
 
 def even_size(minimum):
@@ -212,22 +186,108 @@ def even_size(minimum):
 
 
 def exact_padding(shape):
-    """Padded size on which opposite ends do not see each other."""
+    """Padded size on which opposite ends do not affect each other."""
     return tuple(even_size(2 * n - 1) for n in shape)
 
 
-def love_spectrum(padded, kernel):
-    """Spectrum of a LoveKernel, wrapped to the nearest image on a grid of even size `padded`.
+def love_kernel(
+    shape: tuple[int, int], spacing: tuple[float, float], contact_modulus: float
+) -> np.ndarray:
+    """Displacement at element centres from unit pressure on the element at the origin.
 
-    Returns
-    -------
-    ndarray, shape (my // 2 + 1, mx // 2 + 1)
-        At wave numbers from 0 on; the kernel is even in y and in x, and so its spectrum, which is
-        real besides.
+    Entry [i, j] is the displacement (mm/MPa, positive into the half-space) at (y, x) =
+    (i·dy, j·dx). The kernel is even in x and in y, so one quadrant holds all of it. Source:
+    A. E. H. Love, Phil. Trans. A 228 (1929) 377; Johnson, *Contact Mechanics* (1985), eq. 3.25.
     """
-    return even_spectrum(kernel.quadrant(tuple(m // 2 + 1 for m in padded)))
+    dy, dx = spacing
+    # The integral of 1/r over an element is a difference of its antiderivative between the
+    # corners. Neighbours share corners: evaluate each once, then difference along x and y.
+    y = (np.arange(shape[0] + 1) - 0.5)[:, None] * dy
+    x = (np.arange(shape[1] + 1) - 0.5)[None, :] * dx
+
+    def antiderivative(one, other):
+        """One of its two terms: one·asinh(other/|one|)."""
+        term = other / np.abs(one)
+        np.arcsinh(term, out=term)
+        term *= one
+        return term
+
+    corners = antiderivative(x, y)
+    symmetric = dy == dx and shape[0] == shape[1]
+    corners = corners + (corners.T if symmetric else antiderivative(y, x))
+    integral = np.diff(np.diff(corners, axis=0), axis=1)
+    integral /= math.pi * contact_modulus
+    return integral
 
 
-def even_spectrum(quadrant):
-    """Spectrum, from wave number 0 on, of a kernel even in y and x; in place of its quadrant."""
+def love_spectrum(padded, spacing, contact_modulus):
+    """Spectrum of Love's kernel, wrapped to the nearest image on a grid of even size `padded`.
+
+    At wave numbers from 0 on, shape (my // 2 + 1, mx // 2 + 1): the kernel is even in y and x, and
+    so is its spectrum, which is real besides.
+    """
+    quadrant = tuple(m // 2 + 1 for m in padded)
+    return _even_spectrum(love_kernel(quadrant, spacing, contact_modulus))
+
+
+def _even_spectrum(quadrant):
+    """Spectrum of an even kernel, from wave number 0 on; overwrites the kernel's quadrant."""
     return ducc0.fft.dct(quadrant, type=1, out=quadrant)
+
+
+def _sigma(spacing):
+    return _SIGMA * _COARSENING * max(spacing)
+
+
+def _margin_padding(shape, spacing):
+    """Size of the grid on which the near part is convolved."""
+    margin = _MARGIN * _sigma(spacing)
+    return tuple(
+        even_size(n + math.ceil(margin / step)) for n, step in zip(shape, spacing, strict=True)
+    )
+
+
+def _far_field(quadrant, spacing, sigma):
+    """erf(r/σ)/r (1/mm) at the offsets of a quadrant."""
+    y, x = (np.arange(n) * step for n, step in zip(quadrant, spacing, strict=True))
+    distance = np.hypot(y[:, None], x)
+    distance[0, 0] = 1.0  # replaced below
+    field = 1 / distance
+    # From 5.9 on, erf is 1 in double precision.
+    inner = np.ix_(y < 5.9 * sigma, x < 5.9 * sigma)
+    field[inner] *= [[math.erf(r / sigma) for r in row] for row in distance[inner]]
+    field[0, 0] = 2 / (math.sqrt(math.pi) * sigma)
+    return field
+
+
+def _coarse_kernel(coarse, spacing, sigma):
+    """Quadrant of erf(r/σ)/r, freed of the smoothing before and after the convolution."""
+    # Beyond its needed length it fades out: an end would have short waves, which now grow.
+    long = tuple(math.ceil((1 + _FADE) * m) for m in coarse)
+    fades, growths = [], []
+    for m, n, step in zip(coarse, long, spacing, strict=True):
+        place = np.clip((np.arange(n + 1) - m) / (n - m), 0, 1)
+        fades.append([0.5 * math.erfc(8 * (p - 0.5)) for p in place])
+        wave_number = math.pi * np.arange(n + 1) / (n * step)
+        growths.append(np.exp((wave_number * sigma) ** 2 / 4) / (2 * n))
+    kernel = _far_field(tuple(n + 1 for n in long), spacing, sigma) * np.outer(*fades)
+    freed = _even_spectrum(_even_spectrum(kernel) * np.outer(*growths))
+    return freed[: coarse[0] + 1, : coarse[1] + 1]
+
+
+def _smoothing(size, spacing, sigma):
+    """exp(−q²σ²/8) at the wave numbers q of a grid; 0 at the last, which has no sign."""
+    wave_number = 2 * math.pi * _waves(size) / (size * spacing)
+    smoothing = np.exp(-((wave_number * sigma) ** 2) / 8)
+    smoothing[size // 2] = 0.0
+    return smoothing
+
+
+def _shift(size, share):
+    """Factors that shift waves by this share of the grid."""
+    return np.exp(-2j * math.pi * _waves(size) * share)
+
+
+def _waves(size):
+    """Waves in the grid's length, in the order of an FFT of even size."""
+    return np.concatenate((np.arange(size // 2), np.arange(-size // 2, 0)))

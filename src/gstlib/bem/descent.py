@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 
-from .algebra import combination, dot, energy_weights
-from .preconditioner import Preconditioner
-from .window import APPROXIMATION_ERROR
+from .halfspace import APPROXIMATION_ERROR
+from .window import dot
 
-__all__ = ["descend"]
+__all__ = ["MAX_ITERATIONS", "descend"]
 
+# Iterations allowed on each grid; rough surfaces take tens.
+MAX_ITERATIONS = 500
 # A cut larger than this share of the step is convolved at once rather than with the next one.
 _LARGE_CUT = 0.3
 # Least share of the largest lift, so that every free element can take part in balancing the load.
@@ -18,6 +19,8 @@ _LEAST_LIFT = 1e-3
 _LARGE_LEVEL = 0.5
 # Iterations of the projected gradient, slow but sure, after an iteration that raised the energy.
 _CAUTIOUS = 10
+# Two directions are dependent when rounding may have left this of their Gram determinant.
+_DEPENDENT = 1e-10
 # Within so many iterations the residual is to be halved, or as many cautious ones follow: needed on
 # elements sixty times as long as wide under a pressure limit (measured: fewer help less).
 _PATIENCE = 80
@@ -25,37 +28,16 @@ _PATIENCE = 80
 _LARGE_ERROR = 0.3
 
 
-def descend(window, load, relief, pressure, field, tolerance, error, history, max_iterations):
+def descend(window, load, relief, pressure, field, tolerance, error, iterations):
     """Improve a pressure until the residual of the recurrence is below the tolerance.
 
     Each iteration adds a change whose displacement is computed approximately; errors thus scale
     with the changes, which shrink, and what has come together, at the start too, is swept out by an
     exact convolution now and then.
 
-    Parameters
-    ----------
-    window : Window
-        The elements, n of them; all vectors below are of their values.
-    load : Load
-    relief : ndarray, shape (n,)
-        h − h_max (mm).
-    pressure : ndarray, shape (n,)
-        To start from (MPa), ≥ 0.
-    field : ndarray, shape (n,), or None
-        The displacement (mm) of the pressure, where it is known; the pressure is admissible then.
-    tolerance : float
-        Of the residual, relative to the far-field displacement.
-    error : float
-        Largest error of the field given (mm); not used without one.
-    history : list of float
-        Receives the residual of each iteration.
-    max_iterations : int
-        Length at which the history ends.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The pressure.
+    All vectors are of the window's n elements: `relief` is h − h_max (mm), `pressure` (MPa, ≥ 0)
+    that to start from, and `field` its displacement (mm), known up to `error`, or None; where it is
+    known, the pressure is admissible. `iterations` counts on. Returns pressure and iterations.
     """
     if field is None:
         pressure = load.scaled(pressure)
@@ -64,29 +46,30 @@ def descend(window, load, relief, pressure, field, tolerance, error, history, ma
     # `field` is the displacement of `convolved`, a pressure that differs from the admissible
     # `pressure` by the last cut.
     convolved = pressure
-    preconditioner = Preconditioner(window)
+    preconditioner = window.preconditioner
     change = change_field = lift = None
     step = 1.0
     started, lowest_energy, cautious = False, math.inf, 0
-    halved, reached = 0, math.inf
-    while len(history) < max_iterations:
+    halved, reached = iterations, math.inf
+    while iterations < MAX_ITERATIONS:
         opening = field - relief
         displacement = load.displacement_at(pressure, opening)
         penetration = displacement - opening
         free = np.where(penetration > 0, pressure < load.pressure_limit, pressure > 0)
         residual = penetration * free
         violation = np.abs(residual).max()
-        stalled = len(history) - halved > _PATIENCE and not cautious
+        stalled = iterations - halved > _PATIENCE and not cautious
         if stalled:
-            halved, cautious, change = len(history), _PATIENCE, None
+            halved, cautious, change = iterations, _PATIENCE, None
         if stalled or error > _LARGE_ERROR * violation:
             convolved, field, error = pressure, window.exact_displacement(pressure), 0.0
             continue
-        history.append(float(violation / displacement))
-        if history[-1] <= tolerance:
+        iterations += 1
+        relative = violation / displacement
+        if relative <= tolerance:
             break
-        if history[-1] < 0.5 * reached:
-            halved, reached = len(history), history[-1]
+        if relative < 0.5 * reached:
+            halved, reached = iterations, relative
 
         preconditioner.fit(free)
         direction = preconditioner(residual) * free
@@ -105,15 +88,15 @@ def descend(window, load, relief, pressure, field, tolerance, error, history, ma
         level = [(convolved, field)] if scalable else []
         known = level if change is None else [(change, change_field), *level]
         if known:
-            weights = energy_weights(known, [dot(direction, image) for _, image in known])
-            direction = preconditioned - combination(weights, [v for v, _ in known]) * free
+            weights = _energy_weights(known, [dot(direction, image) for _, image in known])
+            direction = preconditioned - _combination(weights, [v for v, _ in known]) * free
             if load.force is not None:
                 direction -= lift * (direction.sum() / lift.sum())
             if dot(direction, penetration) <= 0:
                 direction = preconditioned
         trial = load.admissible(pressure + step * direction, lift)
         if cautious or dot(penetration, trial - pressure) <= 0:
-            gradient = penetration * free / window.self_influence
+            gradient = penetration * free / window.half_space.self_influence
             trial = load.admissible(pressure + gradient, free.astype(float))
 
         change = trial - convolved
@@ -134,12 +117,12 @@ def descend(window, load, relief, pressure, field, tolerance, error, history, ma
             continue
         # ... and together with the level.
         steps = [(change, change_field), *level]
-        weights = energy_weights(steps, [dot(vector, penetration) for vector, _ in steps])
+        weights = _energy_weights(steps, [dot(vector, penetration) for vector, _ in steps])
         if weights[0] <= 0 or abs(weights[1:]).sum() > _LARGE_LEVEL:
             weights = np.array([scale if scale > 0 else 1.0, *[0.0] * len(level)])
         step = min(max(weights[0] * step, 0.3), 3.0)
 
-        change, change_field = (combination(weights, c) for c in zip(*steps, strict=True))
+        change, change_field = (_combination(weights, c) for c in zip(*steps, strict=True))
         convolved = convolved + change
         field = field + change_field
         # What the trial cut stays at its bound.
@@ -160,4 +143,34 @@ def descend(window, load, relief, pressure, field, tolerance, error, history, ma
             if energy >= lowest_energy:
                 cautious = _CAUTIOUS
             lowest_energy = min(energy, lowest_energy)
-    return pressure
+    return pressure, iterations
+
+
+def _energy_weights(pairs, right):
+    """Weights w that solve Σⱼ (vᵢᵀKvⱼ) wⱼ = rightᵢ, from one or two pairs (v, Kv).
+
+    The second has no weight where it says nothing that the first does not.
+    """
+    (first, image), *others = pairs
+    energy = dot(first, image)
+    if not others:
+        return np.array([right[0] / energy])
+    second, second_image = others[0]
+    mixed, other_energy = dot(second, image), dot(second, second_image)
+    determinant = energy * other_energy - mixed**2
+    if not determinant > _DEPENDENT * energy * other_energy:
+        return np.array([right[0] / energy, 0.0])
+    return np.array(
+        [
+            (other_energy * right[0] - mixed * right[1]) / determinant,
+            (energy * right[1] - mixed * right[0]) / determinant,
+        ]
+    )
+
+
+def _combination(weights, vectors):
+    """Σ w·v."""
+    total = weights[0] * vectors[0]
+    for weight, vector in zip(weights[1:], vectors[1:], strict=True):
+        total += weight * vector
+    return total

@@ -1,11 +1,16 @@
-"""What can go wrong in a contact problem, as exceptions and warnings of one small tree."""
+"""The errors of the contact solver, and the checks of what callers pass in."""
+
+import math
+
+import numpy as np
 
 __all__ = [
     "ContactError",
     "ConvergenceError",
-    "DomainTooSmallWarning",
     "InvalidContactInput",
-    "UnreachableTargetError",
+    "checked_array",
+    "checked_number",
+    "checked_tolerance",
 ]
 
 
@@ -13,52 +18,50 @@ class ContactError(Exception):
     """Base of every error raised by :mod:`gstlib.bem`."""
 
 
-class InvalidContactInput(ContactError, ValueError):  # noqa: N818 - names the thing, as ValueError
+class InvalidContactInput(ContactError, ValueError):  # noqa: N818 - named like ValueError
     """The problem as stated has no meaning: a wrong shape, NaN, a negative load and so on."""
 
 
 class ConvergenceError(ContactError):
-    """The solver stopped before the asked tolerance; no field is returned.
+    """The solver stopped before the tolerance was met; no field is returned."""
 
-    Attributes
-    ----------
-    residual : float
-        Largest violation of the contact conditions reached, divided by the largest rigid
-        interpenetration.
-    iterations : int
-        Iterations spent on the finest grid.
-    """
 
-    def __init__(self, residual: float, tolerance: float, iterations: int):
-        self.residual = residual
-        self.iterations = iterations
-        super().__init__(
-            f"contact not converged: residual {residual:.3g} after {iterations} iterations, "
-            f"tolerance {tolerance:.3g} asked. Raise max_iterations, ask a tolerance above the "
-            "rounding floor of about 1e-12, or check the heights for spikes."
+def checked_number(name: str, value: object, unit: str, *, positive: bool = False) -> float:
+    """A finite number that is not negative or, where asked, positive."""
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise InvalidContactInput(f"{name} must be a number ({unit}), got {value!r}") from None
+    if not 0 <= number < math.inf or (positive and number == 0):
+        wanted = "positive and finite" if positive else "finite and not negative"
+        raise InvalidContactInput(f"{name} must be {wanted} ({unit}), got {value}")
+    return number
+
+
+def checked_tolerance(tolerance: object) -> float:
+    """Tolerance on the residual: below 1, which is the residual of no contact at all."""
+    number = checked_number("tolerance", tolerance, "relative to the displacement", positive=True)
+    if not number < 1:
+        raise InvalidContactInput(f"tolerance must be below 1, got {tolerance}")
+    return number
+
+
+def checked_array(name: str, values, shape: tuple[int, int] | None = None) -> np.ndarray:
+    """An (ny, nx) array of finite real numbers, of the given shape if there is one."""
+    if np.ma.is_masked(values) or np.iscomplexobj(values):
+        kind = "complex" if np.iscomplexobj(values) else "masked"
+        raise InvalidContactInput(f"{name} has {kind} values: give finite real numbers everywhere")
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InvalidContactInput(f"{name} must be an array of numbers: {error}") from None
+    if array.ndim != 2 or array.size == 0:
+        raise InvalidContactInput(f"{name} must be a (ny, nx) array, got shape {array.shape}")
+    if shape is not None and array.shape != shape:
+        raise InvalidContactInput(f"{name} has shape {array.shape}, the surface {shape}")
+    bad = np.count_nonzero(~np.isfinite(array))
+    if bad:
+        raise InvalidContactInput(
+            f"{name} has {bad} values that are NaN or infinite: fill unmeasured points first"
         )
-
-
-class UnreachableTargetError(ContactError):
-    """The target pressure lies beyond the displacement that the caller allows.
-
-    Attributes
-    ----------
-    mean_pressure : float
-        Mean pressure (MPa) reached at `displacement`.
-    displacement : float
-        The largest far-field displacement allowed (mm).
-    """
-
-    def __init__(self, target_pressure: float, mean_pressure: float, displacement: float):
-        self.mean_pressure = mean_pressure
-        self.displacement = displacement
-        super().__init__(
-            f"target pressure {target_pressure:.6g} MPa is not reached: at the largest allowed "
-            f"displacement of {displacement:.6g} mm the mean pressure is {mean_pressure:.6g} MPa. "
-            "Allow a larger displacement, or check the units of heights and target."
-        )
-
-
-class DomainTooSmallWarning(UserWarning):
-    """Contact reaches the border of the grid: the surface beyond it would carry load too."""
+    return array

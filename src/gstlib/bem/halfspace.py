@@ -12,33 +12,70 @@ from functools import cached_property
 
 import numpy as np
 
-from .checks import checked_modulus, checked_spacing, checked_workers
 from .convolution import (
-    WORTH_THREADS,
-    Crew,
     EvenConvolution,
+    SplitConvolution,
     even_size,
     exact_padding,
+    love_kernel,
     love_spectrum,
 )
-from .elasticity import LoveKernel
-from .errors import InvalidContactInput
-from .splitting import SplitConvolution
+from .errors import InvalidContactInput, checked_array, checked_number
 
-__all__ = ["HalfSpace", "inverse_padding"]
+__all__ = ["APPROXIMATION_ERROR", "HalfSpace", "contact_modulus", "inverse_padding"]
 
-# The approximate inverse needs no exact convolution: padding by a tenth keeps opposite borders from
-# seeing each other (measured: wider padding saves no iteration, none costs a fifth).
+# Relative error of an approximate displacement, of the largest (measured: below it on grids of
+# 33 x 70 to 1024 x 1024, for noise, for sparse contact and for uniform pressure; it only says when
+# to look again, exactly).
+APPROXIMATION_ERROR = 3e-6
+# The approximate inverse needs no exact convolution: padding by a tenth is enough that opposite
+# borders do not affect each other (measured: wider padding saves no iteration).
 _INVERSE_PADDING = 1.1
+# A half-space of its own is made for a box of less than this share of the elements.
+_WORTH_A_BOX = 0.7
 
-# A window of its own is made for less than this share of the elements.
-_WORTH_A_WINDOW = 0.7
+
+def contact_modulus(young_1: float, poisson_1: float, young_2: float, poisson_2: float) -> float:
+    """Contact modulus E* of two elastic half-spaces, 1/E* = (1 - ν₁²)/E₁ + (1 - ν₂²)/E₂.
+
+    Parameters
+    ----------
+    young_1, young_2 : float
+        Young's moduli (MPa), positive; ``math.inf`` for a rigid body (not both).
+    poisson_1, poisson_2 : float
+        Poisson's ratios, in (-1, 0.5].
+
+    Returns
+    -------
+    float
+        Contact modulus, in the unit of the Young's moduli (MPa).
+
+    Raises
+    ------
+    InvalidContactInput
+        A constant outside its physical range.
+
+    References
+    ----------
+    K. L. Johnson, *Contact Mechanics* (1985), eq. 4.21. Some papers print (1 - ν) in place of
+    (1 - ν²); that is not this function.
+    """
+    compliance = 0.0
+    for body, young, poisson in ((1, young_1, poisson_1), (2, young_2, poisson_2)):
+        if not young > 0:
+            raise InvalidContactInput(f"young_{body} must be positive (MPa), got {young}")
+        if not -1 < poisson <= 0.5:
+            raise InvalidContactInput(f"poisson_{body} must lie in (-1, 0.5], got {poisson}")
+        compliance += (1 - poisson**2) / young
+    if compliance == 0:
+        raise InvalidContactInput("both bodies are rigid: one Young's modulus must be finite")
+    return 1 / compliance
 
 
 class HalfSpace:
     """Exact non-periodic response of an elastic half-space to uniform pressures on rectangles.
 
-    It keeps a workspace: not to be called from several threads at a time.
+    It keeps a workspace: do not call it from several threads at a time.
 
     Parameters
     ----------
@@ -49,20 +86,17 @@ class HalfSpace:
     contact_modulus : float
         E* (MPa).
     workers : int
-        Threads. The result has the same bits for any number of them.
-    kernel : LoveKernel, optional
-        Of this spacing and modulus, where it has been made before.
+        Has no effect: one thread does the work.
 
     Attributes
     ----------
     self_influence : float
         Displacement of an element under unit pressure on itself (mm/MPa).
-    kernel : LoveKernel
 
     Raises
     ------
     InvalidContactInput
-        Empty shape, spacing or modulus not positive and finite, workers < 1.
+        Empty shape, spacing or modulus not positive and finite.
 
     Examples
     --------
@@ -72,49 +106,45 @@ class HalfSpace:
     array([[1.1222]])
     """
 
-    def __init__(self, shape, spacing, contact_modulus, workers=1, kernel=None):
-        self.shape = _checked_shape(shape)
-        self.spacing = checked_spacing(spacing)
-        self.contact_modulus = checked_modulus(contact_modulus)
-        self.workers = checked_workers(workers)
-        self._convolutions = 0
-        self._crew = Crew(self.workers)
-        padded = exact_padding(self.shape)
-        self.kernel = kernel or LoveKernel(
-            self.spacing, self.contact_modulus, tuple(m // 2 + 1 for m in padded)
+    def __init__(self, shape, spacing, contact_modulus, workers: int = 1):
+        if len(shape) != 2 or min(shape) < 1:
+            raise InvalidContactInput(f"shape must be (ny, nx), at least (1, 1), got {shape}")
+        self.shape = tuple(shape)
+        dy, dx = np.broadcast_to(np.asarray(spacing), 2)
+        self.spacing = (
+            checked_number("spacing", dy, "mm", positive=True),
+            checked_number("spacing", dx, "mm", positive=True),
         )
-        self.self_influence = float(self.kernel.quadrant((1, 1))[0, 0])
-        self._window = None
-        # Each transform is made when first asked for; if it is large, by another thread meanwhile.
-        large = math.prod(padded) >= WORTH_THREADS
-        self._wait = self._crew.start(self._prepare) if large else lambda: None
+        self.contact_modulus = checked_number(
+            "contact_modulus", contact_modulus, "MPa", positive=True
+        )
+        self.self_influence = float(love_kernel((1, 1), self.spacing, self.contact_modulus)[0, 0])
+        self._convolutions = 0
+        self._box: HalfSpace | None = None
 
-    def _prepare(self):
-        return self._double, self._single, self._inverse
+    @property
+    def convolutions(self) -> int:
+        """Number of displacements computed so far, exact or not, on boxes too."""
+        return self._convolutions + (self._box.convolutions if self._box else 0)
 
     @cached_property
     def _double(self):
         return self._exact(np.float64)
 
-    def _exact(self, dtype):
-        spectrum = love_spectrum(exact_padding(self.shape), self.kernel)
-        return EvenConvolution(self.shape, spectrum, dtype, self._crew)
-
     @cached_property
     def _single(self):
         if SplitConvolution.saves(self.shape, self.spacing):
-            return SplitConvolution(self.shape, self.kernel, self._crew)
+            return SplitConvolution(self.shape, self.spacing, self.contact_modulus)
         return self._exact(np.float32)
 
     @cached_property
     def _inverse(self):
-        spectrum = love_spectrum(inverse_padding(self.shape), self.kernel)
-        return EvenConvolution(self.shape, 1 / spectrum, np.float32, self._crew)
+        spectrum = love_spectrum(inverse_padding(self.shape), self.spacing, self.contact_modulus)
+        return EvenConvolution(self.shape, 1 / spectrum, np.float32)
 
-    @property
-    def convolutions(self) -> int:
-        """Number of displacements computed so far, exact or not, on windows too."""
-        return self._convolutions + (self._window.convolutions if self._window else 0)
+    def _exact(self, dtype):
+        spectrum = love_spectrum(exact_padding(self.shape), self.spacing, self.contact_modulus)
+        return EvenConvolution(self.shape, spectrum, dtype)
 
     def displacement(self, pressure) -> np.ndarray:
         """Surface displacement under a pressure field.
@@ -132,118 +162,52 @@ class HalfSpace:
         Raises
         ------
         InvalidContactInput
-            Pressure of another shape.
+            Pressure of another shape, or not of finite real numbers.
         """
-        pressure = np.asarray(pressure, dtype=float)
-        if pressure.shape != self.shape:
-            raise InvalidContactInput(
-                f"pressure has shape {pressure.shape}, the half-space {self.shape}"
-            )
-        return self.exact_displacement(pressure).copy()
+        return self.exact_displacement(checked_array("pressure", pressure, self.shape)).copy()
 
-    def exact_displacement(self, pressure, elements=None) -> np.ndarray:
-        """:meth:`displacement`, unchecked, on the grid or on some elements of it.
+    def exact_displacement(self, pressure: np.ndarray) -> np.ndarray:
+        """:meth:`displacement`, unchecked; the next call overwrites it."""
+        self._convolutions += 1
+        return self._double(pressure)
 
-        Parameters
-        ----------
-        pressure : ndarray, shape (ny, nx), or (n,)
-            Pressure (MPa).
-        elements : Elements, optional
-            The n elements whose pressure is given; the others have none.
+    def approximate_displacement(self, pressure: np.ndarray) -> np.ndarray:
+        """The same within `APPROXIMATION_ERROR`, in float32, at a third of the time.
 
-        Returns
-        -------
-        ndarray, shape (ny, nx), or (n,)
-            Displacement (mm) on the grid, and then the next use of the half-space overwrites it, or
-            on the elements.
+        The kernel is split, and precision is single. The error, 2e-6 of the largest displacement,
+        does no harm to a correction that is added to a field known exactly. Stripes of alternating
+        sign are the worst case known: 5e-6.
         """
         self._convolutions += 1
-        self._wait()
-        return self._double(pressure, elements)
+        return self._single(pressure)
 
-    def approximate_displacement(self, pressure, elements=None) -> np.ndarray:
-        """The same, nearly, at a third of the time: the kernel split, and in single precision.
+    def approximate_inverse(self, displacement: np.ndarray) -> np.ndarray:
+        """Pressure (MPa), float32, that nearly has the displacement (mm); the next call overwrites.
 
-        Its error, 2e-6 of the largest displacement, does no harm to a correction that is added to
-        a field known exactly. Stripes of alternating sign are the worst case known: 5e-6.
-
-        Parameters
-        ----------
-        pressure, elements
-            As of :meth:`exact_displacement`.
-
-        Returns
-        -------
-        ndarray of float32, shape (ny, nx), or of float64, shape (n,)
-            Displacement (mm), as of :meth:`exact_displacement`.
+        Convolution with the inverse of the kernel's spectrum on a grid padded by a tenth only; at
+        wavelengths above the element, the classical E*|q|/2 (Vollebregt, J. Optim. Theory Appl. 162
+        (2014) 936). Symmetric and positive definite, also when restricted to a contact set.
         """
-        self._convolutions += 1
-        self._wait()
-        return self._single(pressure, elements)
+        return self._inverse(displacement)
 
-    def approximate_inverse(self, displacement, elements=None) -> np.ndarray:
-        """A cheap approximate inverse of :meth:`displacement`, to precondition with.
+    def box(self, shape: tuple[int, int]) -> "HalfSpace":
+        """The half-space on a part of the grid that holds `shape` elements, or more.
 
-        Convolution with the inverse of the kernel's spectrum on a grid padded by a tenth only;
-        at wavelengths above the element, the classical E*|q|/2 (Vollebregt, J. Optim. Theory
-        Appl. 162 (2014) 936). Symmetric and positive definite, also when restricted to a contact
-        set. In single precision.
-
-        Parameters
-        ----------
-        displacement : ndarray, shape (ny, nx), or (n,)
-            Displacement (mm).
-        elements : Elements, optional
-            The n elements whose displacement is given; that of the others is zero.
-
-        Returns
-        -------
-        ndarray of float32, shape (ny, nx), or of float64, shape (n,)
-            Pressure (MPa), as the displacement of :meth:`exact_displacement`.
+        It is this one if that is hardly larger; else the last one made, if that is; else a new one.
         """
-        self._wait()
-        return self._inverse(displacement, elements)
-
-    def window(self, shape):
-        """The half-space on a part of the grid that holds `shape` elements.
-
-        The last one made is kept, and given again while it is not much larger than asked for.
-
-        Parameters
-        ----------
-        shape : (int, int)
-            Rows and columns needed, at most those of the grid.
-
-        Returns
-        -------
-        HalfSpace
-            Of that shape or a larger one; this half-space itself, where it is not much larger.
-        """
-        for known in (self, self._window):
+        for known in (self, self._box):
             if (
                 known is not None
                 and all(n <= m for n, m in zip(shape, known.shape, strict=True))
-                and math.prod(shape) > _WORTH_A_WINDOW * math.prod(known.shape)
+                and math.prod(shape) > _WORTH_A_BOX * math.prod(known.shape)
             ):
                 return known
-        if self._window is not None:
-            self._convolutions += self._window.convolutions
-        self._window = HalfSpace(
-            shape, self.spacing, self.contact_modulus, self.workers, self.kernel
-        )
-        return self._window
+        self._convolutions = self.convolutions
+        self._box = HalfSpace(shape, self.spacing, self.contact_modulus)
+        return self._box
 
 
-def _checked_shape(shape):
-    try:
-        ny, nx = (int(n) for n in shape)
-    except (TypeError, ValueError):
-        raise InvalidContactInput(f"shape must be two integers (ny, nx), got {shape}") from None
-    if ny < 1 or nx < 1:
-        raise InvalidContactInput(f"shape must be at least (1, 1), got {shape}")
-    return ny, nx
-
-
-def inverse_padding(shape):
+def inverse_padding(shape: tuple[int, int]) -> tuple[int, int]:
     """Size of the grid on which an approximate inverse is computed."""
-    return tuple(even_size(math.ceil(_INVERSE_PADDING * n)) for n in shape)
+    ny, nx = (even_size(math.ceil(_INVERSE_PADDING * n)) for n in shape)
+    return ny, nx

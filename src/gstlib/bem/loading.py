@@ -11,13 +11,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .checks import checked_level, checked_tolerance
-from .errors import InvalidContactInput, UnreachableTargetError
-from .solver import MAX_ITERATIONS, ContactProblem, warn_at_border
-from .state import ContactState
-from .stiffness import unit_response
+from .errors import InvalidContactInput, checked_number, checked_tolerance
+from .load import Load
+from .solver import ContactProblem, ContactState
+from .window import Window, dot
 
 __all__ = ["LoadPath", "load_path"]
+
+# Tolerance of states that are not kept: they give points of a curve, and no field (measured on 13
+# rough patches: all of 1040 numbers have the five digits, four for the stiffness, that 1e-9 gives).
+_CURVE_TOLERANCE = 1e-6
+# Largest relative error of the unit displacement on the contact under the response's pressure; that
+# of the stiffness is of second order in it.
+_RESPONSE_TOLERANCE = 3e-3
+# What a path has of each of its states.
+_OF_STATE = "mean_pressure", "contact_fraction", "iterations", "convolutions", "residual"
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,18 +36,12 @@ class LoadPath:
     ----------
     displacement : ndarray, shape (steps,)
         Far-field displacement from first touch (mm), in equal steps from displacement/steps on.
-    mean_pressure : ndarray, shape (steps,)
-        Force over nominal area (MPa).
-    contact_fraction : ndarray, shape (steps,)
-        Share of elements in contact.
+    mean_pressure, contact_fraction, iterations, convolutions, residual : ndarray, shape (steps,)
+        Of each state, see `ContactState`. What the stiffness costs is not counted in.
     stiffness : ndarray, shape (steps,)
         Contact stiffness d(mean pressure)/d(displacement) (MPa/mm): exact, by one linear solve
         on the fixed contact set of each state (its relative error is of the order of 1e-6; up to
         1e-4 where the contact is a few long elements).
-    iterations, convolutions : ndarray of int, shape (steps,)
-        Spent on each state on the finest grid; those for the stiffness are not counted in.
-    residual : ndarray, shape (steps,)
-        Recomputed residual of each state.
     final : ContactState
         The state at the target pressure.
     states : tuple of ContactState
@@ -65,114 +67,107 @@ def load_path(
     target_pressure,
     steps=20,
     tolerance=1e-6,
-    maximum_displacement=None,
-    pressure_limit=math.inf,
-    max_iterations=MAX_ITERATIONS,
     workers=1,
     keep_states=False,
-    progress=None,
 ) -> LoadPath:
     """Press a rough surface in equal steps of displacement up to a mean pressure.
 
     Parameters
     ----------
-    heights, spacing, contact_modulus, tolerance, pressure_limit, max_iterations, workers
-        As in :func:`gstlib.bem.solve_contact`.
+    heights, spacing, contact_modulus, workers
+        As of `solve_contact`.
     target_pressure : float
-        Mean pressure of the last state (MPa), > 0; met to rounding.
+        Mean pressure of the last state (MPa), ≥ 0; met to rounding. At 0 nothing touches: all
+        values of the path are 0, the stiffness too.
     steps : int
         Number of states.
-    maximum_displacement : float, optional
-        Largest far-field displacement allowed (mm).
+    tolerance : float
+        As of `solve_contact`, for the last state and those that are kept; for the others 1e-6 if
+        that is larger.
     keep_states : bool
         Keep the fields of every step, not of the last one only.
-    progress : callable, optional
-        Called as ``progress(step_index, steps, state)`` after each solved state; the last
-        index comes first, the others follow downwards.
-
-    Returns
-    -------
-    LoadPath
 
     Raises
     ------
     InvalidContactInput
-        Target not positive, no steps, and whatever :func:`gstlib.bem.solve_contact` refuses.
-    UnreachableTargetError
-        The target lies beyond `maximum_displacement`; it tells the pressure reached there.
+        A negative target, no steps, and whatever `solve_contact` refuses.
     ConvergenceError
         A state did not reach the tolerance.
-
-    Warns
-    -----
-    DomainTooSmallWarning
-        Contact at the target reaches the border of the grid.
     """
-    problem = ContactProblem(heights, spacing, contact_modulus, workers, pressure_limit)
-    target_pressure = checked_level("target_pressure", target_pressure, "MPa")
-    if target_pressure == 0:
-        raise InvalidContactInput("target_pressure must be positive (MPa), got 0")
-    if target_pressure >= problem.pressure_limit:
-        raise InvalidContactInput(
-            f"target_pressure {target_pressure} MPa is not below pressure_limit {pressure_limit}"
-        )
+    problem = ContactProblem(heights, spacing, contact_modulus)
+    target_pressure = checked_number("target_pressure", target_pressure, "MPa")
     if not isinstance(steps, (int, np.integer)) or steps < 1:
         raise InvalidContactInput(f"steps must be an integer of at least 1, got {steps!r}")
-    controls = {"tolerance": checked_tolerance(tolerance), "max_iterations": max_iterations}
-    if maximum_displacement is not None:
-        maximum_displacement = checked_level("maximum_displacement", maximum_displacement, "mm")
-
-    final = problem.solve(mean_pressure=target_pressure, **controls)
-    if maximum_displacement is not None and final.displacement > maximum_displacement:
-        reached = problem.solve(displacement=maximum_displacement, **controls)
-        raise UnreachableTargetError(target_pressure, reached.mean_pressure, maximum_displacement)
-    warn_at_border(final.pressure)
+    tolerance = checked_tolerance(tolerance)
+    final = problem.solve(Load(force=target_pressure * problem.relief.size), tolerance)
+    if not keep_states:
+        tolerance = max(tolerance, _CURVE_TOLERANCE)
 
     displacement = final.displacement * np.arange(1, steps + 1) / steps
-    stiffness = np.empty(steps)
-    summary = [None] * steps
-    states = []
-    state, tangent = final, None
+    stiffness, curve, states = np.zeros(steps), [], []
+    state, window, pressure, response = final, None, np.zeros(0), np.zeros(0)
     for index in reversed(range(steps)):
-        if index < steps - 1:
+        if window is not None:
             # Along the tangent of p², not of p: at a moving edge p is the root of the distance, so
             # p² is smooth where p is not (on Hertz's sphere p² is linear in δ).
             descent = displacement[index + 1] - displacement[index]
-            contact = np.flatnonzero(state.contact)
-            above, slope = (field.reshape(-1)[contact] for field in (state.pressure, tangent))
+            squared = pressure * (pressure - 2 * descent * response)
+            opening = (state.gap + problem.relief).reshape(-1)[window.elements]
+            # On the way down elements leave the contact; what joins it after all, against the
+            # continuum's rule, is added by the solver's final check.
             state = problem.solve(
-                displacement=displacement[index],
-                initial_pressure=np.sqrt(np.maximum(above * (above - 2 * descent * slope), 0)),
-                # On the way down elements leave the contact; what joins it after all, against
-                # the continuum's rule, is added by the solver's final check.
-                candidates=contact,
-                **controls,
+                Load(displacement=displacement[index]),
+                tolerance,
+                np.sqrt(np.maximum(squared, 0)),
+                window,
+                known=(pressure, opening + state.displacement),
             )
-        tangent, stiffness[index] = unit_response(
-            problem.half_space, state.elastic_contact, tangent
-        )
-        summary[index] = (
-            state.mean_pressure,
-            state.contact_fraction,
-            state.iterations,
-            state.convolutions,
-            state.residual,
-        )
+        contact = np.flatnonzero(state.pressure)
+        if contact.size:
+            before = np.zeros(state.pressure.size)
+            if window is not None:
+                before[window.elements] = response
+            window = Window(problem.half_space, contact)
+            pressure = state.pressure.reshape(-1)[contact]
+            response, stiffness[index] = _unit_response(window, before[contact])
+        curve.append([getattr(state, name) for name in _OF_STATE])
         if keep_states:
-            states.insert(0, state)
-        if progress is not None:
-            progress(index, steps, state)
-    mean_pressure, contact_fraction, iterations, convolutions, residual = map(
-        np.array, zip(*summary, strict=True)
-    )
+            states.append(state)
     return LoadPath(
         displacement=displacement,
-        mean_pressure=mean_pressure,
-        contact_fraction=contact_fraction,
         stiffness=stiffness,
-        iterations=iterations,
-        convolutions=convolutions,
-        residual=residual,
         final=final,
-        states=tuple(states),
+        states=tuple(reversed(states)),
+        **{
+            name: np.array(values[::-1])
+            for name, values in zip(_OF_STATE, zip(*curve, strict=True), strict=True)
+        },
     )
+
+
+def _unit_response(window, start):
+    """Response to displacement on a fixed contact: p' = dp/dδ (MPa/mm), and the stiffness.
+
+    Solves K p' = 1 on the window by preconditioned conjugate gradients, from `start` unless that
+    is zero. The stiffness d(mean pressure)/dδ has an error of second order in that of p'.
+    """
+    precondition = window.preconditioner
+    precondition.fit(np.ones(start.size, bool))
+    solution = start if start.any() else precondition.uniform
+    image = window.displacement(solution)
+    factor = solution.sum() / dot(solution, image)
+    solution = factor * solution
+    residual = 1 - factor * image
+    direction, previous = 0.0, 1.0
+    while np.abs(residual).max() > _RESPONSE_TOLERANCE:
+        preconditioned = precondition(residual)
+        product = dot(residual, preconditioned)
+        direction = preconditioned + direction * (product / previous)
+        previous = product
+        image = window.displacement(direction)
+        scale = product / dot(direction, image)
+        solution = solution + scale * direction
+        residual = residual - scale * image
+    # The energy 2·Σp' − p'ᵀKp', stationary at the solution where it equals Σp'.
+    stiffness = (solution.sum() + dot(residual, solution)) / math.prod(window.half_space.shape)
+    return solution, float(stiffness)

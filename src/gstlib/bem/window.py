@@ -1,15 +1,37 @@
-"""Some elements of a grid, and the half-space as they alone feel it."""
+"""Some elements of a grid: the half-space as they alone feel it, and its approximate inverse.
+
+NumPy's own loops, not BLAS: BLAS starts threads that nobody asked for, which spin when the machine
+is busy, and the last bits of its sums depend on their number.
+"""
+
+import math
+from functools import cached_property
 
 import numpy as np
 
-from .elements import Elements
+from .convolution import EvenConvolution, love_spectrum
+from .halfspace import HalfSpace, inverse_padding
 
-__all__ = ["APPROXIMATION_ERROR", "Window"]
+__all__ = ["Preconditioner", "Window", "dot"]
 
-# Relative error of an approximate displacement, of the largest (measured: below it on grids of
-# 33 x 70 to 1024 x 1024, for noise, for sparse contact and for uniform pressure; it only says when
-# to look again, exactly).
-APPROXIMATION_ERROR = 3e-6
+# Where the elements fill less than this share of their bounding box, the short-range inverse is
+# kept at the nearest offsets only (in elements; from the inverse on a grid of its own): an eighth
+# of the time for as many iterations. Where they are compact, that would take half as many again.
+_SPARSE, _REACH, _INVERSE_GRID = 0.3, 2, 64
+# Elements along the side of a cell of the coarse grid, a power of two (measured: 16 does as well).
+_BLOCK = 8
+# T takes the density for this share of what the contact sees around it (measured: 0.3 to 0.6 do).
+_DENSITY = 0.5
+# α starts here, and grows until a uniform displacement keeps this share of the pressure that M
+# gives it (measured: 0.33 to 0.4; with less, definiteness goes, and with it the gain).
+_LOCAL, _LOCAL_GROWTH, _KEPT = 2.0, 1.25, 0.4
+# Prepared again when this share of the free elements has changed.
+_STALE = 0.05
+
+
+def dot(one: np.ndarray, two: np.ndarray) -> float:
+    """Σ one·two over all elements."""
+    return float(np.einsum("i,i->", one.reshape(-1), two.reshape(-1)))
 
 
 class Window:
@@ -25,28 +47,124 @@ class Window:
         Flat indices in ascending order, at least one.
     """
 
-    def __init__(self, half_space, elements):
+    def __init__(self, half_space: HalfSpace, elements: np.ndarray):
         rows, columns = np.divmod(elements, half_space.shape[1])
-        rows, columns = rows - rows.min(), columns - columns.min()
-        self._half_space = half_space.window((rows.max() + 1, columns.max() + 1))
-        self._elements = Elements(rows, columns)
-        self.shape = self._half_space.shape
-        self.kernel = half_space.kernel
-        self.self_influence = half_space.self_influence
+        self.rows, self.columns = rows - rows.min(), columns - columns.min()
+        self.half_space, self.elements = half_space, elements
+        # The half-space on the box, a field there that is zero elsewhere, and the elements' places.
+        self._box = half_space.box((self.rows.max() + 1, self.columns.max() + 1))
+        self._field = np.zeros(self._box.shape)
+        self._places = self.rows * self._box.shape[1] + self.columns
 
-    def exact_displacement(self, pressure):
+    @cached_property
+    def preconditioner(self) -> "Preconditioner":
+        """The approximate inverse, prepared for all elements or for the last set asked of it."""
+        return Preconditioner(self)
+
+    def exact_displacement(self, pressure: np.ndarray) -> np.ndarray:
         """Displacement (mm) of a pressure (MPa), in double precision."""
-        return self._half_space.exact_displacement(pressure, self._elements)
+        return self._respond(HalfSpace.exact_displacement, pressure)
 
-    def displacement(self, pressure):
+    def displacement(self, pressure: np.ndarray) -> np.ndarray:
         """The same within `APPROXIMATION_ERROR`."""
-        return self._half_space.approximate_displacement(pressure, self._elements)
+        return self._respond(HalfSpace.approximate_displacement, pressure)
 
-    def pressure(self, displacement):
+    def pressure(self, displacement: np.ndarray) -> np.ndarray:
         """Approximate pressure (MPa) that has the displacement (mm)."""
-        return self._half_space.approximate_inverse(displacement, self._elements)
+        return self._respond(HalfSpace.approximate_inverse, displacement)
 
-    def cells(self, block):
-        """Cell of each element, flat, on a grid of `block` times `block` elements; its shape."""
-        shape = tuple(-(-n // block) for n in self.shape)
-        return self._elements.rows // block * shape[1] + self._elements.columns // block, shape
+    def _respond(self, operator, values):
+        self._field.reshape(-1)[self._places] = values
+        return operator(self._box, self._field).reshape(-1)[self._places].astype(float)
+
+
+class Preconditioner:
+    """Pressure on the free elements of a window that nearly has a given displacement there.
+
+    At short range it is the half-space's approximate inverse M, restricted to the free elements
+    (Vollebregt, J. Optim. Theory Appl. 162 (2014) 936). M sees each island of contact, but not that
+    they all sink together: the pressure φ r, with φ = M·1, is to displace its own surroundings by a
+    smooth r, and does so about α times, but besides displaces by Kφ̄r from afar, with φ̄ the mean
+    density of φ. So φ r is to be divided by α + φ̄K; what is too much is φ T φ r with
+    T = (α K⁻¹ + φ̄)⁻¹. It is smooth but for φ, and is computed on a coarse grid. We know of no
+    source for it.
+
+    Measured (rough surfaces, contact of 3 %, residual 1e-8 and 3e-10): a quarter to two fifths
+    fewer iterations than with M alone at 512² and 1024², none to a quarter at 256².
+
+    Attributes
+    ----------
+    uniform : ndarray, shape (n,)
+        Pressure for the displacement 1 on the free elements.
+    """
+
+    def __init__(self, window: Window):
+        self._window = window
+        spacing, modulus = window.half_space.spacing, window.half_space.contact_modulus
+        ny, nx = (int(at.max()) + 1 for at in (window.rows, window.columns))
+        self._stencil: list[tuple[int, float]] | None = None
+        if window.elements.size < _SPARSE * ny * nx:
+            spectrum = 1 / love_spectrum((_INVERSE_GRID, _INVERSE_GRID), spacing, modulus)
+            inverse = np.fft.irfft2(np.concatenate((spectrum, spectrum[-2:0:-1])))
+            # Fields have a margin, so that each neighbour of an element has a place.
+            width = nx + 2 * _REACH
+            self._field = np.zeros((ny + 2 * _REACH) * width)
+            self._places = window.rows * width + window.columns
+            self._centre = _REACH * width + _REACH
+            offsets = range(-_REACH, _REACH + 1)
+            self._stencil = [
+                (self._centre + i * width + j, float(inverse[i, j]))
+                for i in offsets
+                for j in offsets
+                if i * i + j * j <= _REACH**2 + 1
+            ]
+        # T, on cells of several elements: Love's kernel grows in proportion to its elements.
+        self._shape = -(-ny // _BLOCK), -(-nx // _BLOCK)
+        self._cells = window.rows // _BLOCK * self._shape[1] + window.columns // _BLOCK
+        padded = inverse_padding(self._shape)
+        self._spectrum = love_spectrum(padded, tuple(_BLOCK * s for s in spacing), modulus)
+        self._local = _LOCAL
+        self._free: np.ndarray | None = None
+
+    def fit(self, free: np.ndarray) -> None:
+        """Prepare for a set of free elements (bool, shape (n,)), unless the last was nearly it."""
+        if self._free is not None and np.count_nonzero(
+            free != self._free
+        ) <= _STALE * np.count_nonzero(free):
+            return
+        self._free = free
+        profile = self._profile = self.short_range(free.astype(float)) * free
+        density = self._mean(profile)
+        density = _DENSITY * dot(density, density) * _BLOCK**2 / profile.sum()
+        while True:
+            spectrum = self._spectrum / (self._local + density * self._spectrum)
+            self._far = EvenConvolution(self._shape, spectrum, np.float64)
+            self.uniform = profile - self._from_afar(free)
+            # What is not a number ends the search too; the solver's residual then tells.
+            if not self.uniform.sum() < _KEPT * profile.sum():
+                return
+            self._local *= _LOCAL_GROWTH
+
+    def __call__(self, displacement: np.ndarray) -> np.ndarray:
+        """Pressure (MPa), shape (n,), from a displacement (mm) that is zero where not free."""
+        return self.short_range(displacement) - self._from_afar(displacement)
+
+    def short_range(self, displacement: np.ndarray) -> np.ndarray:
+        """M alone: slower, but positive definite for certain."""
+        if self._stencil is None:
+            return self._window.pressure(displacement)
+        self._field[self._places + self._centre] = displacement
+        pressure = np.zeros(displacement.size)
+        for start, weight in self._stencil:
+            pressure += weight * self._field[start:].take(self._places)
+        return pressure
+
+    def _from_afar(self, displacement):
+        """φ T φ r."""
+        far = self._far(self._mean(self._profile * displacement))
+        return self._profile * far.reshape(-1)[self._cells]
+
+    def _mean(self, values):
+        """Mean over the elements of each cell; those that are not in the window count as zero."""
+        sums = np.bincount(self._cells, values, minlength=math.prod(self._shape))
+        return sums.reshape(self._shape) / _BLOCK**2
