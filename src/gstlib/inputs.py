@@ -1,45 +1,53 @@
-"""Every file of a study read once, quickly, before any work: what it holds, and all that is wrong.
+"""Reads the files of a study before any work: what each holds, and all that is wrong with them.
 
-A study of hours must not end at its last scan. What is found wrong with one file does not keep the
-others from being looked at, so that all can be put right at once.
+A study of hours must not end at its last scan. A fault in one file does not keep the others from
+being checked, so that all can be put right at once.
 """
 
-import hashlib
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.counterface import check_grid
-from gstlib.errors import GstError, InputError, InputsError
-from gstlib.inspection import held_height, mesh_facts, scan_facts
-from gstlib.io.meshes import read_mesh
+from gstlib.contact import check_grid
+from gstlib.errors import GstError, InputError
+from gstlib.io.meshes import MESH_SUFFIXES, read_mesh
 from gstlib.io.scans import check_size, cut_scan, read_scan, read_settings
-from gstlib.preprocess.filling import check_unmeasured
 from gstlib.preprocess.frame import find_frame
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.surface import spacing_of
+from gstlib.preprocess.scan import check_unmeasured
+from gstlib.surface import make_surface, spacing_of
 
-__all__ = ["Inputs", "ScanFile", "check_inputs"]
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["Inputs", "ScanFile", "check_inputs", "inspect_file"]
 
 _log = logging.getLogger(__name__)
 
+_MM_TO_UM = 1e3
 _FACTS = (
     "points_x", "points_y", "spacing_x_um", "spacing_y_um", "unmeasured", "Sq_um", "tilt_x_mrad",
     "tilt_y_mrad", "instrument", "objective",
 )  # fmt: skip
 # Spacings of T0 and T1 that differ by more than this share are of two magnifications.
 _SAME_SPACING = 1e-3
+# One height at more than this share of the points, and at so many times the points of any other,
+# was written, not measured: of heights in few steps, each is about as frequent as the next.
+_HELD_SHARE, _HELD_TIMES = 1e-3, 10
+# Cells along the longest side of a mesh's relief.
+_RELIEF_CELLS = 200
 
 
 @dataclass(frozen=True)
 class ScanFile:
-    """A scan that the study uses: which file, for what, and the piece to cut from it.
+    """A scan that the study uses.
 
     Attributes
     ----------
@@ -49,7 +57,7 @@ class ScanFile:
     epoch : str
         T0, T1, or empty.
     crop : (x, y) or None
-        Centre (mm) of the piece, from the scan's centre; None for the whole scan.
+        Centre (mm) of the piece to cut, from the scan's centre; None for the whole scan.
     """
 
     path: Path
@@ -65,11 +73,11 @@ class Inputs:
     Attributes
     ----------
     scans : pandas.DataFrame
-        A row for each readable scan: ``patch, epoch, file`` and the facts of `scan_facts`.
-    ranges_um : tuple of float
-        From the lowest to the highest point of each of these scans, µm.
+        A row for each readable scan: ``patch, epoch, file``; ``points_x, points_y, spacing_x_um,
+        spacing_y_um``; ``unmeasured`` (share); ``Sq_um, tilt_x_mrad, tilt_y_mrad`` about and of the
+        least-squares plane; ``instrument, objective``; ``range_um``, of the heights as read.
     mesh : dict or None
-        The facts of `mesh_facts`; None if the mesh cannot be read.
+        Vertices, faces, size, mean edge and state of the mesh; None if it cannot be read.
     square : (ny, nx) xarray.DataArray or None
         Heights of the analysed square (mm), its plane removed; None if it cannot be had.
     problems : tuple of GstError
@@ -77,30 +85,13 @@ class Inputs:
     """
 
     scans: pd.DataFrame
-    ranges_um: tuple[float, ...]
-    mesh: dict | None
+    mesh: dict[str, Any] | None
     square: xr.DataArray | None
     problems: tuple[GstError, ...]
 
-    def raise_problems(self) -> None:
-        """Raise `InputsError` if there are any."""
-        if self.problems:
-            raise InputsError(self.problems)
 
-
-@dataclass(frozen=True)
-class _Piece:
-    """What is remembered of a piece of a scan, to hold it against the others."""
-
-    path: Path
-    shape: tuple[int, int]
-    spacing: tuple[float, float]  # dy, dx, mm
-    content: bytes  # a hash of its heights
-
-    @classmethod
-    def of(cls, piece: xr.DataArray, path: Path) -> "_Piece":
-        content = hashlib.blake2b(np.ascontiguousarray(piece.values)).digest()
-        return cls(path, piece.shape, spacing_of(piece), content)
+# Of a scan, by patch and epoch: its file, its grid ((ny, nx), (dy, dx)) and a hash of its heights.
+_Pieces = dict[tuple[str, str], tuple[Path, tuple, int]]
 
 
 def check_inputs(
@@ -134,13 +125,20 @@ def check_inputs(
     try:
         if mesh is not None:
             stone = read_mesh(mesh, unit=mesh_unit)
-            facts_of_mesh = mesh_facts(stone)
-            heights = _square(stone, mesh, mesh_unit, square, macroscale)
+            facts_of_mesh = _mesh_facts(stone)
+            gridded = grid_mesh(
+                stone,
+                find_frame(square, stone, unit=mesh_unit, source=str(mesh)),
+                size_mm=square["size_mm"],
+                shape=(macroscale["grid"], macroscale["grid"]),
+                margin_mm=macroscale["margin_mm"],
+                source=str(mesh),
+            )
+            heights = remove_plane(gridded)[0]
     except GstError as error:
         problems.append(error)
-    rows, ranges = [], []
-    pieces: dict[tuple[str, str], _Piece] = {}
-    held: dict[float, dict[Path, float]] = {}
+    rows: list[dict[str, Any]] = []
+    pieces: _Pieces = {}
     by_file: dict[Path, list[ScanFile]] = {}
     for scan in scans:
         by_file.setdefault(scan.path, []).append(scan)
@@ -150,142 +148,160 @@ def check_inputs(
         except GstError as error:
             problems.append(error)
             continue
-        if (height := held_height(whole)) is not None:
-            held.setdefault(height[0], {})[path] = height[1]
+        _warn_of_held_height(path, whole)
         for use in uses:
             try:
-                piece = _piece(whole, use, scan_settings["size_mm"], maximum_unmeasured)
+                piece = whole
+                if use.crop is None:
+                    check_size(whole, scan_settings["size_mm"])
+                else:
+                    piece = cut_scan(whole, use.crop, scan_settings["size_mm"])
+                check_unmeasured(piece, maximum_unmeasured)
             except InputError as error:
-                problems.append(InputError(_named(use), error.problem, error.remedy))
+                named = f"{path} (patch {use.patch} at {use.epoch})" if use.epoch else path
+                problems.append(InputError(named, error.problem, error.remedy))
                 continue
-            facts = scan_facts(piece)
-            pieces[use.patch, use.epoch] = _Piece.of(piece, path)
-            ranges.append(facts["highest_um"] - facts["lowest_um"])
+            facts = _scan_facts(piece)
+            grid = piece.shape, spacing_of(piece)
+            pieces[use.patch, use.epoch] = path, grid, hash(piece.values.tobytes())
             rows.append(
                 {"patch": use.patch, "epoch": use.epoch, "file": path.name}
                 | {name: facts.get(name) for name in _FACTS}
+                | {"range_um": facts["highest_um"] - facts["lowest_um"]}
             )
-    _warn_of_held_heights(held)
-    problems += _unequal_spacings(pieces)
-    problems += _unlike_counterface(pieces)
-    problems += _same_at_both_epochs(pieces)
-    _warn_of_same_patches(pieces)
-    columns = ["patch", "epoch", "file", *_FACTS]
     return Inputs(
-        scans=pd.DataFrame(rows, columns=columns),
-        ranges_um=tuple(ranges),
+        scans=pd.DataFrame(rows, columns=["patch", "epoch", "file", *_FACTS, "range_um"]),
         mesh=facts_of_mesh,
         square=heights,
-        problems=tuple(problems),
+        problems=(*problems, *_unlike_epochs(pieces), *_unlike_counterface(pieces)),
     )
 
 
-def _square(stone, mesh, unit, square, macroscale) -> xr.DataArray:
-    gridded = grid_mesh(
-        stone,
-        find_frame(square, stone, unit=unit, source=str(mesh)),
-        size_mm=square["size_mm"],
-        shape=(macroscale["grid"], macroscale["grid"]),
-        margin_mm=macroscale["margin_mm"],
-        source=str(mesh),
-    )
-    return remove_plane(gridded)[0]
-
-
-def _warn_of_held_heights(held: Mapping[float, Mapping[Path, float]]) -> None:
-    """Name the heights that stand for unmeasured points, as they seem to, once for all scans."""
-    for height, shares in held.items():
-        first, *others = shares
-        _log.warning(
-            "%s%s: up to %.3g %% of the points of a scan have one height, %g µm. If that stands "
-            "for unmeasured points, export them as empty cells or NaN",
-            first,
-            f" and {len(others)} more" if others else "",
-            100 * max(shares.values()),
-            height,
-        )
-
-
-def _piece(whole, use: ScanFile, size_mm, maximum_unmeasured) -> xr.DataArray:
-    """What the study uses of a scan."""
-    if use.crop is None:
-        check_size(whole, size_mm)
-        piece = whole
-    else:
-        piece = cut_scan(whole, use.crop, size_mm)
-    check_unmeasured(piece, maximum_unmeasured)
-    return piece
-
-
-def _named(use: ScanFile) -> str:
-    """The file, and what it is of: files in two folders may have one name."""
-    what = f"patch {use.patch} at {use.epoch}" if use.epoch else use.patch
-    return f"{use.path} ({what})"
-
-
-def _both_epochs(pieces: Mapping) -> Iterable[tuple[str, _Piece, _Piece]]:
-    """Patch, its piece at T0 and that at T1, where both could be read."""
-    for (patch, epoch), piece in pieces.items():
-        if epoch == "T1" and (patch, "T0") in pieces:
-            yield patch, pieces[patch, "T0"], piece
-
-
-def _unequal_spacings(pieces: Mapping) -> list[InputError]:
-    """T1 is laid over T0 point by point, so both need the same spacing."""
-    return [
-        InputError(
-            second.path,
-            f"its points are {second.spacing[1] * 1e3:.5g} µm apart, those of {first.path} "
-            f"{first.spacing[1] * 1e3:.5g} µm",
-            "Scan both epochs of a patch with the same objective, or resample one.",
-        )
-        for _, first, second in _both_epochs(pieces)
-        if max(abs(a / b - 1) for a, b in zip(second.spacing, first.spacing, strict=True))
-        > _SAME_SPACING
-    ]
-
-
-def _unlike_counterface(pieces: Mapping) -> list[GstError]:
-    """The counterface is laid over each patch at T0; the first that it does not fit is enough."""
-    face = pieces.get(("counterface", ""))
-    for (_, epoch), piece in pieces.items():
-        if face is None or epoch != "T0":
-            continue
-        try:
-            check_grid(
-                (face.shape, face.spacing),
-                (piece.shape, piece.spacing),
-                source=face.path,
-                patch_source=piece.path,
+def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
+    """Refuse epochs of a patch that cannot be compared: unequal spacings, or equal heights."""
+    for patch in [patch for patch, epoch in pieces if epoch == "T1" and (patch, "T0") in pieces]:
+        first, (_, spacing_0), content_0 = pieces[patch, "T0"]
+        second, (_, spacing_1), content_1 = pieces[patch, "T1"]
+        if not np.allclose(spacing_1, spacing_0, rtol=_SAME_SPACING, atol=0):
+            yield InputError(
+                second,
+                f"its points are {spacing_1[1] * _MM_TO_UM:.5g} µm apart, those of {first} "
+                f"{spacing_0[1] * _MM_TO_UM:.5g} µm",
+                "Scan both epochs of a patch with the same objective, or resample one.",
             )
+        # Two scans never have the same noise: one of them was copied, and would show no wear.
+        if content_0 == content_1:
+            yield InputError(
+                second,
+                f"patch {patch} has the same heights at T1 as at T0 ({first})",
+                "Give the scan that was made after use, or leave t1 empty in the patch table.",
+            )
+
+
+def _unlike_counterface(pieces: _Pieces) -> list[GstError]:
+    """Compare the counterface with each patch at T0; the first that it does not fit is enough."""
+    if ("counterface", "") not in pieces:
+        return []
+    face, face_grid, _ = pieces["counterface", ""]
+    for path, grid, _ in (pieces[key] for key in pieces if key[1] == "T0"):
+        try:
+            check_grid(face_grid, grid, source=face, patch_source=path)
         except GstError as error:
             return [error]
     return []
 
 
-def _same_at_both_epochs(pieces: Mapping) -> list[InputError]:
-    """Two scans never have the same noise: one of them was copied, and no wear would be found."""
-    return [
-        InputError(
-            second.path,
-            f"patch {patch} has the same heights at T1 as at T0"
-            + (f" ({first.path})" if first.path != second.path else ", from this one file"),
-            "Give the scan that was made after use, or leave t1 empty in the patch table.",
+def _warn_of_held_height(path: Path, scan: xr.DataArray) -> None:
+    """Warn where one height is too frequent to have been measured: it may stand for no height."""
+    heights, counts = np.unique(scan.values[np.isfinite(scan.values)], return_counts=True)
+    second, most = np.append([0], np.sort(counts))[-2:]
+    if most > max(_HELD_SHARE * scan.size, _HELD_TIMES * second):
+        _log.warning(
+            "%s: %.3g %% of the points have one height, %g µm. If that stands for unmeasured "
+            "points, export them as empty cells or NaN",
+            *(path, 100 * most / scan.size, heights[np.argmax(counts)] * _MM_TO_UM),
         )
-        for patch, first, second in _both_epochs(pieces)
-        if first.content == second.content
-    ]
 
 
-def _warn_of_same_patches(pieces: Mapping) -> None:
-    same: dict[bytes, dict[str, Path]] = {}
-    for (patch, epoch), piece in pieces.items():
-        if epoch:
-            same.setdefault(piece.content, {})[patch] = piece.path
-    for files in same.values():
-        if len(files) > 1:
-            _log.warning(
-                "patches %s have the same heights (%s): give each its own scan",
-                ", ".join(files),
-                ", ".join(map(str, dict.fromkeys(files.values()))),
-            )
+def inspect_file(
+    path: str | Path, *, unit: str | None = None, spacing_um: float | None = None
+) -> tuple[dict[str, Any], xr.DataArray]:
+    """Facts about a scan or a mesh, and its heights to draw; errors as of their readers.
+
+    Parameters
+    ----------
+    path : str or Path
+    unit : str, optional
+        Unit of a file that does not state it; of meshes, mm by default.
+    spacing_um : float, optional
+        Spacing of the points of a scan that does not state it (text).
+
+    Returns
+    -------
+    facts : dict
+        ``unit`` (and who states it); points, spacing, size and heights of a scan, and what it
+        tells of its instrument; vertices, faces, size and state of a mesh.
+    heights : (ny, nx) xarray.DataArray
+        mm: the scan without its plane, or the mesh seen along its shortest side.
+    """
+    if Path(path).suffix.lower() in MESH_SUFFIXES:
+        mesh = read_mesh(path, unit=unit or "mm")
+        said = f"{unit}, as told" if unit else "mm, the default: meshes do not state it"
+        return {"unit": said} | _mesh_facts(mesh), _mesh_relief(mesh)
+    spacing_mm = None if spacing_um is None else spacing_um / _MM_TO_UM
+    try:
+        scan, said = read_scan(path, spacing_mm=spacing_mm), "in the file"
+    except InputError:
+        if unit is None:
+            raise
+        scan, said = read_scan(path, unit=unit, spacing_mm=spacing_mm), f"{unit}, as told"
+    return {"unit": said} | _scan_facts(scan), remove_plane(scan)[0]
+
+
+def _scan_facts(scan: xr.DataArray) -> dict[str, Any]:
+    """What a scan (mm) holds as it was read; Sq is about the least-squares plane."""
+    dy, dx = spacing_of(scan)
+    ny, nx = scan.shape
+    level, plane = remove_plane(scan)
+    own = {name: value for name, value in scan.attrs.items() if name not in ("units", "long_name")}
+    return {
+        "points_x": nx,
+        "points_y": ny,
+        "spacing_x_um": dx * _MM_TO_UM,
+        "spacing_y_um": dy * _MM_TO_UM,
+        "size_x_mm": nx * dx,
+        "size_y_mm": ny * dy,
+        "unmeasured": float(1 - np.isfinite(scan.values).mean()),
+        "lowest_um": float(np.nanmin(scan.values)) * _MM_TO_UM,
+        "highest_um": float(np.nanmax(scan.values)) * _MM_TO_UM,
+        "tilt_x_mrad": plane.tilt_x_mrad,
+        "tilt_y_mrad": plane.tilt_y_mrad,
+        "Sq_um": float(np.nanstd(level.values)) * _MM_TO_UM,
+        **own,
+    }
+
+
+def _mesh_facts(mesh: "trimesh.Trimesh") -> dict[str, Any]:
+    """Vertices, faces, size, mean edge and state of a mesh (mm)."""
+    facts: dict[str, Any] = {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
+    for axis, low, high in zip("xyz", *mesh.bounds.tolist(), strict=True):
+        facts |= {f"size_{axis}_mm": high - low, f"centre_{axis}_mm": (low + high) / 2}
+    return facts | {
+        "mean_edge_mm": float(mesh.edges_unique_length.mean()),
+        "bodies": int(mesh.body_count),
+        "closed": "yes" if mesh.is_watertight else "no",
+    }
+
+
+def _mesh_relief(mesh: "trimesh.Trimesh") -> xr.DataArray:
+    """Highest vertices of a mesh, seen along its shortest side, on a coarse grid (mm)."""
+    points = np.asarray(mesh.vertices) - mesh.bounds[0]
+    across = int(np.argmin(np.ptp(points, axis=0)))
+    first, second = (axis for axis in range(3) if axis != across)
+    # Cells as wide as edges at least, or the picture is full of holes.
+    step = max(np.ptp(points, axis=0).max() / _RELIEF_CELLS, 1.5 * mesh.edges_unique_length.mean())
+    columns, rows = ((points[:, axis] / step).astype(int) for axis in (first, second))
+    highest = np.full((rows.max() + 1, columns.max() + 1), -np.inf)
+    np.maximum.at(highest, (rows, columns), points[:, across])
+    highest[np.isinf(highest)] = np.nan
+    return make_surface(highest, step)

@@ -1,9 +1,8 @@
 """The one data type of the study: heights on a regular grid.
 
-A surface is an `xarray.DataArray` with dimensions ``("y", "x")``, in that order; coordinates ``y``
-and ``x`` hold the element centres in mm, both increasing; heights are float64 in mm, positive out
-of the stone; unmeasured elements are NaN. Element (i, j) covers one spacing in each direction
-around its centre, so a surface of n elements is n spacings long.
+A surface is an `xarray.DataArray` with dimensions ``("y", "x")``; coordinates ``y`` and ``x`` hold
+the element centres in mm, both increasing; heights are float64 in mm, positive out of the stone;
+unmeasured elements are NaN. A surface of n elements is n spacings long.
 """
 
 from collections.abc import Sequence
@@ -14,19 +13,17 @@ import xarray as xr
 __all__ = ["axis_coordinates", "make_surface", "spacing_of"]
 
 
-def axis_coordinates(count: int, spacing: float, start: float = 0.0) -> np.ndarray:
-    """Centres (mm) of `count` elements of length `spacing`, the first one beginning at `start`."""
-    return start + (np.arange(count) + 0.5) * spacing
+def axis_coordinates(count: int, spacing: float) -> np.ndarray:
+    """Centres (mm) of `count` elements of length `spacing`, the first one beginning at 0."""
+    return (np.arange(count) + 0.5) * spacing
 
 
 def make_surface(
     heights: np.ndarray,
     spacing: float | Sequence[float],
     *,
-    origin: Sequence[float] = (0.0, 0.0),
-    name: str = "height",
     long_name: str = "surface height",
-    **attrs,
+    **attrs: str | float,
 ) -> xr.DataArray:
     """A surface from an array of heights.
 
@@ -36,12 +33,8 @@ def make_surface(
         Heights in mm, positive out of the stone, NaN where unmeasured.
     spacing : float or (dy, dx)
         Element size in mm.
-    origin : (y, x)
-        Corner, in mm, where the first element begins (not its centre).
-    name, long_name : str
-        Name of the variable and what it is in words.
-    **attrs
-        Further attributes to keep with it (strings or numbers).
+    long_name : str
+        What it is in words; further attributes may follow.
     """
     heights = np.asarray(heights, dtype=float)
     if heights.ndim != 2:
@@ -56,10 +49,10 @@ def make_surface(
         heights,
         dims=("y", "x"),
         coords={
-            "y": ("y", axis_coordinates(ny, dy, origin[0]), y_attrs),
-            "x": ("x", axis_coordinates(nx, dx, origin[1]), x_attrs),
+            "y": ("y", axis_coordinates(ny, dy), y_attrs),
+            "x": ("x", axis_coordinates(nx, dx), x_attrs),
         },
-        name=name,
+        name="height",
         attrs={"units": "mm", "long_name": long_name, **attrs},
     )
 

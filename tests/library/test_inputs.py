@@ -1,11 +1,15 @@
-"""All that is wrong with a study's files is found in one go, and what is right is described."""
+"""All that is wrong with files is found in one go, and what is right is described."""
+
+import math
 
 import numpy as np
 import pytest
 import trimesh
+from click.testing import CliRunner
 
+from gstlib.cli import main
 from gstlib.errors import InputsError
-from gstlib.inputs import ScanFile, check_inputs
+from gstlib.inputs import ScanFile, check_inputs, inspect_file
 from gstlib.io.plu import write_plu
 
 SPACING = 0.01
@@ -14,11 +18,10 @@ SETTINGS = {
     "square": {
         "size_mm": 4.0,
         "frame": {
-            "origin_mm": [3.0, 3.0, 5.0],
+            "origin_mm": [3.0, 3.0, 4.9],
             "x_axis": [1.0, 0.0, 0.0],
             "normal": [0.0, 0.0, 1.0],
             "points_mm": None,
-            "marker": None,
         },
     },
     "macroscale": {"grid": 20, "margin_mm": 0.5},
@@ -26,8 +29,6 @@ SETTINGS = {
         "size_mm": 0.5,
         "unit": None,
         "spacing_um": None,
-        "scatter_spacing_um": None,
-        "scatter_extent_mm": None,
         "mould": {"invert": False, "flip": None},
     },
     "maximum_unmeasured": 0.05,
@@ -55,14 +56,13 @@ def scans(folder):
 def test_good_files_are_described(folder):
     found = check_inputs(folder / "stone.stl", scans(folder), **SETTINGS)
     assert found.problems == ()
-    found.raise_problems()
     assert found.square.shape == (20, 20)
+    assert float(found.square.mean()) == pytest.approx(0, abs=1e-9)  # level
     assert list(found.scans.patch + found.scans.epoch) == ["1T0", "1T1", "2T0", "2T1"]
     assert (found.scans.points_x == 50).all()
     assert found.scans.spacing_x_um.to_numpy() == pytest.approx(10)
     assert found.mesh["size_z_mm"] == pytest.approx(10)
-    assert len(found.ranges_um) == 4
-    assert 6 < min(found.ranges_um) <= max(found.ranges_um) < 9  # of 2500 normal numbers
+    assert found.scans.range_um.between(6, 9).all()  # of 2500 normal numbers
 
 
 def test_every_problem_is_named_once(folder):
@@ -75,33 +75,23 @@ def test_every_problem_is_named_once(folder):
     found = check_inputs(folder / "stone.stl", scans(folder), **SETTINGS)
     assert found.square is None
     assert list(found.scans.patch + found.scans.epoch) == ["2T1"]
-    with pytest.raises(InputsError) as caught:
-        found.raise_problems()
-    message = str(caught.value)
+    message = str(InputsError(found.problems))
     assert message.startswith("4 problems\n  - ")
     for name, problem in [
         ("stone.stl", "STL"),
         ("1_T0.plu", "less than a .plu header"),
-        ("1_T1.plu", "0.7 × 0.5 mm"),
-        ("2_T0.plu", "20 % of the points are unmeasured"),
+        ("1_T1.plu (patch 1 at T1): ", "0.7 × 0.5 mm"),  # with its folder: names may be the same
+        ("2_T0.plu (patch 2 at T0): ", "20 % of the points are unmeasured"),
     ]:
-        (line,) = [line for line in message.splitlines() if name in line]
+        (line,) = [line for line in message.splitlines() if f"{folder}/{name}" in line]
         assert problem in line
 
 
-def test_one_problem_is_said_without_a_list(folder):
-    (folder / "2_T1.plu").unlink()
-    found = check_inputs(folder / "stone.stl", scans(folder), **SETTINGS)
-    with pytest.raises(InputsError, match=r"2_T1\.plu: no such file"):
-        found.raise_problems()
-
-
 def test_scans_are_looked_at_without_a_mesh(folder):
-    (folder / "1_T0.plu").write_bytes(b"no scan")
+    (folder / "1_T0.plu").unlink()
     found = check_inputs(None, scans(folder), **SETTINGS)
     assert (found.mesh, found.square) == (None, None)
-    (problem,) = found.problems
-    assert "1_T0.plu" in str(problem)
+    assert f"{folder}/1_T0.plu: no such file" in str(InputsError(found.problems))
 
 
 def test_a_scan_is_read_once_for_all_its_pieces(folder, monkeypatch):
@@ -113,11 +103,15 @@ def test_a_scan_is_read_once_for_all_its_pieces(folder, monkeypatch):
         gstlib.inputs, "read_scan", lambda path, **k: read.append(path) or whole(path, **k)
     )
     large = folder / "large.plu"
-    write_plu(large, 1e-3 * np.random.default_rng(1).random((120, 120)), SPACING)
+    heights = 1e-3 * np.random.default_rng(1).random((120, 120))
+    heights[40, 90] = 5e-3  # in the piece 1 alone
+    write_plu(large, heights, SPACING)
     pieces = [ScanFile(large, str(k), "T0", (0.3 * k, 0.0)) for k in (-1, 0, 1, 2)]
     found = check_inputs(folder / "stone.stl", pieces, **SETTINGS)
     assert read == [large]
     assert list(found.scans.patch) == ["-1", "0", "1"]
+    assert (found.scans.points_x == 50).all()
+    assert list(found.scans.range_um > 4) == [False, False, True]
     (problem,) = found.problems
     assert "sticks out" in str(problem)
 
@@ -130,16 +124,26 @@ def test_both_epochs_need_one_spacing(folder):
     assert "10 µm" in str(problem)
 
 
-def test_one_height_of_many_points_is_warned_of_once(folder, caplog):
-    for seed, name in enumerate(("1_T0", "2_T1")):
-        heights = 1e-3 * np.random.default_rng(seed).standard_normal((50, 50))
-        heights.flat[::100] = -0.999
-        write_plu(folder / f"{name}.plu", heights, SPACING)
-    found = check_inputs(folder / "stone.stl", scans(folder), **SETTINGS)
-    assert found.problems == ()
-    (warning,) = caplog.messages
-    assert "1_T0.plu and 1 more: up to 1 % of the points" in warning
-    assert "-999 µm" in warning
+@pytest.mark.parametrize(
+    ("height_um", "step", "every", "warned"),
+    [
+        (0.0, 0.0, 100, True),  # 0 or -999 stands for unmeasured
+        (-999.0, 0.0, 100, True),
+        (0.0, 0.0, 2500, False),
+        *((0.0, step, 2500, False) for step in (1e-6, 1e-4, 1e-3)),  # measured in coarse steps
+        (1.0, 0.0, 1, True),  # a sheet of glass, or nothing at all
+    ],
+)
+def test_one_height_of_many_points_is_warned_of(folder, caplog, height_um, step, every, warned):
+    heights = 1e-3 * np.random.default_rng(1).standard_normal((50, 50))
+    heights = np.round(heights / step) * step if step else heights
+    heights.flat[::every] = height_um * 1e-3
+    write_plu(folder / "1_T0.plu", heights, SPACING)
+    assert check_inputs(None, scans(folder), **SETTINGS).problems == ()
+    assert len(caplog.messages) == warned
+    if warned:
+        share = f"1_T0.plu: {100 / every:.3g} % of the points have one height, {height_um:g} µm"
+        assert share in caplog.text
 
 
 def test_a_counterface_needs_the_points_of_the_patches(folder):
@@ -155,31 +159,86 @@ def test_a_counterface_needs_the_points_of_the_patches(folder):
 
 def test_both_epochs_with_the_same_heights_are_refused(folder):
     (folder / "1_T1.plu").write_bytes((folder / "1_T0.plu").read_bytes())
-    both = ScanFile(folder / "2_T0.plu", "2", "T1")
-    uses = [*scans(folder)[:3], both]
+    uses = [*scans(folder)[:3], ScanFile(folder / "2_T0.plu", "2", "T1")]
     first, second = map(str, check_inputs(folder / "stone.stl", uses, **SETTINGS).problems)
     assert "1_T1.plu: patch 1 has the same heights at T1 as at T0 (" in first
     assert "1_T0.plu)" in first
-    assert "2_T0.plu: patch 2 has the same heights at T1 as at T0, from this one file" in second
+    assert "2_T0.plu: patch 2 has the same heights at T1 as at T0" in second
     assert "leave t1 empty" in second
 
 
-def test_two_patches_with_the_same_heights_are_warned_of(folder, caplog):
-    (folder / "2_T0.plu").write_bytes((folder / "1_T0.plu").read_bytes())
-    assert check_inputs(folder / "stone.stl", scans(folder), **SETTINGS).problems == ()
-    (warning,) = caplog.messages
-    assert warning.startswith("patches 1, 2 have the same heights (")
-    assert "2_T0.plu" in warning
+# --- gst inspect ------------------------------------------------------------------------------
+
+TILT_X, TILT_Y = 2e-3, -1e-3
+DY, DX = 2.49e-3, 1.66e-3
 
 
-def test_files_of_one_name_are_told_apart(folder):
-    uses = []
-    for epoch in ("T0", "T1"):
-        path = folder / epoch / "7.plu"
-        path.parent.mkdir()
-        write_plu(path, 1e-3 * np.random.default_rng(len(uses)).random((50, 70)), SPACING)
-        uses.append(ScanFile(path, "7", epoch))
-    problems = check_inputs(folder / "stone.stl", uses, **SETTINGS).problems
-    assert [str(problem).split(": ")[0] for problem in problems] == [
-        f"{folder}/{epoch}/7.plu (patch 7 at {epoch})" for epoch in ("T0", "T1")
-    ]
+@pytest.fixture
+def tilted(tmp_path):
+    """Noise of 0.1 µm on a plane."""
+    y, x = np.mgrid[:40, :60] * np.reshape((DY, DX), (2, 1, 1))
+    heights = TILT_X * x + TILT_Y * y + 1e-4 * np.random.default_rng(3).standard_normal(x.shape)
+    heights[:4, :6] = math.nan
+    write_plu(tmp_path / "a.plu", heights, (DY, DX))
+    return tmp_path / "a.plu"
+
+
+def test_facts_of_a_scan(tilted):
+    facts, level = inspect_file(tilted)
+    assert (facts["points_x"], facts["points_y"]) == (60, 40)
+    assert [facts[f"spacing_{axis}_um"] for axis in "xy"] == pytest.approx([1.66, 2.49])
+    assert [facts[f"size_{axis}_mm"] for axis in "xy"] == pytest.approx([60 * DX, 40 * DY])
+    assert facts["unmeasured"] == pytest.approx(24 / 2400)
+    assert facts["Sq_um"] == pytest.approx(0.1, rel=0.05)  # without the plane
+    assert facts["tilt_x_mrad"] == pytest.approx(TILT_X * 1e3, abs=0.1)
+    assert facts["tilt_y_mrad"] == pytest.approx(TILT_Y * 1e3, abs=0.1)
+    assert facts["objective"]
+    assert facts["unit"] == "in the file"
+    assert level.shape == (40, 60)
+
+
+def test_facts_of_a_mesh(tmp_path):
+    box = trimesh.creation.box(extents=(30.0, 20.0, 10.0))
+    box.export(tmp_path / "a.stl")
+    facts, relief = inspect_file(tmp_path / "a.stl")
+    assert (facts["vertices"], facts["faces"], facts["bodies"]) == (8, 12, 1)
+    assert [facts[f"size_{axis}_mm"] for axis in "xyz"] == pytest.approx([30, 20, 10])
+    assert facts["closed"] == "yes"
+    assert float(relief.max()) == pytest.approx(10)  # seen along the shortest side
+    box.slice_plane([0, 0, 0], [0, 0, 1]).export(tmp_path / "half.stl")
+    half, _ = inspect_file(tmp_path / "half.stl", unit="in")
+    assert half["size_x_mm"] == pytest.approx(30 * 25.4)
+    assert half["closed"] == "no"
+
+
+def inspect(*arguments):
+    return CliRunner().invoke(main, ["inspect", *(str(argument) for argument in arguments)])
+
+
+def test_command_shows_the_facts(tilted, tmp_path):
+    result = inspect(tilted, "--picture", tmp_path / "a.png")
+    assert result.exit_code == 0, result.output
+    assert "points_x" in result.output
+    assert (tmp_path / "a.png").stat().st_size > 1000
+    refused = inspect(tilted, "--picture", tmp_path / "a.jpg")
+    assert refused.exit_code == 2
+    assert "name it .png, not 'a.jpg'" in refused.stderr
+
+
+def test_command_goes_on_after_a_bad_file(tilted, tmp_path):
+    (tmp_path / "bad.plu").write_bytes(b"nothing")
+    result = inspect(tmp_path / "bad.plu", tilted)
+    assert result.exit_code == 1
+    assert "bad.plu: 7 bytes are less than a .plu header" in result.stderr
+    assert "points_y" in result.stdout
+
+
+def test_text_asks_for_what_it_does_not_state(tmp_path):
+    heights = np.random.default_rng(1).normal(size=(9, 9))
+    np.savetxt(tmp_path / "a.txt", heights)
+    assert "scans.unit" in inspect(tmp_path / "a.txt").stderr
+    assert "scans.spacing_um" in inspect("--unit", "um", tmp_path / "a.txt").stderr
+    result = inspect("--unit", "um", "--spacing-um", "2", tmp_path / "a.txt")
+    assert result.exit_code == 0, result.output
+    assert "spacing_x_um  2\n" in result.output
+    assert "um, as told" in result.output

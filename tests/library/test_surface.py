@@ -5,15 +5,11 @@ from gstlib.surface import make_surface, spacing_of
 
 
 def test_element_centres_and_spacing():
-    surface = make_surface(np.zeros((2, 3)), (0.1, 0.2), origin=(1.0, 2.0))
-    assert surface.y.values == pytest.approx([1.05, 1.15])
-    assert surface.x.values == pytest.approx([2.1, 2.3, 2.5])
+    surface = make_surface([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], (0.1, 0.2))
+    assert surface.y.values == pytest.approx([0.05, 0.15])
+    assert surface.x.values == pytest.approx([0.1, 0.3, 0.5])
     assert spacing_of(surface) == (0.1, 0.2)
-
-
-def test_first_index_is_y():
-    surface = make_surface([[1.0, 2.0], [3.0, 4.0]], 0.1)
-    assert float(surface.isel(y=1, x=0)) == 3.0
+    assert float(surface.isel(y=1, x=0)) == 4.0
 
 
 @pytest.mark.parametrize("spacing", [0.0, -1.0, np.nan, np.inf, (1.0, -1.0)])

@@ -1,4 +1,4 @@
-"""A config file as text: what YAML makes of it, or why it makes nothing of it."""
+"""Reads a config file, or says in one sentence why it cannot."""
 
 from pathlib import Path
 
@@ -10,17 +10,7 @@ __all__ = ["read_config_file"]
 
 
 def read_config_file(path: str | Path) -> dict:
-    """The keys and values of a config file, as they stand in it.
-
-    Parameters
-    ----------
-    path : str or Path
-        A YAML file in UTF-8.
-
-    Returns
-    -------
-    dict
-        As nested as the file is.
+    """The keys and values of a YAML file in UTF-8, as nested as the file is, without the defaults.
 
     Raises
     ------
@@ -29,26 +19,16 @@ def read_config_file(path: str | Path) -> dict:
     """
     try:
         config = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ConfigError(
-            path,
-            "no such file",
-            "Correct CONFIG=...; the path is relative to the working folder.",
-        ) from None
     except OSError as error:
         raise ConfigError(
             path,
             f"cannot be opened ({error.strerror})",
-            "Give the path of a config file that you may read.",
+            "Correct CONFIG=...; the path is relative to the working folder.",
         ) from None
     except UnicodeDecodeError as error:
-        byte = error.object[error.start]
         line = error.object.count(b"\n", 0, error.start) + 1
-        raise ConfigError(
-            path,
-            f"is not UTF-8 text: byte {byte:#04x} in line {line}",
-            "Save it as UTF-8 in your editor.",
-        ) from None
+        problem = f"is not UTF-8 text: byte {error.object[error.start]:#04x} in line {line}"
+        raise ConfigError(path, problem, "Save it as UTF-8 in your editor.") from None
     except yaml.YAMLError as error:
         raise ConfigError(
             path,
@@ -57,17 +37,13 @@ def read_config_file(path: str | Path) -> dict:
             "and lines are indented with spaces, not tabs.",
         ) from None
     if not isinstance(config, dict):
-        held = {type(None): "nothing", list: "a list"}.get(type(config), f"only {config!r:.40}")
-        raise ConfigError(
-            path,
-            f"holds {held}, not keys with values",
-            "Write one 'key: value' a line, as in config/config.yaml.",
-        )
+        problem = f"holds {config!r:.40}, not keys with values"
+        raise ConfigError(path, problem, "Write one 'key: value' a line, as in config/config.yaml.")
     return config
 
 
 def _place(error: yaml.YAMLError) -> str:
-    """The line at fault and what YAML says of it, on one line."""
+    """The line at fault and YAML's message, on one line."""
     mark = getattr(error, "problem_mark", None)
     if mark is None:
         return " ".join(str(error).split())

@@ -1,7 +1,7 @@
-"""Result files are whole or absent, whatever ends the program while one is written.
+"""Writes result files that are whole or absent, even if the program is killed meanwhile.
 
-A file is written beside its place, under a hidden name that nothing reads (``.NAME.PID.part``), and
-takes its name once all of it is on the disk.
+A file is written next to its place under a hidden name (``.NAME.PID.part``), which nothing reads,
+and renamed once all of it is on the disk.
 """
 
 import errno
@@ -14,35 +14,28 @@ from gstlib.errors import OutputError
 
 __all__ = ["cannot_write", "check_writable", "write_whole"]
 
-_REMEDIES = {
-    errno.ENOSPC: ("the disk is full", "Make room on it, then run the study again."),
-    errno.EDQUOT: ("your disk quota is used up", "Make room, then run the study again."),
-    errno.EROFS: (
-        "the disk is read-only",
-        "Mount it for writing, or have the project, or its `results`, on another.",
-    ),
-    errno.EACCES: (
-        "permission denied",
-        "Ask for the right to write there, or set `results` in the config to another folder.",
-    ),
+_IN_WORDS = {
+    errno.ENOSPC: ("the disk is full", "Make room on it"),
+    errno.EDQUOT: ("your disk quota is used up", "Make room"),
+    errno.EROFS: ("the disk is read-only", "Mount it for writing, or set `results` in the config"),
+    errno.EACCES: ("permission denied", "Ask for it, or set `results` in the config"),
 }
 
 
 def cannot_write(path: str | Path, error: OSError) -> OutputError:
-    """The `OutputError` that tells the user of `error` at writing `path`."""
-    reason, remedy = _REMEDIES.get(
-        error.errno, (error.strerror or str(error), "Mend that, then run the study again.")
-    )
-    return OutputError(path, f"cannot be written: {reason}", remedy)
+    """The `OutputError` for an `error` in writing `path`."""
+    unknown = error.strerror or str(error), "Mend that"
+    reason, remedy = _IN_WORDS.get(error.errno or 0, unknown)
+    return OutputError(path, f"cannot be written: {reason}", f"{remedy}, then run the study again.")
 
 
 def check_writable(folder: str | Path) -> None:
-    """Make `folder` if need be, and see that files can be made in it.
+    """Make `folder` if need be, and try to make a file in it.
 
     Raises
     ------
     OutputError
-        They cannot.
+        No file can be made there.
     """
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
@@ -52,17 +45,10 @@ def check_writable(folder: str | Path) -> None:
         raise cannot_write(folder, error) from error
 
 
-def write_whole(path: str | Path, content: bytes) -> None:
-    """Write `content` to `path`, replacing what is there only once the new file is whole.
+def write_whole(path: str | Path, content: bytes | memoryview) -> None:
+    """Write `content` to `path`; an old file is replaced once the new one is whole.
 
-    What a killed process left of an earlier attempt is removed.
-
-    Parameters
-    ----------
-    path : str or Path
-        Target file; its folder is made if need be.
-    content : bytes-like
-        All of the file.
+    The file's folder is made if need be, and remains of an earlier, killed attempt are removed.
 
     Raises
     ------

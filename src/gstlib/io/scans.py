@@ -1,65 +1,61 @@
 """Height maps as the instrument wrote them, as surfaces in mm.
 
-Which formats, through which reader, and what has been checked of each is in docs/formats.md. Files
-are not trusted: whatever their bytes, `read_scan` returns a plausible surface or says why not.
+docs/formats.md lists the formats and what has been checked of each. `read_scan` returns a plausible
+surface, or says why it cannot. Each format has a reader that returns the heights (ny, nx) in the
+file's unit, NaN where unmeasured; the spacing (dy, dx) in that unit, None if the file does not
+state it; the length of the unit in mm, None likewise; and what the file tells of the instrument.
 """
 
+import logging
 import math
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from gstlib.errors import InputError
-from gstlib.io.bounds import LARGEST_FILE
-from gstlib.io.gsf import read_gsf
-from gstlib.io.height_map import SCAN_UNITS, HeightMap, Unsaid
-from gstlib.io.matrices import read_matrix
-from gstlib.io.points import read_points
+from gstlib.io.plu import read_plu
+from gstlib.io.text import SCAN_UNITS, read_matrix, read_points
 from gstlib.surface import make_surface, spacing_of
 
-__all__ = ["SCAN_UNITS", "check_size", "cut_scan", "read_scan", "read_settings"]
+__all__ = ["check_size", "cut_scan", "read_scan", "read_settings"]
 
+# Formats of SurfaceTopography that are not left to it: we read text more strictly, and `hgt` and
+# `nms` have no mark of their own and take any bytes for heights.
+_NOT_LEFT = {"asc", "hgt", "nms", "plu", "xyz"}
+# Objects of Digital Surf files that hold no heights: binary, intensity and colour images, spectra.
+_SUR_NO_HEIGHTS = {3, 10, 12, 20, 21}
 # What a profilometer of any kind can have measured (mm); outside it the unit is wrong.
 _LARGEST_FIELD, _LARGEST_RANGE = 50.0, 10.0
 _SMALLEST_SPACING, _LARGEST_SPACING = 1e-6, 0.5
-# 8192 × 8192; contact of more points than that is not solved here.
-_MOST_POINTS = 1 << 26
 # A scan may differ from the study's size by this share: pixel sizes are rounded (512 × 1.66 µm is
 # 849.92 µm), and a row more or less does no harm.
 _SIZE_TOLERANCE = 0.01
 # Spacings come from float32 numbers or text; digits beyond these are noise.
 _SPACING_DIGITS = 7
+_LONGEST_TEXT = 200
 
-_MEASURE_AGAIN = "Export or copy the scan again."
+_Raw = tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str]]
 
 
 def read_scan(
-    path: str | Path,
-    *,
-    unit: str | None = None,
-    spacing_mm: float | None = None,
-    scatter_spacing_mm: float | None = None,
-    scatter_extent_mm: Sequence[float] | None = None,
+    path: str | Path, *, unit: str | None = None, spacing_mm: float | None = None
 ) -> xr.DataArray:
     """Read a height map from an instrument's file.
 
     Parameters
     ----------
     path : str or Path
-        An instrument's file (.plu, .plux, .sur, .x3p, .al3d, .vk4, .gwy, .gsf, .sdf, or another
-        that SurfaceTopography reads); a matrix of heights in text, a row of the map a line (.csv,
-        .txt, .asc); or points in text (.xyz: columns x, y, z), on a grid or scattered.
+        An instrument's file (.plu, .plux, .sur, .x3p, .al3d, .vk4, .gwy, .sdf, or another that
+        SurfaceTopography reads); a matrix of heights in text, a row of the map a line (.csv, .txt,
+        .asc); or points on a grid in text (.xyz: columns x, y, z).
     unit : {"m", "mm", "um", "nm"}, optional
-        Unit of files that do not name theirs; of no effect on the others.
+        Unit of files that do not state theirs; of no effect on the others.
     spacing_mm : float, optional
-        Distance of the points in files that do not tell theirs; of no effect on the others.
-    scatter_spacing_mm : float, optional
-        Element size on which scattered points are interpolated (linearly, in their Delaunay
-        triangulation).
-    scatter_extent_mm : (x0, x1, y0, y1), optional
-        Rectangle to grid, in the file's own coordinates; without it, the points' bounding box.
+        Distance of the points in files that do not state it; of no effect on the others.
 
     Returns
     -------
@@ -70,9 +66,8 @@ def read_scan(
     Raises
     ------
     InputError
-        The file is missing, empty, truncated, unreadable or no map; its unit, its spacing or the
-        spacing to grid it with is not known; its size is absurd; nothing in it is measured; or it
-        takes more memory or time to read than its size warrants (see `gstlib.io.bounds`).
+        The file is missing, truncated, unreadable or no map; its unit or spacing is not
+        known; its size is absurd; or nothing in it is measured.
 
     Notes
     -----
@@ -85,63 +80,115 @@ def read_scan(
         raise InputError(
             path, "no such file", "Correct the name in the patch table, or the folder."
         )
-    size = path.stat().st_size
-    if size == 0:
-        raise InputError(path, "the file is empty", _MEASURE_AGAIN)
-    if size > LARGEST_FILE:
+    readers: dict[str, Callable[[Path], _Raw]] = {
+        **dict.fromkeys((".plu", ".apx"), read_plu),
+        **dict.fromkeys((".csv", ".txt", ".asc"), read_matrix),
+        ".xyz": read_points,
+    }
+    read = readers.get(path.suffix.lower(), _read_instrument_file)
+    raw, steps, length, attrs = read(path)
+    if length is None:
+        if unit is None:
+            raise InputError(
+                path,
+                "the file does not say its unit of length",
+                f"Set scans.unit in the config to one of {list(SCAN_UNITS)}.",
+            )
+        length = SCAN_UNITS[unit]
+    if steps is not None:
+        steps = steps[0] * length, steps[1] * length
+    elif spacing_mm is not None:
+        steps = spacing_mm, spacing_mm
+    else:
         raise InputError(
-            path, f"{size} bytes are too many for a scan", "Cut it in the instrument's software."
+            path,
+            "the file does not say the spacing of its points",
+            "Set scans.spacing_um in the config, or export the scan in a format that says it "
+            "(.plu, .plux, .sur, .x3p, .al3d, ...).",
         )
-    unsaid = Unsaid(unit, spacing_mm)
-    try:
-        with np.errstate(all="ignore"):  # what overflows is refused below
-            raw = _read(path, unsaid, scatter_spacing_mm, scatter_extent_mm)
-    except OSError as error:
-        raise InputError(
-            path, f"cannot be opened ({error.strerror})", "Check the rights to read it."
-        ) from error
+    spacing = tuple(float(f"{step:.{_SPACING_DIGITS}g}") for step in steps)
+    with np.errstate(all="ignore"):  # what overflows is refused below
+        heights = raw * length
     # No instrument measures an infinite height; some exports mark unmeasured points with it.
-    heights = np.where(np.isfinite(raw.heights), raw.heights, np.nan)
-    spacing = tuple(float(f"{step:.{_SPACING_DIGITS}g}") for step in raw.spacing)
+    heights[np.isinf(heights)] = np.nan
     _check_plausible(path, heights, spacing)
-    return make_surface(
-        heights, spacing, long_name="height as measured", file=path.name, **raw.attrs
+    attrs = {name: _plain_text(value) for name, value in attrs.items()}
+    if "layer" in attrs:
+        logging.getLogger("gstlib").warning("%s: only %s, is read", path, attrs["layer"])
+    return make_surface(heights, spacing, long_name="height as measured").assign_attrs(
+        file=path.name, **attrs
     )
 
 
-def read_settings(scans: Mapping) -> dict:
+def read_settings(scans: Mapping[str, Any]) -> dict[str, Any]:
     """Keyword arguments of `read_scan` from the section ``scans`` of a config."""
-
-    def in_mm(length_um: float | None) -> float | None:
-        return None if length_um is None else length_um * 1e-3
-
-    extent = scans["scatter_extent_mm"]
+    spacing_um = scans["spacing_um"]
     return {
         "unit": scans["unit"],
-        "spacing_mm": in_mm(scans["spacing_um"]),
-        "scatter_spacing_mm": in_mm(scans["scatter_spacing_um"]),
-        "scatter_extent_mm": None if extent is None else tuple(extent),
+        "spacing_mm": None if spacing_um is None else spacing_um * 1e-3,
     }
 
 
-def _read(
-    path: Path,
-    unsaid: Unsaid,
-    scatter_spacing_mm: float | None,
-    scatter_extent_mm: Sequence[float] | None,
-) -> HeightMap:
-    match path.suffix.lower():
-        case ".xyz":
-            return read_points(path, unsaid, scatter_spacing_mm, scatter_extent_mm)
-        case ".csv" | ".txt" | ".asc":
-            return read_matrix(path, unsaid)
-        case ".gsf":
-            return read_gsf(path, unsaid)
-        case _:
-            # takes a second or two
-            from gstlib.io.instruments import read_instrument_file
+def _read_instrument_file(path: Path) -> _Raw:
+    """Read the first height map of a file through SurfaceTopography.
 
-            return read_instrument_file(path, unsaid)
+    It has heights as [ix, iy], in a unit that differs per file (Röttger et al. 2022, Surf. Topogr.:
+    Metrol. Prop. 10:035032).
+    """
+    # Imported here because it takes a second or two.
+    from SurfaceTopography.IO import open_topography, readers
+    from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
+
+    formats = {
+        f".{ending}": reader.format()
+        for reader in readers
+        for ending in reader.file_extensions()
+        if reader.format() not in _NOT_LEFT
+    }
+    own_format = "Export the scan in the instrument's own format (.plu, .plux, .al3d, .sur, ...)."
+    if path.suffix.lower() not in formats:
+        problem = f"cannot be read as a height map: '{path.suffix}' is no ending known here"
+        raise InputError(path, problem, own_format)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of odd dates and numbers; what matters is checked
+            reader = open_topography(str(path), format=formats[path.suffix.lower()])
+            maps = [c for c in reader.channels if c.dim == 2 and c.is_height_channel]
+            kind = reader.metadata["header"]["type"] if reader.format() == "sur" else None
+            if not maps or kind in _SUR_NO_HEIGHTS:
+                raise ValueError("it holds no map of heights")
+            channel = maps[0]
+            stated = channel.physical_sizes is not None
+            topography = channel.topography(**{} if stated else {"physical_sizes": (1.0, 1.0)})
+            masked: np.ma.MaskedArray = np.ma.asarray(topography.heights(), dtype=float)
+            heights: np.ndarray = masked.filled(np.nan).T
+            if heights.shape != tuple(channel.nb_grid_pts)[::-1]:
+                raise ValueError(f"{heights.shape} points for {channel.nb_grid_pts} announced")
+            unit, (size_x, size_y) = topography.unit, topography.physical_sizes
+            length = None if unit is None else get_unit_conversion_factor(unit, "mm")
+            ny, nx = heights.shape
+            spacing = (float(size_y) / ny, float(size_x) / nx) if stated else None
+    except MemoryError:
+        raise
+    except Exception as error:  # the readers raise whatever their parsers raise
+        reason = _plain_text(f"{type(error).__name__}: {error} {error.__cause__ or ''}")
+        problem = f"cannot be read as a height map ({reason}): it is damaged or of another format"
+        raise InputError(path, problem, own_format) from error
+    instrument = topography.info.get("instrument") or {}
+    told = {
+        "instrument": instrument.get("name"),
+        "vendor": instrument.get("vendor"),
+        "acquired": topography.info.get("acquisition_time"),
+        "layer": f"{channel.name}, the first of {len(maps)} height maps" if maps[1:] else None,
+    }
+    attrs = {name: str(value) for name, value in told.items() if value is not None}
+    return heights, spacing, length, attrs
+
+
+def _plain_text(value: str) -> str:
+    """One short line of printable text: HDF5 attributes hold no NUL and no lone surrogate."""
+    text = value.encode("utf-8", "replace").decode("utf-8")
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())[:_LONGEST_TEXT]
 
 
 def cut_scan(scan: xr.DataArray, centre: Sequence[float], size_mm: float) -> xr.DataArray:
@@ -183,7 +230,7 @@ def cut_scan(scan: xr.DataArray, centre: Sequence[float], size_mm: float) -> xr.
             f"by {beyond:.4g} mm of the scan of {width:.4g} × {height:.4g} mm",
             "Correct crop_x_mm and crop_y_mm in the patch table: they count from its centre.",
         )
-    return make_surface(scan.values[tuple(slices)], spacing_of(scan), **_attrs(scan))
+    return make_surface(scan.values[tuple(slices)], spacing_of(scan)).assign_attrs(scan.attrs)
 
 
 def check_size(scan: xr.DataArray, size_mm: float) -> None:
@@ -205,46 +252,23 @@ def check_size(scan: xr.DataArray, size_mm: float) -> None:
         )
 
 
-def _attrs(scan: xr.DataArray) -> dict:
-    return {name: value for name, value in scan.attrs.items() if name != "units"}
-
-
 def _check_plausible(path: Path, heights: np.ndarray, spacing: Sequence[float]) -> None:
-    ny, nx = heights.shape
+    """Refuse what no profilometer can have measured."""
+    (ny, nx), (dy, dx) = heights.shape, spacing
     if min(ny, nx) < 2:
         raise InputError(path, f"holds {ny} × {nx} points, not a map", "Export the whole map.")
-    if ny * nx > _MOST_POINTS:
-        raise InputError(
-            path, f"holds {ny} × {nx} points, too many", "Cut it in the instrument's software."
-        )
     if not np.isfinite(heights).any():
         raise InputError(path, "not one point is measured", "Measure the patch again.")
-    remedy = "Check scans.unit in the config, and the instrument's export."
-    if not (np.isfinite(spacing).all() and min(spacing) > 0):
-        raise InputError(
-            path, f"points every {spacing[1]:g} × {spacing[0]:g} mm make no map", remedy
-        )
-    field = max(ny * spacing[0], nx * spacing[1])
-    with np.errstate(over="ignore"):
-        extent = float(np.nanmax(heights) - np.nanmin(heights))
-    if field > _LARGEST_FIELD or max(spacing) > _LARGEST_SPACING:
+    extent = float(np.nanmax(heights) - np.nanmin(heights))
+    if (
+        not all(_SMALLEST_SPACING <= step <= _LARGEST_SPACING for step in spacing)
+        or max(ny * dy, nx * dx) > _LARGEST_FIELD
+        or extent > _LARGEST_RANGE
+    ):
         raise InputError(
             path,
-            f"a field of {field:.4g} mm with points every {max(spacing):.4g} mm is too large "
-            "for a surface scan: its unit is probably wrong",
-            remedy,
-        )
-    if min(spacing) < _SMALLEST_SPACING:
-        raise InputError(
-            path,
-            f"points every {min(spacing):.4g} mm are too close for a surface scan: its unit is "
-            "probably wrong",
-            remedy,
-        )
-    if extent > _LARGEST_RANGE:
-        raise InputError(
-            path,
-            f"heights range over {extent:.4g} mm, too much for a surface scan: its unit is wrong, "
-            "or unmeasured points are stored as a number",
-            remedy,
+            f"{nx} × {ny} points every {dx:.4g} × {dy:.4g} mm, whose heights range over "
+            f"{extent:.4g} mm, are no surface scan: its unit is wrong, or unmeasured points are "
+            "stored as a number",
+            "Check scans.unit in the config, and the instrument's export.",
         )

@@ -1,20 +1,22 @@
 """HDF5 between the stages: complete or absent, and the same bytes for the same content.
 
-Files are written through xarray's h5netcdf engine, so xarray, h5py, h5dump and MATLAB open them.
-Nothing in them depends on the clock. Every array has HDF5's own checksum (the fletcher32 filter),
-so that whoever reads a damaged file gets an error, not wrong numbers.
+xarray's h5netcdf engine writes them. Every array has HDF5's own checksum (the fletcher32 filter):
+reading a damaged file gives an error, not wrong numbers.
 """
 
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
+import h5py
+import numpy as np
 import xarray as xr
 
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
 
-__all__ = ["read_attributes", "read_dataset", "write_dataset"]
+__all__ = ["read_attributes", "read_dataset", "read_fields", "write_dataset"]
 
 # Below this many values compression only adds overhead.
 _COMPRESS_FROM = 1024
@@ -23,7 +25,7 @@ _COMPRESS_FROM = 1024
 def write_dataset(
     path: str | Path, dataset: xr.Dataset, attrs: Mapping[str, object] | None = None
 ) -> None:
-    """Write `dataset` to `path`, replacing what is there only once the new file is whole.
+    """Write `dataset` to `path`; an old file is replaced once the new one is whole.
 
     Parameters
     ----------
@@ -40,8 +42,7 @@ def write_dataset(
         See `write_whole`.
     """
     for name, variable in dataset.data_vars.items():
-        missing = {"units", "long_name"} - set(variable.attrs)
-        if missing:
+        if missing := {"units", "long_name"} - set(variable.attrs):
             raise ValueError(f"variable '{name}' lacks {', '.join(sorted(missing))}")
     # In memory first: HDF5 does not recover from a disk that fills up under it.
     content = io.BytesIO()
@@ -55,10 +56,14 @@ def write_dataset(
 
 
 def _encoding(variable: xr.Variable) -> dict[str, object]:
-    """How a variable is stored: with a checksum, and compressed where that is worth it."""
+    """How a variable is stored: with a checksum, and masks compressed.
+
+    Heights and pressures are stored as they are: half of their digits are noise, and packing them
+    took a tenth of a study's time to save a third of its disk.
+    """
     if not variable.shape or not variable.size or variable.dtype.kind not in "fiub":
         return {}
-    if variable.size < _COMPRESS_FROM:
+    if variable.size < _COMPRESS_FROM or variable.dtype.kind == "f":
         return {"fletcher32": True, "chunksizes": variable.shape}
     return {"fletcher32": True, "zlib": True, "complevel": 4, "shuffle": True}
 
@@ -78,9 +83,32 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
     InputError
         The file is missing, damaged or no HDF5 file, or lacks a variable.
     """
+    with _refusing(path), xr.open_dataset(path, engine="h5netcdf") as dataset:
+        return (dataset if only is None else dataset[list(only)]).load()
+
+
+def read_fields(path: str | Path, names: Iterable[str]) -> xr.Dataset:
+    """Read some fields in half the time of `read_dataset`, for a job that reads many files.
+
+    Of the attributes, the file's numbers and the spacing of y and x are read. Raises as
+    `read_dataset`.
+    """
+    with _refusing(path), h5py.File(path) as file:
+        fields = {}
+        for name in ("y", "x", *names):
+            found, attrs = file[name], file[name].attrs
+            values = found[()].astype(bool if attrs.get("dtype") == "bool" else found.dtype)
+            dims = [name] if name in "yx" else [axis[0].name[1:] for axis in found.dims]
+            fields[name] = (dims, values, {"spacing": attrs["spacing"][0]} if name in "yx" else {})
+        numbers = {name: value for name, value in file.attrs.items() if np.ndim(value)}
+        return xr.Dataset(fields, attrs={name: value[0] for name, value in numbers.items()})
+
+
+@contextmanager
+def _refusing(path: str | Path) -> Iterator[None]:
+    """Turn any failure to read into an error that names the file."""
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as dataset:
-            return (dataset if only is None else dataset[list(only)]).load()
+        yield
     except MemoryError:  # not the file's fault
         raise
     except Exception as error:  # a damaged file makes HDF5 fail in any of its own ways

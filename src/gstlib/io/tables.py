@@ -1,9 +1,11 @@
 """CSV tables: tidy, in a stable order, with fixed digits: `diff` shows real changes only."""
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from gstlib.errors import InputError
@@ -15,6 +17,7 @@ __all__ = [
     "SIGNIFICANT_DIGITS",
     "printed",
     "read_table",
+    "studied_files",
     "write_table",
 ]
 
@@ -24,29 +27,28 @@ SIGNIFICANT_DIGITS = 5
 FEWER_DIGITS = {"stiffness_MPa_per_um": 4}
 # Differences beyond these digits are taken for rounding.
 _KNOWN_DIGITS = 10
-# Set to 1 it prints every digit, to see by how much two runs differ beneath the printed ones.
+# This variable, set to 1, prints every digit, to show how much two runs differ below the printed.
 ALL_DIGITS = "GSTLIB_ALL_DIGITS"
 
 
 def printed(value: float, digits: int = SIGNIFICANT_DIGITS) -> str:
-    """A number as tables print it, with so many significant digits.
+    """A number as tables print it, with `digits` significant digits.
 
-    Ties are told from noise: 0.3 times the 35.885 of another table is 10.7655, and its last digit
-    shall not depend on the sixteenth.
+    A tie must not be decided by rounding errors: 0.3 times 35.885, from another table, is 10.7655,
+    and its last printed digit must not depend on the sixteenth.
     """
     known = float(f"{value:.{_KNOWN_DIGITS}g}")
     text = f"{known:.{digits}g}"
     return "0" if text == "-0" else text
 
 
-def _format(value: object, digits: int) -> str:
-    if value is None or value is pd.NA or (isinstance(value, float) and value != value):
+def _format(value: Any, digits: int) -> str:
+    if pd.isna(value):
         return ""
-    if isinstance(value, bool) or type(value).__name__ in ("bool", "bool_"):
+    if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, float):
-        every_digit = os.environ.get(ALL_DIGITS) == "1"
-        return f"{float(value):.17g}" if every_digit else printed(float(value), digits)
+        return f"{value:.17g}" if os.environ.get(ALL_DIGITS) == "1" else printed(value, digits)
     return str(value)
 
 
@@ -56,11 +58,12 @@ def write_table(path: str | Path, table: pd.DataFrame) -> None:
 
     The file is complete or absent; row order is the table's own.
     """
-    text = table.astype(object).apply(
-        lambda column: column.map(
-            lambda value: _format(value, FEWER_DIGITS.get(column.name, SIGNIFICANT_DIGITS))
-        )
-    )
+
+    def words(column: pd.Series) -> pd.Series:
+        digits = FEWER_DIGITS.get(str(column.name), SIGNIFICANT_DIGITS)
+        return column.map(lambda value: _format(value, digits))
+
+    text = table.astype(object).apply(words)
     write_whole(path, text.to_csv(index=False, lineterminator="\n").encode())
 
 
@@ -82,10 +85,8 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
     try:
         table = pd.read_csv(path, dtype={"patch": str}, keep_default_na=True)
     except (OSError, ValueError) as error:  # pandas' own errors are ValueErrors
-        reason = " ".join(str(error).split())
-        raise InputError(
-            path, f"cannot be read as a table ({reason})", "Delete it and run the study again."
-        ) from error
+        problem = f"cannot be read as a table ({' '.join(str(error).split())})"
+        raise InputError(path, problem, "Delete it and run the study again.") from error
     missing = [column for column in columns if column not in table.columns]
     if missing:
         raise InputError(path, f"lacks {', '.join(missing)}", "Delete it and run the study again.")
@@ -93,3 +94,15 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
         if table[column].isin(["yes", "no"]).all() and len(table):
             table[column] = table[column] == "yes"
     return table
+
+
+def studied_files(
+    pressures: str | Path, patches: Sequence[str], files: Sequence[Path]
+) -> dict[str, Path]:
+    """By patch, those `files`, one for each of `patches`, whose patches are in the study.
+
+    `pressures` is ``patch_pressures.csv``.
+    """
+    table = read_table(pressures, ["patch", "in_study"])
+    studied = set(table.patch[table.in_study])
+    return {patch: file for patch, file in zip(patches, files, strict=True) if patch in studied}

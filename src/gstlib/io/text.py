@@ -1,38 +1,70 @@
-"""Text files of numbers: their encoding, header and separators."""
+"""Height maps in text: matrices (.csv, .txt, .asc), a row of the map a line, and points (.xyz).
+
+Cells are read strictly: a row of another length, or a word among the numbers, is a damaged file.
+Of headers, only that of Gwyddion's matrices is understood; others leave unit and spacing to the
+config.
+"""
 
 import re
 from pathlib import Path
 
+import numpy as np
+
 from gstlib.errors import InputError
 
-__all__ = [
-    "cells_of",
-    "mentioned_units",
-    "number",
-    "read_text",
-    "separator_of",
-    "split_header",
-]
+__all__ = ["SCAN_UNITS", "read_matrix", "read_points", "separator_of"]
+
+# Length of each unit in mm.
+SCAN_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
 
 # Cells, in lower case, that stand for an unmeasured point.
 _UNMEASURED = {"", "nan", "bad", "---"}
+# Coordinates in text are rounded: a point belongs to a grid if within this share of a step.
+_GRID_TOLERANCE = 0.05
+# Points that fill a smaller share of their grid are scattered, or one of them is far off.
+_LEAST_FILLED = 0.25
+_LARGEST_SIDE = 1 << 16
 
-# A header of an instrument has a few dozen short lines. SurfaceTopography looks for its keywords
-# with regular expressions, which can take for ever on lines of any length.
-_LONGEST_HEADER, _LONGEST_HEADER_LINE = 200, 1000
+
+def read_matrix(
+    path: Path,
+) -> tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str]]:
+    """Read a matrix of heights, as a reader of `gstlib.io.scans`."""
+    header, heights = _read_rows(path)
+    ny, nx = heights.shape
+    stated = {
+        name: float(number or 1) * SCAN_UNITS[unit]
+        for name, number, unit in re.findall(
+            r"^# *(Width|Height|Value)(?: units)?: *([\d.eE+-]*) *(m|mm|um|nm)$",
+            header.replace("µ", "u").replace("μ", "u"),
+            re.MULTILINE,
+        )
+    }
+    if nx < 3 or (nx == 3 < ny and not stated):
+        raise InputError(
+            path,
+            f"has {nx} columns and {ny} rows, as profiles and points have, not a map",
+            "If it holds points x, y, z, change its ending to .xyz; else export the whole map.",
+        )
+    if len(stated) < 3:
+        return heights, None, None, {}
+    unit = stated["Value"]
+    return heights, (stated["Height"] / ny / unit, stated["Width"] / nx / unit), unit, {}
 
 
-def read_text(path: Path) -> str:
-    """The file's text: UTF-8 or UTF-16 with its mark, else Latin-1, which any bytes are."""
-    content = path.read_bytes()
-    if b"\0" in content[:1000] and not content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputError(path, "is no text, though its name says so", "Correct its ending.")
-    for encoding in ("utf-8-sig", "utf-16"):
-        try:
-            return content.decode(encoding)
-        except UnicodeError:
-            continue
-    return content.decode("latin-1")
+def read_points(path: Path) -> tuple[np.ndarray, tuple[float, float], None, dict[str, str]]:
+    """Read points on a grid, as a reader of `gstlib.io.scans`."""
+    points = _read_rows(path, columns=3)[1]
+    # A point without x or y is nowhere; one without z is unmeasured.
+    points = points[np.isfinite(points[:, :2]).all(axis=1)]
+    columns, dx = _grid_lines(path, points[:, 0])
+    rows, dy = _grid_lines(path, points[:, 1])
+    heights = np.full((rows.max() + 1, columns.max() + 1), np.nan)
+    places = rows * heights.shape[1] + columns
+    if not len(np.unique(places)) == len(points) >= _LEAST_FILLED * heights.size:
+        raise _scattered(path, len(points))
+    heights[rows, columns] = points[:, 2]
+    return heights, (dy, dx), None, {}
 
 
 def separator_of(line: str) -> str | None:
@@ -44,114 +76,85 @@ def separator_of(line: str) -> str | None:
     return next((mark for mark in ";\t," if mark in line), None)
 
 
-def cells_of(line: str, mark: str | None) -> list[str]:
-    """The cells of a line; a comma that cannot separate them is a decimal sign.
-
-    >>> cells_of("1,5;2", ";"), cells_of("1.5, 2", ","), cells_of("1.5 2 ", None)
-    (['1.5', '2'], ['1.5', ' 2'], ['1.5', '2'])
-    """
-    if mark in (";", "\t"):
-        line = line.replace(",", ".")
-    return line.strip(" \r\n").split(mark)
-
-
-def number(cell: str) -> float:
-    """The number in a cell, NaN where it stands for an unmeasured point; ValueError for text.
-
-    >>> number(" -1e-3"), number("BAD")
-    (-0.001, nan)
-    """
-    cell = cell.strip()
-    if cell.lower() in _UNMEASURED:
-        return float("nan")
-    if "_" in cell:  # which Python allows within numbers
-        raise ValueError(cell)
-    return float(cell)
-
-
-def split_header(path: Path, text: str) -> tuple[list[str], list[tuple[int, str]]]:
-    """The lines before the first row of the matrix, and the rest as (line number, line).
-
-    A row has two cells at least. The header ends before the first row with a number, or before the
-    rows right above it that have as many cells, none of them measured. Lines without content and
-    comments (``#``) are left out of the rest.
-
-    Raises
-    ------
-    InputError
-        A line of the header is too long for one, or one too many; or the first row is empty under
-        a header of as many cells, which it may belong to.
-    """
-    lines = [(n, line) for n, line in enumerate(text.splitlines(), start=1) if line.strip(" ")]
-    first = next((n for n, (_, line) in enumerate(lines) if _has_numbers(line)), len(lines))
-    shape = _shape(lines[first][1]) if first < len(lines) else None
-    for above in reversed(range(first)):
-        line = lines[above][1]
-        if _shape(line) == shape and _is_unmeasured(line):
-            first = above
-        elif not _is_comment(line):
-            break
-    header = [(n, line) for n, line in lines[:first] if line.strip()]
-    for place, (n, line) in enumerate(header):
-        if place >= _LONGEST_HEADER or len(line) > _LONGEST_HEADER_LINE:
+def _read_rows(path: Path, columns: int | None = None) -> tuple[str, np.ndarray]:
+    """The lines above the first row of numbers, and the cells, or the first `columns`, of all."""
+    content = path.read_bytes()
+    is_utf_16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+    if b"\0" in content and not is_utf_16:
+        raise InputError(path, "is no text, though its name says so", "Correct its ending.")
+    try:
+        text = content.decode("utf-16" if is_utf_16 else "utf-8-sig")
+    except UnicodeError:
+        text = content.decode("latin-1")
+    header: list[str] = []
+    table: list[list[float]] = []
+    mark, ended = None, True
+    for number, whole in enumerate(text.splitlines(), 1):
+        line = whole.partition("#")[0].strip(" ")
+        if not table:
+            mark = separator_of(line)
+            # The first cells are enough to tell a header from a row with a word in it.
+            if len(_numbers(line, mark, columns or 20) or ()) < 2:
+                header.append(whole)
+                continue
+        if not line:
+            continue
+        row = _numbers(line, mark, columns)
+        if row is None:
             raise InputError(
                 path,
-                f"line {n} is no row of numbers: {line[:60]!r}",
-                "Export the heights as text, one row of the map a line.",
+                f"line {number} is no row of numbers: {line[:60]!r}",
+                "Unmeasured points are empty cells, NaN, BAD or ---; comments begin with '#'.",
             )
-    # a line of nothing but tabs is a row where tabs separate the cells
-    rows = [
-        (n, line)
-        for n, line in lines[first:]
-        if not _is_comment(line) and (line.strip() or shape[0] == "\t")
-    ]
-    if rows and header and _shape(header[-1][1]) == shape and _is_spacer(rows[0][1]):
-        raise InputError(
-            path,
-            f"line {rows[0][0]} has no number and may be the end of the header, or a row of "
-            "unmeasured points",
-            "Delete it in the one case; in the other, write NaN into its cells.",
-        )
-    return [line for _, line in header], rows
+        wanted = columns or len(table[0] if table else row)
+        if len(row) != wanted:
+            raise InputError(
+                path,
+                f"line {number} has {len(row)} cells, not {wanted}: the file is truncated, or no "
+                "such table",
+                "Export or copy the file again.",
+            )
+        table.append(row)
+        ended = ended and mark is not None and line.endswith(mark)
+    if not table:
+        raise InputError(path, "has no row of numbers", "Export the whole topography as text.")
+    numbers = np.array(table, dtype=float)
+    # A separator at the end of each line makes one empty cell more.
+    return "\n".join(header), numbers[:, :-1] if ended and not columns else numbers
 
 
-def _cells(line: str) -> list[str]:
-    return [cell.strip().lower() for cell in cells_of(line, separator_of(line))]
-
-
-def _shape(line: str) -> tuple[str | None, int]:
-    return separator_of(line), len(_cells(line))
-
-
-def _is_comment(line: str) -> bool:
-    return line.lstrip().startswith("#")
-
-
-def _is_unmeasured(line: str) -> bool:
-    return _UNMEASURED.issuperset(_cells(line))
-
-
-def _is_spacer(line: str) -> bool:
-    # spreadsheets write the blank line under a header as one of empty cells
-    return {"", "---"}.issuperset(_cells(line))
-
-
-def _has_numbers(line: str) -> bool:
-    cells = _cells(line)
+def _numbers(line: str, mark: str | None, most: int | None) -> list[float] | None:
+    """The first `most` cells of a line as numbers, NaN where unmeasured; None if one is text."""
+    if mark in (";", "\t"):
+        line = line.replace(",", ".")  # beside these separators, a comma is a decimal sign
+    cells = [cell.strip().lower() for cell in line.split(mark)[:most]]
     try:
-        # the first cells are enough to tell a header from a row with a word in it, which is damaged
-        for cell in cells[:20]:
-            number(cell)
+        if any("_" in cell for cell in cells):  # which Python allows within numbers
+            return None
+        return [float("nan" if cell in _UNMEASURED else cell) for cell in cells]
     except ValueError:
-        return False
-    return len(cells) > 1 and not _UNMEASURED.issuperset(cells)
+        return None
 
 
-def mentioned_units(header: list[str]) -> set[str]:
-    """Units of length that a header speaks of.
+def _grid_lines(path: Path, values: np.ndarray) -> tuple[np.ndarray, float]:
+    """Number of the grid line that each coordinate lies on, and their distance."""
+    levels = np.unique(values)
+    gaps = np.diff(levels)
+    if len(gaps):
+        # Rounded text repeats a coordinate with small differences; real steps are larger.
+        step = float(np.median(gaps[gaps > _GRID_TOLERANCE * gaps.max()]))
+        span = float(np.round((levels[-1] - levels[0]) / step))
+        if 1 <= span <= _LARGEST_SIDE:
+            step = float(levels[-1] - levels[0]) / span
+            index = np.round((values - levels[0]) / step).astype(int)
+            if np.abs(values - levels[0] - index * step).max() <= _GRID_TOLERANCE * step:
+                return index, step
+    raise _scattered(path, len(values))
 
-    >>> sorted(mentioned_units(["# Width: 10.00 µm", "# Value units: m", "# made by mm GmbH"]))
-    ['m', 'um']
-    """
-    found = re.findall(r"(?:[:=(\[]\s*[-+.\deE]*\s*)(m|mm|nm|um|µm|μm)\b", "\n".join(header))
-    return {unit.replace("µ", "u").replace("μ", "u") for unit in found}
+
+def _scattered(path: Path, count: int) -> InputError:
+    return InputError(
+        path,
+        f"its {count} points are scattered, or on one line, not on a grid",
+        "Grid them in the instrument's software or in Gwyddion, and export the map.",
+    )

@@ -1,128 +1,185 @@
-"""Meshes: what is read is whole and in mm; what is not is refused with its reason."""
+"""Meshes: what is read is whole and in mm; what is cut or damaged is refused with its reason."""
 
+import itertools
 import struct
 
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gstlib.errors import InputError
 from gstlib.io.meshes import read_mesh
 
+SIZE = (40.0, 30.0, 20.0)
 
-@pytest.fixture
+
 def stone():
-    """A ball of 80 mm."""
-    return trimesh.creation.icosphere(subdivisions=2, radius=40.0)
+    """A box with 26 vertices and 48 triangles."""
+    return trimesh.creation.box(SIZE).subdivide()
 
 
-@pytest.mark.parametrize("kind", ["stl", "stl_ascii", "ply", "obj"])
-def test_formats_give_the_same_closed_mesh(tmp_path, stone, kind):
-    path = tmp_path / f"stone.{kind.split('_')[0]}"
-    stone.export(path, file_type=kind)
-    mesh = read_mesh(path)
-    assert len(mesh.faces) == len(stone.faces)
-    assert len(mesh.vertices) == len(stone.vertices)
-    assert mesh.is_watertight
-    assert mesh.volume == pytest.approx(stone.volume, rel=1e-5)
+def exported(kind):
+    content = stone().export(file_type=kind)
+    return content if isinstance(content, bytes) else content.encode()
 
 
-@pytest.mark.parametrize(
-    ("unit", "length"), [("cm", 10.0), ("m", 1000.0), ("um", 1e-3), ("in", 25.4)]
-)
-def test_units(tmp_path, stone, unit, length):
-    stone.apply_scale(1 / length)
-    stone.export(tmp_path / "stone.stl")
-    mesh = read_mesh(tmp_path / "stone.stl", unit=unit)
-    assert mesh.extents == pytest.approx([80, 80, 80], rel=1e-3)
+def quads_obj():
+    """A box of quads, as modelling programs write it: names, materials, texture."""
+    corners = itertools.product(*((0.0, size) for size in SIZE))
+    lines = ["# a box", "mtllib box.mtl", "o Box"]
+    lines += [f"v {x} {y} {z}" for x, y, z in corners]
+    lines += ["vt 0.0 0.0", "vn 0 0 1", "usemtl grey", "s off", "g sides"]
+    sides = [(1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4)]
+    lines += ["f " + " ".join(f"{corner}/1/1" for corner in side) for side in sides]
+    return ("\n".join(lines) + "\n").encode()
 
 
-def test_mesh_in_metres_is_named(tmp_path, stone):
-    stone.apply_scale(1e-3)
-    stone.export(tmp_path / "stone.stl")
-    with pytest.raises(InputError, match=r"stone\.stl: .*0\.08 mm.*metres: set mesh_unit: m\."):
-        read_mesh(tmp_path / "stone.stl")
+def ply(order):
+    """The stone as a PLY with columns before and after those that matter."""
+    mesh = stone()
+    name = {"<": "binary_little_endian", ">": "binary_big_endian", "": "ascii"}[order]
+    header = [
+        *("ply", f"format {name} 1.0", "comment TextureFile ../secret.png"),
+        *(f"element vertex {len(mesh.vertices)}", "property float x", "property float y"),
+        *("property float z", "property uchar red", f"element face {len(mesh.faces)}"),
+        *("property uchar quality", "property list uchar int vertex_indices", "end_header\n"),
+    ]
+    body = b""
+    for x, y, z in mesh.vertices:
+        body += struct.pack(order + "3fB", x, y, z, 9) if order else b"%g %g %g 9\n" % (x, y, z)
+    for a, b, c in mesh.faces.tolist():
+        row = b"5 3 %d %d %d\n" % (a, b, c)
+        body += struct.pack(order + "2B3i", 5, 3, a, b, c) if order else row
+    return "\n".join(header).encode() + body
 
 
-def test_millimetres_taken_for_metres(tmp_path, stone):
-    stone.export(tmp_path / "stone.stl")
-    with pytest.raises(InputError, match=r"80 m, .*set mesh_unit: mm\."):
-        read_mesh(tmp_path / "stone.stl", unit="m")
+FILES = {
+    "binary.stl": exported("stl"),
+    "ascii.stl": exported("stl_ascii"),
+    "little.ply": ply("<"),
+    "big.ply": ply(">"),
+    "ascii.ply": ply(""),
+    "plain.obj": exported("obj").rstrip() + b"\n",
+    "quads.obj": quads_obj(),
+    "text.off": exported("off"),
+    **{
+        f"windows.{kind}": FILE.replace(b"\n", b"\r\n")
+        for kind, FILE in (("obj", quads_obj()), ("ply", ply("")), ("stl", exported("stl_ascii")))
+    },
+    "whole.glb": exported("glb"),
+}
+each_file = pytest.mark.parametrize("name", FILES)
 
 
-def _refused(path, match, **kwargs):
+def refused(path, match, **kwargs):
     with pytest.raises(InputError, match=match) as caught:
         read_mesh(path, **kwargs)
     assert path.name in str(caught.value)
 
 
-def test_missing(tmp_path):
-    _refused(tmp_path / "stone.stl", "no such file")
+@pytest.fixture
+def write(tmp_path):
+    def write(name, content=None):
+        (tmp_path / name).write_bytes(FILES[name] if content is None else content)
+        return tmp_path / name
+
+    return write
 
 
-@pytest.mark.parametrize("name", ["a.stl", "a.ply", "a.obj"])
-def test_empty(tmp_path, name):
-    (tmp_path / name).write_bytes(b"")
-    _refused(tmp_path / name, "empty")
+@each_file
+def test_whole_files_are_read(write, name):
+    mesh = read_mesh(write(name))
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(np.prod(SIZE), rel=1e-6)
+    assert len(mesh.vertices) == (8 if name in ("quads.obj", "windows.obj") else 26)
+    assert mesh.extents == pytest.approx(SIZE)
 
 
-def test_unknown_format_and_unit(tmp_path, stone):
-    (tmp_path / "a.txt").write_text("hello")
-    _refused(tmp_path / "a.txt", "not a mesh format")
-    stone.export(tmp_path / "a.stl")
-    _refused(tmp_path / "a.stl", "unknown mesh unit", unit="furlong")
+def test_units(tmp_path):
+    for unit, length in (("cm", 10.0), ("m", 1000.0), ("um", 1e-3), ("in", 25.4)):
+        stone().apply_scale(1 / length).export(tmp_path / "stone.stl")
+        assert read_mesh(tmp_path / "stone.stl", unit=unit).extents == pytest.approx(SIZE, rel=1e-3)
 
 
-@pytest.mark.parametrize("header", [b"\0" * 80, b"solid of the exporter".ljust(80, b"\0")])
-def test_truncated_binary_stl(tmp_path, stone, header):
-    path = tmp_path / "stone.stl"
-    stone.export(path)
-    whole = header + path.read_bytes()[80:]
-    path.write_bytes(whole)
-    assert len(read_mesh(path).faces) == 320  # whole, it is read
-    path.write_bytes(whole[:5000])
-    _refused(path, f"320 faces, which take {84 + 320 * 50} bytes, but the file has 5000.*truncated")
-    path.write_bytes(whole[:50])
-    _refused(path, "less than an STL header")
-    path.write_bytes(whole + b"more")
-    _refused(path, "damaged")
+def test_a_wrong_unit_is_named(tmp_path):
+    stone().apply_scale(1e-3).export(tmp_path / "metres.stl")
+    refused(tmp_path / "metres.stl", r"0\.04 mm.*set mesh_unit: m\.")
+    stone().export(tmp_path / "mm.stl")
+    refused(tmp_path / "mm.stl", r"40 m, .*set mesh_unit: mm\.", unit="m")
+    refused(tmp_path / "mm.stl", "unknown mesh unit", unit="furlong")
 
 
-def test_truncated_ascii_stl(tmp_path, stone):
-    path = tmp_path / "stone.stl"
-    stone.export(path, file_type="stl_ascii")
-    path.write_text(path.read_text()[:5000])
-    _refused(path, "endsolid")
+@each_file
+def test_cut_files_are_refused(write, name):
+    """Wherever it is cut, but for an OBJ at the end of a line (see docs/formats.md)."""
+    content = FILES[name]
+    for length in {0, 1, 40, *range(100, len(content) - 20, len(content) // 17)}:
+        if name.endswith(".obj") and b"\nf" in content[:length]:
+            length = content.rindex(b"\n", 0, length) - 1
+        with pytest.raises(InputError, match=name):
+            read_mesh(write(name, content[:length]))
+    if name != "ascii.stl" and "windows" not in name:  # whose last byte tells nothing
+        refused(write(name, content[: len(content) - 1]), "cut|truncated|unexpected length")
 
 
-def test_truncated_ply(tmp_path, stone):
-    path = tmp_path / "stone.ply"
-    stone.export(path)
-    path.write_bytes(path.read_bytes()[:3000])
-    _refused(path, "ends within .face.: it is truncated")
+@pytest.mark.parametrize(
+    ("name", "old", "new", "match"),
+    [
+        # trimesh reads each of these as a part of the stone, or as another one
+        ("ascii.stl", b"vertex", b"vortex", "cannot be read as STL"),
+        ("ascii.stl", b"endfacet", b"", "48 triangles can be read.*announces 47"),
+        ("plain.obj", b"\nv ", b"\nw ", "cannot be read as OBJ"),
+        ("plain.obj", b"\nf 1 ", b"\nf 0 ", "does not count its vertices from the first"),
+        ("quads.obj", b" 7/1/1 ", b" -1/1/1 ", "does not count its vertices from the first"),
+        ("ascii.ply", b"5 3 0 ", b"5 3 77 ", "a face has a vertex that is none of its 26"),
+        ("ascii.ply", b"-20 ", b"-2O ", "could not be read"),
+        ("ascii.ply", b"face 48", b"face 49", "48 triangles .* announces 49"),
+        ("little.ply", struct.pack("<2Bi", 5, 3, 0), struct.pack("<2Bi", 5, 3, -1), "none of its"),
+        ("little.ply", b"float y", b"float w", "cannot be read as PLY"),
+        ("little.ply", b"face 48", b"face 100000000000", "cannot be read as PLY"),
+        ("text.off", b"26 48", b"26 49", "48 triangles .* announces 49"),
+        ("binary.stl", FILES["binary.stl"], FILES["binary.stl"] + b"more", "0 triangles .* 48"),
+        ("binary.stl", FILES["binary.stl"], bytes(84), "no faces"),
+        ("plain.obj", FILES["plain.obj"], b"v 0 0 0\nv 9 0 0\nv 0 9 0\n", "no faces"),
+        ("whole.glb", b"glTF", b"gITF", "cannot be read as GLB"),
+        ("ascii.stl", b"-20.0", b"nan", "are not numbers"),
+        ("ascii.ply", b"-20", b"nan", "are not numbers"),
+        ("plain.obj", b"-20.00000000", b"nan", "are not numbers"),
+        ("little.ply", np.float32(-20).tobytes(), np.float32("nan").tobytes(), "are not numbers"),
+        *(
+            (name, FILES[name], b"I am not a mesh\n" * 9, "endsolid|header|no faces|cannot be read")
+            for name in ("ascii.stl", "little.ply", "plain.obj", "text.off", "whole.glb")
+        ),
+    ],
+)
+def test_damaged_files_are_refused(write, name, old, new, match):
+    assert old in FILES[name]
+    refused(write(name, FILES[name].replace(old, new, 1)), match)
 
 
-def test_no_mesh_at_all(tmp_path):
-    for name in ("a.stl", "a.ply", "a.obj"):
-        (tmp_path / name).write_text("I am not a mesh, whatever my ending says\n" * 10)
-        _refused(tmp_path / name, "not an STL|header of a PLY|line 1, .* is damaged")
+def test_no_such_file_and_unknown_format(tmp_path, write):
+    refused(tmp_path / "stone.stl", "no such file")
+    refused(write("a.stl", b""), "is cut, or no STL")
+    refused(write("a.txt", b"hello"), r"not a mesh format.*\.glb")
 
 
-def test_no_faces(tmp_path):
-    (tmp_path / "a.stl").write_bytes(b"\0" * 80 + struct.pack("<I", 0))
-    _refused(tmp_path / "a.stl", "no faces")
-    (tmp_path / "a.obj").write_text("v 0 0 0\nv 10 0 0\nv 0 10 0\n")
-    _refused(tmp_path / "a.obj", "no faces")
+@each_file
+def test_whatever_happens_to_a_file(tmp_path_factory, name):
+    """It is refused, or read with all its faces and with finite vertices."""
+    path, content = tmp_path_factory.mktemp("fuzz") / name, FILES[name]
 
+    @settings(max_examples=25, derandomize=True, database=None, deadline=None)
+    @given(st.integers(0, len(content)), st.integers(0, 60), st.binary(max_size=60))
+    def check(place, lost, new):
+        path.write_bytes(content[:place] + new + content[place + lost :])
+        try:
+            mesh = read_mesh(path)
+        except InputError:
+            return
+        assert np.isfinite(mesh.vertices).all()
+        if not name.endswith(".obj"):  # which announces nothing
+            assert len(mesh.faces) >= 48
 
-def test_vertices_that_are_not_numbers(tmp_path):
-    triangle = np.array([0, 0, 1, 0, 0, 0, 10, 0, 0, 0, np.nan, 0], "<f4")
-    (tmp_path / "a.stl").write_bytes(
-        b"\0" * 80 + struct.pack("<I", 1) + triangle.tobytes() + b"\0\0"
-    )
-    _refused(tmp_path / "a.stl", "1 of 3 vertices are not numbers")
-
-
-def test_obj_with_a_face_of_a_vertex_that_is_not_there(tmp_path):
-    (tmp_path / "a.obj").write_text("v 0 0 0\nv 10 0 0\nv 0 10 0\nf 1 2 7\n")
-    _refused(tmp_path / "a.obj", "a face has vertex 7 of 3")
+    check()

@@ -1,4 +1,3 @@
-import contextlib
 import time
 
 import h5py
@@ -9,7 +8,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gstlib.errors import InputError, OutputError
+from gstlib.errors import InputError
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import printed, read_table, write_table
 from gstlib.surface import make_surface
@@ -20,27 +19,11 @@ def dataset():
     return make_surface(heights, (0.1, 0.2)).to_dataset(name="height")
 
 
-def test_round_trip(tmp_path):
-    write_dataset(tmp_path / "a.h5", dataset(), {"target_pressure_MPa": 22.0})
-    read = read_dataset(tmp_path / "a.h5")
-    assert read.height.equals(dataset().height)
-    assert read.attrs["target_pressure_MPa"] == 22.0
-    assert read.y.attrs["spacing"] == 0.1
-
-
 def test_same_content_same_bytes_whenever_written(tmp_path):
     write_dataset(tmp_path / "a.h5", dataset())
     time.sleep(1.1)  # the clock's seconds move on
     write_dataset(tmp_path / "b.h5", dataset())
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
-
-
-def test_h5py_sees_names_and_units(tmp_path):
-    write_dataset(tmp_path / "a.h5", dataset())
-    with h5py.File(tmp_path / "a.h5") as file:
-        assert file["height"].shape == (64, 48)
-        assert file["height"].attrs["units"] == "mm"
-        assert file["height"].dims[0][0].name == "/y"
 
 
 def test_units_are_required(tmp_path):
@@ -49,16 +32,6 @@ def test_units_are_required(tmp_path):
     with pytest.raises(ValueError, match="'height' lacks units"):
         write_dataset(tmp_path / "a.h5", bare)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
-    write_dataset(tmp_path / "a.h5", dataset())
-    before = (tmp_path / "a.h5").read_bytes()
-    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError("no luck")))
-    with pytest.raises(OutputError, match=r"a\.h5: cannot be written: no luck"):
-        write_dataset(tmp_path / "a.h5", dataset() * 2, {})
-    assert [file.name for file in tmp_path.iterdir()] == ["a.h5"]
-    assert (tmp_path / "a.h5").read_bytes() == before
 
 
 @pytest.mark.parametrize("content", [b"", b"not HDF5 at all", bytes(4000), None])
@@ -94,25 +67,11 @@ def test_a_flipped_bit_in_an_array_is_noticed(tmp_path):
                 read_dataset(flipped)
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_whatever_bit_is_flipped_no_other_error_comes(tmp_path):
-    """HDF5 fails in many ways; each becomes the one error that names the file."""
-    write_dataset(tmp_path / "a.h5", dataset())
-    whole = (tmp_path / "a.h5").read_bytes()
-    noticed = 0
-    for at in range(0, len(whole), len(whole) // 150):
-        content = bytearray(whole)
-        content[at] ^= 16
-        path = tmp_path / f"{at}.h5"  # HDF5 remembers a file that it once failed to open
-        path.write_bytes(content)
-        with contextlib.suppress(InputError):
-            read_dataset(path)
-            continue
-        noticed += 1
-    assert noticed > 75
-
-
-def test_an_empty_array_and_a_scalar_are_stored(tmp_path):
+def test_round_trip_of_maps_empty_arrays_and_scalars(tmp_path):
+    write_dataset(tmp_path / "a.h5", dataset(), {"target_pressure_MPa": 22.0})
+    read = read_dataset(tmp_path / "a.h5")
+    assert read.height.identical(dataset().height)
+    assert read.attrs["target_pressure_MPa"] == 22.0
     named = {"units": "1", "long_name": "n"}
     odd = xr.Dataset(
         {

@@ -1,0 +1,183 @@
+"""Scans that are damaged: refused with a reason, or read as a plausible surface."""
+
+import io
+import math
+import struct
+import zipfile
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scan_files import FORMATS, write_sur, zipped
+
+from gstlib.errors import InputError
+from gstlib.io.plu import write_plu
+from gstlib.io.scans import read_scan
+from gstlib.surface import spacing_of
+
+SPACING = (1.66e-3, 0.83e-3)
+each_format = pytest.mark.parametrize("name", FORMATS)
+
+
+@pytest.fixture
+def heights():
+    heights = 1e-3 * np.random.default_rng(1).normal(size=(5, 7))
+    heights[1, 5] = math.nan
+    return heights
+
+
+def _read(path, sample):
+    return read_scan(path, **sample.options(1e-3))
+
+
+def _written(folder, name, heights, spacing=SPACING):
+    sample = FORMATS[name]
+    path = folder / f"a{sample.ending}"
+    sample.write(path, heights, spacing)
+    return path, sample
+
+
+def _refused(path, match=None, **kwargs):
+    with pytest.raises(InputError, match=match) as caught:
+        read_scan(path, **kwargs)
+    assert path.name in str(caught.value)
+
+
+@each_format
+def test_truncated(tmp_path, heights, name):
+    path, sample = _written(tmp_path, name, heights)
+    content = path.read_bytes()
+    for length in (0, 1, 4, 40, len(content) // 2, len(content) - 60):
+        path.write_bytes(content[:length])
+        if sample.ending == ".xyz" and length > 40:  # a part of a point cloud is a point cloud
+            continue
+        _refused(path, **sample.options(1e-3))
+
+
+@each_format
+def test_content_of_another_format(tmp_path, heights, name):
+    path, sample = _written(tmp_path, name, heights)
+    text = {".csv", ".txt", ".asc", ".xyz"}
+    for other in {f.ending for f in FORMATS.values()} - {sample.ending}:
+        if not {other, sample.ending} <= text:
+            (tmp_path / f"b{other}").write_bytes(path.read_bytes())
+            _refused(tmp_path / f"b{other}", unit="um", spacing_mm=1e-3)
+
+
+@pytest.mark.parametrize("claim", [(60000, 60000), (2**31 - 1, 2**31 - 1), (5, 8), (0, 7)])
+def test_header_that_announces_another_shape(tmp_path, heights, claim):
+    write_sur(tmp_path / "a.sur", heights, SPACING, claim=claim)
+    _refused(tmp_path / "a.sur")
+    path, _ = _written(tmp_path, "plu", heights)
+    content = bytearray(path.read_bytes())
+    struct.pack_into("<2I", content, 500, *claim)
+    path.write_bytes(content)
+    _refused(path, "truncated|not a .plu")
+
+
+def test_a_picture_is_not_read_as_heights(tmp_path, heights):
+    write_sur(tmp_path / "a.sur", heights, SPACING, kind=12)
+    _refused(tmp_path / "a.sur", "holds no map of heights")
+
+
+@each_format
+def test_nothing_measured_flat_and_infinite(tmp_path, heights, name):
+    path, sample = _written(tmp_path, name, np.full_like(heights, math.nan))
+    _refused(path, "not one point|no row", **sample.options(1e-3))
+    path, sample = _written(tmp_path, name, np.full_like(heights, 0.001))
+    assert np.ptp(_read(path, sample).values) == pytest.approx(0, abs=1e-12)
+    if name not in ("plu", "sur"):  # which cannot hold it
+        heights[2, 3], heights[3, 2] = math.inf, -math.inf
+        path, sample = _written(tmp_path, name, heights)
+        assert np.isnan(_read(path, sample).values).sum() == 3
+
+
+@each_format
+@pytest.mark.parametrize("axis", [0, 1])
+def test_single_row_or_column(tmp_path, heights, name, axis):
+    line = np.nan_to_num(heights).ravel()
+    path, sample = _written(tmp_path, name, line[None] if axis == 0 else line[:, None])
+    _refused(path, **sample.options(1e-3))
+
+
+@pytest.mark.parametrize(
+    ("spacing", "factor"),
+    [
+        *((step, 1.0) for step in (10.0, 1e-7, -1e-3, 0.0, math.nan, 1e30)),
+        (1e-3, 1e4),
+        (0.4, 1.0),
+    ],
+)
+def test_absurd_sizes(tmp_path, heights, spacing, factor):
+    """A field of 50 mm, points 1 nm or 0.5 mm apart, heights over 10 mm: the unit is wrong."""
+    path = tmp_path / "a.plu"
+    tiled = np.tile(heights * factor, (20, 20))  # 140 points along x
+    write_plu(path, tiled, spacing)
+    _refused(path, "are no surface scan: its unit is wrong")
+
+
+def test_what_is_no_plu(tmp_path, heights):
+    _refused(tmp_path / "a.plu", "no such file")
+    path, _ = _written(tmp_path, "plu", heights)
+    content = path.read_bytes()
+    profile = content[:428] + struct.pack("<I", 1) + content[432:]
+    for damaged, match in [
+        (b"", "0 bytes are less than a .plu header"),
+        (content[:600], "take 648 bytes, but the file has 600"),
+        (profile, "type 1 with 5 × 7 points: not a .plu topography"),
+    ]:
+        path.write_bytes(damaged)
+        _refused(path, match)
+
+
+@pytest.mark.parametrize("name", ["a.al3d", "a.sur", "a.vk4", "a.bin", "noending", "a.hgt"])
+def test_unknown_content(tmp_path, name):
+    # as many bytes as a square map of 16-bit heights has: one format has no other mark
+    (tmp_path / name).write_bytes(b"what no instrument wrote" * 3 * 4**3)
+    _refused(tmp_path / name, "cannot be read as a height map", unit="um", spacing_mm=1e-3)
+
+
+# 32-bit words that mean trouble: extremes of integers, and floats that are none
+WORDS = [struct.pack("<I", n) for n in (0, 1, 2**16, 2**31 - 1, 2**31, 2**32 - 1)] + [
+    struct.pack("<f", value) for value in (math.nan, math.inf, -1.0, 1e-40, 1e30)
+]
+TEXTS = [b"nan", b"inf", b"-1", b"0", b"1e999", b"99999999999", b"\0", b",", b"\n", b"#", b"<a>"]
+
+
+@st.composite
+def damaged(draw, content):
+    """A file after an accident; of an archive, to a member, which a checksum would protect."""
+    if content.startswith(b"PK"):
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            members = {name: archive.read(name) for name in archive.namelist()}
+        name = draw(st.sampled_from(sorted(members)))
+        return zipped(members | {name: draw(damaged(members[name]))}, zipfile.ZIP_STORED)
+    place = draw(st.integers(0, min(len(content), 600)) | st.integers(0, len(content)))
+    lost = draw(st.sampled_from([0, 1, 4, 400, len(content)]))
+    new = draw(st.sampled_from([b"", bytes(400), *WORDS, *TEXTS]) | st.binary(max_size=9))
+    return content[:place] + new + content[place + lost :]
+
+
+@each_format
+def test_whatever_happens_to_a_file(tmp_path, heights, name):
+    path, sample = _written(tmp_path, name, heights)
+    content = path.read_bytes()
+
+    @settings(max_examples=25, derandomize=True, database=None, deadline=None)
+    @given(damaged(content))
+    def check(damaged):
+        path.write_bytes(damaged)
+        try:
+            scan = _read(path, sample)
+        except InputError:
+            return
+        dy, dx = spacing_of(scan)
+        assert min(scan.shape) >= 2
+        assert 1e-6 <= min(dy, dx) <= max(dy, dx) <= 0.5
+        assert max(scan.shape[0] * dy, scan.shape[1] * dx) <= 50
+        assert not np.isinf(scan.values).any()
+        assert np.nanmax(scan.values) - np.nanmin(scan.values) <= 10
+        assert all(isinstance(value, str) and "\0" not in value for value in scan.attrs.values())
+
+    check()
