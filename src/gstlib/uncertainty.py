@@ -1,8 +1,8 @@
-"""How sure is the pressure of a patch, given where it may lie and what the stones may be made of?
+"""Intervals of each patch's pressure, from the errors of its place and of the elastic constants.
 
-Places and elastic constants are drawn, and the pressure of each patch is taken anew for each draw.
-No draw needs a contact of its own: at a given mean pressure the contact depends on one number, the
-contact modulus, so that a few solutions over its range are enough to interpolate between.
+Places and constants are drawn, and the pressure of each patch is computed again for each draw. No
+draw needs a contact solution of its own: at a given mean pressure the contact depends on one
+number, the contact modulus, so a few solutions over its range are interpolated.
 """
 
 # ASSUME: errors of place are normal, alike along both axes and independent from patch to patch; a
@@ -11,33 +11,27 @@ contact modulus, so that a few solutions over its range are enough to interpolat
 # ratios (normal); which of the two readings of E* is right is not drawn.
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 from scipy.ndimage import map_coordinates
-from scipy.signal import correlate
 
 from gstlib.bem import contact_modulus
-from gstlib.contact import solve_at_pressure
-from gstlib.coupling import footprint_weights
-from gstlib.surface import make_surface, spacing_of
+from gstlib.contact import contact_at_pressure
+from gstlib.coupling import footprint_weights, half_extent
+from gstlib.surface import spacing_of
 
-__all__ = [
-    "draw_contact_moduli",
-    "pressure_intervals",
-    "pressures_at_shifts",
-    "pressures_of_moduli",
-]
+__all__ = ["draw_contact_moduli", "pressure_intervals", "pressures_of_moduli"]
 
+# The ends of a 95 % interval then rest on the 50 most extreme draws at each side.
+_DRAWS = 2000
 # Pressures are interpolated between so many contact moduli and the study's own: on the default
 # study within 0.12 MPa of a solution at the modulus itself ...
 _MODULI = 8
-# ... and between shifts by these parts of an element.
-_PARTS = 2
-# No stone is harder to compress than this ratio says, nor auxetic.
-_POISSON_LIMITS = (0.0, 0.5)
+# ... and between places that are this share of an element apart.
+_PART = 0.5
 _PERCENTILES = (2.5, 97.5)
 
 
@@ -46,22 +40,21 @@ def draw_contact_moduli(
     *,
     young_share: float,
     poisson: float,
-    draws: int,
     generator: np.random.Generator,
+    draws: int = _DRAWS,
 ) -> np.ndarray:
-    """Contact moduli that the stones may have, over the one that their constants give.
+    """Contact moduli that the stones may have, relative to that of their nominal constants.
 
     Parameters
     ----------
     material : mapping
         ``young_1_MPa, poisson_1, young_2_MPa, poisson_2``.
     young_share : float
-        Standard deviation of the logarithm of each Young's modulus: nearly that of the modulus
-        over its value.
+        Standard deviation of the logarithm of each Young's modulus.
     poisson : float
         Standard deviation of each Poisson's ratio.
-    draws : int
     generator : numpy.random.Generator
+    draws : int
 
     Returns
     -------
@@ -74,8 +67,8 @@ def draw_contact_moduli(
         nominal += [young, ratio]
         drawn.append(young * np.exp(young_share * generator.standard_normal(draws)))
         ratios = ratio + poisson * generator.standard_normal(draws)
-        low, high = _POISSON_LIMITS
-        drawn.append(np.clip(ratios, min(low, ratio), max(high, ratio)))
+        # no stone is auxetic, nor above the ratio of the incompressible
+        drawn.append(np.clip(ratios, min(0.0, ratio), max(0.5, ratio)))
     moduli = [contact_modulus(*constants) for constants in zip(*drawn, strict=True)]
     return np.array(moduli) / contact_modulus(*nominal)
 
@@ -85,12 +78,10 @@ def pressures_of_moduli(
     pressure: xr.DataArray,
     shares: np.ndarray,
     *,
-    source: str | Path,
     contact_modulus_MPa: float,
-    target_pressure_MPa: float,
-    tolerance: float,
+    **settings: Any,
 ) -> xr.DataArray:
-    """Contact pressure of the square for a few contact moduli that span the given ones.
+    """Contact pressure of the square for a few contact moduli that span those drawn.
 
     Parameters
     ----------
@@ -98,87 +89,28 @@ def pressures_of_moduli(
         Heights (mm), and the pressure (MPa) at the target with the study's own modulus.
     shares : (draws,) ndarray
         Contact moduli over the study's own.
-    source, contact_modulus_MPa, target_pressure_MPa, tolerance
-        As in `gstlib.contact.solve_at_pressure`.
+    contact_modulus_MPa, **settings
+        As in `gstlib.contact.contact_at_pressure`: ``source, target_pressure_MPa, tolerance``.
 
     Returns
     -------
     (share, y, x) xarray.DataArray
-        Pressure (MPa), with the modulus over the study's own as the rising coordinate ``share``;
-        just the given pressure, at 1, where the moduli do not vary.
+        Pressure (MPa), with the modulus over the study's own as the rising coordinate ``share``.
+        Where the moduli do not vary, the given pressure alone, at 1.
     """
     solved = {1.0: pressure.values}
     low, high = float(shares.min()), float(shares.max())
     if high > low:
         for share in np.geomspace(low, high, _MODULI):
-            solved[float(share)] = solve_at_pressure(
-                height,
-                source=source,
-                contact_modulus_MPa=share * contact_modulus_MPa,
-                target_pressure_MPa=target_pressure_MPa,
-                tolerance=tolerance,
-            )[1].values
+            solved[float(share)] = contact_at_pressure(
+                height, contact_modulus_MPa=share * contact_modulus_MPa, **settings
+            ).pressure.values
     at = sorted(solved)
     return xr.DataArray(
         [solved[share] for share in at],
         dims=("share", "y", "x"),
         coords={"share": at, "y": height.y, "x": height.x},
     )
-
-
-def pressures_at_shifts(
-    pressure: xr.DataArray,
-    shifts: np.ndarray,
-    *,
-    x_mm: float,
-    y_mm: float,
-    rotation_deg: float,
-    size_mm: float,
-) -> np.ndarray:
-    """Nominal pressure of a patch that lies elsewhere than stated.
-
-    Parameters
-    ----------
-    pressure : (n, ny, nx) xarray.DataArray
-        Contact pressures of the square, MPa, dims (..., y, x).
-    shifts : (draws, 2) ndarray
-        How far the patch lies off along y and x, mm. It stays on the square.
-    x_mm, y_mm, rotation_deg, size_mm : float
-        The patch where it is stated to be.
-
-    Returns
-    -------
-    (n, draws) ndarray
-        MPa. Exact where the shift is a whole number of half elements, interpolated between.
-    """
-    spacing = np.array(spacing_of(pressure))
-    sides = spacing * (pressure.sizes["y"], pressure.sizes["x"])
-    corner = np.array([pressure.y.values[0], pressure.x.values[0]]) - spacing / 2
-    angle = np.radians(rotation_deg)
-    half = size_mm / 2 * (abs(np.cos(angle)) + abs(np.sin(angle)))
-    centre = np.array([y_mm, x_mm]) - corner
-    back, forth = np.minimum(half - centre, 0.0), np.maximum(sides - half - centre, 0.0)
-    moved = np.clip(shifts, back, forth) / spacing  # in elements
-    reach = int(np.ceil(np.abs(moved).max())) + 1
-    # An outline moved by whole elements has the same weights: they are taken at parts of an
-    # element only, and the pressures under them are shifted element by element. That part of an
-    # element may lead beyond the square, and back again with the shift.
-    around = np.pad(pressure.values, ((0, 0), (reach, reach + 1), (reach, reach + 1)))
-    frame = make_surface(np.zeros(np.add(pressure.shape[1:], 1)), spacing, origin=corner)
-    lattice = np.empty((len(around), *(_PARTS * (2 * reach + 1),) * 2))
-    for i, j in np.ndindex(_PARTS, _PARTS):
-        dy, dx = spacing * (i, j) / _PARTS
-        weights = footprint_weights(frame, x_mm + dx, y_mm + dy, size_mm, rotation_deg)
-        (y0, y1), (x0, x1) = ((at.min(), at.max() + 1) for at in weights.nonzero())
-        lattice[:, i::_PARTS, j::_PARTS] = correlate(
-            around[:, y0 : y1 + 2 * reach, x0 : x1 + 2 * reach],
-            weights[None, y0:y1, x0:x1],
-            mode="valid",
-            method="direct",  # FFTs round zeros to something that prints
-        )
-    places = _PARTS * (moved + reach).T
-    forces = [map_coordinates(by_place, places, order=1) * spacing.prod() for by_place in lattice]
-    return np.array(forces) / size_mm**2
 
 
 def pressure_intervals(
@@ -205,7 +137,7 @@ def pressure_intervals(
     placement_um : float
         Standard deviation of a patch's place along each axis.
     generator_of : callable
-        The source of chance for a patch's place, by its name.
+        Gives the random generator of a patch's place, by the patch's name.
 
     Returns
     -------
@@ -213,32 +145,34 @@ def pressure_intervals(
         ``patch, pressure_MPa, low_MPa, high_MPa, placement_low_MPa, placement_high_MPa,
         material_low_MPa, material_high_MPa``.
     """
-    drawn = _interpolation(pressures.share.values, shares)
-    nominal = _interpolation(pressures.share.values, np.ones(len(shares)))
+    spacing = np.array(spacing_of(pressures))
+    step, nodes = _PART * spacing, pressures.share.values
+    # weight (nodes, draws) of each solution: linear in the logarithm of the modulus
+    unit = np.eye(len(nodes))
+    drawn = np.array([np.interp(np.log(shares), np.log(nodes), one) for one in unit])
     rows = []
     for patch in patches.itertuples(index=False):
+        stated, half = np.array([patch.y_mm, patch.x_mm]), half_extent(size_mm, patch.rotation_deg)
         shifts = placement_um * 1e-3 * generator_of(patch.patch).standard_normal((len(shares), 2))
-        by_place = pressures_at_shifts(
-            pressures,
-            np.vstack([shifts, np.zeros(2)]),
-            x_mm=patch.x_mm,
-            y_mm=patch.y_mm,
-            rotation_deg=patch.rotation_deg,
-            size_mm=size_mm,
-        )
+        places = np.clip(stated + shifts, half, spacing * pressures.shape[1:] - half)
+        # in steps from the stated place, which comes last
+        at = np.vstack([(places - stated) / step, np.zeros(2)])
+        first = np.floor(at.min(axis=0)).astype(int)
+        lattice = np.empty((len(nodes), *(np.ceil(at.max(axis=0)).astype(int) - first + 1)))
+        for i, j in np.ndindex(lattice.shape[1:]):
+            y, x = stated + step * (first + np.array([i, j]))
+            weights = footprint_weights(pressures, x, y, size_mm, patch.rotation_deg)
+            lattice[:, i, j] = (pressures.values * weights).sum(axis=(1, 2))
+        lattice *= spacing.prod() / size_mm**2
+        by_place = np.array([map_coordinates(field, (at - first).T, order=1) for field in lattice])
         moved, as_stated = by_place[:, :-1], by_place[:, -1:]
         row = {"patch": patch.patch, "pressure_MPa": patch.pressure_MPa}
         for name, draws in (
             ("", (drawn * moved).sum(axis=0)),
-            ("placement_", (nominal * moved).sum(axis=0)),
+            ("placement_", moved[nodes == 1.0].sum(axis=0)),
             ("material_", (drawn * as_stated).sum(axis=0)),
         ):
             low, high = np.percentile(draws, _PERCENTILES)
             row |= {f"{name}low_MPa": low, f"{name}high_MPa": high}
         rows.append(row)
     return pd.DataFrame(rows)
-
-
-def _interpolation(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Weight (nodes, points) of each node's value at the points: linear in the logarithm."""
-    return np.array([np.interp(np.log(at), np.log(nodes), unit) for unit in np.eye(len(nodes))])

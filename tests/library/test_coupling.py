@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gstlib.coupling import footprint_weights, patch_pressures, select_patches, shifted_places
+from gstlib.coupling import footprint_weights, patch_pressures, select_patches
 from gstlib.surface import make_surface
 
 GRID = make_surface(np.zeros((20, 24)), (0.25, 0.2))  # 5 mm × 4.8 mm
@@ -125,24 +125,25 @@ class TestSelection:
         assert list(table.in_study) == [False, False, False, True, False]
 
     def test_without_t1_the_pressure_decides(self):
-        table = self.select(None)
+        table = self.select(self.registration[:0])
         assert list(table.in_study) == [False, False, True, True, True]
         assert list(table.reason[:2]) == ["no macroscale contact", "pressure 0.5 below 1 MPa"]
 
 
-def test_shifted_places_stay_on_the_square_and_found_ones_where_they_are():
+def test_shifted_patches_stay_on_the_square():
     patches = pd.DataFrame(
         {
             "patch": ["1", "2", "3"],
-            "x_mm": [1.0, 4.57, 2.0],
-            "y_mm": [2.0, 3.0, 4.0],
-            "rotation_deg": [0.0, 0.0, 90.0],
-            "place": ["nominal", "nominal", "found"],
+            "x_mm": [1.0, 4.36, 2.0],
+            "y_mm": [2.0, 3.0, 4.5],
+            "rotation_deg": [0.0, 0.0, 45.0],
         }
     )
-    sides = {"size_mm": 0.85, "square_mm": 5.0}
-    moved = shifted_places(patches, [30.0, -20.0], **sides)
-    np.testing.assert_allclose(moved.x_mm, [1.03, 4.575, 2.0], rtol=1e-12)
-    np.testing.assert_allclose(moved.y_mm, [1.98, 2.98, 4.0], rtol=1e-12)
-    assert list(moved.place) == ["shifted", "shifted", "found"]
-    assert shifted_places(patches, [0.0, 0.0], **sides) is patches
+    moved = patch_pressures(pressure_field(1), patches, size_mm=0.85, shift_um=[30.0, -20.0])
+    np.testing.assert_allclose(moved.x_mm, [1.03, 4.8 - 0.425, 2.03], rtol=1e-12)
+    # the turned one reaches half a diagonal from its centre
+    np.testing.assert_allclose(moved.y_mm, [1.98, 2.98, 5 - 0.425 * np.sqrt(2)], rtol=1e-12)
+    assert list(moved.place) == 3 * ["shifted"]
+    there = patch_pressures(pressure_field(1), moved, size_mm=0.85)
+    assert list(there.place) == 3 * ["nominal"]
+    pd.testing.assert_frame_equal(there.drop(columns="place"), moved.drop(columns="place"))

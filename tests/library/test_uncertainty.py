@@ -3,16 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
-from gstlib.contact import solve_at_pressure
+from gstlib.contact import contact_at_pressure
 from gstlib.coupling import patch_pressures
 from gstlib.surface import make_surface
-from gstlib.uncertainty import (
-    draw_contact_moduli,
-    pressure_intervals,
-    pressures_at_shifts,
-    pressures_of_moduli,
-)
+from gstlib.uncertainty import draw_contact_moduli, pressure_intervals, pressures_of_moduli
 
 SPACING = 0.05  # mm; the square is 5 mm wide
 STONES = {"young_1_MPa": 20000.0, "poisson_1": 0.25, "young_2_MPa": 20000.0, "poisson_2": 0.25}
@@ -73,59 +69,53 @@ def test_without_uncertainty_the_interval_is_the_pressure():
         np.testing.assert_allclose(found[column], found.pressure_MPa, rtol=1e-12)
 
 
-def test_the_interval_grows_with_the_uncertainty():
-    field = at_one(patchy())
-    widths = [
-        (found.high_MPa - found.low_MPa).to_numpy()
-        for found in (intervals(field, np.ones(2000), um) for um in (5, 20, 80))
-    ]
-    assert (np.diff(widths, axis=0) > 0).all()
+class Shifts:
+    """Stands for a random generator whose draws (y, x) are known."""
+
+    def __init__(self, shifts):
+        self.shifts = shifts
+
+    def standard_normal(self, shape):
+        return np.broadcast_to(self.shifts, shape)
 
 
-@pytest.mark.parametrize("row", [0, 1])
-def test_a_shifted_patch_is_the_patch_at_that_place(row):
-    field, patch = patchy(), PATCHES.iloc[row]
-    shifts = SPACING * np.array([[0.0, 0.0], [1.0, -2.0], [-0.5, 0.5], [2.5, 3.0]])  # y, x
-    found = pressures_at_shifts(
-        field.expand_dims("k"),
-        shifts,
-        x_mm=patch.x_mm,
-        y_mm=patch.y_mm,
-        rotation_deg=patch.rotation_deg,
-        size_mm=0.85,
-    )[0]
-    moved = pd.DataFrame([patch] * 4).assign(
-        x_mm=patch.x_mm + shifts[:, 1], y_mm=patch.y_mm + shifts[:, 0]
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.5, 0.5), (1.5, 2.0), (2.5, 3.0)])  # elements
+@pytest.mark.parametrize(
+    ("x_mm", "y_mm", "rotation_deg", "signs"),
+    [
+        (1.5, 2.5, 0.0, (1, 1)),
+        (3.2, 1.7, 12.0, (1, 1)),
+        (0.425, 4.575, 0.0, (-1, 1)),
+        (0.425, 4.575, 0.0, (1, -1)),  # outwards
+        (4.57, 4.56, 0.0, (-1, -1)),
+    ],
+)
+def test_a_shifted_patch_is_the_patch_at_that_place(x_mm, y_mm, rotation_deg, signs, shift):
+    """Anywhere in the square, and at its edges, where it stays."""
+    field, shift = patchy(), SPACING * np.multiply(shift, signs)
+    stated = pd.DataFrame(
+        {"patch": ["1"], "x_mm": x_mm, "y_mm": y_mm, "rotation_deg": rotation_deg}
     )
-    expected = patch_pressures(field, moved, size_mm=0.85).pressure_MPa
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
 
+    def end(shift):
+        found = pressure_intervals(
+            stated.assign(pressure_MPa=0.0),
+            at_one(field),
+            np.ones(1),
+            size_mm=0.85,
+            placement_um=1000.0,
+            generator_of=lambda patch: Shifts(shift),
+        )
+        return found.low_MPa[0]
 
-@pytest.mark.parametrize(("x_mm", "y_mm"), [(4.575, 2.5), (0.425, 4.575), (4.57, 4.56)])
-def test_a_patch_at_an_edge_is_the_patch_at_that_place(x_mm, y_mm):
-    shifts = SPACING * np.array([[0.0, 0.0], [-0.5, -0.5], [-1.5, -2.0]])
-    place = {"x_mm": x_mm, "y_mm": y_mm, "rotation_deg": 0.0}
-    if x_mm < 1:
-        shifts[:, 1] *= -1
-    found = pressures_at_shifts(patchy().expand_dims("k"), shifts, **place, size_mm=0.85)[0]
-    moved = pd.DataFrame([{"patch": "1", **place}] * 3)
-    moved = moved.assign(x_mm=x_mm + shifts[:, 1], y_mm=y_mm + shifts[:, 0])
-    expected = patch_pressures(patchy(), moved, size_mm=0.85).pressure_MPa
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
-
-
-def test_a_patch_stays_on_the_square():
-    corner = {"x_mm": 0.425, "y_mm": 4.575, "rotation_deg": 0.0, "size_mm": 0.85}
-    shifts = np.array([[0.3, -0.3], [0.0, 0.0], [-0.1, 0.1]])
-    found = pressures_at_shifts(patchy().expand_dims("k"), shifts, **corner)[0]
-    assert found[0] == pytest.approx(found[1])
-    assert found[2] != pytest.approx(found[1])
+    moved = patch_pressures(field, stated, size_mm=0.85, shift_um=1e3 * shift[::-1])
+    assert end(shift) == pytest.approx(moved.pressure_MPa[0], rel=1e-9)
 
 
 def test_moduli_vary_as_their_stones_do():
-    def draw(young_share, poisson):
+    def draw(young_share, poisson, stones=STONES):
         return draw_contact_moduli(
-            STONES,
+            stones,
             young_share=young_share,
             poisson=poisson,
             draws=20000,
@@ -135,8 +125,19 @@ def test_moduli_vary_as_their_stones_do():
     np.testing.assert_allclose(draw(0.0, 0.0), 1.0, rtol=1e-12)
     # two like stones of half of the compliance each
     assert np.log(draw(0.1, 0.0)).std() == pytest.approx(0.1 / np.sqrt(2), rel=0.02)
+    # of one stone alone, against a rigid one: lognormal, however wide
+    alone = np.log(draw(0.5, 0.0, STONES | {"young_2_MPa": 1e15}))
+    assert alone.mean() == pytest.approx(0, abs=0.02)
+    assert alone.std() == pytest.approx(0.5, rel=0.02)
     # d(1 - ν²) = -2ν dν over 1 - ν²
     assert draw(0.0, 0.02).std() == pytest.approx(0.02 * 0.5 / 0.9375 / np.sqrt(2), rel=0.03)
+
+
+def test_between_the_moduli_pressures_are_linear_in_their_logarithm():
+    field = patchy()
+    fields = xr.concat([0.9 * field, field, 1.1 * field], pd.Index([0.5, 1.0, 2.0], name="share"))
+    found = intervals(fields, np.array([np.sqrt(2)]), placement_um=0.0)
+    np.testing.assert_allclose(found.material_low_MPa, 1.05 * found.pressure_MPa, rtol=1e-9)
 
 
 def test_pressures_between_the_moduli_are_those_of_a_solution():
@@ -147,7 +148,7 @@ def test_pressures_between_the_moduli_are_those_of_a_solution():
 
     def solved(share):
         scaled = settings | {"contact_modulus_MPa": share * 10000.0}
-        return solve_at_pressure(rough, source="here", **scaled)[1]
+        return contact_at_pressure(rough, source="here", **scaled).pressure
 
     shares = np.array([0.7, 0.93, 1.2])
     fields = pressures_of_moduli(rough, solved(1.0), shares, source="here", **settings)

@@ -1,10 +1,9 @@
 """From a stone's mesh to the heights of its use-face on a regular grid.
 
-As in the paper: the cloud of vertices is cropped larger than the square, interpolated linearly over
-its Delaunay triangulation in the square's plane (what MATLAB's scatteredInterpolant does), and the
-square is cut out after. Before it, the use-face is told from the rest of the stone, since a closed
-mesh has two sheets over each x, y. The faces themselves, pierced along the normal, give the heights
-a second time, without any interpolation: a check of the first.
+As in the paper: the cloud of vertices is cropped larger than the square and interpolated linearly
+over its Delaunay triangulation in the square's plane (MATLAB's scatteredInterpolant does the same);
+then the square is cut out. Before that, the use-face is told from the rest of the stone: the normal
+through a point of the square meets a closed mesh twice, a hollow or damaged one more often.
 """
 
 import logging
@@ -15,21 +14,26 @@ import xarray as xr
 
 from gstlib.errors import InputError
 from gstlib.preprocess.frame import Frame
-from gstlib.preprocess.sheet import SAME_VERTEX, crop_mesh, find_use_face, pierce
 from gstlib.surface import axis_coordinates, make_surface
 
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Frame", "grid_both_ways", "grid_mesh"]
+__all__ = ["grid_mesh"]
 
 _log = logging.getLogger(__name__)
 
-# ASSUME: holes of the mesh up to this share of the square are bridged by the interpolation, as the
-# paper's would; they are pin-holes of the scanner.
+# ASSUME: holes of the mesh up to this share of the square are pin-holes of the scanner. They are
+# bridged by the interpolation, as the paper's would be.
 _BRIDGED_SHARE = 1e-2
-# ASSUME: overhangs up to this share of the square are specks of the scanner and let pass.
+# ASSUME: overhangs up to this share of the square are specks of the scanner and are accepted.
 _FOLDED_SHARE = 1e-3
+# Heights of one element that differ by less (mm) are one: the element lies on an edge.
+_SAME_HEIGHT = 1e-6
+# A mesh whose area vectors cancel to this share is closed, but for pin-holes: scanners leave some.
+_CLOSED = 0.01
+# A face seen edge-on (area in mm²) covers nothing.
+_EDGE_ON = 1e-12
 
 
 def grid_mesh(
@@ -41,15 +45,18 @@ def grid_mesh(
     margin_mm: float,
     source: str = "mesh",
 ) -> xr.DataArray:
-    """Heights of the use-face over the analysed square, interpolated as in the paper.
+    """Heights of the use-face over the analysed square.
+
+    The faces near the square fall into bodies that hang together, each with an upper and a lower
+    side. Of the sides that cover most of the square, the use-face is the nearest to its plane.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh
-        The stone, mm; closed, or an open sheet whose faces look out of the stone.
+        The stone, mm, its equal vertices merged; closed, or an open sheet whose faces look out of
+        the stone. A closed one that is inside out is turned.
     frame : Frame
-        The square's frame. Its origin need not touch the surface, but if several sheets look
-        outwards over the square, the one nearest to its plane is the use-face.
+        The square's frame. Its origin need not touch the surface.
     size_mm : float
         Side of the square.
     shape : (ny, nx)
@@ -72,117 +79,106 @@ def grid_mesh(
         The square misses the stone or sticks out of it, the mesh folds over within the square, or
         its faces look into the stone.
     """
-    return grid_both_ways(
-        mesh, frame, size_mm=size_mm, shape=shape, margin_mm=margin_mm, source=source
-    ).height
+    from scipy.interpolate import LinearNDInterpolator
+    from trimesh.graph import connected_component_labels
 
-
-def grid_both_ways(
-    mesh: "trimesh.Trimesh",
-    frame: Frame,
-    *,
-    size_mm: float,
-    shape: tuple[int, int],
-    margin_mm: float,
-    source: str = "mesh",
-) -> xr.Dataset:
-    """Heights of the use-face, interpolated and pierced.
-
-    Parameters and errors are those of `grid_mesh`.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``height``, as `grid_mesh` gives it, and ``pierced``: the same heights (mm) where the normal
-        through an element's centre meets the mesh's own faces, NaN where there is none (a hole);
-        its attribute ``mesh_points`` is the number of those faces' corners.
-    """
-    points = frame.to_frame(mesh.vertices)
-    crop = crop_mesh(mesh, points, size_mm=size_mm, margin_mm=margin_mm, source=source)
-    ny, nx = shape
+    vertices = frame.to_frame(mesh.vertices)
+    corners = vertices[:, :2][mesh.faces]
+    near = (corners.min(axis=1) <= size_mm + margin_mm) & (corners.max(axis=1) >= -margin_mm)
+    used, inverse = np.unique(mesh.faces[near.all(axis=1)], return_inverse=True)
+    points, faces = vertices[used], inverse.reshape(-1, 3)
     y, x = np.meshgrid(
-        axis_coordinates(ny, size_mm / ny), axis_coordinates(nx, size_mm / nx), indexing="ij"
+        *(axis_coordinates(count, size_mm / count) for count in shape), indexing="ij"
     )
-    hits = pierce(crop, x.ravel(), y.ravel())
-    body, up = find_use_face(crop, hits, source)
-    if not up:
+    a, b, c = (points[faces[:, k], :2] for k in range(3))
+    areas = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])  # > 0: look up
+    place, face, height = _ray_heights(points, faces, np.abs(areas) > _EDGE_ON, x, y)
+    if len(face) == 0:
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        raise InputError(
+            source,
+            f"no part of the mesh lies over the square: in the square's frame the mesh spans "
+            f"x {low[0]:.4g} to {high[0]:.4g} and y {low[1]:.4g} to {high[1]:.4g} mm, the square "
+            f"0 to {size_mm:g} mm",
+            "Check inputs.mesh_unit and square.frame in the config.",
+        )
+    body = connected_component_labels(faces[:, [0, 1, 1, 2]].reshape(-1, 2), len(points))
+    side = 2 * body[faces[:, 0]] + (_orientation(mesh) * areas > 0)
+    hit = side[face]
+    cover = np.bincount(hit)
+    # Specks, flaps and the inside of a hollow scan are no candidates.
+    candidates = np.flatnonzero(cover >= 0.5 * cover.max())
+    use_face = min(candidates, key=lambda one: abs(float(np.median(height[hit == one]))))
+    if use_face % 2 == 0:
         raise InputError(
             source,
             "the mesh's faces over the square look against the frame's normal",
-            "Turn square.frame.normal in the config if it points into the stone; else turn the "
+            "If square.frame's normal points into the stone, turn it, or exchange points 2 and 3 "
+            "of points_mm (they turn anticlockwise as one looks at the stone); if not, turn the "
             "mesh's faces.",
         )
-    kept = crop.up & body
-    hits = hits.keep(kept)
-    pierced = hits.highest(x.size)
-    _check_single_valued(pierced - hits.lowest(x.size), x.ravel(), y.ravel(), source)
-    pierced = np.where(np.isfinite(pierced), pierced, np.nan).reshape(shape)
-    used = np.unique(crop.faces[kept])
-    heights = _interpolate(crop.points[used], x, y, source)
-    _check_coverage(np.isnan(heights), np.isnan(pierced), x, y, source)
-    spacing = (size_mm / ny, size_mm / nx)
-    return xr.Dataset(
-        {
-            "height": make_surface(
-                heights,
-                spacing,
-                long_name="height of the use-face",
-                mesh_points=len(used),
-                mesh_edge_mm=_mean_edge(crop.points, crop.faces[kept]),
-            ),
-            "pierced": make_surface(
-                pierced,
-                spacing,
-                long_name="height of the use-face's faces",
-                mesh_points=len(np.unique(crop.faces[hits.face])),
-            ),
-        }
-    )
-
-
-def _check_single_valued(step: np.ndarray, x, y, source) -> None:
-    """Refuse a use-face that folds over: several heights, `step` apart, at one element."""
-    folded = step > SAME_VERTEX
-    if folded.sum() > _FOLDED_SHARE * x.size:
+    place, height = place[hit == use_face], height[hit == use_face]
+    lowest, highest = np.full(shape, np.nan), np.full(shape, np.nan)
+    np.fmin.at(lowest.reshape(-1), place, height)
+    np.fmax.at(highest.reshape(-1), place, height)
+    folded, bare = highest - lowest > _SAME_HEIGHT, np.isnan(highest)
+    if folded.mean() > _FOLDED_SHARE:
         raise InputError(
             source,
             f"the mesh folds over within the square: {_describe(folded, x, y)} has two heights, "
-            f"up to {step.max():.3g} mm apart",
+            f"up to {np.nanmax(highest - lowest):.3g} mm apart",
             "Turn square.frame so that it looks at the use-face squarely, move it, or repair the "
             "mesh.",
         )
-    if folded.any():
-        _log.warning("the mesh folds over in specks: %s", _describe(folded, x, y))
-
-
-def _interpolate(points: np.ndarray, x: np.ndarray, y: np.ndarray, source: str) -> np.ndarray:
-    """Linear interpolation of scattered heights at (x, y), NaN outside their hull."""
-    from scipy.interpolate import LinearNDInterpolator
-    from scipy.spatial import QhullError
-
-    try:
-        return LinearNDInterpolator(points[:, :2], points[:, 2])(x, y)
-    except (QhullError, ValueError) as error:
-        raise InputError(
-            source,
-            f"its {len(points)} vertices over the square cannot be triangulated",
-            "Repair the mesh, or move square.frame.",
-        ) from error
-
-
-def _check_coverage(outside, bare, x, y, source) -> None:
-    """Refuse a square that sticks out of the mesh (NaN) or lies over a large hole of it."""
-    if outside.any() or bare.mean() > _BRIDGED_SHARE:
-        missing = outside | bare
+    cloud = points[np.unique(faces[side == use_face])]
+    heights = LinearNDInterpolator(cloud[:, :2], cloud[:, 2])(x, y)
+    if np.isnan(heights).any() or bare.mean() > _BRIDGED_SHARE:
         raise InputError(
             source,
             f"the square sticks out of the mesh, or the mesh has a hole: there is no use-face in "
-            f"{_describe(missing, x, y)}",
-            "Move square.frame in the config, make square.size_mm smaller, or repair the mesh "
-            "(holes, and faces turned inside out).",
+            f"{_describe(np.isnan(heights) | bare, x, y)}",
+            "Move square.frame in the config, make square.size_mm smaller, check inputs.mesh_unit, "
+            "or repair the mesh (holes, and faces turned inside out).",
         )
     if bare.any():
         _log.warning("holes of the mesh were bridged: %s", _describe(bare, x, y))
+    triangles = points[faces[side == use_face]]
+    edges = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2)
+    return make_surface(
+        heights,
+        [size_mm / count for count in shape],
+        long_name="height of the use-face",
+        mesh_points=len(cloud),
+        mesh_edge_mm=float(edges.mean()),
+    )
+
+
+def _orientation(mesh: "trimesh.Trimesh") -> int:
+    """+1, or -1 for a closed mesh that is inside out (negative volume)."""
+    areas = mesh.triangles_cross
+    closed = np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum()
+    # from its middle, so that pin-holes far from the origin count little
+    if closed and ((mesh.triangles_center - mesh.bounds.mean(axis=0)) * areas).sum() < 0:
+        _log.warning("the mesh is inside out (its volume is negative): its faces were turned")
+        return -1
+    return 1
+
+
+def _ray_heights(
+    points: np.ndarray, faces: np.ndarray, seen: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where normals through (x, y) meet the faces `seen`: place, face and z (mm) of each hit."""
+    # trimesh's rays miss hits on shared edges or count them twice, and need packages of their own.
+    import shapely
+
+    x, y, numbers = x.ravel(), y.ravel(), np.flatnonzero(seen)
+    triangles = points[faces[numbers]]
+    tree = shapely.STRtree(shapely.polygons(triangles[:, [0, 1, 2, 0], :2]))
+    place, hit = tree.query(shapely.points(x, y), predicate="intersects")
+    a, b, c = (triangles[hit, k] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    rise = normal[:, 0] * (x[place] - a[:, 0]) + normal[:, 1] * (y[place] - a[:, 1])
+    return place, numbers[hit], a[:, 2] - rise / normal[:, 2]
 
 
 def _describe(mask: np.ndarray, x: np.ndarray, y: np.ndarray) -> str:
@@ -191,9 +187,3 @@ def _describe(mask: np.ndarray, x: np.ndarray, y: np.ndarray) -> str:
         f"{100 * mask.mean():.3g} % of the square (x {x[mask].min():.3g} to {x[mask].max():.3g}, "
         f"y {y[mask].min():.3g} to {y[mask].max():.3g} mm)"
     )
-
-
-def _mean_edge(points: np.ndarray, faces: np.ndarray) -> float:
-    """Mean length (mm) of the faces' edges."""
-    corners = points[faces]
-    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())

@@ -1,4 +1,4 @@
-"""The best-fit plane of a surface, by ordinary least squares on the heights, and its removal."""
+"""The least-squares plane of a surface, and its removal."""
 
 import math
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import xarray as xr
 
 from gstlib.errors import InputError
 
-__all__ = ["Plane", "fit_plane", "remove_plane"]
+__all__ = ["Plane", "remove_plane"]
 
 
 @dataclass(frozen=True)
@@ -37,36 +37,36 @@ class Plane:
         """Angle of the plane along y, mrad, positive where it rises with y."""
         return 1e3 * math.atan(self.slope_y)
 
-    def heights(self, surface: xr.DataArray) -> xr.DataArray:
-        """The plane's heights, mm, on the grid of `surface`."""
+    def heights(self, surface: xr.DataArray) -> np.ndarray:
+        """The plane's heights (ny, nx), mm, on the grid of `surface`."""
         y, x = _centred(surface)
-        return xr.DataArray(
-            self.offset + self.slope_y * y[:, None] + self.slope_x * x, coords=surface.coords
-        )
+        return self.offset + self.slope_y * y[:, None] + self.slope_x * x
 
 
-def fit_plane(surface: xr.DataArray, mask: xr.DataArray | np.ndarray | None = None) -> Plane:
-    """Least-squares plane of a surface.
+def remove_plane(surface: xr.DataArray) -> tuple[xr.DataArray, Plane]:
+    """Take the least-squares plane of the measured heights out of a surface.
 
     Parameters
     ----------
     surface : (ny, nx) xarray.DataArray
         Heights, mm; NaN are left out.
-    mask : (ny, nx) array of bool, optional
-        Elements to fit; all measured ones by default.
+
+    Returns
+    -------
+    level : (ny, nx) xarray.DataArray
+        The surface less its plane.
+    plane : Plane
 
     Raises
     ------
     InputError
-        Fewer than three elements, or none off one line, are left to fit.
+        Fewer than three points are measured, or they are all on one line.
     """
     used = np.isfinite(surface.values)
-    if mask is not None:
-        used &= np.asarray(mask, dtype=bool)
     y, x = _centred(surface)
-    count = used.sum()
-    # Sums along rows and columns do, without a matrix of all the points. Centring on the points
-    # fitted keeps the two slopes apart from the offset, and the sums free of cancellation.
+    count = int(used.sum())
+    # Sums along rows and columns avoid a matrix of all the points. Centring on the fitted points
+    # separates the two slopes from the offset, and keeps the sums free of cancellation.
     per_row, per_column = used.sum(axis=1), used.sum(axis=0)
     y_mean, x_mean = _dot(per_row, y) / max(count, 1), _dot(per_column, x) / max(count, 1)
     dy, dx = y - y_mean, x - x_mean
@@ -78,29 +78,22 @@ def fit_plane(surface: xr.DataArray, mask: xr.DataArray | np.ndarray | None = No
     if not determinant > 1e-12 * (yy + xx) ** 2:
         raise InputError(
             surface.attrs.get("file", "surface"),
-            f"a plane cannot be fitted to {int(count)} measured points on one line",
+            f"a plane cannot be fitted to {count} measured points on one line",
             "Measure the patch again.",
         )
     zy, zx = _dot(dy, z.sum(axis=1)), _dot(dx, z.sum(axis=0))
     slope_y, slope_x = (xx * zy - xy * zx) / determinant, (yy * zx - xy * zy) / determinant
     offset = z_mean - slope_y * y_mean - slope_x * x_mean
-    return Plane(float(offset), float(slope_y), float(slope_x))
-
-
-def remove_plane(
-    surface: xr.DataArray, mask: xr.DataArray | np.ndarray | None = None
-) -> tuple[xr.DataArray, Plane]:
-    """The surface without its least-squares plane (fitted on `mask`), and the plane."""
-    plane = fit_plane(surface, mask)
-    return surface.copy(data=surface.values - plane.heights(surface).values), plane
+    plane = Plane(float(offset), float(slope_y), float(slope_x))
+    return surface.copy(data=surface.values - plane.heights(surface)), plane
 
 
 def _dot(one: np.ndarray, other: np.ndarray) -> float:
-    """Σ one·other, without BLAS: its sums differ in their last bits from run to run."""
+    """Σ one·other without BLAS, whose sums differ in their last bits from run to run."""
     return float(np.einsum("i,i->", one, other))
 
 
 def _centred(surface: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates (mm) from the centre of the grid."""
+    """Coordinates y and x (mm) from the centre of the grid."""
     y, x = surface.y.values, surface.x.values
     return y - (y[0] + y[-1]) / 2, x - (x[0] + x[-1]) / 2

@@ -1,17 +1,21 @@
-"""From a scan as measured to a surface ready for contact, the same way for both epochs."""
+"""From a scan as measured to a surface ready for contact, the same way at both epochs."""
 
 import numpy as np
 import xarray as xr
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+from scipy.ndimage import binary_dilation
+from scipy.spatial import QhullError
 
-from gstlib.errors import ConfigError
-from gstlib.preprocess.filling import fill_unmeasured, interpolate_holes
+from gstlib.errors import InputError
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.preprocess.mould import unmould
-from gstlib.preprocess.outliers import RULES, median_outliers, window_outliers
+from gstlib.preprocess.outliers import median_outliers, window_outliers
 
-__all__ = ["prepare_scan"]
+__all__ = ["check_unmeasured", "interpolate_holes", "prepare_scan"]
 
 _MM_TO_UM = 1e3
+
+# ASSUME: once a mould is undone, rows of a scan run along the square's +y and columns along its +x,
+# up to the patch's rotation. The paper says which axis is flipped, not how the instrument lies.
 
 
 def prepare_scan(
@@ -26,96 +30,90 @@ def prepare_scan(
     outlier_median_half_width: int = 3,
     outlier_median_threshold: float = 5.0,
 ) -> xr.Dataset:
-    """Un-mould a scan, find its outliers, replace them and what is unmeasured, and level it.
-
-    The outliers of both rules are found, whichever replaces points, so that they can be compared.
+    """Undo the mould, find the outliers, replace them and the unmeasured points, and level.
 
     Parameters
     ----------
     raw : (ny, nx) xarray.DataArray
         Heights as measured, mm, NaN where unmeasured.
-    mould_invert, mould_flip
-        As `invert` and `flip_axis` of `unmould`.
+    mould_invert : bool
+        Whether to change the sign of the heights: a mould is a negative.
+    mould_flip : {"x", "y", None}
+        Axis along which the map is mirrored, for a mould is seen from the other side.
     maximum_unmeasured : float
         Largest share (0 to 1) of unmeasured points accepted.
     outlier_half_width, outlier_share
-        As in `window_outliers`.
+        See `window_outliers`.
     outlier_rule : {"window", "median"}
-        The rule whose outliers are replaced.
     outlier_median_half_width, outlier_median_threshold
-        As in `median_outliers`.
+        See `median_outliers`.
 
     Returns
     -------
     xarray.Dataset
-        ``height`` (y, x) mm, level, without NaN; ``filled``, ``outlier`` (replaced),
-        ``outlier_window`` and ``outlier_median`` (found by each rule), all (y, x) bool.
+        ``height`` (y, x), mm, level, without NaN; ``filled`` and ``outlier`` (replaced), (y, x)
+        bool; ``measured`` (y, x), mm, the heights before all of this, the mould undone.
         Attributes: ``points``, ``unmeasured``, ``filled``, ``outliers`` (counts),
         ``unmeasured_share`` and ``outlier_share`` (of all points), ``outlier_rule``, ``outlier_k``
-        (its threshold), ``outliers_window``, ``outliers_median``, ``outliers_both`` (counts),
-        ``outlier_k_window``, ``outlier_k_median``, ``outlier_scale_um`` (of `median_outliers`),
+        (its threshold), ``outlier_scale_um`` (of `median_outliers`, with that rule only),
         ``tilt_x_mrad``, ``tilt_y_mrad`` (of the plane removed), ``Sq_before_um`` (r.m.s. of the
         measured heights about their mean) and ``Sq_after_um`` (of the prepared ones),
-        ``highest_before_um`` and ``highest_after_um`` (highest point above the measured and the
-        prepared heights' own plane), and the raw scan's own texts.
+        ``highest_before_um`` and ``highest_after_um`` (highest point above the plane of the
+        measured and of the prepared heights), and the raw scan's own texts.
 
     Raises
     ------
-    ConfigError
-        There is no such rule.
     InputError
         Too many points are unmeasured.
     """
-    if outlier_rule not in RULES:
-        raise ConfigError(
-            "preprocessing.outlier_rule", f"is '{outlier_rule}'", f"One of: {', '.join(RULES)}."
+    check_unmeasured(raw, maximum_unmeasured)
+    heights = raw.values if mould_flip is None else np.flip(raw.values, raw.dims.index(mould_flip))
+    stone = raw.copy(data=-heights if mould_invert else heights)
+    unmeasured = ~np.isfinite(stone.values)
+    of_rule = {}
+    if outlier_rule == "window":
+        # The paper's windows are full. A spike beside a hole spreads into what is filled here, so
+        # the filling is made anew from the good points once the outliers are known. (Of the
+        # generated specimen's 131 050 filled points, 852 were more than 3 robust standard
+        # deviations too high without this, 5 with it.)
+        outlier, threshold = window_outliers(
+            stone.copy(data=interpolate_holes(stone.values, unmeasured)),
+            half_width=outlier_half_width,
+            share=outlier_share,
+            measured=~unmeasured,
         )
-    stone = unmould(raw, invert=mould_invert, flip_axis=mould_flip)
-    # Filled so that the paper's windows are full. What is filled is no outlier, but a spike beside
-    # a hole has spread into it: the filling is made anew, from the good points only, once the
-    # outliers are known. (Of the generated specimen's 131 050 filled points, 852 stood more than 3
-    # robust standard deviations too high without this, 5 with it.)
-    whole, filled = fill_unmeasured(stone, maximum_share=maximum_unmeasured)
-    by_window, k = window_outliers(
-        whole, half_width=outlier_half_width, share=outlier_share, measured=~filled.values
-    )
-    by_median, scale = median_outliers(
-        stone, half_width=outlier_median_half_width, threshold=outlier_median_threshold
-    )
-    found = {"window": by_window, "median": by_median}
-    thresholds = {"window": k, "median": outlier_median_threshold}
-    outlier = found[outlier_rule]
+    else:
+        threshold = outlier_median_threshold
+        outlier, scale = median_outliers(
+            stone, half_width=outlier_median_half_width, threshold=threshold
+        )
+        of_rule["outlier_scale_um"] = _MM_TO_UM * scale
     # ASSUME: an outlier, like an unmeasured point, gets the value interpolated linearly from the
-    # points around it that are neither; a mean over the window would stand off its neighbours on
-    # any slope.
-    clean = stone.copy(data=interpolate_holes(stone.values, filled.values | outlier))
+    # good points around it. On a slope, a mean over the window would differ from its neighbours.
+    clean = stone.copy(data=interpolate_holes(stone.values, unmeasured | outlier))
     level, plane = remove_plane(clean)
     level.attrs = {"units": "mm", "long_name": "height of the stone, level"}
-    masks = {
-        "filled": (filled.values, "unmeasured, filled from around it"),
-        "outlier": (outlier, "outlier, replaced from around it"),
-    } | {f"outlier_{rule}": (found[rule], f"outlier by the {rule} rule") for rule in RULES}
     texts = {name: value for name, value in raw.attrs.items() if name not in ("units", "long_name")}
+    masks = {
+        name: (level.dims, mask, {"units": "1", "long_name": f"{long_name} from around it"})
+        for name, mask, long_name in (
+            ("filled", unmeasured, "unmeasured, filled"),
+            ("outlier", outlier, "outlier, replaced"),
+        )
+    }
     return xr.Dataset(
-        {"height": level}
-        | {
-            name: (level.dims, mask, {"units": "1", "long_name": long_name})
-            for name, (mask, long_name) in masks.items()
-        },
+        {"height": level, **masks, "measured": stone},
         attrs={
             **texts,
             "points": level.size,
-            "unmeasured": int(np.count_nonzero(~np.isfinite(raw.values))),
-            "unmeasured_share": float(filled.mean()),
-            "filled": int(filled.sum()),
+            "unmeasured": int(unmeasured.sum()),
+            "unmeasured_share": float(unmeasured.mean()),
+            "filled": int(unmeasured.sum()),
             "outlier_rule": outlier_rule,
             "outliers": int(outlier.sum()),
-            "outlier_k": thresholds[outlier_rule],
+            "outlier_k": threshold,
             "outlier_share": float(outlier.mean()),
-            **{f"outliers_{rule}": int(found[rule].sum()) for rule in RULES},
-            "outliers_both": int(np.count_nonzero(by_window & by_median)),
-            **{f"outlier_k_{rule}": thresholds[rule] for rule in RULES},
-            "outlier_scale_um": _MM_TO_UM * scale,
+            **of_rule,
             "tilt_x_mrad": plane.tilt_x_mrad,
             "tilt_y_mrad": plane.tilt_y_mrad,
             "Sq_before_um": _MM_TO_UM * float(np.nanstd(raw.values)),
@@ -124,3 +122,41 @@ def prepare_scan(
             "highest_after_um": _MM_TO_UM * float(level.max()),
         },
     )
+
+
+def check_unmeasured(surface: xr.DataArray, maximum_share: float) -> None:
+    """Refuse a surface of which more than a share (0 to 1), or all, is NaN.
+
+    Raises
+    ------
+    InputError
+    """
+    holes = np.isnan(surface.values)
+    if holes.all() or holes.mean() > maximum_share:
+        raise InputError(
+            surface.attrs.get("file", "scan"),
+            f"{100 * holes.mean():.3g} % of the points are unmeasured ({holes.sum()} of "
+            f"{holes.size}), more than the limit of {100 * maximum_share:g} %",
+            "Measure the patch again, leave it out of the patch table, or raise "
+            "preprocessing.maximum_unmeasured in the config.",
+        )
+
+
+def interpolate_holes(heights: np.ndarray, holes: np.ndarray) -> np.ndarray:
+    """Replace heights linearly from the points around each hole, in corners by the nearest point.
+
+    The points that touch a hole fence it. Neighbours a grid step apart are joined in any Delaunay
+    triangulation of lattice points, so every triangle over a hole has its corners on that hole's
+    own fence, and only the fences have to be triangulated.
+    """
+    result = heights.copy()
+    fence = np.argwhere(binary_dilation(holes, np.ones((3, 3))) & ~holes)
+    known = heights[tuple(fence.T)]
+    try:
+        result[holes] = LinearNDInterpolator(fence, known)(np.argwhere(holes))
+    except (QhullError, ValueError):  # no points, or all on one line
+        result[holes] = np.nan
+    rest = np.isnan(result)
+    if rest.any():
+        result[rest] = NearestNDInterpolator(fence, known)(np.argwhere(rest))
+    return result
