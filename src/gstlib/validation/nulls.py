@@ -1,15 +1,20 @@
-"""How well would a prediction agree by chance? The same map, laid elsewhere on the patch.
+"""How well would a prediction agree by chance? The same map, shifted over the patch.
 
-Wear and contact both come in patches, so that points are no independent trials and a test that
-takes them for such finds significance everywhere. The null keeps both textures and breaks only
-their alignment: the prediction is shifted over the patch as over a torus, what leaves at one edge
-coming in at the other, and scored where T1 lies over T0 (as the torus-translation test of ecology:
-Harms et al. 2001, J. Ecol. 89:947). Sums over the points for all shifts at once are circular
-cross-correlations, by FFT.
+Wear and contact both come in clusters, so points are no independent trials, and a test that takes
+them as such finds significance everywhere. The null model keeps both textures and breaks only
+their alignment: the prediction is shifted over the patch as over a torus, and scored where T1
+covers T0 (the torus-translation test of ecology: Harms et al. 2001, J. Ecol. 89:947). Sums over
+the points for all shifts at once are circular cross-correlations, computed by FFT.
 
-Limits: the wrapped edge is a seam that no surface has; both maps are taken to have the same
-statistics all over the patch, which a ramp of wear from one side to the other would break; and a
-patch a few autocorrelation lengths wide has few placements that differ.
+What leaves the patch at one edge re-enters at the opposite one, which breaks waves as long as the
+patch: they agree less, in either direction, than they can in place. The variance of the agreement
+of two unrelated fields follows from their autocorrelations (Clifford, Richardson and Hémon 1989,
+Biometrics 45:123). Taken with and without the wrap-around, it gives the factor by which the scores
+of the shifts spread too little.
+
+Limits: both maps are assumed to have the same statistics all over the patch, which a ramp of wear
+from one side to the other would break; and a patch only a few correlation lengths wide has few
+shifts that differ.
 """
 
 import math
@@ -18,186 +23,97 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.fft
 
-from gstlib.validation.scores import (
-    fractions_skill_of_sums,
-    mask_scores_of_counts,
-    rank_scores_of_counts,
-)
+from gstlib.validation.scores import CONTACT, Comparison, rank_levels, scores_of_sums
 
-__all__ = [
-    "correlation_length",
-    "draw_shifts",
-    "levels_of",
-    "p_value",
-    "shifted_fractions_skill",
-    "shifted_mask_scores",
-    "shifted_rank_scores",
-]
+__all__ = ["correlation_length", "null_scores", "p_value"]
 
-# ASSUME: the autocorrelation length is where the autocorrelation, averaged over all directions, has
-# fallen to 1/e. Shifts further than that of the loss are chance: tests with them claim as often as
-# they say on random fields with one correlation length.
-_GONE = math.exp(-1)
+# ASSUME: the correlation length is where the autocorrelation, averaged over all directions, has
+# fallen to 1/e. Shifts beyond that of the loss count as chance: on random fields with one
+# correlation length, tests with them reject as often as their level says.
+_DECAYED = math.exp(-1)
+# ASSUME: autocorrelations are used up to half the patch's shorter side: few pairs of points are
+# further apart, and their products are hardly known.
+_FARTHEST = 0.5
+_LEVELS = 32
 # Scores of the same counts may differ by rounding; they are ties.
 _TIE = 1e-9
+
+
+def null_scores(
+    comparison: Comparison, *, beyond_mm: float, shifts: int, generator: np.random.Generator
+) -> dict[str, np.ndarray]:
+    """Every score of the contact, shifted over the patch: arrays (1 + shifts,).
+
+    The shifts, none twice, are longer than `beyond_mm`, the correlation length of the loss (any for
+    NaN, without loss); fewer on a patch that has not so many. The first value belongs to no shift.
+    The others, where above their mean, are stretched from it by the wrap-around factor. Those below
+    stay: where most shifts hit nothing at all, a patch that hits nothing either would otherwise be
+    better than they are. Ranks are taken in levels, so that rank scores differ a little from exact
+    ones.
+    """
+    contact, loss, valid = comparison.predictions[CONTACT], comparison.loss, comparison.valid
+    far = np.argwhere(_torus_distance(valid.shape, comparison.spacing) > np.nan_to_num(beyond_mm))
+    if len(far) > shifts:
+        far = far[np.sort(generator.choice(len(far), shifts, replace=False))]
+    rows, columns = np.vstack([[0, 0], far]).T
+
+    def sums(moved: np.ndarray, *spectra: np.ndarray) -> list[np.ndarray]:
+        """Sums over the points of a field, shifted, times each fixed one, by its transform."""
+        spectrum = np.conj(scipy.fft.rfft2(moved))
+        return [scipy.fft.irfft2(spectrum * fixed, moved.shape)[rows, columns] for fixed in spectra]
+
+    shares = np.where(valid, comparison.loss_shares, 0)
+    of_loss, of_valid, of_shares = (scipy.fft.rfft2(1.0 * each) for each in (loss, valid, shares))
+    hits, predicted = np.rint(sums(1.0 * contact.mask, of_loss, of_valid))
+    (product,) = sums(contact.shares, of_shares)
+    (squares,) = sums(np.square(contact.shares), of_valid)
+    assert contact.ranking is not None  # only rivals may lack one
+    levels = rank_levels(contact.ranking, _LEVELS)
+    # single precision: the sums are whole numbers, far below its 7 digits
+    spectra = [scipy.fft.rfft2(mask.astype(np.float32)) for mask in (loss, valid)]
+    of_levels = [
+        sums((levels == level).astype(np.float32), *spectra)
+        for level in range(int(levels.max()) + 1)
+    ]
+    events, points = np.rint(np.stack(of_levels, axis=-1))
+    scores = scores_of_sums(
+        (hits, predicted, loss.sum(), valid.sum()),
+        (product, squares, np.square(shares).sum()),
+        (events, points - events),
+    )
+    # ASSUME: the wrap-around narrows every score as it does the sum of products it is made of.
+    of_mask, of_ranks = _wrap_around_factors([contact.mask, levels], loss, valid)
+    for name, values in scores.items():
+        factor = of_ranks if name in ("roc_auc", "pr_auc") else of_mask
+        known = values[1:][np.isfinite(values[1:])]
+        mean = known.mean() if known.size else math.nan
+        values[1:] += (factor - 1) * np.maximum(values[1:] - mean, 0)
+    return scores
 
 
 def correlation_length(field: np.ndarray, valid: np.ndarray, spacing: Sequence[float]) -> float:
     """Distance (mm) at which the autocorrelation of a field, over all directions, falls to 1/e.
 
-    Parameters
-    ----------
-    field : (ny, nx) array_like
-    valid : (ny, nx) array_like of bool
-        Where the field is known.
-    spacing : (dy, dx)
-        mm.
-
-    Returns
-    -------
-    float
-        Linearly interpolated; infinite if it never falls so low within half of the field, NaN for
-        a constant field.
+    Linearly interpolated; infinite if it never falls so low within half of the field (ny, nx), NaN
+    for a constant field.
     """
-    valid = np.asarray(valid, dtype=bool)
-    field = np.where(valid, np.asarray(field, dtype=float), 0)
-    centred = np.where(valid, field - field[valid].mean(), 0) if valid.any() else field
+    centred = _centred(field, valid)
     if not centred.any():
         return math.nan
-    shape = [scipy.fft.next_fast_len(2 * n, real=True) for n in field.shape]
-
-    def autocorrelation(values: np.ndarray) -> np.ndarray:
-        return scipy.fft.irfft2(np.abs(scipy.fft.rfft2(values, shape)) ** 2, shape)
-
-    pairs = np.rint(autocorrelation(valid.astype(float)))
-    distance = _distance(shape, spacing)
+    pairs = np.rint(_lagged_products(valid.astype(float)))
+    distance = _torus_distance(pairs.shape, spacing)
     step = max(spacing)
-    near = (distance <= min(n * d for n, d in zip(field.shape, spacing, strict=True)) / 2) & (
-        pairs > 0
-    )
+    longest = min(n * d for n, d in zip(valid.shape, spacing, strict=True)) / 2
+    near = (distance <= longest) & (pairs > 0)
     ring = np.rint(distance[near] / step).astype(int)
-    products = np.bincount(ring, weights=autocorrelation(centred)[near])
+    products = np.bincount(ring, weights=_lagged_products(centred)[near])
     mean = products / np.bincount(ring, weights=pairs[near])
     correlation = mean / mean[0]
-    low = np.flatnonzero(correlation < _GONE)
+    low = np.flatnonzero(correlation < _DECAYED)
     if not low.size:
         return math.inf
-    first = low[0]
-    before, after = correlation[first - 1 : first + 1]
-    return float((first - 1 + (before - _GONE) / (before - after)) * step)
-
-
-def draw_shifts(
-    shape: Sequence[int],
-    spacing: Sequence[float],
-    *,
-    beyond: float,
-    count: int,
-    generator: np.random.Generator,
-) -> np.ndarray:
-    """Random shifts over the torus, further than `beyond` (mm) from no shift, none twice.
-
-    Returns
-    -------
-    (n, 2) ndarray of int
-        Shifts (y, x) in elements; all there are if these are fewer than `count`.
-    """
-    far = np.argwhere(_distance(shape, spacing) > beyond)
-    if len(far) <= count:
-        return far
-    return far[np.sort(generator.choice(len(far), count, replace=False))]
-
-
-def shifted_mask_scores(
-    predicted: np.ndarray, observed: np.ndarray, valid: np.ndarray, shifts: np.ndarray
-) -> dict[str, np.ndarray]:
-    """Mask scores of a prediction laid elsewhere.
-
-    Parameters
-    ----------
-    predicted, observed, valid : (ny, nx) array_like of bool
-        The prediction, known everywhere; what was seen, and where.
-    shifts : (n, 2) array_like of int
-        Where to lay the prediction, in elements (y, x).
-
-    Returns
-    -------
-    dict
-        For each score the values over the shifts, shape (n,).
-    """
-    observed, valid = np.asarray(observed, dtype=bool), np.asarray(valid, dtype=bool)
-    seen = observed & valid
-    hits, marked = np.rint(_sums_over_shifts(predicted, [seen, valid], shifts))
-    return mask_scores_of_counts(hits, marked, seen.sum(), valid.sum())
-
-
-def shifted_fractions_skill(
-    predicted: np.ndarray, observed: np.ndarray, valid: np.ndarray, shifts: np.ndarray
-) -> np.ndarray:
-    """Fractions skill of a prediction laid elsewhere.
-
-    Parameters
-    ----------
-    predicted, observed : (ny, nx) array_like
-        Shares of the window around each point, as from `gstlib.validation.scores.fractions`.
-    valid : (ny, nx) array_like of bool
-        Where to compare.
-    shifts : (n, 2) array_like of int
-        Where to lay the prediction, in elements (y, x).
-
-    Returns
-    -------
-    (n,) ndarray
-    """
-    observed = np.where(valid, observed, 0)
-    (product,) = _sums_over_shifts(predicted, [observed], shifts)
-    (squares,) = _sums_over_shifts(np.square(predicted), [valid], shifts)
-    return fractions_skill_of_sums(product, squares, np.square(observed).sum())
-
-
-def shifted_rank_scores(
-    levels: np.ndarray, observed: np.ndarray, valid: np.ndarray, shifts: np.ndarray
-) -> dict[str, np.ndarray]:
-    """Rank scores of a ranking laid elsewhere.
-
-    Parameters
-    ----------
-    levels : (ny, nx) array_like of int
-        The ranking in levels, 0 the highest, as from `levels_of`.
-    observed, valid : (ny, nx) array_like of bool
-        What was seen, and where.
-    shifts : (n, 2) array_like of int
-        Where to lay the ranking, in elements (y, x).
-
-    Returns
-    -------
-    dict
-        For each score the values over the shifts, shape (n,).
-    """
-    levels = np.asarray(levels)
-    observed, valid = np.asarray(observed, dtype=bool), np.asarray(valid, dtype=bool)
-    # single precision: what is summed are whole numbers, far below its 7 digits
-    spectra = [_spectrum(mask.astype(np.float32)) for mask in (observed & valid, valid)]
-    counts = np.empty((2, len(shifts), int(levels.max()) + 1))
-    for level in range(counts.shape[-1]):
-        counts[..., level] = _sums_over_shifts(
-            (levels == level).astype(np.float32), spectra, shifts
-        )
-    events, points = np.rint(counts)
-    return rank_scores_of_counts(events, points - events)
-
-
-def levels_of(ranking: np.ndarray, count: int) -> np.ndarray:
-    """A ranking in about so many levels, 0 the highest, finer towards the top.
-
-    Half of the levels divide the highest tenth of the points, in equal steps of the logarithm of
-    the share above, the rest divides the others evenly: average precision is decided at the top.
-    """
-    ranking = np.asarray(ranking, dtype=float)
-    top = np.geomspace(10 / ranking.size, 0.1, count // 2, endpoint=False)
-    shares = np.r_[top, np.linspace(0.1, 1, count - count // 2, endpoint=False)]
-    edges = np.unique(np.quantile(ranking, 1 - shares))
-    return edges.size - np.searchsorted(edges, ranking, side="right")
+    before, after = correlation[low[0] - 1 : low[0] + 1]
+    return float((low[0] - 1 + (before - _DECAYED) / (before - after)) * step)
 
 
 def p_value(value: float, null: np.ndarray) -> float:
@@ -205,40 +121,52 @@ def p_value(value: float, null: np.ndarray) -> float:
 
     NaN without a value or a null; shifts at which the score is not defined are left out.
     """
-    null = np.asarray(null, dtype=float)
     null = null[np.isfinite(null)]
     if math.isnan(value) or not null.size:
         return math.nan
     return float((1 + (null >= value - _TIE).sum()) / (1 + null.size))
 
 
-def _distance(shape: Sequence[int], spacing: Sequence[float]) -> np.ndarray:
-    """Distance (mm) of every shift over a torus from no shift."""
+def _wrap_around_factors(
+    moved: Sequence[np.ndarray], fixed: np.ndarray, valid: np.ndarray
+) -> list[float]:
+    """By how much wrap-around narrows the sums of products of shifted fields with a fixed one.
+
+    For each of the `moved` fields, known everywhere, the standard deviation of the sum of products
+    with `fixed`, known where valid, without wrap-around over that with it; at least 1.
+    """
+    fixed = _centred(fixed, valid)
+    if not fixed.any():
+        return [1.0] * len(moved)
+    spectrum, of_fixed = scipy.fft.rfft2(fixed), _lagged_products(fixed)
+    near = _torus_distance(of_fixed.shape, (1, 1)) <= _FARTHEST * min(valid.shape)
+    lags = [np.minimum(np.arange(n), n - np.arange(n)) for n in of_fixed.shape]
+    pairs = np.outer(*(np.maximum(n - lag, 0) for n, lag in zip(valid.shape, lags, strict=True)))
+    weight = of_fixed[near] / pairs[near]
+    factors = []
+    for field in moved:
+        field = field - np.mean(field)
+        on_torus = scipy.fft.irfft2(np.conj(scipy.fft.rfft2(field)) * spectrum, valid.shape).std()
+        in_place = math.sqrt(max(float((_lagged_products(field)[near] * weight).sum()), 0.0))
+        factors.append(max(1.0, in_place / float(on_torus)) if on_torus > 0 else 1.0)
+    return factors
+
+
+def _centred(field: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """The field less its mean over the valid points; 0 where it is not known."""
+    return np.where(valid, field - field[valid].mean(), 0) if valid.any() else np.zeros(field.shape)
+
+
+def _lagged_products(field: np.ndarray) -> np.ndarray:
+    """Sum of the products of all pairs of points at each lag, without wrap-around."""
+    shape = [scipy.fft.next_fast_len(2 * n, real=True) for n in field.shape]
+    return scipy.fft.irfft2(np.abs(scipy.fft.rfft2(field, shape)) ** 2, shape)
+
+
+def _torus_distance(shape: Sequence[int], spacing: Sequence[float]) -> np.ndarray:
+    """Length (mm) of every shift over a torus."""
     y, x = (
         np.minimum(np.arange(n), n - np.arange(n)) * step
         for n, step in zip(shape, spacing, strict=True)
     )
     return np.hypot(y[:, None], x[None, :])
-
-
-def _spectrum(field: np.ndarray) -> np.ndarray:
-    return scipy.fft.rfft2(field if field.dtype == np.float32 else field.astype(float))
-
-
-def _sums_over_shifts(
-    moved: np.ndarray, fixed: Sequence[np.ndarray], shifts: np.ndarray
-) -> np.ndarray:
-    """Sums over the points of `moved`, shifted, times each of `fixed`: (fixed, shifts).
-
-    `fixed` holds fields or their spectra.
-    """
-    turned = np.conj(_spectrum(moved))
-    rows, columns = np.asarray(shifts).T
-    return np.stack(
-        [
-            scipy.fft.irfft2(
-                turned * (field if np.iscomplexobj(field) else _spectrum(field)), moved.shape
-            )[rows, columns]
-            for field in fixed
-        ]
-    )

@@ -1,257 +1,114 @@
-"""Where does the second measurement of a patch lie on the first one?
+"""Registration: how is the second measurement of a patch shifted and turned against the first?
 
-Between the two epochs the mould is taken anew and the scan is placed anew, so T1 is shifted against
-T0 by up to a good part of the field, turned by a little, tilted, noisy, and worn. Coarse: the
-shift is the peak of the normalised cross-correlation over the overlap (scikit-image, after Padfield
-2012, IEEE Trans. Image Process. 21:2706) of the band-passed heights; a self-affine surface is ruled
-by its longest waves, which fit anywhere within a field, so they are taken out first. Fine:
-Gauss-Newton least squares of the height difference in shift, rotation and plane, coarse to fine,
-with Tukey's biweight so that worn points do not pull (inverse-compositional alignment: Baker and
-Matthews 2004, Int. J. Comput. Vis. 56:221).
+A new mould and a new scan make T1 shifted against T0 by up to a good part of the field, turned a
+little, tilted, noisy, and worn. Coarse step: the shift is the peak of the normalised
+cross-correlation over the overlap (scikit-image, after Padfield 2012, IEEE Trans. Image Process.
+21:2706) of band-passed heights. The longest waves dominate a self-affine surface and match
+anywhere within a field, so they are removed first. Fine step: Gauss-Newton least squares of the
+height difference in shift, rotation and plane, coarse to fine, with Tukey's biweight so that worn
+points do not pull (inverse-compositional alignment: Baker and Matthews 2004, Int. J. Comput. Vis.
+56:221).
 
-The fine step is the project's own: no library fits shift, turn and tilt together and without the
-worn points. On scans of 512² points with wear, spikes and tilt it misses by 0.002 points in the
-median and 0.007 at most. With a loop around them that takes off the plane and masks what disagrees,
-SimpleITK misses by 0.003 and 0.017 at 16 times the CPU time, OpenCV by 0.005 and 0.027 at three
-times; pystackreg, which takes no mask, by 0.04 and 0.17 at the same (benchmarks/registration.py).
+The fine step is the project's own: no library fits shift, rotation and tilt together and without
+the worn points. SimpleITK, in a loop that removes the plane and masks outliers, comes close to its
+error of 0.002 points at 16 times the CPU time; OpenCV and pystackreg err by more
+(benchmarks/registration.py).
+
+Within this module, a pose is (y, x, turn): shift in elements from the corner of the reference to
+that of the moving surface, and rotation in radians.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import scipy.ndimage
 import xarray as xr
 
 from gstlib.errors import InputError
+from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import spacing_of
 
-__all__ = ["Registration", "apply_registration", "carry_mask", "register"]
+__all__ = ["Registration", "apply_registration", "least_squares", "register"]
 
-# The search runs on a grid of at most so many elements a side: its peak is good to a fraction of a
-# coarse element, which is within reach of the refinement.
+# The search runs on a grid of at most this many elements a side: its peak is good to a fraction of
+# a coarse element, which the refinement can repair.
 _SEARCH_SIZE = 256
-# Band of the heights searched in: noise below this many elements is smoothed away, waves longer
-# than this share of the field are taken out.
+# Band of the heights for the search: noise below this many elements is smoothed away, waves longer
+# than this share of the field are removed.
 _NOISE_ELEMENTS = 1.5
 _LONGEST_SHARE = 1 / 24
-# A T1 that covers less of T0 is beyond reach: the smaller the overlap, the more fits by chance.
+# The smaller the overlap, the more matches by chance: less than this is not searched.
 _LEAST_OVERLAP = 0.25
-# Least correlation times the root of the overlap that chance does not reach.
+# Rotations (degrees) that the refinement may start from.
+_TURNS = 0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0
+# ASSUME: a registration is believed if the band-passed heights correlate by 0.5, and by 0.35 over
+# the root of the overlap: surfaces that have nothing in common reach 0.2 over that root by chance,
+# seldom 0.3.
+_LEAST_CORRELATION = 0.5
 _BEYOND_CHANCE = 0.35
+# Smoothing (standard deviation, elements) and stride of the levels of the refinement.
+_LEVELS = (6.0, 4), (3.0, 3), (1.0, 2)
 # Gauss-Newton steps below this many elements change nothing that can be measured.
 _SMALLEST_STEP = 0.005
 _STEPS_PER_LEVEL = 12
 _LEAST_POINTS = 100
-# The refinement repairs the peak of the search; if it wanders further (in coarse elements) it has
-# lost the surface.
-_REFINEMENT_REACH = 8
-# The detail correlation is itself uncertain by about this much (coarse, linearly interpolated).
-_QUALITY_NOISE = 0.02
 # 95 % efficiency at the normal distribution (Holland and Welsch 1977).
 _BIWEIGHT = 4.685
 _MAD_TO_SIGMA = 1.4826
-# Weights of neighbours below this are rounding.
+# Interpolation weights below this are rounding.
 _ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
 class Registration:
-    """How a re-measured patch lies on the first measurement.
+    """Transformation of the moving surface onto the reference, and its quality.
 
-    A point X (mm) of the moving surface lies at c + R(rotation) (X - c) + shift on the reference,
+    A point X (mm) of the moving surface is at c + R(rotation) (X - c) + shift on the reference,
     c being the centre of the moving grid.
-
-    Attributes
-    ----------
-    shift_x_mm, shift_y_mm : float
-        What to add to the moving surface's coordinates: where T1 was placed less where T0 was.
-    rotation_deg : float
-        Turn of the moving surface, x towards y.
-    overlap : float
-        Share of the reference's area that the moving surface covers.
-    correlation : float
-        Pearson correlation of heights over the overlap, a plane removed from each.
-    detail_correlation : float
-        The same of the band-passed heights, free of the long waves that match by chance.
-    residual_mm : float
-        Robust standard deviation of the levelled height difference over the overlap.
-    found : bool
-        Whether the detail correlates well enough to believe the alignment.
     """
 
-    shift_x_mm: float
+    shift_x_mm: float  # to add to the coordinates of the moving surface
     shift_y_mm: float
-    rotation_deg: float
-    overlap: float
-    correlation: float
-    detail_correlation: float
-    residual_mm: float
-    found: bool
+    rotation_deg: float  # of the moving surface, x towards y
+    overlap: float  # share of the reference's area that the moving surface covers
+    correlation: float  # Pearson's, of heights over the overlap, a plane removed from each
+    detail_correlation: float  # of band-passed heights, free of the long waves that match by chance
+    residual_mm: float  # robust standard deviation of the levelled height difference
+    found: bool  # whether the detail correlates well enough to believe the registration
 
     def as_attrs(self) -> dict[str, float]:
-        """The same for a file's attributes: lengths in µm, `found` as 1 or 0."""
+        """Attributes for a file: lengths in µm, `found` as 1 or 0."""
         return {
-            "shift_x_um": self.shift_x_mm * 1e3,
-            "shift_y_um": self.shift_y_mm * 1e3,
-            "rotation_deg": self.rotation_deg,
-            "overlap": self.overlap,
-            "correlation": self.correlation,
-            "detail_correlation": self.detail_correlation,
-            "residual_um": self.residual_mm * 1e3,
-            "registration_found": int(self.found),
-        }
+            name.replace("_mm", "_um"): value * 1e3 if name.endswith("_mm") else value
+            for name, value in asdict(self).items()
+            if name != "found"
+        } | {"registration_found": int(self.found)}
 
 
 def register(
-    reference: xr.DataArray,
-    moving: xr.DataArray,
-    *,
-    maximum_shift_mm: float,
-    minimum_correlation: float = 0.5,
-    rotation: bool = True,
+    reference: xr.DataArray, moving: xr.DataArray, *, maximum_shift_mm: float
 ) -> Registration:
-    """Find where `moving` (T1) lies on `reference` (T0).
+    """Register `moving` (T1) to `reference` (T0).
 
     Parameters
     ----------
     reference, moving : (y, x) xarray.DataArray
         Levelled heights in mm of the same spacing, no NaN; their shapes may differ.
     maximum_shift_mm : float
-        Largest shift along each axis that is surely searched, as long as a quarter of the field
-        overlaps; shifts that leave as much of it are searched too.
-    minimum_correlation : float
-        Detail correlation from which the alignment counts as found.
-    rotation : bool
-        Whether to refine the rotation too (degrees, not tens of degrees).
+        Largest shift along each axis, as long as a quarter of the field overlaps. Rotations are
+        found up to a few degrees.
 
     Returns
     -------
     Registration
-        The best alignment there is; its `found` says whether to believe it.
+        The best one there is; its `found` tells whether to believe it.
 
     Raises
     ------
     InputError
-        The spacings differ, or a surface has unmeasured points.
+        The spacings differ.
     """
-    spacing = _check(reference, moving)
-    if not maximum_shift_mm > 0:
-        raise ValueError(f"maximum_shift_mm must be positive, not {maximum_shift_mm}")
-    # Everything below is in elements; the grids' corners coincide where their coordinates do.
-    h0 = np.asarray(reference, dtype=float)
-    h1 = np.asarray(moving, dtype=float)
-    placed = np.array(
-        [
-            (float(moving[axis][0]) - float(reference[axis][0])) / step
-            for axis, step in zip("yx", spacing, strict=True)
-        ]
-    )
-    factor = math.ceil(max(*h0.shape, *h1.shape) / _SEARCH_SIZE)
-    detail0, detail1 = _detail(h0, factor), _detail(h1, factor)
-    pose = np.zeros(3)
-    if detail0.any() and detail1.any():
-        least = _least_overlap(h0.shape, maximum_shift_mm / np.asarray(spacing))
-        pose[:2] = _search(detail0, detail1, least) * factor
-
-    if rotation:
-        turn = _turn_by_search(detail0, detail1, pose / [factor, factor, 1])
-        pose[2] = turn
-    refined = _refine(h0, h1, pose, rotation=rotation)
-    scale = np.array([factor, factor, 1.0])
-    searched_quality = _detail_correlation(detail0, detail1, pose / scale)
-    quality = _detail_correlation(detail0, detail1, refined / scale)
-    wandered = np.abs(refined[:2] - pose[:2]).max() > _REFINEMENT_REACH * factor
-    if wandered or quality < searched_quality - _QUALITY_NOISE:
-        quality = searched_quality
-    else:
-        pose = refined
-
-    on_grid = _sample(_spline(h1), pose, h0.shape)
-    inside = np.isfinite(on_grid)
-    overlap = float(inside.mean())
-    covered = inside.sum() / min(h0.size, h1.size)
-    correlation, residual = math.nan, math.nan
-    if inside.sum() > 3:
-        flat0, flat1 = _flatten(h0, inside), _flatten(on_grid, inside)
-        correlation = _pearson(flat0, flat1)
-        residual = _robust_sigma(flat1 - flat0)
-    shift_y, shift_x = (pose[:2] - placed) * spacing
-    return Registration(
-        shift_x_mm=float(shift_x),
-        shift_y_mm=float(shift_y),
-        rotation_deg=math.degrees(pose[2]),
-        overlap=overlap,
-        correlation=correlation,
-        detail_correlation=quality,
-        residual_mm=residual,
-        # ASSUME: an alignment is believed from a correlation of the band-passed heights of 0.5 on,
-        # and of 0.35 over the root of the overlap: by chance surfaces that have nothing in common
-        # come to 0.2 over that root, seldom to 0.3.
-        found=bool(
-            quality >= minimum_correlation and quality * math.sqrt(covered) >= _BEYOND_CHANCE
-        ),
-    )
-
-
-def apply_registration(
-    moving: xr.DataArray, registration: Registration, like: xr.DataArray
-) -> xr.DataArray:
-    """Heights of `moving` on the grid of `like`, by cubic interpolation; NaN where it is not.
-
-    Parameters
-    ----------
-    moving : (y, x) xarray.DataArray
-        The surface that was registered, mm, no NaN.
-    registration : Registration
-        Where it lies.
-    like : (y, x) xarray.DataArray
-        The reference: its grid is used, its heights are not.
-    """
-    _check(like, moving, holes=moving)
-    pose = _pose(registration, moving, like)
-    heights = _sample(_spline(np.asarray(moving, dtype=float)), pose, like.shape)
-    return xr.DataArray(
-        heights, dims=like.dims, coords=like.coords, name=moving.name, attrs=dict(moving.attrs)
-    )
-
-
-def carry_mask(mask: xr.DataArray, registration: Registration, like: xr.DataArray) -> np.ndarray:
-    """Where marked points of the moving surface have a part in the heights on the grid of `like`.
-
-    Parameters
-    ----------
-    mask : (y, x) xarray.DataArray of bool
-        Marked points of the moving surface.
-    registration, like
-        As of `apply_registration`.
-
-    Returns
-    -------
-    (y, x) ndarray of bool
-        True where one of the four points around is marked; False outside the overlap.
-    """
-    # ASSUME: of the sixteen points that cubic interpolation weighs, the four around rule.
-    marked = np.asarray(mask, dtype=bool).astype(float)
-    return _sample(marked, _pose(registration, mask, like), like.shape, order=1) > _ROUNDING
-
-
-def _pose(registration: Registration, moving: xr.DataArray, like: xr.DataArray) -> np.ndarray:
-    """Shift (y, x) in elements between the corners of the grids, and turn in radians."""
-    placed = [float(moving[axis][0]) - float(like[axis][0]) for axis in "yx"]
-    shift = np.array([registration.shift_y_mm, registration.shift_x_mm])
-    return np.array([*(placed + shift) / spacing_of(like), math.radians(registration.rotation_deg)])
-
-
-def _least_overlap(shape: tuple[int, int], maximum_shift: np.ndarray) -> float:
-    """Share of the reference that is left at the largest shift (elements) along both axes."""
-    left = 1 - maximum_shift / np.asarray(shape)
-    return max(_LEAST_OVERLAP, float(np.prod(np.maximum(left, 0))))
-
-
-def _check(
-    reference: xr.DataArray, moving: xr.DataArray, holes: xr.DataArray | None = None
-) -> tuple[float, float]:
     spacing = spacing_of(reference)
     if not np.allclose(spacing, spacing_of(moving), rtol=1e-3):
         raise InputError(
@@ -259,29 +116,75 @@ def _check(
             f"spacing (y, x) {spacing_of(moving)} mm differs from T0's {spacing} mm",
             "Resample one of the two surfaces to the other's spacing.",
         )
-    for label, surface in {"T0": reference, "T1": moving}.items():
-        if (holes is None or surface is holes) and not np.isfinite(surface).all():
-            raise InputError(
-                label,
-                f"{int((~np.isfinite(surface)).sum())} unmeasured points",
-                "Fill them before registration.",
-            )
-    return spacing
+    h0, h1 = reference.values, moving.values
+    factor = math.ceil(max(*h0.shape, *h1.shape) / _SEARCH_SIZE)
+    detail0, detail1 = _detail(h0, factor), _detail(h1, factor)
+    scale = np.array([factor, factor, 1.0])
+    left = 1 - maximum_shift_mm / np.asarray(spacing) / h0.shape
+    least = max(_LEAST_OVERLAP, float(np.prod(np.maximum(left, 0))))
+    pose = _refine(h0, h1, _search(detail0, detail1, least) * scale)
+    quality = _detail_correlation(detail0, detail1, pose / scale)
+    on_grid = reference.copy(data=_sample(_spline(h1), pose, h0.shape))
+    inside = np.isfinite(on_grid.values)
+    flat0, flat1 = (remove_plane(h.where(inside))[0].values[inside] for h in (reference, on_grid))
+    beyond_chance = quality * math.sqrt(inside.sum() / min(h0.size, h1.size)) >= _BEYOND_CHANCE
+    shift_y, shift_x = pose[:2] * spacing - _corner_offset(reference, moving)
+    return Registration(
+        shift_x_mm=float(shift_x),
+        shift_y_mm=float(shift_y),
+        rotation_deg=math.degrees(pose[2]),
+        overlap=float(inside.mean()),
+        correlation=_pearson(flat0, flat1),
+        detail_correlation=quality,
+        residual_mm=_robust_sigma(flat1 - flat0),
+        found=bool(quality >= _LEAST_CORRELATION and beyond_chance),
+    )
+
+
+def apply_registration(
+    moving: xr.DataArray, marked: np.ndarray, registration: Registration, like: xr.DataArray
+) -> tuple[xr.DataArray, np.ndarray]:
+    """The moving surface, and its marked points, on the grid of the reference (`like`).
+
+    Heights (mm) by cubic interpolation, NaN outside the overlap; a point is marked where one of the
+    four surrounding points of `marked`, such as filled ones, is.
+    """
+    shift = np.array([registration.shift_y_mm, registration.shift_x_mm])
+    elements = (_corner_offset(like, moving) + shift) / spacing_of(like)
+    pose = np.array([*elements, math.radians(registration.rotation_deg)])
+    heights = _sample(_spline(moving.values), pose, like.shape)
+    # ASSUME: of the sixteen points that cubic interpolation weighs, the four around dominate.
+    weight = _sample(marked.astype(float), pose, like.shape, order=1)
+    return like.copy(data=heights), weight > _ROUNDING
+
+
+def least_squares(
+    design: np.ndarray, values: np.ndarray, weight: np.ndarray | float = 1.0
+) -> np.ndarray:
+    """Coefficients (m,) of the rows of `design` (m, n) that best give `values` (n,)."""
+    weighted = design * weight
+    # einsum, not a product of matrices: BLAS adds up in an order that changes from run to run
+    normal = np.einsum("ik,jk->ij", weighted, design)
+    return np.linalg.lstsq(normal, np.einsum("ik,k->i", weighted, values), rcond=None)[0]
+
+
+def _corner_offset(reference: xr.DataArray, moving: xr.DataArray) -> np.ndarray:
+    """First coordinates (y, x) of the moving grid less those of the reference, mm."""
+    return np.array([float(moving[axis][0]) - float(reference[axis][0]) for axis in "yx"])
 
 
 def _detail(heights: np.ndarray, factor: int) -> np.ndarray:
-    """Band-passed heights on every `factor`-th element, clipped so that no spike rules."""
+    """Band-passed heights on every `factor`-th element, clipped so that no spike dominates."""
     fine = scipy.ndimage.gaussian_filter(heights, max(_NOISE_ELEMENTS, factor / 2))
     coarse = fine[::factor, ::factor]
-    long = scipy.ndimage.gaussian_filter(coarse, max(coarse.shape) * _LONGEST_SHARE)
-    detail = coarse - long
+    detail = coarse - scipy.ndimage.gaussian_filter(coarse, max(coarse.shape) * _LONGEST_SHARE)
     bound = 3 * _robust_sigma(detail)
-    return np.clip(detail, -bound, bound) if bound > 0 else detail
+    return np.clip(detail, -bound, bound)
 
 
 def _search(a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
-    """Shift (y, x) of `b` on `a`, in whole elements, at the peak of their masked correlation."""
-    # here: whoever only lays a known registration over another surface does without it
+    """Pose of `b` on `a`: the peak of their masked correlation, and the best of a few rotations."""
+    # here: only registration needs it, and its import is slow
     from skimage.registration import phase_cross_correlation
 
     shift, _, _ = phase_cross_correlation(
@@ -291,30 +194,10 @@ def _search(a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
         moving_mask=np.ones(b.shape, dtype=bool),
         overlap_ratio=least_overlap,
     )
-    # scikit-image counts from centre to centre, here it is from corner to corner
-    return np.asarray(shift, dtype=float) + np.subtract(a.shape, b.shape) / 2
-
-
-def _turn_by_search(a: np.ndarray, b: np.ndarray, pose: np.ndarray) -> float:
-    """The turn (rad) out of a few that correlates best, as a start for the refinement."""
-    turns = np.radians([0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0])
-    found = [_detail_correlation(a, b, np.array([*pose[:2], turn])) for turn in turns]
-    return float(turns[int(np.argmax(found))])
-
-
-def _grid(shape: tuple[int, int], stride: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    rows, columns = (np.arange(0, n, stride, dtype=float) for n in shape)
-    return rows[:, None], columns[None, :]
-
-
-def _locate(
-    pose: np.ndarray, y: np.ndarray, x: np.ndarray, shape: tuple[int, int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Indices on the moving grid (of `shape`) of the points y, x of the reference grid."""
-    centre_y, centre_x = (shape[0] - 1) / 2, (shape[1] - 1) / 2
-    dy, dx = y - pose[0] - centre_y, x - pose[1] - centre_x
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
-    return cosine * dy - sine * dx + centre_y, sine * dy + cosine * dx + centre_x
+    # scikit-image counts from centre to centre, the shift here is from corner to corner
+    shift = np.asarray(shift, dtype=float) + np.subtract(a.shape, b.shape) / 2
+    poses = [np.array([*shift, turn]) for turn in np.radians(_TURNS)]
+    return poses[int(np.argmax([_detail_correlation(a, b, pose) for pose in poses]))]
 
 
 def _spline(heights: np.ndarray) -> np.ndarray:
@@ -325,91 +208,66 @@ def _spline(heights: np.ndarray) -> np.ndarray:
 def _sample(
     coefficients: np.ndarray,
     pose: np.ndarray,
-    shape: tuple[int, int],
+    shape: tuple[int, ...],
     *,
     stride: int = 1,
     order: int = 3,
 ) -> np.ndarray:
     """The moving surface at every `stride`-th element of the reference; NaN outside."""
-    rows, columns = _locate(pose, *_grid(shape, stride), coefficients.shape)
-    rows, columns = np.broadcast_arrays(rows, columns)
+    centre_y, centre_x = ((count - 1) / 2 for count in coefficients.shape)
+    y, x = np.ogrid[: shape[0] : stride, : shape[1] : stride]
+    dy, dx = y - pose[0] - centre_y, x - pose[1] - centre_x
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    rows, columns = cosine * dy - sine * dx + centre_y, sine * dy + cosine * dx + centre_x
     values = scipy.ndimage.map_coordinates(
         coefficients, [rows, columns], order=order, mode="mirror", prefilter=False
     )
-    # half an element beyond the last centre is still the scan's own area
+    # elements extend half a spacing beyond their centres
     bottom, right = coefficients.shape[0] - 0.5, coefficients.shape[1] - 0.5
     inside = (rows >= -0.5) & (rows <= bottom) & (columns >= -0.5) & (columns <= right)
     return np.where(inside, values, np.nan)
 
 
-def _refine(h0: np.ndarray, h1: np.ndarray, pose: np.ndarray, *, rotation: bool) -> np.ndarray:
+def _refine(h0: np.ndarray, h1: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """Gauss-Newton on shift, rotation and plane, from smooth to fine."""
     pose = pose.copy()
     half = max(h0.shape) / 2
     plane = None
-    for smoothing, stride in ((6.0, 4), (3.0, 3), (1.0, 2)):
+    for smoothing, stride in _LEVELS:
         smooth0 = scipy.ndimage.gaussian_filter(h0, smoothing)
         smooth1 = _spline(scipy.ndimage.gaussian_filter(h1, smoothing))
         slope_y, slope_x = (g[::stride, ::stride] for g in np.gradient(smooth0))
-        coarse0 = smooth0[::stride, ::stride]
-        y, x = (np.broadcast_to(axis, coarse0.shape) for axis in _grid(h0.shape, stride))
+        y, x = stride * np.indices(slope_y.shape)
         for _ in range(_STEPS_PER_LEVEL):
             moved = _sample(smooth1, pose, h0.shape, stride=stride)
             inside = np.isfinite(moved)
             if inside.sum() < _LEAST_POINTS:
                 break  # the next level takes more points of the same overlap
-            residual = (moved - coarse0)[inside]
+            residual = (moved - smooth0[::stride, ::stride])[inside]
             dy = (y[inside] - pose[0] - (h1.shape[0] - 1) / 2) / half
             dx = (x[inside] - pose[1] - (h1.shape[1] - 1) / 2) / half
             gy, gx = slope_y[inside], slope_x[inside]
-            columns = [gy, gx, np.ones_like(dy), dy, dx]
-            if rotation:
-                columns.append(gy * dx - gx * dy)
-            design = np.stack(columns)
+            design = np.stack([np.ones_like(dy), dy, dx, gy, gx, gy * dx - gx * dy])
             if plane is None:
-                plane = _plane_of_most(design[2:5], residual)
+                # the start of the robust fit: a plane by reweighted least squares
+                plane = least_squares(design[:3], residual)
+                for _ in range(_STEPS_PER_LEVEL):
+                    plane = _robust_fit(design[:3], residual, plane)
             step = _robust_fit(design, residual, plane)
-            plane = step[2:5]
-            pose[:2] += step[:2]
-            if rotation:
-                pose[2] += step[5] / half
-            if np.abs(np.r_[step[:2], step[5:]]).max() < _SMALLEST_STEP:
+            plane = step[:3]
+            pose += step[3:] / (1, 1, half)
+            if np.abs(step[3:]).max() < _SMALLEST_STEP:
                 break
     return pose
 
 
-def _plane_of_most(design: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Plane through the values by reweighted least squares: the start of the robust fit."""
-    plane = _least_squares(design, design, values)
-    for _ in range(_STEPS_PER_LEVEL):
-        plane = _robust_fit(design, values, plane, rows=slice(0, 3))
-    return plane
-
-
-def _robust_fit(
-    design: np.ndarray, values: np.ndarray, plane: np.ndarray, *, rows: slice = slice(2, 5)
-) -> np.ndarray:
-    """Weighted least squares; biweights of what the last plane (the design's `rows`) leaves."""
-    left = values - np.einsum("i,ij->j", plane, design[rows])
+def _robust_fit(design: np.ndarray, values: np.ndarray, plane: np.ndarray) -> np.ndarray:
+    """Least squares with biweights of the residuals of the last plane, the first three rows."""
+    left = values - np.einsum("i,ij->j", plane, design[:3])
     left -= np.median(left)
     bound = _BIWEIGHT * _robust_sigma(left)
-    weight = np.clip(1 - (left / bound) ** 2, 0, None) ** 2 if bound > 0 else np.ones_like(left)
-    return _least_squares(design * weight, design, values)
-
-
-def _least_squares(weighted: np.ndarray, design: np.ndarray, values: np.ndarray) -> np.ndarray:
-    # einsum, not a product of matrices: BLAS adds up in an order that changes from run to run
-    normal = np.einsum("ik,jk->ij", weighted, design)
-    return np.linalg.lstsq(normal, np.einsum("ik,k->i", weighted, values), rcond=None)[0]
-
-
-def _flatten(heights: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """Heights of the points `inside`, less their least-squares plane."""
-    rows, columns = np.nonzero(inside)
-    design = np.stack([np.ones(rows.size), rows / inside.shape[0], columns / inside.shape[1]])
-    values = heights[inside]
-    plane = _least_squares(design, design, values)
-    return values - np.einsum("i,ij->j", plane, design)
+    weight = np.clip(1 - (left / bound) ** 2, 0, None) ** 2 if bound > 0 else 1.0
+    return least_squares(design, values, weight)
 
 
 def _detail_correlation(a: np.ndarray, b: np.ndarray, pose: np.ndarray) -> float:

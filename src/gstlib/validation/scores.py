@@ -1,107 +1,128 @@
-"""How well does a prediction agree with what was seen? Scores of masks and of rankings.
+"""How well does a prediction of wear agree with the measured loss? Scores, and rival predictions.
 
-Every score here is a function of a few sums over the points compared: how many were hit, how many
-marked, and so on. A null that moves the prediction and an interval that draws blocks of the patch
-only make other sums, thousands at once; they come back here, so that a score has one definition.
+Every score is a function of a few sums over the points: how many were hit, how many predicted, and
+so on. The null model shifts the prediction and the bootstrap draws blocks of the patch; both only
+make other sums, thousands at once, for `scores_of_sums`.
+
+- ``precision``: share of the predicted that is observed; NaN if nothing is predicted.
+- ``recall``: share of the observed that is predicted; NaN if nothing is observed.
+- ``f1`` (their harmonic mean, the Dice coefficient) and ``iou`` (intersection over union): NaN if
+  both masks are empty, 0 if only one is.
+- ``mcc``: Matthews' correlation coefficient, 0 at chance whatever the areas; NaN if a mask is empty
+  or full.
+- ``fss``: fractions skill score (Roberts and Lean 2008, Mon. Weather Rev. 136:78). It compares the
+  shares p and o of a window that are predicted and observed, so that a miss by less than the window
+  is forgiven: 1 - Σ(p - o)² / Σ(p² + o²). A window of one element gives F1. At most 2 a / (1 + a²)
+  where the areas' ratio is a; NaN if both are empty.
+- ``roc_auc``: probability that a random point with loss ranks above a random other one, ties
+  counting half (area under the receiver operating characteristic).
+- ``pr_auc``: average precision, the mean over the points with loss of the precision at each one's
+  rank (area under the precision-recall curve without interpolation); at chance the prevalence.
+  Both NaN if loss is nowhere or everywhere.
+
+The contact solution earns its cost only by what it adds to a look at the surface. The rivals know
+the heights before use and, to make the comparison fair, how large the contact is.
 """
 
-import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.ndimage
+import xarray as xr
+
+from gstlib.surface import spacing_of
 
 __all__ = [
-    "MASK_SCORES",
-    "RANK_SCORES",
+    "CONTACT",
+    "RIVALS",
     "SCORES",
-    "average_precision",
-    "fractions",
-    "fractions_skill",
-    "fractions_skill_of_sums",
-    "mask_scores",
-    "mask_scores_of_counts",
-    "rank_scores",
-    "rank_scores_of_counts",
-    "roc_auc",
+    "Comparison",
+    "Prediction",
+    "compare",
+    "rank_levels",
+    "scores_of",
+    "scores_of_sums",
+    "window_shares",
 ]
 
-MASK_SCORES = "precision", "recall", "f1", "iou", "mcc"
-RANK_SCORES = "roc_auc", "pr_auc"
-SCORES = *MASK_SCORES, "fss", *RANK_SCORES
+SCORES = "precision", "recall", "f1", "iou", "mcc", "fss", "roc_auc", "pr_auc"
+
+CONTACT = "contact"  # the prediction under test
+RIVALS = "highest", "rigid"
 
 
-def mask_scores(
-    predicted: np.ndarray, observed: np.ndarray, valid: np.ndarray | None = None
-) -> dict[str, float]:
-    """Agreement of two masks.
+@dataclass(frozen=True)
+class Prediction:
+    """Where wear is expected; arrays of shape (ny, nx)."""
 
-    Parameters
-    ----------
-    predicted, observed : array_like of bool
-        Masks of one shape.
-    valid : array_like of bool, optional
-        Where to compare; everywhere by default.
+    mask: np.ndarray  # where wear is expected
+    shares: np.ndarray  # share of the window around each point that the mask marks
+    ranking: np.ndarray | None  # larger where wear is likelier; None if another ranks the same
 
-    Returns
-    -------
-    dict
-        ``precision`` (share of the predicted that is observed; NaN if nothing is predicted),
-        ``recall`` (share of the observed that is predicted; NaN if nothing is observed), ``f1``
-        (their harmonic mean, the Dice coefficient) and ``iou`` (intersection over union), both NaN
-        if both masks are empty, 0 if only one is; ``mcc`` (Matthews' correlation coefficient, 0 at
-        chance whatever the areas; NaN if a mask is empty or full).
+
+@dataclass(frozen=True)
+class Comparison:
+    """The predictions for one patch beside its measured loss; arrays of shape (ny, nx)."""
+
+    predictions: dict[str, Prediction]  # by name: `CONTACT` and `RIVALS`
+    loss: np.ndarray  # where height was lost
+    valid: np.ndarray  # where that is known
+    loss_shares: np.ndarray  # share of the window around each point that lost height
+    spacing: tuple[float, float]  # (dy, dx), mm
+
+
+def compare(
+    heights: xr.DataArray, contact: xr.Dataset, change: xr.Dataset, *, neighbourhood_um: float
+) -> Comparison:
+    """Put the contact solution of a patch and its rivals beside the loss.
+
+    ``contact``: p > 0, ranked by the pressure and, out of contact, by the gap, so that a point that
+    nearly touches ranks above one far from it. ``highest``: the highest of the valid points, as
+    many as are in contact (of equal ones the first in row order), ranked by height. ``rigid``: what
+    a rigid flat at the same displacement, from first touch, cuts off; it ranks by height, too.
+    Rigid interpenetration at the *area* of the contact is the highest points, so it is no third
+    rival. Parameters as of `gstlib.validation.scoring.score_patch`.
     """
-    predicted, observed, valid = _masks(predicted, observed, valid)
-    scores = mask_scores_of_counts(
-        (predicted & observed & valid).sum(),
-        (predicted & valid).sum(),
-        (observed & valid).sum(),
-        valid.sum(),
-    )
-    return {name: float(value) for name, value in scores.items()}
-
-
-def mask_scores_of_counts(
-    hits: np.ndarray, marked: np.ndarray, present: np.ndarray, measured: np.ndarray
-) -> dict[str, np.ndarray]:
-    """The scores of `mask_scores`, from how many points were hit, marked, present and measured.
-
-    The counts broadcast against each other: one score for each set of counts.
-    """
-    hits, marked, present, measured = (
-        np.asarray(count, dtype=float) for count in (hits, marked, present, measured)
-    )
-    spread = marked * (measured - marked) * present * (measured - present)
-    return {
-        "precision": _ratio(hits, marked),
-        "recall": _ratio(hits, present),
-        "f1": _ratio(2 * hits, marked + present),
-        "iou": _ratio(hits, marked + present - hits),
-        "mcc": _ratio(hits * measured - marked * present, np.sqrt(np.maximum(spread, 0))),
+    pressure, z = contact["pressure"].values, heights.values
+    valid = np.isfinite(change["change"].values)
+    if not z.shape == pressure.shape == valid.shape:
+        raise ValueError(
+            f"T0, pressure and change have shapes {z.shape}, {pressure.shape}, {valid.shape}"
+        )
+    spacing = spacing_of(heights)
+    loss = change["loss"].values.astype(bool) & valid
+    # the odd number of elements nearest to the neighbourhood, at least 1
+    window = 2 * max(0, round((neighbourhood_um * 1e-3 / max(spacing) - 1) / 2)) + 1
+    touching = pressure > 0
+    points = np.flatnonzero(valid)
+    order = np.argsort(-z.flat[points], kind="stable")
+    highest = np.zeros_like(valid)
+    highest.flat[points[order[: (touching & valid).sum()]]] = True
+    rigid = z > z.max() - float(np.ravel(contact["displacement"].values)[-1])
+    found = {
+        CONTACT: (touching, np.where(touching, pressure, -np.maximum(contact["gap"].values, 0))),
+        "highest": (highest, z),
+        "rigid": (rigid, None),
     }
+    return Comparison(
+        predictions={
+            name: Prediction(mask, window_shares(mask, window, np.ones_like(mask)), ranking)
+            for name, (mask, ranking) in found.items()
+        },
+        loss=loss,
+        valid=valid,
+        loss_shares=window_shares(loss, window, valid),
+        spacing=spacing,
+    )
 
 
-def fractions(mask: np.ndarray, size: int, valid: np.ndarray | None = None) -> np.ndarray:
-    """Share of the valid points in a square window around each point that the mask marks.
+def window_shares(mask: np.ndarray, size: int, valid: np.ndarray) -> np.ndarray:
+    """Share of the valid points in a window around each point that the mask (ny, nx) marks.
 
-    Parameters
-    ----------
-    mask : (ny, nx) array_like of bool
-    size : int
-        Odd side of the window, in elements; it is cut off at the edges.
-    valid : (ny, nx) array_like of bool, optional
-        Points that count; all by default.
-
-    Returns
-    -------
-    (ny, nx) ndarray
-        From 0 to 1; 0 where no valid point is in the window.
+    The window is square, `size` elements a side, an odd number, and is cut off at the edges. The
+    share is 0 where the window holds no valid point.
     """
-    mask, _, valid = _masks(mask, mask, valid)
-    if size < 1 or size % 2 == 0:
-        raise ValueError(f"the window must be an odd number of elements wide, not {size}")
-    if size == 1:
-        return (mask & valid).astype(float)
     marked, there = (
         np.rint(scipy.ndimage.uniform_filter(m.astype(float), size, mode="constant") * size**2)
         for m in (mask & valid, valid)
@@ -109,127 +130,65 @@ def fractions(mask: np.ndarray, size: int, valid: np.ndarray | None = None) -> n
     return np.divide(marked, there, out=np.zeros_like(marked), where=there > 0)
 
 
-def fractions_skill(
-    predicted: np.ndarray, observed: np.ndarray, valid: np.ndarray | None = None, *, size: int
-) -> float:
-    """Fractions skill score (Roberts and Lean 2008, Mon. Weather Rev. 136:78): near counts as hit.
+def scores_of(prediction: Prediction, comparison: Comparison) -> dict[str, float]:
+    """Every score of one prediction, exactly; one without a ranking has no rank scores."""
+    mask, loss, valid = prediction.mask, comparison.loss, comparison.valid
+    counts = [points.sum() for points in (mask & loss, mask & valid, loss, valid)]
+    p, o = prediction.shares[valid], comparison.loss_shares[valid]
+    levels = None
+    if prediction.ranking is not None:
+        _, level = np.unique(-prediction.ranking[valid], return_inverse=True)
+        points, events = np.bincount(level), np.bincount(level[loss[valid]])
+        events = np.pad(events, (0, points.size - events.size))
+        levels = events, points - events
+    found = scores_of_sums(counts, (p @ o, p @ p, o @ o), levels)
+    return {name: float(value) for name, value in found.items()}
 
-    Compared are not points but the shares of a window that are marked, so that a miss by less
-    than the window is forgiven: 1 - Σ(p - o)² / Σ(p² + o²). A window of one element gives F1.
 
-    Parameters
-    ----------
-    predicted, observed : (ny, nx) array_like of bool
-        The prediction is known everywhere; what was observed, where valid.
-    valid : (ny, nx) array_like of bool, optional
-        Where to compare; everywhere by default.
-    size : int
-        Odd side of the window, in elements.
+def scores_of_sums(
+    counts: Sequence, products: Sequence, levels: tuple[np.ndarray, np.ndarray] | None
+) -> dict[str, np.ndarray]:
+    """Every score from sums over the valid points, which broadcast.
 
-    Returns
-    -------
-    float
-        From 0 to 1, at most 2 a / (1 + a²) where the areas' ratio is a; NaN if both are empty.
+    `counts` are the numbers of points that are hit, predicted, observed and measured; `products`
+    the sums of p o, p² and o² of the windows' shares; `levels` the numbers of points with and
+    without loss at each level of the ranking (..., levels), the highest level first. Points at the
+    same level are ties. Without a ranking there are no rank scores.
     """
-    predicted, observed, valid = _masks(predicted, observed, valid)
-    p, o = fractions(predicted, size)[valid], fractions(observed, size, valid)[valid]
-    return float(fractions_skill_of_sums(p @ o, p @ p, o @ o))
-
-
-def fractions_skill_of_sums(
-    product: np.ndarray, predicted: np.ndarray, observed: np.ndarray
-) -> np.ndarray:
-    """The score of `fractions_skill` from the sums of p o, p² and o² over the valid points."""
-    return _ratio(2 * np.asarray(product, dtype=float), np.asarray(predicted) + observed)
-
-
-def rank_scores(
-    score: np.ndarray, observed: np.ndarray, valid: np.ndarray | None = None
-) -> dict[str, float]:
-    """How well a number ranks the points at which the event was above the others.
-
-    Parameters
-    ----------
-    score : array_like of float
-        Larger where the event is thought likelier; no NaN where valid.
-    observed : array_like of bool
-        Where the event was.
-    valid : array_like of bool, optional
-        Where to compare; everywhere by default.
-
-    Returns
-    -------
-    dict
-        ``roc_auc``: probability that a random point of the event scores above a random other one,
-        ties counting half (area under the receiver operating characteristic); ``pr_auc``: average
-        precision, the mean over the events of the precision at each one's score (area under the
-        precision-recall curve without interpolation), whose level at chance is the prevalence.
-        Both NaN if the event is nowhere or everywhere.
-    """
-    score = np.asarray(score, dtype=float)
-    observed, _, valid = _masks(observed, observed, valid)
-    if score.shape != observed.shape:
-        raise ValueError(f"score has shape {score.shape}, the mask {observed.shape}")
-    values, event = score[valid], observed[valid]
-    if np.isnan(values).any():
-        raise ValueError("the score is NaN at a valid point")
-    if not event.any() or event.all():
-        return dict.fromkeys(RANK_SCORES, math.nan)
-    order = np.argsort(-values)
-    values, event = values[order], event[order]
-    starts = np.flatnonzero(np.r_[True, values[1:] != values[:-1]])
-    events = np.add.reduceat(event.astype(np.int64), starts)
-    sizes = np.diff(np.r_[starts, values.size])
-    return {
-        name: float(value) for name, value in rank_scores_of_counts(events, sizes - events).items()
+    hits, predicted, observed, measured = (np.asarray(count, dtype=float) for count in counts)
+    product, of_p, of_o = (np.asarray(total, dtype=float) for total in products)
+    spread = predicted * (measured - predicted) * observed * (measured - observed)
+    scores = {
+        "precision": _ratio(hits, predicted),
+        "recall": _ratio(hits, observed),
+        "f1": _ratio(2 * hits, predicted + observed),
+        "iou": _ratio(hits, predicted + observed - hits),
+        "mcc": _ratio(hits * measured - predicted * observed, np.sqrt(np.maximum(spread, 0))),
+        "fss": _ratio(2 * product, of_p + of_o),
     }
-
-
-def rank_scores_of_counts(events: np.ndarray, others: np.ndarray) -> dict[str, np.ndarray]:
-    """The scores of `rank_scores`, from how many points of each kind lie at each level.
-
-    Parameters
-    ----------
-    events, others : (..., levels) array_like
-        Points with and without the event at each level of the score, the highest level first.
-
-    Returns
-    -------
-    dict
-        Arrays of shape (...); points at the same level count as ties.
-    """
-    events, others = np.asarray(events, dtype=float), np.asarray(others, dtype=float)
+    if levels is None:
+        return scores
+    events, others = (np.asarray(count, dtype=float) for count in levels)
     found, passed = events.cumsum(axis=-1), others.cumsum(axis=-1)
-    positives, negatives = found[..., -1], passed[..., -1]
+    positives, negatives = events.sum(axis=-1), others.sum(axis=-1)
     both = (positives > 0) & (negatives > 0)
     above = (others * (found - events / 2)).sum(axis=-1)
-    precision = _ratio(found, found + passed)
-    return {
-        "roc_auc": np.where(both, _ratio(above, positives * negatives), np.nan),
-        "pr_auc": np.where(both, _ratio(np.nansum(events * precision, axis=-1), positives), np.nan),
-    }
+    precise = np.nansum(events * _ratio(found, found + passed), axis=-1)
+    scores["roc_auc"] = np.where(both, _ratio(above, positives * negatives), np.nan)
+    scores["pr_auc"] = np.where(both, _ratio(precise, positives), np.nan)
+    return scores
 
 
-def roc_auc(score: np.ndarray, observed: np.ndarray, valid: np.ndarray | None = None) -> float:
-    """Area under the receiver operating characteristic: see `rank_scores`."""
-    return rank_scores(score, observed, valid)["roc_auc"]
+def rank_levels(ranking: np.ndarray, count: int) -> np.ndarray:
+    """A ranking in about `count` levels, 0 the highest, finer towards the top.
 
-
-def average_precision(
-    score: np.ndarray, observed: np.ndarray, valid: np.ndarray | None = None
-) -> float:
-    """Area under the precision-recall curve: see `rank_scores`."""
-    return rank_scores(score, observed, valid)["pr_auc"]
-
-
-def _masks(
-    predicted: np.ndarray, observed: np.ndarray, valid: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    predicted, observed = np.asarray(predicted, dtype=bool), np.asarray(observed, dtype=bool)
-    valid = np.ones(observed.shape, dtype=bool) if valid is None else np.asarray(valid, dtype=bool)
-    if not predicted.shape == observed.shape == valid.shape:
-        raise ValueError(f"masks have shapes {predicted.shape}, {observed.shape} and {valid.shape}")
-    return predicted, observed, valid
+    Half of the levels divide the highest tenth of the points, in equal steps of the logarithm of
+    the share above; the others divide the rest evenly. Average precision is decided at the top.
+    """
+    top = np.geomspace(10 / ranking.size, 0.1, count // 2, endpoint=False)
+    shares = np.r_[top, np.linspace(0.1, 1, count - count // 2, endpoint=False)]
+    edges = np.unique(np.quantile(ranking, 1 - shares))
+    return edges.size - np.searchsorted(edges, ranking, side="right")
 
 
 def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:

@@ -1,26 +1,25 @@
-"""The null: exact against brute force, honest where nothing is there, sharp where something is."""
+"""The null model: exact against brute force, nominal without a relation, sharp with one."""
 
 import math
 
 import numpy as np
 import pytest
 import scipy.ndimage
-from scipy.stats import fisher_exact
 
+from gstlib.specimen.randomness import smooth_field
 from gstlib.validation.nulls import (
+    _wrap_around_factors,
     correlation_length,
-    draw_shifts,
-    levels_of,
+    null_scores,
     p_value,
-    shifted_fractions_skill,
-    shifted_mask_scores,
-    shifted_rank_scores,
 )
 from gstlib.validation.scores import (
-    fractions,
-    fractions_skill_of_sums,
-    mask_scores,
-    rank_scores,
+    SCORES,
+    Comparison,
+    Prediction,
+    rank_levels,
+    scores_of,
+    window_shares,
 )
 
 SPACING = (2e-3, 2e-3)
@@ -36,60 +35,59 @@ def top(values, share):
     return values > np.quantile(values, 1 - share)
 
 
-@pytest.fixture
-def case():
+def comparison(ranking, observed, valid, *, share=0.1, window=5):
+    mask, loss = top(ranking, share), observed & valid
+    shares = window_shares(mask, window, np.ones_like(mask))
+    return Comparison(
+        predictions={"contact": Prediction(mask, shares, ranking)},
+        loss=loss,
+        valid=valid,
+        loss_shares=window_shares(loss, window, valid),
+        spacing=SPACING,
+    )
+
+
+def nulls(at, shifts=999, seed=0):
+    length = correlation_length(at.loss, at.valid, SPACING)
+    generator = np.random.default_rng(seed)
+    return null_scores(at, beyond_mm=length, shifts=shifts, generator=generator)
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5])
+def test_scores_of_shifts_are_those_of_the_rolled_prediction(monkeypatch, factor):
+    """Over all shifts beyond the correlation length; those above their mean stretched from it.
+
+    Where most shifts hit nothing, a patch that hits nothing either is no better.
+    """
+    monkeypatch.setattr(
+        "gstlib.validation.nulls._wrap_around_factors", lambda moved, fixed, valid: [factor, 1.0]
+    )
     rng = np.random.default_rng(0)
-    ranking = field(rng, 2, 30)[:, :27]
-    observed = top(field(rng, 3, 30)[:, :27], 0.2)
+    ranking, observed = field(rng, 2, 30)[:, :27], top(field(rng, 3, 30)[:, :27], 0.2)
     valid = np.ones(observed.shape, dtype=bool)
     valid[:4], valid[:, 22:], valid[10, 10] = False, False, False
-    shifts = np.array([[0, 0], [1, 0], [0, 26], [17, 5], [29, 13]])
-    return ranking, observed, valid, shifts
-
-
-def test_mask_scores_of_shifts_are_those_of_the_rolled_mask(case):
-    ranking, observed, valid, shifts = case
-    predicted = top(ranking, 0.1)
-    found = shifted_mask_scores(predicted, observed, valid, shifts)
-    for place, shift in enumerate(shifts):
-        rolled = np.roll(predicted, shift, axis=(0, 1))
-        expected = mask_scores(rolled, observed, valid)
-        assert {name: values[place] for name, values in found.items()} == pytest.approx(
-            expected, nan_ok=True
-        )
-
-
-def test_fractions_skill_of_shifts_is_that_of_the_rolled_shares(case):
-    ranking, observed, valid, shifts = case
-    p, o = fractions(top(ranking, 0.1), 5), fractions(observed, 5, valid)
-    found = shifted_fractions_skill(p, o, valid, shifts)
-    for place, shift in enumerate(shifts):
-        rolled, seen = np.roll(p, shift, axis=(0, 1))[valid], o[valid]
-        expected = fractions_skill_of_sums(rolled @ seen, rolled @ rolled, seen @ seen)
-        assert found[place] == pytest.approx(float(expected))
-
-
-def test_rank_scores_of_shifts_are_those_of_the_rolled_levels(case):
-    ranking, observed, valid, shifts = case
-    levels = levels_of(ranking, 12)
-    found = shifted_rank_scores(levels, observed, valid, shifts)
-    for place, shift in enumerate(shifts):
-        rolled = -np.roll(levels, shift, axis=(0, 1)).astype(float)
-        expected = rank_scores(rolled, observed, valid)
-        assert {name: values[place] for name, values in found.items()} == pytest.approx(expected)
-
-
-def test_levels_keep_the_order_and_are_finer_towards_the_top():
-    ranking = np.random.default_rng(1).permutation(10000).reshape(100, 100) * 1.0
-    levels = levels_of(ranking, 40)
-    order = np.argsort(-ranking.ravel())
-    assert (np.diff(levels.ravel()[order]) >= 0).all()
-    assert levels.min() == 0
-    sizes = np.bincount(levels.ravel())
-    assert len(sizes) == pytest.approx(40, abs=1)
-    assert sizes[:5].max() < 20 < 200 < sizes[-5:].min()
-    # what is tied has one level
-    assert len(np.unique(levels_of(np.round(ranking / 2500), 40))) == 5
+    at = comparison(ranking, observed, valid)
+    found = nulls(at, 10**6)
+    length = correlation_length(at.loss, valid, SPACING)
+    places = [
+        (y, x)
+        for y in range(30)
+        for x in range(27)
+        if np.hypot(min(y, 30 - y), min(x, 27 - x)) * SPACING[0] > length
+    ]
+    assert 0 < len(places) < 30 * 27 - 9
+    levels = -rank_levels(ranking, 32).astype(float)
+    mask, shares = at.predictions["contact"].mask, at.predictions["contact"].shares
+    rolled = [
+        scores_of(Prediction(*(np.roll(one, place, (0, 1)) for one in (mask, shares, levels))), at)
+        for place in [(0, 0), *places]
+    ]
+    assert set(found) == set(SCORES)
+    for name in SCORES:
+        expected = np.array([scores[name] for scores in rolled])
+        above = np.maximum(expected[1:] - np.nanmean(expected[1:]), 0)
+        expected[1:] += (factor - 1) * above * (not name.endswith("auc"))
+        np.testing.assert_allclose(found[name], expected)
 
 
 def test_correlation_length_of_a_known_field():
@@ -101,24 +99,22 @@ def test_correlation_length_of_a_known_field():
 
 
 def test_correlation_length_where_there_is_none():
-    valid = np.ones((20, 20), dtype=bool)
-    assert math.isnan(correlation_length(np.ones((20, 20)), valid, SPACING))
-    assert math.isnan(correlation_length(np.eye(20), ~valid, SPACING))
-    white = correlation_length(
-        np.random.default_rng(3).random((64, 64)), valid=np.ones((64, 64)), spacing=SPACING
-    )
-    assert white < SPACING[0]
+    valid = np.ones((64, 64), dtype=bool)
+    assert math.isnan(correlation_length(np.ones((64, 64)), valid, SPACING))
+    assert math.isnan(correlation_length(np.eye(64), ~valid, SPACING))
+    white = np.random.default_rng(3).random((64, 64))
+    assert correlation_length(white, valid, SPACING) < SPACING[0]
+    assert correlation_length(np.arange(64)[:, None] + 0 * white, valid, SPACING) > 15 * SPACING[0]
 
 
-def test_shifts_are_far_different_and_as_many_as_asked():
+def test_shifts_are_different_and_as_many_as_asked():
     rng = np.random.default_rng(4)
-    shifts = draw_shifts((50, 60), (2e-3, 1e-3), beyond=12e-3, count=999, generator=rng)
-    assert len(np.unique(shifts, axis=0)) == 999
-    y, x = np.minimum(shifts, np.array([50, 60]) - shifts).T
-    assert np.hypot(y * 2e-3, x * 1e-3).min() > 12e-3
-    near = draw_shifts((50, 60), (2e-3, 1e-3), beyond=45e-3, count=999, generator=rng)
-    assert 0 < len(near) < 999
-    assert not len(draw_shifts((50, 60), (2e-3, 1e-3), beyond=1.0, count=999, generator=rng))
+    at = comparison(field(rng, 2), top(field(rng, 3), 0.2), np.ones((64, 64), dtype=bool))
+    found = nulls(at)
+    assert len(found["roc_auc"]) == 1000
+    # of shares of windows, hardly two shifts have the same sum
+    assert len(np.unique(found["fss"][found["fss"] > 0])) > 0.95 * (found["fss"] > 0).sum()
+    assert len(null_scores(at, beyond_mm=1.0, shifts=999, generator=rng)["f1"]) == 1
 
 
 def test_p_value_counts_the_value_itself_and_ties():
@@ -130,49 +126,64 @@ def test_p_value_counts_the_value_itself_and_ties():
     assert math.isnan(p_value(0.1, np.array([math.nan])))
 
 
-def p_values(rng, length, seen_length):
-    """P-values of independent fields: of F1, of PR-AUC, and one that takes points as trials."""
-    ranking, seen = field(rng, length), field(rng, seen_length)
-    predicted, observed = top(ranking, 0.08), top(seen, 0.15)
-    valid = np.ones(observed.shape, dtype=bool)
-    valid[:6], valid[:, 57:] = False, False
-    shifts = draw_shifts(
-        valid.shape,
-        SPACING,
-        beyond=correlation_length(observed, valid, SPACING),
-        count=999,
-        generator=rng,
-    )
-    shifts = np.vstack([[0, 0], shifts])
-    f1 = shifted_mask_scores(predicted, observed, valid, shifts)["f1"]
-    pr = shifted_rank_scores(levels_of(ranking, 12), observed, valid, shifts)["pr_auc"]
-    cells = [
-        [(valid & one & other).sum() for other in (observed, ~observed)]
-        for one in (predicted, ~predicted)
-    ]
-    naive = fisher_exact(cells, alternative="greater").pvalue
-    return [*(p_value(score[0], score[1:]) for score in (f1, pr)), naive]
-
-
 @pytest.mark.parametrize("lengths", [(1.5, 3.0), (3.0, 3.0)])
-def test_nothing_is_found_where_nothing_is_as_often_as_the_level_says(lengths):
+def test_unrelated_fields_are_significant_as_often_as_the_level_says(lengths):
     rng = np.random.default_rng(5)
-    drawn = np.array([p_values(rng, *lengths) for _ in range(200)])
+    valid = np.ones((64, 64), dtype=bool)
+    valid[:6], valid[:, 57:] = False, False
+    drawn = []
+    for _ in range(200):
+        at = comparison(
+            field(rng, lengths[0]), top(field(rng, lengths[1]), 0.15), valid, share=0.08
+        )
+        null = nulls(at, seed=len(drawn))
+        drawn.append([p_value(null[name][0], null[name][1:]) for name in ("f1", "pr_auc")])
     for level in (0.05, 0.2):
         error = 3 * math.sqrt(level * (1 - level) / len(drawn))
-        shares = (drawn[:, :2] <= level).mean(axis=0)
-        assert shares == pytest.approx([level, level], abs=error)
-    # points taken for independent trials: false alarms many times as often
-    assert (drawn[:, 2] <= 0.05).mean() > 4 * 0.05
+        assert (np.array(drawn) <= level).mean(axis=0) == pytest.approx([level] * 2, abs=error)
 
 
-def test_what_is_there_is_found():
+def test_a_relation_is_found():
     rng = np.random.default_rng(6)
-    common = field(rng, 3)
-    noise = field(rng, 1.5)
-    predicted = top(common + 0.5 * common.std() / noise.std() * noise, 0.08)
-    observed = top(common, 0.15)
-    valid = np.ones(observed.shape, dtype=bool)
-    shifts = draw_shifts(valid.shape, SPACING, beyond=0.012, count=999, generator=rng)
-    scores = shifted_mask_scores(predicted, observed, valid, np.vstack([[0, 0], shifts]))["f1"]
-    assert p_value(scores[0], scores[1:]) < 0.01
+    common, noise = field(rng, 3), field(rng, 1.5)
+    ranking = common + 0.5 * common.std() / noise.std() * noise
+    at = comparison(ranking, top(common, 0.15), np.ones(common.shape, dtype=bool))
+    null = nulls(at)
+    assert all(p_value(values[0], values[1:]) < 0.01 for values in null.values())
+
+
+SIDE, LEVEL = 48, 0.05
+
+
+def smooth_pairs(pairs, length):
+    """P-values of two unrelated smooth fields on a window, plain and with the correction."""
+    valid = np.ones((SIDE, SIDE), dtype=bool)
+    found = []
+    for number in range(pairs):
+        moved, other = (
+            smooth_field(np.random.default_rng([number, k]), 4 * SIDE, 1.0, length)[:SIDE, :SIDE]
+            for k in range(2)
+        )
+        fixed = (other > np.quantile(other, 0.8)).astype(float)
+        sums = np.fft.irfft2(np.conj(np.fft.rfft2(moved)) * np.fft.rfft2(fixed), moved.shape)
+        (factor,) = _wrap_around_factors([moved], fixed, valid)
+        apart = sums.mean() + factor * (sums - sums.mean())
+        found.append([(values >= sums[0, 0] - 1e-9).mean() for values in (sums, apart)])
+    return np.array(found)
+
+
+def test_wrap_around_makes_false_alarms_and_the_correction_removes_them():
+    pairs = 500
+    error = 3 * np.sqrt(LEVEL * (1 - LEVEL) / pairs)
+    plain, corrected = (smooth_pairs(pairs, 20.0) <= LEVEL).mean(axis=0)
+    assert plain > LEVEL + error
+    assert corrected < LEVEL + error
+
+
+def test_short_waves_and_constant_fields_need_no_correction():
+    rng = np.random.default_rng(1)
+    moved, fixed = (rng.random((SIDE, SIDE)) > 0.9 for _ in range(2))
+    every = np.ones((SIDE, SIDE), dtype=bool)
+    assert _wrap_around_factors([moved], fixed, every) == pytest.approx([1], abs=0.1)
+    assert _wrap_around_factors([every, every], every, every) == [1, 1]
+    assert _wrap_around_factors([moved], fixed, ~every) == [1]

@@ -1,153 +1,184 @@
-"""Scores by hand, against brute force, and their invariants."""
+"""Scores by hand, against brute force, and their invariants; and what the rivals mark."""
 
 import math
 
 import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from gstlib.surface import make_surface
 from gstlib.validation.scores import (
-    average_precision,
-    fractions,
-    fractions_skill,
-    mask_scores,
-    rank_scores,
-    roc_auc,
+    Comparison,
+    Prediction,
+    compare,
+    rank_levels,
+    scores_of,
+    window_shares,
 )
 
 masks = arrays(bool, (4, 5))
-levels = arrays(np.int64, 15, elements=st.integers(0, 4))
+MASK_SCORES = "precision", "recall", "f1", "iou", "mcc"
+
+
+def scores(predicted, observed, valid=None, *, size=1, ranking=None):
+    everywhere = np.ones(observed.shape, dtype=bool)
+    valid = everywhere if valid is None else valid
+    loss = observed & valid
+    shares = window_shares(loss, size, valid)
+    guess = Prediction(predicted, window_shares(predicted, size, everywhere), ranking)
+    return scores_of(guess, Comparison({}, loss, valid, shares, (1.0, 1.0)))
 
 
 def test_scores_by_hand():
-    predicted = np.array([1, 1, 1, 0, 0, 0, 0, 1], dtype=bool)
-    observed = np.array([1, 1, 0, 1, 1, 0, 0, 1], dtype=bool)
-    valid = np.array([1, 1, 1, 1, 1, 1, 1, 0], dtype=bool)
-    scores = mask_scores(predicted, observed, valid)
-    expected = {"precision": 2 / 3, "recall": 2 / 4, "f1": 4 / 7, "iou": 2 / 5}
+    predicted = np.array([[1, 1, 1, 0, 0, 0, 0, 1]], dtype=bool)
+    observed = np.array([[1, 1, 0, 1, 1, 0, 0, 1]], dtype=bool)
+    valid = np.array([[1, 1, 1, 1, 1, 1, 1, 0]], dtype=bool)
+    expected = {"precision": 2 / 3, "recall": 2 / 4, "f1": 4 / 7, "iou": 2 / 5, "fss": 4 / 7}
     expected["mcc"] = (2 * 2 - 1 * 2) / math.sqrt(3 * 4 * 3 * 4)
-    assert scores == pytest.approx(expected)
+    assert scores(predicted, observed, valid) == pytest.approx(expected)
 
 
 def test_empty_masks():
-    none, some = np.zeros(6, dtype=bool), np.arange(6) < 2
-    both = mask_scores(none, none)
-    assert all(math.isnan(value) for value in both.values())
-    silent = mask_scores(none, some)
-    assert math.isnan(silent["precision"])
-    assert math.isnan(silent["mcc"])
+    none, some = np.zeros((2, 3), dtype=bool), np.arange(6).reshape(2, 3) < 2
+    for empty in (scores(none, none), scores(some, some, none)):
+        assert all(math.isnan(value) for value in empty.values())
+    silent, alarm = scores(none, some), scores(some, none)
+    assert math.isnan(silent["precision"] + silent["mcc"] + alarm["recall"])
     assert (silent["recall"], silent["f1"], silent["iou"]) == (0, 0, 0)
-    alarm = mask_scores(some, none)
-    assert math.isnan(alarm["recall"])
     assert (alarm["precision"], alarm["f1"], alarm["iou"]) == (0, 0, 0)
-    assert all(math.isnan(v) for v in mask_scores(some, some, none).values())
 
 
 @settings(deadline=None)
 @given(masks, masks, masks)
-def test_scores_are_bounded_and_ordered(predicted, observed, valid):
-    scores = mask_scores(predicted, observed, valid)
-    for name, value in scores.items():
-        assert math.isnan(value) or (-1 if name == "mcc" else 0) <= value <= 1
-    if not math.isnan(scores["f1"]):
-        assert scores["f1"] == pytest.approx(2 * scores["iou"] / (1 + scores["iou"]))
-
-
-@settings(deadline=None)
-@given(masks, masks)
-def test_swapping_masks_swaps_precision_and_recall(predicted, observed):
-    one, other = mask_scores(predicted, observed), mask_scores(observed, predicted)
+def test_masks_may_be_swapped_and_mcc_is_their_correlation(predicted, observed, valid):
+    one, other = scores(predicted, observed, valid), scores(observed & valid, predicted, valid)
     np.testing.assert_equal(one["precision"], other["recall"])
     for name in ("f1", "iou", "mcc"):
         np.testing.assert_allclose(one[name], other[name])
-
-
-@settings(deadline=None)
-@given(masks, masks)
-def test_mcc_is_the_correlation_of_the_masks(predicted, observed):
-    mcc = mask_scores(predicted, observed)["mcc"]
-    if 0 < predicted.sum() < 20 and 0 < observed.sum() < 20:
-        expected = np.corrcoef(predicted.ravel(), observed.ravel())[0, 1]
-        assert mcc == pytest.approx(expected)
-        assert mask_scores(~predicted, observed)["mcc"] == pytest.approx(-mcc)
+    # fractions skill of one element is F1
+    assert one["fss"] == pytest.approx(one["f1"], nan_ok=True)
+    p, o = predicted[valid], observed[valid]
+    if 0 < p.sum() < p.size and 0 < o.sum() < o.size:
+        assert one["mcc"] == pytest.approx(np.corrcoef(p, o)[0, 1])
     else:
-        assert math.isnan(mcc)
+        assert math.isnan(one["mcc"])
 
 
 @settings(deadline=None)
-@given(masks, masks, st.permutations(range(20)))
-def test_order_of_points_does_not_matter(predicted, observed, order):
-    one = mask_scores(predicted, observed)
-    other = mask_scores(predicted.ravel()[order], observed.ravel()[order])
-    np.testing.assert_equal(one, other)
+@given(arrays(np.int64, (1, 15), elements=st.integers(0, 4)), arrays(bool, (1, 15)))
+def test_rank_scores_against_brute_force(ranking, observed):
+    """Pairs ordered rightly; mean, over the events, of the precision when all as high is marked."""
+    pairs = [(a > b) + 0.5 * (a == b) for a in ranking[observed] for b in ranking[~observed]]
+    precision = [observed[ranking >= mark].mean() for mark in ranking[observed]]
+    both = 0 < observed.sum() < 15
+    found = scores(observed, observed, ranking=ranking)
+    assert found["roc_auc"] == pytest.approx(np.mean(pairs) if both else math.nan, nan_ok=True)
+    assert found["pr_auc"] == pytest.approx(np.mean(precision) if both else math.nan, nan_ok=True)
+    # only the order counts
+    other = scores(observed, observed, ranking=np.exp(ranking))
+    assert other == pytest.approx(found, nan_ok=True)
 
 
-@settings(deadline=None)
-@given(levels, arrays(bool, 15))
-def test_roc_auc_against_brute_force(score, observed):
-    pairs = [(a > b) + 0.5 * (a == b) for a in score[observed] for b in score[~observed]]
-    expected = np.mean(pairs) if pairs else math.nan
-    assert roc_auc(score, observed) == pytest.approx(expected, nan_ok=True)
+def test_levels_keep_the_order_and_are_finer_towards_the_top():
+    ranking = np.random.default_rng(1).permutation(10000).reshape(100, 100) * 1.0
+    level = rank_levels(ranking, 40)
+    order = np.argsort(-ranking.ravel())
+    assert (np.diff(level.ravel()[order]) >= 0).all()
+    assert level.min() == 0
+    sizes = np.bincount(level.ravel())
+    assert len(sizes) == pytest.approx(40, abs=1)
+    assert sizes[:5].max() < 20 < 200 < sizes[-5:].min()
+    # ties share a level
+    assert len(np.unique(rank_levels(np.round(ranking / 2500), 40))) == 5
 
 
-@settings(deadline=None)
-@given(arrays(np.int64, 15, elements=st.integers(-9, 9)), arrays(bool, 15))
-def test_roc_auc_of_the_reverse_is_the_complement(score, observed):
-    assert roc_auc(-score, observed) == pytest.approx(1 - roc_auc(score, observed), nan_ok=True)
-    assert roc_auc(np.exp(score), observed) == pytest.approx(roc_auc(score, observed), nan_ok=True)
-
-
-@settings(deadline=None)
-@given(levels, arrays(bool, 15))
-def test_average_precision_against_brute_force(score, observed):
-    """The mean, over the events, of the precision when all that scores as high is marked."""
-    expected = [observed[score >= mark].mean() for mark in score[observed]]
-    expected = np.mean(expected) if 0 < observed.sum() < 15 else math.nan
-    assert average_precision(score, observed) == pytest.approx(expected, nan_ok=True)
-
-
-def test_a_score_that_says_nothing_has_the_level_of_chance():
-    observed = np.arange(20) < 5
-    scores = rank_scores(np.zeros(20), observed)
-    assert scores == pytest.approx({"roc_auc": 0.5, "pr_auc": 0.25})
-
-
-def test_rank_scores_refuse_nan_where_valid():
-    score, observed = np.array([1.0, math.nan, 2.0]), np.array([True, False, False])
-    with pytest.raises(ValueError, match="NaN"):
-        rank_scores(score, observed)
-    assert roc_auc(score, observed, np.array([True, False, True])) == 0
-
-
-def test_fractions_are_shares_of_the_known_part_of_a_window():
+def test_window_shares_are_those_of_the_known_part_of_a_window():
     mask = np.zeros((5, 6), dtype=bool)
     mask[1:4, 2] = True
     valid = np.ones_like(mask)
     valid[0], valid[2, 3] = False, False
-    shares = fractions(mask, 3, valid)
+    shares = window_shares(mask, 3, valid)
     for y, x in [(0, 0), (1, 1), (2, 2), (3, 5), (4, 3)]:
         window = np.s_[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2]
         assert shares[y, x] == pytest.approx((mask & valid)[window].sum() / valid[window].sum())
-    with pytest.raises(ValueError, match="odd"):
-        fractions(mask, 4)
-
-
-@settings(deadline=None)
-@given(masks, masks, masks)
-def test_fractions_skill_of_one_element_is_f1(predicted, observed, valid):
-    skill = fractions_skill(predicted, observed, valid, size=1)
-    assert skill == pytest.approx(mask_scores(predicted, observed, valid)["f1"], nan_ok=True)
 
 
 def test_fractions_skill_forgives_a_miss_by_less_than_the_window():
     observed = np.zeros((40, 40), dtype=bool)
     observed[10:14, 10:14] = True
     near, far = np.roll(observed, 4, axis=1), np.roll(observed, 20, axis=1)
-    assert fractions_skill(near, observed, size=1) == 0
-    wider = [fractions_skill(near, observed, size=size) for size in (3, 5, 9, 15)]
+    wider = [scores(near, observed, size=size)["fss"] for size in (1, 3, 5, 9, 15)]
     assert wider == sorted(wider)
+    assert wider[0] == 0
     assert wider[-1] > 0.7
-    assert fractions_skill(far, observed, size=15) == 0
-    assert fractions_skill(observed, observed, size=9) == pytest.approx(1)
+    assert scores(far, observed, size=15)["fss"] == 0
+    assert scores(observed, observed, size=9)["fss"] == pytest.approx(1)
+
+
+def compared(heights, pressure, gap, displacement, valid=None, *, neighbourhood_um=0.0):
+    heights = make_surface(heights, 1e-3)
+    change = np.where(True if valid is None else valid, 0.0, np.nan)
+    fields = {"pressure": pressure, "gap": gap}
+    return compare(
+        heights,
+        xr.Dataset({name: (("y", "x"), values) for name, values in fields.items()}).assign(
+            displacement=("step", [0.0, displacement])
+        ),
+        xr.Dataset({"change": heights * 0 + change, "loss": heights < np.inf}),
+        neighbourhood_um=neighbourhood_um,
+    )
+
+
+@settings(deadline=None)
+@given(arrays(np.int64, (4, 5), elements=st.integers(0, 6)), masks, masks)
+def test_the_highest_points_are_highest_and_as_many_as_in_contact(heights, touching, valid):
+    mask = compared(heights, 1.0 * touching, -heights, 1, valid).predictions["highest"].mask
+    assert mask.sum() == (touching & valid).sum()
+    assert not (mask & ~valid).any()
+    rest = valid & ~mask
+    if mask.any() and rest.any():
+        assert heights[mask].min() >= heights[rest].max()
+        # of equal heights the first are taken
+        level = (heights == heights[mask].min()) & valid
+        assert (np.diff(mask[level].astype(int)) <= 0).all()
+
+
+def test_rigid_interpenetration_is_at_the_same_displacement():
+    heights = np.random.default_rng(0).normal(size=(30, 40))
+    pressure = np.where(heights > 1.9, 7.0, 0.0)
+    found = compared(heights, pressure, -heights, 0.8).predictions
+    assert (found["rigid"].mask == (heights.max() - heights < 0.8)).all()
+    # at the area of the contact it is the highest points, and it ranks as they do
+    assert [name for name, one in found.items() if one.ranking is None] == ["rigid"]
+    for count in (1, 17, 300):
+        above, below = np.sort(heights.ravel())[[-count, -count - 1]]
+        pressure = 1.0 * (np.arange(1200).reshape(30, 40) < count)
+        depth = heights.max() - (above + below) / 2
+        found = compared(heights, pressure, -heights, depth).predictions
+        assert (found["rigid"].mask == found["highest"].mask).all()
+
+
+def test_contact_ranks_above_nearly_touched_above_far():
+    pressure, gap = np.array([[0.0, 5.0, 0.0, 1e-9]]), np.array([[1e-3, 0.0, 2e-3, 0.0]])
+    found = compared(np.array([[0.0, 5.0, 0.0, 1.0]]), pressure, gap, 0.1).predictions
+    assert np.argsort(found["contact"].ranking[0]).tolist() == [2, 0, 3, 1]
+
+
+@pytest.mark.parametrize(
+    ("length", "width"), [(0.0, 1), (1.9, 1), (2.1, 3), (3.9, 3), (4.1, 5), (21.0, 21)]
+)
+def test_window_is_the_nearest_odd_number_of_elements(length, width):
+    pressure = np.zeros((61, 71))
+    pressure[30, 30] = 1.0
+    found = compared(pressure, pressure, 1 - pressure, 0.1, neighbourhood_um=length)
+    shares = found.predictions["contact"].shares
+    assert (shares > 0).sum() == width**2
+    assert shares[30, 30] == pytest.approx(1 / width**2)
+
+
+def test_prediction_of_another_shape_is_refused():
+    with pytest.raises(ValueError, match="shapes"):
+        compared(np.zeros((4, 5)), np.zeros((4, 4)), np.zeros((4, 4)), 0.1)

@@ -1,0 +1,261 @@
+"""What is a patch's prediction worth? Its scores against chance and against the best rival.
+
+The gain is the score less that of the best rival: what the contact solution adds to a look at the
+surface. The best rival is the one that did best on this very patch. It is chosen by its luck, so
+the gain can only look smaller than it is.
+
+Noise mimics agreement: a point that noise raises at T0 is predicted to touch, and looks worn at
+T1. No shift tells that from wear, but noise rises as often as it falls. Where so much rose that it
+may explain the loss, chance is not tested.
+
+A flat touches summits only. Loss split by height and gap shows what use took out of valleys, which
+the model cannot predict.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from gstlib.validation.change import wear_summary
+from gstlib.validation.intervals import (
+    FEWEST_BLOCKS,
+    label_blocks,
+    percentile_interval,
+    resampled_scores,
+)
+from gstlib.validation.nulls import correlation_length, null_scores, p_value
+from gstlib.validation.scores import CONTACT, RIVALS, SCORES, compare, scores_of
+
+__all__ = ["PatchScores", "patch_tables", "score_patch"]
+
+# ASSUME: the loss is split by height at its median, upper quartile and upper tenth, and out of
+# contact by the gap at 1 and 5 µm: near misses, and points that the flat is far from.
+_HEIGHT_BANDS = {"0-50 %": 0.0, "50-75 %": 0.5, "75-90 %": 0.75, "90-100 %": 0.9}
+_GAP_BANDS_MM = {"0-1 um": 1e-3, "1-5 um": 5e-3, "over 5 um": math.inf}
+_NULL_RANGE = 0.025, 0.975
+# Below this, the value 0 shows the transforms' rounding.
+_DECIMALS = 9
+# Noise rises as often as it falls: where this many times as much rose as fell, something is wrong.
+_BEYOND_NOISE = 2
+
+_COLUMNS = {
+    "patches": [
+        *("patch", "contact_fraction", "valid_contact_fraction", "loss_fraction", "loss_area_mm2"),
+        *("loss_volume_um3", "loss_depth_um", "loss_per_area_um", "gain_fraction", "noise_share"),
+        *("correlation_length_um", "rigid_fraction", *SCORES),
+        *(f"highest_{score}" for score in SCORES),
+        *(f"rigid_{score}" for score in SCORES if not score.endswith("auc")),
+    ],
+    "gains": [
+        *("patch", "score", "value", "null_mean", "null_low", "null_high", "effect_size"),
+        *("p_value", "shifts", "best_rival", "best_rival_value", "gain", "gain_low", "gain_high"),
+        "blocks",
+    ],
+    "failures": [
+        *("patch", "split", "band", "area_share", "loss_share", "loss_fraction", "hit_share"),
+        "recall",
+    ],
+}
+
+
+@dataclass(frozen=True)
+class PatchScores:
+    """All that the tables of the validation state about one patch."""
+
+    scores: dict[str, Any]  # row of validation_patches.csv, see workflow/report for its columns
+    gains: list[dict[str, Any]]  # rows of validation_gains.csv; none where chance was not tested
+    failures: list[dict[str, Any]]  # rows of validation_failures.csv
+    null: dict[str, np.ndarray]  # as of `null_scores`; empty where chance was not tested
+    warning: str | None  # what to look into if nearly as much rose as fell, or far more
+
+
+def score_patch(
+    patch: str,
+    heights: xr.DataArray,
+    contact: xr.Dataset,
+    change: xr.Dataset,
+    *,
+    neighbourhood_um: float,
+    most_noise: float,
+    seed: int | Sequence[int] = 0,
+    shifts: int = 0,
+    resamples: int = 0,
+) -> PatchScores:
+    """Score the predicted contact of one patch against its measured loss.
+
+    Parameters
+    ----------
+    patch : str
+        Its id. With the seed it determines the random numbers, so that a patch gives the same
+        whichever others are in the study.
+    heights : (y, x) xarray.DataArray
+        The surface pressed on the flat, mm (`gstlib.contact.pressed_height`).
+    contact : xarray.Dataset
+        ``height`` at T0 and ``gap`` (y, x) in mm, ``pressure`` (y, x) in MPa, ``displacement`` in
+        mm, of which the last counts. The contact may be empty.
+    change : xarray.Dataset
+        As from `gstlib.validation.change.height_change`.
+    neighbourhood_um : float
+        Side of the window of the fractions skill score, rounded to an odd number of elements.
+    most_noise : float
+        The ``noise_share`` up to which chance is tested.
+    seed : int or sequence of int
+        Seed of the random numbers.
+    shifts : int
+        Shifted copies of the null model; 0 leaves out chance and the gains with it.
+    resamples : int
+        Block bootstrap resamples for the intervals of the gains.
+    """
+    comparison = compare(heights, contact, change, neighbourhood_um=neighbourhood_um)
+    loss, valid = comparison.loss, comparison.valid
+    length = correlation_length(loss, valid, comparison.spacing)
+    scores = {name: scores_of(one, comparison) for name, one in comparison.predictions.items()}
+    touching, rigid = (comparison.predictions[name].mask for name in (CONTACT, "rigid"))
+    gain = change["gain"].values.astype(bool) & valid
+    row: dict[str, Any] = {
+        "patch": patch,
+        "contact_fraction": float(touching.mean()),
+        "valid_contact_fraction": _share(touching, valid),
+        **wear_summary(change),
+        "noise_share": float(gain.sum() / loss.sum()) if loss.any() else math.nan,
+        "correlation_length_um": length * 1e3,
+        "rigid_fraction": _share(rigid, valid),
+    }
+    for name, of_one in scores.items():
+        prefix = "" if name == CONTACT else f"{name}_"
+        row |= {f"{prefix}{score}": value for score, value in of_one.items()}
+    gains, null = [], {}
+    if shifts:
+        generator = np.random.default_rng([*np.atleast_1d(seed), *patch.encode()])
+        null = null_scores(comparison, beyond_mm=length, shifts=shifts, generator=generator)
+        # ASSUME: blocks are twice as long as the distance at which the loss's autocorrelation has
+        # fallen to 1/e, and divide the patch evenly.
+        labels, blocks = label_blocks(valid, comparison.spacing, 2 * length)
+        resampled = {}
+        if blocks >= FEWEST_BLOCKS:
+            drawn = generator.multinomial(blocks, np.full(blocks, 1 / blocks), size=resamples)
+            resampled = {
+                name: resampled_scores(prediction, comparison, labels, drawn)
+                for name, prediction in comparison.predictions.items()
+            }
+        for score in SCORES:
+            value = scores[CONTACT][score]
+            of_score: dict[str, Any] = {"patch": patch, "score": score, "value": value}
+            of_score |= _against_chance(value, null[score])
+            of_score |= _against_rivals(score, scores, resampled, blocks)
+            if row["noise_share"] > most_noise:
+                of_score["p_value"] = math.nan
+            gains.append(of_score)
+    failures = [
+        {
+            "patch": patch,
+            "split": split,
+            "band": label,
+            "area_share": _share(band, valid),
+            "loss_share": _share(band, loss),
+            "loss_fraction": _share(loss, band),
+            "hit_share": _share(band & touching, loss),
+            "recall": _share(touching, loss & band),
+        }
+        for split, label, band in _bands(contact, touching, valid)
+    ]
+    return PatchScores(row, gains, failures, null, _warning(row, most_noise))
+
+
+def patch_tables(found: Sequence[PatchScores]) -> dict[str, pd.DataFrame]:
+    """The tables ``patches``, ``gains`` and ``failures``; without patches they have no rows."""
+    rows = {
+        "patches": [one.scores for one in found],
+        "gains": [row for one in found for row in one.gains],
+        "failures": [row for one in found for row in one.failures],
+    }
+    return {name: pd.DataFrame(rows[name], columns=columns) for name, columns in _COLUMNS.items()}
+
+
+def _against_chance(value: float, scores: np.ndarray) -> dict[str, float]:
+    """Where a score stands among those of the shifts, of which the first is in place."""
+    # the value in place is taken in levels, as the null is
+    null = scores[1:][np.isfinite(scores[1:])] + (value - scores[0])
+    mean, low, high, spread = (math.nan,) * 4
+    if null.size > 1:
+        found = (null.mean(), *np.quantile(null, _NULL_RANGE), null.std(ddof=1))
+        mean, low, high, spread = (round(float(number), _DECIMALS) for number in found)
+    return {
+        "null_mean": mean,
+        "null_low": low,
+        "null_high": high,
+        "effect_size": (value - mean) / spread if spread > 0 else math.nan,
+        "p_value": p_value(value, null),
+        "shifts": int(null.size),
+    }
+
+
+def _against_rivals(
+    score: str,
+    scores: dict[str, dict[str, float]],
+    resampled: dict[str, dict[str, np.ndarray]],
+    blocks: int,
+) -> dict[str, Any]:
+    """Score less that of the best rival, with its interval."""
+    value = scores[CONTACT][score]
+    rivals = {name: scores[name].get(score, math.nan) for name in RIVALS}
+    # none where the score of the contact is NaN
+    rivals = {name: of_one for name, of_one in rivals.items() if math.isfinite(value - of_one)}
+    best = max(rivals, key=lambda name: rivals[name], default="")
+    gain = value - rivals.get(best, math.nan)
+    low = high = math.nan
+    if resampled and best:
+        samples = resampled[CONTACT][score] - resampled[best][score]
+        # the first is the patch itself: exact ranks for ranks in levels
+        low, high = percentile_interval(samples[1:] + (gain - samples[0]), blocks)
+    return {
+        "best_rival": best,
+        "best_rival_value": rivals.get(best, math.nan),
+        "gain": round(gain, _DECIMALS),
+        "gain_low": round(low, _DECIMALS),
+        "gain_high": round(high, _DECIMALS),
+        "blocks": blocks,
+    }
+
+
+def _bands(
+    contact: xr.Dataset, touching: np.ndarray, valid: np.ndarray
+) -> Iterator[tuple[str, str, np.ndarray]]:
+    """The valid points by their height at T0, and by their distance from the flat."""
+    heights, gap = contact["height"].values, contact["gap"].values
+    shares = list(_HEIGHT_BANDS.values())[1:]
+    edges = np.quantile(heights[valid], shares) if valid.any() else shares
+    band = np.searchsorted(edges, heights, side="right")
+    for number, label in enumerate(_HEIGHT_BANDS):
+        yield "height", label, valid & (band == number)
+    yield "gap", "contact", valid & touching
+    for (_, above), (label, limit) in pairwise([("contact", -math.inf), *_GAP_BANDS_MM.items()]):
+        yield "gap", label, valid & ~touching & (gap > above) & (gap <= limit)
+
+
+def _share(part: np.ndarray, whole: np.ndarray) -> float:
+    """Share of the points of `whole` that are in `part`; NaN if there are none."""
+    return float((part & whole).sum() / whole.sum()) if whole.any() else math.nan
+
+
+def _warning(row: dict[str, Any], most_noise: float) -> str | None:
+    rose, fell, noise = (100 * row[k] for k in ("gain_fraction", "loss_fraction", "noise_share"))
+    if rose > _BEYOND_NOISE * fell:
+        return (
+            f"patch {row['patch']}: far more rose than fell ({rose:.2g} % and {fell:.2g} % of the "
+            "area), but use only removes material. Are t0 and t1 exchanged in the patch table, or "
+            "was residue left on the stone?"
+        )
+    if noise > 100 * most_noise:
+        return (
+            f"patch {row['patch']}: {noise:.0f} % as much rose as fell, so the loss may be noise, "
+            "which mimics agreement with contact: not tested against chance. A larger "
+            "traces.minimum_points removes noise."
+        )
+    return None

@@ -1,0 +1,303 @@
+"""Over the patches of a stone: do harder pressed ones wear more, and is the prediction worth it?
+
+Patches are the units here: intervals resample patches, tests permute them. Every row of the
+summary is a statistic with its interval, its p-value, the number of patches, and what it is
+compared with.
+
+Permuting patches takes each as an independent trial. Where two numbers vary smoothly over the
+stone, adjacent patches repeat each other, and such a test finds relations that do not exist more
+often than its level says. Dutilleul (1993, Biometrics 49:305) tests a correlation with as many
+trials as the two autocorrelations leave, after Clifford, Richardson and Hémon (1989, Biometrics
+45:123).
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.distance import pdist, squareform
+from scipy.stats import hypergeom, permutation_test, rankdata, t
+
+from gstlib.validation.intervals import percentile_interval
+from gstlib.validation.nulls import p_value
+from gstlib.validation.scores import RIVALS, SCORES
+from gstlib.validation.scoring import PatchScores, patch_tables
+
+__all__ = ["mean_gains", "mean_scores", "rank_correlations", "spatial_p_value", "summarise"]
+
+_COLUMNS = ["statistic", "value", "low", "high", "p_value", "n", "against"]
+_PREDICTORS = "pressure_MPa", "contact_fraction", "stiffness_MPa_per_um"
+# Area and volume of the traces, both over the area measured: patches overlap to different shares.
+_EXTENTS = "loss_fraction", "loss_per_area_um"
+# Up to this many patches all pairings are tried (8! = 40320), beyond it a random sample of them;
+# all signs of a difference up to 13 (2¹³ = 8192).
+_EXACT_UP_TO = 8
+_RANDOM = 9999
+# Student's t needs a degree of freedom.
+_FEWEST_EFFECTIVE = 3.0
+
+
+def summarise(
+    found: Sequence[PatchScores],
+    predicted: pd.DataFrame,
+    *,
+    seed: int,
+    resamples: int,
+    expected_worst: Sequence[str] = (),
+) -> pd.DataFrame:
+    """The table ``validation_summary.csv``.
+
+    Parameters
+    ----------
+    found : sequence of PatchScores
+        With their nulls; none gives a table without rows.
+    predicted : pandas.DataFrame
+        For each of these patches ``patch, x_mm, y_mm, pressure_MPa, stiffness_MPa_per_um``.
+    seed : int
+        Seed of intervals and permutations.
+    resamples : int
+        Bootstrap samples of patches.
+    expected_worst : sequence of str
+        Patches that were said beforehand to be the worst worn.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``statistic, value, low, high, p_value, n, against``: the rows of `mean_gains`,
+        `mean_scores` and `rank_correlations`, with 95 % intervals; mean loss shares and recalls of
+        the bands; and ``expected_worst(5+8, column)``, the share of these patches among as many
+        largest of each column (a tie counts against it), with the p-value of a random ranking.
+    """
+    if not found:
+        return pd.DataFrame(columns=_COLUMNS)
+    tables = patch_tables(found)
+    every = tables["patches"].merge(predicted, on="patch")
+    chance: dict[str, Any] = {"generator": np.random.default_rng(seed), "resamples": resamples}
+    parts = [
+        mean_gains(tables["patches"], **chance),
+        mean_scores(found, **chance),
+        rank_correlations(every, places=("x_mm", "y_mm"), **chance),
+    ]
+    rows: list[tuple] = []
+    for (split, band), group in tables["failures"].groupby(["split", "band"], sort=False):
+        # by gap, recall is 1 in contact and 0 out of it
+        for quantity in ("loss_share", "recall") if split == "height" else ("loss_share",):
+            known = group[quantity].dropna().to_numpy(dtype=float)
+            row = _mean(known, **chance)
+            rows.append((f"{quantity}({split} {band})", *row, math.nan, known.size, ""))
+    if expected_worst:
+        columns = [*_EXTENTS, "pressure_MPa", "contact_fraction"]
+        rows += [_worst(every, expected_worst, column) for column in columns]
+    return pd.concat([*parts, pd.DataFrame(rows, columns=_COLUMNS)], ignore_index=True)
+
+
+def mean_gains(
+    scores: pd.DataFrame, *, generator: np.random.Generator, resamples: int
+) -> pd.DataFrame:
+    """Mean over patches of each score less that of the rival with the best mean.
+
+    One rival stands for all patches, as one would have to choose it beforehand. It is chosen on
+    these patches, so the gain can only look smaller than it is. Precision, recall, F1, IoU and
+    the fractions skill depend on how much is marked, also by chance: against ``rigid``, whose area
+    is not that of the contact, their gain compares areas as well as places. MCC and the rank scores
+    do not.
+
+    `scores` is the table ``patches`` of `patch_tables`. Rows ``gain(score)``, with a bootstrap
+    interval over patches and a two-sided test that exchanges model and rival patch by patch;
+    ``against`` names the rival.
+    """
+    rows: list[tuple] = []
+    for score in SCORES:
+        columns = [f"{name}_{score}" for name in RIVALS if f"{name}_{score}" in scores]
+        known = scores[[score, *columns]].dropna()
+        if known.empty:
+            rows.append((f"gain({score})", *[math.nan] * 4, 0, ""))
+            continue
+        best = known[columns].mean().idxmax()
+        gain = (known[score] - known[best]).to_numpy(dtype=float)
+        row = _mean(gain, generator, resamples)
+        p = math.nan
+        if gain.size > 1 and gain.any():
+            p = permutation_test(
+                (gain, np.zeros_like(gain)),
+                lambda a, b, axis: (a - b).mean(axis=axis),
+                permutation_type="samples",
+                n_resamples=_RANDOM,
+                vectorized=True,
+                rng=generator,
+            ).pvalue
+        against = best.removesuffix(f"_{score}")
+        rows.append((f"gain({score})", *row, float(p), len(gain), against))
+    return pd.DataFrame(rows, columns=_COLUMNS)
+
+
+def mean_scores(
+    found: Sequence[PatchScores], *, generator: np.random.Generator, resamples: int
+) -> pd.DataFrame:
+    """Mean over patches of each score, against the means of shifted predictions, one-sided.
+
+    Rows ``mean(score)``, with a bootstrap interval over patches. The shifts of a patch are its own,
+    so the i-th of all patches together are one draw. Patches where the score is not defined, or
+    chance is not tested, are left out.
+    """
+    rows: list[tuple] = []
+    for score in SCORES:
+        tested = [
+            (row["value"], one.null[score])
+            for one in found
+            for row in one.gains
+            if row["score"] == score and not math.isnan(row["p_value"])
+        ]
+        row = _mean(np.array([value for value, _ in tested]), generator, resamples)
+        p = math.nan
+        if tested:
+            # a patch of few elements has fewer shifts than the others: no more draws than it has
+            length = min(len(null) for _, null in tested)
+            means = np.mean([null[:length] for _, null in tested], axis=0)
+            p = p_value(float(means[0]), means[1:])
+        rows.append((f"mean({score})", *row, p, len(tested), "shifts"))
+    return pd.DataFrame(rows, columns=_COLUMNS)
+
+
+def rank_correlations(
+    table: pd.DataFrame,
+    *,
+    generator: np.random.Generator,
+    resamples: int,
+    predictors: Sequence[str] = _PREDICTORS,
+    extents: Sequence[str] = _EXTENTS,
+    places: Sequence[str] = (),
+) -> pd.DataFrame:
+    """Spearman's correlation over patches of each predictor with each extent of the traces.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        One row per patch; rows with a missing value are left out of that pair.
+    generator : numpy.random.Generator
+        Draws the interval and, above 8 patches, the p-value.
+    resamples : int
+        Bootstrap samples of patches.
+    predictors, extents : sequences of str
+        Columns to pair.
+    places : (str, str), optional
+        Columns of the patches' x and y: the p-value then accounts for spatial autocorrelation
+        (`spatial_p_value`).
+
+    Returns
+    -------
+    pandas.DataFrame
+        As of `summarise`, rows ``spearman(predictor, extent)``: 95 % bootstrap over patches,
+        two-sided permutation test (every pairing up to 8 patches, 9999 random ones beyond). NaN
+        with fewer than 3 patches or a constant column.
+    """
+    rows: list[tuple] = []
+    for predictor in predictors:
+        for extent in extents:
+            known = table[[predictor, extent, *places]].dropna()
+            x, y, *where = known.to_numpy(dtype=float).T
+            value = low = high = p = math.nan
+            if x.size >= 3 and np.ptp(x) > 0 and np.ptp(y) > 0:
+                value = float(_spearman(x, y))
+                p = permutation_test(
+                    (x,),
+                    lambda shuffled, axis, y=y: _spearman(shuffled, y),
+                    permutation_type="pairings",
+                    n_resamples=math.factorial(_EXACT_UP_TO) if x.size <= _EXACT_UP_TO else _RANDOM,
+                    vectorized=True,
+                    rng=generator,
+                ).pvalue
+                drawn = generator.integers(0, x.size, (resamples, x.size))
+                # a draw of one patch over and over has no correlation
+                low, high = percentile_interval(_spearman(x[drawn], y[drawn]), x.size)
+            against = "other pairings"
+            if where:
+                p = spatial_p_value(x, y, np.transpose(where), permuted=p)
+                against += ", neighbours alike"
+            row = f"spearman({predictor}, {extent})", value, low, high, float(p), len(known)
+            rows.append((*row, against))
+    return pd.DataFrame(rows, columns=_COLUMNS)
+
+
+def spatial_p_value(x: np.ndarray, y: np.ndarray, places: np.ndarray, *, permuted: float) -> float:
+    """P-value of Spearman's correlation over patches that allows for spatial autocorrelation.
+
+    `permuted` is the p-value of the permutation test, exact for unrelated patches. Dutilleul's test
+    rests on Student's t, which is too sure of few ranks, so it may only weaken the evidence: the
+    larger p-value counts. It is two-sided, and NaN with fewer than 4 patches or a constant number.
+    `places` (n, 2) are the patches' coordinates, in any unit.
+    """
+    x, y = rankdata(x), rankdata(y)
+    if x.size < 4 or np.ptp(x) == 0 or np.ptp(y) == 0:
+        return math.nan
+    freedom = max(_effective_patches(x, y, places), _FEWEST_EFFECTIVE) - 2
+    correlation = float(np.clip(np.corrcoef(x, y)[0, 1], -1, 1))
+    spread = math.sqrt((1 - correlation**2) / freedom)
+    spatial = float(2 * t.sf(abs(correlation) / spread, freedom)) if spread > 0 else 0.0
+    return max(permuted, spatial)
+
+
+def _effective_patches(x: np.ndarray, y: np.ndarray, places: np.ndarray) -> float:
+    """Number of independent patches for which a correlation varies as much as for these.
+
+    At most as many as there are: neighbours that differ more than others do are no further
+    evidence.
+    """
+    distance = squareform(pdist(np.asarray(places, dtype=float)))
+    count = len(distance)
+    centring = np.eye(count) - 1 / count
+    of_x, of_y = (centring @ _covariance(values, distance) @ centring for values in (x, y))
+    variance = np.trace(of_x @ of_y) / (np.trace(of_x) * np.trace(of_y))
+    return float(min(count, 1 + 1 / variance)) if variance > 0 else float(count)
+
+
+def _covariance(values: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """Covariance of every pair of patches by their distance; 0 for pairs far from each other."""
+    # ASSUME: covariances are estimated in classes as wide as neighbours are apart, up to half of
+    # the largest distance, as is usual for variograms; beyond it patches count as unrelated.
+    apart = np.where(np.eye(len(distance), dtype=bool), np.inf, distance)
+    step = float(np.median(apart.min(axis=1)))
+    # rounded: on a lattice distances fall on the edges of classes, and the unit must not matter
+    steps = np.round(distance / step, 9)
+    number = np.maximum(np.rint(steps), 1)
+    number[(number + 0.5 > steps.max() / 2) | np.isinf(apart)] = 0
+    centred = values - values.mean()
+    products = np.multiply.outer(centred, centred)
+    covariance = np.diag(np.diag(products).mean() * np.ones(len(values)))
+    for one in np.unique(number[number > 0]):
+        covariance[number == one] = products[number == one].mean()
+    return covariance
+
+
+def _spearman(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Spearman's correlation along the last axis; NaN where one of them is constant."""
+    a, b = (rankdata(values, axis=-1) - (values.shape[-1] + 1) / 2 for values in (x, y))
+    scale = np.sqrt((a * a).sum(axis=-1) * (b * b).sum(axis=-1))
+    product = (a * b).sum(axis=-1)
+    return np.divide(product, scale, out=np.full(np.shape(product), np.nan), where=scale > 0)
+
+
+def _mean(
+    values: np.ndarray, generator: np.random.Generator, resamples: int
+) -> tuple[float, float, float]:
+    """Mean of the values and its interval; NaN without any, or without an interval."""
+    value = float(values.mean()) if values.size else math.nan
+    if values.size < 2:
+        return value, math.nan, math.nan
+    drawn = generator.integers(0, values.size, (resamples, values.size))
+    return value, *percentile_interval(values[drawn].mean(axis=1), values.size)
+
+
+def _worst(table: pd.DataFrame, expected: Sequence[str], column: str) -> tuple:
+    """Share of the expected patches among as many largest; NaN if one of them has no value."""
+    known = table.set_index("patch")[column].dropna()
+    share = p = math.nan
+    if known.index.isin(expected).sum() == len(expected):
+        ranks = rankdata(-known.to_numpy(dtype=float), method="max")
+        within = int((ranks[known.index.isin(expected)] <= len(expected)).sum())
+        share = within / len(expected)
+        p = float(hypergeom.sf(within - 1, len(known), len(expected), len(expected)))
+    name = f"expected_worst({'+'.join(expected)}, {column})"
+    return name, share, math.nan, math.nan, p, len(known), "random ranking"

@@ -1,0 +1,248 @@
+"""One patch, from its maps to its rows: scores, chance, best rival, and where it fails."""
+
+import math
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from gstlib.specimen.randomness import smooth_field
+from gstlib.surface import make_surface
+from gstlib.validation.change import height_change
+from gstlib.validation.nulls import _wrap_around_factors
+from gstlib.validation.scores import SCORES
+from gstlib.validation.scoring import patch_tables, score_patch
+
+SETTINGS = {"neighbourhood_um": 3.0, "most_noise": 1.0, "seed": 1, "shifts": 999, "resamples": 199}
+
+
+@pytest.fixture
+def patch():
+    """A patch that lost height just where contact is predicted, and not at its highest points."""
+    rng = np.random.default_rng(3)
+    heights = rng.normal(0, 1e-3, (60, 70))
+    pressure = np.where(np.arange(4200).reshape(60, 70) % 37 == 0, 5.0, 0.0)
+    t0 = make_surface(heights, 1e-3)
+    t1 = t0 - 5e-3 * (pressure > 0) + rng.normal(0, 1e-5, heights.shape)
+    t1[:, 60:] = np.nan
+    contact = xr.Dataset(
+        {
+            "height": t0,
+            "pressure": (("y", "x"), pressure),
+            "gap": (("y", "x"), 1e-3 * (pressure == 0)),
+            "displacement": ("step", [1e-4, 1e-3]),
+        }
+    )
+    return contact, height_change(t0, t1)
+
+
+def scored(patch, name="7", **changed):
+    contact, change = patch
+    return score_patch(name, contact.height, contact, change, **(SETTINGS | changed))
+
+
+def by_score(found):
+    return {row["score"]: row for row in found.gains}
+
+
+def test_perfect_prediction_of_one_patch(patch):
+    contact, change = patch
+    row = scored(patch).scores
+    # noise alone puts about 2.5 % of the rest beyond the level of detection
+    assert row["recall"] > 0.5
+    assert row["precision"] == 1
+    assert row["roc_auc"] > 0.7
+    touching = (contact.pressure > 0).values
+    assert row["contact_fraction"] == pytest.approx(touching.mean())
+    assert row["valid_contact_fraction"] == pytest.approx(touching[:, :60].mean())
+    high = contact.height > contact.height.max() - 1e-3  # the displacement of the last step
+    assert row["rigid_fraction"] == pytest.approx(float(high[:, :60].mean()))
+    assert row["noise_share"] == pytest.approx(float(change.gain.sum() / change.loss.sum()))
+    assert row["correlation_length_um"] < 1
+    assert row["highest_f1"] < 0.3
+    assert row["highest_roc_auc"] == pytest.approx(0.5, abs=0.1)
+
+
+def test_perfect_prediction_is_no_chance_and_beats_its_rivals(patch):
+    found = scored(patch)
+    rows = by_score(found)
+    for name in ("precision", "f1", "mcc", "pr_auc"):
+        row = rows[name]
+        assert row["shifts"] == 999
+        assert row["p_value"] == pytest.approx(1 / (1 + row["shifts"]))
+        assert row["effect_size"] > 5
+        assert row["null_low"] <= row["null_mean"] <= row["null_high"] < row["value"]
+        assert 0 < row["gain_low"] < row["gain"] < row["gain_high"]
+        rivals = {rival: found.scores.get(f"{rival}_{name}", -1) for rival in ("highest", "rigid")}
+        assert row["best_rival"] == max(rivals, key=rivals.get)
+        assert row["best_rival_value"] == max(rivals.values())
+        assert row["value"] == found.scores[name]
+        assert row["gain"] == pytest.approx(row["value"] - max(rivals.values()), abs=1e-9)
+    assert rows["mcc"]["null_mean"] == pytest.approx(0, abs=0.02)
+
+
+def test_the_highest_points_in_contact_gain_nothing(patch):
+    """A model that agrees with its rival gains zero, with an interval of zero."""
+    contact, change = patch
+    t0 = contact.height
+    high = t0.values > np.quantile(t0.values[:, :60], 0.95)
+    contact["pressure"] = ("y", "x"), np.where(high, 1 + t0.values * 100, 0)
+    contact["gap"] = ("y", "x"), np.where(high, 0, t0.values.max() - t0.values)
+    contact["displacement"] = 0.0  # no rigid rival
+    found = scored((contact, change))
+    assert found.scores["f1"] == pytest.approx(found.scores["highest_f1"])
+    for name in ("f1", "roc_auc"):
+        row = by_score(found)[name]
+        assert row["best_rival"] == "highest"
+        assert (row["gain"], row["gain_low"], row["gain_high"]) == pytest.approx((0, 0, 0))
+
+
+def test_no_interval_from_a_handful_of_blocks(patch, monkeypatch):
+    assert by_score(scored(patch))["mcc"]["blocks"] > 9
+    monkeypatch.setattr("gstlib.validation.scoring.correlation_length", lambda *_: 0.015)
+    few = scored(patch).gains[0]
+    assert few["blocks"] == 4
+    assert math.isnan(few["gain_low"])
+    assert few["gain"] == scored(patch).gains[0]["gain"]
+
+
+def test_random_numbers_depend_on_seed_and_patch_alone(patch):
+    first = repr(scored(patch).gains)
+    quick = scored(patch, shifts=0)
+    assert (quick.scores, quick.gains, quick.null) == (scored(patch).scores, [], {})
+    assert repr(scored(patch).gains) == first
+    assert repr(scored(patch, seed=2).gains) != first
+    assert repr(scored(patch, seed=[1]).gains) == first
+    assert repr(scored(patch, name="8").gains).replace("'8'", "'7'") != first
+
+
+def test_a_patch_without_loss_or_without_known_points_has_no_scores(patch):
+    contact, change = patch
+    change["loss"] = change["loss"] & False
+    rows = by_score(scored((contact, change)))
+    assert rows["f1"]["value"] == 0
+    assert math.isnan(rows["roc_auc"]["p_value"])
+    assert rows["roc_auc"]["best_rival"] == ""
+    change["change"] = change["change"] * np.nan
+    found = scored((contact, change))
+    assert all(math.isnan(row["value"]) and math.isnan(row["p_value"]) for row in found.gains)
+    assert math.isnan(found.scores["valid_contact_fraction"])
+
+
+def test_an_empty_contact_predicts_nothing(patch):
+    contact, change = patch
+    contact["pressure"] = contact["pressure"] * 0
+    contact["gap"] = contact.height.max() - contact.height
+    contact["displacement"] = 0.0
+    found = scored((contact, change))
+    row, rows = found.scores, by_score(found)
+    assert (row["contact_fraction"], row["rigid_fraction"], row["recall"], row["f1"]) == (0,) * 4
+    assert all(math.isnan(row[name]) for name in ("precision", "mcc", "highest_mcc", "rigid_mcc"))
+    assert math.isnan(rows["mcc"]["p_value"])
+    assert rows["f1"]["p_value"] == 1
+
+
+def test_tables_have_the_same_columns_with_and_without_patches(patch):
+    found = [scored(patch), scored(patch, name="8")]
+    tables, empty = patch_tables(found), patch_tables([])
+    for name, rows in {"patches": 2, "gains": 2 * len(SCORES), "failures": 2 * 8}.items():
+        assert (len(tables[name]), len(empty[name])) == (rows, 0)
+        assert list(empty[name]) == list(tables[name])
+    assert set(tables["patches"]) == set(found[0].scores)  # nothing of the rows is lost
+    assert tables["patches"].notna().all(axis=None)
+
+
+def measured_twice(rng, worn=0.0):
+    """Two measurements of one surface; their errors are alike over a few points."""
+    stone = 5e-4 * smooth_field(rng, 256, 1.0, 8.0)
+    t0, t1 = (make_surface(stone + 1e-4 * smooth_field(rng, 256, 1.0, 3.0), 1e-3) for _ in "01")
+    touching = t0.values > np.quantile(t0.values, 0.96)
+    t1 -= 1e-3 * (t0.values > np.quantile(t0.values, 1 - worn))
+    fields = {"pressure": 5.0 * touching, "gap": 1e-3 * ~touching}
+    contact = xr.Dataset({name: (("y", "x"), values) for name, values in fields.items()})
+    contact = contact.assign(height=t0, displacement=1e-4)
+    return contact, height_change(t0, t1, minimum_points=8)
+
+
+def test_noise_that_agrees_with_contact_is_not_taken_for_wear():
+    def p_values(most_noise):
+        rng = np.random.default_rng(5)
+        found = [scored(measured_twice(rng), most_noise=most_noise) for _ in range(8)]
+        return [by_score(one)["f1"]["p_value"] for one in found]
+
+    # an unworn surface: points that noise raises are in contact, and lower the next time
+    assert np.mean(np.array(p_values(np.inf)) <= 0.05) > 0.3
+    assert np.isnan(p_values(0.2)).all()
+    worn = scored(measured_twice(np.random.default_rng(5), worn=0.05), most_noise=0.2)
+    assert 0 < worn.scores["noise_share"] < 0.2
+    assert by_score(worn)["f1"]["p_value"] < 0.01
+    assert worn.warning is None
+
+
+@pytest.mark.parametrize(
+    ("rose", "fell", "words"),
+    [
+        (10, 100, []),
+        (80, 100, ["80 % as much rose as fell", "minimum_points"]),
+        (252, 42, ["far more rose than fell (7 % and 1.2 %", "t0 and t1 exchanged", "residue"]),
+        (252, 0, ["far more rose than fell (7 % and 0 %"]),
+        (0, 0, []),
+    ],
+)
+def test_a_patch_that_rose_is_reported_once(patch, rose, fell, words):
+    contact, change = patch
+    order = np.arange(4200).reshape(70, 60).T  # the valid points first
+    spots = {"loss": order < fell, "gain": (order >= fell) & (order < fell + rose)}
+    change = change.assign({name: (("y", "x"), mask) for name, mask in spots.items()})
+    warning = scored((contact, change), most_noise=0.5, shifts=0).warning
+    assert bool(warning) == bool(words)
+    assert all(word in warning for word in ["patch 7", *words] if words)
+
+
+def test_bands_divide_the_known_points_and_the_loss(patch):
+    contact, change = patch
+    contact["gap"] = contact.gap * np.linspace(0, 10, 70)  # up to 10 µm
+    found = scored((contact, change), shifts=0)
+    labels = {
+        "height": ["0-50 %", "50-75 %", "75-90 %", "90-100 %"],
+        "gap": ["contact", "0-1 um", "1-5 um", "over 5 um"],
+    }
+    for split, bands in labels.items():
+        rows = {row["band"]: row for row in found.failures if row["split"] == split}
+        assert list(rows) == bands
+        for name, total in (("area_share", 1), ("loss_share", 1), ("hit_share", None)):
+            expected = found.scores["recall"] if total is None else total
+            assert sum(row[name] for row in rows.values()) == pytest.approx(expected)
+    areas = {row["band"]: row["area_share"] for row in found.failures}
+    assert areas["0-50 %"] == pytest.approx(0.5)
+    assert areas["90-100 %"] == pytest.approx(0.1)
+    # columns 0 to 59 of 70 are known: gaps of 0 to 8.6 µm
+    assert areas["0-1 um"] == pytest.approx(7 / 60 * (1 - areas["contact"]), rel=0.02)
+    assert areas["1-5 um"] == pytest.approx(28 / 60 * (1 - areas["contact"]), rel=0.02)
+
+
+def test_loss_in_valleys_shows_as_missed_there(patch):
+    contact, change = patch
+    heights = make_surface(np.arange(100.0).reshape(10, 10), 1e-3)
+    contact = xr.Dataset({"height": heights, "pressure": 1.0 * (heights >= 80)})
+    contact = contact.assign(gap=80.0 - heights.clip(max=80), displacement=20.0)
+    loss = (heights < 30) | (heights >= 90)
+    change = xr.Dataset({"change": -1.0 * loss, "loss": loss, "gain": loss & False})
+    rows = scored((contact, change.assign_coords(heights.coords)), shifts=0).failures[:4]
+    assert [row["recall"] for row in rows] == pytest.approx([0, math.nan, math.nan, 1], nan_ok=True)
+    assert [row["loss_share"] for row in rows] == [0.75, 0, 0, 0.25]
+    assert [row["loss_fraction"] for row in rows] == [0.6, 0, 0, 1]
+
+
+def test_one_large_spot_that_misses_is_no_better_than_chance(patch):
+    """Nearly all shifts hit nothing either."""
+    contact, change = patch
+    pressure = np.zeros(contact.height.shape)
+    pressure[:12, :12] = 1.0
+    contact["pressure"] = ("y", "x"), pressure
+    change["loss"] = change["loss"] & False
+    change["loss"][30:42, 30:42] = True
+    known = np.isfinite(change.change.values)
+    assert _wrap_around_factors([pressure > 0], change.loss.values, known)[0] > 1
+    f1 = by_score(scored((contact, change)))["f1"]
+    assert (f1["value"], f1["p_value"]) == (0, 1)
