@@ -1,29 +1,186 @@
-"""Makes the generated specimen: mesh, scans before and after use, and the truth about them."""
+"""Makes the generated specimen: mesh, scans before and after use, and the truth about them.
 
-import json
-from dataclasses import asdict
+The truth is a dataset. Maps of scans have the dims ``(patch, epoch, y, x)`` or ``(patch, y, x)``
+(then on the T0 scan) and lie as on the stone, before the mould. The macroscale surface has the dims
+``(macroscale_y, macroscale_x)``.
+"""
+
+import io
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
-import gstlib
-from gstlib.errors import ConfigError, InputError
+from gstlib.errors import ConfigError
+from gstlib.io.files import write_whole
 from gstlib.io.plu import write_plu
 from gstlib.io.store import write_dataset
-from gstlib.specimen.mesh import specimen_mesh, write_stl
-from gstlib.specimen.parameters import SpecimenParameters
-from gstlib.specimen.randomness import stream
-from gstlib.specimen.scanning import Placement, mould, place_scans, sample, take_scan
-from gstlib.specimen.stone import Stone, fit_plane, make_stone
-from gstlib.specimen.truth import EPOCHS, truth_dataset
-from gstlib.specimen.wear import wear_depth
+from gstlib.preprocess.leveling import remove_plane
+from gstlib.specimen.pebble import OUTER_SIZE_MM
+from gstlib.specimen.randomness import SpecimenParameters
+from gstlib.specimen.scanning import (
+    Placement,
+    place_scans,
+    poor_overlaps,
+    relocation,
+    sample,
+    take_scan,
+)
+from gstlib.specimen.stone import MARGIN_MM, Stone
+from gstlib.surface import axis_coordinates, make_surface, spacing_of
 
-__all__ = ["generate_specimen"]
+if TYPE_CHECKING:
+    import trimesh
 
+__all__ = ["Specimen", "generate_specimen", "make_specimens"]
+
+# Depth (µm) from which a point counts as worn: what preparation can tell from noise.
+_WEAR_THRESHOLD_UM = 0.5
 # True heights are kept to about 1 nm: a tenth or less of any error they are compared with, and
 # they compress twice as well.
 _HEIGHT_STEP_MM = 2.0**-20
+
+# What is true of a patch: units and meaning.
+_TRUTH = {
+    "x_mm": ("mm", "true centre of the scan along x"),
+    "y_mm": ("mm", "true centre of the scan along y"),
+    "rotation_deg": ("degree", "true turn of the scan, x towards y"),
+    "plane_x_mrad": ("mrad", "angle along x of the tilted true surface: what levelling takes"),
+    "plane_y_mrad": ("mrad", "angle along y of the tilted true surface: what levelling takes"),
+    "outlier": ("1", "spike at a measured point"),
+    "unmeasured": ("1", "point without a value"),
+    "nominal_x_mm": ("mm", "nominal centre along x"),
+    "nominal_y_mm": ("mm", "nominal centre along y"),
+    "overlap": ("1", "share of the T0 scan's area inside the T1 scan"),
+    "height": ("mm", "true height at T0, all wavelengths, least-squares plane removed"),
+    "wear_depth": ("mm", "depth lost from T0 to T1"),
+}
+# Dimensions of the truth about one patch, by their number.
+_DIMS = [(), ("epoch",), ("y", "x"), ("epoch", "y", "x")]
+
+
+class Specimen(NamedTuple):
+    """A generated specimen in memory, exactly as its files are read back.
+
+    Attributes
+    ----------
+    stl : bytes
+        Binary STL of the mesh: mm, use-face up (+z), the square centred on x = y = 0.
+    scans : dict of (patch, epoch) to (n, n) xarray.DataArray
+        Moulds as measured, mm, NaN where unmeasured; as from `gstlib.io.scans.read_scan`. A patch
+        not scanned after use has no ``"T1"``.
+    truth : xarray.Dataset
+        What is true about both.
+    """
+
+    stl: bytes
+    scans: dict[tuple[str, str], xr.DataArray]
+    truth: xr.Dataset
+
+    @property
+    def mesh(self) -> "trimesh.Trimesh":
+        """The mesh of the STL file, equal vertices merged, as from `gstlib.io.meshes.read_mesh`."""
+        import trimesh
+
+        mesh = trimesh.load_mesh(io.BytesIO(self.stl), file_type="stl", process=False)
+        mesh.merge_vertices()
+        return mesh
+
+
+def make_specimens(
+    patches: pd.DataFrame,
+    parameters: SpecimenParameters,
+    *,
+    square_mm: float,
+    grid: int,
+    wear_placements: Sequence[str],
+) -> dict[str, Specimen]:
+    """Make specimens of one stone that differ only in where wear lies.
+
+    They share the STL and the scans before use (the same objects). The same arguments give the
+    same specimens. A patch's scans depend on the seed and on the patch's own name and place, not on
+    the other patches, but for the share of patches whose T1 scan is badly misplaced.
+
+    Parameters
+    ----------
+    patches : pandas.DataFrame
+        The patch table: nominal ``patch, x_mm, y_mm, rotation_deg`` in the square's frame; ``t0``
+        and ``t1``, file names (an empty ``t1``: not scanned after use).
+    parameters : SpecimenParameters
+    square_mm : float
+        Side of the analysed square. Its frame has its origin at (square/2, square/2, 0) of the
+        mesh, its x axis along -x and its y axis along -y.
+    grid : int
+        Elements along each side of the grid on which the true macroscale surface is kept.
+    wear_placements : sequence of str
+        Of `gstlib.specimen.stone.WEAR_PLACEMENTS`, one for each specimen; that of `parameters` is
+        not used.
+
+    Returns
+    -------
+    dict of str to Specimen
+        By wear placement.
+
+    Raises
+    ------
+    InputError
+        A scan would stick out of the surface.
+    ConfigError
+        The square is larger than the use-face.
+    """
+    import trimesh
+
+    p = parameters
+    width = min(OUTER_SIZE_MM[:2])
+    if square_mm + 2 * MARGIN_MM > 0.5 * width:
+        raise ConfigError(
+            "square.size_mm",
+            f"{square_mm} mm with a margin of {MARGIN_MM} mm is more than half of the pebble's "
+            f"width, {width} mm",
+            "Make the square smaller.",
+        )
+    stone = Stone(p, square_mm)
+    stl: Any = trimesh.Trimesh(*stone.mesh(), process=False).export(file_type="stl")
+    surface = (stone.macroscale(stone.grid, stone.grid) + stone.detail).astype(np.float32)
+    wear = {placement: stone.wear_depth(placement) for placement in wear_placements}
+    poor = poor_overlaps(list(patches.patch), p.seed)
+    scans: dict[str, dict] = {placement: {} for placement in wear}
+    known: dict[str, list] = {placement: [] for placement in wear}
+    for row in patches.itertuples():
+        nominal = Placement(row.x_mm, row.y_mm, row.rotation_deg)
+        t0, t1 = place_scans(
+            row.patch, nominal, p, square_mm=square_mm, poor_overlap=row.patch in poor
+        )
+        at_points = partial(sample, stone=stone, points=p.scan_points, patch=row.patch)
+        before = at_points(surface, placement=t0, order=3)
+        unworn = at_points(surface, placement=t1, order=3)
+        level, _ = remove_plane(make_surface(before, p.scan_spacing_mm))
+        scan_before, true_before = take_scan(before, row.patch, "T0", p)
+        for placement, depth in wear.items():
+            after = unworn - at_points(depth, placement=t1, order=1)
+            scan_after, true_after = take_scan(after, row.patch, "T1", p)
+            for epoch, scan, file in (("T0", scan_before, row.t0), ("T1", scan_after, row.t1)):
+                if file:
+                    scans[placement][row.patch, epoch] = scan.assign_attrs(file=file)
+            of_epochs = t0._asdict() | true_before, t1._asdict() | true_after
+            known[placement].append(
+                {name: np.stack([of[name] for of in of_epochs]) for name in of_epochs[0]}
+                | {
+                    "nominal_x_mm": nominal.x_mm,
+                    "nominal_y_mm": nominal.y_mm,
+                    "overlap": _overlap(t0, t1, p.scan_size_mm),
+                    "height": _rounded(level.values),
+                    "wear_depth": _rounded(at_points(depth, placement=t0, order=1)),
+                }
+            )
+    return {
+        placement: Specimen(stl, scans[placement], _truth(patches, stone, p, grid, truths))
+        for placement, truths in known.items()
+    }
 
 
 def generate_specimen(
@@ -36,188 +193,68 @@ def generate_specimen(
     grid: int,
     parameters: SpecimenParameters,
 ) -> None:
-    """Make a specimen like a measured stone tool, and write it as measured files.
-
-    The same arguments give the same bytes. A patch's scans depend on the seed and on the patch's
-    own name and place, not on the other patches.
+    """Make a specimen and write it as measured files; the same arguments give the same bytes.
 
     Parameters
     ----------
-    patches : pandas.DataFrame
-        Nominal places: ``patch``, ``x_mm``, ``y_mm`` (centre, square frame), ``t0`` and ``t1``
-        (file names; an empty or absent ``t1``: not scanned after use), optional ``rotation_deg``.
+    patches, square_mm, grid, parameters
+        As of `make_specimens`, which also names the errors.
     mesh : path
-        Binary STL to write, mm, use-face up (+z), square centred on x = y = 0. The square's frame
-        has its origin at (square/2, square/2, 0), its x axis along -x and its y axis along -y.
+        Binary STL to write.
     scan_folder : path
-        Folder for the scans (``.plu``), moulds of the stone.
+        Folder for the scans (``.plu``).
     truth : path
-        HDF5 file to write; see `gstlib.specimen.truth`.
-    square_mm : float
-        Side of the analysed square.
-    grid : int
-        Elements along each side of the grid on which the true macroscale surface is kept.
-    parameters : SpecimenParameters
-
-    Raises
-    ------
-    InputError
-        A scan would stick out of the surface.
-    ConfigError
-        The square is larger than the use-face.
+        HDF5 file to write.
     """
-    p = parameters
-    if square_mm + 2 * p.margin_mm > 0.5 * min(p.outer_size_mm[:2]):
-        raise ConfigError(
-            "square.size_mm",
-            f"{square_mm} mm with a margin of {p.margin_mm} mm is more than half of the pebble's "
-            f"width, {min(p.outer_size_mm[:2])} mm",
-            "Make the square smaller or specimen.outer_size_mm larger.",
-        )
-    if patches.patch.astype(str).duplicated().any():
-        raise InputError("patch table", "a patch stands twice in it", "Name each patch once.")
-
-    stone = make_stone(p, square_mm)
-    vertices, faces = specimen_mesh(
-        stone, stream(p.seed, "mesh"), edge_mm=p.mesh_edge_mm, noise_um=p.mesh_noise_um
-    )
-    write_stl(mesh, vertices, faces)
-    true_values = _scan_all(patches, stone, Path(scan_folder), p)
-    names = [str(name) for name in patches.patch]
-    dataset = truth_dataset(
-        stone.macroscale_means(grid),
-        square_mm,
-        p.scan_points,
-        p.scan_spacing_mm,
-        names,
-        true_values,
-        wear_threshold_um=p.wear_threshold_um,
-    )
-    settings = {**asdict(p), "square_mm": square_mm, "grid": grid}
-    write_dataset(
-        truth,
-        dataset,
-        {
-            "gstlib_version": gstlib.__version__,
-            "settings": json.dumps(settings, sort_keys=True),
-            "note": "a generated specimen: no measured stone",
-        },
-    )
-
-
-def _scan_all(
-    patches: pd.DataFrame, stone: Stone, folder: Path, p: SpecimenParameters
-) -> dict[str, tuple]:
-    """Scan every patch at both epochs, write the scans, and return the truth about them.
-
-    Truth at T1 is kept for a patch that is not scanned after use, too: its wear is there.
-    """
-    wear = wear_depth(stone, p)
-    grid = stone.grid()
-    surface = (stone.macroscale(grid, grid) + stone.detail).astype(np.float32)
-
-    count, n = len(patches), p.scan_points
-    per_epoch = {
-        name: np.zeros((count, len(EPOCHS)))
-        for name in (
-            "x_mm",
-            "y_mm",
-            "rotation_deg",
-            "tilt_x_mrad",
-            "tilt_y_mrad",
-            "plane_x_mrad",
-            "plane_y_mrad",
-        )
-    }
-    outlier = np.zeros((count, len(EPOCHS), n, n), dtype=bool)
-    unmeasured = np.zeros_like(outlier)
-    height = np.zeros((count, n, n), dtype=np.float32)
-    depth = np.zeros_like(height)
-    overlap = np.zeros(count)
-
-    poor = _poor_overlaps(patches, p)
-    steps = np.arange(n) * p.scan_spacing_mm
-    for i, row in enumerate(patches.to_dict("records")):
-        patch = str(row["patch"])
-        turn = row.get("rotation_deg")
-        nominal = Placement(
-            float(row["x_mm"]), float(row["y_mm"]), 0.0 if pd.isna(turn) else float(turn)
-        )
-        places = place_scans(
-            patch, nominal, p, square_mm=stone.square_mm, poor_overlap=patch in poor
-        )
-        for j, epoch in enumerate(EPOCHS):
-            place = places[epoch]
-            true = sample(surface, stone, place, n, order=3, patch=patch)
-            if epoch == "T0":
-                plane = fit_plane(true, steps, steps)[2]
-                height[i] = _rounded(true - plane)
-                depth[i] = _rounded(sample(wear, stone, place, n, order=1, patch=patch))
-            else:
-                true -= sample(wear, stone, place, n, order=1, patch=patch)
-            scan = take_scan(true, patch, epoch, p)
-            slope_y, slope_x, _ = fit_plane(true, steps, steps)
-            tilts = {
-                "tilt_x_mrad": scan.tilt_x_mrad,
-                "tilt_y_mrad": scan.tilt_y_mrad,
-                "plane_x_mrad": np.arctan(slope_x + scan.tilt_x_mrad * 1e-3) * 1e3,
-                "plane_y_mrad": np.arctan(slope_y + scan.tilt_y_mrad * 1e-3) * 1e3,
-            }
-            for name, value in (vars(place) | tilts).items():
-                per_epoch[name][i, j] = value
-            outlier[i, j], unmeasured[i, j] = scan.outlier, scan.unmeasured
-            name = row.get(epoch.lower())
-            if isinstance(name, str) and name:
-                write_plu(
-                    folder / name,
-                    mould(scan.height),
-                    p.scan_spacing_mm,
-                    comment="generated by gstlib: no measured stone",
-                )
-        overlap[i] = _overlap(places["T0"], places["T1"], p.scan_size_mm)
-
-    one, maps = ("patch", "epoch"), ("patch", "epoch", "y", "x")
-    meanings = {
-        "x_mm": ("mm", "true centre of the scan along x"),
-        "y_mm": ("mm", "true centre of the scan along y"),
-        "rotation_deg": ("degree", "true turn of the scan, x towards y"),
-        "tilt_x_mrad": ("mrad", "slope along x that the mould's tilt adds"),
-        "tilt_y_mrad": ("mrad", "slope along y that the mould's tilt adds"),
-        "plane_x_mrad": ("mrad", "angle along x of the tilted true surface: what levelling takes"),
-        "plane_y_mrad": ("mrad", "angle along y of the tilted true surface: what levelling takes"),
-    }
-    values = {name: (one, per_epoch[name], *meanings[name]) for name in per_epoch}
-    return values | {
-        "nominal_x_mm": ("patch", patches.x_mm.to_numpy(float), "mm", "nominal centre along x"),
-        "nominal_y_mm": ("patch", patches.y_mm.to_numpy(float), "mm", "nominal centre along y"),
-        "overlap": ("patch", overlap, "1", "share of the T0 scan's area inside the T1 scan"),
-        "outlier": (maps, outlier, "1", "spike at a measured point"),
-        "unmeasured": (maps, unmeasured, "1", "point without a value"),
-        "height": (
-            ("patch", "y", "x"),
-            height,
-            "mm",
-            "true height at T0, all wavelengths, least-squares plane removed",
-        ),
-        "wear_depth": (("patch", "y", "x"), depth, "mm", "depth lost from T0 to T1"),
-    }
+    placements = [parameters.wear_placement]
+    (made,) = make_specimens(
+        patches, parameters, square_mm=square_mm, grid=grid, wear_placements=placements
+    ).values()
+    note = "generated by gstlib: no measured stone"
+    write_whole(mesh, made.stl)
+    for scan in made.scans.values():
+        path = Path(scan_folder) / scan.attrs["file"]
+        write_plu(path, scan.values, spacing_of(scan), comment=note)
+    write_dataset(truth, made.truth, {"note": note})
 
 
 def _rounded(heights: np.ndarray) -> np.ndarray:
     return (np.round(heights / _HEIGHT_STEP_MM) * _HEIGHT_STEP_MM).astype(np.float32)
 
 
-def _poor_overlaps(patches: pd.DataFrame, p: SpecimenParameters) -> set[str]:
-    """The patches whose T1 scan is badly misplaced: a fixed share, drawn by chance."""
-    names = sorted(patches.patch.astype(str))
-    count = round(p.poor_overlap_share * len(names))
-    chosen = stream(p.seed, "poor overlap").permutation(len(names))[:count]
-    return {names[i] for i in chosen}
-
-
 def _overlap(t0: Placement, t1: Placement, size_mm: float) -> float:
     """Share of the T0 scan's area inside the T1 scan; their relative turn is neglected."""
-    turn = np.deg2rad(t0.rotation_deg)
-    dx, dy = t1.x_mm - t0.x_mm, t1.y_mm - t0.y_mm
-    along = (np.cos(turn) * dx + np.sin(turn) * dy, np.cos(turn) * dy - np.sin(turn) * dx)
-    return float(np.prod([max(0.0, 1 - abs(shift) / size_mm) for shift in along]))
+    return float(np.prod([max(0.0, 1 - abs(shift) / size_mm) for shift in relocation(t0, t1)]))
+
+
+def _truth(
+    patches: pd.DataFrame, stone: Stone, p: SpecimenParameters, grid: int, known: list[dict]
+) -> xr.Dataset:
+    """The truth about a specimen, from what is `known` of each patch."""
+    spacing = stone.square_mm / grid
+    along_square = axis_coordinates(grid, spacing)
+    along_scan = axis_coordinates(p.scan_points, p.scan_spacing_mm)
+    meaning = (
+        "mean over each element of the surface without wavelengths below the cut-off, plane not "
+        "removed"
+    )
+    variables: dict[str, tuple] = {
+        "macroscale_height": (
+            ("macroscale_y", "macroscale_x"),
+            stone.macroscale_means(grid),
+            {"units": "mm", "long_name": meaning, "spacing": spacing},
+        )
+    }
+    for name, (units, long_name) in _TRUTH.items():
+        values = np.stack([at.pop(name) for at in known])  # popped: the maps are large
+        dims = ("patch", *_DIMS[values.ndim - 1])
+        variables[name] = (dims, values, {"units": units, "long_name": long_name})
+    coordinates = {
+        "patch": list(patches.patch),
+        "epoch": ["T0", "T1"],
+        "macroscale_y": ("macroscale_y", along_square, {"units": "mm"}),
+        "macroscale_x": ("macroscale_x", along_square, {"units": "mm"}),
+        "y": ("y", along_scan, {"units": "mm", "spacing": p.scan_spacing_mm}),
+        "x": ("x", along_scan, {"units": "mm", "spacing": p.scan_spacing_mm}),
+    }
+    return xr.Dataset(variables, coordinates, {"wear_threshold_um": _WEAR_THRESHOLD_UM})

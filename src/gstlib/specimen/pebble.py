@@ -1,141 +1,101 @@
 """The pebble: its smooth shape, and a closed mesh of it with even edges.
 
-The shape is an egg in plan, rounded below, and above a use-face that is nearly flat and slightly
-dished. With rho the distance from the centre, 1 at the rim, the upper side is
-``rise (1 - rho^6)^q - concavity (1 - rho^2)^2`` and the lower ``-depth (1 - rho^2)^q``, with a
-q that gives a rim like a pebble's, neither a cylinder's (0) nor a lens's (1).
+The shape is an egg in plan, rounded below; its upper side, the use-face, is nearly flat and
+slightly dished. With rho the distance from the centre, 1 at the rim, the upper side is
+``rise (1 - rho^6)^q - concavity (1 - rho^2)^2`` and the lower ``-depth (1 - rho^2)^q``. The
+exponent q gives a pebble's rim, between a cylinder's (0) and a lens's (1).
 
-Mesh vertices lie on a spiral of the golden angle, spread so that each has the same area of stone;
-they are joined by the convex hull of their images on a sphere under a map that keeps angles (for
-the body of revolution next to the pebble), so the triangles stay well shaped.
+Mesh vertices lie on a spiral of the golden angle, spread so that each has the same area of stone.
+The convex hull of their images on a sphere joins them. The map to the sphere keeps angles for the
+body of revolution closest to the pebble, so the triangles stay well shaped.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.ndimage
 from scipy.spatial import ConvexHull
 
-__all__ = ["Pebble", "even_triangulation"]
+__all__ = [
+    "OUTER_SIZE_MM",
+    "even_triangulation",
+    "rim_distance_squared",
+    "surface_points",
+    "use_face",
+]
 
+# Published outer size of M12 along x, y and z; the use-face looks along +z.
+OUTER_SIZE_MM = (100.38, 80.57, 29.5)
 # ASSUME: the paper gives the outer size and a slightly concave use-face; the rest of the shape is
 # free, and far from the analysed square.
 
+# Depth of the dish at the centre of the use-face.
+_CONCAVITY_MM = 0.5
 # Egg shape: the pebble is wider by this share at the +x end than in the middle, before scaling.
 _TAPER = 0.25
-# Height of the crest of the use-face over the rim, as a share of the pebble's height.
-_RISE_SHARE = 0.2
-# Exponent q of the rim.
-_RIM_EXPONENT = 0.75
+# Height of the use-face over the rim, without the dish; exponent q of the rim.
+_RISE_MM, _RIM_EXPONENT = 0.2 * OUTER_SIZE_MM[2], 0.75
 # Area of a vertex over the square of the mean edge length, measured on this kind of mesh.
 _AREA_PER_EDGE_SQUARED = 0.8008
+# Cells along the meridian and around, on which area is summed.
 _TABLE_SIZE = (1024, 512)
 
-
-@dataclass(frozen=True)
-class Pebble:
-    """The smooth shape of the stone, use-face up, the use-face's centre at the origin.
-
-    Attributes
-    ----------
-    outer_size_mm : (3,) tuple of float
-        Outer size along x, y and z.
-    concavity_mm : float
-        How deep the use-face is dished at its centre, against the same face without the dish.
-    """
-
-    outer_size_mm: tuple[float, float, float]
-    concavity_mm: float
-
-    @property
-    def _half_axes(self) -> tuple[float, float]:
-        return self.outer_size_mm[0] / 2, self.outer_size_mm[1] / 2
-
-    @property
-    def _width_scale(self) -> float:
-        """Largest of sqrt(1 - u^2) (1 + taper u): scales the egg to the asked width."""
-        u = (np.sqrt(1 + 8 * _TAPER**2) - 1) / (4 * _TAPER)
-        return float(np.sqrt(1 - u**2) * (1 + _TAPER * u))
-
-    @property
-    def _rise(self) -> float:
-        return _RISE_SHARE * self.outer_size_mm[2]
-
-    def _above(self, rho_squared: np.ndarray) -> np.ndarray:
-        """Height (mm) of the upper side over the rim's plane."""
-        rho_squared = np.clip(rho_squared, 0, 1)
-        dome = self._rise * (1 - rho_squared**3) ** _RIM_EXPONENT
-        return dome - self.concavity_mm * (1 - rho_squared) ** 2
-
-    @property
-    def _depth(self) -> float:
-        """Depth (mm) of the lower side below the rim's plane."""
-        crest = self._above(np.linspace(0, 1, 10001)).max()
-        return self.outer_size_mm[2] - float(crest)
-
-    def rim_distance_squared(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """rho² of the place (x, y) in mm: 0 at the centre of the use-face, 1 at the rim."""
-        half_x, half_y = self._half_axes
-        u = x / half_x
-        return u**2 + (y * self._width_scale / (half_y * (1 + _TAPER * u))) ** 2
-
-    def use_face(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """Height (mm) of the smooth use-face at (x, y) in mm, zero at its centre."""
-        return self._above(self.rim_distance_squared(x, y)) - self._above(np.zeros(()))
-
-    def points(self, colatitude: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
-        """Points (mm) of the shape: rho is the sine of `colatitude` (0 top, pi bottom).
-
-        Returns
-        -------
-        (..., 3) ndarray
-        """
-        half_x, half_y = self._half_axes
-        colatitude, azimuth = np.broadcast_arrays(colatitude, azimuth)
-        rho = np.sin(colatitude)
-        u = rho * np.cos(azimuth)
-        v = rho * np.sin(azimuth) * (1 + _TAPER * u) / self._width_scale
-        upper = self._above(rho**2)
-        lower = -self._depth * np.clip(1 - rho**2, 0, 1) ** _RIM_EXPONENT
-        z = np.where(colatitude <= np.pi / 2, upper, lower) - self._above(np.zeros(()))
-        return np.stack([half_x * u, half_y * v, z], axis=-1)
+_HALF_X, _HALF_Y = OUTER_SIZE_MM[0] / 2, OUTER_SIZE_MM[1] / 2
+# Largest of sqrt(1 - u^2) (1 + taper u), at the root of its derivative: scales the egg's width.
+_WIDEST = (np.sqrt(1 + 8 * _TAPER**2) - 1) / (4 * _TAPER)
+_WIDTH_SCALE = float(np.sqrt(1 - _WIDEST**2) * (1 + _TAPER * _WIDEST))
 
 
-def even_triangulation(pebble: Pebble, edge_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def rim_distance_squared(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """rho² of the place (x, y) in mm: 0 at the centre of the use-face, 1 at the rim."""
+    u = x / _HALF_X
+    return u**2 + (y * _WIDTH_SCALE / (_HALF_Y * (1 + _TAPER * u))) ** 2
+
+
+def use_face(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Height (mm) of the smooth use-face at (x, y) in mm, zero at its centre."""
+    return _above(rim_distance_squared(x, y)) - _above(np.zeros(()))
+
+
+def _above(rho_squared: np.ndarray) -> np.ndarray:
+    """Height (mm) of the upper side over the rim's plane."""
+    rho_squared = np.clip(rho_squared, 0, 1)
+    dome = _RISE_MM * (1 - rho_squared**3) ** _RIM_EXPONENT
+    return dome - _CONCAVITY_MM * (1 - rho_squared) ** 2
+
+
+def surface_points(colatitude: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
+    """Points (..., 3) of the shape, mm; rho is the sine of `colatitude` (0 top, pi bottom)."""
+    colatitude, azimuth = np.broadcast_arrays(colatitude, azimuth)
+    rho = np.sin(colatitude)
+    u = rho * np.cos(azimuth)
+    v = rho * np.sin(azimuth) * (1 + _TAPER * u) / _WIDTH_SCALE
+    crest = _above(np.linspace(0, 1, 10001)).max()
+    upper = _above(rho**2)
+    lower = -(OUTER_SIZE_MM[2] - float(crest)) * np.clip(1 - rho**2, 0, 1) ** _RIM_EXPONENT
+    z = np.where(colatitude <= np.pi / 2, upper, lower) - _above(np.zeros(()))
+    return np.stack([_HALF_X * u, _HALF_Y * v, z], axis=-1)
+
+
+def even_triangulation(edge_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Triangles of one size all over the pebble.
 
-    Parameters
-    ----------
-    pebble : Pebble
-    edge_mm : float
-        Mean edge length, mm.
-
-    Returns
-    -------
-    vertices : (n, 3) ndarray
-        mm.
-    faces : (m, 3) ndarray of int
-        Vertex numbers, anticlockwise as seen from outside.
-    upper : (n,) ndarray of bool
-        Whether a vertex is on the use-face's side of the rim.
+    Vertices (n, 3), mm, with a mean edge length of `edge_mm`; faces (m, 3), anticlockwise as seen
+    from outside; and whether a vertex is on the use-face's side of the rim.
     """
     colatitude_nodes = np.linspace(0, np.pi, _TABLE_SIZE[0] + 1)
     azimuth_nodes = np.linspace(0, 2 * np.pi, _TABLE_SIZE[1] + 1)
-    nodes = pebble.points(colatitude_nodes[:, None], azimuth_nodes[None, :])
-    area = _quad_areas(nodes)
+    nodes = surface_points(colatitude_nodes[:, None], azimuth_nodes[None, :])
+    # the area of a cell is half the vector product of its diagonals
+    diagonal = nodes[1:, 1:] - nodes[:-1, :-1]
+    other = nodes[1:, :-1] - nodes[:-1, 1:]
+    area = np.linalg.norm(np.cross(diagonal, other), axis=-1) / 2
     count = round(area.sum() / (_AREA_PER_EDGE_SQUARED * edge_mm**2))
     colatitude, azimuth = _even_spiral(area, count)
-    vertices = pebble.points(colatitude, azimuth)
-    sphere = _on_sphere(pebble, colatitude, azimuth, nodes)
-    faces = _outward(sphere, ConvexHull(sphere).simplices)
-    return vertices, faces, colatitude <= np.pi / 2
-
-
-def _quad_areas(nodes: np.ndarray) -> np.ndarray:
-    """Areas of the cells between (r + 1, c + 1, 3) nodes: half the product of their diagonals."""
-    one = nodes[1:, 1:] - nodes[:-1, :-1]
-    other = nodes[1:, :-1] - nodes[:-1, 1:]
-    return np.linalg.norm(np.cross(one, other), axis=-1) / 2
+    sphere = _on_sphere(colatitude, azimuth, nodes)
+    faces = ConvexHull(sphere).simplices
+    a, b, c = (sphere[faces[:, corner]] for corner in range(3))
+    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return surface_points(colatitude, azimuth), faces, colatitude <= np.pi / 2
 
 
 def _even_spiral(area: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -161,17 +121,14 @@ def _even_spiral(area: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     return row * (np.pi / rows), column * (2 * np.pi / columns)
 
 
-def _on_sphere(
-    pebble: Pebble, colatitude: np.ndarray, azimuth: np.ndarray, nodes: np.ndarray
-) -> np.ndarray:
-    """Images on the unit sphere, angles kept for the body of revolution next to the pebble.
+def _on_sphere(colatitude: np.ndarray, azimuth: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Images on the unit sphere, with angles kept.
 
     With l the arc along the meridian and r = R sin(t) the distance from the axis, the map keeps
     angles where d(ln tan(theta/2)) = dl / r, so theta/2 has the tangent
     tan(t/2) exp(integral of (dl/dt / R - 1) / sin(t)).
     """
-    half_x, half_y = pebble._half_axes
-    radius = np.sqrt(half_x * half_y)
+    radius = np.sqrt(_HALF_X * _HALF_Y)
     t = np.linspace(0, np.pi, len(nodes))
     arc = np.hypot(np.diff(radius * np.sin(t)), np.diff(nodes[:, 0, 2]))
     middle = (t[1:] + t[:-1]) / 2
@@ -182,12 +139,3 @@ def _on_sphere(
     cosine = (1 - tangent**2) / (1 + tangent**2)
     sine = 2 * tangent / (1 + tangent**2)
     return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=-1)
-
-
-def _outward(sphere: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """`faces` with every triangle turned to look out of the sphere."""
-    a, b, c = (sphere[faces[:, corner]] for corner in range(3))
-    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c) < 0
-    faces = faces.copy()
-    faces[inward] = faces[inward][:, ::-1]
-    return faces

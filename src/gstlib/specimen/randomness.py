@@ -1,31 +1,84 @@
-"""Independent random streams, one for each thing, and smooth random fields.
+"""The specimen's parameters, independent random streams, and random fields.
 
-Fields are made in double precision and rounded to single once: what processors and libraries differ
-by, in the last bit of a power or a transform, is thereby gone, and the specimen is the same on all.
+Fields are computed in double precision and rounded once to single. The rounding removes the last
+bits, in which powers and transforms differ between processors: a seed gives one specimen
+everywhere.
 """
 
 import zlib
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.fft
 
-__all__ = ["self_affine_field", "smooth_field", "stream"]
+from gstlib.errors import ConfigError
+
+__all__ = ["SpecimenParameters", "self_affine_field", "smooth_field", "stream"]
+
+# ASSUME: above this wavelength the spectrum is flat; half the square holds only a few longer waves.
+ROLL_OFF_MM = 2.5
+# Shortest wavelength in scan points: a scan resolves it, with one point to spare per half wave.
+_SHORTEST_POINTS = 4.0
+
+
+@dataclass(frozen=True)
+class SpecimenParameters:
+    """The config section ``specimen``; the schema describes each key and checks its range.
+
+    Raises
+    ------
+    ConfigError
+        The scans cannot resolve waves as short as the cut-off.
+    """
+
+    seed: int
+    mesh_edge_mm: float
+    mesh_noise_um: float
+    hurst_exponent: float
+    cut_off_wavelength_mm: float
+    macroscale_rms_um: float
+    scan_points: int
+    scan_spacing_um: float
+    placement_error_um: float
+    relocation_error_um: float
+    noise_um: float
+    spike_share: float
+    unmeasured_size_um: float
+    wear_placement: str
+    wear_share: float
+
+    def __post_init__(self) -> None:
+        if self.shortest_wavelength_mm >= self.cut_off_wavelength_mm:
+            raise ConfigError(
+                "specimen.scan_spacing_um",
+                f"{_SHORTEST_POINTS:g} points of {self.scan_spacing_um} µm, the shortest wave, are "
+                f"not below the cut-off wavelength, {self.cut_off_wavelength_mm} mm",
+                "Lower it, or raise specimen.cut_off_wavelength_mm.",
+            )
+
+    @property
+    def scan_spacing_mm(self) -> float:
+        """Distance between scan points, mm."""
+        return self.scan_spacing_um * 1e-3
+
+    @property
+    def scan_size_mm(self) -> float:
+        """Side of a scan, mm."""
+        return self.scan_points * self.scan_spacing_mm
+
+    @property
+    def shortest_wavelength_mm(self) -> float:
+        """Shortest wavelength of the surface, mm."""
+        return _SHORTEST_POINTS * self.scan_spacing_mm
 
 
 def stream(seed: int, *names: str) -> np.random.Generator:
-    """The generator of the thing called `names`, independent of those of other things.
+    """Random generator called `names`, independent of all others and of the order of use.
 
-    Streams are told apart by name, not by order of use: another patch in the table changes nothing
-    about the surface or about the patches that were there.
+    Another patch in the table therefore changes neither the surface nor the other patches.
     """
     key = tuple(zlib.crc32(name.encode("utf-8")) for name in names)
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
-
-
-def _radial_frequency(count: int, spacing: float) -> np.ndarray:
-    """Spatial frequency, 1/length, of every term of a real 2-D FFT of `count`² points."""
-    along_y, along_x = scipy.fft.fftfreq(count, spacing), scipy.fft.rfftfreq(count, spacing)
-    return np.hypot(along_y[:, None], along_x[None, :])
 
 
 def self_affine_field(
@@ -38,27 +91,12 @@ def self_affine_field(
     longest: float = np.inf,
     shortest: float = 0.0,
 ) -> np.ndarray:
-    """A periodic Gaussian field with a self-affine spectrum, in a band of wavelengths.
+    """A periodic Gaussian field with a self-affine spectrum, ``shortest <= wavelength < longest``.
 
     The two-dimensional power spectral density is C (f/f_r)^(-2-2H) above the roll-off frequency
-    f_r = 1/`roll_off` and C below it, with C = `roll_off`²; zero outside the band. C does not
-    depend on count and spacing, so that fields of different grids and bands add up to one spectrum.
-
-    Parameters
-    ----------
-    generator : numpy.random.Generator
-    count : int
-        Points along each side.
-    spacing : float
-        Distance of points; the unit of length of `roll_off`, `longest` and `shortest`.
-    hurst_exponent : float
-    roll_off, longest, shortest : float
-        Wavelengths. The band is ``shortest <= wavelength < longest``.
-
-    Returns
-    -------
-    (count, count) ndarray of float32
-        Heights in a unit in which the density at roll-off is `roll_off`².
+    f_r = 1/`roll_off` and C = `roll_off`² below it. C does not depend on count and spacing: fields
+    of different grids and bands add up to one spectrum. All lengths have one unit, any,
+    and the heights (count, count), float32, that in which the density at roll-off is `roll_off`².
     """
     # white noise of unit variance has the density spacing²
     spectrum = scipy.fft.rfft2(_white_noise(generator, count))
@@ -75,29 +113,21 @@ def self_affine_field(
 def smooth_field(
     generator: np.random.Generator, count: int, spacing: float, length: float
 ) -> np.ndarray:
-    """A periodic Gaussian field, mean 0 and variance 1, smooth over about `length`.
-
-    Parameters
-    ----------
-    generator : numpy.random.Generator
-    count : int
-        Points along each side.
-    spacing, length : float
-        Distance of points and correlation length, in one unit.
-
-    Returns
-    -------
-    (count, count) ndarray of float32
-    """
+    """A periodic Gaussian field (count, count), mean 0, variance 1, correlated over `length`."""
     spectrum = scipy.fft.rfft2(_white_noise(generator, count))
-    frequency = _radial_frequency(count, spacing)
-    spectrum *= np.exp(-((np.pi * length / 2 * frequency) ** 2))
+    spectrum *= np.exp(-((np.pi * length / 2 * _radial_frequency(count, spacing)) ** 2))
     field = scipy.fft.irfft2(spectrum, s=(count, count), overwrite_x=True)
     field -= field.mean()
     deviation = field.std()
     return (field / deviation if deviation > 0 else field).astype(np.float32)
 
 
+def _radial_frequency(count: int, spacing: float) -> np.ndarray:
+    """Spatial frequency of every term of a real two-dimensional FFT."""
+    along_y, along_x = scipy.fft.fftfreq(count, spacing), scipy.fft.rfftfreq(count, spacing)
+    return np.hypot(along_y[:, None], along_x[None, :])
+
+
 def _white_noise(generator: np.random.Generator, count: int) -> np.ndarray:
-    """Drawn in single precision, in half the time."""
+    """Normal numbers, drawn in single precision in half the time."""
     return generator.standard_normal((count, count), dtype=np.float32).astype(float)

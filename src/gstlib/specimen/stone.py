@@ -1,204 +1,263 @@
-"""The one underlying surface that mesh and scans see, each at its own resolution.
+"""The stone, before and after use: one surface that mesh and scans see, and its wear.
 
 Everything is in the square's frame: origin in the reference corner, x and y along its edges, mm.
 The surface has two parts. The *macroscale surface* holds the wavelengths above the cut-off and the
 smooth shape of the use-face; it exists all over the pebble. The *detail* holds the wavelengths
 below the cut-off; it exists on the square and a margin, at the spacing of the scans.
-"""
 
-from dataclasses import dataclass
+Use does three things. It flattens summits, more so where the macroscale surface is high, but with
+chance. Chips break out, more of them in the same regions. Grit between the stones removes material
+anywhere, in valleys as on summits. Where these overlap, the deepest counts.
+"""
 
 import numpy as np
 import scipy.fft
 import scipy.interpolate
 import scipy.ndimage
 
-from gstlib.specimen.parameters import SpecimenParameters
-from gstlib.specimen.pebble import Pebble
-from gstlib.specimen.randomness import self_affine_field, stream
+from gstlib.preprocess.leveling import remove_plane
+from gstlib.specimen.pebble import (
+    OUTER_SIZE_MM,
+    even_triangulation,
+    rim_distance_squared,
+    use_face,
+)
+from gstlib.specimen.randomness import (
+    ROLL_OFF_MM,
+    SpecimenParameters,
+    self_affine_field,
+    smooth_field,
+    stream,
+)
+from gstlib.surface import make_surface
 
-__all__ = ["Stone", "fit_plane", "make_stone"]
+__all__ = ["MARGIN_MM", "WEAR_PLACEMENTS", "Stone"]
 
+WEAR_PLACEMENTS = ("summits", "random")
+
+# How far the detail reaches beyond the square: for scans at its edge that are misplaced.
+MARGIN_MM = 0.25
 # Points per shortest wavelength on the grid of the macroscale part: a cubic spline through so many
 # is right to about 1e-3 of the shortest waves' height.
 _POINTS_PER_WAVE = 6
-# Points of the macroscale grid beyond the crop on which it is interpolated, so that the spline's
-# end conditions have died out where it is used.
+# Points of the macroscale grid beyond the crop on which it is interpolated: the spline's end
+# conditions die out before the crop.
 _SPLINE_PAD = 16
 # Grid (points a side) on which the r.m.s. of the macroscale part over the square is taken.
 _CALIBRATION_POINTS = 200
+# Points a side over which the true macroscale surface is averaged in an element.
 _SUBSAMPLES = 5
+# The mesh's waves die out between these distances from the centre (1 is the rim): at the rim the
+# surface turns over, and a height over the use-face's plane has no meaning.
+_FADE_FROM, _FADE_TO = 0.8, 0.97
+
+# ASSUME: the three rules of wear and their sizes; the paper shows traces and does not measure them.
+# They know nothing of contact: scoring its prediction against them is no tautology.
+
+# R.m.s. of the chance added to the macroscale height to decide where wear is severe (a good third
+# of the height's own), and the length over which the chance varies.
+_CHANCE_UM, _CHANCE_LENGTH_UM = 5.0, 250.0
+# Points of the coarse grid per length over which the severity varies.
+_POINTS_PER_LENGTH = 8
+# Severity falls from 3/4 to 1/4 over about twice this share of the spread of what decides it.
+_SOFTNESS = 0.25
+# Summits stand out of the stone smoothed by a Gaussian of this standard deviation. They are cut
+# at so many r.m.s. heights above it: at full severity, and at none (hardly ever).
+_REFERENCE_LENGTH_UM = 250.0
+_FULL_SIGMA, _UNWORN_SIGMA = 1.0, 3.5
+# Chips: number per area at full severity, median radius, depth over radius; spread of the radii
+# (standard deviation of their logarithm), and the largest radius over the median one.
+_CHIPS_PER_MM2, _CHIP_RADIUS_UM, _CHIP_DEPTH_SHARE = 40.0, 15.0, 0.15
+_CHIP_SPREAD, _CHIP_LARGEST = 0.4, 3.0
+# Loss at any height: share of the area, greatest depth, length over which it varies.
+_VALLEY_SHARE, _VALLEY_DEPTH_MM, _VALLEY_SIZE_MM = 0.02, 2e-3, 40e-3
 
 
-def fit_plane(heights: np.ndarray, y: np.ndarray, x: np.ndarray) -> tuple[float, float, np.ndarray]:
-    """Least-squares plane of a full grid of heights.
-
-    Parameters
-    ----------
-    heights : (ny, nx) ndarray
-    y, x : (ny,), (nx,) ndarray
-        Positions of rows and columns.
-
-    Returns
-    -------
-    slope_y, slope_x : float
-        Slopes of the plane.
-    plane : (ny, nx) ndarray
-        The plane's heights.
-    """
-    v, u = y - y.mean(), x - x.mean()
-    # positions are centred, so that mean and slopes are independent of each other
-    slope_y = float(v @ heights.mean(axis=1) / (v @ v))
-    slope_x = float(heights.mean(axis=0) @ u / (u @ u))
-    return slope_y, slope_x, heights.mean() + slope_y * v[:, None] + slope_x * u[None, :]
-
-
-@dataclass(frozen=True)
 class Stone:
-    """Heights of the unworn stone.
+    """The stone that `parameters` and their seed describe, drawn when it is made.
 
     Attributes
     ----------
     square_mm : float
-        Side of the analysed square.
-    pebble : Pebble
-        Smooth shape; its centre is the square's.
+        Side of the analysed square; its centre is the pebble's.
     waviness : (m, m) ndarray
-        Cubic spline coefficients (mm) of the waves above the cut-off, periodic; element m // 2 is
-        at the square's centre.
-    waviness_samples : (m, m) ndarray
-        The same waves at the grid's own points, mm.
+        Waves above the cut-off, mm, periodic; element m // 2 is at the square's centre.
     waviness_spacing : float
-        Spacing of that grid, mm.
+        Spacing of their grid, mm.
     detail : (n, n) ndarray of float32
-        Waves below the cut-off, mm, at `start` + k `spacing` along y and x.
-    start, spacing : float
-        First point and spacing of the grid of `detail`, mm.
+        Waves below the cut-off, mm, at the positions `grid` along y and x.
+    grid : (n,) ndarray
+        mm, `spacing` apart.
     """
 
-    square_mm: float
-    pebble: Pebble
-    waviness: np.ndarray
-    waviness_samples: np.ndarray
-    waviness_spacing: float
-    detail: np.ndarray
-    start: float
-    spacing: float
+    def __init__(self, parameters: SpecimenParameters, square_mm: float):
+        # ASSUME: an isotropic Gaussian self-affine surface; a real stone also has grains and pits.
+        p = self._parameters = parameters
+        self.square_mm, self.spacing = square_mm, p.scan_spacing_mm
+        spectrum = {"hurst_exponent": p.hurst_exponent, "roll_off": ROLL_OFF_MM}
 
-    def grid(self) -> np.ndarray:
-        """Positions (mm) of the rows, and of the columns, of the grid of `detail`."""
-        return self.start + np.arange(len(self.detail)) * self.spacing
+        self.waviness_spacing = p.cut_off_wavelength_mm / _POINTS_PER_WAVE
+        longest_side = max(*OUTER_SIZE_MM[:2], 2 * (square_mm + MARGIN_MM))
+        count = int(np.ceil(longest_side / self.waviness_spacing))
+        waves = self_affine_field(
+            stream(p.seed, "stone", "macroscale"),
+            scipy.fft.next_fast_len(count, real=True),
+            self.waviness_spacing,
+            shortest=p.cut_off_wavelength_mm,
+            **spectrum,
+        ).astype(float)
+
+        count = int(np.ceil((square_mm + 2 * MARGIN_MM) / self.spacing)) + 1
+        points = scipy.fft.next_fast_len(count, real=True)
+        self.grid = square_mm / 2 - (points - 1) / 2 * self.spacing
+        self.grid = self.grid + np.arange(points) * self.spacing
+        self.detail = self_affine_field(
+            stream(p.seed, "stone", "detail"),
+            points,
+            self.spacing,
+            longest=p.cut_off_wavelength_mm,
+            shortest=p.shortest_wavelength_mm,
+            **spectrum,
+        )
+
+        # One factor scales waves and detail alike: the waves get the r.m.s. asked for on the
+        # square, and the spectrum has no step at the cut-off.
+        self._spline = scipy.ndimage.spline_filter(waves, order=3, mode="grid-wrap")
+        step = square_mm / _CALIBRATION_POINTS
+        places = (np.arange(_CALIBRATION_POINTS) + 0.5) * step
+        level, _ = remove_plane(make_surface(self.waves(places[:, None], places), step))
+        factor = p.macroscale_rms_um * 1e-3 / level.values.std()
+        self.waviness = waves * factor
+        self._spline *= factor
+        self.detail *= np.float32(factor)
 
     def waves(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Waves above the cut-off (mm) at any places (y, x) in mm, without the pebble's shape."""
-        centre = len(self.waviness) // 2
         places = [
-            (np.asarray(position) - self.square_mm / 2) / self.waviness_spacing + centre
-            for position in (y, x)
+            (position - self.square_mm / 2) / self.waviness_spacing + len(self._spline) // 2
+            for position in np.broadcast_arrays(y, x)
         ]
         return scipy.ndimage.map_coordinates(
-            self.waviness, places, order=3, mode="grid-wrap", prefilter=False
+            self._spline, places, order=3, mode="grid-wrap", prefilter=False
         )
 
     def macroscale(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """The macroscale surface (mm) on the grid of rows `y` and columns `x`, near the square.
-
-        Parameters
-        ----------
-        y, x : (ny,), (nx,) ndarray
-            Positions in mm, increasing.
-
-        Returns
-        -------
-        (ny, nx) ndarray
-        """
-        centre = len(self.waviness) // 2
-        crops = []
+        """The macroscale surface (ny, nx), mm, on increasing positions near the square, mm."""
+        count = len(self.waviness)
+        nodes = []
         for positions in (y, x):
-            ends = (np.array([positions[0], positions[-1]]) - self.square_mm / 2) / (
-                self.waviness_spacing
-            )
-            low, high = np.floor(ends[0]) - _SPLINE_PAD, np.ceil(ends[1]) + _SPLINE_PAD
-            crops.append(np.arange(int(low), int(high) + 1))
-        rows, columns = crops
-        nodes_y, nodes_x = (c * self.waviness_spacing + self.square_mm / 2 for c in crops)
-        heights = self.waviness_samples.take(rows + centre, axis=0, mode="wrap").take(
-            columns + centre, axis=1, mode="wrap"
-        ) + self.shape(nodes_y[:, None], nodes_x[None, :])
+            first, last = (positions[[0, -1]] - self.square_mm / 2) / self.waviness_spacing
+            nodes.append(np.arange(np.floor(first) - _SPLINE_PAD, np.ceil(last) + _SPLINE_PAD + 1))
+        elements = ((along.astype(int) + count // 2) % count for along in nodes)
+        nodes_y, nodes_x = (along * self.waviness_spacing + self.square_mm / 2 for along in nodes)
+        heights = self.waviness[np.ix_(*elements)] + self.shape(nodes_y[:, None], nodes_x)
         return scipy.interpolate.RectBivariateSpline(nodes_y, nodes_x, heights)(y, x)
 
     def shape(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Smooth shape of the use-face (mm) at (y, x) in mm."""
         # the frame is the mesh's turned by half a turn about the square's centre
-        return self.pebble.use_face(self.square_mm / 2 - x, self.square_mm / 2 - y)
+        return use_face(self.square_mm / 2 - x, self.square_mm / 2 - y)
 
     def macroscale_means(self, count: int) -> np.ndarray:
-        """The macroscale surface (mm) averaged over each of `count`² elements of the square.
-
-        Returns
-        -------
-        (count, count) ndarray
-        """
+        """The macroscale surface (mm) averaged over each of (count, count) elements."""
         fine = count * _SUBSAMPLES
         places = (np.arange(fine) + 0.5) * (self.square_mm / fine)
         heights = self.macroscale(places, places)
         return heights.reshape(count, _SUBSAMPLES, count, _SUBSAMPLES).mean(axis=(1, 3))
 
+    def mesh(self) -> tuple[np.ndarray, np.ndarray]:
+        """Closed mesh of the stone, as photogrammetry would have made it.
 
-def make_stone(parameters: SpecimenParameters, square_mm: float) -> Stone:
-    """Draw the stone that `parameters` and their seed describe.
+        Vertices (n, 3), mm, and faces (m, 3), anticlockwise as seen from outside. The use-face
+        looks along +z, and the square is centred on x = y = 0.
+        """
+        p = self._parameters
+        vertices, faces, upper = even_triangulation(p.mesh_edge_mm)
+        x, y, _ = vertices.T
+        rim_distance = np.sqrt(rim_distance_squared(x, y))
+        along = np.clip((_FADE_TO - rim_distance) / (_FADE_TO - _FADE_FROM), 0, 1)
+        fade = along**2 * (3 - 2 * along)
+        # The underside has the waves half a period away, and its heights look down.
+        offset = np.where(upper, 0.0, len(self.waviness) * self.waviness_spacing / 2)
+        waves = self.waves(self.square_mm / 2 - y + offset, self.square_mm / 2 - x + offset)
+        # ASSUME: photogrammetry is a sharp low-pass at the cut-off, plus white noise in height.
+        noise = stream(p.seed, "mesh").normal(0.0, p.mesh_noise_um * 1e-3, len(vertices))
+        vertices[:, 2] += fade * np.where(upper, waves, -waves)
+        vertices[:, 2] += fade * noise
+        return vertices, faces
 
-    One factor scales macroscale waves and detail alike, so that the macroscale part has the asked
-    r.m.s. on the square and the spectrum goes on without a step.
-    """
-    # ASSUME: an isotropic Gaussian self-affine surface; a real stone has grains and pits besides.
-    p = parameters
-    pebble = Pebble(tuple(p.outer_size_mm), p.concavity_mm)
-    spectrum = {"hurst_exponent": p.hurst_exponent, "roll_off": p.roll_off_wavelength_mm}
+    def wear_depth(self, placement: str) -> np.ndarray:
+        """Depth of the material lost between T0 and T1, mm, float32, on the grid of `detail`.
 
-    waviness_spacing = p.cut_off_wavelength_mm / _POINTS_PER_WAVE
-    longest_side = max(*p.outer_size_mm[:2], 2 * (square_mm + p.margin_mm))
-    count = scipy.fft.next_fast_len(int(np.ceil(longest_side / waviness_spacing)), real=True)
-    waves = self_affine_field(
-        stream(p.seed, "stone", "macroscale"),
-        count,
-        waviness_spacing,
-        shortest=p.cut_off_wavelength_mm,
-        **spectrum,
-    ).astype(float)
+        `placement` is one of `WEAR_PLACEMENTS`. The wear placed at random has the same amount,
+        shapes and clusters as that on summits.
+        """
+        p, points = self._parameters, len(self.grid)
+        step = max(1, int(_CHANCE_LENGTH_UM / _POINTS_PER_LENGTH / p.scan_spacing_um))
+        spacing = step * self.spacing
+        coarse = self.grid[0] + np.arange(-(-(points - 1) // step) + 1) * step * self.spacing
+        level, _ = remove_plane(make_surface(self.macroscale(coarse, coarse), spacing))
+        height = level.values
 
-    extent = square_mm + 2 * p.margin_mm
-    points = scipy.fft.next_fast_len(int(np.ceil(extent / p.scan_spacing_mm)) + 1, real=True)
-    detail = self_affine_field(
-        stream(p.seed, "stone", "detail"),
-        points,
-        p.scan_spacing_mm,
-        longest=p.cut_off_wavelength_mm,
-        shortest=p.shortest_wavelength_mm,
-        **spectrum,
-    )
-    coefficients = scipy.ndimage.spline_filter(waves, order=3, mode="grid-wrap")
-    start = square_mm / 2 - (points - 1) / 2 * p.scan_spacing_mm
-    unscaled = Stone(
-        square_mm, pebble, coefficients, waves, waviness_spacing, detail, start, p.scan_spacing_mm
-    )
-    factor = p.macroscale_rms_um * 1e-3 / _waves_rms(unscaled)
-    detail *= np.float32(factor)
-    return Stone(
-        square_mm,
-        pebble,
-        coefficients * factor,
-        waves * factor,
-        waviness_spacing,
-        detail,
-        start,
-        p.scan_spacing_mm,
-    )
+        # high places are likelier to be worn, no more
+        generator = stream(p.seed, "wear", "severity")
+        chance = smooth_field(generator, len(height), spacing, _CHANCE_LENGTH_UM * 1e-3)
+        decides = height + chance * _CHANCE_UM * 1e-3
+        threshold = np.quantile(decides, 1 - p.wear_share)
+        severity = 1 / (1 + np.exp(-(decides - threshold) / (_SOFTNESS * decides.std())))
+
+        # a summit stands out of the smoothed stone; the more severe the wear, the deeper its cut
+        smoothing = _REFERENCE_LENGTH_UM * 1e-3 / spacing
+        waves = height - scipy.ndimage.gaussian_filter(height, smoothing, mode="nearest")
+        sigma = float(np.hypot(waves.std(), self.detail.std()))
+        cut = sigma * (_UNWORN_SIGMA - (_UNWORN_SIGMA - _FULL_SIGMA) * severity)
+        depth = self.detail - _bilinear((cut - waves).astype(np.float32), np.arange(points) / step)
+        np.maximum(depth, 0, out=depth)
+
+        field = smooth_field(
+            stream(p.seed, "wear", "valleys"), points, self.spacing, _VALLEY_SIZE_MM
+        )
+        level = np.quantile(field[::4, ::4], 1 - _VALLEY_SHARE)
+        peak = max(float(field.max()) - level, np.finfo(np.float32).tiny)
+        loss = np.sqrt(np.clip((field - level) / peak, 0, 1)) * _VALLEY_DEPTH_MM
+        np.maximum(depth, loss, out=depth)
+
+        self._break_chips(depth, severity, step)
+        if placement == "random":
+            # ASSUME: every shift is equally likely, so that on average over shifts the wear has no
+            # covariance with any surface.
+            shift = stream(p.seed, "wear", "placement").integers(0, points, 2)
+            depth = np.roll(depth, shift, axis=(0, 1))
+        return depth
+
+    def _break_chips(self, depth: np.ndarray, severity: np.ndarray, step: int) -> None:
+        """Deepen `depth` by paraboloid pits; their number follows the severity, of every `step`."""
+        generator = stream(self._parameters.seed, "wear", "chips")
+        extent = len(depth) * self.spacing
+        tried = generator.poisson(_CHIPS_PER_MM2 * extent**2)
+        places = generator.random((tried, 2)) * len(depth)
+        spread = np.exp(_CHIP_SPREAD * generator.standard_normal(tried))
+        radii = (
+            _CHIP_RADIUS_UM * np.minimum(spread, _CHIP_LARGEST) / self._parameters.scan_spacing_um
+        )
+        kept = generator.random(tried) < severity[tuple((places / step).astype(int).T)]
+        for (row, column), radius in zip(places[kept], radii[kept], strict=True):
+            reach = int(radius) + 1
+            rows, columns = (
+                slice(max(int(centre) - reach, 0), int(centre) + reach + 2)
+                for centre in (row, column)
+            )
+            window = depth[rows, columns]
+            v = (np.arange(window.shape[0]) + rows.start - row) / radius
+            u = (np.arange(window.shape[1]) + columns.start - column) / radius
+            bowl = 1 - v[:, None] ** 2 - u[None, :] ** 2
+            deepest = _CHIP_DEPTH_SHARE * radius * self.spacing
+            np.maximum(window, (deepest * bowl).astype(np.float32), out=window)
 
 
-def _waves_rms(stone: Stone) -> float:
-    """R.m.s. of the waves above the cut-off on the square, their plane removed."""
-    places = (np.arange(_CALIBRATION_POINTS) + 0.5) * (stone.square_mm / _CALIBRATION_POINTS)
-    y, x = np.meshgrid(places, places, indexing="ij")
-    heights = stone.waves(y, x)
-    return float(np.std(heights - fit_plane(heights, places, places)[2]))
+def _bilinear(coarse: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """A coarse grid at the fractional indices `places` of its rows and of its columns."""
+    low = np.minimum(places.astype(int), len(coarse) - 2)
+    weight = (places - low).astype(coarse.dtype)
+    rows = coarse[low] * (1 - weight[:, None]) + coarse[low + 1] * weight[:, None]
+    return rows[:, low] * (1 - weight) + rows[:, low + 1] * weight

@@ -1,281 +1,177 @@
-"""The specimen as files: reproducible, one stone in mesh and scans, true to its truth."""
+"""The specimen: reproducible, the same in memory and in files, one stone, true to its truth."""
 
 import dataclasses
 
 import numpy as np
-import pandas as pd
 import pytest
 import scipy.interpolate
-import scipy.ndimage
-import trimesh
-from scipy.interpolate import LinearNDInterpolator
+from scipy.ndimage import gaussian_filter
 
 from gstlib.errors import ConfigError, InputError
-from gstlib.specimen import SpecimenParameters, true_patches, true_surface
-from gstlib.specimen.scanning import Placement, mould, sample
-from gstlib.specimen.stone import fit_plane, make_stone
-from gstlib.specimen.wear import wear_depth
-from gstlib.surface import spacing_of
-
-SQUARE_MM = 5.0
-
-
-def bytes_of(files):
-    return {
-        path.relative_to(files.folder).as_posix(): path.read_bytes()
-        for path in sorted(files.folder.rglob("*"))
-        if path.is_file()
-    }
+from gstlib.io.meshes import read_mesh
+from gstlib.io.scans import read_scan
+from gstlib.io.store import read_dataset
+from gstlib.preprocess.leveling import remove_plane
+from gstlib.specimen.scanning import Placement, place_scans, relocation, sample
+from gstlib.specimen.stone import Stone
+from gstlib.surface import make_surface, spacing_of
 
 
-def read_unmoulded(path):
-    """Heights (mm) of a scan as it lies on the stone."""
-    from SurfaceTopography.IO.PLU import PLUReader
-
-    heights = PLUReader(str(path)).topography().heights().astype(float)
-    return -np.ma.filled(heights, np.nan).T[:, ::-1] * 1e-3
+def bytes_of(folder):
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
-def level(heights):
-    steps = [np.arange(n, dtype=float) for n in heights.shape]
-    return heights - fit_plane(heights, *steps)[2]
+def placement_of(at):
+    return Placement(*(at[name].item() for name in Placement._fields))
 
 
-# --- reproducible ------------------------------------------------------------------------------
+def as_on_stone(scan, at, spacing):
+    """Heights (mm) of a scan as it lies on the stone, its true plane removed."""
+    heights = -scan.values[:, ::-1]
+    steps = (np.arange(len(heights)) - (len(heights) - 1) / 2) * spacing
+    slope_y, slope_x = (np.tan(1e-3 * at[f"plane_{axis}_mrad"].item()) for axis in "yx")
+    return heights - slope_y * steps[:, None] - slope_x * steps
 
 
-def test_same_seed_same_bytes(make, patches, parameters, specimen):
-    assert bytes_of(make(patches, parameters)) == bytes_of(specimen)
-
-
-def test_other_seed_other_everything(make, patches, parameters, specimen):
-    other = bytes_of(make(patches, dataclasses.replace(parameters, seed=10)))
-    first = bytes_of(specimen)
+def test_a_seed_gives_the_same_bytes_and_another_seed_none_of_them(write, patches):
+    first, again, other = (bytes_of(write(patches.iloc[:2], seed=seed)) for seed in (9, 9, 10))
+    assert first == again
     assert other.keys() == first.keys()
     assert not [name for name in first if first[name] == other[name]]
 
 
 def test_another_patch_table_changes_no_other_patch(make, patches, parameters, specimen):
-    # without poor overlaps, whose choice is among the patches there are
-    parameters = dataclasses.replace(parameters, poor_overlap_share=0.0)
-    whole = bytes_of(make(patches, parameters))
-    part = bytes_of(make(patches.iloc[[3, 1]], parameters))
-    assert len(part) == 2 + 4
-    del part["truth.h5"]
-    assert part == {name: whole[name] for name in part}
+    part = make(patches.iloc[[3, 1]], parameters)["summits"]
+    assert part.stl == specimen.stl
+    poor = specimen.truth.patch[specimen.truth.overlap < 0.7].values
+    same = [scan for scan in part.scans if scan[1] == "T0" or scan[0] not in poor]
+    assert len(same) >= 3
+    for scan in same:
+        assert part.scans[scan].identical(specimen.scans[scan])
 
 
-def test_unscanned_t1_gives_no_file(make, patches, parameters):
-    names = bytes_of(make(patches.iloc[:2].assign(t1=["5_T1.plu", ""]), parameters))
-    assert set(names) == {
-        "mesh.stl",
-        "truth.h5",
-        "scans/5_T0.plu",
-        "scans/5_T1.plu",
-        "scans/7_T0.plu",
-    }
+def test_files_read_back_are_the_specimen_in_memory(write, patches, make, parameters, made):
+    patches = patches.assign(t1=patches.t1.where(patches.patch != "7", ""))  # not after use
+    folder, specimen = write(patches, wear_placement="random"), make(patches, parameters)["random"]
+    mesh = read_mesh(folder / "mesh.stl")
+    np.testing.assert_array_equal(mesh.vertices, specimen.mesh.vertices)
+    np.testing.assert_array_equal(mesh.faces, specimen.mesh.faces)
+    truth = read_dataset(folder / "truth.h5")
+    assert truth.equals(specimen.truth)
+    assert truth.equals(made["random"].truth)  # wear is known without T1, too
+    expected = {f"{patch}_{epoch}.plu" for patch, epoch in made["random"].scans} - {"7_T1.plu"}
+    assert {path.name for path in (folder / "scans").iterdir()} == expected
+    for (patch, epoch), scan in specimen.scans.items():
+        read = read_scan(folder / "scans" / f"{patch}_{epoch}.plu")
+        assert read.equals(scan)
+        assert spacing_of(read) == spacing_of(scan) == (0.01328, 0.01328)
+        assert scan.attrs.items() <= read.attrs.items()
 
 
-# --- one stone ---------------------------------------------------------------------------------
+def test_wear_elsewhere_changes_scans_after_use_alone(made):
+    summits, random = made["summits"], made["random"]
+    assert random.stl is summits.stl
+    for (patch, epoch), scan in summits.scans.items():
+        assert random.scans[patch, epoch].identical(scan) == (epoch == "T0")
+    same = {name for name in summits.truth if random.truth[name].equals(summits.truth[name])}
+    assert set(summits.truth) - same == {"wear_depth", "plane_x_mrad", "plane_y_mrad"}
 
 
-@pytest.fixture(scope="module")
-def fine(make, patches, parameters):
-    """A specimen whose mesh and cut-off are the paper's, and the mesh in the square's frame."""
-    files = make(
-        patches,
-        dataclasses.replace(parameters, mesh_edge_mm=0.3144, cut_off_wavelength_mm=0.6),
-    )
-    vertices = trimesh.load(files.mesh).vertices
+def test_mesh_and_scans_agree_where_they_overlap(make, patches, parameters):
+    """Un-moulded, freed of spikes and low-passed, a scan has the heights of the paper's mesh."""
+    fine = dataclasses.replace(parameters, mesh_edge_mm=0.3144, cut_off_wavelength_mm=0.6)
+    made = make(patches, fine)["summits"]
+    vertices = made.mesh.vertices
     use_face = vertices[(np.abs(vertices[:, :2]).max(axis=1) < 3) & (vertices[:, 2] > -5)]
     # the frame: origin at (+2.5, +2.5), axes along -x and -y of the mesh
-    return files, LinearNDInterpolator(2.5 - use_face[:, :2], use_face[:, 2])
-
-
-@pytest.mark.parametrize("patch", ["5", "7", "13", "16"])
-def test_mesh_and_scan_agree_where_they_overlap(fine, truth, patch, parameters):
-    """Un-moulded, freed of spikes and low-passed, a scan has the mesh's heights."""
-    files, mesh_height = fine
-    heights = read_unmoulded(files.scan(patch, "T0"))
-    at = truth.sel(patch=patch, epoch="T0")
-    bad = at.outlier.values | at.unmeasured.values
-    good = ~bad
-    points = np.stack([*np.nonzero(good)], axis=1)
-    heights[bad] = scipy.interpolate.NearestNDInterpolator(points, heights[good])(
-        np.stack([*np.nonzero(bad)], axis=1)
-    )
-    tilt = [at[f"tilt_{axis}_mrad"].item() for axis in "yx"]
-    n, spacing = len(heights), parameters.scan_spacing_mm
-    steps = (np.arange(n) - (n - 1) / 2) * spacing
-    heights -= 1e-3 * (tilt[0] * steps[:, None] + tilt[1] * steps)
-
-    turn = np.deg2rad(at.rotation_deg.item())
-    x = at.x_mm.item() + np.cos(turn) * steps - np.sin(turn) * steps[:, None]
-    y = at.y_mm.item() + np.sin(turn) * steps + np.cos(turn) * steps[:, None]
-    mesh = mesh_height(x, y)
-
-    smooth, difference = (
-        scipy.ndimage.gaussian_filter(field, 0.15 / spacing, mode="nearest")
-        for field in (heights, heights - mesh)
-    )
-    assert np.std(difference) < 2e-3
-    assert np.corrcoef(smooth.ravel(), (smooth - difference).ravel())[0, 1] > 0.9
-
-
-def test_mesh_vertices_lie_on_the_true_surface(make, patches, parameters):
-    exact = dataclasses.replace(parameters, mesh_noise_um=0.0)
-    files = make(patches.iloc[:1], exact)
-    vertices = trimesh.load(files.mesh).vertices
-    inside = (np.abs(vertices[:, :2]).max(axis=1) < 2.5) & (vertices[:, 2] > -5)
-    x, y = 2.5 - vertices[inside, 0], 2.5 - vertices[inside, 1]
-    stone = make_stone(exact, SQUARE_MM)
-    np.testing.assert_allclose(
-        vertices[inside, 2], stone.waves(y, x) + stone.shape(y, x), atol=2e-6
-    )
+    mesh_height = scipy.interpolate.LinearNDInterpolator(2.5 - use_face[:, :2], use_face[:, 2])
+    pairs = []
+    for patch in patches.patch:
+        at = made.truth.sel(patch=patch, epoch="T0")
+        heights = as_on_stone(made.scans[patch, "T0"], at, 0.01328)
+        place, steps = placement_of(at), (np.arange(64) - 31.5) * 0.01328
+        turned = np.exp(1j * np.deg2rad(place.rotation_deg)) * (steps + 1j * steps[:, None])
+        true = mesh_height(place.x_mm + turned.real, place.y_mm + turned.imag)
+        true = remove_plane(make_surface(true, 0.01328))[0].values
+        heights = np.where(at.outlier | at.unmeasured, true, heights)
+        smooth = [gaussian_filter(field, 0.15 / 0.01328).ravel() for field in (heights, true)]
+        assert np.std(np.subtract(*smooth)) < 2e-3
+        pairs.append(smooth)
+    assert np.corrcoef(*np.concatenate(pairs, axis=1))[0, 1] > 0.9
 
 
 def test_scan_is_the_truth_with_tilt_noise_spikes_and_holes(specimen, truth, parameters):
     for patch in truth.patch.values:
         at = truth.sel(patch=patch, epoch="T0")
-        heights = read_unmoulded(specimen.scan(patch, "T0"))
-        np.testing.assert_array_equal(np.isnan(heights), at.unmeasured.values)
-        assert at.unmeasured.values.sum() == round(parameters.unmeasured_share * heights.size)
-        steps = np.arange(len(heights)) * parameters.scan_spacing_mm
-        slope_y, slope_x = (np.tan(1e-3 * at[f"plane_{axis}_mrad"].item()) for axis in "yx")
-        plane = slope_y * steps[:, None] + slope_x * steps
-        noise = heights - plane - at.height.values
-        noise -= np.nanmedian(noise)
+        noise = as_on_stone(specimen.scans[patch, "T0"], at, 0.01328) - at.height.values
+        np.testing.assert_array_equal(np.isnan(noise), at.unmeasured.values)
+        assert at.unmeasured.values.sum() == round(0.01 * noise.size)
+        noise = (noise - np.nanmedian(noise)) * 1e3
         clean = ~at.outlier.values & ~at.unmeasured.values
-        assert noise[clean].std() * 1e3 == pytest.approx(parameters.noise_um, rel=0.1)
-        assert np.abs(noise[clean]).max() * 1e3 < 6 * parameters.noise_um
-        spikes = np.abs(noise[at.outlier.values]) * 1e3
-        low, high = parameters.spike_height_um
-        assert spikes.min() > low - 6 * parameters.noise_um
-        assert spikes.max() < high + 6 * parameters.noise_um
+        assert noise[clean].std() == pytest.approx(parameters.noise_um, rel=0.1)
+        assert np.abs(noise[clean]).max() < 6 * parameters.noise_um
+        spikes = np.abs(noise[at.outlier.values])
+        assert (np.abs(spikes - 37.5) < 22.5 + 6 * parameters.noise_um).all()  # 15 to 60 µm
+    assert truth.outlier.values.mean() == pytest.approx(parameters.spike_share, rel=0.2)
+    noise_and_tilt = truth[["unmeasured", "plane_x_mrad"]].astype(float).diff("epoch")
+    assert noise_and_tilt.any(["y", "x"]).all().to_array().all()
 
 
-def test_true_placement_is_about_the_nominal_one(truth, parameters):
+def test_t1_is_the_worn_stone(specimen, truth, parameters):
+    stone = Stone(parameters, 5.0)
+    surface = stone.macroscale(stone.grid, stone.grid) + stone.detail
+    wear = stone.wear_depth("summits")
+    t0, t1 = (truth.sel(patch="13", epoch=epoch) for epoch in ("T0", "T1"))
+    fresh, lost = (
+        sample(field, stone, placement_of(t1), 64, order=order, patch="13")
+        for field, order in ((surface, 3), (wear, 1))
+    )
+    assert lost.max() > 1e-3
+    true = remove_plane(make_surface(fresh - lost, 0.01328))[0].values
+    left = as_on_stone(specimen.scans["13", "T1"], t1, 0.01328) - true
+    left = (left - np.nanmedian(left))[~(t1.outlier | t1.unmeasured).values]
+    assert np.abs(left).max() * 1e3 < 6 * parameters.noise_um
+    at_t0 = sample(wear, stone, placement_of(t0), 64, order=1, patch="13")
+    np.testing.assert_allclose(t0.wear_depth, at_t0, rtol=0, atol=1e-6)
+
+
+def test_scans_lie_about_their_nominal_places(truth, patches, parameters):
     for axis in "xy":
+        np.testing.assert_array_equal(truth[f"nominal_{axis}_mm"], patches[f"{axis}_mm"])
         error = truth[f"{axis}_mm"].sel(epoch="T0") - truth[f"nominal_{axis}_mm"]
         assert 0 < np.abs(error).max() < 5e-3 * parameters.placement_error_um
-    overlap = truth.overlap.values
-    assert sorted(overlap < 0.7) == [False] * 4 + [True]
-    assert overlap.min() > 0.15
+    turns = truth.rotation_deg - patches.rotation_deg.to_numpy()[:, None]
+    assert 0 < np.abs(turns).max() < 0.5
+    assert sorted(truth.overlap.values < 0.7) == [False] * 4 + [True]
+    steps, moved = (
+        (np.arange(64) - 31.5) * 0.01328,
+        truth[["x_mm", "y_mm"]].sel(patch="13").diff("epoch"),
+    )
+    x, y = (np.abs(steps - moved[f"{axis}_mm"].item()) < 32 * 0.01328 for axis in "xy")
+    assert truth.overlap.sel(patch="13") == pytest.approx(x.mean() * y.mean(), abs=0.02)
+    nominal = Placement(2.0, 3.0, 0.0)
+    for error, same in (("relocation", [False, True]), ("placement", [True, False])):
+        exact = dataclasses.replace(parameters, **{f"{error}_error_um": 0.0})
+        t0, t1 = place_scans("a", nominal, exact, square_mm=5.0, poor_overlap=False)
+        assert [t0[:2] == nominal[:2], t1[:2] == t0[:2]] == same
 
 
 def test_rotated_patch_is_sampled_rotated(parameters):
-    stone = make_stone(parameters, SQUARE_MM)
-    grid = stone.grid()
-    field = np.add.outer(3 * grid, grid)  # 3 y + x
+    stone = Stone(parameters, 5.0)
+    field = np.add.outer(3 * stone.grid, stone.grid)  # 3 y + x
     heights = sample(field, stone, Placement(2.0, 3.0, 90.0), 5, order=1, patch="a")
     # turned by 90 degrees the scan's x runs along the square's y, its y along minus the square's x
     steps = (np.arange(5) - 2) * stone.spacing
     np.testing.assert_allclose(heights, 11 + 3 * steps[None, :] - steps[:, None], atol=1e-9)
+    moved = relocation(Placement(2.0, 3.0, 90.0), Placement(2.0, 3.1, 85.0))
+    assert moved == pytest.approx((0.1, 0.0))
 
 
-def test_mould_is_its_own_inverse_and_flips_along_x():
-    heights = np.arange(6.0).reshape(2, 3)
-    assert mould(heights).tolist() == [[-2, -1, 0], [-5, -4, -3]]
-    np.testing.assert_array_equal(mould(mould(heights)), heights)
-
-
-# --- wear --------------------------------------------------------------------------------------
-
-
-def test_wear_only_lowers(truth, parameters):
-    depth = truth.wear_depth.values
-    assert depth.min() == 0
-    worn = (depth * 1e3 > parameters.wear_threshold_um).mean()
-    assert 0.01 < worn < 0.3
-
-
-def test_t1_is_the_worn_stone(specimen, truth, parameters):
-    """Seen at the very same place without tilt, T1 less T0 is the wear, and nothing rises."""
-    p = dataclasses.replace(parameters, noise_um=0.0, spike_share=0.0, unmeasured_share=0.0)
-    stone, wear = make_stone(p, SQUARE_MM), wear_depth(make_stone(p, SQUARE_MM), p)
-    grid = stone.grid()
-    surface = stone.macroscale(grid, grid) + stone.detail
-    at = truth.sel(patch="13", epoch="T1")
-    place = Placement(at.x_mm.item(), at.y_mm.item(), at.rotation_deg.item())
-    fresh = sample(surface, stone, place, p.scan_points, order=3, patch="13")
-    lost = sample(wear, stone, place, p.scan_points, order=1, patch="13")
-    assert lost.min() >= 0
-    seen = read_unmoulded(specimen.scan("13", "T1"))
-    good = ~(at.outlier | at.unmeasured).values
-    steps = np.arange(p.scan_points) * p.scan_spacing_mm
-    tilt = 1e-3 * (at.tilt_y_mrad.item() * steps[:, None] + at.tilt_x_mrad.item() * steps)
-    left = seen - tilt - (fresh - lost)
-    left -= np.nanmedian(left)
-    assert np.abs(left[good]).max() * 1e3 < 6 * parameters.noise_um
-
-
-def test_wear_follows_height_but_not_all_of_it(parameters):
-    stone = make_stone(parameters, SQUARE_MM)
-    grid = stone.grid()
-    height = stone.macroscale(grid, grid)
-    high = height > np.quantile(height, 0.8)
-    depth = wear_depth(stone, parameters)
-    worn = depth * 1e3 > parameters.wear_threshold_um
-    assert worn[high].mean() > 3 * worn[~high].mean()
-    assert worn[~high].any()
-    assert worn[high].mean() < 0.8
-
-
-def test_without_any_cause_nothing_wears_but_rare_summits(parameters):
-    idle = dataclasses.replace(
-        parameters, wear_share=1e-9, chips_per_mm2=0.0, valley_share=0.0, wear_chance_um=0.0
-    )
-    stone = make_stone(idle, SQUARE_MM)
-    assert (wear_depth(stone, idle) > 0).mean() < 0.002
-
-
-# --- truth and parameters ----------------------------------------------------------------------
-
-
-def test_truth_offers_surface_and_patches(truth, patches, parameters):
-    surface = true_surface(truth)
-    assert surface.dims == ("y", "x")
-    assert surface.shape == (50, 50)
-    assert spacing_of(surface) == pytest.approx((0.1, 0.1))
-    waves = level(surface.values)
-    assert waves.std() * 1e3 == pytest.approx(parameters.macroscale_rms_um, rel=0.15)
-    table = true_patches(truth)
-    assert list(table.patch) == list(patches.patch)
-    np.testing.assert_allclose(table.x_mm, patches.x_mm, atol=0.2)
-    assert not np.allclose(true_patches(truth, "T1").x_mm, table.x_mm)
-
-
-def test_patch_outside_the_surface_is_refused(make, parameters):
-    outside = pd.DataFrame({"patch": ["a"], "x_mm": [0.0], "y_mm": [2.0], "t0": ["a.plu"]})
-    with pytest.raises(InputError, match=r"patch a.*sticks out.*margin_mm"):
-        make(outside, parameters)
-
-
-def test_doubled_patch_is_refused(make, patches, parameters):
-    with pytest.raises(InputError, match="twice"):
-        make(pd.concat([patches, patches]), parameters)
-
-
-def test_square_larger_than_the_stone_is_refused(make, patches, parameters):
-    small = dataclasses.replace(parameters, outer_size_mm=(10.0, 8.0, 3.0))
+def test_what_cannot_be_made_is_refused(make, patches, parameters):
+    with pytest.raises(InputError, match=r"patch 5.*sticks out.*patch table"):
+        make(patches.iloc[:1].assign(x_mm=0.0), parameters)
     with pytest.raises(ConfigError, match="half of the pebble"):
-        make(patches, small)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"cut_off_wavelength_mm": 3.0},
-        {"scan_spacing_um": 400.0},
-        {"spike_height_um": [60.0, 15.0]},
-    ],
-)
-def test_contradictory_parameters_are_refused(parameters, change):
-    values = dataclasses.asdict(parameters) | change
-    with pytest.raises(ConfigError, match=next(iter(change)).split("_")[0]):
-        SpecimenParameters(**values)
-
-
-def test_unknown_parameter_is_refused(parameters):
-    with pytest.raises(TypeError, match="colour"):
-        SpecimenParameters(**dataclasses.asdict(parameters), colour="grey")
+        make(patches, parameters, square_mm=41.0)
+    with pytest.raises(ConfigError, match=r"scan_spacing_um.*400.0 µm"):
+        dataclasses.replace(parameters, scan_spacing_um=400.0)

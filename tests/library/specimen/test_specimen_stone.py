@@ -1,4 +1,6 @@
-"""The underlying surface: its spectrum, its height, and its two parts as one surface."""
+"""The stone: its spectrum, its two parts as one surface, its closed mesh, and its wear."""
+
+import dataclasses
 
 import numpy as np
 import pytest
@@ -6,10 +8,11 @@ import scipy.fft
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gstlib.preprocess.leveling import remove_plane
+from gstlib.specimen.pebble import OUTER_SIZE_MM, even_triangulation, surface_points, use_face
 from gstlib.specimen.randomness import self_affine_field, stream
-from gstlib.specimen.stone import fit_plane, make_stone
-
-SQUARE_MM = 5.0
+from gstlib.specimen.stone import Stone
+from gstlib.surface import make_surface
 
 
 def radial_density(field, spacing):
@@ -25,32 +28,24 @@ def radial_density(field, spacing):
 
 
 @settings(max_examples=10, deadline=None)
-@given(st.floats(0.3, 0.95), st.integers(0, 2**32))
-def test_spectrum_slope_gives_the_hurst_exponent(hurst, seed):
-    field = self_affine_field(
-        np.random.default_rng(seed), 256, 0.01, hurst_exponent=hurst, roll_off=0.5
-    )
-    frequency, density = radial_density(field, 0.01)
-    inside = (frequency > 4) & (frequency < 40)
+@given(st.floats(0.3, 0.95), st.integers(0, 2**32), st.sampled_from([(256, 0.01), (300, 0.013)]))
+def test_density_has_the_hurst_exponent_and_is_flat_above_the_roll_off(hurst, seed, grid):
+    generator = np.random.default_rng(seed)
+    field = self_affine_field(generator, *grid, hurst_exponent=hurst, roll_off=0.5)
+    frequency, density = radial_density(field, grid[1])
+    inside = (frequency > 4) & (frequency < 35)
     slope = np.polyfit(np.log(frequency[inside]), np.log(density[inside]), 1)[0]
     assert -slope / 2 - 1 == pytest.approx(hurst, abs=0.06)
-
-
-def test_density_is_flat_above_the_roll_off_and_does_not_depend_on_the_grid():
-    for count, spacing in ((256, 0.02), (300, 0.013)):
-        field = self_affine_field(
-            np.random.default_rng(1), count, spacing, hurst_exponent=0.8, roll_off=0.5
-        )
-        frequency, density = radial_density(field, spacing)
-        long = (frequency > 0.6) & (frequency < 1.8)
-        assert density[long].mean() == pytest.approx(0.5**2, rel=0.25)
+    field = self_affine_field(generator, *grid, hurst_exponent=hurst, roll_off=0.1)
+    frequency, density = radial_density(field, grid[1])
+    flat = (frequency > 2) & (frequency < 9)
+    assert density[flat].mean() == pytest.approx(0.1**2, rel=0.25)
 
 
 def test_nothing_is_left_outside_the_band():
-    field = self_affine_field(
-        np.random.default_rng(1), 128, 0.01, hurst_exponent=0.8, roll_off=1, longest=0.4,
-        shortest=0.05,
-    )  # fmt: skip
+    band = {"longest": 0.4, "shortest": 0.05}
+    generator = np.random.default_rng(1)
+    field = self_affine_field(generator, 128, 0.01, hurst_exponent=0.8, roll_off=1, **band)
     power = np.abs(scipy.fft.fft2(field)) ** 2
     frequency = np.hypot(*np.meshgrid(*[scipy.fft.fftfreq(128, 0.01)] * 2))
     outside = (frequency < 0.999 / 0.4) | (frequency > 1.001 / 0.05)
@@ -59,47 +54,40 @@ def test_nothing_is_left_outside_the_band():
 
 
 def test_streams_differ_by_name_and_seed_only():
-    draws = {
-        (seed, names): tuple(stream(seed, *names).integers(0, 2**62, 2))
-        for seed in (1, 2)
-        for names in (("a",), ("b",), ("a", "b"), ("b", "a"))
-    }
-    assert len(set(draws.values())) == len(draws)
-    assert tuple(stream(1, "a").integers(0, 2**62, 2)) == draws[1, ("a",)]
+    draws = [stream(seed, *names).random() for seed in (1, 2) for names in ("a", "b", "ab", "ba")]
+    assert len(set(draws)) == len(draws)
+    assert stream(1, "a").random() == draws[0]
 
 
 @pytest.fixture(scope="module")
 def stone(parameters):
-    return make_stone(parameters, SQUARE_MM)
+    return Stone(parameters, 5.0)
 
 
-def test_macroscale_part_has_the_asked_height_on_the_square(stone, parameters):
-    at = np.linspace(0, SQUARE_MM, 301)
-    waves = stone.waves(at[:, None] + 0 * at, at + 0 * at[:, None])
-    level = waves - fit_plane(waves, at, at)[2]
-    assert level.std() * 1e3 == pytest.approx(parameters.macroscale_rms_um, rel=0.02)
+def test_macroscale_part_has_the_height_asked_for_on_the_square(stone, parameters):
+    at = np.linspace(0, 5, 301)
+    level, _ = remove_plane(make_surface(stone.waves(at[:, None], at), 5 / 300))
+    assert level.values.std() * 1e3 == pytest.approx(parameters.macroscale_rms_um, rel=0.02)
 
 
-def test_grid_and_points_give_the_same_macroscale_surface(stone):
+def test_grid_points_and_element_means_are_of_one_macroscale_surface(stone):
     y, x = np.array([-0.2, 0.37, 2.5, 5.1]), np.array([0.01, 1.234, 4.9])
-    points = stone.waves(y[:, None] + 0 * x, x + 0 * y[:, None]) + stone.shape(y[:, None], x)
+    points = stone.waves(y[:, None], x) + stone.shape(y[:, None], x)
     np.testing.assert_allclose(stone.macroscale(y, x), points, atol=1e-7)
+    fine = (np.arange(400) + 0.5) * 5 / 400
+    means = stone.macroscale(fine, fine).reshape(10, 40, 10, 40).mean(axis=(1, 3))
+    np.testing.assert_allclose(stone.macroscale_means(10), means, atol=3e-4, rtol=0)
 
 
 def test_spectrum_goes_on_across_the_cut_off(stone, parameters):
     """Densities just above and below the cut-off fit one power law."""
     cut = 1 / parameters.cut_off_wavelength_mm
-    below, density_below = radial_density(stone.waviness_samples, stone.waviness_spacing)
+    below, density_below = radial_density(stone.waviness, stone.waviness_spacing)
     above, density_above = radial_density(stone.detail.astype(float), stone.spacing)
     law = -2 - 2 * parameters.hurst_exponent
-    constants = [
-        np.mean(density[use] / frequency[use] ** law)
-        for frequency, density, use in (
-            (below, density_below, (below > 0.6 * cut) & (below < 0.9 * cut)),
-            (above, density_above, (above > 1.2 * cut) & (above < 6 * cut)),
-        )
-    ]
-    assert constants[1] / constants[0] == pytest.approx(1, abs=0.25)
+    low, high = (below > 0.6 * cut) & (below < 0.9 * cut), (above > 1.2 * cut) & (above < 6 * cut)
+    constant = np.mean(density_above[high] / above[high] ** law)
+    assert constant / np.mean(density_below[low] / below[low] ** law) == pytest.approx(1, abs=0.25)
 
 
 def test_use_face_is_slightly_concave_at_the_square(stone):
@@ -107,18 +95,72 @@ def test_use_face_is_slightly_concave_at_the_square(stone):
     assert (ends > 0.001).all()
     assert (ends < 0.02).all()
     assert stone.shape(np.array(2.5), np.array(2.5)) == pytest.approx(0, abs=1e-12)
+    colatitude = np.linspace(0, np.pi / 2, 9)[:, None]
+    x, y, z = np.moveaxis(surface_points(colatitude, np.linspace(0, 6, 7)), -1, 0)
+    np.testing.assert_allclose(use_face(x, y), z, atol=1e-5)
 
 
-def test_element_means_are_means(stone):
-    coarse, fine = stone.macroscale_means(10), stone.macroscale_means(40)
-    np.testing.assert_allclose(
-        coarse, fine.reshape(10, 4, 10, 4).mean(axis=(1, 3)), atol=3e-4, rtol=0
-    )
+def test_mesh_has_even_edges_of_the_length_asked_for():
+    vertices, faces, upper = even_triangulation(1.0)  # mm
+    edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
+    assert len(faces) == 2 * len(vertices) - 4
+    assert lengths.mean() == pytest.approx(1.0, rel=0.02)
+    np.testing.assert_allclose(np.ptp(vertices, axis=0), OUTER_SIZE_MM, atol=0.07)
+    in_square = (np.abs(vertices[edges[:, 0], :2]).max(axis=1) < 2.5) & upper[edges[:, 0]]
+    assert lengths[in_square].mean() == pytest.approx(1.0, rel=0.05)
+    low, high = np.quantile(lengths[in_square], [0.01, 0.99])
+    assert 0.6 < low < high < 1.5
 
 
-def test_plane_of_a_plane_is_itself():
-    y, x = np.arange(4.0), np.arange(7.0) * 0.5 + 3
-    heights = 2 + 0.3 * y[:, None] - 0.1 * x
-    slope_y, slope_x, plane = fit_plane(heights, y, x)
-    assert (slope_y, slope_x) == pytest.approx((0.3, -0.1))
-    np.testing.assert_allclose(plane, heights)
+def test_mesh_is_closed_and_looks_out_and_its_use_face_up(specimen):
+    mesh = specimen.mesh
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.euler_number == 2  # no handles
+    assert mesh.volume > 0.3 * np.prod(OUTER_SIZE_MM)
+    np.testing.assert_allclose(mesh.extents, OUTER_SIZE_MM, atol=0.2)
+
+
+def test_mesh_vertices_lie_on_the_true_surface_but_for_the_noise(parameters):
+    for noise_um in (0.0, 2.0):
+        stone = Stone(dataclasses.replace(parameters, mesh_noise_um=noise_um), 5.0)
+        vertices, _ = stone.mesh()
+        inside = (np.abs(vertices[:, :2]).max(axis=1) < 2.5) & (vertices[:, 2] > -5)
+        x, y = 2.5 - vertices[inside, 0], 2.5 - vertices[inside, 1]
+        error = vertices[inside, 2] - stone.waves(y, x) - stone.shape(y, x)
+        assert error.std() * 1e3 == pytest.approx(noise_um, rel=0.2, abs=1e-6)
+
+
+def test_wear_and_chips_follow_height_but_not_all_of_it(stone, monkeypatch):
+    height, depth = stone.macroscale(stone.grid, stone.grid), stone.wear_depth("summits")
+    high, low = height > np.quantile(height, 0.8), height < np.quantile(height, 0.2)
+    worn = depth * 1e3 > 0.5
+    assert depth.min() == 0
+    assert 0.01 < worn.mean() < 0.3
+    assert 0.8 > worn[high].mean() > 3 * worn[~high].mean() > 0
+    monkeypatch.setattr("gstlib.specimen.stone._CHIPS_PER_MM2", 0.0)
+    chipped = depth > stone.wear_depth("summits")
+    assert chipped[high].mean() > 3 * chipped[low].mean()
+
+
+def test_without_any_cause_nothing_wears_but_rare_summits(parameters, monkeypatch):
+    for cause in ("_CHIPS_PER_MM2", "_VALLEY_DEPTH_MM", "_CHANCE_UM"):
+        monkeypatch.setattr(f"gstlib.specimen.stone.{cause}", 0.0)
+    idle = Stone(dataclasses.replace(parameters, wear_share=1e-9), 5.0)
+    assert (idle.wear_depth("summits") > 0).mean() < 0.002
+
+
+def test_wear_at_random_keeps_its_amount_and_shape_and_does_not_follow_the_heights(parameters):
+    relation = {"summits": [], "random": []}
+    for seed in range(6):
+        stone = Stone(dataclasses.replace(parameters, seed=seed), 5.0)
+        depths = {placement: stone.wear_depth(placement) for placement in relation}
+        for placement, found in relation.items():
+            found.append(np.corrcoef(depths[placement].ravel(), stone.detail.ravel())[0, 1])
+        # the modulus of the spectrum is that of all shifts, and of hardly anything else
+        spectra = [np.abs(np.fft.rfft2(depth.astype(float))) for depth in depths.values()]
+        np.testing.assert_allclose(*spectra, atol=1e-9 * spectra[0].max())
+    mean, spread = np.mean(relation["random"]), np.std(relation["random"], ddof=1)
+    assert abs(mean) < 3 * spread / np.sqrt(6)  # on each, few and broad waves allow more
+    assert min(relation["summits"]) > 3 * np.abs(relation["random"]).max()
