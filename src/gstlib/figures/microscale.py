@@ -1,230 +1,287 @@
-"""The patches: how each is pressed (the paper's Figs. 9 and 10)."""
+"""The patches: prepared, pressed, and compared with what use did (Figs. 7 and 9 to 11).
+
+Parameters that the figures share:
+
+contacts : mapping of patch to xarray.Dataset
+    ``height``, ``pressure`` (y, x) of the final state, and the load path (step):
+    ``displacement``, ``mean_pressure``, ``contact_fraction``, ``stiffness``.
+changes : mapping of patch to xarray.Dataset
+    ``t1``, ``change``, ``loss``, ``gain`` (y, x) and the attributes ``level_of_detection_um``,
+    ``overlap``.
+"""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import Any
 
+import numpy as np
+import pandas as pd
 import xarray as xr
-from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
+from matplotlib import colormaps
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
-from gstlib.figures.style import (
-    BLUE,
-    CONTACT,
-    MM_TO_UM,
-    PRESSURE_MAP,
-    VERMILION,
-    WIDTH,
-    block_of,
-    draw_classes,
-    draw_heights,
-    draw_mask,
-    new_figure,
-    scale_bar,
-    styled,
-    thickened_note,
-    write_notes,
-)
+from gstlib.figures import maps, style
+from gstlib.figures.style import AMBER, BLACK, BLUE, MM_TO_UM, VERMILION, styled
 
-__all__ = [
-    "hardness_figure",
-    "microscale_curves_figure",
-    "microscale_maps_figure",
-    "slip_figure",
-]
+__all__ = ["agreement_figure", "hardness_figure", "load_curves_figure", "microscale_maps_figure"]
+__all__ += ["overview_figure", "patch_figure", "preparation_figure", "slip_figure"]
+
+_UNKNOWN = "#ffffff"
+_AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": BLACK}
+_UNDER: dict[str, Any] = {"bbox_to_anchor": (0.5, 0.0), "fontsize": 6, "columnspacing": 0.5}
+_UNDER |= {"handlelength": 0.8, "handletextpad": 0.4, "borderaxespad": 0.3}
 
 
 @styled
-def microscale_maps_figure(
-    contacts: Mapping[str, xr.Dataset], *, columns: int = 4, source_note: str | None = None
-) -> Figure:
-    """Contact on every patch at its own pressure (Fig. 9).
+def preparation_figure(prepared: Mapping[str, xr.Dataset], *, patch: str) -> Figure:
+    """A patch's scans as measured and as prepared for contact.
 
     Parameters
     ----------
-    contacts : mapping of patch to xarray.Dataset
-        ``height``, ``pressure`` (y, x) of the final state and the load path (step).
+    prepared : mapping of epoch to xarray.Dataset
+        ``measured`` (NaN where unmeasured), ``height``, ``filled``, ``outlier`` (y, x), and the
+        attributes of the prepared scan.
+    patch : str
+        Its id, for the title.
     """
-    figure, panels, block = _small_multiples(
-        {patch: contact["height"] for patch, contact in contacts.items()}, columns
-    )
-    for axes, (patch, contact) in zip(panels, contacts.items(), strict=True):
-        in_contact = contact["pressure"].values > 0
-        draw_mask(axes, contact["height"], in_contact, CONTACT, block=block, thicken=True)
-        reached = float(contact["mean_pressure"][-1])
-        axes.set_title(f"patch {patch}: {reached:.1f} MPa, {in_contact.mean():.2%}", fontsize=7)
-    write_notes(figure, source_note, ["Black: in contact; grey: height.", thickened_note(block)])
+    room = (0.05, 0.05, 0.3, 0.3)
+    figure, axes = style.panels(2 * len(prepared), 4, (1.7, 1.7), room, head=0.2)
+    figure.suptitle(f"patch {patch}")
+    for number, (epoch, scan) in enumerate(prepared.items()):
+        filled, outliers = scan["filled"].values, scan["outlier"].values
+        for panel, field, marks, state in (
+            (
+                axes[2 * number],
+                "measured",
+                {BLUE: filled & ~outliers, VERMILION: outliers},
+                "before",
+            ),
+            (axes[2 * number + 1], "height", None, "after"),
+        ):
+            heights = scan[field]
+            norm = maps.height_norm(heights)
+            image = maps.draw_map(panel, heights, cmap=maps.HEIGHT_MAP, norm=norm, marks=marks)
+            maps.colour_bar(panel, image, "height (µm)")
+            title = "prepared" if marks is None else "as measured"
+            panel.set_title(f"{epoch} {title}, Sq {scan.attrs[f'Sq_{state}_um']:.3g} µm")
+    maps.scale_bar(axes[0])
+    return figure
+
+
+def _patch_maps(
+    contacts: Mapping[str, xr.Dataset],
+    panels: Mapping[str, tuple[str, Mapping[str, np.ndarray]]],
+    legend: Mapping[str, str],
+) -> Figure:
+    """Small multiples: every patch's height in pale grey, with a title and marks by colour."""
+    room = (0.05, 0.05, 0.2, 0.02)
+    figure, axes = style.panels(len(panels), 4, (1.7, 1.7), room, head=0.25)
+    for axis, (patch, (title, marks)) in zip(axes, panels.items(), strict=True):
+        maps.draw_map(axis, contacts[patch]["height"], marks=marks)
+        axis.set_title(f"patch {patch}: {title}", fontsize=6.5, pad=2)
+    maps.scale_bar(axes[0])
+    style.colour_legend(figure, legend)
     return figure
 
 
 @styled
-def slip_figure(
-    heights: Mapping[str, xr.DataArray],
-    slips: Mapping[str, xr.Dataset],
-    *,
-    columns: int = 4,
-    source_note: str | None = None,
-) -> Figure:
+def microscale_maps_figure(contacts: Mapping[str, xr.Dataset]) -> Figure:
+    """Contact on every patch at its own pressure (Fig. 9)."""
+    panels = {}
+    for patch, contact in contacts.items():
+        touching = contact["pressure"].values > 0
+        pressure = float(contact["mean_pressure"][-1])
+        panels[patch] = f"{pressure:.1f} MPa, {touching.mean():.2%}", {BLACK: touching}
+    return _patch_maps(contacts, panels, {"in contact": BLACK})
+
+
+@styled
+def slip_figure(contacts: Mapping[str, xr.Dataset], slips: Mapping[str, xr.Dataset]) -> Figure:
     """Where every patch sticks and slips under the tangential load.
 
     Parameters
     ----------
-    heights : mapping of patch to (y, x) xarray.DataArray
-        Heights of the patches, mm.
     slips : mapping of patch to xarray.Dataset
-        ``stick``, ``slip`` (y, x), ``mean_traction`` and the attributes ``friction``,
-        ``tangential_ratio``.
+        ``stick``, ``slip`` (y, x) and ``mean_traction``.
     """
-    figure, panels, block = _small_multiples(heights, columns, room=0.25)
-    load = ""
-    for axes, (patch, slip) in zip(panels, slips.items(), strict=True):
-        sticks, slides = slip["stick"].values, slip["slip"].values
-        draw_classes(axes, heights[patch], {BLUE: sticks, VERMILION: slides}, block=block)
-        axes.set_title(
-            f"patch {patch}: {float(slip['mean_traction']):.1f} MPa, "
-            f"slips {slides.sum() / max((slides | sticks).sum(), 1):.0%}",
-            fontsize=7,
-        )
-        load = f"μ = {slip.attrs['friction']:g}, Q/μP = {slip.attrs['tangential_ratio']:g}."
-    _legend_on_top(figure, [(BLUE, "sticks"), (VERMILION, "slips")])
-    write_notes(
-        figure,
-        source_note,
-        [load, "Titles: mean traction, share of contact.", thickened_note(block)],
-    )
-    return figure
+    panels = {}
+    for patch, result in slips.items():
+        stick, slip = result["stick"].values, result["slip"].values
+        share = slip.sum() / max((stick | slip).sum(), 1)
+        title = f"{float(result['mean_traction']):.1f} MPa, slips {share:.0%}"
+        panels[patch] = title, {BLUE: stick, VERMILION: slip}
+    return _patch_maps(contacts, panels, {"sticks": BLUE, "slips": VERMILION})
 
 
 @styled
 def hardness_figure(
-    contacts: Mapping[str, xr.Dataset],
-    limited: Mapping[str, xr.Dataset],
-    *,
-    columns: int = 4,
-    source_note: str | None = None,
+    contacts: Mapping[str, xr.Dataset], limited: Mapping[str, xr.Dataset]
 ) -> Figure:
     """Every patch's contact with a ceiling on its pressure, against the elastic one.
 
     Parameters
     ----------
-    contacts : mapping of patch to xarray.Dataset
-        ``height``, ``pressure`` (y, x) of the elastic contact.
     limited : mapping of patch to xarray.Dataset
         ``pressure`` (y, x) and the attribute ``hardness_MPa``.
     """
-    figure, panels, block = _small_multiples(
-        {patch: contact["height"] for patch, contact in contacts.items()}, columns, room=0.25
-    )
-    ceiling = ""
-    for axes, (patch, contact) in zip(panels, contacts.items(), strict=True):
-        hardness = limited[patch].attrs["hardness_MPa"]
-        elastic, pressure = contact["pressure"].values > 0, limited[patch]["pressure"].values
-        at_ceiling = pressure >= hardness
-        below = (pressure > 0) & ~at_ceiling
-        classes = {CONTACT: below & elastic, BLUE: below & ~elastic, VERMILION: at_ceiling}
-        draw_classes(axes, contact["height"], classes, block=block)
-        axes.set_title(
-            f"patch {patch}: {elastic.mean():.2%} → {(pressure > 0).mean():.2%}", fontsize=7
-        )
-        ceiling = f"Ceiling: {hardness:g} MPa."
-    _legend_on_top(
-        figure,
-        [
-            (CONTACT, "in contact either way"),
-            (VERMILION, "at the ceiling"),
-            (BLUE, "only with the ceiling"),
-        ],
-    )
-    write_notes(
-        figure,
-        source_note,
-        [ceiling, "Titles: contact without and with it.", thickened_note(block)],
-    )
-    return figure
+    panels = {}
+    for patch, result in limited.items():
+        elastic, pressure = contacts[patch]["pressure"].values > 0, result["pressure"].values
+        yields = pressure >= result.attrs["hardness_MPa"]
+        below = (pressure > 0) & ~yields
+        marks = {BLACK: below & elastic, BLUE: below & ~elastic, VERMILION: yields}
+        panels[patch] = f"{elastic.mean():.2%} → {(pressure > 0).mean():.2%}", marks
+    legend = {"in contact with and without the ceiling": BLACK, "only with it": BLUE}
+    return _patch_maps(contacts, panels, legend | {"at the ceiling": VERMILION})
 
 
-def _small_multiples(
-    heights: Mapping[str, xr.DataArray], columns: int, room: float = 0.0
-) -> tuple[Figure, Sequence[Axes], int]:
-    """A pale relief of every patch, with `room` (inches) above; and the block to mark them by."""
-    columns = max(1, min(columns, len(heights)))
-    rows = max(1, math.ceil(len(heights) / columns))
-    panel = WIDTH / max(columns, 3)
-    figure = new_figure(columns * panel, rows * panel * 1.14 + 0.2 + room)
-    grid = figure.subplots(rows, columns, squeeze=False)
-    for axes, height in zip(grid.flat, heights.values(), strict=False):
-        draw_heights(axes, height, relief=True, ticks=False)
-    for axes in grid.flat[len(heights) :]:
-        axes.set_axis_off()
-    if heights:
-        scale_bar(grid.flat[0], 0.2)
-    block = max((block_of(height.shape, 0.95 * panel) for height in heights.values()), default=1)
-    return figure, list(grid.flat[: len(heights)]), block
-
-
-def _legend_on_top(figure: Figure, classes: Sequence[tuple[str, str]]) -> None:
-    figure.legend(
-        handles=[Patch(color=colour, label=label) for colour, label in classes],
-        loc="outside upper center",
-        ncols=len(classes),
-        handlelength=1,
-    )
+def _agreement(contact: xr.Dataset, change: xr.Dataset) -> dict[str, np.ndarray]:
+    """Masks of hits, misses, false alarms and unknown change, by colour."""
+    predicted, loss = contact["pressure"].values > 0, change["loss"].values
+    unknown = np.isnan(change["change"].values)
+    return {
+        BLUE: loss & predicted,
+        AMBER: loss & ~predicted,
+        BLACK: predicted & ~loss & ~unknown,
+        _UNKNOWN: unknown & ~loss,
+    }
 
 
 @styled
-def microscale_curves_figure(
-    contacts: Mapping[str, xr.Dataset], *, source_note: str | None = None
+def agreement_figure(
+    contacts: Mapping[str, xr.Dataset], changes: Mapping[str, xr.Dataset]
 ) -> Figure:
-    """Contact area, pressure and stiffness of every patch along its load path (Fig. 10).
+    """Where predicted contact and measured loss agree on every patch (Fig. 11)."""
+    panels = {}
+    for patch, change in changes.items():
+        lost = change["loss"].values.sum() / max(change["change"].notnull().values.sum(), 1)
+        pressure = float(contacts[patch]["mean_pressure"][-1])
+        marks = _agreement(contacts[patch], change)
+        panels[patch] = f"{pressure:.1f} MPa, lost {lost:.1%}", marks
+    return _patch_maps(contacts, panels, _AGREEMENT)
+
+
+@styled
+def patch_figure(contact: xr.Dataset, change: xr.Dataset, *, patch: str) -> Figure:
+    """One patch before and after use, its change, and the contact predicted on it (Fig. 11).
+
+    `contact` and `change` are those of `patch` among ``contacts`` and ``changes``.
+    """
+    figure, axes = style.panels(5, 5, (2.0, 2.0), (0.05, 0.05, 0.3, 0.3), head=0.2)
+    before, after, changed, predicted, agreement = axes
+    overlap = change.attrs.get("overlap", math.nan)
+    pressure = float(contact["mean_pressure"][-1])
+    figure.suptitle(f"patch {patch}: {pressure:.1f} MPa, T1 covers {overlap:.0%} of T0")
+
+    t0, t1 = contact["height"], change["t1"]
+    norm = maps.height_norm(t0, t1)
+    for panel, surface, name in ((before, t0, "T0, before use"), (after, t1, "T1, after use")):
+        image = maps.draw_map(panel, surface, cmap=maps.HEIGHT_MAP, norm=norm)
+        maps.colour_bar(panel, image, "height (µm)")
+        panel.set_title(name)
+    maps.scale_bar(before)
+
+    # changes that noise can explain are drawn as none
+    values, loss = change["change"].values * MM_TO_UM, change["loss"].values
+    shown = np.where(loss | change["gain"].values, values, 0.0 * values)
+    limit = change.attrs["level_of_detection_um"]  # NaN where no change is known
+    bound = float(np.nanmax([-maps.height_norm(change["change"]).vmin, 2 * limit]))
+    norm, unknown = Normalize(-bound, bound), np.isnan(values)
+    marks = {_UNKNOWN: unknown}
+    image = maps.draw_map(changed, t0, shown, cmap=maps.CHANGE_MAP, norm=norm, marks=marks)
+    maps.colour_bar(changed, image, "height change (µm), 0 where not detected")
+    known = max(np.count_nonzero(~unknown), 1)
+    lost = f"lost more than {limit:.2f} µm: {loss.sum() / known:.1%}"
+    changed.set_title("no change is known" if unknown.all() else lost)
+
+    touching = contact["pressure"].values > 0
+    maps.draw_map(predicted, t0, marks={BLACK: touching})
+    predicted.set_title(f"predicted contact: {touching.mean():.2%}")
+    marks = _agreement(contact, change)
+    maps.draw_map(agreement, t0, marks=marks)
+    agreement.set_title("prediction and loss")
+    shares = {f"{name} {marks[c].sum() / known:.1%}": c for name, c in _AGREEMENT.items()}
+    style.colour_legend(agreement, shares, **_UNDER)
+    return figure
+
+
+@styled
+def overview_figure(
+    square: xr.Dataset,
+    pressures: pd.DataFrame,
+    contact: xr.Dataset,
+    change: xr.Dataset | None,
+    *,
+    patch: str,
+    patch_size_mm: float,
+) -> Figure:
+    """The study at a glance: forces on the square, one patch's contact, measured loss.
 
     Parameters
     ----------
-    contacts : mapping of patch to xarray.Dataset
-        Load paths (step) with the attribute ``contact_modulus_MPa``.
+    square : xarray.Dataset
+        ``height`` (y, x), ``pressure`` (step, y, x), ``mean_pressure`` (step).
+    pressures : pandas.DataFrame
+        ``patch, x_mm, y_mm, pressure_MPa, in_study``.
+    contact, change : xarray.Dataset
+        Those of the patch to show; without a T1 the last panel is left out.
+    patch : str
+        Its id.
+    patch_size_mm : float
+        Side of a patch.
     """
-    figure = new_figure(WIDTH, 0.4 * WIDTH)
-    area, load, stiffness = figure.subplots(1, 3)
-    reached = {patch: float(c["mean_pressure"][-1]) for patch, c in contacts.items()}
-    pressures = list(reached.values()) or [1.0]
-    norm = Normalize(0, max(pressures))
-    for patch, contact in contacts.items():
-        colour = PRESSURE_MAP(norm(reached[patch]))
-        pressure = contact["mean_pressure"].values
-        displacement = contact["displacement"].values * MM_TO_UM
-        curves = (
-            (
-                area,
-                pressure / contact.attrs["contact_modulus_MPa"],
-                contact["contact_fraction"].values * 100,
-            ),
-            (load, displacement, pressure),
-            (stiffness, pressure, contact["stiffness"].values / MM_TO_UM),
-        )
-        for axes, x, y in curves:
-            axes.plot(x, y, color=colour, marker=".", markersize=2, lw=1)
-            axes.annotate(
-                patch,
-                (x[-1], y[-1]),
-                xytext=(2, 0),
-                textcoords="offset points",
-                fontsize=6,
-                va="center",
-                color=colour,
-            )
-    area.set(xlabel="F / (E* Aₙ)", ylabel="real contact area A / Aₙ (%)", title="(a)")
-    area.ticklabel_format(axis="x", style="sci", scilimits=(0, 0), useMathText=True)
-    load.set(xlabel="far-field displacement (µm)", ylabel="mean pressure (MPa)", title="(b)")
-    stiffness.set(xlabel="mean pressure (MPa)", ylabel="stiffness (MPa/µm)", title="(c)")
-    for axes in (area, load, stiffness):
-        axes.set_xlim(left=0)
-        axes.set_ylim(bottom=0)
-    figure.colorbar(
-        ScalarMappable(norm, PRESSURE_MAP),
-        ax=stiffness,
-        label="patch pressure (MPa)",
-        aspect=30,
+    count = 2 if change is None else 3
+    figure, axes = style.panels(count, count, (2.6, 2.6), (0.05, 0.05, 0.4, 0.2))
+    maps.draw_forces(axes[0], square)
+    is_shown = pressures["patch"] == patch
+    others = pressures[~is_shown & pressures["in_study"]]
+    maps.draw_footprints(axes[0], others, patch_size_mm, colour=BLUE)
+    maps.draw_footprints(axes[0], pressures[is_shown], patch_size_mm, colour=VERMILION)
+    mean_pressure = float(square["mean_pressure"][-1])
+    axes[0].set_title(f"1  contact forces on the square\n{mean_pressure:.3g} MPa on average")
+    touching = contact["pressure"].values > 0
+    pressure = float(pressures.loc[is_shown, "pressure_MPa"].iloc[0])
+    maps.draw_map(axes[1], contact["height"], marks={BLACK: touching})
+    axes[1].set_title(
+        f"2  predicted contact, patch {patch}\n{pressure:.1f} MPa, {touching.mean():.1%} of area"
     )
-    write_notes(figure, source_note, ["Curves end at the patch's number."])
+    for panel in axes[:2]:
+        maps.scale_bar(panel)
+    if change is not None:
+        maps.draw_map(axes[2], contact["height"], marks=_agreement(contact, change))
+        axes[2].set_title("3  measured loss\nagainst the prediction")
+        style.colour_legend(axes[2], _AGREEMENT, **_UNDER)
+    return figure
+
+
+@styled
+def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -> Figure:
+    """Contact area, pressure and stiffness along the load paths (Figs. 7 and 10).
+
+    Parameters
+    ----------
+    square : xarray.Dataset
+        Load path of the macroscale, and the attribute ``contact_modulus_MPa`` that all have.
+    """
+    figure, (area, load, stiffness) = style.panels(3, 3, (1.75, 2.2), (0.5, 0.4, 0.2, 0.45))
+    reached = [float(contact["mean_pressure"][-1]) for contact in contacts.values()]
+    colours = colormaps["viridis"](0.88 * np.array(reached) / max([*reached, 1e-9]))
+    for (name, path), colour in zip(
+        [*contacts.items(), ("square", square)], [*colours, BLACK], strict=True
+    ):
+        pressure = path["mean_pressure"].values
+        share = path["contact_fraction"].values * 100
+        for axes, x, y in (
+            (area, pressure / path.attrs["contact_modulus_MPa"], share),
+            (load, path["displacement"].values * MM_TO_UM, pressure),
+            (stiffness, pressure, path["stiffness"].values / MM_TO_UM),
+        ):
+            axes.plot(x, y, marker=".", markersize=2, lw=1, color=colour)
+            style.write_beside(axes, name, (x[-1], y[-1]), color=colour)
+    area.set(xlabel="F / (E* Aₙ)", ylabel="real contact area A / Aₙ (%)")
+    load.set(xlabel="far-field displacement (µm)", ylabel="mean pressure (MPa)")
+    stiffness.set(xlabel="mean pressure (MPa)", ylabel="stiffness (MPa/µm)")
+    for axes in (area, load, stiffness):
+        axes.set(xlim=(0, None), ylim=(0, None))
     return figure

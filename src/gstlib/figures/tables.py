@@ -1,0 +1,221 @@
+"""Figures drawn from tables alone: placement, validation, texture, power, sweep."""
+
+import math
+import textwrap
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gstlib.figures import style
+from gstlib.figures.style import AMBER, BLACK, BLUE, CHARTS, GREY, PALE, VERMILION, styled
+
+__all__ = ["placement_figure", "power_figure", "sweep_figure", "texture_figure"]
+__all__ += ["validation_figure"]
+
+# The verdicts of the placement table.
+_VERDICTS = {"shifted": VERMILION, "agrees": BLUE, "cannot tell": GREY}
+# Parameters that single points do not dominate: roughness, core, summits, dales, grain, direction.
+_TEXTURE = ("Sq_um", "Sk_um", "Spk_um", "Svk_um", "Sal_um", "Str")
+_SCORE = "mcc"  # of the scores of masks, one that a larger area does not raise
+_PAIR = "spearman(pressure_MPa, loss_fraction)"
+_LEVEL = 0.05  # the usual one
+_WEAR = {"summits": BLUE, "random": VERMILION}
+_OUTCOMES = ["relative_change(pressure_MPa)", _PAIR, "mean(f1)", "gain(f1)", "gain(roc_auc)"]
+_OUTCOMES += ["mean_change(Sq_um)"]
+
+
+@styled
+def placement_figure(placement: pd.DataFrame) -> Figure:
+    """The shifts at which the patches match the square best, and that of all together.
+
+    Parameters
+    ----------
+    placement : pandas.DataFrame
+        ``placement.csv``: ``patch`` (one row is ``all``), ``shift_x_um, shift_y_um,
+        shift_x_error_um, shift_y_error_um, verdict``.
+    """
+    figure, (axes,) = style.panels(1, 1, (3.6, 3.6), CHARTS, head=0.2)
+    for row in placement.dropna(subset="shift_x_um").itertuples(index=False):
+        colour = BLACK if row.patch == "all" else _VERDICTS[row.verdict]
+        shift, errors = (
+            (row.shift_x_um, row.shift_y_um),
+            (row.shift_x_error_um, row.shift_y_error_um),
+        )
+        axes.errorbar(*shift, *errors[::-1], fmt="o", color=colour, lw=0.6)
+        style.write_beside(axes, row.patch, shift, (2, 4), color=colour)
+    axes.plot(0, 0, "+", color=GREY, markersize=12)
+    axes.set(xlabel="shift along x (µm)", ylabel="shift along y (µm)")
+    axes.invert_xaxis()  # as on the maps: x to the left, y downwards
+    axes.invert_yaxis()
+    style.colour_legend(figure, _VERDICTS | {"all together": BLACK})
+    return figure
+
+
+@styled
+def validation_figure(
+    scores: pd.DataFrame, gains: pd.DataFrame, failures: pd.DataFrame, summary: pd.DataFrame
+) -> Figure:
+    """Gains over the best rivals, loss against pressure, and the height at which loss is missed.
+
+    Parameters
+    ----------
+    scores : pandas.DataFrame
+        ``validation_patches.csv`` with the column ``pressure_MPa``.
+    gains, failures, summary : pandas.DataFrame
+        ``validation_gains.csv``, ``validation_failures.csv``, ``validation_summary.csv``.
+    """
+    figure, (gain, extent, bands) = style.panels(
+        3, 3, (2.6, 2.2), (0.75, 0.1, 0.35, 0.45), head=0.3
+    )
+    p_values = gains.loc[gains["score"] == _SCORE, "p_value"].dropna()
+    figure.suptitle(
+        f"In {(p_values <= _LEVEL).sum()} of {len(p_values)} patches, contact matches the loss "
+        f"better than shifted copies of itself ({_SCORE.upper()}, p ≤ {_LEVEL})"
+    )
+    _draw_gains(gain, summary)
+    known = scores.dropna(subset="loss_fraction")
+    lost = 100 * known["loss_fraction"]
+    extent.plot(known["pressure_MPa"], lost, "o", color=VERMILION)
+    for at in zip(known["patch"], known["pressure_MPa"], lost, strict=True):
+        style.write_beside(extent, at[0], at[1:], (3, 5))
+    title = "Do patches under more pressure wear more?"
+    for row in summary[summary["statistic"] == _PAIR].dropna(subset="value").itertuples():
+        interval = f" [{row.low:.2g}, {row.high:.2g}]" if math.isfinite(row.low) else ""
+        tested = f", p = {row.p_value:.2g}" if math.isfinite(row.p_value) else ", not tested"
+        title += f"\nSpearman ρ = {row.value:.2g}{interval}{tested}".replace("-", "−")
+    extent.set(xlabel="pressure of the patch (MPa)", ylabel="area with loss (%)", title=title)
+    extent.set(xlim=(0, None), ylim=(0, None))
+
+    by_height = failures[failures["split"] == "height"].groupby("band", sort=False)
+    means = 100 * by_height[["loss_share", "hit_share"]].mean()
+    bands.barh(means.index, means["loss_share"], color=AMBER, label="missed")
+    bands.barh(means.index, means["hit_share"], color=BLUE, label="predicted")
+    bands.set(xlabel="share of all loss (%)", ylabel="band of height (0: lowest)")
+    bands.set_title("At what height is the loss, and was it predicted?")
+    bands.legend()
+    return figure
+
+
+def _draw_gains(axes: Axes, summary: pd.DataFrame) -> None:
+    """Mean gain of each score over its best rival, in colour where it differs from 0."""
+    means = summary[summary["statistic"].str.startswith("gain(")].dropna(subset="value")
+    axes.axvline(0, color=GREY, lw=0.8)
+    for place, row in enumerate(means.itertuples()):
+        # both the interval and the test must tell the gain from 0
+        sign = (int(row.low > 0) - int(row.high < 0)) * int(row.p_value <= _LEVEL)
+        colour = {1: BLUE, -1: VERMILION, 0: GREY}[sign]
+        axes.plot([row.low, row.high], [place, place], color=colour)
+        axes.plot(row.value, place, "o", color=colour)
+    names = means["statistic"].str[5:-1].str.replace("_", "-") + "\nvs " + means["against"]
+    axes.set_yticks(range(len(means)), names, fontsize=6)
+    axes.invert_yaxis()
+    axes.set_xlabel("gain: score of contact − score of the best rival")
+    axes.set_title("Is contact better than its best rival?")
+
+
+@styled
+def texture_figure(table: pd.DataFrame) -> Figure:
+    """Six texture parameters of every patch at T0 and T1.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        ``texture.csv``: ``patch, epoch`` (``T0``, ``T1``, ``change``) and the parameters.
+    """
+    before, after = (table[table["epoch"] == epoch].set_index("patch") for epoch in ("T0", "T1"))
+    after, places = after.reindex(before.index), np.arange(len(before))
+    figure, axes = style.panels(len(_TEXTURE), 2, (3.0, 1.4), CHARTS, head=0.1)
+    for panel, column in zip(axes, _TEXTURE, strict=True):
+        old, new = before[column], after[column]
+        panel.vlines(places, old, new, color=VERMILION)
+        panel.plot(places, new, "o", color=VERMILION, label="T1")
+        panel.plot(places, old, "o", mfc="white", color=GREY, label="T0")
+        style.name_patches(panel, list(before.index))
+        panel.set_ylabel(_label(column))
+    axes[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
+    return figure
+
+
+def _label(column: str) -> str:
+    """The name of a column with its unit as people write it."""
+    return column.replace("_um", " (µm)")
+
+
+@styled
+def power_figure(rates: pd.DataFrame) -> Figure:
+    """Rate of claims of the tests against the nominal level, and against the number of patches.
+
+    Parameters
+    ----------
+    rates : pandas.DataFrame
+        ``power.csv``: ``test, drawn, wear, level, specimens, rate, low, high``.
+    """
+    tests = list(rates["test"].unique())
+    figure, axes = style.panels(len(tests) + 1, 3, (1.8, 1.7), (0.45, 0.1, 0.45, 0.45), head=0.2)
+    for panel, test in zip(axes, tests, strict=False):
+        panel.axline((0, 0), slope=1, color=GREY, lw=0.8, zorder=0)
+        _draw_rates(panel, rates[(rates["test"] == test) & rates["drawn"].isna()], "level")
+        panel.set_title(textwrap.fill(test, 36))
+        panel.set_xlabel("nominal level")
+    axes[-1].axhline(_LEVEL, color=GREY, lw=0.8, zorder=0)
+    fewer = rates[(rates["test"] == tests[-1]) & np.isclose(rates["level"], _LEVEL)]
+    _draw_rates(axes[-1], fewer.dropna(subset="drawn"), "drawn")
+    axes[-1].set_title(f"the last test\nat level {_LEVEL:g}")
+    axes[-1].set_xlabel("number of patches")
+    style.colour_legend(figure, {f"wear, {name}": colour for name, colour in _WEAR.items()})
+    return figure
+
+
+def _draw_rates(axes: Axes, rates: pd.DataFrame, along: str) -> None:
+    """Rates with their intervals, for either kind of wear."""
+    for wear, colour in _WEAR.items():
+        shown = rates[rates["wear"] == wear]
+        axes.plot(shown[along], shown["rate"], "o-", color=colour)
+        axes.vlines(shown[along], shown["low"], shown["high"], color=colour, lw=0.8)
+    axes.set(xlim=(0, None), ylim=(0, 1.03), ylabel="rate of claims")
+
+
+@styled
+def sweep_figure(table: pd.DataFrame) -> Figure:
+    """Tornado diagrams of the outcomes of a sweep.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        ``sweep.csv``: ``factor, value, output, result, change, low, high``.
+    """
+    outcomes = [output for output in _OUTCOMES if (table["output"] == output).any()]
+    moved = table[table["output"].isin(outcomes) & (table["change"] != 0)]
+    places = max(int(moved.groupby("output")["factor"].nunique().max()), 1)
+    left = 0.3 + 0.06 * moved["factor"].dropna().str.len().max()
+    figure, axes = style.panels(len(outcomes), 2, (2.1, 0.22 * places), (left, 0.1, 0.35, 0.4))
+    for panel, output in zip(axes, outcomes, strict=True):
+        _draw_tornado(panel, table[table["output"] == output], places)
+        panel.set_title(_label(output))
+    return figure
+
+
+def _draw_tornado(axes: Axes, outcomes: pd.DataFrame, places: int) -> None:
+    """Bars from the study's result, the factor with the largest change on top."""
+    is_study = outcomes["factor"].isna() | (outcomes["factor"] == "")
+    study, varied = outcomes[is_study].iloc[0], outcomes[~is_study]
+    if np.isfinite(study["low"]):
+        axes.axvspan(study["low"], study["high"], color=PALE, lw=0, zorder=0)
+    axes.axvline(study["result"], color=GREY, lw=0.8, zorder=1)
+    reach = varied["change"].abs().groupby(varied["factor"], sort=False).max()
+    order = list(reach[reach > 0].sort_values(kind="stable", ascending=False).index)
+    for place, factor in enumerate(order):
+        values = varied[varied["factor"] == factor]
+        height = 0.8 / len(values)
+        for number, row in enumerate(values.itertuples(index=False)):
+            at = place - 0.4 + (number + 0.5) * height
+            colour = (BLUE, VERMILION, AMBER)[number % 3]
+            axes.barh(at, row.change, height, left=study["result"], color=colour)
+            side = -1 if row.change < 0 else 1
+            look = {"ha": "right" if side < 0 else "left", "fontsize": 5, "color": GREY}
+            style.write_beside(axes, row.value, (row.result, at), (2 * side, 0), **look)
+    axes.set_yticks(range(len(order)), order)
+    axes.set_ylim(places - 0.5, -0.5)
+    axes.margins(x=0.3)

@@ -1,0 +1,158 @@
+"""Draw figures of the study from stored results: those that `figures` names.
+
+Inputs: the files that the figures show. Outputs: a PNG for each figure (`NAME_png`), and an SVG
+(`NAME_svg`) for some; for `preparation` and `patch` a folder with a PNG for each patch. Settings:
+the patches, those with a T1, their places and size, how many are drawn one by one, a note on the
+source.
+"""
+
+import gc
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
+
+from gstlib import figures as draw
+from gstlib.errors import InputError
+from gstlib.io.store import read_dataset, read_fields
+from gstlib.io.tables import read_table
+from gstlib.logs import patch_by_patch, run_script
+
+# Figures of patches in the study, and of those that have a T1.
+OF_STUDIED = {"microscale_maps", "slip", "hardness", "overview"}
+OF_WORN = {"agreement", "patch"}
+
+
+def evenly(patches: Sequence[str], most: int) -> list[str]:
+    """At most `most` of the patches, in even steps."""
+    count = min(len(patches), most)
+    return [patches[place * len(patches) // count] for place in range(count)]
+
+
+@dataclass(frozen=True)
+class Study:
+    """Files and settings that the figures are drawn from."""
+
+    files: dict[str, Any]
+    patches: list[str]
+    worn: list[str]
+    places: dict[str, list]
+    patch_mm: float
+    most_drawn_patches: int
+
+    def data(self, name: str, *only: str) -> xr.Dataset:
+        return read_dataset(self.files[name], only or None)
+
+    def by_patch(self, name: str, patches: Sequence[str], *only: str) -> dict[str, xr.Dataset]:
+        """Datasets of the patches: in a folder, or in a list with the files of all patches."""
+        files = self.files[name]
+        if isinstance(files, list):
+            ids = self.worn if name in ("registered", "t1") else self.patches
+            found = dict(zip(ids, files, strict=True))
+        else:
+            found = {patch: files / f"{patch}.h5" for patch in patches}
+        return {patch: read_fields(found[patch], only) for patch in patches}
+
+    def table(self, name: str, *columns: str) -> pd.DataFrame:
+        return read_table(self.files[name], columns)
+
+    @cached_property
+    def pressures(self) -> pd.DataFrame:
+        table = self.table("pressures", "patch", "x_mm", "y_mm", "pressure_MPa", "in_study")
+        if list(table["patch"]) != self.patches:
+            problem, remedy = "has not one row for each patch", "Delete it and run the study again."
+            raise InputError(self.files["pressures"], problem, remedy)
+        return table
+
+    @cached_property
+    def drawn(self) -> list[str]:
+        """The patches of the study that are drawn one by one, hardest pressed first."""
+        table = self.pressures.sort_values("pressure_MPa", ascending=False, kind="stable")
+        return evenly(list(table["patch"][table["in_study"]]), self.most_drawn_patches)
+
+    @cached_property
+    def contacts(self) -> dict[str, xr.Dataset]:
+        path = "displacement", "mean_pressure", "contact_fraction", "stiffness"
+        return self.by_patch("contacts", self.drawn, "height", "pressure", *path)
+
+    @cached_property
+    def changes(self) -> dict[str, xr.Dataset]:
+        shown = [patch for patch in self.drawn if patch in self.worn]
+        return self.by_patch("registered", shown, "t1", "change", "loss", "gain")
+
+
+def figure_of(name: str, study: Study) -> Figure:
+    """A figure that is not of a single patch."""
+    size = {"patch_size_mm": study.patch_mm}
+    match name:
+        case "inputs":
+            height = study.data("surface", "height")["height"]
+            return draw.input_figure(height, pd.DataFrame(study.places), **size)
+        case "contact_steps":
+            return draw.contact_steps_figure(study.data("contact"))
+        case "forces":
+            limits = study.table("intervals", "patch", "low_MPa", "high_MPa")
+            pressures = study.pressures.merge(limits[["patch", "low_MPa", "high_MPa"]], on="patch")
+            return draw.force_figure(study.data("contact"), pressures, **size)
+        case "overview":
+            patch = study.drawn[0]
+            parts = study.pressures, study.contacts[patch], study.changes.get(patch)
+            return draw.overview_figure(study.data("contact"), *parts, patch=patch, **size)
+        case "load_curves":
+            return draw.load_curves_figure(study.data("contact"), study.contacts)
+        case "microscale_maps":
+            return draw.microscale_maps_figure(study.contacts)
+        case "agreement":
+            return draw.agreement_figure(study.contacts, study.changes)
+        case "slip":
+            slips = study.by_patch(name, study.drawn, "stick", "slip", "mean_traction")
+            return draw.slip_figure(study.contacts, slips)
+        case "hardness":
+            limited = study.by_patch(name, study.drawn, "pressure")
+            return draw.hardness_figure(study.contacts, limited)
+        case "validation":
+            pressures = study.pressures[["patch", "pressure_MPa"]]
+            scores = study.table("scores", "patch", "loss_fraction").merge(pressures, on="patch")
+            tables = (study.table(table) for table in ("gains", "failures", "summary"))
+            return draw.validation_figure(scores, *tables)
+        case _:  # placement, texture, power, sweep
+            return getattr(draw, f"{name}_figure")(study.table(name))
+
+
+def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
+    """`preparation` or `patch`: a figure for each of the patches."""
+    if name == "patch":
+        for patch, change in study.changes.items():
+            yield patch, draw.patch_figure(study.contacts[patch], change, patch=patch)
+        return
+    shown = evenly(study.patches, study.most_drawn_patches)
+    for patch, _ in patch_by_patch(dict.fromkeys(shown)):
+        epochs = ["T0", "T1"] if patch in study.worn else ["T0"]
+        only = "measured", "height", "filled", "outlier"
+        scans = {epoch: study.by_patch(epoch.lower(), [patch], *only)[patch] for epoch in epochs}
+        yield patch, draw.preparation_figure(scans, patch=patch)
+
+
+def main(*, figures: list[str], note: str | None, **named: Any) -> None:
+    gc.freeze()  # what was imported stays: collecting garbage among it takes a tenth of the time
+    settings = {name: named.pop(name) for name in Study.__annotations__ if name != "files"}
+    study = Study(named, **settings)
+    for name in figures:
+        png, svg, empty = named[f"{name}_png"], named.get(f"{name}_svg"), None
+        if name in OF_STUDIED and not study.drawn:
+            empty = draw.message_figure("No patch is in the microscale study.")
+        elif name in OF_WORN and not study.changes:
+            empty = draw.message_figure("No patch with a T1 is in the microscale study.")
+        if name in ("preparation", "patch"):
+            for patch, figure in [("none", empty)] if empty else figures_by_patch(name, study):
+                draw.save_figure(figure, png / f"{patch}.png", source_note=note)
+        else:
+            draw.save_figure(empty or figure_of(name, study), png, svg, source_note=note)
+
+
+if "snakemake" in globals():
+    run_script(snakemake, main)
