@@ -12,16 +12,12 @@ report: "workflow/report/study.rst"
 
 
 include: "workflow/rules/common.smk"
-include: "workflow/rules/resources.smk"
 include: "workflow/rules/specimen.smk"
-include: "workflow/rules/inputs.smk"
 include: "workflow/rules/macroscale.smk"
 include: "workflow/rules/coupling.smk"
 include: "workflow/rules/microscale.smk"
-include: "workflow/rules/texture.smk"
-include: "workflow/rules/grinding.smk"
 include: "workflow/rules/validation.smk"
-include: "workflow/rules/report.smk"
+include: "workflow/rules/figures.smk"
 include: "workflow/rules/power.smk"
 include: "workflow/rules/sweep.smk"
 
@@ -29,5 +25,4 @@ include: "workflow/rules/sweep.smk"
 rule all:
     default_target: True
     input:
-        FIXED_TARGETS,
-        studied_targets,
+        [f"{RESULTS}/{name}" for name in TARGETS],

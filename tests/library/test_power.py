@@ -1,180 +1,129 @@
 """Claims on made-up patches; their rates, exact where known, and honest about clustered trials."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from gstlib.figures import power_figure
-from gstlib.power import LEVELS, Trial, p_values, rejection_rates
+from gstlib.power import LEVELS, p_values, rejection_rates, score_study, specimen_studies
 from gstlib.specimen.randomness import smooth_field
+from gstlib.study import Study
 from gstlib.surface import make_surface
+from gstlib.sweep import merged
 from gstlib.validation.change import height_change
 
-CHANCE = {
-    "seed": [1, 5],
-    "shifts": 199,
-    "neighbourhood_um": 30.0,
-    "curvature_length_um": 20.0,
-    "most_noise": 0.2,
-}
+FOLDER, SEED = Path(__file__).parents[2] / "config", [1, 5]
+DEFAULT, TINY = (yaml.safe_load((FOLDER / f"{n}.yaml").read_text()) for n in ("config", "tiny"))
+CONFIG = merged(merged(DEFAULT, TINY), {"validation": {"shifts": 199}})
 
 
-def drawn_p_values(by_specimen, *, wear="random", test="test"):
-    """A row for each p-value; `by_specimen`: lists of them."""
-    return pd.DataFrame(
-        [
-            {"test": test, "drawn": np.nan, "wear": wear, "seed": seed, "p_value": p}
-            for seed, values in enumerate(by_specimen)
-            for p in values
-        ]
-    )
+def rates_of(by_specimen):
+    """Rates by level, for lists of the p-values of each specimen."""
+    rows = [(seed, p) for seed, values in enumerate(by_specimen) for p in values]
+    table = pd.DataFrame(rows, columns=["seed", "p_value"]).assign(test="f1", drawn=np.nan, wear="")
+    return rejection_rates(table).set_index("level")
 
 
 def test_one_trial_a_specimen_is_counted_as_it_is():
-    rng = np.random.default_rng(1)
-    drawn = rng.random(40)
-    rates = rejection_rates(drawn_p_values(drawn[:, None])).set_index("level")
+    drawn = np.append(np.random.default_rng(1).random(39), 0.05)  # at a level: a claim
+    rates = rates_of([*drawn[:, None], [np.nan]])  # a missing p-value is no trial
     assert list(rates.index) == list(LEVELS)
     for level, row in rates.iterrows():
         claims = int((drawn <= level).sum())
         exact = binomtest(claims, 40).proportion_ci(method="exact")
-        assert (row.claims, row.of, row.rate) == (claims, 40, claims / 40)
+        assert (row.claims, row.of, row.specimens, row.rate) == (claims, 40, 40, claims / 40)
         assert (row.low, row.high) == pytest.approx((exact.low, exact.high), abs=1e-9)
 
 
-def test_a_p_value_at_the_level_is_a_claim():
-    rates = rejection_rates(drawn_p_values([[0.05], [0.051]]), levels=[0.05])
-    assert rates.claims.item() == 1
-
-
-def test_a_missing_p_value_is_no_trial():
-    rates = rejection_rates(drawn_p_values([[0.01, np.nan], [np.nan]]), levels=[0.05])
-    assert (rates.claims.item(), rates.of.item(), rates.specimens.item()) == (1, 1, 1)
-
-
-def test_trials_that_repeat_each_other_count_once():
+def test_trials_that_repeat_each_other_count_once_and_independent_ones_each():
     """Ten patches of a specimen with one p-value tell no more than one patch would."""
     drawn = np.random.default_rng(2).random((30, 1))
-    once = rejection_rates(drawn_p_values(drawn), levels=[0.3])
-    tenfold = rejection_rates(drawn_p_values(np.repeat(drawn, 10, axis=1)), levels=[0.3])
-    assert tenfold.rate.item() == once.rate.item()
-    for bound in ("low", "high"):
-        assert tenfold[bound].item() == pytest.approx(once[bound].item(), abs=0.01)
-
-
-def test_independent_trials_count_each():
-    drawn = np.random.default_rng(3).random((200, 10))
-    row = rejection_rates(drawn_p_values(drawn), levels=[0.3]).iloc[0]
-    exact = binomtest(row.claims, 2000).proportion_ci(method="exact")
+    once, tenfold = (rates_of(np.repeat(drawn, times, axis=1)).loc[0.3] for times in (1, 10))
+    assert tenfold.rate == once.rate
+    assert tenfold[["low", "high"]].to_list() == pytest.approx([once.low, once.high], abs=0.01)
+    row = rates_of(np.random.default_rng(3).random((200, 10))).loc[0.3]
+    exact = binomtest(int(row.claims), 2000).proportion_ci(method="exact")
     assert row.high - row.low == pytest.approx(exact.high - exact.low, rel=0.1)
 
 
 @settings(max_examples=25, deadline=None)
-@given(
-    st.lists(
-        st.lists(st.floats(0, 1), min_size=1, max_size=6),
-        min_size=1,
-        max_size=12,
-    )
-)
+@given(st.lists(st.lists(st.floats(0, 1), min_size=1, max_size=6), min_size=1, max_size=12))
 def test_rates_grow_with_the_level_and_lie_in_their_intervals(by_specimen):
-    rates = rejection_rates(drawn_p_values(by_specimen))
+    rates = rates_of(by_specimen)
     assert (rates.rate.diff().dropna() >= 0).all()
-    assert (rates.low <= rates.rate + 1e-12).all()
-    assert (rates.rate <= rates.high + 1e-12).all()
-    assert rates[["low", "high"]].to_numpy().min() >= 0
-    assert rates[["low", "high"]].to_numpy().max() <= 1
+    ordered = rates.assign(zero=0, one=1)[["zero", "low", "rate", "high", "one"]]
+    assert (np.diff(ordered.to_numpy(float), axis=1) >= -1e-12).all()
 
 
-def made_up_trials(patches):
-    """Pressure, contact and loss grow together; at random the loss lies and grows otherwise."""
-    for number in range(patches):
+def claims(wear="summits", moved=()):
+    """Tests on nine patches; pressure, contact and loss grow together, at random they do not."""
+    names = [str(number) for number in range(9)]
+    places = pd.DataFrame({"patch": names, "x_mm": np.tile([0.0, 1, 2], 3), "in_study": True})
+    places = places.assign(y_mm=np.repeat([0.0, 1, 2], 3), pressure_MPa=10.0 + np.arange(9))
+    made: dict = {("selected",): places}
+    for number, name in enumerate(names):
         rng = np.random.default_rng(number)
         height = make_surface(smooth_field(rng, 48, 0.01, 0.05).astype(float) * 1e-3, 0.01)
-        depth = height.values - np.quantile(height.values, 0.95 - 0.01 * number)
-        contact = xr.Dataset(
-            {
-                "height": height,
-                "pressure": (height.dims, np.clip(depth, 0, None) * 1e6),
-                "gap": (height.dims, np.clip(-depth, 0, None)),
-                "displacement": float(height.max() - height.values.max() + depth.max()),
-            }
-        )
-        amount = {"summits": number, "random": (7 * number + 3) % patches}
-        for wear, more in amount.items():
-            lost = height.values > np.quantile(height.values, 0.9 - 0.01 * more)
-            if wear == "random":
-                lost = np.roll(lost, (19, 23), (0, 1))
-            noise = rng.normal(0, 1e-5, height.shape)
-            change = height_change(height, height - 1e-3 * lost + noise)
-            place = (float(number % 3), float(number // 3))
-            yield Trial(wear, str(number), *place, 10.0 + number, contact, change)
+        depth = height - np.quantile(height, 0.95 - 0.01 * number)
+        fields = {"height": height, "pressure": depth.clip(0) * 1e6, "gap": (-depth).clip(0)}
+        fields |= {field: fields[field].roll(y=9, x=12, roll_coords=False) for field in moved}
+        more = number if wear == "summits" else (7 * number + 3) % 9
+        lost = height.values > np.quantile(height, 0.9 - 0.01 * more)
+        if wear == "random":
+            lost = np.roll(lost, (19, 23), (0, 1))
+        change = height_change(height, height - 1e-3 * lost + rng.normal(0, 1e-5, height.shape))
+        contact = xr.Dataset(fields | {"displacement": float(depth.max())})
+        made |= {("patch_contact", name): contact, ("change", name): change}
+    files = {"read_mesh": None, "read_scan": None, "worn": names}
+    study = Study(CONFIG, places, **files, known=lambda *stage: made[stage])
+    return p_values(score_study(study, seed=SEED), places, seed=SEED)
 
 
-@pytest.fixture(scope="module")
-def made_up():
-    return p_values(made_up_trials(9), **CHANCE)
-
-
-def test_a_relation_is_found_and_no_other(made_up):
-    tests, patches = made_up
-    assert len(patches) == 18
-    found = tests[tests.drawn.isna()]
+def test_a_relation_is_found_and_no_other(monkeypatch):
+    tests, patches = claims()
+    elsewhere, _ = claims("random")
+    assert len(patches) == 9
     for test in ("f1", "roc_auc", "mean(f1)", "spearman(pressure_MPa, loss_fraction)"):
-        of = found[found.test == test].groupby("wear").p_value
-        assert of.max()["summits"] <= 0.005, test
-        assert of.min()["random"] > 0.005, test
-
-
-def test_a_gain_is_claimed_only_where_contact_is_better():
-    """Contact laid elsewhere is worse than the highest points on every patch: no gain at all."""
-    wrong = []
-    for trial in made_up_trials(9):
-        fields = {name: trial.contact[name] for name in ("pressure", "gap")}
-        moved = {name: field.roll(y=9, x=12, roll_coords=False) for name, field in fields.items()}
-        wrong.append(trial._replace(contact=trial.contact.assign(moved)))
-    for trials, claimed in ((wrong, False), (made_worse(), True)):
-        tests, _ = p_values(trials, **CHANCE)
-        gain = tests[(tests.test == "gain(f1)") & (tests.wear == "summits")].p_value.item()
-        assert gain < 0.01 if claimed else gain > 0.99
-
-
-def made_worse():
-    """Every rival looks at heights that say nothing: contact alone knows where loss is."""
-    for trial in made_up_trials(9):
-        heights = trial.contact["height"].roll(y=9, x=12, roll_coords=False)
-        yield trial._replace(contact=trial.contact.assign(height=heights))
-
-
-def test_fewer_patches_are_drawn_where_there_are_as_many(made_up):
-    tests, _ = made_up
+        there, other = (t.p_value[(t.test == test) & t.drawn.isna()] for t in (tests, elsewhere))
+        assert there.max() <= 0.005 < other.min(), test
     drawn = tests.dropna(subset="drawn")
     assert set(drawn.drawn) == {4, 6, 8}
     assert (drawn.patches == drawn.drawn).all()
+    monkeypatch.setattr("gstlib.power.spatial_p_value", lambda *given, permuted: given)
+    given = claims()[0].p_value[tests.test.str.endswith("for")].iloc[0]
+    columns = ["pressure_MPa", "loss_fraction", "x_mm", "y_mm"]
+    np.testing.assert_array_equal(np.column_stack(given), patches[columns])
 
 
-def test_a_specimens_claims_are_the_same_again(made_up):
-    again = p_values(made_up_trials(9), **CHANCE)
-    for one, other in zip(made_up, again, strict=True):
-        pd.testing.assert_frame_equal(one, other)
+@pytest.mark.parametrize(("moved", "claimed"), [(["pressure", "gap"], False), (["height"], True)])
+def test_a_gain_is_claimed_only_where_contact_is_better(moved, claimed):
+    """Contact laid elsewhere is worse than the highest points; rivals elsewhere are worse."""
+    tests, _ = claims(moved=moved)
+    gain = tests.p_value[tests.test == "gain(f1)"].item()
+    assert gain < 0.01 if claimed else gain > 0.99
 
 
 def test_a_specimen_without_patches_claims_nothing():
-    tests, patches = p_values([], **CHANCE)
-    assert tests.empty
-    assert patches.empty
-    assert "p_value" in tests
+    places = pd.DataFrame(columns=["patch", "x_mm", "y_mm", "pressure_MPa"])
+    assert all(table.empty for table in p_values([], places, seed=SEED))
 
 
-def test_the_figure_shows_the_rates(made_up):
-    rates = rejection_rates(made_up[0].assign(seed=5))
-    figure = power_figure(rates)
-    panel = figure.axes[0]
-    assert "F1" in panel.get_title()
-    of_f1 = rates[(rates.test == "f1") & rates.drawn.isna()]
-    drawn = [tuple(bars.lines[0].get_ydata()) for bars in panel.containers]
-    assert drawn == [tuple(of_f1.rate[of_f1.wear == wear]) for wear in ("summits", "random")]
+def test_the_second_study_shares_what_precedes_use_and_nothing_else():
+    row = {"patch": ["a"], "x_mm": 2.5, "y_mm": 2.5, "rotation_deg": 0.0, "t0": "a", "t1": "b"}
+    patches = pd.DataFrame(row | {"crop_x_mm": np.nan, "crop_y_mm": np.nan})
+    found = {}
+    for wear, study in specimen_studies(CONFIG, patches, 3):
+        stages = {"change": study.change("a"), "T0": study.prepared("a", "T0")}
+        stages |= {"T1": study.prepared("a", "T1"), "contact": study.patch_contact("a")}
+        found[wear] = stages | {"square": study.contact(), "places": study.pressures()}
+        found[wear]["selected"] = study.selected()
+    summits, random = found["summits"], found["random"]
+    shared = {stage for stage in summits if random[stage] is summits[stage]}
+    assert shared == {"T0", "contact", "square", "places"}
+    assert not any(random[stage].equals(summits[stage]) for stage in ("change", "T1"))

@@ -1,81 +1,69 @@
-"""Settings of a sweep, and the table of what comes out of them, on cases made by hand."""
+"""Settings of a sweep, what is wrong with them, and the table of what comes out of them."""
 
-import copy
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
-from gstlib.figures import sweep_figure
-from gstlib.sweep.factors import STUDY, merged, sweep_settings
-from gstlib.sweep.table import sweep_table
+from gstlib.sweep import STUDY, merged, sweep_problems, sweep_settings, sweep_table, unchanged
 
-SWEEP = {
-    "target pressure": [
-        {"macroscale": {"target_pressure_MPa": 10.0}},
-        {"macroscale": {"target_pressure_MPa": 30.0}},
-    ],
-    "both": [{"material": {"young_1_MPa": 5.0, "young_2_MPa": 5.0}, "texture": {"x": None}}],
-}
-
-
-def outcomes(pressures, score):
-    rows = [("pressure_MPa", patch, value) for patch, value in zip("12", pressures, strict=True)]
-    rows += [("gain(f1)", "", score)]
-    return pd.DataFrame(rows, columns=["output", "patch", "result"]).assign(low=np.nan, high=np.nan)
-
-
-@pytest.fixture
-def table():
-    return sweep_table(
-        sweep_settings(SWEEP),
-        {
-            STUDY: outcomes([30.0, 10.0], 0.2).assign(low=0.1, high=0.4),
-            "target_pressure-1": outcomes([20.0, 0.0], 0.1),
-            "target_pressure-2": outcomes([38.0, 14.0], 0.3),
-            "both-1": outcomes([26.0, 14.0], 0.2),
-        },
-    )
+CONFIG = yaml.safe_load((Path(__file__).parents[2] / "config/config.yaml").read_text())
+PRESSURE, AGAIN = "target_pressure_MPa", "contact pressures patch_contact"
+BOTH = {"material": {"young_1_MPa": 5.0, "young_2_MPa": 5.0}, "texture": {"x": None}}
+VALUES = [{"macroscale": {PRESSURE: value}} for value in (10.0, 30.0)]
+SETTINGS = sweep_settings({"the pressure": VALUES, "both": [BOTH]})
 
 
 def test_settings_have_names_and_words():
-    settings = sweep_settings(SWEEP)
-    assert [setting.name for setting in settings] == [
-        *(STUDY, "target_pressure-1", "target_pressure-2", "both-1")
-    ]
-    assert [setting.value for setting in settings] == ["", "10", "30", "5, unset"]
+    names = [STUDY, "the_pressure-1", "the_pressure-2", "both-1"]
+    assert [setting.name for setting in SETTINGS] == names
+    assert [setting.value for setting in SETTINGS] == ["", "10", "30", "5, unset"]
 
 
 def test_merged_replaces_what_is_stated_and_nothing_else():
-    config = {"a": {"b": {"c": 1, "d": 2}, "e": None}, "f": [1, 2]}
-    before = copy.deepcopy(config)
-    changed = merged(config, {"a": {"b": {"d": 3}, "e": {"new": 1}}, "f": [3]})
-    assert changed == {"a": {"b": {"c": 1, "d": 3}, "e": {"new": 1}}, "f": [3]}
-    assert config == before
+    config = {"a": {"b": 1, "c": 2}, "d": [1, 2]}
+    assert merged(config, {"a": {"b": {"e": 3}}}) == {"a": {"b": {"e": 3}, "c": 2}, "d": [1, 2]}
+    assert config == {"a": {"b": 1, "c": 2}, "d": [1, 2]}
 
 
-def test_changes_are_told_from_the_study(table):
-    def change(value, output, patch=""):
-        rows = table[(table.value == value) & (table.output == output) & (table.patch == patch)]
-        return rows.change.item()
+@pytest.mark.parametrize(
+    ("changes", "again", "problem"),
+    [
+        ({"macroscale": {"steps": 5}}, "", "no outcome depends on macroscale.steps"),
+        ({"hardness": 9}, "", "no outcome depends on hardness"),
+        ({"material": {"poisson_1": 0.3}}, AGAIN, "material.poisson_1 has no effect while"),
+        ({"material": None}, AGAIN, "wrong"),
+        ({"material": {"contact_modulus_MPa": None}}, AGAIN, None),
+        ({"placement": {"shift_x_um": 9.0}}, "pressures patch_contact", None),
+        ({"preprocessing": {"outlier_share": 0.1}}, "prepared change patch_contact", None),
+        ({"traces": {"minimum_points": 3}}, "change", None),
+    ],
+)
+def test_a_change_reaches_the_stages_that_depend_on_it_or_is_a_problem(changes, again, problem):
+    stages = ("surface", "contact", "pressures", "prepared", "change", "patch_contact")
+    changed = merged(CONFIG, changes)
+    redone = {stage for stage in stages if not unchanged(stage, CONFIG, changed)}
+    assert redone == {*again.split()}
+    config = CONFIG | {"sweep": {"fine": [{"macroscale": {"grid": 9}}], "a": [changes]}}
+    found = sweep_problems(config, lambda changed: [] if changed["material"] else ["wrong"])
+    assert len(found) == (problem is not None)
+    assert not found or found[0].startswith(f"'sweep.a', value 1: {problem}")
 
-    assert change("10", "pressure_MPa", "1") == -10.0
-    assert change("30", "gain(f1)") == pytest.approx(0.1)
-    assert (table.change[table.factor == ""] == 0).all()
+
+def test_changes_are_those_from_the_study():
+    names, score = ["pressure_MPa", "pressure_MPa", "gain(f1)"], [0.2, 0.1, 0.3, 0.2]
+    pressures = [[30.0, 10.0], [20.0, 0.0], [38.0, 14.0], [26.0, 14.0]]
+    found = {
+        setting.name: pd.DataFrame({"output": names, "patch": ["1", "2", ""], "result": [*p, s]})
+        for setting, p, s in zip(SETTINGS, pressures, score, strict=True)
+    }
+    found = {name: table.assign(low=np.nan, high=np.nan) for name, table in found.items()}
+    change = sweep_table(SETTINGS, found).set_index(["value", "output", "patch"]).change
+    assert change["10", "pressure_MPa", "1"] == -10.0
+    assert change["30", "gain(f1)", ""] == pytest.approx(0.1)
+    assert (change[""] == 0).all()
     # 10 + 10, 8 + 4 and 4 + 4 of 40 MPa: what one loses and another gains does not cancel
     for value, share in (("10", 0.5), ("30", 0.3), ("5, unset", 0.2)):
-        assert change(value, "relative_change(pressure_MPa)") == pytest.approx(share)
-
-
-def test_what_moves_a_result_most_stands_on_top(table):
-    before = table.copy()
-    figure = sweep_figure(table, source_note="made by hand")
-    pressures, gain = figure.axes
-
-    def names(axes):
-        return [label.get_text() for label in axes.get_yticklabels()]
-
-    assert names(pressures) == ["target pressure", "both"]
-    assert names(gain) == ["target pressure"]  # the other one changes nothing
-    assert sorted(bar.get_width() for bar in gain.patches[1:]) == pytest.approx([-0.1, 0.1])
-    pd.testing.assert_frame_equal(table, before)
+        assert change[value, "relative_change(pressure_MPa)", ""] == pytest.approx(share)

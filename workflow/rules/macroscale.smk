@@ -1,29 +1,66 @@
-# The whole square against a flat.
-# Takes: the mesh. Gives: its heights on a grid, and the contact at every load step.
+# The inputs, and the whole square against a flat.
+# Takes: the mesh and every scan. Gives: what they hold, the square's heights on a grid, and its contact at
+# every load step.
+
+
+# All that is wrong with the files is said at once, before any work. No rule takes the output, which would
+# make all of them rerun with it: this one goes first by its priority, and alone, for it asks for more cores
+# than there are; if it fails, no other rule starts.
+rule check_inputs:
+    input:
+        mesh=MESH,
+        scans=SCANS,
+    output:
+        table=table("inputs", "1 Inputs", "what every scan holds"),
+    log:
+        f"{RESULTS}/logs/check_inputs.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/check_inputs.tsv"
+    priority: 100
+    threads: 64
+    params:
+        uses=SCAN_USES,
+        mesh_unit=MESH_UNIT,
+        square=config["square"],
+        macroscale={name: config["macroscale"][name] for name in ("grid", "margin_mm")},
+        scan_settings=config["scans"],
+        maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
+        code=code("check_inputs.py"),
+    message:
+        "Checking every file of the study"
+    script:
+        "../scripts/check_inputs.py"
+
+
+rule record_provenance:
+    input:
+        files=[config["patches"], *filter(None, [config["published"]])]
+        + ([] if GENERATED else [MESH, *SCANS]),
+    output:
+        record=f"{RESULTS}/provenance.json",
+    log:
+        f"{RESULTS}/logs/record_provenance.log",
+    params:
+        config=config,
+        commit=commit(workflow.basedir),
+        code=code("record_provenance.py"),
+    message:
+        "Recording where the results come from"
+    script:
+        "../scripts/record_provenance.py"
 
 
 rule grid_macroscale:
     input:
         mesh=MESH,
-        marker=[] if MARKER is None else MARKER,
     output:
         surface=f"{RESULTS}/macroscale/surface.h5",
-        table=report(
-            f"{RESULTS}/tables/gridding.csv",
-            caption="../report/gridding.rst",
-            category="2 Macroscale",
-            labels={"what": "table: gridding, two ways"},
-        ),
     log:
         f"{RESULTS}/logs/grid_macroscale.log",
     benchmark:
         f"{RESULTS}/benchmarks/grid_macroscale.tsv"
-    threads: 1
-    resources:
-        mem_mb=memory_mb,
-        runtime=minutes,
     params:
-        mesh_unit="mm" if GENERATED else config["inputs"]["mesh_unit"],
+        mesh_unit=MESH_UNIT,
         square=config["square"],
         grid=config["macroscale"]["grid"],
         margin_mm=config["macroscale"]["margin_mm"],
@@ -39,26 +76,17 @@ rule solve_macroscale:
         surface=rules.grid_macroscale.output.surface,
     output:
         contact=f"{RESULTS}/macroscale/contact.h5",
-        path=report(
-            f"{RESULTS}/tables/macroscale_path.csv",
-            caption="../report/macroscale_path.rst",
-            category="2 Macroscale",
-            labels={"what": "table: load path"},
-        ),
+        path=table("macroscale_path", "2 Macroscale", "load path"),
     log:
         f"{RESULTS}/logs/solve_macroscale.log",
     benchmark:
         f"{RESULTS}/benchmarks/solve_macroscale.tsv"
-    threads: 1
-    resources:
-        mem_mb=memory_mb,
-        runtime=minutes,
     params:
+        **{
+            name: config["macroscale"][name]
+            for name in ("target_pressure_MPa", "steps", "tolerance", "maximum_displacement_um")
+        },
         contact_modulus_MPa=CONTACT_MODULUS_MPA,
-        target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
-        steps=config["macroscale"]["steps"],
-        tolerance=config["macroscale"]["tolerance"],
-        maximum_displacement_um=config["macroscale"]["maximum_displacement_um"],
         code=code("solve_macroscale.py"),
     message:
         "Pressing the square up to {params.target_pressure_MPa} MPa"

@@ -1,122 +1,51 @@
 # Each patch against a flat, or against a counterface where the config names one.
-# Takes: the scans and the patches' pressures. Gives: clean surfaces, T1 laid over T0, the contact
-# of every patch in the study up to its own pressure (one job per patch).
+# Takes: the scans and the patches' pressures. Gives: clean surfaces, T1 registered to T0, the contact of
+# every patch up to its own pressure, and of those in the study the cases that the config asks for: stick
+# and slip under a tangential load (`grinding`), a ceiling on the pressure (`hardness`).
+# Several patches share a job: a job takes longer to start than to clean a scan or to solve a contact.
 
-
-# Many scans in one job: to start the reader of scans takes longer than to clean a scan.
-SCAN_BATCHES = {
-    f"prepare_{epoch.lower()}_scans{part}": (epoch, patches)
-    for epoch, ids in [("T0", list(PATCHES.index)), ("T1", WORN_PATCHES)]
-    for part, patches in batches(ids)
+PREPARATIONS = {
+    f"{epoch}_scans{part}": (epoch, patches)
+    for epoch, ids in [("T0", ALL_PATCHES), ("T1", WORN_PATCHES)]
+    for part, patches in batches(ids).items()
 }
 
-for job, (epoch, patches) in SCAN_BATCHES.items():
+for job, (epoch, patches) in PREPARATIONS.items():
 
     rule:
         name:
-            job
+            f"prepare_{job}"
         input:
             scans=scan_files(epoch.lower(), patches),
         output:
-            surfaces=[f"{RESULTS}/surfaces/{patch}_{epoch}.h5" for patch in patches],
+            surfaces=surfaces(epoch, patches),
         log:
-            f"{RESULTS}/logs/{job}.log",
+            f"{RESULTS}/logs/prepare_{job}.log",
         benchmark:
-            f"{RESULTS}/benchmarks/{job}.tsv"
-        threads: 1
-        resources:
-            mem_mb=memory_mb,
-            runtime=minutes,
+            f"{RESULTS}/benchmarks/prepare_{job}.tsv"
         params:
             crops=crops_of(patches),
-            patch_mm=PATCH_MM,
-            scans=config["scans"],
+            settings=config["scans"],
             preprocessing=config["preprocessing"],
             code=code("prepare_scans.py"),
         message:
-            f"Cleaning the scans at {epoch}: {named(patches)}"
+            f"Cleaning the scans at {epoch}: {listed(patches)}"
         script:
             "../scripts/prepare_scans.py"
 
 
-for part, patches in batches(WORN_PATCHES):
-
-    rule:
-        name:
-            f"register_patches{part}"
-        input:
-            t0=[f"{RESULTS}/surfaces/{patch}_T0.h5" for patch in patches],
-            t1=[f"{RESULTS}/surfaces/{patch}_T1.h5" for patch in patches],
-        output:
-            registered=[f"{RESULTS}/registered/{patch}.h5" for patch in patches],
-        log:
-            f"{RESULTS}/logs/register_patches{part}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/register_patches{part}.tsv"
-        threads: 1
-        resources:
-            mem_mb=memory_mb,
-            runtime=minutes,
-        params:
-            patches=patches,
-            maximum_shift_mm=config["registration"]["maximum_shift_mm"],
-            minimum_points=config["traces"]["minimum_points"],
-            code=code("register_patches.py"),
-        message:
-            f"Laying T1 over T0: {named(patches)}"
-        script:
-            "../scripts/register_patches.py"
-
-
-if WORN_PATCHES:
-
-    rule tabulate_registration:
-        input:
-            registered=expand(f"{RESULTS}/registered/{{patch}}.h5", patch=WORN_PATCHES),
-        output:
-            table=report(
-                f"{RESULTS}/tables/registration.csv",
-                caption="../report/registration.rst",
-                category="5 Validation",
-                labels={"what": "table: how T1 lies over T0"},
-            ),
-        log:
-            f"{RESULTS}/logs/tabulate_registration.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/tabulate_registration.tsv"
-        threads: 1
-        resources:
-            mem_mb=memory_mb,
-            runtime=minutes,
-        params:
-            patches=WORN_PATCHES,
-            selection=config["selection"],
-            code=code("tabulate_registration.py"),
-        message:
-            "Gathering how T1 lies over T0"
-        script:
-            "../scripts/tabulate_registration.py"
-
-
-if COUNTERFACE is not None:
+if COUNTERFACE_SCAN:
 
     rule prepare_counterface:
         input:
-            scans=[COUNTERFACE],
+            scans=[COUNTERFACE_SCAN],
         output:
-            surfaces=[f"{RESULTS}/surfaces/counterface.h5"],
+            surfaces=[COUNTERFACE],
         log:
             f"{RESULTS}/logs/prepare_counterface.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/prepare_counterface.tsv"
-        threads: 1
-        resources:
-            mem_mb=memory_mb,
-            runtime=minutes,
         params:
             crops=[None],
-            patch_mm=PATCH_MM,
-            scans=config["scans"],
+            settings=config["scans"],
             preprocessing=config["preprocessing"],
             code=code("prepare_scans.py"),
         message:
@@ -127,92 +56,133 @@ if COUNTERFACE is not None:
 
 rule tabulate_preprocessing:
     input:
-        t0=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index),
-        t1=expand(f"{RESULTS}/surfaces/{{patch}}_T1.h5", patch=WORN_PATCHES),
+        t0=surfaces("T0", ALL_PATCHES),
+        t1=surfaces("T1", WORN_PATCHES),
     output:
-        table=report(
-            f"{RESULTS}/tables/preprocessing.csv",
-            caption="../report/preprocessing.rst",
-            category="1 Inputs",
-            labels={"what": "table: what was done to each scan"},
-        ),
-        outliers=report(
-            f"{RESULTS}/tables/outliers.csv",
-            caption="../report/outliers.rst",
-            category="1 Inputs",
-            labels={"what": "table: outliers of each scan by both rules"},
-        ),
+        table=table("preprocessing", "1 Inputs", "what was done to each scan"),
     log:
         f"{RESULTS}/logs/tabulate_preprocessing.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/tabulate_preprocessing.tsv"
-    threads: 1
-    resources:
-        mem_mb=memory_mb,
-        runtime=minutes,
     params:
-        patches=list(PATCHES.index),
+        patches=ALL_PATCHES,
         worn=WORN_PATCHES,
         code=code("tabulate_preprocessing.py"),
     message:
-        "Gathering what was done to each scan"
+        "Tabulating what was done to each scan"
     script:
         "../scripts/tabulate_preprocessing.py"
 
 
-rule solve_patch:
-    input:
-        surface=f"{RESULTS}/surfaces/{{patch}}_T0.h5",
-        counterface=[] if COUNTERFACE is None else f"{RESULTS}/surfaces/counterface.h5",
-        # ancient: a patch is solved again when its own pressure changes (a parameter), not
-        # whenever the table is written
-        pressures=ancient(f"{RESULTS}/tables/patch_pressures.csv"),
-    output:
-        contact=f"{RESULTS}/microscale/{{patch}}.h5",
-    log:
-        f"{RESULTS}/logs/solve_patch/{{patch}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/solve_patch/{{patch}}.tsv"
-    threads: 1
-    resources:
-        mem_mb=memory_mb,
-        runtime=minutes,
-    params:
-        target_pressure_MPa=patch_pressure,
-        contact_modulus_MPa=CONTACT_MODULUS_MPA,
-        steps=config["microscale"]["steps"],
-        tolerance=config["microscale"]["tolerance"],
-        maximum_displacement_um=config["microscale"]["maximum_displacement_um"],
-        code=code("solve_patch.py"),
-    message:
-        "Pressing patch {wildcards.patch} up to {params.target_pressure_MPa} MPa"
-    script:
-        "../scripts/solve_patch.py"
+for part, patches in batches(WORN_PATCHES).items():
+
+    rule:
+        name:
+            f"register_patches{part}"
+        input:
+            t0=surfaces("T0", patches),
+            t1=surfaces("T1", patches),
+        output:
+            registered=registered(patches),
+        log:
+            f"{RESULTS}/logs/register_patches{part}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/register_patches{part}.tsv"
+        params:
+            patches=patches,
+            maximum_shift_mm=config["registration"]["maximum_shift_mm"],
+            minimum_points=config["traces"]["minimum_points"],
+            code=code("register_patches.py"),
+        message:
+            f"Registering T1 to T0: {listed(patches)}"
+        script:
+            "../scripts/register_patches.py"
 
 
-rule gather_microscale:
+for part, patches in batches(ALL_PATCHES).items():
+
+    rule:
+        name:
+            f"solve_patches{part}"
+        input:
+            t0=surfaces("T0", patches),
+            counterface=COUNTERFACE,
+            pressures=f"{RESULTS}/coupling/pressures.csv",
+        output:
+            contacts=contacts(patches),
+        log:
+            f"{RESULTS}/logs/solve_patches{part}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/solve_patches{part}.tsv"
+        params:
+            **config["microscale"],
+            patches=patches,
+            contact_modulus_MPa=CONTACT_MODULUS_MPA,
+            code=code("solve_patches.py"),
+        message:
+            f"Pressing the patches up to their own pressures: {listed(patches)}"
+        script:
+            "../scripts/solve_patches.py"
+
+
+rule tabulate_microscale:
     input:
-        contacts=for_studied_patches("{results}/microscale/{patch}.h5"),
+        contacts=contacts(ALL_PATCHES),
+        pressures=f"{RESULTS}/tables/patch_pressures.csv",
     output:
-        summary=report(
-            f"{RESULTS}/tables/microscale_summary.csv",
-            caption="../report/microscale_summary.rst",
-            category="4 Microscale",
-            labels={"what": "table: state at each patch's pressure"},
-        ),
+        summary=table("microscale_summary", "4 Microscale", "state at each patch's pressure"),
         paths=f"{RESULTS}/tables/microscale_paths.csv",
     log:
-        f"{RESULTS}/logs/gather_microscale.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/gather_microscale.tsv"
-    threads: 1
-    resources:
-        mem_mb=memory_mb,
-        runtime=minutes,
+        f"{RESULTS}/logs/tabulate_microscale.log",
     params:
-        patches=lambda wildcards: studied_patches(),
-        code=code("gather_microscale.py"),
+        patches=ALL_PATCHES,
+        code=code("tabulate_microscale.py"),
     message:
-        "Gathering the microscale contacts"
+        "Tabulating the microscale contacts"
     script:
-        "../scripts/gather_microscale.py"
+        "../scripts/tabulate_microscale.py"
+
+
+if config["grinding"] is not None:
+
+    rule solve_slip:
+        input:
+            contacts=contacts(ALL_PATCHES),
+            pressures=f"{RESULTS}/tables/patch_pressures.csv",
+        output:
+            folder=directory(f"{RESULTS}/slip"),
+            table=table("slip", "4 Microscale", "stick and slip"),
+        log:
+            f"{RESULTS}/logs/solve_slip.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/solve_slip.tsv"
+        params:
+            **config["grinding"],
+            patches=ALL_PATCHES,
+            poisson=study_poisson(config["material"]),
+            code=code("solve_slip.py"),
+        message:
+            "Loading the patches tangentially"
+        script:
+            "../scripts/solve_slip.py"
+
+
+if config["hardness"] is not None:
+
+    rule solve_hardness:
+        input:
+            contacts=contacts(ALL_PATCHES),
+            pressures=f"{RESULTS}/tables/patch_pressures.csv",
+        output:
+            folder=directory(f"{RESULTS}/hardness"),
+            table=table("hardness", "4 Microscale", "with a ceiling on the pressure"),
+        log:
+            f"{RESULTS}/logs/solve_hardness.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/solve_hardness.tsv"
+        params:
+            patches=ALL_PATCHES,
+            hardness_MPa=config["hardness"],
+            code=code("solve_hardness.py"),
+        message:
+            "Pressing the patches with no more than {params.hardness_MPa} MPa anywhere"
+        script:
+            "../scripts/solve_hardness.py"

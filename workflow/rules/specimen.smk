@@ -5,7 +5,7 @@ if GENERATED:
 
     rule generate_specimen:
         input:
-            patches=config["patches"],
+            table=config["patches"],
         output:
             mesh=MESH,
             scans=[
@@ -17,11 +17,6 @@ if GENERATED:
             f"{RESULTS}/logs/generate_specimen.log",
         benchmark:
             f"{RESULTS}/benchmarks/generate_specimen.tsv"
-        threads: 1
-        resources:
-            # the whole surface is made as fine as the scans
-            mem_mb=1000 + config["specimen"]["scan_points"] ** 2 // 1000,
-            runtime=20,
         params:
             patches=PATCHES.to_dict("list"),
             specimen=config["specimen"],
@@ -29,7 +24,7 @@ if GENERATED:
             grid=config["macroscale"]["grid"],
             code=code("generate_specimen.py"),
         message:
-            "Making the specimen: mesh, {input.patches} scanned before and after use"
+            "Making the specimen: a mesh, and {input.table} scanned before and after use"
         script:
             "../scripts/generate_specimen.py"
 
@@ -39,26 +34,17 @@ if GENERATED:
             surface=f"{RESULTS}/macroscale/surface.h5",
             placement=f"{RESULTS}/tables/placement.csv",
             pressures=f"{RESULTS}/tables/patch_pressures.csv",
-            surfaces=expand(f"{RESULTS}/surfaces/{{patch}}_T0.h5", patch=PATCHES.index)
-            + expand(f"{RESULTS}/surfaces/{{patch}}_T1.h5", patch=WORN_PATCHES),
-            registered=expand(f"{RESULTS}/registered/{{patch}}.h5", patch=WORN_PATCHES),
+            t0=surfaces("T0", ALL_PATCHES),
+            t1=surfaces("T1", WORN_PATCHES),
+            registered=registered(WORN_PATCHES),
         output:
-            table=report(
-                f"{RESULTS}/tables/truth.csv",
-                caption="../report/truth.rst",
-                category="6 Against the truth",
-                labels={"what": "table: every stage"},
-            ),
+            table=table("truth", "6 Against the truth", "every stage"),
         log:
             f"{RESULTS}/logs/score_truth.log",
         benchmark:
             f"{RESULTS}/benchmarks/score_truth.tsv"
-        threads: 1
-        resources:
-            mem_mb=memory_mb,
-            runtime=minutes,
         params:
-            patches=list(PATCHES.index),
+            patches=ALL_PATCHES,
             worn=WORN_PATCHES,
             patch_mm=PATCH_MM,
             contact_modulus_MPa=CONTACT_MODULUS_MPA,

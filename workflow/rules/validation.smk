@@ -1,58 +1,61 @@
 # Was the prediction right?
-# Takes: predicted contact, and T1 laid over T0. Gives: scores per patch and over the patches, each
-# against chance and against rivals that need no mechanics.
+# Takes: predicted contact, and T1 registered to T0. Gives: scores per patch and over the patches, each against
+# chance and against rivals that need no mechanics; the texture of each patch before and after use.
 
 EXPECTED_WORST = config["validation"]["expected_worst"]
 
 
-rule score_patches:
+if WORN_PATCHES:
+
+    rule score_patches:
+        input:
+            contacts=contacts(WORN_PATCHES),
+            registered=registered(WORN_PATCHES),
+            pressures=f"{RESULTS}/tables/patch_pressures.csv",
+            microscale=f"{RESULTS}/tables/microscale_summary.csv",
+        output:
+            patches=table("validation_patches", "5 Validation", "scores of each patch"),
+            gains=table("validation_gains", "5 Validation", "scores against chance and best rival"),
+            failures=table("validation_failures", "5 Validation", "where the prediction fails"),
+            summary=table("validation_summary", "5 Validation", "over all patches"),
+        log:
+            f"{RESULTS}/logs/score_patches.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/score_patches.tsv"
+        params:
+            worn=WORN_PATCHES,
+            validation={
+                key: value
+                for key, value in config["validation"].items()
+                if key != "expected_worst"
+            },
+            # a claim about other patches is none about these
+            worst=EXPECTED_WORST if set(EXPECTED_WORST) <= set(ALL_PATCHES) else [],
+            seed=config["seed"],
+            code=code("score_patches.py"),
+        message:
+            "Scoring predicted contact against measured height loss"
+        script:
+            "../scripts/score_patches.py"
+
+
+# All patches in one job: the library of texture parameters takes as long to start as five patches.
+rule tabulate_texture:
     input:
-        contacts=for_studied_patches("{results}/microscale/{patch}.h5", only=WORN_PATCHES),
-        registered=for_studied_patches("{results}/registered/{patch}.h5", only=WORN_PATCHES),
-        microscale=f"{RESULTS}/tables/microscale_summary.csv",
+        t0=surfaces("T0", ALL_PATCHES),
+        registered=registered(WORN_PATCHES),
     output:
-        patches=report(
-            f"{RESULTS}/tables/validation_patches.csv",
-            caption="../report/validation_patches.rst",
-            category="5 Validation",
-            labels={"what": "table: scores of each patch"},
-        ),
-        gains=report(
-            f"{RESULTS}/tables/validation_gains.csv",
-            caption="../report/validation_gains.rst",
-            category="5 Validation",
-            labels={"what": "table: scores against chance and best rival"},
-        ),
-        failures=report(
-            f"{RESULTS}/tables/validation_failures.csv",
-            caption="../report/validation_failures.rst",
-            category="5 Validation",
-            labels={"what": "table: where the prediction fails"},
-        ),
-        summary=report(
-            f"{RESULTS}/tables/validation_summary.csv",
-            caption="../report/validation_summary.rst",
-            category="5 Validation",
-            labels={"what": "table: over all patches"},
-        ),
+        table=table("texture", "5 Validation", "surface texture before and after use"),
     log:
-        f"{RESULTS}/logs/score_patches.log",
+        f"{RESULTS}/logs/tabulate_texture.log",
     benchmark:
-        f"{RESULTS}/benchmarks/score_patches.tsv"
-    threads: 1
-    resources:
-        mem_mb=memory_mb,
-        runtime=minutes,
+        f"{RESULTS}/benchmarks/tabulate_texture.tsv"
     params:
-        patches=lambda wildcards: [p for p in studied_patches() if p in WORN_PATCHES],
-        validation={
-            key: value for key, value in config["validation"].items() if key != "expected_worst"
-        },
-        places=PATCHES[["x_mm", "y_mm"]].T.to_dict("list"),
-        # a claim about other patches is none about these
-        worst=EXPECTED_WORST if set(EXPECTED_WORST) <= set(PATCHES.index) else [],
-        code=code("score_patches.py"),
+        patches=ALL_PATCHES,
+        worn=WORN_PATCHES,
+        texture=config["texture"],
+        code=code("tabulate_texture.py"),
     message:
-        "Scoring predicted contact against measured height loss"
+        "Measuring the texture of the patches"
     script:
-        "../scripts/score_patches.py"
+        "../scripts/tabulate_texture.py"

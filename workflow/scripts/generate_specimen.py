@@ -1,46 +1,32 @@
-"""Make the generated specimen: its mesh, its scans before and after use, and the truth.
-
-Inputs: the patch table. Outputs: mesh (STL), scans (.plu), truth (HDF5).
-Settings: the config section `specimen`, the square's side, the macroscale grid.
-"""
+"""Make the generated specimen: its mesh, its scans before and after use, and the truth."""
 
 from pathlib import Path
 
 import pandas as pd
 
-from gstlib.logs import job_log
+from gstlib.logs import run_script
 from gstlib.specimen import SpecimenParameters, generate_specimen
 
 
 def main(
-    patches: pd.DataFrame,
+    table: Path,
     mesh: Path,
-    scan_folder: Path,
+    scans: list[Path],
     truth: Path,
     *,
+    patches: dict[str, list],
     specimen: dict,
-    square_mm: float,
-    grid: int,
+    **settings,
 ) -> None:
     generate_specimen(
-        patches,
+        pd.DataFrame(patches),
         mesh=mesh,
-        scan_folder=scan_folder,
+        scan_folder=scans[0].parent,
         truth=truth,
-        square_mm=square_mm,
-        grid=grid,
         parameters=SpecimenParameters(**specimen),
+        **settings,
     )
 
 
 if "snakemake" in globals():
-    with job_log(snakemake.log[0]):
-        main(
-            pd.DataFrame(snakemake.params.patches),
-            Path(snakemake.output.mesh),
-            Path(snakemake.output.scans[0]).parent,
-            Path(snakemake.output.truth),
-            specimen=snakemake.params.specimen,
-            square_mm=snakemake.params.square_mm,
-            grid=snakemake.params.grid,
-        )
+    run_script(snakemake, main)

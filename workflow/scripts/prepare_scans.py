@@ -1,32 +1,32 @@
-"""Read and clean scans: the surfaces of every patch at one epoch.
-
-Inputs: the scans. Outputs: a surface for each. Settings: the piece to cut out of each scan, patch
-side, how scans are stored, preprocessing.
-"""
+"""Read and clean the scans of several patches at one epoch."""
 
 import logging
 from pathlib import Path
 
+from gstlib.io.scans import read_scan, read_settings
 from gstlib.io.store import write_dataset
-from gstlib.logs import job_log
-from gstlib.preprocess.patch import clean_scan
+from gstlib.logs import run_script
 from gstlib.provenance import provenance
+from gstlib.study import prepare_scan
 
 
-def main(files: list[Path], surfaces: list[Path], crops: list, **settings) -> None:
-    for scan, surface, crop in zip(files, surfaces, crops, strict=True):
-        prepared = clean_scan(scan, crop=crop, **settings)
-        write_dataset(surface, prepared, provenance([scan], settings | {"crop": crop}))
+def main(
+    scans: list[Path],
+    surfaces: list[Path],
+    *,
+    crops: list,
+    settings: dict,
+    preprocessing: dict,
+) -> None:
+    read = None
+    for scan, surface, crop in zip(scans, surfaces, crops, strict=True):
+        if read is None or read[0] != scan:  # several patches may be pieces of one scan
+            read = scan, read_scan(scan, **read_settings(settings))
+        prepared = prepare_scan(read[1], crop=crop, scans=settings, preprocessing=preprocessing)
+        used = {"scans": settings, "preprocessing": preprocessing, "crop": crop}
+        write_dataset(surface, prepared, provenance([scan], used))
         logging.getLogger("gstlib").info("%s: %s", surface.stem, scan)
 
 
 if "snakemake" in globals():
-    with job_log(snakemake.log[0]):
-        main(
-            [Path(file) for file in snakemake.input.scans],
-            [Path(file) for file in snakemake.output.surfaces],
-            snakemake.params.crops,
-            patch_mm=snakemake.params.patch_mm,
-            scans=snakemake.params.scans,
-            preprocessing=snakemake.params.preprocessing,
-        )
+    run_script(snakemake, main)

@@ -1,14 +1,11 @@
-"""Count how often each test claims a relation, over all specimens and at every level.
-
-Inputs: the p-values of each specimen. Outputs: power_p_values.csv, power.csv.
-"""
+"""Count how often each test claims a relation, over all specimens and at every level."""
 
 from pathlib import Path
 
 import pandas as pd
 
 from gstlib.io.tables import read_table, write_table
-from gstlib.logs import job_log
+from gstlib.logs import run_script
 from gstlib.power import rejection_rates
 
 
@@ -20,9 +17,4 @@ def main(tests: list[Path], p_values: Path, rates: Path) -> None:
 
 
 if "snakemake" in globals():
-    with job_log(snakemake.log[0]):
-        main(
-            [Path(file) for file in snakemake.input.tests],
-            Path(snakemake.output.p_values),
-            Path(snakemake.output.rates),
-        )
+    run_script(snakemake, main)

@@ -1,41 +1,49 @@
-"""Solve the patches' contacts again with a ceiling on the pressure, and set both side by side.
+"""Press the patches of the study again, with a ceiling on the pressure.
 
-One job for all patches: each takes less time than a job takes to start.
-
-Inputs: the patches' contacts. Outputs: a folder with a contact HDF5 (the final state) for each;
-hardness.csv. Settings: the patches, hardness. What a contact was solved with is in its file.
+One job for all patches: a job takes longer to start than to solve one.
 """
 
 from pathlib import Path
 
 import pandas as pd
 
-from gstlib.hardness import hardness_dataset, hardness_summary
+from gstlib.contact import hardness_summary
+from gstlib.errors import ConfigError
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.io.tables import write_table
-from gstlib.logs import job_log, patch_by_patch
+from gstlib.io.tables import read_table, studied_files, write_table
+from gstlib.logs import patch_by_patch, run_script
 from gstlib.provenance import provenance
+from gstlib.study import solve_hardness
 
 
 def main(
-    contacts: dict[str, Path], folder: Path, table: Path, *, hardness_MPa: float, threads: int
+    contacts: list[Path],
+    pressures: Path,
+    folder: Path,
+    table: Path,
+    *,
+    patches: list[str],
+    hardness_MPa: float,
 ) -> None:
-    rows = []
-    for patch, file in patch_by_patch(contacts):
-        elastic = read_dataset(file)
-        limited = hardness_dataset(elastic, source=file, hardness_MPa=hardness_MPa, workers=threads)
-        settings = {"hardness_MPa": hardness_MPa}
-        write_dataset(folder / f"{patch}.h5", limited, provenance([file], settings))
-        rows.append({"patch": patch} | hardness_summary(elastic, limited))
-    write_table(table, pd.DataFrame(rows))
+    files = studied_files(pressures, patches, contacts)
+    pressure_MPa = read_table(pressures).set_index("patch").pressure_MPa
+    soft = pressure_MPa[list(files)][lambda pressure: pressure >= hardness_MPa]
+    if len(soft):
+        raise ConfigError(
+            "config",
+            f"'hardness' is {hardness_MPa:g} MPa, not above the mean pressure of patch "
+            + ", ".join(f"{patch} ({pressure:.4g} MPa)" for patch, pressure in soft.items()),
+            "Raise it, or set it to null.",
+        )
+    rows, settings = [], {"hardness_MPa": hardness_MPa}
+    for patch, file in patch_by_patch(files):
+        contact = read_dataset(file)
+        solved = solve_hardness(contact, source=file, **settings)
+        write_dataset(folder / f"{patch}.h5", solved, provenance([file], settings))
+        rows.append({"patch": patch} | hardness_summary(contact, solved))
+    folder.mkdir(parents=True, exist_ok=True)
+    write_table(table, pd.DataFrame(rows, columns=None if rows else ["patch"]))
 
 
 if "snakemake" in globals():
-    with job_log(snakemake.log[0]):
-        main(
-            dict(zip(snakemake.params.patches, map(Path, snakemake.input.contacts), strict=True)),
-            Path(snakemake.output.limited),
-            Path(snakemake.output.table),
-            hardness_MPa=snakemake.params.hardness_MPa,
-            threads=snakemake.threads,
-        )
+    run_script(snakemake, main)

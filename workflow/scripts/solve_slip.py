@@ -1,42 +1,38 @@
-"""Load the patches' contacts tangentially: where do they stick, and where do they slip?
+"""Load the patches of the study tangentially: where do they stick, and where do they slip?
 
-One job for all patches: each takes less time than a job takes to start.
-
-Inputs: the patches' contacts. Outputs: a folder with a slip HDF5 for each; slip.csv. Settings: the
-patches, friction, tangential over sliding force, Poisson's ratio. What a contact was solved with
-is in its file.
+One job for all patches: a job takes longer to start than to solve one.
 """
 
 from pathlib import Path
 
 import pandas as pd
 
-from gstlib.grinding import slip_dataset, slip_summary
+from gstlib.contact import slip_summary
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.io.tables import write_table
-from gstlib.logs import job_log, patch_by_patch
+from gstlib.io.tables import studied_files, write_table
+from gstlib.logs import patch_by_patch, run_script
 from gstlib.provenance import provenance
+from gstlib.study import solve_slip
 
 
 def main(
-    contacts: dict[str, Path], slips: Path, table: Path, *, threads: int, **settings: float
+    contacts: list[Path],
+    pressures: Path,
+    folder: Path,
+    table: Path,
+    *,
+    patches: list[str],
+    **settings: float,
 ) -> None:
     rows = []
-    for patch, file in patch_by_patch(contacts):
-        slip = slip_dataset(read_dataset(file), source=file, workers=threads, **settings)
-        write_dataset(slips / f"{patch}.h5", slip, provenance([file], settings))
-        rows.append({"patch": patch} | slip_summary(slip))
-    write_table(table, pd.DataFrame(rows))
+    for patch, file in patch_by_patch(studied_files(pressures, patches, contacts)):
+        contact = read_dataset(file)
+        solved = solve_slip(contact, source=file, **settings)
+        write_dataset(folder / f"{patch}.h5", solved, provenance([file], settings))
+        rows.append({"patch": patch} | slip_summary(solved))
+    folder.mkdir(parents=True, exist_ok=True)
+    write_table(table, pd.DataFrame(rows, columns=None if rows else ["patch"]))
 
 
 if "snakemake" in globals():
-    with job_log(snakemake.log[0]):
-        main(
-            dict(zip(snakemake.params.patches, map(Path, snakemake.input.contacts), strict=True)),
-            Path(snakemake.output.slips),
-            Path(snakemake.output.table),
-            threads=snakemake.threads,
-            friction=snakemake.params.friction,
-            tangential_ratio=snakemake.params.tangential_ratio,
-            poisson=snakemake.params.poisson,
-        )
+    run_script(snakemake, main)

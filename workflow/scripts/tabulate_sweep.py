@@ -1,25 +1,16 @@
-"""Gather what came out of every setting of the sweep, beside what came out of the study.
-
-Inputs: the outcomes of each setting. Outputs: sweep.csv. Settings: `sweep` of the config.
-"""
+"""Tabulate the results of every setting of the sweep beside those of the study."""
 
 from pathlib import Path
 
 from gstlib.io.tables import read_table, write_table
-from gstlib.logs import job_log
-from gstlib.sweep.factors import sweep_settings
-from gstlib.sweep.table import sweep_table
+from gstlib.logs import run_script
+from gstlib.sweep import sweep_settings, sweep_table
 
 
-def main(files: list[Path], table: Path, *, sweep: dict) -> None:
-    outcomes = {file.stem: read_table(file).fillna({"patch": ""}) for file in files}
-    write_table(table, sweep_table(sweep_settings(sweep), outcomes))
+def main(outcomes: list[Path], table: Path, *, sweep: dict) -> None:
+    found = {file.stem: read_table(file).fillna({"patch": ""}) for file in outcomes}
+    write_table(table, sweep_table(sweep_settings(sweep), found))
 
 
 if "snakemake" in globals():
-    with job_log(snakemake.log[0]):
-        main(
-            [Path(file) for file in snakemake.input.outcomes],
-            Path(snakemake.output.table),
-            sweep=snakemake.params.sweep,
-        )
+    run_script(snakemake, main)

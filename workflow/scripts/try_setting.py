@@ -1,48 +1,51 @@
-"""Run the study with one thing set otherwise, as far as that matters.
+"""Run the study in memory with one value changed, as far as that matters.
 
-Inputs: the study's mesh and scans, and what its stages have stored. Outputs: patch pressures,
-scores and change of texture. Settings: the patches, those with a T1 and those studied, the sections
-of the config that a sweep rests on, and what is changed in them.
+The stored results of the study are read where the change leaves them as they are.
 """
 
 from pathlib import Path
 
+import pandas as pd
+
+from gstlib.io.meshes import read_mesh
+from gstlib.io.scans import read_scan, read_settings
 from gstlib.io.tables import write_table
-from gstlib.logs import job_log
-from gstlib.sweep.factors import merged
-from gstlib.sweep.outcomes import StoredStudy, outcomes
+from gstlib.logs import run_script
+from gstlib.study import Study
+from gstlib.sweep import merged, outcomes, stored_study
 
 
-def main(table: Path, study: StoredStudy, *, base: dict, changes: dict) -> None:
-    write_table(table, outcomes(study, base, merged(base, changes)))
+def main(
+    mesh: Path,
+    t0_scans: list[Path],
+    t1_scans: list[Path],
+    counterface_scan: Path,
+    surface: Path,
+    outcome: Path,
+    *,
+    patches: dict[str, list],
+    worn: list[str],
+    mesh_unit: str,
+    config: dict,
+    changes: dict,
+    **stored: list[Path],
+) -> None:
+    """`surface` lies in the study's results; `stored` is what must be there besides."""
+    table, changed = pd.DataFrame(patches), merged(config, changes)
+    scans = {(patch, "T0"): file for patch, file in zip(table.patch, t0_scans, strict=True)}
+    scans |= {(patch, "T1"): file for patch, file in zip(worn, t1_scans, strict=True)}
+    scans["counterface", ""] = counterface_scan
+    study = Study(
+        changed,
+        table,
+        read_mesh=lambda: read_mesh(mesh, unit=mesh_unit),
+        read_scan=lambda *of: read_scan(scans[of], **read_settings(changed["scans"])),
+        worn=worn,
+        has_counterface=bool(counterface_scan),
+        known=stored_study(surface.parents[1], config, changed),
+    )
+    write_table(outcome, outcomes(study))
 
 
 if "snakemake" in globals():
-    with job_log(snakemake.log[0]):
-        given, params = snakemake.input, snakemake.params
-
-        def by_patch(patches, files):
-            return dict(zip(patches, map(Path, files), strict=True))
-
-        main(
-            Path(snakemake.output.outcomes),
-            StoredStudy(
-                mesh=Path(given.mesh),
-                mesh_unit=params.mesh_unit,
-                surface=Path(given.surface),
-                contact=Path(given.contact),
-                pressures=Path(given.pressures),
-                texture=Path(given.texture),
-                crops=dict(zip(params.patches, params.crops, strict=True)),
-                t0_scans=by_patch(params.patches, given.t0_scans),
-                t1_scans=by_patch(params.worn, given.t1_scans),
-                t0=by_patch(params.patches, given.t0),
-                t1=by_patch(params.worn, given.t1),
-                registered=by_patch(params.worn, given.registered),
-                contacts=by_patch(params.studied, given.contacts),
-                counterface_scan=Path(given.counterface_scan) if given.counterface_scan else None,
-                counterface=Path(given.counterface) if given.counterface else None,
-            ),
-            base=params.base,
-            changes=params.changes,
-        )
+    run_script(snakemake, main)

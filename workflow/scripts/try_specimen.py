@@ -1,49 +1,34 @@
-"""Make one specimen, with its wear on summits and placed at random, and try the study on both.
-
-Inputs: the patch table. Outputs: the p-value of every test; the scores of every studied patch.
-Settings: the specimen's seed, and the sections of the config that a study rests on.
-"""
+"""Take one generated specimen through the study, with its wear on summits and placed at random."""
 
 from pathlib import Path
 
 import pandas as pd
 
 from gstlib.io.tables import write_table
-from gstlib.logs import job_log
-from gstlib.power import p_values, try_specimen
-from gstlib.specimen import SpecimenParameters
+from gstlib.logs import run_script
+from gstlib.power import p_values, score_study, specimen_studies
 
 
 def main(
+    table: Path,
     tests: Path,
     scores: Path,
-    patches: pd.DataFrame,
     *,
-    seed: int,
-    specimen: dict,
-    validation: dict,
-    **settings,
+    patches: dict[str, list],
+    specimen_seed: int,
+    config: dict,
 ) -> None:
-    trials = try_specimen(patches, SpecimenParameters(**{**specimen, "seed": seed}), **settings)
-    names = ("shifts", "neighbourhood_um", "curvature_length_um", "most_noise")
-    found, scored = p_values(
-        trials,
-        seed=[validation["seed"], seed],
-        **{name: validation[name] for name in names},
-    )
-    for path, table in ((tests, found), (scores, scored)):
-        table.insert(0, "seed", seed)
-        write_table(path, table)
+    seed = [config["seed"], specimen_seed]
+    found, scored = [], []
+    for wear, study in specimen_studies(config, pd.DataFrame(patches), specimen_seed):
+        of_wear, of_patches = p_values(score_study(study, seed=seed), study.selected(), seed=seed)
+        found.append(of_wear.assign(wear=wear))
+        scored.append(of_patches.assign(wear=wear))
+    for path, rows in ((tests, found), (scores, scored)):
+        result = pd.concat(rows, ignore_index=True)
+        result.insert(0, "seed", specimen_seed)
+        write_table(path, result)
 
 
 if "snakemake" in globals():
-    with job_log(snakemake.log[0]):
-        main(
-            Path(snakemake.output.tests),
-            Path(snakemake.output.scores),
-            pd.DataFrame(snakemake.params.patches),
-            seed=int(snakemake.wildcards.seed),
-            patch_mm=snakemake.params.patch_mm,
-            contact_modulus_MPa=snakemake.params.contact_modulus_MPa,
-            **snakemake.params.sections,
-        )
+    run_script(snakemake, main)

@@ -1,0 +1,696 @@
+"""The method: every stage of the study as one pure function, and the stages strung together.
+
+Read it from top to bottom. It follows section 2 of Marulli, Sorrentino & Paggi (2024, J. Archaeol.
+Sci. Rep. 104939) and goes on where the paper stops:
+
+1. The square of the tool's mesh becomes heights on a grid (`grid_macroscale`), which are pressed
+   against a flat up to the target pressure (`solve_macroscale`).
+2. Each scanned patch carries the macroscale forces in its outline (`couple_scales`): a pressure
+   with an interval (`bound_pressures`). `place_patches` checks where the patches lie.
+3. Scans are cleaned (`prepare_scan`). T1 is registered to T0, which gives the height that use took
+   away (`register_patch`). `select_patches` tells which patches enter the study.
+4. Each patch is pressed at the scan's resolution up to its own pressure (`solve_patch`). Stick and
+   slip (`solve_slip`) and a ceiling on the pressure (`solve_hardness`) are further cases.
+5. Predicted contact is scored against measured loss (`score_patches`), and the texture is measured
+   before and after use (`measure_texture`).
+
+The functions take and return datasets and tables, and read and write no file of results: the
+workflow's scripts do, one stage each. `Study` runs the same stages in memory, for sweeps over
+settings and for many generated specimens. Each function imports what it needs by itself: a job then
+loads no more than its own stage, and is run again only when code of its stage has changed
+(`gstlib.provenance.source_hash`).
+
+Lengths are in mm and pressures in MPa unless a name says otherwise. Arguments mean the same
+everywhere: `surface`, `contact`, `pressures`, `change` are what an earlier stage returns; `patches`
+is the patch table; `square`, `material`, `scans`, ... are the config's sections of that name, and
+other keywords are its keys; `patch_mm` is the side of a patch; `source` is the file that a dataset
+comes from, for error messages.
+"""
+
+import logging
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from gstlib.validation.scoring import PatchScores
+
+__all__ = [
+    "STUDY_SECTIONS",
+    "Study",
+    "bound_pressures",
+    "compare_moduli",
+    "couple_scales",
+    "grid_macroscale",
+    "measure_texture",
+    "microscale_tables",
+    "place_patches",
+    "prepare_scan",
+    "preprocessing_table",
+    "register_patch",
+    "registration_table",
+    "score_patches",
+    "select_patches",
+    "solve_hardness",
+    "solve_macroscale",
+    "solve_patch",
+    "solve_slip",
+]
+
+# The sections of the config that the stages of `Study` depend on, besides `seed`.
+STUDY_SECTIONS = (
+    *("square", "material", "macroscale", "scans", "preprocessing", "registration", "traces"),
+    *("texture", "placement", "selection", "microscale", "validation"),
+)
+
+
+# --- The square -------------------------------------------------------------------------------
+
+
+def grid_macroscale(
+    mesh: "trimesh.Trimesh",
+    *,
+    square: Mapping,
+    grid: int,
+    margin_mm: float,
+    mesh_unit: str,
+    source: str | Path,
+) -> xr.Dataset:
+    """Heights of the use-face over the analysed square, its plane removed (section 2.1).
+
+    Returns
+    -------
+    xarray.Dataset
+        ``height`` (y, x); the frame and the removed plane as attributes.
+    """
+    from gstlib.preprocess.frame import find_frame
+    from gstlib.preprocess.gridding import grid_mesh
+    from gstlib.preprocess.leveling import remove_plane
+
+    frame = find_frame(square, mesh, unit=mesh_unit, source=str(source))
+    gridded = grid_mesh(
+        mesh,
+        frame,
+        size_mm=square["size_mm"],
+        shape=(grid, grid),
+        margin_mm=margin_mm,
+        source=str(source),
+    )
+    height, plane = remove_plane(gridded)
+    return height.to_dataset(name="height").assign_attrs(
+        origin_mm=frame.origin,
+        x_axis=frame.x_axis,
+        normal=frame.normal,
+        tilt_x_mrad=plane.tilt_x_mrad,
+        tilt_y_mrad=plane.tilt_y_mrad,
+        Sq_um=float(np.sqrt((height**2).mean())) * 1e3,
+    )
+
+
+def solve_macroscale(
+    surface: xr.Dataset, *, source: str | Path = "macroscale", **settings: Any
+) -> xr.Dataset:
+    """Press the square against a flat, step by step, up to the target pressure (section 2.4).
+
+    Settings and result are those of `gstlib.contact.contact_path`, pressure and gap at every step.
+    """
+    from gstlib.contact import contact_path
+
+    return contact_path(surface.height, source=source, every_step=True, **settings)
+
+
+def compare_moduli(
+    surface: xr.Dataset,
+    pressures: pd.DataFrame,
+    *,
+    moduli_MPa: Mapping[str, float],
+    patch_mm: float,
+    target_pressure_MPa: float,
+    tolerance: float,
+    source: str | Path = "macroscale",
+) -> pd.DataFrame:
+    """Displacement, contact and patch pressures of the square for each contact modulus.
+
+    Parameters
+    ----------
+    moduli_MPa : mapping
+        Contact moduli by what they follow from.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``contact_modulus, quantity, patch, unit, value``.
+    """
+    from gstlib.contact import contact_at_pressure
+    from gstlib.coupling import patch_pressures
+
+    rows: list[tuple] = []
+    for basis, modulus in moduli_MPa.items():
+        contact = contact_at_pressure(
+            surface.height,
+            source=source,
+            contact_modulus_MPa=modulus,
+            target_pressure_MPa=target_pressure_MPa,
+            tolerance=tolerance,
+        )
+        rows += [
+            (basis, "contact modulus", "", "MPa", float(modulus)),
+            (basis, "displacement", "", "um", float(contact.displacement) * 1e3),
+            (basis, "contact fraction", "", "1", float(contact.contact_fraction)),
+        ]
+        by_patch = patch_pressures(contact.pressure, pressures, size_mm=patch_mm)
+        for patch, pressure in zip(by_patch.patch, by_patch.pressure_MPa, strict=True):
+            rows.append((basis, "patch pressure", patch, "MPa", float(pressure)))
+    return pd.DataFrame(rows, columns=["contact_modulus", "quantity", "patch", "unit", "value"])
+
+
+# --- From the square to its patches -----------------------------------------------------------
+
+
+def couple_scales(
+    contact: xr.Dataset,
+    patches: pd.DataFrame,
+    *,
+    patch_mm: float,
+    shift_um: Sequence[float],
+) -> pd.DataFrame:
+    """Pressure of each patch: the macroscale forces in its outline over its area (section 2.3).
+
+    `contact` is the square's at the target pressure; `shift_um` (x, y) shifts all patches. The
+    result is that of `gstlib.coupling.patch_pressures`.
+    """
+    from gstlib.coupling import patch_pressures
+
+    return patch_pressures(contact.pressure, patches, size_mm=patch_mm, shift_um=shift_um)
+
+
+def bound_pressures(
+    surface: xr.Dataset,
+    contact: xr.Dataset,
+    pressures: pd.DataFrame,
+    *,
+    material: Mapping[str, float],
+    uncertainty: Mapping[str, float],
+    patch_mm: float,
+    seed: int,
+    source: str | Path = "macroscale",
+    **settings: float,
+) -> pd.DataFrame:
+    """95 % intervals of the patches' pressures, by their places and by the stones' constants.
+
+    The result is that of `gstlib.uncertainty.pressure_intervals`.
+    """
+    from gstlib.uncertainty import draw_contact_moduli, pressure_intervals, pressures_of_moduli
+
+    shares = draw_contact_moduli(
+        material,
+        young_share=uncertainty["young_share"],
+        poisson=uncertainty["poisson"],
+        generator=np.random.default_rng(seed),
+    )
+    solved = pressures_of_moduli(
+        surface.height, contact.pressure, shares, source=source, **settings
+    )
+    return pressure_intervals(
+        pressures,
+        solved,
+        shares,
+        size_mm=patch_mm,
+        placement_um=uncertainty["placement_um"],
+        # a patch draws the same whichever others are in the table
+        generator_of=lambda patch: np.random.default_rng([seed, *patch.encode()]),
+    )
+
+
+def place_patches(
+    surface: xr.Dataset,
+    patches: pd.DataFrame,
+    heights: Mapping[str, xr.DataArray],
+    *,
+    patch_mm: float,
+    maximum_shift_um: float,
+) -> pd.DataFrame:
+    """Find each patch on the square by the waves that both hold.
+
+    `heights` (y, x) are those of the prepared T0 scans, by patch. The result is that of
+    `gstlib.placement.place_patches`.
+    """
+    from gstlib.placement import place_patches
+
+    return place_patches(
+        surface.height,
+        patches,
+        heights,
+        size_mm=patch_mm,
+        edge_mm=float(surface.height.attrs["mesh_edge_mm"]),
+        maximum_shift_um=maximum_shift_um,
+    )
+
+
+# --- The scans --------------------------------------------------------------------------------
+
+
+def prepare_scan(
+    raw: xr.DataArray,
+    *,
+    crop: Sequence[float] | None,
+    scans: Mapping,
+    preprocessing: Mapping,
+) -> xr.Dataset:
+    """Cut the patch out of a scan, undo the mould, replace outliers, fill and level (section 2.2).
+
+    `raw` comes from `gstlib.io.scans.read_scan`; `crop` is the centre (x, y) of the piece to cut,
+    None for a whole scan. The result is that of `gstlib.preprocess.scan.prepare_scan`.
+    """
+    from gstlib.io.scans import check_size, cut_scan
+    from gstlib.preprocess.scan import prepare_scan
+
+    if crop is None:
+        check_size(raw, scans["size_mm"])
+    else:
+        raw = cut_scan(raw, crop, scans["size_mm"])
+    mould = scans["mould"]
+    return prepare_scan(
+        raw, mould_invert=mould["invert"], mould_flip=mould["flip"], **preprocessing
+    )
+
+
+def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFrame:
+    """What was done to each scan, from the attributes of its dataset, by patch and epoch."""
+    columns = [
+        *("points", "unmeasured", "unmeasured_share", "filled", "outlier_rule", "outliers"),
+        *("outlier_share", "outlier_k", "tilt_x_mrad", "tilt_y_mrad", "Sq_before_um"),
+        *("Sq_after_um", "highest_before_um", "highest_after_um"),
+    ]
+    rows = [(*scan, *(attrs[name] for name in columns)) for scan, attrs in scans.items()]
+    return pd.DataFrame(rows, columns=["patch", "epoch", *columns])
+
+
+def register_patch(
+    before: xr.Dataset,
+    after: xr.Dataset,
+    *,
+    patch: str,
+    maximum_shift_mm: float,
+    minimum_points: int,
+) -> xr.Dataset:
+    """Register T1 to T0 and take the height change.
+
+    `before` and `after` are prepared scans with ``height``, ``filled`` and ``outlier``. The result
+    is that of `gstlib.validation.change.height_change`, with the registration as attributes.
+    """
+    from gstlib.errors import InputError
+    from gstlib.validation.change import measured_change
+
+    try:
+        registration, change = measured_change(
+            before, after, maximum_shift_mm=maximum_shift_mm, minimum_points=minimum_points
+        )
+    except InputError as error:  # it names the epoch, but not the patch
+        source = f"patch {patch}, {error.source}"
+        raise InputError(source, error.problem, error.remedy) from error
+    if registration.found and not change.attrs["known_share"]:
+        logging.getLogger("gstlib").warning(
+            "patch %s: hardly any point has a height of its own at T0 and at T1 (%.0f %% and "
+            "%.0f %% of the scans are holes or outliers, T1 covers %.0f %% of T0), so its wear is "
+            "not known. Scan it again, or leave its t1 empty.",
+            patch,
+            *(100 * (epoch.filled | epoch.outlier).values.mean() for epoch in (before, after)),
+            100 * registration.overlap,
+        )
+    return change.assign_attrs(registration.as_attrs())
+
+
+def registration_table(
+    changes: Iterable[tuple[str, xr.Dataset]], selection: Mapping[str, float]
+) -> pd.DataFrame:
+    """How well T1 matches T0 on each patch, how much was lost, and which patches that excludes.
+
+    `changes` are pairs of a patch and its height change.
+    """
+    from gstlib.coupling import select_patches
+    from gstlib.validation.change import wear_summary
+
+    quality = [
+        *("shift_x_um", "shift_y_um", "rotation_deg", "overlap", "correlation"),
+        *("detail_correlation", "residual_um", "change_sigma_um", "lateral_sigma_um"),
+        *("level_of_detection_um", "known_share"),
+    ]
+    wear = ["loss_fraction", "gain_fraction", "loss_volume_um3", "loss_depth_um"]
+    rows = []
+    for patch, change in changes:
+        worn = wear_summary(change)
+        rows.append(
+            {"patch": patch, "found": bool(change.attrs["registration_found"])}
+            | {name: change.attrs[name] for name in quality}
+            | {name: worn[name] for name in wear}
+        )
+    table = pd.DataFrame(rows, columns=["patch", "found", *quality, *wear])
+    # the pressures have a table of their own: here all pass
+    passed, rules = table.assign(pressure_MPa=1.0), {**selection, "minimum_pressure_MPa": 0.0}
+    judged = select_patches(passed, _match_quality(table), **rules)
+    return table.assign(excluded=~judged.in_study, reason=judged.reason)
+
+
+def _match_quality(registration: pd.DataFrame) -> pd.DataFrame:
+    """What a selection asks of the registration."""
+    # of the detail: the long waves of a stone correlate wherever T1 is laid
+    correlation = registration.detail_correlation.where(registration.found)
+    return registration[["patch", "overlap"]].assign(correlation=correlation)
+
+
+def select_patches(
+    pressures: pd.DataFrame, registration: pd.DataFrame, selection: Mapping[str, float]
+) -> pd.DataFrame:
+    """Which patches enter the study, by their pressure and by how well T1 matches T0.
+
+    Patches without a T1 are not in `registration`. The result is `pressures` with ``in_study`` and
+    ``reason``, which is empty where a patch is in the study.
+    """
+    from gstlib.coupling import select_patches
+
+    return select_patches(pressures, _match_quality(registration), **selection)
+
+
+# --- The patches ------------------------------------------------------------------------------
+
+
+def solve_patch(
+    surface: xr.Dataset,
+    counterface: xr.Dataset | None,
+    *,
+    source: str | Path = "patch",
+    **settings: Any,
+) -> xr.Dataset:
+    """Press a patch, step by step, up to its own pressure (section 2.4).
+
+    `surface` and `counterface` have ``height`` (y, x); without a counterface, the active stone is
+    flat. Settings and result are those of `gstlib.contact.contact_path`.
+    """
+    from gstlib.contact import contact_path
+
+    face = turned_face(surface, counterface, source=source)
+    return contact_path(surface.height, face, source=source, **settings)
+
+
+def turned_face(
+    surface: xr.Dataset, counterface: xr.Dataset | None, *, source: str | Path
+) -> xr.DataArray | None:
+    """The counterface as it lies on a patch, or None."""
+    from gstlib.contact import turned_over
+
+    if counterface is None:
+        return None
+    return turned_over(
+        counterface.height, surface.height, source="counterface", patch_source=source
+    )
+
+
+def microscale_tables(
+    contacts: Iterable[tuple[str, xr.Dataset]],
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The state of each patch at its own pressure, and its load path.
+
+    `contacts` are pairs of a patch and its contact. The residual is given as the power of ten that
+    it is below: its digits are rounding, which differs from processor to processor.
+    """
+    from gstlib.contact import load_path_table
+
+    path = [
+        *("patch", "step", "displacement_um", "mean_pressure_MPa", "contact_fraction"),
+        "stiffness_MPa_per_um",
+    ]
+    state = ["patch", "target_pressure_MPa", *path[3:4], *path[2:3], *path[4:], "residual"]
+    states, paths = [], [pd.DataFrame(columns=path)]
+    for patch, contact in contacts:
+        steps = load_path_table(contact).assign(patch=patch)
+        residual = float(contact.residual[-1])
+        states.append(
+            steps.iloc[-1].to_dict()
+            | {
+                "target_pressure_MPa": contact.attrs["target_pressure_MPa"],
+                "residual": 10.0 ** math.ceil(math.log10(residual)) if residual > 0 else 0.0,
+            }
+        )
+        paths.append(steps[path])
+    return pd.DataFrame(states, columns=state), pd.concat(paths[1:] or paths, ignore_index=True)
+
+
+def solve_slip(
+    contact: xr.Dataset, *, source: str | Path = "patch", **settings: float
+) -> xr.Dataset:
+    """Where a patch sticks and slips under a tangential load (Ciavarella 1998; Jäger 1998).
+
+    Settings and result are those of `gstlib.contact.slip_dataset`.
+    """
+    from gstlib.contact import slip_dataset
+
+    return slip_dataset(contact, source=source, **settings)
+
+
+def solve_hardness(
+    contact: xr.Dataset, *, hardness_MPa: float, source: str | Path = "patch"
+) -> xr.Dataset:
+    """The contact of a patch with a ceiling on its pressure, at the same mean pressure.
+
+    The result is that of `gstlib.contact.hardness_dataset`.
+    """
+    from gstlib.contact import hardness_dataset
+
+    return hardness_dataset(contact, source=source, hardness_MPa=hardness_MPa)
+
+
+# --- Was the prediction right? ----------------------------------------------------------------
+
+
+def score_patches(
+    patches: Iterable[tuple[str, xr.Dataset, xr.Dataset]],
+    pressures: pd.DataFrame,
+    microscale: pd.DataFrame,
+    *,
+    worst: Sequence[str],
+    seed: int,
+    resamples: int,
+    **settings: Any,
+) -> dict[str, pd.DataFrame]:
+    """Score predicted contact against measured loss, patch by patch and over the patches.
+
+    Parameters
+    ----------
+    patches : iterable of (patch, xarray.Dataset, xarray.Dataset)
+        Contact and height change of each patch in the study.
+    pressures, microscale : pandas.DataFrame
+        From `select_patches`, for the places; the first table of `microscale_tables`.
+    worst : sequence of str
+        Patches that were said beforehand to be the worst worn.
+
+    Returns
+    -------
+    dict of pandas.DataFrame
+        ``patches``, ``gains``, ``failures`` and ``summary``.
+    """
+    from gstlib.contact import pressed_height
+    from gstlib.validation.scoring import patch_tables, score_patch
+    from gstlib.validation.summary import summarise
+
+    chance = {"seed": seed, "resamples": resamples}
+    found = [
+        score_patch(patch, pressed_height(contact), contact, change, **chance, **settings)
+        for patch, contact, change in patches
+    ]
+    for warning in filter(None, (one.warning for one in found)):
+        logging.getLogger("gstlib").warning("%s", warning)
+    predicted = microscale[["patch", "mean_pressure_MPa", "stiffness_MPa_per_um"]].rename(
+        columns={"mean_pressure_MPa": "pressure_MPa"}
+    )
+    predicted = predicted.merge(pressures[["patch", "x_mm", "y_mm"]], on="patch")
+    summary = summarise(found, predicted, seed=seed, resamples=resamples, expected_worst=worst)
+    return patch_tables(found) | {"summary": summary}
+
+
+def measure_texture(
+    patches: Iterable[tuple[str, xr.DataArray, xr.Dataset | None]],
+    *,
+    s_filter_um: float,
+    l_filter_um: float | None,
+) -> pd.DataFrame:
+    """Areal texture of each patch before and after use, and the change (ISO 25178-2).
+
+    `patches` are triples of a patch, its heights at T0 and, if there is a T1, its height change.
+    The filters are None or nesting indices. The rows are those of
+    `gstlib.validation.texture.texture_rows`.
+    """
+    from gstlib.validation.texture import texture_rows
+
+    rows = []
+    for patch, height, change in patches:
+        of_patch = texture_rows(height, change, s_filter_um=s_filter_um, l_filter_um=l_filter_um)
+        if change is not None and len(of_patch) == 1:
+            logging.getLogger("gstlib").warning(
+                "patch %s: T1 was not found on T0, or covers too little of it: the texture is that "
+                "of T0 alone",
+                patch,
+            )
+        rows += [{"patch": patch, **row} for row in of_patch]
+    return pd.DataFrame(rows)
+
+
+# --- The whole in memory ----------------------------------------------------------------------
+
+Stage = TypeVar("Stage", bound=Callable[..., Any])
+
+
+def _stage(compute: Stage) -> Stage:
+    """A method of `Study` whose result is kept, or known already."""
+
+    @wraps(compute)
+    def kept(self: "Study", *of: str) -> Any:
+        key = (compute.__name__, *of)
+        if key not in self.kept:
+            known = self.known(*key)
+            self.kept[key] = compute(self, *of) if known is None else known
+        return self.kept[key]
+
+    return cast(Stage, kept)
+
+
+class Study:
+    """A study in memory: each stage is computed when it is first asked for, and kept.
+
+    Contacts are solved at the target pressure alone, without the steps on the way to it.
+
+    Parameters
+    ----------
+    config : mapping
+        ``seed`` and the sections `STUDY_SECTIONS`.
+    patches : pandas.DataFrame
+        The patch table.
+    read_mesh : callable
+        Gives the stone's mesh, mm.
+    read_scan : callable
+        Gives the raw scan (y, x) of a patch at an epoch, ``("5", "T0")``, and that of the
+        counterface, ``("counterface", "")``, if there is one.
+    worn : sequence of str
+        The patches that have a T1.
+    has_counterface : bool
+    known : callable, optional
+        Gives what is known of a stage already, by its name and what it is of (a patch, an
+        epoch), or None: from stored results, or from a study that differs in later stages only.
+    """
+
+    def __init__(
+        self,
+        config: Mapping[str, Any],
+        patches: pd.DataFrame,
+        *,
+        read_mesh: Callable[[], "trimesh.Trimesh"],
+        read_scan: Callable[[str, str], xr.DataArray],
+        worn: Sequence[str],
+        has_counterface: bool = False,
+        known: Callable[..., Any] = lambda stage, *of: None,
+    ):
+        self.config, self.patches, self.worn = config, patches, list(worn)
+        self.read_mesh, self.read_scan = read_mesh, read_scan
+        self.has_counterface, self.known = has_counterface, known
+        self.kept: dict[tuple[str, ...], Any] = {}
+
+    @_stage
+    def surface(self) -> xr.Dataset:
+        """Heights of the square, from `grid_macroscale`."""
+        settings = {name: self.config["macroscale"][name] for name in ("grid", "margin_mm")}
+        square = self.config["square"]
+        return grid_macroscale(
+            self.read_mesh(), square=square, mesh_unit="mm", source="mesh", **settings
+        )
+
+    @_stage
+    def contact(self) -> xr.Dataset:
+        """Contact of the square at the target pressure."""
+        names = ("target_pressure_MPa", "tolerance")
+        settings = {name: self.config["macroscale"][name] for name in names}
+        return self._pressed(self.surface().height, None, source="macroscale", **settings)
+
+    def _pressed(
+        self, height: xr.DataArray, face: xr.DataArray | None, **settings: Any
+    ) -> xr.Dataset:
+        from gstlib.config import contact_moduli
+        from gstlib.contact import contact_at_pressure
+
+        modulus, _ = contact_moduli(self.config["material"])
+        return contact_at_pressure(height, face, contact_modulus_MPa=modulus, **settings)
+
+    @_stage
+    def pressures(self) -> pd.DataFrame:
+        """Pressure of every patch, from `couple_scales`."""
+        return couple_scales(
+            self.contact(),
+            self.patches,
+            patch_mm=self.config["scans"]["size_mm"],
+            shift_um=[self.config["placement"][f"shift_{axis}_um"] for axis in "xy"],
+        )
+
+    @_stage
+    def prepared(self, patch: str, epoch: str) -> xr.Dataset:
+        """A clean scan, from `prepare_scan`."""
+        crops = self.patches.set_index("patch")[["crop_x_mm", "crop_y_mm"]].dropna()
+        prepared = prepare_scan(
+            self.read_scan(patch, epoch),
+            crop=tuple(crops.loc[patch]) if patch in crops.index else None,
+            scans=self.config["scans"],
+            preprocessing=self.config["preprocessing"],
+        )
+        return prepared[["height", "filled", "outlier"]]
+
+    @_stage
+    def change(self, patch: str) -> xr.Dataset:
+        """Height change of a patch, from `register_patch`."""
+        epochs = (self.prepared(patch, epoch) for epoch in ("T0", "T1"))
+        settings = self.config["registration"] | self.config["traces"]
+        return register_patch(*epochs, patch=patch, **settings)
+
+    @_stage
+    def selected(self) -> pd.DataFrame:
+        """Every patch with its pressure and whether it is in the study, from `select_patches`."""
+        changes = ((patch, self.change(patch)) for patch in self.worn)
+        quality = registration_table(changes, self.config["selection"])
+        return select_patches(self.pressures(), quality, self.config["selection"])
+
+    @_stage
+    def patch_contact(self, patch: str) -> xr.Dataset:
+        """Contact of a patch at its own pressure."""
+        source, surface = f"patch {patch}", self.prepared(patch, "T0")
+        face = self.prepared("counterface", "") if self.has_counterface else None
+        return self._pressed(
+            surface.height,
+            turned_face(surface, face, source=source),
+            target_pressure_MPa=self.pressures().set_index("patch").pressure_MPa[patch],
+            tolerance=self.config["microscale"]["tolerance"],
+            source=source,
+        )
+
+    def scored(self) -> list[str]:
+        """The patches in the study that have a T1, in the table's order."""
+        selected = self.selected()
+        return [p for p in selected.patch[selected.in_study] if p in self.worn]
+
+    def scores(self, **chance: Any) -> "list[PatchScores]":
+        """Scores of these patches; `chance` as of `gstlib.validation.scoring.score_patch`."""
+        from gstlib.contact import pressed_height
+        from gstlib.validation.scoring import score_patch
+
+        names = ("neighbourhood_um", "most_noise")
+        settings = {name: self.config["validation"][name] for name in names}
+        found = []
+        for patch in self.scored():
+            contact, change = self.patch_contact(patch), self.change(patch)
+            heights = pressed_height(contact)
+            found.append(score_patch(patch, heights, contact, change, **settings, **chance))
+        return found

@@ -1,0 +1,249 @@
+"""One-at-a-time sensitivity: what comes out of a study when one value of its config is changed?
+
+A sweep names factors. Each has some values: pieces of config that replace the study's own. For each
+value the stages that depend on it run again in memory; the rest is read from the stored study.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import reduce
+from operator import getitem
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+if TYPE_CHECKING:
+    from gstlib.study import Study
+
+__all__ = [
+    "STUDY",
+    "merged",
+    "outcomes",
+    "stored_study",
+    "sweep_problems",
+    "sweep_settings",
+    "sweep_table",
+    "unchanged",
+]
+
+STUDY = "study"  # name of the setting that changes nothing
+
+_MODULUS = "contact_modulus_MPa"
+_PRESSURE, _CHANGE = "pressure_MPa", "relative_change(pressure_MPa)"
+
+# What each stage of `gstlib.study.Study` depends on: earlier stages, and sections or keys.
+_DEPENDS = {
+    "surface": ("square", "macroscale.grid", "macroscale.margin_mm"),
+    "contact": ("surface", "material", "macroscale.target_pressure_MPa", "macroscale.tolerance"),
+    "pressures": ("contact", "scans", "placement.shift_x_um", "placement.shift_y_um"),
+    "prepared": ("scans", "preprocessing"),
+    "change": ("prepared", "registration", "traces"),
+    "patch_contact": ("pressures", "prepared", "microscale.tolerance"),
+}
+# What can be swept: all of these but the frame and the scans' format, and what `outcomes` take.
+_SWEPT = set().union(*_DEPENDS.values()).difference(_DEPENDS, ["square", "scans"])
+_SWEPT |= {"selection", "texture", "validation.neighbourhood_um"}
+
+
+class Setting(NamedTuple):
+    """One value of one factor.
+
+    Attributes
+    ----------
+    name : str
+        For file names; `STUDY` where nothing is changed.
+    factor, value : str
+        In words, for tables and figures; empty where nothing is changed.
+    changes : mapping
+        What differs from the study's config.
+    """
+
+    name: str
+    factor: str
+    value: str
+    changes: Mapping
+
+
+def sweep_settings(sweep: Mapping[str, Sequence[Mapping]]) -> list[Setting]:
+    """Every setting of a sweep, the study's own first.
+
+    Parameters
+    ----------
+    sweep : mapping
+        The config's section: for each factor a list of pieces of config.
+    """
+    return [Setting(STUDY, "", "", {})] + [
+        Setting(f"{factor.replace(' ', '_')}-{number}", factor, _in_words(changes), changes)
+        for factor, values in sweep.items()
+        for number, changes in enumerate(values, start=1)
+    ]
+
+
+def _in_words(changes: Mapping) -> str:
+    """The new values, each once."""
+    values = [value for section in changes.values() for value in section.values()]
+    # a table would read "null" as a missing value
+    words = ("unset" if v is None else f"{v:g}" if isinstance(v, float) else f"{v}" for v in values)
+    return ", ".join(dict.fromkeys(words))
+
+
+def merged(config: Mapping, changes: Mapping) -> dict:
+    """The config with some of its values replaced; neither of the two is altered."""
+    return dict(config) | {
+        key: merged(config[key], value)
+        if isinstance(value, Mapping) and isinstance(config.get(key), Mapping)
+        else value
+        for key, value in changes.items()
+    }
+
+
+def unchanged(stage: str, base: Mapping, config: Mapping) -> bool:
+    """Whether a stage of `gstlib.study.Study` gives the same with both configs."""
+    return all(
+        unchanged(name, base, config)
+        if name in _DEPENDS
+        else reduce(getitem, name.split("."), base) == reduce(getitem, name.split("."), config)
+        for name in _DEPENDS[stage]
+    )
+
+
+def sweep_problems(config: Mapping, problems_of: Callable[[Mapping], Iterable[str]]) -> list[str]:
+    """All that is wrong with the sweep of a config, in sentences.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration, with the section ``sweep``.
+    problems_of : callable
+        What is wrong with a whole configuration.
+    """
+    problems: list[str] = []
+    for factor, values in (config["sweep"] or {}).items():
+        for number, changes in enumerate(values, start=1):
+            changed = merged(config, changes)
+            names = [
+                f"{section}.{key}" if key else section
+                for section, keys in changes.items()
+                for key in (keys if isinstance(keys, Mapping) else [""])
+            ]
+            unknown = [name for name in names if not {name, name.split(".")[0]} & _SWEPT]
+            reach = f"only on {', '.join(sorted(_SWEPT))}"
+            found = [f"no outcome depends on {name}, {reach}" for name in unknown]
+            found = found or list(problems_of(changed))
+            void = [n for n in names if n.startswith("material.") and n != f"material.{_MODULUS}"]
+            if not found and void and changed["material"][_MODULUS] is not None:
+                given = f"while material.{_MODULUS} is given: set that to null"
+                found = [f"{', '.join(void)} has no effect {given}"]
+            problems += [f"'sweep.{factor}', value {number}: {text}" for text in found]
+    return problems
+
+
+def stored_study(results: Path, base: Mapping, config: Mapping) -> Callable[..., Any]:
+    """What a finished study has stored of the stages that a changed config leaves as they are.
+
+    Parameters
+    ----------
+    results : path
+        Folder of the study's results.
+    base, config : mapping
+        The config of the study, and the changed one.
+
+    Returns
+    -------
+    callable
+        For `gstlib.study.Study`, as its `known`.
+    """
+    from gstlib.io.store import read_dataset
+    from gstlib.io.tables import read_table
+
+    def known(stage: str, *of: str) -> Any:
+        if stage not in _DEPENDS or not unchanged(stage, base, config):
+            return None
+        if stage == "pressures":
+            return read_table(results / "coupling/pressures.csv")
+        name = "_".join(filter(None, of))  # the counterface has no epoch
+        file, only = {
+            "surface": ("macroscale/surface", ["height"]),
+            "contact": ("macroscale/contact", ["pressure"]),
+            "prepared": (f"surfaces/{name}", ["height", "filled", "outlier"]),
+            "change": (f"registered/{name}", None),
+            "patch_contact": (f"microscale/{name}", None),
+        }[stage]
+        stored = read_dataset(results / f"{file}.h5", only=only)
+        return stored.isel(step=-1) if stage == "contact" else stored
+
+    return known
+
+
+def outcomes(study: "Study") -> pd.DataFrame:
+    """What comes out of a study: patch pressures, scores and the change of texture.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``output, patch, result, low, high``: the pressure of every patch; ``studied``, the number
+        of patches in the study; mean scores, mean gains over the best rival and the rank
+        correlation of pressure with loss, as in ``validation_summary.csv``; the mean change of Sq
+        from T0 to T1, µm. 95 % intervals where there are any.
+    """
+    from gstlib.study import measure_texture
+    from gstlib.validation.scores import SCORES
+    from gstlib.validation.scoring import patch_tables
+    from gstlib.validation.summary import mean_gains, rank_correlations
+
+    selected = study.selected()
+    found = study.scores()
+    none = math.nan, math.nan
+    rows = [(_PRESSURE, row.patch, row.pressure_MPa, *none) for row in selected.itertuples()]
+    rows.append(("studied", "", int(selected.in_study.sum()), *none))
+    if found:
+        scores = patch_tables(found)["patches"].merge(selected[["patch", _PRESSURE]])
+        chance: dict[str, Any] = {"resamples": study.config["validation"]["resamples"]}
+        chance["generator"] = np.random.default_rng(study.config["seed"])
+        gains = mean_gains(scores, **chance)
+        pair: dict[str, Any] = {"predictors": [_PRESSURE], "extents": ["loss_fraction"]}
+        summary = pd.concat([gains, rank_correlations(scores, **pair, **chance)])
+        rows += [(f"mean({score})", "", scores[score].mean(), *none) for score in SCORES]
+        rows += [(row.statistic, "", row.value, row.low, row.high) for row in summary.itertuples()]
+    texture = measure_texture(
+        ((p, study.prepared(p, "T0").height, study.change(p)) for p in study.worn),
+        **study.config["texture"],
+    )
+    if len(texture):
+        change = texture.Sq_um[texture.epoch == "change"].mean()
+        rows.append(("mean_change(Sq_um)", "", change, *none))
+    columns = ["output", "patch", "result", "low", "high"]
+    return pd.DataFrame(rows, columns=columns).dropna(subset="result", ignore_index=True)
+
+
+def sweep_table(settings: Sequence[Setting], found: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """One row for each outcome of each setting.
+
+    Parameters
+    ----------
+    settings : sequence of Setting
+        The study's own among them.
+    found : mapping of str to DataFrame
+        From `outcomes`, by the setting's name.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``factor, value, output, patch, result, change, low, high``; ``factor`` and ``value`` are
+        empty for the study itself, ``change`` is the result less the study's. Each setting has one
+        more row: the sum of the absolute changes of the patches' pressures over their sum.
+    """
+    keys = ["output", "patch"]
+    study = found[STUDY].set_index(keys).result
+    tables = []
+    for setting in settings:
+        table = found[setting.name].copy()
+        table["change"] = table.result - study.reindex(table.set_index(keys).index).to_numpy()
+        share = table.change[table.output == _PRESSURE].abs().sum() / study[_PRESSURE].sum()
+        summed = {"output": [_CHANGE], "patch": "", "result": share, "change": share}
+        table = pd.concat([table, pd.DataFrame(summed)])
+        tables.append(table.assign(factor=setting.factor, value=setting.value))
+    columns = ["factor", "value", *keys, "result", "change", "low", "high"]
+    return pd.concat(tables, ignore_index=True)[columns]

@@ -1,0 +1,137 @@
+# Pictures, from stored results only.
+# Takes: HDF5 and tables of every stage. Gives: a PNG of each figure, for curves an SVG besides, and folders
+# with a PNG for each patch. One job draws several figures: it takes longer to start than to draw one.
+
+# A figure of a generated stone must not pass for one of a real tool.
+SOURCE_NOTE = "generated specimen" if GENERATED else None
+# With a folder of their own: one picture per patch.
+BY_PATCH = ("preparation", "patch")
+VECTOR = ("load_curves", "validation", "texture", "power", "sweep")
+
+CONTACT = f"{RESULTS}/macroscale/contact.h5"
+PRESSURES = f"{RESULTS}/tables/patch_pressures.csv"
+# The category and the title of every figure, by the job that draws it; and what that job reads.
+DRAWINGS = {
+    "draw_inputs": (
+        {
+            "inputs": ("1 Inputs", "square and scanned patches"),
+            "preparation": ("1 Inputs", "preparation of the scans"),
+            "placement": ("3 Coupling", "where the patches lie"),
+        },
+        {
+            "surface": f"{RESULTS}/macroscale/surface.h5",
+            "t0": surfaces("T0", ALL_PATCHES),
+            "t1": surfaces("T1", WORN_PATCHES),
+            "placement": f"{RESULTS}/tables/placement.csv",
+        },
+    ),
+    "draw_macroscale": (
+        {
+            "contact_steps": ("2 Macroscale", "contact as the load grows"),
+            "forces": ("3 Coupling", "contact forces and pressures of the patches"),
+        },
+        {
+            "contact": CONTACT,
+            "pressures": PRESSURES,
+            "intervals": f"{RESULTS}/tables/patch_intervals.csv",
+        },
+    ),
+    "draw_microscale": (
+        {
+            "overview": ("0 Overview", "the study at a glance"),
+            "microscale_maps": ("4 Microscale", "contact of every patch"),
+            "load_curves": ("4 Microscale", "area and pressure curves of both scales"),
+        },
+        {
+            "contact": CONTACT,
+            "pressures": PRESSURES,
+            "contacts": contacts(ALL_PATCHES),
+            "registered": registered(WORN_PATCHES),
+        },
+    ),
+}
+figures, read = DRAWINGS["draw_microscale"]
+if config["grinding"] is not None:
+    figures["slip"] = ("4 Microscale", "stick and slip")
+    read["slip"] = f"{RESULTS}/slip"
+if config["hardness"] is not None:
+    figures["hardness"] = ("4 Microscale", "with a ceiling on the pressure")
+    read["hardness"] = f"{RESULTS}/hardness"
+if WORN_PATCHES:
+    figures["agreement"] = ("5 Validation", "prediction against loss on every patch")
+    figures["patch"] = ("5 Validation", "before, predicted, after")
+    DRAWINGS["draw_validation"] = (
+        {
+            "validation": ("5 Validation", "prediction against loss, chance, rivals"),
+            "texture": ("5 Validation", "surface texture before and after use"),
+        },
+        {
+            "pressures": PRESSURES,
+            "scores": f"{RESULTS}/tables/validation_patches.csv",
+            "texture": f"{RESULTS}/tables/texture.csv",
+        }
+        | {
+            name: f"{RESULTS}/tables/validation_{name}.csv"
+            for name in ("gains", "failures", "summary")
+        },
+    )
+TARGETS += [
+    f"figures/{name}" if name in BY_PATCH else f"figures/{name}.png"
+    for figures, _ in DRAWINGS.values()
+    for name in figures
+]
+# On request.
+for name, category, title in (
+    ("power", "7 Power", "claims where there is a relation and where not"),
+    ("sweep", "8 Sweep", "what moves the results most"),
+):
+    if config[name] is not None:
+        read = {name: f"{RESULTS}/tables/{name}.csv"}
+        DRAWINGS[f"draw_{name}"] = ({name: (category, title)}, read)
+
+
+def picture(name, category, title):
+    """The PNG of a figure, or the folder of those of the patches, with its place in the report."""
+    place = {"caption": f"../report/{name}.rst", "category": category}
+    # Kind and content are one label: of a second one with two values, each for half of a category,
+    # Snakemake's report makes a switch, and fails where not every content is of both kinds.
+    if name not in BY_PATCH:
+        what = {"what": f"figure: {title}"}
+        return report(f"{RESULTS}/figures/{name}.png", labels=what, **place)
+
+    def labels(wildcards):
+        # The report sorts texts, and 10 before 2; a page does not show spaces in front.
+        longest = max(map(len, ALL_PATCHES))
+        return {"what": f"figure: {title}", "patch": wildcards.patch.rjust(longest)}
+
+    folder = directory(f"{RESULTS}/figures/{name}")
+    return report(folder, patterns=["{patch}.png"], labels=labels, **place)
+
+
+for job, (figures, read) in DRAWINGS.items():
+
+    rule:
+        name:
+            job
+        input:
+            **read,
+        output:
+            **{f"{name}_png": picture(name, *place) for name, place in figures.items()},
+            **{f"{name}_svg": f"{RESULTS}/figures/{name}.svg" for name in figures if name in VECTOR},
+        log:
+            f"{RESULTS}/logs/{job}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/{job}.tsv"
+        params:
+            figures=list(figures),
+            patches=ALL_PATCHES,
+            worn=WORN_PATCHES,
+            places=PATCHES[["patch", "x_mm", "y_mm", "rotation_deg"]].to_dict("list"),
+            patch_mm=PATCH_MM,
+            most_drawn_patches=config["most_drawn_patches"],
+            note=SOURCE_NOTE,
+            code=code("draw_figures.py"),
+        message:
+            f"Drawing: {', '.join(figures)}"
+        script:
+            "../scripts/draw_figures.py"

@@ -1,0 +1,36 @@
+"""Select the patches of the study by their pressure, and by how well T1 matches T0."""
+
+import logging
+from pathlib import Path
+
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import read_table, write_table
+from gstlib.logs import run_script
+from gstlib.study import registration_table, select_patches
+
+
+def main(
+    pressures: Path,
+    registered: list[Path],
+    table: Path,
+    registration: Path | None = None,
+    *,
+    worn: list[str],
+    selection: dict[str, float],
+) -> None:
+    changes = (read_dataset(file, only=["change", "loss", "gain"]) for file in registered)
+    quality = registration_table(zip(worn, changes, strict=True), selection)
+    selected = select_patches(read_table(pressures), quality, selection)
+    if not selected.in_study.any():
+        logging.getLogger("gstlib").warning(
+            "no patch enters the study: %s gives the reasons, the config's section 'selection' the "
+            "rules",
+            table,
+        )
+    write_table(table, selected)
+    if registration is not None:
+        write_table(registration, quality)
+
+
+if "snakemake" in globals():
+    run_script(snakemake, main)
