@@ -1,8 +1,8 @@
-"""Write those parts of the documents that follow from the code.
+"""Write the parts of the documents that are generated from the code.
 
 config/README.md: the tables of keys, from the JSON schemas. docs/assumptions.md: the modelling
-choices marked ``# ASSUME:`` in the code. With --check, only say whether the documents are up to
-date (exit code 1 when not).
+choices marked ``# ASSUME:`` in the code. With --check, write nothing, and end with exit code 1 if
+the documents are out of date.
 """
 
 import argparse
@@ -13,58 +13,45 @@ from pathlib import Path
 import yaml
 
 ROOT = Path(__file__).parents[1]
-# a comment that begins with ASSUME, and the comment lines that go on with it
+# A comment that begins with ASSUME, and the comment lines that continue it.
 ASSUMPTION = re.compile(r"# ASSUME: (.*(?:\n[ \t]*# (?!ASSUME).*)*)")
 
-
-def keys(schema: dict, definitions: dict, prefix: str = "") -> Iterator[tuple[str, str, str]]:
-    """Every key below `schema`: its full name, what it may be, and what it is."""
-    for name, part in schema.get("properties", {}).items():
-        node = resolve(part, definitions)
-        yield f"{prefix}{name}", allowed(part, definitions), node.get("description", "")
-        for branch in [node, *node.get("oneOf", [])]:
-            yield from keys(resolve(branch, definitions), definitions, f"{prefix}{name}.")
+SIGNS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
 
 
-def resolve(part: dict, definitions: dict) -> dict:
-    if "$ref" not in part:
-        return part
-    target = definitions[part["$ref"].removeprefix("#/$defs/")]
-    return target | {name: value for name, value in part.items() if name != "$ref"}
+def keys(node: dict, schema: dict, prefix: str = "") -> Iterator[tuple[str, str, str]]:
+    """Every key below `node`: its full name, its possible values, and its description."""
+    for branch in [node, *node.get("oneOf", [])]:
+        for name, part in resolved(branch, schema).get("properties", {}).items():
+            full = resolved(part, schema)
+            yield f"{prefix}{name}", allowed(full, schema), full.get("description", "")
+            yield from keys(full, schema, f"{prefix}{name}.")
 
 
-def allowed(part: dict, definitions: dict) -> str:
+def resolved(node: dict, schema: dict) -> dict:
+    target = node.get("$ref", "").removeprefix("#/$defs/")
+    return schema["$defs"][target] | node if target else node
+
+
+def allowed(node: dict, schema: dict) -> str:
     """The values that a key may take, in words."""
-    part = resolve(part, definitions)
-    if "oneOf" in part:
-        return " or ".join(allowed(branch, definitions) for branch in part["oneOf"])
-    if "enum" in part:
-        return ", ".join("null" if value is None else str(value) for value in part["enum"])
-    kind = part["type"]
-    kind = " or ".join(kind) if isinstance(kind, list) else kind
-    kind = {"string": "text", "object": "section"}.get(kind, kind.replace("string", "text"))
+    node = resolved(node, schema)
+    if "oneOf" in node:
+        return " or ".join(allowed(branch, schema) for branch in node["oneOf"])
+    if "enum" in node:
+        return ", ".join("null" if value is None else str(value) for value in node["enum"])
+    kinds = node["type"] if isinstance(node["type"], list) else [node["type"]]
+    kind = " or ".join({"string": "text", "object": "section"}.get(kind, kind) for kind in kinds)
     if kind == "array":
-        if "maxItems" in part:
-            inner = resolve(part["items"], definitions)
-            what = "points" if inner.get("type") == "array" else "numbers"
-            return f"list of {part['minItems']} {what}"
-        return f"list of {allowed(part['items'], definitions)}"
-    bounds = [
-        f"{sign} {part[name]:g}"
-        for name, sign in [
-            ("exclusiveMinimum", ">"),
-            ("minimum", "≥"),
-            ("exclusiveMaximum", "<"),
-            ("maximum", "≤"),
-        ]
-        if name in part
-    ]
+        count = f"{node['minItems']} " if "maxItems" in node else ""
+        return f"list of {count}" + re.sub(r"^(\w+)", r"\1s", allowed(node["items"], schema))
+    bounds = [f"{sign} {node[name]:g}" for name, sign in SIGNS.items() if name in node]
     return f"{kind} {', '.join(bounds)}".strip()
 
 
 def table(schema: dict) -> str:
     rows = ["| key | value | what it is |", "|---|---|---|"]
-    for name, values, description in keys(schema, schema.get("$defs", {})):
+    for name, values, description in keys(schema, schema):
         rows.append(f"| `{name}` | {values} | {' '.join(description.split())} |")
     return "\n".join(rows)
 
@@ -100,15 +87,14 @@ def main() -> None:
     }
     stale = []
     for name, parts in documents.items():
-        path = ROOT / name
-        old = path.read_text(encoding="utf-8")
+        old = (ROOT / name).read_text(encoding="utf-8")
         new = filled(old, parts)
         if new != old:
             stale.append(name)
             if not check:
-                path.write_text(new, encoding="utf-8")
+                (ROOT / name).write_text(new, encoding="utf-8")
     if check and stale:
-        raise SystemExit(f"not up to date: {', '.join(stale)}; run `make docs`")
+        raise SystemExit(f"out of date: {', '.join(stale)}; run `make docs`")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The command `gst`: a look at one's files from the shell."""
+"""The command `gst`: inspect files and compare results from the shell."""
 
 import json
 import sys
@@ -7,63 +7,63 @@ from pathlib import Path
 import click
 
 import gstlib
-from gstlib.errors import GstError
+from gstlib.errors import GstError, InputError
 
 __all__ = ["main"]
 
-# What stands here for the keys of a config that a refusal of a file may ask for.
-_OPTIONS = {"scans.unit": "--unit", "spacing_um": "--spacing-um"}
+_PATH = click.Path(path_type=Path)
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+class _Commands(click.Group):
+    """Commands that end with the message of a `GstError` and exit code 2."""
+
+    def invoke(self, ctx: click.Context) -> None:
+        try:
+            super().invoke(ctx)
+        except GstError as error:
+            click.echo(f"ERROR: {error}", err=True)
+            ctx.exit(2)
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(gstlib.__version__, prog_name="gst")
 def main() -> None:
-    """Looks at the files of a study. The study itself is run by `make study` (Snakemake)."""
+    """Inspect the files of a study. `make study` (Snakemake) runs the study itself."""
 
 
 @main.command()
-@click.argument("files", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("files", nargs=-1, required=True, type=_PATH)
 @click.option(
     "--unit",
     type=click.Choice(["m", "cm", "mm", "um", "nm", "in"]),
-    help="Unit of files that do not say it.",
+    help="Unit of files that do not state one.",
 )
 @click.option(
-    "--spacing-um",
-    type=float,
-    help="Spacing (µm) of points in text that does not say it, or to grid scattered points with.",
+    "--spacing-um", type=float, help="Point spacing (µm) of text files that do not state it."
 )
-@click.option(
-    "--picture",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Draw the heights into this PNG (one file only).",
-)
-@click.option("--json", "as_json", is_flag=True, help="For machines: one JSON object a line.")
-def inspect(files, unit, spacing_um, picture, as_json) -> None:
-    """What is in a scan or a mesh: size, spacing, units, unmeasured share, Sq, a thumbnail.
+@click.option("--picture", type=_PATH, help="Draw the heights into this PNG (one file only).")
+def inspect(files, unit, spacing_um, picture) -> None:
+    """Show what scans and meshes hold: size, spacing, units, unmeasured share, Sq.
 
-    Ends with exit code 1 if a file cannot be read; the others are shown all the same.
+    The exit code is 1 if any file cannot be read; the others are shown all the same.
     """
-    from gstlib.inspection import inspect_file, text_thumbnail
+    from gstlib.inputs import inspect_file
 
-    if picture is not None and len(files) > 1:
-        raise click.UsageError("--picture takes one file")
-    if picture is not None and picture.suffix.lower() != ".png":
-        raise click.UsageError(f"--picture draws a PNG: name it .png, not '{picture.name}'")
+    if picture is not None and (len(files) > 1 or picture.suffix.lower() != ".png"):
+        problem = f"--picture draws one file into a PNG: name it .png, not '{picture.name}'"
+        raise click.UsageError(problem)
     failed = False
     for file in files:
         try:
             facts, heights = inspect_file(file, unit=unit, spacing_um=spacing_um)
         except GstError as error:
             failed = True
-            options = [option for key, option in _OPTIONS.items() if key in str(error)]
-            here = f" For gst inspect, that is {' and '.join(options)}." if options else ""
-            click.echo(f"ERROR: {error}{here}", err=True)
+            click.echo(f"ERROR: {error}", err=True)
             continue
-        if as_json:
-            click.echo(json.dumps({"path": str(file)} | facts))
-        else:
-            click.echo(f"{file}\n{_table(facts)}\n\n{text_thumbnail(heights)}\n")
+        width = max(map(len, facts))
+        shown = {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in facts.items()}
+        lines = [f"  {name.ljust(width)}  {value}\n" for name, value in shown.items()]
+        click.echo(f"{file}\n{''.join(lines)}")
         if picture is not None:
             from gstlib.figures import save_figure, surface_figure
 
@@ -71,84 +71,39 @@ def inspect(files, unit, spacing_um, picture, as_json) -> None:
     sys.exit(failed)
 
 
-def _table(facts: dict[str, object]) -> str:
-    width = max(map(len, facts))
-    return "\n".join(
-        f"  {name.ljust(width)}  {value:.5g}" if isinstance(value, float)
-        else f"  {name.ljust(width)}  {value}"
-        for name, value in facts.items()
-    )  # fmt: skip
-
-
 @main.command()
-@click.argument("before", type=click.Path(path_type=Path))
-@click.argument("after", type=click.Path(path_type=Path))
+@click.argument("before", type=_PATH)
+@click.argument("after", type=_PATH)
 @click.option(
     "--tolerance",
     type=float,
     default=0.0,
     show_default=True,
-    help="Numbers that differ by at most this share of their value are the same.",
+    help="Relative difference up to which numbers count as equal.",
 )
-@click.option("--json", "as_json", is_flag=True, help="For machines: one JSON list of changes.")
-@click.option(
-    "--at-most", type=int, default=20, show_default=True, help="Changes shown of each table."
-)
-def diff(before, after, tolerance, as_json, at_most) -> None:
-    """What changed between two result folders: tables, and config, inputs and versions behind them.
+def diff(before, after, tolerance) -> None:
+    """Show what differs between two result folders: tables, config, inputs and versions.
 
-    Exit code 0 if nothing changed, 1 if something did, 2 if they cannot be compared.
+    The exit code is 0 if no table differs, 1 if any does, 2 if the folders cannot be compared.
     """
-    from gstlib import difference
+    from gstlib.difference import compare_results, describe_changes
 
-    try:
-        changes = difference.compare_results(before, after, tolerance)
-    except GstError as error:
-        click.echo(f"ERROR: {error}", err=True)
-        sys.exit(2)
-    if as_json:
-        click.echo(difference.as_json(changes))
-    else:
-        text = difference.describe_changes(changes, at_most)
-        click.echo(text or f"No difference between {before} and {after}.")
-    # A result comes of its config and inputs: where only those differ, the results are the same.
-    sys.exit(any(change.where != "provenance" for change in changes))
+    changes = compare_results(before, after, tolerance)
+    click.echo(describe_changes(changes) or f"No difference between {before} and {after}.")
+    sys.exit(bool((changes.table != "provenance").any()))
 
 
 @main.command()
-@click.argument("results", type=click.Path(path_type=Path))
-@click.argument("archive", type=click.Path(path_type=Path, dir_okay=False))
-def crate(results, archive) -> None:
-    """Pack a study's tables, figures and report into an RO-Crate, a ZIP, for a repository.
-
-    It says with which settings, inputs and versions they were made.
-    """
-    from gstlib.crate import write_crate
-
-    try:
-        count = write_crate(results, archive)
-    except GstError as error:
-        click.echo(f"ERROR: {error}", err=True)
-        sys.exit(1)
-    click.echo(f"{archive}: {count} files and where they come from")
-
-
-@main.command()
-@click.argument("results", type=click.Path(path_type=Path))
+@click.argument("results", type=_PATH)
 def config(results) -> None:
-    """Print the config that results were made with, to make them again.
-
-    Every value stands in it, defaults included.
-    """
+    """Print the config that results were made with, every default included, to repeat them."""
     import yaml
 
-    from gstlib.crate import read_record
-
     try:
-        record = read_record(results)
-    except GstError as error:
-        click.echo(f"ERROR: {error}", err=True)
-        sys.exit(1)
-    commit = record["software"]["commit"] or "unknown"
-    click.echo(f"# gstlib {record['software']['gstlib']}, commit {commit}")
+        record = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        problem, remedy = f"cannot be read ({error})", "Name the results folder of a study."
+        raise InputError(results / "provenance.json", problem, remedy) from error
+    software = record["software"]
+    click.echo(f"# gstlib {software['gstlib']}, commit {software['commit'] or 'unknown'}")
     click.echo(yaml.safe_dump(record["config"], sort_keys=False, allow_unicode=True), nl=False)

@@ -1,50 +1,21 @@
-"""What changed between two result folders: tables by rows and columns, and where results come from.
+"""What changed between two result folders: tables by row and column, and where results come from.
 
-A row is known by its leading columns: the fewest that tell all rows of both tables apart. A table
-from another config may thus have rows more or fewer, and the rest is still compared.
+A row is identified by its leading columns: the fewest that are unique in both tables. Tables from
+another config may therefore have additional or missing rows, and the rest is still compared.
 """
 
 import json
-import math
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from gstlib.errors import InputError
 
-__all__ = ["Change", "as_json", "compare_results", "describe_changes"]
+__all__ = ["compare_results", "describe_changes"]
 
 
-@dataclass(frozen=True)
-class Change:
-    """One difference.
-
-    Attributes
-    ----------
-    where : str
-        Name of the table, or "provenance".
-    what : str
-        "table", "column", "row" (one side lacks it), "value", or a key of the provenance.
-    row, column : str
-        Which, as far as it applies: a row as ``patch=5, epoch=T0``.
-    before, after : str
-        As written in the files; empty where there is nothing.
-    relative : float or None
-        |after − before| over the larger of both, for numbers.
-    """
-
-    where: str
-    what: str
-    row: str = ""
-    column: str = ""
-    before: str = ""
-    after: str = ""
-    relative: float | None = None
-
-
-def compare_results(before: str | Path, after: str | Path, tolerance: float = 0.0) -> list[Change]:
+def compare_results(before: str | Path, after: str | Path, tolerance: float = 0.0) -> pd.DataFrame:
     """Compare two result folders.
 
     Parameters
@@ -52,141 +23,89 @@ def compare_results(before: str | Path, after: str | Path, tolerance: float = 0.
     before, after : path
         Folders of the config's key ``results``.
     tolerance : float
-        Numbers whose relative difference is at most this are the same.
+        Numbers whose relative difference is at most this count as equal.
 
     Returns
     -------
-    list of Change
-        In the order of tables, rows and columns; empty if nothing changed.
+    pandas.DataFrame
+        One line per change: ``table`` (or "provenance"), ``row`` (as in ``patch=5, epoch=T0``) and
+        ``column``, one of them empty where only one side has a row or a column; ``before`` and
+        ``after``, as written in the files, empty where absent; ``relative``, abs(after - before)
+        over the larger magnitude, NaN for text.
 
     Raises
     ------
     InputError
-        One of them has no tables.
+        A folder has no tables, or a file in it cannot be read.
     """
-    folders = [Path(folder) for folder in (before, after)]
-    tables = []
-    for folder in folders:
-        found = {file.name: file for file in (folder / "tables").glob("*.csv")}
-        if not found:
-            raise InputError(
-                folder, "there are no tables/*.csv in it", "Name the results folder of a study."
-            )
-        tables.append(found)
-    changes = list(_provenance_changes(*folders))
-    for name in sorted({*tables[0], *tables[1]}):
-        if name in tables[0] and name in tables[1]:
-            changes += _table_changes(name, tables[0][name], tables[1][name], tolerance)
-        else:
-            present = ["there" if name in side else "" for side in tables]
-            changes.append(Change(name, "table", before=present[0], after=present[1]))
-    return changes
+    old, new = (_read_tables(Path(folder)) for folder in (before, after))
+    changes = [
+        (name, *change)
+        for name in sorted({*old, *new})
+        for change in _changes(*(side.get(name, pd.DataFrame()) for side in (old, new)))
+    ]
+    found = pd.DataFrame(changes, columns=["table", "row", "column", "before", "after"], dtype=str)
+    numbers = found[["before", "after"]].apply(pd.to_numeric, errors="coerce")
+    numbers = numbers.astype(float).replace([np.inf, -np.inf], np.nan)
+    largest = numbers.abs().max(axis=1, skipna=False)
+    found["relative"] = (numbers.after - numbers.before).abs() / largest.where(largest != 0, 1.0)
+    return found[~(found.relative <= tolerance)].reset_index(drop=True)
 
 
-def describe_changes(changes: list[Change], at_most: int = 20) -> str:
-    """The changes for a person: a line each, of each table the `at_most` largest."""
+def describe_changes(changes: pd.DataFrame, at_most: int = 20) -> str:
+    """The changes for a person: one line each, of each table the `at_most` largest."""
     lines = []
-    for where in dict.fromkeys(change.where for change in changes):
-        of_table = [change for change in changes if change.where == where]
-        numbers = [change.relative for change in of_table if change.relative is not None]
-        largest = f", by up to {max(numbers):.2g} of the value" if numbers else ""
-        count = f"{len(of_table)} change{'s' if len(of_table) > 1 else ''}"
-        lines.append(f"{where}: {count}{largest}")
-        of_table.sort(
-            key=lambda change: -(math.inf if change.relative is None else change.relative)
-        )
-        for change in of_table[:at_most]:
-            place = ", ".join(part for part in (change.row, change.column) if part)
-            what = f"{change.what} {place}" if place else change.what
-            by = "" if change.relative is None else f"  ({change.relative:.2g})"
-            sides = f"{change.before or '(none)'} → {change.after or '(none)'}"
-            lines.append(f"  {what}: {sides}{by}")
-        if len(of_table) > at_most:
-            lines.append(f"  ... and {len(of_table) - at_most} more")
+    for table, found in changes.groupby("table", sort=False):
+        lines.append(f"{table}: {len(found)} change{'s' if len(found) > 1 else ''}")
+        largest_first = found.sort_values("relative", ascending=False, na_position="first")
+        for change in largest_first.head(at_most).itertuples():
+            place = ", ".join(filter(None, [change.row, change.column]))
+            by = "" if np.isnan(change.relative) else f"  ({change.relative:.2g})"
+            lines.append(f"  {place}: {change.before or '(none)'} → {change.after or '(none)'}{by}")
+        lines += [f"  ... and {len(found) - at_most} more"] if len(found) > at_most else []
     return "\n".join(lines)
 
 
-def as_json(changes: list[Change]) -> str:
-    """The changes for a machine: a list of objects with the attributes of `Change`."""
-    return json.dumps([asdict(change) for change in changes], ensure_ascii=False, indent=1)
-
-
-def _read(path: Path) -> pd.DataFrame:
+def _read_tables(folder: Path) -> dict[str, pd.DataFrame]:
+    """Every table, as text, and `provenance.json` as one, by name."""
+    files = sorted((folder / "tables").glob("*.csv"))
+    if not files:
+        raise InputError(folder, "has no tables/*.csv", "Name the results folder of a study.")
+    record = folder / "provenance.json"
     try:
-        return pd.read_csv(path, dtype=str, keep_default_na=False)
-    except (OSError, ValueError) as error:
-        raise InputError(
-            path, f"cannot be read as a table ({error})", "Run the study again."
-        ) from error
+        tables = {file.name: pd.read_csv(file, dtype=str, keep_default_na=False) for file in files}
+        content = json.loads(record.read_text(encoding="utf-8")) if record.is_file() else {}
+    except ValueError as error:
+        raise InputError(folder, f"cannot be read: {error}", "Run the study again.") from error
+    if content:
+        values = pd.json_normalize(content).iloc[0].map(str).items()
+        tables["provenance"] = pd.DataFrame(values, columns=["key", "value"])
+    return tables
 
 
-def _table_changes(name: str, before: Path, after: Path, tolerance: float) -> Iterator[Change]:
-    if before.read_bytes() == after.read_bytes():
-        return
-    tables = [_read(before), _read(after)]
-    columns = [list(table.columns) for table in tables]
-    for column in dict.fromkeys(columns[0] + columns[1]):
-        if column not in columns[0] or column not in columns[1]:
-            present = ["there" if column in side else "" for side in columns]
-            yield Change(name, "column", column=column, before=present[0], after=present[1])
-    common = [column for column in columns[0] if column in columns[1]]
-    key = _key(tables, common)
-    rows = [{_row(record, key): record for record in table.to_dict("records")} for table in tables]
-    for row in dict.fromkeys([*rows[0], *rows[1]]):
-        if row not in rows[0] or row not in rows[1]:
-            present = ["there" if row in side else "" for side in rows]
-            yield Change(name, "row", row=row, before=present[0], after=present[1])
-            continue
-        for column in common:
-            old, new = rows[0][row][column], rows[1][row][column]
-            relative = _relative(old, new)
-            if old != new and (relative is None or relative > tolerance):
-                yield Change(name, "value", row, column, old, new, relative)
-
-
-def _key(tables: list[pd.DataFrame], common: list[str]) -> list[str]:
-    """The fewest leading columns that tell the rows of both tables apart."""
-    for count in range(1, len(common) + 1):
-        if not any(table.duplicated(common[:count]).any() for table in tables):
-            return common[:count]
-    return common
-
-
-def _row(record: dict[str, str], key: list[str]) -> str:
-    return ", ".join(f"{column}={record[column]}" for column in key if record[column])
-
-
-def _relative(old: str, new: str) -> float | None:
-    try:
-        a, b = float(old), float(new)
-    except ValueError:
-        return None
-    if not (math.isfinite(a) and math.isfinite(b)):
-        return None
-    return abs(b - a) / max(abs(a), abs(b)) if a != b else 0.0
-
-
-def _provenance_changes(before: Path, after: Path) -> Iterator[Change]:
-    """Differences of the two `provenance.json`, key by key."""
-    sides = []
-    for folder in (before, after):
-        file = folder / "provenance.json"
-        try:
-            content = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
-        except ValueError as error:
-            raise InputError(
-                file, f"cannot be read as JSON ({error})", "Run the study again."
-            ) from error
-        sides.append(dict(_leaves(content)))
-    for key in dict.fromkeys([*sides[0], *sides[1]]):
-        old, new = (side.get(key, "") for side in sides)
-        if old != new:
-            yield Change("provenance", key, before=old, after=new)
-
-
-def _leaves(content: object, key: str = "") -> Iterator[tuple[str, str]]:
-    if isinstance(content, dict) and content:
-        for name, value in content.items():
-            yield from _leaves(value, f"{key}.{name}" if key else name)
-    else:
-        yield key, content if isinstance(content, str) else json.dumps(content, ensure_ascii=False)
+def _changes(old: pd.DataFrame, new: pd.DataFrame) -> list[tuple[str, str, str, str]]:
+    """Row, column, text before and text after of each cell, row or column that differs."""
+    if old.equals(new):
+        return []
+    columns = [column for column in old.columns if column in new.columns]
+    keys = (columns[:count] for count in range(1, len(columns) + 1))
+    key = next((key for key in keys if not any(t.duplicated(key).any() for t in (old, new))), None)
+    rows = [
+        [", ".join(f"{k}={row[k]}" for k in key if row[k]) for row in table.to_dict("records")]
+        if key
+        else [f"row {number}" for number in range(1, len(table) + 1)]
+        for table in (old, new)
+    ]
+    shared = {*rows[0]} & {*rows[1]}
+    before, after = (
+        {(row, ""): "present" for row in names}
+        | {("", column): "present" for column in table.columns}
+        | {
+            place: text
+            for place, text in table[columns].set_axis(names).stack().items()
+            if place[0] in shared
+        }
+        for table, names in zip((old, new), rows, strict=True)
+    )
+    found = [(*place, before.get(place, ""), after.get(place, "")) for place in before | after]
+    return [change for change in found if change[2] != change[3]]

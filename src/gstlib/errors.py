@@ -1,17 +1,16 @@
-"""What can be wrong with a study's input, said so that the reader knows what to do about it."""
+"""Errors in a study's input. Each message names the file or key, the value and the remedy."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 __all__ = ["ConfigError", "GstError", "InputError", "InputsError", "OutputError"]
 
 
 class GstError(Exception):
-    """Base of the errors that gstlib raises on purpose; its message is meant for the user."""
+    """Base of the errors that gstlib raises on purpose; the message is meant for the user."""
 
 
 class InputError(GstError):
-    """A file or value of the user's cannot be used.
+    """A file or a value that the user gave cannot be used.
 
     Parameters
     ----------
@@ -28,7 +27,7 @@ class InputError(GstError):
         self.source, self.problem, self.remedy = str(source), problem.rstrip("."), remedy
 
     def __str__(self) -> str:
-        # a problem that is a list ends its last line itself
+        # A problem that is a list ends its last line itself.
         end = " " if self.problem.endswith("\n ") else ". "
         return f"{self.source}: {self.problem}{end}{self.remedy}"
 
@@ -38,19 +37,16 @@ class ConfigError(InputError):
 
 
 class OutputError(InputError):
-    """A result cannot be written where the user wants it: disk full, read-only, not allowed."""
+    """A result cannot be written: the disk is full or read-only, or permission is denied."""
 
 
 class InputsError(GstError):
-    """Several things are wrong; the message lists them all."""
-
-    def __init__(self, errors: Sequence[GstError]):
-        super().__init__(errors)
-        self.errors = tuple(errors)
+    """Several errors at once, given as a sequence; the message lists them all."""
 
     def __str__(self) -> str:
-        if len(self.errors) == 1:
-            return str(self.errors[0])
-        # lists within the list stand further in
-        listed = "\n  - ".join(str(error).replace("\n", "\n    ") for error in self.errors)
-        return f"{len(self.errors)} problems\n  - {listed}"
+        texts = [str(error) for error in self.args[0]]
+        if len(texts) == 1:
+            return texts[0]
+        # Lists within the list are indented further.
+        listed = "".join("\n  - " + text.replace("\n", "\n    ") for text in texts)
+        return f"{len(texts)} problems{listed}"

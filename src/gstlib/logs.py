@@ -1,40 +1,37 @@
-"""One log for a job of the workflow: its file and the screen, uncaught errors included."""
+"""The log of a job: one file and the screen, uncaught errors included."""
 
 import logging
 import os
 import sys
-import traceback
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 from gstlib.errors import GstError
 from gstlib.io.files import cannot_write
 
-__all__ = ["FILE_ONLY", "job_log", "patch_by_patch"]
+__all__ = ["FILE_ONLY", "job_log", "patch_by_patch", "run_script"]
 
-# Environment variable, set by who shows what is in the log (the workflow's display of progress): a
-# job then says nothing twice. If its log cannot be written, it speaks all the same.
+# Environment variable, set by the workflow's display of progress, which shows what is in the log:
+# a job then keeps off the screen, unless its log cannot be written.
 FILE_ONLY = "GSTLIB_LOG_FILE_ONLY"
-
-Value = TypeVar("Value")
 
 
 class _LogFile(logging.FileHandler):
-    """A log that may become impossible to write, as on a full disk.
+    """A log file; what a full disk does not take goes to the screen instead."""
 
-    That is told by the error that ends the job, not by each line that finds no room.
-    """
-
-    written = True
+    def __init__(self, path: str | Path, screen: logging.Handler):
+        super().__init__(path, mode="w", encoding="utf-8")
+        self.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
+        self._screen = screen
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802
-        self.written = False
+        self._screen.setLevel(logging.WARNING)
 
     def close(self) -> None:
-        with suppress(OSError):  # what could not be written before cannot be now
+        with suppress(OSError):  # what could not be written before cannot be flushed now
             super().close()
 
 
@@ -42,56 +39,61 @@ class _LogFile(logging.FileHandler):
 def job_log(path: str | Path) -> Iterator[logging.Logger]:
     """Log to `path` and to stderr (see `FILE_ONLY`) while the block runs.
 
-    An error that is meant for the user (`GstError`) ends the process with exit code 1 and its
-    message; anything else is a fault of the program and keeps its traceback.
+    An error that is meant for the user (`GstError`) ends the process with its message and exit
+    code 1. Any other error is a fault of the program and keeps its traceback.
     """
+    screen = logging.StreamHandler(sys.stderr)
+    screen.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
+    screen.setLevel(logging.CRITICAL if FILE_ONLY in os.environ else logging.WARNING)
     try:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
-        to_file = _LogFile(path, mode="w", encoding="utf-8")
+        file = _LogFile(path, screen)
     except OSError as error:
         raise SystemExit(f"\nERROR: {cannot_write(path, error)}\n") from None
     log = logging.getLogger("gstlib")
     log.setLevel(logging.INFO)
-    file_only = FILE_ONLY in os.environ
-    to_file.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
-    to_screen = logging.StreamHandler(sys.stderr)
-    to_screen.setLevel(logging.CRITICAL if file_only else logging.WARNING)
-    to_screen.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
-    handlers = [to_file, to_screen]
-    for handler in handlers:
-        log.addHandler(handler)
-    show_warning = warnings.showwarning
-    warnings.showwarning = lambda message, category, *_: log.warning(
-        "%s: %s", category.__name__, message
-    )
+    log.addHandler(file)  # before the screen, which may have to take its place
+    log.addHandler(screen)
     try:
-        yield log
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, category, *_: log.warning(
+                "%s: %s", category.__name__, message
+            )
+            yield log
     except GstError as error:
-        to_screen.setLevel(logging.CRITICAL)
         log.error("%s", error)
-        if not file_only or not to_file.written:
-            print(f"\nERROR: {error}\n", file=sys.stderr)
         raise SystemExit(1) from None
     except Exception:
         log.exception("unexpected error: this is a fault of the program, please report it")
-        if file_only and not to_file.written:
-            traceback.print_exc()
         raise SystemExit(1) from None
     finally:
-        warnings.showwarning = show_warning
-        for handler in handlers:
+        for handler in (file, screen):
             log.removeHandler(handler)
             handler.close()
 
 
-def patch_by_patch(patches: Mapping[str, Value]) -> Iterator[tuple[str, Value]]:
-    """The items of a mapping, each named in the log at its turn: how far a job of many patches is.
-
-    Parameters
-    ----------
-    patches : mapping
-        What there is of each patch.
-    """
+def patch_by_patch(patches: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Items of a mapping by patch; each is named in the log, so that it shows how far a job is."""
     for number, (patch, value) in enumerate(patches.items(), start=1):
         logging.getLogger("gstlib").info("patch %s, %d of %d", patch, number, len(patches))
         yield patch, value
+
+
+def run_script(snakemake: Any, main: Callable[..., None]) -> None:
+    """Call a script's `main` with the rule's named inputs, outputs and params, all by keyword.
+
+    Parameters
+    ----------
+    snakemake : object
+        What Snakemake puts into a script. Files become paths, or lists of paths; an empty list
+        stands for an input that the study does not have. The param ``code`` is left out: it only
+        tells Snakemake that the library has changed.
+    main : callable
+    """
+    files = {
+        name: Path(file) if isinstance(file, str) else [Path(each) for each in file]
+        for names in (snakemake.input, snakemake.output)
+        for name, file in names.items()
+    }
+    with job_log(snakemake.log[0]):
+        main(**files, **{name: value for name, value in snakemake.params.items() if name != "code"})

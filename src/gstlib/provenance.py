@@ -1,4 +1,4 @@
-"""Where a result comes from: hashes of inputs and of the code that made it, versions, settings."""
+"""Where a result comes from: hashes of its inputs and of its code, settings and versions."""
 
 import ast
 import functools
@@ -8,26 +8,24 @@ import platform
 import re
 import subprocess
 from collections.abc import Iterable, Mapping
-from functools import cache
 from importlib import metadata
 from pathlib import Path
 
 import gstlib
 
-__all__ = ["commit", "file_sha256", "provenance", "source_hash", "study_provenance"]
+__all__ = ["commit", "provenance", "source_hash", "study_provenance"]
 
+# Each function of this module imports what it needs by itself, so only those that are used count.
+_BY_FUNCTION = "study.py"
 
-def file_sha256(path: str | Path) -> str:
-    """SHA-256 of a file's bytes, as hexadecimal text."""
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+_Code = tuple[Path, str]  # a Python file and the name of a definition in it; "" for all of the file
 
 
 def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> dict[str, str]:
-    """Attributes for a result file: hashes of inputs by name, settings, versions and commit."""
-    hashes = {Path(path).name: file_sha256(path) for path in inputs}
+    """Attributes of a result file: hashes of its inputs by name, settings, versions and commit."""
+    hashes = {Path(path).name: _sha256(path) for path in inputs}
     checkout = Path(gstlib.__file__).parents[2]
-    # installed elsewhere than in its own checkout, gstlib may lie in somebody else's
+    # An installed gstlib may lie in a folder that is under somebody else's version control.
     at = commit(checkout) if (checkout / ".git").exists() else None
     return {
         "gstlib_version": gstlib.__version__,
@@ -48,19 +46,19 @@ def study_provenance(
     config : mapping
         The whole configuration, defaults included.
     inputs : iterable of path
-        Measured files, tables.
+        Measured files and tables.
     commit : str or None
-        Of the program, see `commit`.
+        Commit of the program, see `commit`.
 
     Returns
     -------
     dict
         ``config``; ``inputs`` (SHA-256 by path); ``software``: gstlib with its commit, Python, and
-        the version of every package that gstlib asks for.
+        the version of every package that gstlib requires.
     """
     return {
         "config": dict(config),
-        "inputs": {str(path): file_sha256(path) for path in sorted(inputs, key=str)},
+        "inputs": {str(path): _sha256(path) for path in sorted(inputs, key=str)},
         "software": {
             "gstlib": gstlib.__version__,
             "commit": commit,
@@ -70,8 +68,14 @@ def study_provenance(
     }
 
 
+def _sha256(path: str | Path) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@functools.cache
 def _packages() -> dict[str, str]:
-    """Version of every package that gstlib and its workflow ask for."""
+    """Version of every package that gstlib and its workflow require."""
     required = {
         re.split(r"[^A-Za-z0-9._-]", text, maxsplit=1)[0]
         for text in metadata.requires("gstlib") or []
@@ -82,79 +86,66 @@ def _packages() -> dict[str, str]:
 
 @functools.cache
 def commit(folder: str | Path) -> str | None:
-    """Commit that a folder of the program is at, and "+" if changed since; None without git."""
+    """Commit checked out in `folder`, followed by "+" if files differ; None without git."""
+    describe = ["git", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"]
     try:
-        described = subprocess.run(
-            [
-                "git",
-                "-C",
-                folder,
-                "describe",
-                "--always",
-                "--abbrev=40",
-                "--dirty=+",
-                "--exclude=*",
-            ],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        said = subprocess.run(describe, cwd=folder, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
         return None
-    return described.stdout.strip()
-
-
-def _imported_names(path: Path, package: Path) -> set[str]:
-    """Dotted names that the Python file `path` imports, modules and what is taken from them."""
-    inside = path.is_relative_to(package)
-    here = path.relative_to(package.parent).parent.parts if inside else ()
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            above = here[: len(here) - node.level + 1] if node.level else ()
-            module = ".".join([*above, *filter(None, [node.module])])
-            names.add(module)
-            names.update(f"{module}.{alias.name}" for alias in node.names)
-    return names
-
-
-@cache
-def _imported_files(path: Path, package: Path, state: tuple[int, int]) -> set[Path]:
-    """Files of the package that the Python file `path`, in that state, imports directly."""
-    found = set()
-    for name in _imported_names(path, package):
-        parts = name.split(".")
-        if parts[0] != package.name:
-            continue
-        # importing a module also runs the __init__ of every package above it
-        for depth in range(1, len(parts) + 1):
-            stem = package.parent.joinpath(*parts[:depth])
-            found.update(
-                file for file in (stem.with_suffix(".py"), stem / "__init__.py") if file.is_file()
-            )
-    return found
+    return said.stdout.strip()
 
 
 def source_hash(script: str | Path) -> str:
-    """Hash of every gstlib file that `script` imports, however indirectly.
+    """Hash of the gstlib code that `script` imports, directly or indirectly.
 
-    A rule takes it as a parameter, so that a change in the library reruns just the rules that use
-    what changed.
+    A rule takes it as a parameter, so that a change in the library reruns only the rules that use
+    what changed: files as a whole, of `gstlib.study` only the definitions that are used.
     """
     package = Path(gstlib.__file__).parent
-    seen: set[Path] = set()
-    queue = {Path(script)}
+    start = (Path(script), "")
+    seen, queue = set(), {start}
     while queue:
-        file = queue.pop()
-        if file not in seen:
-            seen.add(file)
-            status = file.stat()
-            queue |= _imported_files(file, package, (status.st_mtime_ns, status.st_size))
-    seen.discard(Path(script))  # Snakemake itself watches the script
+        seen.add(code := queue.pop())
+        queue |= _used(code, package) - seen
     digest = hashlib.sha256()
-    for file in sorted(seen):
-        digest.update(file.relative_to(package).as_posix().encode())
-        digest.update(file.read_bytes())
+    for file, name in sorted(seen - {start}):  # Snakemake itself watches the script
+        digest.update(f"{file.relative_to(package).as_posix()} {name}".encode())
+        digest.update(ast.dump(_definitions(file)[name]).encode() if name else file.read_bytes())
     return digest.hexdigest()[:16]
+
+
+@functools.cache
+def _definitions(file: Path) -> dict[str, ast.AST]:
+    """Functions, classes and constants of a file by name, and the whole of it under ""."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    found: dict[str, ast.AST] = {"": tree}
+    for node in tree.body:
+        targets = node.targets if isinstance(node, ast.Assign) else [node]
+        names = (getattr(target, "name", getattr(target, "id", None)) for target in targets)
+        found |= {name: node for name in names if name}
+    return found
+
+
+@functools.cache
+def _used(code: _Code, package: Path) -> frozenset[_Code]:
+    """The code of the package that `code` uses directly."""
+    file, name = code
+    found: set[_Code] = set()
+    for part in ast.walk(_definitions(file)[name]):
+        if name and isinstance(part, ast.Name) and part.id in _definitions(file):
+            found.add((file, part.id))
+        if not isinstance(part, ast.ImportFrom):
+            continue
+        folder = file.parents[part.level - 1] if part.level else package.parent
+        for alias in part.names:
+            # What is imported from a package may be one of its modules; and importing a module
+            # also runs the __init__ of every package above it.
+            stem = folder.joinpath(*(part.module or "").split("."), alias.name)
+            stems = [one for one in (stem, *stem.parents) if one.is_relative_to(package)]
+            modules = [m for one in stems for m in (one.with_suffix(".py"), one / "__init__.py")]
+            for module in filter(Path.is_file, modules):
+                if module != package / _BY_FUNCTION:
+                    found.add((module, ""))
+                elif alias.name in _definitions(module):
+                    found.add((module, alias.name))
+    return frozenset(found)

@@ -1,111 +1,116 @@
-"""Snakemake's logger plugin of this project: `logger: gst` in the profile.
+"""Snakemake's logger plugin of this project (`logger: gst` in the profile): how far a run is.
 
-Passes what Snakemake tells of a run to `gstlib.progress`, and takes out of its messages what is of
-use to who programs the workflow only. Where Snakemake is asked for something else than a run (a
-dry run, --verbose, --quiet, ...), its own display does it.
+A line for each step that begins and for each tenth of the steps that is done. What a step warned
+of, and why it failed, comes from its log. Where Snakemake is not asked for a plain run (a dry run,
+--verbose, --quiet, ...), its own display is used.
 """
 
 import os
 import re
+import sys
+import time
+from datetime import timedelta
 from logging import INFO, LogRecord
+from pathlib import Path
+from typing import Any
 
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
 from gstlib.logs import FILE_ONLY
-from gstlib.progress import Progress
 
-__all__ = ["LogHandler"]
+__all__ = ["LogHandler", "logged"]
 
-# Once this rule has run, the steps of the patches that are studied join the plan.
-_CHECKPOINT = "couple_scales"
-# Said by the display itself, or of no use to who runs a study.
-_SAID_OTHERWISE = (
-    "At least one job did not complete successfully",
-    "Exiting because a job execution failed",
+_RECORD = re.compile(r"^(\w+) (.*?)(?=^(?:INFO|WARNING|ERROR) |\Z)", re.MULTILINE | re.DOTALL)
+_SILENT = (
+    "the step ended without an error message. It may have been stopped: by a person, at its time "
+    "limit, or for lack of memory."
 )
-_STOPPED = ("Terminating", "Will exit")
-_WANTED_IN_A_RUN = (*_STOPPED, "Trying to restart", "Waiting at most")
-_NOISE = ("Assuming", "Building DAG", "Config file", "Updating", "Using shell")
-_RAISED = re.compile(r"Error:\n  \w+: (.*?)\nWildcards:\n.*", re.DOTALL)  # in an input function
+# Snakemake's own messages: what this display says itself, and what is worth a line in a run.
+_REPLACED = ("At least one job did not complete successfully", "Exiting because a job execution")
+_WANTED = ("Terminating", "Will exit", "Nothing to be", "Trying to restart", "Waiting at most")
 _PLACE = re.compile(r'^(?:\w+ in (?:rule .*)?file ".*", line \d+:|  File ".*)\n?', re.MULTILINE)
 
 
-class LogHandler(LogHandlerBase):
-    """Shows a run as `gstlib.progress` does."""
+def logged(log: Path, level: str) -> list[str]:
+    """Records of a level in a log of `gstlib.logs`; of a traceback, the last three lines."""
+    text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
+    records = [match[2].strip() for match in _RECORD.finditer(text) if match[1] == level]
+    parts = [record.partition("\nTraceback (most recent call last):\n") for record in records]
+    return ["\n  ".join([said, *trace.splitlines()[-3:]]) for said, _, trace in parts]
 
-    def __post_init__(self) -> None:
-        asked = self.common_settings
-        self.idle = bool(
-            asked.dryrun or asked.quiet or asked.verbose or asked.debug_dag or asked.printshellcmds
-        )
-        if not self.idle:
-            os.environ[FILE_ONLY] = "1"  # the jobs'
-            self.progress = Progress()
+
+class LogHandler(LogHandlerBase):
+    """Shows a run on stderr."""
 
     writes_to_file = has_formatter = needs_rulegraph = False
-    has_filter = True
+    writes_to_stream = has_filter = True
 
-    @property
-    def writes_to_stream(self) -> bool:
-        return not self.idle
+    def __post_init__(self) -> None:
+        others = ("dryrun", "quiet", "verbose", "debug_dag", "printshellcmds")
+        self.writes_to_stream = not any(getattr(self.common_settings, name) for name in others)
+        self.start, self.total, self.done = time.monotonic(), 0, 0
+        self.steps: dict[int, tuple[str, Path]] = {}  # what each does, and its log
+        if self.writes_to_stream:
+            os.environ[FILE_ONLY] = "1"  # for the steps, which inherit it
 
     def emit(self, record: LogRecord) -> None:
-        if self.idle:
-            return
         try:
-            self._show(record)
+            if self.writes_to_stream:
+                self._show(record)
         except Exception:
             self.handleError(record)
 
     def close(self) -> None:
-        if not self.idle:
-            self.progress.close()
+        if self.done < self.total:
+            how = f"Stopped with {self.done} of {self.total} steps done, after {self._elapsed()}."
+            self._say(f"{how} Repeat the same command to go on from there.")
+        elif self.total:
+            self._say(f"All {self.done} steps are done, after {self._elapsed()}.")
+        self.total = 0  # Snakemake closes its handlers more than once
         super().close()
 
-    def _show(self, record: LogRecord) -> None:
-        show = self.progress
+    def _show(self, record: Any) -> None:
         match getattr(record, "event", None):
             case LogEvent.RUN_INFO:
-                if not show.total:
-                    stats = record.stats
-                    show.plan(stats["total"], growing=_CHECKPOINT in stats)
-            case LogEvent.JOB_INFO:
-                if record.output:  # not a rule that only names others
-                    what = record.rule_msg or record.rule_name
-                    show.begin(record.jobid, what, next(iter(record.log), None))
-            case LogEvent.JOB_FINISHED:
-                show.end(record.job_id)
+                self.total = record.stats["total"]
+                self._say(f"{self.total} steps to do.")
+            case LogEvent.JOB_INFO if record.output:  # not a rule that only names others
+                what, log = record.rule_msg or record.rule_name, Path(record.log[0])
+                log.unlink(missing_ok=True)  # what an earlier run left
+                self.steps[record.jobid] = what, log
+                self._say(f"{self._elapsed()}  {what}")
+            case LogEvent.JOB_FINISHED if record.job_id in self.steps:
+                what, log = self.steps[record.job_id]
+                for text in logged(log, "WARNING"):
+                    self._say(f"WARNING: {text}\n  step: {what}\n  log:  {log}")
             case LogEvent.PROGRESS:
-                show.count(record.done, record.total)
+                if 10 * record.done // record.total > 10 * self.done // record.total:
+                    self._say(f"{self._elapsed()}  {record.done} of {record.total} steps done")
+                self.done = record.done
             case LogEvent.JOB_ERROR:
-                show.fail(record.jobid, record.rule_name, record.log, record.rule_msg)
+                self._fail(record.jobid, record.rule_msg or _SILENT)
             case LogEvent.GROUP_ERROR:
                 for job in record.job_error_info:
-                    show.fail(job["jobid"], job["rule_name"], job["log"], record.getMessage())
+                    self._fail(job["jobid"], record.getMessage() or _SILENT)
             case LogEvent.ERROR:
-                self._explain(record)
-            case None if self._wanted(record):
-                show.write(record.getMessage())
+                text = record.getMessage()
+                if "CalledProcessError" not in text:  # of a step; its own log says more
+                    text = _PLACE.sub("", text).strip().removeprefix("WorkflowError:\n")
+                    self._say(f"ERROR: {text}")
+            case None:
+                text = record.getMessage()
+                if text.startswith(_WANTED) or record.levelno > INFO:
+                    self._say(text)
 
-    def _wanted(self, record: LogRecord) -> bool:
-        text = record.getMessage()
-        self.progress.stopped |= text.startswith(_STOPPED)
-        if record.levelno > INFO:
-            return not text.startswith(_SAID_OTHERWISE)
-        if self.progress.total:
-            return text.startswith(_WANTED_IN_A_RUN)
-        return not text.startswith(_NOISE)
+    def _fail(self, job: int, reason: str) -> None:
+        what, log = self.steps[job]
+        error = (logged(log, "ERROR") or [reason])[-1]
+        self._say(f"ERROR: {error}\n  step: {what}\n  log:  {log}")
 
-    def _explain(self, record: LogRecord) -> None:
-        """An error of Snakemake's or of the config, without where in the program it was found."""
-        text = record.getMessage()
-        if "CalledProcessError" in text and record.exception == "RuleException":
-            return  # of a script: its log says more, see JOB_ERROR
-        text = _PLACE.sub("", text).strip().removeprefix("WorkflowError:\n")
-        text = _RAISED.sub(r"\1", text)
-        self.progress.stopped = True
-        if not text.startswith(_SAID_OTHERWISE):
-            self.progress.write(f"ERROR: {text}")
-        if "not valid JSON or YAML" in text:
-            self.progress.write("`make check` with the same config says in which line.")
+    def _say(self, text: str) -> None:
+        if not text.removeprefix("ERROR: ").startswith(_REPLACED):
+            print(text.rstrip(), file=sys.stderr, flush=True)
+
+    def _elapsed(self) -> str:
+        return str(timedelta(seconds=round(time.monotonic() - self.start)))

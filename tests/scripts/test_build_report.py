@@ -1,45 +1,43 @@
-"""The report's own script: when it builds the report anew."""
+"""When a report is made anew, and the config to repeat a study."""
 
-import importlib.util
+import json
 import os
+import sys
 from pathlib import Path
 
-import pytest
+import yaml
+from click.testing import CliRunner
 
-SCRIPT = Path(__file__).parents[2] / "workflow/build_report.py"
+from gstlib.cli import main
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "workflow"))
+from build_report import is_report_current
+
+RECORD = {
+    "config": {"title": "a stone", "macroscale": {"grid": 100}},
+    "software": {"gstlib": "0.1.0", "commit": "ef" * 20},
+}
 
 
-@pytest.fixture(scope="module")
-def script():
-    spec = importlib.util.spec_from_file_location("build_report", SCRIPT)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture
-def report(tmp_path):
-    """A report, a second younger than all that it shows."""
-    shown = ["provenance.json", "tables/inputs.csv", "figures/inputs.png", "figures/patch/7.png"]
-    for age, name in [*((2, name) for name in shown), (1, "report.html")]:
+def test_a_report_is_made_anew_when_something_that_it_shows_is_younger(tmp_path):
+    parts = ["provenance.json", "tables/a.csv", "figures/patch/1.png", "logs/solve_patches.log"]
+    for name in ("report.html", *parts):
         file = tmp_path / name
         file.parent.mkdir(parents=True, exist_ok=True)
         file.touch()
-        os.utime(file, (1e9 - age, 1e9 - age))
-    return tmp_path / "report.html"
+        os.utime(file, (1e9, 1e9))
+    assert is_report_current(tmp_path)
+    for name in parts:
+        os.utime(tmp_path / name, (1e9 + 1, 1e9 + 1))
+        assert not is_report_current(tmp_path), name
+        os.utime(tmp_path / name, (1e9, 1e9))
+    (tmp_path / "report.html").unlink()
+    assert not is_report_current(tmp_path)
 
 
-def test_a_report_is_not_built_twice(script, report):
-    assert script.is_up_to_date(report)
-    report.unlink()
-    assert not script.is_up_to_date(report)
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["tables/inputs.csv", "figures/patch/7.png", "provenance.json"],
-    ids=["table", "figure", "title or other settings"],
-)
-def test_a_report_is_built_anew_after_a_change(script, report, name):
-    os.utime(report.parent / name, (1e9, 1e9))
-    assert not script.is_up_to_date(report)
+def test_the_config_to_make_results_again(tmp_path):
+    (tmp_path / "provenance.json").write_text(json.dumps(RECORD))
+    said = CliRunner().invoke(main, ["config", str(tmp_path)])
+    assert said.exit_code == 0
+    assert said.output.startswith(f"# gstlib 0.1.0, commit {'ef' * 20}\n")
+    assert yaml.safe_load(said.output) == RECORD["config"]

@@ -1,0 +1,52 @@
+"""Scripts refuse what they cannot use, and the report's captions explain the tables' columns."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+from gstlib.errors import ConfigError
+
+WORKFLOW = Path(__file__).parents[2] / "workflow"
+
+
+def test_a_hardness_below_a_pressure_is_refused_before_anything_is_solved(tmp_path):
+    spec = importlib.util.spec_from_file_location("script", WORKFLOW / "scripts/solve_hardness.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    pressures = tmp_path / "pressures.csv"
+    pressures.write_text("patch,pressure_MPa,in_study\n3,12,yes\n5,50,no\n7,40,yes\n")
+    for hardness, error in ((40.0, ConfigError), (40.1, Exception)):
+        with pytest.raises(error) as raised:
+            script.main(
+                [tmp_path / f"{patch}.h5" for patch in "357"],  # there are none
+                pressures,
+                tmp_path / "hardness",
+                tmp_path / "table.csv",
+                patches=["3", "5", "7"],
+                hardness_MPa=hardness,
+            )
+        soft = "'hardness' is 40 MPa, not above the mean pressure of patch 7 (40 MPa)."
+        assert (soft in str(raised.value)) == (hardness == 40.0)
+        assert ("3.h5" in str(raised.value)) == (hardness == 40.1)  # the first to be solved
+
+
+@pytest.mark.parametrize(
+    ("caption", "columns"),
+    [
+        ("inputs_table", "unmeasured"),
+        ("patch_pressures", "peak_pressure_MPa"),
+        ("placement_table", "looks"),
+        ("preprocessing", "unmeasured unmeasured_share"),
+        ("slip", "mean_traction_MPa tangential_displacement_um"),
+        (
+            "validation_patches",
+            "contact_fraction valid_contact_fraction loss_fraction gain_fraction loss_area_mm2 "
+            "loss_volume_um3 loss_depth_um loss_per_area_um noise_share correlation_length_um "
+            "rigid_fraction fss",
+        ),
+    ],
+)
+def test_columns_are_named_in_the_caption_of_their_table(caption, columns):
+    text = (WORKFLOW / f"report/{caption}.rst").read_text(encoding="utf-8")
+    assert [column for column in columns.split() if f"``{column}``" not in text] == []
