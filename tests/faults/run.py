@@ -1,55 +1,233 @@
-"""Ill-treat the tiny study and count what it survives: `make test-faults` (half an hour or more).
+"""Kill, starve and damage the tiny study, and count what it survives: `make test-faults`.
 
 Every case runs a copy of the project in a folder of its own with `make study`, as a user does, and
-compares all results byte for byte with those of a run that nothing disturbed.
+compares all results byte for byte with those of a run that nothing disturbed. A fault is survived
+if no half-written result lies in its place after it, an error names what the study cannot mend by
+itself, and the study, run again as its messages say, ends with the undisturbed results.
 """
 
 import argparse
+import os
+import random
+import shutil
+import signal
+import subprocess
 import sys
 import tempfile
 import time
+from collections import defaultdict
 from pathlib import Path
 
-from damage import try_damage
-from disks import can_mount, try_disks, try_two_runs
-from kills import try_kills
-from report import table
-from study import Study
+import h5py
+import psutil
+
+ROOT = Path(__file__).parents[2]
+RESULTS = "results-tiny"
+NO_RESULTS = {"benchmarks", "logs", "report.html"}  # how long a job took, and what it said
+FULL = ("cannot be written: the disk is full", "No space left on device")
+# What is amiss after each fault, by its kind; empty where it was survived.
+OUTCOMES: dict[str, list[str]] = defaultdict(list)
+
+
+class Study:
+    """A copy of the project with the tiny study in it; the environment is this one."""
+
+    def __init__(self, folder: Path, reference: dict[str, bytes], finished: Path | None = None):
+        self.folder, self.results, self.reference = folder, folder / RESULTS, reference
+        if finished:  # dates and Snakemake's records included
+            shutil.copytree(finished, folder, symlinks=True)
+            return
+        listed = ["git", "-C", ROOT, "ls-files", "--cached", "--others", "--exclude-standard"]
+        names = subprocess.run(listed, capture_output=True, text=True, check=True).stdout
+        for name in filter(lambda name: (ROOT / name).is_file(), names.splitlines()):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
+        (folder / ".venv").symlink_to(sys.prefix)
+
+    def start(self) -> subprocess.Popen:
+        """`make study` in a session of its own, so that all of it can be killed at once."""
+        return subprocess.Popen(
+            ["make", "-o", ".venv/ready", "study", "CONFIG=config/tiny.yaml"],
+            cwd=self.folder,
+            start_new_session=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+        )
+
+    def make(self) -> tuple[bool, str]:
+        """Whether `make study`, once jobs of a killed run had ended, ended well; and its words."""
+        while True:
+            process = self.start()
+            said = process.communicate()[0]
+            if process.returncode == 0 or "are still at work" not in said:
+                return process.returncode == 0, said
+            time.sleep(2)
+
+    def processes(self, kind: str) -> list[psutil.Process]:
+        """The run's jobs (`job`), or its Snakemake (`run`), as they are now."""
+        found = []
+        for process in psutil.process_iter(["cwd", "cmdline"]):
+            command = process.info["cmdline"] or []
+            is_job = any("/.snakemake/scripts/" in word for word in command)
+            is_run = any(Path(word).name == "snakemake" for word in command[:3]) and not is_job
+            here = process.info["cwd"] == str(self.folder.resolve())
+            found += [process] if here and (is_job if kind == "job" else is_run) else []
+        return found
+
+    def files(self) -> dict[str, bytes]:
+        """Every result by its name; hidden files are none."""
+        files = [file for file in sorted(self.results.rglob("[!.]*")) if file.is_file()]
+        named = {file.relative_to(self.results): file for file in files}
+        return {
+            str(name): file.read_bytes()
+            for name, file in named.items()
+            if name.parts[0] not in NO_RESULTS
+        }
+
+    def half_written(self) -> str:
+        """Results that are there, but not those of the undisturbed study."""
+        wrong = [name for name, text in self.files().items() if self.reference.get(name) != text]
+        return f"half-written: {', '.join(wrong)}" if wrong else ""
+
+    def end(self) -> str:
+        """What is amiss once the study has been run to its end."""
+        done, said = self.make()
+        missing = sorted(self.reference.keys() - self.files().keys())
+        left = [file.name for file in self.results.rglob("*.part")]
+        amiss = "" if done else "the study does not end"
+        amiss = amiss or self.half_written() or ", ".join(missing + left)
+        if amiss:
+            print("\n".join("    | " + line for line in said.splitlines()[-40:]), flush=True)
+        return amiss
+
+
+def count(fault: str, amiss: str) -> None:
+    OUTCOMES[fault].append(amiss)
+    print(f"  {fault}: {'LOST: ' + amiss if amiss else 'survived'}", flush=True)
+
+
+def kill_at_random(study: Study, kind: str, choose: random.Random, duration: float) -> str:
+    """SIGKILL to one job, to Snakemake alone, or to the whole run; then what is amiss."""
+    process = study.start()
+    time.sleep(choose.uniform(0.02, 0.35) * duration)
+    while process.poll() is None:
+        if kind == "all":
+            os.killpg(process.pid, signal.SIGKILL)
+        elif found := study.processes(kind):
+            choose.choice(found).kill()
+        else:
+            time.sleep(0.05)
+            continue
+        break
+    process.communicate()
+    while study.processes("job"):  # those that outlive Snakemake
+        time.sleep(0.2)
+    if kind == "job" and process.returncode == 0:
+        return "a killed job passed for done"
+    return study.half_written()
+
+
+def fill_disk(folder: Path, reference: dict[str, bytes]) -> None:
+    """The results on a read-only disk, then on one that is full again and again."""
+    disk = folder / RESULTS
+    disk.mkdir(parents=True)
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1g", "none", disk], check=True)
+    try:
+        study = Study(folder, reference)
+        size = sum(map(len, reference.values()))
+        for share in (None, 0.0, 0.3, 0.6, 0.9):
+            options = "ro" if share is None else f"rw,size={int(share * size) + 24 * 1024}"
+            subprocess.run(["mount", "-o", f"remount,{options}", disk], check=True)
+            done, said = study.make()
+            words = ("the disk is read-only",) if share is None else FULL
+            clear = not done and any(word in said for word in words)
+            amiss = study.half_written() if clear else "no clear error"
+            count("read-only disk" if share is None else "full disk", amiss)
+        subprocess.run(["mount", "-o", "remount,size=1g", disk], check=True)
+        count("full disk, once there is room", study.end())
+    finally:
+        subprocess.run(["umount", "--lazy", disk], check=True)
+
+
+def cut_off(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def flip_bit(path: Path) -> None:
+    """One bit in the middle of the largest array."""
+    with h5py.File(path) as file:
+        largest = max(file.values(), key=lambda variable: variable.id.get_storage_size())
+        chunk = largest.id.get_chunk_info(largest.id.get_num_chunks() // 2)
+    content = bytearray(path.read_bytes())
+    content[chunk.byte_offset + chunk.size // 2] ^= 1
+    path.write_bytes(content)
+
+
+def lose_column(path: Path) -> None:
+    """The column of the pressures."""
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    at = rows[0].index("pressure_MPa")
+    path.write_text("".join(",".join(row[:at] + row[at + 1 :]) + "\n" for row in rows))
+
+
+DAMAGES = {
+    "HDF5, scan or mesh cut off": (
+        cut_off,
+        ["surfaces/7_T0.h5", "microscale/7.h5", "specimen/scans/7_T0.plu", "specimen/mesh.stl"],
+    ),
+    "one bit of an array flipped": (flip_bit, ["macroscale/contact.h5", "microscale/7.h5"]),
+    "table without a column": (
+        lose_column,
+        ["tables/patch_pressures.csv", "coupling/pressures.csv"],
+    ),
+}
+
+
+def after_damage(study: Study, file: str) -> str:
+    """What is amiss after the study has met a damaged file; its remedy, deleting it, is tried."""
+    done, said = study.make()
+    if not done:
+        named = [line for line in said.splitlines() if file in line and "ERROR" in line]
+        if not named or "Traceback" in said:
+            return f"no clear error: {said[-2000:]}"
+        (study.results / file).unlink()
+    return study.end()
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("kinds", nargs="*", help="kills, disks, two, damage; all by default")
     parser.add_argument("--kills", type=int, default=21)
-    parser.add_argument("--kills-in-a-study", type=int, default=7)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    kinds = arguments.kinds or ["kills", "disks", "two", "damage"]
+    choose = random.Random(arguments.seed)
     with tempfile.TemporaryDirectory(prefix="faults-") as name:
         folder = Path(name)
-        finished = Study(folder / "undisturbed").make_folder()
         started = time.monotonic()
+        finished = Study(folder / "undisturbed", {})
         done, said = finished.make()
-        duration = time.monotonic() - started
         if not done:
-            finished.tell(said)
-            return 1
-        reference = finished.files()
-        print(f"undisturbed: {len(reference)} results in {duration:.0f} s", flush=True)
-        counts = []
-        if "kills" in kinds:
-            each = arguments.kills, arguments.kills_in_a_study, arguments.seed
-            counts += try_kills(folder, reference, duration, *each)
-        if "disks" in kinds and can_mount(folder):
-            counts += try_disks(folder, reference)
-        elif "disks" in kinds:
-            print("disks: skipped, no right to mount a small one (root has it)")
-        if "two" in kinds:
-            counts += try_two_runs(folder, reference)
-        if "damage" in kinds:
-            counts += try_damage(folder, finished, reference)
-    print("\n" + table(counts))
-    return int(any(count.lost for count in counts))
+            raise SystemExit(said)
+        duration, reference = time.monotonic() - started, finished.files()
+        for number in range(arguments.kills):
+            kind = ("job", "run", "all")[number % 3]
+            study = Study(folder / f"kill{number}", reference)
+            amiss = kill_at_random(study, kind, choose, duration)
+            count(f"SIGKILL ({kind})", amiss or study.end())
+        if os.geteuid() == 0:
+            fill_disk(folder / "disk", reference)
+        for fault, (damage, files) in DAMAGES.items():
+            for file in files:
+                place = folder / f"{damage.__name__}-{file.replace('/', '-')}"
+                study = Study(place, reference, finished.folder)
+                damage(study.results / file)
+                count(fault, after_damage(study, file))
+    lost = 0
+    for fault, outcomes in OUTCOMES.items():
+        lost += len([amiss for amiss in outcomes if amiss])
+        print(f"{fault}: {len(outcomes)} tried, {sum(map(bool, outcomes))} lost")
+    return int(lost > 0)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A study is run here as a user runs it: Snakemake in a process of its own, in an empty folder."""
+"""A study runs here as a user runs it: Snakemake in a process and a folder of its own."""
 
 import os
 import re
@@ -8,9 +8,9 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
+from filelock import FileLock
 
 ROOT = Path(__file__).parents[2]
 
@@ -46,11 +46,15 @@ class Study:
             check=False,
         )
 
-    def planned(self) -> set[str]:
+    def succeed(self, *arguments: str, cores: int = 2) -> str:
+        """Run, and give what was said."""
+        result = self.run(*arguments, cores=cores)
+        assert result.returncode == 0, result.stdout + result.stderr
+        return result.stdout + result.stderr
+
+    def planned(self, *arguments: str) -> set[str]:
         """Names of the rules that a run would execute now."""
-        result = self.run("--dry-run")
-        assert result.returncode == 0, result.stderr + result.stdout
-        counts = re.findall(r"^(\w+) +\d+$", result.stdout + result.stderr, re.MULTILINE)
+        counts = re.findall(r"^(\w+) +\d+$", self.succeed("--dry-run", *arguments), re.MULTILINE)
         return set(counts) - {"all", "total"}
 
     def change(self, **sections: object) -> None:
@@ -74,12 +78,6 @@ def fresh(folder: Path) -> Study:
     return Study(folder)
 
 
-def older_processor() -> dict[str, str]:
-    """Environment in which NumPy and OpenBLAS use what every processor of the kind has."""
-    found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
-    return {"NPY_DISABLE_CPU_FEATURES": " ".join(found), "OPENBLAS_CORETYPE": "Prescott"}
-
-
 @pytest.fixture
 def study(tmp_path) -> Study:
     """An empty folder with the shipped configs."""
@@ -88,11 +86,18 @@ def study(tmp_path) -> Study:
 
 @pytest.fixture(scope="session")
 def finished_tiny(tmp_path_factory) -> Study:
-    """The tiny study, run once on 2 cores. Not to be changed: see `tiny`."""
-    finished = fresh(tmp_path_factory.mktemp("tiny") / "study")
-    result = finished.run()
-    assert result.returncode == 0, result.stdout + result.stderr
-    return finished
+    """The tiny study, run once for all processes of the tests. Not to be changed: see `tiny`."""
+    root = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        root = root.parent
+    done = root / "tiny/done"
+    with FileLock(root / "tiny.lock"):
+        if done.exists():
+            return Study(root / "tiny/study")
+        finished = fresh(root / "tiny/study")
+        finished.succeed()
+        done.touch()
+        return finished
 
 
 @pytest.fixture

@@ -1,131 +1,115 @@
-"""`make check`: all problems of a study at once, what a run would do, and an exit code."""
+"""Bad input: all problems at once, in clear errors, by `make check` and before a run begins."""
 
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 from conftest import ROOT
 
+from gstlib.io.plu import PLU_UNMEASURED_UM
 
-def check(study, *arguments):
-    return subprocess.run(
-        [sys.executable, str(ROOT / "workflow/check.py"), study.config, *arguments],
+
+def check(study):
+    """`workflow/check.py`: its exit code, and what it said."""
+    result = subprocess.run(
+        [sys.executable, str(ROOT / "workflow/check.py"), study.config],
         cwd=study.folder,
-        env=os.environ | {"OMP_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
         check=False,
     )
+    return result.returncode, result.stdout + result.stderr
 
 
-def test_shipped_studies(study):
-    for config, code, said in [
-        ("config/config.yaml", 0, "Nothing is wrong"),
-        ("config/tiny.yaml", 0, "to be generated"),
-        ("config/m12.yaml", 1, "files do not exist"),  # they are not public
-    ]:
-        study.config = config
-        result = check(study)
-        assert result.returncode == code, result.stderr
-        assert said in result.stdout + result.stderr
-        assert "elements" in result.stdout
-        assert "E* = 12820 MPa, as given; 10346 MPa by the elastic constants" in result.stdout
+def missing(said, *words):
+    """The words that were not said, and a traceback that was."""
+    return [w for w in words if w not in said] + ["Traceback"] * ("Traceback" in said)
 
 
 def test_good_files(measured):
-    result = check(measured)
-    assert result.returncode == 0, result.stderr
-    assert "64 × 64 points" in result.stdout
-    assert " mm along its x, y, z; edges of " in result.stdout
-    assert "scans       Sq " in result.stdout
-    assert "WARNING" not in result.stderr
+    code, said = check(measured)
+    assert code == 0, said
+    words = ("E* = 12820 MPa, as given; 10346 MPa by the elastic constants", "No problems found")
+    facts = ("up to 64 × 64 points; Sq ", " mm along its x, y, z; mean edge length ")
+    assert missing(said, *words, *facts) == []
+    assert "WARNING" not in said
     assert [file.name for file in measured.results.iterdir()] == ["check.png"]
 
 
-def test_everything_wrong_is_said_at_once(measured):
+def test_every_problem_of_config_and_sweep(study):
+    study.change(macroscale={"grid": -4, "steppes": 3}, material={"poisson_1": 0.7})
+    words = ("macroscale.grid", "-4", "steppes", "remove or correct", "material.poisson_1", "0.7")
+    result = study.run("--dry-run")
+    for code, said in (check(study), (result.returncode, result.stdout + result.stderr)):
+        assert code == 1
+        assert missing(said, "changed.yaml", *words, "config/README.md") == []
+
+
+def test_a_sweep_is_checked_too(study):
+    values = [{"macroscale": {"steps": 5}}, {"texture": {"l_filter_um": 5.0}}]
+    study.change(sweep={"fine": [{"macroscale": {"grid": 50}}], "my factor": values})
+    code, said = check(study)
+    assert code == 1
+    assert missing(said, "'sweep.my factor', value 1: ", "'sweep.my factor', value 2: ") == []
+    assert "no wave passes both filters" in said
+    assert "'sweep.fine'" not in said
+
+
+def test_everything_wrong_with_the_files_is_reported_at_once(measured):
+    """By the check, and by the first step of a run, which leaves nothing half made."""
     data = measured.folder / "data"
-    (data / "scans/7_T0.plu").write_bytes(b"too short")
-    (data / "scans/5_T1.plu").unlink()
-    measured.change(square={"frame": {"origin_mm": [300.0, 0.0, 0.0]}}, material={"poisson_1": 0.7})
-    result = check(measured)
-    assert result.returncode == 1
-    for words in (
-        ("4 problems",),
-        ("material.poisson_1", "0.7"),
-        ("7_T0.plu", "truncated"),
-        ("5_T1.plu", "not exist"),
-        ("mesh.stl", "square.frame"),
-    ):
-        assert all(word in result.stderr for word in words), words
-    assert "Traceback" not in result.stderr
-
-
-def test_what_is_right_is_looked_at_beside_a_faulty_table_and_a_missing_mesh(measured):
-    table = measured.folder / "config/patches_tiny.tsv"
-    table.write_text(table.read_text().replace("\t0.50\t", "\t0.30\t", 1))
-    data = measured.folder / "data"
-    (data / "mesh.stl").unlink()
-    (data / "scans/7_T0.plu").write_bytes(b"too short")
-    measured.change(macroscale={"grid": -4})
-    result = check(measured)
-    assert result.returncode == 1
-    for words in (
-        ("4 problems",),
-        ("macroscale.grid", "-4"),
-        ("patch 5", "sticks out"),
-        ("mesh: data/mesh.stl",),
-        ("7_T0.plu", "truncated"),
-    ):
-        assert all(word in result.stderr for word in words), words
-    assert "Traceback" not in result.stderr
-
-
-def test_nothing_is_said_of_scans_that_cannot_be_read(measured):
-    for scan in (measured.folder / "data/scans").iterdir():
-        scan.write_bytes(b"too short")
-    result = check(measured)
-    assert result.returncode == 1
-    assert "patches     6 of 0.85 mm, 6 steps each" in result.stdout
-    assert "cost        not known" in result.stdout
-    assert "points" not in result.stdout
-
-
-def test_a_run_begins_with_the_check(measured):
-    scans = measured.folder / "data/scans"
-    for name in ("7_T0.plu", "5_T1.plu"):
-        (scans / name).write_bytes((scans / name).read_bytes()[:3000])
+    for name in ("7_T0.plu", "7_T1.plu"):
+        (data / "scans" / name).write_bytes((data / "scans" / name).read_bytes()[:3000])
+    content = bytearray((data / "scans/5_T0.plu").read_bytes())
+    rows, columns = np.frombuffer(content, "<u4", 2, 500)
+    heights = np.frombuffer(content, "<f4", rows * columns, 508)
+    heights[: len(heights) // 2] = PLU_UNMEASURED_UM
+    (data / "scans/5_T0.plu").write_bytes(content)
+    mesh = data / "mesh.stl"
+    trimesh.load_mesh(mesh).apply_scale(1e-3).export(mesh)
+    words = ("4 problems", "truncated", "7_T0.plu", "7_T1.plu", "5_T0.plu", "maximum_unmeasured")
     result = measured.run()
-    said = result.stdout + result.stderr
-    assert result.returncode != 0
-    assert "2 problems" in said
-    assert "7_T0.plu" in said
-    assert "5_T1.plu" in said
-    assert "Traceback" not in said
-    assert not list(measured.results.rglob("*.h5"))
+    for code, said in (check(measured), (result.returncode, result.stdout + result.stderr)):
+        assert code == 1
+        assert missing(said, *words, "data/mesh.stl", "mesh_unit") == []
+    assert not [file for file in measured.results.rglob("*") if file.suffix in (".h5", ".csv")]
 
 
-def make(target, config):
-    """`make TARGET CONFIG=...` with the environment under test."""
-    command = ["make", "-o", ".venv/ready", f"BIN={Path(sys.executable).parent}", target]
-    # the tests themselves may run under make, which hands on what it was called with
+def test_files_that_are_missing_do_not_hide_faults_of_the_others(measured):
+    (measured.folder / "data/mesh.stl").unlink()
+    (measured.folder / "data/scans/5_T1.plu").unlink()
+    measured.change(scans={"size_mm": 0.5})
+    code, said = check(measured)
+    assert code == 1
+    words = ("mesh: data/mesh.stl does not exist", "5_T1.plu does not exist", "correct their names")
+    assert missing(said, *words, "7_T0.plu", "0.8499", "0.5 × 0.5 mm", "scans.size_mm") == []
+    table = measured.folder / "config/patches_tiny.tsv"
+    table.write_text(table.read_text().replace("\t0.50\t", "\t0.10\t", 1))
+    result = measured.run("--dry-run")
+    for code, said in (check(measured), (result.returncode, result.stdout + result.stderr)):
+        assert code == 1
+        assert missing(said, "patches_tiny.tsv", "patch 5", "sticks out", "mm") == []
+
+
+def make(target, *options, cwd=ROOT):
+    """`make TARGET` with the environment under test."""
+    command = ["make", "-o", ".venv/ready", f"BIN={Path(sys.executable).parent}", target, *options]
+    # The tests themselves may run under make, which passes on what it was called with.
     environment = {key: value for key, value in os.environ.items() if "MAKE" not in key}
     return subprocess.run(
-        [*command, f"CONFIG={config}"],
-        cwd=ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
+        command, cwd=cwd, env=environment, capture_output=True, text=True, check=False
     )
 
 
-@pytest.mark.parametrize("target", ["study", "plan", "sweep", "check", "unlock"])
+@pytest.mark.parametrize("target", ["study", "sweep", "check"])
 def test_a_config_that_is_no_yaml_is_refused_in_one_sentence(tmp_path, target):
     config = tmp_path / "mine.yaml"
     config.write_text("title: my: stone\n")
-    result = make(target, config)
+    result = make(target, f"CONFIG={config}")
     assert result.returncode != 0
     assert result.stdout == ""
     error, made = result.stderr.strip().splitlines()
@@ -133,27 +117,29 @@ def test_a_config_that_is_no_yaml_is_refused_in_one_sentence(tmp_path, target):
     assert made.startswith("make: ***")
 
 
-@pytest.mark.parametrize("target", ["check", "plan", "unlock"])
-def test_the_path_of_the_config_may_have_blanks(tmp_path, target):
+def test_the_path_of_the_config_may_have_blanks(tmp_path):
     config = tmp_path / "Fläche 1" / "mine.yaml"
     config.parent.mkdir()
     config.write_bytes((ROOT / "config/tiny.yaml").read_bytes())
-    result = make(target, config)
+    result = make("plan", f"CONFIG={config}")
     assert result.returncode == 0, result.stderr
 
 
-def test_a_project_in_a_folder_with_blanks_is_refused(study):
-    project = study.folder / "Meine Steine"
+def test_a_sweep_needs_a_section():
+    result = make("sweep", "CONFIG=config/tiny.yaml")
+    assert result.returncode != 0
+    assert "tiny.yaml: has no section 'sweep'. Add one, as in config/sweep.yaml." in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("folder", "refused"), [("Meine Steine", True), ("{a}", True), ("Müller-2.1_b+c@d", False)]
+)
+def test_a_project_in_a_folder_that_snakemake_cannot_use_is_refused(tmp_path, folder, refused):
+    project = tmp_path / folder
     project.mkdir()
-    (project / ".venv").symlink_to(sys.prefix)
-    python = str(project / ".venv/bin/python")
-    for command in (
-        [python, str(ROOT / "workflow/check.py"), study.config],
-        [python, *study.command("--dry-run")[1:]],
-    ):
-        result = subprocess.run(
-            command, cwd=study.folder, capture_output=True, text=True, check=False
-        )
-        assert result.returncode != 0
-        assert "has a space in it. Move the project's folder" in result.stdout + result.stderr
-        assert "Traceback" not in result.stderr
+    for name in ("Makefile", "requirements.lock", "pyproject.toml"):
+        (project / name).write_bytes((ROOT / name).read_bytes())
+    command = ["make", "environment", "PYTHON=false"]  # a Python that is too old
+    result = subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
+    assert ("move the project" in result.stdout + result.stderr) == refused
+    assert ("is older than Python" in result.stdout + result.stderr) != refused

@@ -1,0 +1,180 @@
+"""`gstlib.study.Study`, in memory and without Snakemake, gives what the workflow stores.
+
+Both call the same stages; the workflow passes every value through rules and scripts besides. A
+sweep that reads what the study has stored gives what it gives when all is computed anew.
+"""
+
+import numpy as np
+import pytest
+import yaml
+from conftest import ROOT
+
+from gstlib.io.meshes import read_mesh
+from gstlib.io.patches import read_patches
+from gstlib.io.scans import read_scan, read_settings
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import read_table
+from gstlib.specimen.score import true_pressures
+from gstlib.study import (
+    Study,
+    bound_pressures,
+    registration_table,
+    score_patches,
+    select_patches,
+)
+from gstlib.sweep import merged, outcomes, stored_study
+
+
+@pytest.fixture(scope="module")
+def config(finished_tiny):
+    folder = finished_tiny.folder / "config"
+    return merged(*(yaml.safe_load((folder / f"{n}.yaml").read_text()) for n in ("config", "tiny")))
+
+
+@pytest.fixture(scope="module")
+def make_study(finished_tiny, config):
+    results = finished_tiny.results
+    patches = read_patches(
+        finished_tiny.folder / config["patches"],
+        schema=ROOT / "workflow/schemas/patches.schema.yaml",
+        size_mm=config["square"]["size_mm"],
+        patch_size_mm=config["scans"]["size_mm"],
+    )
+
+    def make(config, **options):
+        return Study(
+            config,
+            patches,
+            read_mesh=lambda: read_mesh(results / "specimen/mesh.stl", unit="mm"),
+            read_scan=lambda patch, epoch: read_scan(
+                results / f"specimen/scans/{patch}_{epoch}.plu", **read_settings(config["scans"])
+            ),
+            worn=list(patches.patch),
+            **options,
+        )
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def anew(make_study, config):
+    return make_study(config)
+
+
+def test_every_stage_is_that_of_the_workflow(anew, finished_tiny):
+    results = finished_tiny.results
+    stored = read_dataset(results / "macroscale/surface.h5")
+    np.testing.assert_array_equal(anew.surface().height, stored.height)
+    square = read_dataset(results / "macroscale/contact.h5").isel(step=-1)
+    peak = float(square.pressure.max())
+    np.testing.assert_allclose(anew.contact().pressure, square.pressure, atol=1e-6 * peak)
+    selected = read_table(results / "tables/patch_pressures.csv")
+    np.testing.assert_allclose(anew.selected().pressure_MPa, selected.pressure_MPa, rtol=1e-4)
+    assert list(anew.selected().in_study) == list(selected.in_study)
+    for patch in selected.patch:
+        for epoch in ("T0", "T1"):
+            surface = read_dataset(results / f"surfaces/{patch}_{epoch}.h5")
+            np.testing.assert_array_equal(anew.prepared(patch, epoch).height, surface.height)
+        change = read_dataset(results / f"registered/{patch}.h5")
+        np.testing.assert_allclose(anew.change(patch)["change"], change["change"], atol=1e-9)
+        np.testing.assert_array_equal(anew.change(patch).loss, change.loss)
+        contact = read_dataset(results / f"microscale/{patch}.h5")
+        peak = max(float(contact.pressure.max()), 1.0)
+        found = anew.patch_contact(patch)
+        np.testing.assert_allclose(found.pressure, contact.pressure, atol=1e-3 * peak)
+        displacement = float(np.ravel(found.displacement)[-1])
+        assert displacement == pytest.approx(float(contact.displacement[-1]), rel=1e-3, abs=1e-9)
+
+
+def test_scores_are_those_of_the_workflow(anew, finished_tiny, config):
+    tables = {
+        name: read_table(finished_tiny.results / f"tables/validation_{name}.csv")
+        for name in ("patches", "gains", "failures", "summary")
+    }
+    stored = score_patches(
+        (
+            (
+                patch,
+                read_dataset(finished_tiny.results / f"microscale/{patch}.h5"),
+                read_dataset(finished_tiny.results / f"registered/{patch}.h5"),
+            )
+            for patch in anew.scored()
+        ),
+        anew.selected(),
+        read_table(finished_tiny.results / "tables/microscale_summary.csv"),
+        worst=[],
+        seed=config["seed"],
+        **{k: v for k, v in config["validation"].items() if k != "expected_worst"},
+    )
+    for name, table in tables.items():
+        found = stored[name]
+        assert list(found.columns) == list(table.columns), name
+        for column in table.select_dtypes("number"):
+            np.testing.assert_allclose(
+                found[column].astype(float), table[column], rtol=2e-4, atol=1e-9, err_msg=column
+            )
+
+
+def test_a_patch_whose_detail_does_not_match_is_left_out(anew, config):
+    changes = ((patch, anew.change(patch)) for patch in anew.worn)
+    quality = registration_table(changes, config["selection"]).assign(detail_correlation=0.1)
+    assert not select_patches(anew.pressures(), quality, config["selection"]).in_study.any()
+
+
+def test_intervals_and_moduli_are_those_of_the_workflow(finished_tiny, config):
+    results = finished_tiny.results
+    surface = read_dataset(results / "macroscale/surface.h5")
+    square = read_dataset(results / "macroscale/contact.h5").isel(step=-1)
+    pressures = read_table(results / "coupling/pressures.csv")
+    modulus = config["material"]["contact_modulus_MPa"]
+    target = {name: config["macroscale"][name] for name in ("target_pressure_MPa", "tolerance")}
+    intervals = bound_pressures(
+        surface,
+        square,
+        pressures,
+        material=config["material"],
+        uncertainty=config["uncertainty"],
+        patch_mm=config["scans"]["size_mm"],
+        seed=config["seed"],
+        contact_modulus_MPa=modulus,
+        **target,
+    )
+    stored = read_table(results / "tables/patch_intervals.csv")
+    for column in stored.select_dtypes("number"):
+        np.testing.assert_allclose(intervals[column], stored[column], rtol=1e-4, atol=1e-9)
+    truth = read_table(results / "tables/truth.csv")
+    stored = truth[truth.quantity == "pressure"].set_index("patch").true
+    true = true_pressures(
+        read_dataset(results / "specimen/truth.h5"),
+        patch_mm=config["scans"]["size_mm"],
+        contact_modulus_MPa=modulus,
+        **target,
+    )
+    np.testing.assert_allclose(true[stored.index], stored, rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "moved"),
+    [
+        ({}, None),
+        ({"material": {"contact_modulus_MPa": None}}, "mean(f1)"),
+        ({"macroscale": {"grid": 30}}, "pressure_MPa"),
+        ({"placement": {"shift_y_um": -40.0}}, "pressure_MPa"),
+        ({"preprocessing": {"outlier_rule": "window"}}, "mean(f1)"),
+        ({"traces": {"minimum_points": 6}}, "mean(f1)"),
+        ({"texture": {"l_filter_um": 150.0}}, "mean_change(Sq_um)"),
+    ],
+)
+def test_a_sweep_computes_anew_what_depends_on_the_change(
+    anew, make_study, finished_tiny, config, changes, moved
+):
+    changed = merged(config, changes)
+    known = stored_study(finished_tiny.results, config, changed)
+    partly = outcomes(make_study(changed, known=known))
+    whole = outcomes(make_study(changed))
+    assert list(partly.output) == list(whole.output)
+    np.testing.assert_allclose(partly.result, whole.result, rtol=2e-3, atol=1e-6)
+    if moved:
+        before = outcomes(anew)
+        one, other = (t.result[t.output == moved].to_numpy() for t in (whole, before))
+        assert not np.allclose(one, other, rtol=1e-4)

@@ -1,0 +1,70 @@
+"""Every shipped config and the profile for Slurm plan a whole study, and the linter is content."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+import yaml
+from conftest import ROOT
+
+from gstlib.io.patches import read_patches
+
+# config/tiny.yaml, power.yaml and sweep.yaml are planned by other tests.
+CONFIGS = ["config.yaml", "m12.yaml", "own.yaml", "pebble.yaml"]
+# One environment with a locked set of packages serves the whole workflow (see the Makefile): an
+# environment for each rule would install the same packages again.
+CHOSEN = "* Specify a conda environment or container for each rule.:"
+SLURM = ROOT / "profiles/slurm"
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_a_shipped_config_plans_a_study(study, name):
+    study.config = f"config/{name}"
+    config = yaml.safe_load((study.folder / study.config).read_text())
+    if inputs := config.get("inputs"):
+        patches = read_patches(
+            study.folder / config["patches"],
+            schema=ROOT / "workflow/schemas/patches.schema.yaml",
+            size_mm=5.0,
+            patch_size_mm=0.85,
+        )
+        scans = {*patches.t0, *patches.t1} - {""}
+        for file in (inputs["mesh"], *(f"{inputs['scan_folder']}/{scan}" for scan in scans)):
+            (study.folder / file).parent.mkdir(parents=True, exist_ok=True)
+            (study.folder / file).touch()  # a plan looks only at their presence
+    assert {"solve_macroscale", "couple_scales", "tabulate_preprocessing"} <= study.planned()
+
+
+def test_own_stone_is_that_of_its_own_constants():
+    """What the paper chose to print, or to expect, does not come along with a copied config."""
+    own = yaml.safe_load((ROOT / "config/own.yaml").read_text())
+    assert own["material"]["contact_modulus_MPa"] is None
+    assert not {"published", "validation", "preprocessing"} & set(own)
+
+
+def test_slurm_groups_are_of_rules_that_there_are_and_do_not_wait_for_themselves(study):
+    """Snakemake refuses groups that wait for themselves."""
+    said = study.succeed("--workflow-profile", str(SLURM), "--dry-run")
+    profile = yaml.safe_load((SLURM / "config.yaml").read_text())
+    planned = set(re.findall(r"^(\w+) +\d+$", said, re.MULTILINE))
+    on_request = {"compare_published", "try_specimen", "rate_claims", "draw_power"}
+    assert set(profile["groups"]) | set(profile["set-threads"]) <= planned | on_request
+    text = "".join(file.read_text() for file in ROOT.glob("workflow/rules/*.smk"))
+    assert all(rule in text or rule == "draw_power" for rule in on_request)
+    assert set(profile["group-components"]) <= set(profile["groups"].values())
+    for group in {group for rule, group in profile["groups"].items() if rule in planned}:
+        assert f"Group job {group} " in said
+
+
+def test_lint():
+    result = subprocess.run(
+        [sys.executable, "-m", "snakemake", "--snakefile", ROOT / "Snakefile", "--lint"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    lints = [line.strip() for line in result.stderr.splitlines() if line.startswith("    * ")]
+    assert CHOSEN in lints  # the linter ran, and its words are as we know them
+    assert [lint for lint in lints if lint != CHOSEN] == []

@@ -1,0 +1,98 @@
+"""A change reruns what depends on it and nothing else. Only plans are made here."""
+
+import re
+import shutil
+
+import pytest
+import yaml
+from conftest import ROOT
+
+DRAW = {"draw_inputs", "draw_macroscale", "draw_microscale", "draw_validation"}
+
+
+def test_nothing_is_left_to_do(tiny):
+    assert tiny.planned() == set()
+
+
+@pytest.mark.parametrize(
+    ("change", "reruns", "stays"),
+    [
+        (
+            {"macroscale": {"target_pressure_MPa": 20.0}},
+            {"solve_macroscale", "couple_scales", "solve_patches", "score_patches"},
+            {"generate_specimen", "grid_macroscale", "prepare_T0_scans", "register_patches"},
+        ),
+        (
+            {"preprocessing": {"outlier_median_threshold": 6.0}},
+            {"prepare_T0_scans", "prepare_T1_scans", "register_patches", "tabulate_preprocessing"},
+            {"generate_specimen", "grid_macroscale", "solve_macroscale", "couple_scales"},
+        ),
+        (
+            {"validation": {"resamples": 299}},
+            {"score_patches", "draw_validation", "record_provenance"},
+            None,
+        ),
+        (
+            {"grinding": {"friction": 0.5}},
+            {"solve_slip", "draw_microscale", "record_provenance"},
+            None,
+        ),
+        ({"hardness": 900.0}, {"solve_hardness", "draw_microscale", "record_provenance"}, None),
+        (
+            {"counterface": {"scan": "results-tiny/specimen/scans/5_T0.plu"}},
+            {"prepare_counterface", "solve_patches", "solve_slip", "solve_hardness"},
+            {"prepare_T0_scans", "solve_macroscale", "couple_scales", "register_patches"},
+        ),
+        (
+            {"patches_per_job": 4},
+            {"prepare_T0_scans_1", "prepare_T0_scans_2", "register_patches_2", "solve_patches_2"},
+            {"generate_specimen", "grid_macroscale", "solve_macroscale", "couple_scales"},
+        ),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_a_changed_value(tiny, change, reruns, stays):
+    tiny.change(**change)
+    planned = tiny.planned()
+    if stays is None:
+        assert planned == reruns
+    else:
+        assert reruns <= planned
+        assert planned.isdisjoint(stays)
+
+
+@pytest.mark.parametrize(
+    ("module", "reruns", "stays"),
+    [
+        ("coupling.py", {"couple_scales"}, {"solve_macroscale", "grid_macroscale"}),
+        ("bem/halfspace.py", {"solve_macroscale"}, {"grid_macroscale", "generate_specimen"}),
+        ("validation/change.py", {"register_patches"}, {"prepare_T0_scans", "solve_patches"}),
+        ("preprocess/gridding.py", {"grid_macroscale"}, {"generate_specimen", "prepare_T0_scans"}),
+    ],
+)
+def test_a_changed_library_file(tiny, tmp_path, module, reruns, stays):
+    library = tmp_path / "library"
+    shutil.copytree(ROOT / "src/gstlib", library / "gstlib")
+    with (library / "gstlib" / module).open("a") as file:
+        file.write("\n# a change\n")
+    tiny.environment = {"PYTHONPATH": str(library)}
+    planned = tiny.planned()
+    assert reruns <= planned
+    assert planned.isdisjoint(stays)
+
+
+def test_the_whole_plan_is_known_before_anything_has_run(study):
+    assert {"generate_specimen", "solve_patches", "score_patches", *DRAW} <= study.planned()
+
+
+def test_power_and_sweep_are_planned_only_when_asked_for(study):
+    for config, target, rule in (
+        ("config/power.yaml", "power", "try_specimen"),
+        ("config/sweep.yaml", "sweep", "try_setting"),
+    ):
+        study.config = config
+        asked = yaml.safe_load((study.folder / config).read_text())[target]
+        count = asked["specimens"] if target == "power" else 1 + sum(map(len, asked.values()))
+        said = study.succeed(target, "--dry-run")
+        assert re.search(rf"^{rule} +{count}$", said, re.MULTILINE)
+        assert rule not in study.planned()

@@ -1,0 +1,232 @@
+"""Whole studies, each started anew: for `make test-all`."""
+
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from conftest import ROOT, fresh
+from test_tiny_study import recomputed_residual
+
+from gstlib.difference import compare_results, describe_changes
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import read_table
+from gstlib.surface import spacing_of
+
+pytestmark = pytest.mark.slow
+
+BASELINE = Path(__file__).parents[1] / "baseline"
+
+
+def test_the_default_study_gives_the_baseline(tmp_path):
+    """Digit by digit. Where a change is meant, `make baseline` renews the tables."""
+    study = fresh(tmp_path / "study")
+    study.config = "config/config.yaml"
+    tables = sorted(file.name for file in BASELINE.glob("tables/*.csv"))
+    assert len(tables) > 15
+    study.succeed(*(f"results/tables/{name}" for name in tables))
+    found = compare_results(BASELINE, study.results)
+    found = found[found.table != "provenance"]
+    assert found.empty, describe_changes(found)
+
+
+def older_processor() -> dict[str, str]:
+    """Environment in which NumPy and OpenBLAS use what every processor of the kind has."""
+    found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+    return {"NPY_DISABLE_CPU_FEATURES": " ".join(found), "OPENBLAS_CORETYPE": "Prescott"}
+
+
+def test_one_core_of_an_older_processor_gives_the_same_tables_as_two(finished_tiny, tmp_path):
+    """Its sums and functions differ in their last bits; the generated files do not, nor tables."""
+    single = fresh(tmp_path / "single")
+    single.environment = older_processor()
+    single.succeed(cores=1)
+    specimen = [study.results / "specimen" for study in (single, finished_tiny)]
+    for file in ("mesh.stl", "scans/7_T0.plu", "scans/7_T1.plu"):
+        assert (specimen[0] / file).read_bytes() == (specimen[1] / file).read_bytes(), file
+    assert single.tables() == finished_tiny.tables()
+
+
+def test_a_killed_run_is_resumed_with_the_same_tables(finished_tiny, tmp_path):
+    study = fresh(tmp_path / "killed")
+    with subprocess.Popen(
+        study.command(),
+        cwd=study.folder,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    ) as process:
+        # kill in the midst of the preparation: some patches done, some under way
+        while process.poll() is None and not list(study.results.glob("surfaces/*.h5")):
+            time.sleep(0.05)
+        os.killpg(process.pid, signal.SIGKILL)
+    assert process.returncode == -signal.SIGKILL
+    study.succeed("--unlock")
+    study.succeed()
+    assert study.tables() == finished_tiny.tables()
+    fields = sorted(finished_tiny.results.rglob("*.h5"))
+    assert len(fields) > 20
+    for file in fields:
+        same = study.results / file.relative_to(finished_tiny.results)
+        assert same.read_bytes() == file.read_bytes(), file
+
+
+def test_a_changed_scan_changes_its_own_patch_alone(tiny):
+    scan = tiny.results / "specimen/scans/5_T1.plu"
+    content = bytearray(scan.read_bytes())
+    np.frombuffer(content, "<f4", 64 * 64, 508)[2000] += 0.5
+    scan.write_bytes(content)
+    surfaces = {file.name: file.read_bytes() for file in tiny.results.glob("surfaces/*.h5")}
+    tiny.succeed()
+    changed = [
+        name
+        for name, content in surfaces.items()
+        if (tiny.results / "surfaces" / name).read_bytes() != content
+    ]
+    assert changed == ["5_T1.h5"]
+    assert tiny.planned() == set()
+
+
+def test_batches_and_drawn_patches_leave_the_tables_alone(tiny):
+    before = tiny.tables()
+    tiny.change(patches_per_job=4, most_drawn_patches=2)
+    tiny.succeed()
+    assert tiny.tables() == before
+    # the hardest pressed and the middle one of those in the study
+    pressures = read_table(tiny.results / "tables/patch_pressures.csv")
+    studied = pressures[pressures.in_study].sort_values("pressure_MPa", ascending=False)
+    wanted = set(studied.patch.iloc[[0, len(studied) // 2]])
+    assert {file.stem for file in (tiny.results / "figures/patch").glob("*.png")} == wanted
+    assert len(list((tiny.results / "figures/preparation").glob("*.png"))) == 2
+
+
+def test_measured_files_without_t1(measured):
+    """No T1, and figures to compare with: validation is left out, the rest is whole."""
+    table = measured.folder / "config/patches_tiny.tsv"
+    lines = [
+        line if line.startswith("#") else line.rsplit("\t", 1)[0]
+        for line in table.read_text().splitlines()
+    ]
+    table.write_text("\n".join(lines) + "\n")
+    (measured.folder / "published.csv").write_text(
+        "quantity,patch,unit,value\nmean pressure,,MPa,22\npatch pressure,13,MPa,10\n"
+    )
+    measured.change(published="published.csv")
+    measured.succeed()
+    tables = set(measured.tables())
+    assert "published.csv" in tables
+    assert not {name for name in tables if name.startswith(("validation", "registr", "truth"))}
+    published = read_table(measured.results / "tables/published.csv").set_index("quantity")
+    assert published.computed["mean pressure"] == pytest.approx(22, rel=1e-3)
+    pressures = read_table(measured.results / "tables/patch_pressures.csv").set_index("patch")
+    assert published.computed["patch pressure"] == pressures.pressure_MPa["13"]
+    # a patch with a poor T0/T1 overlap counts when there is no T1
+    assert not pressures.reason.fillna("").str.contains("overlap").any()
+    measured.succeed("--report", str(measured.folder / "report.html"))
+    text = (measured.folder / "report.html").read_text(encoding="utf-8")
+    assert "not compared with wear" in text
+
+
+def test_a_rough_counterface(tiny):
+    """One of the specimen's own scans: the microscale follows, all before it stays."""
+    tiny.change(counterface={"scan": "results-tiny/specimen/scans/5_T0.plu"})
+    flat = tiny.tables()
+    tiny.succeed()
+    rough = tiny.tables()
+    assert rough["microscale_summary.csv"] != flat["microscale_summary.csv"]
+    assert rough["patch_pressures.csv"] == flat["patch_pressures.csv"]
+    face = read_dataset(tiny.results / "surfaces/5_T0.h5").height.values[:, ::-1]
+    for file in sorted(tiny.results.glob("microscale/*.h5")):
+        contact = read_dataset(file)
+        np.testing.assert_array_equal(contact.counterface, face)
+        if not contact.pressure.any():
+            continue
+        residual = recomputed_residual(
+            contact.height.values + face,
+            contact.pressure.values,
+            float(contact.displacement[-1]),
+            spacing_of(contact),
+            contact.attrs["contact_modulus_MPa"],
+        )
+        assert residual <= 1e-6
+
+
+def test_a_study_that_no_patch_enters(tiny):
+    """Its tables have their columns and no rows; figures say so."""
+    tiny.change(selection={"minimum_pressure_MPa": 1000.0})
+    said = tiny.succeed()
+    assert "no patch enters the study" in said
+    for name in ("microscale_summary", "validation_patches", "slip", "hardness"):
+        table = pd.read_csv(tiny.results / f"tables/{name}.csv")
+        assert table.empty
+        assert "patch" in table.columns
+    assert (tiny.results / "figures/overview.png").stat().st_size > 0
+
+
+def test_a_target_pressure_out_of_reach(tiny):
+    tiny.change(
+        macroscale={"target_pressure_MPa": 5000.0, "maximum_displacement_um": 100.0}, hardness=None
+    )
+    result = tiny.run()
+    said = result.stdout + result.stderr
+    assert result.returncode != 0
+    for word in ("surface.h5", "5000 MPa", "cannot be reached", "Lower target_pressure_MPa"):
+        assert word in said
+
+
+def test_power_and_the_same_again(study):
+    """Two specimens as small as those of the tiny study."""
+    study.config = "config/power.yaml"
+    tiny = yaml.safe_load((study.folder / "config/tiny.yaml").read_text())
+    study.change(
+        patches="config/patches_tiny.tsv",
+        specimen=tiny["specimen"],
+        macroscale=tiny["macroscale"],
+        power={"specimens": 2},
+    )
+    study.succeed("power")
+    tables = study.tables()
+    assert set(tables) == {"power.csv", "power_p_values.csv"}
+    rates = read_table(study.results / "tables/power.csv")
+    assert set(rates.wear) == {"summits", "random"}
+    assert rates[["rate", "low", "high"]].stack().between(0, 1).all()
+    p_values = read_table(study.results / "tables/power_p_values.csv")
+    first = yaml.safe_load((ROOT / "config/power.yaml").read_text())["power"]["first_seed"]
+    assert set(p_values.seed) == {first, first + 1}
+    scored = pd.concat(map(read_table, sorted(study.results.glob("power/*_patches.csv"))))
+    assert len(p_values[p_values.test == "f1"]) == len(scored)
+    assert (study.results / "figures/power.png").stat().st_size > 0
+    (study.results / f"power/{first + 1}_p_values.csv").unlink()
+    study.succeed("power", cores=1)
+    assert study.tables() == tables
+
+
+def test_a_setting_of_a_sweep_is_the_study_with_that_config(tiny):
+    factors = {
+        "placement along x": [{"placement": {"shift_x_um": 30.0}}],
+        "size of traces": [{"traces": {"minimum_points": 6}}],
+    }
+    tiny.change(sweep=factors)
+    tiny.succeed("sweep")
+    table = read_table(tiny.results / "tables/sweep.csv")
+    assert (tiny.results / "figures/sweep.png").stat().st_size > 0
+    assert set(table.factor.dropna()) == set(factors)
+    moved = table[table.change.abs() > 1e-9].groupby("factor").output.unique()
+    assert "pressure_MPa" in moved["placement along x"]
+    assert "pressure_MPa" not in moved["size of traces"]
+    assert "mean(f1)" in moved["size of traces"]
+    swept = table[(table.factor == "placement along x") & (table.output == "pressure_MPa")]
+    tiny.change(placement={"shift_x_um": 30.0})
+    tiny.succeed("results-tiny/tables/patch_pressures.csv", "results-tiny/tables/sensitivity.csv")
+    study = read_table(tiny.results / "tables/patch_pressures.csv")
+    assert (study.place == "shifted").all()
+    np.testing.assert_allclose(swept.result, study.pressure_MPa)
+    # with the other contact modulus, patches lie where they lie in the study
+    other = read_table(tiny.results / "tables/sensitivity.csv")
+    other = other[(other.contact_modulus == "used") & (other.quantity == "patch pressure")]
+    np.testing.assert_allclose(other.value, study.pressure_MPa, rtol=1e-4)
