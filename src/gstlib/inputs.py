@@ -132,9 +132,10 @@ def check_inputs(
                 size_mm=square["size_mm"],
                 shape=(macroscale["grid"], macroscale["grid"]),
                 margin_mm=macroscale["margin_mm"],
+                interpolation="linear",  # the fastest: it is to be looked at
                 source=str(mesh),
             )
-            heights = remove_plane(gridded)[0]
+            heights = remove_plane(gridded.height)[0]
     except GstError as error:
         problems.append(error)
     rows: list[dict[str, Any]] = []

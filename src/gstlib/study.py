@@ -50,6 +50,7 @@ __all__ = [
     "compare_moduli",
     "couple_scales",
     "grid_macroscale",
+    "gridding_table",
     "measure_texture",
     "microscale_tables",
     "place_patches",
@@ -81,6 +82,7 @@ def grid_macroscale(
     square: Mapping,
     grid: int,
     margin_mm: float,
+    interpolation: str,
     mesh_unit: str,
     source: str | Path,
 ) -> xr.Dataset:
@@ -89,7 +91,8 @@ def grid_macroscale(
     Returns
     -------
     xarray.Dataset
-        ``height`` (y, x); the frame and the removed plane as attributes.
+        That of `gstlib.preprocess.gridding.grid_mesh`, ``height`` (y, x) without its plane; the
+        frame and the removed plane as attributes.
     """
     from gstlib.preprocess.frame import find_frame
     from gstlib.preprocess.gridding import grid_mesh
@@ -102,16 +105,32 @@ def grid_macroscale(
         size_mm=square["size_mm"],
         shape=(grid, grid),
         margin_mm=margin_mm,
+        interpolation=interpolation,
         source=str(source),
     )
-    height, plane = remove_plane(gridded)
-    return height.to_dataset(name="height").assign_attrs(
+    height, plane = remove_plane(gridded.height)
+    return gridded.assign(height=height).assign_attrs(
         origin_mm=frame.origin,
         x_axis=frame.x_axis,
         normal=frame.normal,
         tilt_x_mrad=plane.tilt_x_mrad,
         tilt_y_mrad=plane.tilt_y_mrad,
         Sq_um=float(np.sqrt((height**2).mean())) * 1e3,
+    )
+
+
+def gridding_table(surface: xr.Dataset) -> pd.DataFrame:
+    """How well each interpolation predicts vertices left out of the mesh, and which was chosen.
+
+    `surface` is that of `grid_macroscale`, with ``left_out_rms``. The result has
+    ``interpolation, left_out_rms_um, chosen``.
+    """
+    return pd.DataFrame(
+        {
+            "interpolation": surface.candidate.values,
+            "left_out_rms_um": 1e3 * surface.left_out_rms.values,
+            "chosen": surface.candidate.values == surface.height.attrs["interpolation"],
+        }
     )
 
 
@@ -605,7 +624,8 @@ class Study:
     @_stage
     def surface(self) -> xr.Dataset:
         """Heights of the square, from `grid_macroscale`."""
-        settings = {name: self.config["macroscale"][name] for name in ("grid", "margin_mm")}
+        names = ("grid", "margin_mm", "interpolation")
+        settings = {name: self.config["macroscale"][name] for name in names}
         square = self.config["square"]
         return grid_macroscale(
             self.read_mesh(), square=square, mesh_unit="mm", source="mesh", **settings

@@ -35,7 +35,7 @@ _PRESSURE, _CHANGE = "pressure_MPa", "relative_change(pressure_MPa)"
 
 # What each stage of `gstlib.study.Study` depends on: earlier stages, and sections or keys.
 _DEPENDS = {
-    "surface": ("square", "macroscale.grid", "macroscale.margin_mm"),
+    "surface": ("square", *(f"macroscale.{key}" for key in ("grid", "margin_mm", "interpolation"))),
     "contact": ("surface", "material", "macroscale.target_pressure_MPa", "macroscale.tolerance"),
     "pressures": ("contact", "scans", "placement.shift_x_um", "placement.shift_y_um"),
     "prepared": ("scans", "preprocessing"),

@@ -35,10 +35,16 @@ SETTINGS = {
 }
 
 
+def stone(halvings):
+    box = trimesh.creation.box(extents=(20.0, 20.0, 10.0))
+    for _ in range(halvings):
+        box = box.subdivide()
+    return box
+
+
 @pytest.fixture
 def folder(tmp_path):
-    stone = trimesh.creation.box(extents=(20.0, 20.0, 10.0))
-    stone.subdivide().subdivide().export(tmp_path / "stone.stl")
+    stone(halvings=5).export(tmp_path / "stone.stl")
     for seed, name in enumerate(("1_T0", "1_T1", "2_T0", "2_T1")):
         heights = 1e-3 * np.random.default_rng(seed).standard_normal((50, 50))
         write_plu(tmp_path / f"{name}.plu", heights, SPACING)
@@ -85,6 +91,13 @@ def test_every_problem_is_named_once(folder):
     ]:
         (line,) = [line for line in message.splitlines() if f"{folder}/{name}" in line]
         assert problem in line
+
+
+def test_a_mesh_too_coarse_for_the_square(folder):
+    stone(halvings=3).export(folder / "stone.stl")
+    (problem,) = check_inputs(folder / "stone.stl", scans(folder), **SETTINGS).problems
+    assert f"{folder}/stone.stl: the mesh has" in str(problem)
+    assert "vertices in the square of 4 mm" in str(problem)
 
 
 def test_scans_are_looked_at_without_a_mesh(folder):

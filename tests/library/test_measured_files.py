@@ -129,7 +129,7 @@ def use_face():
         size_mm=5.0,
         shape=(100, 100),
         margin_mm=1.0,
-    )
+    ).height
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,7 @@ COLUMNS = {
     "inputs": "patch epoch file points_x points_y spacing_x_um Sq_um",
     "preprocessing": "patch epoch unmeasured filled outliers outlier_k tilt_x_mrad tilt_y_mrad "
     "Sq_before_um Sq_after_um",
+    "gridding": "interpolation left_out_rms_um chosen",
     "macroscale_path": "step displacement_um mean_pressure_MPa contact_fraction "
     "stiffness_MPa_per_um",
     "placement": "patch correlation_nominal correlation shift_x_um shift_y_um verdict looks",

@@ -127,6 +127,7 @@ TARGETS = [
         "provenance.json": True,
         "tables/inputs.csv": True,
         "tables/preprocessing.csv": True,
+        "tables/gridding.csv": True,
         "tables/macroscale_path.csv": True,
         "tables/placement.csv": True,
         "tables/patch_pressures.csv": True,

@@ -55,15 +55,15 @@ rule grid_macroscale:
         mesh=MESH,
     output:
         surface=f"{RESULTS}/macroscale/surface.h5",
+        table=table("gridding", "2 Macroscale", "interpolation of the mesh"),
     log:
         f"{RESULTS}/logs/grid_macroscale.log",
     benchmark:
         f"{RESULTS}/benchmarks/grid_macroscale.tsv"
     params:
+        **{name: config["macroscale"][name] for name in ("grid", "margin_mm", "interpolation")},
         mesh_unit=MESH_UNIT,
         square=config["square"],
-        grid=config["macroscale"]["grid"],
-        margin_mm=config["macroscale"]["margin_mm"],
         code=code("grid_macroscale.py"),
     message:
         "Interpolating {input.mesh} on the analysed square"

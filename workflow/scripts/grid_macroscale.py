@@ -4,15 +4,17 @@ from pathlib import Path
 
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
+from gstlib.io.tables import write_table
 from gstlib.logs import run_script
 from gstlib.provenance import provenance
-from gstlib.study import grid_macroscale
+from gstlib.study import grid_macroscale, gridding_table
 
 
-def main(mesh: Path, surface: Path, *, mesh_unit: str, **settings) -> None:
+def main(mesh: Path, surface: Path, table: Path, *, mesh_unit: str, **settings) -> None:
     stone = read_mesh(mesh, unit=mesh_unit)
     gridded = grid_macroscale(stone, mesh_unit=mesh_unit, source=mesh, **settings)
     write_dataset(surface, gridded, provenance([mesh], {"mesh_unit": mesh_unit} | settings))
+    write_table(table, gridding_table(gridded))
 
 
 if "snakemake" in globals():

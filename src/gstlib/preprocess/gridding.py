@@ -1,9 +1,10 @@
 """From a stone's mesh to the heights of its use-face on a regular grid.
 
-As in the paper: the cloud of vertices is cropped larger than the square and interpolated linearly
-over its Delaunay triangulation in the square's plane (MATLAB's scatteredInterpolant does the same);
-then the square is cut out. Before that, the use-face is told from the rest of the stone: the normal
-through a point of the square meets a closed mesh twice, a hollow or damaged one more often.
+The cloud of vertices is cropped larger than the square and interpolated in the square's plane; then
+the square is cut out. The paper interpolates linearly over the Delaunay triangulation (as MATLAB's
+scatteredInterpolant does). Smoother interpolations stand beside that, and left-out vertices tell
+which one predicts the stone best. Before that, the use-face is told from the rest of the stone: the
+normal through a point of the square meets a closed mesh twice, a hollow or damaged one more often.
 """
 
 import logging
@@ -34,6 +35,21 @@ _SAME_HEIGHT = 1e-6
 _CLOSED = 0.01
 # A face seen edge-on (area in mm²) covers nothing.
 _EDGE_ON = 1e-12
+# Vertices nearer to each other than this share of the mean edge are one: no smooth surface would
+# join their heights.
+_SAME_PLACE = 1e-3
+# From the simplest to the smoothest.
+_INTERPOLATIONS = ("linear", "clough-tocher", "cubic")
+# Vertices that the cubic radial basis takes around a point.
+_NEIGHBOURS = 50
+# Vertices in the square: fewer tell little about the errors between them.
+_FEWEST = 30
+# The vertices in the square are left out in so many random groups, one group at a time. Of a larger
+# number of vertices, only about `_MOST_LEFT_OUT` are left out: of some groups, or of one small one.
+_GROUPS, _MOST_LEFT_OUT, _SEED = 8, 5000, 1
+# ASSUME: of the interpolations whose r.m.s. error on left-out vertices is within this share of the
+# smallest, the simplest is the best.
+_TIE = 0.01
 
 
 def grid_mesh(
@@ -43,9 +59,10 @@ def grid_mesh(
     size_mm: float,
     shape: tuple[int, int],
     margin_mm: float,
+    interpolation: str = "best",
     source: str = "mesh",
-) -> xr.DataArray:
-    """Heights of the use-face over the analysed square.
+) -> xr.Dataset:
+    """Heights of the use-face over the analysed square, and how well vertices predict each other.
 
     The faces near the square fall into bodies that hang together, each with an upper and a lower
     side. Of the sides that cover most of the square, the use-face is the nearest to its plane.
@@ -63,23 +80,29 @@ def grid_mesh(
         Elements of the grid.
     margin_mm : float
         How much larger than the square the cloud is cropped on every side.
+    interpolation : {"linear", "clough-tocher", "cubic", "best"}
+        Linear over the Delaunay triangulation; smooth over it (Clough-Tocher); a cubic radial basis
+        of the 50 nearest vertices; or the one with the smallest error on left-out vertices.
     source : str
         Name of the mesh's file, for messages.
 
     Returns
     -------
-    (ny, nx) xarray.DataArray
-        Heights along the normal, mm, above the frame's origin, at the element centres of
-        [0, size]²; attributes ``mesh_points`` (number interpolated) and ``mesh_edge_mm`` (mean edge
-        length in the crop).
+    xarray.Dataset
+        ``height`` (y, x) along the normal, mm, above the frame's origin, at the element centres of
+        [0, size]²; its attributes ``mesh_points`` (number interpolated), ``mesh_edge_mm`` (mean
+        edge length in the crop) and ``interpolation``. ``vertex_y, vertex_x`` (vertex), mm, of the
+        vertices left out, and ``left_out_error`` (vertex), mm: height less its prediction from the
+        others. ``left_out_rms`` (candidate), mm, of each interpolation.
 
     Raises
     ------
     InputError
-        The square misses the stone or sticks out of it, the mesh folds over within the square, or
-        its faces look into the stone.
+        The square misses the stone or sticks out of it, or holds fewer than 30 vertices; the mesh
+        folds over within the square, its faces look into the stone, or its vertices stand in lines
+        too straight for a cubic.
     """
-    from scipy.interpolate import LinearNDInterpolator
+    from scipy.spatial import KDTree
     from trimesh.graph import connected_component_labels
 
     vertices = frame.to_frame(mesh.vertices)
@@ -130,8 +153,22 @@ def grid_mesh(
             "Turn square.frame so that it looks at the use-face squarely, move it, or repair the "
             "mesh.",
         )
+    triangles = points[faces[side == use_face]]
+    edge = float(np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).mean())
     cloud = points[np.unique(faces[side == use_face])]
-    heights = LinearNDInterpolator(cloud[:, :2], cloud[:, 2])(x, y)
+    twins = KDTree(cloud[:, :2]).query_pairs(_SAME_PLACE * edge, output_type="ndarray")
+    cloud = np.delete(cloud, twins[:, 1], axis=0)
+    inside = np.flatnonzero(((cloud[:, :2] >= 0) & (cloud[:, :2] <= size_mm)).all(axis=1))
+    if len(inside) < _FEWEST:
+        raise InputError(
+            source,
+            f"the mesh has {len(inside)} vertices in the square of {size_mm:g} mm, and at least "
+            f"{_FEWEST} are needed",
+            "Give a finer mesh, make square.size_mm larger, or check inputs.mesh_unit in the "
+            "config.",
+        )
+    places = np.stack([x, y], axis=-1)
+    heights = _predicted("linear", cloud, places)
     if np.isnan(heights).any() or bare.mean() > _BRIDGED_SHARE:
         raise InputError(
             source,
@@ -142,15 +179,76 @@ def grid_mesh(
         )
     if bare.any():
         _log.warning("holes of the mesh were bridged: %s", _describe(bare, x, y))
-    triangles = points[faces[side == use_face]]
-    edges = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2)
-    return make_surface(
+    vertex, errors = _left_out(cloud, inside)
+    rms = np.sqrt((errors**2).mean(axis=1))
+    best = int(np.argmax(rms <= (1 + _TIE) * rms.min()))
+    chosen = best if interpolation == "best" else _INTERPOLATIONS.index(interpolation)
+    if chosen:  # the linear heights are there
+        heights = _predicted(_INTERPOLATIONS[chosen], cloud, places)
+    if np.isinf(heights).any() or np.isinf(rms[chosen]):
+        raise InputError(
+            source,
+            f"{_NEIGHBOURS} vertices next to each other are in line, so interpolation "
+            f"'{_INTERPOLATIONS[chosen]}' is impossible",
+            "Set macroscale.interpolation in the config to linear, or repair the mesh.",
+        )
+    surface = make_surface(
         heights,
         [size_mm / count for count in shape],
         long_name="height of the use-face",
         mesh_points=len(cloud),
-        mesh_edge_mm=float(edges.mean()),
+        mesh_edge_mm=edge,
+        interpolation=_INTERPOLATIONS[chosen],
     )
+    return xr.Dataset(
+        {
+            "height": surface,
+            "vertex_y": ("vertex", cloud[vertex, 1], _in_mm("y of a left-out vertex")),
+            "vertex_x": ("vertex", cloud[vertex, 0], _in_mm("x of a left-out vertex")),
+            "left_out_error": ("vertex", errors[chosen], _in_mm("height less its prediction")),
+            "left_out_rms": ("candidate", rms, _in_mm("r.m.s. error on left-out vertices")),
+        },
+        coords={"candidate": list(_INTERPOLATIONS)},
+    )
+
+
+def _in_mm(long_name: str) -> dict[str, str]:
+    return {"units": "mm", "long_name": long_name}
+
+
+def _predicted(interpolation: str, cloud: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Heights (mm) at `places` (..., 2) from a cloud (n, 3); infinite where a cubic is impossible.
+
+    Outside the cloud, all but the cubic are NaN.
+    """
+    from scipy import interpolate
+
+    points, heights = cloud[:, :2], cloud[:, 2]
+    if interpolation == "linear":
+        return interpolate.LinearNDInterpolator(points, heights)(places)
+    if interpolation == "clough-tocher":
+        return interpolate.CloughTocher2DInterpolator(points, heights)(places)
+    spline = interpolate.RBFInterpolator(
+        points, heights, neighbors=min(_NEIGHBOURS, len(cloud)), kernel="cubic", degree=2
+    )
+    try:
+        return spline(places.reshape(-1, 2)).reshape(places.shape[:-1])
+    except np.linalg.LinAlgError:  # neighbours in line
+        return np.full(places.shape[:-1], np.inf)
+
+
+def _left_out(cloud: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers (n,) of vertices left out, and each interpolation's errors (3, n) on them, mm."""
+    groups = max(_GROUPS, len(inside) // _MOST_LEFT_OUT)
+    group = np.random.default_rng(_SEED).permutation(len(inside)) % groups
+    taken = max(1, min(_GROUPS, _GROUPS * _MOST_LEFT_OUT // len(inside)))
+    errors = np.full((len(_INTERPOLATIONS), len(cloud)), np.nan)
+    for left in (inside[group == number] for number in range(taken)):
+        others, places = np.delete(cloud, left, axis=0), cloud[left, :2]
+        for row, kind in zip(errors, _INTERPOLATIONS, strict=True):
+            row[left] = cloud[left, 2] - _predicted(kind, others, places)
+    known = np.flatnonzero(~np.isnan(errors).any(axis=0))
+    return known, errors[:, known]
 
 
 def _orientation(mesh: "trimesh.Trimesh") -> int:

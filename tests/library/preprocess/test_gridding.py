@@ -1,4 +1,5 @@
-"""Gridding: the right sheet, exactly where it is linear, converging where it is curved."""
+"""Gridding: the right sheet, exactly where it is linear, converging where it is curved; and how
+well left-out vertices are predicted."""
 
 import numpy as np
 import pytest
@@ -7,9 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gstlib.errors import InputError
+from gstlib.io.store import read_dataset, write_dataset
+from gstlib.preprocess import gridding
 from gstlib.preprocess.frame import Frame
 from gstlib.preprocess.gridding import grid_mesh
+from gstlib.study import grid_macroscale, gridding_table
 
+KINDS = ["linear", "clough-tocher", "cubic"]
 UP = Frame(origin=(0, 0, 0), x_axis=(1, 0, 0), normal=(0, 0, 1))
 
 
@@ -29,10 +34,13 @@ def sheet(function, edge=0.25, low=-1.5, high=6.5, seed=0):
     return trimesh.Trimesh(np.c_[points, function(*points.T)], faces, process=False)
 
 
-def grid(mesh, frame=UP, *, margin_mm=1.0):
-    return grid_mesh(
-        mesh, frame, size_mm=5.0, shape=(40, 50), margin_mm=margin_mm, source="stone.stl"
-    )
+def gridded(mesh, frame=UP, **other):
+    settings = {"size_mm": 5.0, "shape": (40, 50), "margin_mm": 1.0, "source": "stone.stl"}
+    return grid_mesh(mesh, frame, **settings | other)
+
+
+def grid(mesh, frame=UP, **other):
+    return gridded(mesh, frame, **{"interpolation": "linear"} | other).height
 
 
 @settings(max_examples=15, deadline=None)
@@ -123,9 +131,9 @@ def test_a_face_turned_over_is_bridged_and_many_are_refused(caplog):
     refused("faces turned inside out", plane)
 
 
-def refused(match, mesh, frame=UP):
+def refused(match, mesh, frame=UP, **other):
     with pytest.raises(InputError, match=match) as caught:
-        grid(mesh, frame)
+        grid(mesh, frame, **other)
     assert "stone.stl" in str(caught.value)
 
 
@@ -151,6 +159,13 @@ def test_square_that_sticks_out_says_how_much_and_where():
     )
 
 
+@pytest.mark.parametrize("interpolation", KINDS)  # a cubic would go on outside without a word
+def test_a_corner_that_sticks_out(interpolation):
+    plane = sheet(lambda x, y: 0 * x)
+    plane.update_faces(plane.vertices[plane.faces, :2].sum(axis=2).max(axis=1) < 9.8)
+    refused(r"sticks out.* 0\.\d+ % of the square", plane, interpolation=interpolation)
+
+
 def test_hole_in_the_mesh():
     plane = sheet(lambda x, y: 0 * x)
     plane.update_faces(np.linalg.norm(plane.triangles_center[:, :2] - 2.5, axis=1) > 0.8)
@@ -174,3 +189,167 @@ def test_overhang():
     crest = np.exp(-((x - 2.5) ** 2))
     flat.vertices = np.c_[x + 2.0 * crest, y, 1.5 * crest]
     refused(r"folds over within the square: .* % of the square .* two heights", flat)
+
+
+# --- Left-out vertices ------------------------------------------------------------------------
+
+
+def smooth(x, y):
+    """Some waves at random, none shorter than 2 mm."""
+    rng = np.random.default_rng(3)
+    waves = rng.uniform(-2.2, 2.2, (12, 2)) @ np.stack([x, y]) + rng.uniform(0, 6, (12, 1))
+    return 0.02 * np.sin(waves).sum(axis=0)
+
+
+def roof(x, y):
+    return -0.5 * np.abs(x - 2.5)
+
+
+def white(x, y):
+    return 0.01 * np.random.default_rng(4).standard_normal(len(x))
+
+
+def rms_of(surface):
+    return dict(zip(KINDS, surface.left_out_rms.values, strict=True))
+
+
+def test_on_a_smooth_surface_a_smooth_interpolation_is_best():
+    mesh = sheet(smooth, edge=0.4)
+    best = gridded(mesh)
+    rms, chosen = rms_of(best), best.height.attrs["interpolation"]
+    assert max(rms["clough-tocher"], rms["cubic"]) < 0.8 * rms["linear"]
+    assert chosen == min(KINDS[1:], key=rms.get)
+    exact = smooth(*(axis.ravel() for axis in np.meshgrid(best.x, best.y))).reshape(40, 50)
+    errors = {kind: np.std(grid(mesh, interpolation=kind) - exact) for kind in KINDS}
+    assert errors[chosen] < 0.5 * errors["linear"]
+    np.testing.assert_array_equal(best.height, grid(mesh, interpolation=chosen))
+
+
+def test_elsewhere_the_best_is_no_worse_than_linear():
+    noise = gridded(sheet(white, edge=0.4))  # means over three vertices predict as well as any
+    assert noise.height.attrs["interpolation"] == "linear"
+    mesh = sheet(roof, edge=0.4)
+    best, linear = gridded(mesh), gridded(mesh, interpolation="linear")
+    assert (best.left_out_error**2).mean() <= (linear.left_out_error**2).mean()
+
+
+@pytest.mark.parametrize(
+    ("rms", "chosen"),
+    [
+        ([1.009, 1.005, 1.0], "linear"),
+        ([1.02, 1.009, 1.0], "clough-tocher"),
+        ([1.02, 1.02, 1.0], "cubic"),
+        ([1.0, 1.02, np.inf], "linear"),
+    ],
+)
+def test_a_tie_goes_to_the_simpler(rms, chosen, monkeypatch):
+    errors = 1e-3 * np.array(rms)[:, None] * [1.0, -1.0]
+    monkeypatch.setattr(gridding, "_left_out", lambda cloud, inside: (inside[:2], errors))
+    surface = gridded(sheet(smooth, edge=0.5))
+    assert surface.height.attrs["interpolation"] == chosen
+    np.testing.assert_allclose(surface.left_out_rms, 1e-3 * np.array(rms))
+    np.testing.assert_array_equal(surface.left_out_error, errors[KINDS.index(chosen)])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_errors_are_those_of_a_group_left_out(kind):
+    from scipy.interpolate import (
+        CloughTocher2DInterpolator,
+        LinearNDInterpolator,
+        RBFInterpolator,
+    )
+
+    mesh = sheet(smooth)
+    surface = gridded(mesh, interpolation=kind, margin_mm=9.0)  # the cloud is the whole sheet
+    x, y, z = mesh.vertices.T
+    inside = np.flatnonzero((np.abs(x - 2.5) <= 2.5) & (np.abs(y - 2.5) <= 2.5))
+    np.testing.assert_array_equal(surface.vertex_x, x[inside])
+    np.testing.assert_array_equal(surface.vertex_y, y[inside])
+    group = np.random.default_rng(1).permutation(len(inside)) % 8 == 3
+    others = np.setdiff1d(np.arange(len(x)), inside[group])
+    known, heights = mesh.vertices[others, :2], z[others]
+    predicted = {
+        "linear": lambda: LinearNDInterpolator(known, heights),
+        "clough-tocher": lambda: CloughTocher2DInterpolator(known, heights),
+        "cubic": lambda: RBFInterpolator(known, heights, neighbors=50, kernel="cubic", degree=2),
+    }[kind]()(mesh.vertices[inside[group], :2])
+    np.testing.assert_allclose(
+        surface.left_out_error[group], z[inside[group]] - predicted, atol=1e-12
+    )
+    everywhere = np.sqrt(np.mean(surface.left_out_error**2))
+    np.testing.assert_allclose(surface.left_out_rms.sel(candidate=kind), everywhere)
+
+
+def test_noise_of_the_vertices_is_seen():
+    mesh = sheet(lambda x, y: 0.1 * x)
+    assert gridded(mesh).left_out_rms.max() < 1e-6
+    noise = 2e-3
+    mesh.vertices[:, 2] += noise * np.random.default_rng(5).standard_normal(len(mesh.vertices))
+    rms = gridded(mesh).left_out_rms
+    assert ((rms > noise) & (rms < 1.7 * noise)).all()
+
+
+@pytest.mark.parametrize(("most", "left_out"), [(220, 220), (25, 25)])
+def test_of_many_vertices_only_some_are_left_out(most, left_out, monkeypatch):
+    monkeypatch.setattr(gridding, "_MOST_LEFT_OUT", most)
+    surface = gridded(sheet(smooth))
+    assert surface.sizes["vertex"] == pytest.approx(left_out, rel=0.15)
+    assert rms_of(surface)["cubic"] < rms_of(surface)["linear"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_vertices_in_one_place_count_once(kind):
+    mesh = sheet(smooth)
+    expected = gridded(mesh, interpolation=kind)
+    twins = mesh.vertices[mesh.faces[::9, 0]] + np.array([1e-9, 0, 0])
+    twins[::2, 0] -= 1e-9
+    faces = mesh.faces.copy()
+    faces[::9, 0] = len(mesh.vertices) + np.arange(len(twins))
+    doubled = trimesh.Trimesh(np.r_[mesh.vertices, twins], faces, process=False)
+    surface = gridded(doubled, interpolation=kind)
+    np.testing.assert_allclose(surface.height, expected.height, atol=1e-7)
+    assert surface.height.attrs["mesh_points"] == expected.height.attrs["mesh_points"]
+    np.testing.assert_allclose(surface.left_out_rms, expected.left_out_rms, rtol=0.2)
+
+
+def test_vertices_in_lines_allow_no_cubic():
+    from scipy.spatial import Delaunay
+
+    points = np.stack(np.meshgrid(np.arange(-0.8, 5.9, 0.03), np.arange(-0.8, 6.5, 0.8)), axis=-1)
+    points = points.reshape(-1, 2)
+    mesh = trimesh.Trimesh(
+        np.c_[points, smooth(*points.T)], Delaunay(points).simplices, process=False
+    )
+    best = gridded(mesh, margin_mm=0.5)
+    assert rms_of(best)["cubic"] == np.inf
+    assert best.height.attrs["interpolation"] != "cubic"
+    refused("50 vertices.*'cubic' is impossible.*to linear", mesh, interpolation="cubic")
+
+
+def test_too_few_vertices():
+    refused(r"has 1\d vertices in the square of 5 mm.* 30 .*finer mesh", sheet(hills, edge=1.3))
+    assert gridded(sheet(hills, edge=0.8)).sizes["vertex"] >= 30
+
+
+def test_what_the_square_is_stored_with(tmp_path):
+    square = {
+        "size_mm": 5.0,
+        "frame": {"origin_mm": [0, 0, 0], "x_axis": [1, 0, 0], "normal": [0, 0, 1]},
+    }
+    square["frame"]["points_mm"] = None
+    settings = {"grid": 20, "margin_mm": 1.0, "mesh_unit": "mm", "source": "stone.stl"}
+    mesh = sheet(lambda x, y: smooth(x, y) + 0.1 * x)
+    surface = grid_macroscale(mesh, square=square, interpolation="linear", **settings)
+    assert abs(np.polyfit(surface.x, surface.height.mean("y"), 1)[0]) < 1e-9  # level
+    for name in ("a.h5", "b.h5"):
+        write_dataset(tmp_path / name, surface)
+    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
+    stored = read_dataset(tmp_path / "a.h5")
+    direct = gridded(mesh, interpolation="linear")
+    for name in ("vertex_y", "vertex_x", "left_out_error", "left_out_rms"):
+        np.testing.assert_array_equal(stored[name], direct[name])
+        assert stored[name].attrs["units"] == "mm"
+    table = gridding_table(stored)
+    assert list(table.interpolation) == KINDS
+    assert list(table.chosen) == [True, False, False]
+    np.testing.assert_array_equal(table.left_out_rms_um, 1e3 * direct.left_out_rms)
