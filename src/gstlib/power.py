@@ -1,9 +1,9 @@
 """How often does the study find a relation that is there, and one that is not?
 
-Many specimens are generated, each with its wear on summits and with the same wear placed at random.
-`p_values` takes the tests of the study on one of them. A claim is a p-value at or below a level.
-Without a relation, claims must come as often as the level says; with one, their rate is the power
-(`rejection_rates`).
+Many specimens are generated, each with its wear on summits, with the same wear placed at random,
+and with wear in waves longer than a patch. `p_values` takes the tests of the study on one of them.
+A claim is a p-value at or below a level. Without a relation, claims must come as often as the level
+says; with one, their rate is the power (`rejection_rates`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,9 +34,9 @@ _RESAMPLES = 99  # for intervals, which are not used here
 def specimen_studies(
     config: Mapping[str, Any], patches: pd.DataFrame, specimen_seed: int
 ) -> Iterator[tuple[str, Study]]:
-    """Where wear lies, on summits or at random, and the study of the specimen with that wear.
+    """Where wear lies, of `WEAR_PLACEMENTS`, and the study of the specimen with that wear.
 
-    The second study takes from the first every stage that no scan after use enters.
+    The later studies take from the first every stage that no scan after use enters.
 
     Parameters
     ----------

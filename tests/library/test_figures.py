@@ -40,7 +40,8 @@ SUMMARY = table("""statistic value low high p_value against
 ALONE["texture"] = table("""patch epoch Sq_um Sk_um Spk_um Svk_um Sal_um Str
     1 T0 2 1 1 1 1 1; 1 T1 1.5 1 1 1 1 1; 2 T0 3 1 1 1 1 1; 3 T0 4 1 1 1 1 1""")
 ALONE["power"] = table("""test drawn wear level specimens rate low high
-    f1 NA summits 0.05 9 0.9 0 1; f1 NA random 0.05 9 0.1 0 1; f1 4 summits 0.05 9 0.7 0 1""")
+    f1 NA summits 0.05 9 0.9 0 1; f1 NA random 0.05 9 0.1 0 1
+    f1 NA waves 0.05 9 0.2 0 1; f1 4 summits 0.05 9 0.7 0 1""")
 ALONE["sweep"] = table("""factor value output result change low high
     NA NA mean(f1) 0.5 0 0.4 0.6; load a mean(f1) 0.4 -0.1 NA NA; load b mean(f1) 0.7 0.2 NA NA""")
 
@@ -201,7 +202,7 @@ def test_curves_and_tables_are_drawn_as_they_are():
     np.testing.assert_array_equal(after, [[0, 1.5], [1, np.nan], [2, np.nan]])
     assert before == [[0, 2], [1, 3], [2, 4]]
     rates = [points_of(axes) for axes in draw("power").axes]
-    assert rates == [[[[0.05, 0.9]], [[0.05, 0.1]]], [[[4, 0.7]], []]]
+    assert rates == [[[[0.05, 0.9]], [[0.05, 0.1]], [[0.05, 0.2]]], [[[4, 0.7]], [], []]]
     bars = draw("sweep").axes[0].patches[1:]
     assert [bar.get_x() for bar in bars] == [0.5, 0.5]  # the study's result
     assert [bar.get_width() for bar in bars] == pytest.approx([-0.1, 0.2])

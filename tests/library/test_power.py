@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from gstlib.power import LEVELS, p_values, rejection_rates, score_study, specimen_studies
+from gstlib.specimen import WEAR_PLACEMENTS
 from gstlib.specimen.randomness import smooth_field
 from gstlib.study import Study
 from gstlib.surface import make_surface
@@ -114,7 +115,7 @@ def test_a_specimen_without_patches_claims_nothing():
     assert all(table.empty for table in p_values([], places, seed=SEED))
 
 
-def test_the_second_study_shares_what_precedes_use_and_nothing_else():
+def test_the_later_studies_share_what_precedes_use_and_nothing_else():
     row = {"patch": ["a"], "x_mm": 2.5, "y_mm": 2.5, "rotation_deg": 0.0, "t0": "a", "t1": "b"}
     patches = pd.DataFrame(row | {"crop_x_mm": np.nan, "crop_y_mm": np.nan})
     found = {}
@@ -123,7 +124,9 @@ def test_the_second_study_shares_what_precedes_use_and_nothing_else():
         stages |= {"T1": study.prepared("a", "T1"), "contact": study.patch_contact("a")}
         found[wear] = stages | {"square": study.contact(), "places": study.pressures()}
         found[wear]["selected"] = study.selected()
-    summits, random = found["summits"], found["random"]
-    shared = {stage for stage in summits if random[stage] is summits[stage]}
-    assert shared == {"T0", "contact", "square", "places"}
-    assert not any(random[stage].equals(summits[stage]) for stage in ("change", "T1"))
+    assert tuple(found) == WEAR_PLACEMENTS
+    summits = found.pop("summits")
+    for other in found.values():
+        shared = {stage for stage in summits if other[stage] is summits[stage]}
+        assert shared == {"T0", "contact", "square", "places"}
+        assert not any(other[stage].equals(summits[stage]) for stage in ("change", "T1"))

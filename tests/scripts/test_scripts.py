@@ -39,6 +39,7 @@ def test_a_hardness_below_a_pressure_is_refused_before_anything_is_solved(tmp_pa
         ("placement_table", "looks"),
         ("preprocessing", "unmeasured unmeasured_share"),
         ("slip", "mean_traction_MPa tangential_displacement_um"),
+        ("validation_gains", "p_value untested shifts gain blocks"),
         (
             "validation_patches",
             "contact_fraction valid_contact_fraction loss_fraction gain_fraction loss_area_mm2 "

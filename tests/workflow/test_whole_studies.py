@@ -193,7 +193,7 @@ def test_power_and_the_same_again(study):
     tables = study.tables()
     assert set(tables) == {"power.csv", "power_p_values.csv"}
     rates = read_table(study.results / "tables/power.csv")
-    assert set(rates.wear) == {"summits", "random"}
+    assert set(rates.wear) == {"summits", "random", "waves"}
     assert rates[["rate", "low", "high"]].stack().between(0, 1).all()
     p_values = read_table(study.results / "tables/power_p_values.csv")
     first = yaml.safe_load((ROOT / "config/power.yaml").read_text())["power"]["first_seed"]

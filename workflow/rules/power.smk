@@ -1,6 +1,6 @@
 # How often does the study find a relation that is there, and one that is not? `make power`.
 # Takes: the config's own sections. Gives: for many generated specimens the p-values of every test, with wear
-# on summits and placed at random, and how often each test makes a claim.
+# on summits, placed at random and in long waves, and how often each test makes a claim.
 
 if GENERATED and config["power"] is not None:
     FIRST_SEED = config["power"]["first_seed"]
@@ -27,7 +27,7 @@ if GENERATED and config["power"] is not None:
             config={name: config[name] for name in ("seed", "specimen", *STUDY_SECTIONS)},
             code=code("try_specimen.py"),
         message:
-            "Taking specimen {wildcards.seed} through the study, with either placement of its wear"
+            "Taking specimen {wildcards.seed} through the study, with each placement of its wear"
         script:
             "../scripts/try_specimen.py"
 

@@ -1,4 +1,4 @@
-"""Take one generated specimen through the study, with its wear on summits and placed at random."""
+"""Take one generated specimen through the study, with each placement of its wear."""
 
 from pathlib import Path
 

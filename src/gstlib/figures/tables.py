@@ -21,7 +21,7 @@ _TEXTURE = ("Sq_um", "Sk_um", "Spk_um", "Svk_um", "Sal_um", "Str")
 _SCORE = "mcc"  # of the scores of masks, one that a larger area does not raise
 _PAIR = "spearman(pressure_MPa, loss_fraction)"
 _LEVEL = 0.05  # the usual one
-_WEAR = {"summits": BLUE, "random": VERMILION}
+_WEAR = {"summits": BLUE, "random": VERMILION, "waves": AMBER}
 _OUTCOMES = ["relative_change(pressure_MPa)", _PAIR, "mean(f1)", "gain(f1)", "gain(roc_auc)"]
 _OUTCOMES += ["mean_change(Sq_um)"]
 
@@ -169,7 +169,7 @@ def power_figure(rates: pd.DataFrame) -> Figure:
 
 
 def _draw_rates(axes: Axes, rates: pd.DataFrame, along: str) -> None:
-    """Rates with their intervals, for either kind of wear."""
+    """Rates with their intervals, for each kind of wear."""
     for wear, colour in _WEAR.items():
         shown = rates[rates["wear"] == wear]
         axes.plot(shown[along], shown["rate"], "o-", color=colour)

@@ -33,7 +33,7 @@ from gstlib.surface import make_surface
 
 __all__ = ["MARGIN_MM", "WEAR_PLACEMENTS", "Stone"]
 
-WEAR_PLACEMENTS = ("summits", "random")
+WEAR_PLACEMENTS = ("summits", "random", "waves")
 
 # How far the detail reaches beyond the square: for scans at its edge that are misplaced.
 MARGIN_MM = 0.25
@@ -94,7 +94,7 @@ class Stone:
         # ASSUME: an isotropic Gaussian self-affine surface; a real stone also has grains and pits.
         p = self._parameters = parameters
         self.square_mm, self.spacing = square_mm, p.scan_spacing_mm
-        spectrum = {"hurst_exponent": p.hurst_exponent, "roll_off": ROLL_OFF_MM}
+        self._spectrum = {"hurst_exponent": p.hurst_exponent, "roll_off": ROLL_OFF_MM}
 
         self.waviness_spacing = p.cut_off_wavelength_mm / _POINTS_PER_WAVE
         longest_side = max(*OUTER_SIZE_MM[:2], 2 * (square_mm + MARGIN_MM))
@@ -104,7 +104,7 @@ class Stone:
             scipy.fft.next_fast_len(count, real=True),
             self.waviness_spacing,
             shortest=p.cut_off_wavelength_mm,
-            **spectrum,
+            **self._spectrum,
         ).astype(float)
 
         count = int(np.ceil((square_mm + 2 * MARGIN_MM) / self.spacing)) + 1
@@ -117,7 +117,7 @@ class Stone:
             self.spacing,
             longest=p.cut_off_wavelength_mm,
             shortest=p.shortest_wavelength_mm,
-            **spectrum,
+            **self._spectrum,
         )
 
         # One factor scales waves and detail alike: the waves get the r.m.s. asked for on the
@@ -190,7 +190,8 @@ class Stone:
         """Depth of the material lost between T0 and T1, mm, float32, on the grid of `detail`.
 
         `placement` is one of `WEAR_PLACEMENTS`. The wear placed at random has the same amount,
-        shapes and clusters as that on summits.
+        shapes and clusters as that on summits. That in waves has its mean depth all over a share
+        of the stone (``wear_share``), in waves longer than a patch. Neither knows the heights.
         """
         p, points = self._parameters, len(self.grid)
         step = max(1, int(_CHANCE_LENGTH_UM / _POINTS_PER_LENGTH / p.scan_spacing_um))
@@ -228,6 +229,14 @@ class Stone:
             # covariance with any surface.
             shift = stream(p.seed, "wear", "placement").integers(0, points, 2)
             depth = np.roll(depth, shift, axis=(0, 1))
+        if placement == "waves":
+            # ASSUME: wear that follows something else than heights, such as the hand's grip, varies
+            # over lengths like the stone's. It has one depth, so that it is found wherever it lies.
+            field = self_affine_field(
+                stream(p.seed, "wear", "waves"), points, self.spacing, **self._spectrum
+            )
+            worn = field > np.quantile(field, 1 - p.wear_share)
+            depth = np.where(worn, depth.sum() / max((depth > 0).sum(), 1), 0).astype(np.float32)
         return depth
 
     def _break_chips(self, depth: np.ndarray, severity: np.ndarray, step: int) -> None:

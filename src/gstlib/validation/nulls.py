@@ -14,7 +14,7 @@ of the shifts spread too little.
 
 Limits: both maps are assumed to have the same statistics all over the patch, which a ramp of wear
 from one side to the other would break; and a patch only a few correlation lengths wide has few
-shifts that differ.
+shifts that differ. Where the loss correlates further than `LONGEST`, shifts claim too much.
 """
 
 import math
@@ -25,7 +25,7 @@ import scipy.fft
 
 from gstlib.validation.scores import CONTACT, Comparison, rank_levels, scores_of_sums
 
-__all__ = ["correlation_length", "null_scores", "p_value"]
+__all__ = ["LONGEST", "correlation_length", "null_scores", "p_value"]
 
 # ASSUME: the correlation length is where the autocorrelation, averaged over all directions, has
 # fallen to 1/e. Shifts beyond that of the loss count as chance: on random fields with one
@@ -34,6 +34,10 @@ _DECAYED = math.exp(-1)
 # ASSUME: autocorrelations are used up to half the patch's shorter side: few pairs of points are
 # further apart, and their products are hardly known.
 _FARTHEST = 0.5
+# ASSUME: a loss that correlates further than this share of the patch's shorter side is not tested
+# by shifts. Measured on 3300 pairs of unrelated, levelled self-affine maps, F1 and ROC-AUC at the
+# level of 5 % claim a relation in 5.3 % and 5.5 % of those up to it, in 9 % and 10 % beyond it.
+LONGEST = 0.08
 _LEVELS = 32
 # Scores of the same counts may differ by rounding; they are ties.
 _TIE = 1e-9

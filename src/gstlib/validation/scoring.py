@@ -6,7 +6,8 @@ the gain can only look smaller than it is.
 
 Noise mimics agreement: a point that noise raises at T0 is predicted to touch, and looks worn at
 T1. No shift tells that from wear, but noise rises as often as it falls. Where so much rose that it
-may explain the loss, chance is not tested.
+may explain the loss, chance is not tested. Nor is it where the loss correlates over so large a
+share of the patch that shifts claim too much (`gstlib.validation.nulls.LONGEST`).
 
 A flat touches summits only. Loss split by height and gap shows what use took out of valleys, which
 the model cannot predict.
@@ -29,7 +30,7 @@ from gstlib.validation.intervals import (
     percentile_interval,
     resampled_scores,
 )
-from gstlib.validation.nulls import correlation_length, null_scores, p_value
+from gstlib.validation.nulls import LONGEST, correlation_length, null_scores, p_value
 from gstlib.validation.scores import CONTACT, RIVALS, SCORES, compare, scores_of
 
 __all__ = ["PatchScores", "patch_tables", "score_patch"]
@@ -54,8 +55,8 @@ _COLUMNS = {
     ],
     "gains": [
         *("patch", "score", "value", "null_mean", "null_low", "null_high", "effect_size"),
-        *("p_value", "shifts", "best_rival", "best_rival_value", "gain", "gain_low", "gain_high"),
-        "blocks",
+        *("p_value", "untested", "shifts", "best_rival", "best_rival_value", "gain", "gain_low"),
+        *("gain_high", "blocks"),
     ],
     "failures": [
         *("patch", "split", "band", "area_share", "loss_share", "loss_fraction", "hit_share"),
@@ -72,7 +73,7 @@ class PatchScores:
     gains: list[dict[str, Any]]  # rows of validation_gains.csv; none where chance was not tested
     failures: list[dict[str, Any]]  # rows of validation_failures.csv
     null: dict[str, np.ndarray]  # as of `null_scores`; empty where chance was not tested
-    warning: str | None  # what to look into if nearly as much rose as fell, or far more
+    warning: str | None  # what to look into if too much rose, or if waves are too long to test
 
 
 def score_patch(
@@ -115,6 +116,7 @@ def score_patch(
     comparison = compare(heights, contact, change, neighbourhood_um=neighbourhood_um)
     loss, valid = comparison.loss, comparison.valid
     length = correlation_length(loss, valid, comparison.spacing)
+    longest = LONGEST * min(n * d for n, d in zip(valid.shape, comparison.spacing, strict=True))
     scores = {name: scores_of(one, comparison) for name, one in comparison.predictions.items()}
     touching, rigid = (comparison.predictions[name].mask for name in (CONTACT, "rigid"))
     gain = change["gain"].values.astype(bool) & valid
@@ -150,6 +152,12 @@ def score_patch(
             of_score |= _against_chance(value, null[score])
             of_score |= _against_rivals(score, scores, resampled, blocks)
             if row["noise_share"] > most_noise:
+                of_score["untested"] = "noise"
+            elif length > longest:
+                of_score["untested"] = "long waves"
+            elif math.isnan(length) or math.isnan(of_score["p_value"]):
+                of_score["untested"] = "undefined"
+            if of_score["untested"]:
                 of_score["p_value"] = math.nan
             gains.append(of_score)
     failures = [
@@ -165,7 +173,7 @@ def score_patch(
         }
         for split, label, band in _bands(contact, touching, valid)
     ]
-    return PatchScores(row, gains, failures, null, _warning(row, most_noise))
+    return PatchScores(row, gains, failures, null, _warning(row, most_noise, longest))
 
 
 def patch_tables(found: Sequence[PatchScores]) -> dict[str, pd.DataFrame]:
@@ -178,7 +186,7 @@ def patch_tables(found: Sequence[PatchScores]) -> dict[str, pd.DataFrame]:
     return {name: pd.DataFrame(rows[name], columns=columns) for name, columns in _COLUMNS.items()}
 
 
-def _against_chance(value: float, scores: np.ndarray) -> dict[str, float]:
+def _against_chance(value: float, scores: np.ndarray) -> dict[str, Any]:
     """Where a score stands among those of the shifts, of which the first is in place."""
     # the value in place is taken in levels, as the null is
     null = scores[1:][np.isfinite(scores[1:])] + (value - scores[0])
@@ -192,6 +200,7 @@ def _against_chance(value: float, scores: np.ndarray) -> dict[str, float]:
         "null_high": high,
         "effect_size": (value - mean) / spread if spread > 0 else math.nan,
         "p_value": p_value(value, null),
+        "untested": "",
         "shifts": int(null.size),
     }
 
@@ -244,7 +253,7 @@ def _share(part: np.ndarray, whole: np.ndarray) -> float:
     return float((part & whole).sum() / whole.sum()) if whole.any() else math.nan
 
 
-def _warning(row: dict[str, Any], most_noise: float) -> str | None:
+def _warning(row: dict[str, Any], most_noise: float, longest: float) -> str | None:
     rose, fell, noise = (100 * row[k] for k in ("gain_fraction", "loss_fraction", "noise_share"))
     if rose > _BEYOND_NOISE * fell:
         return (
@@ -257,5 +266,11 @@ def _warning(row: dict[str, Any], most_noise: float) -> str | None:
             f"patch {row['patch']}: {noise:.0f} % as much rose as fell, so the loss may be noise, "
             "which mimics agreement with contact: not tested against chance. A larger "
             "traces.minimum_points removes noise."
+        )
+    if (length := row["correlation_length_um"]) > 1e3 * longest:
+        return (
+            f"patch {row['patch']}: the loss correlates over {length:.3g} µm. Above "
+            f"{1e3 * longest:.3g} µm, unrelated maps of this size agree too often: not tested "
+            "against chance. Larger scans can be tested."
         )
     return None

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.pebble import OUTER_SIZE_MM, even_triangulation, surface_points, use_face
 from gstlib.specimen.randomness import self_affine_field, stream
-from gstlib.specimen.stone import Stone
+from gstlib.specimen.stone import WEAR_PLACEMENTS, Stone
 from gstlib.surface import make_surface
 
 
@@ -151,16 +151,24 @@ def test_without_any_cause_nothing_wears_but_rare_summits(parameters, monkeypatc
     assert (idle.wear_depth("summits") > 0).mean() < 0.002
 
 
-def test_wear_at_random_keeps_its_amount_and_shape_and_does_not_follow_the_heights(parameters):
-    relation = {"summits": [], "random": []}
+def test_wear_without_relation_has_its_shape_and_does_not_follow_the_heights(parameters):
+    relation = {placement: [] for placement in WEAR_PLACEMENTS}
     for seed in range(6):
         stone = Stone(dataclasses.replace(parameters, seed=seed), 5.0)
-        depths = {placement: stone.wear_depth(placement) for placement in relation}
+        depths = {placement: stone.wear_depth(placement).astype(float) for placement in relation}
         for placement, found in relation.items():
             found.append(np.corrcoef(depths[placement].ravel(), stone.detail.ravel())[0, 1])
         # the modulus of the spectrum is that of all shifts, and of hardly anything else
-        spectra = [np.abs(np.fft.rfft2(depth.astype(float))) for depth in depths.values()]
-        np.testing.assert_allclose(*spectra, atol=1e-9 * spectra[0].max())
-    mean, spread = np.mean(relation["random"]), np.std(relation["random"], ddof=1)
-    assert abs(mean) < 3 * spread / np.sqrt(6)  # on each, few and broad waves allow more
-    assert min(relation["summits"]) > 3 * np.abs(relation["random"]).max()
+        spectra = {
+            name: np.abs(np.fft.rfft2(depth - depth.mean())) for name, depth in depths.items()
+        }
+        atol = 1e-9 * spectra["summits"].max()
+        np.testing.assert_allclose(spectra["random"], spectra["summits"], atol=atol)
+        # up to four cycles over the square: waves longer than a patch
+        long = {name: (of[:5, :5] ** 2).sum() / (of**2).sum() for name, of in spectra.items()}
+        assert long["waves"] > 1.5 * long["summits"]
+        assert (depths["waves"] > 0).mean() == pytest.approx(parameters.wear_share, abs=1e-3)
+    for placement in ("random", "waves"):
+        mean, spread = np.mean(relation[placement]), np.std(relation[placement], ddof=1)
+        assert abs(mean) < 3 * spread / np.sqrt(6)  # on each, few and broad waves allow more
+        assert min(relation["summits"]) > 3 * np.abs(relation[placement]).max()

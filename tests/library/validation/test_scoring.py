@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from gstlib.specimen.randomness import smooth_field
+from gstlib.preprocess.leveling import remove_plane
+from gstlib.specimen.randomness import self_affine_field, smooth_field
 from gstlib.surface import make_surface
 from gstlib.validation.change import height_change
 from gstlib.validation.nulls import _wrap_around_factors
@@ -234,15 +235,36 @@ def test_loss_in_valleys_shows_as_missed_there(patch):
     assert [row["loss_fraction"] for row in rows] == [0.6, 0, 0, 1]
 
 
-def test_one_large_spot_that_misses_is_no_better_than_chance(patch):
+def test_one_spot_that_misses_is_no_better_than_chance(patch):
     """Nearly all shifts hit nothing either."""
     contact, change = patch
     pressure = np.zeros(contact.height.shape)
-    pressure[:12, :12] = 1.0
+    pressure[:6, :6] = 1.0
     contact["pressure"] = ("y", "x"), pressure
     change["loss"] = change["loss"] & False
-    change["loss"][30:42, 30:42] = True
+    change["loss"][30:36, 30:36] = True
     known = np.isfinite(change.change.values)
     assert _wrap_around_factors([pressure > 0], change.loss.values, known)[0] > 1
-    f1 = by_score(scored((contact, change)))["f1"]
+    f1 = by_score(scored((contact, change), most_noise=np.inf))["f1"]
     assert (f1["value"], f1["p_value"]) == (0, 1)
+
+
+@pytest.mark.parametrize(("roll_off", "untested"), [(20.0, ""), (400.0, "long waves")])
+def test_loss_in_waves_as_long_as_the_patch_is_not_tested_against_chance(roll_off, untested):
+    """Of two unrelated levelled surfaces one is pressed, and the highest of the other is lost."""
+    rng = np.random.default_rng(8)
+
+    def levelled():
+        wide = self_affine_field(rng, 512, 1.0, hurst_exponent=0.8, roll_off=roll_off)
+        return remove_plane(make_surface(wide[:100, :100].astype(float), 1e-3))[0]
+
+    z, other = levelled(), levelled()
+    depth = z - z.quantile(0.85)
+    contact = xr.Dataset({"height": z, "pressure": depth.clip(0), "gap": (-depth).clip(0)})
+    loss = other > other.quantile(0.75)
+    change = xr.Dataset({"change": other, "loss": loss, "gain": loss & False})
+    found = scored((contact.assign(displacement=float(depth.max())), change))
+    assert {row["untested"] for row in found.gains} == {untested}
+    assert {math.isnan(row["p_value"]) for row in found.gains} == {bool(untested)}
+    assert bool(found.warning) == bool(untested)
+    assert all(word in found.warning for word in ("patch 7", "8 µm", "Larger") if untested)
