@@ -105,6 +105,7 @@ def main() -> int:
             macroscale=config["macroscale"],
             scan_settings=config["scans"],
             maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
+            reference=config["coupling"] == "placed" and config["reference_draws"] is not None,
         )
         problems += found.problems
     print(f"{path}: {summary(config, patches, found)}")

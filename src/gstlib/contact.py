@@ -8,6 +8,7 @@ pressure, displacement and stiffness are 0, and shares of the contact are NaN.
 import logging
 import math
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ import xarray as xr
 
 from gstlib.bem import ContactError, ContactState, load_path, solve_contact
 from gstlib.errors import InputError
+from gstlib.preprocess.leveling import Plane
 from gstlib.surface import spacing_of
 
 __all__ = [
@@ -24,6 +26,8 @@ __all__ = [
     "contact_path",
     "hardness_dataset",
     "hardness_summary",
+    "interface_stiffness",
+    "laid_height",
     "load_path_table",
     "pressed_height",
     "slip_dataset",
@@ -60,7 +64,9 @@ _VARIABLES = {
     "displacement": ("mm", "far-field displacement from first touch"),
     "mean_pressure": ("MPa", "mean pressure"),
     "contact_fraction": ("1", "real over nominal contact area"),
+    "surroundings": ("mm", "displacement by the pressures outside the patch"),
     "stiffness": ("MPa/mm", "contact stiffness"),
+    "interface_stiffness": ("MPa/mm", "contact stiffness without the cut-out's own compliance"),
     "ceiling_share": ("1", "share of the contact at the ceiling"),
     "residual": ("1", "largest violation of contact conditions"),
     "traction": ("MPa", "tangential traction along the load"),
@@ -76,8 +82,7 @@ _NUMBERS = "displacement", "mean_pressure", "contact_fraction", "residual"
 
 
 def contact_path(
-    height: xr.DataArray,
-    counterface: xr.DataArray | None = None,
+    faces: xr.Dataset,
     *,
     source: str | Path,
     contact_modulus_MPa: float,
@@ -91,10 +96,8 @@ def contact_path(
 
     Parameters
     ----------
-    height : (ny, nx) xarray.DataArray
-        Surface heights, mm.
-    counterface : (ny, nx) xarray.DataArray, optional
-        Heights (mm) of the face that presses on it, from `turned_over`; a flat if there is none.
+    faces : xarray.Dataset
+        ``height`` (y, x) of a surface, mm, and what `pressed_height` adds to it.
     source : path
         The file that the surface comes from, for error messages.
     contact_modulus_MPa, target_pressure_MPa : float
@@ -109,16 +112,16 @@ def contact_path(
     Returns
     -------
     xarray.Dataset
-        ``height``, and ``counterface`` if there is one; ``pressure`` MPa and ``gap`` mm; along the
-        path (step) ``displacement`` mm, ``mean_pressure`` MPa, ``contact_fraction``, ``stiffness``
-        MPa/mm and ``residual``. E*, target pressure and tolerance are its attributes.
+        `faces` with ``pressure`` MPa and ``gap`` mm; along the path (step) ``displacement`` mm,
+        ``mean_pressure`` MPa, ``contact_fraction``, ``stiffness`` MPa/mm and ``residual``. E*,
+        target pressure and tolerance are its attributes.
 
     Raises
     ------
     InputError
         The pressure is not reached within `maximum_displacement_um`, or the solver gives up.
     """
-    contact = _faces(height, counterface, contact_modulus_MPa, target_pressure_MPa, tolerance)
+    contact = _loaded(faces, contact_modulus_MPa, target_pressure_MPa, tolerance)
     options = {"target_pressure": target_pressure_MPa, "steps": steps, "keep_states": every_step}
     path = _solved(load_path, contact, source, **options)
     needed_um = path.final.displacement * 1e3
@@ -138,8 +141,7 @@ def contact_path(
 
 
 def contact_at_pressure(
-    height: xr.DataArray,
-    counterface: xr.DataArray | None = None,
+    faces: xr.Dataset,
     *,
     source: str | Path,
     contact_modulus_MPa: float,
@@ -151,39 +153,88 @@ def contact_at_pressure(
     Parameters, errors and what is returned as of `contact_path`; ``displacement``,
     ``mean_pressure``, ``contact_fraction`` and ``residual`` are numbers, without ``stiffness``.
     """
-    contact = _faces(height, counterface, contact_modulus_MPa, target_pressure_MPa, tolerance)
+    contact = _loaded(faces, contact_modulus_MPa, target_pressure_MPa, tolerance)
     state = _solved(solve_contact, contact, source, mean_pressure=target_pressure_MPa)
     return contact.assign(_state_variables(state))
 
 
+def interface_stiffness(contact: xr.Dataset) -> xr.DataArray:
+    """Stiffness (step), MPa/mm, of the rough interface alone, along the path of a contact.
+
+    A patch is cut out of the stone. Its displacement under a mean pressure has two parts: that of
+    the interface, and that of the half-space under a load on the patch alone, which the
+    surrounding stone does not share in the computation. The second is the compliance of a flat
+    punch of the patch's outline, pressed in with the same solver; compliances in series add. Where
+    nothing touches, the stiffness is 0.
+    """
+    height, modulus = contact.height, contact.attrs["contact_modulus_MPa"]
+    punch = _punch_stiffness(height.shape, spacing_of(height), modulus)
+    stiffness = contact.stiffness.values
+    alone = np.divide(
+        punch * stiffness,
+        punch - stiffness,
+        out=np.full_like(stiffness, np.inf),
+        where=stiffness < punch,
+    )
+    units, long_name = _VARIABLES["interface_stiffness"]
+    return contact.stiffness.copy(data=alone).assign_attrs(units=units, long_name=long_name)
+
+
+@lru_cache
+def _punch_stiffness(
+    shape: tuple[int, int], spacing: tuple[float, float], contact_modulus_MPa: float
+) -> float:
+    """Mean pressure over displacement, MPa/mm, of a rigid flat punch as large as the grid."""
+    depth = float(np.prod(spacing)) ** 0.5
+    punch = solve_contact(np.zeros(shape), spacing, contact_modulus_MPa, displacement=depth)
+    return punch.mean_pressure / depth
+
+
 def load_path_table(contact: xr.Dataset) -> pd.DataFrame:
     """Load path as a table, one row per step (columns of `macroscale_path.csv`)."""
-    return pd.DataFrame(
-        {
-            "step": contact.step.values,
-            "displacement_um": contact.displacement.values * 1e3,
-            "mean_pressure_MPa": contact.mean_pressure.values,
-            "contact_fraction": contact.contact_fraction.values,
-            "stiffness_MPa_per_um": contact.stiffness.values * 1e-3,
-        }
-    )
+    columns = {
+        "step": contact.step.values,
+        "displacement_um": contact.displacement.values * 1e3,
+        "mean_pressure_MPa": contact.mean_pressure.values,
+        "contact_fraction": contact.contact_fraction.values,
+        "stiffness_MPa_per_um": contact.stiffness.values * 1e-3,
+    }
+    if "interface_stiffness" in contact:
+        columns["interface_stiffness_MPa_per_um"] = contact.interface_stiffness.values * 1e-3
+    return pd.DataFrame(columns)
 
 
-def pressed_height(contact: xr.Dataset) -> xr.DataArray:
-    """Heights (mm) of the surface that touches a flat as the faces of a contact touch each other.
+def laid_height(contact: xr.Dataset) -> xr.DataArray:
+    """Heights (mm) of a surface as it lies on the stone, with those of the face pressed on it.
 
     Parameters
     ----------
     contact : xarray.Dataset
-        With ``height`` and, where there is one, ``counterface``, as of `turned_over`.
+        ``height``; the attributes ``slope_y`` and ``slope_x`` of its plane, where it has one;
+        ``counterface``, where there is one, as of `turned_over`.
 
     Notes
     -----
     Only the gap between two faces enters a contact of half-spaces, so that heights add (Bemporad &
     Paggi, Int. J. Solids Struct. 69-70 (2015) 465).
     """
-    height, counterface = contact.height, contact.get("counterface")
-    return height if counterface is None else height.copy(data=height.values + counterface.values)
+    height = contact.height
+    plane = Plane(0.0, contact.attrs.get("slope_y", 0.0), contact.attrs.get("slope_x", 0.0))
+    values = height.values + plane.heights(height)
+    if "counterface" in contact:
+        values = values + contact.counterface.values
+    return height.copy(data=values)
+
+
+def pressed_height(contact: xr.Dataset) -> xr.DataArray:
+    """Heights (mm) of the surface that touches a flat as the faces of a contact touch each other.
+
+    `laid_height` less the displacement by ``surroundings``, where these are known.
+    """
+    height = laid_height(contact)
+    if "surroundings" not in contact:
+        return height
+    return height.copy(data=height.values - contact.surroundings.values)
 
 
 def turned_over(
@@ -371,14 +422,14 @@ def hardness_summary(contact: xr.Dataset, limited: xr.Dataset) -> dict[str, floa
     }
 
 
-def _faces(height, counterface, contact_modulus_MPa, target_pressure_MPa, tolerance) -> xr.Dataset:
-    faces = {"height": height} | ({} if counterface is None else {"counterface": counterface})
-    settings = {
-        "contact_modulus_MPa": contact_modulus_MPa,
-        "target_pressure_MPa": target_pressure_MPa,
-        "tolerance": tolerance,
-    }
-    return xr.Dataset(faces, attrs=settings)
+def _loaded(
+    faces: xr.Dataset, contact_modulus_MPa: float, target_pressure_MPa: float, tolerance: float
+) -> xr.Dataset:
+    return faces.assign_attrs(
+        contact_modulus_MPa=contact_modulus_MPa,
+        target_pressure_MPa=target_pressure_MPa,
+        tolerance=tolerance,
+    )
 
 
 def _solved(solve: Callable, contact: xr.Dataset, source: str | Path, **options):

@@ -9,14 +9,63 @@ share out its force without loss, wherever they lie.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy.interpolate import RectBivariateSpline
 
-from gstlib.surface import spacing_of
+from gstlib.bem import HalfSpace
+from gstlib.surface import axis_coordinates, spacing_of
 
-__all__ = ["footprint_weights", "half_extent", "patch_pressures", "select_patches"]
+__all__ = [
+    "Place",
+    "footprint_weights",
+    "half_extent",
+    "on_patch",
+    "patch_pressures",
+    "places_of",
+    "select_patches",
+    "shifted",
+    "spline_of",
+    "surroundings",
+]
+
+
+class Place(NamedTuple):
+    """Where a scan lies on the square: its centre (mm) and its turn from x towards y."""
+
+    y_mm: float
+    x_mm: float
+    rotation_deg: float
+
+    def points(self, v: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places (y, x) on the square of points (v, u) from the scan's centre, mm."""
+        turn = np.radians(self.rotation_deg)
+        y = self.y_mm + np.cos(turn) * v + np.sin(turn) * u
+        return y, self.x_mm + np.cos(turn) * u - np.sin(turn) * v
+
+
+def places_of(patches: pd.DataFrame) -> dict[str, Place]:
+    """Place of each patch, from ``patch, x_mm, y_mm, rotation_deg``."""
+    rows = patches[["patch", "y_mm", "x_mm", "rotation_deg"]].itertuples(index=False)
+    return {patch: Place(*map(float, place)) for patch, *place in rows}
+
+
+def spline_of(field: xr.DataArray) -> RectBivariateSpline:
+    """Cubic spline of a field (y, x) through its element centres; it is constant beyond them."""
+    return RectBivariateSpline(field.y.values, field.x.values, field.values)
+
+
+def on_patch(
+    spline: RectBivariateSpline, place: Place, shape: tuple[int, ...], size_mm: float
+) -> np.ndarray:
+    """A field of the square at the points, of this `shape`, of the scan that lies at a place."""
+    v, u = (axis_coordinates(count, size_mm / count) - size_mm / 2 for count in shape)
+    if place.rotation_deg == 0:  # many times as fast
+        return spline(place.y_mm + v, place.x_mm + u)
+    return spline.ev(*place.points(v[:, None], u))
 
 
 def footprint_weights(
@@ -70,12 +119,23 @@ def half_extent(size_mm: float, rotation_deg: float | pd.Series) -> float | pd.S
     return size_mm / 2 * (abs(np.cos(angle)) + abs(np.sin(angle)))
 
 
+def shifted(
+    patches: pd.DataFrame, shift_um: Sequence[float], *, size_mm: float, square_mm: float
+) -> pd.DataFrame:
+    """The patch table with all patches shifted by (x, y), µm; none leaves the square.
+
+    ``rotation_deg`` is 0 where the table has none.
+    """
+    table = patches.assign(rotation_deg=patches.get("rotation_deg", 0.0))
+    if any(shift_um):
+        half = half_extent(size_mm, table.rotation_deg)
+        for name, shift in zip(("x_mm", "y_mm"), shift_um, strict=True):
+            table[name] = (table[name] + shift * 1e-3).clip(half, square_mm - half)
+    return table
+
+
 def patch_pressures(
-    pressure: xr.DataArray,
-    patches: pd.DataFrame,
-    *,
-    size_mm: float,
-    shift_um: Sequence[float] = (0.0, 0.0),
+    pressure: xr.DataArray, patches: pd.DataFrame, *, size_mm: float
 ) -> pd.DataFrame:
     """Nominal pressure of each patch from the macroscale contact pressure.
 
@@ -84,48 +144,63 @@ def patch_pressures(
     pressure : (ny, nx) xarray.DataArray
         Contact pressure at the target, MPa, in the square's frame (mm).
     patches : pandas.DataFrame
-        Patch table (`gstlib.io.patches.read_patches`).
+        ``patch, x_mm, y_mm, rotation_deg``.
     size_mm : float
         Side of a patch.
-    shift_um : (x, y)
-        Shift of all patches; one that would leave the square stays at its edge.
 
     Returns
     -------
     pandas.DataFrame
-        ``patch, x_mm, y_mm``; ``place``, "nominal" or "shifted"; ``rotation_deg``; ``force_N``, the
-        force on the footprint; ``pressure_MPa``, over its nominal area; ``contact_fraction``, share
-        of that area in elements that are in contact; ``peak_pressure_MPa``, largest pressure of an
-        element in it.
+        ``patch, x_mm, y_mm, rotation_deg``; ``force_N``, the force on the footprint;
+        ``pressure_MPa``, over its nominal area; ``contact_fraction``, share of that area in
+        elements that are in contact; ``peak_pressure_MPa``, largest pressure of an element in it.
     """
     dy, dx = spacing_of(pressure)
-    values, sides = pressure.values, (pressure.sizes["x"] * dx, pressure.sizes["y"] * dy)
+    values = pressure.values
     rows = []
-    for patch in patches.itertuples(index=False):
-        rotation = float(getattr(patch, "rotation_deg", 0.0))
-        x, y = float(patch.x_mm), float(patch.y_mm)
-        if any(shift_um):
-            half = half_extent(size_mm, rotation)
-            x, y = (
-                float(np.clip(place + shift * 1e-3, half, side - half))
-                for place, shift, side in zip((x, y), shift_um, sides, strict=True)
-            )
+    names = ["patch", "x_mm", "y_mm", "rotation_deg"]
+    for patch, x, y, rotation in patches[names].itertuples(index=False):
         weights = footprint_weights(pressure, x, y, size_mm, rotation)
         force = float((values * weights).sum() * dy * dx)
-        rows.append(
-            {
-                "patch": patch.patch,
-                "x_mm": x,
-                "y_mm": y,
-                "place": "shifted" if any(shift_um) else "nominal",
-                "rotation_deg": rotation,
-                "force_N": force,
-                "pressure_MPa": force / size_mm**2,
-                "contact_fraction": float(weights[values > 0].sum() * dy * dx / size_mm**2),
-                "peak_pressure_MPa": float(values[weights > 0].max(initial=0.0)),
-            }
-        )
-    return pd.DataFrame(rows)
+        touching = float(weights[values > 0].sum() * dy * dx / size_mm**2)
+        peak = float(values[weights > 0].max(initial=0.0))
+        rows.append((patch, x, y, rotation, force, force / size_mm**2, touching, peak))
+    found = "force_N", "pressure_MPa", "contact_fraction", "peak_pressure_MPa"
+    return pd.DataFrame(rows, columns=[*names, *found])
+
+
+def surroundings(
+    pressure: xr.DataArray,
+    place: Place,
+    shape: tuple[int, int],
+    *,
+    size_mm: float,
+    contact_modulus_MPa: float,
+) -> np.ndarray:
+    """Displacement of a patch by the macroscale pressures outside its outline.
+
+    Parameters
+    ----------
+    pressure : (ny, nx) xarray.DataArray
+        Macroscale contact pressure, MPa. Of an element that the edge cuts, the share of its area
+        outside counts.
+    place : Place
+        Where the patch lies.
+    shape : (int, int)
+        Points of its scan.
+    size_mm : float
+        Side of a patch.
+    contact_modulus_MPa : float
+
+    Returns
+    -------
+    ndarray of `shape`
+        mm, into the stone.
+    """
+    inside = footprint_weights(pressure, place.x_mm, place.y_mm, size_mm, place.rotation_deg)
+    square = HalfSpace(pressure.shape, spacing_of(pressure), contact_modulus_MPa)
+    displaced = pressure.copy(data=square.displacement(pressure.values * (1 - inside)))
+    return on_patch(spline_of(displaced), place, shape, size_mm)
 
 
 def select_patches(

@@ -5,6 +5,7 @@ being checked, so that all can be put right at once.
 """
 
 import logging
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ from gstlib.preprocess.frame import find_frame
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.scan import check_unmeasured
+from gstlib.reference import check_memory
 from gstlib.surface import make_surface, spacing_of
 
 if TYPE_CHECKING:
@@ -103,6 +105,7 @@ def check_inputs(
     macroscale: Mapping,
     scan_settings: Mapping,
     maximum_unmeasured: float,
+    reference: bool,
 ) -> Inputs:
     """Read the mesh and every scan of a study.
 
@@ -115,6 +118,8 @@ def check_inputs(
         The sections ``square``, ``macroscale`` and ``scans`` of the config.
     maximum_unmeasured : float
         Largest share (0 to 1) of unmeasured points in a patch.
+    reference : bool
+        Whether the whole square is pressed at the scans' resolution, which takes memory.
 
     Notes
     -----
@@ -170,6 +175,12 @@ def check_inputs(
                 | {name: facts.get(name) for name in _FACTS}
                 | {"range_um": facts["highest_um"] - facts["lowest_um"]}
             )
+    if reference and rows:
+        try:
+            memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+            check_memory(square["size_mm"], rows[0]["spacing_x_um"] * 1e-3, memory)
+        except InputError as error:
+            problems.append(error)
     return Inputs(
         scans=pd.DataFrame(rows, columns=["patch", "epoch", "file", *_FACTS, "range_um"]),
         mesh=facts_of_mesh,

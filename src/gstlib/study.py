@@ -3,16 +3,23 @@
 Read it from top to bottom. It follows section 2 of Marulli, Sorrentino & Paggi (2024, J. Archaeol.
 Sci. Rep. 104939) and goes on where the paper stops:
 
-1. The square of the tool's mesh becomes heights on a grid (`grid_macroscale`), which are pressed
+1. The square of the tool's mesh becomes heights on a grid (`grid_macroscale`). The scans, cleaned
+   (`prepare_scan`), are laid on it where they were taken (`compose_surface`). The whole is pressed
    against a flat up to the target pressure (`solve_macroscale`).
 2. Each scanned patch carries the macroscale forces in its outline (`couple_scales`): a pressure
    with an interval (`bound_pressures`). `place_patches` checks where the patches lie.
-3. Scans are cleaned (`prepare_scan`). T1 is registered to T0, which gives the height that use took
-   away (`register_patch`). `select_patches` tells which patches enter the study.
-4. Each patch is pressed at the scan's resolution up to its own pressure (`solve_patch`). Stick and
-   slip (`solve_slip`) and a ceiling on the pressure (`solve_hardness`) are further cases.
+3. T1 is registered to T0, which gives the height that use took away (`register_patch`).
+   `select_patches` tells which patches enter the study.
+4. Each patch, as it lies on the stone (`place_patch`), is pressed at the scan's resolution up to
+   its own pressure (`solve_patch`). Stick and slip (`solve_slip`) and a ceiling on the pressure
+   (`solve_hardness`) are further cases.
 5. Predicted contact is scored against measured loss (`score_patches`), and the texture is measured
    before and after use (`measure_texture`).
+
+Two variants of the coupling exist. In the paper's, `levelled`, the mesh alone makes the square, and
+a patch is pressed as its scan was levelled. In `placed`, the scans enter the square, and a patch
+keeps its plane in the stone and yields to the pressures around it. Both are held against one
+contact of the whole square at the scans' resolution (`solve_reference`, `compare_scales`).
 
 The functions take and return datasets and tables, and read and write no file of results: the
 workflow's scripts do, one stage each. `Study` runs the same stages in memory, for sweeps over
@@ -48,11 +55,15 @@ __all__ = [
     "Study",
     "bound_pressures",
     "compare_moduli",
+    "compare_scales",
+    "compose_surface",
     "couple_scales",
     "grid_macroscale",
     "gridding_table",
+    "levelled_patch",
     "measure_texture",
     "microscale_tables",
+    "place_patch",
     "place_patches",
     "prepare_scan",
     "preprocessing_table",
@@ -63,14 +74,17 @@ __all__ = [
     "solve_hardness",
     "solve_macroscale",
     "solve_patch",
+    "solve_reference",
     "solve_slip",
 ]
 
 # The sections of the config that the stages of `Study` depend on, besides `seed`.
 STUDY_SECTIONS = (
-    *("square", "material", "macroscale", "scans", "preprocessing", "registration", "traces"),
-    *("texture", "placement", "selection", "microscale", "validation"),
+    *("coupling", "square", "material", "macroscale", "scans", "preprocessing", "registration"),
+    *("traces", "texture", "placement", "uncertainty", "selection", "microscale", "validation"),
 )
+# Which pressure of a patch each variant takes, of `couple_scales`.
+PRESSURES = {"placed": "pressure_MPa", "levelled": "mesh_pressure_MPa"}
 
 
 # --- The square -------------------------------------------------------------------------------
@@ -134,6 +148,44 @@ def gridding_table(surface: xr.Dataset) -> pd.DataFrame:
     )
 
 
+def compose_surface(
+    surface: xr.Dataset,
+    patches: pd.DataFrame,
+    heights: Iterable[tuple[str, xr.DataArray]],
+    *,
+    patch_mm: float,
+    shift_um: Sequence[float],
+    s_filter_um: float | None,
+    placement_um: float,
+    seed: int,
+) -> xr.Dataset:
+    """Lay the T0 scans on the mesh's surface, with detail like theirs between them.
+
+    `heights` are pairs of a patch and its prepared heights, in the table's order. The result is
+    that of `gstlib.composite.compose_surface`.
+    """
+    from gstlib.composite import compose_surface, s_filtered
+
+    return compose_surface(
+        surface,
+        _shifted(surface, patches, patch_mm, shift_um),
+        ((patch, s_filtered(height, s_filter_um)) for patch, height in heights),
+        patch_mm=patch_mm,
+        placement_um=placement_um,
+        seed=seed,
+    )
+
+
+def _shifted(
+    grid: xr.Dataset, patches: pd.DataFrame, patch_mm: float, shift_um: Sequence[float]
+) -> pd.DataFrame:
+    from gstlib.coupling import shifted
+    from gstlib.surface import spacing_of
+
+    square_mm = spacing_of(grid)[0] * grid.sizes["y"]
+    return shifted(patches, shift_um, size_mm=patch_mm, square_mm=square_mm)
+
+
 def solve_macroscale(
     surface: xr.Dataset, *, source: str | Path = "macroscale", **settings: Any
 ) -> xr.Dataset:
@@ -143,7 +195,9 @@ def solve_macroscale(
     """
     from gstlib.contact import contact_path
 
-    return contact_path(surface.height, source=source, every_step=True, **settings)
+    return contact_path(
+        surface.height.to_dataset(name="height"), source=source, every_step=True, **settings
+    )
 
 
 def compare_moduli(
@@ -174,7 +228,7 @@ def compare_moduli(
     rows: list[tuple] = []
     for basis, modulus in moduli_MPa.items():
         contact = contact_at_pressure(
-            surface.height,
+            surface.height.to_dataset(name="height"),
             source=source,
             contact_modulus_MPa=modulus,
             target_pressure_MPa=target_pressure_MPa,
@@ -196,6 +250,7 @@ def compare_moduli(
 
 def couple_scales(
     contact: xr.Dataset,
+    mesh_contact: xr.Dataset,
     patches: pd.DataFrame,
     *,
     patch_mm: float,
@@ -203,17 +258,21 @@ def couple_scales(
 ) -> pd.DataFrame:
     """Pressure of each patch: the macroscale forces in its outline over its area (section 2.3).
 
-    `contact` is the square's at the target pressure; `shift_um` (x, y) shifts all patches. The
-    result is that of `gstlib.coupling.patch_pressures`.
+    `contact` is the square's at the target pressure, and `mesh_contact` that of the mesh alone;
+    `shift_um` (x, y) shifts all patches. The result is that of `gstlib.coupling.patch_pressures`
+    with ``mesh_pressure_MPa``, the pressure by the mesh alone.
     """
     from gstlib.coupling import patch_pressures
 
-    return patch_pressures(contact.pressure, patches, size_mm=patch_mm, shift_um=shift_um)
+    places = _shifted(contact, patches, patch_mm, shift_um)
+    pressures = patch_pressures(contact.pressure, places, size_mm=patch_mm)
+    by_mesh = patch_pressures(mesh_contact.pressure, places, size_mm=patch_mm)
+    return pressures.assign(mesh_pressure_MPa=by_mesh.pressure_MPa)
 
 
 def bound_pressures(
     surface: xr.Dataset,
-    contact: xr.Dataset,
+    composite: xr.Dataset | None,
     pressures: pd.DataFrame,
     *,
     material: Mapping[str, float],
@@ -223,11 +282,11 @@ def bound_pressures(
     source: str | Path = "macroscale",
     **settings: float,
 ) -> pd.DataFrame:
-    """95 % intervals of the patches' pressures, by their places and by the stones' constants.
+    """95 % intervals of the patches' pressures, and how well the mesh knows their planes.
 
     The result is that of `gstlib.uncertainty.pressure_intervals`.
     """
-    from gstlib.uncertainty import draw_contact_moduli, pressure_intervals, pressures_of_moduli
+    from gstlib.uncertainty import draw_contact_moduli, pressure_intervals
 
     shares = draw_contact_moduli(
         material,
@@ -235,17 +294,16 @@ def bound_pressures(
         poisson=uncertainty["poisson"],
         generator=np.random.default_rng(seed),
     )
-    solved = pressures_of_moduli(
-        surface.height, contact.pressure, shares, source=source, **settings
-    )
     return pressure_intervals(
+        surface,
+        composite,
         pressures,
-        solved,
         shares,
-        size_mm=patch_mm,
+        patch_mm=patch_mm,
         placement_um=uncertainty["placement_um"],
-        # a patch draws the same whichever others are in the table
-        generator_of=lambda patch: np.random.default_rng([seed, *patch.encode()]),
+        source=source,
+        seed=seed,
+        **settings,
     )
 
 
@@ -402,35 +460,117 @@ def select_patches(
 # --- The patches ------------------------------------------------------------------------------
 
 
-def solve_patch(
+def levelled_patch(
     surface: xr.Dataset,
     counterface: xr.Dataset | None,
     *,
+    s_filter_um: float | None,
     source: str | Path = "patch",
-    **settings: Any,
 ) -> xr.Dataset:
-    """Press a patch, step by step, up to its own pressure (section 2.4).
+    """A patch as its scan was levelled, through the S-filter, and the face pressed on it.
 
     `surface` and `counterface` have ``height`` (y, x); without a counterface, the active stone is
-    flat. Settings and result are those of `gstlib.contact.contact_path`.
+    flat. The result has ``height`` and, if there is one, ``counterface``.
     """
-    from gstlib.contact import contact_path
-
-    face = turned_face(surface, counterface, source=source)
-    return contact_path(surface.height, face, source=source, **settings)
-
-
-def turned_face(
-    surface: xr.Dataset, counterface: xr.Dataset | None, *, source: str | Path
-) -> xr.DataArray | None:
-    """The counterface as it lies on a patch, or None."""
+    from gstlib.composite import s_filtered
     from gstlib.contact import turned_over
 
-    if counterface is None:
-        return None
-    return turned_over(
-        counterface.height, surface.height, source="counterface", patch_source=source
+    faces = {"height": s_filtered(surface.height, s_filter_um)}
+    if counterface is not None:
+        face = s_filtered(counterface.height, s_filter_um)
+        faces["counterface"] = turned_over(
+            face, surface.height, source="counterface", patch_source=source
+        )
+    return xr.Dataset(faces)
+
+
+def place_patch(
+    faces: xr.Dataset, composite: xr.Dataset, contact: xr.Dataset, patch: str
+) -> xr.Dataset:
+    """A levelled patch as it lies on the stone, among the pressures around it.
+
+    Parameters
+    ----------
+    faces : xarray.Dataset
+        From `levelled_patch`.
+    composite : xarray.Dataset
+        From `compose_surface`.
+    contact : xarray.Dataset
+        The square's at the target pressure.
+
+    Returns
+    -------
+    xarray.Dataset
+        `faces` with ``surroundings`` (y, x), the displacement by the macroscale pressures outside
+        the outline, mm; the slopes of its plane as attributes ``slope_y`` and ``slope_x``.
+    """
+    from gstlib.coupling import Place, surroundings
+
+    at = composite.sel(patch=patch)
+    displaced = surroundings(
+        contact.pressure,
+        Place(*(float(at[name]) for name in ("y_mm", "x_mm", "rotation_deg"))),
+        faces.height.shape,
+        size_mm=composite.attrs["patch_mm"],
+        contact_modulus_MPa=contact.attrs["contact_modulus_MPa"],
     )
+    long_name = "displacement by the macroscale pressures outside the patch"
+    variable = ("y", "x"), displaced, {"units": "mm", "long_name": long_name}
+    return faces.assign(surroundings=variable).assign_attrs(
+        slope_y=float(at.slope_y), slope_x=float(at.slope_x)
+    )
+
+
+def solve_patch(faces: xr.Dataset, *, source: str | Path = "patch", **settings: Any) -> xr.Dataset:
+    """Press a patch, step by step, up to its own pressure (section 2.4).
+
+    Settings and result are those of `gstlib.contact.contact_path`, with ``interface_stiffness``.
+    """
+    from gstlib.contact import contact_path, interface_stiffness
+
+    contact = contact_path(faces, source=source, **settings)
+    return contact.assign(interface_stiffness=interface_stiffness(contact))
+
+
+def solve_reference(
+    heights: xr.DataArray,
+    *,
+    contact_modulus_MPa: float,
+    target_pressure_MPa: float,
+    source: str | Path = "reference",
+) -> xr.Dataset:
+    """One contact of the whole square at the scans' resolution, at the target pressure.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``height`` mm and ``pressure`` MPa (y, x), in single precision.
+    """
+    from gstlib.contact import contact_at_pressure
+    from gstlib.preprocess.leveling import remove_plane
+    from gstlib.reference import TOLERANCE
+
+    level = remove_plane(heights)[0].assign_attrs(heights.attrs)
+    contact = contact_at_pressure(
+        level.to_dataset(name="height"),
+        source=source,
+        contact_modulus_MPa=contact_modulus_MPa,
+        target_pressure_MPa=target_pressure_MPa,
+        tolerance=TOLERANCE,
+    )
+    return contact[["height", "pressure"]].astype(np.float32)
+
+
+def compare_scales(
+    contacts: Mapping[str, Iterable[tuple[str, xr.Dataset]]], reference: xr.Dataset, *, rim: float
+) -> pd.DataFrame:
+    """Contact of the patches, by variant, against the single-scale contact.
+
+    Parameters and result are those of `gstlib.reference.two_scales_table`.
+    """
+    from gstlib.reference import two_scales_table
+
+    return two_scales_table(contacts, reference, rim=rim)
 
 
 def microscale_tables(
@@ -445,7 +585,7 @@ def microscale_tables(
 
     path = [
         *("patch", "step", "displacement_um", "mean_pressure_MPa", "contact_fraction"),
-        "stiffness_MPa_per_um",
+        *("stiffness_MPa_per_um", "interface_stiffness_MPa_per_um"),
     ]
     state = ["patch", "target_pressure_MPa", *path[3:4], *path[2:3], *path[4:], "residual"]
     states, paths = [], [pd.DataFrame(columns=path)]
@@ -491,7 +631,7 @@ def solve_hardness(
 
 
 def score_patches(
-    patches: Iterable[tuple[str, xr.Dataset, xr.Dataset]],
+    patches: Mapping[str, Iterable[tuple[str, xr.Dataset, xr.Dataset]]],
     pressures: pd.DataFrame,
     microscale: pd.DataFrame,
     *,
@@ -504,8 +644,8 @@ def score_patches(
 
     Parameters
     ----------
-    patches : iterable of (patch, xarray.Dataset, xarray.Dataset)
-        Contact and height change of each patch in the study.
+    patches : mapping of str to iterable of (patch, xarray.Dataset, xarray.Dataset)
+        By variant, the study's own first: contact and height change of each patch in the study.
     pressures, microscale : pandas.DataFrame
         From `select_patches`, for the places; the first table of `microscale_tables`.
     worst : sequence of str
@@ -514,17 +654,22 @@ def score_patches(
     Returns
     -------
     dict of pandas.DataFrame
-        ``patches``, ``gains``, ``failures`` and ``summary``.
+        ``patches``, ``gains``, ``failures`` and ``summary`` of the study's own variant, and
+        ``variants``, the mean scores of all.
     """
-    from gstlib.contact import pressed_height
     from gstlib.validation.scoring import patch_tables, score_patch
-    from gstlib.validation.summary import summarise
+    from gstlib.validation.summary import compare_variants, summarise
 
-    chance = {"seed": seed, "resamples": resamples}
-    found = [
-        score_patch(patch, pressed_height(contact), contact, change, **chance, **settings)
-        for patch, contact, change in patches
-    ]
+    chance: dict[str, Any] = {"seed": seed, "resamples": resamples}
+    by_variant: dict[str, list[PatchScores]] = {}
+    for variant, of_variant in patches.items():
+        if by_variant:  # chance is that of the study's own variant
+            settings = settings | {"shifts": 0}
+        by_variant[variant] = [
+            score_patch(patch, contact, change, **chance, **settings)
+            for patch, contact, change in of_variant
+        ]
+    found = next(iter(by_variant.values()))
     for warning in filter(None, (one.warning for one in found)):
         logging.getLogger("gstlib").warning("%s", warning)
     predicted = microscale[["patch", "mean_pressure_MPa", "stiffness_MPa_per_um"]].rename(
@@ -532,7 +677,8 @@ def score_patches(
     )
     predicted = predicted.merge(pressures[["patch", "x_mm", "y_mm"]], on="patch")
     summary = summarise(found, predicted, seed=seed, resamples=resamples, expected_worst=worst)
-    return patch_tables(found) | {"summary": summary}
+    variants = compare_variants(by_variant, seed=seed, resamples=resamples)
+    return patch_tables(found) | {"summary": summary, "variants": variants}
 
 
 def measure_texture(
@@ -631,31 +777,54 @@ class Study:
             self.read_mesh(), square=square, mesh_unit="mm", source="mesh", **settings
         )
 
+    @property
+    def _places(self) -> dict[str, Any]:
+        shift = [self.config["placement"][f"shift_{axis}_um"] for axis in "xy"]
+        return {"patch_mm": self.config["scans"]["size_mm"], "shift_um": shift}
+
+    @_stage
+    def composite(self) -> xr.Dataset:
+        """The scans laid on the mesh's surface, from `compose_surface`."""
+        return compose_surface(
+            self.surface(),
+            self.patches,
+            ((patch, self.prepared(patch, "T0").height) for patch in self.patches.patch),
+            s_filter_um=self.config["microscale"]["s_filter_um"],
+            placement_um=self.config["uncertainty"]["placement_um"],
+            seed=self.config["seed"],
+            **self._places,
+        )
+
     @_stage
     def contact(self) -> xr.Dataset:
         """Contact of the square at the target pressure."""
+        if self.config["coupling"] == "levelled":
+            return self.mesh_contact()
+        return self._pressed_square(self.composite())
+
+    @_stage
+    def mesh_contact(self) -> xr.Dataset:
+        """Contact of the mesh alone at the target pressure."""
+        return self._pressed_square(self.surface())
+
+    def _pressed_square(self, surface: xr.Dataset) -> xr.Dataset:
         names = ("target_pressure_MPa", "tolerance")
         settings = {name: self.config["macroscale"][name] for name in names}
-        return self._pressed(self.surface().height, None, source="macroscale", **settings)
+        return self._pressed(
+            surface.height.to_dataset(name="height"), source="macroscale", **settings
+        )
 
-    def _pressed(
-        self, height: xr.DataArray, face: xr.DataArray | None, **settings: Any
-    ) -> xr.Dataset:
+    def _pressed(self, faces: xr.Dataset, **settings: Any) -> xr.Dataset:
         from gstlib.config import contact_moduli
         from gstlib.contact import contact_at_pressure
 
         modulus, _ = contact_moduli(self.config["material"])
-        return contact_at_pressure(height, face, contact_modulus_MPa=modulus, **settings)
+        return contact_at_pressure(faces, contact_modulus_MPa=modulus, **settings)
 
     @_stage
     def pressures(self) -> pd.DataFrame:
         """Pressure of every patch, from `couple_scales`."""
-        return couple_scales(
-            self.contact(),
-            self.patches,
-            patch_mm=self.config["scans"]["size_mm"],
-            shift_um=[self.config["placement"][f"shift_{axis}_um"] for axis in "xy"],
-        )
+        return couple_scales(self.contact(), self.mesh_contact(), self.patches, **self._places)
 
     @_stage
     def prepared(self, patch: str, epoch: str) -> xr.Dataset:
@@ -684,14 +853,21 @@ class Study:
         return select_patches(self.pressures(), quality, self.config["selection"])
 
     @_stage
-    def patch_contact(self, patch: str) -> xr.Dataset:
-        """Contact of a patch at its own pressure."""
-        source, surface = f"patch {patch}", self.prepared(patch, "T0")
+    def patch_contact(self, patch: str, variant: str = "") -> xr.Dataset:
+        """Contact of a patch at its own pressure, in the study's own variant unless named."""
+        source, variant = f"patch {patch}", variant or self.config["coupling"]
         face = self.prepared("counterface", "") if self.has_counterface else None
+        faces = levelled_patch(
+            self.prepared(patch, "T0"),
+            face,
+            s_filter_um=self.config["microscale"]["s_filter_um"],
+            source=source,
+        )
+        if variant == "placed":
+            faces = place_patch(faces, self.composite(), self.contact(), patch)
         return self._pressed(
-            surface.height,
-            turned_face(surface, face, source=source),
-            target_pressure_MPa=self.pressures().set_index("patch").pressure_MPa[patch],
+            faces,
+            target_pressure_MPa=self.pressures().set_index("patch")[PRESSURES[variant]][patch],
             tolerance=self.config["microscale"]["tolerance"],
             source=source,
         )
@@ -703,14 +879,11 @@ class Study:
 
     def scores(self, **chance: Any) -> "list[PatchScores]":
         """Scores of these patches; `chance` as of `gstlib.validation.scoring.score_patch`."""
-        from gstlib.contact import pressed_height
         from gstlib.validation.scoring import score_patch
 
-        names = ("neighbourhood_um", "most_noise")
+        names = ("neighbourhood_um", "most_noise", "rim")
         settings = {name: self.config["validation"][name] for name in names}
-        found = []
-        for patch in self.scored():
-            contact, change = self.patch_contact(patch), self.change(patch)
-            heights = pressed_height(contact)
-            found.append(score_patch(patch, heights, contact, change, **settings, **chance))
-        return found
+        return [
+            score_patch(patch, self.patch_contact(patch), self.change(patch), **settings, **chance)
+            for patch in self.scored()
+        ]

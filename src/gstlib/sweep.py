@@ -36,14 +36,24 @@ _PRESSURE, _CHANGE = "pressure_MPa", "relative_change(pressure_MPa)"
 # What each stage of `gstlib.study.Study` depends on: earlier stages, and sections or keys.
 _DEPENDS = {
     "surface": ("square", *(f"macroscale.{key}" for key in ("grid", "margin_mm", "interpolation"))),
-    "contact": ("surface", "material", "macroscale.target_pressure_MPa", "macroscale.tolerance"),
-    "pressures": ("contact", "scans", "placement.shift_x_um", "placement.shift_y_um"),
+    "composite": (
+        *("surface", "prepared", "placement.shift_x_um", "placement.shift_y_um"),
+        *("microscale.s_filter_um", "uncertainty.placement_um", "seed"),
+    ),
+    "contact": (
+        *("composite", "coupling", "material", "macroscale.target_pressure_MPa"),
+        "macroscale.tolerance",
+    ),
+    "pressures": ("contact",),
     "prepared": ("scans", "preprocessing"),
     "change": ("prepared", "registration", "traces"),
-    "patch_contact": ("pressures", "prepared", "microscale.tolerance"),
+    "patch_contact": (
+        *("pressures", "prepared", "microscale.tolerance"),
+        "microscale.s_filter_um",
+    ),
 }
 # What can be swept: all of these but the frame and the scans' format, and what `outcomes` take.
-_SWEPT = set().union(*_DEPENDS.values()).difference(_DEPENDS, ["square", "scans"])
+_SWEPT = set().union(*_DEPENDS.values()).difference(_DEPENDS, ["square", "scans", "seed"])
 _SWEPT |= {"selection", "texture", "validation.neighbourhood_um"}
 
 
@@ -83,7 +93,8 @@ def sweep_settings(sweep: Mapping[str, Sequence[Mapping]]) -> list[Setting]:
 
 def _in_words(changes: Mapping) -> str:
     """The new values, each once."""
-    values = [value for section in changes.values() for value in section.values()]
+    sections = (part if isinstance(part, Mapping) else {"": part} for part in changes.values())
+    values = [value for section in sections for value in section.values()]
     # a table would read "null" as a missing value
     words = ("unset" if v is None else f"{v:g}" if isinstance(v, float) else f"{v}" for v in values)
     return ", ".join(dict.fromkeys(words))
@@ -165,12 +176,15 @@ def stored_study(results: Path, base: Mapping, config: Mapping) -> Callable[...,
             return read_table(results / "coupling/pressures.csv")
         name = "_".join(filter(None, of))  # the counterface has no epoch
         file, only = {
-            "surface": ("macroscale/surface", ["height"]),
+            "surface": ("macroscale/surface", None),
+            "composite": ("macroscale/composite", None),
             "contact": ("macroscale/contact", ["pressure"]),
             "prepared": (f"surfaces/{name}", ["height", "filled", "outlier"]),
             "change": (f"registered/{name}", None),
             "patch_contact": (f"microscale/{name}", None),
         }[stage]
+        if stage == "composite" and base["coupling"] == "levelled":
+            return None  # it is not stored
         stored = read_dataset(results / f"{file}.h5", only=only)
         return stored.isel(step=-1) if stage == "contact" else stored
 

@@ -1,8 +1,9 @@
-"""Intervals of each patch's pressure, from the errors of its place and of the elastic constants.
+"""Intervals of each patch's pressure: the square pressed again and again, each time a little other.
 
-Places and constants are drawn, and the pressure of each patch is computed again for each draw. No
-draw needs a contact solution of its own: at a given mean pressure the contact depends on one
-number, the contact modulus, so a few solutions over its range are interpolated.
+In each draw the mesh errs by what its vertices mispredict of each other, every patch lies a little
+elsewhere, the detail between the scans is drawn anew, and so are the elastic constants. The
+pressures of all draws together are what the measurements allow. The error of summing macroscale
+forces in place of forces at the scans' resolution is small beside them (docs/two_scales.md).
 """
 
 # ASSUME: errors of place are normal, alike along both axes and independent from patch to patch; a
@@ -10,29 +11,26 @@ number, the contact modulus, so a few solutions over its range are interpolated.
 # ASSUME: Young's moduli of both stones vary independently (lognormal), and so do their Poisson's
 # ratios (normal); which of the two readings of E* is right is not drawn.
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from scipy.ndimage import map_coordinates
 
 from gstlib.bem import contact_modulus
+from gstlib.composite import PER_ELEMENT, block_means, compose, draw_mesh_errors, plane_under
 from gstlib.contact import contact_at_pressure
-from gstlib.coupling import footprint_weights, half_extent
+from gstlib.coupling import half_extent, patch_pressures, places_of, spline_of
+from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import spacing_of
 
-__all__ = ["draw_contact_moduli", "pressure_intervals", "pressures_of_moduli"]
+__all__ = ["draw_contact_moduli", "pressure_intervals"]
 
-# The ends of a 95 % interval then rest on the 50 most extreme draws at each side.
-_DRAWS = 2000
-# Pressures are interpolated between so many contact moduli and the study's own: on the default
-# study within 0.12 MPa of a solution at the modulus itself ...
-_MODULI = 8
-# ... and between places that are this share of an element apart.
-_PART = 0.5
+_DRAWS = 100
 _PERCENTILES = (2.5, 97.5)
+# Of the contact in a draw; the printed digits of an interval depend on it no more.
+_TOLERANCE = 1e-7
 
 
 def draw_contact_moduli(
@@ -73,106 +71,78 @@ def draw_contact_moduli(
     return np.array(moduli) / contact_modulus(*nominal)
 
 
-def pressures_of_moduli(
-    height: xr.DataArray,
-    pressure: xr.DataArray,
+def pressure_intervals(
+    surface: xr.Dataset,
+    composite: xr.Dataset | None,
+    pressures: pd.DataFrame,
     shares: np.ndarray,
     *,
+    patch_mm: float,
+    placement_um: float,
     contact_modulus_MPa: float,
-    **settings: Any,
-) -> xr.DataArray:
-    """Contact pressure of the square for a few contact moduli that span those drawn.
+    target_pressure_MPa: float,
+    source: Any,
+    seed: int,
+) -> pd.DataFrame:
+    """95 % intervals of each patch's pressure.
 
     Parameters
     ----------
-    height, pressure : (ny, nx) xarray.DataArray
-        Heights (mm), and the pressure (MPa) at the target with the study's own modulus.
+    surface : xarray.Dataset
+        The mesh's surface, from `gstlib.study.grid_macroscale`.
+    composite : xarray.Dataset, optional
+        From `gstlib.composite.compose_surface`; without it the mesh alone is pressed.
+    pressures : pandas.DataFrame
+        ``patch, x_mm, y_mm, rotation_deg, pressure_MPa``.
     shares : (draws,) ndarray
         Contact moduli over the study's own.
-    contact_modulus_MPa, **settings
-        As in `gstlib.contact.contact_at_pressure`: ``source, target_pressure_MPa, tolerance``.
-
-    Returns
-    -------
-    (share, y, x) xarray.DataArray
-        Pressure (MPa), with the modulus over the study's own as the rising coordinate ``share``.
-        Where the moduli do not vary, the given pressure alone, at 1.
-    """
-    solved = {1.0: pressure.values}
-    low, high = float(shares.min()), float(shares.max())
-    if high > low:
-        for share in np.geomspace(low, high, _MODULI):
-            solved[float(share)] = contact_at_pressure(
-                height, contact_modulus_MPa=share * contact_modulus_MPa, **settings
-            ).pressure.values
-    at = sorted(solved)
-    return xr.DataArray(
-        [solved[share] for share in at],
-        dims=("share", "y", "x"),
-        coords={"share": at, "y": height.y, "x": height.x},
-    )
-
-
-def pressure_intervals(
-    patches: pd.DataFrame,
-    pressures: xr.DataArray,
-    shares: np.ndarray,
-    *,
-    size_mm: float,
-    placement_um: float,
-    generator_of: Callable[[str], np.random.Generator],
-) -> pd.DataFrame:
-    """95 % intervals of each patch's pressure: from its place, from the stones, and from both.
-
-    Parameters
-    ----------
-    patches : pandas.DataFrame
-        ``patch, x_mm, y_mm, rotation_deg, pressure_MPa``.
-    pressures : (share, y, x) xarray.DataArray
-        From `pressures_of_moduli`.
-    shares : (draws,) ndarray
-        Contact moduli over the study's own; all patches have the same stones.
-    size_mm : float
+    patch_mm : float
         Side of a patch.
     placement_um : float
         Standard deviation of a patch's place along each axis.
-    generator_of : callable
-        Gives the random generator of a patch's place, by the patch's name.
+    contact_modulus_MPa, target_pressure_MPa, source
+        As in `gstlib.contact.contact_at_pressure`.
+    seed : int
 
     Returns
     -------
     pandas.DataFrame
-        ``patch, pressure_MPa, low_MPa, high_MPa, placement_low_MPa, placement_high_MPa,
-        material_low_MPa, material_high_MPa``.
+        ``patch, pressure_MPa, low_MPa, high_MPa``; with a composite also ``tilt_mrad``,
+        ``tilt_error_mrad`` and ``plane``, "mesh" or, where it is not known, "levelled".
     """
-    spacing = np.array(spacing_of(pressures))
-    step, nodes = _PART * spacing, pressures.share.values
-    # weight (nodes, draws) of each solution: linear in the logarithm of the modulus
-    unit = np.eye(len(nodes))
-    drawn = np.array([np.interp(np.log(shares), np.log(nodes), one) for one in unit])
-    rows = []
-    for patch in patches.itertuples(index=False):
-        stated, half = np.array([patch.y_mm, patch.x_mm]), half_extent(size_mm, patch.rotation_deg)
-        shifts = placement_um * 1e-3 * generator_of(patch.patch).standard_normal((len(shares), 2))
-        places = np.clip(stated + shifts, half, spacing * pressures.shape[1:] - half)
-        # in steps from the stated place, which comes last
-        at = np.vstack([(places - stated) / step, np.zeros(2)])
-        first = np.floor(at.min(axis=0)).astype(int)
-        lattice = np.empty((len(nodes), *(np.ceil(at.max(axis=0)).astype(int) - first + 1)))
-        for i, j in np.ndindex(lattice.shape[1:]):
-            y, x = stated + step * (first + np.array([i, j]))
-            weights = footprint_weights(pressures, x, y, size_mm, patch.rotation_deg)
-            lattice[:, i, j] = (pressures.values * weights).sum(axis=(1, 2))
-        lattice *= spacing.prod() / size_mm**2
-        by_place = np.array([map_coordinates(field, (at - first).T, order=1) for field in lattice])
-        moved, as_stated = by_place[:, :-1], by_place[:, -1:]
-        row = {"patch": patch.patch, "pressure_MPa": patch.pressure_MPa}
-        for name, draws in (
-            ("", (drawn * moved).sum(axis=0)),
-            ("placement_", moved[nodes == 1.0].sum(axis=0)),
-            ("material_", (drawn * as_stated).sum(axis=0)),
-        ):
-            low, high = np.percentile(draws, _PERCENTILES)
-            row |= {f"{name}low_MPa": low, f"{name}high_MPa": high}
-        rows.append(row)
-    return pd.DataFrame(rows)
+    element, count = max(spacing_of(surface.height)), len(surface.y)
+    fine = (PER_ELEMENT * count, PER_ELEMENT * count)
+    generators = [np.random.default_rng([seed, 1, draw]) for draw in range(len(shares))]
+    errors = draw_mesh_errors(surface, len(shares), np.random.default_rng([seed, 2]))
+    half = half_extent(patch_mm, pressures.rotation_deg)
+    drawn = []
+    for share, error, generator in zip(shares, errors, generators, strict=True):
+        height, moved = surface.height + error, pressures.copy()
+        for axis in ("x_mm", "y_mm"):
+            shift = placement_um * 1e-3 * generator.standard_normal(len(moved))
+            moved[axis] = (moved[axis] + shift).clip(half, count * element - half)
+        if composite is not None:
+            spline, places = spline_of(height), places_of(moved)
+            planes = [plane_under(spline, place, patch_mm) for place in places.values()]
+            laid = zip(places.values(), planes, composite.scan.values, strict=True)
+            spacing = element / PER_ELEMENT
+            # the generator goes on: another detail in each draw
+            detailed = compose(spline, laid, patch_mm, fine, spacing, composite.density, generator)
+            height = height.copy(data=block_means(detailed, PER_ELEMENT))
+        contact = contact_at_pressure(
+            xr.Dataset({"height": remove_plane(height)[0]}),
+            source=source,
+            contact_modulus_MPa=float(share) * contact_modulus_MPa,
+            target_pressure_MPa=target_pressure_MPa,
+            tolerance=_TOLERANCE,
+        )
+        drawn.append(patch_pressures(contact.pressure, moved, size_mm=patch_mm).pressure_MPa)
+    low, high = np.percentile(drawn, _PERCENTILES, axis=0)
+    table = pressures[["patch", "pressure_MPa"]].assign(low_MPa=low, high_MPa=high)
+    if composite is None:
+        return table
+    return table.assign(
+        tilt_mrad=composite.tilt_mrad.values,
+        tilt_error_mrad=composite.tilt_error_mrad.values,
+        plane=np.where(composite.known.values, "mesh", "levelled"),
+    )

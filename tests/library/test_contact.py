@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from gstlib.contact import (
     contact_at_pressure,
     contact_path,
     hardness_dataset,
     hardness_summary,
+    interface_stiffness,
+    laid_height,
     load_path_table,
     pressed_height,
     slip_dataset,
@@ -33,15 +36,16 @@ def rough(seed, shape=(24, 32), spacing=0.01):
 
 
 HEIGHT = rough(5)
+FACES = HEIGHT.to_dataset(name="height")
 
 
 @pytest.fixture(scope="module")
 def contact():
-    return contact_path(HEIGHT, **SETTINGS)
+    return contact_path(FACES, **SETTINGS)
 
 
 def test_fields_units_and_settings_of_a_path(contact):
-    every = contact_path(HEIGHT, every_step=True, **SETTINGS)
+    every = contact_path(FACES, every_step=True, **SETTINGS)
     assert every.pressure.dims == every.gap.dims == ("step", "y", "x")
     assert {name: v.attrs["units"] for name, v in every.data_vars.items()} == {
         "height": "mm",
@@ -70,7 +74,7 @@ def test_table_converts_to_micrometres(contact):
 
 
 def test_a_pressure_alone_is_the_end_of_the_path(contact):
-    alone = contact_at_pressure(HEIGHT, **ALONE)
+    alone = contact_at_pressure(FACES, **ALONE)
     assert float(alone.displacement) == pytest.approx(float(contact.displacement[-1]), rel=1e-9)
     np.testing.assert_allclose(alone.pressure, contact.pressure, atol=1e-6)
     np.testing.assert_allclose(alone.gap, contact.gap, atol=1e-9)
@@ -83,20 +87,20 @@ def test_a_pressure_alone_is_the_end_of_the_path(contact):
 def test_errors_of_the_solver_name_the_file_and_the_remedy():
     low = SETTINGS | {"target_pressure_MPa": 5e3, "maximum_displacement_um": 1.0}
     with pytest.raises(InputError, match=r"surface\.h5.*5000 MPa cannot be reached.*Lower"):
-        contact_path(HEIGHT, **low)
+        contact_path(FACES, **low)
     holed = HEIGHT.copy()
     holed[3, 3] = np.nan
     with pytest.raises(InputError, match=r"surface\.h5: its contact could not be solved"):
-        contact_at_pressure(holed, **ALONE)
+        contact_at_pressure(holed.to_dataset(name="height"), **ALONE)
 
 
 def test_without_pressure_the_contact_is_empty():
-    empty = contact_path(HEIGHT, **SETTINGS | {"target_pressure_MPa": 0.0})
+    empty = contact_path(FACES, **SETTINGS | {"target_pressure_MPa": 0.0})
     for name in ("displacement", "mean_pressure", "contact_fraction", "stiffness", "residual"):
         assert empty[name].values.tolist() == [0, 0, 0, 0]
     assert not empty.pressure.any()
     np.testing.assert_array_equal(empty.gap, HEIGHT.max() - HEIGHT)
-    assert not contact_at_pressure(HEIGHT, **ALONE | {"target_pressure_MPa": 0.0}).pressure.any()
+    assert not contact_at_pressure(FACES, **ALONE | {"target_pressure_MPa": 0.0}).pressure.any()
 
     slip = slip_dataset(empty, **LOAD)
     assert not (slip.stick | slip.slip).any()
@@ -112,6 +116,35 @@ def test_without_pressure_the_contact_is_empty():
     assert not any(row.values())
 
 
+# A patch as it lies on the stone.
+
+
+def test_a_plane_and_the_surroundings_enter_the_contact_and_not_the_stored_height():
+    y, x = (axis - axis.mean() for axis in (HEIGHT.y, HEIGHT.x))
+    plane, sunk = 0.02 * y - 0.05 * x, 1e-3 * (x / x.max()) ** 2 + 0 * y
+    laid = FACES.assign(surroundings=sunk.transpose("y", "x"))
+    laid = laid.assign_attrs(slope_y=0.02, slope_x=-0.05)
+    heights = (HEIGHT + plane).transpose("y", "x")
+    np.testing.assert_allclose(laid_height(laid), heights, atol=1e-12)
+    np.testing.assert_allclose(pressed_height(laid), heights - laid.surroundings, atol=1e-12)
+    found = contact_at_pressure(laid, **ALONE)
+    summed = heights - laid.surroundings
+    alone = contact_at_pressure(HEIGHT.copy(data=summed).to_dataset(name="height"), **ALONE)
+    np.testing.assert_allclose(found.pressure, alone.pressure, atol=1e-6)
+    assert found.height.identical(HEIGHT)
+    level = contact_at_pressure(FACES, **ALONE)
+    assert abs(found.pressure - level.pressure).max() > 10
+
+
+def test_the_stiffness_of_the_interface_leaves_out_that_of_a_flat_punch(contact):
+    """1.1516 E*/side for a square punch (Borodachev 1976); compliances add."""
+    square = contact_path(rough(3, (64, 64)).to_dataset(name="height"), **SETTINGS)
+    punch = 1.1516 * 12820.0 / 0.64
+    whole, alone = square.stiffness.values, interface_stiffness(square).values
+    np.testing.assert_allclose(1 / whole - 1 / alone, 1 / punch, rtol=6e-3)  # 64 elements a side
+    assert (alone > whole).all()
+
+
 # Two rough faces.
 
 FILES = {"source": "counterface.h5", "patch_source": "7_T0.h5"}
@@ -119,9 +152,12 @@ FILES = {"source": "counterface.h5", "patch_source": "7_T0.h5"}
 
 def pressed(lower, upper):
     """Contact where `upper` is turned over onto `lower`."""
-    face = turned_over(upper, lower, **FILES)
     settings = ALONE | {"target_pressure_MPa": 40.0, "tolerance": 1e-10}
-    return contact_at_pressure(lower, face, **settings)
+    return contact_at_pressure(faced(lower, upper), **settings)
+
+
+def faced(lower, upper):
+    return xr.Dataset({"height": lower, "counterface": turned_over(upper, lower, **FILES)})
 
 
 def test_who_presses_whom_does_not_matter():
@@ -133,7 +169,7 @@ def test_who_presses_whom_does_not_matter():
         onto_a.pressure, onto_b.pressure.values[:, ::-1], atol=1e-6 * float(onto_a.pressure.max())
     )
     np.testing.assert_array_equal(pressed_height(onto_a), a.values + b.values[:, ::-1])
-    path = contact_path(a, turned_over(b, a, **FILES), **SETTINGS | {"target_pressure_MPa": 40.0})
+    path = contact_path(faced(a, b), **SETTINGS | {"target_pressure_MPa": 40.0})
     np.testing.assert_allclose(path.pressure, onto_a.pressure, atol=1e-4)
     assert path.height.identical(a)
     assert path.counterface.identical(onto_a.counterface)
@@ -164,7 +200,8 @@ def sphere():
     centres = (np.arange(96) - 47.5) * SPACING
     height = make_surface(-(centres[:, None] ** 2 + centres**2) / (2 * RADIUS), SPACING)
     changes = {"contact_modulus_MPa": MODULUS, "target_pressure_MPa": 30.0, "steps": 1}
-    return contact_path(height, **SETTINGS | changes | {"maximum_displacement_um": 100.0})
+    settings = SETTINGS | changes | {"maximum_displacement_um": 100.0}
+    return contact_path(height.to_dataset(name="height"), **settings)
 
 
 @pytest.mark.parametrize("ratio", [0.3, 0.6, 0.9])
@@ -212,8 +249,8 @@ def test_coulomb_holds_and_everything_slips_at_the_end(contact):
 
 def test_slip_and_hardness_of_two_rough_faces_are_those_of_their_sum():
     a, b = rough(1), rough(2)
-    both = contact_path(a, turned_over(b, a, **FILES), **SETTINGS)
-    alone = contact_path(pressed_height(both), **SETTINGS)
+    both = contact_path(faced(a, b), **SETTINGS)
+    alone = contact_path(pressed_height(both).to_dataset(name="height"), **SETTINGS)
     for solve, options in ((slip_dataset, LOAD), (hardness_dataset, CEILING)):
         one, other = (solve(contact, **options) for contact in (both, alone))
         for name, variable in one.data_vars.items():

@@ -6,7 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gstlib.coupling import footprint_weights, patch_pressures, select_patches
+from gstlib.bem import HalfSpace
+from gstlib.coupling import (
+    Place,
+    footprint_weights,
+    patch_pressures,
+    select_patches,
+    shifted,
+    surroundings,
+)
 from gstlib.surface import make_surface
 
 GRID = make_surface(np.zeros((20, 24)), (0.25, 0.2))  # 5 mm × 4.8 mm
@@ -77,7 +85,9 @@ def test_footprints_that_tile_share_out_all_of_the_force(seed, size, shift_x, sh
 
 
 def test_uniform_pressure_comes_through():
-    patches = pd.DataFrame({"patch": ["a"], "x_mm": [1.234], "y_mm": [3.21]})
+    patches = pd.DataFrame({"patch": ["a"], "x_mm": [1.234], "y_mm": [3.21]}).assign(
+        rotation_deg=0.0
+    )
     uniform = GRID.copy(data=np.full(GRID.shape, 22.0))
     row = patch_pressures(uniform, patches, size_mm=0.85).iloc[0]
     assert row.pressure_MPa == pytest.approx(22.0)
@@ -89,7 +99,9 @@ def test_uniform_pressure_comes_through():
 def test_patch_without_contact():
     pressure = GRID.copy()
     pressure[2, 2] = 50.0
-    patches = pd.DataFrame({"patch": ["far"], "x_mm": [4.0], "y_mm": [4.0]})
+    patches = pd.DataFrame({"patch": ["far"], "x_mm": [4.0], "y_mm": [4.0]}).assign(
+        rotation_deg=0.0
+    )
     row = patch_pressures(pressure, patches, size_mm=0.85).iloc[0]
     assert row.pressure_MPa == row.contact_fraction == row.peak_pressure_MPa == 0
 
@@ -139,11 +151,30 @@ def test_shifted_patches_stay_on_the_square():
             "rotation_deg": [0.0, 0.0, 45.0],
         }
     )
-    moved = patch_pressures(pressure_field(1), patches, size_mm=0.85, shift_um=[30.0, -20.0])
+    moved = shifted(patches, [30.0, -20.0], size_mm=0.85, square_mm=4.8)
     np.testing.assert_allclose(moved.x_mm, [1.03, 4.8 - 0.425, 2.03], rtol=1e-12)
     # the turned one reaches half a diagonal from its centre
-    np.testing.assert_allclose(moved.y_mm, [1.98, 2.98, 5 - 0.425 * np.sqrt(2)], rtol=1e-12)
-    assert list(moved.place) == 3 * ["shifted"]
-    there = patch_pressures(pressure_field(1), moved, size_mm=0.85)
-    assert list(there.place) == 3 * ["nominal"]
-    pd.testing.assert_frame_equal(there.drop(columns="place"), moved.drop(columns="place"))
+    np.testing.assert_allclose(moved.y_mm, [1.98, 2.98, 4.8 - 0.425 * np.sqrt(2)], rtol=1e-12)
+    alike = shifted(patches.drop(columns="rotation_deg"), [0, 0], size_mm=0.85, square_mm=4.8)
+    pd.testing.assert_frame_equal(alike, patches.assign(rotation_deg=0.0))
+
+
+@pytest.mark.parametrize("rotation", [0.0, 30.0])
+def test_surroundings_sink_a_patch_as_the_forces_outside_it_do(rotation):
+    """Far from the load, as a point force does: u = F / (π E* r)."""
+    field = make_surface(np.zeros((50, 50)), 0.1)
+    field[45, 25] = 200.0  # y 4.55, x 2.55
+    place = Place(1.5, 2.5, rotation)
+    found = surroundings(field, place, (16, 16), size_mm=0.8, contact_modulus_MPa=1e4)
+    along = (np.arange(16) + 0.5) * 0.05 - 0.4
+    y, x = place.points(along[:, None], along)
+    expected = 200.0 * 0.1**2 / (np.pi * 1e4 * np.hypot(y - 4.55, x - 2.55))
+    np.testing.assert_allclose(found, expected, rtol=2e-3)
+
+
+def test_pressures_inside_the_outline_are_no_surroundings():
+    field = make_surface(np.full((50, 50), 10.0), 0.1)
+    inside = surroundings(field, Place(2.5, 2.5, 0.0), (8, 8), size_mm=1.0, contact_modulus_MPa=1e4)
+    whole = HalfSpace((50, 50), 0.1, 1e4).displacement(field.values)[20:30, 20:30].mean()
+    alone = HalfSpace((10, 10), 0.1, 1e4).displacement(np.full((10, 10), 10.0)).mean()
+    assert inside.mean() == pytest.approx(whole - alone, rel=5e-3)

@@ -37,6 +37,10 @@ FAILURES = table("band split loss_share hit_share; low height 0.2 0.05; high hei
 SUMMARY = table("""statistic value low high p_value against
     spearman(pressure_MPa,_loss_fraction) 0.5 -0.1 0.9 0.2 pairings
     gain(mcc) -0.2 -0.3 -0.1 0.01 rigid; gain(f1) 0.1 0.05 0.3 0.3 highest""")
+VARIANTS = table("""variant score contact rival best_rival low high
+    placed mcc 0.3 0.5 rigid -0.3 -0.1; levelled mcc 0.2 0.1 highest -0.1 0.2""")
+TWO_SCALES = table("""patch variant f1; 1 placed 0.9; 1 levelled 0.4; 3 placed 0.8; 3 levelled 0.5
+    all placed 0.85; all levelled 0.45""")
 ALONE["texture"] = table("""patch epoch Sq_um Sk_um Spk_um Svk_um Sal_um Str
     1 T0 2 1 1 1 1 1; 1 T1 1.5 1 1 1 1 1; 2 T0 3 1 1 1 1 1; 3 T0 4 1 1 1 1 1""")
 ALONE["power"] = table("""test drawn wear level specimens rate low high
@@ -84,8 +88,10 @@ FROM = {
     "load_curves": ((SQUARE, CONTACTS), {}),
     "patch": ((CONTACTS["1"], CHANGE), PATCH),
     "overview": ((SQUARE, PRESSURES, CONTACTS["1"], CHANGE), SIZE | PATCH),
-    "validation": ((SCORES, GAINS, FAILURES, SUMMARY), {}),
+    "validation": ((SCORES, GAINS, FAILURES, SUMMARY, VARIANTS), {}),
 }
+TWO = {name: {p: CONTACTS[p] for p in "13"} for name in ("levelled", "placed")}
+FROM["two_scales"] = ((TWO, {p: CONTACTS[p].pressure.values > 30 for p in "13"}, TWO_SCALES), {})
 ALONE |= {"contact_steps": SQUARE, "microscale_maps": CONTACTS}
 FROM |= {name: ((found,), {}) for name, found in ALONE.items()}
 MASKS = [
@@ -210,13 +216,24 @@ def test_curves_and_tables_are_drawn_as_they_are():
 
 def test_validation_shows_what_the_tables_say():
     gains, extent, bands = draw("validation").axes
-    assert gains.figure.get_suptitle().startswith("In 1 of 2 patches")
+    lines = gains.figure.get_suptitle().splitlines()
+    assert lines[0].startswith("placed: contact predicts loss worse than its best rival, rigid")
+    assert lines[1].startswith("levelled: contact predicts loss no worse and no better than")
+    assert lines[2].startswith("In 1 of 2 patches")
     assert gains.get_yticklabels()[0].get_text() == "mcc\nvs rigid"
     assert points_of(gains) == [[[-0.2, 0]], [[0.1, 1]]]
     assert [line.get_color() for line in gains.lines[2::2]] == [style.VERMILION, style.GREY]
     assert points_of(extent) == [[[40, 10], [20, 20]]]
     assert extent.get_title().endswith("Spearman ρ = 0.5 [−0.1, 0.9], p = 0.2")
     assert [bar.get_width() for bar in bands.patches] == pytest.approx([20, 80, 5, 20])
+
+
+def test_two_scales_shows_what_was_found_and_missed():
+    figure = draw("two_scales")
+    assert "0.45 levelled and 0.85 placed" in figure.get_suptitle()
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles[:3] == ["patch 1 levelled: 0.40", "patch 1 placed: 0.90", "whole square"]
+    assert titles[3:] == ["patch 3 levelled: 0.50", "patch 3 placed: 0.80", "whole square"]
 
 
 def run(folder, *names, most=2, **columns):

@@ -32,6 +32,7 @@ SETTINGS = {
         "mould": {"invert": False, "flip": None},
     },
     "maximum_unmeasured": 0.05,
+    "reference": False,
 }
 
 
@@ -255,3 +256,11 @@ def test_text_asks_for_what_it_does_not_state(tmp_path):
     assert result.exit_code == 0, result.output
     assert "spacing_x_um  2\n" in result.output
     assert "um, as told" in result.output
+
+
+def test_a_reference_that_the_memory_cannot_hold_is_a_problem(folder, monkeypatch):
+    settings = SETTINGS | {"reference": True}
+    assert check_inputs(None, scans(folder), **settings).problems == ()
+    monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 10}.__getitem__)
+    (problem,) = check_inputs(None, scans(folder), **settings).problems
+    assert "reference_draws" in str(problem)

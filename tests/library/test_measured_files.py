@@ -88,7 +88,7 @@ def test_flat_machined_surface_and_leica_grooves():
 def test_contact_of_measured_patches(path, unit, size, pressure):
     height = prepared(read_scan(path, unit=unit), size).height
     contact = contact_at_pressure(
-        height,
+        height.to_dataset(name="height"),
         source=path,
         contact_modulus_MPa=12820.0,
         target_pressure_MPa=pressure,

@@ -62,14 +62,19 @@ SCRIPTS = {
         ("study.py", "", "# a comment\n", set()),
         (
             "study.py",
-            "return patch_pressures(contact.pressure",
-            "return abs(contact.pressure",
+            "by_mesh = patch_pressures(",
+            "by_mesh = abs(",
             {"couple", "all"},
         ),
         ("study.py", "every_step=True", "every_step=False", {"solve"}),
-        ("study.py", '"placement", "selection"', '"selection"', {"sections"}),
+        ("study.py", '"uncertainty", "selection"', '"selection"', {"sections"}),
         ("coupling.py", "", "1\n", {"couple", "all"}),  # imported by few stages
-        ("bem/halfspace.py", "", "1\n", {"solve", "all"}),  # by relative imports, some steps away
+        (
+            "bem/halfspace.py",
+            "",
+            "1\n",
+            {"couple", "solve", "all"},
+        ),  # by relative imports, some steps away
         ("io/store.py", "", "1\n", {"read"}),
         ("__init__.py", "", "1\n", set(SCRIPTS)),  # runs before any module
         ("figures/__init__.py", "", "1\n", set()),

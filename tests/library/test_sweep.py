@@ -11,7 +11,8 @@ from gstlib.sweep import STUDY, merged, sweep_problems, sweep_settings, sweep_ta
 
 CONFIG = yaml.safe_load((Path(__file__).parents[2] / "config/config.yaml").read_text())
 PRESSURE, AGAIN = "target_pressure_MPa", "contact pressures patch_contact"
-BOTH = {"material": {"young_1_MPa": 5.0, "young_2_MPa": 5.0}, "texture": {"x": None}}
+SQUARE = f"composite {AGAIN}"
+BOTH = {"material": {"young_1_MPa": 5.0, "young_2_MPa": 5.0}, "hardness": None}
 VALUES = [{"macroscale": {PRESSURE: value}} for value in (10.0, 30.0)]
 SETTINGS = sweep_settings({"the pressure": VALUES, "both": [BOTH]})
 
@@ -36,13 +37,16 @@ def test_merged_replaces_what_is_stated_and_nothing_else():
         ({"material": {"poisson_1": 0.3}}, AGAIN, "material.poisson_1 has no effect while"),
         ({"material": None}, AGAIN, "wrong"),
         ({"material": {"contact_modulus_MPa": None}}, AGAIN, None),
-        ({"placement": {"shift_x_um": 9.0}}, "pressures patch_contact", None),
-        ({"preprocessing": {"outlier_share": 0.1}}, "prepared change patch_contact", None),
+        ({"coupling": "levelled"}, AGAIN, None),
+        ({"macroscale": {"interpolation": "linear"}}, f"surface {SQUARE}", None),
+        ({"microscale": {"s_filter_um": None}}, SQUARE, None),
+        ({"placement": {"shift_x_um": 9.0}}, SQUARE, None),
+        ({"preprocessing": {"outlier_share": 0.1}}, f"prepared change {SQUARE}", None),
         ({"traces": {"minimum_points": 3}}, "change", None),
     ],
 )
 def test_a_change_reaches_the_stages_that_depend_on_it_or_is_a_problem(changes, again, problem):
-    stages = ("surface", "contact", "pressures", "prepared", "change", "patch_contact")
+    stages = ("surface", "composite", "contact", "pressures", "prepared", "change", "patch_contact")
     changed = merged(CONFIG, changes)
     redone = {stage for stage in stages if not unchanged(stage, CONFIG, changed)}
     assert redone == {*again.split()}

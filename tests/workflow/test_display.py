@@ -25,7 +25,7 @@ def test_a_failed_step_shows_its_own_error_and_nothing_else(tiny):
     result = tiny.run("results-tiny/macroscale/contact.h5")
     assert result.returncode != 0
     said = result.stdout + result.stderr
-    for words in ("surface.h5", "5000 MPa cannot be reached", "Lower target_pressure_MPa"):
+    for words in ("composite.h5", "5000 MPa cannot be reached", "Lower target_pressure_MPa"):
         assert said.count(words) == 1, said
     assert "step: Pressing the square" in said
     assert "log:  results-tiny/logs/solve_macroscale.log" in said

@@ -157,10 +157,7 @@ def test_faults_of_jobs_are_mended_by_a_second_attempt(finished_tiny, tmp_path):
         study,
         "run",
         *("--set-resources", "prepare_T0_scans:mem_mb=100 * attempt ** 4"),
-        # minutes: 1, and 32; the other jobs of its group would add theirs
-        "grid_macroscale:runtime=attempt ** 5",
-        *(f"{rule}:runtime=0" for rule in ("solve_macroscale", "couple_scales")),
-        *(f"{rule}:runtime=0" for rule in ("solve_sensitivity", "bound_pressures")),
+        "grid_macroscale:runtime=attempt ** 5",  # minutes: 1, and 32
     )
     try:
         frozen = run.job("grid_macroscale", running=True)

@@ -175,7 +175,7 @@ def test_a_target_pressure_out_of_reach(tiny):
     result = tiny.run()
     said = result.stdout + result.stderr
     assert result.returncode != 0
-    for word in ("surface.h5", "5000 MPa", "cannot be reached", "Lower target_pressure_MPa"):
+    for word in ("composite.h5", "5000 MPa", "cannot be reached", "Lower target_pressure_MPa"):
         assert word in said
 
 

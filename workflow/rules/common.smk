@@ -30,6 +30,9 @@ RESULTS = config["results"].rstrip("/")
 SQUARE_MM = config["square"]["size_mm"]
 PATCH_MM = config["scans"]["size_mm"]
 GENERATED = config["specimen"] is not None
+# Of the coupling: the study's own, and the paper's to compare it with.
+VARIANTS = ["placed", "levelled"] if config["coupling"] == "placed" else ["levelled"]
+SHIFT_UM = [config["placement"][f"shift_{axis}_um"] for axis in "xy"]
 CONTACT_MODULUS_MPA, ALTERNATIVE_MODULUS_MPA = contact_moduli(config["material"])
 
 PATCHES = read_patches(
@@ -44,6 +47,10 @@ MESH = f"{RESULTS}/specimen/mesh.stl" if GENERATED else config["inputs"]["mesh"]
 MESH_UNIT = "mm" if GENERATED else config["inputs"]["mesh_unit"]
 SCAN_FOLDER = f"{RESULTS}/specimen/scans" if GENERATED else config["inputs"]["scan_folder"]
 COUNTERFACE_SCAN = [] if config["counterface"] is None else config["counterface"]["scan"]
+# What is pressed at the macroscale: the mesh alone, or the scans laid on it.
+COMPOSITE = f"{RESULTS}/macroscale/composite.h5" if config["coupling"] == "placed" else []
+SQUARE = COMPOSITE or f"{RESULTS}/macroscale/surface.h5"
+REFERENCE = bool(COMPOSITE) and config["reference_draws"] is not None
 COUNTERFACE = f"{RESULTS}/surfaces/counterface.h5" if COUNTERFACE_SCAN else []
 if not GENERATED:
     check_files(config, PATCHES, source=f"{CONFIG_FILES}, {config['patches']}")
@@ -77,6 +84,11 @@ def registered(patches):
 def contacts(patches):
     """The microscale contacts of the patches."""
     return [f"{RESULTS}/microscale/{patch}.h5" for patch in patches]
+
+
+def other_contacts(patches):
+    """Those of the variant that the study's own is compared with, if there is one."""
+    return [f"{RESULTS}/microscale/{name}/{patch}.h5" for name in VARIANTS[1:] for patch in patches]
 
 
 def batches(patches):
@@ -135,6 +147,7 @@ TARGETS = [
         "tables/sensitivity.csv": ALTERNATIVE_MODULUS_MPA is not None,
         "tables/published.csv": config["published"] is not None,
         "tables/microscale_summary.csv": True,
+        "tables/two_scales.csv": REFERENCE,
         "tables/slip.csv": config["grinding"] is not None,
         "tables/hardness.csv": config["hardness"] is not None,
         "tables/registration.csv": bool(WORN_PATCHES),

@@ -1,6 +1,7 @@
 # From the square to its patches.
 # Takes: the macroscale surface and contact, and how well T1 matches T0. Gives: where each patch lies on the
-# square, the pressure of every patch with its interval, and which patches enter the study.
+# square, the pressure of every patch with its interval, and which patches enter the study. Afterwards the
+# contact of the patches is held against one contact of the whole square at their resolution.
 
 
 rule place_patches:
@@ -26,6 +27,7 @@ rule place_patches:
 
 rule couple_scales:
     input:
+        surface=f"{RESULTS}/macroscale/surface.h5",
         contact=f"{RESULTS}/macroscale/contact.h5",
     output:
         pressures=f"{RESULTS}/coupling/pressures.csv",
@@ -36,7 +38,10 @@ rule couple_scales:
     params:
         patches=PATCHES.to_dict("list"),
         patch_mm=PATCH_MM,
-        shift_um=[config["placement"][f"shift_{axis}_um"] for axis in "xy"],
+        shift_um=SHIFT_UM,
+        contact_modulus_MPa=CONTACT_MODULUS_MPA,
+        target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
+        tolerance=config["macroscale"]["tolerance"],
         code=code("couple_scales.py"),
     message:
         "Summing macroscale forces over the patches"
@@ -72,7 +77,7 @@ rule select_patches:
 rule bound_pressures:
     input:
         surface=f"{RESULTS}/macroscale/surface.h5",
-        contact=f"{RESULTS}/macroscale/contact.h5",
+        composite=COMPOSITE,
         pressures=f"{RESULTS}/coupling/pressures.csv",
     output:
         table=table("patch_intervals", "3 Coupling", "interval of every patch's pressure"),
@@ -84,13 +89,12 @@ rule bound_pressures:
         material=config["material"],
         contact_modulus_MPa=CONTACT_MODULUS_MPA,
         target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
-        tolerance=config["macroscale"]["tolerance"],
         patch_mm=PATCH_MM,
         uncertainty=config["uncertainty"],
         seed=config["seed"],
         code=code("bound_pressures.py"),
     message:
-        "Drawing places and elastic constants for the intervals of the patches' pressures"
+        "Pressing the square again and again for the intervals of the patches' pressures"
     script:
         "../scripts/bound_pressures.py"
 
@@ -99,7 +103,7 @@ if ALTERNATIVE_MODULUS_MPA is not None:
 
     rule solve_sensitivity:
         input:
-            surface=f"{RESULTS}/macroscale/surface.h5",
+            surface=SQUARE,
             pressures=f"{RESULTS}/coupling/pressures.csv",
         output:
             table=table("sensitivity", "3 Coupling", "contact modulus"),
@@ -139,3 +143,53 @@ if config["published"] is not None:
             "Comparing computed with published figures"
         script:
             "../scripts/compare_published.py"
+
+
+if REFERENCE:
+
+    rule solve_reference:
+        input:
+            surface=f"{RESULTS}/macroscale/surface.h5",
+            composite=COMPOSITE,
+            t0=surfaces("T0", ALL_PATCHES),
+            true_surface=f"{RESULTS}/specimen/surface.h5" if GENERATED else [],
+            truth=f"{RESULTS}/specimen/truth.h5" if GENERATED else [],
+        output:
+            contact=f"{RESULTS}/reference/contact.h5",
+            patches=f"{RESULTS}/reference/patches.h5",
+        log:
+            f"{RESULTS}/logs/solve_reference.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/solve_reference.tsv"
+        params:
+            draws=config["reference_draws"],
+            s_filter_um=config["microscale"]["s_filter_um"],
+            contact_modulus_MPa=CONTACT_MODULUS_MPA,
+            target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
+            seed=config["seed"],
+            code=code("solve_reference.py"),
+        message:
+            "Pressing the whole square at the scans' resolution"
+        script:
+            "../scripts/solve_reference.py"
+
+    rule compare_scales:
+        input:
+            reference=f"{RESULTS}/reference/patches.h5",
+            contacts=contacts(ALL_PATCHES),
+            others=other_contacts(ALL_PATCHES),
+        output:
+            table=table("two_scales", "3 Coupling", "what two scales cost"),
+        log:
+            f"{RESULTS}/logs/compare_scales.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/compare_scales.tsv"
+        params:
+            patches=ALL_PATCHES,
+            variants=VARIANTS,
+            rim=config["validation"]["rim"],
+            code=code("compare_scales.py"),
+        message:
+            "Comparing the patches with the contact of the whole square"
+        script:
+            "../scripts/compare_scales.py"

@@ -57,6 +57,13 @@ if config["grinding"] is not None:
 if config["hardness"] is not None:
     figures["hardness"] = ("4 Microscale", "with a ceiling on the pressure")
     read["hardness"] = f"{RESULTS}/hardness"
+if REFERENCE:
+    figures["two_scales"] = ("3 Coupling", "what two scales cost")
+    read |= {
+        "others": other_contacts(ALL_PATCHES),
+        "reference": f"{RESULTS}/reference/patches.h5",
+        "two_scales": f"{RESULTS}/tables/two_scales.csv",
+    }
 if WORN_PATCHES:
     figures["agreement"] = ("5 Validation", "prediction against loss on every patch")
     figures["patch"] = ("5 Validation", "before, predicted, after")
@@ -72,7 +79,7 @@ if WORN_PATCHES:
         }
         | {
             name: f"{RESULTS}/tables/validation_{name}.csv"
-            for name in ("gains", "failures", "summary")
+            for name in ("gains", "failures", "summary", "variants")
         },
     )
 TARGETS += [

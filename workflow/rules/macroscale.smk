@@ -25,6 +25,7 @@ rule check_inputs:
         macroscale={name: config["macroscale"][name] for name in ("grid", "margin_mm")},
         scan_settings=config["scans"],
         maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
+        reference=REFERENCE,
         code=code("check_inputs.py"),
     message:
         "Checking every file of the study"
@@ -71,9 +72,35 @@ rule grid_macroscale:
         "../scripts/grid_macroscale.py"
 
 
+if COMPOSITE:
+
+    rule compose_surface:
+        input:
+            surface=f"{RESULTS}/macroscale/surface.h5",
+            t0=surfaces("T0", ALL_PATCHES),
+        output:
+            composite=COMPOSITE,
+        log:
+            f"{RESULTS}/logs/compose_surface.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/compose_surface.tsv"
+        params:
+            patches=PATCHES.to_dict("list"),
+            patch_mm=PATCH_MM,
+            shift_um=SHIFT_UM,
+            s_filter_um=config["microscale"]["s_filter_um"],
+            placement_um=config["uncertainty"]["placement_um"],
+            seed=config["seed"],
+            code=code("compose_surface.py"),
+        message:
+            "Laying the scans on the mesh"
+        script:
+            "../scripts/compose_surface.py"
+
+
 rule solve_macroscale:
     input:
-        surface=rules.grid_macroscale.output.surface,
+        surface=SQUARE,
     output:
         contact=f"{RESULTS}/macroscale/contact.h5",
         path=table("macroscale_path", "2 Macroscale", "load path"),

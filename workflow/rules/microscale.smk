@@ -106,8 +106,11 @@ for part, patches in batches(ALL_PATCHES).items():
             t0=surfaces("T0", patches),
             counterface=COUNTERFACE,
             pressures=f"{RESULTS}/coupling/pressures.csv",
+            composite=COMPOSITE,
+            square=f"{RESULTS}/macroscale/contact.h5" if COMPOSITE else [],
         output:
             contacts=contacts(patches),
+            others=other_contacts(patches),
         log:
             f"{RESULTS}/logs/solve_patches{part}.log",
         benchmark:
@@ -115,6 +118,7 @@ for part, patches in batches(ALL_PATCHES).items():
         params:
             **config["microscale"],
             patches=patches,
+            variants=VARIANTS,
             contact_modulus_MPa=CONTACT_MODULUS_MPA,
             code=code("solve_patches.py"),
         message:

@@ -13,6 +13,7 @@ if GENERATED:
                 for name in sorted({*PATCHES.t0, *PATCHES.t1[WORN_PATCHES]})
             ],
             truth=f"{RESULTS}/specimen/truth.h5",
+            surface=f"{RESULTS}/specimen/surface.h5",
         log:
             f"{RESULTS}/logs/generate_specimen.log",
         benchmark:
@@ -37,6 +38,7 @@ if GENERATED:
             t0=surfaces("T0", ALL_PATCHES),
             t1=surfaces("T1", WORN_PATCHES),
             registered=registered(WORN_PATCHES),
+            two_scales=f"{RESULTS}/tables/two_scales.csv" if REFERENCE else [],
         output:
             table=table("truth", "6 Against the truth", "every stage"),
         log:
@@ -46,10 +48,6 @@ if GENERATED:
         params:
             patches=ALL_PATCHES,
             worn=WORN_PATCHES,
-            patch_mm=PATCH_MM,
-            contact_modulus_MPa=CONTACT_MODULUS_MPA,
-            target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
-            tolerance=config["macroscale"]["tolerance"],
             code=code("score_truth.py"),
         message:
             "Scoring every stage against the specimen's truth"

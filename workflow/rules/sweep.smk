@@ -19,6 +19,7 @@ if config["sweep"] is not None:
             t1_scans=scan_files("t1", WORN_PATCHES),
             counterface_scan=COUNTERFACE_SCAN,
             surface=f"{RESULTS}/macroscale/surface.h5",
+            composite=COMPOSITE,
             contact=f"{RESULTS}/macroscale/contact.h5",
             t0=surfaces("T0", ALL_PATCHES),
             t1=surfaces("T1", WORN_PATCHES),

@@ -10,6 +10,7 @@ if WORN_PATCHES:
     rule score_patches:
         input:
             contacts=contacts(WORN_PATCHES),
+            others=other_contacts(WORN_PATCHES),
             registered=registered(WORN_PATCHES),
             pressures=f"{RESULTS}/tables/patch_pressures.csv",
             microscale=f"{RESULTS}/tables/microscale_summary.csv",
@@ -18,12 +19,14 @@ if WORN_PATCHES:
             gains=table("validation_gains", "5 Validation", "scores against chance and best rival"),
             failures=table("validation_failures", "5 Validation", "where the prediction fails"),
             summary=table("validation_summary", "5 Validation", "over all patches"),
+            variants=table("validation_variants", "5 Validation", "by variant of the coupling"),
         log:
             f"{RESULTS}/logs/score_patches.log",
         benchmark:
             f"{RESULTS}/benchmarks/score_patches.tsv"
         params:
             worn=WORN_PATCHES,
+            compared=VARIANTS,
             validation={
                 key: value
                 for key, value in config["validation"].items()

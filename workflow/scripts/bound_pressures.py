@@ -1,4 +1,4 @@
-"""Say how sure the pressure of each patch is, given its place and the stones' elastic constants."""
+"""Say how sure the pressure of each patch is, given the errors of mesh, places and constants."""
 
 from pathlib import Path
 
@@ -8,12 +8,12 @@ from gstlib.logs import run_script
 from gstlib.study import bound_pressures
 
 
-def main(surface: Path, contact: Path, pressures: Path, table: Path, **settings) -> None:
-    final = read_dataset(contact, only=["pressure"]).isel(step=-1)
-    square = read_dataset(surface, only=["height"])
-    write_table(
-        table, bound_pressures(square, final, read_table(pressures), source=surface, **settings)
+def main(surface: Path, composite: Path, pressures: Path, table: Path, **settings) -> None:
+    composed = read_dataset(composite) if composite else None
+    limits = bound_pressures(
+        read_dataset(surface), composed, read_table(pressures), source=surface, **settings
     )
+    write_table(table, limits)
 
 
 if "snakemake" in globals():

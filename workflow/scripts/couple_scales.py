@@ -4,15 +4,28 @@ from pathlib import Path
 
 import pandas as pd
 
+from gstlib.contact import contact_at_pressure
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
 from gstlib.logs import run_script
 from gstlib.study import couple_scales
 
 
-def main(contact: Path, pressures: Path, *, patches: dict[str, list], **settings) -> None:
+def main(
+    surface: Path,
+    contact: Path,
+    pressures: Path,
+    *,
+    patches: dict[str, list],
+    patch_mm: float,
+    shift_um: list[float],
+    **settings: float,
+) -> None:
     final = read_dataset(contact, only=["pressure"]).isel(step=-1)
-    write_table(pressures, couple_scales(final, pd.DataFrame(patches), **settings))
+    mesh = read_dataset(surface, only=["height"]).drop_attrs(deep=False)
+    alone = contact_at_pressure(mesh, source=surface, **settings)
+    table = couple_scales(final, alone, pd.DataFrame(patches), patch_mm=patch_mm, shift_um=shift_um)
+    write_table(pressures, table)
 
 
 if "snakemake" in globals():

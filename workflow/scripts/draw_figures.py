@@ -23,7 +23,9 @@ from gstlib.io.tables import read_table
 from gstlib.logs import patch_by_patch, run_script
 
 # Figures of patches in the study, and of those that have a T1.
-OF_STUDIED = {"microscale_maps", "slip", "hardness", "overview"}
+OF_STUDIED = {"microscale_maps", "slip", "hardness", "overview", "two_scales"}
+# Patches in the figure of what two scales cost: the hardest pressed.
+MOST_COMPARED = 8
 OF_WORN = {"agreement", "patch"}
 
 
@@ -111,13 +113,22 @@ def figure_of(name: str, study: Study) -> Figure:
         case "slip":
             slips = study.by_patch(name, study.drawn, "stick", "slip", "mean_traction")
             return draw.slip_figure(study.contacts, slips)
+        case "two_scales":
+            drawn = study.drawn[:MOST_COMPARED]
+            others = study.by_patch("others", drawn, "height", "pressure")
+            found = study.data("reference", "contact").contact.isel(draw=0)
+            return draw.two_scales_figure(
+                {"levelled": others, "placed": study.contacts},
+                {patch: found.sel(patch=patch).values for patch in drawn},
+                study.table("two_scales"),
+            )
         case "hardness":
             limited = study.by_patch(name, study.drawn, "pressure")
             return draw.hardness_figure(study.contacts, limited)
         case "validation":
             pressures = study.pressures[["patch", "pressure_MPa"]]
             scores = study.table("scores", "patch", "loss_fraction").merge(pressures, on="patch")
-            tables = (study.table(table) for table in ("gains", "failures", "summary"))
+            tables = (study.table(table) for table in ("gains", "failures", "summary", "variants"))
             return draw.validation_figure(scores, *tables)
         case _:  # placement, texture, power, sweep
             return getattr(draw, f"{name}_figure")(study.table(name))

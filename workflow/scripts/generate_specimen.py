@@ -13,6 +13,7 @@ def main(
     mesh: Path,
     scans: list[Path],
     truth: Path,
+    surface: Path,
     *,
     patches: dict[str, list],
     specimen: dict,
@@ -23,6 +24,7 @@ def main(
         mesh=mesh,
         scan_folder=scans[0].parent,
         truth=truth,
+        surface=surface,
         parameters=SpecimenParameters(**specimen),
         **settings,
     )

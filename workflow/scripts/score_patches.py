@@ -10,6 +10,7 @@ from gstlib.study import score_patches
 
 def main(
     contacts: list[Path],
+    others: list[Path],
     registered: list[Path],
     pressures: Path,
     microscale: Path,
@@ -17,19 +18,24 @@ def main(
     gains: Path,
     failures: Path,
     summary: Path,
+    variants: Path,
     *,
     worn: list[str],
+    compared: list[str],
     validation: dict,
     worst: list[str],
     seed: int,
 ) -> None:
     changes = dict(zip(worn, registered, strict=True))
-    files = studied_files(pressures, worn, contacts)
-    tables = score_patches(
-        (
+    by_variant = {
+        variant: (
             (patch, read_dataset(file), read_dataset(changes[patch]))
-            for patch, file in patch_by_patch(files)
-        ),
+            for patch, file in patch_by_patch(studied_files(pressures, worn, files))
+        )
+        for variant, files in zip(compared, [contacts, others], strict=False)
+    }
+    tables = score_patches(
+        by_variant,
         read_table(pressures),
         read_table(microscale),
         worst=worst,
@@ -41,6 +47,7 @@ def main(
         ("gains", gains),
         ("failures", failures),
         ("summary", summary),
+        ("variants", variants),
     ]:
         write_table(file, tables[name])
 

@@ -16,11 +16,11 @@ def main(
     t0: list[Path],
     t1: list[Path],
     registered: list[Path],
+    two_scales: Path,
     table: Path,
     *,
     patches: list[str],
     worn: list[str],
-    **settings: float,
 ) -> None:
     surfaces = {(patch, "T0"): file for patch, file in zip(patches, t0, strict=True)}
     surfaces |= {(patch, "T1"): file for patch, file in zip(worn, t1, strict=True)}
@@ -32,7 +32,7 @@ def main(
         registered=((patch, read_dataset(file)) for patch, file in changes.items()),
         placement=read_table(placement),
         pressures=read_table(pressures),
-        **settings,
+        two_scales=read_table(two_scales) if two_scales else None,
     )
     write_table(table, scores)
 

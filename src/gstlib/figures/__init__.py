@@ -19,6 +19,7 @@ from gstlib.figures.microscale import (
     patch_figure,
     preparation_figure,
     slip_figure,
+    two_scales_figure,
 )
 from gstlib.figures.style import message_figure, save_figure
 from gstlib.figures.tables import (
@@ -33,4 +34,4 @@ __all__ = ["agreement_figure", "contact_steps_figure", "force_figure", "hardness
 __all__ += ["input_figure", "load_curves_figure", "message_figure", "microscale_maps_figure"]
 __all__ += ["overview_figure", "patch_figure", "placement_figure", "power_figure"]
 __all__ += ["preparation_figure", "save_figure", "slip_figure", "surface_figure", "sweep_figure"]
-__all__ += ["texture_figure", "validation_figure"]
+__all__ += ["texture_figure", "two_scales_figure", "validation_figure"]

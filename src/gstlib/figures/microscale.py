@@ -26,6 +26,7 @@ from gstlib.figures.style import AMBER, BLACK, BLUE, MM_TO_UM, VERMILION, styled
 
 __all__ = ["agreement_figure", "hardness_figure", "load_curves_figure", "microscale_maps_figure"]
 __all__ += ["overview_figure", "patch_figure", "preparation_figure", "slip_figure"]
+__all__ += ["two_scales_figure"]
 
 _UNKNOWN = "#ffffff"
 _AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": BLACK}
@@ -160,6 +161,49 @@ def agreement_figure(
         marks = _agreement(contacts[patch], change)
         panels[patch] = f"{pressure:.1f} MPa, lost {lost:.1%}", marks
     return _patch_maps(contacts, panels, _AGREEMENT)
+
+
+@styled
+def two_scales_figure(
+    contacts: Mapping[str, Mapping[str, xr.Dataset]],
+    reference: Mapping[str, np.ndarray],
+    scores: pd.DataFrame,
+) -> Figure:
+    """Contact within patches, levelled and placed, beside that of the whole square.
+
+    Parameters
+    ----------
+    contacts : mapping of variant to mapping of patch to xarray.Dataset
+        ``height`` and ``pressure`` (y, x).
+    reference : mapping of patch to (ny, nx) ndarray
+        Where the single-scale contact touches.
+    scores : pandas.DataFrame
+        ``two_scales.csv``.
+    """
+    f1 = scores.set_index(["variant", "patch"]).f1
+    columns = (len(contacts) + 1) * min(2, len(reference))
+    count = (len(contacts) + 1) * len(reference)
+    figure, axes = style.panels(count, columns, (1.5, 1.5), (0.03, 0.03, 0.3, 0.03), head=0.75)
+    pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in contacts)
+    figure.suptitle(
+        "Contact of the patches against one contact of the whole square at the scans' resolution\n"
+        f"share of agreement (F1), all patches: {pooled}; 1 would be perfect"
+    )
+    panels = iter(axes)
+    for patch, true in reference.items():
+        for variant, of_variant in contacts.items():
+            contact, panel = of_variant[patch], next(panels)
+            found = contact["pressure"].values > 0
+            marks = {BLUE: found & true, AMBER: true & ~found, BLACK: found & ~true}
+            maps.draw_map(panel, contact["height"], marks=marks)
+            panel.set_title(f"patch {patch} {variant}: {f1[variant, patch]:.2f}", fontsize=7)
+        panel = next(panels)
+        maps.draw_map(panel, contact["height"], marks={BLUE: true})
+        panel.set_title("whole square", fontsize=7)
+    maps.scale_bar(axes[0])
+    names = {"found": BLUE, "missed": AMBER, "not in the whole square's contact": BLACK}
+    style.colour_legend(figure, names, bbox_to_anchor=(0.5, 1 - 0.45 / figure.get_figheight()))
+    return figure
 
 
 @styled

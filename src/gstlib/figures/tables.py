@@ -2,6 +2,7 @@
 
 import math
 import textwrap
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -55,7 +56,11 @@ def placement_figure(placement: pd.DataFrame) -> Figure:
 
 @styled
 def validation_figure(
-    scores: pd.DataFrame, gains: pd.DataFrame, failures: pd.DataFrame, summary: pd.DataFrame
+    scores: pd.DataFrame,
+    gains: pd.DataFrame,
+    failures: pd.DataFrame,
+    summary: pd.DataFrame,
+    variants: pd.DataFrame,
 ) -> Figure:
     """Gains over the best rivals, loss against pressure, and the height at which loss is missed.
 
@@ -63,15 +68,17 @@ def validation_figure(
     ----------
     scores : pandas.DataFrame
         ``validation_patches.csv`` with the column ``pressure_MPa``.
-    gains, failures, summary : pandas.DataFrame
-        ``validation_gains.csv``, ``validation_failures.csv``, ``validation_summary.csv``.
+    gains, failures, summary, variants : pandas.DataFrame
+        ``validation_gains.csv``, ``validation_failures.csv``, ``validation_summary.csv``,
+        ``validation_variants.csv``.
     """
     figure, (gain, extent, bands) = style.panels(
-        3, 3, (2.6, 2.2), (0.75, 0.1, 0.35, 0.45), head=0.3
+        3, 3, (2.6, 2.2), (0.75, 0.1, 0.35, 0.45), head=0.3 + 0.15 * variants.variant.nunique()
     )
     p_values = gains.loc[gains["score"] == _SCORE, "p_value"].dropna()
     figure.suptitle(
-        f"In {(p_values <= _LEVEL).sum()} of {len(p_values)} patches, contact matches the loss "
+        "".join(f"{_headline(row)}\n" for row in variants[variants.score == _SCORE].itertuples())
+        + f"In {(p_values <= _LEVEL).sum()} of {len(p_values)} patches, contact matches the loss "
         f"better than shifted copies of itself ({_SCORE.upper()}, p ≤ {_LEVEL})"
     )
     _draw_gains(gain, summary)
@@ -96,6 +103,18 @@ def validation_figure(
     bands.set_title("At what height is the loss, and was it predicted?")
     bands.legend()
     return figure
+
+
+def _headline(row: Any) -> str:
+    """Which predicts loss better within the patches: the contact of a variant, or its rival."""
+    word = "no worse and no better than"
+    if row.low > 0 or row.high < 0:
+        word = "better than" if row.low > 0 else "worse than"
+    numbers = f"{row.contact:.2f} against {row.rival:.2f}".replace("-", "−")
+    return (
+        f"{row.variant}: contact predicts loss {word} its best rival, {row.best_rival} "
+        f"(mean {_SCORE.upper()} {numbers})"
+    )
 
 
 def _draw_gains(axes: Axes, summary: pd.DataFrame) -> None:

@@ -9,6 +9,7 @@ centre), ``note``.
 """
 
 import csv
+import itertools
 import math
 import re
 from collections.abc import Mapping
@@ -62,6 +63,7 @@ def read_patches(
     row_schema = yaml.safe_load(Path(schema).read_text(encoding="utf-8"))
     rows, problems = _read_rows(Path(path), row_schema)
     problems += _out_of_square(rows, size_mm, patch_size_mm)
+    problems += _overlapping(rows, patch_size_mm)
     if problems:
         problems.sort(key=lambda problem: problem[0])
         raise ConfigError(
@@ -181,6 +183,26 @@ def _explain(error: "ValidationError") -> str:
         return f"{name} is {error.instance!r}, not a number"
     wish = error.schema["description"]
     return f"{name} is {error.instance!r}: {error.message} [{wish}]"
+
+
+def _overlapping(rows: _Rows, patch_size: float) -> _Problems:
+    """Patches whose centres are nearer to each other than half of a side."""
+    known = [
+        (number, row)
+        for number, row in rows.items()
+        if isinstance(row.get("x_mm"), float) and isinstance(row.get("y_mm"), float)
+    ]
+    return [
+        (
+            number,
+            f"{_patch(row)}: its centre is {apart:.4g} mm from that of line {line}{_patch(other)}, "
+            f"and a patch is {patch_size:g} mm wide: leave one of them out, or correct "
+            "their positions",
+        )
+        for (line, other), (number, row) in itertools.combinations(known, 2)
+        if (apart := math.hypot(row["x_mm"] - other["x_mm"], row["y_mm"] - other["y_mm"]))
+        < patch_size / 2
+    ]
 
 
 def _out_of_square(rows: _Rows, size: float, patch_size: float) -> _Problems:

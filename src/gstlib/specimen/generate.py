@@ -36,7 +36,7 @@ from gstlib.surface import axis_coordinates, make_surface, spacing_of
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Specimen", "generate_specimen", "make_specimens"]
+__all__ = ["Specimen", "generate_specimen", "make_specimens", "within_square"]
 
 # Depth (µm) from which a point counts as worn: what preparation can tell from noise.
 _WEAR_THRESHOLD_UM = 0.5
@@ -75,11 +75,14 @@ class Specimen(NamedTuple):
         not scanned after use has no ``"T1"``.
     truth : xarray.Dataset
         What is true about both.
+    surface : (n, n) xarray.DataArray
+        The true surface of the square before use, mm, at the scans' spacing.
     """
 
     stl: bytes
     scans: dict[tuple[str, str], xr.DataArray]
     truth: xr.Dataset
+    surface: xr.DataArray
 
     @property
     def mesh(self) -> "trimesh.Trimesh":
@@ -177,10 +180,21 @@ def make_specimens(
                     "wear_depth": _rounded(at_points(depth, placement=t0, order=1)),
                 }
             )
+    square = within_square(surface, stone)
     return {
-        placement: Specimen(stl, scans[placement], _truth(patches, stone, p, grid, truths))
+        placement: Specimen(stl, scans[placement], _truth(patches, stone, p, grid, truths), square)
         for placement, truths in known.items()
     }
+
+
+def within_square(surface: np.ndarray, stone: Stone) -> xr.DataArray:
+    """As many points of the surface as elements of their size fit into the square."""
+    first = int(np.searchsorted(stone.grid, 0.0))
+    count = int(stone.square_mm / stone.spacing)
+    part = slice(first, first + count)
+    found = make_surface(surface[part, part], stone.spacing, long_name="true height before use")
+    along = stone.grid[part]
+    return found.assign_coords({axis: found[axis].copy(data=along) for axis in "yx"})
 
 
 def generate_specimen(
@@ -189,6 +203,7 @@ def generate_specimen(
     mesh: str | Path,
     scan_folder: str | Path,
     truth: str | Path,
+    surface: str | Path,
     square_mm: float,
     grid: int,
     parameters: SpecimenParameters,
@@ -203,8 +218,8 @@ def generate_specimen(
         Binary STL to write.
     scan_folder : path
         Folder for the scans (``.plu``).
-    truth : path
-        HDF5 file to write.
+    truth, surface : path
+        HDF5 files to write: what is true of mesh and scans, and the true surface before use.
     """
     placements = [parameters.wear_placement]
     (made,) = make_specimens(
@@ -216,6 +231,8 @@ def generate_specimen(
         path = Path(scan_folder) / scan.attrs["file"]
         write_plu(path, scan.values, spacing_of(scan), comment=note)
     write_dataset(truth, made.truth, {"note": note})
+    single = made.surface.astype(np.float32).to_dataset(name="height")
+    write_dataset(surface, single, {"note": note})
 
 
 def _rounded(heights: np.ndarray) -> np.ndarray:

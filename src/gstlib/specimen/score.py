@@ -6,20 +6,17 @@ have 1 as their true value; biases and r.m.s. errors have 0.
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import scipy.ndimage
 import xarray as xr
 
-from gstlib.contact import contact_at_pressure
-from gstlib.coupling import patch_pressures
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.scanning import Placement, relocation
 from gstlib.surface import make_surface
 
-__all__ = ["score_truth", "true_pressures"]
+__all__ = ["score_truth"]
 
 # Significant digits, of the larger one, that are kept in the difference of two numbers.
 _ERROR_DIGITS = 7
@@ -40,13 +37,12 @@ def score_truth(
     registered: Iterable[tuple[str, xr.Dataset]],
     placement: pd.DataFrame,
     pressures: pd.DataFrame,
-    patch_mm: float,
-    **contact: Any,
+    two_scales: pd.DataFrame | None,
 ) -> pd.DataFrame:
     """Compare what the stages recovered with the truth.
 
-    The true pressure of a patch is that which the true macroscale surface puts on it, at its true
-    place at T0.
+    The true pressure of a patch is that of the contact of the whole true surface at the scans'
+    resolution, at the patch's true place at T0.
 
     Parameters
     ----------
@@ -65,10 +61,8 @@ def score_truth(
         Recovered ``patch, shift_x_um, shift_y_um``; further rows are left out.
     pressures : pandas.DataFrame
         Recovered ``patch, pressure_MPa``.
-    patch_mm : float
-        Side of a patch.
-    **contact
-        ``contact_modulus_MPa, target_pressure_MPa, tolerance`` of the macroscale contact.
+    two_scales : pandas.DataFrame, optional
+        ``patch, reference_pressure_MPa``, true pressures.
 
     Returns
     -------
@@ -99,22 +93,12 @@ def score_truth(
         shift_x, shift_y = (float(at[f"{a}_mm"] - at[f"nominal_{a}_mm"]) * _UM for a in "xy")
         scores = [("shift_x", "um", shift_x, row.shift_x_um)]
         add("placement", row.patch, [*scores, ("shift_y", "um", shift_y, row.shift_y_um)])
-    true = true_pressures(truth, patch_mm=patch_mm, **contact)
-    for row in pressures.itertuples():
-        add("coupling", row.patch, [("pressure", "MPa", true[row.patch], row.pressure_MPa)])
+    if two_scales is not None:
+        known = two_scales.drop_duplicates("patch").set_index("patch").reference_pressure_MPa
+        for row in pressures.itertuples():
+            add("coupling", row.patch, [("pressure", "MPa", known[row.patch], row.pressure_MPa)])
     columns = ["stage", "quantity", "patch", "unit", "true", "recovered", "error"]
     return pd.DataFrame(rows, columns=columns)
-
-
-def true_pressures(truth: xr.Dataset, *, patch_mm: float, **contact: Any) -> pd.Series:
-    """True pressure (MPa) by patch; parameters as of `score_truth`."""
-    height, _ = remove_plane(_surface(truth))
-    pressed = contact_at_pressure(height, source="the true surface", **contact)
-    names = ["x_mm", "y_mm", "rotation_deg"]
-    places = truth[names].sel(epoch="T0").to_dataframe().reset_index()
-    return (
-        patch_pressures(pressed.pressure, places, size_mm=patch_mm).set_index("patch").pressure_MPa
-    )
 
 
 def _surface(truth: xr.Dataset) -> xr.DataArray:

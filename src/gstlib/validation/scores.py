@@ -40,6 +40,7 @@ __all__ = [
     "Comparison",
     "Prediction",
     "compare",
+    "inside_rim",
     "rank_levels",
     "scores_of",
     "scores_of_sums",
@@ -73,7 +74,12 @@ class Comparison:
 
 
 def compare(
-    heights: xr.DataArray, contact: xr.Dataset, change: xr.Dataset, *, neighbourhood_um: float
+    heights: xr.DataArray,
+    contact: xr.Dataset,
+    change: xr.Dataset,
+    *,
+    neighbourhood_um: float,
+    rim: float = 0.0,
 ) -> Comparison:
     """Put the contact solution of a patch and its rivals beside the loss.
 
@@ -85,7 +91,7 @@ def compare(
     rival. Parameters as of `gstlib.validation.scoring.score_patch`.
     """
     pressure, z = contact["pressure"].values, heights.values
-    valid = np.isfinite(change["change"].values)
+    valid = np.isfinite(change["change"].values) & inside_rim(z.shape, rim)
     if not z.shape == pressure.shape == valid.shape:
         raise ValueError(
             f"T0, pressure and change have shapes {z.shape}, {pressure.shape}, {valid.shape}"
@@ -115,6 +121,15 @@ def compare(
         loss_shares=window_shares(loss, window, valid),
         spacing=spacing,
     )
+
+
+def inside_rim(shape: Sequence[int], rim: float) -> np.ndarray:
+    """Points (ny, nx) further than the share `rim` of a side from every edge: those scored.
+
+    A patch is cut out of the stone: at its edges no neighbour is pressed down with it.
+    """
+    rows, columns = (abs((np.arange(n) + 0.5) / n - 0.5) <= 0.5 - rim for n in shape)
+    return rows[:, None] & columns
 
 
 def window_shares(mask: np.ndarray, size: int, valid: np.ndarray) -> np.ndarray:

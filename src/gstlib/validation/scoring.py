@@ -23,6 +23,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from gstlib.contact import laid_height
 from gstlib.validation.change import wear_summary
 from gstlib.validation.intervals import (
     FEWEST_BLOCKS,
@@ -78,11 +79,11 @@ class PatchScores:
 
 def score_patch(
     patch: str,
-    heights: xr.DataArray,
     contact: xr.Dataset,
     change: xr.Dataset,
     *,
     neighbourhood_um: float,
+    rim: float,
     most_noise: float,
     seed: int | Sequence[int] = 0,
     shifts: int = 0,
@@ -95,15 +96,16 @@ def score_patch(
     patch : str
         Its id. With the seed it determines the random numbers, so that a patch gives the same
         whichever others are in the study.
-    heights : (y, x) xarray.DataArray
-        The surface pressed on the flat, mm (`gstlib.contact.pressed_height`).
     contact : xarray.Dataset
-        ``height`` at T0 and ``gap`` (y, x) in mm, ``pressure`` (y, x) in MPa, ``displacement`` in
-        mm, of which the last counts. The contact may be empty.
+        ``gap`` (y, x) in mm, ``pressure`` (y, x) in MPa, ``displacement`` in mm, of which the last
+        counts; and the heights at T0, of which the rivals see those as the patch lies on the stone
+        (`gstlib.contact.laid_height`). The contact may be empty.
     change : xarray.Dataset
         As from `gstlib.validation.change.height_change`.
     neighbourhood_um : float
         Side of the window of the fractions skill score, rounded to an odd number of elements.
+    rim : float
+        Share of a side along each edge that is not scored.
     most_noise : float
         The ``noise_share`` up to which chance is tested.
     seed : int or sequence of int
@@ -113,7 +115,8 @@ def score_patch(
     resamples : int
         Block bootstrap resamples for the intervals of the gains.
     """
-    comparison = compare(heights, contact, change, neighbourhood_um=neighbourhood_um)
+    heights = laid_height(contact)
+    comparison = compare(heights, contact, change, neighbourhood_um=neighbourhood_um, rim=rim)
     loss, valid = comparison.loss, comparison.valid
     length = correlation_length(loss, valid, comparison.spacing)
     longest = LONGEST * min(n * d for n, d in zip(valid.shape, comparison.spacing, strict=True))
@@ -171,7 +174,7 @@ def score_patch(
             "hit_share": _share(band & touching, loss),
             "recall": _share(touching, loss & band),
         }
-        for split, label, band in _bands(contact, touching, valid)
+        for split, label, band in _bands(heights.values, contact, touching, valid)
     ]
     return PatchScores(row, gains, failures, null, _warning(row, most_noise, longest))
 
@@ -234,10 +237,10 @@ def _against_rivals(
 
 
 def _bands(
-    contact: xr.Dataset, touching: np.ndarray, valid: np.ndarray
+    heights: np.ndarray, contact: xr.Dataset, touching: np.ndarray, valid: np.ndarray
 ) -> Iterator[tuple[str, str, np.ndarray]]:
     """The valid points by their height at T0, and by their distance from the flat."""
-    heights, gap = contact["height"].values, contact["gap"].values
+    gap = contact["gap"].values
     shares = list(_HEIGHT_BANDS.values())[1:]
     edges = np.quantile(heights[valid], shares) if valid.any() else shares
     band = np.searchsorted(edges, heights, side="right")

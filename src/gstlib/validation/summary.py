@@ -12,7 +12,7 @@ trials as the two autocorrelations leave, after Clifford, Richardson and Hémon 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,14 @@ from gstlib.validation.nulls import p_value
 from gstlib.validation.scores import RIVALS, SCORES
 from gstlib.validation.scoring import PatchScores, patch_tables
 
-__all__ = ["mean_gains", "mean_scores", "rank_correlations", "spatial_p_value", "summarise"]
+__all__ = [
+    "compare_variants",
+    "mean_gains",
+    "mean_scores",
+    "rank_correlations",
+    "spatial_p_value",
+    "summarise",
+]
 
 _COLUMNS = ["statistic", "value", "low", "high", "p_value", "n", "against"]
 _PREDICTORS = "pressure_MPa", "contact_fraction", "stiffness_MPa_per_um"
@@ -91,6 +98,38 @@ def summarise(
         columns = [*_EXTENTS, "pressure_MPa", "contact_fraction"]
         rows += [_worst(every, expected_worst, column) for column in columns]
     return pd.concat([*parts, pd.DataFrame(rows, columns=_COLUMNS)], ignore_index=True)
+
+
+def compare_variants(
+    by_variant: Mapping[str, Sequence[PatchScores]], *, seed: int, resamples: int
+) -> pd.DataFrame:
+    """The table ``validation_variants.csv``: contact against its best rival, by variant.
+
+    Parameters
+    ----------
+    by_variant : mapping of str to sequence of PatchScores
+        The scores of the same patches in each variant of the coupling.
+    seed, resamples : int
+        Of the intervals.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``variant, score, contact, rival, best_rival, gain, low, high, p_value, n``: means over
+        patches, and a gain as of `mean_gains`.
+    """
+    rows = []
+    for variant, found in by_variant.items():
+        table = patch_tables(found)["patches"]
+        gains = mean_gains(table, generator=np.random.default_rng(seed), resamples=resamples)
+        for score, gain in zip(SCORES, gains.itertuples(index=False), strict=True):
+            # of the patches that both have a score on
+            names = [score, f"{gain.against}_{score}"] if gain.against else [score, score]
+            contact, rival = table[names].dropna().mean() if gain.n else (math.nan, math.nan)
+            row = contact, rival, gain.against, gain.value, gain.low, gain.high, gain.p_value
+            rows.append((variant, score, *row, gain.n))
+    columns = ["variant", "score", "contact", "rival", "best_rival", "gain", "low", "high"]
+    return pd.DataFrame(rows, columns=[*columns, "p_value", "n"])
 
 
 def mean_gains(

@@ -44,7 +44,7 @@ def test_tables_as_spreadsheets_write_them(tmp_path, encoding, separator, point)
         [],
         ["patch", "x_mm", "y_mm", "t0", "note"],
         ["07", "1", f"1{point}25", "7.plu"],
-        ["10", "1", "1", "10.plu"],
+        ["10", "2", "1", "10.plu"],
         [],
         ["5", f"4{point}5", f"0{point}5", "5.plu", "Höhe"],
     ]
@@ -52,7 +52,7 @@ def test_tables_as_spreadsheets_write_them(tmp_path, encoding, separator, point)
     (tmp_path / "p.csv").write_bytes(text.encode(encoding))
     patches = read(tmp_path / "p.csv")
     assert list(patches.patch) == ["5", "07", "10"]  # as text, in natural order
-    assert list(patches.x_mm) == [4.5, 1.0, 1.0]
+    assert list(patches.x_mm) == [4.5, 1.0, 2.0]
     assert list(patches.y_mm) == [0.5, 1.25, 1.0]
     assert list(patches.note) == ["Höhe", "", ""]
     assert (patches.rotation_deg == 0).all()
@@ -80,14 +80,14 @@ def test_all_problems_at_once(table):
             "patch,x_mm,y_mm,t0,rotation_deg,crop_x_mm,crop_y_mm\n"
             "p1,1,1,a,,,\n"
             "P1,2,2,b,,,\n"  # some file systems ignore the case
-            "a/b,2,2,c,,,\n"
+            "a/b,3,2,c,,,\n"
             "3,two,2,d,,,\n"
             "4,4.9,0.4,e,,,\n"
             "5,,2,,,,\n"
-            "6,1,1,f,,0.5,\n"
-            "7,1,1,g,400,,\n"
+            "6,1,3,f,,0.5,\n"
+            "7,2,3,g,400,,\n"
             "8,nan,1,h,,,\n"
-            "9,1,1,i,,,,extra\n"
+            "9,3,3,i,,,,extra\n"
         ),
         "line 3 (patch P1): same id as in line 2",
         "line 4 (patch a/b): patch is 'a/b'",
@@ -103,6 +103,17 @@ def test_all_problems_at_once(table):
         "10 problems",
     )
     assert "line 2 " not in message
+
+
+def test_a_place_scanned_twice_is_refused_and_a_small_overlap_is_not(table):
+    near = "patch,x_mm,y_mm,t0\n1,1,1,a\n2,1.7,1,b\n3,1.4,1,c\n"
+    refused(
+        table(near),
+        "line 4 (patch 3): its centre is 0.4 mm from that of line 2 (patch 1)",
+        "line 4 (patch 3): its centre is 0.3 mm from that of line 3 (patch 2)",
+        "2 problems",
+    )
+    assert len(read(table(near.replace("3,1.4", "3,2.2")))) == 3
 
 
 def test_turned_footprint_needs_more_room(table):

@@ -54,6 +54,7 @@ def write(tmp_path_factory, parameters):
             mesh=folder / "mesh.stl",
             scan_folder=folder / "scans",
             truth=folder / "truth.h5",
+            surface=folder / "surface.h5",
             square_mm=5.0,
             grid=50,
             parameters=dataclasses.replace(parameters, **changes),

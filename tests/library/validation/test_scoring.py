@@ -14,7 +14,14 @@ from gstlib.validation.nulls import _wrap_around_factors
 from gstlib.validation.scores import SCORES
 from gstlib.validation.scoring import patch_tables, score_patch
 
-SETTINGS = {"neighbourhood_um": 3.0, "most_noise": 1.0, "seed": 1, "shifts": 999, "resamples": 199}
+SETTINGS = {
+    "rim": 0.0,
+    "neighbourhood_um": 3.0,
+    "most_noise": 1.0,
+    "seed": 1,
+    "shifts": 999,
+    "resamples": 199,
+}
 
 
 @pytest.fixture
@@ -39,7 +46,7 @@ def patch():
 
 def scored(patch, name="7", **changed):
     contact, change = patch
-    return score_patch(name, contact.height, contact, change, **(SETTINGS | changed))
+    return score_patch(name, contact, change, **(SETTINGS | changed))
 
 
 def by_score(found):

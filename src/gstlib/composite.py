@@ -1,0 +1,334 @@
+"""The stone's surface at every scale: the mesh, the scans laid on it, and detail between them.
+
+The mesh shows how the stone runs and lacks the short waves, which decide where a flat touches. A
+scan has them, but not how its patch lies: the back of a mould is not flat. So each scan, level, is
+laid on the plane of the mesh's surface under its outline. Between the outlines, a random field with
+the spectrum of what the scans show beyond the mesh is added to the mesh's surface.
+
+Measured against one contact of the whole square at the scans' resolution, these planes are what a
+prediction inside a patch needs most (docs/two_scales.md).
+"""
+
+# ASSUME: detail that was not scanned is Gaussian, isotropic and alike all over the square. Waves
+# longer than a patch have the density of those as long as one.
+# ASSUME: the mesh errs at each vertex by about as much as its other vertices mispredict it,
+# independently from vertex to vertex.
+# ASSUME: where outlines overlap, the surface is the mean of their scans.
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import pandas as pd
+import scipy.fft
+import xarray as xr
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator, RectBivariateSpline
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from gstlib.coupling import Place, half_extent, on_patch, places_of, spline_of
+from gstlib.errors import InputError
+from gstlib.preprocess.leveling import Plane, remove_plane
+from gstlib.surface import axis_coordinates, make_surface, spacing_of
+
+__all__ = [
+    "block_means",
+    "compose",
+    "compose_surface",
+    "draw_mesh_errors",
+    "plane_under",
+    "s_filtered",
+]
+
+# The Gaussian of ISO 16610-61 passes half of a wave as long as the nesting index: its standard
+# deviation over that index is sqrt(ln 2 / 2) / π.
+_GAUSSIAN = float(np.sqrt(np.log(2) / 2) / np.pi)
+# Points of the composite along each side of a macroscale element, and along a patch for its plane.
+PER_ELEMENT = 4
+_PLANE_POINTS = 24
+# Draws for a standard deviation of the planes, which is then known to a tenth.
+_PLANE_DRAWS = 50
+# Sides, in patches, of the field on which the tilt of detail is measured.
+_TILT_PATCHES = 24
+# ASSUME: where scans and mesh see the same waves, r.m.s. heights that differ by this factor are in
+# different units.
+_UNIT_FACTOR = 10.0
+# Blocks of a patch, at least, for that comparison.
+_FEWEST_BLOCKS = 3
+
+
+def s_filtered(height: xr.DataArray, nesting_um: float | None) -> xr.DataArray:
+    """Heights (y, x) through the Gaussian S-filter of ISO 16610-61; as they are for None."""
+    if nesting_um is None:
+        return height
+    sigma = [_GAUSSIAN * nesting_um * 1e-3 / step for step in spacing_of(height)]
+    return height.copy(data=gaussian_filter(height.values, sigma, mode="nearest"))
+
+
+def plane_under(spline: RectBivariateSpline, place: Place, patch_mm: float) -> Plane:
+    """Least-squares plane of a surface under an outline, along the axes of the scan there."""
+    heights = on_patch(spline, place, 2 * (_PLANE_POINTS,), patch_mm)
+    return remove_plane(make_surface(heights, patch_mm / _PLANE_POINTS))[1]
+
+
+def compose_surface(
+    surface: xr.Dataset,
+    patches: pd.DataFrame,
+    heights: Iterable[tuple[str, xr.DataArray]],
+    *,
+    patch_mm: float,
+    placement_um: float,
+    seed: int,
+) -> xr.Dataset:
+    """The composite surface, averaged over the elements of the macroscale grid.
+
+    Parameters
+    ----------
+    surface : xarray.Dataset
+        The mesh's ``height`` (y, x), mm, and its left-out errors, from
+        `gstlib.study.grid_macroscale`.
+    patches : pandas.DataFrame
+        ``patch, x_mm, y_mm, rotation_deg``.
+    heights : iterable of (patch, (y, x) xarray.DataArray)
+        The scans, level, without NaN, mm, in the order of `patches`; each is used once.
+    patch_mm : float
+        Side of a patch.
+    placement_um : float
+        Standard deviation of a patch's place along each axis.
+    seed : int
+        Of the random detail and of the draws for the planes' errors.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``height`` (y, x) mm, its plane removed; by patch ``x_mm, y_mm, rotation_deg``;
+        ``offset`` (mm), ``slope_y, slope_x``, the plane that the patch is laid on, along its own
+        axes; ``tilt_mrad``, that of the mesh's plane; ``tilt_error_mrad``, the standard error along
+        each axis; ``known``, whether the plane is known better than by levelling: where it is not,
+        the slopes are 0. ``scan`` (patch, v, u) mm, the scans on a coarse grid; ``density``
+        (frequency) mm⁴, the power spectral density of what they show beyond the mesh.
+
+    Raises
+    ------
+    InputError
+        Scans and mesh differ by a factor of ten or more where they see the same waves.
+    """
+    places, spline = places_of(patches), spline_of(surface.height)
+    element = max(spacing_of(surface.height))
+    points = int(np.ceil(patch_mm * PER_ELEMENT / element))
+    scans, densities, rms = [], [], []
+    for patch, height in heights:
+        under = height.copy(data=on_patch(spline, places[patch], height.shape, patch_mm))
+        beyond = height.values - remove_plane(under)[0].values
+        frequency, density = _density(beyond, patch_mm)
+        densities.append(density)
+        scans.append(_block_averaged(height.values, min(points, len(height))))
+        rms.append(_common_waves(height.values, under.values, patch_mm, surface.height))
+    _check_units(np.array(rms))
+    spectrum = xr.DataArray(
+        np.mean(densities, axis=0),
+        dims="frequency",
+        coords={"frequency": ("frequency", frequency, {"units": "1/mm"})},
+        attrs={"units": "mm4", "long_name": "power spectral density beyond the mesh"},
+    )
+    generator = np.random.default_rng([seed, 0])
+    planes = [plane_under(spline, place, patch_mm) for place in places.values()]
+    error = _plane_errors(surface, places, spectrum, patch_mm, placement_um, generator)
+    tilt = 1e3 * np.array([np.hypot(plane.slope_y, plane.slope_x) for plane in planes])
+    known = tilt > np.sqrt(2) * error
+    planes = [
+        plane if sure else Plane(plane.offset, 0.0, 0.0)
+        for plane, sure in zip(planes, known, strict=True)
+    ]
+    laid = zip(places.values(), planes, scans, strict=True)
+    shape = tuple(PER_ELEMENT * count for count in surface.height.shape)
+    fine = compose(spline, laid, patch_mm, shape, element / PER_ELEMENT, spectrum, seed)
+    height = surface.height.copy(data=block_means(fine, PER_ELEMENT))
+    level, square = remove_plane(height)
+    numbers = {
+        "x_mm": ("mm", "centre along x", [place.x_mm for place in places.values()]),
+        "y_mm": ("mm", "centre along y", [place.y_mm for place in places.values()]),
+        "rotation_deg": ("degree", "turn", [place.rotation_deg for place in places.values()]),
+        "offset": ("mm", "height of the plane", [plane.offset for plane in planes]),
+        "slope_y": ("1", "slope of the plane along y", [plane.slope_y for plane in planes]),
+        "slope_x": ("1", "slope of the plane along x", [plane.slope_x for plane in planes]),
+        "tilt_mrad": ("mrad", "tilt of the mesh's plane", tilt),
+        "tilt_error_mrad": ("mrad", "standard error of the tilt along each axis", error),
+        "known": ("1", "plane known better than by levelling", known),
+    }
+    coarse = {"units": "mm", "long_name": "levelled scan on a coarse grid"}
+    level.attrs = {"units": "mm", "long_name": "height of the composite surface"}
+    return xr.Dataset(
+        {
+            "height": level,
+            "density": spectrum,
+            "scan": (("patch", "v", "u"), np.array(scans), coarse),
+        }
+        | {
+            name: ("patch", values, {"units": units, "long_name": text})
+            for name, (units, text, values) in numbers.items()
+        },
+        coords={"patch": list(places)},
+        attrs={
+            "patch_mm": patch_mm,
+            "Sq_um": float(level.values.std()) * 1e3,
+            "tilt_x_mrad": square.tilt_x_mrad,
+            "tilt_y_mrad": square.tilt_y_mrad,
+        },
+    )
+
+
+def compose(
+    spline: RectBivariateSpline,
+    scans: Iterable[tuple[Place, Plane, np.ndarray]],
+    patch_mm: float,
+    shape: tuple[int, ...],
+    spacing: float,
+    density: xr.DataArray | None,
+    seed: int | np.random.Generator,
+) -> np.ndarray:
+    """Heights (ny, nx), mm, of the composite surface at any spacing (mm).
+
+    Inside an outline, the scan on its plane; elsewhere the surface of `spline` with random detail
+    of the given `density`, if there is one.
+    """
+    y, x = (axis_coordinates(count, spacing) for count in shape)
+    height = spline(y, x)
+    if density is not None:
+        height += _random_field(density, shape, spacing, np.random.default_rng(seed))
+    laid, count = np.zeros_like(height), np.zeros(height.shape, np.uint8)
+    for place, plane, scan in scans:
+        reach = half_extent(patch_mm, place.rotation_deg)
+        rows, columns = (
+            slice(*np.searchsorted(axis, [centre - reach, centre + reach]))
+            for axis, centre in ((y, place.y_mm), (x, place.x_mm))
+        )
+        dy, dx = y[rows, None] - place.y_mm, x[columns] - place.x_mm
+        v, u = Place(0, 0, -place.rotation_deg).points(dy, dx)
+        inside = (abs(v) <= patch_mm / 2) & (abs(u) <= patch_mm / 2)
+        at = [(axis / patch_mm + 0.5) * len(scan) - 0.5 for axis in np.broadcast_arrays(v, u)]
+        values = map_coordinates(scan, at, order=1, mode="nearest")
+        values += plane.offset + plane.slope_y * v + plane.slope_x * u
+        laid[rows, columns] += np.where(inside, values, 0)
+        count[rows, columns] += inside
+    np.divide(laid, count, out=height, where=count > 0)
+    return height
+
+
+def block_means(heights: np.ndarray, size: int) -> np.ndarray:
+    """Means of square blocks of `size` elements a side; the shape is a multiple of it."""
+    ny, nx = heights.shape
+    return heights.reshape(ny // size, size, nx // size, size).mean(axis=(1, 3))
+
+
+def draw_mesh_errors(surface: xr.Dataset, draws: int, generator: np.random.Generator) -> np.ndarray:
+    """Errors (draws, ny, nx), mm, that the mesh's surface may have.
+
+    At each vertex its left-out error times a normal number, linear between vertices.
+    """
+    vertices = np.stack([surface.vertex_y.values, surface.vertex_x.values], axis=1)
+    errors = surface.left_out_error.values[:, None] * generator.standard_normal(
+        (len(vertices), draws)
+    )
+    at = np.stack(np.meshgrid(surface.y.values, surface.x.values, indexing="ij"), axis=-1)
+    found = LinearNDInterpolator(vertices, errors)(at)
+    outside = np.isnan(found[..., 0])
+    found[outside] = NearestNDInterpolator(vertices, errors)(at[outside])
+    return np.moveaxis(found, -1, 0)
+
+
+def _plane_errors(
+    surface: xr.Dataset,
+    places: Mapping[str, Place],
+    density: xr.DataArray,
+    patch_mm: float,
+    placement_um: float,
+    generator: np.random.Generator,
+) -> np.ndarray:
+    """Standard error (mrad) of each patch's tilt: of the mesh, the place, and unseen waves."""
+    slopes = np.empty((_PLANE_DRAWS, len(places), 2))
+    for draw, error in enumerate(draw_mesh_errors(surface, _PLANE_DRAWS, generator)):
+        spline = spline_of(surface.height + error)
+        shifts = placement_um * 1e-3 * generator.standard_normal((len(places), 2))
+        for number, (place, shift) in enumerate(zip(places.values(), shifts, strict=True)):
+            moved = place._replace(y_mm=place.y_mm + shift[0], x_mm=place.x_mm + shift[1])
+            plane = plane_under(spline, moved, patch_mm)
+            slopes[draw, number] = plane.slope_y, plane.slope_x
+    step = patch_mm / _PLANE_POINTS
+    field = _random_field(density, 2 * (_TILT_PATCHES * _PLANE_POINTS,), step, generator)
+    along = axis_coordinates(_PLANE_POINTS, step) - patch_mm / 2
+    blocks = field.reshape(2 * (_TILT_PATCHES, _PLANE_POINTS)).mean(axis=3)
+    unseen = np.einsum("ijk,j->ik", blocks, along) / (along @ along)
+    return 1e3 * np.sqrt(slopes.var(axis=0, ddof=1).mean(axis=1) + (unseen**2).mean())
+
+
+def _density(heights: np.ndarray, side_mm: float) -> tuple[np.ndarray, np.ndarray]:
+    """Power spectral density (mm⁴) of heights (n, n), over all directions, by frequency (1/mm)."""
+    count, step = len(heights), side_mm / len(heights)
+    window = np.hanning(count + 2)[1:-1]
+    window = window[:, None] * window / (window**2).mean()
+    power = np.abs(scipy.fft.rfft2((heights - heights.mean()) * window)) ** 2
+    ring = np.rint(_frequency((count, count), step) * side_mm).astype(int)
+    within = (ring > 0) & (ring <= count // 2)
+    total = np.bincount(ring[within], power[within])[1:]
+    mean = total / np.bincount(ring[within])[1:]
+    return np.arange(1, len(mean) + 1) / side_mm, mean * (step / count) ** 2
+
+
+def _random_field(
+    density: xr.DataArray,
+    shape: tuple[int, ...],
+    spacing: float,
+    generator: np.random.Generator,
+) -> np.ndarray:
+    """A periodic Gaussian field (ny, nx), mm, of a power spectral density."""
+    fast = [scipy.fft.next_fast_len(count, real=True) for count in shape]
+    spectrum = scipy.fft.rfft2(generator.standard_normal(fast))
+    at = _frequency(fast, spacing)
+    at[0, 0] = np.inf  # no mean
+    known = density.frequency.values
+    smallest = np.finfo(float).tiny
+    amplitude = np.interp(
+        np.log(at), np.log(known), np.log(np.maximum(density.values, smallest)) / 2
+    )
+    spectrum *= np.where(at <= known[-1], np.exp(amplitude), 0) / spacing
+    return scipy.fft.irfft2(spectrum, fast, overwrite_x=True)[: shape[0], : shape[1]]
+
+
+def _frequency(shape: Iterable[int], spacing: float) -> np.ndarray:
+    """Spatial frequency of every term of a real two-dimensional transform."""
+    ny, nx = shape
+    return np.hypot(scipy.fft.fftfreq(ny, spacing)[:, None], scipy.fft.rfftfreq(nx, spacing))
+
+
+def _block_averaged(heights: np.ndarray, points: int) -> np.ndarray:
+    """Heights averaged on (points, points), of any number of points."""
+    from skimage.transform import resize_local_mean
+
+    return resize_local_mean(heights, 2 * (points,))
+
+
+def _common_waves(
+    scan: np.ndarray, under: np.ndarray, patch_mm: float, mesh: xr.DataArray
+) -> tuple[float, float]:
+    """R.m.s. heights of a scan and of the mesh under it, in waves that the mesh's edges resolve."""
+    blocks = int(patch_mm / mesh.attrs["mesh_edge_mm"])
+    if blocks < _FEWEST_BLOCKS:
+        return np.nan, np.nan
+    step = patch_mm / blocks
+    means = (make_surface(_block_averaged(each, blocks), step) for each in (scan, under))
+    one, other = (float(remove_plane(each)[0].values.std()) for each in means)
+    return one, other
+
+
+def _check_units(rms: np.ndarray) -> None:
+    """Refuse scans and a mesh whose heights differ by an order, from `_common_waves`."""
+    if np.isnan(rms).any():
+        return
+    scan, mesh = np.sqrt((rms**2).mean(axis=0))
+    if max(scan, mesh) > _UNIT_FACTOR * min(scan, mesh):
+        raise InputError(
+            "scans",
+            f"in the waves that scans and mesh both resolve, the scans are {scan * 1e3:.3g} µm "
+            f"high (r.m.s.) and the mesh under them {mesh * 1e3:.3g} µm",
+            "Check scans.unit and inputs.mesh_unit in the config. If both are right, the mesh "
+            "does not show how the patches lie: set coupling to levelled.",
+        )

@@ -1,0 +1,213 @@
+"""What two scales cost: one contact of the whole square at the scans' resolution, and the patches'.
+
+The study presses the square on a coarse grid and each patch by itself. Both are shortcuts. One
+contact of the whole square with all its detail needs neither: on a generated specimen it is the
+contact of the true surface, against which everything is counted (mesh, places, noise, coupling). On
+a measured stone it is that of the composite surface, and tells what the coupling alone costs and,
+over several draws of the detail, how far the results depend on what was not scanned.
+"""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from gstlib.composite import compose
+from gstlib.contact import laid_height
+from gstlib.coupling import Place, places_of, spline_of
+from gstlib.errors import InputError
+from gstlib.preprocess.leveling import Plane
+from gstlib.surface import axis_coordinates, make_surface, spacing_of
+from gstlib.validation.scores import inside_rim
+
+__all__ = [
+    "ALL",
+    "TOLERANCE",
+    "check_memory",
+    "composite_heights",
+    "patches_of_reference",
+    "two_scales_table",
+]
+
+ALL = "all"  # the row of all patches together
+# Of the contact of the whole square. With 1e-7 in its place, 3 points in contact of 10,000 change.
+TOLERANCE = 1e-4
+# Bytes that a contact takes for each element, at its peak (measured at 3012²).
+_BYTES = 170
+
+
+def check_memory(square_mm: float, spacing_mm: float, available: int) -> None:
+    """Refuse a reference that needs more than the `available` bytes.
+
+    Raises
+    ------
+    InputError
+    """
+    count = round(square_mm / spacing_mm)
+    if (needed := _BYTES * count**2) > available:
+        raise InputError(
+            "config, reference_draws",
+            f"the contact of the whole square at the scans' resolution has {count} × {count} "
+            f"elements and needs {needed / 2**30:.1f} GiB of memory; there are "
+            f"{available / 2**30:.1f} GiB",
+            "Set reference_draws to null, or run the study on a larger machine.",
+        )
+
+
+def composite_heights(
+    surface: xr.Dataset,
+    composite: xr.Dataset,
+    scans: Iterable[xr.DataArray],
+    *,
+    seed: int,
+    draw: int,
+) -> xr.DataArray:
+    """The composite surface (y, x), mm, at the scans' resolution.
+
+    Parameters
+    ----------
+    surface, composite : xarray.Dataset
+        The mesh's surface, and the composite on the macroscale grid.
+    scans : iterable of (y, x) xarray.DataArray
+        Levelled scans in the order of the composite's patches, mm; each is used once.
+    seed, draw : int
+        Of the detail between the scans.
+    """
+    scans = iter(scans)
+    first = next(scans)
+    length = spacing_of(surface)[0] * len(surface.y)
+    count = round(length / spacing_of(first)[0])
+
+    def laid() -> Iterable[tuple[Place, Plane, np.ndarray]]:
+        planes = composite[["offset", "slope_y", "slope_x"]].to_dataframe()
+        places = places_of(composite[["x_mm", "y_mm", "rotation_deg"]].to_dataframe().reset_index())
+        for number, (patch, place) in enumerate(places.items()):
+            scan = next(scans) if number else first
+            yield place, Plane(*planes.loc[patch]), scan.values
+
+    heights = compose(
+        spline_of(surface.height),
+        laid(),
+        composite.attrs["patch_mm"],
+        (count, count),
+        length / count,
+        composite.density,
+        np.random.default_rng([seed, 3, draw]),
+    )
+    return make_surface(heights, length / count)
+
+
+def patches_of_reference(
+    pressures: Iterable[xr.DataArray], places: Mapping[str, Place], scan: tuple[int, float]
+) -> xr.Dataset:
+    """What the single-scale contact is on each scan.
+
+    Parameters
+    ----------
+    pressures : iterable of (y, x) xarray.DataArray
+        Contact pressure of the whole square, MPa, by draw.
+    places : mapping of str to Place
+    scan : (int, float)
+        Points along a side of a scan, and their spacing in mm.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``contact`` (draw, patch, y, x), bool; ``pressure`` (draw, patch), MPa, the mean over the
+        scan. Of points outside the square the pressure is 0.
+    """
+    along = axis_coordinates(*scan) - scan[0] * scan[1] / 2
+    touching, mean = [], []
+    for pressure in pressures:
+        rows = []
+        for place in places.values():
+            positions = place.points(along[:, None], along)
+            at = [
+                np.rint((p - pressure[axis].values[0]) / pressure[axis].attrs["spacing"])
+                for p, axis in zip(positions, "yx", strict=True)
+            ]
+            row, column = (each.astype(int) for each in np.broadcast_arrays(*at))
+            inside = (row >= 0) & (column >= 0)
+            inside &= (row < pressure.sizes["y"]) & (column < pressure.sizes["x"])
+            rows.append(np.where(inside, pressure.values[row * inside, column * inside], 0))
+        touching.append([values > 0 for values in rows])
+        mean.append([values.mean() for values in rows])
+    grid = make_surface(np.zeros(2 * (scan[0],)), scan[1])
+    variables = {
+        "contact": (
+            ("draw", "patch", "y", "x"),
+            np.array(touching),
+            {"units": "1", "long_name": "in contact in the single-scale contact"},
+        ),
+        "pressure": (
+            ("draw", "patch"),
+            np.array(mean),
+            {"units": "MPa", "long_name": "mean pressure in the single-scale contact"},
+        ),
+    }
+    return xr.Dataset(variables, coords={"patch": list(places), "y": grid.y, "x": grid.x})
+
+
+def two_scales_table(
+    contacts: Mapping[str, Iterable[tuple[str, xr.Dataset]]], reference: xr.Dataset, *, rim: float
+) -> pd.DataFrame:
+    """Contact of the patches against the single-scale contact, by variant.
+
+    Parameters
+    ----------
+    contacts : mapping of str to iterable of (patch, xarray.Dataset)
+        The patches' contacts by variant, each used once.
+    reference : xarray.Dataset
+        From `patches_of_reference`.
+    rim : float
+        Share of a side along each edge that is not scored.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``patch, variant, pressure_MPa, reference_pressure_MPa, contact_fraction,
+        reference_contact_fraction, precision, recall, f1, iou``; contact and scores without the
+        rim. Of each variant also ``highest_VARIANT``: the highest points of its surface, as many as
+        are in contact in the reference. Rows `ALL` pool the points of all patches. Draws of the
+        reference are pooled, and its pressure is their mean.
+    """
+    rows = []
+    scored = inside_rim(reference.contact.shape[-2:], rim)
+    for variant, of_patches in contacts.items():
+        counts: dict[str, list[np.ndarray]] = {variant: [], f"highest_{variant}": []}
+        known = []
+        for patch, contact in of_patches:
+            at = reference.sel(patch=patch)
+            true = at.contact.values & scored
+            heights = np.where(scored, laid_height(contact).values, -np.inf)
+            order = np.argsort(-heights, axis=None, kind="stable")
+            highest = np.zeros_like(true)
+            for mask, draw in zip(highest, true, strict=True):
+                mask.flat[order[: draw.sum()]] = True
+            touching = np.broadcast_to((contact.pressure.values > 0) & scored, true.shape)
+            for mask, found in zip((touching, highest), counts.values(), strict=True):
+                of = (mask & true).sum(), mask.sum(), true.sum(), scored.sum() * len(true)
+                found.append(np.array(of, dtype=float))
+            pressure = float(np.ravel(contact.mean_pressure.values)[-1])
+            known.append((patch, pressure, float(at.pressure.mean())))
+        known.append((ALL, np.nan, np.nan))
+        for name, found in counts.items():
+            pooled = [*found, np.sum(found, axis=0)]
+            for (patch, pressure, true_pressure), each in zip(known, pooled, strict=True):
+                own = pressure if name == variant else np.nan
+                rows.append((patch, name, own, true_pressure, *_scores(*each)))
+    columns = ["patch", "variant", "pressure_MPa", "reference_pressure_MPa", "contact_fraction"]
+    columns += ["reference_contact_fraction", "precision", "recall", "f1", "iou"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _scores(hits: float, predicted: float, true: float, points: float) -> tuple[float, ...]:
+    def share(part: float, whole: float) -> float:
+        return part / whole if whole else np.nan
+
+    return (
+        *(share(predicted, points), share(true, points)),
+        *(share(hits, predicted), share(hits, true)),
+        *(share(2 * hits, predicted + true), share(hits, predicted + true - hits)),
+    )

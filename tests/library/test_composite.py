@@ -1,0 +1,183 @@
+"""The composite surface: scans laid on the mesh, and detail like theirs between."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from gstlib.composite import (
+    block_means,
+    compose,
+    compose_surface,
+    draw_mesh_errors,
+    plane_under,
+    s_filtered,
+)
+from gstlib.coupling import Place, on_patch, places_of, spline_of
+from gstlib.errors import InputError
+from gstlib.preprocess.leveling import Plane, remove_plane
+from gstlib.surface import axis_coordinates, make_surface
+
+SIDE, COUNT, PATCH, POINTS = 4.0, 40, 0.8, 64
+PLACES = pd.DataFrame(
+    {"patch": ["a", "b"], "x_mm": [1.0, 2.7], "y_mm": [1.2, 2.5], "rotation_deg": [0.0, 20.0]}
+)
+
+
+def waves(y, x):
+    """A smooth stone, mm."""
+    return 0.02 * np.sin(2 * np.pi * x / 3.1 + 0.4) * np.cos(2 * np.pi * y / 2.7) + 0.01 * x
+
+
+def mesh_surface(error: float = 1e-4) -> xr.Dataset:
+    """The stone as the mesh shows it, with vertices that err."""
+    at = axis_coordinates(COUNT, SIDE / COUNT)
+    height = make_surface(waves(at[:, None], at), SIDE / COUNT)
+    height.attrs["mesh_edge_mm"] = 0.2
+    generator = np.random.default_rng(1)
+    vertices = generator.uniform(0, SIDE, (2, 400))
+    errors = error * generator.standard_normal(400)
+    numbers = {"vertex_y": vertices[0], "vertex_x": vertices[1], "left_out_error": errors}
+    return xr.Dataset({"height": height} | {n: ("vertex", v) for n, v in numbers.items()})
+
+
+def scans(detail: float = 1e-3):
+    """Levelled scans of the stone, with detail that the mesh lacks."""
+    generator = np.random.default_rng(2)
+    along = axis_coordinates(POINTS, PATCH / POINTS) - PATCH / 2
+    for patch, place in places_of(PLACES).items():
+        noise = make_surface(generator.standard_normal((POINTS, POINTS)), PATCH / POINTS)
+        rough = s_filtered(noise, 60.0).values
+        heights = waves(*place.points(along[:, None], along)) + detail * rough / rough.std()
+        yield patch, remove_plane(make_surface(heights, PATCH / POINTS))[0]
+
+
+def composed(**changes) -> xr.Dataset:
+    settings = {"patch_mm": PATCH, "placement_um": 10.0, "seed": 1} | changes
+    return compose_surface(mesh_surface(), PLACES, scans(), **settings)
+
+
+def test_s_filter_halves_a_wave_as_long_as_its_nesting_index():
+    at = axis_coordinates(512, 1e-3)
+    wave = np.cos(2 * np.pi * at / 0.032)
+    surface = make_surface(np.tile(wave, (64, 1)), 1e-3)
+    filtered = s_filtered(surface, 32.0).values[32, 128:384]
+    np.testing.assert_allclose(filtered, 0.5 * wave[128:384], atol=2e-3)
+    assert s_filtered(surface, None) is surface
+
+
+def test_a_scan_gets_back_the_plane_that_levelling_took():
+    """Turned or not: the slopes along the scan's own axes, and the mean height."""
+    along = axis_coordinates(POINTS, PATCH / POINTS) - PATCH / 2
+    spline = spline_of(mesh_surface().height)
+    for place in places_of(PLACES).values():
+        true = make_surface(waves(*place.points(along[:, None], along)), PATCH / POINTS)
+        _, plane = remove_plane(true)
+        found = plane_under(spline, place, PATCH)
+        np.testing.assert_allclose(
+            (found.offset, found.slope_y, found.slope_x),
+            (plane.offset, plane.slope_y, plane.slope_x),
+            atol=1e-4,
+        )
+
+
+def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
+    spline = spline_of(mesh_surface().height)
+    place = Place(2.0, 1.5, 30.0)
+    bump = np.zeros((POINTS, POINTS))
+    bump[40, 20] = 1.0  # v > 0, u < 0
+    fine = 8 * COUNT
+    found = compose(
+        spline, [(place, Plane(0.5, 0.1, -0.2), bump)], PATCH, (fine, fine), SIDE / fine, None, 0
+    )
+    at = axis_coordinates(fine, SIDE / fine)
+    dy, dx = at[:, None] - place.y_mm, at - place.x_mm
+    turn = np.radians(place.rotation_deg)
+    u, v = np.cos(turn) * dx + np.sin(turn) * dy, np.cos(turn) * dy - np.sin(turn) * dx
+    inside = (abs(u) < PATCH / 2) & (abs(v) < PATCH / 2)
+    np.testing.assert_allclose(found[~inside], spline(at, at)[~inside])
+    flat = inside & (found < 0.5 + 0.1 * v - 0.2 * u + 1e-9)
+    np.testing.assert_allclose(found[flat], (0.5 + 0.1 * v - 0.2 * u)[flat], atol=1e-9)
+    raised = inside & ~flat
+    step = PATCH / POINTS
+    assert raised.any()
+    assert abs(v[raised] - (40.5 * step - PATCH / 2)).max() < step
+    assert abs(u[raised] - (20.5 * step - PATCH / 2)).max() < step
+
+
+def test_where_outlines_overlap_their_mean_counts():
+    spline = spline_of(mesh_surface().height)
+    flat = np.zeros((POINTS, POINTS))
+    both = [(Place(2.0, x, 0.0), Plane(h, 0, 0), flat) for x, h in ((1.5, 1.0), (1.9, 3.0))]
+    found = compose(spline, both, PATCH, (COUNT, COUNT), SIDE / COUNT, None, 0)
+    row = found[COUNT // 2]
+    assert set(np.round(row[(row > 0.5)], 9)) == {1.0, 2.0, 3.0}
+
+
+def test_block_means_keep_the_mean():
+    heights = np.random.default_rng(0).standard_normal((12, 8))
+    means = block_means(heights, 4)
+    assert means.shape == (3, 2)
+    np.testing.assert_allclose(means[2, 1], heights[8:, 4:].mean())
+
+
+def test_detail_between_the_scans_has_their_spectrum():
+    found = composed()
+    fine = 4 * COUNT
+    spline = spline_of(mesh_surface().height)
+    field = compose(spline, [], PATCH, (fine, fine), SIDE / fine, found.density, 3)
+    at = axis_coordinates(fine, SIDE / fine)
+    detail = field - spline(at, at)
+    # 1 µm of detail; what lies beyond the fine grid's Nyquist frequency is left out
+    assert detail.std() == pytest.approx(1e-3, rel=0.25)
+    again = compose(spline, [], PATCH, (fine, fine), SIDE / fine, found.density, 4)
+    assert abs(np.corrcoef((again - spline(at, at)).ravel(), detail.ravel())[0, 1]) < 0.2
+
+
+def test_the_same_seed_gives_the_same_surface_and_another_one_another():
+    first, again, other = composed(), composed(), composed(seed=2)
+    np.testing.assert_array_equal(first.height, again.height)
+    assert abs(first.height - other.height).max() > 1e-5
+    # where scans lie, nothing is drawn
+    place = places_of(PLACES)["a"]
+    rows = abs(first.y - place.y_mm) < 0.3
+    columns = abs(first.x - place.x_mm) < 0.3
+    inside = (first.height - other.height).values[np.ix_(rows, columns)]
+    assert np.ptp(inside - inside.mean()) < 2e-5  # but for the square's plane
+
+
+def test_the_mesh_errors_have_the_size_of_the_left_out_errors():
+    drawn = draw_mesh_errors(mesh_surface(error=2e-3), 50, np.random.default_rng(0))
+    assert drawn.shape == (50, COUNT, COUNT)
+    # each is the mean of about three vertices' errors
+    assert 0.5 * 2e-3 < drawn.std() < 1.0 * 2e-3
+    assert abs(drawn.mean()) < 2e-4
+
+
+def test_a_plane_that_the_mesh_does_not_know_is_left_level():
+    sure = composed()
+    assert sure.known.all()
+    assert (sure.tilt_mrad > sure.tilt_error_mrad).all()
+    lost = compose_surface(
+        mesh_surface(error=0.05), PLACES, scans(), patch_mm=PATCH, placement_um=10.0, seed=1
+    )
+    assert not lost.known.any()
+    assert not lost.slope_x.values.any()
+    assert not lost.slope_y.values.any()
+    assert (lost.tilt_error_mrad > 5 * sure.tilt_error_mrad).all()
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_scans_in_a_wrong_unit_are_refused(factor):
+    wrong = ((patch, factor * scan) for patch, scan in scans())
+    with pytest.raises(InputError, match=r"scans\.unit"):
+        compose_surface(mesh_surface(), PLACES, wrong, patch_mm=PATCH, placement_um=10.0, seed=1)
+
+
+def test_on_patch_reads_a_field_at_the_points_of_a_turned_scan():
+    place = Place(2.0, 1.5, 30.0)
+    along = axis_coordinates(16, PATCH / 16) - PATCH / 2
+    at = axis_coordinates(COUNT, SIDE / COUNT)
+    spline = spline_of(make_surface(3 * at[:, None] - 2 * at, SIDE / COUNT))
+    y, x = place.points(along[:, None], along)
+    np.testing.assert_allclose(on_patch(spline, place, (16, 16), PATCH), 3 * y - 2 * x)

@@ -1,0 +1,137 @@
+"""One contact of the whole square, and the patches of two scales held against it."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from gstlib.coupling import Place
+from gstlib.errors import InputError
+from gstlib.reference import (
+    ALL,
+    check_memory,
+    patches_of_reference,
+    two_scales_table,
+)
+from gstlib.surface import make_surface
+
+SQUARE, POINTS, SIDE = 200, 32, 0.32  # a square of 2 mm, a scan of 0.32 mm, both at 10 µm
+
+
+def square(values) -> xr.DataArray:
+    return make_surface(values, 0.01)
+
+
+def contact(pressure, **attrs) -> xr.Dataset:
+    grid = make_surface(np.zeros((POINTS, POINTS)), 0.01)
+    heights = np.arange(POINTS**2, dtype=float).reshape(POINTS, POINTS) * 1e-6
+    return xr.Dataset(
+        {
+            "height": grid.copy(data=heights),
+            "pressure": grid.copy(data=np.asarray(pressure, float)),
+            "mean_pressure": float(np.mean(pressure)),
+        },
+        attrs=attrs,
+    )
+
+
+def reference_of(masks) -> xr.Dataset:
+    """By draw, with one patch."""
+    grid = make_surface(np.zeros((POINTS, POINTS)), 0.01)
+    return xr.Dataset(
+        {
+            "contact": (("draw", "patch", "y", "x"), np.array(masks, bool)[:, None]),
+            "pressure": (("draw", "patch"), np.full((len(masks), 1), 7.0)),
+        },
+        coords={"patch": ["a"], "y": grid.y, "x": grid.x},
+    )
+
+
+def test_a_scan_reads_the_reference_where_it_lies():
+    pressure = np.zeros((SQUARE, SQUARE))
+    pressure[120, 80] = 5.0  # y 1.205, x 0.805
+    for rotation in (0.0, 30.0):
+        place = Place(1.205, 0.805, rotation)
+        found = patches_of_reference([square(pressure)], {"a": place}, (33, 0.01))
+        at = np.argwhere(found.contact.values[0, 0])
+        np.testing.assert_array_equal(at, [[16, 16]])
+    beside = Place(1.205 - 0.1, 0.805 - 0.05, 0.0)
+    found = patches_of_reference([square(pressure)], {"a": beside}, (33, 0.01))
+    np.testing.assert_array_equal(np.argwhere(found.contact.values[0, 0]), [[26, 21]])
+    assert float(found.pressure[0, 0]) == pytest.approx(5.0 / 33**2)
+
+
+def test_points_outside_the_square_are_not_in_contact():
+    place = Place(0.1, 0.1, 0.0)
+    found = patches_of_reference([square(np.ones((SQUARE, SQUARE)))], {"a": place}, (32, 0.01))
+    inside = found.contact.values[0, 0]
+    assert inside.any()
+    assert not inside.all()
+    assert not inside[:5].any()
+    assert not inside[:, :5].any()
+    assert inside[-1, -1]
+
+
+def test_scores_against_the_reference_by_hand():
+    true = np.zeros((POINTS, POINTS), bool)
+    true[10, 10:20] = True
+    pressure = np.zeros((POINTS, POINTS))
+    pressure[10, 15:23] = 100.0  # 5 of 8 are right, 5 of 10 are found
+    pressure[0] = 100.0  # in the rim
+    table = two_scales_table({"placed": [("a", contact(pressure))]}, reference_of([true]), rim=0.1)
+    row = table.set_index(["variant", "patch"]).loc[("placed", "a")]
+    scored = 26**2
+    assert row.precision == pytest.approx(5 / 8)
+    assert row.recall == pytest.approx(5 / 10)
+    assert row.f1 == pytest.approx(10 / 18)
+    assert row.iou == pytest.approx(5 / 13)
+    assert row.contact_fraction == pytest.approx(8 / scored)
+    assert row.reference_contact_fraction == pytest.approx(10 / scored)
+    assert row.reference_pressure_MPa == 7.0
+    assert row.pressure_MPa == pytest.approx(pressure.mean())
+
+
+def test_the_rival_marks_the_highest_points_of_the_laid_surface():
+    true = np.zeros((POINTS, POINTS), bool)
+    true[20:24, 5:9] = True
+    contacts = {
+        "levelled": [("a", contact(np.zeros((POINTS, POINTS))))],
+        "placed": [("a", contact(np.zeros((POINTS, POINTS)), slope_y=-1.0, slope_x=0.0))],
+    }
+    table = two_scales_table(contacts, reference_of([true]), rim=0.0).set_index(
+        ["variant", "patch"]
+    )
+    # levelled, the last rows are the highest; on the plane, the first
+    assert table.f1["highest_levelled", "a"] == 0
+    first = np.zeros_like(true)
+    first[0, :] = True
+    again = two_scales_table(contacts, reference_of([first]), rim=0.0)
+    again = again.set_index(["variant", "patch"])
+    assert again.f1["highest_placed", "a"] == 1
+    assert again.f1["highest_levelled", "a"] == 0
+    assert again.contact_fraction["highest_placed", "a"] == pytest.approx(1 / POINTS)
+    assert np.isnan(again.pressure_MPa["highest_placed", "a"])
+
+
+def test_draws_and_patches_are_pooled():
+    one, other = (np.zeros((POINTS, POINTS), bool) for _ in range(2))
+    one[10, 10:14], other[10, 12:20] = True, True
+    pressure = np.zeros((POINTS, POINTS))
+    pressure[10, 10:14] = 1.0
+    table = two_scales_table(
+        {"placed": [("a", contact(pressure))]}, reference_of([one, other]), rim=0.0
+    ).set_index(["variant", "patch"])
+    assert table.precision["placed", "a"] == pytest.approx((4 + 2) / 8)
+    assert table.recall["placed", "a"] == pytest.approx((4 + 2) / 12)
+    assert table.f1["placed", ALL] == table.f1["placed", "a"]
+
+
+def test_without_contact_there_is_no_score():
+    none = np.zeros((POINTS, POINTS))
+    table = two_scales_table({"levelled": [("a", contact(none))]}, reference_of([none]), rim=0.1)
+    assert table[["precision", "recall", "f1", "iou"]].isna().all(axis=None)
+
+
+def test_a_reference_too_large_for_the_memory_is_refused():
+    check_memory(5.0, 1.66e-3, 2 * 2**30)
+    with pytest.raises(InputError, match="reference_draws"):
+        check_memory(5.0, 0.5e-3, 2 * 2**30)
