@@ -38,7 +38,6 @@ TRIALS: dict[str, dict] = {
     "mesh noise 10 µm": {"specimen": {"mesh_noise_um": 10.0}},
     "placement 0 µm": {"specimen": {"placement_error_um": 0.0}},
     "placement 100 µm": {"specimen": {"placement_error_um": 100.0}},
-    "placement 200 µm": {"specimen": {"placement_error_um": 200.0}},
     "S-filter none": {"microscale": {"s_filter_um": None}},
     "S-filter 10 µm": {"microscale": {"s_filter_um": 10.0}},
     "linear gridding": {"macroscale": {"interpolation": "linear"}},

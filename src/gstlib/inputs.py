@@ -23,7 +23,6 @@ from gstlib.preprocess.frame import find_frame
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.scan import check_unmeasured
-from gstlib.reference import check_memory
 from gstlib.surface import make_surface, spacing_of
 
 if TYPE_CHECKING:
@@ -93,6 +92,9 @@ class Inputs:
 
 
 # Of a scan, by patch and epoch: its file, its grid ((ny, nx), (dy, dx)) and a hash of its heights.
+# Bytes that the contact of the whole square takes for each point, at its peak (measured at 3012²).
+_BYTES = 170
+
 _Pieces = dict[tuple[str, str], tuple[Path, tuple, int]]
 
 
@@ -178,7 +180,7 @@ def check_inputs(
     if reference and rows:
         try:
             memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-            check_memory(square["size_mm"], rows[0]["spacing_x_um"] * 1e-3, memory)
+            _check_memory(square["size_mm"], rows[0]["spacing_x_um"] * 1e-3, memory)
         except InputError as error:
             problems.append(error)
     return Inputs(
@@ -221,6 +223,19 @@ def _unlike_counterface(pieces: _Pieces) -> list[GstError]:
         except GstError as error:
             return [error]
     return []
+
+
+def _check_memory(square_mm: float, spacing_mm: float, available: int) -> None:
+    """Refuse a contact of the whole square that needs more than the `available` bytes."""
+    count = round(square_mm / spacing_mm)
+    if (needed := _BYTES * count**2) > available:
+        raise InputError(
+            "config, reference_draws",
+            f"the contact of the whole square at the scans' resolution has {count} × {count} "
+            f"elements and needs {needed / 2**30:.1f} GiB of memory; there are "
+            f"{available / 2**30:.1f} GiB",
+            "Set reference_draws to null, or run the study on a larger machine.",
+        )
 
 
 def _warn_of_held_height(path: Path, scan: xr.DataArray) -> None:

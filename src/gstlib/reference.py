@@ -16,7 +16,6 @@ import xarray as xr
 from gstlib.composite import compose
 from gstlib.contact import laid_height
 from gstlib.coupling import Place, places_of, spline_of
-from gstlib.errors import InputError
 from gstlib.preprocess.leveling import Plane
 from gstlib.surface import axis_coordinates, make_surface, spacing_of
 from gstlib.validation.scores import inside_rim
@@ -24,7 +23,6 @@ from gstlib.validation.scores import inside_rim
 __all__ = [
     "ALL",
     "TOLERANCE",
-    "check_memory",
     "composite_heights",
     "patches_of_reference",
     "two_scales_table",
@@ -33,26 +31,6 @@ __all__ = [
 ALL = "all"  # the row of all patches together
 # Of the contact of the whole square. With 1e-7 in its place, 3 points in contact of 10,000 change.
 TOLERANCE = 1e-4
-# Bytes that a contact takes for each element, at its peak (measured at 3012²).
-_BYTES = 170
-
-
-def check_memory(square_mm: float, spacing_mm: float, available: int) -> None:
-    """Refuse a reference that needs more than the `available` bytes.
-
-    Raises
-    ------
-    InputError
-    """
-    count = round(square_mm / spacing_mm)
-    if (needed := _BYTES * count**2) > available:
-        raise InputError(
-            "config, reference_draws",
-            f"the contact of the whole square at the scans' resolution has {count} × {count} "
-            f"elements and needs {needed / 2**30:.1f} GiB of memory; there are "
-            f"{available / 2**30:.1f} GiB",
-            "Set reference_draws to null, or run the study on a larger machine.",
-        )
 
 
 def composite_heights(

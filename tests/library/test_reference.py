@@ -5,10 +5,8 @@ import pytest
 import xarray as xr
 
 from gstlib.coupling import Place
-from gstlib.errors import InputError
 from gstlib.reference import (
     ALL,
-    check_memory,
     patches_of_reference,
     two_scales_table,
 )
@@ -129,9 +127,3 @@ def test_without_contact_there_is_no_score():
     none = np.zeros((POINTS, POINTS))
     table = two_scales_table({"levelled": [("a", contact(none))]}, reference_of([none]), rim=0.1)
     assert table[["precision", "recall", "f1", "iou"]].isna().all(axis=None)
-
-
-def test_a_reference_too_large_for_the_memory_is_refused():
-    check_memory(5.0, 1.66e-3, 2 * 2**30)
-    with pytest.raises(InputError, match="reference_draws"):
-        check_memory(5.0, 0.5e-3, 2 * 2**30)

@@ -24,8 +24,18 @@ def test_nothing_is_left_to_do(tiny):
         ),
         (
             {"preprocessing": {"outlier_median_threshold": 6.0}},
-            {"prepare_T0_scans", "prepare_T1_scans", "register_patches", "tabulate_preprocessing"},
-            {"generate_specimen", "grid_macroscale", "solve_macroscale", "couple_scales"},
+            {"prepare_T0_scans", "prepare_T1_scans", "register_patches", "compose_surface"},
+            {"generate_specimen", "grid_macroscale"},
+        ),
+        (
+            {"coupling": "levelled"},
+            {"solve_macroscale", "couple_scales", "solve_patches", "score_patches"},
+            {"grid_macroscale", "prepare_T0_scans", "compose_surface", "solve_reference"},
+        ),
+        (
+            {"microscale": {"s_filter_um": 60.0}},
+            {"compose_surface", "solve_macroscale", "solve_patches"},
+            {"grid_macroscale", "prepare_T0_scans", "register_patches", "place_patches"},
         ),
         (
             {"validation": {"resamples": 299}},
@@ -46,7 +56,7 @@ def test_nothing_is_left_to_do(tiny):
         (
             {"patches_per_job": 4},
             {"prepare_T0_scans_1", "prepare_T0_scans_2", "register_patches_2", "solve_patches_2"},
-            {"generate_specimen", "grid_macroscale", "solve_macroscale", "couple_scales"},
+            {"generate_specimen", "grid_macroscale"},
         ),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
@@ -64,7 +74,7 @@ def test_a_changed_value(tiny, change, reruns, stays):
 @pytest.mark.parametrize(
     ("module", "reruns", "stays"),
     [
-        ("coupling.py", {"couple_scales"}, {"solve_macroscale", "grid_macroscale"}),
+        ("coupling.py", {"couple_scales"}, {"check_inputs", "grid_macroscale"}),
         ("bem/halfspace.py", {"solve_macroscale"}, {"grid_macroscale", "generate_specimen"}),
         ("validation/change.py", {"register_patches"}, {"prepare_T0_scans", "solve_patches"}),
         ("preprocess/gridding.py", {"grid_macroscale"}, {"generate_specimen", "prepare_T0_scans"}),
