@@ -372,8 +372,8 @@ def main() -> None:
             ).pressure
             for draw in range(options.draws)
         )
-        side = round(PATCH_MM / SPACING_MM)
-        reference[name] = patches_of_reference(solved, places_of(patches), (side, SPACING_MM))
+        scan = next(iter(level.values()))
+        reference[name] = patches_of_reference(solved, places_of(patches), scan)
         each = reference[name].pressure
         for statistic in ("mean", "min", "max"):
             pressures[f"reference on {name}, {statistic}"] = getattr(each, statistic)("draw").values

@@ -83,9 +83,7 @@ def trial(
         read_scan=lambda patch, epoch: scans[patch],
         worn=[],
     )
-    reference = patches_of_reference(
-        [pressure], places_of(places), (parameters.scan_points, parameters.scan_spacing_mm)
-    )
+    reference = patches_of_reference([pressure], places_of(places), next(iter(scans.values())))
 
     def pressed(variant: str) -> Iterator[tuple[str, xr.Dataset]]:
         for patch in patches.patch:

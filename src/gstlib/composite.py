@@ -114,13 +114,14 @@ def compose_surface(
     places, spline = places_of(patches), spline_of(surface.height)
     element = max(spacing_of(surface.height))
     points = int(np.ceil(patch_mm * PER_ELEMENT / element))
-    scans, densities, rms = [], [], []
+    scans, densities, rms, shape = [], [], [], None
     for patch, height in heights:
+        shape = shape or height.shape  # of the first: densities need the same frequencies
         under = height.copy(data=on_patch(spline, places[patch], height.shape, patch_mm))
         beyond = height.values - remove_plane(under)[0].values
-        frequency, density = _density(beyond, patch_mm)
+        frequency, density = _density(_block_averaged(beyond, min(shape)), patch_mm)
         densities.append(density)
-        scans.append(_block_averaged(height.values, min(points, len(height))))
+        scans.append(_block_averaged(height.values, points))
         rms.append(_common_waves(height.values, under.values, patch_mm, surface.height))
     _check_units(np.array(rms))
     spectrum = xr.DataArray(
@@ -139,8 +140,8 @@ def compose_surface(
         for plane, sure in zip(planes, known, strict=True)
     ]
     laid = zip(places.values(), planes, scans, strict=True)
-    shape = tuple(PER_ELEMENT * count for count in surface.height.shape)
-    fine = compose(spline, laid, patch_mm, shape, element / PER_ELEMENT, spectrum, seed)
+    finer = tuple(PER_ELEMENT * count for count in surface.height.shape)
+    fine = compose(spline, laid, patch_mm, finer, element / PER_ELEMENT, spectrum, seed)
     height = surface.height.copy(data=block_means(fine, PER_ELEMENT))
     level, square = remove_plane(height)
     numbers = {
@@ -204,7 +205,10 @@ def compose(
         dy, dx = y[rows, None] - place.y_mm, x[columns] - place.x_mm
         v, u = Place(0, 0, -place.rotation_deg).points(dy, dx)
         inside = (abs(v) <= patch_mm / 2) & (abs(u) <= patch_mm / 2)
-        at = [(axis / patch_mm + 0.5) * len(scan) - 0.5 for axis in np.broadcast_arrays(v, u)]
+        at = [
+            (axis / patch_mm + 0.5) * count - 0.5
+            for axis, count in zip(np.broadcast_arrays(v, u), scan.shape, strict=True)
+        ]
         values = map_coordinates(scan, at, order=1, mode="nearest")
         values += plane.offset + plane.slope_y * v + plane.slope_x * u
         laid[rows, columns] += np.where(inside, values, 0)
@@ -301,6 +305,8 @@ def _frequency(shape: Iterable[int], spacing: float) -> np.ndarray:
 
 def _block_averaged(heights: np.ndarray, points: int) -> np.ndarray:
     """Heights averaged on (points, points), of any number of points."""
+    if heights.shape == (points, points):
+        return heights
     from skimage.transform import resize_local_mean
 
     return resize_local_mean(heights, 2 * (points,))

@@ -181,6 +181,7 @@ def check_inputs(
         try:
             memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
             _check_memory(square["size_mm"], rows[0]["spacing_x_um"] * 1e-3, memory)
+            _check_grids(pieces)
         except InputError as error:
             problems.append(error)
     return Inputs(
@@ -235,6 +236,23 @@ def _check_memory(square_mm: float, spacing_mm: float, available: int) -> None:
             f"elements and needs {needed / 2**30:.1f} GiB of memory; there are "
             f"{available / 2**30:.1f} GiB",
             "Set reference_draws to null, or run the study on a larger machine.",
+        )
+
+
+def _check_grids(pieces: _Pieces) -> None:
+    """Refuse T0 scans of different grids, where the whole square is pressed at theirs."""
+    shapes = {
+        grid[0]: (patch, path)
+        for (patch, epoch), (path, grid, _) in pieces.items()
+        if epoch == "T0"
+    }
+    if len(shapes) > 1:
+        (one, (_, first)), (other, (patch, path)) = list(shapes.items())[:2]
+        raise InputError(
+            path,
+            f"patch {patch} has {other[1]} × {other[0]} points, but {first} has "
+            f"{one[1]} × {one[0]}: the contact of the whole square needs scans of one grid",
+            "Scan all patches alike, or set reference_draws to null.",
         )
 
 

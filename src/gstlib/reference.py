@@ -17,7 +17,7 @@ from gstlib.composite import compose
 from gstlib.contact import laid_height
 from gstlib.coupling import Place, places_of, spline_of
 from gstlib.preprocess.leveling import Plane
-from gstlib.surface import axis_coordinates, make_surface, spacing_of
+from gstlib.surface import make_surface, spacing_of
 from gstlib.validation.scores import inside_rim
 
 __all__ = [
@@ -77,7 +77,7 @@ def composite_heights(
 
 
 def patches_of_reference(
-    pressures: Iterable[xr.DataArray], places: Mapping[str, Place], scan: tuple[int, float]
+    pressures: Iterable[xr.DataArray], places: Mapping[str, Place], scan: xr.DataArray
 ) -> xr.Dataset:
     """What the single-scale contact is on each scan.
 
@@ -86,8 +86,8 @@ def patches_of_reference(
     pressures : iterable of (y, x) xarray.DataArray
         Contact pressure of the whole square, MPa, by draw.
     places : mapping of str to Place
-    scan : (int, float)
-        Points along a side of a scan, and their spacing in mm.
+    scan : (y, x) xarray.DataArray
+        One of the scans, whose grid they all have.
 
     Returns
     -------
@@ -95,12 +95,12 @@ def patches_of_reference(
         ``contact`` (draw, patch, y, x), bool; ``pressure`` (draw, patch), MPa, the mean over the
         scan. Of points outside the square the pressure is 0.
     """
-    along = axis_coordinates(*scan) - scan[0] * scan[1] / 2
+    v, u = (scan[axis].values - scan[axis].values.mean() for axis in "yx")
     touching, mean = [], []
     for pressure in pressures:
         rows = []
         for place in places.values():
-            positions = place.points(along[:, None], along)
+            positions = place.points(v[:, None], u)
             at = [
                 np.rint((p - pressure[axis].values[0]) / pressure[axis].attrs["spacing"])
                 for p, axis in zip(positions, "yx", strict=True)
@@ -111,7 +111,6 @@ def patches_of_reference(
             rows.append(np.where(inside, pressure.values[row * inside, column * inside], 0))
         touching.append([values > 0 for values in rows])
         mean.append([values.mean() for values in rows])
-    grid = make_surface(np.zeros(2 * (scan[0],)), scan[1])
     variables = {
         "contact": (
             ("draw", "patch", "y", "x"),
@@ -124,7 +123,7 @@ def patches_of_reference(
             {"units": "MPa", "long_name": "mean pressure in the single-scale contact"},
         ),
     }
-    return xr.Dataset(variables, coords={"patch": list(places), "y": grid.y, "x": grid.x})
+    return xr.Dataset(variables, coords={"patch": list(places), "y": scan.y, "x": scan.x})
 
 
 def two_scales_table(

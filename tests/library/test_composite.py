@@ -105,6 +105,20 @@ def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
     assert abs(u[raised] - (20.5 * step - PATCH / 2)).max() < step
 
 
+def test_a_scan_of_rectangular_points_is_laid_as_one_of_squares():
+    """The composite of the same patch, scanned with half as many points along x."""
+
+    def narrower():
+        for patch, scan in scans(detail=0.0):
+            halved = scan.values.reshape(POINTS, POINTS // 2, 2).mean(axis=2)
+            yield patch, make_surface(halved, (PATCH / POINTS, 2 * PATCH / POINTS))
+
+    settings = {"patch_mm": PATCH, "placement_um": 10.0, "seed": 1}
+    squares = compose_surface(mesh_surface(), PLACES, scans(detail=0.0), **settings)
+    found = compose_surface(mesh_surface(), PLACES, narrower(), **settings)
+    np.testing.assert_allclose(found.height, squares.height, atol=2e-4)
+
+
 def test_where_outlines_overlap_their_mean_counts():
     spline = spline_of(mesh_surface().height)
     flat = np.zeros((POINTS, POINTS))

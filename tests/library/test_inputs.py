@@ -264,3 +264,12 @@ def test_a_reference_that_the_memory_cannot_hold_is_a_problem(folder, monkeypatc
     monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 10}.__getitem__)
     (problem,) = check_inputs(None, scans(folder), **settings).problems
     assert "reference_draws" in str(problem)
+
+
+def test_a_reference_needs_scans_of_one_grid(folder):
+    coarse = 1e-3 * np.random.default_rng(9).standard_normal((25, 25))
+    write_plu(folder / "2_T0.plu", coarse, 2 * SPACING)
+    found = check_inputs(None, scans(folder), **SETTINGS | {"reference": True})
+    assert any("reference_draws" in str(problem) for problem in found.problems)
+    found = check_inputs(None, scans(folder), **SETTINGS)
+    assert not any("reference_draws" in str(problem) for problem in found.problems)

@@ -19,6 +19,10 @@ def square(values) -> xr.DataArray:
     return make_surface(values, 0.01)
 
 
+def scan(*shape) -> xr.DataArray:
+    return make_surface(np.zeros(shape * (2 // len(shape))), 0.01)
+
+
 def contact(pressure, **attrs) -> xr.Dataset:
     grid = make_surface(np.zeros((POINTS, POINTS)), 0.01)
     heights = np.arange(POINTS**2, dtype=float).reshape(POINTS, POINTS) * 1e-6
@@ -49,18 +53,27 @@ def test_a_scan_reads_the_reference_where_it_lies():
     pressure[120, 80] = 5.0  # y 1.205, x 0.805
     for rotation in (0.0, 30.0):
         place = Place(1.205, 0.805, rotation)
-        found = patches_of_reference([square(pressure)], {"a": place}, (33, 0.01))
+        found = patches_of_reference([square(pressure)], {"a": place}, scan(33))
         at = np.argwhere(found.contact.values[0, 0])
         np.testing.assert_array_equal(at, [[16, 16]])
     beside = Place(1.205 - 0.1, 0.805 - 0.05, 0.0)
-    found = patches_of_reference([square(pressure)], {"a": beside}, (33, 0.01))
+    found = patches_of_reference([square(pressure)], {"a": beside}, scan(33))
     np.testing.assert_array_equal(np.argwhere(found.contact.values[0, 0]), [[26, 21]])
     assert float(found.pressure[0, 0]) == pytest.approx(5.0 / 33**2)
 
 
+def test_points_of_a_scan_may_be_rectangles():
+    pressure = np.zeros((SQUARE, SQUARE))
+    pressure[120, 80] = 5.0
+    wide = make_surface(np.zeros((33, 11)), (0.01, 0.03))
+    place = Place(1.205 - 0.1, 0.805 - 0.03, 0.0)
+    found = patches_of_reference([square(pressure)], {"a": place}, wide)
+    np.testing.assert_array_equal(np.argwhere(found.contact.values[0, 0]), [[26, 6]])
+
+
 def test_points_outside_the_square_are_not_in_contact():
     place = Place(0.1, 0.1, 0.0)
-    found = patches_of_reference([square(np.ones((SQUARE, SQUARE)))], {"a": place}, (32, 0.01))
+    found = patches_of_reference([square(np.ones((SQUARE, SQUARE)))], {"a": place}, scan(32))
     inside = found.contact.values[0, 0]
     assert inside.any()
     assert not inside.all()

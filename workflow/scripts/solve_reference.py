@@ -54,9 +54,7 @@ def main(
             yield solved.pressure
 
     table = places.to_dataframe().reset_index()
-    found = patches_of_reference(
-        pressures(), places_of(table), (len(scan), scan.y.attrs["spacing"])
-    )
+    found = patches_of_reference(pressures(), places_of(table), scan)
     write_dataset(patches, found, provenance(inputs, settings | {"draws": draws}))
 
 

@@ -196,7 +196,8 @@ def two_scales_figure(
             found = contact["pressure"].values > 0
             marks = {BLUE: found & true, AMBER: true & ~found, BLACK: found & ~true}
             maps.draw_map(panel, contact["height"], marks=marks)
-            panel.set_title(f"patch {patch} {variant}: {f1[variant, patch]:.2f}", fontsize=7)
+            score = f": {f1[variant, patch]:.2f}" if f1[variant, patch] >= 0 else ""
+            panel.set_title(f"patch {patch} {variant}{score}", fontsize=7)
         panel = next(panels)
         maps.draw_map(panel, contact["height"], marks={BLUE: true})
         panel.set_title("whole square", fontsize=7)
