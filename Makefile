@@ -88,7 +88,7 @@ bench: $(READY) ## measure the contact solver against other codes (half an hour)
 margin: $(READY) ## how much tables differ, beyond their printed digits, between cores and processors (10 minutes)
 	$(BIN)/python benchmarks/margin.py --config "$(CONFIG)"
 
-power: $(READY) ## how often the study finds a relation, real or absent (15 minutes)
+power: $(READY) ## how often the study finds a relation, real or absent (half an hour)
 	@$(PREPARE) --run config/power.yaml
 	@$(RUN) power --configfile config/power.yaml
 	@cp results-power/tables/power.csv results-power/figures/power.png docs/
@@ -99,7 +99,7 @@ baseline: $(READY) ## renew the tables that the tests compare the default study 
 	rm -rf tests/baseline && mkdir -p tests/baseline
 	cp -r results/tables tests/baseline/
 
-sweep: $(READY) ## what moves the results most: a one-at-a-time sensitivity analysis (10 minutes)
+sweep: $(READY) ## what moves the results most: a one-at-a-time sensitivity analysis (half an hour)
 	@$(PREPARE) --run --needs sweep "$(SWEPT)"
 	@$(RUN) sweep --configfile "$(SWEPT)"
 	@echo "Done. Table: tables/sweep.csv; figure: figures/sweep.png, in the results folder"
