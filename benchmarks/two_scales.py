@@ -20,8 +20,9 @@ import yaml
 from gstlib.config import contact_moduli
 from gstlib.coupling import places_of
 from gstlib.io.patches import read_patches
+from gstlib.placement import ALL
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.reference import ALL, patches_of_reference, two_scales_table
+from gstlib.reference import patches_of_reference, two_scales_table
 from gstlib.specimen import SpecimenParameters
 from gstlib.specimen.generate import within_square
 from gstlib.specimen.scanning import Placement, place_scans, sample, take_scan

@@ -22,10 +22,11 @@ import pandas as pd
 import scipy.fft
 import xarray as xr
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator, RectBivariateSpline
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import map_coordinates
 
 from gstlib.coupling import Place, half_extent, on_patch, places_of, spline_of
 from gstlib.errors import InputError
+from gstlib.placement import SHORTEST_PER_EDGE
 from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import axis_coordinates, make_surface, spacing_of
 
@@ -35,12 +36,8 @@ __all__ = [
     "compose_surface",
     "draw_mesh_errors",
     "plane_under",
-    "s_filtered",
 ]
 
-# The Gaussian of ISO 16610-61 passes half of a wave as long as the nesting index: its standard
-# deviation over that index is sqrt(ln 2 / 2) / π.
-_GAUSSIAN = float(np.sqrt(np.log(2) / 2) / np.pi)
 # Points of the composite along each side of a macroscale element, and along a patch for its plane.
 PER_ELEMENT = 4
 _PLANE_POINTS = 24
@@ -51,16 +48,8 @@ _TILT_PATCHES = 24
 # ASSUME: where scans and mesh see the same waves, r.m.s. heights that differ by this factor are in
 # different units.
 _UNIT_FACTOR = 10.0
-# Blocks of a patch, at least, for that comparison.
-_FEWEST_BLOCKS = 3
-
-
-def s_filtered(height: xr.DataArray, nesting_um: float | None) -> xr.DataArray:
-    """Heights (y, x) through the Gaussian S-filter of ISO 16610-61; as they are for None."""
-    if nesting_um is None:
-        return height
-    sigma = [_GAUSSIAN * nesting_um * 1e-3 / step for step in spacing_of(height)]
-    return height.copy(data=gaussian_filter(height.values, sigma, mode="nearest"))
+# Blocks along a side of a patch, at least, for that comparison: two leave one number without plane.
+_FEWEST_BLOCKS = 2
 
 
 def plane_under(spline: RectBivariateSpline, place: Place, patch_mm: float) -> Plane:
@@ -206,8 +195,8 @@ def compose(
         v, u = Place(0, 0, -place.rotation_deg).points(dy, dx)
         inside = (abs(v) <= patch_mm / 2) & (abs(u) <= patch_mm / 2)
         at = [
-            (axis / patch_mm + 0.5) * count - 0.5
-            for axis, count in zip(np.broadcast_arrays(v, u), scan.shape, strict=True)
+            (axis / patch_mm + 0.5) * points - 0.5
+            for axis, points in zip(np.broadcast_arrays(v, u), scan.shape, strict=True)
         ]
         values = map_coordinates(scan, at, order=1, mode="nearest")
         values += plane.offset + plane.slope_y * v + plane.slope_x * u
@@ -316,7 +305,7 @@ def _common_waves(
     scan: np.ndarray, under: np.ndarray, patch_mm: float, mesh: xr.DataArray
 ) -> tuple[float, float]:
     """R.m.s. heights of a scan and of the mesh under it, in waves that the mesh's edges resolve."""
-    blocks = int(patch_mm / mesh.attrs["mesh_edge_mm"])
+    blocks = int(2 * patch_mm / (SHORTEST_PER_EDGE * mesh.attrs["mesh_edge_mm"]))
     if blocks < _FEWEST_BLOCKS:
         return np.nan, np.nan
     step = patch_mm / blocks

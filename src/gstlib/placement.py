@@ -22,7 +22,7 @@ from gstlib.coupling import half_extent
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import spacing_of
 
-__all__ = ["AGREES", "ALL", "CANNOT_TELL", "SHIFTED", "place_patches"]
+__all__ = ["AGREES", "ALL", "CANNOT_TELL", "SHIFTED", "SHORTEST_PER_EDGE", "place_patches"]
 
 _log = logging.getLogger(__name__)
 
@@ -47,7 +47,7 @@ _LOOKS = [*_FLIPS, "inverted", *(f"inverted and {name}" for name in list(_FLIPS)
 # Level of every test: where all of 25 patches lie right, one study in four warns of one of them.
 _SIGNIFICANCE = 0.01
 # A triangular net of points of edge a holds waves down to √3 a, twice the distance of its rows.
-_SHORTEST_PER_EDGE = math.sqrt(3)
+SHORTEST_PER_EDGE = math.sqrt(3)
 # Waves shorter than this share of a patch's side add work, and next to nothing about its place.
 _SHORTEST_PER_SIDE = 1 / 4
 # Points along a patch's side at which surfaces are compared, and trial shifts along it: 35 µm apart
@@ -178,7 +178,7 @@ class _Waves:
         # ASSUME: the mesh holds the waves that the net of its points can hold, and no others. A
         # smoother mesh (made from fewer pictures, say) shows as a lower correlation.
         shortest = max(
-            _SHORTEST_PER_EDGE * edge_mm, 2 * self.spacing.max(), _SHORTEST_PER_SIDE * size_mm
+            SHORTEST_PER_EDGE * edge_mm, 2 * self.spacing.max(), _SHORTEST_PER_SIDE * size_mm
         )
         highest = 2 * size_mm / shortest
         along = (np.arange(_POINTS) + 0.5) / _POINTS

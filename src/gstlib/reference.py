@@ -16,19 +16,18 @@ import xarray as xr
 from gstlib.composite import compose
 from gstlib.contact import laid_height
 from gstlib.coupling import Place, places_of, spline_of
+from gstlib.placement import ALL
 from gstlib.preprocess.leveling import Plane
 from gstlib.surface import make_surface, spacing_of
 from gstlib.validation.scores import inside_rim
 
 __all__ = [
-    "ALL",
     "TOLERANCE",
     "composite_heights",
     "patches_of_reference",
     "two_scales_table",
 ]
 
-ALL = "all"  # the row of all patches together
 # Of the contact of the whole square. With 1e-7 in its place, 3 points in contact of 10,000 change.
 TOLERANCE = 1e-4
 

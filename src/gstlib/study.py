@@ -164,7 +164,8 @@ def compose_surface(
     `heights` are pairs of a patch and its prepared heights, in the table's order. The result is
     that of `gstlib.composite.compose_surface`.
     """
-    from gstlib.composite import compose_surface, s_filtered
+    from gstlib.composite import compose_surface
+    from gstlib.preprocess.filtering import s_filtered
 
     return compose_surface(
         surface,
@@ -472,8 +473,8 @@ def levelled_patch(
     `surface` and `counterface` have ``height`` (y, x); without a counterface, the active stone is
     flat. The result has ``height`` and, if there is one, ``counterface``.
     """
-    from gstlib.composite import s_filtered
     from gstlib.contact import turned_over
+    from gstlib.preprocess.filtering import s_filtered
 
     faces = {"height": s_filtered(surface.height, s_filter_um)}
     if counterface is not None:

@@ -11,10 +11,10 @@ from gstlib.composite import (
     compose_surface,
     draw_mesh_errors,
     plane_under,
-    s_filtered,
 )
 from gstlib.coupling import Place, on_patch, places_of, spline_of
 from gstlib.errors import InputError
+from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import axis_coordinates, make_surface
 
@@ -55,15 +55,6 @@ def scans(detail: float = 1e-3):
 def composed(**changes) -> xr.Dataset:
     settings = {"patch_mm": PATCH, "placement_um": 10.0, "seed": 1} | changes
     return compose_surface(mesh_surface(), PLACES, scans(), **settings)
-
-
-def test_s_filter_halves_a_wave_as_long_as_its_nesting_index():
-    at = axis_coordinates(512, 1e-3)
-    wave = np.cos(2 * np.pi * at / 0.032)
-    surface = make_surface(np.tile(wave, (64, 1)), 1e-3)
-    filtered = s_filtered(surface, 32.0).values[32, 128:384]
-    np.testing.assert_allclose(filtered, 0.5 * wave[128:384], atol=2e-3)
-    assert s_filtered(surface, None) is surface
 
 
 def test_a_scan_gets_back_the_plane_that_levelling_took():
@@ -182,10 +173,12 @@ def test_a_plane_that_the_mesh_does_not_know_is_left_level():
 
 
 @pytest.mark.parametrize("factor", [1e3, 1e-3])
-def test_scans_in_a_wrong_unit_are_refused(factor):
-    wrong = ((patch, factor * scan) for patch, scan in scans())
+@pytest.mark.parametrize("edge_mm", [0.2, 0.37 * PATCH])  # the second is the paper's
+def test_scans_in_a_wrong_unit_are_refused(factor, edge_mm):
+    wrong, mesh = ((patch, factor * scan) for patch, scan in scans()), mesh_surface()
+    mesh.height.attrs["mesh_edge_mm"] = edge_mm
     with pytest.raises(InputError, match=r"scans\.unit"):
-        compose_surface(mesh_surface(), PLACES, wrong, patch_mm=PATCH, placement_um=10.0, seed=1)
+        compose_surface(mesh, PLACES, wrong, patch_mm=PATCH, placement_um=10.0, seed=1)
 
 
 def test_on_patch_reads_a_field_at_the_points_of_a_turned_scan():

@@ -5,11 +5,8 @@ import pytest
 import xarray as xr
 
 from gstlib.coupling import Place
-from gstlib.reference import (
-    ALL,
-    patches_of_reference,
-    two_scales_table,
-)
+from gstlib.placement import ALL
+from gstlib.reference import patches_of_reference, two_scales_table
 from gstlib.surface import make_surface
 
 SQUARE, POINTS, SIDE = 200, 32, 0.32  # a square of 2 mm, a scan of 0.32 mm, both at 10 µm

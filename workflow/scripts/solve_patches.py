@@ -43,7 +43,7 @@ def main(
             if variant == "placed":
                 faces = place_patch(levelled, composed, pressed, patch)
                 inputs += [composite, square]
-            if result in contacts:
+            if variant == variants[0]:
                 solved = solve_patch(faces, source=surface, **used)
             else:
                 names = "contact_modulus_MPa", "target_pressure_MPa", "tolerance"

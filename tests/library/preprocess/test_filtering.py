@@ -1,0 +1,21 @@
+"""The S-filter: what passes it, and what it does at the edges."""
+
+import numpy as np
+
+from gstlib.preprocess.filtering import s_filtered
+from gstlib.surface import axis_coordinates, make_surface
+
+
+def test_s_filter_halves_a_wave_as_long_as_its_nesting_index():
+    at = axis_coordinates(512, 1e-3)
+    wave = np.cos(2 * np.pi * at / 0.032)
+    surface = make_surface(np.tile(wave, (64, 1)), 1e-3)
+    filtered = s_filtered(surface, 32.0).values[32, 128:384]
+    np.testing.assert_allclose(filtered, 0.5 * wave[128:384], atol=2e-3)
+    assert s_filtered(surface, None) is surface
+
+
+def test_s_filter_keeps_a_plane_up_to_its_edges():
+    y, x = axis_coordinates(40, 2e-3), axis_coordinates(60, 1e-3)
+    plane = make_surface(0.3 * y[:, None] - 0.2 * x + 1, (2e-3, 1e-3))
+    np.testing.assert_allclose(s_filtered(plane, 20.0), plane, rtol=1e-12)
