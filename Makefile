@@ -112,6 +112,5 @@ lock: $(READY) ## renew requirements.lock with the newest versions that fit
 	  --no-header --no-annotate --extra workflow --extra slurm --extra dev --upgrade \
 	  --output-file requirements.lock pyproject.toml
 
-clean: ## remove the results of CONFIG's study (asks first)
-	@folder=$$($(PREPARE) --print-folder "$(CONFIG)"); \
-	  printf 'Remove %s? [y/N] ' "$$folder"; read answer; [ "$$answer" = y ] && rm -r "$$folder"
+clean: $(READY) ## remove the results of CONFIG's study (asks first)
+	@$(PREPARE) --clean "$(CONFIG)"

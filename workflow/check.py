@@ -14,8 +14,10 @@ import pandas as pd
 from prepare import ROOT, read_config
 
 from gstlib.config import check_files, config_problems, contact_moduli, refuse_config
+from gstlib.coupling import places_of
 from gstlib.errors import GstError, InputsError
 from gstlib.inputs import Inputs, ScanFile, check_inputs
+from gstlib.io.files import check_writable
 from gstlib.io.patches import read_patches
 from gstlib.sweep import sweep_problems
 
@@ -29,12 +31,14 @@ def problems_of(config: dict) -> list[str]:
 
 def scan_files(config: dict, patches: pd.DataFrame) -> list[ScanFile]:
     """Every scan of the study that exists."""
+    places = places_of(patches)
     folder = Path(config["inputs"]["scan_folder"])
     scans = []
     for row in patches.itertuples():
         crop = None if math.isnan(row.crop_x_mm) else (row.crop_x_mm, row.crop_y_mm)
         for epoch, name in (("T0", row.t0), ("T1", row.t1)):
-            scans += [ScanFile(folder / name, row.patch, epoch, crop)] if name else []
+            if name:
+                scans.append(ScanFile(folder / name, row.patch, epoch, crop, places[row.patch]))
     if config["counterface"] is not None:
         scans.append(ScanFile(Path(config["counterface"]["scan"]), "counterface", ""))
     return [scan for scan in scans if scan.path.is_file()]
@@ -90,7 +94,12 @@ def main() -> int:
         )
     except GstError as error:
         raise SystemExit(f"\nERROR: {error}") from None
-    found, problems = None, []
+    found, problems, writable = None, [], False
+    try:
+        check_writable(config["results"])
+        writable = True
+    except GstError as error:
+        problems.append(error)
     if config["inputs"] is not None:
         try:
             check_files(config, patches, f"{path}, {config['patches']}")
@@ -105,11 +114,12 @@ def main() -> int:
             macroscale=config["macroscale"],
             scan_settings=config["scans"],
             maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
+            placed=config["coupling"] == "placed",
             reference=config["coupling"] == "placed" and config["reference_draws"] is not None,
         )
         problems += found.problems
     print(f"{path}: {summary(config, patches, found)}")
-    if found is not None and found.square is not None:
+    if writable and found is not None and found.square is not None:
         from gstlib import figures
 
         picture = Path(config["results"]) / "check.png"

@@ -6,6 +6,7 @@ here if nothing of that run is still alive.
 
 import argparse
 import platform
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +17,12 @@ from gstlib.errors import GstError, InputError
 from gstlib.io.config_file import read_config_file
 from gstlib.io.files import check_writable
 
+# What a study makes in its folder, besides hidden parts of files.
+MADE = (
+    *("benchmarks", "coupling", "figures", "hardness", "logs", "macroscale", "microscale", "power"),
+    *("reference", "registered", "slip", "specimen", "surfaces", "sweep", "tables"),
+    *("check.png", "index.html", "provenance.json", "report.html"),
+)
 ROOT = Path(__file__).parents[1]
 DEFAULT = ROOT / "config/config.yaml"
 LOCKS = Path(".snakemake/locks")
@@ -61,17 +68,33 @@ def claim_folder(config: Path) -> None:
     HOST.write_text(platform.node(), encoding="utf-8")
 
 
+def clean(folder: Path) -> None:
+    """Ask, and remove what a study made in `folder`; the folder too, if nothing else is in it."""
+    made = [folder / name for name in MADE if (folder / name).exists()]
+    made += folder.glob(".*.part*")
+    if not made:
+        print(f"Nothing of a study is in {folder}.")
+        return
+    names = ", ".join(path.name for path in made)
+    if input(f"Remove from {folder}: {names}? [y/N] ") != "y":
+        return
+    for path in made:
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    if not any(folder.iterdir()):
+        folder.rmdir()
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("config", type=Path)
     parser.add_argument("--run", action="store_true", help="see that a run can start here")
     parser.add_argument("--needs", metavar="SECTION", help="refuse a config without this section")
-    parser.add_argument("--print-folder", action="store_true", help="print the result folder")
+    parser.add_argument("--clean", action="store_true", help="remove what the study made")
     arguments = parser.parse_args()
     try:
         config = read_config(arguments.config)
-        if arguments.print_folder:
-            print(config["results"])
+        if arguments.clean:
+            clean(Path(config["results"]))
         if (section := arguments.needs) and not config.get(section):
             remedy = f"Add one, as in config/{section}.yaml."
             raise InputError(arguments.config, f"has no section '{section}'", remedy)

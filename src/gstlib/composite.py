@@ -25,8 +25,6 @@ from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator, RectB
 from scipy.ndimage import map_coordinates
 
 from gstlib.coupling import Place, half_extent, on_patch, places_of, spline_of
-from gstlib.errors import InputError
-from gstlib.placement import SHORTEST_PER_EDGE
 from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import axis_coordinates, make_surface, spacing_of
 
@@ -45,11 +43,6 @@ _PLANE_POINTS = 24
 _PLANE_DRAWS = 50
 # Sides, in patches, of the field on which the tilt of detail is measured.
 _TILT_PATCHES = 24
-# ASSUME: where scans and mesh see the same waves, r.m.s. heights that differ by this factor are in
-# different units.
-_UNIT_FACTOR = 10.0
-# Blocks along a side of a patch, at least, for that comparison: two leave one number without plane.
-_FEWEST_BLOCKS = 2
 
 
 def plane_under(spline: RectBivariateSpline, place: Place, patch_mm: float) -> Plane:
@@ -94,16 +87,11 @@ def compose_surface(
         each axis; ``known``, whether the plane is known better than by levelling: where it is not,
         the slopes are 0. ``scan`` (patch, v, u) mm, the scans on a coarse grid; ``density``
         (frequency) mm⁴, the power spectral density of what they show beyond the mesh.
-
-    Raises
-    ------
-    InputError
-        Scans and mesh differ by a factor of ten or more where they see the same waves.
     """
     places, spline = places_of(patches), spline_of(surface.height)
     element = max(spacing_of(surface.height))
     points = int(np.ceil(patch_mm * PER_ELEMENT / element))
-    scans, densities, rms, shape = [], [], [], None
+    scans, densities, shape = [], [], None
     for patch, height in heights:
         shape = shape or height.shape  # of the first: densities need the same frequencies
         under = height.copy(data=on_patch(spline, places[patch], height.shape, patch_mm))
@@ -111,8 +99,6 @@ def compose_surface(
         frequency, density = _density(_block_averaged(beyond, min(shape)), patch_mm)
         densities.append(density)
         scans.append(_block_averaged(height.values, points))
-        rms.append(_common_waves(height.values, under.values, patch_mm, surface.height))
-    _check_units(np.array(rms))
     spectrum = xr.DataArray(
         np.mean(densities, axis=0),
         dims="frequency",
@@ -299,31 +285,3 @@ def _block_averaged(heights: np.ndarray, points: int) -> np.ndarray:
     from skimage.transform import resize_local_mean
 
     return resize_local_mean(heights, 2 * (points,))
-
-
-def _common_waves(
-    scan: np.ndarray, under: np.ndarray, patch_mm: float, mesh: xr.DataArray
-) -> tuple[float, float]:
-    """R.m.s. heights of a scan and of the mesh under it, in waves that the mesh's edges resolve."""
-    blocks = int(2 * patch_mm / (SHORTEST_PER_EDGE * mesh.attrs["mesh_edge_mm"]))
-    if blocks < _FEWEST_BLOCKS:
-        return np.nan, np.nan
-    step = patch_mm / blocks
-    means = (make_surface(_block_averaged(each, blocks), step) for each in (scan, under))
-    one, other = (float(remove_plane(each)[0].values.std()) for each in means)
-    return one, other
-
-
-def _check_units(rms: np.ndarray) -> None:
-    """Refuse scans and a mesh whose heights differ by an order, from `_common_waves`."""
-    if np.isnan(rms).any():
-        return
-    scan, mesh = np.sqrt((rms**2).mean(axis=0))
-    if max(scan, mesh) > _UNIT_FACTOR * min(scan, mesh):
-        raise InputError(
-            "scans",
-            f"in the waves that scans and mesh both resolve, the scans are {scan * 1e3:.3g} µm "
-            f"high (r.m.s.) and the mesh under them {mesh * 1e3:.3g} µm",
-            "Check scans.unit and inputs.mesh_unit in the config. If both are right, the mesh "
-            "does not show how the patches lie: set coupling to levelled.",
-        )

@@ -137,6 +137,11 @@ def _contradictions(config: Mapping) -> Iterator[str]:
             "'power' needs many generated specimens, but 'specimen' is null: describe the "
             "specimen, or set 'power' to null"
         )
+    if (inside := _inputs_in_results(config)) is not None:
+        yield (
+            f"'results' is {config['results']!r}, a folder that holds {inside}: name one that is "
+            "for the results alone"
+        )
     square, frame = config["square"], config["square"]["frame"]
     try:
         if frame["points_mm"] is None:
@@ -165,6 +170,24 @@ def _contradictions(config: Mapping) -> Iterator[str]:
     for name in ("patches", "published"):
         if config[name] is not None and (problem := _path_problem(config[name])):
             yield f"'{name}': {problem}: correct the path"
+
+
+def _inputs_in_results(config: Mapping) -> str | None:
+    """What of the study's inputs, or of this project, lies in the folder of the results."""
+    folder = Path(config["results"]).resolve()
+    files = {"the working folder": ".", "the patch table": config["patches"]}
+    files["the published figures"] = config["published"]
+    if config["inputs"] is not None:
+        files |= {
+            "the mesh": config["inputs"]["mesh"],
+            "the scans": config["inputs"]["scan_folder"],
+        }
+    if config["counterface"] is not None:
+        files["the counterface"] = config["counterface"]["scan"]
+    for name, file in files.items():
+        if file is not None and Path(file).resolve().is_relative_to(folder):
+            return f"{name} ({file})"
+    return None
 
 
 def contact_moduli(material: Mapping) -> tuple[float, float | None]:

@@ -57,6 +57,9 @@ _SAME_SPACING = 1e-6
 
 _log = logging.getLogger(__name__)
 
+# A share of the surface in contact beyond which something is wrong: rough stones touch on a few per
+# cent, and where nearly all touches, how heights differ no longer matters.
+_FULL = 0.95
 # Unit and long name of what a contact consists of.
 _VARIABLES = {
     "pressure": ("MPa", "contact pressure"),
@@ -131,6 +134,12 @@ def contact_path(
             f"the target pressure of {target_pressure_MPa:g} MPa cannot be reached within "
             f"{maximum_displacement_um:g} µm of displacement: it takes {needed_um:.4g} µm",
             "Lower target_pressure_MPa or raise maximum_displacement_um in the config.",
+        )
+    if (touching := float(path.final.contact_fraction)) > _FULL:
+        logging.getLogger("gstlib").warning(
+            "%s: %.0f %% of the surface touches, of which a rough stone is far: check the unit of "
+            "its heights, the target pressure and the elastic constants",
+            *(source, 100 * touching),
         )
     fields = {name: getattr(path.final, name) for name in _FIELDS}
     if every_step:

@@ -14,11 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import xarray as xr
+from skimage.transform import resize_local_mean
 
 from gstlib.contact import check_grid
+from gstlib.coupling import Place, on_patch, spline_of
 from gstlib.errors import GstError, InputError
 from gstlib.io.meshes import MESH_SUFFIXES, read_mesh
 from gstlib.io.scans import check_size, cut_scan, read_scan, read_settings
+from gstlib.placement import SHORTEST_PER_EDGE
 from gstlib.preprocess.frame import find_frame
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
@@ -42,6 +45,13 @@ _SAME_SPACING = 1e-3
 # One height at more than this share of the points, and at so many times the points of any other,
 # was written, not measured: of heights in few steps, each is about as frequent as the next.
 _HELD_SHARE, _HELD_TIMES = 1e-3, 10
+# Bytes that the contact of the whole square takes for each point, at its peak (measured at 3012²).
+_BYTES = 170
+# ASSUME: heights of one stone that differ by this factor, between two scans of a patch or, in the
+# waves that both see, between scans and mesh, are in different units.
+_UNIT_FACTOR = 10.0
+# Blocks along a side of a patch, at least, for that comparison: two leave one number without plane.
+_FEWEST_BLOCKS = 2
 # Cells along the longest side of a mesh's relief.
 _RELIEF_CELLS = 200
 
@@ -59,12 +69,15 @@ class ScanFile:
         T0, T1, or empty.
     crop : (x, y) or None
         Centre (mm) of the piece to cut, from the scan's centre; None for the whole scan.
+    place : Place or None
+        Where it lies on the square.
     """
 
     path: Path
     patch: str
     epoch: str
     crop: tuple[float, float] | None = None
+    place: Place | None = None
 
 
 @dataclass(frozen=True)
@@ -91,11 +104,9 @@ class Inputs:
     problems: tuple[GstError, ...]
 
 
-# Of a scan, by patch and epoch: its file, its grid ((ny, nx), (dy, dx)) and a hash of its heights.
-# Bytes that the contact of the whole square takes for each point, at its peak (measured at 3012²).
-_BYTES = 170
-
-_Pieces = dict[tuple[str, str], tuple[Path, tuple, int]]
+# Of a scan, by patch and epoch: its file, its grid ((ny, nx), (dy, dx)), a hash of its heights and
+# their `_spread`.
+_Pieces = dict[tuple[str, str], tuple[Path, tuple, int, float]]
 
 
 def check_inputs(
@@ -107,6 +118,7 @@ def check_inputs(
     macroscale: Mapping,
     scan_settings: Mapping,
     maximum_unmeasured: float,
+    placed: bool,
     reference: bool,
 ) -> Inputs:
     """Read the mesh and every scan of a study.
@@ -120,6 +132,8 @@ def check_inputs(
         The sections ``square``, ``macroscale`` and ``scans`` of the config.
     maximum_unmeasured : float
         Largest share (0 to 1) of unmeasured points in a patch.
+    placed : bool
+        Whether the scans are laid on the mesh: both must then see the same stone.
     reference : bool
         Whether the whole square is pressed at the scans' resolution, which takes memory.
 
@@ -147,6 +161,7 @@ def check_inputs(
         problems.append(error)
     rows: list[dict[str, Any]] = []
     pieces: _Pieces = {}
+    waves: list[tuple[float, float]] = []
     by_file: dict[Path, list[ScanFile]] = {}
     for scan in scans:
         by_file.setdefault(scan.path, []).append(scan)
@@ -171,7 +186,10 @@ def check_inputs(
                 continue
             facts = _scan_facts(piece)
             grid = piece.shape, spacing_of(piece)
-            pieces[use.patch, use.epoch] = path, grid, hash(piece.values.tobytes())
+            content = hash(piece.values.tobytes())
+            pieces[use.patch, use.epoch] = path, grid, content, _spread(piece)
+            if use.place is not None and use.epoch == "T0" and heights is not None:
+                waves += _common_waves(piece, heights, use.place)
             rows.append(
                 {"patch": use.patch, "epoch": use.epoch, "file": path.name}
                 | {name: facts.get(name) for name in _FACTS}
@@ -184,6 +202,11 @@ def check_inputs(
             _check_grids(pieces)
         except InputError as error:
             problems.append(error)
+    if (fault := _other_unit(waves)) is not None:
+        if placed:
+            problems.append(fault)
+        else:
+            _log.warning("%s", fault)
     return Inputs(
         scans=pd.DataFrame(rows, columns=["patch", "epoch", "file", *_FACTS, "range_um"]),
         mesh=facts_of_mesh,
@@ -195,14 +218,22 @@ def check_inputs(
 def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
     """Refuse epochs of a patch that cannot be compared: unequal spacings, or equal heights."""
     for patch in [patch for patch, epoch in pieces if epoch == "T1" and (patch, "T0") in pieces]:
-        first, (_, spacing_0), content_0 = pieces[patch, "T0"]
-        second, (_, spacing_1), content_1 = pieces[patch, "T1"]
+        first, (_, spacing_0), content_0, spread_0 = pieces[patch, "T0"]
+        second, (_, spacing_1), content_1, spread_1 = pieces[patch, "T1"]
         if not np.allclose(spacing_1, spacing_0, rtol=_SAME_SPACING, atol=0):
             yield InputError(
                 second,
                 f"its points are {spacing_1[1] * _MM_TO_UM:.5g} µm apart, those of {first} "
                 f"{spacing_0[1] * _MM_TO_UM:.5g} µm",
                 "Scan both epochs of a patch with the same objective, or resample one.",
+            )
+        low, high = sorted((spread_0, spread_1))
+        if low and high > _UNIT_FACTOR * low:
+            yield InputError(
+                second,
+                f"its heights vary {spread_1 / spread_0:.3g} times as much as those of {first}: "
+                "one of the two is in another unit",
+                "Export both epochs of a patch in one unit; scans.unit is that of all files.",
             )
         # Two scans never have the same noise: one of them was copied, and would show no wear.
         if content_0 == content_1:
@@ -217,13 +248,54 @@ def _unlike_counterface(pieces: _Pieces) -> list[GstError]:
     """Compare the counterface with each patch at T0; the first that it does not fit is enough."""
     if ("counterface", "") not in pieces:
         return []
-    face, face_grid, _ = pieces["counterface", ""]
-    for path, grid, _ in (pieces[key] for key in pieces if key[1] == "T0"):
+    face, face_grid, *_ = pieces["counterface", ""]
+    for path, grid, *_ in (pieces[key] for key in pieces if key[1] == "T0"):
         try:
             check_grid(face_grid, grid, source=face, patch_source=path)
         except GstError as error:
             return [error]
     return []
+
+
+def _spread(scan: xr.DataArray) -> float:
+    """How much heights vary over an eighth of a scan (mm), whatever its tilt and its spikes."""
+    apart = max(1, scan.shape[1] // 8)
+    steps = scan.values[:, apart:] - scan.values[:, :-apart]
+    return float(np.subtract(*np.nanpercentile(steps, [75, 25])))
+
+
+def _common_waves(
+    scan: xr.DataArray, square: xr.DataArray, place: Place
+) -> list[tuple[float, float]]:
+    """R.m.s. heights of a scan and of the mesh under it, in waves that the mesh's edges resolve.
+
+    None where these are longer than the scan.
+    """
+    side = min(n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
+    blocks = int(2 * side / (SHORTEST_PER_EDGE * square.attrs["mesh_edge_mm"]))
+    if blocks < _FEWEST_BLOCKS:
+        return []
+    level = remove_plane(scan)[0].fillna(0.0).values
+    under = on_patch(spline_of(square), place, scan.shape, side)
+    both = (resize_local_mean(heights, 2 * (blocks,)) for heights in (level, under))
+    one, other = (float(remove_plane(make_surface(h, side / blocks))[0].std()) for h in both)
+    return [(one, other)]
+
+
+def _other_unit(waves: list[tuple[float, float]]) -> InputError | None:
+    """What is wrong if scans and mesh differ by an order of magnitude, from `_common_waves`."""
+    if not waves:
+        return None
+    scan, mesh = np.sqrt(np.square(waves).mean(axis=0))
+    if max(scan, mesh) <= _UNIT_FACTOR * min(scan, mesh):
+        return None
+    return InputError(
+        "scans",
+        f"in the waves that scans and mesh both resolve, the scans are {scan * _MM_TO_UM:.3g} µm "
+        f"high (r.m.s.) and the mesh under them {mesh * _MM_TO_UM:.3g} µm",
+        "Check scans.unit and inputs.mesh_unit in the config. If both are right, the mesh does not "
+        "show how the patches lie: set coupling to levelled.",
+    )
 
 
 def _check_memory(square_mm: float, spacing_mm: float, available: int) -> None:
@@ -243,7 +315,7 @@ def _check_grids(pieces: _Pieces) -> None:
     """Refuse T0 scans of different grids, where the whole square is pressed at theirs."""
     shapes = {
         grid[0]: (patch, path)
-        for (patch, epoch), (path, grid, _) in pieces.items()
+        for (patch, epoch), (path, grid, *_) in pieces.items()
         if epoch == "T0"
     }
     if len(shapes) > 1:

@@ -17,7 +17,13 @@ from scipy.stats import beta
 from gstlib.specimen import WEAR_PLACEMENTS, SpecimenParameters, make_specimens
 from gstlib.study import Study
 from gstlib.validation.scoring import PatchScores, patch_tables
-from gstlib.validation.summary import mean_gains, mean_scores, rank_correlations, spatial_p_value
+from gstlib.validation.summary import (
+    believed,
+    mean_gains,
+    mean_scores,
+    rank_correlations,
+    spatial_p_value,
+)
 
 __all__ = ["LEVELS", "p_values", "rejection_rates", "score_study", "specimen_studies"]
 
@@ -107,9 +113,10 @@ def p_values(
     table = places[["patch", "x_mm", "y_mm", "pressure_MPa"]].merge(tables["patches"], on="patch")
     of_patch = tables["gains"][tables["gains"].score.isin(SCORES)]
     rows = [(row.score, np.nan, 1, row.p_value) for row in of_patch.itertuples()]
+    found, every, table = believed(found), table, table[table.believed]
     columns = ["test", "drawn", "patches", "p_value"]
     if table.empty:
-        return pd.DataFrame(rows, columns=columns), table
+        return pd.DataFrame(rows, columns=columns), every
     generator = np.random.default_rng(seed)
     chance: dict[str, Any] = {"generator": generator, "resamples": _RESAMPLES}
     gains = mean_gains(table, **chance)
@@ -128,7 +135,7 @@ def p_values(
         spatial = spatial_p_value(pressure, loss, positions, permuted=pair.p_value)
         rows.append((_PAIR, drawn, pair.n, pair.p_value))
         rows.append((f"{_PAIR}, neighbours allowed for", drawn, pair.n, spatial))
-    return pd.DataFrame(rows, columns=columns), table
+    return pd.DataFrame(rows, columns=columns), every
 
 
 def rejection_rates(p_values: pd.DataFrame) -> pd.DataFrame:

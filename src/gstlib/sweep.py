@@ -205,10 +205,10 @@ def outcomes(study: "Study") -> pd.DataFrame:
     from gstlib.study import measure_texture
     from gstlib.validation.scores import SCORES
     from gstlib.validation.scoring import patch_tables
-    from gstlib.validation.summary import mean_gains, rank_correlations
+    from gstlib.validation.summary import believed, mean_gains, rank_correlations
 
     selected = study.selected()
-    found = study.scores()
+    found = believed(study.scores())
     none = math.nan, math.nan
     rows = [(_PRESSURE, row.patch, row.pressure_MPa, *none) for row in selected.itertuples()]
     rows.append(("studied", "", int(selected.in_study.sum()), *none))

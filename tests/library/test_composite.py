@@ -13,7 +13,6 @@ from gstlib.composite import (
     plane_under,
 )
 from gstlib.coupling import Place, on_patch, places_of, spline_of
-from gstlib.errors import InputError
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import axis_coordinates, make_surface
@@ -170,15 +169,6 @@ def test_a_plane_that_the_mesh_does_not_know_is_left_level():
     assert not lost.slope_x.values.any()
     assert not lost.slope_y.values.any()
     assert (lost.tilt_error_mrad > 5 * sure.tilt_error_mrad).all()
-
-
-@pytest.mark.parametrize("factor", [1e3, 1e-3])
-@pytest.mark.parametrize("edge_mm", [0.2, 0.37 * PATCH])  # the second is the paper's
-def test_scans_in_a_wrong_unit_are_refused(factor, edge_mm):
-    wrong, mesh = ((patch, factor * scan) for patch, scan in scans()), mesh_surface()
-    mesh.height.attrs["mesh_edge_mm"] = edge_mm
-    with pytest.raises(InputError, match=r"scans\.unit"):
-        compose_surface(mesh, PLACES, wrong, patch_mm=PATCH, placement_um=10.0, seed=1)
 
 
 def test_on_patch_reads_a_field_at_the_points_of_a_turned_scan():

@@ -83,6 +83,10 @@ def test_all_problems_are_told_at_once(config):
         ("square.frame.points_mm", POINTS[:2], "'square.frame.points_mm' is "),
         ("square.frame.points_mm", [1.0, 2.0, 3.0], "points_mm.0' is 1.0"),
         ("scans.size_mm", 6.0, "must fit"),
+        ("material.young_1_MPa", 19.5, "1 GPa is 1000 MPa"),
+        ("results", ".", "holds the working folder"),
+        ("results", "..", "holds the working folder"),
+        ("results", "config", "holds the patch table (config/patches.tsv)"),
         ("patches", "nowhere.tsv", "'patches': nowhere.tsv does not exist: correct the path"),
         ("patches", "{nowhere}.tsv", "contains braces"),
         ("hardness", 22.0, "not above macroscale.target_pressure_MPa of 22"),
@@ -118,6 +122,15 @@ def test_a_value_that_cannot_be_used(config, path, value, words):
 def test_a_config_that_can_be_used(config, path, value):
     assert config_problems(config, SCHEMA) == []
     assert config_problems(changed(config, path, value), SCHEMA) == []
+
+
+@pytest.mark.parametrize(("results", "inside"), [("a/b", "mesh"), ("a/b/scans", "scans")])
+def test_results_do_not_go_where_measured_files_are(config, results, inside):
+    files = {"mesh": "a/b/stone.ply", "mesh_unit": "mm", "scan_folder": "a/b/scans"}
+    mine = config | {"specimen": None, "inputs": files, "results": results}
+    (problem,) = config_problems(mine, SCHEMA)
+    assert f"the {inside} (" in problem
+    assert config_problems(mine | {"results": "a/b2"}, SCHEMA) == []
 
 
 def test_power_needs_a_generated_specimen(config):

@@ -94,6 +94,15 @@ def test_errors_of_the_solver_name_the_file_and_the_remedy():
         contact_at_pressure(holed.to_dataset(name="height"), **ALONE)
 
 
+def test_full_contact_is_warned_of(caplog):
+    """Heights a thousandth of the true ones, in nm for µm, are flat to the solver."""
+    contact_path(FACES, **SETTINGS)
+    assert caplog.messages == []
+    contact_path(1e-3 * FACES, **SETTINGS)
+    (warning,) = caplog.messages
+    assert "surface.h5: 100 %" in warning
+
+
 def test_without_pressure_the_contact_is_empty():
     empty = contact_path(FACES, **SETTINGS | {"target_pressure_MPa": 0.0})
     for name in ("displacement", "mean_pressure", "contact_fraction", "stiffness", "residual"):

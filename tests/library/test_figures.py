@@ -31,9 +31,12 @@ PRESSURES = table("""patch x_mm y_mm rotation_deg pressure_MPa in_study low_MPa 
     1 0.5 0.5 0 40 True 1 90; 2 2.5 1.5 10 4 False 1 90; 3 4.5 4.4 -3 20 True 1 90""")
 ALONE["placement"] = table("""patch shift_x_um shift_y_um verdict shift_x_error_um shift_y_error_um
     1 50 -20 shifted 20 30; 2 NA NA cannot_tell NA NA; 3 10 10 agrees 20 30; all 5 0 agrees 9 9""")
-SCORES = table("patch loss_fraction pressure_MPa; 1 0.1 40; 2 NA 4; 3 0.2 20")
+SCORES = table("""patch loss_fraction pressure_MPa believed; 1 0.1 40 yes; 2 NA 4 yes; 3 0.2 20 yes
+    4 0.3 30 no""")
+SCORES["believed"] = SCORES.believed == "yes"
 GAINS = table("patch score p_value; 1 mcc 0.0001; 2 mcc NA; 3 mcc 0.5")
-FAILURES = table("band split loss_share hit_share; low height 0.2 0.05; high height 0.8 0.2")
+FAILURES = table("""patch band split loss_share hit_share; 1 low height 0.2 0.05
+    1 high height 0.8 0.2; 4 low height 1 1""")
 SUMMARY = table("""statistic value low high p_value against
     spearman(pressure_MPa,_loss_fraction) 0.5 -0.1 0.9 0.2 pairings
     gain(mcc) -0.2 -0.3 -0.1 0.01 rigid; gain(f1) 0.1 0.05 0.3 0.3 highest""")

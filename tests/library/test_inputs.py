@@ -8,6 +8,7 @@ import trimesh
 from click.testing import CliRunner
 
 from gstlib.cli import main
+from gstlib.coupling import Place
 from gstlib.errors import InputsError
 from gstlib.inputs import ScanFile, check_inputs, inspect_file
 from gstlib.io.plu import write_plu
@@ -32,6 +33,7 @@ SETTINGS = {
         "mould": {"invert": False, "flip": None},
     },
     "maximum_unmeasured": 0.05,
+    "placed": True,
     "reference": False,
 }
 
@@ -169,6 +171,42 @@ def test_a_counterface_needs_the_points_of_the_patches(folder):
         assert len(problems) == count
     assert "face49.plu: the counterface has 49 × 49 points" in str(problems[0])
     assert "1_T0.plu has 50 × 50 points" in str(problems[0])
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_epochs_in_different_units_are_refused(folder, factor):
+    heights = 1e-3 * np.random.default_rng(8).standard_normal((50, 50))
+    for of_patch, scale in (("1", factor), ("2", 3.0)):  # use and another calibration may do three
+        write_plu(folder / f"{of_patch}_T1.plu", scale * heights, SPACING)
+    (problem,) = check_inputs(None, scans(folder), **SETTINGS).problems
+    assert "1_T1.plu" in str(problem)
+    assert "scans.unit" in str(problem)
+
+
+@pytest.mark.parametrize("halvings", [5, 6])  # edges of a third of a patch's side, and of a sixth
+def test_scans_and_mesh_in_different_units(folder, caplog, halvings):
+    """Where both see the same waves, scans are as high as the mesh, and not a thousand times."""
+
+    def height(x):
+        return 5 + 0.02 * np.sin(2 * np.pi * x / 2.8)
+
+    box = stone(halvings)
+    box.vertices[:, 2] = np.where(box.vertices[:, 2] > 4.9, height(box.vertices[:, 0]), -5)
+    box.export(folder / "stone.stl")
+    place, spacing = Place(2.0, 1.5, 0.0), 0.04
+    settings = SETTINGS | {"scan_settings": SETTINGS["scan_settings"] | {"size_mm": 2.0}}
+    at = 3.0 + place.x_mm - 1.0 + spacing * (np.arange(50) + 0.5)
+    for factor, wrong in ((1.0, 0), (1e3, 1), (1e-3, 1)):
+        waves = factor * np.tile(height(at) - 5, (50, 1))
+        write_plu(folder / "1_T0.plu", waves, spacing)
+        use = [ScanFile(folder / "1_T0.plu", "1", "T0", None, place)]
+        problems = check_inputs(folder / "stone.stl", use, **settings).problems
+        assert len(problems) == wrong
+        assert all("scans.unit" in str(problem) for problem in problems)
+    caplog.clear()
+    levelled = settings | {"placed": False}
+    assert check_inputs(folder / "stone.stl", use, **levelled).problems == ()
+    assert "scans.unit" in caplog.text
 
 
 def test_both_epochs_with_the_same_heights_are_refused(folder):

@@ -125,6 +125,27 @@ def test_the_path_of_the_config_may_have_blanks(tmp_path):
     assert result.returncode == 0, result.stderr
 
 
+def test_results_that_cannot_be_written_are_one_problem(measured):
+    measured.change(results="config/patches_tiny.tsv/results")
+    code, said = check(measured)
+    assert code == 1
+    assert missing(said, "config/patches_tiny.tsv/results: cannot be written") == []
+
+
+def test_clean_removes_what_the_study_made_and_nothing_else(tiny):
+    """Asked first; a file of the user's own stays, and so does its folder."""
+    clean = [sys.executable, str(ROOT / "workflow/prepare.py"), "--clean", tiny.config]
+    mine = tiny.results / "notes.txt"
+    mine.write_text("of mine")
+    for answer, left in (("n", 10), ("y", 1)):
+        subprocess.run(clean, cwd=tiny.folder, input=answer, text=True, check=True)
+        assert (len(list(tiny.results.iterdir())) > 1) == (left > 1)
+    assert list(tiny.results.iterdir()) == [mine]
+    mine.unlink()
+    subprocess.run(clean, cwd=tiny.folder, input="y", text=True, check=True)
+    assert (tiny.folder / "config").is_dir()
+
+
 def test_a_sweep_needs_a_section():
     result = make("sweep", "CONFIG=config/tiny.yaml")
     assert result.returncode != 0

@@ -109,15 +109,19 @@ def crops_of(patches):
     return [None if x != x else [float(x), float(y)] for x, y in crops.itertuples(index=False)]
 
 
-# Every scan, with the patch and the epoch that it shows and the piece to cut from it.
+# Every scan, with the patch and the epoch that it shows, the piece to cut from it and its place (y, x, turn).
 SCAN_USES = [
-    [f"{SCAN_FOLDER}/{name}", [patch, epoch.upper(), crop]]
-    for patch, crop in zip(ALL_PATCHES, crops_of(ALL_PATCHES))
+    [f"{SCAN_FOLDER}/{name}", [patch, epoch.upper(), crop, place]]
+    for patch, crop, place in zip(
+        ALL_PATCHES,
+        crops_of(ALL_PATCHES),
+        PATCHES[["y_mm", "x_mm", "rotation_deg"]].values.tolist(),
+    )
     for epoch in ("t0", "t1")
     if (name := PATCHES[epoch][patch])
 ]
 if COUNTERFACE_SCAN:
-    SCAN_USES.append([COUNTERFACE_SCAN, ["counterface", "", None]])
+    SCAN_USES.append([COUNTERFACE_SCAN, ["counterface", "", None, None]])
 SCANS = sorted({file for file, _ in SCAN_USES})
 
 

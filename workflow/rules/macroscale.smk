@@ -25,6 +25,7 @@ rule check_inputs:
         macroscale={name: config["macroscale"][name] for name in ("grid", "margin_mm")},
         scan_settings=config["scans"],
         maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
+        placed=bool(COMPOSITE),
         reference=REFERENCE,
         code=code("check_inputs.py"),
     message:

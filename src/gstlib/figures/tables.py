@@ -82,7 +82,7 @@ def validation_figure(
         f"better than shifted copies of itself ({_SCORE.upper()}, p ≤ {_LEVEL})"
     )
     _draw_gains(gain, summary)
-    known = scores.dropna(subset="loss_fraction")
+    known = scores[scores["believed"]].dropna(subset="loss_fraction")
     lost = 100 * known["loss_fraction"]
     extent.plot(known["pressure_MPa"], lost, "o", color=VERMILION)
     for at in zip(known["patch"], known["pressure_MPa"], lost, strict=True):
@@ -95,7 +95,8 @@ def validation_figure(
     extent.set(xlabel="pressure of the patch (MPa)", ylabel="area with loss (%)", title=title)
     extent.set(xlim=(0, None), ylim=(0, None))
 
-    by_height = failures[failures["split"] == "height"].groupby("band", sort=False)
+    counted = failures["patch"].isin(known["patch"]) & (failures["split"] == "height")
+    by_height = failures[counted].groupby("band", sort=False)
     means = 100 * by_height[["loss_share", "hit_share"]].mean()
     bands.barh(means.index, means["loss_share"], color=AMBER, label="missed")
     bands.barh(means.index, means["hit_share"], color=BLUE, label="predicted")

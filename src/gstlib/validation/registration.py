@@ -47,6 +47,8 @@ _TURNS = 0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0
 # seldom 0.3.
 _LEAST_CORRELATION = 0.5
 _BEYOND_CHANCE = 0.35
+# ASSUME: no wear makes the detail of a patch half or twice as high.
+_OTHER_HEIGHTS = 2.0
 # Smoothing (standard deviation, elements) and stride of the levels of the refinement.
 _LEVELS = (6.0, 4), (3.0, 3), (1.0, 2)
 # Gauss-Newton steps below this many elements change nothing that can be measured.
@@ -74,6 +76,7 @@ class Registration:
     overlap: float  # share of the reference's area that the moving surface covers
     correlation: float  # Pearson's, of heights over the overlap, a plane removed from each
     detail_correlation: float  # of band-passed heights, free of the long waves that match by chance
+    height_scale: float  # r.m.s. of the moving surface's band-passed heights over the reference's
     residual_mm: float  # robust standard deviation of the levelled height difference
     found: bool  # whether the detail correlates well enough to believe the registration
 
@@ -107,7 +110,7 @@ def register(
     Raises
     ------
     InputError
-        The spacings differ.
+        The spacings differ, or the heights of what matches by a factor of two.
     """
     spacing = spacing_of(reference)
     if not np.allclose(spacing, spacing_of(moving), rtol=1e-3):
@@ -122,8 +125,18 @@ def register(
     scale = np.array([factor, factor, 1.0])
     left = 1 - maximum_shift_mm / np.asarray(spacing) / h0.shape
     least = max(_LEAST_OVERLAP, float(np.prod(np.maximum(left, 0))))
-    pose = _refine(h0, h1, _search(detail0, detail1, least) * scale)
-    quality = _detail_correlation(detail0, detail1, pose / scale)
+    start = _search(detail0, detail1, least)
+    quality, height_scale = _compare_details(detail0, detail1, start)
+    # the refinement, which takes heights for comparable, would only lead away
+    if quality >= _LEAST_CORRELATION and max(height_scale, 1 / height_scale) > _OTHER_HEIGHTS:
+        raise InputError(
+            "T1",
+            f"its detail matches that of T0, and is {height_scale:.3g} times as high: no wear does "
+            "that",
+            "Give both scans in one unit and with one height calibration, or leave t1 empty.",
+        )
+    pose = _refine(h0, h1, start * scale)
+    quality, height_scale = _compare_details(detail0, detail1, pose / scale)
     on_grid = reference.copy(data=_sample(_spline(h1), pose, h0.shape))
     inside = np.isfinite(on_grid.values)
     flat0, flat1 = (remove_plane(h.where(inside))[0].values[inside] for h in (reference, on_grid))
@@ -136,6 +149,7 @@ def register(
         overlap=float(inside.mean()),
         correlation=_pearson(flat0, flat1),
         detail_correlation=quality,
+        height_scale=height_scale,
         residual_mm=_robust_sigma(flat1 - flat0),
         found=bool(quality >= _LEAST_CORRELATION and beyond_chance),
     )
@@ -197,7 +211,7 @@ def _search(a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
     # scikit-image counts from centre to centre, the shift here is from corner to corner
     shift = np.asarray(shift, dtype=float) + np.subtract(a.shape, b.shape) / 2
     poses = [np.array([*shift, turn]) for turn in np.radians(_TURNS)]
-    return poses[int(np.argmax([_detail_correlation(a, b, pose) for pose in poses]))]
+    return poses[int(np.argmax([_compare_details(a, b, pose)[0] for pose in poses]))]
 
 
 def _spline(heights: np.ndarray) -> np.ndarray:
@@ -270,10 +284,13 @@ def _robust_fit(design: np.ndarray, values: np.ndarray, plane: np.ndarray) -> np
     return least_squares(design, values, weight)
 
 
-def _detail_correlation(a: np.ndarray, b: np.ndarray, pose: np.ndarray) -> float:
+def _compare_details(a: np.ndarray, b: np.ndarray, pose: np.ndarray) -> tuple[float, float]:
+    """Correlation of band-passed heights over their overlap, and r.m.s. of `b` over that of `a`."""
     moved = _sample(b, pose, a.shape, order=1)
     inside = np.isfinite(moved)
-    return _pearson(a[inside], moved[inside])
+    one, other = a[inside], moved[inside]
+    height = float(one.std()) if one.size else 0.0
+    return _pearson(one, other), float(other.std()) / height if height > 0 else math.nan
 
 
 def _pearson(a: np.ndarray, b: np.ndarray) -> float:

@@ -50,6 +50,7 @@ _COLUMNS = {
     "patches": [
         *("patch", "contact_fraction", "valid_contact_fraction", "loss_fraction", "loss_area_mm2"),
         *("loss_volume_um3", "loss_depth_um", "loss_per_area_um", "gain_fraction", "noise_share"),
+        "believed",
         *("correlation_length_um", "rigid_fraction", *SCORES),
         *(f"highest_{score}" for score in SCORES),
         *(f"rigid_{score}" for score in SCORES if not score.endswith("auc")),
@@ -123,12 +124,15 @@ def score_patch(
     scores = {name: scores_of(one, comparison) for name, one in comparison.predictions.items()}
     touching, rigid = (comparison.predictions[name].mask for name in (CONTACT, "rigid"))
     gain = change["gain"].values.astype(bool) & valid
+    noise_share = float(gain.sum() / loss.sum()) if loss.any() else math.nan
+    noisy = noise_share > most_noise
     row: dict[str, Any] = {
         "patch": patch,
         "contact_fraction": float(touching.mean()),
         "valid_contact_fraction": _share(touching, valid),
         **wear_summary(change),
-        "noise_share": float(gain.sum() / loss.sum()) if loss.any() else math.nan,
+        "noise_share": noise_share,
+        "believed": not noisy,
         "correlation_length_um": length * 1e3,
         "rigid_fraction": _share(rigid, valid),
     }
@@ -154,7 +158,7 @@ def score_patch(
             of_score: dict[str, Any] = {"patch": patch, "score": score, "value": value}
             of_score |= _against_chance(value, null[score])
             of_score |= _against_rivals(score, scores, resampled, blocks)
-            if row["noise_share"] > most_noise:
+            if noisy:
                 of_score["untested"] = "noise"
             elif length > longest:
                 of_score["untested"] = "long waves"
@@ -267,8 +271,8 @@ def _warning(row: dict[str, Any], most_noise: float, longest: float) -> str | No
     if noise > 100 * most_noise:
         return (
             f"patch {row['patch']}: {noise:.0f} % as much rose as fell, so the loss may be noise, "
-            "which mimics agreement with contact: not tested against chance. A larger "
-            "traces.minimum_points removes noise."
+            "which mimics agreement with contact: not tested against chance, and left out of the "
+            "statistics over patches. A larger traces.minimum_points removes noise."
         )
     if (length := row["correlation_length_um"]) > 1e3 * longest:
         return (

@@ -26,6 +26,7 @@ from gstlib.validation.scores import RIVALS, SCORES
 from gstlib.validation.scoring import PatchScores, patch_tables
 
 __all__ = [
+    "believed",
     "compare_variants",
     "mean_gains",
     "mean_scores",
@@ -59,7 +60,8 @@ def summarise(
     Parameters
     ----------
     found : sequence of PatchScores
-        With their nulls; none gives a table without rows.
+        With their nulls; those whose loss may be noise are left out of every row. None gives a
+        table without rows.
     predicted : pandas.DataFrame
         For each of these patches ``patch, x_mm, y_mm, pressure_MPa, stiffness_MPa_per_um``.
     seed : int
@@ -77,6 +79,7 @@ def summarise(
         the bands; and ``expected_worst(5+8, column)``, the share of these patches among as many
         largest of each column (a tie counts against it), with the p-value of a random ranking.
     """
+    found = believed(found)
     if not found:
         return pd.DataFrame(columns=_COLUMNS)
     tables = patch_tables(found)
@@ -100,6 +103,11 @@ def summarise(
     return pd.concat([*parts, pd.DataFrame(rows, columns=_COLUMNS)], ignore_index=True)
 
 
+def believed(found: Sequence[PatchScores]) -> list[PatchScores]:
+    """The patches whose loss is more than noise: only these enter statistics over patches."""
+    return [one for one in found if one.scores["believed"]]
+
+
 def compare_variants(
     by_variant: Mapping[str, Sequence[PatchScores]], *, seed: int, resamples: int
 ) -> pd.DataFrame:
@@ -120,7 +128,7 @@ def compare_variants(
     """
     rows = []
     for variant, found in by_variant.items():
-        table = patch_tables(found)["patches"]
+        table = patch_tables(believed(found))["patches"]
         gains = mean_gains(table, generator=np.random.default_rng(seed), resamples=resamples)
         for score, gain in zip(SCORES, gains.itertuples(index=False), strict=True):
             # of the patches that both have a score on
@@ -178,25 +186,27 @@ def mean_scores(
     """Mean over patches of each score, against the means of shifted predictions, one-sided.
 
     Rows ``mean(score)``, with a bootstrap interval over patches. The shifts of a patch are its own,
-    so the i-th of all patches together are one draw. Patches where the score is not defined, or
-    chance is not tested, are left out.
+    so the i-th of all patches together are one draw. The p-value is that of the patches on which
+    chance can be tested; ``against`` says how many these are.
     """
     rows: list[tuple] = []
     for score in SCORES:
+        values = np.array([one.scores[score] for one in found], dtype=float)
+        values = values[np.isfinite(values)]
         tested = [
-            (row["value"], one.null[score])
+            one.null[score]
             for one in found
             for row in one.gains
             if row["score"] == score and not math.isnan(row["p_value"])
         ]
-        row = _mean(np.array([value for value, _ in tested]), generator, resamples)
         p = math.nan
         if tested:
             # a patch of few elements has fewer shifts than the others: no more draws than it has
-            length = min(len(null) for _, null in tested)
-            means = np.mean([null[:length] for _, null in tested], axis=0)
+            length = min(len(null) for null in tested)
+            means = np.mean([null[:length] for null in tested], axis=0)
             p = p_value(float(means[0]), means[1:])
-        rows.append((f"mean({score})", *row, p, len(tested), "shifts"))
+        row = *_mean(values, generator, resamples), p, values.size
+        rows.append((f"mean({score})", *row, f"shifts, on {len(tested)} patches"))
     return pd.DataFrame(rows, columns=_COLUMNS)
 
 

@@ -7,6 +7,7 @@ import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gstlib.errors import InputError
 from gstlib.study import register_patch
 from gstlib.surface import make_surface
 from gstlib.validation.change import height_change, measured_change, wear_summary
@@ -209,3 +210,21 @@ def test_nothing_is_known_where_hardly_a_point_was_measured_at_both_epochs(remea
     assert np.isnan(result["change"]).all()
     (warning,) = caplog.messages
     assert all(word in warning for word in ["patch 7:", "50 %", "covers 100 %", "not known"])
+
+
+@pytest.mark.parametrize(
+    ("factor", "refused", "warned"),
+    [(1.0, 0, 0), (1.15, 0, 0), (1.4, 0, 1), (0.7, 0, 1), (2.5, 1, 0), (1e-3, 1, 0), (25.4, 1, 0)],
+)
+def test_heights_of_another_scale_are_told_from_wear(remeasure, caplog, factor, refused, warned):
+    t0, t1, _ = remeasure((20, -10), wear=0.05)
+    nothing = np.zeros(t0.shape, dtype=bool)
+    epochs = prepared(t0, nothing), prepared(factor * t1, nothing)
+    found = []
+    try:
+        register_patch(*epochs, patch="7", maximum_shift_mm=0.1, minimum_points=8)
+    except InputError as error:
+        found.append(str(error))
+    assert len(found) == refused
+    assert sum("calibrated" in message for message in caplog.messages) == warned
+    assert all("patch 7" in message for message in [*found, *caplog.messages])

@@ -91,7 +91,13 @@ def test_a_marked_point_marks_those_interpolated_from_it(shift, rows, columns):
     like = make_surface(np.zeros((30, 30)), SPACING)
     mask = like.values > 1
     mask[10, 10] = True
-    quality = {"overlap": 1.0, "correlation": 1.0, "detail_correlation": 1.0, "residual_mm": 0.0}
+    quality = {
+        "overlap": 1.0,
+        "correlation": 1.0,
+        "detail_correlation": 1.0,
+        "height_scale": 1.0,
+        "residual_mm": 0.0,
+    }
     shifted = Registration(shift[1] * SPACING, shift[0] * SPACING, 0.0, **quality, found=True)
     _, carried = apply_registration(like, mask, shifted, like)
     expected = np.zeros(like.shape, dtype=bool)

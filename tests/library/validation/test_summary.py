@@ -13,6 +13,7 @@ from scipy.stats import spearmanr
 from gstlib.validation.scores import SCORES
 from gstlib.validation.scoring import PatchScores
 from gstlib.validation.summary import (
+    compare_variants,
     mean_gains,
     mean_scores,
     rank_correlations,
@@ -80,7 +81,7 @@ def patches(rng, values, shifts=999):
     """Patches that all scores rate the same, with their nulls."""
     return [
         PatchScores(
-            scores={"patch": str(number)},
+            scores=dict.fromkeys(SCORES, value) | {"patch": str(number), "believed": True},
             gains=[{"score": score, "value": value, "p_value": value} for score in SCORES],
             failures=[],
             null={score: np.r_[value, rng.normal(0, 0.1, shifts)] for score in SCORES},
@@ -217,6 +218,17 @@ def test_summary_of_a_study():
     # without patches the table has its columns and no rows
     empty = summarise([], study()[1], seed=1, resamples=99, expected_worst=["5"])
     assert (list(empty), len(empty)) == ([*found.reset_index()], 0)
+
+
+def test_a_patch_whose_loss_may_be_noise_counts_nowhere():
+    """One number of patches in the whole table, and in that of the variants."""
+    found, predicted = study()
+    found[2].scores["believed"] = False
+    rows = summarise(found, predicted, seed=1, resamples=99)
+    assert set(rows.n[rows.value.notna()]) == {7}
+    variants = compare_variants({"placed": found}, seed=1, resamples=99)
+    assert set(variants.n[variants.gain.notna()]) == {7}
+    assert len(summarise(found[2:3], predicted, seed=1, resamples=99)) == 0
 
 
 def test_the_papers_claim_is_exact():
