@@ -1,5 +1,9 @@
 """Frictionless rough contact with an elastic half-space, by boundary elements.
 
+    state = solve_contact(heights, spacing, contact_modulus(E1, nu1, E2, nu2), mean_pressure=22.0)
+    state.pressure, state.gap, state.displacement, state.contact_fraction, state.residual
+
+`solve_contact` presses a map of heights against a flat; `load_path` does so step by step.
 Units: mm, N, MPa. This package knows nothing of stones, files or workflows.
 """
 

@@ -21,12 +21,12 @@ _MM_TO_UM = 1e3
 def prepare_scan(
     raw: xr.DataArray,
     *,
-    mould_invert: bool,
-    mould_flip: str | None,
-    maximum_unmeasured: float,
-    outlier_half_width: int,
-    outlier_share: float,
-    outlier_rule: str = "window",
+    mould_invert: bool = False,
+    mould_flip: str | None = None,
+    maximum_unmeasured: float = 0.1,
+    outlier_rule: str = "median",
+    outlier_half_width: int = 5,
+    outlier_share: float = 0.01,
     outlier_median_half_width: int = 3,
     outlier_median_threshold: float = 5.0,
 ) -> xr.Dataset:
@@ -42,9 +42,9 @@ def prepare_scan(
         Axis along which the map is mirrored, for a mould is seen from the other side.
     maximum_unmeasured : float
         Largest share (0 to 1) of unmeasured points accepted.
+    outlier_rule : {"window", "median"}
     outlier_half_width, outlier_share
         See `window_outliers`.
-    outlier_rule : {"window", "median"}
     outlier_median_half_width, outlier_median_threshold
         See `median_outliers`.
 
