@@ -91,6 +91,7 @@ def main() -> int:
             schema=SCHEMAS / "patches.schema.yaml",
             size_mm=config["square"]["size_mm"],
             patch_size_mm=config["scans"]["size_mm"],
+            scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
         )
     except GstError as error:
         raise SystemExit(f"\nERROR: {error}") from None

@@ -4,6 +4,7 @@ A config is held against `workflow/schemas/config.schema.yaml` and then against 
 schema cannot express. Every problem is reported at once, with its key, its value and the remedy.
 """
 
+import difflib
 import functools
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -75,7 +76,7 @@ def check_files(config: Mapping, patches: "pd.DataFrame", source: str) -> None:
         for epoch, name in (("T0", row.t0), ("T1", row.t1)):
             if name:
                 files[f"patch {row.patch} at {epoch}"] = f"{config['inputs']['scan_folder']}/{name}"
-    found = {what: _path_problem(path) for what, path in files.items()}
+    found = {what: _path_problem(path, files.values()) for what, path in files.items()}
     if faults := [f"\n  - {what}: {problem}" for what, problem in found.items() if problem]:
         raise ConfigError(
             source,
@@ -84,10 +85,18 @@ def check_files(config: Mapping, patches: "pd.DataFrame", source: str) -> None:
         )
 
 
-def _path_problem(path: str) -> str | None:
+def _path_problem(path: str, named: Iterable[str] = ()) -> str | None:
+    """What is wrong with the path of a file, if anything; files are `named` besides it."""
     if set("{}") & set(path):
         return f"{path} contains braces, which Snakemake reads as a placeholder"
-    return None if Path(path).is_file() else f"{path} does not exist"
+    if Path(path).is_file():
+        return None
+    # Names in another case come first; a file that is named elsewhere is not the one meant.
+    folder, taken = Path(path).parent, {Path(other) for other in named}
+    there = folder.iterdir() if folder.is_dir() else ()
+    free = {file.name.casefold(): file.name for file in there if file not in taken}
+    near = difflib.get_close_matches(Path(path).name.casefold(), free, n=1)
+    return f"{path} does not exist" + "".join(f" (did you mean {free[name]}?)" for name in near)
 
 
 def _leaves(errors: Iterable[ValidationError]) -> Iterator[ValidationError]:
@@ -108,7 +117,9 @@ def _explain(error: ValidationError) -> str:
         return f"{place} unknown keys {unknown}: remove or correct them (known: {sorted(known)})"
     if error.validator == "required":
         return f"'{key}' lacks {sorted(set(error.validator_value) - set(error.instance))}: add them"
-    description = error.schema.get("description", "")
+    # what `oneOf` [null, what is meant] asks for is said beside it
+    asked = [error.schema, error.parent.schema if error.parent else {}]
+    description = next((rule["description"] for rule in asked if "description" in rule), "")
     wish = f" [{description}]" if description else ""
     return f"'{key}' is {error.instance!r}: {error.message}{_as_number(error)}{wish}"
 

@@ -3,6 +3,7 @@
 import copy
 from pathlib import Path
 
+import pandas as pd
 import pytest
 import yaml
 
@@ -80,7 +81,7 @@ def test_all_problems_are_told_at_once(config):
         ("square.frame.x_axis", [0.0, 0.0, 1.0], "90°"),
         ("square.frame.normal", [0.0, 0.0, 0.0], "length zero"),
         ("square.frame.points_mm", [*POINTS[:2], [9.0, 0.0, 0.0]], "in line"),
-        ("square.frame.points_mm", POINTS[:2], "'square.frame.points_mm' is "),
+        ("square.frame.points_mm", POINTS[:2], "[Three points [x, y, z]"),
         ("square.frame.points_mm", [1.0, 2.0, 3.0], "points_mm.0' is 1.0"),
         ("scans.size_mm", 6.0, "must fit"),
         ("material.young_1_MPa", 19.5, "1 GPa is 1000 MPa"),
@@ -168,6 +169,25 @@ def test_files_that_cannot_be_used_are_listed(config, tmp_path):
     assert "gone.plu does not exist" in listed[1]
     assert "braces, which Snakemake reads as a placeholder" in listed[2]
     assert "relative to the working folder" in remedy
+
+
+def test_a_file_that_is_missing_is_asked_after_by_a_like_name(config, tmp_path):
+    folder = tmp_path / "scans"
+    folder.mkdir()
+    for name in ("../mesh.stl", "s5_t0.plu", "S5_T1.plu", "s7-T0.plu", "notes.txt"):
+        (folder / name).touch()
+    config["inputs"] = {"mesh": f"{tmp_path}/mesh.stl", "scan_folder": f"{folder}/"}
+    patches = pd.DataFrame(
+        [("5", "S5_T0.PLU", ""), ("6", "S6_T1.plu", "S5_T1.plu"), ("7", "s7_T0.plu", "gone.xyz")],
+        columns=["patch", "t0", "t1"],
+    )
+    with pytest.raises(ConfigError) as raised:
+        check_files(config, patches, source="m.yaml")
+    listed = {line.split(":")[0][4:]: line for line in str(raised.value).splitlines()[1:-1]}
+    assert "S5_T0.PLU does not exist (did you mean s5_t0.plu?)" in listed["patch 5 at T0"]
+    assert "S5_T1" not in listed["patch 6 at T0"]  # it is patch 6 at T1
+    assert "did you mean s7-T0.plu?" in listed["patch 7 at T0"]
+    assert listed["patch 7 at T1"].endswith("gone.xyz does not exist")
 
 
 def test_contact_moduli_of_the_paper():

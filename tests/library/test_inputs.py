@@ -143,8 +143,7 @@ def test_both_epochs_need_one_spacing(folder):
 @pytest.mark.parametrize(
     ("height_um", "step", "every", "warned"),
     [
-        (0.0, 0.0, 100, True),  # 0 or -999 stands for unmeasured
-        (-999.0, 0.0, 100, True),
+        (0.0, 0.0, 100, True),  # 0 stands for unmeasured
         (0.0, 0.0, 2500, False),
         *((0.0, step, 2500, False) for step in (1e-6, 1e-4, 1e-3)),  # measured in coarse steps
         (1.0, 0.0, 1, True),  # a sheet of glass, or nothing at all

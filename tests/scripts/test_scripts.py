@@ -10,10 +10,16 @@ from gstlib.errors import ConfigError
 WORKFLOW = Path(__file__).parents[2] / "workflow"
 
 
-def test_a_hardness_below_a_pressure_is_refused_before_anything_is_solved(tmp_path):
-    spec = importlib.util.spec_from_file_location("script", WORKFLOW / "scripts/solve_hardness.py")
+def script_of(rule):
+    path = WORKFLOW / f"scripts/{rule}.py"
+    spec = importlib.util.spec_from_file_location("script", path)
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
+    return script
+
+
+def test_a_hardness_below_a_pressure_is_refused_before_anything_is_solved(tmp_path):
+    script = script_of("solve_hardness")
     pressures = tmp_path / "pressures.csv"
     pressures.write_text("patch,pressure_MPa,in_study\n3,12,yes\n5,50,no\n7,40,yes\n")
     for hardness, error in ((40.0, ConfigError), (40.1, Exception)):
@@ -29,6 +35,23 @@ def test_a_hardness_below_a_pressure_is_refused_before_anything_is_solved(tmp_pa
         soft = "'hardness' is 40 MPa, not above the mean pressure of patch 7 (40 MPa)."
         assert (soft in str(raised.value)) == (hardness == 40.0)
         assert ("3.h5" in str(raised.value)) == (hardness == 40.1)  # the first to be solved
+
+
+def test_published_values_of_patches_whatever_their_names(tmp_path):
+    path, pressures, published = (tmp_path / name for name in ("path", "pressures", "published"))
+    path.write_text("displacement_um,mean_pressure_MPa,contact_fraction\n9,22,0.1\n")
+    pressures.write_text("patch,pressure_MPa\nNA,12\n007,13\n")
+    published.write_text(
+        "quantity,patch,unit,value\n# of the paper\npatch pressure,NA,MPa,11\n"
+        "patch pressure,007,MPa,\nmean pressure,,MPa,21\n"
+    )
+    script_of("compare_published").main(published, path, pressures, tmp_path / "table.csv")
+    rows = (tmp_path / "table.csv").read_text().splitlines()[1:]
+    assert [row.split(",")[1:] for row in rows] == [
+        ["NA", "MPa", "11", "12"],
+        ["007", "MPa", "", "13"],
+        ["", "MPa", "21", "22"],
+    ]
 
 
 @pytest.mark.parametrize(

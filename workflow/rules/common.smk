@@ -40,6 +40,7 @@ PATCHES = read_patches(
     schema=SCHEMAS / "patches.schema.yaml",
     size_mm=SQUARE_MM,
     patch_size_mm=PATCH_MM,
+    scan_folder=None if GENERATED else config["inputs"]["scan_folder"],
 ).set_index("patch", drop=False)
 ALL_PATCHES = list(PATCHES.index)
 WORN_PATCHES = [patch for patch in ALL_PATCHES if PATCHES.t1[patch]]

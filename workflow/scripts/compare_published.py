@@ -19,7 +19,9 @@ def main(published: Path, path: Path, pressures: Path, table: Path) -> None:
     }
     for row in read_table(pressures, ["patch", "pressure_MPa"]).itertuples():
         computed["patch pressure", row.patch] = row.pressure_MPa
-    given = pd.read_csv(published, dtype={"patch": str}, comment="#").fillna({"patch": ""})
+    given = pd.read_csv(
+        published, dtype={"patch": str}, comment="#", keep_default_na=False, na_values={"value": ""}
+    )
     keys = list(zip(given.quantity, given.patch, strict=True))
     if unknown := [key for key in keys if key not in computed]:
         raise InputError(

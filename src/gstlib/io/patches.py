@@ -12,6 +12,7 @@ import csv
 import itertools
 import math
 import re
+import unicodedata
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,13 +30,20 @@ __all__ = ["read_patches"]
 
 # A footprint may touch the square's edge; this much (mm) beyond it is rounding.
 _EDGE_TOLERANCE = 1e-9
+# First bytes of .xlsx and .ods, and of .xls.
+_SPREADSHEETS = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 
 _Rows = dict[int, dict[str, Any]]  # cells by column, by line number
 _Problems = list[tuple[int, str]]  # line number and text
 
 
 def read_patches(
-    path: str | Path, *, schema: str | Path, size_mm: float, patch_size_mm: float
+    path: str | Path,
+    *,
+    schema: str | Path,
+    size_mm: float,
+    patch_size_mm: float,
+    scan_folder: str | Path | None = None,
 ) -> pd.DataFrame:
     """Read and check the patch table.
 
@@ -48,6 +56,8 @@ def read_patches(
         numbers, and empty cells as absent.
     size_mm, patch_size_mm : float
         Sides of the square and of a patch: every footprint must lie within [0, size]².
+    scan_folder : path, optional
+        Folder of the scans. Their names come back with accents composed as in the folder.
 
     Returns
     -------
@@ -78,9 +88,21 @@ def read_patches(
         is_text = rule["type"] == "string"
         empty = rule.get("default", "" if is_text else math.nan)
         values = [row.get(name, empty) for row in rows.values()]
+        if scan_folder is not None and name in ("t0", "t1"):
+            values = [_as_in_folder(value, Path(scan_folder)) for value in values]
         table[name] = values if is_text else [float(value) for value in values]
     frame = pd.DataFrame(table)
     return frame.sort_values("patch", key=lambda ids: ids.map(_natural_key), ignore_index=True)
+
+
+def _as_in_folder(name: str, folder: Path) -> str:
+    """The name of a file as its folder spells it: é is one character, or e and an accent."""
+    path = folder / name
+    if name and not path.exists() and path.parent.is_dir():
+        for there in path.parent.iterdir():
+            if unicodedata.normalize("NFC", there.name) == unicodedata.normalize("NFC", path.name):
+                return str(Path(name).with_name(there.name))
+    return name
 
 
 def _natural_key(text: str) -> tuple:
@@ -140,6 +162,8 @@ def _read_lines(path: Path) -> list[tuple[int, str]]:
             path, "no such file", "Correct the path of the patch table in the config."
         )
     content = path.read_bytes()
+    if content.startswith(_SPREADSHEETS):
+        raise ConfigError(path, "is a spreadsheet, not text", "Save it as CSV from its program.")
     encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
     try:
         text = content.decode(encoding)
@@ -181,8 +205,9 @@ def _explain(error: "ValidationError") -> str:
     name = error.absolute_path[-1]
     if error.validator == "type":
         return f"{name} is {error.instance!r}, not a number"
-    wish = error.schema["description"]
-    return f"{name} is {error.instance!r}: {error.message} [{wish}]"
+    # a pattern is for the machine
+    said = "" if error.validator == "pattern" else f": {error.message}"
+    return f"{name} is {error.instance!r}{said} [{error.schema['description']}]"
 
 
 def _overlapping(rows: _Rows, patch_size: float) -> _Problems:

@@ -6,9 +6,12 @@ file's unit, NaN where unmeasured; the spacing (dy, dx) in that unit, None if th
 state it; the length of the unit in mm, None likewise; and what the file tells of the instrument.
 """
 
+import io
 import logging
 import math
+import re
 import warnings
+import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,6 +34,11 @@ _SUR_NO_HEIGHTS = {3, 10, 12, 20, 21}
 # What a profilometer of any kind can have measured (mm); outside it the unit is wrong.
 _LARGEST_FIELD, _LARGEST_RANGE = 50.0, 10.0
 _SMALLEST_SPACING, _LARGEST_SPACING = 1e-6, 0.5
+# Heights (mm) beyond it are the largest numbers of a format, in whatever unit.
+_LARGEST_NUMBER = 1e20
+# ASSUME: a height that ten points or more share, five interquartile ranges of the distinct heights
+# from their median, was written where nothing was measured.
+_FEWEST_HELD, _FAR = 10, 5
 # A scan may differ from the study's size by this share: pixel sizes are rounded (512 × 1.66 µm is
 # 849.92 µm), and a row more or less does no harm.
 _SIZE_TOLERANCE = 0.01
@@ -71,7 +79,8 @@ def read_scan(
 
     Notes
     -----
-    Of a file with several height maps the first is read, and a warning logged.
+    Of a file with several height maps the first is read, and a warning logged. So it is where
+    points that share a height far from all others are taken as unmeasured.
     """
     path = Path(path)
     if unit is not None and unit not in SCAN_UNITS:
@@ -109,8 +118,9 @@ def read_scan(
     spacing = tuple(float(f"{step:.{_SPACING_DIGITS}g}") for step in steps)
     with np.errstate(all="ignore"):  # what overflows is refused below
         heights = raw * length
-    # No instrument measures an infinite height; some exports mark unmeasured points with it.
-    heights[np.isinf(heights)] = np.nan
+    # Some exports mark unmeasured points with infinity, or the largest number there is.
+    heights[np.abs(heights) > _LARGEST_NUMBER] = np.nan
+    _leave_out_held(path, heights)
     _check_plausible(path, heights, spacing)
     attrs = {name: _plain_text(value) for name, value in attrs.items()}
     if "layer" in attrs:
@@ -152,7 +162,7 @@ def _read_instrument_file(path: Path) -> _Raw:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of odd dates and numbers; what matters is checked
-            reader = open_topography(str(path), format=formats[path.suffix.lower()])
+            reader = open_topography(_unwrapped(path), format=formats[path.suffix.lower()])
             maps = [c for c in reader.channels if c.dim == 2 and c.is_height_channel]
             kind = reader.metadata["header"]["type"] if reader.format() == "sur" else None
             if not maps or kind in _SUR_NO_HEIGHTS:
@@ -183,6 +193,39 @@ def _read_instrument_file(path: Path) -> _Raw:
     }
     attrs = {name: str(value) for name, value in told.items() if value is not None}
     return heights, spacing, length, attrs
+
+
+def _unwrapped(path: Path) -> str | io.BytesIO:
+    """A file as SurfaceTopography takes it: `.sur` not compressed, `.x3p` as the standard zips it.
+
+    Others zip the folder around the `.x3p`'s members, or write its revision with a dash of their
+    own; the later revision has the same members.
+    """
+    content = io.BytesIO()
+    with path.open("rb") as file:
+        mark = file.read(12)
+        if path.suffix.lower() == ".x3p":
+            with zipfile.ZipFile(file) as given, zipfile.ZipFile(content, "w") as plain:
+                names = [name for name in given.namelist() if f"/{name}".endswith("/main.xml")]
+                folder = min(names, key=len, default="").removesuffix("main.xml")
+                for name in given.namelist():
+                    member = given.read(name)
+                    if name in names:
+                        revision = rb"\g<1>ISO5436 - 2000"
+                        member = re.sub(rb"(<Revision>)[^<]*", revision, member)
+                    plain.writestr(name.removeprefix(folder), member)
+        elif mark == b"DSCOMPRESSED":
+            from surfalize.file.sur import HEADER_SIZE, read_sur_object
+
+            file.seek(0)
+            sur = read_sur_object(file, encoding="latin-1")
+            file.seek(len(mark))
+            size = HEADER_SIZE + sur.header["length_comment"] + sur.header["length_private"]
+            content.write(b"DIGITAL SURF" + file.read(size - len(mark)) + sur.data.tobytes())
+        else:
+            return str(path)
+    content.seek(0)
+    return content
 
 
 def _plain_text(value: str) -> str:
@@ -249,6 +292,23 @@ def check_size(scan: xr.DataArray, size_mm: float) -> None:
             f"points), but the study's patches are {size_mm:g} × {size_mm:g} mm",
             "Correct scans.size_mm in the config, or have a piece of the scan cut: give crop_x_mm "
             "and crop_y_mm in the patch table.",
+        )
+
+
+def _leave_out_held(path: Path, heights: np.ndarray) -> None:
+    """Set to NaN what an export wrote for unmeasured points: 0, or a number of its own."""
+    distinct, counts = np.unique(heights[np.isfinite(heights)], return_counts=True)
+    if not distinct.size:
+        return
+    low, middle, high = np.quantile(distinct, (0.25, 0.5, 0.75))
+    counts[np.abs(distinct - middle) <= _FAR * (high - low)] = 0
+    height, count = distinct[np.argmax(counts)], int(counts.max())
+    # Pits and spikes are as far, but seldom equally high.
+    if _FEWEST_HELD <= count < heights.size / 2 and 2 * count > counts.sum():
+        heights[heights == height] = np.nan
+        logging.getLogger("gstlib").warning(
+            "%s: %d points share the height %g µm, far from all others: taken as unmeasured",
+            *(path, count, height * 1e3),
         )
 
 

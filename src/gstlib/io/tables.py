@@ -68,7 +68,7 @@ def write_table(path: str | Path, table: pd.DataFrame) -> None:
 
 
 def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
-    """Read a table of `write_table`: yes/no columns as bool, ``patch`` as text.
+    """Read a table of `write_table`: yes/no columns as bool, ``patch`` as text, empty cells as NaN.
 
     Parameters
     ----------
@@ -83,14 +83,15 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
         The file is missing or is no table, or lacks a column.
     """
     try:
-        table = pd.read_csv(path, dtype={"patch": str}, keep_default_na=True)
+        # NA, nan or None may be the name of a patch
+        table = pd.read_csv(path, dtype={"patch": str}, keep_default_na=False, na_values=[""])
     except (OSError, ValueError) as error:  # pandas' own errors are ValueErrors
         problem = f"cannot be read as a table ({' '.join(str(error).split())})"
         raise InputError(path, problem, "Delete it and run the study again.") from error
     missing = [column for column in columns if column not in table.columns]
     if missing:
         raise InputError(path, f"lacks {', '.join(missing)}", "Delete it and run the study again.")
-    for column in table.columns:
+    for column in table.columns.drop("patch", errors="ignore"):
         if table[column].isin(["yes", "no"]).all() and len(table):
             table[column] = table[column] == "yes"
     return table

@@ -265,8 +265,9 @@ def _warning(row: dict[str, Any], most_noise: float, longest: float) -> str | No
     if rose > _BEYOND_NOISE * fell:
         return (
             f"patch {row['patch']}: far more rose than fell ({rose:.2g} % and {fell:.2g} % of the "
-            "area), but use only removes material. Are t0 and t1 exchanged in the patch table, or "
-            "was residue left on the stone?"
+            "area), but use only removes material. If all patches are so, check "
+            "scans.mould.invert; if some are, whether t0 and t1 are exchanged in the patch table, "
+            "or residue was left on the stone."
         )
     if noise > 100 * most_noise:
         return (

@@ -99,17 +99,18 @@ def _parameters(
     from surfalize import Surface
 
     dy, dx = (step * _MM_TO_UM for step in spacing)
-    evaluated = Surface(heights, dx, dy)
     # What passes the S-filter varies over its nesting index: two points in that length give the
     # same autocorrelation as all, at a fraction of the cost.
     every_y, every_x = (max(1, int(s_filter_um / (2 * step) + _ROUNDING)) for step in (dy, dx))
-    sparse = Surface(heights[::every_y, ::every_x], every_x * dx, every_y * dy)
     values = _material_ratio(heights)
-    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
-        # NaN, with a warning, where the autocorrelation does not decay within the map
+    with warnings.catch_warnings(action="ignore"):
+        # of steps that differ in x and y, which cost these parameters nothing; and of NaN, where
+        # the autocorrelation does not decay within the map
+        evaluated = Surface(heights, dx, dy)
+        sparse = Surface(heights[::every_y, ::every_x], every_x * dx, every_y * dy)
         values |= {"Sal": sparse.Sal(), "Str": sparse.Str()}
-    for symbol in ("Sa", "Sq", "Sz", "Ssk", "Sku", "Sdq", "Sdr"):
-        values[symbol] = getattr(evaluated, symbol)()
+        for symbol in ("Sa", "Sq", "Sz", "Ssk", "Sku", "Sdq", "Sdr"):
+            values[symbol] = getattr(evaluated, symbol)()
     return {column: float(values[symbol]) for symbol, column in _COLUMNS.items()}
 
 

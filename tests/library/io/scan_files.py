@@ -2,14 +2,17 @@
 
 Each writer takes a file name, heights (ny, nx) in mm with NaN where unmeasured, and the spacing
 (dy, dx) in mm. `claim` is a wrong shape (ny, nx) for the header to announce. Sources: .plux: the
-table of bytes of measured files; .sur: Digital Surf's 512-byte header, as in Gwyddion's surffile.
+table of bytes of measured files; .sur: Digital Surf's 512-byte header, as in Gwyddion's surffile,
+and its compressed form, as surfalize reads it; .x3p and .sdf: ISO 25178-72 and -71.
 """
 
 import io
 import struct
 import zipfile
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -44,7 +47,39 @@ def write_plux(path, heights, spacing):
     path.write_bytes(zipped(plux_members([heights], spacing)))
 
 
-def write_sur(path, heights, spacing, claim=None, kind=2):
+def write_x3p(path, heights, spacing, folder="", revision="ISO5436 - 2000"):
+    """Heights in m, NaN where unmeasured."""
+    ny, nx = heights.shape
+    axes = "".join(
+        f"<C{axis}><AxisType>{kind}</AxisType><DataType>D</DataType>"
+        f"<Increment>{step!r}</Increment><Offset>0</Offset></C{axis}>"
+        for axis, kind, step in zip(
+            "XYZ", "IIA", (spacing[1] / 1e3, spacing[0] / 1e3, 1.0), strict=True
+        )
+    )
+    index = (
+        "<?xml version='1.0' encoding='UTF-8'?><p:ISO5436_2 xmlns:p='http://www.opengps.eu/2008/"
+        f"ISO5436_2'><Record1><Revision>{revision}</Revision><FeatureType>SUR</FeatureType>"
+        f"<Axes>{axes}</Axes></Record1><Record2><Date>2021-04-19T11:40:13</Date><Instrument>"
+        "<Manufacturer>unknown</Manufacturer><Model>a profiler</Model><Version>unknown</Version>"
+        "</Instrument></Record2><Record3><MatrixDimension>"
+        f"<SizeX>{nx}</SizeX><SizeY>{ny}</SizeY><SizeZ>1</SizeZ></MatrixDimension><DataLink>"
+        "<PointDataLink>bindata/data.bin</PointDataLink></DataLink></Record3></p:ISO5436_2>"
+    )
+    content = {"main.xml": index.encode(), "bindata/data.bin": (heights / 1e3).tobytes()}
+    path.write_bytes(zipped({f"{folder}{name}": data for name, data in content.items()}))
+
+
+def write_sdf(path, heights, spacing):
+    """Heights in µm as doubles, the lowest of which stands for unmeasured."""
+    ny, nx = heights.shape
+    header = struct.pack("<8s10s12s12s", b"bISO-1.0", b"a profiler", *2 * [b"190420211140"])
+    header += struct.pack("<2H4d3B", nx, ny, spacing[1] / 1e3, spacing[0] / 1e3, 1e-6, -1, 0, 7, 0)
+    values = np.where(np.isnan(heights), np.finfo(float).min, heights * 1e3)
+    path.write_bytes(header + values.astype("<f8").tobytes())
+
+
+def write_sur(path, heights, spacing, claim=None, kind=2, compressed=False):
     """Steps along x in mm, along y in µm; heights in nm, in steps of 1 pm."""
     ny, nx = heights.shape if claim is None else claim
     unit_nm = 1e-3
@@ -52,18 +87,24 @@ def write_sur(path, heights, spacing, claim=None, kind=2):
     lowest = int(np.nanmin(steps)) if np.isfinite(steps).any() else 0
     values = np.where(np.isnan(steps), lowest - 2, steps)
     text = [b"X", b"Y", b"Z", *2 * [b"mm", b"\xb5m", b"nm"]]
-    header = struct.pack("<12sHHHH", b"DIGITAL SURF", 0, 1, 1, kind)
+    content = values.astype("<i4").tobytes()
+    if compressed:
+        packed = zlib.compress(content)
+        content = struct.pack("<III", 1, len(content), len(packed)) + packed
+    mark = b"DSCOMPRESSED" if compressed else b"DIGITAL SURF"
+    header = struct.pack("<12sHHHH", mark, 0, 1, 1, kind)
     header += struct.pack("<30s30s", b"a stone", b"a profiler")
     header += struct.pack("<HHHHH8xH", 0, 2, 0, int(np.isnan(steps).any()), 1, 32)
     highest = int(np.nanmax(values)) if values.size else 0
     header += struct.pack("<iiiiI", lowest, highest, nx, ny, (nx * ny) % 2**32)
     header += struct.pack("<fff", spacing[1], spacing[0] * 1e3, unit_nm)
     header += struct.pack("<" + 9 * "16s", *text) + struct.pack("<fff", 1, 1, 1)
-    header += struct.pack("<HHH12x7Hf10x", 1, 0, 0, 13, 40, 11, 19, 4, 2021, 1, 1.0)
+    header += struct.pack("<HHH12x7Hf", 1, 0, 0, 13, 40, 11, 19, 4, 2021, 1, 1.0)
+    header += struct.pack("<I6x", len(content) if compressed else 0)
     comment = b"a comment"
     header += struct.pack("<HH128s3f34x", len(comment), 0, b"", 0, 0, 0)
     assert len(header) == 512
-    path.write_bytes(header + comment + values.astype("<i4").tobytes())
+    path.write_bytes(header + comment + content)
 
 
 def write_xyz(path, heights, spacing, order=slice(None)):
@@ -112,6 +153,9 @@ FORMATS = {
     "plu": Format(".plu", write_plu, attrs={"objective": "Leica HC PL Fluotar EPI 10X"}),
     "plux": Format(".plux", write_plux, attrs={"instrument": "S neox"}),
     "sur": Format(".sur", write_sur, attrs={"instrument": "a profiler"}),
+    "sur, compressed": Format(".sur", partial(write_sur, compressed=True)),
+    "x3p": Format(".x3p", write_x3p, attrs={"instrument": "a profiler"}),
+    "sdf": Format(".sdf", write_sdf),
     "xyz": Format(".xyz", write_xyz, lambda spacing: {"unit": "um"}),
     "txt, Gwyddion": Format(".txt", write_gwyddion_text),
 } | {

@@ -87,7 +87,7 @@ def test_nothing_measured_flat_and_infinite(tmp_path, heights, name):
     _refused(path, "not one point|no row", **sample.options(1e-3))
     path, sample = _written(tmp_path, name, np.full_like(heights, 0.001))
     assert np.ptp(_read(path, sample).values) == pytest.approx(0, abs=1e-12)
-    if name not in ("plu", "sur"):  # which cannot hold it
+    if name.partition(",")[0] not in ("plu", "sur"):  # which cannot hold it
         heights[2, 3], heights[3, 2] = math.inf, -math.inf
         path, sample = _written(tmp_path, name, heights)
         assert np.isnan(_read(path, sample).values).sum() == 3

@@ -1,5 +1,6 @@
 """The patch table: everything wrong with it is said at once, with line numbers."""
 
+import unicodedata
 from pathlib import Path
 
 import numpy as np
@@ -7,13 +8,16 @@ import pytest
 
 from gstlib.errors import ConfigError
 from gstlib.io.patches import read_patches
+from gstlib.io.tables import read_table, write_table
 
 ROOT = Path(__file__).parents[3]
 SCHEMA = ROOT / "workflow" / "schemas" / "patches.schema.yaml"
 
 
-def read(path, size_mm=5.0, patch_size_mm=0.85):
-    return read_patches(path, schema=SCHEMA, size_mm=size_mm, patch_size_mm=patch_size_mm)
+def read(path, size_mm=5.0, patch_size_mm=0.85, **options):
+    return read_patches(
+        path, schema=SCHEMA, size_mm=size_mm, patch_size_mm=patch_size_mm, **options
+    )
 
 
 @pytest.fixture
@@ -34,6 +38,38 @@ def refused(path, *parts):
     for part in parts:
         assert part in message
     return message
+
+
+def test_names_that_look_like_something_else_stay_names(table, tmp_path):
+    """As an empty cell, a number, or yes and no."""
+    for names in (["007", "1e5", "7", "N-A", "NA", "None", "inf", "nan", "null"], ["no"]):
+        rows = [f"{name},{1 + 0.9 * (i % 4)},{1 + i // 4}" for i, name in enumerate(names)]
+        patches = read(table("patch,x_mm,y_mm,t0\n" + "".join(f"{row},a\n" for row in rows)))
+        assert sorted(patches.patch) == names
+        write_table(tmp_path / "t.csv", patches)
+        again = read_table(tmp_path / "t.csv")
+        assert list(again.patch) == list(patches.patch)
+        assert again.crop_x_mm.isna().all()
+
+
+@pytest.mark.parametrize(("in_table", "on_disk"), [("NFC", "NFD"), ("NFD", "NFC"), ("NFC", "NFC")])
+def test_scans_are_found_however_their_accents_are_composed(table, tmp_path, in_table, on_disk):
+    written = unicodedata.normalize(in_table, "alt/Höhe_é.plu")
+    (tmp_path / "alt").mkdir()
+    file = tmp_path / unicodedata.normalize(on_disk, "alt/Höhe_é.plu")
+    file.touch()
+    path = table(f"patch,x_mm,y_mm,t0,t1\n1,1,1,{written},gone.plu\n2,3,1,b/gone.plu,\n")
+    patches = read(path, scan_folder=tmp_path)
+    assert (tmp_path / patches.t0[0]).samefile(file)
+    assert [patches.t1[0], patches.t0[1], patches.t1[1]] == ["gone.plu", "b/gone.plu", ""]
+
+
+@pytest.mark.parametrize("name", ["/data/1.plu", "~/1.plu", r"C:\data\1.plu", r"\\server\1.plu"])
+def test_scans_lie_in_the_scan_folder(table, name):
+    message = refused(table(f"patch,x_mm,y_mm,t0,t1\n1,1,1,{name},a\n2,3,1,a,{name}\n"))
+    assert f"line 2 (patch 1): t0 is {name!r} [" in message
+    assert f"line 3 (patch 2): t1 is {name!r} [" in message
+    read(table("patch,x_mm,y_mm,t0\n1,1,1,T0/1.plu\n"))
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
@@ -81,6 +117,7 @@ def test_all_problems_at_once(table):
             "p1,1,1,a,,,\n"
             "P1,2,2,b,,,\n"  # some file systems ignore the case
             "a/b,3,2,c,,,\n"
+            "all,3,1,c,,,\n"  # which tables call all patches together
             "3,two,2,d,,,\n"
             "4,4.9,0.4,e,,,\n"
             "5,,2,,,,\n"
@@ -91,16 +128,17 @@ def test_all_problems_at_once(table):
         ),
         "line 3 (patch P1): same id as in line 2",
         "line 4 (patch a/b): patch is 'a/b'",
-        "line 5 (patch 3): x_mm is 'two', not a number",
-        "line 6 (patch 4): its footprint of 0.85 mm sticks out of the 5 mm square by "
+        "line 5 (patch all): patch is 'all'",
+        "line 6 (patch 3): x_mm is 'two', not a number",
+        "line 7 (patch 4): its footprint of 0.85 mm sticks out of the 5 mm square by "
         "0.325 mm at the x = 5 side and 0.025 mm at the y = 0 side",
-        "line 7 (patch 5): 'x_mm' is a required property",
-        "line 7 (patch 5): 't0' is a required property",
-        "line 8 (patch 6): 'crop_y_mm' is a dependency of 'crop_x_mm'",
-        "line 9 (patch 7): rotation_deg is 400",
-        "line 10 (patch 8): x_mm is 'nan', not a number",
-        "line 11 (patch 9): 8 cells in 7 columns",
-        "10 problems",
+        "line 8 (patch 5): 'x_mm' is a required property",
+        "line 8 (patch 5): 't0' is a required property",
+        "line 9 (patch 6): 'crop_y_mm' is a dependency of 'crop_x_mm'",
+        "line 10 (patch 7): rotation_deg is 400",
+        "line 11 (patch 8): x_mm is 'nan', not a number",
+        "line 12 (patch 9): 8 cells in 7 columns",
+        "11 problems",
     )
     assert "line 2 " not in message
 
@@ -141,6 +179,9 @@ def test_files_that_are_no_table(table, tmp_path):
     refused(tmp_path / "none.tsv", "no such file")
     refused(table("", "empty.tsv"), "no rows")
     refused(table("patch,x_mm,y_mm,t0\n", "header.csv"), "no rows")
+    for start in (b"PK\x03\x04\x14\0", b"\xd0\xcf\x11\xe0\xa1\xb1"):
+        (tmp_path / "sheet.tsv").write_bytes(start + bytes(range(256)))
+        refused(tmp_path / "sheet.tsv", "is a spreadsheet", "CSV")
     (tmp_path / "latin.csv").write_bytes("patch,x_mm,y_mm,t0,note\n1,1,1,a,Höhe".encode("latin-1"))
     refused(tmp_path / "latin.csv", "not UTF-8")
     refused(table(",,,\n,,,\n", "commas.csv"), "no rows")

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from scan_files import FORMATS, plux_members, write_xyz, zipped
+from scan_files import FORMATS, plux_members, write_x3p, write_xyz, zipped
 
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
@@ -81,6 +81,55 @@ def test_first_of_several_layers(tmp_path, heights, caplog, ending, layer):
     np.testing.assert_allclose(scan.values, heights, atol=2e-9)
     assert scan.attrs["layer"] == layer
     assert f"{path}: only {layer}, is read" in caplog.text
+
+
+@pytest.mark.parametrize("folder", ["", "scan 5/"])
+@pytest.mark.parametrize("revision", ["ISO5436 – 2000", "ISO25178-72:2017/DAM1"])
+def test_x3p_as_others_write_it(tmp_path, heights, folder, revision):
+    write_x3p(tmp_path / "a.x3p", heights, (DY, DX), folder=folder, revision=revision)
+    scan = read_scan(tmp_path / "a.x3p")
+    np.testing.assert_allclose(scan.values, heights)
+    assert spacing_of(scan) == (DY, DX)
+
+
+class TestHeldHeights:
+    """A number that an export wrote in place of unmeasured heights."""
+
+    def read(self, tmp_path, heights_um):
+        (tmp_path / "a.csv").write_text("\n".join(",".join(map(str, row)) for row in heights_um))
+        return read_scan(tmp_path / "a.csv", unit="um", spacing_mm=1e-3).values * 1e3
+
+    def rough(self):
+        """As of a scan in `.frt`: at 73 to 82 µm, with lone spikes."""
+        heights = 77 + np.random.default_rng(1).normal(size=(60, 50))
+        heights[7, 8], heights[20, 30], heights[21, 30] = -0.3, 16.0, 305.0
+        return heights
+
+    @pytest.mark.parametrize("mark", [0.0, -9999.0, 1e9])
+    @pytest.mark.parametrize("share", [0.004, 0.1, 0.4])
+    def test_far_from_the_others_it_is_unmeasured(self, tmp_path, caplog, mark, share):
+        heights = self.rough()
+        held = np.random.default_rng(2).random(heights.shape) < share
+        heights[held] = mark
+        with caplog.at_level(logging.WARNING, logger="gstlib"):
+            found = self.read(tmp_path, heights)
+        np.testing.assert_array_equal(np.isnan(found), held)
+        np.testing.assert_allclose(found[~held], heights[~held])
+        assert f"a.csv: {held.sum()} points" in caplog.text
+
+    def test_among_the_others_or_of_a_few_points_it_is_a_height(self, tmp_path, caplog):
+        spiked = self.rough()
+        spiked[40, :3] = 0.0  # spikes: of the outlier rule
+        clipped = np.maximum(self.rough(), 76.0)
+        steps = np.round(self.rough())
+        two_levels = np.where(self.rough() > 78, 78.0, 60.0)
+        pits = self.rough()
+        pits[10:20, 10:20] = np.maximum(np.linspace(10, 60, 100), 20).reshape(10, 10)
+        plateau = np.full((60, 50), 99.0)
+        plateau[20:30] = self.rough()[20:30]
+        for heights in (spiked, clipped, steps, two_levels, pits, plateau):
+            np.testing.assert_allclose(self.read(tmp_path, heights), heights)
+        assert not caplog.records
 
 
 class TestPoints:

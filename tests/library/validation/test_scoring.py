@@ -192,7 +192,7 @@ def test_noise_that_agrees_with_contact_is_not_taken_for_wear():
     [
         (10, 100, []),
         (80, 100, ["80 % as much rose as fell", "minimum_points"]),
-        (252, 42, ["far more rose than fell (7 % and 1.2 %", "t0 and t1 exchanged", "residue"]),
+        (252, 42, ["far more rose than fell (7 % and 1.2 %", "t0 and t1", "residue"]),
         (252, 0, ["far more rose than fell (7 % and 0 %"]),
         (0, 0, []),
     ],
@@ -205,6 +205,14 @@ def test_a_patch_that_rose_is_reported_once(patch, rose, fell, words):
     warning = scored((contact, change), most_noise=0.5, shifts=0).warning
     assert bool(warning) == bool(words)
     assert all(word in warning for word in ["patch 7", *words] if words)
+
+
+def test_a_mould_undone_wrongly_is_asked_after_first():
+    """Heights of both epochs change sign: what use took away looks added."""
+    contact, change = measured_twice(np.random.default_rng(5), worn=0.05)
+    t0, t1 = -contact.height, -(contact.height + change.change)
+    found = scored((contact.assign(height=t0), height_change(t0, t1, minimum_points=8)))
+    assert 0 < found.warning.index("scans.mould.invert") < found.warning.index("t0 and t1")
 
 
 def test_bands_divide_the_known_points_and_the_loss(patch):

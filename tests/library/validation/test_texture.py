@@ -1,6 +1,7 @@
 """Texture parameters of surfaces whose own are known in closed form, and their invariants."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -108,6 +109,16 @@ def test_points_left_out_of_the_autocorrelation_are_not_missed():
     for name in ("Sal", "Str"):
         assert fourth[name] == pytest.approx(every[name], rel=0.05)
         assert fourth[name] != every[name]
+
+
+@pytest.mark.parametrize("every", [(2, 1), (1, 3)])
+def test_rectangular_points_cost_nothing(every):
+    heights = correlated(lambda y, x: np.exp(-(y**2 + (x / 2) ** 2) / 10**2), size=2 * SIZE)
+    square = parameters(heights, **FILTERS)
+    with warnings.catch_warnings(action="error"):
+        rectangular = parameters(heights[:: every[0], :: every[1]], every, **FILTERS)
+    for name, value in square.items():
+        assert rectangular[name] == pytest.approx(value, rel=0.02, abs=0.005), name
 
 
 def test_grooves_across_the_whole_map_have_no_aspect_ratio():
