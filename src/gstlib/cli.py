@@ -41,13 +41,18 @@ def main() -> None:
 @click.option(
     "--spacing-um", type=float, help="Point spacing (µm) of text files that do not state it."
 )
-@click.option("--picture", type=_PATH, help="Draw the heights into this PNG (one file only).")
+@click.option(
+    "--picture",
+    type=_PATH,
+    help="Draw the scan, or both sides of the mesh, into this PNG (one file only).",
+)
 def inspect(files, unit, spacing_um, picture) -> None:
     """Show what scans and meshes hold: size, spacing, units, unmeasured share, Sq.
 
     The exit code is 1 if any file cannot be read; the others are shown all the same.
     """
     from gstlib.inputs import inspect_file
+    from gstlib.io.meshes import is_mesh
 
     if picture is not None and (len(files) > 1 or picture.suffix.lower() != ".png"):
         problem = f"--picture draws one file into a PNG: name it .png, not '{picture.name}'"
@@ -55,7 +60,7 @@ def inspect(files, unit, spacing_um, picture) -> None:
     failed = False
     for file in files:
         try:
-            facts, heights = inspect_file(file, unit=unit, spacing_um=spacing_um)
+            facts, content = inspect_file(file, unit=unit, spacing_um=spacing_um)
         except GstError as error:
             failed = True
             click.echo(f"ERROR: {error}", err=True)
@@ -66,8 +71,10 @@ def inspect(files, unit, spacing_um, picture) -> None:
         click.echo(f"{file}\n{''.join(lines)}")
         if picture is not None:
             from gstlib.figures import save_figure, surface_figure
+            from gstlib.figures.stone import stone_figure
 
-            save_figure(surface_figure(heights, title=file.name), picture)
+            draw = stone_figure if is_mesh(file) else surface_figure
+            save_figure(draw(content, title=file.name), picture)
     sys.exit(failed)
 
 
