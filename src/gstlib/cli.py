@@ -1,4 +1,4 @@
-"""The command `gst`: inspect files and compare results from the shell."""
+"""The command `gst`: inspect files, pick the square and compare results from the shell."""
 
 import json
 import sys
@@ -12,6 +12,7 @@ from gstlib.errors import GstError, InputError
 __all__ = ["main"]
 
 _PATH = click.Path(path_type=Path)
+_SCHEMA = Path(gstlib.__file__).parents[2] / "workflow/schemas/patches.schema.yaml"
 
 
 class _Commands(click.Group):
@@ -76,6 +77,47 @@ def inspect(files, unit, spacing_um, picture) -> None:
             draw = stone_figure if is_mesh(file) else surface_figure
             save_figure(draw(content, title=file.name), picture)
     sys.exit(failed)
+
+
+@main.command()
+@click.argument("mesh", type=_PATH)
+@click.option(
+    "--unit",
+    type=click.Choice(["m", "cm", "mm", "um", "in"]),
+    help="Unit of the mesh; mm by default, of GLB m.",
+)
+@click.option(
+    "--size",
+    type=click.FloatRange(0, 100, min_open=True),
+    default=5.0,
+    show_default=True,
+    help="Side of the square (mm).",
+)
+@click.option("--patches", type=_PATH, help="A patch table, to be drawn on the square.")
+@click.option(
+    "--patch-size",
+    type=click.FloatRange(0, 50, min_open=True),
+    default=0.85,
+    show_default=True,
+    help="Side of a patch (mm).",
+)
+@click.option("--output", type=_PATH, default="pick.html", show_default=True, help="The page.")
+def pick(mesh, unit, size, patches, patch_size, output) -> None:
+    """Write a page on which the square is picked: turn the stone, click, copy the config."""
+    from gstlib.io.files import write_whole
+    from gstlib.io.meshes import read_mesh, stated_unit
+    from gstlib.io.patches import read_patches
+    from gstlib.pick import pick_page
+
+    if output.suffix.lower() != ".html":
+        raise click.UsageError(f"--output is a page: name it .html, not '{output.name}'")
+    unit = unit or stated_unit(mesh) or "mm"
+    stone, table = read_mesh(mesh, unit=unit), None
+    if patches is not None:
+        table = read_patches(patches, schema=_SCHEMA, size_mm=size, patch_size_mm=patch_size)
+    options = {"name": mesh.name, "unit": unit, "size_mm": size, "patch_size_mm": patch_size}
+    write_whole(output, pick_page(stone, patches=table, **options).encode())
+    click.echo(f"{output}: open it in a browser")
 
 
 @main.command()
