@@ -73,9 +73,9 @@ style: $(READY)
 types: $(READY)
 	$(BIN)/mypy
 
-test-browser: $(READY) ## open the pages in Chromium, where it is installed; fetches Playwright, which drives it
+test-browser: $(READY) ## open the pages in Chromium, if it is installed (minutes)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[browser]'
-	$(PYTEST) -m browser
+	$(PYTEST) -m browser tests/workflow
 
 test-slurm: $(READY) ## the tiny study through a real Slurm; installs one with apt-get if need be (root)
 	tests/slurm/start_slurm.sh --install

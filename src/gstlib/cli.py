@@ -114,6 +114,9 @@ def pick(mesh, unit, size, patches, patch_size, output) -> None:
     unit = unit or stated_unit(mesh) or "mm"
     stone, table = read_mesh(mesh, unit=unit), None
     if patches is not None:
+        if not _SCHEMA.is_file():
+            remedy = "Run gst from a clone (`make environment`), or leave --patches out."
+            raise InputError(_SCHEMA, "is not there: what a patch table holds is unknown", remedy)
         table = read_patches(patches, schema=_SCHEMA, size_mm=size, patch_size_mm=patch_size)
     options = {"name": mesh.name, "unit": unit, "size_mm": size, "patch_size_mm": patch_size}
     write_whole(output, pick_page(stone, patches=table, **options).encode())

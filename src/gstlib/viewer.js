@@ -15,7 +15,8 @@
                             view, and above the plane of the view (90: from behind the viewer)
      addLines(points, colour, closed, width)  a line of so many pixels; returns {remove()}
      addLabel(point, text)  HTML at a point, hidden while the stone is before it: the returned
-                            {element, remove()} can be styled and listened to
+                            {element, remove()} can be styled, and listened to once its
+                            pointer-events are set to auto
      pick(clientX, clientY) {point, normal} of the surface there, or null
      normal(point, radius)  mean normal of the surface within a radius of a point, or null
      fit(point, normal, up, size)  look at a point from along a normal, size mm across; without

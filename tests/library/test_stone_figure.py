@@ -93,6 +93,12 @@ def test_the_check_has_a_picture_even_where_the_square_cannot_be_gridded():
     assert all("hides the square" in axes.get_title() for axes in figure.axes)
 
 
+def test_a_sheet_has_one_side():
+    sheet = trimesh.Trimesh([[0, 0, 0], [30, 0, 0], [0, 20, 0]], [[0, 1, 2]])
+    drawn = [len(axes.collections[0].get_paths()) for axes in stone_figure(sheet, title="a").axes]
+    assert sorted(drawn) == [0, 1]
+
+
 def test_both_sides_of_a_stone_are_drawn_with_its_longest_axis_upright():
     mesh = trimesh.creation.box((10.0, 30.0, 20.0)).subdivide()
     figure = stone_figure(mesh, title="box")

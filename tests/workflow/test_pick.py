@@ -157,7 +157,7 @@ def test_the_stone_turns_by_pointer_and_keys_and_rests_otherwise(page):
     page.mouse.down()
     page.mouse.move(x + 60, y + 30, steps=3)
     page.mouse.up()
-    assert config_of(page) is None  # a drag is no click
+    assert page.evaluate("clicks.length") == 0  # a drag is no click
     views.append(page.evaluate("viewer.snapshot()"))
     for key in ("ArrowLeft", "Shift+ArrowUp", "+", "Home"):
         page.locator("canvas").press(key)

@@ -107,7 +107,8 @@ def stone_figure(mesh: trimesh.Trimesh, *, title: str, colours: np.ndarray | Non
             mesh.bounds.mean(axis=0), np.cross(towards, longest).tolist(), towards.tolist()
         )
         draw_stone(axes, mesh, view, colours=colours)
-        axes.set_title(name)
+        is_drawn = len(axes.collections[0].get_paths()) > 0
+        axes.set_title(name if is_drawn else f"{name}: the mesh has none")
     return figure
 
 
