@@ -19,8 +19,8 @@ PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --dur
 PARALLEL := -n $(CORES) --dist loadfile
 
 .DEFAULT_GOAL := help
-.PHONY: help environment study check plan diff test test-all style types test-slurm test-faults \
-  hooks baseline bench margin power sweep docs lock clean
+.PHONY: help environment study check plan diff test test-all style types test-browser test-slurm \
+  test-faults hooks baseline bench margin power sweep docs lock clean
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -55,10 +55,11 @@ diff: $(READY) ## compare two result folders: make diff A=results B=other/result
 	@$(BIN)/gst diff $(A) $(B)
 
 test: style types ## style, types and all tests that take minutes in total
-	$(PYTEST) $(PARALLEL) -m "not slow and not slurm"
+	$(PYTEST) $(PARALLEL) -m "not slow and not slurm and not browser"
 
-test-all: test ## the rest too: whole studies, kills, Slurm, faults (an hour)
+test-all: test ## the rest too: whole studies, browser, Slurm, faults (an hour)
 	$(PYTEST) $(PARALLEL) -m "slow and not slurm"
+	$(MAKE) test-browser
 	$(PYTEST) -m slurm
 	$(MAKE) test-faults
 
@@ -71,6 +72,10 @@ style: $(READY)
 
 types: $(READY)
 	$(BIN)/mypy
+
+test-browser: $(READY) ## open the pages in Chromium, if it is installed (minutes)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[browser]'
+	$(PYTEST) -m browser tests/workflow
 
 test-slurm: $(READY) ## the tiny study through a real Slurm; installs one with apt-get if need be (root)
 	tests/slurm/start_slurm.sh --install
