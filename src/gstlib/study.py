@@ -85,8 +85,8 @@ STUDY_SECTIONS = (
 )
 # Which pressure of a patch each variant takes, of `couple_scales`.
 PRESSURES = {"placed": "pressure_MPa", "levelled": "mesh_pressure_MPa"}
-# How much the detail of T1 may differ in height from that of T0 before a warning. Wear of a quarter
-# of a patch lowers it by an eighth (generated specimen).
+# How much deeper, or shallower, the dales of T1 may be than those of T0 before a warning. Wear of a
+# quarter of a patch makes them a tenth shallower (generated specimen).
 _ODD_HEIGHTS = 1.25
 
 
@@ -402,7 +402,7 @@ def register_patch(
     scale = registration.height_scale
     if registration.found and max(scale, 1 / scale) > _ODD_HEIGHTS:
         log.warning(
-            "patch %s: its detail at T1 is %.3g times as high as at T0. If that is not wear all "
+            "patch %s: its dales at T1 are %.3g times as deep as at T0. If that is not wear all "
             "over the patch, the heights of one scan are calibrated otherwise: measured wear is "
             "then wrong",
             *(patch, scale),

@@ -47,7 +47,7 @@ _TURNS = 0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0
 # seldom 0.3.
 _LEAST_CORRELATION = 0.5
 _BEYOND_CHANCE = 0.35
-# ASSUME: no wear makes the detail of a patch half or twice as high.
+# ASSUME: no wear makes the dales of a patch half or twice as deep.
 _OTHER_HEIGHTS = 2.0
 # Smoothing (standard deviation, elements) and stride of the levels of the refinement.
 _LEVELS = (6.0, 4), (3.0, 3), (1.0, 2)
@@ -76,7 +76,7 @@ class Registration:
     overlap: float  # share of the reference's area that the moving surface covers
     correlation: float  # Pearson's, of heights over the overlap, a plane removed from each
     detail_correlation: float  # of band-passed heights, free of the long waves that match by chance
-    height_scale: float  # r.m.s. of the moving surface's band-passed heights over the reference's
+    height_scale: float  # depth of the moving surface's dales over the reference's, band-passed
     residual_mm: float  # robust standard deviation of the levelled height difference
     found: bool  # whether the detail correlates well enough to believe the registration
 
@@ -131,7 +131,7 @@ def register(
     if quality >= _LEAST_CORRELATION and max(height_scale, 1 / height_scale) > _OTHER_HEIGHTS:
         raise InputError(
             "T1",
-            f"its detail matches that of T0, and is {height_scale:.3g} times as high: no wear does "
+            f"its dales match those of T0, and are {height_scale:.3g} times as deep: no wear does "
             "that",
             "Give both scans in one unit and with one height calibration, or leave t1 empty.",
         )
@@ -285,12 +285,18 @@ def _robust_fit(design: np.ndarray, values: np.ndarray, plane: np.ndarray) -> np
 
 
 def _compare_details(a: np.ndarray, b: np.ndarray, pose: np.ndarray) -> tuple[float, float]:
-    """Correlation of band-passed heights over their overlap, and r.m.s. of `b` over that of `a`."""
+    """Correlation of band-passed heights over their overlap, and how much deeper dales are in `b`.
+
+    Dales, since wear takes summits.
+    """
     moved = _sample(b, pose, a.shape, order=1)
     inside = np.isfinite(moved)
     one, other = a[inside], moved[inside]
-    height = float(one.std()) if one.size else 0.0
-    return _pearson(one, other), float(other.std()) / height if height > 0 else math.nan
+    if not one.size:
+        return 0.0, math.nan
+    low = one <= np.median(one)
+    first, second = (float(np.mean((h[low] - np.median(h)) ** 2)) for h in (one, other))
+    return _pearson(one, other), math.sqrt(second / first) if first > 0 else math.nan
 
 
 def _pearson(a: np.ndarray, b: np.ndarray) -> float:
