@@ -109,14 +109,21 @@ def main() -> int:
         )
         problems += found.problems
     print(f"{path}: {summary(config, patches, found)}")
-    if found is not None and found.square is not None:
-        from gstlib import figures
+    if found is not None and found.stone is not None and found.frame is not None:
+        from gstlib.figures import save_figure
+        from gstlib.figures.stone import check_figure
 
         picture = Path(config["results"]) / "check.png"
-        patch_mm = config["scans"]["size_mm"]
-        figure = figures.input_figure(found.square, patches, patch_size_mm=patch_mm)
-        figures.save_figure(figure, picture)
-        print(f"  {'picture':<11} {picture}: the square with its patches")
+        figure = check_figure(
+            found.stone,
+            found.frame,
+            found.square,
+            patches,
+            size_mm=config["square"]["size_mm"],
+            patch_size_mm=config["scans"]["size_mm"],
+        )
+        save_figure(figure, picture)
+        print(f"  {'picture':<11} {picture}: the square on the stone, and the patches in it")
     if problems:
         print(f"\nERROR: {InputsError(problems)}", file=sys.stderr)
         return 1

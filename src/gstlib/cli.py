@@ -1,4 +1,4 @@
-"""The command `gst`: inspect files and compare results from the shell."""
+"""The command `gst`: inspect files, pick the square and compare results from the shell."""
 
 import json
 import sys
@@ -12,6 +12,7 @@ from gstlib.errors import GstError, InputError
 __all__ = ["main"]
 
 _PATH = click.Path(path_type=Path)
+_SCHEMA = Path(gstlib.__file__).parents[2] / "workflow/schemas/patches.schema.yaml"
 
 
 class _Commands(click.Group):
@@ -41,13 +42,18 @@ def main() -> None:
 @click.option(
     "--spacing-um", type=float, help="Point spacing (µm) of text files that do not state it."
 )
-@click.option("--picture", type=_PATH, help="Draw the heights into this PNG (one file only).")
+@click.option(
+    "--picture",
+    type=_PATH,
+    help="Draw the scan, or both sides of the mesh, into this PNG (one file only).",
+)
 def inspect(files, unit, spacing_um, picture) -> None:
     """Show what scans and meshes hold: size, spacing, units, unmeasured share, Sq.
 
     The exit code is 1 if any file cannot be read; the others are shown all the same.
     """
     from gstlib.inputs import inspect_file
+    from gstlib.io.meshes import is_mesh
 
     if picture is not None and (len(files) > 1 or picture.suffix.lower() != ".png"):
         problem = f"--picture draws one file into a PNG: name it .png, not '{picture.name}'"
@@ -55,7 +61,7 @@ def inspect(files, unit, spacing_um, picture) -> None:
     failed = False
     for file in files:
         try:
-            facts, heights = inspect_file(file, unit=unit, spacing_um=spacing_um)
+            facts, content = inspect_file(file, unit=unit, spacing_um=spacing_um)
         except GstError as error:
             failed = True
             click.echo(f"ERROR: {error}", err=True)
@@ -66,9 +72,52 @@ def inspect(files, unit, spacing_um, picture) -> None:
         click.echo(f"{file}\n{''.join(lines)}")
         if picture is not None:
             from gstlib.figures import save_figure, surface_figure
+            from gstlib.figures.stone import stone_figure
 
-            save_figure(surface_figure(heights, title=file.name), picture)
+            draw = stone_figure if is_mesh(file) else surface_figure
+            save_figure(draw(content, title=file.name), picture)
     sys.exit(failed)
+
+
+@main.command()
+@click.argument("mesh", type=_PATH)
+@click.option(
+    "--unit",
+    type=click.Choice(["m", "cm", "mm", "um", "in"]),
+    help="Unit of the mesh; mm by default, of GLB m.",
+)
+@click.option(
+    "--size",
+    type=click.FloatRange(0, 100, min_open=True),
+    default=5.0,
+    show_default=True,
+    help="Side of the square (mm).",
+)
+@click.option("--patches", type=_PATH, help="A patch table, to be drawn on the square.")
+@click.option(
+    "--patch-size",
+    type=click.FloatRange(0, 50, min_open=True),
+    default=0.85,
+    show_default=True,
+    help="Side of a patch (mm).",
+)
+@click.option("--output", type=_PATH, default="pick.html", show_default=True, help="The page.")
+def pick(mesh, unit, size, patches, patch_size, output) -> None:
+    """Write a page on which the square is picked: turn the stone, click, copy the config."""
+    from gstlib.io.files import write_whole
+    from gstlib.io.meshes import read_mesh, stated_unit
+    from gstlib.io.patches import read_patches
+    from gstlib.pick import pick_page
+
+    if output.suffix.lower() != ".html":
+        raise click.UsageError(f"--output is a page: name it .html, not '{output.name}'")
+    unit = unit or stated_unit(mesh) or "mm"
+    stone, table = read_mesh(mesh, unit=unit), None
+    if patches is not None:
+        table = read_patches(patches, schema=_SCHEMA, size_mm=size, patch_size_mm=patch_size)
+    options = {"name": mesh.name, "unit": unit, "size_mm": size, "patch_size_mm": patch_size}
+    write_whole(output, pick_page(stone, patches=table, **options).encode())
+    click.echo(f"{output}: open it in a browser")
 
 
 @main.command()

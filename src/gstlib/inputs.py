@@ -17,13 +17,13 @@ import xarray as xr
 
 from gstlib.contact import check_grid
 from gstlib.errors import GstError, InputError
-from gstlib.io.meshes import MESH_SUFFIXES, read_mesh
+from gstlib.io.meshes import is_mesh, read_mesh, stated_unit
 from gstlib.io.scans import check_size, cut_scan, read_scan, read_settings
-from gstlib.preprocess.frame import find_frame
+from gstlib.preprocess.frame import Frame, find_frame
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.scan import check_unmeasured
-from gstlib.surface import make_surface, spacing_of
+from gstlib.surface import spacing_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -42,8 +42,6 @@ _SAME_SPACING = 1e-3
 # One height at more than this share of the points, and at so many times the points of any other,
 # was written, not measured: of heights in few steps, each is about as frequent as the next.
 _HELD_SHARE, _HELD_TIMES = 1e-3, 10
-# Cells along the longest side of a mesh's relief.
-_RELIEF_CELLS = 200
 
 
 @dataclass(frozen=True)
@@ -79,6 +77,10 @@ class Inputs:
         least-squares plane; ``instrument, objective``; ``range_um``, of the heights as read.
     mesh : dict or None
         Vertices, faces, size, mean edge and state of the mesh; None if it cannot be read.
+    stone : trimesh.Trimesh or None
+        The mesh itself, mm.
+    frame : Frame or None
+        Where the square lies on it; None if there is no mesh, or if the config gives no frame.
     square : (ny, nx) xarray.DataArray or None
         Heights of the analysed square (mm), its plane removed; None if it cannot be had.
     problems : tuple of GstError
@@ -87,6 +89,8 @@ class Inputs:
 
     scans: pd.DataFrame
     mesh: dict[str, Any] | None
+    stone: "trimesh.Trimesh | None"
+    frame: Frame | None
     square: xr.DataArray | None
     problems: tuple[GstError, ...]
 
@@ -128,14 +132,15 @@ def check_inputs(
     What is odd and yet may be right is logged as a warning.
     """
     problems: list[GstError] = []
-    facts_of_mesh = heights = None
+    facts_of_mesh = stone = frame = heights = None
     try:
         if mesh is not None:
             stone = read_mesh(mesh, unit=mesh_unit)
             facts_of_mesh = _mesh_facts(stone)
+            frame = find_frame(square, stone, unit=mesh_unit, source=str(mesh))
             gridded = grid_mesh(
                 stone,
-                find_frame(square, stone, unit=mesh_unit, source=str(mesh)),
+                frame,
                 size_mm=square["size_mm"],
                 shape=(macroscale["grid"], macroscale["grid"]),
                 margin_mm=macroscale["margin_mm"],
@@ -187,6 +192,8 @@ def check_inputs(
     return Inputs(
         scans=pd.DataFrame(rows, columns=["patch", "epoch", "file", *_FACTS, "range_um"]),
         mesh=facts_of_mesh,
+        stone=stone,
+        frame=frame,
         square=heights,
         problems=(*problems, *_unlike_epochs(pieces), *_unlike_counterface(pieces)),
     )
@@ -270,14 +277,14 @@ def _warn_of_held_height(path: Path, scan: xr.DataArray) -> None:
 
 def inspect_file(
     path: str | Path, *, unit: str | None = None, spacing_um: float | None = None
-) -> tuple[dict[str, Any], xr.DataArray]:
-    """Facts about a scan or a mesh, and its heights to draw; errors as of their readers.
+) -> tuple[dict[str, Any], "xr.DataArray | trimesh.Trimesh"]:
+    """Facts about a scan or a mesh, and what to draw of it; errors as of their readers.
 
     Parameters
     ----------
     path : str or Path
     unit : str, optional
-        Unit of a file that does not state it; of meshes, mm by default.
+        Unit of a file that does not state it; of meshes, mm by default, of glTF (GLB) m.
     spacing_um : float, optional
         Spacing of the points of a scan that does not state it (text).
 
@@ -286,13 +293,16 @@ def inspect_file(
     facts : dict
         ``unit`` (and who states it); points, spacing, size and heights of a scan, and what it
         tells of its instrument; vertices, faces, size and state of a mesh.
-    heights : (ny, nx) xarray.DataArray
-        mm: the scan without its plane, or the mesh seen along its shortest side.
+    content : (ny, nx) xarray.DataArray or trimesh.Trimesh
+        mm: the scan without its plane, or the mesh.
     """
-    if Path(path).suffix.lower() in MESH_SUFFIXES:
-        mesh = read_mesh(path, unit=unit or "mm")
-        said = f"{unit}, as told" if unit else "mm, the default: meshes do not state it"
-        return {"unit": said} | _mesh_facts(mesh), _mesh_relief(mesh)
+    if is_mesh(path):
+        stated = stated_unit(path)
+        said = "mm, the default: the format does not state it"
+        if unit or stated:
+            said = f"{unit}, as told" if unit else f"{stated}, as the format prescribes"
+        mesh = read_mesh(path, unit=unit or stated or "mm")
+        return {"unit": said} | _mesh_facts(mesh), mesh
     spacing_mm = None if spacing_um is None else spacing_um / _MM_TO_UM
     try:
         scan, said = read_scan(path, spacing_mm=spacing_mm), "in the file"
@@ -336,17 +346,3 @@ def _mesh_facts(mesh: "trimesh.Trimesh") -> dict[str, Any]:
         "bodies": int(mesh.body_count),
         "closed": "yes" if mesh.is_watertight else "no",
     }
-
-
-def _mesh_relief(mesh: "trimesh.Trimesh") -> xr.DataArray:
-    """Highest vertices of a mesh, seen along its shortest side, on a coarse grid (mm)."""
-    points = np.asarray(mesh.vertices) - mesh.bounds[0]
-    across = int(np.argmin(np.ptp(points, axis=0)))
-    first, second = (axis for axis in range(3) if axis != across)
-    # Cells as wide as edges at least, or the picture is full of holes.
-    step = max(np.ptp(points, axis=0).max() / _RELIEF_CELLS, 1.5 * mesh.edges_unique_length.mean())
-    columns, rows = ((points[:, axis] / step).astype(int) for axis in (first, second))
-    highest = np.full((rows.max() + 1, columns.max() + 1), -np.inf)
-    np.maximum.at(highest, (rows, columns), points[:, across])
-    highest[np.isinf(highest)] = np.nan
-    return make_surface(highest, step)

@@ -190,7 +190,7 @@ def tool_scene(
     from matplotlib.image import imsave
 
     from gstlib.figures.maps import FORCE_MAP
-    from gstlib.figures.tool import coloured_tool, outline_on, pressure_norm, view_axes
+    from gstlib.figures.tool import coloured_tool, outline_on, pressure_norm, tool_view
     from gstlib.viewer import stone_data
 
     stone, colours = coloured_tool(mesh, frame, pressure, faces=_STONE_FACES)
@@ -209,17 +209,16 @@ def tool_scene(
         turned = half * corners @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
         patches.append({"patch": patch} | outlined(turned + np.array([x, y])))
     axes = np.array([frame.x_axis, frame.y_axis, frame.normal])
-    view = view_axes() @ axes  # in the mesh's coordinates
-    seen = stone.vertices @ view.T
+    view = tool_view(stone, frame)
     content = io.BytesIO()
     shown = pressure_norm(pressure)
     imsave(content, FORCE_MAP(shown(pressure.values))[::-1], metadata={"Software": None})
     return {
         "stone": stone_data(stone, colours),
         "frame": {"origin": list(frame.origin), "axes": axes.tolist(), "size": size},
-        "view": view[2].tolist(),
-        "middle": ((seen.min(axis=0) + seen.max(axis=0)) / 2 @ view).tolist(),
-        "extent": np.ptp(seen, axis=0)[:2].tolist(),
+        "view": list(view.normal),
+        "middle": list(view.origin),
+        "extent": np.ptp(view.to_frame(stone.vertices), axis=0)[:2].tolist(),
         "square": outlined(size / 2 * (corners + 1)),
         "patches": patches,
         "map": embedded(content.getvalue()),

@@ -1,10 +1,11 @@
 /* A stone that can be turned, drawn by three.js with WebGL. It draws only when something changes.
 
-   const viewer = stoneViewer(element, stone, {colour, background, label})
+   const viewer = stoneViewer(element, stone, {colour, background, label, lift})
      element     an HTML element with a size; a canvas fills it
      stone       what gstlib.viewer.stone_data returns
      options     colour "#aaa397" of a stone without colours, background "#ffffff",
-                 label: the name that a screen reader says
+                 label: the name that a screen reader says, lift: mm of stone through which lines
+                 and labels show, 2 % of its radius by default
      returns     null, and says so in the element, where the browser has no WebGL
 
    Points, normals and sizes are in the mesh's own coordinates, in mm, as arrays [x, y, z].
@@ -12,8 +13,7 @@
      setColours(rgb)        colours of the vertices: base64 or Uint8Array of 3 bytes each, or null
      rake(azimuth, altitude)  where light comes from, in degrees: clockwise from the top of the
                             view, and above the plane of the view (90: from behind the viewer)
-     addLines(points, colour, closed, width)  a line of so many pixels; it shows through what covers
-                            it by 2 % of the stone's radius at most; returns {remove()}
+     addLines(points, colour, closed, width)  a line of so many pixels; returns {remove()}
      addLabel(point, text)  HTML at a point, hidden while the stone is before it: the returned
                             {element, remove()} can be styled and listened to
      pick(clientX, clientY) {point, normal} of the surface there, or null
@@ -46,7 +46,7 @@ function stoneViewer(element, stone, options = {}) {
   const vertices = new Float32Array(bytes(stone.vertices).buffer);
   const radius = vector(stone.bounds[1]).distanceTo(vector(stone.bounds[0])) / 2;
   const depth = 6 * radius; // of the space that is drawn
-  const lift = 0.02 * radius; // of lines and labels above the surface
+  const lift = options.lift || 0.02 * radius;
 
   // --- the scene
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gstlib.errors import InputError
+from gstlib.preprocess.frame import principal_axes
 
 if TYPE_CHECKING:
     import trimesh
@@ -96,7 +97,7 @@ def coarsen(
     means = np.column_stack([np.bincount(cluster, points[:, k]) / count for k in range(3)])
     coarse = cluster[triangles][whole][np.sort(first)]
     # Where a cell holds a fold, a face may have been turned over: it would be drawn dark.
-    outwards = np.asarray(mesh.face_normals)[whole][np.sort(first)]
+    outwards = mesh.vertex_normals[triangles].sum(axis=1)[whole][np.sort(first)]
     edges = np.diff(means[coarse], axis=1)
     over = (np.cross(edges[:, 0], edges[:, 1]) * outwards).sum(axis=1) < 0
     coarse[over] = coarse[over, ::-1]
@@ -122,15 +123,12 @@ def stone_data(mesh: "trimesh.Trimesh", colours: np.ndarray | None = None) -> di
     """
     low, high = mesh.bounds
     centre = (low + high) / 2
-    axes = np.linalg.eigh(np.cov(np.asarray(mesh.vertices).T))[1].T[::-1]
-    # Their signs are arbitrary: the same on every machine.
-    axes = axes * np.sign([axis[np.abs(axis).argmax()] for axis in axes])[:, np.newaxis]
     data = {
         "vertices": _base64(mesh.vertices - centre, "<f4"),
         "faces": _base64(mesh.faces, "<u4"),
         "centre": centre.tolist(),
         "bounds": [low.tolist(), high.tolist()],
-        "axes": axes.tolist(),
+        "axes": principal_axes(mesh).tolist(),
     }
     return data if colours is None else data | {"colours": _base64(colours, "u1")}
 

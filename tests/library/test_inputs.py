@@ -104,7 +104,7 @@ def test_a_mesh_too_coarse_for_the_square(folder):
 def test_scans_are_looked_at_without_a_mesh(folder):
     (folder / "1_T0.plu").unlink()
     found = check_inputs(None, scans(folder), **SETTINGS)
-    assert (found.mesh, found.square) == (None, None)
+    assert (found.mesh, found.stone, found.frame, found.square) == (None, None, None, None)
     assert f"{folder}/1_T0.plu: no such file" in str(InputsError(found.problems))
 
 
@@ -214,15 +214,22 @@ def test_facts_of_a_scan(tilted):
 def test_facts_of_a_mesh(tmp_path):
     box = trimesh.creation.box(extents=(30.0, 20.0, 10.0))
     box.export(tmp_path / "a.stl")
-    facts, relief = inspect_file(tmp_path / "a.stl")
+    facts, mesh = inspect_file(tmp_path / "a.stl")
     assert (facts["vertices"], facts["faces"], facts["bodies"]) == (8, 12, 1)
     assert [facts[f"size_{axis}_mm"] for axis in "xyz"] == pytest.approx([30, 20, 10])
     assert facts["closed"] == "yes"
-    assert float(relief.max()) == pytest.approx(10)  # seen along the shortest side
+    assert mesh.extents == pytest.approx([30, 20, 10])
     box.slice_plane([0, 0, 0], [0, 0, 1]).export(tmp_path / "half.stl")
     half, _ = inspect_file(tmp_path / "half.stl", unit="in")
     assert half["size_x_mm"] == pytest.approx(30 * 25.4)
     assert half["closed"] == "no"
+
+
+def test_glb_is_in_metres_unless_told_otherwise(tmp_path):
+    trimesh.creation.box(extents=(0.3, 0.2, 0.1)).export(tmp_path / "a.glb")
+    assert inspect_file(tmp_path / "a.glb")[0]["size_x_mm"] == pytest.approx(300)
+    facts, _ = inspect_file(tmp_path / "a.glb", unit="cm")
+    assert (facts["unit"], facts["size_x_mm"]) == ("cm, as told", pytest.approx(3))
 
 
 def inspect(*arguments):
@@ -237,6 +244,20 @@ def test_command_shows_the_facts(tilted, tmp_path):
     refused = inspect(tilted, "--picture", tmp_path / "a.jpg")
     assert refused.exit_code == 2
     assert "name it .png, not 'a.jpg'" in refused.stderr
+
+
+def test_command_draws_a_mesh(tmp_path):
+    trimesh.creation.icosphere(radius=20.0).export(tmp_path / "a.ply")
+    result = inspect(tmp_path / "a.ply", "--picture", tmp_path / "a.png")
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "a.png").stat().st_size > 1000
+
+
+def test_a_mesh_that_is_not_read_gets_advice_about_meshes(tmp_path):
+    (tmp_path / "a.3mf").write_bytes(b"PK")
+    result = inspect(tmp_path / "a.3mf")
+    assert result.exit_code == 1
+    assert ".glb" in result.stderr
 
 
 def test_command_goes_on_after_a_bad_file(tilted, tmp_path):

@@ -17,9 +17,7 @@ _ROOM = (0.55, 0.25, 0.3, 0.85)
 
 def _height_map(height: xr.DataArray) -> tuple[Figure, Axes]:
     figure, (axes,) = style.panels(1, 1, _SQUARE, _ROOM)
-    norm = maps.height_norm(height)
-    image = maps.draw_map(axes, height, cmap=maps.HEIGHT_MAP, norm=norm, ticks=True)
-    maps.colour_bar(axes, image, "height (µm)", below=0.13)
+    maps.draw_heights(axes, height)
     return figure, axes
 
 

@@ -22,8 +22,9 @@ from matplotlib.patheffects import withStroke
 from gstlib.figures.style import DPI, MM_TO_UM, PALE, VERMILION
 from gstlib.surface import spacing_of
 
-__all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHT_MAP", "colour_bar", "draw_footprints"]
-__all__ += ["draw_forces", "draw_map", "height_norm", "mark_corner", "pixel_means", "scale_bar"]
+__all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHT_MAP", "OUTLINE", "colour_bar", "draw_footprints"]
+__all__ += ["draw_forces", "draw_heights", "draw_map", "height_norm", "mark_corner", "pixel_means"]
+__all__ += ["scale_bar"]
 
 # Few levels make small files; these are enough that the eye sees no steps.
 HEIGHT_MAP = colormaps["cividis"].resampled(64)
@@ -34,7 +35,7 @@ RELIEF_MAP = LinearSegmentedColormap.from_list("relief", ["#c4c4c4", "#fafafa"],
 FORCE_MAP = LinearSegmentedColormap.from_list(
     "force", ["#ffffff", *colormaps["magma_r"](np.linspace(0.1, 0.95, 12))]
 )
-_OUTLINE = [withStroke(linewidth=2.5, foreground="white")]
+OUTLINE = [withStroke(linewidth=2.5, foreground="white")]
 
 
 def height_norm(*surfaces: xr.DataArray) -> Normalize:
@@ -132,6 +133,12 @@ def draw_map(
     return ScalarMappable(norm, cmap)
 
 
+def draw_heights(axes: Axes, height: xr.DataArray) -> None:
+    """Draw heights (mm) in colours, with axes in mm and a colour bar."""
+    image = draw_map(axes, height, cmap=HEIGHT_MAP, norm=height_norm(height), ticks=True)
+    colour_bar(axes, image, "height (µm)", below=0.13)
+
+
 def draw_forces(axes: Axes, contact: xr.Dataset, *, ticks: bool = False) -> ScalarMappable:
     """Force (N) on each element at the last step, in colours on a square-root scale."""
     dy, dx = spacing_of(contact)
@@ -151,7 +158,7 @@ def scale_bar(axes: Axes) -> None:
     look = {"color": "black", "lw": 2, "solid_capstyle": "butt", "path_effects": outline}
     axes.plot([x, x + length], [y, y], **look)
     middle = x + length / 2, y + 0.025 * (top - bottom)
-    look = {"ha": "center", "va": "bottom", "fontsize": 6.5, "path_effects": _OUTLINE}
+    look = {"ha": "center", "va": "bottom", "fontsize": 6.5, "path_effects": OUTLINE}
     axes.text(*middle, f"{length:g} mm", **look)
 
 
@@ -202,8 +209,8 @@ def draw_footprints(
         turned = corners @ [[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]]
         outline = Polygon(np.add(turned, (row.x_mm, row.y_mm)), fill=False, edgecolor=colour)
         line = "-" if getattr(row, "in_study", True) else "--"
-        outline.set(linestyle=line, path_effects=_OUTLINE)
+        outline.set(linestyle=line, path_effects=OUTLINE)
         axes.add_patch(outline)
         at = row.x_mm - 0.92 * half, row.y_mm + 0.9 * half
-        look = {"fontsize": 6.5, "color": colour, "path_effects": _OUTLINE}
+        look = {"fontsize": 6.5, "color": colour, "path_effects": OUTLINE}
         axes.text(*at, row.patch, ha="left", va="top", **look)

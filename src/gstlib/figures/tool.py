@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.colors import PowerNorm, to_rgb
 from matplotlib.patches import Polygon
 
@@ -18,21 +17,22 @@ from gstlib.viewer import coarsen
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["STONE", "coloured_tool", "draw_tool", "outline_on", "pressure_norm", "view_axes"]
+__all__ = ["STONE", "coloured_tool", "draw_tool", "outline_on", "pressure_norm", "tool_view"]
 
 STONE = "#b9b2a6"
 # Where the tool is seen from, in the square's axes: aslant, so that its shape shows.
 _VIEW = np.array([-0.35, -0.55, 1.0])
-# Light comes from the upper left, low enough to show relief (in the picture's axes).
-_LIGHT = np.array([-0.6, 0.6, 0.53])
 
 
-def view_axes() -> np.ndarray:
-    """What is to the right, upwards and towards the eye: (3, 3), in the square's axes."""
-    back = _VIEW / np.linalg.norm(_VIEW)
-    right = np.cross([0.0, 1.0, 0.0], back)
-    right /= np.linalg.norm(right)
-    return np.array([right, np.cross(back, right), back])
+def tool_view(mesh: "trimesh.Trimesh", frame: Frame) -> Frame:
+    """How the whole tool (mm) is looked at: its middle is that of the picture."""
+    axes = np.array([frame.x_axis, frame.y_axis, frame.normal])
+    towards = _VIEW @ axes
+    view = Frame((0.0, 0.0, 0.0), np.cross(frame.y_axis, towards).tolist(), towards.tolist())
+    seen = view.to_frame(mesh.vertices)
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    middle = middle @ np.array([view.x_axis, view.y_axis, view.normal])
+    return Frame(middle.tolist(), view.x_axis, view.normal)
 
 
 def pressure_norm(pressure: xr.DataArray) -> PowerNorm:
@@ -131,26 +131,13 @@ def outline_on(
 def draw_tool(
     axes: Axes, mesh: "trimesh.Trimesh", frame: Frame, pressure: xr.DataArray, *, faces: int = 40000
 ) -> None:
-    """A picture of the tool as `view_axes` sees it, its square outlined."""
+    """A picture of the tool from `tool_view`, its square outlined."""
+    from gstlib.figures.stone import draw_stone  # loads trimesh, which no other figure needs
+
     whole, colours = coloured_tool(mesh, frame, pressure, faces=faces)
-    view = view_axes()
-    seen = frame.to_frame(whole.vertices) @ view.T
-    corners = seen[whole.faces]
-    front = np.flatnonzero(np.cross(*np.moveaxis(np.diff(corners, axis=1), 1, 0))[:, 2] > 0)
-    front = front[np.argsort(corners[front, :, 2].mean(axis=1), kind="stable")]  # far ones first
-    normals = frame.to_frame(whole.vertex_normals + np.array(frame.origin)) @ view.T
-    light = 0.62 + 0.55 * np.clip(normals @ (_LIGHT / np.linalg.norm(_LIGHT)), 0, None)
-    shaded = (colours / 255 * light[:, np.newaxis])[whole.faces[front]]
-    paint = shaded.mean(axis=1).clip(0, 1)
-    tool = PolyCollection(corners[front, :, :2], facecolors=paint, edgecolors="face", lw=0.3)
-    axes.add_collection(tool)
+    view = tool_view(whole, frame)
+    draw_stone(axes, whole, view, colours=colours)
     size = _size_of(pressure)
     square = size * np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    outline = frame.to_frame(outline_on(whole, frame, square, size)) @ view.T
+    outline = view.to_frame(outline_on(whole, frame, square, size))
     axes.add_patch(Polygon(outline[:, :2], fill=False, edgecolor=VERMILION, lw=1))
-    low, high = seen[:, :2].min(axis=0), seen[:, :2].max(axis=0)
-    reach = 0.52 * float(max(high - low))
-    middle = (low + high) / 2
-    axes.set(xlim=(middle[0] - reach, middle[0] + reach), xticks=[], yticks=[], aspect="equal")
-    axes.set(ylim=(middle[1] - reach, middle[1] + reach))
-    axes.spines[:].set_visible(False)

@@ -1,10 +1,11 @@
-"""Triangle meshes of stones (STL, PLY, OBJ, OFF, GLB), read through trimesh, in mm.
+"""Triangle meshes of stones (STL, PLY, OBJ, OFF, glTF), read through trimesh, in mm.
 
 trimesh reads a damaged file without complaint and returns the part that it understood. A cut file
 must never pass for a smaller stone, so its faces are counted against those that it announces.
 """
 
 import io
+import logging
 import re
 import warnings
 from pathlib import Path
@@ -17,9 +18,15 @@ from gstlib.errors import InputError
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["MESH_SUFFIXES", "read_mesh"]
+__all__ = ["is_mesh", "read_mesh", "stated_unit"]
 
-MESH_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb")
+_log = logging.getLogger(__name__)
+
+_READ = (".stl", ".ply", ".obj", ".off", ".glb", ".gltf")
+# Other formats of meshes: what trimesh reads of them needs further packages, or is not checked.
+_NOT_READ = (".3mf", ".fbx", ".dae", ".wrl", ".x3d", ".usd", ".usdz", ".nxs", ".nxz", ".ctm")
+# The units that a format prescribes.
+_STATED = {".glb": "m", ".gltf": "m"}
 # Length of each unit in mm.
 _UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4}
 # Largest extent (mm) of a stone that a hand could grind with; outside it the unit is wrong.
@@ -33,9 +40,11 @@ def read_mesh(path: str | Path, *, unit: str = "mm") -> "trimesh.Trimesh":
     Parameters
     ----------
     path : str or Path
-        STL (binary or ASCII), PLY, OBJ, OFF or GLB.
+        STL (binary or ASCII), PLY, OBJ, OFF, or glTF in one file (.glb, .gltf), whose parts are put
+        where its scene has them.
     unit : {"mm", "cm", "m", "um", "in"}
-        Unit of the file's coordinates, which these formats do not state (GLB: metres, usually).
+        Unit of the file's coordinates. glTF prescribes metres: another unit is taken, as exporters
+        write others, with a warning. The other formats do not state one.
 
     Returns
     -------
@@ -55,9 +64,9 @@ def read_mesh(path: str | Path, *, unit: str = "mm") -> "trimesh.Trimesh":
         raise InputError(path, f"unknown mesh unit {unit!r}", f"Use one of {list(_UNITS)}.")
     if not path.is_file():
         raise InputError(path, "no such file", "Correct the path of the mesh in the config.")
-    if path.suffix.lower() not in MESH_SUFFIXES:
-        problem = f"'{path.suffix}' is not a mesh format known here"
-        raise InputError(path, problem, f"Use {', '.join(MESH_SUFFIXES)}.")
+    if path.suffix.lower() not in _READ:
+        problem = f"'{path.suffix}' is not a mesh format that is read here"
+        raise InputError(path, problem, f"Export the mesh as one of {', '.join(_READ)}.")
     content = path.read_bytes()
     announced = _announced_faces(path, content)
     vertices, faces = _load(path, content)
@@ -77,9 +86,23 @@ def read_mesh(path: str | Path, *, unit: str = "mm") -> "trimesh.Trimesh":
     if bad:
         raise InputError(path, f"{bad} of {len(vertices)} vertices are not numbers", "Repair it.")
     _check_size(path, float(np.ptp(vertices, axis=0).max()), unit)
+    stated = stated_unit(path)
+    if stated not in (None, unit):
+        message = "%s: glTF is in %s by its specification, and is read in %s, as told"
+        _log.warning(message, path, stated, unit)
     mesh = trimesh.Trimesh(vertices * _UNITS[unit], faces, process=False)
     mesh.merge_vertices()
     return mesh
+
+
+def is_mesh(path: str | Path) -> bool:
+    """Whether a file has the ending of a mesh, of one that `read_mesh` reads or of another."""
+    return Path(path).suffix.lower() in _READ + _NOT_READ
+
+
+def stated_unit(path: str | Path) -> str | None:
+    """The unit that the format of a mesh prescribes, None where it prescribes none."""
+    return _STATED.get(Path(path).suffix.lower())
 
 
 def _announced_faces(path: Path, content: bytes) -> int | None:
@@ -136,7 +159,9 @@ def _load(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray]:
     except Exception as error:  # trimesh raises whatever its parsers raise
         reason = f"{type(error).__name__}: {error}"
         problem = f"cannot be read as {kind.upper()} ({reason})"
-        raise InputError(path, problem, _EXPORT_AGAIN) from error
+        # A .gltf keeps its numbers in other files, unless it is told not to.
+        remedy = "Export it as one file (.glb)." if kind == "gltf" else _EXPORT_AGAIN
+        raise InputError(path, problem, remedy) from error
 
 
 def _check_size(path: Path, extent: float, unit: str) -> None:

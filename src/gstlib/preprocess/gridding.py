@@ -20,7 +20,7 @@ from gstlib.surface import axis_coordinates, make_surface
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["grid_mesh"]
+__all__ = ["grid_mesh", "orientation"]
 
 _log = logging.getLogger(__name__)
 
@@ -126,7 +126,10 @@ def grid_mesh(
             "Check inputs.mesh_unit and square.frame in the config.",
         )
     body = connected_component_labels(faces[:, [0, 1, 1, 2]].reshape(-1, 2), len(points))
-    side = 2 * body[faces[:, 0]] + (_orientation(mesh) * areas > 0)
+    outwards = orientation(mesh)
+    if outwards < 0:
+        _log.warning("the mesh is inside out (its volume is negative): its faces were turned")
+    side = 2 * body[faces[:, 0]] + (outwards * areas > 0)
     hit = side[face]
     cover = np.bincount(hit)
     # Specks, flaps and the inside of a hollow scan are no candidates.
@@ -251,13 +254,12 @@ def _left_out(cloud: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.nda
     return known, errors[:, known]
 
 
-def _orientation(mesh: "trimesh.Trimesh") -> int:
+def orientation(mesh: "trimesh.Trimesh") -> int:
     """+1, or -1 for a closed mesh that is inside out (negative volume)."""
     areas = mesh.triangles_cross
     closed = np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum()
     # from its middle, so that pin-holes far from the origin count little
     if closed and ((mesh.triangles_center - mesh.bounds.mean(axis=0)) * areas).sum() < 0:
-        _log.warning("the mesh is inside out (its volume is negative): its faces were turned")
         return -1
     return 1
 

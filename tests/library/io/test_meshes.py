@@ -1,6 +1,9 @@
 """Meshes: what is read is whole and in mm; what is cut or damaged is refused with its reason."""
 
+import base64
 import itertools
+import json
+import logging
 import struct
 
 import numpy as np
@@ -55,6 +58,16 @@ def ply(order):
     return "\n".join(header).encode() + body
 
 
+def gltf():
+    """The stone as glTF with its numbers in the same file."""
+    files = stone().export(file_type="gltf")
+    tree = json.loads(files["model.gltf"])
+    for buffer in tree["buffers"]:
+        numbers = base64.b64encode(files[buffer["uri"]]).decode()
+        buffer["uri"] = f"data:application/octet-stream;base64,{numbers}"
+    return json.dumps(tree).encode()
+
+
 FILES = {
     "binary.stl": exported("stl"),
     "ascii.stl": exported("stl_ascii"),
@@ -69,6 +82,7 @@ FILES = {
         for kind, FILE in (("obj", quads_obj()), ("ply", ply("")), ("stl", exported("stl_ascii")))
     },
     "whole.glb": exported("glb"),
+    "whole.gltf": gltf(),
 }
 each_file = pytest.mark.parametrize("name", FILES)
 
@@ -101,6 +115,34 @@ def test_units(tmp_path):
     for unit, length in (("cm", 10.0), ("m", 1000.0), ("um", 1e-3), ("in", 25.4)):
         stone().apply_scale(1 / length).export(tmp_path / "stone.stl")
         assert read_mesh(tmp_path / "stone.stl", unit=unit).extents == pytest.approx(SIZE, rel=1e-3)
+
+
+def test_the_parts_of_a_scene_are_put_where_it_has_them(tmp_path):
+    scene = trimesh.Scene(stone())
+    twice = np.diag([2.0, 2.0, 2.0, 1.0])
+    twice[0, 3] = 100.0
+    scene.add_geometry(stone(), transform=twice)
+    scene.export(tmp_path / "two.glb")
+    mesh = read_mesh(tmp_path / "two.glb")
+    np.testing.assert_allclose(mesh.bounds, [[-20, -30, -20], [140, 30, 20]], atol=1e-5)
+    assert mesh.body_count == 2
+
+
+def test_numbers_in_other_files_are_not_looked_for(tmp_path):
+    for name, content in stone().export(file_type="gltf").items():
+        (tmp_path / name).write_bytes(content)
+    refused(tmp_path / "model.gltf", r"\.glb")
+
+
+def test_another_unit_than_the_format_prescribes_is_warned_of(write, tmp_path, caplog):
+    with caplog.at_level(logging.WARNING):
+        read_mesh(write("whole.glb"))
+        assert "specification" in caplog.text
+        caplog.clear()
+        stone().apply_scale(1e-3).export(tmp_path / "metres.glb")
+        read_mesh(tmp_path / "metres.glb", unit="m")
+        read_mesh(write("binary.stl"))
+        assert caplog.text == ""
 
 
 def test_a_wrong_unit_is_named(tmp_path):
