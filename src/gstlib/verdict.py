@@ -23,6 +23,8 @@ def verdict(
     intervals: pd.DataFrame,
     gains: pd.DataFrame | None = None,
     variants: pd.DataFrame | None = None,
+    *,
+    square_force_N: float,
 ) -> list[str]:
     """What the study found, the load first, then the prediction against the wear.
 
@@ -33,13 +35,15 @@ def verdict(
     gains, variants : pandas.DataFrame, optional
         ``validation_gains.csv`` and ``validation_variants.csv``, its first variant the study's own;
         None for a study without T1.
+    square_force_N : float
+        On the whole square, at the target pressure.
 
     Returns
     -------
     list of str
         Sentences.
     """
-    sentences = [_load(pressures, intervals)]
+    sentences = [_load(pressures, intervals, square_force_N)]
     if not pressures["in_study"].any():
         return [*sentences, "No patch enters the study: the table of pressures gives the reasons."]
     if gains is None or variants is None:
@@ -52,7 +56,7 @@ def verdict(
     return [*sentences, against_chance(gains), against_rival(own)]
 
 
-def _load(pressures: pd.DataFrame, intervals: pd.DataFrame) -> str:
+def _load(pressures: pd.DataFrame, intervals: pd.DataFrame, square_force_N: float) -> str:
     """Who carries the load, and how well its highest pressure is known."""
     total, count = float(pressures["force_N"].sum()), len(pressures)
     if not total > 0:
@@ -66,16 +70,16 @@ def _load(pressures: pd.DataFrame, intervals: pd.DataFrame) -> str:
     ordered = pressures.sort_values("force_N", ascending=False, kind="stable")
     shares = ordered["force_N"].cumsum() / total
     carriers = list(ordered["patch"])[: int((shares <= 0.5).sum()) + 1]
-    share = f"{100 * shares.iloc[len(carriers) - 1]:.0f} % of the force on the {count} patches"
+    share = f"{100 * shares.iloc[len(carriers) - 1]:.0f} % of the load on the {count} patches"
+    share += f", which bear {100 * total / square_force_N:.0f} % of the square's"
     if count == 1:
         return f"P{top[1:]}."
     if len(carriers) > _MOST_NAMED:
         return f"The load is spread: {len(carriers)} patches carry {share}; {top}."
     if len(carriers) == 1:
         top = top.replace(f"patch {carriers[0]} bears", "it bears")
-        return f"Patch {carriers[0]} carries most of the load, {share}; {top}."
-    named = f"{', '.join(carriers[:-1])} and {carriers[-1]}"
-    return f"Patches {named} carry most of the load, {share}; {top}."
+        return f"Patch {carriers[0]} carries {share}; {top}."
+    return f"Patches {', '.join(carriers[:-1])} and {carriers[-1]} carry {share}; {top}."
 
 
 def _two_digits(value: float) -> str:

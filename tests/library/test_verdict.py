@@ -5,7 +5,11 @@ import math
 import pandas as pd
 import pytest
 
-from gstlib.verdict import verdict
+from gstlib.verdict import verdict as verdict_of
+
+
+def verdict(*tables):
+    return verdict_of(*tables, square_force_N=200.0)
 
 
 def tables(forces, *, studied=True):
@@ -28,17 +32,18 @@ def compared(p_values=(0.01, 0.2, math.nan), **row):
 
 
 @pytest.mark.parametrize(
-    ("forces", "named", "share"),
+    ("forces", "named", "share", "of_square"),
     [
-        ([1.0, 30.0, 31.0, 8.0], "c and b carry", "87 %"),
-        ([60.0, 1.0, 1.0], "Patch a carries", "97 %"),
-        ([10.0] * 16, "spread: 9 patches", "56 %"),
+        ([1.0, 30.0, 31.0, 8.0], "c and b carry", "87 %", "35 %"),
+        ([60.0, 1.0, 1.0], "Patch a carries", "97 %", "31 %"),
+        ([10.0] * 16, "spread: 9 patches", "56 %", "80 %"),
     ],
 )
-def test_the_fewest_patches_that_carry_most_of_the_load(forces, named, share):
+def test_the_fewest_patches_that_carry_most_of_the_load(forces, named, share, of_square):
     first = verdict(*tables(forces))[0]
     assert named in first
-    assert f"{share} of the force on the {len(forces)} patches" in first
+    assert f"{share} of the load on the {len(forces)} patches" in first
+    assert f"bear {of_square} of the square's" in first
     assert f"{2 * max(forces):g} MPa (95 % interval 1 to 120)" in first
 
 

@@ -47,19 +47,20 @@ def main(
 ) -> None:
     tables = {file.stem: file for file in shown if file.suffix == ".csv"}
     pictures = {file.stem: file for file in shown if file.suffix == ".png"}
+    frame = stored_frame(read_attributes(surface))
+    pressure = read_dataset(contact, only=["pressure"])["pressure"].isel(step=-1)
     answer = verdict(
         *(read_table(tables[name]) for name in ("patch_pressures", "patch_intervals")),
         *(
             read_table(tables[name]) if name in tables else None
             for name in ("validation_gains", "validation_variants")
         ),
+        square_force_N=float(pressure.mean()) * config["square"]["size_mm"] ** 2,
     )
     said = {"verdict": answer, "generated": config["specimen"] is not None}
     overview = embedded(pictures["overview"].read_bytes())
     write_whole(report, render("page.report.html", **said, overview=overview).encode())
 
-    frame = stored_frame(read_attributes(surface))
-    pressure = read_dataset(contact, only=["pressure"])["pressure"].isel(step=-1)
     scene = tool_scene(read_mesh(mesh, unit=mesh_unit), frame, pressure, places, patch_mm)
     entries = [
         Shown(file, category, title, caption_html(caption.read_text("utf-8"), config=config))
