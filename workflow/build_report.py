@@ -1,4 +1,4 @@
-"""Build the report of a finished study, unless it is up to date, and say where everything is."""
+"""Build the archive report of a finished study, unless it is up to date, and say what to open."""
 
 import subprocess
 import sys
@@ -7,7 +7,7 @@ from pathlib import Path
 from prepare import read_config
 
 # What the report shows, and the logs of the steps, which tell when they ran.
-SHOWN = ("provenance.json", "tables/*.csv", "figures/**/*.png", "logs/**/*.log")
+SHOWN = ("provenance.json", "verdict.html", "tables/*.csv", "figures/**/*.png", "logs/**/*.log")
 
 
 def is_report_current(results: Path) -> bool:
@@ -27,7 +27,8 @@ def main() -> None:
         snakemake = [sys.executable, "-m", "snakemake", "--configfile", config]
         subprocess.run([*snakemake, "--report", part, "--quiet", "all"], check=True)
         part.replace(report)
-    print(f"Done. Report: {report} (open it in a browser); tables: {folder / 'tables'}")
+    print(f"Done. Open {folder / 'index.html'} in a browser.")
+    print(f"The archive of the study: {report}; its tables: {folder / 'tables'}")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -12,11 +13,12 @@ from typing import Any
 from gstlib.errors import GstError
 from gstlib.io.files import cannot_write
 
-__all__ = ["FILE_ONLY", "job_log", "patch_by_patch", "run_script"]
+__all__ = ["FILE_ONLY", "job_log", "logged", "patch_by_patch", "run_script"]
 
 # Environment variable, set by the workflow's display of progress, which shows what is in the log:
 # a job then keeps off the screen, unless its log cannot be written.
 FILE_ONLY = "GSTLIB_LOG_FILE_ONLY"
+_RECORD = re.compile(r"^(\w+) (.*?)(?=^(?:INFO|WARNING|ERROR) |\Z)", re.MULTILINE | re.DOTALL)
 
 
 class _LogFile(logging.FileHandler):
@@ -70,6 +72,14 @@ def job_log(path: str | Path) -> Iterator[logging.Logger]:
         for handler in (file, screen):
             log.removeHandler(handler)
             handler.close()
+
+
+def logged(log: Path, level: str) -> list[str]:
+    """Records of a level in a log of `job_log`; of a traceback, the last three lines."""
+    text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
+    records = [match[2].strip() for match in _RECORD.finditer(text) if match[1] == level]
+    parts = [record.partition("\nTraceback (most recent call last):\n") for record in records]
+    return ["\n  ".join([said, *trace.splitlines()[-3:]]) for said, _, trace in parts]
 
 
 def patch_by_patch(patches: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:

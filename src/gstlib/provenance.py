@@ -111,6 +111,9 @@ def source_hash(script: str | Path) -> str:
     for file, name in sorted(seen - {start}):  # Snakemake itself watches the script
         digest.update(f"{file.relative_to(package).as_posix()} {name}".encode())
         digest.update(ast.dump(_definitions(file)[name]).encode() if name else file.read_bytes())
+        # templates and the like, beside a module and named after it
+        for data in sorted(set(file.parent.glob(f"{file.stem}.*")) - {file}):
+            digest.update(data.read_bytes())
     return digest.hexdigest()[:16]
 
 

@@ -17,11 +17,10 @@ from typing import Any
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
-from gstlib.logs import FILE_ONLY
+from gstlib.logs import FILE_ONLY, logged
 
-__all__ = ["LogHandler", "logged"]
+__all__ = ["LogHandler"]
 
-_RECORD = re.compile(r"^(\w+) (.*?)(?=^(?:INFO|WARNING|ERROR) |\Z)", re.MULTILINE | re.DOTALL)
 _SILENT = (
     "the step ended without an error message. It may have been stopped: by a person, at its time "
     "limit, or for lack of memory."
@@ -30,14 +29,6 @@ _SILENT = (
 _REPLACED = ("At least one job did not complete successfully", "Exiting because a job execution")
 _WANTED = ("Terminating", "Will exit", "Nothing to be", "Trying to restart", "Waiting at most")
 _PLACE = re.compile(r'^(?:\w+ in (?:rule .*)?file ".*", line \d+:|  File ".*)\n?', re.MULTILINE)
-
-
-def logged(log: Path, level: str) -> list[str]:
-    """Records of a level in a log of `gstlib.logs`; of a traceback, the last three lines."""
-    text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
-    records = [match[2].strip() for match in _RECORD.finditer(text) if match[1] == level]
-    parts = [record.partition("\nTraceback (most recent call last):\n") for record in records]
-    return ["\n  ".join([said, *trace.splitlines()[-3:]]) for said, _, trace in parts]
 
 
 class LogHandler(LogHandlerBase):

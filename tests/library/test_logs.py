@@ -10,8 +10,8 @@ import pytest
 from snakemake_interface_logger_plugins.common import LogEvent
 
 from gstlib.errors import InputError
-from gstlib.logs import FILE_ONLY, job_log
-from snakemake_logger_plugin_gst import _SILENT, LogHandler, logged
+from gstlib.logs import FILE_ONLY, job_log, logged
+from snakemake_logger_plugin_gst import _SILENT, LogHandler
 
 EMPTY = InputError("scan.plu", "is empty", "Copy it again.")
 

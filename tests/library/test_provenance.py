@@ -53,6 +53,7 @@ SCRIPTS = {
     "all": "from gstlib.study import Study",
     "read": "from gstlib.io.store import read_dataset",
     "sections": "from gstlib.study import STUDY_SECTIONS",
+    "page": "from gstlib.page import render",
 }
 
 
@@ -76,8 +77,9 @@ SCRIPTS = {
             {"couple", "solve", "all"},
         ),  # by relative imports, some steps away
         ("io/store.py", "", "1\n", {"read"}),
+        ("page.css", "", "p {}\n", {"page"}),
         ("__init__.py", "", "1\n", set(SCRIPTS)),  # runs before any module
-        ("figures/__init__.py", "", "1\n", set()),
+        ("figures/__init__.py", "", "1\n", {"page"}),
     ],
 )
 def test_source_hash_follows_what_a_script_uses(tmp_path, monkeypatch, file, old, new, moved):

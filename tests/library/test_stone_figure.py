@@ -75,7 +75,7 @@ def test_a_square_on_the_other_side_is_hidden(side, seen, slanted):
     assert draw_square(axes, stone(), view, frame, 5.0) is seen
     [outline, corner] = axes.lines
     assert outline.get_linestyle() == ("-" if seen else "--")
-    if not slanted:  # the reference corner is at the top right: x runs to the left, y down
+    if not slanted:
         assert np.allclose(np.ravel(corner.get_data()), [-2.5, -2.5])
         assert {text.get_text(): text.get_position() for text in axes.texts} == {
             "x": pytest.approx((4.25, -2.5)),

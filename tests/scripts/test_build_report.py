@@ -20,7 +20,13 @@ RECORD = {
 
 
 def test_a_report_is_made_anew_when_something_that_it_shows_is_younger(tmp_path):
-    parts = ["provenance.json", "tables/a.csv", "figures/patch/1.png", "logs/solve_patches.log"]
+    parts = [
+        "provenance.json",
+        "verdict.html",
+        "tables/a.csv",
+        "figures/patch/1.png",
+        "logs/solve_patches.log",
+    ]
     for name in ("report.html", *parts):
         file = tmp_path / name
         file.parent.mkdir(parents=True, exist_ok=True)

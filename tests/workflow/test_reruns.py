@@ -39,15 +39,19 @@ def test_nothing_is_left_to_do(tiny):
         ),
         (
             {"validation": {"resamples": 299}},
-            {"score_patches", "draw_validation", "record_provenance"},
+            {"score_patches", "draw_validation", "record_provenance", "write_page"},
             None,
         ),
         (
             {"grinding": {"friction": 0.5}},
-            {"solve_slip", "draw_microscale", "record_provenance"},
+            {"solve_slip", "draw_microscale", "record_provenance", "write_page"},
             None,
         ),
-        ({"hardness": 900.0}, {"solve_hardness", "draw_microscale", "record_provenance"}, None),
+        (
+            {"hardness": 900.0},
+            {"solve_hardness", "draw_microscale", "record_provenance", "write_page"},
+            None,
+        ),
         (
             {"counterface": {"scan": "results-tiny/specimen/scans/5_T0.plu"}},
             {"prepare_counterface", "solve_patches", "solve_slip", "solve_hardness"},
@@ -75,6 +79,8 @@ def test_a_changed_value(tiny, change, reruns, stays):
     ("module", "reruns", "stays"),
     [
         ("coupling.py", {"couple_scales"}, {"check_inputs", "grid_macroscale"}),
+        ("verdict.py", {"write_page", "draw_validation"}, {"score_patches"}),
+        ("page.css", {"write_page"}, DRAW),
         ("bem/halfspace.py", {"solve_macroscale"}, {"grid_macroscale", "generate_specimen"}),
         ("validation/change.py", {"register_patches"}, {"prepare_T0_scans", "solve_patches"}),
         ("preprocess/gridding.py", {"grid_macroscale"}, {"generate_specimen", "prepare_T0_scans"}),
@@ -84,7 +90,7 @@ def test_a_changed_library_file(tiny, tmp_path, module, reruns, stays):
     library = tmp_path / "library"
     shutil.copytree(ROOT / "src/gstlib", library / "gstlib")
     with (library / "gstlib" / module).open("a") as file:
-        file.write("\n# a change\n")
+        file.write("\n/* a change */\n" if module.endswith("css") else "\n# a change\n")
     tiny.environment = {"PYTHONPATH": str(library)}
     planned = tiny.planned()
     assert reruns <= planned

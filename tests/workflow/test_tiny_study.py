@@ -4,6 +4,7 @@ Formulas are tested with the library; here the calls between them are, in script
 """
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -128,6 +129,27 @@ def test_the_report_holds_every_figure_and_caption(finished_tiny, tmp_path):
     for figure in finished_tiny.results.glob("figures/**/*.png"):
         assert str(figure.relative_to(finished_tiny.folder)) in text
     assert "{{" not in text.split("<script")[0]
+    assert "bears the highest pressure" in text
+
+
+def test_the_page_holds_the_answer_and_everything_shown(results, table, config):
+    """What browsers make of it: tests/workflow/test_page.py."""
+    page = (results / "index.html").read_text(encoding="utf-8")
+    assert "Generated specimen" in page
+    top = table("patch_pressures").sort_values("pressure_MPa").patch.iloc[-1]
+    assert re.search(rf'class="verdict">[^<]*\bpatch {top} bears the highest pressure', page)
+    assert len(re.findall(r'class="enlarge"', page)) > 12
+    for patch in table("patch_pressures").patch:
+        assert f'<dialog id="patch-{patch}"' in page
+    for file in results.glob("tables/*.csv"):
+        # a path of many steps is for programs
+        assert (f"{file.name}, {len(table(file.stem))} rows" in page) == (
+            file.stem != "microscale_paths"
+        )
+    assert "{{" not in page.split("<script")[0]
+    assert len(page) < 12e6
+    verdict = (results / "verdict.html").read_text(encoding="utf-8")
+    assert re.search(r'<p class="verdict">.*</p>', verdict)[0] in page
 
 
 # --- Inputs and preparation -------------------------------------------------------------------

@@ -130,6 +130,9 @@ def test_measured_files_without_t1(measured):
     measured.succeed("--report", str(measured.folder / "report.html"))
     text = (measured.folder / "report.html").read_text(encoding="utf-8")
     assert "not compared with wear" in text
+    page = (measured.results / "index.html").read_text(encoding="utf-8")
+    assert "not compared with wear" in page
+    assert not {word for word in ("Generated", "Gain", "MCC", "Validation") if word in page}
 
 
 def test_a_rough_counterface(tiny):
@@ -166,6 +169,7 @@ def test_a_study_that_no_patch_enters(tiny):
         assert table.empty
         assert "patch" in table.columns
     assert (tiny.results / "figures/overview.png").stat().st_size > 0
+    assert "No patch enters the study" in (tiny.results / "index.html").read_text(encoding="utf-8")
 
 
 def test_a_target_pressure_out_of_reach(tiny):

@@ -16,6 +16,7 @@ from gstlib.study import STUDY_SECTIONS
 from gstlib.sweep import sweep_problems, sweep_settings
 
 SCHEMAS = Path(workflow.basedir) / "workflow/schemas"
+CAPTIONS = Path(workflow.basedir) / "workflow/report"
 CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles)
 
 
@@ -126,21 +127,24 @@ if COUNTERFACE_SCAN:
 SCANS = sorted({file for file, _ in SCAN_USES})
 
 
+# What the page shows: of each file its caption, its category and its title.
+SHOWN = {}
+
+
 def table(name, category, what):
-    """A table, with its place in the report; a figure of the same name has a caption of its own."""
+    """A table, with its place on the page and in the report; a figure of the same name has a caption of its own."""
     own = f"{name}_table.rst"
-    caption = own if (Path(workflow.basedir) / "workflow/report" / own).exists() else f"{name}.rst"
-    return report(
-        f"{RESULTS}/tables/{name}.csv",
-        caption=f"../report/{caption}",
-        category=category,
-        labels={"what": f"table: {what}"},
-    )
+    caption = own if (CAPTIONS / own).exists() else f"{name}.rst"
+    file = f"{RESULTS}/tables/{name}.csv"
+    SHOWN[file] = str(CAPTIONS / caption), category, what
+    place = {"caption": f"../report/{caption}", "category": category}
+    return report(file, labels={"what": f"table: {what}"}, **place)
 
 
 TARGETS = [
     name
     for name, wanted in {
+        "index.html": True,
         "provenance.json": True,
         "tables/inputs.csv": True,
         "tables/preprocessing.csv": True,

@@ -43,6 +43,8 @@ DRAWINGS = {
             "load_curves": ("4 Microscale", "area and pressure curves of both scales"),
         },
         {
+            "mesh": MESH,
+            "surface": f"{RESULTS}/macroscale/surface.h5",
             "contact": CONTACT,
             "pressures": PRESSURES,
             "contacts": contacts(ALL_PATCHES),
@@ -103,8 +105,9 @@ def picture(name, category, title):
     # Kind and content are one label: of a second one with two values, each for half of a category,
     # Snakemake's report makes a switch, and fails where not every content is of both kinds.
     if name not in BY_PATCH:
-        what = {"what": f"figure: {title}"}
-        return report(f"{RESULTS}/figures/{name}.png", labels=what, **place)
+        file = f"{RESULTS}/figures/{name}.png"
+        SHOWN[file] = str(CAPTIONS / f"{name}.rst"), category, title
+        return report(file, labels={"what": f"figure: {title}"}, **place)
 
     def labels(wildcards):
         # The report sorts texts, and 10 before 2; a page does not show spaces in front.
@@ -135,6 +138,7 @@ for job, (figures, read) in DRAWINGS.items():
             worn=WORN_PATCHES,
             places=PATCHES[["patch", "x_mm", "y_mm", "rotation_deg"]].to_dict("list"),
             patch_mm=PATCH_MM,
+            mesh_unit=MESH_UNIT,
             most_drawn_patches=config["most_drawn_patches"],
             note=SOURCE_NOTE,
             code=code("draw_figures.py"),

@@ -48,7 +48,14 @@ rule tabulate_texture:
         t0=surfaces("T0", ALL_PATCHES),
         registered=registered(WORN_PATCHES),
     output:
-        table=table("texture", "5 Validation", "surface texture before and after use"),
+        table=table(
+            "texture",
+            *(
+                ("5 Validation", "surface texture before and after use")
+                if WORN_PATCHES
+                else ("1 Inputs", "surface texture")
+            ),
+        ),
     log:
         f"{RESULTS}/logs/tabulate_texture.log",
     benchmark:

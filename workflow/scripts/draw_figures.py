@@ -18,9 +18,11 @@ from matplotlib.figure import Figure
 
 from gstlib import figures as draw
 from gstlib.errors import InputError
-from gstlib.io.store import read_dataset, read_fields
+from gstlib.io.meshes import read_mesh
+from gstlib.io.store import read_attributes, read_dataset, read_fields
 from gstlib.io.tables import read_table
 from gstlib.logs import patch_by_patch, run_script
+from gstlib.preprocess.frame import stored_frame
 
 # Figures of patches in the study, and of those that have a T1.
 OF_STUDIED = {"microscale_maps", "slip", "hardness", "overview", "two_scales"}
@@ -44,6 +46,7 @@ class Study:
     worn: list[str]
     places: dict[str, list]
     patch_mm: float
+    mesh_unit: str
     most_drawn_patches: int
 
     def data(self, name: str, *only: str) -> xr.Dataset:
@@ -103,7 +106,9 @@ def figure_of(name: str, study: Study) -> Figure:
         case "overview":
             patch = study.drawn[0]
             parts = study.pressures, study.contacts[patch], study.changes.get(patch)
-            return draw.overview_figure(study.data("contact"), *parts, patch=patch, **size)
+            mesh = read_mesh(study.files["mesh"], unit=study.mesh_unit)
+            tool = mesh, stored_frame(read_attributes(study.files["surface"]))
+            return draw.overview_figure(study.data("contact"), *parts, tool, patch=patch, **size)
         case "load_curves":
             return draw.load_curves_figure(study.data("contact"), study.contacts)
         case "microscale_maps":

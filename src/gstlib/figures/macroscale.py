@@ -36,7 +36,7 @@ def input_figure(height: xr.DataArray, patches: pd.DataFrame, *, patch_size_mm: 
     """
     figure, axes = _height_map(height)
     maps.draw_footprints(axes, patches, patch_size_mm, colour=BLACK)
-    axes.set_title("reference corner ↘", loc="right")
+    maps.mark_corner(axes)
     return figure
 
 
@@ -44,7 +44,7 @@ def input_figure(height: xr.DataArray, patches: pd.DataFrame, *, patch_size_mm: 
 def surface_figure(height: xr.DataArray, *, title: str) -> Figure:
     """One surface (mm) as its file stores it: columns to the right, rows downwards."""
     figure, axes = _height_map(height)
-    axes.invert_xaxis()
+    axes.invert_yaxis()
     axes.set_title(title)
     return figure
 
@@ -103,7 +103,8 @@ def force_figure(contact: xr.Dataset, pressures: pd.DataFrame, *, patch_size_mm:
     maps.colour_bar(square, image, label, below=0.13)
     maps.draw_footprints(square, pressures, patch_size_mm, colour=BLUE)
     displacement = float(contact["displacement"][-1]) * MM_TO_UM
-    square.set_title(f"far-field displacement {displacement:.1f} µm")
+    square.set_title(f"displacement {displacement:.1f} µm", loc="right")
+    maps.mark_corner(square)
 
     places, values = np.arange(len(pressures)), pressures["pressure_MPa"]
     studied = pressures["in_study"]
@@ -112,5 +113,6 @@ def force_figure(contact: xr.Dataset, pressures: pd.DataFrame, *, patch_size_mm:
     bars.vlines(places, pressures["low_MPa"], pressures["high_MPa"], color=BLACK, linewidth=0.7)
     style.name_patches(bars, list(pressures["patch"]))
     bars.set_ylabel("pressure (MPa), 95 % interval")
+    bars.set_title("pressure of every patch")
     bars.legend()
     return figure

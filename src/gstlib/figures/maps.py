@@ -1,8 +1,8 @@
 """Maps: heights, forces and marked elements, with a scale bar and a colour bar.
 
-Maps are drawn as one looks at the stone: the origin is the reference corner at the top right, x
-runs to the left and y downwards. A pixel of a panel shows the mean of the elements under it: marks
-cover as much of the picture as of the surface.
+Maps are drawn as one looks at the stone, in the square's own axes: x runs to the right and y
+upwards from the reference corner, at the lower left. A pixel of a panel shows the mean of the
+elements under it: marks cover as much of the picture as of the surface.
 """
 
 import math
@@ -19,11 +19,12 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 
-from gstlib.figures.style import DPI, MM_TO_UM, PALE
+from gstlib.figures.style import DPI, MM_TO_UM, PALE, VERMILION
 from gstlib.surface import spacing_of
 
-__all__ = ["CHANGE_MAP", "HEIGHT_MAP", "colour_bar", "draw_footprints", "draw_forces", "draw_map"]
-__all__ += ["OUTLINE", "draw_heights", "height_norm", "pixel_means", "scale_bar"]
+__all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHT_MAP", "OUTLINE", "colour_bar", "draw_footprints"]
+__all__ += ["draw_forces", "draw_heights", "draw_map", "height_norm", "mark_corner", "pixel_means"]
+__all__ += ["scale_bar"]
 
 # Few levels make small files; these are enough that the eye sees no steps.
 HEIGHT_MAP = colormaps["cividis"].resampled(64)
@@ -31,7 +32,7 @@ CHANGE_MAP = colormaps["RdBu"].resampled(65)
 # Light from end to end: black and the class colours stand out even over valleys.
 RELIEF_MAP = LinearSegmentedColormap.from_list("relief", ["#c4c4c4", "#fafafa"], N=40)
 # White at zero: no force is bare paper.
-_FORCE_MAP = LinearSegmentedColormap.from_list(
+FORCE_MAP = LinearSegmentedColormap.from_list(
     "force", ["#ffffff", *colormaps["magma_r"](np.linspace(0.1, 0.95, 12))]
 )
 OUTLINE = [withStroke(linewidth=2.5, foreground="white")]
@@ -116,14 +117,14 @@ def draw_map(
             picture += share * np.array(to_rgb(colour))
     dy, dx = spacing_of(field)
     left, right = float(field.x[0]) - dx / 2, float(field.x[-1]) + dx / 2
-    top, bottom = float(field.y[0]) - dy / 2, float(field.y[-1]) + dy / 2
+    bottom, top = float(field.y[0]) - dy / 2, float(field.y[-1]) + dy / 2
     axes.imshow(
         np.round(255 * picture.clip(0, 1)).astype(np.uint8),
         origin="lower",
-        extent=(left, right, top, bottom),
+        extent=(left, right, bottom, top),
         interpolation="nearest",
     )
-    axes.set(xlim=(right, left), ylim=(bottom, top))
+    axes.set(xlim=(left, right), ylim=(bottom, top))
     if ticks:
         axes.set(xlabel="x (mm)", ylabel="y (mm)")
     else:
@@ -143,22 +144,31 @@ def draw_forces(axes: Axes, contact: xr.Dataset, *, ticks: bool = False) -> Scal
     dy, dx = spacing_of(contact)
     force = contact["pressure"].values[-1] * dy * dx
     norm = PowerNorm(0.5, vmin=0, vmax=float(force.max()) or 1.0)
-    return draw_map(axes, contact["height"], force, cmap=_FORCE_MAP, norm=norm, ticks=ticks)
+    return draw_map(axes, contact["height"], force, cmap=FORCE_MAP, norm=norm, ticks=ticks)
 
 
 def scale_bar(axes: Axes) -> None:
     """A bar of a round length, about a quarter of a map, in its lower left corner."""
-    right, left = sorted(axes.get_xlim())
-    top, bottom = sorted(axes.get_ylim())
-    length = float(f"{0.24 * (left - right):.0e}")
-    x, y = left - 0.06 * (left - right), bottom - 0.07 * (bottom - top)
+    left, right = axes.get_xlim()
+    bottom, top = axes.get_ylim()
+    length = float(f"{0.24 * (right - left):.0e}")
+    x, y = left + 0.06 * (right - left), bottom + 0.07 * (top - bottom)
     # longer than the bar, or its ends would vanish on black contact
     outline = [withStroke(linewidth=4, foreground="white", capstyle="projecting")]
     look = {"color": "black", "lw": 2, "solid_capstyle": "butt", "path_effects": outline}
-    axes.plot([x, x - length], [y, y], **look)
-    middle = x - length / 2, y - 0.025 * (bottom - top)
+    axes.plot([x, x + length], [y, y], **look)
+    middle = x + length / 2, y + 0.025 * (top - bottom)
     look = {"ha": "center", "va": "bottom", "fontsize": 6.5, "path_effects": OUTLINE}
     axes.text(*middle, f"{length:g} mm", **look)
+
+
+def mark_corner(axes: Axes) -> None:
+    """Mark the reference corner, from which the patch table counts."""
+    low, high = axes.get_xlim()
+    side = 0.05 * (high - low)
+    corner = np.add([[0, 0], [side, 0], [0, side]], (low, axes.get_ylim()[0]))
+    axes.add_patch(Polygon(corner, color=VERMILION, linewidth=0))
+    axes.set_title("◣ reference corner", loc="left", color=VERMILION, fontsize=7)
 
 
 def colour_bar(axes: Axes, colours: ScalarMappable, label: str, *, below: float = 0.04) -> None:
@@ -201,7 +211,6 @@ def draw_footprints(
         line = "-" if getattr(row, "in_study", True) else "--"
         outline.set(linestyle=line, path_effects=OUTLINE)
         axes.add_patch(outline)
-        # x runs to the left: the outline's left edge
-        at = row.x_mm + 0.92 * half, row.y_mm - 0.9 * half
+        at = row.x_mm - 0.92 * half, row.y_mm + 0.9 * half
         look = {"fontsize": 6.5, "color": colour, "path_effects": OUTLINE}
         axes.text(*at, row.patch, ha="left", va="top", **look)

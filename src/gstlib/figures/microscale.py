@@ -12,7 +12,7 @@ changes : mapping of patch to xarray.Dataset
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -23,6 +23,11 @@ from matplotlib.figure import Figure
 
 from gstlib.figures import maps, style
 from gstlib.figures.style import AMBER, BLACK, BLUE, MM_TO_UM, VERMILION, styled
+from gstlib.figures.tool import draw_tool
+from gstlib.preprocess.frame import Frame
+
+if TYPE_CHECKING:
+    import trimesh
 
 __all__ = ["agreement_figure", "hardness_figure", "load_curves_figure", "microscale_maps_figure"]
 __all__ += ["overview_figure", "patch_figure", "preparation_figure", "slip_figure"]
@@ -257,11 +262,12 @@ def overview_figure(
     pressures: pd.DataFrame,
     contact: xr.Dataset,
     change: xr.Dataset | None,
+    tool: tuple["trimesh.Trimesh", Frame],
     *,
     patch: str,
     patch_size_mm: float,
 ) -> Figure:
-    """The study at a glance: forces on the square, one patch's contact, measured loss.
+    """The study at a glance: the tool, forces on its square, one patch's contact, measured loss.
 
     Parameters
     ----------
@@ -271,31 +277,35 @@ def overview_figure(
         ``patch, x_mm, y_mm, pressure_MPa, in_study``.
     contact, change : xarray.Dataset
         Those of the patch to show; without a T1 the last panel is left out.
+    tool : (trimesh.Trimesh, Frame)
+        Its mesh, mm, and the frame of its square.
     patch : str
         Its id.
     patch_size_mm : float
         Side of a patch.
     """
-    count = 2 if change is None else 3
-    figure, axes = style.panels(count, count, (2.6, 2.6), (0.05, 0.05, 0.4, 0.2))
+    count = 3 if change is None else 4
+    figure, (whole, *axes) = style.panels(count, count, (2.6, 2.6), (0.05, 0.05, 0.4, 0.2))
+    draw_tool(whole, *tool, square["pressure"].isel(step=-1))
+    whole.set_title("1  the tool and its square\npressures on it in colour")
     maps.draw_forces(axes[0], square)
     is_shown = pressures["patch"] == patch
     others = pressures[~is_shown & pressures["in_study"]]
     maps.draw_footprints(axes[0], others, patch_size_mm, colour=BLUE)
     maps.draw_footprints(axes[0], pressures[is_shown], patch_size_mm, colour=VERMILION)
     mean_pressure = float(square["mean_pressure"][-1])
-    axes[0].set_title(f"1  contact forces on the square\n{mean_pressure:.3g} MPa on average")
+    axes[0].set_title(f"2  contact forces on the square\n{mean_pressure:.3g} MPa on average")
     touching = contact["pressure"].values > 0
     pressure = float(pressures.loc[is_shown, "pressure_MPa"].iloc[0])
     maps.draw_map(axes[1], contact["height"], marks={BLACK: touching})
     axes[1].set_title(
-        f"2  predicted contact, patch {patch}\n{pressure:.1f} MPa, {touching.mean():.1%} of area"
+        f"3  predicted contact, patch {patch}\n{pressure:.1f} MPa, {touching.mean():.1%} of area"
     )
     for panel in axes[:2]:
         maps.scale_bar(panel)
     if change is not None:
         maps.draw_map(axes[2], contact["height"], marks=_agreement(contact, change))
-        axes[2].set_title("3  measured loss\nagainst the prediction")
+        axes[2].set_title("4  measured loss\nagainst the prediction")
         style.colour_legend(axes[2], _AGREEMENT, **_UNDER)
     return figure
 
@@ -309,7 +319,7 @@ def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -
     square : xarray.Dataset
         Load path of the macroscale, and the attribute ``contact_modulus_MPa`` that all have.
     """
-    figure, (area, load, stiffness) = style.panels(3, 3, (1.75, 2.2), (0.5, 0.4, 0.2, 0.45))
+    figure, (area, load, stiffness) = style.panels(3, 3, (1.75, 2.2), (0.5, 0.4, 0.3, 0.45))
     reached = [float(contact["mean_pressure"][-1]) for contact in contacts.values()]
     colours = colormaps["viridis"](0.88 * np.array(reached) / max([*reached, 1e-9]))
     for (name, path), colour in zip(
@@ -327,6 +337,7 @@ def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -
     area.set(xlabel="F / (E* Aₙ)", ylabel="real contact area A / Aₙ (%)")
     load.set(xlabel="far-field displacement (µm)", ylabel="mean pressure (MPa)")
     stiffness.set(xlabel="mean pressure (MPa)", ylabel="stiffness (MPa/µm)")
-    for axes in (area, load, stiffness):
-        axes.set(xlim=(0, None), ylim=(0, None))
+    titles = "Area in contact", "Pressure", "Stiffness"
+    for axes, title in zip((area, load, stiffness), titles, strict=True):
+        axes.set(xlim=(0, None), ylim=(0, None), title=title)
     return figure

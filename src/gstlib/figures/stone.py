@@ -1,7 +1,6 @@
 """The whole tool, in views along given directions: where the square lies on it.
 
-A view is a `Frame`: x to the left, y down, the normal towards the eye, as in the maps. The other
-figures need no mesh and import nothing of this module.
+A view is a `Frame`: x to the right, y up, the normal towards the eye, as in the maps.
 """
 
 import numpy as np
@@ -23,7 +22,7 @@ __all__ = ["check_figure", "draw_square", "draw_stone", "stone_figure"]
 
 _STONE = "#c9c2b6"
 _FACES = 60_000  # each is a pixel or two: more would not be seen
-_LIGHT = np.array([1.0, -1.0, 1.4]) / 2  # from the upper left
+_LIGHT = np.array([-1.0, 1.0, 1.4]) / 2  # from the upper left
 _PANEL, _ROOM = (3.6, 3.6), (0.1, 0.1, 0.3, 0.1)
 
 
@@ -61,7 +60,7 @@ def draw_stone(
     faces.set(linewidths=0.3, rasterized=True)
     axes.add_collection(faces)
     reach = 1.1 * float(np.linalg.norm(corners[..., :2], axis=-1).max())
-    axes.set(xlim=(reach, -reach), ylim=(reach, -reach), xticks=[], yticks=[], aspect="equal")
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), xticks=[], yticks=[], aspect="equal")
     axes.spines[:].set_visible(False)
     maps.scale_bar(axes)
 
@@ -104,7 +103,7 @@ def stone_figure(mesh: trimesh.Trimesh, *, title: str, colours: np.ndarray | Non
         panels, (shortest, -shortest), (title, "other side"), strict=True
     ):
         view = Frame(
-            mesh.bounds.mean(axis=0), np.cross(towards, longest).tolist(), towards.tolist()
+            mesh.bounds.mean(axis=0), np.cross(longest, towards).tolist(), towards.tolist()
         )
         draw_stone(axes, mesh, view, colours=colours)
         is_drawn = len(axes.collections[0].get_paths()) > 0
@@ -149,5 +148,6 @@ def check_figure(
     if height is not None:
         maps.draw_heights(panels[2], height)
         maps.draw_footprints(panels[2], patches, patch_size_mm, colour=BLACK)
-        panels[2].set_title("the square, reference corner ↘", loc="right")
+        maps.mark_corner(panels[2])
+        panels[2].set_title("the square", loc="right")
     return figure

@@ -2,7 +2,6 @@
 
 import math
 import textwrap
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,6 +10,7 @@ from matplotlib.figure import Figure
 
 from gstlib.figures import style
 from gstlib.figures.style import AMBER, BLACK, BLUE, CHARTS, GREY, PALE, VERMILION, styled
+from gstlib.verdict import LEVEL, SCORE, against_chance, against_rival
 
 __all__ = ["placement_figure", "power_figure", "sweep_figure", "texture_figure"]
 __all__ += ["validation_figure"]
@@ -18,10 +18,15 @@ __all__ += ["validation_figure"]
 # The verdicts of the placement table.
 _VERDICTS = {"shifted": VERMILION, "agrees": BLUE, "cannot tell": GREY}
 # Parameters that single points do not dominate: roughness, core, summits, dales, grain, direction.
-_TEXTURE = ("Sq_um", "Sk_um", "Spk_um", "Svk_um", "Sal_um", "Str")
-_SCORE = "mcc"  # of the scores of masks, one that a larger area does not raise
+_TEXTURE = {
+    "Sq_um": "r.m.s. height",
+    "Sk_um": "height of the core",
+    "Spk_um": "height of the summits",
+    "Svk_um": "depth of the dales",
+    "Sal_um": "grain",
+    "Str": "isotropy (1: in no direction)",
+}
 _PAIR = "spearman(pressure_MPa, loss_fraction)"
-_LEVEL = 0.05  # the usual one
 _WEAR = {"summits": BLUE, "random": VERMILION, "waves": AMBER}
 _OUTCOMES = ["relative_change(pressure_MPa)", _PAIR, "mean(f1)", "gain(f1)", "gain(roc_auc)"]
 _OUTCOMES += ["mean_change(Sq_um)"]
@@ -48,8 +53,6 @@ def placement_figure(placement: pd.DataFrame) -> Figure:
         style.write_beside(axes, row.patch, shift, (2, 4), color=colour)
     axes.plot(0, 0, "+", color=GREY, markersize=12)
     axes.set(xlabel="shift along x (µm)", ylabel="shift along y (µm)")
-    axes.invert_xaxis()  # as on the maps: x to the left, y downwards
-    axes.invert_yaxis()
     style.colour_legend(figure, _VERDICTS | {"all together": BLACK})
     return figure
 
@@ -75,12 +78,11 @@ def validation_figure(
     figure, (gain, extent, bands) = style.panels(
         3, 3, (2.6, 2.2), (0.75, 0.1, 0.35, 0.45), head=0.3 + 0.15 * variants.variant.nunique()
     )
-    p_values = gains.loc[gains["score"] == _SCORE, "p_value"].dropna()
-    figure.suptitle(
-        "".join(f"{_headline(row)}\n" for row in variants[variants.score == _SCORE].itertuples())
-        + f"In {(p_values <= _LEVEL).sum()} of {len(p_values)} patches, contact matches the loss "
-        f"better than shifted copies of itself ({_SCORE.upper()}, p ≤ {_LEVEL})"
-    )
+    headlines = [
+        f"{row.variant}: {against_rival(row)}"
+        for row in variants[variants["score"] == SCORE].itertuples()
+    ]
+    figure.suptitle("\n".join([*headlines, against_chance(gains)]), fontsize=7)
     _draw_gains(gain, summary)
     known = scores[scores["believed"]].dropna(subset="loss_fraction")
     lost = 100 * known["loss_fraction"]
@@ -106,25 +108,13 @@ def validation_figure(
     return figure
 
 
-def _headline(row: Any) -> str:
-    """Which predicts loss better within the patches: the contact of a variant, or its rival."""
-    word = "no worse and no better than"
-    if row.low > 0 or row.high < 0:
-        word = "better than" if row.low > 0 else "worse than"
-    numbers = f"{row.contact:.2f} against {row.rival:.2f}".replace("-", "−")
-    return (
-        f"{row.variant}: contact predicts loss {word} its best rival, {row.best_rival} "
-        f"(mean {_SCORE.upper()} {numbers})"
-    )
-
-
 def _draw_gains(axes: Axes, summary: pd.DataFrame) -> None:
     """Mean gain of each score over its best rival, in colour where it differs from 0."""
     means = summary[summary["statistic"].str.startswith("gain(")].dropna(subset="value")
     axes.axvline(0, color=GREY, lw=0.8)
     for place, row in enumerate(means.itertuples()):
         # both the interval and the test must tell the gain from 0
-        sign = (int(row.low > 0) - int(row.high < 0)) * int(row.p_value <= _LEVEL)
+        sign = (int(row.low > 0) - int(row.high < 0)) * int(row.p_value <= LEVEL)
         colour = {1: BLUE, -1: VERMILION, 0: GREY}[sign]
         axes.plot([row.low, row.high], [place, place], color=colour)
         axes.plot(row.value, place, "o", color=colour)
@@ -147,7 +137,8 @@ def texture_figure(table: pd.DataFrame) -> Figure:
     before, after = (table[table["epoch"] == epoch].set_index("patch") for epoch in ("T0", "T1"))
     after, places = after.reindex(before.index), np.arange(len(before))
     figure, axes = style.panels(len(_TEXTURE), 2, (3.0, 1.4), CHARTS, head=0.1)
-    for panel, column in zip(axes, _TEXTURE, strict=True):
+    for panel, (column, title) in zip(axes, _TEXTURE.items(), strict=True):
+        panel.set_title(title)
         old, new = before[column], after[column]
         panel.vlines(places, old, new, color=VERMILION)
         panel.plot(places, new, "o", color=VERMILION, label="T1")
@@ -179,10 +170,10 @@ def power_figure(rates: pd.DataFrame) -> Figure:
         _draw_rates(panel, rates[(rates["test"] == test) & rates["drawn"].isna()], "level")
         panel.set_title(textwrap.fill(test, 36))
         panel.set_xlabel("nominal level")
-    axes[-1].axhline(_LEVEL, color=GREY, lw=0.8, zorder=0)
-    fewer = rates[(rates["test"] == tests[-1]) & np.isclose(rates["level"], _LEVEL)]
+    axes[-1].axhline(LEVEL, color=GREY, lw=0.8, zorder=0)
+    fewer = rates[(rates["test"] == tests[-1]) & np.isclose(rates["level"], LEVEL)]
     _draw_rates(axes[-1], fewer.dropna(subset="drawn"), "drawn")
-    axes[-1].set_title(f"the last test\nat level {_LEVEL:g}")
+    axes[-1].set_title(f"the last test\nat level {LEVEL:g}")
     axes[-1].set_xlabel("number of patches")
     style.colour_legend(figure, {f"wear, {name}": colour for name, colour in _WEAR.items()})
     return figure

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from gstlib.errors import ConfigError
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Frame", "find_frame", "frame_from_points", "principal_axes"]
+__all__ = ["Frame", "find_frame", "frame_from_points", "principal_axes", "stored_frame"]
 
 # Axes typed with a few digits are perpendicular to within this cosine; beyond it one is wrong.
 _PERPENDICULAR = 0.01
@@ -26,7 +26,7 @@ class Frame:
     Attributes
     ----------
     origin : (3,) array_like
-        Reference corner of the square (the top-right one as one looks at the stone).
+        Reference corner of the square.
     x_axis : (3,) array_like
         Direction of an edge from the origin into the square.
     normal : (3,) array_like
@@ -109,6 +109,11 @@ def frame_from_points(points: Sequence[Sequence[float]]) -> Frame:
             "Give the reference corner and the two corners beside it.",
         )
     return Frame(corners[0].tolist(), first.tolist(), normal.tolist())
+
+
+def stored_frame(attributes: Mapping[str, Any]) -> Frame:
+    """The frame in the attributes of ``macroscale/surface.h5``."""
+    return Frame(*(attributes[name].tolist() for name in ("origin_mm", "x_axis", "normal")))
 
 
 def principal_axes(mesh: "trimesh.Trimesh") -> np.ndarray:

@@ -1,0 +1,109 @@
+"use strict";
+
+// --- cards of the patches: a link to one opens it, wherever the link stands
+
+function openCard(name) {
+  const card = name.startsWith("#patch-") && document.getElementById(decodeURI(name.slice(1)));
+  if (card && !card.open) card.showModal();
+  return Boolean(card);
+}
+
+document.addEventListener("click", (event) => {
+  const link = event.target.closest("a[href^='#patch-']");
+  if (link && openCard(link.getAttribute("href"))) event.preventDefault();
+  const picture = event.target.closest(".enlarge");
+  if (picture) {
+    const large = document.querySelector("#large img");
+    const small = picture.querySelector("img");
+    [large.src, large.alt] = [small.src, small.alt];
+    document.getElementById("large").showModal();
+  }
+  if (event.target instanceof HTMLDialogElement) event.target.close(); // beside it
+});
+openCard(location.hash);
+
+// --- the table of the patches sorts by the column whose heading is clicked
+
+const table = document.getElementById("patch-table");
+table.tHead.addEventListener("click", (event) => {
+  const button = event.target.closest("button");
+  if (!button) return;
+  const heading = button.parentElement;
+  const isNumber = button.dataset.kind === "number";
+  // The largest numbers first, and names from the start.
+  const first = isNumber ? "descending" : "ascending";
+  const second = isNumber ? "ascending" : "descending";
+  const order = heading.ariaSort === first ? second : first;
+  for (const other of heading.parentElement.cells) other.ariaSort = "none";
+  heading.ariaSort = order;
+  const sign = order === "ascending" ? 1 : -1;
+  const value = (row) => row.cells[heading.cellIndex].dataset.value;
+  const compare = (a, b) => {
+    if (a === "" || b === "") return (a === "") - (b === ""); // the unknown last
+    return sign * (isNumber ? a - b : a.localeCompare(b, "en", { numeric: true }));
+  };
+  const rows = [...table.tBodies[0].rows].sort((a, b) => compare(value(a), value(b)));
+  table.tBodies[0].append(...rows);
+});
+
+// --- the tool
+
+function showTool(scene) {
+  const element = document.getElementById("viewer");
+  element.replaceChildren();
+  const viewer = stoneViewer(element, scene.stone, { label: "The tool in 3D" });
+  if (!viewer) return;
+  const { origin, axes, size } = scene.frame;
+  const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+  const mean = (points) =>
+    [0, 1, 2].map((k) => points.reduce((sum, point) => sum + point[k], 0) / points.length);
+  viewer.addLines(scene.square.outline, "#b34a00", true, 2);
+  const name = viewer.addLabel(mean(scene.square.outline), "analysed square").element;
+  name.style.marginTop = "28px";
+  const numbers = scene.patches.map((one) => viewer.addLabel(mean(one.outline), one.patch).element);
+  let outlines = [];
+  // From afar the patches would cover each other: one name stands for them.
+  viewer.onrender = () => {
+    const boxes = numbers.map((number) => number.getBoundingClientRect());
+    const width = Math.max(...boxes.map((box) => box.x)) - Math.min(...boxes.map((box) => box.x));
+    const isNear = width > 18 * Math.sqrt(numbers.length) || numbers.length === 1;
+    for (const number of numbers) number.style.opacity = isNear ? 1 : 0;
+    name.style.opacity = isNear ? 0 : 1;
+    if (isNear === Boolean(outlines.length)) return;
+    for (const outline of outlines) outline.remove();
+    outlines = isNear
+      ? scene.patches.map((one) => viewer.addLines(one.outline, "#005a8f", true, 1)) : [];
+  };
+  const whole = () => {
+    const [width, height] = scene.extent;
+    const ratio = element.clientWidth / element.clientHeight;
+    const size = ratio > 1 ? Math.max(height, width / ratio) : Math.max(width, height * ratio);
+    viewer.fit(scene.middle, scene.view, axes[1], 1.1 * size);
+  };
+  const square = () => viewer.fit(mean(scene.square.outline), axes[2], axes[1], 1.15 * size);
+  document.getElementById("see-tool").onclick = whole;
+  document.getElementById("see-square").onclick = square;
+  whole();
+
+  const lights = ["azimuth", "altitude"].map((name) => document.getElementById(name));
+  for (const light of lights)
+    light.addEventListener("input", () => viewer.rake(...lights.map((one) => Number(one.value))));
+
+  viewer.onclick = (hit) => {
+    if (!hit || dot(hit.normal, axes[2]) < 0) return;
+    const [x, y] = axes.map((axis) => dot(axis, hit.point.map((value, k) => value - origin[k])));
+    const inside = ({ flat }) => flat.every(([ax, ay], k) => {
+      const [bx, by] = flat[(k + 1) % 4];
+      return (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0;
+    });
+    const found = scene.patches.find(inside);
+    if (found) openCard(`#patch-${found.patch}`);
+  };
+
+  // The page scrolls past the tool: the wheel zooms once the tool has been clicked, and a finger
+  // that moves up or down scrolls.
+  const canvas = element.querySelector("canvas");
+  canvas.style.touchAction = "pan-y";
+  const passOn = (event) => document.activeElement === canvas || event.stopPropagation();
+  element.addEventListener("wheel", passOn, { capture: true });
+}

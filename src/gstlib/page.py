@@ -1,0 +1,277 @@
+"""One page that answers: what a person opens after a study, `index.html`.
+
+It is one file without requests to anywhere, made from stored results alone. Beside this module,
+`page.html` is its template, into which `page.css` and `page.js` are put; `page.verdict.html` is the
+answer alone, `page.report.html` the first page of the report. Needs the extra ``workflow``.
+"""
+
+import base64
+import io
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from gstlib.io.tables import read_table
+from gstlib.logs import logged
+from gstlib.verdict import SCORE
+
+if TYPE_CHECKING:
+    import jinja2
+    import markupsafe
+
+    from gstlib.preprocess.frame import Frame
+
+__all__ = ["Shown", "by_category", "caption_html", "embedded", "patch_records", "render"]
+__all__ += ["tool_scene", "warned"]
+
+_STONE_FACES = 60_000  # beside the square; they take 24 bytes each
+_COLOURS = 256  # as many as a PNG of one byte a pixel can have
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A figure (PNG) or a table (CSV), with what stands over and under it."""
+
+    file: Path
+    category: str
+    title: str
+    caption: str  # HTML
+
+    @cached_property
+    def name(self) -> str:
+        return self.file.stem
+
+    @cached_property
+    def picture(self) -> str | None:
+        return embedded(self.file.read_bytes()) if self.file.suffix == ".png" else None
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        # as it is printed: no digit is added or lost
+        return pd.read_csv(self.file, dtype=str, keep_default_na=False)
+
+
+def embedded(png: bytes, colours: int = _COLOURS) -> str:
+    """A picture as a data URL, with fewer colours: a third of the size."""
+    from PIL import Image
+
+    with Image.open(io.BytesIO(png)) as picture:
+        few = picture.convert("RGB").quantize(colours, dither=Image.Dither.NONE)
+    content = io.BytesIO()
+    few.save(content, "png", compress_level=7)
+    smaller = min(content.getvalue(), png, key=len)
+    return "data:image/png;base64," + base64.b64encode(smaller).decode("ascii")
+
+
+@cache
+def _environment() -> "jinja2.Environment":
+    import jinja2
+
+    return jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        undefined=jinja2.StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def caption_html(template: str, **names: Any) -> str:
+    """A caption of the report, Jinja in reStructuredText, as HTML; `names` as `snakemake` has."""
+    import jinja2
+    from docutils.core import publish_parts
+
+    text = jinja2.Template(template).render(snakemake=SimpleNamespace(**names))
+    quiet = {"raw_enabled": False, "file_insertion_enabled": False, "report_level": 3}
+    return publish_parts(text, writer="html5", settings_overrides=quiet)["body"]
+
+
+def warned(logs: Sequence[Path]) -> list[dict[str, Any]]:
+    """The warnings of a run's steps, each once: ``text``, ``steps``, and the ``patch`` it names.
+
+    `logs` are those of the steps, in their order; a log that is not there warns of nothing.
+    """
+    steps: dict[str, list[str]] = {}
+    for log in logs:
+        step = re.sub(r"_\d+$", "", log.stem).replace("_", " ")  # a batch is no step of its own
+        for text in logged(log, "WARNING"):
+            if step not in (known := steps.setdefault(text, [])):
+                known.append(step)
+    named = {text: re.match(r"patch ([\w-]+)", text) for text in steps}
+    return [
+        {"text": text, "steps": of_text, "patch": match[1] if (match := named[text]) else None}
+        for text, of_text in steps.items()
+    ]
+
+
+def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dict[str, Any]]:
+    """What the study says of each patch: columns of its tables by name, where it has them.
+
+    Parameters
+    ----------
+    tables : mapping of str to Path
+        The study's tables, by the names of their files.
+    pictures : Path or None
+        The folder of the pictures of single patches.
+
+    Returns
+    -------
+    list of dict
+        ``pressure``, ``interval``, ``microscale``, ``scores``, ``gain``, ``registration`` and
+        ``placement``: the patch's row of the table, or an empty dict; ``picture``: a data URL.
+    """
+    sources = {
+        "pressure": "patch_pressures",
+        "interval": "patch_intervals",
+        "microscale": "microscale_summary",
+        "scores": "validation_patches",
+        "gain": "validation_gains",
+        "registration": "registration",
+        "placement": "placement",
+    }
+    rows: dict[str, dict[str, dict]] = {}
+    for name, source in sources.items():
+        if source not in tables:
+            rows[name] = {}
+            continue
+        table = read_table(tables[source])
+        if name == "gain":
+            table = table[table["score"] == SCORE]
+        known = (row.dropna().to_dict() for _, row in table.astype(object).iterrows())
+        rows[name] = {row["patch"]: row for row in known if "patch" in row}
+    records = []
+    for patch in rows["pressure"]:
+        record: dict[str, Any] = {name: rows[name].get(patch, {}) for name in sources}
+        drawn = [*pictures.glob(f"{patch}.png")] if pictures else []
+        record["picture"] = embedded(drawn[0].read_bytes()) if drawn else None
+        records.append({"patch": patch} | record)
+    return records
+
+
+def tool_scene(
+    mesh: Any,
+    frame: "Frame",
+    pressure: xr.DataArray,
+    places: Mapping[str, Sequence],
+    patch_mm: float,
+) -> dict[str, Any]:
+    """The tool for the viewer, its square and its patches, and the square's map.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        The tool, mm.
+    frame : Frame
+        The square's frame.
+    pressure : (y, x) xarray.DataArray
+        At the target, on the square, MPa.
+    places : mapping
+        ``patch, x_mm, y_mm, rotation_deg``: a list each.
+    patch_mm : float
+        Side of a patch.
+
+    Returns
+    -------
+    dict
+        ``stone`` for `gstlib.viewer`; ``frame``; ``view``, where to look from, with ``middle`` and
+        ``extent``, the tool's middle, width and height from there; ``square`` and
+        ``patches``: outlines on the tool (mesh's coordinates) and in the square; ``map``: a data
+        URL; ``scale``: colours from no pressure to ``highest`` (MPa), on a square-root scale.
+    """
+    from matplotlib.colors import to_hex
+    from matplotlib.image import imsave
+
+    from gstlib.figures.maps import FORCE_MAP
+    from gstlib.figures.tool import coloured_tool, outline_on, pressure_norm, tool_view
+    from gstlib.viewer import stone_data
+
+    stone, colours = coloured_tool(mesh, frame, pressure, faces=_STONE_FACES)
+    size, half = float(pressure.x[-1] + pressure.x[0]), patch_mm / 2
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+
+    def outlined(flat: np.ndarray) -> dict[str, list]:
+        on_tool = outline_on(stone, frame, flat, size)
+        return {"flat": np.round(flat, 4).tolist(), "outline": np.round(on_tool, 4).tolist()}
+
+    patches = []
+    for patch, x, y, degrees in zip(
+        *(places[name] for name in ("patch", "x_mm", "y_mm", "rotation_deg")), strict=True
+    ):
+        turn = np.radians(degrees)
+        turned = half * corners @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        patches.append({"patch": patch} | outlined(turned + np.array([x, y])))
+    axes = np.array([frame.x_axis, frame.y_axis, frame.normal])
+    view = tool_view(stone, frame)
+    content = io.BytesIO()
+    shown = pressure_norm(pressure)
+    imsave(content, FORCE_MAP(shown(pressure.values))[::-1], metadata={"Software": None})
+    return {
+        "stone": stone_data(stone, colours),
+        "frame": {"origin": list(frame.origin), "axes": axes.tolist(), "size": size},
+        "view": list(view.normal),
+        "middle": list(view.origin),
+        "extent": np.ptp(view.to_frame(stone.vertices), axis=0)[:2].tolist(),
+        "square": outlined(size / 2 * (corners + 1)),
+        "patches": patches,
+        "map": embedded(content.getvalue()),
+        "highest": shown.vmax,
+        "scale": [to_hex(FORCE_MAP(share)) for share in np.linspace(0, 1, 13)],
+    }
+
+
+def by_category(shown: Sequence[Shown]) -> list[dict[str, Any]]:
+    """The categories, ``2 Macroscale`` by their number: ``id``, ``name`` and ``entries``."""
+    names = sorted({one.category for one in shown})
+    return [
+        {
+            "id": f"part-{name.split()[0]}",
+            "name": name.partition(" ")[2],
+            "entries": [one for one in shown if one.category == name],
+        }
+        for name in names
+    ]
+
+
+def render(template: str, **content: Any) -> str:
+    """A template, filled in."""
+    from gstlib.viewer import three_js, to_script, viewer_js
+
+    folder = Path(__file__).parent
+    parts = {name: (folder / f"page.{name}").read_text(encoding="utf-8") for name in ("css", "js")}
+    environment = _environment()
+    environment.filters |= {"number": _number, "script": to_script, "capfirst": _capitalised}
+    environment.filters |= {"breakable": _breakable, "score": _score}
+    libraries = {"three_js": three_js, "viewer_js": viewer_js}
+    return environment.get_template(template).render(content | parts | libraries) + "\n"
+
+
+def _capitalised(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _breakable(column: str) -> "markupsafe.Markup":
+    """A column's name, which may break after an underscore."""
+    import markupsafe
+
+    return markupsafe.Markup("_<wbr>").join(column.split("_"))
+
+
+def _number(value: Any, digits: int = 3) -> str:
+    """A number as a reader wants it; a dash for none."""
+    if value is None or pd.isna(value):
+        return "–"
+    rounded = float(f"{value:.{digits}g}")
+    return f"{rounded:,.12g}".replace("-", "−").replace(",", "\u202f")
+
+
+def _score(value: Any) -> str:
+    """A score, or the difference of two."""
+    return "–" if value is None or pd.isna(value) else f"{value:.2f}".replace("-", "−")
