@@ -21,7 +21,7 @@ from gstlib.io.files import check_writable
 MADE = (
     *("benchmarks", "coupling", "figures", "hardness", "logs", "macroscale", "microscale", "power"),
     *("reference", "registered", "slip", "specimen", "surfaces", "sweep", "tables"),
-    *("check.png", "index.html", "provenance.json", "report.html"),
+    *("check.png", "index.html", "provenance.json", "report.html", "verdict.html"),
 )
 ROOT = Path(__file__).parents[1]
 DEFAULT = ROOT / "config/config.yaml"
