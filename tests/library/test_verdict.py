@@ -21,7 +21,7 @@ def tables(forces, *, studied=True):
     return pressures, intervals
 
 
-def compared(p_values=(0.01, 0.2, math.nan), **row):
+def compared(p_values=(0.01, 0.2, 0.3, math.nan), **row):
     """Gains of patches with these p-values, and variants whose first has this row."""
     gains = pd.DataFrame({"score": "mcc", "p_value": list(p_values)})
     gains = pd.concat([gains, gains.assign(score="f1", p_value=0.001)])
@@ -69,7 +69,7 @@ def test_patches_that_nothing_touches():
         (
             {"low": math.nan, "high": math.nan, "p_value": math.nan},
             "It cannot be told",
-            "3 patches)",
+            "4 patches)",
         ),
         ({"contact": -0.1, "low": -0.2, "high": 0.1}, "It cannot be told", "MCC −0.10 against"),
     ],
@@ -83,7 +83,7 @@ def test_contact_against_its_best_rival(row, words, numbers):
 
 def test_contact_against_chance_counts_what_was_tested():
     said = verdict(*tables([1.0, 2.0]), *compared())
-    assert "On 1 of the 2 patches that can be tested" in said[1]
+    assert "On 1 of the 3 patches that can be tested" in said[1]
     assert said[1].endswith("; 1 cannot be tested.")
     untested = compared(p_values=[math.nan] * 2)
     assert "None of the 2 patches" in verdict(*tables([1.0, 2.0]), *untested)[1]
