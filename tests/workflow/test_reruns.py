@@ -53,7 +53,7 @@ def test_nothing_is_left_to_do(tiny):
             None,
         ),
         (
-            {"counterface": {"scan": "results-tiny/specimen/scans/5_T0.plu"}},
+            {"counterface": {"scan": "face.plu"}},
             {"prepare_counterface", "solve_patches", "solve_slip", "solve_hardness"},
             {"prepare_T0_scans", "solve_macroscale", "couple_scales", "register_patches"},
         ),
@@ -66,6 +66,7 @@ def test_nothing_is_left_to_do(tiny):
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
 )
 def test_a_changed_value(tiny, change, reruns, stays):
+    shutil.copy2(tiny.results / "specimen/scans/5_T0.plu", tiny.folder / "face.plu")
     tiny.change(**change)
     planned = tiny.planned()
     if stays is None:
@@ -78,7 +79,7 @@ def test_a_changed_value(tiny, change, reruns, stays):
 @pytest.mark.parametrize(
     ("module", "reruns", "stays"),
     [
-        ("coupling.py", {"couple_scales"}, {"check_inputs", "grid_macroscale"}),
+        ("coupling.py", {"couple_scales"}, {"generate_specimen", "grid_macroscale"}),
         ("verdict.py", {"write_page", "draw_validation"}, {"score_patches"}),
         ("page.css", {"write_page"}, DRAW),
         ("bem/halfspace.py", {"solve_macroscale"}, {"grid_macroscale", "generate_specimen"}),

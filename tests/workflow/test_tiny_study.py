@@ -134,7 +134,7 @@ def test_the_report_holds_every_figure_and_caption(finished_tiny, tmp_path):
 
 
 def test_the_page_holds_the_answer_and_everything_shown(results, table, config):
-    """What browsers make of it: tests/workflow/test_page.py."""
+    """What browsers make of it: tests/workflow/test_page_in_browser.py."""
     page = (results / "index.html").read_text(encoding="utf-8")
     assert "Generated specimen" in page
     top = table("patch_pressures").sort_values("pressure_MPa").patch.iloc[-1]

@@ -1,6 +1,7 @@
 """Whole studies, each started anew: for `make test-all`."""
 
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -139,7 +140,8 @@ def test_measured_files_without_t1(measured):
 
 def test_a_rough_counterface(tiny):
     """One of the specimen's own scans: the microscale follows, all before it stays."""
-    tiny.change(counterface={"scan": "results-tiny/specimen/scans/5_T0.plu"})
+    shutil.copy2(tiny.results / "specimen/scans/5_T0.plu", tiny.folder / "face.plu")
+    tiny.change(counterface={"scan": "face.plu"})
     flat = tiny.tables()
     tiny.succeed()
     rough = tiny.tables()
