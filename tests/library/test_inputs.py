@@ -291,8 +291,8 @@ def test_command_draws_a_mesh(tmp_path):
 
 
 def test_a_mesh_that_is_not_read_gets_advice_about_meshes(tmp_path):
-    (tmp_path / "a.3mf").write_bytes(b"PK")
-    result = inspect(tmp_path / "a.3mf")
+    (tmp_path / "a.fbx").write_bytes(b"PK")
+    result = inspect(tmp_path / "a.fbx")
     assert result.exit_code == 1
     assert ".glb" in result.stderr
 

@@ -1,4 +1,4 @@
-"""Triangle meshes of stones (STL, PLY, OBJ, OFF, glTF), read through trimesh, in mm.
+"""Triangle meshes of stones (STL, PLY, OBJ, OFF, glTF, 3MF), read through trimesh, in mm.
 
 trimesh reads a damaged file without complaint and returns the part that it understood. A cut file
 must never pass for a smaller stone, so its faces are counted against those that it announces.
@@ -8,6 +8,7 @@ import io
 import logging
 import re
 import warnings
+import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,11 +23,12 @@ __all__ = ["is_mesh", "read_mesh", "stated_unit"]
 
 _log = logging.getLogger(__name__)
 
-_READ = (".stl", ".ply", ".obj", ".off", ".glb", ".gltf")
+_READ = (".stl", ".ply", ".obj", ".off", ".glb", ".gltf", ".3mf")
 # Other formats of meshes: what trimesh reads of them needs further packages, or is not checked.
-_NOT_READ = (".3mf", ".fbx", ".dae", ".wrl", ".x3d", ".usd", ".usdz", ".nxs", ".nxz", ".ctm")
-# The units that a format prescribes.
-_STATED = {".glb": "m", ".gltf": "m"}
+_NOT_READ = (".fbx", ".dae", ".wrl", ".x3d", ".usd", ".usdz", ".nxs", ".nxz", ".ctm")
+# The units that a format prescribes, and those that 3MF states.
+_PRESCRIBED = {".glb": "m", ".gltf": "m"}
+_OF_3MF = {"micron": "um", "millimeter": "mm", "centimeter": "cm", "inch": "in", "meter": "m"}
 # Length of each unit in mm.
 _UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4}
 # Largest extent (mm) of a stone that a hand could grind with; outside it the unit is wrong.
@@ -40,11 +42,12 @@ def read_mesh(path: str | Path, *, unit: str = "mm") -> "trimesh.Trimesh":
     Parameters
     ----------
     path : str or Path
-        STL (binary or ASCII), PLY, OBJ, OFF, or glTF in one file (.glb, .gltf), whose parts are put
-        where its scene has them.
+        STL (binary or ASCII), PLY, OBJ, OFF, 3MF, or glTF in one file (.glb, .gltf); the parts of a
+        scene are put where it has them.
     unit : {"mm", "cm", "m", "um", "in"}
-        Unit of the file's coordinates. glTF prescribes metres: another unit is taken, as exporters
-        write others, with a warning. The other formats do not state one.
+        Unit of the file's coordinates. 3MF states it: another is refused. glTF prescribes metres:
+        another unit is taken, as exporters write others, with a warning. The other formats do not
+        state one.
 
     Returns
     -------
@@ -85,8 +88,11 @@ def read_mesh(path: str | Path, *, unit: str = "mm") -> "trimesh.Trimesh":
     bad = int((~np.isfinite(vertices)).any(axis=1).sum())
     if bad:
         raise InputError(path, f"{bad} of {len(vertices)} vertices are not numbers", "Repair it.")
-    _check_size(path, float(np.ptp(vertices, axis=0).max()), unit)
     stated = stated_unit(path)
+    if stated not in (None, unit) and path.suffix.lower() not in _PRESCRIBED:
+        problem = f"states its unit, {stated}, and is to be read in {unit}"
+        raise InputError(path, problem, f"Set mesh_unit: {stated}.")
+    _check_size(path, float(np.ptp(vertices, axis=0).max()), unit)
     if stated not in (None, unit):
         message = "%s: glTF is in %s by its specification, and is read in %s, as told"
         _log.warning(message, path, stated, unit)
@@ -101,8 +107,17 @@ def is_mesh(path: str | Path) -> bool:
 
 
 def stated_unit(path: str | Path) -> str | None:
-    """The unit that the format of a mesh prescribes, None where it prescribes none."""
-    return _STATED.get(Path(path).suffix.lower())
+    """The unit that a mesh states, or its format prescribes; None where there is none."""
+    path = Path(path)
+    if path.suffix.lower() != ".3mf":
+        return _PRESCRIBED.get(path.suffix.lower())
+    try:
+        with zipfile.ZipFile(path) as archive:
+            model = archive.read("3D/3dmodel.model")
+    except (OSError, KeyError, zipfile.BadZipFile):
+        return None  # `read_mesh` says what is wrong
+    found = re.search(rb"<model\b[^>]*\sunit=[\"'](\w+)", model)
+    return _OF_3MF.get(found[1].decode() if found else "millimeter")
 
 
 def _announced_faces(path: Path, content: bytes) -> int | None:

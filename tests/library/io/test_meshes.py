@@ -4,7 +4,9 @@ import base64
 import itertools
 import json
 import logging
+import re
 import struct
+import zipfile
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gstlib.errors import InputError
-from gstlib.io.meshes import read_mesh
+from gstlib.io.meshes import read_mesh, stated_unit
 
 SIZE = (40.0, 30.0, 20.0)
 
@@ -83,6 +85,7 @@ FILES = {
     },
     "whole.glb": exported("glb"),
     "whole.gltf": gltf(),
+    "whole.3mf": exported("3mf"),
 }
 each_file = pytest.mark.parametrize("name", FILES)
 
@@ -143,6 +146,20 @@ def test_another_unit_than_the_format_prescribes_is_warned_of(write, tmp_path, c
         read_mesh(tmp_path / "metres.glb", unit="m")
         read_mesh(write("binary.stl"))
         assert caplog.text == ""
+
+
+def test_the_unit_that_a_3mf_states_holds(tmp_path):
+    stone().apply_scale(1 / 25.4).export(tmp_path / "plain.3mf")
+    with (
+        zipfile.ZipFile(tmp_path / "plain.3mf") as plain,
+        zipfile.ZipFile(tmp_path / "inches.3mf", "w") as inches,
+    ):
+        for name in plain.namelist():
+            content = re.sub(rb' unit="\w+"', b"", plain.read(name))
+            inches.writestr(name, content.replace(b"<model ", b'<model unit="inch" ', 1))
+    assert stated_unit(tmp_path / "inches.3mf") == "in"
+    assert read_mesh(tmp_path / "inches.3mf", unit="in").extents == pytest.approx(SIZE, rel=1e-3)
+    refused(tmp_path / "inches.3mf", "Set mesh_unit: in")
 
 
 def test_a_wrong_unit_is_named(tmp_path):
