@@ -254,7 +254,8 @@ def render(template: str, **content: Any) -> str:
 
 
 def _capitalised(text: str) -> str:
-    return text[:1].upper() + text[1:]
+    """A sentence with its first letter large; the name of a file stays as it is."""
+    return text[:1].upper() + text[1:] if text.split(" ")[0].isalpha() else text
 
 
 def _breakable(column: str) -> "markupsafe.Markup":

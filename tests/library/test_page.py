@@ -114,6 +114,11 @@ def test_warnings_are_told_once_with_their_steps(tmp_path):
     ]
 
 
+def test_a_sentence_begins_large_and_a_file_keeps_its_name():
+    assert page._capitalised("patch 7: too rough") == "Patch 7: too rough"
+    assert page._capitalised("a/b.plu: too rough") == "a/b.plu: too rough"
+
+
 def test_a_caption_is_that_of_the_report():
     template = (
         "At {{ snakemake.config['hardness'] }} MPa{% if snakemake.config['hardness'] > 1 %}: "
