@@ -113,7 +113,7 @@ def p_values(
     table = places[["patch", "x_mm", "y_mm", "pressure_MPa"]].merge(tables["patches"], on="patch")
     of_patch = tables["gains"][tables["gains"].score.isin(SCORES)]
     rows = [(row.score, np.nan, 1, row.p_value) for row in of_patch.itertuples()]
-    found, every, table = believed(found), table, table[table.believed]
+    found, every, table = believed(found), table, table[table.believed.astype(bool)]
     columns = ["test", "drawn", "patches", "p_value"]
     if table.empty:
         return pd.DataFrame(rows, columns=columns), every

@@ -84,7 +84,7 @@ def validation_figure(
     ]
     figure.suptitle("\n".join([*headlines, against_chance(gains)]), fontsize=7)
     _draw_gains(gain, summary)
-    known = scores[scores["believed"]].dropna(subset="loss_fraction")
+    known = scores[scores["believed"].astype(bool)].dropna(subset="loss_fraction")
     lost = 100 * known["loss_fraction"]
     extent.plot(known["pressure_MPa"], lost, "o", color=VERMILION)
     for at in zip(known["patch"], known["pressure_MPa"], lost, strict=True):
