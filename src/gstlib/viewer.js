@@ -17,17 +17,19 @@
      addLabel(point, text)  HTML at a point, hidden while the stone is before it: the returned
                             {element, remove()} can be styled, and listened to once its
                             pointer-events are set to auto
-     pick(clientX, clientY) {point, normal} of the surface there, or null
+     pick(clientX, clientY) {point, normal} of the surface there, or in the middle of the view
+                            without arguments; null beside the stone
      normal(point, radius)  mean normal of the surface within a radius of a point, or null
      fit(point, normal, up, size)  look at a point from along a normal, size mm across; without
                             arguments, at the whole stone, along its shortest axis
      snapshot()             the view without labels, as a data URL of a PNG
      onclick                function(hit, event), called when the stone or what is beside it is
-                            clicked, not dragged; hit as of pick
+                            clicked, not dragged, and when Enter clicks the middle of the view;
+                            hit as of pick
      onrender               function(), called after each drawing
 
    Drag, or the arrow keys, turn; the wheel, two fingers, + and - zoom; the right button, two
-   fingers, and Shift with the arrow keys pan; Home shows the whole stone. */
+   fingers, and Shift with the arrow keys pan; Home shows the whole stone; Enter clicks its middle. */
 
 "use strict";
 
@@ -297,7 +299,9 @@ function stoneViewer(element, stone, options = {}) {
   const ray = new THREE.Raycaster();
   function pick(clientX, clientY) {
     const box = canvas.getBoundingClientRect();
-    const [x, y] = [(clientX - box.left) / box.width, (clientY - box.top) / box.height];
+    const middle = clientX === undefined;
+    const x = middle ? 0.5 : (clientX - box.left) / box.width;
+    const y = middle ? 0.5 : (clientY - box.top) / box.height;
     ray.setFromCamera(new THREE.Vector2(2 * x - 1, 1 - 2 * y), camera);
     const [hit] = ray.intersectObject(mesh);
     return hit
@@ -365,6 +369,7 @@ function stoneViewer(element, stone, options = {}) {
     else if (event.key === "+" || event.key === "=") zoom(1.2);
     else if (event.key === "-") zoom(1 / 1.2);
     else if (event.key === "Home") fit();
+    else if (event.key === "Enter" && viewer.onclick) viewer.onclick(pick(), event);
     else return;
     event.preventDefault();
   });
@@ -372,7 +377,7 @@ function stoneViewer(element, stone, options = {}) {
   canvas.tabIndex = 0;
   canvas.setAttribute("role", "application");
   canvas.setAttribute("aria-label",
-    `${label}. Arrow keys turn it, with Shift they move it; plus and minus zoom; Home: all of it.`);
+    `${label}. Arrow keys turn it, with Shift they move it; plus and minus zoom; Home: all of it; Enter: click the middle.`);
   canvas.style.cssText = "display:block;touch-action:none;cursor:grab";
   const frame = document.createElement("div");
   frame.style.cssText = "position:absolute;inset:0;overflow:hidden";

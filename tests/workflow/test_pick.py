@@ -149,6 +149,35 @@ def test_a_square_about_its_centre_can_be_turned(page, stone):
         assert middle == pytest.approx([0, 0, HALF[2]], abs=0.3)
 
 
+def test_a_square_seen_straight_has_x_right_and_y_up(page):
+    page.check("[value=centre]")
+    click(page, (1, 2))
+    page.evaluate("viewer.snapshot()")
+    boxes = {
+        name: page.locator("#stone").get_by_text(name, exact=True).bounding_box()
+        for name in ("reference", "x", "y")
+    }
+    corner, x, y = (
+        np.array([box["x"] + box["width"] / 2, box["y"] + box["height"] / 2])
+        for box in boxes.values()
+    )
+    right, down = x - corner
+    assert abs(down) < 0.3 * right
+    right, down = y - corner
+    assert abs(right) < 0.3 * -down
+
+
+def test_enter_clicks_the_middle_of_the_view(page):
+    right, left, down = (f"Shift+Arrow{way}" for way in ("Right", "Left", "Down"))
+    for keys in ((right,), (left, left), (right, down)):
+        for key in (*keys, "Enter"):
+            page.locator("canvas").press(key)
+            page.evaluate("viewer.snapshot()")  # the view is drawn
+    points = np.array(config_of(page)["square"]["frame"]["points_mm"])
+    assert np.linalg.norm(points / HALF, axis=1) == pytest.approx(1, abs=0.002)
+    assert points[:, 2].min() > 0
+
+
 def test_the_stone_turns_by_pointer_and_keys_and_rests_otherwise(page):
     views = [page.evaluate("viewer.snapshot()")]
     box = page.locator("canvas").bounding_box()
