@@ -12,7 +12,8 @@ from matplotlib import colormaps
 from PIL import Image
 
 from gstlib import page
-from gstlib.figures.tool import STONE, coloured_tool
+from gstlib.figures.style import STONE
+from gstlib.figures.tool import coloured_tool
 from gstlib.preprocess.frame import Frame
 from gstlib.surface import make_surface
 
