@@ -175,12 +175,7 @@ def draw_footprints(
 ) -> None:
     """Outline and name the patches: solid in the study, dashed out of it.
 
-    Parameters
-    ----------
-    patches : pandas.DataFrame
-        ``patch, x_mm, y_mm``, optionally ``rotation_deg`` and ``in_study``.
-    patch_size_mm : float
-        Side of a patch.
+    `patches` has ``patch, x_mm, y_mm``, optionally ``rotation_deg`` and ``in_study``.
     """
     half = patch_size_mm / 2
     for row in patches.itertuples(index=False):

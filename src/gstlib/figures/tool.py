@@ -145,17 +145,11 @@ def outline_on(
 def draw_stone(
     axes: Axes, mesh: "trimesh.Trimesh", view: Frame, *, colours: np.ndarray | None = None
 ) -> None:
-    """Draw a stone as it is seen in parallel light from the eye, shaded, with a scale bar.
+    """Draw a stone as it is seen from afar, shaded, with a scale bar.
 
-    Parameters
-    ----------
-    axes : matplotlib Axes
-    mesh : trimesh.Trimesh
-        The stone (mm), coarse enough to be drawn: see `coarsen`.
-    view : Frame
-        Its normal looks at the eye, its origin (mm) lies in the middle of the picture.
-    colours : (n, 3) ndarray of uint8, optional
-        Of the vertices.
+    `mesh` is the stone (mm), coarse enough to be drawn: see `coarsen`. The normal of the `view`
+    looks at the eye, its origin (mm) lies in the middle of the picture. `colours` (n, 3), uint8,
+    are those of the vertices.
     """
     corners = view.to_frame(mesh.triangles.reshape(-1, 3)).reshape(-1, 3, 3)
     # Of the surface around a face: those of slivers are anything.
@@ -192,12 +186,9 @@ def draw_tool(
 def draw_square(
     axes: Axes, mesh: "trimesh.Trimesh", view: Frame, frame: Frame, size: float
 ) -> bool:
-    """Outline the square of a side (mm) in a view: dashed where the stone lies before it.
+    """Outline the square of a side (mm) in a view: dashed where the stone hides it.
 
-    Returns
-    -------
-    bool
-        Whether it is in sight.
+    Gives whether it is in sight.
     """
     corners = size * np.array([*_UNIT, [0.5, 0.5]])
     *outline, middle = view.to_frame(frame.origin + corners @ axes_of(frame)[:2])
@@ -244,16 +235,8 @@ def check_figure(
 ) -> Figure:
     """Where the square lies on the stone, in two views, and where the patches lie in the square.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The stone, mm.
-    frame : Frame
-        Of the square.
-    height, patches, patch_size_mm
-        As of `gstlib.figures.macroscale.input_figure`; without a height the square is left out.
-    size_mm : float
-        Side of the square.
+    `mesh` is the stone (mm), `frame` and `size_mm` are those of the square; the others as of
+    `gstlib.figures.macroscale.input_figure`. Without a height the square is left out.
     """
     figure, panels = style.panels(2 + (height is not None), 3, _PANEL, (0.55, 0.25, 0.3, 0.85))
     mesh = coarsen(mesh, faces=_FACES)
