@@ -114,20 +114,10 @@ def warned(logs: Sequence[Path]) -> list[dict[str, Any]]:
 
 
 def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dict[str, Any]]:
-    """What the study says of each patch: columns of its tables by name, where it has them.
+    """What the study says of each patch: its rows of the tables, or an empty dict, and a picture.
 
-    Parameters
-    ----------
-    tables : mapping of str to Path
-        The study's tables, by the names of their files.
-    pictures : Path or None
-        The folder of the pictures of single patches.
-
-    Returns
-    -------
-    list of dict
-        ``pressure``, ``interval``, ``microscale``, ``scores``, ``gain``, ``registration`` and
-        ``placement``: the patch's row of the table, or an empty dict; ``picture``: a data URL.
+    `tables` are the study's, by the names of their files; `pictures` is the folder with those of
+    single patches, which are given as data URLs.
     """
     sources = {
         "pressure": "patch_pressures",

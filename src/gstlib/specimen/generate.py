@@ -210,16 +210,9 @@ def generate_specimen(
 ) -> None:
     """Make a specimen and write it as measured files; the same arguments give the same bytes.
 
-    Parameters
-    ----------
-    patches, square_mm, grid, parameters
-        As of `make_specimens`, which also names the errors.
-    mesh : path
-        Binary STL to write.
-    scan_folder : path
-        Folder for the scans (``.plu``).
-    truth, surface : path
-        HDF5 files to write: what is true of mesh and scans, and the true surface before use.
+    `mesh` is the binary STL to write, `scan_folder` that of the scans (``.plu``); `truth` and
+    `surface` are HDF5 files: what is true of mesh and scans, and the true surface before use. The
+    other arguments, and the errors, are those of `make_specimens`.
     """
     placements = [parameters.wear_placement]
     (made,) = make_specimens(
