@@ -10,7 +10,7 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -24,7 +24,6 @@ from gstlib.logs import logged
 from gstlib.verdict import SCORE
 
 if TYPE_CHECKING:
-    import jinja2
     import markupsafe
     import trimesh
 
@@ -70,19 +69,6 @@ def embedded(png: bytes) -> str:
     few.save(content, "png", compress_level=7)
     smaller = min(content.getvalue(), png, key=len)
     return "data:image/png;base64," + base64.b64encode(smaller).decode("ascii")
-
-
-@cache
-def _environment() -> "jinja2.Environment":
-    import jinja2
-
-    return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        undefined=jinja2.StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
 
 
 def caption_html(template: str, **names: Any) -> str:
@@ -219,11 +205,19 @@ def by_category(shown: Sequence[Shown]) -> list[dict[str, Any]]:
 
 def render(template: str, **content: Any) -> str:
     """A template, filled in."""
+    import jinja2
+
     from gstlib.viewer import three_js, to_script, viewer_js
 
     folder = Path(__file__).parent
     parts = {name: (folder / f"page.{name}").read_text(encoding="utf-8") for name in ("css", "js")}
-    environment = _environment()
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder),
+        undefined=jinja2.StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     environment.filters |= {"number": _number, "script": to_script, "capfirst": _capitalised}
     environment.filters |= {"breakable": _breakable, "score": _score}
     libraries = {"three_js": three_js, "viewer_js": viewer_js}

@@ -14,7 +14,9 @@ import numpy as np
 import pandas as pd
 from scipy.stats import beta
 
-from gstlib.specimen import WEAR_PLACEMENTS, SpecimenParameters, make_specimens
+from gstlib.specimen.generate import make_specimens
+from gstlib.specimen.randomness import SpecimenParameters
+from gstlib.specimen.stone import WEAR_PLACEMENTS
 from gstlib.study import Study
 from gstlib.validation.scoring import PatchScores, patch_tables
 from gstlib.validation.summary import (

@@ -47,7 +47,7 @@ def score_truth(
     Parameters
     ----------
     truth : xarray.Dataset
-        Of `gstlib.specimen.make_specimens`.
+        Of `gstlib.specimen.generate.make_specimens`.
     macroscale : xarray.Dataset
         ``height`` (y, x) mm on the analysis grid.
     surfaces, registered : iterable of pairs
