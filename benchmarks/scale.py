@@ -30,7 +30,9 @@ import pandas as pd
 import yaml
 
 from gstlib.io.patches import read_patches
-from gstlib.specimen import SpecimenParameters, generate_specimen, pebble, scanning
+from gstlib.specimen import pebble, scanning
+from gstlib.specimen.generate import generate_specimen
+from gstlib.specimen.randomness import SpecimenParameters
 
 ROOT = Path(__file__).parents[1]
 CONFIG = "config/scale.yaml"

@@ -23,8 +23,8 @@ from gstlib.io.patches import read_patches
 from gstlib.placement import ALL
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.reference import patches_of_reference, two_scales_table
-from gstlib.specimen import SpecimenParameters
 from gstlib.specimen.generate import within_square
+from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import Placement, place_scans, sample, take_scan
 from gstlib.specimen.stone import Stone
 from gstlib.study import Study, bound_pressures, solve_reference

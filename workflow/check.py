@@ -121,8 +121,8 @@ def main() -> int:
         problems += found.problems
     print(f"{path}: {summary(config, patches, found)}")
     if writable and found is not None and found.stone is not None and found.frame is not None:
-        from gstlib.figures import save_figure
-        from gstlib.figures.stone import check_figure
+        from gstlib.figures.style import save_figure
+        from gstlib.figures.tool import check_figure
 
         picture = Path(config["results"]) / "check.png"
         figure = check_figure(

@@ -71,8 +71,9 @@ def inspect(files, unit, spacing_um, picture) -> None:
         lines = [f"  {name.ljust(width)}  {value}\n" for name, value in shown.items()]
         click.echo(f"{file}\n{''.join(lines)}")
         if picture is not None:
-            from gstlib.figures import save_figure, surface_figure
-            from gstlib.figures.stone import stone_figure
+            from gstlib.figures.macroscale import surface_figure
+            from gstlib.figures.style import save_figure
+            from gstlib.figures.tool import stone_figure
 
             draw = stone_figure if is_mesh(file) else surface_figure
             save_figure(draw(content, title=file.name), picture)

@@ -10,7 +10,7 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -24,8 +24,8 @@ from gstlib.logs import logged
 from gstlib.verdict import SCORE
 
 if TYPE_CHECKING:
-    import jinja2
     import markupsafe
+    import trimesh
 
     from gstlib.preprocess.frame import Frame
 
@@ -59,29 +59,16 @@ class Shown:
         return pd.read_csv(self.file, dtype=str, keep_default_na=False)
 
 
-def embedded(png: bytes, colours: int = _COLOURS) -> str:
+def embedded(png: bytes) -> str:
     """A picture as a data URL, with fewer colours: a third of the size."""
     from PIL import Image
 
     with Image.open(io.BytesIO(png)) as picture:
-        few = picture.convert("RGB").quantize(colours, dither=Image.Dither.NONE)
+        few = picture.convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
     content = io.BytesIO()
     few.save(content, "png", compress_level=7)
     smaller = min(content.getvalue(), png, key=len)
     return "data:image/png;base64," + base64.b64encode(smaller).decode("ascii")
-
-
-@cache
-def _environment() -> "jinja2.Environment":
-    import jinja2
-
-    return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        undefined=jinja2.StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
 
 
 def caption_html(template: str, **names: Any) -> str:
@@ -113,20 +100,10 @@ def warned(logs: Sequence[Path]) -> list[dict[str, Any]]:
 
 
 def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dict[str, Any]]:
-    """What the study says of each patch: columns of its tables by name, where it has them.
+    """What the study says of each patch: its rows of the tables, or an empty dict, and a picture.
 
-    Parameters
-    ----------
-    tables : mapping of str to Path
-        The study's tables, by the names of their files.
-    pictures : Path or None
-        The folder of the pictures of single patches.
-
-    Returns
-    -------
-    list of dict
-        ``pressure``, ``interval``, ``microscale``, ``scores``, ``gain``, ``registration`` and
-        ``placement``: the patch's row of the table, or an empty dict; ``picture``: a data URL.
+    `tables` are the study's, by the names of their files; `pictures` is the folder with those of
+    single patches, which are given as data URLs.
     """
     sources = {
         "pressure": "patch_pressures",
@@ -137,27 +114,24 @@ def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dic
         "registration": "registration",
         "placement": "placement",
     }
-    rows: dict[str, dict[str, dict]] = {}
+    rows: dict[str, dict[str, dict]] = {name: {} for name in sources}
     for name, source in sources.items():
-        if source not in tables:
-            rows[name] = {}
-            continue
-        table = read_table(tables[source])
-        if name == "gain":
-            table = table[table["score"] == SCORE]
-        known = (row.dropna().to_dict() for _, row in table.astype(object).iterrows())
-        rows[name] = {row["patch"]: row for row in known if "patch" in row}
+        if source in tables:
+            table = read_table(tables[source]).astype(object)
+            if name == "gain":
+                table = table[table["score"] == SCORE]
+            rows[name] = {row["patch"]: row.dropna().to_dict() for _, row in table.iterrows()}
     records = []
     for patch in rows["pressure"]:
-        record: dict[str, Any] = {name: rows[name].get(patch, {}) for name in sources}
-        drawn = [*pictures.glob(f"{patch}.png")] if pictures else []
-        record["picture"] = embedded(drawn[0].read_bytes()) if drawn else None
-        records.append({"patch": patch} | record)
+        picture = pictures and pictures / f"{patch}.png"
+        shown = embedded(picture.read_bytes()) if picture and picture.exists() else None
+        of_tables = {name: of.get(patch, {}) for name, of in rows.items()}
+        records.append({"patch": patch, "picture": shown} | of_tables)
     return records
 
 
 def tool_scene(
-    mesh: Any,
+    mesh: "trimesh.Trimesh",
     frame: "Frame",
     pressure: xr.DataArray,
     places: Mapping[str, Sequence],
@@ -167,12 +141,8 @@ def tool_scene(
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh
-        The tool, mm.
-    frame : Frame
-        The square's frame.
-    pressure : (y, x) xarray.DataArray
-        At the target, on the square, MPa.
+    mesh, frame, pressure
+        As of `gstlib.figures.tool.coloured_tool`.
     places : mapping
         ``patch, x_mm, y_mm, rotation_deg``: a list each.
     patch_mm : float
@@ -189,38 +159,31 @@ def tool_scene(
     from matplotlib.colors import to_hex
     from matplotlib.image import imsave
 
-    from gstlib.figures.maps import FORCE_MAP
-    from gstlib.figures.tool import coloured_tool, outline_on, pressure_norm, tool_view
+    from gstlib.figures.maps import FORCE_MAP, footprint
+    from gstlib.figures.tool import axes_of, coloured_tool, outline_on, pressure_norm, tool_view
     from gstlib.viewer import stone_data
 
     stone, colours = coloured_tool(mesh, frame, pressure, faces=_STONE_FACES)
-    size, half = float(pressure.x[-1] + pressure.x[0]), patch_mm / 2
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    size = float(pressure.x[-1] + pressure.x[0])
 
-    def outlined(flat: np.ndarray) -> dict[str, list]:
+    def outlined(*place: float) -> dict[str, list]:
+        flat = footprint(*place)
         on_tool = outline_on(stone, frame, flat, size)
         return {"flat": np.round(flat, 4).tolist(), "outline": np.round(on_tool, 4).tolist()}
 
-    patches = []
-    for patch, x, y, degrees in zip(
-        *(places[name] for name in ("patch", "x_mm", "y_mm", "rotation_deg")), strict=True
-    ):
-        turn = np.radians(degrees)
-        turned = half * corners @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
-        patches.append({"patch": patch} | outlined(turned + np.array([x, y])))
-    axes = np.array([frame.x_axis, frame.y_axis, frame.normal])
+    rows = zip(*(places[name] for name in ("patch", "x_mm", "y_mm", "rotation_deg")), strict=True)
     view = tool_view(stone, frame)
     content = io.BytesIO()
     shown = pressure_norm(pressure)
     imsave(content, FORCE_MAP(shown(pressure.values))[::-1], metadata={"Software": None})
     return {
         "stone": stone_data(stone, colours),
-        "frame": {"origin": list(frame.origin), "axes": axes.tolist(), "size": size},
+        "frame": {"origin": list(frame.origin), "axes": axes_of(frame).tolist(), "size": size},
         "view": list(view.normal),
         "middle": list(view.origin),
         "extent": np.ptp(view.to_frame(stone.vertices), axis=0)[:2].tolist(),
-        "square": outlined(size / 2 * (corners + 1)),
-        "patches": patches,
+        "square": outlined(size / 2, size / 2, 0.0, size),
+        "patches": [{"patch": patch} | outlined(*place, patch_mm) for patch, *place in rows],
         "map": embedded(content.getvalue()),
         "highest": shown.vmax,
         "scale": [to_hex(FORCE_MAP(share)) for share in np.linspace(0, 1, 13)],
@@ -242,11 +205,19 @@ def by_category(shown: Sequence[Shown]) -> list[dict[str, Any]]:
 
 def render(template: str, **content: Any) -> str:
     """A template, filled in."""
+    import jinja2
+
     from gstlib.viewer import three_js, to_script, viewer_js
 
     folder = Path(__file__).parent
     parts = {name: (folder / f"page.{name}").read_text(encoding="utf-8") for name in ("css", "js")}
-    environment = _environment()
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder),
+        undefined=jinja2.StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     environment.filters |= {"number": _number, "script": to_script, "capfirst": _capitalised}
     environment.filters |= {"breakable": _breakable, "score": _score}
     libraries = {"three_js": three_js, "viewer_js": viewer_js}

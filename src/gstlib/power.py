@@ -14,14 +14,16 @@ import numpy as np
 import pandas as pd
 from scipy.stats import beta
 
-from gstlib.specimen import WEAR_PLACEMENTS, SpecimenParameters, make_specimens
+from gstlib.specimen.generate import make_specimens
+from gstlib.specimen.randomness import SpecimenParameters
+from gstlib.specimen.stone import WEAR_PLACEMENTS
 from gstlib.study import Study
 from gstlib.validation.scoring import PatchScores, patch_tables
 from gstlib.validation.summary import (
     believed,
     mean_gains,
     mean_scores,
-    rank_correlations,
+    rank_correlation,
     spatial_p_value,
 )
 
@@ -128,8 +130,7 @@ def p_values(
     order = generator.permutation(len(table))
     for drawn in (np.nan, *(count for count in _PATCH_COUNTS if count <= len(table))):
         chosen = table if np.isnan(drawn) else table.iloc[np.sort(order[:drawn])]
-        pairs = rank_correlations(chosen, predictors=[_PREDICTOR], extents=[_EXTENT], **chance)
-        pair = pairs.set_index("statistic").loc[_PAIR]
+        pair = rank_correlation(chosen, _PREDICTOR, _EXTENT, **chance).iloc[0]
         pressure, loss = chosen[[_PREDICTOR, _EXTENT]].to_numpy(float).T
         positions = chosen[["x_mm", "y_mm"]].to_numpy()
         spatial = spatial_p_value(pressure, loss, positions, permuted=pair.p_value)

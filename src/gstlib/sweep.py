@@ -205,7 +205,7 @@ def outcomes(study: "Study") -> pd.DataFrame:
     from gstlib.study import measure_texture
     from gstlib.validation.scores import SCORES
     from gstlib.validation.scoring import patch_tables
-    from gstlib.validation.summary import believed, mean_gains, rank_correlations
+    from gstlib.validation.summary import believed, mean_gains, rank_correlation
 
     selected = study.selected()
     found = believed(study.scores())
@@ -217,8 +217,8 @@ def outcomes(study: "Study") -> pd.DataFrame:
         chance: dict[str, Any] = {"resamples": study.config["validation"]["resamples"]}
         chance["generator"] = np.random.default_rng(study.config["seed"])
         gains = mean_gains(scores, **chance)
-        pair: dict[str, Any] = {"predictors": [_PRESSURE], "extents": ["loss_fraction"]}
-        summary = pd.concat([gains, rank_correlations(scores, **pair, **chance)])
+        pair = rank_correlation(scores, _PRESSURE, "loss_fraction", **chance)
+        summary = pd.concat([gains, pair])
         rows += [(f"mean({score})", "", scores[score].mean(), *none) for score in SCORES]
         rows += [(row.statistic, "", row.value, row.low, row.high) for row in summary.itertuples()]
     texture = measure_texture(

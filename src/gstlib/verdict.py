@@ -26,7 +26,7 @@ def verdict(
     *,
     square_force_N: float,
 ) -> list[str]:
-    """What the study found, the load first, then the prediction against the wear.
+    """What the study found, in sentences: the load first, then the prediction against the wear.
 
     Parameters
     ----------
@@ -37,11 +37,6 @@ def verdict(
         None for a study without T1.
     square_force_N : float
         On the whole square, at the target pressure.
-
-    Returns
-    -------
-    list of str
-        Sentences.
     """
     sentences = [_load(pressures, intervals, square_force_N)]
     if not pressures["in_study"].any():
@@ -67,19 +62,17 @@ def _load(pressures: pd.DataFrame, intervals: pd.DataFrame, square_force_N: floa
     top = f"patch {highest['patch']} bears the highest pressure, {pressure} MPa"
     if pd.notna(known.low_MPa):
         top += f" (95 % interval {_two_digits(known.low_MPa)} to {_two_digits(known.high_MPa)})"
-    ordered = pressures.sort_values("force_N", ascending=False, kind="stable")
-    shares = ordered["force_N"].cumsum() / total
-    carriers = list(ordered["patch"])[: int((shares <= 0.5).sum()) + 1]
-    share = f"{100 * shares.iloc[len(carriers) - 1]:.0f} % of the load on the {count} patches"
-    share += f", which bear {100 * total / square_force_N:.0f} % of the square's"
     if count == 1:
         return f"P{top[1:]}."
-    if len(carriers) > _MOST_NAMED:
-        return f"The load is spread: {len(carriers)} patches carry {share}; {top}."
-    if len(carriers) == 1:
-        top = top.replace(f"patch {carriers[0]} bears", "it bears")
-        return f"Patch {carriers[0]} carries {share}; {top}."
-    return f"Patches {', '.join(carriers[:-1])} and {carriers[-1]} carry {share}; {top}."
+    ordered = pressures.sort_values("force_N", ascending=False, kind="stable")
+    shares = ordered["force_N"].cumsum() / total
+    *others, last = list(ordered["patch"])[: int((shares <= 0.5).sum()) + 1]
+    who = f"Patches {', '.join(others)} and {last} carry" if others else f"Patch {last} carries"
+    if len(others) >= _MOST_NAMED:
+        who = f"The load is spread: {len(others) + 1} patches carry"
+    share = f"{100 * shares.iloc[len(others)]:.0f} % of the load on the {count} patches"
+    share += f", which bear {100 * total / square_force_N:.0f} % of the square's"
+    return f"{who} {share}; {top}."
 
 
 def _two_digits(value: float) -> str:

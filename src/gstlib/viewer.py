@@ -61,19 +61,10 @@ def coarsen(
 ) -> "trimesh.Trimesh":
     """A mesh of fewer faces: the vertices in each cell of a grid become their mean.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-    faces : int
-        Largest number of faces; a mesh that has no more is returned as it is. A page holds about
-        24 bytes of each.
-    keep : (n,) ndarray of bool, optional
-        Vertices that stay as they are.
-
-    References
-    ----------
-    .. [1] Rossignac & Borrel (1993), Multi-resolution 3D approximations for rendering complex
-       scenes, in Modeling in Computer Graphics, Springer, 455-465.
+    A mesh of no more than so many `faces` is returned as it is; a page holds about 24 bytes of
+    each. The vertices that `keep` (n,) marks stay as they are. After Rossignac & Borrel (1993),
+    Multi-resolution 3D approximations for rendering complex scenes, in Modeling in Computer
+    Graphics, Springer, 455-465.
     """
     import trimesh
 
@@ -107,19 +98,10 @@ def coarsen(
 def stone_data(mesh: "trimesh.Trimesh", colours: np.ndarray | None = None) -> dict[str, Any]:
     """What `stoneViewer` draws, ready for JSON.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The stone (mm), as `coarsen` returns it: each vertex takes 16 bytes, each face as many.
-    colours : (n, 3) array_like of uint8, optional
-        Red, green and blue of each vertex.
-
-    Returns
-    -------
-    dict
-        ``vertices`` (float32, about ``centre``), ``faces`` (uint32) and, if given, ``colours``
-        (uint8), each as base64, row by row; ``centre`` and ``bounds`` in mm; ``axes``, the
-        stone's principal axes, the longest first.
+    `mesh` is the stone (mm), as `coarsen` returns it; `colours` (n, 3) are red, green and blue of
+    its vertices. The result has ``vertices`` (float32, about ``centre``), ``faces`` (uint32) and,
+    if given, ``colours`` (uint8), each as base64, row by row; ``centre`` and ``bounds`` in mm;
+    ``axes``, the stone's principal axes, the longest first.
     """
     low, high = mesh.bounds
     centre = (low + high) / 2

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from gstlib.power import LEVELS, p_values, rejection_rates, score_study, specimen_studies
-from gstlib.specimen import WEAR_PLACEMENTS
 from gstlib.specimen.randomness import smooth_field
+from gstlib.specimen.stone import WEAR_PLACEMENTS
 from gstlib.study import Study
 from gstlib.surface import make_surface
 from gstlib.sweep import merged

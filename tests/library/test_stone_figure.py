@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from matplotlib.figure import Figure
 
-from gstlib.figures.stone import check_figure, draw_square, draw_stone, stone_figure
+from gstlib.figures.tool import check_figure, draw_square, draw_stone, stone_figure
 from gstlib.preprocess.frame import Frame
 
 ABOVE = Frame((0, 0, 0), (-1, 0, 0), (0, 0, 1))

@@ -165,7 +165,7 @@ def measured_heights(file):
 
 
 def levelled(heights):
-    """Without the least-squares plane."""
+    """Without the least-squares plane; NaN stays unknown."""
     y, x = np.indices(heights.shape)
     design = np.stack([np.ones(heights.size), y.ravel(), x.ravel()], axis=1)
     known = np.isfinite(heights.ravel())
@@ -231,19 +231,13 @@ def test_preparation_is_counted(results, table):
 # --- From the square to its patches -----------------------------------------------------------
 
 
-def force_share(pressure, x, y, size, rotation_deg=0.0, fine=20):
+def force_share(pressure, x, y, size, fine=20):
     """Mean pressure under a square outline: elements cut into small pieces, each in or out."""
     dy, dx = spacing_of(pressure)
     step_y, step_x = dy / fine, dx / fine
     ny, nx = pressure.shape
     at_y, at_x = (np.arange(ny * fine) + 0.5) * step_y, (np.arange(nx * fine) + 0.5) * step_x
-    turn = np.deg2rad(rotation_deg)
-    off_y, off_x = at_y[:, None] - y, at_x[None, :] - x
-    along, across = (
-        np.cos(turn) * off_x + np.sin(turn) * off_y,
-        np.cos(turn) * off_y - np.sin(turn) * off_x,
-    )
-    inside = (np.abs(along) < size / 2) & (np.abs(across) < size / 2)
+    inside = (np.abs(at_y[:, None] - y) < size / 2) & (np.abs(at_x - x) < size / 2)
     pieces = np.repeat(np.repeat(pressure.values, fine, 0), fine, 1)
     return pieces[inside].sum() * step_y * step_x / size**2
 
@@ -331,11 +325,8 @@ def test_load_paths_end_at_their_targets(results, table, config):
     for row in summary.itertuples():
         steps = paths[paths.patch == row.patch]
         assert list(steps.step) == list(range(1, config["microscale"]["steps"] + 1))
-        last = steps.iloc[-1]
-        assert (last.displacement_um, last.stiffness_MPa_per_um) == (
-            row.displacement_um,
-            row.stiffness_MPa_per_um,
-        )
+        for name in ("displacement_um", "stiffness_MPa_per_um"):
+            assert steps[name].iloc[-1] == getattr(row, name)
     for steps in [path, *(group for _, group in paths.groupby("patch"))]:
         assert (steps[["displacement_um", "mean_pressure_MPa"]].diff().dropna() > 0).all(axis=None)
         assert (steps.contact_fraction.diff().dropna() >= 0).all()
@@ -423,18 +414,13 @@ def test_patches_lie_on_the_mesh_and_sink_with_their_surroundings(results, table
             assert slopes == (0, 0)
         else:
             part = mesh.where(inside, drop=True)
-            y, x = np.meshgrid(part.y, part.x, indexing="ij")
-            terms = np.stack([np.ones(y.size), y.ravel(), x.ravel()], axis=1)
-            fitted = np.linalg.lstsq(terms, part.values.ravel(), rcond=None)[0]
-            np.testing.assert_allclose(slopes, fitted[1:], atol=4e-3)
+            off_plane = part.values - levelled(part.values)
+            fitted = [np.diff(off_plane, axis=axis).mean() for axis in (0, 1)]
+            np.testing.assert_allclose(slopes, np.divide(fitted, spacing_of(mesh)), atol=4e-3)
             on_mesh += 1
         element = spacing_of(mesh)[1]
-        shares = [
-            np.clip(
-                (half + element / 2 - abs(mesh[axis].values - row[f"{axis}_mm"])) / element, 0, 1
-            )
-            for axis in "yx"
-        ]
+        reach = [half - abs(mesh[axis].values - row[f"{axis}_mm"]) for axis in "yx"]
+        shares = [np.clip(of / element + 0.5, 0, 1) for of in reach]
         outside = square.pressure.values * (1 - np.outer(*shares))
         sunk = love_displacement(outside, spacing_of(mesh), modulus)
         middle = contact.surroundings.values[28:36, 28:36].mean()
@@ -447,10 +433,7 @@ def test_the_whole_square_is_in_contact_at_the_target_pressure(results, table, c
     whole = read_dataset(results / "reference/contact.h5")
     pressure = whole.pressure.values.astype(float)
     assert pressure.mean() == pytest.approx(config["macroscale"]["target_pressure_MPa"], rel=1e-4)
-    true = read_dataset(results / "specimen/surface.h5").height.values.astype(float)
-    terms = np.indices(true.shape).reshape(2, -1).T
-    terms = np.column_stack([np.ones(true.size), terms])
-    level = true - (terms @ np.linalg.lstsq(terms, true.ravel(), rcond=None)[0]).reshape(true.shape)
+    level = levelled(read_dataset(results / "specimen/surface.h5").height.values.astype(float))
     np.testing.assert_allclose(whole.height, level, atol=1e-6)
     sunk = love_displacement(pressure, spacing_of(whole), config["material"]["contact_modulus_MPa"])
     gap = sunk - level
@@ -483,12 +466,10 @@ def test_scales_are_compared_where_the_scans_truly_lie(results, table, truth, co
             row = rows.loc[patch, variant]
             assert row.contact_fraction == pytest.approx(found.mean(), abs=1e-6)
             assert row.reference_contact_fraction == pytest.approx(true.mean(), abs=1e-6)
+            counts = np.array([2 * (found & true).sum(), found.sum() + true.sum()])
             if found.any() and true.any():
-                both = 2 * (found & true).sum() / (found.sum() + true.sum())
-                assert row.f1 == pytest.approx(both, abs=1e-4)
-            total[variant] = total[variant] + np.array(
-                [2 * (found & true).sum(), found.sum() + true.sum()]
-            )
+                assert row.f1 == pytest.approx(counts[0] / counts[1], abs=1e-4)
+            total[variant] = total[variant] + counts
     for variant, (hits, marked) in total.items():
         assert rows.f1["all", variant] == pytest.approx(hits / marked, abs=1e-4)
 
@@ -616,11 +597,14 @@ def test_t1_is_laid_where_it_truly_lies_and_differs(results, table, truth):
             assert row.loss_volume_um3 == pytest.approx(volume, rel=1e-3)
 
 
-def off_the_rim(shape, config):
-    edge = round(config["validation"]["rim"] * shape[0])
-    inside = np.zeros(shape, bool)
-    inside[edge:-edge, edge:-edge] = True
-    return inside
+def scored_maps(results, patch, config):
+    """Contact, heights as they lie, where the change is known off the rim, and what was lost."""
+    contact, change = contact_of(results, patch), change_of(results, patch)
+    valid = np.zeros(change.change.shape, bool)
+    edge = round(config["validation"]["rim"] * len(valid))
+    inside = (slice(edge, -edge),) * 2
+    valid[inside] = np.isfinite(change["change"].values)[inside]
+    return contact, laid_heights(contact), valid, change.loss.values.astype(bool) & valid
 
 
 def test_scores_are_those_of_the_stored_masks(results, table, config):
@@ -628,11 +612,7 @@ def test_scores_are_those_of_the_stored_masks(results, table, config):
     pressures = table("patch_pressures").set_index("patch")
     assert list(rows.patch) == list(pressures.index[pressures.in_study])
     for row in rows.itertuples():
-        contact, change = contact_of(results, row.patch), change_of(results, row.patch)
-        valid = np.isfinite(change["change"].values)
-        valid &= off_the_rim(valid.shape, config)
-        loss = change.loss.values.astype(bool) & valid
-        heights = laid_heights(contact)
+        contact, heights, valid, loss = scored_maps(results, row.patch, config)
         predicted = contact.pressure.values > 0
         count = int((predicted & valid).sum())
         lowest = np.sort(heights[valid])[-count]
@@ -648,19 +628,15 @@ def test_scores_are_those_of_the_stored_masks(results, table, config):
             assert getattr(row, f"{front}precision") == pytest.approx(hits / marked, rel=1e-3)
             assert getattr(row, f"{front}recall") == pytest.approx(hits / worn, rel=1e-3)
         assert row.contact_fraction == pytest.approx(predicted.mean(), rel=1e-4)
-        known = np.isfinite(change["change"].values)
-        lost = change.loss.values[known].mean()
+        change = change_of(results, row.patch)
+        lost = change.loss.values[np.isfinite(change["change"].values)].mean()
         assert row.loss_fraction == pytest.approx(lost, rel=1e-4)
 
 
 def test_loss_is_split_by_height_and_by_gap(results, table, config):
     rows = table("validation_failures")
     for patch, of_patch in rows.groupby("patch"):
-        contact, change = contact_of(results, patch), change_of(results, patch)
-        valid = np.isfinite(change["change"].values)
-        valid &= off_the_rim(valid.shape, config)
-        loss = change.loss.values.astype(bool) & valid
-        heights = laid_heights(contact)
+        contact, heights, valid, loss = scored_maps(results, patch, config)
         gap_um = contact.gap.values * 1e3
         touches = contact.pressure.values > 0
         limits = {"0-1 um": (0, 1), "1-5 um": (1, 5), "over 5 um": (5, np.inf)}
@@ -680,11 +656,8 @@ def test_gains_are_held_against_the_best_rival_and_chance(table):
     rows, scores = table("validation_gains"), table("validation_patches").set_index("patch")
     for row in rows.dropna(subset="best_rival_value").itertuples():
         of_patch = scores.loc[row.patch]
-        rivals = [
-            of_patch[f"{rival}_{row.score}"]
-            for rival in ("highest", "rigid", "curvature")
-            if f"{rival}_{row.score}" in scores
-        ]
+        names = {f"{rival}_{row.score}" for rival in ("highest", "rigid")} & {*scores}
+        rivals = [of_patch[name] for name in names]
         assert row.best_rival_value == pytest.approx(np.nanmax(rivals), rel=1e-4)
         assert row.value == pytest.approx(of_patch[row.score], rel=1e-4)
         assert row.gain == pytest.approx(row.value - row.best_rival_value, abs=2e-5)
@@ -736,9 +709,8 @@ def test_texture_is_that_of_the_filtered_heights(results, table, config):
 
 def test_every_stage_is_scored_against_the_truth(table):
     rows = table("truth")
-    assert {"macroscale", "preprocessing", "placement", "coupling", "registration", "wear"} <= set(
-        rows.stage
-    )
+    stages = {"macroscale", "preprocessing", "placement", "coupling", "registration", "wear"}
+    assert stages <= set(rows.stage)
     np.testing.assert_allclose(
         rows.error, rows.recovered - rows.true, atol=1e-4 * (1 + rows.true.abs().max())
     )

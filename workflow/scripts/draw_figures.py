@@ -16,8 +16,9 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from gstlib import figures as draw
 from gstlib.errors import InputError
+from gstlib.figures import macroscale, microscale, tables
+from gstlib.figures.style import message_figure, save_figure
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_attributes, read_dataset, read_fields
 from gstlib.io.tables import read_table
@@ -96,61 +97,63 @@ def figure_of(name: str, study: Study) -> Figure:
     match name:
         case "inputs":
             height = study.data("surface", "height")["height"]
-            return draw.input_figure(height, pd.DataFrame(study.places), **size)
+            return macroscale.input_figure(height, pd.DataFrame(study.places), **size)
         case "contact_steps":
-            return draw.contact_steps_figure(study.data("contact"))
+            return macroscale.contact_steps_figure(study.data("contact"))
         case "forces":
             limits = study.table("intervals", "patch", "low_MPa", "high_MPa")
             pressures = study.pressures.merge(limits[["patch", "low_MPa", "high_MPa"]], on="patch")
-            return draw.force_figure(study.data("contact"), pressures, **size)
+            return macroscale.force_figure(study.data("contact"), pressures, **size)
         case "overview":
             patch = study.drawn[0]
             parts = study.pressures, study.contacts[patch], study.changes.get(patch)
             mesh = read_mesh(study.files["mesh"], unit=study.mesh_unit)
             tool = mesh, stored_frame(read_attributes(study.files["surface"]))
-            return draw.overview_figure(study.data("contact"), *parts, tool, patch=patch, **size)
+            return microscale.overview_figure(
+                study.data("contact"), *parts, tool, patch=patch, **size
+            )
         case "load_curves":
-            return draw.load_curves_figure(study.data("contact"), study.contacts)
+            return microscale.load_curves_figure(study.data("contact"), study.contacts)
         case "microscale_maps":
-            return draw.microscale_maps_figure(study.contacts)
+            return microscale.microscale_maps_figure(study.contacts)
         case "agreement":
-            return draw.agreement_figure(study.contacts, study.changes)
+            return microscale.agreement_figure(study.contacts, study.changes)
         case "slip":
             slips = study.by_patch(name, study.drawn, "stick", "slip", "mean_traction")
-            return draw.slip_figure(study.contacts, slips)
+            return microscale.slip_figure(study.contacts, slips)
         case "two_scales":
             drawn = study.drawn[:MOST_COMPARED]
             others = study.by_patch("others", drawn, "height", "pressure")
             found = study.data("reference", "contact").contact.isel(draw=0)
-            return draw.two_scales_figure(
+            return microscale.two_scales_figure(
                 {"levelled": others, "placed": study.contacts},
                 {patch: found.sel(patch=patch).values for patch in drawn},
                 study.table("two_scales"),
             )
         case "hardness":
             limited = study.by_patch(name, study.drawn, "pressure")
-            return draw.hardness_figure(study.contacts, limited)
+            return microscale.hardness_figure(study.contacts, limited)
         case "validation":
             pressures = study.pressures[["patch", "pressure_MPa"]]
             scores = study.table("scores", "patch", "loss_fraction").merge(pressures, on="patch")
-            tables = (study.table(table) for table in ("gains", "failures", "summary", "variants"))
-            return draw.validation_figure(scores, *tables)
+            others = (study.table(table) for table in ("gains", "failures", "summary", "variants"))
+            return tables.validation_figure(scores, *others)
         case _:  # placement, texture, power, sweep
-            return getattr(draw, f"{name}_figure")(study.table(name))
+            return getattr(tables, f"{name}_figure")(study.table(name))
 
 
 def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
     """`preparation` or `patch`: a figure for each of the patches."""
     if name == "patch":
         for patch, change in study.changes.items():
-            yield patch, draw.patch_figure(study.contacts[patch], change, patch=patch)
+            yield patch, microscale.patch_figure(study.contacts[patch], change, patch=patch)
         return
     shown = evenly(study.patches, study.most_drawn_patches)
     for patch, _ in patch_by_patch(dict.fromkeys(shown)):
         epochs = ["T0", "T1"] if patch in study.worn else ["T0"]
         only = "measured", "height", "filled", "outlier"
         scans = {epoch: study.by_patch(epoch.lower(), [patch], *only)[patch] for epoch in epochs}
-        yield patch, draw.preparation_figure(scans, patch=patch)
+        yield patch, microscale.preparation_figure(scans, patch=patch)
 
 
 def main(*, figures: list[str], note: str | None, **named: Any) -> None:
@@ -160,14 +163,14 @@ def main(*, figures: list[str], note: str | None, **named: Any) -> None:
     for name in figures:
         png, svg, empty = named[f"{name}_png"], named.get(f"{name}_svg"), None
         if name in OF_STUDIED and not study.drawn:
-            empty = draw.message_figure("No patch is in the microscale study.")
+            empty = message_figure("No patch is in the microscale study.")
         elif name in OF_WORN and not study.changes:
-            empty = draw.message_figure("No patch with a T1 is in the microscale study.")
+            empty = message_figure("No patch with a T1 is in the microscale study.")
         if name in ("preparation", "patch"):
             for patch, figure in [("none", empty)] if empty else figures_by_patch(name, study):
-                draw.save_figure(figure, png / f"{patch}.png", source_note=note)
+                save_figure(figure, png / f"{patch}.png", source_note=note)
         else:
-            draw.save_figure(empty or figure_of(name, study), png, svg, source_note=note)
+            save_figure(empty or figure_of(name, study), png, svg, source_note=note)
 
 
 if "snakemake" in globals():

@@ -5,7 +5,8 @@ from pathlib import Path
 import pandas as pd
 
 from gstlib.logs import run_script
-from gstlib.specimen import SpecimenParameters, generate_specimen
+from gstlib.specimen.generate import generate_specimen
+from gstlib.specimen.randomness import SpecimenParameters
 
 
 def main(

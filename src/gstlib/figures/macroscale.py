@@ -1,4 +1,8 @@
-"""The square: its heights, how it is pressed, and the forces under the patches (Figs. 3 to 8)."""
+"""The square: its heights, how it is pressed, and the forces under the patches (Figs. 3 to 8).
+
+The square's contact holds ``height`` (y, x), mm, ``pressure`` (step, y, x), MPa, and the load path
+(step): ``displacement``, ``mean_pressure``, ``contact_fraction``. Figures are those of the paper.
+"""
 
 import numpy as np
 import pandas as pd
@@ -23,16 +27,9 @@ def _height_map(height: xr.DataArray) -> tuple[Figure, Axes]:
 
 @styled
 def input_figure(height: xr.DataArray, patches: pd.DataFrame, *, patch_size_mm: float) -> Figure:
-    """Heights of the square and where the patches were scanned (Fig. 3).
+    """Heights of the square (y, x), mm, and where the patches were scanned (Fig. 3).
 
-    Parameters
-    ----------
-    height : (y, x) xarray.DataArray
-        Levelled heights of the square, mm, in the square's frame.
-    patches : pandas.DataFrame
-        ``patch, x_mm, y_mm``, optionally ``rotation_deg``.
-    patch_size_mm : float
-        Side of a patch.
+    `patches` and `patch_size_mm` as of `maps.draw_footprints`.
     """
     figure, axes = _height_map(height)
     maps.draw_footprints(axes, patches, patch_size_mm, colour=BLACK)
@@ -53,13 +50,8 @@ def surface_figure(height: xr.DataArray, *, title: str) -> Figure:
 def contact_steps_figure(contact: xr.Dataset, *, steps: int = 8) -> Figure:
     """Contact as the far-field displacement grows (Fig. 5); last, beside a rigid flat's (Fig. 6).
 
-    Parameters
-    ----------
-    contact : xarray.Dataset
-        ``height`` (y, x), ``pressure`` (step, y, x), ``displacement``, ``mean_pressure`` and
-        ``contact_fraction`` (step).
-    steps : int
-        Number of load steps shown, evenly spread, the last one among them.
+    `contact` is the square's; of its load steps so many are shown, evenly spread, the last among
+    them.
     """
     shown = np.unique(np.linspace(0, contact.sizes["step"] - 1, steps).round().astype(int))
     figure, axes = style.panels(len(shown) + 1, 3, (2.3, 2.3))
@@ -88,14 +80,8 @@ def contact_steps_figure(contact: xr.Dataset, *, steps: int = 8) -> Figure:
 def force_figure(contact: xr.Dataset, pressures: pd.DataFrame, *, patch_size_mm: float) -> Figure:
     """Contact forces at the last step (Fig. 8), and every patch's pressure (Table 1).
 
-    Parameters
-    ----------
-    contact : xarray.Dataset
-        ``height`` (y, x), ``pressure`` (step, y, x), ``displacement`` (step).
-    pressures : pandas.DataFrame
-        ``patch, x_mm, y_mm, pressure_MPa, in_study`` and the interval, ``low_MPa, high_MPa``.
-    patch_size_mm : float
-        Side of a patch.
+    `contact` is the square's; `pressures` is ``patch_pressures.csv`` with the interval of each
+    patch, ``low_MPa, high_MPa``.
     """
     figure, (square, bars) = style.panels(2, 2, _SQUARE, _ROOM)
     image = maps.draw_forces(square, contact, ticks=True)

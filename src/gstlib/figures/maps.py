@@ -1,7 +1,7 @@
 """Maps: heights, forces and marked elements, with a scale bar and a colour bar.
 
 Maps are drawn as one looks at the stone, in the square's own axes: x runs to the right and y
-upwards from the reference corner, at the lower left. A pixel of a panel shows the mean of the
+upwards from the reference corner, at the lower left. A pixel of a panel has the mean colour of the
 elements under it: marks cover as much of the picture as of the surface.
 """
 
@@ -18,12 +18,13 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, Powe
 from matplotlib.image import AxesImage
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
+from PIL import Image
 
 from gstlib.figures.style import DPI, MM_TO_UM, PALE, VERMILION
 from gstlib.surface import spacing_of
 
 __all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHT_MAP", "OUTLINE", "colour_bar", "draw_footprints"]
-__all__ += ["draw_forces", "draw_heights", "draw_map", "height_norm", "mark_corner", "pixel_means"]
+__all__ += ["draw_forces", "draw_heights", "draw_map", "footprint", "height_norm", "mark_corner"]
 __all__ += ["scale_bar"]
 
 # Few levels make small files; these are enough that the eye sees no steps.
@@ -45,33 +46,6 @@ def height_norm(*surfaces: xr.DataArray) -> Normalize:
     return Normalize(low, high) if high > low else Normalize(low - 1, high + 1)
 
 
-def pixel_means(values: np.ndarray, pixels: int) -> np.ndarray:
-    """Means over the pixels of a panel, each element in exactly one; NaN where none is known.
-
-    Parameters
-    ----------
-    values : (ny, nx) ndarray
-        Numbers, NaN where unknown, or a mask.
-    pixels : int
-        Pixels along the longer side. A coarser grid is kept as it is.
-    """
-    longest = max(values.shape)
-    if longest <= pixels:
-        return values.astype(float)
-    counts = [max(1, round(pixels * n / longest)) for n in values.shape]
-    # The first element under each pixel, along y and along x.
-    rows, columns = (
-        -(-np.arange(count) * n // count) for count, n in zip(counts, values.shape, strict=True)
-    )
-
-    def sums(of: np.ndarray) -> np.ndarray:
-        return np.add.reduceat(np.add.reduceat(of, rows, axis=0), columns, axis=1)
-
-    known = np.isfinite(values)
-    with np.errstate(invalid="ignore"):
-        return sums(np.where(known, values, 0.0)) / sums(known.astype(float))
-
-
 def draw_map(
     axes: Axes,
     field: xr.DataArray,
@@ -91,7 +65,7 @@ def draw_map(
     field : (y, x) xarray.DataArray
         The grid; heights in mm, drawn in µm unless there are `values`.
     values : (ny, nx) ndarray, optional
-        What to draw instead. NaN stays pale.
+        What to draw in place of heights. NaN stays pale.
     cmap, norm
         Colours, by default a pale relief between the limits of the heights.
     marks : mapping of colour to (ny, nx) mask, optional
@@ -104,22 +78,20 @@ def draw_map(
     matplotlib.cm.ScalarMappable
         For a `colour_bar`.
     """
+    values = field.values * MM_TO_UM if values is None else values
+    norm = norm or height_norm(field)
+    picture = cmap(norm(values), bytes=True)[..., :3]
+    for colour, mask in {PALE: np.isnan(values), **(marks or {})}.items():
+        picture[np.asarray(mask, dtype=bool)] = np.round(np.multiply(to_rgb(colour), 255))
+    image = Image.fromarray(picture)
     inches = axes.get_position(original=True).size * axes.figure.get_size_inches()
     pixels = round(float(min(inches)) * DPI)
-    norm = norm or height_norm(field)
-    means = pixel_means(field.values * MM_TO_UM if values is None else values, pixels)
-    picture = cmap(norm(np.ma.masked_invalid(means)))[..., :3]
-    picture[np.isnan(means)] = to_rgb(PALE)
-    if marks:
-        shares = [pixel_means(mask, pixels)[..., np.newaxis] for mask in marks.values()]
-        picture *= 1 - sum(shares)
-        for share, colour in zip(shares, marks, strict=True):
-            picture += share * np.array(to_rgb(colour))
+    image.thumbnail((pixels, pixels), Image.Resampling.BOX, reducing_gap=None)
     dy, dx = spacing_of(field)
     left, right = float(field.x[0]) - dx / 2, float(field.x[-1]) + dx / 2
     bottom, top = float(field.y[0]) - dy / 2, float(field.y[-1]) + dy / 2
     axes.imshow(
-        np.round(255 * picture.clip(0, 1)).astype(np.uint8),
+        np.asarray(image),
         origin="lower",
         extent=(left, right, bottom, top),
         interpolation="nearest",
@@ -190,24 +162,25 @@ def colour_bar(axes: Axes, colours: ScalarMappable, label: str, *, below: float 
         axes.text(x, y, text, fontsize=6.5, **place)
 
 
+def footprint(x_mm: float, y_mm: float, rotation_deg: float, size_mm: float) -> np.ndarray:
+    """Corners (4, 2) of a patch, mm, in the square's frame; before a turn the lower left first."""
+    turn = math.radians(rotation_deg)
+    corners = size_mm / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    turned = corners @ [[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]]
+    return np.add(turned, (x_mm, y_mm))
+
+
 def draw_footprints(
     axes: Axes, patches: pd.DataFrame, patch_size_mm: float, *, colour: str
 ) -> None:
     """Outline and name the patches: solid in the study, dashed out of it.
 
-    Parameters
-    ----------
-    patches : pandas.DataFrame
-        ``patch, x_mm, y_mm``, optionally ``rotation_deg`` and ``in_study``.
-    patch_size_mm : float
-        Side of a patch.
+    `patches` has ``patch, x_mm, y_mm``, optionally ``rotation_deg`` and ``in_study``.
     """
     half = patch_size_mm / 2
-    corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
     for row in patches.itertuples(index=False):
-        turn = math.radians(getattr(row, "rotation_deg", 0.0))
-        turned = corners @ [[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]]
-        outline = Polygon(np.add(turned, (row.x_mm, row.y_mm)), fill=False, edgecolor=colour)
+        corners = footprint(row.x_mm, row.y_mm, getattr(row, "rotation_deg", 0.0), patch_size_mm)
+        outline = Polygon(corners, fill=False, edgecolor=colour)
         line = "-" if getattr(row, "in_study", True) else "--"
         outline.set(linestyle=line, path_effects=OUTLINE)
         axes.add_patch(outline)

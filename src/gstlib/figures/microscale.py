@@ -43,33 +43,21 @@ _UNDER |= {"handlelength": 0.8, "handletextpad": 0.4, "borderaxespad": 0.3}
 def preparation_figure(prepared: Mapping[str, xr.Dataset], *, patch: str) -> Figure:
     """A patch's scans as measured and as prepared for contact.
 
-    Parameters
-    ----------
-    prepared : mapping of epoch to xarray.Dataset
-        ``measured`` (NaN where unmeasured), ``height``, ``filled``, ``outlier`` (y, x), and the
-        attributes of the prepared scan.
-    patch : str
-        Its id, for the title.
+    `prepared` holds for each epoch ``measured`` (NaN where unmeasured), ``height``, ``filled``,
+    ``outlier`` (y, x), and the attributes of the prepared scan.
     """
     room = (0.05, 0.05, 0.3, 0.3)
     figure, axes = style.panels(2 * len(prepared), 4, (1.7, 1.7), room, head=0.2)
     figure.suptitle(f"patch {patch}")
     for number, (epoch, scan) in enumerate(prepared.items()):
         filled, outliers = scan["filled"].values, scan["outlier"].values
-        for panel, field, marks, state in (
-            (
-                axes[2 * number],
-                "measured",
-                {BLUE: filled & ~outliers, VERMILION: outliers},
-                "before",
-            ),
-            (axes[2 * number + 1], "height", None, "after"),
+        replaced = {BLUE: filled & ~outliers, VERMILION: outliers}
+        for panel, field, marks, title, state in (
+            (axes[2 * number], "measured", replaced, "as measured", "before"),
+            (axes[2 * number + 1], "height", None, "prepared", "after"),
         ):
-            heights = scan[field]
-            norm = maps.height_norm(heights)
-            image = maps.draw_map(panel, heights, cmap=maps.HEIGHT_MAP, norm=norm, marks=marks)
+            image = maps.draw_map(panel, scan[field], cmap=maps.HEIGHT_MAP, marks=marks)
             maps.colour_bar(panel, image, "height (µm)")
-            title = "prepared" if marks is None else "as measured"
             panel.set_title(f"{epoch} {title}, Sq {scan.attrs[f'Sq_{state}_um']:.3g} µm")
     maps.scale_bar(axes[0])
     return figure
@@ -106,10 +94,7 @@ def microscale_maps_figure(contacts: Mapping[str, xr.Dataset]) -> Figure:
 def slip_figure(contacts: Mapping[str, xr.Dataset], slips: Mapping[str, xr.Dataset]) -> Figure:
     """Where every patch sticks and slips under the tangential load.
 
-    Parameters
-    ----------
-    slips : mapping of patch to xarray.Dataset
-        ``stick``, ``slip`` (y, x) and ``mean_traction``.
+    `slips` holds for each patch ``stick``, ``slip`` (y, x) and ``mean_traction``, MPa.
     """
     panels = {}
     for patch, result in slips.items():
@@ -126,10 +111,7 @@ def hardness_figure(
 ) -> Figure:
     """Every patch's contact with a ceiling on its pressure, against the elastic one.
 
-    Parameters
-    ----------
-    limited : mapping of patch to xarray.Dataset
-        ``pressure`` (y, x) and the attribute ``hardness_MPa``.
+    `limited` holds for each patch ``pressure`` (y, x) and the attribute ``hardness_MPa``.
     """
     panels = {}
     for patch, result in limited.items():
@@ -176,14 +158,8 @@ def two_scales_figure(
 ) -> Figure:
     """Contact within patches, levelled and placed, beside that of the whole square.
 
-    Parameters
-    ----------
-    contacts : mapping of variant to mapping of patch to xarray.Dataset
-        ``height`` and ``pressure`` (y, x).
-    reference : mapping of patch to (ny, nx) ndarray
-        Where the single-scale contact touches.
-    scores : pandas.DataFrame
-        ``two_scales.csv``.
+    `contacts` are those of each variant; `reference` (ny, nx) is where the single-scale contact
+    touches each patch; `scores` is ``two_scales.csv``.
     """
     f1 = scores.set_index(["variant", "patch"]).f1
     columns = (len(contacts) + 1) * min(2, len(reference))
@@ -269,20 +245,9 @@ def overview_figure(
 ) -> Figure:
     """The study at a glance: the tool, forces on its square, one patch's contact, measured loss.
 
-    Parameters
-    ----------
-    square : xarray.Dataset
-        ``height`` (y, x), ``pressure`` (step, y, x), ``mean_pressure`` (step).
-    pressures : pandas.DataFrame
-        ``patch, x_mm, y_mm, pressure_MPa, in_study``.
-    contact, change : xarray.Dataset
-        Those of the patch to show; without a T1 the last panel is left out.
-    tool : (trimesh.Trimesh, Frame)
-        Its mesh, mm, and the frame of its square.
-    patch : str
-        Its id.
-    patch_size_mm : float
-        Side of a patch.
+    `square` is the contact of the square, `pressures` is ``patch_pressures.csv``; `contact` and
+    `change` are those of `patch` (without a T1 the last panel is left out); `tool` is the mesh, mm,
+    and the frame of its square.
     """
     count = 3 if change is None else 4
     figure, (whole, *axes) = style.panels(count, count, (2.6, 2.6), (0.05, 0.05, 0.4, 0.2))
@@ -312,12 +277,9 @@ def overview_figure(
 
 @styled
 def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -> Figure:
-    """Contact area, pressure and stiffness along the load paths (Figs. 7 and 10).
+    """Contact area, pressure and stiffness along the load paths of square and patches.
 
-    Parameters
-    ----------
-    square : xarray.Dataset
-        Load path of the macroscale, and the attribute ``contact_modulus_MPa`` that all have.
+    Figs. 7 and 10. All have the attribute ``contact_modulus_MPa``.
     """
     figure, (area, load, stiffness) = style.panels(3, 3, (1.75, 2.2), (0.5, 0.4, 0.3, 0.45))
     reached = [float(contact["mean_pressure"][-1]) for contact in contacts.values()]

@@ -19,8 +19,8 @@ from matplotlib.patches import Patch
 from gstlib.io.files import write_whole
 
 __all__ = ["AMBER", "BLACK", "BLUE", "CHARTS", "DPI", "GREY", "LEGIBLE", "MAPS", "MM_TO_UM"]
-__all__ += ["PALE", "VERMILION", "colour_legend", "message_figure", "name_patches", "panels"]
-__all__ += ["save_figure", "styled", "write_beside"]
+__all__ += ["PALE", "STONE", "VERMILION", "colour_legend", "message_figure", "name_patches"]
+__all__ += ["panels", "save_figure", "styled", "write_beside"]
 
 MM_TO_UM = 1e3
 DPI = 120
@@ -28,6 +28,7 @@ LEGIBLE = 40  # this many patches can be named beside each other
 
 BLACK, GREY, PALE = "#000000", "#7a7a7a", "#e4e4e4"
 BLUE, VERMILION, AMBER = "#0072B2", "#D55E00", "#E69F00"
+STONE = "#b9b2a6"
 
 # Room (inches) for titles and labels at the left, right, top and bottom of a panel.
 MAPS = (0.05, 0.05, 0.4, 0.05)

@@ -36,20 +36,14 @@ _OUTCOMES += ["mean_change(Sq_um)"]
 def placement_figure(placement: pd.DataFrame) -> Figure:
     """The shifts at which the patches match the square best, and that of all together.
 
-    Parameters
-    ----------
-    placement : pandas.DataFrame
-        ``placement.csv``: ``patch`` (one row is ``all``), ``shift_x_um, shift_y_um,
-        shift_x_error_um, shift_y_error_um, verdict``.
+    `placement` is ``placement.csv``.
     """
     figure, (axes,) = style.panels(1, 1, (3.6, 3.6), CHARTS, head=0.2)
     for row in placement.dropna(subset="shift_x_um").itertuples(index=False):
         colour = BLACK if row.patch == "all" else _VERDICTS[row.verdict]
-        shift, errors = (
-            (row.shift_x_um, row.shift_y_um),
-            (row.shift_x_error_um, row.shift_y_error_um),
-        )
-        axes.errorbar(*shift, *errors[::-1], fmt="o", color=colour, lw=0.6)
+        shift = row.shift_x_um, row.shift_y_um
+        errors = row.shift_y_error_um, row.shift_x_error_um
+        axes.errorbar(*shift, *errors, fmt="o", color=colour, lw=0.6)
         style.write_beside(axes, row.patch, shift, (2, 4), color=colour)
     axes.plot(0, 0, "+", color=GREY, markersize=12)
     axes.set(xlabel="shift along x (µm)", ylabel="shift along y (µm)")
@@ -67,13 +61,8 @@ def validation_figure(
 ) -> Figure:
     """Gains over the best rivals, loss against pressure, and the height at which loss is missed.
 
-    Parameters
-    ----------
-    scores : pandas.DataFrame
-        ``validation_patches.csv`` with the column ``pressure_MPa``.
-    gains, failures, summary, variants : pandas.DataFrame
-        ``validation_gains.csv``, ``validation_failures.csv``, ``validation_summary.csv``,
-        ``validation_variants.csv``.
+    `scores` is ``validation_patches.csv`` with the column ``pressure_MPa``, the others are
+    ``validation_gains.csv``, ``validation_failures.csv`` and so on.
     """
     figure, (gain, extent, bands) = style.panels(
         3, 3, (2.6, 2.2), (0.75, 0.1, 0.35, 0.45), head=0.3 + 0.15 * variants.variant.nunique()
@@ -127,13 +116,7 @@ def _draw_gains(axes: Axes, summary: pd.DataFrame) -> None:
 
 @styled
 def texture_figure(table: pd.DataFrame) -> Figure:
-    """Six texture parameters of every patch at T0 and T1.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        ``texture.csv``: ``patch, epoch`` (``T0``, ``T1``, ``change``) and the parameters.
-    """
+    """Six texture parameters of every patch at T0 and T1; `table` is ``texture.csv``."""
     before, after = (table[table["epoch"] == epoch].set_index("patch") for epoch in ("T0", "T1"))
     after, places = after.reindex(before.index), np.arange(len(before))
     figure, axes = style.panels(len(_TEXTURE), 2, (3.0, 1.4), CHARTS, head=0.1)
@@ -158,10 +141,7 @@ def _label(column: str) -> str:
 def power_figure(rates: pd.DataFrame) -> Figure:
     """Rate of claims of the tests against the nominal level, and against the number of patches.
 
-    Parameters
-    ----------
-    rates : pandas.DataFrame
-        ``power.csv``: ``test, drawn, wear, level, specimens, rate, low, high``.
+    `rates` is ``power.csv``.
     """
     tests = list(rates["test"].unique())
     figure, axes = style.panels(len(tests) + 1, 3, (1.8, 1.7), (0.45, 0.1, 0.45, 0.45), head=0.2)
@@ -190,13 +170,7 @@ def _draw_rates(axes: Axes, rates: pd.DataFrame, along: str) -> None:
 
 @styled
 def sweep_figure(table: pd.DataFrame) -> Figure:
-    """Tornado diagrams of the outcomes of a sweep.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        ``sweep.csv``: ``factor, value, output, result, change, low, high``.
-    """
+    """Tornado diagrams of the outcomes of a sweep; `table` is ``sweep.csv``."""
     outcomes = [output for output in _OUTCOMES if (table["output"] == output).any()]
     moved = table[table["output"].isin(outcomes) & (table["change"] != 0)]
     places = max(int(moved.groupby("output")["factor"].nunique().max()), 1)

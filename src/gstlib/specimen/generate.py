@@ -111,22 +111,16 @@ def make_specimens(
     Parameters
     ----------
     patches : pandas.DataFrame
-        The patch table: nominal ``patch, x_mm, y_mm, rotation_deg`` in the square's frame; ``t0``
-        and ``t1``, file names (an empty ``t1``: not scanned after use).
+        The patch table; an empty ``t1``: not scanned after use.
     parameters : SpecimenParameters
+        Its ``wear_placement`` is not used.
     square_mm : float
         Side of the analysed square. Its frame has its origin at (square/2, square/2, 0) of the
         mesh, its x axis along -x and its y axis along -y.
     grid : int
         Elements along each side of the grid on which the true macroscale surface is kept.
     wear_placements : sequence of str
-        Of `gstlib.specimen.stone.WEAR_PLACEMENTS`, one for each specimen; that of `parameters` is
-        not used.
-
-    Returns
-    -------
-    dict of str to Specimen
-        By wear placement.
+        Of `gstlib.specimen.stone.WEAR_PLACEMENTS`; they name the specimens.
 
     Raises
     ------
@@ -210,16 +204,9 @@ def generate_specimen(
 ) -> None:
     """Make a specimen and write it as measured files; the same arguments give the same bytes.
 
-    Parameters
-    ----------
-    patches, square_mm, grid, parameters
-        As of `make_specimens`, which also names the errors.
-    mesh : path
-        Binary STL to write.
-    scan_folder : path
-        Folder for the scans (``.plu``).
-    truth, surface : path
-        HDF5 files to write: what is true of mesh and scans, and the true surface before use.
+    `mesh` is the binary STL to write, `scan_folder` that of the scans (``.plu``); `truth` and
+    `surface` are HDF5 files: what is true of mesh and scans, and the true surface before use. The
+    other arguments, and the errors, are those of `make_specimens`.
     """
     placements = [parameters.wear_placement]
     (made,) = make_specimens(

@@ -47,28 +47,21 @@ def score_truth(
     Parameters
     ----------
     truth : xarray.Dataset
-        Of `gstlib.specimen.make_specimens`.
+        Of `gstlib.specimen.generate.make_specimens`.
     macroscale : xarray.Dataset
         ``height`` (y, x) mm on the analysis grid.
-    surfaces : iterable of ((patch, epoch), xarray.Dataset)
-        Prepared scans: ``height, measured`` (mm), ``outlier, filled``; attributes
-        ``tilt_x_mrad, tilt_y_mrad`` and, of a rule that has one, ``outlier_scale_um``. Each is
-        used once, so that they may be read one by one.
-    registered : iterable of (patch, xarray.Dataset)
-        T1 registered on T0: ``change`` (mm), ``loss``; attributes ``shift_x_um, shift_y_um,
-        rotation_deg, overlap``. Used once each, too.
-    placement : pandas.DataFrame
-        Recovered ``patch, shift_x_um, shift_y_um``; further rows are left out.
-    pressures : pandas.DataFrame
-        Recovered ``patch, pressure_MPa``.
-    two_scales : pandas.DataFrame, optional
-        ``patch, reference_pressure_MPa``, true pressures.
+    surfaces, registered : iterable of pairs
+        Prepared scans by (patch, epoch), and height changes by patch, as from
+        `gstlib.study.prepare_scan` and `register_patch`. Each is used once, so that they may be
+        read one by one.
+    placement, pressures, two_scales : pandas.DataFrame
+        ``placement.csv``, ``patch_pressures.csv`` and, if there is one, ``two_scales.csv``, which
+        has the true pressures.
 
     Returns
     -------
     pandas.DataFrame
-        ``stage, quantity, patch, unit, true, recovered, error`` (recovered - true); ``patch`` is
-        empty for the macroscale.
+        ``truth.csv``; ``patch`` is empty for the macroscale.
     """
     rows: list[tuple] = []
 

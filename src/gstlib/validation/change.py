@@ -78,10 +78,8 @@ def height_change(
 
     Parameters
     ----------
-    t0 : (y, x) xarray.DataArray
-        Heights before use, mm.
-    t1_on_t0 : (y, x) xarray.DataArray
-        Heights after use on the same grid, mm, NaN outside the overlap.
+    t0, t1_on_t0 : (y, x) xarray.DataArray
+        Heights before and after use on one grid, mm; after use NaN outside the overlap.
     known : (y, x) ndarray of bool, optional
         Where both heights were measured; everywhere by default.
     minimum_points : int

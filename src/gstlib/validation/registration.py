@@ -94,18 +94,10 @@ def register(
 ) -> Registration:
     """Register `moving` (T1) to `reference` (T0).
 
-    Parameters
-    ----------
-    reference, moving : (y, x) xarray.DataArray
-        Levelled heights in mm of the same spacing, no NaN; their shapes may differ.
-    maximum_shift_mm : float
-        Largest shift along each axis, as long as a quarter of the field overlaps. Rotations are
-        found up to a few degrees.
-
-    Returns
-    -------
-    Registration
-        The best one there is; its `found` tells whether to believe it.
+    Both are levelled heights (y, x) in mm, of the same spacing and without NaN; their shapes may
+    differ. Shifts are found up to `maximum_shift_mm` along each axis, as long as a quarter of the
+    field overlaps, rotations up to a few degrees. The result is the best registration there is; its
+    `found` tells whether to believe it.
 
     Raises
     ------

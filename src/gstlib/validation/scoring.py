@@ -103,18 +103,12 @@ def score_patch(
         (`gstlib.contact.laid_height`). The contact may be empty.
     change : xarray.Dataset
         As from `gstlib.validation.change.height_change`.
-    neighbourhood_um : float
-        Side of the window of the fractions skill score, rounded to an odd number of elements.
-    rim : float
-        Share of a side along each edge that is not scored.
-    most_noise : float
-        The ``noise_share`` up to which chance is tested.
+    neighbourhood_um, rim, most_noise
+        As the config says in its section ``validation``.
     seed : int or sequence of int
         Seed of the random numbers.
-    shifts : int
-        Shifted copies of the null model; 0 leaves out chance and the gains with it.
-    resamples : int
-        Block bootstrap resamples for the intervals of the gains.
+    shifts, resamples : int
+        Of the null model (0 leaves out chance and the gains with it), and of the block bootstrap.
     """
     heights = laid_height(contact)
     comparison = compare(heights, contact, change, neighbourhood_um=neighbourhood_um, rim=rim)

@@ -30,7 +30,7 @@ __all__ = [
     "compare_variants",
     "mean_gains",
     "mean_scores",
-    "rank_correlations",
+    "rank_correlation",
     "spatial_p_value",
     "summarise",
 ]
@@ -64,20 +64,18 @@ def summarise(
         table without rows.
     predicted : pandas.DataFrame
         For each of these patches ``patch, x_mm, y_mm, pressure_MPa, stiffness_MPa_per_um``.
-    seed : int
-        Seed of intervals and permutations.
-    resamples : int
-        Bootstrap samples of patches.
+    seed, resamples : int
+        Of the intervals and permutations; bootstrap samples of patches.
     expected_worst : sequence of str
         Patches that were said beforehand to be the worst worn.
 
     Returns
     -------
     pandas.DataFrame
-        ``statistic, value, low, high, p_value, n, against``: the rows of `mean_gains`,
-        `mean_scores` and `rank_correlations`, with 95 % intervals; mean loss shares and recalls of
-        the bands; and ``expected_worst(5+8, column)``, the share of these patches among as many
-        largest of each column (a tie counts against it), with the p-value of a random ranking.
+        The rows of `mean_gains`, `mean_scores` and `rank_correlation`, with 95 % intervals; mean
+        loss shares and recalls of the bands; and ``expected_worst(5+8, column)``, the share of
+        these patches among as many largest of each column (a tie counts against it), with the
+        p-value of a random ranking.
     """
     found = believed(found)
     if not found:
@@ -88,7 +86,11 @@ def summarise(
     parts = [
         mean_gains(tables["patches"], **chance),
         mean_scores(found, **chance),
-        rank_correlations(every, places=("x_mm", "y_mm"), **chance),
+        *(
+            rank_correlation(every, predictor, extent, places=("x_mm", "y_mm"), **chance)
+            for predictor in _PREDICTORS
+            for extent in _EXTENTS
+        ),
     ]
     rows: list[tuple] = []
     for (split, band), group in tables["failures"].groupby(["split", "band"], sort=False):
@@ -111,20 +113,9 @@ def believed(found: Sequence[PatchScores]) -> list[PatchScores]:
 def compare_variants(
     by_variant: Mapping[str, Sequence[PatchScores]], *, seed: int, resamples: int
 ) -> pd.DataFrame:
-    """The table ``validation_variants.csv``: contact against its best rival, by variant.
+    """The table ``validation_variants.csv``: means over patches, and gains as of `mean_gains`.
 
-    Parameters
-    ----------
-    by_variant : mapping of str to sequence of PatchScores
-        The scores of the same patches in each variant of the coupling.
-    seed, resamples : int
-        Of the intervals.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``variant, score, contact, rival, best_rival, gain, low, high, p_value, n``: means over
-        patches, and a gain as of `mean_gains`.
+    `by_variant` has the scores of the same patches in each variant of the coupling.
     """
     rows = []
     for variant, found in by_variant.items():
@@ -210,64 +201,46 @@ def mean_scores(
     return pd.DataFrame(rows, columns=_COLUMNS)
 
 
-def rank_correlations(
+def rank_correlation(
     table: pd.DataFrame,
+    predictor: str,
+    extent: str,
     *,
     generator: np.random.Generator,
     resamples: int,
-    predictors: Sequence[str] = _PREDICTORS,
-    extents: Sequence[str] = _EXTENTS,
     places: Sequence[str] = (),
 ) -> pd.DataFrame:
-    """Spearman's correlation over patches of each predictor with each extent of the traces.
+    """Spearman's correlation over patches of a predictor with an extent of the traces.
 
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        One row per patch; rows with a missing value are left out of that pair.
-    generator : numpy.random.Generator
-        Draws the interval and, above 8 patches, the p-value.
-    resamples : int
-        Bootstrap samples of patches.
-    predictors, extents : sequences of str
-        Columns to pair.
-    places : (str, str), optional
-        Columns of the patches' x and y: the p-value then accounts for spatial autocorrelation
-        (`spatial_p_value`).
-
-    Returns
-    -------
-    pandas.DataFrame
-        As of `summarise`, rows ``spearman(predictor, extent)``: 95 % bootstrap over patches,
-        two-sided permutation test (every pairing up to 8 patches, 9999 random ones beyond). NaN
-        with fewer than 3 patches or a constant column.
+    `table` has a row for each patch; those with a missing value are left out. The result is one
+    row, ``spearman(predictor, extent)``: 95 % bootstrap over patches, two-sided permutation test
+    (every pairing up to 8 patches, 9999 random ones beyond). NaN with fewer than 3 patches or a
+    constant column. With `places`, the columns of the patches' x and y, the p-value accounts for
+    spatial autocorrelation (`spatial_p_value`).
     """
-    rows: list[tuple] = []
-    for predictor in predictors:
-        for extent in extents:
-            known = table[[predictor, extent, *places]].dropna()
-            x, y, *where = known.to_numpy(dtype=float).T
-            value = low = high = p = math.nan
-            if x.size >= 3 and np.ptp(x) > 0 and np.ptp(y) > 0:
-                value = float(_spearman(x, y))
-                p = permutation_test(
-                    (x,),
-                    lambda shuffled, axis, y=y: _spearman(shuffled, y),
-                    permutation_type="pairings",
-                    n_resamples=math.factorial(_EXACT_UP_TO) if x.size <= _EXACT_UP_TO else _RANDOM,
-                    vectorized=True,
-                    rng=generator,
-                ).pvalue
-                drawn = generator.integers(0, x.size, (resamples, x.size))
-                # a draw of one patch over and over has no correlation
-                low, high = percentile_interval(_spearman(x[drawn], y[drawn]), x.size)
-            against = "other pairings"
-            if where:
-                p = spatial_p_value(x, y, np.transpose(where), permuted=p)
-                against += ", neighbours alike"
-            row = f"spearman({predictor}, {extent})", value, low, high, float(p), len(known)
-            rows.append((*row, against))
-    return pd.DataFrame(rows, columns=_COLUMNS)
+    known = table[[predictor, extent, *places]].dropna()
+    x, y, *where = known.to_numpy(dtype=float).T
+    value = low = high = p = math.nan
+    if x.size >= 3 and np.ptp(x) > 0 and np.ptp(y) > 0:
+        value = float(_spearman(x, y))
+        p = permutation_test(
+            (x,),
+            lambda shuffled, axis: _spearman(shuffled, y),
+            permutation_type="pairings",
+            n_resamples=math.factorial(_EXACT_UP_TO) if x.size <= _EXACT_UP_TO else _RANDOM,
+            vectorized=True,
+            rng=generator,
+        ).pvalue
+        drawn = generator.integers(0, x.size, (resamples, x.size))
+        # a draw of one patch over and over has no correlation
+        low, high = percentile_interval(_spearman(x[drawn], y[drawn]), x.size)
+    against = "other pairings"
+    if where:
+        p = spatial_p_value(x, y, np.transpose(where), permuted=p)
+        against += ", neighbours alike"
+    name = f"spearman({predictor}, {extent})"
+    row = name, value, low, high, float(p), len(known), against
+    return pd.DataFrame([row], columns=_COLUMNS)
 
 
 def spatial_p_value(x: np.ndarray, y: np.ndarray, places: np.ndarray, *, permuted: float) -> float:
@@ -291,8 +264,7 @@ def spatial_p_value(x: np.ndarray, y: np.ndarray, places: np.ndarray, *, permute
 def _effective_patches(x: np.ndarray, y: np.ndarray, places: np.ndarray) -> float:
     """Number of independent patches for which a correlation varies as much as for these.
 
-    At most as many as there are: neighbours that differ more than others do are no further
-    evidence.
+    At most as many as there are: neighbours that differ more than others are no further evidence.
     """
     distance = squareform(pdist(np.asarray(places, dtype=float)))
     count = len(distance)

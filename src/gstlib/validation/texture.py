@@ -54,8 +54,7 @@ def texture_rows(
     t0 : (y, x) xarray.DataArray
         Heights before use, mm, no NaN.
     registered : xarray.Dataset or None
-        As from `gstlib.validation.change.height_change`, with the attribute
-        ``registration_found``; None without a T1.
+        As from `gstlib.study.register_patch`; None without a T1.
     s_filter_um, l_filter_um : float
         Nesting indices of the filters: of a wave as long, half of the height passes. None for no
         L-filter (an S-F surface in place of an S-L surface).

@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 import yaml
 
-from gstlib.specimen import SpecimenParameters, generate_specimen, make_specimens
+from gstlib.specimen.generate import generate_specimen, make_specimens
+from gstlib.specimen.randomness import SpecimenParameters
 
 CONFIG = Path(__file__).parents[3] / "config"
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.ndimage
 
+from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import make_surface
 
 SPACING = 1.66e-3
@@ -17,12 +18,14 @@ def self_affine(size, rng, *, hurst=0.8, longest=3):
     return heights / heights.std()
 
 
-def level(heights):
-    """Heights less their least-squares plane."""
-    y, x = np.indices(heights.shape).reshape(2, -1)
-    design = np.stack([np.ones(y.size), y, x], axis=1)
-    plane = np.linalg.lstsq(design, heights.ravel(), rcond=None)[0]
-    return heights - (design @ plane).reshape(heights.shape)
+def laid(stone, size, shift, rotation_deg):
+    """The middle of a stone as a scan of (size, size) sees it, moved (y, x elements) and turned."""
+    y, x = np.indices((size, size)) - (size - 1) / 2
+    turn, centre = np.radians(rotation_deg), (len(stone) - 1) / 2
+    rows = np.cos(turn) * y + np.sin(turn) * x + shift[0] + centre
+    columns = -np.sin(turn) * y + np.cos(turn) * x + shift[1] + centre
+    moved = scipy.ndimage.map_coordinates(stone, [rows, columns], order=3, mode="grid-wrap")
+    return moved, SPACING * x, SPACING * y
 
 
 @pytest.fixture(scope="session")
@@ -39,17 +42,34 @@ def remeasure():
         top = np.quantile(stone[middle, middle], 1 - wear)
         worn = np.where(stone > top, top + 0.3 * (stone - top), stone)
         worn = np.where(pits, worn - 3e-3, worn) if wear else worn
-        y, x = np.indices((size, size)) - (size - 1) / 2
-        turn, centre = np.radians(rotation_deg), (whole - 1) / 2
-        rows = np.cos(turn) * y + np.sin(turn) * x + shift[0] + centre
-        columns = -np.sin(turn) * y + np.cos(turn) * x + shift[1] + centre
         source = np.roll(worn, (whole // 2, whole // 3), (0, 1)) if other else worn
-        moved = scipy.ndimage.map_coordinates(source, [rows, columns], order=3)
-        moved += tilt * SPACING * (x - 0.5 * y)
+        moved, x, y = laid(source, size, shift, rotation_deg)
         t0, t1 = (
-            make_surface(level(h + 1e-3 * noise_um * rng.standard_normal(h.shape)), SPACING)
-            for h in (stone[middle, middle], moved)
+            make_surface(h + 1e-3 * noise_um * rng.standard_normal(h.shape), SPACING)
+            for h in (stone[middle, middle], moved + tilt * (x - 0.5 * y))
         )
+        t0, t1 = (remove_plane(surface)[0] for surface in (t0, t1))
         return t0, t1, (worn - stone)[middle, middle]
+
+    return make
+
+
+@pytest.fixture
+def scans():
+    """Make T0 and T1 of a small stone of its own: worn, with spikes, noise and another tilt."""
+
+    def make(seed, shift=(0.0, 0.0), turn_deg=0.0, size=128):
+        rng = np.random.default_rng(seed)
+        stone = 4e-3 * scipy.ndimage.gaussian_filter(self_affine(2 * size, rng, longest=6), 0.8)
+        middle = slice(size // 2, 3 * size // 2)
+        top = np.quantile(stone[middle, middle], 0.8)
+        worn = np.minimum(stone, top + 0.2 * (stone - top))
+        after, x, y = laid(worn, size, shift, turn_deg)
+        spike = rng.random((2, size, size)) < 0.002
+        noise = 0.1e-3 * rng.standard_normal((2, size, size)) + 20e-3 * spike
+        heights = stone[middle, middle], after + 2e-3 * x - 1e-3 * y
+        return [
+            make_surface(h - h.mean() + n, SPACING) for h, n in zip(heights, noise, strict=True)
+        ]
 
     return make

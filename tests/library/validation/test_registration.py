@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import scipy.ndimage
 
 from gstlib.errors import InputError
 from gstlib.surface import make_surface
@@ -10,8 +9,7 @@ from gstlib.validation.change import height_change
 from gstlib.validation.registration import Registration, apply_registration, register
 
 SPACING = 1.66e-3
-FIELD = 256
-SIZE = 128
+FIELD, SIZE = 256, 128
 SEEDS = range(10)
 
 
@@ -20,34 +18,9 @@ def error_in_elements(registration, shift):
     return np.hypot(*(found - shift))
 
 
-def scans(seed, shift=(0.0, 0.0), turn_deg=0.0):
-    """T0 and T1 of a stone of its own: worn, with spikes, noise and another tilt."""
-    rng = np.random.default_rng(seed)
-    whole = 2 * SIZE
-    wave = np.hypot(*np.meshgrid(*[np.fft.fftfreq(whole) * whole] * 2, indexing="ij"))
-    amplitude = np.where(wave > 0, np.maximum(wave, 6) ** -1.8, 0) * (wave < whole / 5)
-    stone = np.fft.ifft2(np.fft.fft2(rng.standard_normal((whole, whole))) * amplitude).real
-    stone *= 4e-3 / stone.std()
-    middle = slice((whole - SIZE) // 2, (whole + SIZE) // 2)
-    top = np.quantile(stone[middle, middle], 0.8)
-    worn = np.minimum(stone, top + 0.2 * (stone - top))
-    y, x = np.indices((SIZE, SIZE)) - (SIZE - 1) / 2
-    turn = np.radians(turn_deg)
-    rows = np.cos(turn) * y + np.sin(turn) * x + shift[0] + (whole - 1) / 2
-    columns = np.cos(turn) * x - np.sin(turn) * y + shift[1] + (whole - 1) / 2
-    after = scipy.ndimage.map_coordinates(worn, [rows, columns], order=3, mode="grid-wrap")
-    after += SPACING * (2e-3 * x - 1e-3 * y)
-    spike = rng.random((2, SIZE, SIZE)) < 0.002
-    noise = 0.1e-3 * rng.standard_normal((2, SIZE, SIZE)) + 20e-3 * spike
-    return [
-        make_surface(h - h.mean() + n, SPACING)
-        for h, n in zip((stone[middle, middle], after), noise, strict=True)
-    ]
-
-
 @pytest.mark.parametrize("turn", [0.0, -1.0, 2.0])
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.2])
-def test_within_a_fifth_of_the_field_and_two_degrees_all_are_found(share, turn):
+def test_within_a_fifth_of_the_field_and_two_degrees_all_are_found(scans, share, turn):
     for seed in SEEDS:
         way = 2 * np.pi * seed / len(SEEDS) + turn
         shift = share * SIZE * np.array([np.sin(way), np.cos(way)]) + (0.3, -0.4)
@@ -58,7 +31,7 @@ def test_within_a_fifth_of_the_field_and_two_degrees_all_are_found(share, turn):
         assert found.rotation_deg == pytest.approx(turn, abs=0.05)
 
 
-def test_stones_that_have_nothing_in_common_are_not_found(monkeypatch):
+def test_stones_that_have_nothing_in_common_are_not_found(scans, monkeypatch):
     """Also not with a lower bound on the correlation, where the overlap is small."""
     monkeypatch.setattr("gstlib.validation.registration._LEAST_CORRELATION", 0.3)
     surfaces = [scans(100 + seed)[0] for seed in range(9)]
@@ -69,7 +42,7 @@ def test_stones_that_have_nothing_in_common_are_not_found(monkeypatch):
 
 
 @pytest.mark.parametrize("share", [0.8, 0.95])
-def test_beyond_reach_nothing_wrong_is_believed(share):
+def test_beyond_reach_nothing_wrong_is_believed(scans, share):
     for seed in range(4):
         t0, t1 = scans(seed, (share * SIZE, 0.0))
         found = register(t0, t1, maximum_shift_mm=0.7 * SIZE * SPACING)
@@ -106,7 +79,7 @@ def test_a_marked_point_marks_those_interpolated_from_it(shift, rows, columns):
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_narrow_strip_of_common_points_is_refined_too(seed):
+def test_a_narrow_strip_of_common_points_is_refined_too(scans, seed):
     t0, t1 = scans(seed, (0.4, -0.3), 0.5)
     # windows of 64 points, a third of their columns in common
     t0, t1 = t0.isel(x=slice(10, 74), y=slice(32, 96)), t1.isel(x=slice(54, 118), y=slice(32, 96))

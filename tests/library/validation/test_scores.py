@@ -20,7 +20,6 @@ from gstlib.validation.scores import (
 )
 
 masks = arrays(bool, (4, 5))
-MASK_SCORES = "precision", "recall", "f1", "iou", "mcc"
 
 
 def scores(predicted, observed, valid=None, *, size=1, ranking=None):

@@ -16,12 +16,12 @@ from gstlib.validation.summary import (
     compare_variants,
     mean_gains,
     mean_scores,
-    rank_correlations,
+    rank_correlation,
     spatial_p_value,
     summarise,
 )
 
-PAIR = {"predictors": ["pressure_MPa"], "extents": ["loss_fraction"]}
+PAIR = "pressure_MPa", "loss_fraction"
 
 
 def chance(seed=0, **changed):
@@ -42,15 +42,14 @@ def table(seed=0, n=8):
     )
 
 
-def test_rank_correlations_agree_with_scipy():
+def test_rank_correlation_agrees_with_scipy():
     data = table()
     data["loss_per_area_um"] = data["loss_per_area_um"].round(1)  # with ties
     data["loss_fraction"] = np.exp(data["pressure_MPa"] / 30)
-    result = rank_correlations(data, **chance())
-    assert len(result) == 3 * 2
+    tied = rank_correlation(data, "contact_fraction", "loss_per_area_um", **chance()).iloc[0]
     expected = spearmanr(data["contact_fraction"], data["loss_per_area_um"]).statistic
-    assert result["value"].iloc[3] == pytest.approx(expected)
-    row = result.iloc[0]
+    assert tied["value"] == pytest.approx(expected)
+    row = rank_correlation(data, *PAIR, **chance()).iloc[0]
     assert row.statistic == "spearman(pressure_MPa, loss_fraction)"
     assert (row.value, row.low, row.n) == (pytest.approx(1), pytest.approx(1), 8)
     # exact: 2 of the 8! pairings are as extreme
@@ -60,21 +59,20 @@ def test_rank_correlations_agree_with_scipy():
 def test_interval_encloses_a_middling_correlation():
     data = table(n=12)
     data["loss_fraction"] = data["pressure_MPa"] + 40 * data["loss_fraction"]
-    row = rank_correlations(data, **PAIR, **chance()).iloc[0]
+    row = rank_correlation(data, *PAIR, **chance()).iloc[0]
     assert 0.5 < row["value"] < 0.98
     assert 0 < row["low"] < row["value"] < row["high"] <= 1
     assert 0 < row["p_value"] < 0.05
 
 
-def test_too_few_or_constant_is_missing_not_wrong():
-    data = table()
-    data["contact_fraction"] = 0.1
-    data.loc[5:, "loss_fraction"] = np.nan
-    data.loc[2:, "loss_per_area_um"] = np.nan
-    result = rank_correlations(data, predictors=["pressure_MPa", "contact_fraction"], **chance())
-    assert list(result["n"]) == [5, 2, 5, 2]
-    assert list(result["value"].isna()) == [False, True, True, True]
-    assert result["low"].isna().all()  # of five patches there is a value, but no interval
+@pytest.mark.parametrize(("known", "column"), [(5, "x"), (2, "x"), (8, "constant")])
+def test_too_few_or_constant_is_missing_not_wrong(known, column):
+    data = table().assign(constant=0.1).rename(columns={"pressure_MPa": "x"})
+    data.loc[known:, "loss_fraction"] = np.nan
+    row = rank_correlation(data, column, "loss_fraction", **chance()).iloc[0]
+    assert row["n"] == known
+    assert np.isfinite(row["value"]) == (known == 5)
+    assert np.isnan(row["low"])  # of five patches there is a value, but no interval
 
 
 def patches(rng, values, shifts=999):
@@ -280,7 +278,7 @@ def test_spatial_autocorrelation_weakens_a_correlation_of_smooth_numbers():
     for name in ("pressure_MPa", "loss_fraction"):
         data[name] = x + 0.3 * rng.standard_normal(16)
     plain, spatial = (
-        rank_correlations(data, places=places, **PAIR, **chance(1, resamples=99))
+        rank_correlation(data, *PAIR, places=places, **chance(1, resamples=99))
         for places in ((), ("x_mm", "y_mm"))
     )
     assert list(spatial.against) == ["other pairings, neighbours alike"]
