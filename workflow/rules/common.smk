@@ -10,6 +10,7 @@ from gstlib.config import (
     refuse_config,
     study_poisson,
 )
+from gstlib.inputs import scan_files
 from gstlib.io.patches import read_patches
 from gstlib.provenance import commit, source_hash
 from gstlib.study import STUDY_SECTIONS
@@ -68,7 +69,7 @@ def code(script):
     return source_hash(Path(workflow.basedir) / "workflow/scripts" / script)
 
 
-def scan_files(epoch, patches):
+def scans_at(epoch, patches):
     """The scans of the patches at `epoch` ("t0" or "t1")."""
     return [f"{SCAN_FOLDER}/{PATCHES[epoch][patch]}" for patch in patches]
 
@@ -111,20 +112,8 @@ def crops_of(patches):
     return [None if x != x else [float(x), float(y)] for x, y in crops.itertuples(index=False)]
 
 
-# Every scan, with the patch and the epoch that it shows, the piece to cut from it and its place (y, x, turn).
-SCAN_USES = [
-    [f"{SCAN_FOLDER}/{name}", [patch, epoch.upper(), crop, place]]
-    for patch, crop, place in zip(
-        ALL_PATCHES,
-        crops_of(ALL_PATCHES),
-        PATCHES[["y_mm", "x_mm", "rotation_deg"]].values.tolist(),
-    )
-    for epoch in ("t0", "t1")
-    if (name := PATCHES[epoch][patch])
-]
-if COUNTERFACE_SCAN:
-    SCAN_USES.append([COUNTERFACE_SCAN, ["counterface", "", None, None]])
-SCANS = sorted({file for file, _ in SCAN_USES})
+SCAN_USES = scan_files(PATCHES, SCAN_FOLDER, COUNTERFACE_SCAN or None)
+SCANS = sorted({str(use.path) for use in SCAN_USES})
 
 
 # What the page shows: of each file its caption, its category and its title.

@@ -12,9 +12,8 @@ import math
 import re
 import warnings
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -24,7 +23,9 @@ from gstlib.io.plu import read_plu
 from gstlib.io.text import SCAN_UNITS, read_matrix, read_points
 from gstlib.surface import make_surface, spacing_of
 
-__all__ = ["check_size", "cut_scan", "read_scan", "read_settings"]
+__all__ = ["check_size", "cut_scan", "read_scan"]
+
+_log = logging.getLogger(__name__)
 
 # Formats of SurfaceTopography that are not left to it: we read text more strictly, and `hgt` and
 # `nms` have no mark of their own and take any bytes for heights.
@@ -39,6 +40,9 @@ _LARGEST_NUMBER = 1e20
 # ASSUME: a height that ten points or more share, five interquartile ranges of the distinct heights
 # from their median, was written where nothing was measured.
 _FEWEST_HELD, _FAR = 10, 5
+# A nearer one that more than this share of the points has, and ten times as many as any other, may
+# have been: of heights measured in few steps, each is about as frequent as the next.
+_HELD_SHARE, _HELD_TIMES = 1e-3, 10
 # A scan may differ from the study's size by this share: pixel sizes are rounded (512 × 1.66 µm is
 # 849.92 µm), and a row more or less does no harm.
 _SIZE_TOLERANCE = 0.01
@@ -50,7 +54,7 @@ _Raw = tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str
 
 
 def read_scan(
-    path: str | Path, *, unit: str | None = None, spacing_mm: float | None = None
+    path: str | Path, *, unit: str | None = None, spacing_um: float | None = None
 ) -> xr.DataArray:
     """Read a height map from an instrument's file.
 
@@ -62,8 +66,8 @@ def read_scan(
         .asc); or points on a grid in text (.xyz: columns x, y, z).
     unit : {"m", "mm", "um", "nm"}, optional
         Unit of files that do not state theirs; of no effect on the others.
-    spacing_mm : float, optional
-        Distance of the points in files that do not state it; of no effect on the others.
+    spacing_um : float, optional
+        Distance (µm) of the points in files that do not state it; of no effect on the others.
 
     Returns
     -------
@@ -79,8 +83,8 @@ def read_scan(
 
     Notes
     -----
-    Of a file with several height maps the first is read, and a warning logged. So it is where
-    points that share a height far from all others are taken as unmeasured.
+    Of a file with several height maps the first is read, and a warning logged. A warning also says
+    where many points share a height; where it is far from all others, they are taken as unmeasured.
     """
     path = Path(path)
     if unit is not None and unit not in SCAN_UNITS:
@@ -106,8 +110,8 @@ def read_scan(
         length = SCAN_UNITS[unit]
     if steps is not None:
         steps = steps[0] * length, steps[1] * length
-    elif spacing_mm is not None:
-        steps = spacing_mm, spacing_mm
+    elif spacing_um is not None:
+        steps = spacing_um * 1e-3, spacing_um * 1e-3
     else:
         raise InputError(
             path,
@@ -120,23 +124,14 @@ def read_scan(
         heights = raw * length
     # Some exports mark unmeasured points with infinity, or the largest number there is.
     heights[np.abs(heights) > _LARGEST_NUMBER] = np.nan
-    _leave_out_held(path, heights)
+    _mind_held(path, heights)
     _check_plausible(path, heights, spacing)
     attrs = {name: _plain_text(value) for name, value in attrs.items()}
     if "layer" in attrs:
-        logging.getLogger("gstlib").warning("%s: only %s, is read", path, attrs["layer"])
+        _log.warning("%s: only %s, is read", path, attrs["layer"])
     return make_surface(heights, spacing, long_name="height as measured").assign_attrs(
         file=path.name, **attrs
     )
-
-
-def read_settings(scans: Mapping[str, Any]) -> dict[str, Any]:
-    """Keyword arguments of `read_scan` from the section ``scans`` of a config."""
-    spacing_um = scans["spacing_um"]
-    return {
-        "unit": scans["unit"],
-        "spacing_mm": None if spacing_um is None else spacing_um * 1e-3,
-    }
 
 
 def _read_instrument_file(path: Path) -> _Raw:
@@ -295,20 +290,29 @@ def check_size(scan: xr.DataArray, size_mm: float) -> None:
         )
 
 
-def _leave_out_held(path: Path, heights: np.ndarray) -> None:
-    """Set to NaN what an export wrote for unmeasured points: 0, or a number of its own."""
+def _mind_held(path: Path, heights: np.ndarray) -> None:
+    """Warn of a height that was written, not measured: 0 in unmeasured points, or another number.
+
+    Far from all others it surely was, and becomes NaN. Pits and spikes are as far, but seldom
+    equally high.
+    """
     distinct, counts = np.unique(heights[np.isfinite(heights)], return_counts=True)
     if not distinct.size:
         return
     low, middle, high = np.quantile(distinct, (0.25, 0.5, 0.75))
-    counts[np.abs(distinct - middle) <= _FAR * (high - low)] = 0
-    height, count = distinct[np.argmax(counts)], int(counts.max())
-    # Pits and spikes are as far, but seldom equally high.
-    if _FEWEST_HELD <= count < heights.size / 2 and 2 * count > counts.sum():
-        heights[heights == height] = np.nan
-        logging.getLogger("gstlib").warning(
-            "%s: %d points share the height %g µm, far from all others: taken as unmeasured",
-            *(path, count, height * 1e3),
+    far = np.where(np.abs(distinct - middle) > _FAR * (high - low), counts, 0)
+    held, count = distinct[np.argmax(far)], far.max()
+    if _FEWEST_HELD <= count < heights.size / 2 and 2 * count > far.sum():
+        heights[heights == held] = np.nan
+        message = "%s: %d points share the height %g µm, far from all others: taken as unmeasured"
+        _log.warning(message, path, count, held * 1e3)
+        return
+    second, most = np.sort([0, *counts])[-2:]
+    if most > max(_HELD_SHARE * heights.size, _HELD_TIMES * second):
+        _log.warning(
+            "%s: %.3g %% of the points have one height, %g µm. If that stands for unmeasured "
+            "points, export them as empty cells or NaN",
+            *(path, 100 * most / heights.size, distinct[np.argmax(counts)] * 1e3),
         )
 
 

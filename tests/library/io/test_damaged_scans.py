@@ -62,7 +62,7 @@ def test_content_of_another_format(tmp_path, heights, name):
     for other in {f.ending for f in FORMATS.values()} - {sample.ending}:
         if not {other, sample.ending} <= text:
             (tmp_path / f"b{other}").write_bytes(path.read_bytes())
-            _refused(tmp_path / f"b{other}", unit="um", spacing_mm=1e-3)
+            _refused(tmp_path / f"b{other}", unit="um", spacing_um=1.0)
 
 
 @pytest.mark.parametrize("claim", [(60000, 60000), (2**31 - 1, 2**31 - 1), (5, 8), (0, 7)])
@@ -135,7 +135,7 @@ def test_what_is_no_plu(tmp_path, heights):
 def test_unknown_content(tmp_path, name):
     # as many bytes as a square map of 16-bit heights has: one format has no other mark
     (tmp_path / name).write_bytes(b"what no instrument wrote" * 3 * 4**3)
-    _refused(tmp_path / name, "cannot be read as a height map", unit="um", spacing_mm=1e-3)
+    _refused(tmp_path / name, "cannot be read as a height map", unit="um", spacing_um=1.0)
 
 
 # 32-bit words that mean trouble: extremes of integers, and floats that are none
