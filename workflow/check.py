@@ -12,19 +12,11 @@ from pathlib import Path
 import pandas as pd
 from prepare import ROOT, read_config
 
-from gstlib.config import check_files, config_problems, contact_moduli, refuse_config
+from gstlib.config import check_files, contact_moduli, read_study
 from gstlib.errors import GstError, InputsError
-from gstlib.inputs import Inputs, check_inputs, scan_files
+from gstlib.inputs import Inputs, check_inputs
 from gstlib.io.files import check_writable
-from gstlib.io.patches import read_patches
-from gstlib.sweep import sweep_problems
-
-SCHEMAS = ROOT / "workflow/schemas"
-
-
-def problems_of(config: dict) -> list[str]:
-    """What is wrong with a config."""
-    return config_problems(config, SCHEMAS / "config.schema.yaml")
+from gstlib.io.patches import scan_files
 
 
 def summary(config: dict, patches: pd.DataFrame, found: Inputs | None) -> str:
@@ -68,14 +60,7 @@ def main() -> int:
     logging.basicConfig(format="%(levelname)s: %(message)s")
     try:
         config = read_config(path)
-        refuse_config(problems_of(config) or sweep_problems(config, problems_of), str(path))
-        patches = read_patches(
-            config["patches"],
-            schema=SCHEMAS / "patches.schema.yaml",
-            size_mm=config["square"]["size_mm"],
-            patch_size_mm=config["scans"]["size_mm"],
-            scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
-        )
+        patches = read_study(config, ROOT / "workflow/schemas", str(path))
     except GstError as error:
         raise SystemExit(f"\nERROR: {error}") from None
     found, problems, writable = None, [], False

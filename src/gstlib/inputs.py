@@ -17,9 +17,10 @@ import xarray as xr
 from skimage.transform import resize_local_mean
 
 from gstlib.contact import check_grid
-from gstlib.coupling import Place, on_patch, places_of, spline_of
+from gstlib.coupling import Place, on_patch, spline_of
 from gstlib.errors import GstError, InputError
 from gstlib.io.meshes import is_mesh, read_mesh
+from gstlib.io.patches import COUNTERFACE, ScanFile
 from gstlib.io.scans import check_size, cut_scan, read_scan
 from gstlib.placement import SHORTEST_PER_EDGE
 from gstlib.preprocess.frame import Frame, find_frame
@@ -31,7 +32,7 @@ from gstlib.surface import make_surface, spacing_of
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Inputs", "ScanFile", "check_inputs", "inspect_file", "scan_files"]
+__all__ = ["Inputs", "check_inputs", "inspect_file"]
 
 _log = logging.getLogger(__name__)
 
@@ -47,50 +48,8 @@ _BYTES = 170
 # ASSUME: heights of one stone that differ by this factor, between two scans of a patch or, in the
 # waves that both see, between scans and mesh, are in different units.
 _UNIT_FACTOR = 10.0
-_FACE = "counterface"  # in place of a patch's name
 # Blocks along a side of a patch, at least, for that comparison: two leave one number without plane.
 _FEWEST_BLOCKS = 2
-
-
-@dataclass(frozen=True)
-class ScanFile:
-    """A scan that the study uses.
-
-    Attributes
-    ----------
-    path : Path
-    patch : str
-        Patch, or "counterface".
-    epoch : str
-        T0, T1, or empty.
-    crop : (x, y) or None
-        Centre (mm) of the piece to cut, from the scan's centre; None for the whole scan.
-    place : Place or None
-        Where it lies on the square.
-    """
-
-    path: Path
-    patch: str
-    epoch: str
-    crop: tuple[float, float] | None = None
-    place: Place | None = None
-
-
-def scan_files(
-    patches: pd.DataFrame, folder: str | Path, counterface: str | Path | None
-) -> list[ScanFile]:
-    """Every scan that a patch table (`gstlib.io.patches.read_patches`) names, and the counterface.
-
-    Scans lie in `folder`; the path of the counterface is whole, and None if there is none.
-    """
-    places, scans = places_of(patches), []
-    for row in patches.itertuples():
-        crop = None if np.isnan(row.crop_x_mm) else (row.crop_x_mm, row.crop_y_mm)
-        for epoch, name in (("T0", row.t0), ("T1", row.t1)):
-            if name:
-                path = Path(folder) / name
-                scans.append(ScanFile(path, row.patch, epoch, crop, places[row.patch]))
-    return scans if counterface is None else [*scans, ScanFile(Path(counterface), _FACE, "")]
 
 
 @dataclass(frozen=True)
@@ -211,7 +170,7 @@ def check_inputs(
             content = hash(piece.values.tobytes())
             pieces[use.patch, use.epoch] = _Piece(path, grid, content, _spread(piece))
             if use.place is not None and use.epoch == "T0" and heights is not None:
-                waves += _common_waves(piece, heights, use.place)
+                waves += _common_waves(piece, heights, Place(*use.place))
             rows.append(
                 {"patch": use.patch, "epoch": use.epoch, "file": path.name}
                 | {name: facts.get(name) for name in _FACTS}
@@ -219,7 +178,7 @@ def check_inputs(
             )
     problems += _unlike_epochs(pieces)
     at_t0 = {patch: piece for (patch, epoch), piece in pieces.items() if epoch == "T0"}
-    problems += _unlike_counterface(pieces.get((_FACE, "")), at_t0)
+    problems += _unlike_counterface(pieces.get((COUNTERFACE, "")), at_t0)
     if reference:
         problems += _no_reference(at_t0, square["size_mm"])
     for fault in _other_unit(waves):

@@ -3,31 +3,18 @@
 import os
 from pathlib import Path
 
-from gstlib.config import (
-    check_files,
-    config_problems,
-    contact_moduli,
-    refuse_config,
-    study_poisson,
-)
-from gstlib.inputs import scan_files
-from gstlib.io.patches import read_patches
+from gstlib.config import check_files, contact_moduli, read_study, study_poisson
+from gstlib.io.patches import scan_files
 from gstlib.provenance import commit, source_hash
 from gstlib.study import STUDY_SECTIONS
-from gstlib.sweep import sweep_problems, sweep_settings
+from gstlib.sweep import sweep_settings
 
-SCHEMAS = Path(workflow.basedir) / "workflow/schemas"
 CAPTIONS = Path(workflow.basedir) / "workflow/report"
 CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles)
 
 
-def problems_of(changed):
-    """What is wrong with a config."""
-    return config_problems(changed, SCHEMAS / "config.schema.yaml")
-
-
-refuse_config(problems_of(config) or sweep_problems(config, problems_of), source=CONFIG_FILES)
-
+PATCHES = read_study(config, Path(workflow.basedir) / "workflow/schemas", CONFIG_FILES)
+PATCHES = PATCHES.set_index("patch", drop=False)
 RESULTS = config["results"].rstrip("/")
 SQUARE_MM = config["square"]["size_mm"]
 PATCH_MM = config["scans"]["size_mm"]
@@ -37,13 +24,6 @@ VARIANTS = ["placed", "levelled"] if config["coupling"] == "placed" else ["level
 SHIFT_UM = [config["placement"][f"shift_{axis}_um"] for axis in "xy"]
 CONTACT_MODULUS_MPA, ALTERNATIVE_MODULUS_MPA = contact_moduli(config["material"])
 
-PATCHES = read_patches(
-    config["patches"],
-    schema=SCHEMAS / "patches.schema.yaml",
-    size_mm=SQUARE_MM,
-    patch_size_mm=PATCH_MM,
-    scan_folder=None if GENERATED else config["inputs"]["scan_folder"],
-).set_index("patch", drop=False)
 ALL_PATCHES = list(PATCHES.index)
 WORN_PATCHES = [patch for patch in ALL_PATCHES if PATCHES.t1[patch]]
 MESH = f"{RESULTS}/specimen/mesh.stl" if GENERATED else config["inputs"]["mesh"]

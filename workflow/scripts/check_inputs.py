@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from gstlib.errors import InputsError
-from gstlib.inputs import ScanFile, check_inputs
+from gstlib.inputs import check_inputs
+from gstlib.io.patches import ScanFile
 from gstlib.io.tables import write_table
 from gstlib.logs import run_script
 

@@ -14,7 +14,7 @@ import math
 import unicodedata
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 import yaml
@@ -25,8 +25,9 @@ from gstlib.io.text import decoded, separator_of
 if TYPE_CHECKING:
     from jsonschema import ValidationError
 
-__all__ = ["read_patches"]
+__all__ = ["COUNTERFACE", "ScanFile", "read_patches", "scan_files"]
 
+COUNTERFACE = "counterface"  # in place of a patch's name
 # A footprint may touch the square's edge; this much (mm) beyond it is rounding.
 _ROUNDING = 1e-9
 # First bytes of .xlsx and .ods, and of .xls.
@@ -98,6 +99,43 @@ def read_patches(
         kind="stable",
         ignore_index=True,
     )
+
+
+class ScanFile(NamedTuple):
+    """A scan that the study uses.
+
+    Attributes
+    ----------
+    path : Path
+    patch : str
+        Patch, or `COUNTERFACE`.
+    epoch : str
+        T0, T1, or empty.
+    crop : (x, y) or None
+        Centre (mm) of the piece to cut, from the scan's centre; None for the whole scan.
+    place : (y, x, rotation) or None
+        Where it lies on the square, mm and degrees.
+    """
+
+    path: Path
+    patch: str
+    epoch: str
+    crop: tuple[float, float] | None = None
+    place: tuple[float, float, float] | None = None
+
+
+def scan_files(
+    patches: pd.DataFrame, folder: str | Path, counterface: str | Path | None
+) -> list[ScanFile]:
+    """Every scan that the `patches` of `read_patches` name in `folder`, and the counterface's."""
+    scans = []
+    for row in patches.itertuples():
+        crop = None if math.isnan(row.crop_x_mm) else (row.crop_x_mm, row.crop_y_mm)
+        place = row.y_mm, row.x_mm, row.rotation_deg
+        for epoch, name in (("T0", row.t0), ("T1", row.t1)):
+            if name:
+                scans.append(ScanFile(Path(folder) / name, row.patch, epoch, crop, place))
+    return scans + ([ScanFile(Path(counterface), COUNTERFACE, "")] if counterface else [])
 
 
 def _as_in_folder(name: str, folder: Path) -> str:

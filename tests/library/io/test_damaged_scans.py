@@ -52,7 +52,8 @@ def test_truncated(tmp_path, heights, name):
         path.write_bytes(content[:length])
         if sample.ending == ".xyz" and length > 40:  # a part of a point cloud is a point cloud
             continue
-        _refused(path, **sample.options(1e-3))
+        cut = "bytes are less than a .plu header|take 648 bytes, but the file has"
+        _refused(path, cut if sample.ending == ".plu" else None, **sample.options(1e-3))
 
 
 @each_format
@@ -117,18 +118,12 @@ def test_absurd_sizes(tmp_path, heights, spacing, factor):
     _refused(path, "are no surface scan: its unit is wrong")
 
 
-def test_what_is_no_plu(tmp_path, heights):
+def test_a_profile_is_no_map(tmp_path, heights):
     _refused(tmp_path / "a.plu", "no such file")
     path, _ = _written(tmp_path, "plu", heights)
     content = path.read_bytes()
-    profile = content[:428] + struct.pack("<I", 1) + content[432:]
-    for damaged, match in [
-        (b"", "0 bytes are less than a .plu header"),
-        (content[:600], "take 648 bytes, but the file has 600"),
-        (profile, "type 1 with 5 × 7 points: not a .plu topography"),
-    ]:
-        path.write_bytes(damaged)
-        _refused(path, match)
+    path.write_bytes(content[:428] + struct.pack("<I", 1) + content[432:])
+    _refused(path, "type 1 with 5 × 7 points: not a .plu topography")
 
 
 @pytest.mark.parametrize("name", ["a.al3d", "a.sur", "a.vk4", "a.bin", "noending", "a.hgt"])
