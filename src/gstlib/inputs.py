@@ -21,7 +21,7 @@ from gstlib.coupling import Place, on_patch, spline_of
 from gstlib.errors import GstError, InputError
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.patches import COUNTERFACE, ScanFile
-from gstlib.io.scans import check_size, cut_scan, read_scan
+from gstlib.io.scans import cut_scan, read_scan
 from gstlib.placement import SHORTEST_PER_EDGE
 from gstlib.preprocess.frame import Frame, find_frame
 from gstlib.preprocess.gridding import grid_mesh
@@ -156,11 +156,7 @@ def check_inputs(
             continue
         for use in uses:
             try:
-                piece = whole
-                if use.crop is None:
-                    check_size(whole, scan_settings["size_mm"])
-                else:
-                    piece = cut_scan(whole, use.crop, scan_settings["size_mm"])
+                piece = cut_scan(whole, use.crop, scan_settings["size_mm"])
                 check_unmeasured(piece, maximum_unmeasured)
             except InputError as error:
                 named = f"{path} (patch {use.patch} at {use.epoch})" if use.epoch else path

@@ -23,7 +23,7 @@ from gstlib.io.plu import read_plu
 from gstlib.io.text import SCAN_UNITS, read_matrix, read_points
 from gstlib.surface import make_surface, spacing_of
 
-__all__ = ["check_size", "cut_scan", "read_scan"]
+__all__ = ["cut_scan", "read_scan"]
 
 _log = logging.getLogger(__name__)
 
@@ -229,15 +229,16 @@ def _plain_text(value: str) -> str:
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())[:_LONGEST_TEXT]
 
 
-def cut_scan(scan: xr.DataArray, centre: Sequence[float], size_mm: float) -> xr.DataArray:
-    """A square piece of a scan.
+def cut_scan(scan: xr.DataArray, centre: Sequence[float] | None, size_mm: float) -> xr.DataArray:
+    """The patch of a scan: a square piece, or all of it.
 
     Parameters
     ----------
     scan : (ny, nx) xarray.DataArray
         The whole scan, mm.
-    centre : (x, y)
-        Centre of the piece in mm, from the scan's centre along its columns and rows.
+    centre : (x, y) or None
+        Centre of the piece in mm, from the scan's centre along its columns and rows; None for the
+        whole scan, which must be a square of that size within one per cent.
     size_mm : float
         Side of the piece; it is cut at whole elements.
 
@@ -249,45 +250,35 @@ def cut_scan(scan: xr.DataArray, centre: Sequence[float], size_mm: float) -> xr.
     Raises
     ------
     InputError
-        The piece sticks out of the scan.
+        The piece sticks out of the scan, or the whole scan has another size.
     """
+    height, width = (n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
+    source = scan.attrs.get("file", "scan")
+    if centre is None:
+        if max(abs(height - size_mm), abs(width - size_mm)) > _SIZE_TOLERANCE * size_mm:
+            raise InputError(
+                source,
+                f"the scan is {width:.4g} × {height:.4g} mm ({scan.shape[1]} × {scan.shape[0]} "
+                f"points), but the study's patches are {size_mm:g} × {size_mm:g} mm",
+                "Correct scans.size_mm in the config, or have a piece of the scan cut: give "
+                "crop_x_mm and crop_y_mm in the patch table.",
+            )
+        return scan
     slices, beyond = [], 0.0
-    for length, step, middle in zip(
-        scan.shape, spacing_of(scan), (centre[1], centre[0]), strict=True
-    ):
+    for length, step, middle in zip(scan.shape, spacing_of(scan), centre[::-1], strict=True):
         count = round(size_mm / step)
         # Half an element is rounded up always, so that pieces side by side stay side by side.
         first = math.floor(length / 2 + middle / step - count / 2 + 0.5 + 1e-9)
         beyond = max(beyond, -first * step, (first + count - length) * step)
         slices.append(slice(first, first + count))
     if beyond > 0:
-        height, width = (n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
         raise InputError(
-            scan.attrs.get("file", "scan"),
+            source,
             f"a piece of {size_mm:g} mm around x = {centre[0]:g}, y = {centre[1]:g} mm sticks out "
             f"by {beyond:.4g} mm of the scan of {width:.4g} × {height:.4g} mm",
             "Correct crop_x_mm and crop_y_mm in the patch table: they count from its centre.",
         )
     return make_surface(scan.values[tuple(slices)], spacing_of(scan)).assign_attrs(scan.attrs)
-
-
-def check_size(scan: xr.DataArray, size_mm: float) -> None:
-    """Refuse a scan that is not a square of `size_mm` (mm), within one per cent.
-
-    Raises
-    ------
-    InputError
-        Names the scan's file, its size and the size that the study wants.
-    """
-    height, width = (n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
-    if max(abs(height - size_mm), abs(width - size_mm)) > _SIZE_TOLERANCE * size_mm:
-        raise InputError(
-            scan.attrs.get("file", "scan"),
-            f"the scan is {width:.4g} × {height:.4g} mm ({scan.shape[1]} × {scan.shape[0]} "
-            f"points), but the study's patches are {size_mm:g} × {size_mm:g} mm",
-            "Correct scans.size_mm in the config, or have a piece of the scan cut: give crop_x_mm "
-            "and crop_y_mm in the patch table.",
-        )
 
 
 def _mind_held(path: Path, heights: np.ndarray) -> None:

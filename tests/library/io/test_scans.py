@@ -11,7 +11,7 @@ from scan_files import FORMATS, plux_members, write_x3p, write_xyz, zipped
 
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
-from gstlib.io.scans import check_size, cut_scan, read_scan
+from gstlib.io.scans import cut_scan, read_scan
 from gstlib.surface import make_surface, spacing_of
 
 # Not square, odd, and no symmetry: every mistake of axes shows.
@@ -270,8 +270,9 @@ class TestCut:
 
 
 def test_size_of_a_scan():
-    check_size(make_surface(np.zeros((512, 512)), 1.66e-3), 0.85)
+    whole = make_surface(np.zeros((512, 512)), 1.66e-3)
+    assert cut_scan(whole, None, 0.85) is whole
     with pytest.raises(
         InputError, match=r"b\.plu: the scan is 0\.9562 × 0\.8499 mm.*0\.85 × 0\.85"
     ):
-        check_size(make_surface(np.zeros((512, 576)), 1.66e-3, file="b.plu"), 0.85)
+        cut_scan(make_surface(np.zeros((512, 576)), 1.66e-3, file="b.plu"), None, 0.85)

@@ -196,14 +196,6 @@ def smooth(x, y):
     return 0.02 * np.sin(waves).sum(axis=0)
 
 
-def roof(x, y):
-    return -0.5 * np.abs(x - 2.5)
-
-
-def white(x, y):
-    return 0.01 * np.random.default_rng(4).standard_normal(len(x))
-
-
 def rms_of(surface):
     return dict(zip(KINDS, surface.left_out_rms.values, strict=True))
 
@@ -218,14 +210,6 @@ def test_on_a_smooth_surface_a_smooth_interpolation_is_best():
     errors = {kind: np.std(grid(mesh, interpolation=kind) - exact) for kind in KINDS}
     assert errors[chosen] < 0.5 * errors["linear"]
     np.testing.assert_array_equal(best.height, grid(mesh, interpolation=chosen))
-
-
-def test_elsewhere_the_best_is_no_worse_than_linear():
-    noise = gridded(sheet(white, edge=0.4))  # means over three vertices predict as well as any
-    assert noise.height.attrs["interpolation"] == "linear"
-    mesh = sheet(roof, edge=0.4)
-    best, linear = gridded(mesh), gridded(mesh, interpolation="linear")
-    assert (best.left_out_error**2).mean() <= (linear.left_out_error**2).mean()
 
 
 @pytest.mark.parametrize(
@@ -275,20 +259,11 @@ def test_errors_are_those_of_a_group_left_out(kind):
     np.testing.assert_allclose(surface.left_out_rms.sel(candidate=kind), everywhere)
 
 
-def test_noise_of_the_vertices_is_seen():
-    mesh = sheet(lambda x, y: 0.1 * x)
-    assert gridded(mesh).left_out_rms.max() < 1e-6
-    noise = 2e-3
-    mesh.vertices[:, 2] += noise * np.random.default_rng(5).standard_normal(len(mesh.vertices))
-    rms = gridded(mesh).left_out_rms
-    assert ((rms > noise) & (rms < 1.7 * noise)).all()
-
-
-@pytest.mark.parametrize(("most", "left_out"), [(220, 220), (25, 25)])
-def test_of_many_vertices_only_some_are_left_out(most, left_out, monkeypatch):
+@pytest.mark.parametrize("most", [220, 25])
+def test_of_many_vertices_only_some_are_left_out(most, monkeypatch):
     monkeypatch.setattr(gridding, "_MOST_LEFT_OUT", most)
     surface = gridded(sheet(smooth))
-    assert surface.sizes["vertex"] == pytest.approx(left_out, rel=0.15)
+    assert surface.sizes["vertex"] == pytest.approx(most, rel=0.15)
     assert rms_of(surface)["cubic"] < rms_of(surface)["linear"]
 
 
