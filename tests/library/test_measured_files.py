@@ -11,6 +11,7 @@ import yaml
 from scipy.ndimage import gaussian_filter
 
 from gstlib.contact import contact_at_pressure
+from gstlib.coupling import spline_of
 from gstlib.io.meshes import read_mesh
 from gstlib.io.patches import read_patches
 from gstlib.io.scans import read_scan
@@ -122,13 +123,13 @@ def test_map_is_where_the_patch_table_says():
     scan = read_scan(MAP, unit="um")
     # To the resolution of the mesh (edges of 0.19 mm), which also filters the square.
     stone = gaussian_filter(np.flipud(remove_plane(scan)[0].values), 0.1 / 0.01)
-    filtered = use_face.copy(data=gaussian_filter(use_face.values, 0.1 / 0.05))
+    filtered = spline_of(use_face.copy(data=gaussian_filter(use_face.values, 0.1 / 0.05)))
     v, u = ((np.arange(count) - (count - 1) / 2) * 0.01 for count in stone.shape)
 
     def correlation(heights, shift_y=0.0, shift_x=0.0):
         """With the square, moved; a plane taken out of both."""
         y, x = patches.y_mm.mean() + shift_y + v, patches.x_mm.mean() + shift_x + u
-        under = filtered.interp(y=y, x=x).values
+        under = filtered(y, x)
         both = (remove_plane(make_surface(one, 0.01))[0] for one in (under, heights))
         return float(np.corrcoef(*(one.values.ravel() for one in both))[0, 1])
 
