@@ -5,7 +5,6 @@ says what a run would do. Exit code 0 if the study can be run, 1 if not.
 """
 
 import logging
-import math
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,35 +12,11 @@ from pathlib import Path
 import pandas as pd
 from prepare import ROOT, read_config
 
-from gstlib.config import check_files, config_problems, contact_moduli, refuse_config
-from gstlib.coupling import places_of
+from gstlib.config import check_files, contact_moduli, read_study
 from gstlib.errors import GstError, InputsError
-from gstlib.inputs import Inputs, ScanFile, check_inputs
+from gstlib.inputs import Inputs, check_inputs
 from gstlib.io.files import check_writable
-from gstlib.io.patches import read_patches
-from gstlib.sweep import sweep_problems
-
-SCHEMAS = ROOT / "workflow/schemas"
-
-
-def problems_of(config: dict) -> list[str]:
-    """What is wrong with a config."""
-    return config_problems(config, SCHEMAS / "config.schema.yaml")
-
-
-def scan_files(config: dict, patches: pd.DataFrame) -> list[ScanFile]:
-    """Every scan of the study that exists."""
-    places = places_of(patches)
-    folder = Path(config["inputs"]["scan_folder"])
-    scans = []
-    for row in patches.itertuples():
-        crop = None if math.isnan(row.crop_x_mm) else (row.crop_x_mm, row.crop_y_mm)
-        for epoch, name in (("T0", row.t0), ("T1", row.t1)):
-            if name:
-                scans.append(ScanFile(folder / name, row.patch, epoch, crop, places[row.patch]))
-    if config["counterface"] is not None:
-        scans.append(ScanFile(Path(config["counterface"]["scan"]), "counterface", ""))
-    return [scan for scan in scans if scan.path.is_file()]
+from gstlib.io.patches import scan_files
 
 
 def summary(config: dict, patches: pd.DataFrame, found: Inputs | None) -> str:
@@ -59,9 +34,9 @@ def summary(config: dict, patches: pd.DataFrame, found: Inputs | None) -> str:
         "use",
         "results in": config["results"],
     }
-    if found is not None and found.mesh is not None:
-        size = " × ".join(f"{found.mesh[f'size_{axis}_mm']:.4g}" for axis in "xyz")
-        edge = found.mesh["mean_edge_mm"]
+    if found is not None and found.stone is not None:
+        size = " × ".join(f"{extent:.4g}" for extent in found.stone.extents)
+        edge = found.stone.edges_unique_length.mean()
         lines["mesh"] = f"{size} mm along its x, y, z; mean edge length {edge:.3g} mm"
     if found is not None and len(found.scans):
         scans = found.scans
@@ -85,14 +60,7 @@ def main() -> int:
     logging.basicConfig(format="%(levelname)s: %(message)s")
     try:
         config = read_config(path)
-        refuse_config(problems_of(config) or sweep_problems(config, problems_of), str(path))
-        patches = read_patches(
-            config["patches"],
-            schema=SCHEMAS / "patches.schema.yaml",
-            size_mm=config["square"]["size_mm"],
-            patch_size_mm=config["scans"]["size_mm"],
-            scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
-        )
+        patches = read_study(config, ROOT / "workflow/schemas", str(path))
     except GstError as error:
         raise SystemExit(f"\nERROR: {error}") from None
     found, problems, writable = None, [], False
@@ -107,9 +75,11 @@ def main() -> int:
         except GstError as error:
             problems.append(error)
         mesh = Path(config["inputs"]["mesh"])
+        folder, face = config["inputs"]["scan_folder"], (config["counterface"] or {}).get("scan")
+        scans = [scan for scan in scan_files(patches, folder, face) if scan.path.is_file()]
         found = check_inputs(
             mesh if mesh.is_file() else None,
-            scan_files(config, patches),
+            scans,
             mesh_unit=config["inputs"]["mesh_unit"],
             square=config["square"],
             macroscale=config["macroscale"],

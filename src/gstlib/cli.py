@@ -106,14 +106,14 @@ def inspect(files, unit, spacing_um, picture) -> None:
 def pick(mesh, unit, size, patches, patch_size, output) -> None:
     """Write a page on which the square is picked: turn the stone, click, copy the config."""
     from gstlib.io.files import write_whole
-    from gstlib.io.meshes import read_mesh, stated_unit
+    from gstlib.io.meshes import read_mesh
     from gstlib.io.patches import read_patches
     from gstlib.pick import pick_page
 
     if output.suffix.lower() != ".html":
         raise click.UsageError(f"--output is a page: name it .html, not '{output.name}'")
-    unit = unit or stated_unit(mesh) or "mm"
     stone, table = read_mesh(mesh, unit=unit), None
+    unit = stone.metadata["file_unit"]
     if patches is not None:
         if not _SCHEMA.is_file():
             remedy = "Run gst from a clone (`make environment`), or leave --patches out."

@@ -22,7 +22,14 @@ from gstlib.preprocess.frame import Frame, frame_from_points
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["check_files", "config_problems", "contact_moduli", "refuse_config", "study_poisson"]
+__all__ = [
+    "check_files",
+    "config_problems",
+    "contact_moduli",
+    "read_study",
+    "refuse_config",
+    "study_poisson",
+]
 
 
 def refuse_config(problems: Iterable[str], source: str) -> None:
@@ -30,6 +37,32 @@ def refuse_config(problems: Iterable[str], source: str) -> None:
     if listed := "".join(f"\n  - {problem}" for problem in problems):
         problem = f"the configuration cannot be used{listed}\n "
         raise ConfigError(source, problem, "See config/README.md for all keys.")
+
+
+def read_study(config: Mapping, schemas: Path, source: str) -> "pd.DataFrame":
+    """Check a config, defaults included, and its sweep, and read its patch table.
+
+    `schemas` is the folder ``workflow/schemas``, `source` names the config in messages.
+
+    Raises
+    ------
+    ConfigError
+        Its message lists all that is wrong with the config, or with the table.
+    """
+    from gstlib.io.patches import read_patches
+    from gstlib.sweep import sweep_problems
+
+    def problems_of(config: Mapping) -> list[str]:
+        return config_problems(config, schemas / "config.schema.yaml")
+
+    refuse_config(problems_of(config) or sweep_problems(config, problems_of), source)
+    return read_patches(
+        config["patches"],
+        schema=schemas / "patches.schema.yaml",
+        size_mm=config["square"]["size_mm"],
+        patch_size_mm=config["scans"]["size_mm"],
+        scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
+    )
 
 
 def config_problems(config: Mapping, schema: str | Path) -> list[str]:
@@ -121,20 +154,9 @@ def _explain(error: ValidationError) -> str:
     asked = [error.schema, error.parent.schema if error.parent else {}]
     description = next((rule["description"] for rule in asked if "description" in rule), "")
     wish = f" [{description}]" if description else ""
-    return f"'{key}' is {error.instance!r}: {error.message}{_as_number(error)}{wish}"
-
-
-def _as_number(error: ValidationError) -> str:
-    """How to write a number that YAML took for text: an exponent needs a decimal point."""
-    if error.validator != "type" or not isinstance(error.instance, str):
-        return ""
-    try:
-        value = float(error.instance.replace(",", "."))
-        whole = int(value)
-    except (ValueError, OverflowError):
-        return ""
-    number = whole if error.validator_value == "integer" and whole == value else value
-    return f": YAML reads it as text; write {yaml.safe_dump(number).split()[0]}"
+    if error.validator == "type" and isinstance(error.instance, str):
+        wish = f" (YAML reads a number without quotes, such as 20 or 1.0e-9){wish}"
+    return f"'{key}' is {error.instance!r}: {error.message}{wish}"
 
 
 def _contradictions(config: Mapping) -> Iterator[str]:

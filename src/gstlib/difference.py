@@ -29,9 +29,9 @@ def compare_results(before: str | Path, after: str | Path, tolerance: float = 0.
     -------
     pandas.DataFrame
         One line per change: ``table`` (or "provenance"), ``row`` (as in ``patch=5, epoch=T0``) and
-        ``column``, one of them empty where only one side has a row or a column; ``before`` and
-        ``after``, as written in the files, empty where absent; ``relative``, abs(after - before)
-        over the larger magnitude, NaN for text.
+        ``column``, both empty where one side has no such table; ``before`` and ``after``, as
+        written in the files, empty where absent; ``relative``, abs(after - before) over the larger
+        magnitude, NaN for text.
 
     Raises
     ------
@@ -42,7 +42,11 @@ def compare_results(before: str | Path, after: str | Path, tolerance: float = 0.
     changes = [
         (name, *change)
         for name in sorted({*old, *new})
-        for change in _changes(*(side.get(name, pd.DataFrame()) for side in (old, new)))
+        for change in (
+            _changes(old[name], new[name])
+            if name in old and name in new
+            else [("", "", *("present" if name in side else "" for side in (old, new)))]
+        )
     ]
     found = pd.DataFrame(changes, columns=["table", "row", "column", "before", "after"], dtype=str)
     numbers = found[["before", "after"]].apply(pd.to_numeric, errors="coerce")
@@ -84,28 +88,18 @@ def _read_tables(folder: Path) -> dict[str, pd.DataFrame]:
 
 
 def _changes(old: pd.DataFrame, new: pd.DataFrame) -> list[tuple[str, str, str, str]]:
-    """Row, column, text before and text after of each cell, row or column that differs."""
-    if old.equals(new):
-        return []
+    """Row, column, text before and text after of each cell that differs."""
     columns = [column for column in old.columns if column in new.columns]
     keys = (columns[:count] for count in range(1, len(columns) + 1))
     key = next((key for key in keys if not any(t.duplicated(key).any() for t in (old, new))), None)
-    rows = [
-        [", ".join(f"{k}={row[k]}" for k in key if row[k]) for row in table.to_dict("records")]
-        if key
-        else [f"row {number}" for number in range(1, len(table) + 1)]
-        for table in (old, new)
-    ]
-    shared = {*rows[0]} & {*rows[1]}
-    before, after = (
-        {(row, ""): "present" for row in names}
-        | {("", column): "present" for column in table.columns}
-        | {
-            place: text
-            for place, text in table[columns].set_axis(names).stack().items()
-            if place[0] in shared
-        }
-        for table, names in zip((old, new), rows, strict=True)
-    )
-    found = [(*place, before.get(place, ""), after.get(place, "")) for place in before | after]
-    return [change for change in found if change[2] != change[3]]
+    cells = []
+    for table in (old, new):
+        rows = [
+            ", ".join(f"{name}={row[name]}" for name in key if row[name])
+            if key
+            else f"row {number}"
+            for number, row in enumerate(table.to_dict("records"), start=1)
+        ]
+        cells.append(table.set_axis(rows).stack())
+    both = pd.concat(cells, axis=1).fillna("")
+    return [(*place, *texts) for place, *texts in both.itertuples() if texts[0] != texts[1]]

@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -19,8 +19,9 @@ from skimage.transform import resize_local_mean
 from gstlib.contact import check_grid
 from gstlib.coupling import Place, on_patch, spline_of
 from gstlib.errors import GstError, InputError
-from gstlib.io.meshes import is_mesh, read_mesh, stated_unit
-from gstlib.io.scans import check_size, cut_scan, read_scan, read_settings
+from gstlib.io.meshes import is_mesh, read_mesh
+from gstlib.io.patches import COUNTERFACE, ScanFile
+from gstlib.io.scans import cut_scan, read_scan
 from gstlib.placement import SHORTEST_PER_EDGE
 from gstlib.preprocess.frame import Frame, find_frame
 from gstlib.preprocess.gridding import grid_mesh
@@ -31,7 +32,7 @@ from gstlib.surface import make_surface, spacing_of
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Inputs", "ScanFile", "check_inputs", "inspect_file"]
+__all__ = ["Inputs", "check_inputs", "inspect_file"]
 
 _log = logging.getLogger(__name__)
 
@@ -42,9 +43,6 @@ _FACTS = (
 )  # fmt: skip
 # Spacings of T0 and T1 that differ by more than this share are of two magnifications.
 _SAME_SPACING = 1e-3
-# One height at more than this share of the points, and at so many times the points of any other,
-# was written, not measured: of heights in few steps, each is about as frequent as the next.
-_HELD_SHARE, _HELD_TIMES = 1e-3, 10
 # Bytes that the contact of the whole square takes for each point, at its peak (measured at 3012²).
 _BYTES = 170
 # ASSUME: heights of one stone that differ by this factor, between two scans of a patch or, in the
@@ -52,30 +50,6 @@ _BYTES = 170
 _UNIT_FACTOR = 10.0
 # Blocks along a side of a patch, at least, for that comparison: two leave one number without plane.
 _FEWEST_BLOCKS = 2
-
-
-@dataclass(frozen=True)
-class ScanFile:
-    """A scan that the study uses.
-
-    Attributes
-    ----------
-    path : Path
-    patch : str
-        Patch, or "counterface".
-    epoch : str
-        T0, T1, or empty.
-    crop : (x, y) or None
-        Centre (mm) of the piece to cut, from the scan's centre; None for the whole scan.
-    place : Place or None
-        Where it lies on the square.
-    """
-
-    path: Path
-    patch: str
-    epoch: str
-    crop: tuple[float, float] | None = None
-    place: Place | None = None
 
 
 @dataclass(frozen=True)
@@ -88,29 +62,33 @@ class Inputs:
         A row for each readable scan: ``patch, epoch, file``; ``points_x, points_y, spacing_x_um,
         spacing_y_um``; ``unmeasured`` (share); ``Sq_um, tilt_x_mrad, tilt_y_mrad`` about and of the
         least-squares plane; ``instrument, objective``; ``range_um``, of the heights as read.
-    mesh : dict or None
-        Vertices, faces, size, mean edge and state of the mesh; None if it cannot be read.
     stone : trimesh.Trimesh or None
-        The mesh itself, mm.
+        The mesh, mm; None if it cannot be read.
     frame : Frame or None
         Where the square lies on it; None if there is no mesh, or if the config gives no frame.
     square : (ny, nx) xarray.DataArray or None
         Heights of the analysed square (mm), its plane removed; None if it cannot be had.
-    problems : tuple of GstError
+    problems : list of GstError
         Everything that would stop the study.
     """
 
     scans: pd.DataFrame
-    mesh: dict[str, Any] | None
     stone: "trimesh.Trimesh | None"
     frame: Frame | None
     square: xr.DataArray | None
-    problems: tuple[GstError, ...]
+    problems: list[GstError]
 
 
-# Of a scan, by patch and epoch: its file, its grid ((ny, nx), (dy, dx)), a hash of its heights and
-# their `_spread`.
-_Pieces = dict[tuple[str, str], tuple[Path, tuple, int, float]]
+class _Piece(NamedTuple):
+    """What comparisons need of a scan, or of the piece that is cut from it."""
+
+    path: Path
+    grid: tuple[tuple[int, ...], tuple[float, float]]  # (ny, nx), and (dy, dx) in mm
+    content: int  # hash of its heights
+    spread: float  # see `_spread`
+
+
+_Pieces = dict[tuple[str, str], _Piece]  # by patch and epoch
 
 
 def check_inputs(
@@ -146,11 +124,10 @@ def check_inputs(
     What is odd and yet may be right is logged as a warning.
     """
     problems: list[GstError] = []
-    facts_of_mesh = stone = frame = heights = None
+    stone = frame = heights = None
     try:
         if mesh is not None:
             stone = read_mesh(mesh, unit=mesh_unit)
-            facts_of_mesh = _mesh_facts(stone)
             frame = find_frame(square, stone, unit=mesh_unit, source=str(mesh))
             gridded = grid_mesh(
                 stone,
@@ -172,96 +149,107 @@ def check_inputs(
         by_file.setdefault(scan.path, []).append(scan)
     for path, uses in by_file.items():
         try:
-            whole = read_scan(path, **read_settings(scan_settings))
+            unit, spacing_um = scan_settings["unit"], scan_settings["spacing_um"]
+            whole = read_scan(path, unit=unit, spacing_um=spacing_um)
         except GstError as error:
             problems.append(error)
             continue
-        _warn_of_held_height(path, whole)
         for use in uses:
             try:
-                piece = whole
-                if use.crop is None:
-                    check_size(whole, scan_settings["size_mm"])
-                else:
-                    piece = cut_scan(whole, use.crop, scan_settings["size_mm"])
+                piece = cut_scan(whole, use.crop, scan_settings["size_mm"])
                 check_unmeasured(piece, maximum_unmeasured)
             except InputError as error:
                 named = f"{path} (patch {use.patch} at {use.epoch})" if use.epoch else path
                 problems.append(InputError(named, error.problem, error.remedy))
                 continue
-            facts = _scan_facts(piece)
-            grid = piece.shape, spacing_of(piece)
+            facts, grid = _scan_facts(piece), (piece.shape, spacing_of(piece))
             content = hash(piece.values.tobytes())
-            pieces[use.patch, use.epoch] = path, grid, content, _spread(piece)
+            pieces[use.patch, use.epoch] = _Piece(path, grid, content, _spread(piece))
             if use.place is not None and use.epoch == "T0" and heights is not None:
-                waves += _common_waves(piece, heights, use.place)
+                waves += _common_waves(piece, heights, Place(*use.place))
             rows.append(
                 {"patch": use.patch, "epoch": use.epoch, "file": path.name}
                 | {name: facts.get(name) for name in _FACTS}
                 | {"range_um": facts["highest_um"] - facts["lowest_um"]}
             )
-    if reference and rows:
-        try:
-            memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-            _check_memory(square["size_mm"], rows[0]["spacing_x_um"] * 1e-3, memory)
-            _check_grids(pieces)
-        except InputError as error:
-            problems.append(error)
-    if (fault := _other_unit(waves)) is not None:
+    problems += _unlike_epochs(pieces)
+    at_t0 = {patch: piece for (patch, epoch), piece in pieces.items() if epoch == "T0"}
+    problems += _unlike_counterface(pieces.get((COUNTERFACE, "")), at_t0)
+    if reference:
+        problems += _no_reference(at_t0, square["size_mm"])
+    for fault in _other_unit(waves):
         if placed:
             problems.append(fault)
         else:
             _log.warning("%s", fault)
-    return Inputs(
-        scans=pd.DataFrame(rows, columns=["patch", "epoch", "file", *_FACTS, "range_um"]),
-        mesh=facts_of_mesh,
-        stone=stone,
-        frame=frame,
-        square=heights,
-        problems=(*problems, *_unlike_epochs(pieces), *_unlike_counterface(pieces)),
-    )
+    table = pd.DataFrame(rows, columns=["patch", "epoch", "file", *_FACTS, "range_um"])
+    return Inputs(table, stone, frame, heights, problems)
 
 
 def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
     """Refuse epochs of a patch that cannot be compared: unequal spacings, or equal heights."""
     for patch in [patch for patch, epoch in pieces if epoch == "T1" and (patch, "T0") in pieces]:
-        first, (_, spacing_0), content_0, spread_0 = pieces[patch, "T0"]
-        second, (_, spacing_1), content_1, spread_1 = pieces[patch, "T1"]
+        first, second = pieces[patch, "T0"], pieces[patch, "T1"]
+        (_, spacing_0), (_, spacing_1) = first.grid, second.grid
         if not np.allclose(spacing_1, spacing_0, rtol=_SAME_SPACING, atol=0):
             yield InputError(
-                second,
-                f"its points are {spacing_1[1] * _MM_TO_UM:.5g} µm apart, those of {first} "
+                second.path,
+                f"its points are {spacing_1[1] * _MM_TO_UM:.5g} µm apart, those of {first.path} "
                 f"{spacing_0[1] * _MM_TO_UM:.5g} µm",
                 "Scan both epochs of a patch with the same objective, or resample one.",
             )
-        low, high = sorted((spread_0, spread_1))
+        low, high = sorted((first.spread, second.spread))
         if low and high > _UNIT_FACTOR * low:
             yield InputError(
-                second,
-                f"its heights vary {spread_1 / spread_0:.3g} times as much as those of {first}: "
-                "one of the two is in another unit",
+                second.path,
+                f"its heights vary {second.spread / first.spread:.3g} times as much as those of "
+                f"{first.path}: one of the two is in another unit",
                 "Export both epochs of a patch in one unit; scans.unit is that of all files.",
             )
         # Two scans never have the same noise: one of them was copied, and would show no wear.
-        if content_0 == content_1:
+        if first.content == second.content:
             yield InputError(
-                second,
-                f"patch {patch} has the same heights at T1 as at T0 ({first})",
+                second.path,
+                f"patch {patch} has the same heights at T1 as at T0 ({first.path})",
                 "Give the scan that was made after use, or leave t1 empty in the patch table.",
             )
 
 
-def _unlike_counterface(pieces: _Pieces) -> list[GstError]:
-    """Compare the counterface with each patch at T0; the first that it does not fit is enough."""
-    if ("counterface", "") not in pieces:
-        return []
-    face, face_grid, *_ = pieces["counterface", ""]
-    for path, grid, *_ in (pieces[key] for key in pieces if key[1] == "T0"):
+def _unlike_counterface(face: _Piece | None, at_t0: Mapping[str, _Piece]) -> list[GstError]:
+    """The counterface does not fit one of the patches; the first is enough."""
+    if face is not None:
         try:
-            check_grid(face_grid, grid, source=face, patch_source=path)
+            for piece in at_t0.values():
+                check_grid(face.grid, piece.grid, source=face.path, patch_source=piece.path)
         except GstError as error:
             return [error]
     return []
+
+
+def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[GstError]:
+    """Why the whole square cannot be pressed at the scans' resolution, if it cannot."""
+    kinds = list({piece.grid[0]: (patch, piece) for patch, piece in at_t0.items()}.values())
+    if not kinds:
+        return
+    first = kinds[0][1]
+    count = round(square_mm / first.grid[1][1])
+    needed = _BYTES * count**2
+    if needed > (available := os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")):
+        yield InputError(
+            "config, reference_draws",
+            f"the contact of the whole square at the scans' resolution has {count} × {count} "
+            f"elements and needs {needed / 2**30:.1f} GiB of memory; there are "
+            f"{available / 2**30:.1f} GiB",
+            "Set reference_draws to null, or run the study on a larger machine.",
+        )
+    for patch, other in kinds[1:2]:
+        (ny, nx), (other_ny, other_nx) = first.grid[0], other.grid[0]
+        yield InputError(
+            other.path,
+            f"patch {patch} has {other_nx} × {other_ny} points, but {first.path} has {nx} × {ny}: "
+            "the contact of the whole square needs scans of one grid",
+            "Scan all patches alike, or set reference_draws to null.",
+        )
 
 
 def _spread(scan: xr.DataArray) -> float:
@@ -289,61 +277,18 @@ def _common_waves(
     return [(one, other)]
 
 
-def _other_unit(waves: list[tuple[float, float]]) -> InputError | None:
-    """What is wrong if scans and mesh differ by an order of magnitude, from `_common_waves`."""
+def _other_unit(waves: list[tuple[float, float]]) -> Iterator[InputError]:
+    """Scans and mesh differ by an order of magnitude, from `_common_waves`."""
     if not waves:
-        return None
+        return
     scan, mesh = np.sqrt(np.square(waves).mean(axis=0))
-    if max(scan, mesh) <= _UNIT_FACTOR * min(scan, mesh):
-        return None
-    return InputError(
-        "scans",
-        f"in the waves that scans and mesh both resolve, the scans are {scan * _MM_TO_UM:.3g} µm "
-        f"high (r.m.s.) and the mesh under them {mesh * _MM_TO_UM:.3g} µm",
-        "Check scans.unit and inputs.mesh_unit in the config. If both are right, the mesh does not "
-        "show how the patches lie: set coupling to levelled.",
-    )
-
-
-def _check_memory(square_mm: float, spacing_mm: float, available: int) -> None:
-    """Refuse a contact of the whole square that needs more than the `available` bytes."""
-    count = round(square_mm / spacing_mm)
-    if (needed := _BYTES * count**2) > available:
-        raise InputError(
-            "config, reference_draws",
-            f"the contact of the whole square at the scans' resolution has {count} × {count} "
-            f"elements and needs {needed / 2**30:.1f} GiB of memory; there are "
-            f"{available / 2**30:.1f} GiB",
-            "Set reference_draws to null, or run the study on a larger machine.",
-        )
-
-
-def _check_grids(pieces: _Pieces) -> None:
-    """Refuse T0 scans of different grids, where the whole square is pressed at theirs."""
-    shapes = {
-        grid[0]: (patch, path)
-        for (patch, epoch), (path, grid, *_) in pieces.items()
-        if epoch == "T0"
-    }
-    if len(shapes) > 1:
-        (one, (_, first)), (other, (patch, path)) = list(shapes.items())[:2]
-        raise InputError(
-            path,
-            f"patch {patch} has {other[1]} × {other[0]} points, but {first} has "
-            f"{one[1]} × {one[0]}: the contact of the whole square needs scans of one grid",
-            "Scan all patches alike, or set reference_draws to null.",
-        )
-
-
-def _warn_of_held_height(path: Path, scan: xr.DataArray) -> None:
-    """Warn where one height is too frequent to have been measured: it may stand for no height."""
-    heights, counts = np.unique(scan.values[np.isfinite(scan.values)], return_counts=True)
-    second, most = np.append([0], np.sort(counts))[-2:]
-    if most > max(_HELD_SHARE * scan.size, _HELD_TIMES * second):
-        _log.warning(
-            "%s: %.3g %% of the points have one height, %g µm. If that stands for unmeasured "
-            "points, export them as empty cells or NaN",
-            *(path, 100 * most / scan.size, heights[np.argmax(counts)] * _MM_TO_UM),
+    if max(scan, mesh) > _UNIT_FACTOR * min(scan, mesh):
+        yield InputError(
+            "scans",
+            f"in the waves that scans and mesh both resolve, the scans are {scan * _MM_TO_UM:.3g} "
+            f"µm high (r.m.s.) and the mesh under them {mesh * _MM_TO_UM:.3g} µm",
+            "Check scans.unit and inputs.mesh_unit in the config. If both are right, the mesh does "
+            "not show how the patches lie: set coupling to levelled.",
         )
 
 
@@ -356,7 +301,7 @@ def inspect_file(
     ----------
     path : str or Path
     unit : str, optional
-        Unit of a file that does not state it; of meshes, mm by default, of glTF (GLB) m.
+        Unit of a file that does not state it; of meshes, mm by default, of GLB m.
     spacing_um : float, optional
         Spacing of the points of a scan that does not state it (text).
 
@@ -369,19 +314,14 @@ def inspect_file(
         mm: the scan without its plane, or the mesh.
     """
     if is_mesh(path):
-        stated = stated_unit(path)
-        said = "mm, the default: the format does not state it"
-        if unit or stated:
-            said = f"{unit}, as told" if unit else f"{stated}, as the format prescribes"
-        mesh = read_mesh(path, unit=unit or stated or "mm")
-        return {"unit": said} | _mesh_facts(mesh), mesh
-    spacing_mm = None if spacing_um is None else spacing_um / _MM_TO_UM
+        mesh = read_mesh(path, unit=unit)
+        return {"unit": mesh.metadata["file_unit"]} | _mesh_facts(mesh), mesh
     try:
-        scan, said = read_scan(path, spacing_mm=spacing_mm), "in the file"
+        scan, said = read_scan(path, spacing_um=spacing_um), "in the file"
     except InputError:
         if unit is None:
             raise
-        scan, said = read_scan(path, unit=unit, spacing_mm=spacing_mm), f"{unit}, as told"
+        scan, said = read_scan(path, unit=unit, spacing_um=spacing_um), f"{unit}, as told"
     return {"unit": said} | _scan_facts(scan), remove_plane(scan)[0]
 
 

@@ -29,7 +29,6 @@ def pick_page(
     size_mm: float,
     patches: pd.DataFrame | None = None,
     patch_size_mm: float = 0.85,
-    faces: int = 120_000,
 ) -> str:
     """A page (HTML) to pick the square on a stone.
 
@@ -45,15 +44,13 @@ def pick_page(
         ``patch, x_mm, y_mm, rotation_deg``: drawn on the square.
     patch_size_mm : float
         Side of a patch.
-    faces : int
-        Faces that are shown, at most; the page tells how far they lie from the mesh.
 
     Raises
     ------
     InputError
         three.js is not found.
     """
-    shown = coarsen(mesh, faces=faces)
+    shown = coarsen(mesh)
     rows = [] if patches is None else patches[["patch", "x_mm", "y_mm", "rotation_deg"]].to_numpy()
     data = {
         "stone": stone_data(shown),

@@ -351,14 +351,10 @@ def prepare_scan(
     `raw` comes from `gstlib.io.scans.read_scan`; `crop` is the centre (x, y) of the piece to cut,
     None for a whole scan. The result is that of `gstlib.preprocess.scan.prepare_scan`.
     """
-    from gstlib.io.scans import check_size, cut_scan
+    from gstlib.io.scans import cut_scan
     from gstlib.preprocess.scan import prepare_scan
 
-    if crop is None:
-        check_size(raw, scans["size_mm"])
-    else:
-        raw = cut_scan(raw, crop, scans["size_mm"])
-    mould = scans["mould"]
+    raw, mould = cut_scan(raw, crop, scans["size_mm"]), scans["mould"]
     return prepare_scan(
         raw, mould_invert=mould["invert"], mould_flip=mould["flip"], **preprocessing
     )

@@ -12,7 +12,7 @@ from conftest import ROOT
 
 from gstlib.io.meshes import read_mesh
 from gstlib.io.patches import read_patches
-from gstlib.io.scans import read_scan, read_settings
+from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
 from gstlib.study import (
@@ -46,9 +46,7 @@ def make_study(finished_tiny, config):
             config,
             patches,
             read_mesh=lambda: read_mesh(results / "specimen/mesh.stl", unit="mm"),
-            read_scan=lambda patch, epoch: read_scan(
-                results / f"specimen/scans/{patch}_{epoch}.plu", **read_settings(config["scans"])
-            ),
+            read_scan=lambda *of: read_scan(results / "specimen/scans/{}_{}.plu".format(*of)),
             worn=list(patches.patch),
             **options,
         )

@@ -177,17 +177,6 @@ def test_a_study_that_no_patch_enters(tiny):
     assert "No patch enters the study" in (tiny.results / "index.html").read_text(encoding="utf-8")
 
 
-def test_a_target_pressure_out_of_reach(tiny):
-    tiny.change(
-        macroscale={"target_pressure_MPa": 5000.0, "maximum_displacement_um": 100.0}, hardness=None
-    )
-    result = tiny.run()
-    said = result.stdout + result.stderr
-    assert result.returncode != 0
-    for word in ("composite.h5", "5000 MPa", "cannot be reached", "Lower target_pressure_MPa"):
-        assert word in said
-
-
 def test_power_and_the_same_again(study):
     """Two specimens as small as those of the tiny study."""
     study.config = "config/power.yaml"

@@ -3,30 +3,18 @@
 import os
 from pathlib import Path
 
-from gstlib.config import (
-    check_files,
-    config_problems,
-    contact_moduli,
-    refuse_config,
-    study_poisson,
-)
-from gstlib.io.patches import read_patches
+from gstlib.config import check_files, contact_moduli, read_study, study_poisson
+from gstlib.io.patches import scan_files
 from gstlib.provenance import commit, source_hash
 from gstlib.study import STUDY_SECTIONS
-from gstlib.sweep import sweep_problems, sweep_settings
+from gstlib.sweep import sweep_settings
 
-SCHEMAS = Path(workflow.basedir) / "workflow/schemas"
 CAPTIONS = Path(workflow.basedir) / "workflow/report"
 CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles)
 
 
-def problems_of(changed):
-    """What is wrong with a config."""
-    return config_problems(changed, SCHEMAS / "config.schema.yaml")
-
-
-refuse_config(problems_of(config) or sweep_problems(config, problems_of), source=CONFIG_FILES)
-
+PATCHES = read_study(config, Path(workflow.basedir) / "workflow/schemas", CONFIG_FILES)
+PATCHES = PATCHES.set_index("patch", drop=False)
 RESULTS = config["results"].rstrip("/")
 SQUARE_MM = config["square"]["size_mm"]
 PATCH_MM = config["scans"]["size_mm"]
@@ -36,13 +24,6 @@ VARIANTS = ["placed", "levelled"] if config["coupling"] == "placed" else ["level
 SHIFT_UM = [config["placement"][f"shift_{axis}_um"] for axis in "xy"]
 CONTACT_MODULUS_MPA, ALTERNATIVE_MODULUS_MPA = contact_moduli(config["material"])
 
-PATCHES = read_patches(
-    config["patches"],
-    schema=SCHEMAS / "patches.schema.yaml",
-    size_mm=SQUARE_MM,
-    patch_size_mm=PATCH_MM,
-    scan_folder=None if GENERATED else config["inputs"]["scan_folder"],
-).set_index("patch", drop=False)
 ALL_PATCHES = list(PATCHES.index)
 WORN_PATCHES = [patch for patch in ALL_PATCHES if PATCHES.t1[patch]]
 MESH = f"{RESULTS}/specimen/mesh.stl" if GENERATED else config["inputs"]["mesh"]
@@ -68,7 +49,7 @@ def code(script):
     return source_hash(Path(workflow.basedir) / "workflow/scripts" / script)
 
 
-def scan_files(epoch, patches):
+def scans_at(epoch, patches):
     """The scans of the patches at `epoch` ("t0" or "t1")."""
     return [f"{SCAN_FOLDER}/{PATCHES[epoch][patch]}" for patch in patches]
 
@@ -111,20 +92,8 @@ def crops_of(patches):
     return [None if x != x else [float(x), float(y)] for x, y in crops.itertuples(index=False)]
 
 
-# Every scan, with the patch and the epoch that it shows, the piece to cut from it and its place (y, x, turn).
-SCAN_USES = [
-    [f"{SCAN_FOLDER}/{name}", [patch, epoch.upper(), crop, place]]
-    for patch, crop, place in zip(
-        ALL_PATCHES,
-        crops_of(ALL_PATCHES),
-        PATCHES[["y_mm", "x_mm", "rotation_deg"]].values.tolist(),
-    )
-    for epoch in ("t0", "t1")
-    if (name := PATCHES[epoch][patch])
-]
-if COUNTERFACE_SCAN:
-    SCAN_USES.append([COUNTERFACE_SCAN, ["counterface", "", None, None]])
-SCANS = sorted({file for file, _ in SCAN_USES})
+SCAN_USES = scan_files(PATCHES, SCAN_FOLDER, COUNTERFACE_SCAN or None)
+SCANS = sorted({str(use.path) for use in SCAN_USES})
 
 
 # What the page shows: of each file its caption, its category and its title.

@@ -16,7 +16,7 @@ for job, (epoch, patches) in PREPARATIONS.items():
         name:
             f"prepare_{job}"
         input:
-            scans=scan_files(epoch.lower(), patches),
+            scans=scans_at(epoch.lower(), patches),
         output:
             surfaces=surfaces(epoch, patches),
         log:

@@ -15,8 +15,8 @@ if config["sweep"] is not None:
     rule try_setting:
         input:
             mesh=MESH,
-            t0_scans=scan_files("t0", ALL_PATCHES),
-            t1_scans=scan_files("t1", WORN_PATCHES),
+            t0_scans=scans_at("t0", ALL_PATCHES),
+            t1_scans=scans_at("t1", WORN_PATCHES),
             counterface_scan=COUNTERFACE_SCAN,
             surface=f"{RESULTS}/macroscale/surface.h5",
             composite=COMPOSITE,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from gstlib.io.meshes import read_mesh
-from gstlib.io.scans import read_scan, read_settings
+from gstlib.io.scans import read_scan
 from gstlib.io.tables import write_table
 from gstlib.logs import run_script
 from gstlib.study import Study
@@ -35,11 +35,12 @@ def main(
     scans = {(patch, "T0"): file for patch, file in zip(table.patch, t0_scans, strict=True)}
     scans |= {(patch, "T1"): file for patch, file in zip(worn, t1_scans, strict=True)}
     scans["counterface", ""] = counterface_scan
+    known = {name: changed["scans"][name] for name in ("unit", "spacing_um")}
     study = Study(
         changed,
         table,
         read_mesh=lambda: read_mesh(mesh, unit=mesh_unit),
-        read_scan=lambda *of: read_scan(scans[of], **read_settings(changed["scans"])),
+        read_scan=lambda *of: read_scan(scans[of], **known),
         worn=worn,
         has_counterface=bool(counterface_scan),
         known=stored_study(surface.parents[1], config, changed),

@@ -20,19 +20,12 @@ def read_config_file(path: str | Path) -> dict:
     try:
         config = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
+        remedy = "Correct CONFIG=...; the path is relative to the working folder."
+        raise ConfigError(path, f"cannot be opened ({error.strerror})", remedy) from None
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
         raise ConfigError(
             path,
-            f"cannot be opened ({error.strerror})",
-            "Correct CONFIG=...; the path is relative to the working folder.",
-        ) from None
-    except UnicodeDecodeError as error:
-        line = error.object.count(b"\n", 0, error.start) + 1
-        problem = f"is not UTF-8 text: byte {error.object[error.start]:#04x} in line {line}"
-        raise ConfigError(path, problem, "Save it as UTF-8 in your editor.") from None
-    except yaml.YAMLError as error:
-        raise ConfigError(
-            path,
-            f"is not YAML: {_place(error)}",
+            f"is not YAML in UTF-8: {' '.join(str(error).split())}",
             "Correct that line, or the one before it: text with a colon in it stands in quotes, "
             "and lines are indented with spaces, not tabs.",
         ) from None
@@ -40,13 +33,3 @@ def read_config_file(path: str | Path) -> dict:
         problem = f"holds {config!r:.40}, not keys with values"
         raise ConfigError(path, problem, "Write one 'key: value' a line, as in config/config.yaml.")
     return config
-
-
-def _place(error: yaml.YAMLError) -> str:
-    """The line at fault and YAML's message, on one line."""
-    mark = getattr(error, "problem_mark", None)
-    if mark is None:
-        return " ".join(str(error).split())
-    snippet = (mark.get_snippet(indent=0) or "").splitlines()
-    shown = f", {snippet[0].strip()!r}" if snippet else ""
-    return f"line {mark.line + 1}{shown}: {error.problem}"

@@ -1,4 +1,4 @@
-"""Triangle meshes of stones (STL, PLY, OBJ, OFF, glTF, 3MF), read through trimesh, in mm.
+"""Triangle meshes of stones (STL, PLY, OBJ, OFF, GLB, 3MF), read through trimesh, in mm.
 
 trimesh reads a damaged file without complaint and returns the part that it understood. A cut file
 must never pass for a smaller stone, so its faces are counted against those that it announces.
@@ -8,7 +8,6 @@ import io
 import logging
 import re
 import warnings
-import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,16 +18,16 @@ from gstlib.errors import InputError
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["is_mesh", "read_mesh", "stated_unit"]
+__all__ = ["is_mesh", "read_mesh"]
 
 _log = logging.getLogger(__name__)
 
-_READ = (".stl", ".ply", ".obj", ".off", ".glb", ".gltf", ".3mf")
+_READ = (".stl", ".ply", ".obj", ".off", ".glb", ".3mf")
 # Other formats of meshes: what trimesh reads of them needs further packages, or is not checked.
-_NOT_READ = (".fbx", ".dae", ".wrl", ".x3d", ".usd", ".usdz", ".nxs", ".nxz", ".ctm")
-# The units that a format prescribes, and those that 3MF states.
-_PRESCRIBED = {".glb": "m", ".gltf": "m"}
-_OF_3MF = {"micron": "um", "millimeter": "mm", "centimeter": "cm", "inch": "in", "meter": "m"}
+_NOT_READ = (".gltf", ".fbx", ".dae", ".wrl", ".x3d", ".usd", ".usdz", ".nxs", ".nxz", ".ctm")
+# The units that trimesh finds: GLB prescribes metres, 3MF states its own.
+_STATED = {"meters": "m", "meter": "m", "millimeters": "mm", "millimeter": "mm"}
+_STATED |= {"centimeter": "cm", "micron": "um", "inch": "in"}
 # Length of each unit in mm.
 _UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4}
 # Largest extent (mm) of a stone that a hand could grind with; outside it the unit is wrong.
@@ -36,23 +35,24 @@ _SMALLEST_STONE, _LARGEST_STONE = 1.0, 1000.0
 _EXPORT_AGAIN = "Export the mesh again as triangles (binary STL or PLY)."
 
 
-def read_mesh(path: str | Path, *, unit: str = "mm") -> "trimesh.Trimesh":
+def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh":
     """Read a triangle mesh.
 
     Parameters
     ----------
     path : str or Path
-        STL (binary or ASCII), PLY, OBJ, OFF, 3MF, or glTF in one file (.glb, .gltf); the parts of a
-        scene are put where it has them.
-    unit : {"mm", "cm", "m", "um", "in"}
-        Unit of the file's coordinates. 3MF states it: another is refused. glTF prescribes metres:
-        another unit is taken, as exporters write others, with a warning. The other formats do not
-        state one.
+        STL (binary or ASCII), PLY, OBJ, OFF, 3MF or GLB; the parts of a scene are put where it has
+        them.
+    unit : {"mm", "cm", "m", "um", "in"}, optional
+        Unit of the file's coordinates; None for the one that the file states, or else mm. 3MF
+        states it: another is refused. GLB prescribes metres: another unit is taken, as exporters
+        write others, with a warning. The other formats do not state one.
 
     Returns
     -------
     trimesh.Trimesh
-        Vertices in mm, equal ones merged; colours, textures and normals are left out.
+        Vertices in mm, equal ones merged; colours, textures and normals are left out. Its metadata
+        ``file_unit`` is the unit of the file.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def read_mesh(path: str | Path, *, unit: str = "mm") -> "trimesh.Trimesh":
     import trimesh
 
     path = Path(path)
-    if unit not in _UNITS:
+    if unit not in (None, *_UNITS):
         raise InputError(path, f"unknown mesh unit {unit!r}", f"Use one of {list(_UNITS)}.")
     if not path.is_file():
         raise InputError(path, "no such file", "Correct the path of the mesh in the config.")
@@ -72,7 +72,7 @@ def read_mesh(path: str | Path, *, unit: str = "mm") -> "trimesh.Trimesh":
         raise InputError(path, problem, f"Export the mesh as one of {', '.join(_READ)}.")
     content = path.read_bytes()
     announced = _announced_faces(path, content)
-    vertices, faces = _load(path, content)
+    vertices, faces, stated = _load(path, content)
     if announced not in (None, len(faces)):
         raise InputError(
             path,
@@ -88,15 +88,16 @@ def read_mesh(path: str | Path, *, unit: str = "mm") -> "trimesh.Trimesh":
     bad = int((~np.isfinite(vertices)).any(axis=1).sum())
     if bad:
         raise InputError(path, f"{bad} of {len(vertices)} vertices are not numbers", "Repair it.")
-    stated = stated_unit(path)
-    if stated not in (None, unit) and path.suffix.lower() not in _PRESCRIBED:
+    unit = unit or stated or "mm"
+    if stated not in (None, unit) and path.suffix.lower() == ".3mf":
         problem = f"states its unit, {stated}, and is to be read in {unit}"
         raise InputError(path, problem, f"Set mesh_unit: {stated}.")
     _check_size(path, float(np.ptp(vertices, axis=0).max()), unit)
     if stated not in (None, unit):
-        message = "%s: glTF is in %s by its specification, and is read in %s, as told"
+        message = "%s: GLB is in %s by its specification, and is read in %s, as told"
         _log.warning(message, path, stated, unit)
-    mesh = trimesh.Trimesh(vertices * _UNITS[unit], faces, process=False)
+    metadata = {"file_unit": unit}
+    mesh = trimesh.Trimesh(vertices * _UNITS[unit], faces, process=False, metadata=metadata)
     mesh.merge_vertices()
     return mesh
 
@@ -104,20 +105,6 @@ def read_mesh(path: str | Path, *, unit: str = "mm") -> "trimesh.Trimesh":
 def is_mesh(path: str | Path) -> bool:
     """Whether a file has the ending of a mesh, of one that `read_mesh` reads or of another."""
     return Path(path).suffix.lower() in _READ + _NOT_READ
-
-
-def stated_unit(path: str | Path) -> str | None:
-    """The unit that a mesh states, or its format prescribes; None where there is none."""
-    path = Path(path)
-    if path.suffix.lower() != ".3mf":
-        return _PRESCRIBED.get(path.suffix.lower())
-    try:
-        with zipfile.ZipFile(path) as archive:
-            model = archive.read("3D/3dmodel.model")
-    except (OSError, KeyError, zipfile.BadZipFile):
-        return None  # `read_mesh` says what is wrong
-    found = re.search(rb"<model\b[^>]*\sunit=[\"'](\w+)", model)
-    return _OF_3MF.get(found[1].decode() if found else "millimeter")
 
 
 def _announced_faces(path: Path, content: bytes) -> int | None:
@@ -150,8 +137,8 @@ def _announced_faces(path: Path, content: bytes) -> int | None:
     return int(found[1])
 
 
-def _load(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (n, 3), in the file's unit, and triangles (m, 3) as trimesh reads them."""
+def _load(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray, str | None]:
+    """Vertices (n, 3), triangles (m, 3) and the stated unit, as trimesh reads them."""
     import trimesh
 
     kind = path.suffix.lower()[1:]
@@ -170,13 +157,10 @@ def _load(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray]:
                 vertices.append(np.asarray(part.vertices, dtype=np.float64))
                 faces.append(np.asarray(getattr(part, "faces", faces[0]), dtype=np.int64) + count)
                 count += len(vertices[-1])
-        return np.concatenate(vertices), np.concatenate(faces)
+        return np.concatenate(vertices), np.concatenate(faces), _STATED.get(str(scene.units))
     except Exception as error:  # trimesh raises whatever its parsers raise
-        reason = f"{type(error).__name__}: {error}"
-        problem = f"cannot be read as {kind.upper()} ({reason})"
-        # A .gltf keeps its numbers in other files, unless it is told not to.
-        remedy = "Export it as one file (.glb)." if kind == "gltf" else _EXPORT_AGAIN
-        raise InputError(path, problem, remedy) from error
+        problem = f"cannot be read as {kind.upper()} ({type(error).__name__}: {error})"
+        raise InputError(path, problem, _EXPORT_AGAIN) from error
 
 
 def _check_size(path: Path, extent: float, unit: str) -> None:

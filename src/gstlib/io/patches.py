@@ -11,30 +11,27 @@ centre), ``note``.
 import csv
 import itertools
 import math
-import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 import yaml
 
 from gstlib.errors import ConfigError
-from gstlib.io.text import separator_of
+from gstlib.io.text import decoded, separator_of
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
 
-__all__ = ["read_patches"]
+__all__ = ["COUNTERFACE", "ScanFile", "read_patches", "scan_files"]
 
+COUNTERFACE = "counterface"  # in place of a patch's name
 # A footprint may touch the square's edge; this much (mm) beyond it is rounding.
-_EDGE_TOLERANCE = 1e-9
+_ROUNDING = 1e-9
 # First bytes of .xlsx and .ods, and of .xls.
 _SPREADSHEETS = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
-
-_Rows = dict[int, dict[str, Any]]  # cells by column, by line number
-_Problems = list[tuple[int, str]]  # line number and text
 
 
 def read_patches(
@@ -75,24 +72,70 @@ def read_patches(
     problems += _out_of_square(rows, size_mm, patch_size_mm)
     problems += _overlapping(rows, patch_size_mm)
     if problems:
-        problems.sort(key=lambda problem: problem[0])
+        named = [
+            f"\n  - line {line}{f' (patch {name})' if name else ''}: {text}"
+            for line, text in sorted(problems, key=lambda problem: problem[0])
+            for name in [rows[line].get("patch")]
+        ]
         raise ConfigError(
             path,
             f"{len(problems)} problem{'s' if len(problems) > 1 else ''} in the patch table"
-            + "".join(f"\n  - line {number}{text}" for number, text in problems)
-            + "\n ",
+            f"{''.join(named)}\n ",
             "Correct these rows; the columns are described in config/README.md.",
         )
-    table = {}
+    table = pd.DataFrame()
     for name, rule in row_schema["properties"].items():
         is_text = rule["type"] == "string"
         empty = rule.get("default", "" if is_text else math.nan)
         values = [row.get(name, empty) for row in rows.values()]
-        if scan_folder is not None and name in ("t0", "t1"):
-            values = [_as_in_folder(value, Path(scan_folder)) for value in values]
         table[name] = values if is_text else [float(value) for value in values]
-    frame = pd.DataFrame(table)
-    return frame.sort_values("patch", key=lambda ids: ids.map(_natural_key), ignore_index=True)
+    if scan_folder is not None:
+        for name in ("t0", "t1"):
+            table[name] = [_as_in_folder(value, Path(scan_folder)) for value in table[name]]
+    # natural order: numbers within a name are padded to one length
+    return table.sort_values(
+        "patch",
+        key=lambda ids: ids.str.replace(r"\d+", lambda found: found[0].zfill(20), regex=True),
+        kind="stable",
+        ignore_index=True,
+    )
+
+
+class ScanFile(NamedTuple):
+    """A scan that the study uses.
+
+    Attributes
+    ----------
+    path : Path
+    patch : str
+        Patch, or `COUNTERFACE`.
+    epoch : str
+        T0, T1, or empty.
+    crop : (x, y) or None
+        Centre (mm) of the piece to cut, from the scan's centre; None for the whole scan.
+    place : (y, x, rotation) or None
+        Where it lies on the square, mm and degrees.
+    """
+
+    path: Path
+    patch: str
+    epoch: str
+    crop: tuple[float, float] | None = None
+    place: tuple[float, float, float] | None = None
+
+
+def scan_files(
+    patches: pd.DataFrame, folder: str | Path, counterface: str | Path | None
+) -> list[ScanFile]:
+    """Every scan that the `patches` of `read_patches` name in `folder`, and the counterface's."""
+    scans = []
+    for row in patches.itertuples():
+        crop = None if math.isnan(row.crop_x_mm) else (row.crop_x_mm, row.crop_y_mm)
+        place = row.y_mm, row.x_mm, row.rotation_deg
+        for epoch, name in (("T0", row.t0), ("T1", row.t1)):
+            if name:
+                scans.append(ScanFile(Path(folder) / name, row.patch, epoch, crop, place))
+    return scans + ([ScanFile(Path(counterface), COUNTERFACE, "")] if counterface else [])
 
 
 def _as_in_folder(name: str, folder: Path) -> str:
@@ -105,22 +148,13 @@ def _as_in_folder(name: str, folder: Path) -> str:
     return name
 
 
-def _natural_key(text: str) -> tuple:
-    """Sort key by which "2" comes before "10".
-
-    >>> sorted(["10", "b2", "2", "b10"], key=_natural_key)
-    ['2', '10', 'b2', 'b10']
-    """
-    parts = re.split(r"(\d+)", text)
-    return tuple((0, int(p), p) if p.isdigit() else (1, 0, p) for p in parts if p)
-
-
-def _read_rows(path: Path, schema: Mapping) -> tuple[_Rows, _Problems]:
-    """The rows, and what is wrong with each of them."""
+def _read_rows(
+    path: Path, schema: Mapping
+) -> tuple[dict[int, dict[str, Any]], list[tuple[int, str]]]:
+    """By line number, each row's cells by column; and what is wrong, with its line number."""
     from jsonschema import Draft202012Validator
 
-    lines = _read_lines(path)
-    header = lines[0][1]
+    (_, header), *lines = _read_lines(path)
     delimiter = separator_of(header) or ","
     # A spreadsheet ends every line with as many empty cells as its widest row has.
     columns = _cells(header.rstrip(f" {delimiter}"), delimiter)
@@ -134,41 +168,38 @@ def _read_rows(path: Path, schema: Mapping) -> tuple[_Rows, _Problems]:
             f"Known columns: {list(known)}, separated by tabs, commas or semicolons.",
         )
     validator = Draft202012Validator(schema)
-    rows: _Rows = {}
-    problems: _Problems = []
+    rows: dict[int, dict[str, Any]] = {}
+    problems: list[tuple[int, str]] = []
     first_line: dict[str, int] = {}
-    for number, line in lines[1:]:
+    for number, line in lines:
         cells = _cells(line, delimiter)
-        row: dict[str, Any] = {}
-        for name, cell in zip(columns, cells, strict=False):
-            if cell:
-                row[name] = cell if known[name]["type"] == "string" else _number(cell, delimiter)
-        found = [_explain(error) for error in validator.iter_errors(row)]
+        row = rows[number] = {
+            name: cell if known[name]["type"] == "string" else _number(cell, delimiter)
+            for name, cell in zip(columns, cells, strict=False)
+            if cell
+        }
+        problems += [(number, _explain(error)) for error in validator.iter_errors(row)]
         if any(cells[len(columns) :]):
-            found.append(f"{len(cells)} cells in {len(columns)} columns")
+            problems.append((number, f"{len(cells)} cells in {len(columns)} columns"))
         # Case does not count, because some file systems ignore it.
         first = first_line.setdefault(str(row.get("patch", number)).lower(), number)
         if first != number:
-            found.append(f"same id as in line {first}")
-        problems += [(number, f"{_patch(row)}: {text}") for text in found]
-        rows[number] = row
+            problems.append((number, f"same id as in line {first}"))
     return rows, problems
 
 
 def _read_lines(path: Path) -> list[tuple[int, str]]:
     """Numbered lines with content: the column names, then the rows."""
-    if not path.is_file():
-        raise ConfigError(
-            path, "no such file", "Correct the path of the patch table in the config."
-        )
-    content = path.read_bytes()
-    if content.startswith(_SPREADSHEETS):
-        raise ConfigError(path, "is a spreadsheet, not text", "Save it as CSV from its program.")
-    encoding = "utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
     try:
-        text = content.decode(encoding)
-    except UnicodeDecodeError as error:
-        raise ConfigError(path, f"is not UTF-8 text ({error})", "Save it as UTF-8 CSV.") from error
+        content = path.read_bytes()
+        if content.startswith(_SPREADSHEETS):
+            raise ConfigError(
+                path, "is a spreadsheet, not text", "Save it as CSV from its program."
+            )
+        text = decoded(content)
+    except (OSError, UnicodeDecodeError) as error:
+        remedy = "Correct its path in the config, or save it as UTF-8 CSV."
+        raise ConfigError(path, f"cannot be read ({error})", remedy) from error
     # A spreadsheet puts a comment in quotes, and writes blank rows as rows of empty cells.
     lines = [
         (number, line)
@@ -195,10 +226,6 @@ def _number(cell: str, delimiter: str) -> float | str:
     return value if math.isfinite(value) else cell
 
 
-def _patch(row: Mapping) -> str:
-    return f" (patch {row['patch']})" if "patch" in row else ""
-
-
 def _explain(error: "ValidationError") -> str:
     if not error.absolute_path:  # a cell is absent, which the message names
         return error.message
@@ -210,45 +237,38 @@ def _explain(error: "ValidationError") -> str:
     return f"{name} is {error.instance!r}{said} [{error.schema['description']}]"
 
 
-def _overlapping(rows: _Rows, patch_size: float) -> _Problems:
+def _overlapping(rows: Mapping[int, Mapping], patch_size: float) -> Iterator[tuple[int, str]]:
     """Patches whose centres are nearer to each other than half of a side."""
-    known = [
-        (number, row)
-        for number, row in rows.items()
-        if isinstance(row.get("x_mm"), float) and isinstance(row.get("y_mm"), float)
-    ]
-    return [
-        (
-            number,
-            f"{_patch(row)}: its centre is {apart:.4g} mm from that of line {line}{_patch(other)}, "
-            f"and a patch is {patch_size:g} mm wide: leave one of them out, or correct "
-            "their positions",
-        )
-        for (line, other), (number, row) in itertools.combinations(known, 2)
-        if (apart := math.hypot(row["x_mm"] - other["x_mm"], row["y_mm"] - other["y_mm"]))
-        < patch_size / 2
-    ]
+    for (first, one), (line, other) in itertools.combinations(rows.items(), 2):
+        apart = math.dist(_numbers(one)[:2], _numbers(other)[:2])
+        if apart < patch_size / 2:
+            yield (
+                line,
+                f"its centre is {apart:.4g} mm from that of line {first} (patch "
+                f"{one.get('patch')}), and a patch is {patch_size:g} mm wide: leave one of them "
+                "out, or correct their positions",
+            )
 
 
-def _out_of_square(rows: _Rows, size: float, patch_size: float) -> _Problems:
-    problems = []
-    for number, row in rows.items():
-        x, y, rotation = row.get("x_mm"), row.get("y_mm"), row.get("rotation_deg", 0.0)
-        if not (isinstance(x, float) and isinstance(y, float) and isinstance(rotation, float)):
-            continue
+def _out_of_square(
+    rows: Mapping[int, Mapping], size: float, patch_size: float
+) -> Iterator[tuple[int, str]]:
+    """Patches whose footprint is not within the square."""
+    for line, row in rows.items():
+        x, y, rotation = _numbers(row)
         angle = math.radians(rotation)
         half = patch_size / 2 * (abs(math.cos(angle)) + abs(math.sin(angle)))
-        over = {
-            "x = 0": half - x,
-            f"x = {size:g}": x + half - size,
-            "y = 0": half - y,
-            f"y = {size:g}": y + half - size,
-        }
-        beyond = [f"{mm:.4g} mm at the {s} side" for s, mm in over.items() if mm > _EDGE_TOLERANCE]
-        if beyond:
-            text = (
-                f"{_patch(row)}: its footprint of {patch_size:g} mm sticks out of the {size:g} mm "
-                f"square by {' and '.join(beyond)}"
+        over = {"x = 0": half - x, f"x = {size:g}": x + half - size}
+        over |= {"y = 0": half - y, f"y = {size:g}": y + half - size}
+        if beyond := [f"{mm:.4g} mm at the {s} side" for s, mm in over.items() if mm > _ROUNDING]:
+            yield (
+                line,
+                f"its footprint of {patch_size:g} mm sticks out of the {size:g} mm square by "
+                f"{' and '.join(beyond)}",
             )
-            problems.append((number, text))
-    return problems
+
+
+def _numbers(row: Mapping) -> list[float]:
+    """x, y and rotation of a row; NaN, which nothing is beyond, where it has no number."""
+    cells = (row.get("x_mm"), row.get("y_mm"), row.get("rotation_deg", 0.0))
+    return [cell if isinstance(cell, float) else math.nan for cell in cells]

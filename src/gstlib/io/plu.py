@@ -112,21 +112,8 @@ def write_plu(
         Distance of points in mm.
     comment : str
         Up to 255 characters that the format holds beside the heights.
-
-    Raises
-    ------
-    ValueError
-        Not a map of two dimensions, an infinite height, or a height that the format reads as
-        unmeasured.
     """
-    heights = np.asarray(heights, dtype=float)
-    if heights.ndim != 2 or heights.size == 0:
-        raise ValueError(f"a height map has 2 dimensions and points, not shape {heights.shape}")
-    if np.isinf(heights).any():
-        raise ValueError("a height map holds finite heights, or NaN where unmeasured")
-    values = (heights * 1e3).astype("<f4")
-    if (values == np.float32(PLU_UNMEASURED_UM)).any():
-        raise ValueError(f"a height of {PLU_UNMEASURED_UM} µm means unmeasured in this format")
+    values = (np.asarray(heights, dtype=float) * 1e3).astype("<f4")
     stored = np.where(np.isnan(values), np.float32(PLU_UNMEASURED_UM), values).astype("<f4")
     measured = values[np.isfinite(values)] if np.isfinite(values).any() else stored
     lowest, highest = float(measured.min()), float(measured.max())

@@ -12,9 +12,8 @@ import math
 import re
 import warnings
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -24,7 +23,9 @@ from gstlib.io.plu import read_plu
 from gstlib.io.text import SCAN_UNITS, read_matrix, read_points
 from gstlib.surface import make_surface, spacing_of
 
-__all__ = ["check_size", "cut_scan", "read_scan", "read_settings"]
+__all__ = ["cut_scan", "read_scan"]
+
+_log = logging.getLogger(__name__)
 
 # Formats of SurfaceTopography that are not left to it: we read text more strictly, and `hgt` and
 # `nms` have no mark of their own and take any bytes for heights.
@@ -39,6 +40,9 @@ _LARGEST_NUMBER = 1e20
 # ASSUME: a height that ten points or more share, five interquartile ranges of the distinct heights
 # from their median, was written where nothing was measured.
 _FEWEST_HELD, _FAR = 10, 5
+# A nearer one that more than this share of the points has, and ten times as many as any other, may
+# have been: of heights measured in few steps, each is about as frequent as the next.
+_HELD_SHARE, _HELD_TIMES = 1e-3, 10
 # A scan may differ from the study's size by this share: pixel sizes are rounded (512 × 1.66 µm is
 # 849.92 µm), and a row more or less does no harm.
 _SIZE_TOLERANCE = 0.01
@@ -50,7 +54,7 @@ _Raw = tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str
 
 
 def read_scan(
-    path: str | Path, *, unit: str | None = None, spacing_mm: float | None = None
+    path: str | Path, *, unit: str | None = None, spacing_um: float | None = None
 ) -> xr.DataArray:
     """Read a height map from an instrument's file.
 
@@ -62,8 +66,8 @@ def read_scan(
         .asc); or points on a grid in text (.xyz: columns x, y, z).
     unit : {"m", "mm", "um", "nm"}, optional
         Unit of files that do not state theirs; of no effect on the others.
-    spacing_mm : float, optional
-        Distance of the points in files that do not state it; of no effect on the others.
+    spacing_um : float, optional
+        Distance (µm) of the points in files that do not state it; of no effect on the others.
 
     Returns
     -------
@@ -79,8 +83,8 @@ def read_scan(
 
     Notes
     -----
-    Of a file with several height maps the first is read, and a warning logged. So it is where
-    points that share a height far from all others are taken as unmeasured.
+    Of a file with several height maps the first is read, and a warning logged. A warning also says
+    where many points share a height; where it is far from all others, they are taken as unmeasured.
     """
     path = Path(path)
     if unit is not None and unit not in SCAN_UNITS:
@@ -106,8 +110,8 @@ def read_scan(
         length = SCAN_UNITS[unit]
     if steps is not None:
         steps = steps[0] * length, steps[1] * length
-    elif spacing_mm is not None:
-        steps = spacing_mm, spacing_mm
+    elif spacing_um is not None:
+        steps = spacing_um * 1e-3, spacing_um * 1e-3
     else:
         raise InputError(
             path,
@@ -120,23 +124,14 @@ def read_scan(
         heights = raw * length
     # Some exports mark unmeasured points with infinity, or the largest number there is.
     heights[np.abs(heights) > _LARGEST_NUMBER] = np.nan
-    _leave_out_held(path, heights)
+    _mind_held(path, heights)
     _check_plausible(path, heights, spacing)
     attrs = {name: _plain_text(value) for name, value in attrs.items()}
     if "layer" in attrs:
-        logging.getLogger("gstlib").warning("%s: only %s, is read", path, attrs["layer"])
+        _log.warning("%s: only %s, is read", path, attrs["layer"])
     return make_surface(heights, spacing, long_name="height as measured").assign_attrs(
         file=path.name, **attrs
     )
-
-
-def read_settings(scans: Mapping[str, Any]) -> dict[str, Any]:
-    """Keyword arguments of `read_scan` from the section ``scans`` of a config."""
-    spacing_um = scans["spacing_um"]
-    return {
-        "unit": scans["unit"],
-        "spacing_mm": None if spacing_um is None else spacing_um * 1e-3,
-    }
 
 
 def _read_instrument_file(path: Path) -> _Raw:
@@ -234,15 +229,16 @@ def _plain_text(value: str) -> str:
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())[:_LONGEST_TEXT]
 
 
-def cut_scan(scan: xr.DataArray, centre: Sequence[float], size_mm: float) -> xr.DataArray:
-    """A square piece of a scan.
+def cut_scan(scan: xr.DataArray, centre: Sequence[float] | None, size_mm: float) -> xr.DataArray:
+    """The patch of a scan: a square piece, or all of it.
 
     Parameters
     ----------
     scan : (ny, nx) xarray.DataArray
         The whole scan, mm.
-    centre : (x, y)
-        Centre of the piece in mm, from the scan's centre along its columns and rows.
+    centre : (x, y) or None
+        Centre of the piece in mm, from the scan's centre along its columns and rows; None for the
+        whole scan, which must be a square of that size within one per cent.
     size_mm : float
         Side of the piece; it is cut at whole elements.
 
@@ -254,21 +250,30 @@ def cut_scan(scan: xr.DataArray, centre: Sequence[float], size_mm: float) -> xr.
     Raises
     ------
     InputError
-        The piece sticks out of the scan.
+        The piece sticks out of the scan, or the whole scan has another size.
     """
+    height, width = (n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
+    source = scan.attrs.get("file", "scan")
+    if centre is None:
+        if max(abs(height - size_mm), abs(width - size_mm)) > _SIZE_TOLERANCE * size_mm:
+            raise InputError(
+                source,
+                f"the scan is {width:.4g} × {height:.4g} mm ({scan.shape[1]} × {scan.shape[0]} "
+                f"points), but the study's patches are {size_mm:g} × {size_mm:g} mm",
+                "Correct scans.size_mm in the config, or have a piece of the scan cut: give "
+                "crop_x_mm and crop_y_mm in the patch table.",
+            )
+        return scan
     slices, beyond = [], 0.0
-    for length, step, middle in zip(
-        scan.shape, spacing_of(scan), (centre[1], centre[0]), strict=True
-    ):
+    for length, step, middle in zip(scan.shape, spacing_of(scan), centre[::-1], strict=True):
         count = round(size_mm / step)
         # Half an element is rounded up always, so that pieces side by side stay side by side.
         first = math.floor(length / 2 + middle / step - count / 2 + 0.5 + 1e-9)
         beyond = max(beyond, -first * step, (first + count - length) * step)
         slices.append(slice(first, first + count))
     if beyond > 0:
-        height, width = (n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
         raise InputError(
-            scan.attrs.get("file", "scan"),
+            source,
             f"a piece of {size_mm:g} mm around x = {centre[0]:g}, y = {centre[1]:g} mm sticks out "
             f"by {beyond:.4g} mm of the scan of {width:.4g} × {height:.4g} mm",
             "Correct crop_x_mm and crop_y_mm in the patch table: they count from its centre.",
@@ -276,39 +281,29 @@ def cut_scan(scan: xr.DataArray, centre: Sequence[float], size_mm: float) -> xr.
     return make_surface(scan.values[tuple(slices)], spacing_of(scan)).assign_attrs(scan.attrs)
 
 
-def check_size(scan: xr.DataArray, size_mm: float) -> None:
-    """Refuse a scan that is not a square of `size_mm` (mm), within one per cent.
+def _mind_held(path: Path, heights: np.ndarray) -> None:
+    """Warn of a height that was written, not measured: 0 in unmeasured points, or another number.
 
-    Raises
-    ------
-    InputError
-        Names the scan's file, its size and the size that the study wants.
+    Far from all others it surely was, and becomes NaN. Pits and spikes are as far, but seldom
+    equally high.
     """
-    height, width = (n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
-    if max(abs(height - size_mm), abs(width - size_mm)) > _SIZE_TOLERANCE * size_mm:
-        raise InputError(
-            scan.attrs.get("file", "scan"),
-            f"the scan is {width:.4g} × {height:.4g} mm ({scan.shape[1]} × {scan.shape[0]} "
-            f"points), but the study's patches are {size_mm:g} × {size_mm:g} mm",
-            "Correct scans.size_mm in the config, or have a piece of the scan cut: give crop_x_mm "
-            "and crop_y_mm in the patch table.",
-        )
-
-
-def _leave_out_held(path: Path, heights: np.ndarray) -> None:
-    """Set to NaN what an export wrote for unmeasured points: 0, or a number of its own."""
     distinct, counts = np.unique(heights[np.isfinite(heights)], return_counts=True)
     if not distinct.size:
         return
     low, middle, high = np.quantile(distinct, (0.25, 0.5, 0.75))
-    counts[np.abs(distinct - middle) <= _FAR * (high - low)] = 0
-    height, count = distinct[np.argmax(counts)], int(counts.max())
-    # Pits and spikes are as far, but seldom equally high.
-    if _FEWEST_HELD <= count < heights.size / 2 and 2 * count > counts.sum():
-        heights[heights == height] = np.nan
-        logging.getLogger("gstlib").warning(
-            "%s: %d points share the height %g µm, far from all others: taken as unmeasured",
-            *(path, count, height * 1e3),
+    far = np.where(np.abs(distinct - middle) > _FAR * (high - low), counts, 0)
+    held, count = distinct[np.argmax(far)], far.max()
+    if _FEWEST_HELD <= count < heights.size / 2 and 2 * count > far.sum():
+        heights[heights == held] = np.nan
+        message = "%s: %d points share the height %g µm, far from all others: taken as unmeasured"
+        _log.warning(message, path, count, held * 1e3)
+        return
+    second, most = np.sort([0, *counts])[-2:]
+    if most > max(_HELD_SHARE * heights.size, _HELD_TIMES * second):
+        _log.warning(
+            "%s: %.3g %% of the points have one height, %g µm. If that stands for unmeasured "
+            "points, export them as empty cells or NaN",
+            *(path, 100 * most / heights.size, distinct[np.argmax(counts)] * 1e3),
         )
 
 

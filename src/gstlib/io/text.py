@@ -1,24 +1,25 @@
 """Height maps in text: matrices (.csv, .txt, .asc), a row of the map a line, and points (.xyz).
 
-Cells are read strictly: a row of another length, or a word among the numbers, is a damaged file.
-Of headers, only that of Gwyddion's matrices is understood; others leave unit and spacing to the
-config.
+NumPy reads the cells, and strictly: a row of another length, or a word among the numbers, is a
+damaged file. Of headers, only that of Gwyddion's matrices is understood; others leave unit and
+spacing to the config.
 """
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from gstlib.errors import InputError
 
-__all__ = ["SCAN_UNITS", "read_matrix", "read_points", "separator_of"]
+__all__ = ["SCAN_UNITS", "decoded", "read_matrix", "read_points", "separator_of"]
 
 # Length of each unit in mm.
 SCAN_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
 
-# Cells, in lower case, that stand for an unmeasured point.
-_UNMEASURED = {"", "nan", "bad", "---"}
+# Cells that stand for an unmeasured point, besides empty ones and NaN, which NumPy knows.
+_UNMEASURED = re.compile(r"\bbad\b|---", re.IGNORECASE)
 # Coordinates in text are rounded: a point belongs to a grid if within this share of a step.
 _GRID_TOLERANCE = 0.05
 # Points that fill a smaller share of their grid are scattered, or one of them is far off.
@@ -54,7 +55,7 @@ def read_matrix(
 
 def read_points(path: Path) -> tuple[np.ndarray, tuple[float, float], None, dict[str, str]]:
     """Read points on a grid, as a reader of `gstlib.io.scans`."""
-    points = _read_rows(path, columns=3)[1]
+    points = _read_rows(path, columns=range(3))[1]
     # A point without x or y is nowhere; one without z is unmeasured.
     points = points[np.isfinite(points[:, :2]).all(axis=1)]
     columns, dx = _grid_lines(path, points[:, 0])
@@ -76,64 +77,58 @@ def separator_of(line: str) -> str | None:
     return next((mark for mark in ";\t," if mark in line), None)
 
 
-def _read_rows(path: Path, columns: int | None = None) -> tuple[str, np.ndarray]:
-    """The lines above the first row of numbers, and the cells, or the first `columns`, of all."""
-    content = path.read_bytes()
+def decoded(content: bytes) -> str:
+    """Text in UTF-16, if it begins with its mark, or in UTF-8."""
     is_utf_16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
-    if b"\0" in content and not is_utf_16:
-        raise InputError(path, "is no text, though its name says so", "Correct its ending.")
+    return content.decode("utf-16" if is_utf_16 else "utf-8-sig")
+
+
+def _read_rows(path: Path, columns: Sequence[int] | None = None) -> tuple[str, np.ndarray]:
+    """The lines above the first row of numbers, and the cells, or some `columns`, of all rows."""
+    content = path.read_bytes()
     try:
-        text = content.decode("utf-16" if is_utf_16 else "utf-8-sig")
+        text = decoded(content)
     except UnicodeError:
         text = content.decode("latin-1")
-    header: list[str] = []
-    table: list[list[float]] = []
-    mark, ended = None, True
-    for number, whole in enumerate(text.splitlines(), 1):
-        line = whole.partition("#")[0].strip(" ")
-        if not table:
-            mark = separator_of(line)
-            # The first cells are enough to tell a header from a row with a word in it.
-            if len(_numbers(line, mark, columns or 20) or ()) < 2:
-                header.append(whole)
-                continue
-        if not line:
-            continue
-        row = _numbers(line, mark, columns)
-        if row is None:
-            raise InputError(
-                path,
-                f"line {number} is no row of numbers: {line[:60]!r}",
-                "Unmeasured points are empty cells, NaN, BAD or ---; comments begin with '#'.",
-            )
-        wanted = columns or len(table[0] if table else row)
-        if len(row) != wanted:
-            raise InputError(
-                path,
-                f"line {number} has {len(row)} cells, not {wanted}: the file is truncated, or no "
-                "such table",
-                "Export or copy the file again.",
-            )
-        table.append(row)
-        ended = ended and mark is not None and line.endswith(mark)
-    if not table:
+    if "\0" in text:
+        raise InputError(path, "is no text, though its name says so", "Correct its ending.")
+    lines = text.splitlines()
+    rows = [line.partition("#")[0].strip(" ") for line in lines]
+    first = next((n for n, row in enumerate(rows) if _begins_with_numbers(row)), None)
+    if first is None:
         raise InputError(path, "has no row of numbers", "Export the whole topography as text.")
-    numbers = np.array(table, dtype=float)
-    # A separator at the end of each line makes one empty cell more.
-    return "\n".join(header), numbers[:, :-1] if ended and not columns else numbers
-
-
-def _numbers(line: str, mark: str | None, most: int | None) -> list[float] | None:
-    """The first `most` cells of a line as numbers, NaN where unmeasured; None if one is text."""
-    if mark in (";", "\t"):
-        line = line.replace(",", ".")  # beside these separators, a comma is a decimal sign
-    cells = [cell.strip().lower() for cell in line.split(mark)[:most]]
+    rows = list(filter(None, rows[first:]))
+    mark = separator_of(rows[0])
+    if mark and all(row.endswith(mark) for row in rows):  # which makes one empty cell more
+        rows = [row[:-1] for row in rows] if columns is None else rows
     try:
-        if any("_" in cell for cell in cells):  # which Python allows within numbers
-            return None
-        return [float("nan" if cell in _UNMEASURED else cell) for cell in cells]
+        return "\n".join(lines[:first]), _numbers(rows, mark, columns)
+    except ValueError as error:
+        problem = f"from line {first + 1} on, is no table of numbers: {str(error).split(';')[0]}"
+        remedy = "Unmeasured points are empty cells, NaN, BAD or ---; comments begin with '#'."
+        raise InputError(path, problem, f"Export or copy the file again. {remedy}") from error
+
+
+def _begins_with_numbers(row: str) -> bool:
+    """Whether a line is a row of numbers, and no header, by its first cells."""
+    mark = separator_of(row)
+    cells = row.split(mark)[:20]
+    try:
+        return len(cells) > 1 and bool(len(_numbers([(mark or " ").join(cells)], mark)))
     except ValueError:
-        return None
+        return False
+
+
+def _numbers(
+    rows: Sequence[str], mark: str | None, columns: Sequence[int] | None = None
+) -> np.ndarray:
+    """The cells of rows, or some `columns` of them, NaN where unmeasured."""
+    text = _UNMEASURED.sub("nan", "\n".join(rows))
+    if mark in (";", "\t"):
+        text = text.replace(",", ".")  # beside these separators, a comma is a decimal sign
+    if mark:  # empty cells
+        text = re.sub(f"(?<![^{mark}\n]) *(?=[{mark}\n]|\\Z)", "nan", text)
+    return np.loadtxt(text.splitlines(), delimiter=mark, usecols=columns, ndmin=2)
 
 
 def _grid_lines(path: Path, values: np.ndarray) -> tuple[np.ndarray, float]:

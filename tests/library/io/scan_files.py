@@ -162,7 +162,7 @@ FORMATS = {
     name: Format(
         ending,
         matrix_writer(*style),
-        lambda spacing: {"unit": "um", "spacing_mm": spacing},
+        lambda spacing: {"unit": "um", "spacing_um": spacing * 1e3},
         square=True,
     )
     for name, ending, *style in [

@@ -23,8 +23,6 @@ def failing(code):
     ("code", "words"),
     [
         (errno.ENOSPC, "the disk is full. Make room"),
-        (errno.EDQUOT, "quota is used up. Make room"),
-        (errno.EROFS, "read-only. Mount it for writing"),
         (errno.EIO, "Input/output error. Mend that"),
     ],
 )

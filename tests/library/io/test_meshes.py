@@ -1,9 +1,6 @@
 """Meshes: what is read is whole and in mm; what is cut or damaged is refused with its reason."""
 
-import base64
 import itertools
-import json
-import logging
 import re
 import struct
 import zipfile
@@ -15,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gstlib.errors import InputError
-from gstlib.io.meshes import read_mesh, stated_unit
+from gstlib.io.meshes import read_mesh
 
 SIZE = (40.0, 30.0, 20.0)
 
@@ -60,16 +57,6 @@ def ply(order):
     return "\n".join(header).encode() + body
 
 
-def gltf():
-    """The stone as glTF with its numbers in the same file."""
-    files = stone().export(file_type="gltf")
-    tree = json.loads(files["model.gltf"])
-    for buffer in tree["buffers"]:
-        numbers = base64.b64encode(files[buffer["uri"]]).decode()
-        buffer["uri"] = f"data:application/octet-stream;base64,{numbers}"
-    return json.dumps(tree).encode()
-
-
 FILES = {
     "binary.stl": exported("stl"),
     "ascii.stl": exported("stl_ascii"),
@@ -84,7 +71,6 @@ FILES = {
         for kind, FILE in (("obj", quads_obj()), ("ply", ply("")), ("stl", exported("stl_ascii")))
     },
     "whole.glb": exported("glb"),
-    "whole.gltf": gltf(),
     "whole.3mf": exported("3mf"),
 }
 each_file = pytest.mark.parametrize("name", FILES)
@@ -107,7 +93,7 @@ def write(tmp_path):
 
 @each_file
 def test_whole_files_are_read(write, name):
-    mesh = read_mesh(write(name))
+    mesh = read_mesh(write(name), unit="mm")
     assert mesh.is_watertight
     assert mesh.volume == pytest.approx(np.prod(SIZE), rel=1e-6)
     assert len(mesh.vertices) == (8 if name in ("quads.obj", "windows.obj") else 26)
@@ -126,26 +112,20 @@ def test_the_parts_of_a_scene_are_put_where_it_has_them(tmp_path):
     twice[0, 3] = 100.0
     scene.add_geometry(stone(), transform=twice)
     scene.export(tmp_path / "two.glb")
-    mesh = read_mesh(tmp_path / "two.glb")
+    mesh = read_mesh(tmp_path / "two.glb", unit="mm")
     np.testing.assert_allclose(mesh.bounds, [[-20, -30, -20], [140, 30, 20]], atol=1e-5)
     assert mesh.body_count == 2
 
 
-def test_numbers_in_other_files_are_not_looked_for(tmp_path):
-    for name, content in stone().export(file_type="gltf").items():
-        (tmp_path / name).write_bytes(content)
-    refused(tmp_path / "model.gltf", r"\.glb")
-
-
-def test_another_unit_than_the_format_prescribes_is_warned_of(write, tmp_path, caplog):
-    with caplog.at_level(logging.WARNING):
-        read_mesh(write("whole.glb"))
-        assert "specification" in caplog.text
-        caplog.clear()
-        stone().apply_scale(1e-3).export(tmp_path / "metres.glb")
-        read_mesh(tmp_path / "metres.glb", unit="m")
-        read_mesh(write("binary.stl"))
-        assert caplog.text == ""
+def test_glb_is_in_metres_and_another_unit_is_warned_of(write, tmp_path, caplog):
+    stone().apply_scale(1e-3).export(tmp_path / "metres.glb")
+    for unit in (None, "m"):
+        mesh = read_mesh(tmp_path / "metres.glb", unit=unit)
+        assert mesh.extents == pytest.approx(SIZE)
+        assert mesh.metadata["file_unit"] == "m"
+    assert caplog.text == ""
+    assert read_mesh(write("whole.glb"), unit="mm").metadata["file_unit"] == "mm"
+    assert "specification" in caplog.text
 
 
 def test_the_unit_that_a_3mf_states_holds(tmp_path):
@@ -157,9 +137,11 @@ def test_the_unit_that_a_3mf_states_holds(tmp_path):
         for name in plain.namelist():
             content = re.sub(rb' unit="\w+"', b"", plain.read(name))
             inches.writestr(name, content.replace(b"<model ", b'<model unit="inch" ', 1))
-    assert stated_unit(tmp_path / "inches.3mf") == "in"
-    assert read_mesh(tmp_path / "inches.3mf", unit="in").extents == pytest.approx(SIZE, rel=1e-3)
-    refused(tmp_path / "inches.3mf", "Set mesh_unit: in")
+    for unit in (None, "in"):
+        mesh = read_mesh(tmp_path / "inches.3mf", unit=unit)
+        assert mesh.extents == pytest.approx(SIZE, rel=1e-3)
+        assert mesh.metadata["file_unit"] == "in"
+    refused(tmp_path / "inches.3mf", "Set mesh_unit: in", unit="mm")
 
 
 def test_a_wrong_unit_is_named(tmp_path):
@@ -234,7 +216,7 @@ def test_whatever_happens_to_a_file(tmp_path_factory, name):
     def check(place, lost, new):
         path.write_bytes(content[:place] + new + content[place + lost :])
         try:
-            mesh = read_mesh(path)
+            mesh = read_mesh(path, unit="mm")
         except InputError:
             return
         assert np.isfinite(mesh.vertices).all()

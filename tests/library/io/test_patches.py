@@ -176,12 +176,12 @@ def test_columns(table, header, part):
 
 
 def test_files_that_are_no_table(table, tmp_path):
-    refused(tmp_path / "none.tsv", "no such file")
+    refused(tmp_path / "none.tsv", "No such file")
     refused(table("", "empty.tsv"), "no rows")
     refused(table("patch,x_mm,y_mm,t0\n", "header.csv"), "no rows")
     for start in (b"PK\x03\x04\x14\0", b"\xd0\xcf\x11\xe0\xa1\xb1"):
         (tmp_path / "sheet.tsv").write_bytes(start + bytes(range(256)))
         refused(tmp_path / "sheet.tsv", "is a spreadsheet", "CSV")
     (tmp_path / "latin.csv").write_bytes("patch,x_mm,y_mm,t0,note\n1,1,1,a,Höhe".encode("latin-1"))
-    refused(tmp_path / "latin.csv", "not UTF-8")
+    refused(tmp_path / "latin.csv", "save it as UTF-8")
     refused(table(",,,\n,,,\n", "commas.csv"), "no rows")

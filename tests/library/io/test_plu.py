@@ -1,12 +1,11 @@
 """A `.plu` file is read back by the library that reads the instrument's own."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from gstlib.io.plu import PLU_UNMEASURED_UM, write_plu
+from gstlib.io.plu import write_plu
 
 
 def read(path):
@@ -46,18 +45,3 @@ def test_any_map_comes_back_exactly(tmp_path_factory, micrometres):
     path = tmp_path_factory.getbasetemp() / "any.plu"
     write_plu(path, micrometres.astype(float) * 1e-3, 0.001)
     np.testing.assert_array_equal(rows_and_columns(read(path)), micrometres)
-
-
-@pytest.mark.parametrize(
-    ("heights", "message"),
-    [
-        (np.zeros(3), "2 dimensions"),
-        (np.zeros((0, 3)), "2 dimensions"),
-        (np.full((2, 2), np.inf), "finite"),
-        (np.full((2, 2), PLU_UNMEASURED_UM * 1e-3), "unmeasured"),
-    ],
-)
-def test_what_the_format_cannot_hold_is_refused(tmp_path, heights, message):
-    with pytest.raises(ValueError, match=message):
-        write_plu(tmp_path / "a.plu", heights, 1)
-    assert not list(tmp_path.iterdir())

@@ -11,13 +11,13 @@ from scan_files import FORMATS, plux_members, write_x3p, write_xyz, zipped
 
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
-from gstlib.io.scans import check_size, cut_scan, read_scan, read_settings
+from gstlib.io.scans import cut_scan, read_scan
 from gstlib.surface import make_surface, spacing_of
 
 # Not square, odd, and no symmetry: every mistake of axes shows.
 NY, NX, DY, DX = 5, 7, 1.66e-3, 0.83e-3
 # what matrices do not say
-KNOWN = {"unit": "um", "spacing_mm": 1e-3}
+KNOWN = {"unit": "um", "spacing_um": 1.0}
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def test_plu_as_the_project_writes_it_needs_no_large_library(tmp_path, heights):
         "assert not {'SurfaceTopography', 'surfalize', 'scipy'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path / "a.plu")], check=True)
-    scan = read_scan(tmp_path / "a.plu", unit="mm", spacing_mm=1.0)  # its own count, not these
+    scan = read_scan(tmp_path / "a.plu", unit="mm", spacing_um=1e3)  # its own count, not these
     np.testing.assert_allclose(scan.values, heights, rtol=1e-6)
     assert spacing_of(scan) == (DY, DX)
     assert scan.attrs["instrument"] == "DCM 3D rev. 2"
@@ -96,8 +96,8 @@ class TestHeldHeights:
     """A number that an export wrote in place of unmeasured heights."""
 
     def read(self, tmp_path, heights_um):
-        (tmp_path / "a.csv").write_text("\n".join(",".join(map(str, row)) for row in heights_um))
-        return read_scan(tmp_path / "a.csv", unit="um", spacing_mm=1e-3).values * 1e3
+        np.savetxt(tmp_path / "a.csv", heights_um, fmt="%.17g", delimiter=",")
+        return read_scan(tmp_path / "a.csv", unit="um", spacing_um=1.0).values * 1e3
 
     def rough(self):
         """As of a scan in `.frt`: at 73 to 82 µm, with lone spikes."""
@@ -111,25 +111,35 @@ class TestHeldHeights:
         heights = self.rough()
         held = np.random.default_rng(2).random(heights.shape) < share
         heights[held] = mark
-        with caplog.at_level(logging.WARNING, logger="gstlib"):
-            found = self.read(tmp_path, heights)
+        found = self.read(tmp_path, heights)
         np.testing.assert_array_equal(np.isnan(found), held)
         np.testing.assert_allclose(found[~held], heights[~held])
-        assert f"a.csv: {held.sum()} points" in caplog.text
+        (said,) = caplog.messages
+        assert f"a.csv: {held.sum()} points" in said
 
-    def test_among_the_others_or_of_a_few_points_it_is_a_height(self, tmp_path, caplog):
+    def test_of_a_few_points_or_in_steps_it_is_a_height(self, tmp_path, caplog):
         spiked = self.rough()
         spiked[40, :3] = 0.0  # spikes: of the outlier rule
-        clipped = np.maximum(self.rough(), 76.0)
-        steps = np.round(self.rough())
         two_levels = np.where(self.rough() > 78, 78.0, 60.0)
+        steps = [np.round(self.rough() / step) * step for step in (1e-6, 1e-3, 1.0)]
+        for heights in (spiked, two_levels, *steps):
+            np.testing.assert_allclose(self.read(tmp_path, heights), heights)
+        assert caplog.messages == []
+
+    def test_among_the_others_it_is_a_height_and_warned_of(self, tmp_path, caplog):
+        clipped = np.maximum(self.rough(), 76.0)
         pits = self.rough()
         pits[10:20, 10:20] = np.maximum(np.linspace(10, 60, 100), 20).reshape(10, 10)
         plateau = np.full((60, 50), 99.0)
         plateau[20:30] = self.rough()[20:30]
-        for heights in (spiked, clipped, steps, two_levels, pits, plateau):
+        zeros = self.rough() - 77
+        zeros.flat[::100] = 0.0
+        glass = np.ones((60, 50))
+        expected = {16.4: clipped, 0.667: pits, 83.3: plateau, 1: zeros, 100: glass}
+        for heights in expected.values():
             np.testing.assert_allclose(self.read(tmp_path, heights), heights)
-        assert not caplog.records
+        for share, said in zip(expected, caplog.messages, strict=True):
+            assert f"a.csv: {share} % of the points have one height" in said
 
 
 class TestPoints:
@@ -165,9 +175,9 @@ class TestPoints:
         ("text", "match"),
         [
             ("x y z\n1 2 three\n", "no row of numbers"),
-            ("# x y z\n1 2 3\n1 2 three\n", "line 3 is no row of numbers: '1 2 three'"),
+            ("# x y z\n1 2 3\n1 2 three\n", "from line 2 on, is no table of numbers.*'three'"),
             ("0,5 1,5 2,5\n" * 9, "no row of numbers"),
-            ("1 2\n" * 9, "line 1 has 2 cells, not 3"),
+            ("1 2\n" * 9, "is no table of numbers"),
             ("1 2 3\n1 3 3\n", "2 points are scattered, or on one line"),
         ],
     )
@@ -183,9 +193,9 @@ class TestMatrices:
 
     def test_unit_and_spacing_come_from_the_config(self, tmp_path):
         path = self.write(tmp_path, "1,,3,nan\n5,BAD,---,8\n9,1,2,Bad\n")
-        _refused(path, "does not say its unit.*scans.unit", spacing_mm=1e-3)
+        _refused(path, "does not say its unit.*scans.unit", spacing_um=1.0)
         _refused(path, "spacing of its points.*scans.spacing_um", unit="um")
-        scan = read_scan(path, **read_settings({"unit": "um", "spacing_um": 1.66}))
+        scan = read_scan(path, unit="um", spacing_um=1.66)
         expected = [[1, 0, 3, 0], [5, 0, 0, 8], [9, 1, 2, 0]]
         np.testing.assert_allclose(np.nan_to_num(scan.values), np.array(expected) * 1e-3)
         assert np.isnan(scan.values).sum() == 5
@@ -215,9 +225,9 @@ class TestMatrices:
     @pytest.mark.parametrize(
         ("text", "match"),
         [
-            ("1,2,3,4\n5,6,7\n", "line 2 has 3 cells, not 4"),
+            ("1,2,3,4\n5,6,7\n", "the number of columns changed from 4 to 3 at row 2"),
             *(
-                (f"1,2,3,4\n5,6,{cell},8\n", "line 2 is no row of numbers.*Unmeasured")
+                (f"1,2,3,4\n5,6,{cell},8\n", f"{cell}.*at row 1, column 3.*Unmeasured")
                 for cell in ("seven", "1_0", "0x10", "7 µm")
             ),
             ("x,y,z\n" + "0,0,1\n" * 9, "3 columns and 9 rows.*xyz"),
@@ -260,8 +270,9 @@ class TestCut:
 
 
 def test_size_of_a_scan():
-    check_size(make_surface(np.zeros((512, 512)), 1.66e-3), 0.85)
+    whole = make_surface(np.zeros((512, 512)), 1.66e-3)
+    assert cut_scan(whole, None, 0.85) is whole
     with pytest.raises(
         InputError, match=r"b\.plu: the scan is 0\.9562 × 0\.8499 mm.*0\.85 × 0\.85"
     ):
-        check_size(make_surface(np.zeros((512, 576)), 1.66e-3, file="b.plu"), 0.85)
+        cut_scan(make_surface(np.zeros((512, 576)), 1.66e-3, file="b.plu"), None, 0.85)

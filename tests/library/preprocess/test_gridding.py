@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gstlib.errors import InputError
-from gstlib.io.store import read_dataset, write_dataset
 from gstlib.preprocess import gridding
 from gstlib.preprocess.frame import Frame
 from gstlib.preprocess.gridding import grid_mesh
@@ -144,11 +143,7 @@ def test_square_beside_the_mesh():
         r"no part of the mesh.*x -101\.5 to -93\.5 and y -1\.5 to 6\.5 mm.*mesh_unit", plane, beside
     )
     refused("no part of the mesh", sheet(lambda x, y: 0 * x, high=-0.5))  # in the crop alone
-
-
-def test_mesh_in_metres_covers_nothing():
-    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.05)
-    refused("mesh_unit", ball, on_top(50))
+    refused("mesh_unit", trimesh.creation.icosphere(subdivisions=4, radius=0.05), on_top(50))
 
 
 def test_square_that_sticks_out_says_how_much_and_where():
@@ -201,14 +196,6 @@ def smooth(x, y):
     return 0.02 * np.sin(waves).sum(axis=0)
 
 
-def roof(x, y):
-    return -0.5 * np.abs(x - 2.5)
-
-
-def white(x, y):
-    return 0.01 * np.random.default_rng(4).standard_normal(len(x))
-
-
 def rms_of(surface):
     return dict(zip(KINDS, surface.left_out_rms.values, strict=True))
 
@@ -223,14 +210,6 @@ def test_on_a_smooth_surface_a_smooth_interpolation_is_best():
     errors = {kind: np.std(grid(mesh, interpolation=kind) - exact) for kind in KINDS}
     assert errors[chosen] < 0.5 * errors["linear"]
     np.testing.assert_array_equal(best.height, grid(mesh, interpolation=chosen))
-
-
-def test_elsewhere_the_best_is_no_worse_than_linear():
-    noise = gridded(sheet(white, edge=0.4))  # means over three vertices predict as well as any
-    assert noise.height.attrs["interpolation"] == "linear"
-    mesh = sheet(roof, edge=0.4)
-    best, linear = gridded(mesh), gridded(mesh, interpolation="linear")
-    assert (best.left_out_error**2).mean() <= (linear.left_out_error**2).mean()
 
 
 @pytest.mark.parametrize(
@@ -280,20 +259,11 @@ def test_errors_are_those_of_a_group_left_out(kind):
     np.testing.assert_allclose(surface.left_out_rms.sel(candidate=kind), everywhere)
 
 
-def test_noise_of_the_vertices_is_seen():
-    mesh = sheet(lambda x, y: 0.1 * x)
-    assert gridded(mesh).left_out_rms.max() < 1e-6
-    noise = 2e-3
-    mesh.vertices[:, 2] += noise * np.random.default_rng(5).standard_normal(len(mesh.vertices))
-    rms = gridded(mesh).left_out_rms
-    assert ((rms > noise) & (rms < 1.7 * noise)).all()
-
-
-@pytest.mark.parametrize(("most", "left_out"), [(220, 220), (25, 25)])
-def test_of_many_vertices_only_some_are_left_out(most, left_out, monkeypatch):
+@pytest.mark.parametrize("most", [220, 25])
+def test_of_many_vertices_only_some_are_left_out(most, monkeypatch):
     monkeypatch.setattr(gridding, "_MOST_LEFT_OUT", most)
     surface = gridded(sheet(smooth))
-    assert surface.sizes["vertex"] == pytest.approx(left_out, rel=0.15)
+    assert surface.sizes["vertex"] == pytest.approx(most, rel=0.15)
     assert rms_of(surface)["cubic"] < rms_of(surface)["linear"]
 
 
@@ -331,25 +301,15 @@ def test_too_few_vertices():
     assert gridded(sheet(hills, edge=0.8)).sizes["vertex"] >= 30
 
 
-def test_what_the_square_is_stored_with(tmp_path):
-    square = {
-        "size_mm": 5.0,
-        "frame": {"origin_mm": [0, 0, 0], "x_axis": [1, 0, 0], "normal": [0, 0, 1]},
-    }
-    square["frame"]["points_mm"] = None
+def test_what_the_square_is_stored_with():
+    frame = {"origin_mm": [0, 0, 0], "x_axis": [1, 0, 0], "normal": [0, 0, 1], "points_mm": None}
+    square = {"size_mm": 5.0, "frame": frame}
     settings = {"grid": 20, "margin_mm": 1.0, "mesh_unit": "mm", "source": "stone.stl"}
     mesh = sheet(lambda x, y: smooth(x, y) + 0.1 * x)
     surface = grid_macroscale(mesh, square=square, interpolation="linear", **settings)
     assert abs(np.polyfit(surface.x, surface.height.mean("y"), 1)[0]) < 1e-9  # level
-    for name in ("a.h5", "b.h5"):
-        write_dataset(tmp_path / name, surface)
-    assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
-    stored = read_dataset(tmp_path / "a.h5")
-    direct = gridded(mesh, interpolation="linear")
-    for name in ("vertex_y", "vertex_x", "left_out_error", "left_out_rms"):
-        np.testing.assert_array_equal(stored[name], direct[name])
-        assert stored[name].attrs["units"] == "mm"
-    table = gridding_table(stored)
+    table = gridding_table(surface)
     assert list(table.interpolation) == KINDS
     assert list(table.chosen) == [True, False, False]
+    direct = gridded(mesh, interpolation="linear")
     np.testing.assert_array_equal(table.left_out_rms_um, 1e3 * direct.left_out_rms)

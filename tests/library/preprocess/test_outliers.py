@@ -23,11 +23,10 @@ def rough(seed=0, size=64, smoothing=2.0):
     return gaussian_filter(np.random.default_rng(seed).normal(size=(size, size)), smoothing) * 1e-2
 
 
-def spiky(seed, tilt_y=0.0, tilt_x=0.0, size=96):
-    """A tilted rough face with spikes of one to nine points, apart from each other."""
+def spiky(seed, size=96):
+    """A rough face with spikes of one to nine points, apart from each other."""
     rng = np.random.default_rng(seed)
-    rows, columns = np.indices((size, size))
-    truth = rough(seed, size) + 40.0 + 1e-3 * (tilt_y * rows + tilt_x * columns)
+    truth = rough(seed, size) + 40.0
     spikes = np.zeros(truth.shape, bool)
     places = rng.permutation((size // 12) ** 2)[:15]
     for row, column in 12 * np.array(np.divmod(places, size // 12)).T + rng.integers(0, 9, (15, 2)):
@@ -108,18 +107,6 @@ def test_flat_surface_has_none(offset):
     assert not median_outliers(surface, **MEDIAN)[0].any()
     tilted = surface + 0.04 * surface.x - 0.02 * surface.y
     assert not median_outliers(tilted, **MEDIAN)[0].any()
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 1000), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
-def test_planted_spikes_are_found_whatever_the_tilt(seed, tilt_y, tilt_x):
-    surface, spikes = spiky(seed, tilt_y, tilt_x)
-    by_window, _ = window_outliers(surface, half_width=5, share=0.02)
-    by_median, _ = median_outliers(surface, **MEDIAN)
-    assert by_median[spikes].all()
-    assert (by_median & ~spikes).mean() < 1e-3
-    assert by_window[spikes].mean() > 0.8
-    assert (by_window & ~spikes).mean() > 0.005  # it takes its share, whatever there is
 
 
 def test_ridges_and_steps_are_not_outliers():

@@ -56,39 +56,28 @@ def test_stone_is_recovered(case, rule):
 
 
 def test_every_step_is_counted(case):
-    stone, _, holes, raw = case
-    attrs = prepare_scan(raw, **SETTINGS).attrs
-    assert attrs["unmeasured"] == attrs["filled"] == holes.sum()
-    assert attrs["points"] == stone.size
-    assert attrs["unmeasured_share"] == holes.mean()
-    assert 0 < attrs["outliers"] <= 0.01 * stone.size
-    assert attrs["outlier_share"] == attrs["outliers"] / stone.size
-    assert attrs["tilt_y_mrad"] == pytest.approx(4.0, abs=0.1)
-    assert attrs["tilt_x_mrad"] == pytest.approx(-3.0, abs=0.1)
-    assert attrs["Sq_before_um"] == pytest.approx(1e3 * np.nanstd(raw.values))
-    assert attrs["Sq_after_um"] < attrs["Sq_before_um"]
-    assert attrs["Sq_after_um"] == pytest.approx(1e3 * stone.std(), rel=0.01)
-    assert (attrs["file"], attrs["vendor"]) == ("a.plu", "V")
-
-
-def test_the_rule_in_force_and_its_threshold_are_named(case):
-    _, spikes, _, raw = case
+    stone, spikes, holes, raw = case
     window = prepare_scan(raw, **SETTINGS, outlier_rule="window")
     median = prepare_scan(raw, **SETTINGS, outlier_rule="median", outlier_median_threshold=6.0)
-    assert (window.attrs["outlier_rule"], median.attrs["outlier_rule"]) == ("window", "median")
-    assert median.attrs["outlier_k"] == 6.0
-    assert 1 < window.attrs["outlier_k"] < 6
-    assert 0 < median.attrs["outlier_scale_um"] < 1
-    assert "outlier_scale_um" not in window.attrs
     np.testing.assert_array_equal(median.outlier, spikes)
     assert window.outlier.sum() > median.outlier.sum()  # it takes its share
-
-
-def test_highest_points_are_above_the_plane_and_on_the_stones_side(case):
-    stone, _, _, raw = case
-    attrs = prepare_scan(raw, **SETTINGS, outlier_rule="median").attrs
-    assert attrs["highest_after_um"] == pytest.approx(1e3 * stone.max(), rel=0.05)
-    assert 1e3 * stone.max() + 10 < attrs["highest_before_um"] < 1e3 * stone.max() + 31
+    assert 1 < window.attrs["outlier_k"] < 6 == median.attrs["outlier_k"]
+    assert 0 < median.attrs["outlier_scale_um"] < 1
+    for rule, scan in (("window", window), ("median", median)):
+        attrs = scan.attrs
+        assert (attrs["file"], attrs["vendor"], attrs["outlier_rule"]) == ("a.plu", "V", rule)
+        assert attrs["unmeasured"] == attrs["filled"] == holes.sum()
+        assert attrs["points"] == stone.size
+        assert attrs["unmeasured_share"] == holes.mean()
+        assert attrs["outliers"] == scan.outlier.sum() <= 0.01 * stone.size
+        assert attrs["outlier_share"] == attrs["outliers"] / stone.size
+        assert attrs["tilt_y_mrad"] == pytest.approx(4.0, abs=0.1)
+        assert attrs["tilt_x_mrad"] == pytest.approx(-3.0, abs=0.1)
+        assert attrs["Sq_before_um"] == pytest.approx(1e3 * np.nanstd(raw.values))
+        assert attrs["Sq_after_um"] == pytest.approx(1e3 * stone.std(), rel=0.01)
+        # above the plane, on the stone's side
+        assert attrs["highest_after_um"] == pytest.approx(1e3 * stone.max(), rel=0.05)
+        assert 1e3 * stone.max() + 10 < attrs["highest_before_um"] < 1e3 * stone.max() + 31
 
 
 @pytest.mark.parametrize("rule", ["window", "median"])
