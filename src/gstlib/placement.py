@@ -284,7 +284,9 @@ def _match(
 
         start = np.clip(trials.reshape(-1, 2)[around[0].argmax()], low, high)
         scale = waves.size_mm / _POINTS
-        fit = least_squares(unexplained, start, bounds=(low, high), x_scale=scale)
+        # To far more digits than are printed: how it stops differs from processor to processor.
+        limits = {"ftol": 1e-14, "xtol": 1e-11, "gtol": 1e-14}
+        fit = least_squares(unexplained, start, bounds=(low, high), x_scale=scale, **limits)
         correlation = float(waves.under(centre + fit.x, rotation) @ flipped[0])
         normal = fit.jac.T @ fit.jac
         if not fit.active_mask.any() and correlation > 0 and np.linalg.cond(normal) < 1e12:

@@ -24,7 +24,7 @@ __all__ = [
 # Results are solved to a relative residual of 1e-6 or better; five digits stay above that noise.
 SIGNIFICANT_DIGITS = 5
 # Columns with fewer digits: a stiffness is converged to about 1e-6.
-FEWER_DIGITS = {"stiffness_MPa_per_um": 4}
+FEWER_DIGITS = {"stiffness_MPa_per_um": 4, "interface_stiffness_MPa_per_um": 4}
 # Differences beyond these digits are taken for rounding.
 _KNOWN_DIGITS = 10
 # This variable, set to 1, prints every digit, to show how much two runs differ below the printed.
