@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from gstlib import figures as draw
 from gstlib.errors import InputError
 from gstlib.io.meshes import read_mesh
-from gstlib.io.store import read_attributes, read_dataset, read_fields
+from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_table
 from gstlib.logs import patch_by_patch, run_script
 from gstlib.preprocess.frame import stored_frame
@@ -60,7 +60,7 @@ class Study:
             found = dict(zip(ids, files, strict=True))
         else:
             found = {patch: files / f"{patch}.h5" for patch in patches}
-        return {patch: read_fields(found[patch], only) for patch in patches}
+        return {patch: read_dataset(found[patch], only) for patch in patches}
 
     def table(self, name: str, *columns: str) -> pd.DataFrame:
         return read_table(self.files[name], columns)

@@ -5,18 +5,15 @@ reading a damaged file gives an error, not wrong numbers.
 """
 
 import io
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import h5py
-import numpy as np
 import xarray as xr
 
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
 
-__all__ = ["read_attributes", "read_dataset", "read_fields", "write_dataset"]
+__all__ = ["read_attributes", "read_dataset", "write_dataset"]
 
 # Below this many values compression only adds overhead.
 _COMPRESS_FROM = 1024
@@ -83,32 +80,9 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
     InputError
         The file is missing, damaged or no HDF5 file, or lacks a variable.
     """
-    with _refusing(path), xr.open_dataset(path, engine="h5netcdf") as dataset:
-        return (dataset if only is None else dataset[list(only)]).load()
-
-
-def read_fields(path: str | Path, names: Iterable[str]) -> xr.Dataset:
-    """Read some fields in half the time of `read_dataset`, for a job that reads many files.
-
-    Of the attributes, the file's numbers and the spacing of y and x are read. Raises as
-    `read_dataset`.
-    """
-    with _refusing(path), h5py.File(path) as file:
-        fields = {}
-        for name in ("y", "x", *names):
-            found, attrs = file[name], file[name].attrs
-            values = found[()].astype(bool if attrs.get("dtype") == "bool" else found.dtype)
-            dims = [name] if name in "yx" else [axis[0].name[1:] for axis in found.dims]
-            fields[name] = (dims, values, {"spacing": attrs["spacing"][0]} if name in "yx" else {})
-        numbers = {name: value for name, value in file.attrs.items() if np.ndim(value)}
-        return xr.Dataset(fields, attrs={name: value[0] for name, value in numbers.items()})
-
-
-@contextmanager
-def _refusing(path: str | Path) -> Iterator[None]:
-    """Turn any failure to read into an error that names the file."""
     try:
-        yield
+        with xr.open_dataset(path, engine="h5netcdf") as dataset:
+            return (dataset if only is None else dataset[list(only)]).load()
     except MemoryError:  # not the file's fault
         raise
     except Exception as error:  # a damaged file makes HDF5 fail in any of its own ways
