@@ -60,12 +60,7 @@ def specimen_studies(
         grid=config["macroscale"]["grid"],
         wear_placements=WEAR_PLACEMENTS,
     )
-    first: list[Study] = []
-
-    def before_use(stage: str, *of: str) -> Any:
-        after_use = stage in ("change", "selected") or of[1:] == ("T1",)
-        return first[0].kept.get((stage, *of)) if first and not after_use else None
-
+    kept: dict[tuple[str, ...], Any] = {}
     for wear, specimen in specimens.items():
         study = Study(
             config,
@@ -73,10 +68,14 @@ def specimen_studies(
             read_mesh=lambda specimen=specimen: specimen.mesh,  # type: ignore[misc]
             read_scan=lambda *of, specimen=specimen: specimen.scans[of],  # type: ignore[misc]
             worn=list(patches.patch),
-            known=before_use,
+            kept=kept,
         )
         yield wear, study
-        first.append(study)
+        kept = {
+            (stage, *of): found
+            for (stage, *of), found in study.kept.items()
+            if stage not in ("change", "selected") and of[1:] != ["T1"]
+        }
 
 
 def score_study(study: Study, *, seed: Sequence[int]) -> list[PatchScores]:

@@ -24,8 +24,7 @@ contact of the whole square at the scans' resolution (`solve_reference`, `compar
 The functions take and return datasets and tables, and read and write no file of results: the
 workflow's scripts do, one stage each. `Study` runs the same stages in memory, for sweeps over
 settings and for many generated specimens. Each function imports what it needs by itself: a job then
-loads no more than its own stage, and is run again only when code of its stage has changed
-(`gstlib.provenance.source_hash`).
+loads no more than its own stage.
 
 Lengths are in mm and pressures in MPa unless a name says otherwise. Arguments mean the same
 everywhere: `surface`, `contact`, `pressures`, `change` are what an earlier stage returns; `patches`
@@ -727,14 +726,13 @@ Stage = TypeVar("Stage", bound=Callable[..., Any])
 
 
 def _stage(compute: Stage) -> Stage:
-    """A method of `Study` whose result is kept, or known already."""
+    """A method of `Study` whose result is kept."""
 
     @wraps(compute)
     def kept(self: "Study", *of: str) -> Any:
         key = (compute.__name__, *of)
         if key not in self.kept:
-            known = self.known(*key)
-            self.kept[key] = compute(self, *of) if known is None else known
+            self.kept[key] = compute(self, *of)
         return self.kept[key]
 
     return cast(Stage, kept)
@@ -759,9 +757,9 @@ class Study:
     worn : sequence of str
         The patches that have a T1.
     has_counterface : bool
-    known : callable, optional
-        Gives what is known of a stage already, by its name and what it is of (a patch, an
-        epoch), or None: from stored results, or from a study that differs in later stages only.
+    kept : dict, optional
+        Results of stages that are known already, by the stage's name and what it is of (a patch,
+        an epoch).
     """
 
     def __init__(
@@ -773,12 +771,11 @@ class Study:
         read_scan: Callable[[str, str], xr.DataArray],
         worn: Sequence[str],
         has_counterface: bool = False,
-        known: Callable[..., Any] = lambda stage, *of: None,
+        kept: Mapping[tuple[str, ...], Any] | None = None,
     ):
         self.config, self.patches, self.worn = config, patches, list(worn)
         self.read_mesh, self.read_scan = read_mesh, read_scan
-        self.has_counterface, self.known = has_counterface, known
-        self.kept: dict[tuple[str, ...], Any] = {}
+        self.has_counterface, self.kept = has_counterface, dict(kept or {})
 
     @_stage
     def surface(self) -> xr.Dataset:
