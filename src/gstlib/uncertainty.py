@@ -12,7 +12,7 @@ forces in place of forces at the scans' resolution is small beside them (docs/tw
 # ratios (normal); which of the two readings of E* is right is not drawn.
 
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -81,8 +81,8 @@ def pressure_intervals(
     placement_um: float,
     contact_modulus_MPa: float,
     target_pressure_MPa: float,
-    source: Any,
     seed: int,
+    source: str | Path = "macroscale",
 ) -> pd.DataFrame:
     """95 % intervals of each patch's pressure.
 

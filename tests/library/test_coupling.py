@@ -11,10 +11,10 @@ from gstlib.coupling import (
     Place,
     footprint_weights,
     patch_pressures,
-    select_patches,
     shifted,
     surroundings,
 )
+from gstlib.study import select_patches
 from gstlib.surface import make_surface
 
 GRID = make_surface(np.zeros((20, 24)), (0.25, 0.2))  # 5 mm × 4.8 mm
@@ -106,40 +106,25 @@ def test_patch_without_contact():
     assert row.pressure_MPa == row.contact_fraction == row.peak_pressure_MPa == 0
 
 
-class TestSelection:
+def test_patches_are_selected_by_pressure_overlap_and_correlation():
     pressures = pd.DataFrame({"patch": list("12345"), "pressure_MPa": [0.0, 0.5, 8.0, 22.0, 70.0]})
-    registration = pd.DataFrame(
-        {
-            "patch": list("1345"),
-            "overlap": [0.52, 0.52, 0.95, np.nan],
-            "correlation": [0.99, 0.3, 0.99, 0.99],
-        }
-    )
-
-    def select(self, registration):
-        return select_patches(
-            self.pressures,
-            registration,
-            minimum_pressure_MPa=1.0,
-            minimum_overlap=0.8,
-            minimum_correlation=0.6,
-        )
-
-    def test_reasons(self):
-        table = self.select(self.registration)
-        assert list(table.reason) == [
-            "no macroscale contact; T0/T1 overlap 0.52 below 0.80",
-            "pressure 0.5 below 1 MPa",
-            "T0/T1 overlap 0.52 below 0.80; T0/T1 correlation 0.30 below 0.60",
-            "",
-            "T1 was not found on T0",
-        ]
-        assert list(table.in_study) == [False, False, False, True, False]
-
-    def test_without_t1_the_pressure_decides(self):
-        table = self.select(self.registration[:0])
-        assert list(table.in_study) == [False, False, True, True, True]
-        assert list(table.reason[:2]) == ["no macroscale contact", "pressure 0.5 below 1 MPa"]
+    registration = pd.DataFrame({"patch": list("1345"), "overlap": [0.52, 0.52, 0.95, 0.9]})
+    registration["detail_correlation"] = [0.99, 0.3, 0.99, 0.1]
+    registration["found"] = [True, True, True, False]
+    rules = {"pressure_MPa": 1.0, "overlap": 0.8, "correlation": 0.6}
+    rules = {f"minimum_{name}": value for name, value in rules.items()}
+    table = select_patches(pressures, registration, rules)
+    assert list(table.reason) == [
+        "no macroscale contact; T0/T1 overlap 0.52 below 0.80",
+        "pressure 0.5 below 1 MPa",
+        "T0/T1 overlap 0.52 below 0.80; T0/T1 correlation 0.30 below 0.60",
+        "",
+        "T1 was not found on T0",
+    ]
+    assert list(table.in_study) == [False, False, False, True, False]
+    without_t1 = select_patches(pressures, registration[:0], rules)
+    assert list(without_t1.in_study) == [False, False, True, True, True]
+    assert list(without_t1.reason[:2]) == ["no macroscale contact", "pressure 0.5 below 1 MPa"]
 
 
 def test_shifted_patches_stay_on_the_square():
@@ -151,11 +136,12 @@ def test_shifted_patches_stay_on_the_square():
             "rotation_deg": [0.0, 0.0, 45.0],
         }
     )
-    moved = shifted(patches, [30.0, -20.0], size_mm=0.85, square_mm=4.8)
+    square = make_surface(np.zeros((48, 48)), 0.1)
+    moved = shifted(patches, [30.0, -20.0], square, size_mm=0.85)
     np.testing.assert_allclose(moved.x_mm, [1.03, 4.8 - 0.425, 2.03], rtol=1e-12)
     # the turned one reaches half a diagonal from its centre
     np.testing.assert_allclose(moved.y_mm, [1.98, 2.98, 4.8 - 0.425 * np.sqrt(2)], rtol=1e-12)
-    alike = shifted(patches.drop(columns="rotation_deg"), [0, 0], size_mm=0.85, square_mm=4.8)
+    alike = shifted(patches.drop(columns="rotation_deg"), [0, 0], square, size_mm=0.85)
     pd.testing.assert_frame_equal(alike, patches.assign(rotation_deg=0.0))
 
 
