@@ -19,7 +19,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.bem import contact_modulus
-from gstlib.composite import PER_ELEMENT, block_means, compose, draw_mesh_errors, plane_under
+from gstlib.composite import compose_grid, draw_mesh_errors, plane_under
 from gstlib.contact import contact_at_pressure
 from gstlib.coupling import half_extent, patch_pressures, places_of, spline_of
 from gstlib.preprocess.leveling import remove_plane
@@ -110,8 +110,7 @@ def pressure_intervals(
         ``patch, pressure_MPa, low_MPa, high_MPa``; with a composite also ``tilt_mrad``,
         ``tilt_error_mrad`` and ``plane``, "mesh" or, where it is not known, "levelled".
     """
-    element, count = max(spacing_of(surface.height)), len(surface.y)
-    fine = (PER_ELEMENT * count, PER_ELEMENT * count)
+    square_mm = max(spacing_of(surface.height)) * len(surface.y)
     generators = [np.random.default_rng([seed, 1, draw]) for draw in range(len(shares))]
     errors = draw_mesh_errors(surface, len(shares), np.random.default_rng([seed, 2]))
     half = half_extent(patch_mm, pressures.rotation_deg)
@@ -120,15 +119,13 @@ def pressure_intervals(
         height, moved = surface.height + error, pressures.copy()
         for axis in ("x_mm", "y_mm"):
             shift = placement_um * 1e-3 * generator.standard_normal(len(moved))
-            moved[axis] = (moved[axis] + shift).clip(half, count * element - half)
+            moved[axis] = (moved[axis] + shift).clip(half, square_mm - half)
         if composite is not None:
             spline, places = spline_of(height), places_of(moved)
             planes = [plane_under(spline, place, patch_mm) for place in places.values()]
             laid = zip(places.values(), planes, composite.scan.values, strict=True)
-            spacing = element / PER_ELEMENT
             # the generator goes on: another detail in each draw
-            detailed = compose(spline, laid, patch_mm, fine, spacing, composite.density, generator)
-            height = height.copy(data=block_means(detailed, PER_ELEMENT))
+            height = compose_grid(height, laid, patch_mm, composite.density, generator)
         contact = contact_at_pressure(
             xr.Dataset({"height": remove_plane(height)[0]}),
             source=source,

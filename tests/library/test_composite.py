@@ -6,8 +6,8 @@ import pytest
 import xarray as xr
 
 from gstlib.composite import (
-    block_means,
     compose,
+    compose_grid,
     compose_surface,
     draw_mesh_errors,
     plane_under,
@@ -118,11 +118,11 @@ def test_where_outlines_overlap_their_mean_counts():
     assert set(np.round(row[(row > 0.5)], 9)) == {1.0, 2.0, 3.0}
 
 
-def test_block_means_keep_the_mean():
-    heights = np.random.default_rng(0).standard_normal((12, 8))
-    means = block_means(heights, 4)
-    assert means.shape == (3, 2)
-    np.testing.assert_allclose(means[2, 1], heights[8:, 4:].mean())
+def test_the_composite_on_the_grid_is_the_mean_over_each_element():
+    height = mesh_surface().height[:, :20]
+    flat = spline_of(height)(*(axis_coordinates(4 * n, SIDE / COUNT / 4) for n in height.shape))
+    found = compose_grid(height, [], PATCH, None, 0)
+    np.testing.assert_allclose(found[7, 12], flat[28:32, 48:52].mean())
 
 
 def test_detail_between_the_scans_has_their_spectrum():
