@@ -251,19 +251,9 @@ def turned_over(
 ) -> xr.DataArray:
     """Heights of the active stone's own face where it is pressed on a patch.
 
-    Parameters
-    ----------
-    counterface : (ny, nx) xarray.DataArray
-        Its heights, mm, positive out of it, seen from above its own face.
-    patch : (ny, nx) xarray.DataArray
-        The patch that it is pressed on.
-    source, patch_source : path
-        Their files, for the error message.
-
-    Returns
-    -------
-    (ny, nx) xarray.DataArray
-        mm, positive towards the patch, on the patch's grid: mirrored along x.
+    `counterface` (ny, nx) has its heights, mm, positive out of it, seen from above its own face.
+    The result is positive towards the patch, on the patch's grid: mirrored along x. `source` and
+    `patch_source` are their files, for the error message.
 
     Raises
     ------
@@ -282,10 +272,7 @@ def check_grid(
 ) -> None:
     """Refuse a counterface whose points do not match those of a patch, as `turned_over` does.
 
-    Parameters
-    ----------
-    counterface, patch : ((ny, nx), (dy, dx))
-        Shape and spacing (mm) of each.
+    Each is given as ((ny, nx), (dy, dx)): shape and spacing, mm.
     """
     (shape, spacing), (patch_shape, patch_spacing) = counterface, patch
     if shape != patch_shape or not np.allclose(spacing, patch_spacing, rtol=_SAME_SPACING, atol=0):

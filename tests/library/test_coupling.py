@@ -39,13 +39,10 @@ def test_footprint_inside_has_its_whole_area(y, x, size, rotation):
     assert weights.max() <= 1 + 1e-12
 
 
-def test_unturned_footprint_is_the_product_of_its_overlaps():
-    weights = footprint_weights(GRID, x=1.23, y=2.71, size=0.85)
-    overlap_y, overlap_x = (
-        np.clip(np.minimum(c + d / 2, m + 0.425) - np.maximum(c - d / 2, m - 0.425), 0, None) / d
-        for c, d, m in ((GRID.y.values, 0.25, 2.71), (GRID.x.values, 0.2, 1.23))
-    )
-    np.testing.assert_allclose(weights, np.outer(overlap_y, overlap_x), atol=1e-12)
+@pytest.mark.parametrize("quarter", [90.0, -90.0, 180.0])
+def test_a_footprint_turned_by_quarters_is_the_unturned_one(quarter):
+    turned, unturned = (footprint_weights(GRID, 1.23, 2.71, 0.85, r) for r in (quarter, 0.0))
+    np.testing.assert_allclose(turned, unturned, atol=1e-12)
 
 
 def test_rotation_turns_x_towards_y():
@@ -84,26 +81,16 @@ def test_footprints_that_tile_share_out_all_of_the_force(seed, size, shift_x, sh
     np.testing.assert_allclose(table.pressure_MPa, table.force_N / size**2)
 
 
-def test_uniform_pressure_comes_through():
-    patches = pd.DataFrame({"patch": ["a"], "x_mm": [1.234], "y_mm": [3.21]}).assign(
-        rotation_deg=0.0
-    )
-    uniform = GRID.copy(data=np.full(GRID.shape, 22.0))
-    row = patch_pressures(uniform, patches, size_mm=0.85).iloc[0]
+def test_uniform_pressure_comes_through_and_none_far_from_contact():
+    places = pd.DataFrame({"patch": ["a"], "x_mm": [1.234], "y_mm": [3.21], "rotation_deg": 0.0})
+    uniform, far = GRID.copy(data=np.full(GRID.shape, 22.0)), GRID.copy()
+    far[2, 2] = 50.0
+    row, empty = (patch_pressures(p, places, size_mm=0.85).iloc[0] for p in (uniform, far))
     assert row.pressure_MPa == pytest.approx(22.0)
     assert row.contact_fraction == pytest.approx(1.0)
     assert row.peak_pressure_MPa == 22.0
     assert row.force_N == pytest.approx(22.0 * 0.85**2)
-
-
-def test_patch_without_contact():
-    pressure = GRID.copy()
-    pressure[2, 2] = 50.0
-    patches = pd.DataFrame({"patch": ["far"], "x_mm": [4.0], "y_mm": [4.0]}).assign(
-        rotation_deg=0.0
-    )
-    row = patch_pressures(pressure, patches, size_mm=0.85).iloc[0]
-    assert row.pressure_MPa == row.contact_fraction == row.peak_pressure_MPa == 0
+    assert empty.pressure_MPa == empty.contact_fraction == empty.peak_pressure_MPa == 0
 
 
 def test_patches_are_selected_by_pressure_overlap_and_correlation():

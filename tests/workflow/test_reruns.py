@@ -48,11 +48,6 @@ def test_nothing_is_left_to_do(tiny):
             None,
         ),
         (
-            {"hardness": 900.0},
-            {"solve_hardness", "draw_microscale", "record_provenance", "write_page"},
-            None,
-        ),
-        (
             {"counterface": {"scan": "face.plu"}},
             {"prepare_counterface", "solve_patches", "solve_slip", "solve_hardness"},
             {"prepare_T0_scans", "solve_macroscale", "couple_scales", "register_patches"},
