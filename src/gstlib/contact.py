@@ -67,7 +67,6 @@ _VARIABLES = {
     "displacement": ("mm", "far-field displacement from first touch"),
     "mean_pressure": ("MPa", "mean pressure"),
     "contact_fraction": ("1", "real over nominal contact area"),
-    "surroundings": ("mm", "displacement by the pressures outside the patch"),
     "stiffness": ("MPa/mm", "contact stiffness"),
     "interface_stiffness": ("MPa/mm", "contact stiffness without the cut-out's own compliance"),
     "ceiling_share": ("1", "share of the contact at the ceiling"),
@@ -373,8 +372,7 @@ def hardness_dataset(contact: xr.Dataset, *, source: str | Path, hardness_MPa: f
     An elastic solution puts pressures on the summits of a stone that far exceed what any stone
     bears. The contact with p ≤ H says how much of the prediction rests on them.
 
-    Parameters and errors as of `slip_dataset`, but for `hardness_MPa`, the largest pressure (MPa)
-    that an element bears.
+    `hardness_MPa` is the largest pressure that an element bears; the rest is as in `slip_dataset`.
 
     Returns
     -------

@@ -16,7 +16,7 @@ from scipy.stats import beta
 
 from gstlib.specimen import WEAR_PLACEMENTS, SpecimenParameters, make_specimens
 from gstlib.study import Study
-from gstlib.validation.scoring import PatchScores, patch_tables
+from gstlib.validation.scoring import patch_tables
 from gstlib.validation.summary import (
     believed,
     mean_gains,
@@ -25,7 +25,7 @@ from gstlib.validation.summary import (
     spatial_p_value,
 )
 
-__all__ = ["LEVELS", "p_values", "rejection_rates", "score_study", "specimen_studies"]
+__all__ = ["LEVELS", "p_values", "rejection_rates", "specimen_studies"]
 
 LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5)
 SCORES = ("f1", "roc_auc")  # the one of areas, the other of rankings
@@ -78,25 +78,10 @@ def specimen_studies(
         }
 
 
-def score_study(study: Study, *, seed: Sequence[int]) -> list[PatchScores]:
-    """The scores of every patch in a study, with their nulls drawn from `seed`."""
-    shifts = study.config["validation"]["shifts"]
-    return study.scores(seed=seed, shifts=shifts, resamples=_RESAMPLES)
-
-
-def p_values(
-    found: Sequence[PatchScores], places: pd.DataFrame, *, seed: Sequence[int]
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def p_values(study: Study, *, seed: Sequence[int]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """P-values of every test of the study on one specimen with one placement of its wear.
 
-    Parameters
-    ----------
-    found : sequence of PatchScores
-        From `score_study`.
-    places : pandas.DataFrame
-        ``patch, x_mm, y_mm, pressure_MPa``.
-    seed : sequence of int
-        Of the permutations.
+    Nulls and permutations are drawn from `seed`.
 
     Returns
     -------
@@ -108,6 +93,8 @@ def p_values(
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, pressure_MPa`` and the scores of each patch.
     """
+    shifts = study.config["validation"]["shifts"]
+    found, places = study.scores(seed=seed, shifts=shifts, resamples=_RESAMPLES), study.selected()
     tables = patch_tables(found)
     table = places[["patch", "x_mm", "y_mm", "pressure_MPa"]].merge(tables["patches"], on="patch")
     of_patch = tables["gains"][tables["gains"].score.isin(SCORES)]
