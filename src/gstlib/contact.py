@@ -123,7 +123,11 @@ def contact_path(
     InputError
         The pressure is not reached within `maximum_displacement_um`, or the solver gives up.
     """
-    contact = _loaded(faces, contact_modulus_MPa, target_pressure_MPa, tolerance)
+    contact = faces.assign_attrs(
+        contact_modulus_MPa=contact_modulus_MPa,
+        target_pressure_MPa=target_pressure_MPa,
+        tolerance=tolerance,
+    )
     options = {"target_pressure": target_pressure_MPa, "steps": steps, "keep_states": every_step}
     path = _solved(load_path, contact, source, **options)
     needed_um = path.final.displacement * 1e3
@@ -161,7 +165,11 @@ def contact_at_pressure(
     Parameters, errors and what is returned as of `contact_path`; ``displacement``,
     ``mean_pressure``, ``contact_fraction`` and ``residual`` are numbers, without ``stiffness``.
     """
-    contact = _loaded(faces, contact_modulus_MPa, target_pressure_MPa, tolerance)
+    contact = faces.assign_attrs(
+        contact_modulus_MPa=contact_modulus_MPa,
+        target_pressure_MPa=target_pressure_MPa,
+        tolerance=tolerance,
+    )
     state = _solved(solve_contact, contact, source, mean_pressure=target_pressure_MPa)
     return contact.assign(_state_variables(state))
 
@@ -414,16 +422,6 @@ def hardness_summary(contact: xr.Dataset, limited: xr.Dataset) -> dict[str, floa
         "iou": _share(both, either),
         "deepest_yield_um": float(np.max(-limited.gap.values[at_ceiling], initial=0.0)) * 1e3,
     }
-
-
-def _loaded(
-    faces: xr.Dataset, contact_modulus_MPa: float, target_pressure_MPa: float, tolerance: float
-) -> xr.Dataset:
-    return faces.assign_attrs(
-        contact_modulus_MPa=contact_modulus_MPa,
-        target_pressure_MPa=target_pressure_MPa,
-        tolerance=tolerance,
-    )
 
 
 def _solved(solve: Callable, contact: xr.Dataset, source: str | Path, **options):

@@ -182,23 +182,9 @@ def surroundings(
 ) -> np.ndarray:
     """Displacement of a patch by the macroscale pressures outside its outline.
 
-    Parameters
-    ----------
-    pressure : (ny, nx) xarray.DataArray
-        Macroscale contact pressure, MPa. Of an element that the edge cuts, the share of its area
-        outside counts.
-    place : Place
-        Where the patch lies.
-    shape : (int, int)
-        Points of its scan.
-    size_mm : float
-        Side of a patch.
-    contact_modulus_MPa : float
-
-    Returns
-    -------
-    ndarray of `shape`
-        mm, into the stone.
+    `pressure` (y, x) is the macroscale contact pressure, MPa; of an element that the edge cuts, the
+    share of its area outside counts. The result is of `shape`, that of the scan, in mm, positive
+    into the stone.
     """
     inside = footprint_weights(pressure, place.x_mm, place.y_mm, size_mm, place.rotation_deg)
     square = HalfSpace(pressure.shape, spacing_of(pressure), contact_modulus_MPa)

@@ -44,14 +44,8 @@ def specimen_studies(
 
     The later studies take from the first every stage that no scan after use enters.
 
-    Parameters
-    ----------
-    config : mapping
-        ``seed``, ``specimen`` and the sections `gstlib.study.STUDY_SECTIONS`.
-    patches : pandas.DataFrame
-        The patch table; each patch has a T1.
-    specimen_seed : int
-        In place of that of ``specimen``.
+    `config` has ``seed``, ``specimen`` and the sections `gstlib.study.STUDY_SECTIONS`; each patch
+    has a T1; `specimen_seed` takes the place of that of ``specimen``.
     """
     specimens = make_specimens(
         patches,
@@ -127,19 +121,12 @@ def p_values(study: Study, *, seed: Sequence[int]) -> tuple[pd.DataFrame, pd.Dat
 def rejection_rates(p_values: pd.DataFrame) -> pd.DataFrame:
     """How often each test claims a relation, at each of `LEVELS`.
 
-    Parameters
-    ----------
-    p_values : pandas.DataFrame
-        From `p_values`, with the specimen's ``seed`` and the placement of its ``wear``. A specimen
-        may have several rows for a test, one for each patch. A row without a p-value is no trial.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``test, drawn, wear, level, claims, of, specimens, rate, low, high``: 95 % Clopper-Pearson
-        interval. Patches of one specimen are no independent trials: for these the number of trials
-        is the effective one, by the spread between specimens (Korn and Graubard 1998, Surv.
-        Methodol. 24:193).
+    `p_values` are those of `p_values`, with the specimen's ``seed`` and the placement of its
+    ``wear``. A specimen may have several rows for a test, one for each patch. A row without a
+    p-value is no trial. The result has ``test, drawn, wear, level, claims, of, specimens, rate,
+    low, high``: 95 % Clopper-Pearson interval. Patches of one specimen are no independent trials:
+    for these the number of trials is the effective one, by the spread between specimens (Korn and
+    Graubard 1998, Surv. Methodol. 24:193).
     """
     rows = []
     kinds = ["test", "drawn", "wear"]

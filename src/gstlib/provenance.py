@@ -38,20 +38,9 @@ def study_provenance(
 ) -> dict[str, object]:
     """Where all results of a study come from; the same on every machine.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration, defaults included.
-    inputs : iterable of path
-        Measured files and tables.
-    commit : str or None
-        Commit of the program, see `commit`.
-
-    Returns
-    -------
-    dict
-        ``config``; ``inputs`` (SHA-256 by path); ``software``: gstlib with its commit, Python, and
-        the version of every package that gstlib requires.
+    `config` is whole, defaults included; `inputs` are the measured files and tables; `commit` is
+    that of the program. The result has ``config``; ``inputs`` (SHA-256 by path); ``software``:
+    gstlib, Python, and the version of every package that gstlib requires.
     """
     return {
         "config": dict(config),

@@ -43,14 +43,8 @@ def composite_heights(
 ) -> xr.DataArray:
     """The composite surface (y, x), mm, at the scans' resolution.
 
-    Parameters
-    ----------
-    surface, composite : xarray.Dataset
-        The mesh's surface, and the composite on the macroscale grid.
-    scans : iterable of (y, x) xarray.DataArray
-        Levelled scans in the order of the composite's patches, mm; each is used once.
-    seed, draw : int
-        Of the detail between the scans.
+    `composite` is that on the macroscale grid; `scans` are levelled, in the order of its patches,
+    and each is used once. Detail between them is drawn from `seed` and `draw`.
     """
     scans = iter(scans)
     first = next(scans)

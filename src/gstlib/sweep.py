@@ -60,10 +60,7 @@ class Setting(NamedTuple):
 def sweep_settings(sweep: Mapping[str, Sequence[Mapping]]) -> list[Setting]:
     """Every setting of a sweep, the study's own first.
 
-    Parameters
-    ----------
-    sweep : mapping
-        The config's section: for each factor a list of pieces of config.
+    `sweep` is the config's section: for each factor a list of pieces of config.
     """
     return [Setting(STUDY, "", "", {})] + [
         Setting(f"{factor.replace(' ', '_')}-{number}", factor, _in_words(changes), changes)
@@ -92,14 +89,9 @@ def merged(config: Mapping, changes: Mapping) -> dict:
 
 
 def sweep_problems(config: Mapping, problems_of: Callable[[Mapping], Iterable[str]]) -> list[str]:
-    """All that is wrong with the sweep of a config, in sentences.
+    """All that is wrong with the sweep of a whole config, in sentences.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration, with the section ``sweep``.
-    problems_of : callable
-        What is wrong with a whole configuration.
+    `problems_of` gives what is wrong with a whole config, whatever its sweep.
     """
     problems: list[str] = []
     for factor, values in (config["sweep"] or {}).items():
@@ -166,19 +158,10 @@ def outcomes(study: "Study") -> pd.DataFrame:
 def sweep_table(settings: Sequence[Setting], found: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """One row for each outcome of each setting.
 
-    Parameters
-    ----------
-    settings : sequence of Setting
-        The study's own among them.
-    found : mapping of str to DataFrame
-        From `outcomes`, by the setting's name.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``factor, value, output, patch, result, change, low, high``; ``factor`` and ``value`` are
-        empty for the study itself, ``change`` is the result less the study's. Each setting has one
-        more row: the sum of the absolute changes of the patches' pressures over their sum.
+    `found` are `outcomes` by the setting's name, the study's own among them. The result has
+    ``factor, value, output, patch, result, change, low, high``; ``factor`` and ``value`` are empty
+    for the study itself, ``change`` is the result less the study's. Each setting has one more row:
+    the sum of the absolute changes of the patches' pressures over their sum.
     """
     keys = ["output", "patch"]
     study = found[STUDY].set_index(keys).result

@@ -41,23 +41,10 @@ def draw_contact_moduli(
     generator: np.random.Generator,
     draws: int = _DRAWS,
 ) -> np.ndarray:
-    """Contact moduli that the stones may have, relative to that of their nominal constants.
+    """Contact moduli (draws,) that the stones may have, over that of their nominal constants.
 
-    Parameters
-    ----------
-    material : mapping
-        ``young_1_MPa, poisson_1, young_2_MPa, poisson_2``.
-    young_share : float
-        Standard deviation of the logarithm of each Young's modulus.
-    poisson : float
-        Standard deviation of each Poisson's ratio.
-    generator : numpy.random.Generator
-    draws : int
-
-    Returns
-    -------
-    (draws,) ndarray
-        Dimensionless.
+    `material` has ``young_1_MPa, poisson_1, young_2_MPa, poisson_2``; `young_share` is the standard
+    deviation of the logarithm of each Young's modulus, `poisson` that of each Poisson's ratio.
     """
     nominal, drawn = [], []
     for stone in (1, 2):

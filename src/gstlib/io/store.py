@@ -24,19 +24,8 @@ def write_dataset(
 ) -> None:
     """Write `dataset` to `path`; an old file is replaced once the new one is whole.
 
-    Parameters
-    ----------
-    path : str or Path
-        Target file; its folder is made if need be.
-    dataset : xarray.Dataset
-        Every data variable must carry ``units`` and ``long_name``.
-    attrs : mapping, optional
-        Attributes of the file, added to those of the dataset (see `gstlib.provenance`).
-
-    Raises
-    ------
-    OutputError
-        See `write_whole`.
+    Every data variable must carry ``units`` and ``long_name``. `attrs` are added to the attributes
+    of the dataset (see `gstlib.provenance`). Raises as `gstlib.io.files.write_whole`.
     """
     for name, variable in dataset.data_vars.items():
         if missing := {"units", "long_name"} - set(variable.attrs):
@@ -66,14 +55,7 @@ def _encoding(variable: xr.Variable) -> dict[str, object]:
 
 
 def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Dataset:
-    """Read a file, or some of its variables, into memory and close it.
-
-    Parameters
-    ----------
-    path : str or Path
-        A file of `write_dataset`.
-    only : iterable of str, optional
-        Variables to read; all by default.
+    """Read a file, or `only` some of its variables, into memory and close it.
 
     Raises
     ------
