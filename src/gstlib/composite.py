@@ -29,15 +29,15 @@ from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import axis_coordinates, make_surface, spacing_of
 
 __all__ = [
-    "block_means",
     "compose",
+    "compose_grid",
     "compose_surface",
     "draw_mesh_errors",
     "plane_under",
 ]
 
 # Points of the composite along each side of a macroscale element, and along a patch for its plane.
-PER_ELEMENT = 4
+_PER_ELEMENT = 4
 _PLANE_POINTS = 24
 # Draws for a standard deviation of the planes, which is then known to a tenth.
 _PLANE_DRAWS = 50
@@ -90,7 +90,7 @@ def compose_surface(
     """
     places, spline = places_of(patches), spline_of(surface.height)
     element = max(spacing_of(surface.height))
-    points = int(np.ceil(patch_mm * PER_ELEMENT / element))
+    points = int(np.ceil(patch_mm * _PER_ELEMENT / element))
     scans, densities, shape = [], [], None
     for patch, height in heights:
         shape = shape or height.shape  # of the first: densities need the same frequencies
@@ -115,10 +115,7 @@ def compose_surface(
         for plane, sure in zip(planes, known, strict=True)
     ]
     laid = zip(places.values(), planes, scans, strict=True)
-    finer = tuple(PER_ELEMENT * count for count in surface.height.shape)
-    fine = compose(spline, laid, patch_mm, finer, element / PER_ELEMENT, spectrum, seed)
-    height = surface.height.copy(data=block_means(fine, PER_ELEMENT))
-    level, square = remove_plane(height)
+    level, square = remove_plane(compose_grid(surface.height, laid, patch_mm, spectrum, seed))
     numbers = {
         "x_mm": ("mm", "centre along x", [place.x_mm for place in places.values()]),
         "y_mm": ("mm", "centre along y", [place.y_mm for place in places.values()]),
@@ -192,10 +189,20 @@ def compose(
     return height
 
 
-def block_means(heights: np.ndarray, size: int) -> np.ndarray:
-    """Means of square blocks of `size` elements a side; the shape is a multiple of it."""
-    ny, nx = heights.shape
-    return heights.reshape(ny // size, size, nx // size, size).mean(axis=(1, 3))
+def compose_grid(
+    height: xr.DataArray,
+    scans: Iterable[tuple[Place, Plane, np.ndarray]],
+    patch_mm: float,
+    density: xr.DataArray,
+    seed: int | np.random.Generator,
+) -> xr.DataArray:
+    """`compose` on the mesh's surface, averaged over each element of the grid of `height`."""
+    shape = tuple(_PER_ELEMENT * count for count in height.shape)
+    spacing = max(spacing_of(height)) / _PER_ELEMENT
+    fine = compose(spline_of(height), scans, patch_mm, shape, spacing, density, seed)
+    ny, nx = height.shape
+    means = fine.reshape(ny, _PER_ELEMENT, nx, _PER_ELEMENT).mean(axis=(1, 3))
+    return height.copy(data=means)
 
 
 def draw_mesh_errors(surface: xr.Dataset, draws: int, generator: np.random.Generator) -> np.ndarray:

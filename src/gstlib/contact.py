@@ -67,7 +67,6 @@ _VARIABLES = {
     "displacement": ("mm", "far-field displacement from first touch"),
     "mean_pressure": ("MPa", "mean pressure"),
     "contact_fraction": ("1", "real over nominal contact area"),
-    "surroundings": ("mm", "displacement by the pressures outside the patch"),
     "stiffness": ("MPa/mm", "contact stiffness"),
     "interface_stiffness": ("MPa/mm", "contact stiffness without the cut-out's own compliance"),
     "ceiling_share": ("1", "share of the contact at the ceiling"),
@@ -124,7 +123,11 @@ def contact_path(
     InputError
         The pressure is not reached within `maximum_displacement_um`, or the solver gives up.
     """
-    contact = _loaded(faces, contact_modulus_MPa, target_pressure_MPa, tolerance)
+    contact = faces.assign_attrs(
+        contact_modulus_MPa=contact_modulus_MPa,
+        target_pressure_MPa=target_pressure_MPa,
+        tolerance=tolerance,
+    )
     options = {"target_pressure": target_pressure_MPa, "steps": steps, "keep_states": every_step}
     path = _solved(load_path, contact, source, **options)
     needed_um = path.final.displacement * 1e3
@@ -162,7 +165,11 @@ def contact_at_pressure(
     Parameters, errors and what is returned as of `contact_path`; ``displacement``,
     ``mean_pressure``, ``contact_fraction`` and ``residual`` are numbers, without ``stiffness``.
     """
-    contact = _loaded(faces, contact_modulus_MPa, target_pressure_MPa, tolerance)
+    contact = faces.assign_attrs(
+        contact_modulus_MPa=contact_modulus_MPa,
+        target_pressure_MPa=target_pressure_MPa,
+        tolerance=tolerance,
+    )
     state = _solved(solve_contact, contact, source, mean_pressure=target_pressure_MPa)
     return contact.assign(_state_variables(state))
 
@@ -251,19 +258,9 @@ def turned_over(
 ) -> xr.DataArray:
     """Heights of the active stone's own face where it is pressed on a patch.
 
-    Parameters
-    ----------
-    counterface : (ny, nx) xarray.DataArray
-        Its heights, mm, positive out of it, seen from above its own face.
-    patch : (ny, nx) xarray.DataArray
-        The patch that it is pressed on.
-    source, patch_source : path
-        Their files, for the error message.
-
-    Returns
-    -------
-    (ny, nx) xarray.DataArray
-        mm, positive towards the patch, on the patch's grid: mirrored along x.
+    `counterface` (ny, nx) has its heights, mm, positive out of it, seen from above its own face.
+    The result is positive towards the patch, on the patch's grid: mirrored along x. `source` and
+    `patch_source` are their files, for the error message.
 
     Raises
     ------
@@ -282,10 +279,7 @@ def check_grid(
 ) -> None:
     """Refuse a counterface whose points do not match those of a patch, as `turned_over` does.
 
-    Parameters
-    ----------
-    counterface, patch : ((ny, nx), (dy, dx))
-        Shape and spacing (mm) of each.
+    Each is given as ((ny, nx), (dy, dx)): shape and spacing, mm.
     """
     (shape, spacing), (patch_shape, patch_spacing) = counterface, patch
     if shape != patch_shape or not np.allclose(spacing, patch_spacing, rtol=_SAME_SPACING, atol=0):
@@ -386,8 +380,7 @@ def hardness_dataset(contact: xr.Dataset, *, source: str | Path, hardness_MPa: f
     An elastic solution puts pressures on the summits of a stone that far exceed what any stone
     bears. The contact with p ≤ H says how much of the prediction rests on them.
 
-    Parameters and errors as of `slip_dataset`, but for `hardness_MPa`, the largest pressure (MPa)
-    that an element bears.
+    `hardness_MPa` is the largest pressure that an element bears; the rest is as in `slip_dataset`.
 
     Returns
     -------
@@ -429,16 +422,6 @@ def hardness_summary(contact: xr.Dataset, limited: xr.Dataset) -> dict[str, floa
         "iou": _share(both, either),
         "deepest_yield_um": float(np.max(-limited.gap.values[at_ceiling], initial=0.0)) * 1e3,
     }
-
-
-def _loaded(
-    faces: xr.Dataset, contact_modulus_MPa: float, target_pressure_MPa: float, tolerance: float
-) -> xr.Dataset:
-    return faces.assign_attrs(
-        contact_modulus_MPa=contact_modulus_MPa,
-        target_pressure_MPa=target_pressure_MPa,
-        tolerance=tolerance,
-    )
 
 
 def _solved(solve: Callable, contact: xr.Dataset, source: str | Path, **options):

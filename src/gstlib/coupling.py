@@ -7,7 +7,6 @@ share out its force without loss, wherever they lie.
 
 # ASSUME: the x and y of a patch are those of its centre; the paper gives the place by its x and y.
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -26,7 +25,6 @@ __all__ = [
     "on_patch",
     "patch_pressures",
     "places_of",
-    "select_patches",
     "shifted",
     "spline_of",
     "surroundings",
@@ -120,7 +118,11 @@ def half_extent(size_mm: float, rotation_deg: float | pd.Series) -> float | pd.S
 
 
 def shifted(
-    patches: pd.DataFrame, shift_um: Sequence[float], *, size_mm: float, square_mm: float
+    patches: pd.DataFrame,
+    shift_um: Sequence[float],
+    square: xr.DataArray | xr.Dataset,
+    *,
+    size_mm: float,
 ) -> pd.DataFrame:
     """The patch table with all patches shifted by (x, y), µm; none leaves the square.
 
@@ -129,6 +131,7 @@ def shifted(
     table = patches.assign(rotation_deg=patches.get("rotation_deg", 0.0))
     if any(shift_um):
         half = half_extent(size_mm, table.rotation_deg)
+        square_mm = spacing_of(square)[0] * square.sizes["y"]
         for name, shift in zip(("x_mm", "y_mm"), shift_um, strict=True):
             table[name] = (table[name] + shift * 1e-3).clip(half, square_mm - half)
     return table
@@ -179,73 +182,11 @@ def surroundings(
 ) -> np.ndarray:
     """Displacement of a patch by the macroscale pressures outside its outline.
 
-    Parameters
-    ----------
-    pressure : (ny, nx) xarray.DataArray
-        Macroscale contact pressure, MPa. Of an element that the edge cuts, the share of its area
-        outside counts.
-    place : Place
-        Where the patch lies.
-    shape : (int, int)
-        Points of its scan.
-    size_mm : float
-        Side of a patch.
-    contact_modulus_MPa : float
-
-    Returns
-    -------
-    ndarray of `shape`
-        mm, into the stone.
+    `pressure` (y, x) is the macroscale contact pressure, MPa; of an element that the edge cuts, the
+    share of its area outside counts. The result is of `shape`, that of the scan, in mm, positive
+    into the stone.
     """
     inside = footprint_weights(pressure, place.x_mm, place.y_mm, size_mm, place.rotation_deg)
     square = HalfSpace(pressure.shape, spacing_of(pressure), contact_modulus_MPa)
     displaced = pressure.copy(data=square.displacement(pressure.values * (1 - inside)))
     return on_patch(spline_of(displaced), place, shape, size_mm)
-
-
-def select_patches(
-    pressures: pd.DataFrame,
-    registration: pd.DataFrame,
-    *,
-    minimum_pressure_MPa: float,
-    minimum_overlap: float,
-    minimum_correlation: float,
-) -> pd.DataFrame:
-    """Which patches go into the microscale study, by rule.
-
-    Parameters
-    ----------
-    pressures : pandas.DataFrame
-        From `patch_pressures`.
-    registration : pandas.DataFrame
-        ``patch, overlap`` (share of T0's area that T1 covers), ``correlation`` (NaN where T1 was
-        not found on T0). Patches that it lacks have no T1: their pressure alone decides.
-    minimum_pressure_MPa : float
-        A patch in the study carries at least this, and more than 0.
-    minimum_overlap, minimum_correlation : float
-        Least values that the registration of T1 to T0 must reach.
-
-    Returns
-    -------
-    pandas.DataFrame
-        `pressures` with ``in_study`` (bool) and ``reason`` (text, empty when in the study).
-    """
-    known = registration.set_index("patch").to_dict("index")
-    least = {"overlap": minimum_overlap, "correlation": minimum_correlation}
-    reasons = []
-    for row in pressures.itertuples(index=False):
-        found = []
-        if not row.pressure_MPa > 0:
-            found.append("no macroscale contact")
-        elif row.pressure_MPa < minimum_pressure_MPa:
-            found.append(f"pressure {row.pressure_MPa:.3g} below {minimum_pressure_MPa:g} MPa")
-        quality = known.get(row.patch, {})
-        if any(math.isnan(quality.get(name, 1.0)) for name in least):
-            found.append("T1 was not found on T0")
-        found += [
-            f"T0/T1 {name} {quality[name]:.2f} below {value:.2f}"
-            for name, value in least.items()
-            if quality and quality[name] < value
-        ]
-        reasons.append("; ".join(found))
-    return pressures.assign(in_study=[not text for text in reasons], reason=reasons)

@@ -18,7 +18,7 @@ from gstlib.specimen.generate import make_specimens
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.stone import WEAR_PLACEMENTS
 from gstlib.study import Study
-from gstlib.validation.scoring import PatchScores, patch_tables
+from gstlib.validation.scoring import patch_tables
 from gstlib.validation.summary import (
     believed,
     mean_gains,
@@ -27,7 +27,7 @@ from gstlib.validation.summary import (
     spatial_p_value,
 )
 
-__all__ = ["LEVELS", "p_values", "rejection_rates", "score_study", "specimen_studies"]
+__all__ = ["LEVELS", "p_values", "rejection_rates", "specimen_studies"]
 
 LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5)
 SCORES = ("f1", "roc_auc")  # the one of areas, the other of rankings
@@ -46,14 +46,8 @@ def specimen_studies(
 
     The later studies take from the first every stage that no scan after use enters.
 
-    Parameters
-    ----------
-    config : mapping
-        ``seed``, ``specimen`` and the sections `gstlib.study.STUDY_SECTIONS`.
-    patches : pandas.DataFrame
-        The patch table; each patch has a T1.
-    specimen_seed : int
-        In place of that of ``specimen``.
+    `config` has ``seed``, ``specimen`` and the sections `gstlib.study.STUDY_SECTIONS`; each patch
+    has a T1; `specimen_seed` takes the place of that of ``specimen``.
     """
     specimens = make_specimens(
         patches,
@@ -62,12 +56,7 @@ def specimen_studies(
         grid=config["macroscale"]["grid"],
         wear_placements=WEAR_PLACEMENTS,
     )
-    first: list[Study] = []
-
-    def before_use(stage: str, *of: str) -> Any:
-        after_use = stage in ("change", "selected") or of[1:] == ("T1",)
-        return first[0].kept.get((stage, *of)) if first and not after_use else None
-
+    kept: dict[tuple[str, ...], Any] = {}
     for wear, specimen in specimens.items():
         study = Study(
             config,
@@ -75,31 +64,20 @@ def specimen_studies(
             read_mesh=lambda specimen=specimen: specimen.mesh,  # type: ignore[misc]
             read_scan=lambda *of, specimen=specimen: specimen.scans[of],  # type: ignore[misc]
             worn=list(patches.patch),
-            known=before_use,
+            kept=kept,
         )
         yield wear, study
-        first.append(study)
+        kept = {
+            (stage, *of): found
+            for (stage, *of), found in study.kept.items()
+            if stage not in ("change", "selected") and of[1:] != ["T1"]
+        }
 
 
-def score_study(study: Study, *, seed: Sequence[int]) -> list[PatchScores]:
-    """The scores of every patch in a study, with their nulls drawn from `seed`."""
-    shifts = study.config["validation"]["shifts"]
-    return study.scores(seed=seed, shifts=shifts, resamples=_RESAMPLES)
-
-
-def p_values(
-    found: Sequence[PatchScores], places: pd.DataFrame, *, seed: Sequence[int]
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def p_values(study: Study, *, seed: Sequence[int]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """P-values of every test of the study on one specimen with one placement of its wear.
 
-    Parameters
-    ----------
-    found : sequence of PatchScores
-        From `score_study`.
-    places : pandas.DataFrame
-        ``patch, x_mm, y_mm, pressure_MPa``.
-    seed : sequence of int
-        Of the permutations.
+    Nulls and permutations are drawn from `seed`.
 
     Returns
     -------
@@ -111,6 +89,8 @@ def p_values(
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, pressure_MPa`` and the scores of each patch.
     """
+    shifts = study.config["validation"]["shifts"]
+    found, places = study.scores(seed=seed, shifts=shifts, resamples=_RESAMPLES), study.selected()
     tables = patch_tables(found)
     table = places[["patch", "x_mm", "y_mm", "pressure_MPa"]].merge(tables["patches"], on="patch")
     of_patch = tables["gains"][tables["gains"].score.isin(SCORES)]
@@ -142,19 +122,12 @@ def p_values(
 def rejection_rates(p_values: pd.DataFrame) -> pd.DataFrame:
     """How often each test claims a relation, at each of `LEVELS`.
 
-    Parameters
-    ----------
-    p_values : pandas.DataFrame
-        From `p_values`, with the specimen's ``seed`` and the placement of its ``wear``. A specimen
-        may have several rows for a test, one for each patch. A row without a p-value is no trial.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``test, drawn, wear, level, claims, of, specimens, rate, low, high``: 95 % Clopper-Pearson
-        interval. Patches of one specimen are no independent trials: for these the number of trials
-        is the effective one, by the spread between specimens (Korn and Graubard 1998, Surv.
-        Methodol. 24:193).
+    `p_values` are those of `p_values`, with the specimen's ``seed`` and the placement of its
+    ``wear``. A specimen may have several rows for a test, one for each patch. A row without a
+    p-value is no trial. The result has ``test, drawn, wear, level, claims, of, specimens, rate,
+    low, high``: 95 % Clopper-Pearson interval. Patches of one specimen are no independent trials:
+    for these the number of trials is the effective one, by the spread between specimens (Korn and
+    Graubard 1998, Surv. Methodol. 24:193).
     """
     rows = []
     kinds = ["test", "drawn", "wear"]

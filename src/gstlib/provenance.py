@@ -1,6 +1,5 @@
 """Where a result comes from: hashes of its inputs and of its code, settings and versions."""
 
-import ast
 import functools
 import hashlib
 import json
@@ -15,10 +14,8 @@ import gstlib
 
 __all__ = ["commit", "provenance", "source_hash", "study_provenance"]
 
-# Each function of this module imports what it needs by itself, so only those that are used count.
-_BY_FUNCTION = "study.py"
-
-_Code = tuple[Path, str]  # a Python file and the name of a definition in it; "" for all of the file
+# What draws stored results: only the scripts that import it depend on it.
+_DRAWING = "figures", "page", "pick", "verdict", "viewer"
 
 
 def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> dict[str, str]:
@@ -41,20 +38,9 @@ def study_provenance(
 ) -> dict[str, object]:
     """Where all results of a study come from; the same on every machine.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration, defaults included.
-    inputs : iterable of path
-        Measured files and tables.
-    commit : str or None
-        Commit of the program, see `commit`.
-
-    Returns
-    -------
-    dict
-        ``config``; ``inputs`` (SHA-256 by path); ``software``: gstlib with its commit, Python, and
-        the version of every package that gstlib requires.
+    `config` is whole, defaults included; `inputs` are the measured files and tables; `commit` is
+    that of the program. The result has ``config``; ``inputs`` (SHA-256 by path); ``software``:
+    gstlib, Python, and the version of every package that gstlib requires.
     """
     return {
         "config": dict(config),
@@ -96,59 +82,21 @@ def commit(folder: str | Path) -> str | None:
 
 
 def source_hash(script: str | Path) -> str:
-    """Hash of the gstlib code that `script` imports, directly or indirectly.
+    """Hash of the gstlib code that `script` runs on; code that draws counts only if it draws.
 
-    A rule takes it as a parameter, so that a change in the library reruns only the rules that use
-    what changed: files as a whole, of `gstlib.study` only the definitions that are used.
+    A rule takes it as a parameter, so that it runs again when the library has changed.
     """
-    package = Path(gstlib.__file__).parent
-    start = (Path(script), "")
-    seen, queue = set(), {start}
-    while queue:
-        seen.add(code := queue.pop())
-        queue |= _used(code, package) - seen
-    digest = hashlib.sha256()
-    for file, name in sorted(seen - {start}):  # Snakemake itself watches the script
-        digest.update(f"{file.relative_to(package).as_posix()} {name}".encode())
-        digest.update(ast.dump(_definitions(file)[name]).encode() if name else file.read_bytes())
-        # templates and the like, beside a module and named after it
-        for data in sorted(set(file.parent.glob(f"{file.stem}.*")) - {file}):
-            digest.update(data.read_bytes())
-    return digest.hexdigest()[:16]
+    text = Path(script).read_text(encoding="utf-8")
+    imports = re.findall(r"\bgstlib(?:\.| import )(\w+)", text)
+    return _package_hash(drawing=not set(_DRAWING).isdisjoint(imports))
 
 
 @functools.cache
-def _definitions(file: Path) -> dict[str, ast.AST]:
-    """Functions, classes and constants of a file by name, and the whole of it under ""."""
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    found: dict[str, ast.AST] = {"": tree}
-    for node in tree.body:
-        targets = node.targets if isinstance(node, ast.Assign) else [node]
-        names = (getattr(target, "name", getattr(target, "id", None)) for target in targets)
-        found |= {name: node for name in names if name}
-    return found
-
-
-@functools.cache
-def _used(code: _Code, package: Path) -> frozenset[_Code]:
-    """The code of the package that `code` uses directly."""
-    file, name = code
-    found: set[_Code] = set()
-    for part in ast.walk(_definitions(file)[name]):
-        if name and isinstance(part, ast.Name) and part.id in _definitions(file):
-            found.add((file, part.id))
-        if not isinstance(part, ast.ImportFrom):
+def _package_hash(drawing: bool) -> str:
+    package, digest = Path(gstlib.__file__).parent, hashlib.sha256()
+    for file in sorted(package.rglob("*.*")):
+        name = file.relative_to(package)
+        if "__pycache__" in name.parts or (name.parts[0].split(".")[0] in _DRAWING and not drawing):
             continue
-        folder = file.parents[part.level - 1] if part.level else package.parent
-        for alias in part.names:
-            # What is imported from a package may be one of its modules; and importing a module
-            # also runs the __init__ of every package above it.
-            stem = folder.joinpath(*(part.module or "").split("."), alias.name)
-            stems = [one for one in (stem, *stem.parents) if one.is_relative_to(package)]
-            modules = [m for one in stems for m in (one.with_suffix(".py"), one / "__init__.py")]
-            for module in filter(Path.is_file, modules):
-                if module != package / _BY_FUNCTION:
-                    found.add((module, ""))
-                elif alias.name in _definitions(module):
-                    found.add((module, alias.name))
-    return frozenset(found)
+        digest.update(name.as_posix().encode() + file.read_bytes())
+    return digest.hexdigest()[:16]

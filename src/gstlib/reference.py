@@ -8,6 +8,7 @@ over several draws of the detail, how far the results depend on what was not sca
 """
 
 from collections.abc import Iterable, Mapping
+from itertools import chain
 
 import numpy as np
 import pandas as pd
@@ -19,7 +20,7 @@ from gstlib.coupling import Place, places_of, spline_of
 from gstlib.placement import ALL
 from gstlib.preprocess.leveling import Plane
 from gstlib.surface import make_surface, spacing_of
-from gstlib.validation.scores import inside_rim
+from gstlib.validation.scores import inside_rim, scores_of_sums
 
 __all__ = [
     "TOLERANCE",
@@ -42,30 +43,25 @@ def composite_heights(
 ) -> xr.DataArray:
     """The composite surface (y, x), mm, at the scans' resolution.
 
-    Parameters
-    ----------
-    surface, composite : xarray.Dataset
-        The mesh's surface, and the composite on the macroscale grid.
-    scans : iterable of (y, x) xarray.DataArray
-        Levelled scans in the order of the composite's patches, mm; each is used once.
-    seed, draw : int
-        Of the detail between the scans.
+    `composite` is that on the macroscale grid; `scans` are levelled, in the order of its patches,
+    and each is used once. Detail between them is drawn from `seed` and `draw`.
     """
     scans = iter(scans)
     first = next(scans)
+    scans = chain([first], scans)
     length = spacing_of(surface)[0] * len(surface.y)
     count = round(length / spacing_of(first)[0])
 
-    def laid() -> Iterable[tuple[Place, Plane, np.ndarray]]:
-        planes = composite[["offset", "slope_y", "slope_x"]].to_dataframe()
-        places = places_of(composite[["x_mm", "y_mm", "rotation_deg"]].to_dataframe().reset_index())
-        for number, (patch, place) in enumerate(places.items()):
-            scan = next(scans) if number else first
-            yield place, Plane(*planes.loc[patch]), scan.values
-
+    table = composite[["x_mm", "y_mm", "rotation_deg", "offset", "slope_y", "slope_x"]]
+    table = table.to_dataframe().reset_index()
+    planes = table[["offset", "slope_y", "slope_x"]].itertuples(index=False)
+    laid = (
+        (place, Plane(*plane), scan.values)
+        for place, plane, scan in zip(places_of(table).values(), planes, scans, strict=True)
+    )
     heights = compose(
         spline_of(surface.height),
-        laid(),
+        laid,
         composite.attrs["patch_mm"],
         (count, count),
         length / count,
@@ -110,17 +106,12 @@ def patches_of_reference(
             rows.append(np.where(inside, pressure.values[row * inside, column * inside], 0))
         touching.append([values > 0 for values in rows])
         mean.append([values.mean() for values in rows])
+    there = "in the single-scale contact"
+    touch = {"units": "1", "long_name": f"in contact {there}"}
+    mean_pressure = {"units": "MPa", "long_name": f"mean pressure {there}"}
     variables = {
-        "contact": (
-            ("draw", "patch", "y", "x"),
-            np.array(touching),
-            {"units": "1", "long_name": "in contact in the single-scale contact"},
-        ),
-        "pressure": (
-            ("draw", "patch"),
-            np.array(mean),
-            {"units": "MPa", "long_name": "mean pressure in the single-scale contact"},
-        ),
+        "contact": (("draw", "patch", "y", "x"), np.array(touching), touch),
+        "pressure": (("draw", "patch"), np.array(mean), mean_pressure),
     }
     return xr.Dataset(variables, coords={"patch": list(places), "y": scan.y, "x": scan.x})
 
@@ -164,7 +155,7 @@ def two_scales_table(
             touching = np.broadcast_to((contact.pressure.values > 0) & scored, true.shape)
             for mask, found in zip((touching, highest), counts.values(), strict=True):
                 of = (mask & true).sum(), mask.sum(), true.sum(), scored.sum() * len(true)
-                found.append(np.array(of, dtype=float))
+                found.append(np.array(of))
             pressure = float(np.ravel(contact.mean_pressure.values)[-1])
             known.append((patch, pressure, float(at.pressure.mean())))
         known.append((ALL, np.nan, np.nan))
@@ -172,18 +163,11 @@ def two_scales_table(
             pooled = [*found, np.sum(found, axis=0)]
             for (patch, pressure, true_pressure), each in zip(known, pooled, strict=True):
                 own = pressure if name == variant else np.nan
-                rows.append((patch, name, own, true_pressure, *_scores(*each)))
+                _, predicted, touching, points = each
+                scores = scores_of_sums(each, 3 * [np.nan], None)
+                shown = (float(scores[score]) for score in ("precision", "recall", "f1", "iou"))
+                areas = predicted / points, touching / points
+                rows.append((patch, name, own, true_pressure, *areas, *shown))
     columns = ["patch", "variant", "pressure_MPa", "reference_pressure_MPa", "contact_fraction"]
     columns += ["reference_contact_fraction", "precision", "recall", "f1", "iou"]
     return pd.DataFrame(rows, columns=columns)
-
-
-def _scores(hits: float, predicted: float, true: float, points: float) -> tuple[float, ...]:
-    def share(part: float, whole: float) -> float:
-        return part / whole if whole else np.nan
-
-    return (
-        *(share(predicted, points), share(true, points)),
-        *(share(hits, predicted), share(hits, true)),
-        *(share(2 * hits, predicted + true), share(hits, predicted + true - hits)),
-    )

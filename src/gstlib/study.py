@@ -24,8 +24,7 @@ contact of the whole square at the scans' resolution (`solve_reference`, `compar
 The functions take and return datasets and tables, and read and write no file of results: the
 workflow's scripts do, one stage each. `Study` runs the same stages in memory, for sweeps over
 settings and for many generated specimens. Each function imports what it needs by itself: a job then
-loads no more than its own stage, and is run again only when code of its stage has changed
-(`gstlib.provenance.source_hash`).
+loads no more than its own stage.
 
 Lengths are in mm and pressures in MPa unless a name says otherwise. Arguments mean the same
 everywhere: `surface`, `contact`, `pressures`, `change` are what an earlier stage returns; `patches`
@@ -98,18 +97,14 @@ def grid_macroscale(
     *,
     square: Mapping,
     grid: int,
-    margin_mm: float,
-    interpolation: str,
     mesh_unit: str,
     source: str | Path,
+    **settings: Any,
 ) -> xr.Dataset:
     """Heights of the use-face over the analysed square, its plane removed (section 2.1).
 
-    Returns
-    -------
-    xarray.Dataset
-        That of `gstlib.preprocess.gridding.grid_mesh`, ``height`` (y, x) without its plane; the
-        frame and the removed plane as attributes.
+    Settings and result are those of `gstlib.preprocess.gridding.grid_mesh`; the frame and the
+    removed plane are attributes of the result.
     """
     from gstlib.preprocess.frame import find_frame
     from gstlib.preprocess.gridding import grid_mesh
@@ -121,9 +116,8 @@ def grid_macroscale(
         frame,
         size_mm=square["size_mm"],
         shape=(grid, grid),
-        margin_mm=margin_mm,
-        interpolation=interpolation,
         source=str(source),
+        **settings,
     )
     height, plane = remove_plane(gridded.height)
     return gridded.assign(height=height).assign_attrs(
@@ -159,35 +153,24 @@ def compose_surface(
     patch_mm: float,
     shift_um: Sequence[float],
     s_filter_um: float | None,
-    placement_um: float,
-    seed: int,
+    **settings: Any,
 ) -> xr.Dataset:
     """Lay the T0 scans on the mesh's surface, with detail like theirs between them.
 
-    `heights` are pairs of a patch and its prepared heights, in the table's order. The result is
-    that of `gstlib.composite.compose_surface`.
+    `heights` are pairs of a patch and its prepared heights, in the table's order. Settings and
+    result are those of `gstlib.composite.compose_surface`.
     """
     from gstlib.composite import compose_surface
+    from gstlib.coupling import shifted
     from gstlib.preprocess.filtering import s_filtered
 
     return compose_surface(
         surface,
-        _shifted(surface, patches, patch_mm, shift_um),
+        shifted(patches, shift_um, surface, size_mm=patch_mm),
         ((patch, s_filtered(height, s_filter_um)) for patch, height in heights),
         patch_mm=patch_mm,
-        placement_um=placement_um,
-        seed=seed,
+        **settings,
     )
-
-
-def _shifted(
-    grid: xr.Dataset, patches: pd.DataFrame, patch_mm: float, shift_um: Sequence[float]
-) -> pd.DataFrame:
-    from gstlib.coupling import shifted
-    from gstlib.surface import spacing_of
-
-    square_mm = spacing_of(grid)[0] * grid.sizes["y"]
-    return shifted(patches, shift_um, size_mm=patch_mm, square_mm=square_mm)
 
 
 def solve_macroscale(
@@ -210,21 +193,14 @@ def compare_moduli(
     *,
     moduli_MPa: Mapping[str, float],
     patch_mm: float,
-    target_pressure_MPa: float,
-    tolerance: float,
     source: str | Path = "macroscale",
+    **settings: float,
 ) -> pd.DataFrame:
     """Displacement, contact and patch pressures of the square for each contact modulus.
 
-    Parameters
-    ----------
-    moduli_MPa : mapping
-        Contact moduli by what they follow from.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``contact_modulus, quantity, patch, unit, value``.
+    `moduli_MPa` are contact moduli by what they follow from, `settings` those of
+    `gstlib.contact.contact_at_pressure`. The result has ``contact_modulus, quantity, patch, unit,
+    value``.
     """
     from gstlib.contact import contact_at_pressure
     from gstlib.coupling import patch_pressures
@@ -235,8 +211,7 @@ def compare_moduli(
             surface.height.to_dataset(name="height"),
             source=source,
             contact_modulus_MPa=modulus,
-            target_pressure_MPa=target_pressure_MPa,
-            tolerance=tolerance,
+            **settings,
         )
         rows += [
             (basis, "contact modulus", "", "MPa", float(modulus)),
@@ -266,9 +241,9 @@ def couple_scales(
     `shift_um` (x, y) shifts all patches. The result is that of `gstlib.coupling.patch_pressures`
     with ``mesh_pressure_MPa``, the pressure by the mesh alone.
     """
-    from gstlib.coupling import patch_pressures
+    from gstlib.coupling import patch_pressures, shifted
 
-    places = _shifted(contact, patches, patch_mm, shift_um)
+    places = shifted(patches, shift_um, contact, size_mm=patch_mm)
     pressures = patch_pressures(contact.pressure, places, size_mm=patch_mm)
     by_mesh = patch_pressures(mesh_contact.pressure, places, size_mm=patch_mm)
     return pressures.assign(mesh_pressure_MPa=by_mesh.pressure_MPa)
@@ -281,14 +256,12 @@ def bound_pressures(
     *,
     material: Mapping[str, float],
     uncertainty: Mapping[str, float],
-    patch_mm: float,
     seed: int,
-    source: str | Path = "macroscale",
-    **settings: float,
+    **settings: Any,
 ) -> pd.DataFrame:
     """95 % intervals of the patches' pressures, and how well the mesh knows their planes.
 
-    The result is that of `gstlib.uncertainty.pressure_intervals`.
+    Settings and result are those of `gstlib.uncertainty.pressure_intervals`.
     """
     from gstlib.uncertainty import draw_contact_moduli, pressure_intervals
 
@@ -298,17 +271,8 @@ def bound_pressures(
         poisson=uncertainty["poisson"],
         generator=np.random.default_rng(seed),
     )
-    return pressure_intervals(
-        surface,
-        composite,
-        pressures,
-        shares,
-        patch_mm=patch_mm,
-        placement_um=uncertainty["placement_um"],
-        source=source,
-        seed=seed,
-        **settings,
-    )
+    settings |= {"placement_um": uncertainty["placement_um"], "seed": seed}
+    return pressure_intervals(surface, composite, pressures, shares, **settings)
 
 
 def place_patches(
@@ -326,14 +290,9 @@ def place_patches(
     """
     from gstlib.placement import place_patches
 
-    return place_patches(
-        surface.height,
-        patches,
-        heights,
-        size_mm=patch_mm,
-        edge_mm=float(surface.height.attrs["mesh_edge_mm"]),
-        maximum_shift_um=maximum_shift_um,
-    )
+    limits = {"size_mm": patch_mm, "maximum_shift_um": maximum_shift_um}
+    edge_mm = float(surface.height.attrs["mesh_edge_mm"])
+    return place_patches(surface.height, patches, heights, edge_mm=edge_mm, **limits)
 
 
 # --- The scans --------------------------------------------------------------------------------
@@ -422,7 +381,6 @@ def registration_table(
 
     `changes` are pairs of a patch and its height change.
     """
-    from gstlib.coupling import select_patches
     from gstlib.validation.change import wear_summary
 
     quality = [
@@ -441,16 +399,9 @@ def registration_table(
         )
     table = pd.DataFrame(rows, columns=["patch", "found", *quality, *wear])
     # the pressures have a table of their own: here all pass
-    passed, rules = table.assign(pressure_MPa=1.0), {**selection, "minimum_pressure_MPa": 0.0}
-    judged = select_patches(passed, _match_quality(table), **rules)
+    rules = {**selection, "minimum_pressure_MPa": 0.0}
+    judged = select_patches(table.assign(pressure_MPa=1.0), table, rules)
     return table.assign(excluded=~judged.in_study, reason=judged.reason)
-
-
-def _match_quality(registration: pd.DataFrame) -> pd.DataFrame:
-    """What a selection asks of the registration."""
-    # of the detail: the long waves of a stone correlate wherever T1 is laid
-    correlation = registration.detail_correlation.where(registration.found)
-    return registration[["patch", "overlap"]].assign(correlation=correlation)
 
 
 def select_patches(
@@ -458,12 +409,29 @@ def select_patches(
 ) -> pd.DataFrame:
     """Which patches enter the study, by their pressure and by how well T1 matches T0.
 
-    Patches without a T1 are not in `registration`. The result is `pressures` with ``in_study`` and
-    ``reason``, which is empty where a patch is in the study.
+    Patches that `registration` (from `registration_table`) lacks have no T1: their pressure alone
+    decides. The result is `pressures` with ``in_study`` and ``reason``, empty where a patch is in.
     """
-    from gstlib.coupling import select_patches
-
-    return select_patches(pressures, _match_quality(registration), **selection)
+    known = registration.set_index("patch").to_dict("index")
+    pressure_MPa = selection["minimum_pressure_MPa"]
+    reasons = []
+    for row in pressures.itertuples(index=False):
+        found = []
+        if not row.pressure_MPa > 0:
+            found.append("no macroscale contact")
+        elif row.pressure_MPa < pressure_MPa:
+            found.append(f"pressure {row.pressure_MPa:.3g} below {pressure_MPa:g} MPa")
+        match = known.get(row.patch, {"found": True})
+        values = {"overlap": match.get("overlap")}
+        if match["found"]:  # of the detail: the long waves of a stone match wherever T1 is laid
+            values["correlation"] = match.get("detail_correlation")
+        else:
+            found.append("T1 was not found on T0")
+        for name, value in values.items():
+            if value is not None and value < (least := selection[f"minimum_{name}"]):
+                found.append(f"T0/T1 {name} {value:.2f} below {least:.2f}")
+        reasons.append("; ".join(found))
+    return pressures.assign(in_study=[not text for text in reasons], reason=reasons)
 
 
 # --- The patches ------------------------------------------------------------------------------
@@ -496,22 +464,11 @@ def levelled_patch(
 def place_patch(
     faces: xr.Dataset, composite: xr.Dataset, contact: xr.Dataset, patch: str
 ) -> xr.Dataset:
-    """A levelled patch as it lies on the stone, among the pressures around it.
+    """A patch of `levelled_patch` as it lies on the stone, among the pressures around it.
 
-    Parameters
-    ----------
-    faces : xarray.Dataset
-        From `levelled_patch`.
-    composite : xarray.Dataset
-        From `compose_surface`.
-    contact : xarray.Dataset
-        The square's at the target pressure.
-
-    Returns
-    -------
-    xarray.Dataset
-        `faces` with ``surroundings`` (y, x), the displacement by the macroscale pressures outside
-        the outline, mm; the slopes of its plane as attributes ``slope_y`` and ``slope_x``.
+    `contact` is the square's at the target pressure. The result adds ``surroundings`` (y, x), the
+    displacement by the macroscale pressures outside the outline, mm, and the slopes of the patch's
+    plane as attributes ``slope_y`` and ``slope_x``.
     """
     from gstlib.coupling import Place, surroundings
 
@@ -544,29 +501,20 @@ def solve_patch(faces: xr.Dataset, *, source: str | Path = "patch", **settings: 
 def solve_reference(
     heights: xr.DataArray,
     *,
-    contact_modulus_MPa: float,
-    target_pressure_MPa: float,
     source: str | Path = "reference",
+    **settings: float,
 ) -> xr.Dataset:
     """One contact of the whole square at the scans' resolution, at the target pressure.
 
-    Returns
-    -------
-    xarray.Dataset
-        ``height`` mm and ``pressure`` MPa (y, x), in single precision.
+    Settings are those of `gstlib.contact.contact_at_pressure`. The result has ``height`` mm and
+    ``pressure`` MPa (y, x), in single precision.
     """
     from gstlib.contact import contact_at_pressure
     from gstlib.preprocess.leveling import remove_plane
     from gstlib.reference import TOLERANCE
 
-    level = remove_plane(heights)[0].assign_attrs(heights.attrs)
-    contact = contact_at_pressure(
-        level.to_dataset(name="height"),
-        source=source,
-        contact_modulus_MPa=contact_modulus_MPa,
-        target_pressure_MPa=target_pressure_MPa,
-        tolerance=TOLERANCE,
-    )
+    level = remove_plane(heights)[0].assign_attrs(heights.attrs).to_dataset(name="height")
+    contact = contact_at_pressure(level, source=source, tolerance=TOLERANCE, **settings)
     return contact[["height", "pressure"]].astype(np.float32)
 
 
@@ -612,28 +560,24 @@ def microscale_tables(
     return pd.DataFrame(states, columns=state), pd.concat(paths[1:] or paths, ignore_index=True)
 
 
-def solve_slip(
-    contact: xr.Dataset, *, source: str | Path = "patch", **settings: float
-) -> xr.Dataset:
+def solve_slip(contact: xr.Dataset, **settings: Any) -> xr.Dataset:
     """Where a patch sticks and slips under a tangential load (Ciavarella 1998; Jäger 1998).
 
     Settings and result are those of `gstlib.contact.slip_dataset`.
     """
     from gstlib.contact import slip_dataset
 
-    return slip_dataset(contact, source=source, **settings)
+    return slip_dataset(contact, **settings)
 
 
-def solve_hardness(
-    contact: xr.Dataset, *, hardness_MPa: float, source: str | Path = "patch"
-) -> xr.Dataset:
+def solve_hardness(contact: xr.Dataset, **settings: Any) -> xr.Dataset:
     """The contact of a patch with a ceiling on its pressure, at the same mean pressure.
 
-    The result is that of `gstlib.contact.hardness_dataset`.
+    Settings and result are those of `gstlib.contact.hardness_dataset`.
     """
     from gstlib.contact import hardness_dataset
 
-    return hardness_dataset(contact, source=source, hardness_MPa=hardness_MPa)
+    return hardness_dataset(contact, **settings)
 
 
 # --- Was the prediction right? ----------------------------------------------------------------
@@ -723,14 +667,13 @@ Stage = TypeVar("Stage", bound=Callable[..., Any])
 
 
 def _stage(compute: Stage) -> Stage:
-    """A method of `Study` whose result is kept, or known already."""
+    """A method of `Study` whose result is kept."""
 
     @wraps(compute)
     def kept(self: "Study", *of: str) -> Any:
         key = (compute.__name__, *of)
         if key not in self.kept:
-            known = self.known(*key)
-            self.kept[key] = compute(self, *of) if known is None else known
+            self.kept[key] = compute(self, *of)
         return self.kept[key]
 
     return cast(Stage, kept)
@@ -755,9 +698,9 @@ class Study:
     worn : sequence of str
         The patches that have a T1.
     has_counterface : bool
-    known : callable, optional
-        Gives what is known of a stage already, by its name and what it is of (a patch, an
-        epoch), or None: from stored results, or from a study that differs in later stages only.
+    kept : dict, optional
+        Results of stages that are known already, by the stage's name and what it is of (a patch,
+        an epoch).
     """
 
     def __init__(
@@ -769,22 +712,19 @@ class Study:
         read_scan: Callable[[str, str], xr.DataArray],
         worn: Sequence[str],
         has_counterface: bool = False,
-        known: Callable[..., Any] = lambda stage, *of: None,
+        kept: Mapping[tuple[str, ...], Any] | None = None,
     ):
         self.config, self.patches, self.worn = config, patches, list(worn)
         self.read_mesh, self.read_scan = read_mesh, read_scan
-        self.has_counterface, self.known = has_counterface, known
-        self.kept: dict[tuple[str, ...], Any] = {}
+        self.has_counterface, self.kept = has_counterface, dict(kept or {})
 
     @_stage
     def surface(self) -> xr.Dataset:
         """Heights of the square, from `grid_macroscale`."""
         names = ("grid", "margin_mm", "interpolation")
         settings = {name: self.config["macroscale"][name] for name in names}
-        square = self.config["square"]
-        return grid_macroscale(
-            self.read_mesh(), square=square, mesh_unit="mm", source="mesh", **settings
-        )
+        settings |= {"square": self.config["square"], "mesh_unit": "mm", "source": "mesh"}
+        return grid_macroscale(self.read_mesh(), **settings)
 
     @property
     def _places(self) -> dict[str, Any]:

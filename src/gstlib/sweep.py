@@ -1,14 +1,11 @@
 """One-at-a-time sensitivity: what comes out of a study when one value of its config is changed?
 
 A sweep names factors. Each has some values: pieces of config that replace the study's own. For each
-value the stages that depend on it run again in memory; the rest is read from the stored study.
+value the study runs in memory (`gstlib.study.Study`).
 """
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import reduce
-from operator import getitem
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,11 +18,9 @@ __all__ = [
     "STUDY",
     "merged",
     "outcomes",
-    "stored_study",
     "sweep_problems",
     "sweep_settings",
     "sweep_table",
-    "unchanged",
 ]
 
 STUDY = "study"  # name of the setting that changes nothing
@@ -33,28 +28,14 @@ STUDY = "study"  # name of the setting that changes nothing
 _MODULUS = "contact_modulus_MPa"
 _PRESSURE, _CHANGE = "pressure_MPa", "relative_change(pressure_MPa)"
 
-# What each stage of `gstlib.study.Study` depends on: earlier stages, and sections or keys.
-_DEPENDS = {
-    "surface": ("square", *(f"macroscale.{key}" for key in ("grid", "margin_mm", "interpolation"))),
-    "composite": (
-        *("surface", "prepared", "placement.shift_x_um", "placement.shift_y_um"),
-        *("microscale.s_filter_um", "uncertainty.placement_um", "seed"),
-    ),
-    "contact": (
-        *("composite", "coupling", "material", "macroscale.target_pressure_MPa"),
-        "macroscale.tolerance",
-    ),
-    "pressures": ("contact",),
-    "prepared": ("scans", "preprocessing"),
-    "change": ("prepared", "registration", "traces"),
-    "patch_contact": (
-        *("pressures", "prepared", "microscale.tolerance"),
-        "microscale.s_filter_um",
-    ),
+# The sections and keys that `outcomes` depend on, but for the frame and the scans' format.
+_SWEPT = {
+    *("coupling", "material", "preprocessing", "registration", "traces", "texture", "selection"),
+    *("macroscale.grid", "macroscale.margin_mm", "macroscale.interpolation"),
+    *("macroscale.target_pressure_MPa", "macroscale.tolerance"),
+    *("microscale.tolerance", "microscale.s_filter_um", "validation.neighbourhood_um"),
+    *("placement.shift_x_um", "placement.shift_y_um", "uncertainty.placement_um"),
 }
-# What can be swept: all of these but the frame and the scans' format, and what `outcomes` take.
-_SWEPT = set().union(*_DEPENDS.values()).difference(_DEPENDS, ["square", "scans", "seed"])
-_SWEPT |= {"selection", "texture", "validation.neighbourhood_um"}
 
 
 class Setting(NamedTuple):
@@ -79,10 +60,7 @@ class Setting(NamedTuple):
 def sweep_settings(sweep: Mapping[str, Sequence[Mapping]]) -> list[Setting]:
     """Every setting of a sweep, the study's own first.
 
-    Parameters
-    ----------
-    sweep : mapping
-        The config's section: for each factor a list of pieces of config.
+    `sweep` is the config's section: for each factor a list of pieces of config.
     """
     return [Setting(STUDY, "", "", {})] + [
         Setting(f"{factor.replace(' ', '_')}-{number}", factor, _in_words(changes), changes)
@@ -110,25 +88,10 @@ def merged(config: Mapping, changes: Mapping) -> dict:
     }
 
 
-def unchanged(stage: str, base: Mapping, config: Mapping) -> bool:
-    """Whether a stage of `gstlib.study.Study` gives the same with both configs."""
-    return all(
-        unchanged(name, base, config)
-        if name in _DEPENDS
-        else reduce(getitem, name.split("."), base) == reduce(getitem, name.split("."), config)
-        for name in _DEPENDS[stage]
-    )
-
-
 def sweep_problems(config: Mapping, problems_of: Callable[[Mapping], Iterable[str]]) -> list[str]:
-    """All that is wrong with the sweep of a config, in sentences.
+    """All that is wrong with the sweep of a whole config, in sentences.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration, with the section ``sweep``.
-    problems_of : callable
-        What is wrong with a whole configuration.
+    `problems_of` gives what is wrong with a whole config, whatever its sweep.
     """
     problems: list[str] = []
     for factor, values in (config["sweep"] or {}).items():
@@ -149,46 +112,6 @@ def sweep_problems(config: Mapping, problems_of: Callable[[Mapping], Iterable[st
                 found = [f"{', '.join(void)} has no effect {given}"]
             problems += [f"'sweep.{factor}', value {number}: {text}" for text in found]
     return problems
-
-
-def stored_study(results: Path, base: Mapping, config: Mapping) -> Callable[..., Any]:
-    """What a finished study has stored of the stages that a changed config leaves as they are.
-
-    Parameters
-    ----------
-    results : path
-        Folder of the study's results.
-    base, config : mapping
-        The config of the study, and the changed one.
-
-    Returns
-    -------
-    callable
-        For `gstlib.study.Study`, as its `known`.
-    """
-    from gstlib.io.store import read_dataset
-    from gstlib.io.tables import read_table
-
-    def known(stage: str, *of: str) -> Any:
-        if stage not in _DEPENDS or not unchanged(stage, base, config):
-            return None
-        if stage == "pressures":
-            return read_table(results / "coupling/pressures.csv")
-        name = "_".join(filter(None, of))  # the counterface has no epoch
-        file, only = {
-            "surface": ("macroscale/surface", None),
-            "composite": ("macroscale/composite", None),
-            "contact": ("macroscale/contact", ["pressure"]),
-            "prepared": (f"surfaces/{name}", ["height", "filled", "outlier"]),
-            "change": (f"registered/{name}", None),
-            "patch_contact": (f"microscale/{name}", None),
-        }[stage]
-        if stage == "composite" and base["coupling"] == "levelled":
-            return None  # it is not stored
-        stored = read_dataset(results / f"{file}.h5", only=only)
-        return stored.isel(step=-1) if stage == "contact" else stored
-
-    return known
 
 
 def outcomes(study: "Study") -> pd.DataFrame:
@@ -235,19 +158,10 @@ def outcomes(study: "Study") -> pd.DataFrame:
 def sweep_table(settings: Sequence[Setting], found: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """One row for each outcome of each setting.
 
-    Parameters
-    ----------
-    settings : sequence of Setting
-        The study's own among them.
-    found : mapping of str to DataFrame
-        From `outcomes`, by the setting's name.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``factor, value, output, patch, result, change, low, high``; ``factor`` and ``value`` are
-        empty for the study itself, ``change`` is the result less the study's. Each setting has one
-        more row: the sum of the absolute changes of the patches' pressures over their sum.
+    `found` are `outcomes` by the setting's name, the study's own among them. The result has
+    ``factor, value, output, patch, result, change, low, high``; ``factor`` and ``value`` are empty
+    for the study itself, ``change`` is the result less the study's. Each setting has one more row:
+    the sum of the absolute changes of the patches' pressures over their sum.
     """
     keys = ["output", "patch"]
     study = found[STUDY].set_index(keys).result

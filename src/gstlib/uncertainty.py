@@ -12,14 +12,14 @@ forces in place of forces at the scans' resolution is small beside them (docs/tw
 # ratios (normal); which of the two readings of E* is right is not drawn.
 
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from gstlib.bem import contact_modulus
-from gstlib.composite import PER_ELEMENT, block_means, compose, draw_mesh_errors, plane_under
+from gstlib.composite import compose_grid, draw_mesh_errors, plane_under
 from gstlib.contact import contact_at_pressure
 from gstlib.coupling import half_extent, patch_pressures, places_of, spline_of
 from gstlib.preprocess.leveling import remove_plane
@@ -41,23 +41,10 @@ def draw_contact_moduli(
     generator: np.random.Generator,
     draws: int = _DRAWS,
 ) -> np.ndarray:
-    """Contact moduli that the stones may have, relative to that of their nominal constants.
+    """Contact moduli (draws,) that the stones may have, over that of their nominal constants.
 
-    Parameters
-    ----------
-    material : mapping
-        ``young_1_MPa, poisson_1, young_2_MPa, poisson_2``.
-    young_share : float
-        Standard deviation of the logarithm of each Young's modulus.
-    poisson : float
-        Standard deviation of each Poisson's ratio.
-    generator : numpy.random.Generator
-    draws : int
-
-    Returns
-    -------
-    (draws,) ndarray
-        Dimensionless.
+    `material` has ``young_1_MPa, poisson_1, young_2_MPa, poisson_2``; `young_share` is the standard
+    deviation of the logarithm of each Young's modulus, `poisson` that of each Poisson's ratio.
     """
     nominal, drawn = [], []
     for stone in (1, 2):
@@ -81,8 +68,8 @@ def pressure_intervals(
     placement_um: float,
     contact_modulus_MPa: float,
     target_pressure_MPa: float,
-    source: Any,
     seed: int,
+    source: str | Path = "macroscale",
 ) -> pd.DataFrame:
     """95 % intervals of each patch's pressure.
 
@@ -110,8 +97,7 @@ def pressure_intervals(
         ``patch, pressure_MPa, low_MPa, high_MPa``; with a composite also ``tilt_mrad``,
         ``tilt_error_mrad`` and ``plane``, "mesh" or, where it is not known, "levelled".
     """
-    element, count = max(spacing_of(surface.height)), len(surface.y)
-    fine = (PER_ELEMENT * count, PER_ELEMENT * count)
+    square_mm = max(spacing_of(surface.height)) * len(surface.y)
     generators = [np.random.default_rng([seed, 1, draw]) for draw in range(len(shares))]
     errors = draw_mesh_errors(surface, len(shares), np.random.default_rng([seed, 2]))
     half = half_extent(patch_mm, pressures.rotation_deg)
@@ -120,15 +106,13 @@ def pressure_intervals(
         height, moved = surface.height + error, pressures.copy()
         for axis in ("x_mm", "y_mm"):
             shift = placement_um * 1e-3 * generator.standard_normal(len(moved))
-            moved[axis] = (moved[axis] + shift).clip(half, count * element - half)
+            moved[axis] = (moved[axis] + shift).clip(half, square_mm - half)
         if composite is not None:
             spline, places = spline_of(height), places_of(moved)
             planes = [plane_under(spline, place, patch_mm) for place in places.values()]
             laid = zip(places.values(), planes, composite.scan.values, strict=True)
-            spacing = element / PER_ELEMENT
             # the generator goes on: another detail in each draw
-            detailed = compose(spline, laid, patch_mm, fine, spacing, composite.density, generator)
-            height = height.copy(data=block_means(detailed, PER_ELEMENT))
+            height = compose_grid(height, laid, patch_mm, composite.density, generator)
         contact = contact_at_pressure(
             xr.Dataset({"height": remove_plane(height)[0]}),
             source=source,

@@ -6,8 +6,8 @@ import pytest
 import xarray as xr
 
 from gstlib.composite import (
-    block_means,
     compose,
+    compose_grid,
     compose_surface,
     draw_mesh_errors,
     plane_under,
@@ -51,9 +51,9 @@ def scans(detail: float = 1e-3):
         yield patch, remove_plane(make_surface(heights, PATCH / POINTS))[0]
 
 
-def composed(**changes) -> xr.Dataset:
-    settings = {"patch_mm": PATCH, "placement_um": 10.0, "seed": 1} | changes
-    return compose_surface(mesh_surface(), PLACES, scans(), **settings)
+def composed(heights=None, *, error=1e-4, seed=1) -> xr.Dataset:
+    settings = {"patch_mm": PATCH, "placement_um": 10.0, "seed": seed}
+    return compose_surface(mesh_surface(error), PLACES, heights or scans(), **settings)
 
 
 def test_a_scan_gets_back_the_plane_that_levelling_took():
@@ -103,9 +103,7 @@ def test_a_scan_of_rectangular_points_is_laid_as_one_of_squares():
             halved = scan.values.reshape(POINTS, POINTS // 2, 2).mean(axis=2)
             yield patch, make_surface(halved, (PATCH / POINTS, 2 * PATCH / POINTS))
 
-    settings = {"patch_mm": PATCH, "placement_um": 10.0, "seed": 1}
-    squares = compose_surface(mesh_surface(), PLACES, scans(detail=0.0), **settings)
-    found = compose_surface(mesh_surface(), PLACES, narrower(), **settings)
+    squares, found = composed(scans(detail=0.0)), composed(narrower())
     np.testing.assert_allclose(found.height, squares.height, atol=2e-4)
 
 
@@ -118,11 +116,11 @@ def test_where_outlines_overlap_their_mean_counts():
     assert set(np.round(row[(row > 0.5)], 9)) == {1.0, 2.0, 3.0}
 
 
-def test_block_means_keep_the_mean():
-    heights = np.random.default_rng(0).standard_normal((12, 8))
-    means = block_means(heights, 4)
-    assert means.shape == (3, 2)
-    np.testing.assert_allclose(means[2, 1], heights[8:, 4:].mean())
+def test_the_composite_on_the_grid_is_the_mean_over_each_element():
+    height = mesh_surface().height[:, :20]
+    flat = spline_of(height)(*(axis_coordinates(4 * n, SIDE / COUNT / 4) for n in height.shape))
+    found = compose_grid(height, [], PATCH, None, 0)
+    np.testing.assert_allclose(found[7, 12], flat[28:32, 48:52].mean())
 
 
 def test_detail_between_the_scans_has_their_spectrum():
@@ -162,9 +160,7 @@ def test_a_plane_that_the_mesh_does_not_know_is_left_level():
     sure = composed()
     assert sure.known.all()
     assert (sure.tilt_mrad > sure.tilt_error_mrad).all()
-    lost = compose_surface(
-        mesh_surface(error=0.05), PLACES, scans(), patch_mm=PATCH, placement_um=10.0, seed=1
-    )
+    lost = composed(error=0.05)
     assert not lost.known.any()
     assert not lost.slope_x.values.any()
     assert not lost.slope_y.values.any()

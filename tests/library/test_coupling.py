@@ -11,10 +11,10 @@ from gstlib.coupling import (
     Place,
     footprint_weights,
     patch_pressures,
-    select_patches,
     shifted,
     surroundings,
 )
+from gstlib.study import select_patches
 from gstlib.surface import make_surface
 
 GRID = make_surface(np.zeros((20, 24)), (0.25, 0.2))  # 5 mm × 4.8 mm
@@ -39,13 +39,10 @@ def test_footprint_inside_has_its_whole_area(y, x, size, rotation):
     assert weights.max() <= 1 + 1e-12
 
 
-def test_unturned_footprint_is_the_product_of_its_overlaps():
-    weights = footprint_weights(GRID, x=1.23, y=2.71, size=0.85)
-    overlap_y, overlap_x = (
-        np.clip(np.minimum(c + d / 2, m + 0.425) - np.maximum(c - d / 2, m - 0.425), 0, None) / d
-        for c, d, m in ((GRID.y.values, 0.25, 2.71), (GRID.x.values, 0.2, 1.23))
-    )
-    np.testing.assert_allclose(weights, np.outer(overlap_y, overlap_x), atol=1e-12)
+@pytest.mark.parametrize("quarter", [90.0, -90.0, 180.0])
+def test_a_footprint_turned_by_quarters_is_the_unturned_one(quarter):
+    turned, unturned = (footprint_weights(GRID, 1.23, 2.71, 0.85, r) for r in (quarter, 0.0))
+    np.testing.assert_allclose(turned, unturned, atol=1e-12)
 
 
 def test_rotation_turns_x_towards_y():
@@ -84,62 +81,37 @@ def test_footprints_that_tile_share_out_all_of_the_force(seed, size, shift_x, sh
     np.testing.assert_allclose(table.pressure_MPa, table.force_N / size**2)
 
 
-def test_uniform_pressure_comes_through():
-    patches = pd.DataFrame({"patch": ["a"], "x_mm": [1.234], "y_mm": [3.21]}).assign(
-        rotation_deg=0.0
-    )
-    uniform = GRID.copy(data=np.full(GRID.shape, 22.0))
-    row = patch_pressures(uniform, patches, size_mm=0.85).iloc[0]
+def test_uniform_pressure_comes_through_and_none_far_from_contact():
+    places = pd.DataFrame({"patch": ["a"], "x_mm": [1.234], "y_mm": [3.21], "rotation_deg": 0.0})
+    uniform, far = GRID.copy(data=np.full(GRID.shape, 22.0)), GRID.copy()
+    far[2, 2] = 50.0
+    row, empty = (patch_pressures(p, places, size_mm=0.85).iloc[0] for p in (uniform, far))
     assert row.pressure_MPa == pytest.approx(22.0)
     assert row.contact_fraction == pytest.approx(1.0)
     assert row.peak_pressure_MPa == 22.0
     assert row.force_N == pytest.approx(22.0 * 0.85**2)
+    assert empty.pressure_MPa == empty.contact_fraction == empty.peak_pressure_MPa == 0
 
 
-def test_patch_without_contact():
-    pressure = GRID.copy()
-    pressure[2, 2] = 50.0
-    patches = pd.DataFrame({"patch": ["far"], "x_mm": [4.0], "y_mm": [4.0]}).assign(
-        rotation_deg=0.0
-    )
-    row = patch_pressures(pressure, patches, size_mm=0.85).iloc[0]
-    assert row.pressure_MPa == row.contact_fraction == row.peak_pressure_MPa == 0
-
-
-class TestSelection:
+def test_patches_are_selected_by_pressure_overlap_and_correlation():
     pressures = pd.DataFrame({"patch": list("12345"), "pressure_MPa": [0.0, 0.5, 8.0, 22.0, 70.0]})
-    registration = pd.DataFrame(
-        {
-            "patch": list("1345"),
-            "overlap": [0.52, 0.52, 0.95, np.nan],
-            "correlation": [0.99, 0.3, 0.99, 0.99],
-        }
-    )
-
-    def select(self, registration):
-        return select_patches(
-            self.pressures,
-            registration,
-            minimum_pressure_MPa=1.0,
-            minimum_overlap=0.8,
-            minimum_correlation=0.6,
-        )
-
-    def test_reasons(self):
-        table = self.select(self.registration)
-        assert list(table.reason) == [
-            "no macroscale contact; T0/T1 overlap 0.52 below 0.80",
-            "pressure 0.5 below 1 MPa",
-            "T0/T1 overlap 0.52 below 0.80; T0/T1 correlation 0.30 below 0.60",
-            "",
-            "T1 was not found on T0",
-        ]
-        assert list(table.in_study) == [False, False, False, True, False]
-
-    def test_without_t1_the_pressure_decides(self):
-        table = self.select(self.registration[:0])
-        assert list(table.in_study) == [False, False, True, True, True]
-        assert list(table.reason[:2]) == ["no macroscale contact", "pressure 0.5 below 1 MPa"]
+    registration = pd.DataFrame({"patch": list("1345"), "overlap": [0.52, 0.52, 0.95, 0.9]})
+    registration["detail_correlation"] = [0.99, 0.3, 0.99, 0.1]
+    registration["found"] = [True, True, True, False]
+    rules = {"pressure_MPa": 1.0, "overlap": 0.8, "correlation": 0.6}
+    rules = {f"minimum_{name}": value for name, value in rules.items()}
+    table = select_patches(pressures, registration, rules)
+    assert list(table.reason) == [
+        "no macroscale contact; T0/T1 overlap 0.52 below 0.80",
+        "pressure 0.5 below 1 MPa",
+        "T0/T1 overlap 0.52 below 0.80; T0/T1 correlation 0.30 below 0.60",
+        "",
+        "T1 was not found on T0",
+    ]
+    assert list(table.in_study) == [False, False, False, True, False]
+    without_t1 = select_patches(pressures, registration[:0], rules)
+    assert list(without_t1.in_study) == [False, False, True, True, True]
+    assert list(without_t1.reason[:2]) == ["no macroscale contact", "pressure 0.5 below 1 MPa"]
 
 
 def test_shifted_patches_stay_on_the_square():
@@ -151,11 +123,12 @@ def test_shifted_patches_stay_on_the_square():
             "rotation_deg": [0.0, 0.0, 45.0],
         }
     )
-    moved = shifted(patches, [30.0, -20.0], size_mm=0.85, square_mm=4.8)
+    square = make_surface(np.zeros((48, 48)), 0.1)
+    moved = shifted(patches, [30.0, -20.0], square, size_mm=0.85)
     np.testing.assert_allclose(moved.x_mm, [1.03, 4.8 - 0.425, 2.03], rtol=1e-12)
     # the turned one reaches half a diagonal from its centre
     np.testing.assert_allclose(moved.y_mm, [1.98, 2.98, 4.8 - 0.425 * np.sqrt(2)], rtol=1e-12)
-    alike = shifted(patches.drop(columns="rotation_deg"), [0, 0], size_mm=0.85, square_mm=4.8)
+    alike = shifted(patches.drop(columns="rotation_deg"), [0, 0], square, size_mm=0.85)
     pd.testing.assert_frame_equal(alike, patches.assign(rotation_deg=0.0))
 
 

@@ -14,7 +14,7 @@ import xarray as xr
 
 from gstlib.errors import InputError
 from gstlib.figures import macroscale, maps, microscale, style, tables
-from gstlib.io.store import read_dataset, read_fields
+from gstlib.io.store import read_dataset
 from gstlib.preprocess.frame import Frame, stored_frame
 from gstlib.surface import make_surface
 
@@ -273,13 +273,3 @@ def test_script_draws_the_studied_patches_in_even_steps_of_pressure(tmp_path, co
 def test_script_refuses_a_table_of_other_patches(tmp_path):
     with pytest.raises(InputError, match=r"pressures\.csv.*one row for each patch"):
         run(tmp_path, "microscale_maps", patch=["1", "2", "4"])
-
-
-def test_fields_are_read_as_by_the_general_reader(tmp_path):
-    CHANGE.to_netcdf(file := tmp_path / "a.h5", engine="h5netcdf")
-    fast, whole = (read(file, ["loss", "t1"]) for read in (read_fields, read_dataset))
-    xr.testing.assert_identical(fast.drop_attrs(), whole.drop_attrs())
-    assert (fast.attrs, fast["loss"].dtype) == (CHANGE.attrs, bool)
-    file.write_bytes(b"no HDF5")
-    with pytest.raises(InputError, match=r"a\.h5.*cannot be read as HDF5"):
-        read_fields(file, ["loss"])

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from gstlib.power import LEVELS, p_values, rejection_rates, score_study, specimen_studies
+from gstlib.power import LEVELS, p_values, rejection_rates, specimen_studies
 from gstlib.specimen.randomness import smooth_field
 from gstlib.specimen.stone import WEAR_PLACEMENTS
 from gstlib.study import Study
@@ -81,9 +81,12 @@ def claims(wear="summits", moved=()):
         change = height_change(height, height - 1e-3 * lost + rng.normal(0, 1e-5, height.shape))
         contact = xr.Dataset(fields | {"displacement": float(depth.max())})
         made |= {("patch_contact", name): contact, ("change", name): change}
-    files = {"read_mesh": None, "read_scan": None, "worn": names}
-    study = Study(CONFIG, places, **files, known=lambda *stage: made[stage])
-    return p_values(score_study(study, seed=SEED), places, seed=SEED)
+    return p_values_of(places, made)
+
+
+def p_values_of(places, made):
+    files = {"read_mesh": None, "read_scan": None, "worn": list(places.patch)}
+    return p_values(Study(CONFIG, places, **files, kept=made), seed=SEED)
 
 
 def test_a_relation_is_found_and_no_other(monkeypatch):
@@ -114,7 +117,8 @@ def test_a_gain_is_claimed_only_where_contact_is_better(moved, claimed):
 
 def test_a_specimen_without_patches_claims_nothing():
     places = pd.DataFrame(columns=["patch", "x_mm", "y_mm", "pressure_MPa"])
-    assert all(table.empty for table in p_values([], places, seed=SEED))
+    places = places.assign(in_study=np.array([], bool))
+    assert all(table.empty for table in p_values_of(places, {("selected",): places}))
 
 
 def test_the_later_studies_share_what_precedes_use_and_nothing_else():

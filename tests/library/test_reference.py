@@ -16,8 +16,9 @@ def square(values) -> xr.DataArray:
     return make_surface(values, 0.01)
 
 
-def scan(*shape) -> xr.DataArray:
-    return make_surface(np.zeros(shape * (2 // len(shape))), 0.01)
+def scan(rows, columns=None) -> xr.DataArray:
+    columns = columns or rows
+    return make_surface(np.zeros((rows, columns)), (0.01, 0.01 * rows / columns))
 
 
 def contact(pressure, **attrs) -> xr.Dataset:
@@ -53,19 +54,12 @@ def test_a_scan_reads_the_reference_where_it_lies():
         found = patches_of_reference([square(pressure)], {"a": place}, scan(33))
         at = np.argwhere(found.contact.values[0, 0])
         np.testing.assert_array_equal(at, [[16, 16]])
-    beside = Place(1.205 - 0.1, 0.805 - 0.05, 0.0)
-    found = patches_of_reference([square(pressure)], {"a": beside}, scan(33))
-    np.testing.assert_array_equal(np.argwhere(found.contact.values[0, 0]), [[26, 21]])
-    assert float(found.pressure[0, 0]) == pytest.approx(5.0 / 33**2)
-
-
-def test_points_of_a_scan_may_be_rectangles():
-    pressure = np.zeros((SQUARE, SQUARE))
-    pressure[120, 80] = 5.0
-    wide = make_surface(np.zeros((33, 11)), (0.01, 0.03))
-    place = Place(1.205 - 0.1, 0.805 - 0.03, 0.0)
-    found = patches_of_reference([square(pressure)], {"a": place}, wide)
-    np.testing.assert_array_equal(np.argwhere(found.contact.values[0, 0]), [[26, 6]])
+    # a scan of squares, and one of rectangles
+    for grid, along_x, column in ((scan(33), 0.05, 21), (scan(33, 11), 0.03, 6)):
+        beside = Place(1.205 - 0.1, 0.805 - along_x, 0.0)
+        found = patches_of_reference([square(pressure)], {"a": beside}, grid)
+        np.testing.assert_array_equal(np.argwhere(found.contact.values[0, 0]), [[26, column]])
+        assert float(found.pressure[0, 0]) == pytest.approx(5.0 / grid.size)
 
 
 def test_points_outside_the_square_are_not_in_contact():

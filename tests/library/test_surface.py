@@ -13,11 +13,8 @@ def test_element_centres_and_spacing():
 
 
 @pytest.mark.parametrize("spacing", [0.0, -1.0, np.nan, np.inf, (1.0, -1.0)])
-def test_spacing_must_be_positive(spacing):
+def test_what_is_no_surface_is_refused(spacing):
     with pytest.raises(ValueError, match="spacing"):
         make_surface(np.zeros((2, 2)), spacing)
-
-
-def test_heights_must_be_a_map():
     with pytest.raises(ValueError, match="dimensions"):
         make_surface(np.zeros(4), 1.0)

@@ -45,7 +45,7 @@ wildcard_constraints:
 
 
 def code(script):
-    """Hash of the library code that `script` uses: a parameter, so that its change is a reason to rerun."""
+    """Hash of the library that `script` runs on: a parameter, so that its change is a reason to rerun."""
     return source_hash(Path(workflow.basedir) / "workflow/scripts" / script)
 
 

@@ -1,5 +1,5 @@
 # What moves the results most? `make sweep`.
-# Takes: the study's own inputs and stages. Gives: patch pressures, scores and texture with one value changed
+# Takes: the study's own inputs. Gives: patch pressures, scores and texture with one value changed
 # at a time, in one table and one figure.
 
 if config["sweep"] is not None:
@@ -10,7 +10,7 @@ if config["sweep"] is not None:
             f"{RESULTS}/tables/sweep.csv",
             f"{RESULTS}/figures/sweep.png",
 
-    # One job for each setting, with all stages that depend on it: jobs for each stage and patch would take
+    # One job for each setting, with all stages: jobs for each stage and patch would take
     # longer to start than to run.
     rule try_setting:
         input:
@@ -18,14 +18,6 @@ if config["sweep"] is not None:
             t0_scans=scans_at("t0", ALL_PATCHES),
             t1_scans=scans_at("t1", WORN_PATCHES),
             counterface_scan=COUNTERFACE_SCAN,
-            surface=f"{RESULTS}/macroscale/surface.h5",
-            composite=COMPOSITE,
-            contact=f"{RESULTS}/macroscale/contact.h5",
-            t0=surfaces("T0", ALL_PATCHES),
-            t1=surfaces("T1", WORN_PATCHES),
-            counterface=COUNTERFACE,
-            registered=registered(WORN_PATCHES),
-            contacts=contacts(ALL_PATCHES),
         output:
             outcome=f"{RESULTS}/sweep/{{setting}}.csv",
         log:

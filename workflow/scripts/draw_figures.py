@@ -20,7 +20,7 @@ from gstlib.errors import InputError
 from gstlib.figures import macroscale, microscale, tables
 from gstlib.figures.style import message_figure, save_figure
 from gstlib.io.meshes import read_mesh
-from gstlib.io.store import read_attributes, read_dataset, read_fields
+from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_table
 from gstlib.logs import patch_by_patch, run_script
 from gstlib.preprocess.frame import stored_frame
@@ -61,7 +61,7 @@ class Study:
             found = dict(zip(ids, files, strict=True))
         else:
             found = {patch: files / f"{patch}.h5" for patch in patches}
-        return {patch: read_fields(found[patch], only) for patch in patches}
+        return {patch: read_dataset(found[patch], only) for patch in patches}
 
     def table(self, name: str, *columns: str) -> pd.DataFrame:
         return read_table(self.files[name], columns)

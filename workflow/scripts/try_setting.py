@@ -1,7 +1,4 @@
-"""Run the study in memory with one value changed, as far as that matters.
-
-The stored results of the study are read where the change leaves them as they are.
-"""
+"""Run the study in memory with one value changed."""
 
 from pathlib import Path
 
@@ -12,7 +9,7 @@ from gstlib.io.scans import read_scan
 from gstlib.io.tables import write_table
 from gstlib.logs import run_script
 from gstlib.study import Study
-from gstlib.sweep import merged, outcomes, stored_study
+from gstlib.sweep import merged, outcomes
 
 
 def main(
@@ -20,7 +17,6 @@ def main(
     t0_scans: list[Path],
     t1_scans: list[Path],
     counterface_scan: Path,
-    surface: Path,
     outcome: Path,
     *,
     patches: dict[str, list],
@@ -28,9 +24,7 @@ def main(
     mesh_unit: str,
     config: dict,
     changes: dict,
-    **stored: list[Path],
 ) -> None:
-    """`surface` lies in the study's results; `stored` is what must be there besides."""
     table, changed = pd.DataFrame(patches), merged(config, changes)
     scans = {(patch, "T0"): file for patch, file in zip(table.patch, t0_scans, strict=True)}
     scans |= {(patch, "T1"): file for patch, file in zip(worn, t1_scans, strict=True)}
@@ -43,7 +37,6 @@ def main(
         read_scan=lambda *of: read_scan(scans[of], **known),
         worn=worn,
         has_counterface=bool(counterface_scan),
-        known=stored_study(surface.parents[1], config, changed),
     )
     write_table(outcome, outcomes(study))
 

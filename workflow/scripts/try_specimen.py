@@ -6,7 +6,7 @@ import pandas as pd
 
 from gstlib.io.tables import write_table
 from gstlib.logs import run_script
-from gstlib.power import p_values, score_study, specimen_studies
+from gstlib.power import p_values, specimen_studies
 
 
 def main(
@@ -21,7 +21,7 @@ def main(
     seed = [config["seed"], specimen_seed]
     found, scored = [], []
     for wear, study in specimen_studies(config, pd.DataFrame(patches), specimen_seed):
-        of_wear, of_patches = p_values(score_study(study, seed=seed), study.selected(), seed=seed)
+        of_wear, of_patches = p_values(study, seed=seed)
         found.append(of_wear.assign(wear=wear))
         scored.append(of_patches.assign(wear=wear))
     for path, rows in ((tests, found), (scores, scored)):

@@ -147,22 +147,10 @@ class HalfSpace:
         return EvenConvolution(self.shape, spectrum, dtype)
 
     def displacement(self, pressure) -> np.ndarray:
-        """Surface displacement under a pressure field.
+        """Displacement at element centres (mm) under a pressure, uniform on each element (MPa).
 
-        Parameters
-        ----------
-        pressure : array_like, shape (ny, nx)
-            Pressure (MPa), positive in compression, uniform on each element.
-
-        Returns
-        -------
-        ndarray, shape (ny, nx)
-            Displacement at element centres (mm), positive into the half-space.
-
-        Raises
-        ------
-        InvalidContactInput
-            Pressure of another shape, or not of finite real numbers.
+        Both are of shape (ny, nx). A pressure of another shape, or not of finite real numbers,
+        raises `InvalidContactInput`.
         """
         return self.exact_displacement(checked_array("pressure", pressure, self.shape)).copy()
 
@@ -191,10 +179,7 @@ class HalfSpace:
         return self._inverse(displacement)
 
     def box(self, shape: tuple[int, int]) -> "HalfSpace":
-        """The half-space on a part of the grid that holds `shape` elements, or more.
-
-        It is this one if that is hardly larger; else the last one made, if that is; else a new one.
-        """
+        """The half-space on a part of the grid that holds `shape` elements, or more."""
         for known in (self, self._box):
             if (
                 known is not None

@@ -24,6 +24,16 @@ def centred(n, spacing):
     return np.meshgrid(at, at)
 
 
+def rms_gradient(heights, length):
+    """Of a periodic n × n surface, by its spectrum."""
+    n = len(heights)
+    wave_y = 2 * np.pi * np.fft.fftfreq(n, length / n)[:, None]
+    wave_x = 2 * np.pi * np.fft.rfftfreq(n, length / n)
+    spectrum = np.fft.rfft2(heights)
+    slopes = [np.fft.irfft2(1j * q * spectrum, s=heights.shape) for q in (wave_x, wave_y)]
+    return math.sqrt(sum((slope**2).mean() for slope in slopes))
+
+
 def solved(heights, spacing, force, **options):
     mean = force / (heights.size * spacing**2)
     return solve_contact(heights, spacing, MODULUS, mean_pressure=mean, tolerance=1e-8, **options)
@@ -166,13 +176,11 @@ def test_full_contact_of_a_rough_surface():
     state = solve_contact(heights, length / n, MODULUS, mean_pressure=50.0, tolerance=1e-9)
     flat = solve_contact(0 * heights, length / n, MODULUS, mean_pressure=50.0, tolerance=1e-9)
     assert state.contact_fraction == 1
-    wave_y = 2 * np.pi * np.fft.fftfreq(n, length / n)[:, None]
-    wave_x = 2 * np.pi * np.fft.rfftfreq(n, length / n)
-    slope = [np.fft.irfft2(1j * q * np.fft.rfft2(heights), s=(n, n)) for q in (wave_x, wave_y)]
-    rms_gradient = math.sqrt(sum((s**2).mean() for s in slope))
     middle = np.s_[16:-16, 16:-16]
     found = (state.pressure - flat.pressure)[middle].std()
-    assert found == pytest.approx(full_contact_rms_pressure(rms_gradient, MODULUS), rel=0.1)
+    assert found == pytest.approx(
+        full_contact_rms_pressure(rms_gradient(heights, length), MODULUS), rel=0.1
+    )
 
 
 def test_contact_grows_in_proportion_between_persson_and_bush():
@@ -182,18 +190,12 @@ def test_contact_grows_in_proportion_between_persson_and_bush():
     slopes = []
     for seed in (0, 1):
         heights = self_affine(n, seed=seed, cut_off=16, roll_off=0.1)
-        frequency_y = 2 * np.pi * np.fft.fftfreq(n, length / n)[:, None]
-        frequency_x = 2 * np.pi * np.fft.rfftfreq(n, length / n)
-        spectrum = np.fft.rfft2(heights)
-        gradient = math.sqrt(
-            sum(
-                (np.fft.irfft2(1j * q * spectrum, s=(n, n)) ** 2).mean()
-                for q in (frequency_x, frequency_y)
-            )
-        )
         reduced = 0.02
         state = solve_contact(
-            heights, length / n, MODULUS, mean_pressure=reduced * MODULUS * gradient
+            heights,
+            length / n,
+            MODULUS,
+            mean_pressure=reduced * MODULUS * rms_gradient(heights, length),
         )
         slopes.append(corrected_contact_fraction(state.contact) / reduced)
     assert math.sqrt(8 / math.pi) < np.mean(slopes) < math.sqrt(2 * math.pi)

@@ -20,20 +20,12 @@ def test_agrees_with_doubly_bounded_least_squares(limit):
     expected = lsq_linear(
         factor.T, np.linalg.solve(factor, overlap), (0, limit), method="bvls", tol=1e-14
     ).x
-    state = solve_contact(
-        SMALL, SPACING, MODULUS, displacement=0.004, pressure_limit=limit, tolerance=1e-11
-    )
+    settings = {"pressure_limit": limit, "tolerance": 1e-11}
+    state = solve_contact(SMALL, SPACING, MODULUS, displacement=0.004, **settings)
     np.testing.assert_allclose(state.pressure.ravel(), expected, atol=1e-8 * expected.max())
     assert np.array_equal(state.contact.ravel(), expected > 1e-9 * expected.max())
     assert state.pressure.max() <= limit
-    loaded = solve_contact(
-        SMALL,
-        SPACING,
-        MODULUS,
-        mean_pressure=state.mean_pressure,
-        pressure_limit=limit,
-        tolerance=1e-11,
-    )
+    loaded = solve_contact(SMALL, SPACING, MODULUS, mean_pressure=state.mean_pressure, **settings)
     np.testing.assert_allclose(loaded.pressure, state.pressure, atol=1e-6 * expected.max())
     assert loaded.mean_pressure == pytest.approx(state.mean_pressure, rel=1e-12)
 

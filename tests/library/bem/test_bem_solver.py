@@ -229,16 +229,9 @@ def test_the_load_is_carried_though_the_start_cannot(size, spike):
     heights[spike, spike] = 1.0
     limit = 100.0
     pressure = 3 * limit / size**2  # the spike alone bears a third
-    start = np.where(heights > 0, 1.0, 0.0)
-    for initial in (None, start):
-        state = solve_contact(
-            heights,
-            0.01,
-            1e4,
-            mean_pressure=pressure,
-            pressure_limit=limit,
-            initial_pressure=initial,
-        )
+    load = {"mean_pressure": pressure, "pressure_limit": limit}
+    for initial in (None, np.where(heights > 0, 1.0, 0.0)):
+        state = solve_contact(heights, 0.01, 1e4, initial_pressure=initial, **load)
         assert state.mean_pressure == pytest.approx(pressure, rel=1e-12)
         assert state.pressure[spike, spike] == limit
 
