@@ -21,7 +21,8 @@ def script_of(rule):
 def test_a_hardness_below_a_pressure_is_refused_before_anything_is_solved(tmp_path):
     script = script_of("solve_hardness")
     pressures = tmp_path / "pressures.csv"
-    pressures.write_text("patch,pressure_MPa,in_study\n3,12,yes\n5,50,no\n7,40,yes\n")
+    columns = "patch,x_mm,y_mm,rotation_deg,pressure_MPa,mesh_pressure_MPa,in_study"
+    pressures.write_text(f"{columns}\n3,1,1,0,12,9,yes\n5,2,1,0,50,9,no\n7,3,1,0,40,9,yes\n")
     for hardness, error in ((40.0, ConfigError), (40.1, Exception)):
         with pytest.raises(error) as raised:
             script.main(
@@ -40,7 +41,8 @@ def test_a_hardness_below_a_pressure_is_refused_before_anything_is_solved(tmp_pa
 def test_published_values_of_patches_whatever_their_names(tmp_path):
     path, pressures, published = (tmp_path / name for name in ("path", "pressures", "published"))
     path.write_text("displacement_um,mean_pressure_MPa,contact_fraction\n9,22,0.1\n")
-    pressures.write_text("patch,pressure_MPa\nNA,12\n007,13\n")
+    columns = "patch,x_mm,y_mm,rotation_deg,pressure_MPa,mesh_pressure_MPa"
+    pressures.write_text(f"{columns}\nNA,1,1,0,12,9\n007,2,1,0,13,9\n")
     published.write_text(
         "quantity,patch,unit,value\n# of the paper\npatch pressure,NA,MPa,11\n"
         "patch pressure,007,MPa,\nmean pressure,,MPa,21\n"

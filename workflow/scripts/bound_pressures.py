@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_table, write_table
+from gstlib.io.tables import read_pressures, write_table
 from gstlib.logs import run_script
 from gstlib.study import bound_pressures
 
@@ -11,7 +11,7 @@ from gstlib.study import bound_pressures
 def main(surface: Path, composite: Path, pressures: Path, table: Path, **settings) -> None:
     composed = read_dataset(composite) if composite else None
     limits = bound_pressures(
-        read_dataset(surface), composed, read_table(pressures), source=surface, **settings
+        read_dataset(surface), composed, read_pressures(pressures), source=surface, **settings
     )
     write_table(table, limits)
 

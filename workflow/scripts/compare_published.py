@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from gstlib.errors import InputError
-from gstlib.io.tables import read_table, write_table
+from gstlib.io.tables import read_pressures, read_table, write_table
 from gstlib.logs import run_script
 
 
@@ -17,7 +17,7 @@ def main(published: Path, path: Path, pressures: Path, table: Path) -> None:
         ("mean pressure", ""): final.mean_pressure_MPa,
         ("contact fraction", ""): final.contact_fraction,
     }
-    for row in read_table(pressures, ["patch", "pressure_MPa"]).itertuples():
+    for row in read_pressures(pressures).itertuples():
         computed["patch pressure", row.patch] = row.pressure_MPa
     given = pd.read_csv(
         published, dtype={"patch": str}, comment="#", keep_default_na=False, na_values={"value": ""}

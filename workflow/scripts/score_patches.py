@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_table, studied_files, write_table
+from gstlib.io.tables import read_pressures, read_table, studied_files, write_table
 from gstlib.logs import patch_by_patch, run_script
 from gstlib.study import score_patches
 
@@ -36,7 +36,7 @@ def main(
     }
     tables = score_patches(
         by_variant,
-        read_table(pressures),
+        read_pressures(pressures),
         read_table(microscale),
         worst=worst,
         seed=seed,

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_table, write_table
+from gstlib.io.tables import read_pressures, read_table, write_table
 from gstlib.logs import run_script
 from gstlib.specimen.score import score_truth
 
@@ -31,7 +31,7 @@ def main(
         surfaces=((scan, read_dataset(file)) for scan, file in surfaces.items()),
         registered=((patch, read_dataset(file)) for patch, file in changes.items()),
         placement=read_table(placement),
-        pressures=read_table(pressures),
+        pressures=read_pressures(pressures),
         two_scales=read_table(two_scales) if two_scales else None,
     )
     write_table(table, scores)

@@ -4,7 +4,7 @@ import logging
 from pathlib import Path
 
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_table, write_table
+from gstlib.io.tables import read_pressures, write_table
 from gstlib.logs import run_script
 from gstlib.study import registration_table, select_patches
 
@@ -20,7 +20,7 @@ def main(
 ) -> None:
     changes = (read_dataset(file, only=["change", "loss", "gain"]) for file in registered)
     quality = registration_table(zip(worn, changes, strict=True), selection)
-    selected = select_patches(read_table(pressures), quality, selection)
+    selected = select_patches(read_pressures(pressures), quality, selection)
     if not selected.in_study.any():
         logging.getLogger("gstlib").warning(
             "no patch enters the study: %s gives the reasons, the config's section 'selection' the "

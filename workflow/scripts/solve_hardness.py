@@ -10,7 +10,7 @@ import pandas as pd
 from gstlib.contact import hardness_summary
 from gstlib.errors import ConfigError
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.io.tables import read_table, studied_files, write_table
+from gstlib.io.tables import read_pressures, studied_files, write_table
 from gstlib.logs import patch_by_patch, run_script
 from gstlib.provenance import provenance
 from gstlib.study import solve_hardness
@@ -26,7 +26,7 @@ def main(
     hardness_MPa: float,
 ) -> None:
     files = studied_files(pressures, patches, contacts)
-    pressure_MPa = read_table(pressures).set_index("patch").pressure_MPa
+    pressure_MPa = read_pressures(pressures).set_index("patch").pressure_MPa
     soft = pressure_MPa[list(files)][lambda pressure: pressure >= hardness_MPa]
     if len(soft):
         raise ConfigError(

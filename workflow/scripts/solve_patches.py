@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gstlib.contact import contact_at_pressure
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.io.tables import read_table
+from gstlib.io.tables import read_pressures
 from gstlib.logs import patch_by_patch, run_script
 from gstlib.provenance import provenance
 from gstlib.study import PRESSURES, levelled_patch, place_patch, solve_patch
@@ -27,7 +27,7 @@ def main(
     s_filter_um: float | None,
     **settings: float,
 ) -> None:
-    table = read_table(pressures, ["patch", *PRESSURES.values()]).set_index("patch")
+    table = read_pressures(pressures).set_index("patch")
     face = read_dataset(counterface, only=["height"]) if counterface else None
     if composite:
         composed = read_dataset(composite)

@@ -3,14 +3,16 @@
 from pathlib import Path
 
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_table, write_table
+from gstlib.io.tables import read_pressures, write_table
 from gstlib.logs import run_script
 from gstlib.study import compare_moduli
 
 
 def main(surface: Path, pressures: Path, table: Path, **settings) -> None:
     square = read_dataset(surface, only=["height"])
-    write_table(table, compare_moduli(square, read_table(pressures), source=surface, **settings))
+    write_table(
+        table, compare_moduli(square, read_pressures(pressures), source=surface, **settings)
+    )
 
 
 if "snakemake" in globals():

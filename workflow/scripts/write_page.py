@@ -12,7 +12,7 @@ from pathlib import Path
 from gstlib.io.files import write_whole
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_attributes, read_dataset
-from gstlib.io.tables import read_table
+from gstlib.io.tables import read_pressures, read_table
 from gstlib.logs import run_script
 from gstlib.page import (
     Shown,
@@ -50,7 +50,8 @@ def main(
     frame = stored_frame(read_attributes(surface))
     pressure = read_dataset(contact, only=["pressure"])["pressure"].isel(step=-1)
     answer = verdict(
-        *(read_table(tables[name]) for name in ("patch_pressures", "patch_intervals")),
+        read_pressures(tables["patch_pressures"]),
+        read_table(tables["patch_intervals"]),
         *(
             read_table(tables[name]) if name in tables else None
             for name in ("validation_gains", "validation_variants")

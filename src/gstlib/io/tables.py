@@ -16,6 +16,7 @@ __all__ = [
     "FEWER_DIGITS",
     "SIGNIFICANT_DIGITS",
     "printed",
+    "read_pressures",
     "read_table",
     "studied_files",
     "write_table",
@@ -27,6 +28,8 @@ SIGNIFICANT_DIGITS = 5
 FEWER_DIGITS = {"stiffness_MPa_per_um": 4, "interface_stiffness_MPa_per_um": 4}
 # Differences beyond these digits are taken for rounding.
 _KNOWN_DIGITS = 10
+# What the stages take from the table of patch pressures.
+_PRESSURES = ("patch", "x_mm", "y_mm", "rotation_deg", "pressure_MPa", "mesh_pressure_MPa")
 # This variable, set to 1, prints every digit, to show how much two runs differ below the printed.
 ALL_DIGITS = "GSTLIB_ALL_DIGITS"
 
@@ -95,6 +98,11 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
         if table[column].isin(["yes", "no"]).all() and len(table):
             table[column] = table[column] == "yes"
     return table
+
+
+def read_pressures(path: str | Path) -> pd.DataFrame:
+    """Read ``patch_pressures.csv``, or the pressures before the patches are selected."""
+    return read_table(path, _PRESSURES)
 
 
 def studied_files(
