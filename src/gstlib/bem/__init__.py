@@ -3,7 +3,8 @@
     state = solve_contact(heights, spacing, contact_modulus(E1, nu1, E2, nu2), mean_pressure=22.0)
     state.pressure, state.gap, state.displacement, state.contact_fraction, state.residual
 
-`solve_contact` presses a map of heights against a flat; `load_path` does so step by step.
+`solve_contact` presses a map of heights against a flat; `load_path` does so step by step, and
+`wear_path` wears the surface by Archard's law.
 Units: mm, N, MPa. This package knows nothing of stones, files or workflows.
 """
 
@@ -11,6 +12,7 @@ from .errors import ContactError, ConvergenceError, InvalidContactInput
 from .halfspace import HalfSpace, contact_modulus
 from .loading import LoadPath, load_path
 from .solver import ContactState, solve_contact
+from .wear import WearPath, wear_path
 
 __all__ = [
     "ContactError",
@@ -19,7 +21,9 @@ __all__ = [
     "HalfSpace",
     "InvalidContactInput",
     "LoadPath",
+    "WearPath",
     "contact_modulus",
     "load_path",
     "solve_contact",
+    "wear_path",
 ]

@@ -23,8 +23,8 @@ __all__ = [
     "SplitConvolution",
     "even_size",
     "exact_padding",
+    "kernel_spectrum",
     "love_kernel",
-    "love_spectrum",
 ]
 
 # Lines per block times bytes of a real number: few enough to stay in cache, many enough that the
@@ -134,9 +134,13 @@ class EvenConvolution:
 
 
 class SplitConvolution:
-    """Displacement (mm) of a pressure field (MPa), shape (ny, nx), in single precision."""
+    """Displacement (mm) of a pressure field (MPa), shape (ny, nx), in single precision.
 
-    def __init__(self, shape, spacing, contact_modulus):
+    `kernel` gives a quadrant of the kernel, shape (my, mx) (mm/MPa): Love's of a half-space of this
+    `contact_modulus` (MPa), and what reaches less far than the margin besides.
+    """
+
+    def __init__(self, shape, spacing, contact_modulus, kernel):
         sigma, padded = _sigma(spacing), _margin_padding(shape, spacing)
         lengths = tuple(m * step for m, step in zip(padded, spacing, strict=True))
         coarse = tuple(even_size(math.ceil(length * _SIGMA / sigma)) for length in lengths)
@@ -144,7 +148,7 @@ class SplitConvolution:
         element = math.prod(spacing) / (math.pi * contact_modulus)
 
         quadrant = tuple(m // 2 + 1 for m in padded)
-        near = love_kernel(quadrant, spacing, contact_modulus)
+        near = kernel(quadrant)
         near -= element * _far_field(quadrant, spacing, sigma)
         self._near = EvenConvolution(shape, _even_spectrum(near), np.float32)
         far = element * _coarse_kernel(coarse, coarse_spacing, sigma)
@@ -220,14 +224,13 @@ def love_kernel(
     return integral
 
 
-def love_spectrum(padded, spacing, contact_modulus):
-    """Spectrum of Love's kernel, wrapped to the nearest image on a grid of even size `padded`.
+def kernel_spectrum(padded, kernel):
+    """Spectrum of a kernel, wrapped to the nearest image on a grid of even size `padded`.
 
-    At wave numbers from 0 on, shape (my // 2 + 1, mx // 2 + 1): the kernel is even in y and x, and
-    so is its spectrum, which is real besides.
+    `kernel` gives a quadrant of it. At wave numbers from 0 on, shape (my // 2 + 1, mx // 2 + 1):
+    the kernel is even in y and x, and so is its spectrum, which is real besides.
     """
-    quadrant = tuple(m // 2 + 1 for m in padded)
-    return _even_spectrum(love_kernel(quadrant, spacing, contact_modulus))
+    return _even_spectrum(kernel(tuple(m // 2 + 1 for m in padded)))
 
 
 def _even_spectrum(quadrant):

@@ -17,8 +17,8 @@ from .convolution import (
     SplitConvolution,
     even_size,
     exact_padding,
+    kernel_spectrum,
     love_kernel,
-    love_spectrum,
 )
 from .errors import InvalidContactInput, checked_array, checked_number
 
@@ -87,6 +87,9 @@ class HalfSpace:
         E* (MPa).
     workers : int
         Has no effect: one thread does the work.
+    springs : float
+        Compliance of a bed of independent springs in front of the half-space (mm/MPa), as of
+        Winkler; none by default.
 
     Attributes
     ----------
@@ -106,7 +109,7 @@ class HalfSpace:
     array([[1.1222]])
     """
 
-    def __init__(self, shape, spacing, contact_modulus, workers: int = 1):
+    def __init__(self, shape, spacing, contact_modulus, workers: int = 1, *, springs: float = 0.0):
         if len(shape) != 2 or min(shape) < 1:
             raise InvalidContactInput(f"shape must be (ny, nx), at least (1, 1), got {shape}")
         self.shape = tuple(shape)
@@ -118,7 +121,8 @@ class HalfSpace:
         self.contact_modulus = checked_number(
             "contact_modulus", contact_modulus, "MPa", positive=True
         )
-        self.self_influence = float(love_kernel((1, 1), self.spacing, self.contact_modulus)[0, 0])
+        self.springs = checked_number("springs", springs, "mm/MPa")
+        self.self_influence = float(self.kernel((1, 1))[0, 0])
         self._convolutions = 0
         self._box: HalfSpace | None = None
 
@@ -134,17 +138,27 @@ class HalfSpace:
     @cached_property
     def _single(self):
         if SplitConvolution.saves(self.shape, self.spacing):
-            return SplitConvolution(self.shape, self.spacing, self.contact_modulus)
+            return SplitConvolution(self.shape, self.spacing, self.contact_modulus, self.kernel)
         return self._exact(np.float32)
 
     @cached_property
     def _inverse(self):
-        spectrum = love_spectrum(inverse_padding(self.shape), self.spacing, self.contact_modulus)
+        spectrum = kernel_spectrum(inverse_padding(self.shape), self.kernel)
         return EvenConvolution(self.shape, 1 / spectrum, np.float32)
 
     def _exact(self, dtype):
-        spectrum = love_spectrum(exact_padding(self.shape), self.spacing, self.contact_modulus)
+        spectrum = kernel_spectrum(exact_padding(self.shape), self.kernel)
         return EvenConvolution(self.shape, spectrum, dtype)
+
+    def kernel(self, shape: tuple[int, int], coarsening: int = 1) -> np.ndarray:
+        """Displacement of a quadrant of elements under unit pressure on its corner (mm/MPa).
+
+        Elements are `coarsening` times as long as the half-space's own.
+        """
+        spacing = (coarsening * self.spacing[0], coarsening * self.spacing[1])
+        kernel = love_kernel(shape, spacing, self.contact_modulus)
+        kernel[0, 0] += self.springs
+        return kernel
 
     def displacement(self, pressure) -> np.ndarray:
         """Displacement at element centres (mm) under a pressure, uniform on each element (MPa).
@@ -188,7 +202,7 @@ class HalfSpace:
             ):
                 return known
         self._convolutions = self.convolutions
-        self._box = HalfSpace(shape, self.spacing, self.contact_modulus)
+        self._box = HalfSpace(shape, self.spacing, self.contact_modulus, springs=self.springs)
         return self._box
 
 

@@ -21,6 +21,7 @@ What is returned never rests on that recurrence: pressure, gap and residual are 
 convolution of their own, in double precision and on every element.
 """
 
+import copy
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -195,15 +196,24 @@ class ContactProblem:
         h − h_max (mm), ≤ 0.
     """
 
-    def __init__(self, heights, spacing, contact_modulus):
+    def __init__(self, heights, spacing, contact_modulus, springs=0.0):
         heights = checked_array("heights", heights)
-        self.half_space = HalfSpace(heights.shape, spacing, contact_modulus)
+        self.half_space = HalfSpace(heights.shape, spacing, contact_modulus, springs=springs)
         self.relief = heights - heights.max()
         height = -float(self.relief.min())
         if height > _STEEPEST * min(self.half_space.spacing):
             raise InvalidContactInput(
                 f"heights range over {height:g} mm on elements of {spacing} mm: are both in mm?"
             )
+
+    def lowered(self, depth):
+        """The problem of the surface less a depth (mm), and by how much its summit sank (mm)."""
+        problem = copy.copy(self)
+        problem.__dict__.pop("_coarser", None)
+        problem.relief = self.relief - depth
+        top = float(problem.relief.max())
+        problem.relief -= top
+        return problem, -top
 
     def solve(self, load, tolerance, initial_pressure=None, window=None, known=None):
         """Solve at one load; arguments as of :func:`solve_contact`, already checked.
@@ -251,7 +261,9 @@ class ContactProblem:
             relief[::2, ::2] + relief[1::2, ::2] + relief[::2, 1::2] + relief[1::2, 1::2]
         )
         spacing = tuple(2 * side for side in self.half_space.spacing)
-        coarse = ContactProblem(relief, spacing, self.half_space.contact_modulus)
+        coarse = ContactProblem(
+            relief, spacing, self.half_space.contact_modulus, self.half_space.springs
+        )
         # δ is counted from the summit of the finest grid, which averaging lowers.
         coarse.relief = relief
         return coarse

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .convolution import EvenConvolution, love_spectrum
+from .convolution import EvenConvolution, kernel_spectrum
 from .halfspace import HalfSpace, inverse_padding
 
 __all__ = ["Preconditioner", "Window", "dot"]
@@ -100,11 +100,11 @@ class Preconditioner:
 
     def __init__(self, window: Window):
         self._window = window
-        spacing, modulus = window.half_space.spacing, window.half_space.contact_modulus
+        kernel = window.half_space.kernel
         ny, nx = (int(at.max()) + 1 for at in (window.rows, window.columns))
         self._stencil: list[tuple[int, float]] | None = None
         if window.elements.size < _SPARSE * ny * nx:
-            spectrum = 1 / love_spectrum((_INVERSE_GRID, _INVERSE_GRID), spacing, modulus)
+            spectrum = 1 / kernel_spectrum((_INVERSE_GRID, _INVERSE_GRID), kernel)
             inverse = np.fft.irfft2(np.concatenate((spectrum, spectrum[-2:0:-1])))
             # Fields have a margin, so that each neighbour of an element has a place.
             width = nx + 2 * _REACH
@@ -122,7 +122,7 @@ class Preconditioner:
         self._shape = -(-ny // _BLOCK), -(-nx // _BLOCK)
         self._cells = window.rows // _BLOCK * self._shape[1] + window.columns // _BLOCK
         padded = inverse_padding(self._shape)
-        self._spectrum = love_spectrum(padded, tuple(_BLOCK * s for s in spacing), modulus)
+        self._spectrum = kernel_spectrum(padded, lambda shape: kernel(shape, _BLOCK))
         self._local = _LOCAL
         self._free: np.ndarray | None = None
 

@@ -1,0 +1,122 @@
+"""Wear by Archard's law: conservation, closed forms, and the order of its steps."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from bem_reference import MODULUS, self_affine, sphere
+
+from gstlib.bem import InvalidContactInput, solve_contact, wear_path
+
+SPACING = 0.85 / 80
+SURFACE = self_affine(80, seed=2), SPACING, MODULUS
+WEAR = {"mean_pressure": 76.0, "mean_loss": 2e-4}
+
+
+@pytest.fixture(scope="module")
+def path():
+    return wear_path(*SURFACE, **WEAR, steps=10, tolerance=1e-9)
+
+
+def test_what_is_lost_is_wear_coefficient_times_force_times_sliding():
+    pressures = np.array([10.0, 0.0, 30.0, 20.0])
+    path = wear_path(*SURFACE, mean_pressure=pressures, mean_loss=3e-4, steps=4)
+    np.testing.assert_allclose(path.mean_loss, 3e-4 * pressures.cumsum() / 60, rtol=1e-12)
+    np.testing.assert_allclose(path.mean_pressure, pressures, rtol=1e-12)
+    assert path.depth.mean() == pytest.approx(3e-4, rel=1e-12)
+
+
+def test_the_final_contact_is_that_of_the_worn_surface(path):
+    heights, *elastic = SURFACE
+    direct = solve_contact(heights - path.depth, *elastic, mean_pressure=76.0, tolerance=1e-10)
+    assert path.final.residual <= 2e-9
+    np.testing.assert_allclose(
+        path.final.pressure, direct.pressure, atol=1e-6 * direct.pressure.max()
+    )
+    np.testing.assert_allclose(path.final.gap, direct.gap, atol=1e-8 * direct.displacement)
+    assert path.final.displacement == pytest.approx(direct.displacement, rel=1e-8)
+    assert path.contact_fraction[-1] == pytest.approx(direct.contact_fraction, abs=2 / 80**2)
+
+
+def test_nothing_wears_out_of_contact_and_nothing_grows(path):
+    assert path.depth.min() == 0
+    single = wear_path(*SURFACE, **WEAR, steps=1)
+    np.testing.assert_array_equal(single.depth > 0, single.final.contact)
+    np.testing.assert_allclose(single.depth * 76.0, 2e-4 * single.final.pressure, rtol=1e-12)
+    assert np.all(np.diff(path.contact_fraction) > 0)
+
+
+def test_error_is_of_first_order_in_the_step():
+    depths = [
+        wear_path(*SURFACE, **WEAR, steps=steps, tolerance=1e-8).depth for steps in (5, 10, 20, 40)
+    ]
+    changes = [np.linalg.norm(b - a) for a, b in itertools.pairwise(depths)]
+    np.testing.assert_allclose(np.divide(changes[:-1], changes[1:]), 2, atol=0.25)
+
+
+def test_ten_implicit_steps_replace_hundreds_of_explicit_ones():
+    heights, *elastic = surface = self_affine(128, seed=2), 0.85 / 128, MODULUS
+    path = wear_path(*surface, mean_pressure=76.0, mean_loss=1e-3, steps=10)
+    worn, pressure, convolutions = heights.copy(), None, 0
+    for _ in range(300):
+        state = solve_contact(worn, *elastic, mean_pressure=76.0, initial_pressure=pressure)
+        pressure = state.pressure
+        worn -= 1e-3 / 300 / 76.0 * pressure
+        convolutions += state.convolutions
+    explicit = heights - worn
+    assert np.linalg.norm(path.depth - explicit) < 0.01 * np.linalg.norm(explicit)
+    assert path.convolutions.sum() < 0.1 * convolutions
+
+
+def test_a_wave_in_full_contact_wears_flat_exponentially():
+    """At the rate q E*/2 for each κ, as the pressure of a wave of amplitude a is a q E*/2."""
+    size, waves, amplitude, steps = 128, 16, 1e-4, 20
+    q = 2 * math.pi * waves / (size * SPACING)
+    wave = np.cos(2 * math.pi * waves * (np.arange(size) + 0.5) / size)
+    half_life = math.log(2) / (q * MODULUS / 2)  # of the amplitude, in κ (mm/MPa)
+    path = wear_path(
+        amplitude * wave * np.ones((size, 1)),
+        SPACING,
+        MODULUS,
+        mean_pressure=110.0,
+        mean_loss=110.0 * half_life,
+        steps=steps,
+    )
+    assert path.contact_fraction[-1] == 1
+    middle = slice(size // 4, 3 * size // 4)  # away from the edges of the half-space
+    worn = path.depth[middle, middle].mean(axis=0)
+    left = 1 - 2 * (worn * wave[middle]).mean() / amplitude
+    # Backward Euler leaves 1/(1 + ln 2/steps) of the amplitude in each step.
+    assert left == pytest.approx((1 + math.log(2) / steps) ** -steps, rel=0.02)
+    assert left == pytest.approx(0.5, rel=0.04)
+
+
+def test_a_stiff_sphere_wears_a_flat_of_its_own_volume():
+    """A sphere of radius R that lost V, far more than it yields, has a flat of π a⁴/4R = V."""
+    size, radius, spacing = 128, 10.0, 0.01
+    heights = sphere(size, spacing, radius)
+    loss = 2e-3
+    path = wear_path(heights, spacing, 1e7, mean_pressure=1.0, mean_loss=loss, steps=10)
+    volume = loss * (size * spacing) ** 2
+    area = path.contact_fraction[-1] * (size * spacing) ** 2
+    assert math.sqrt(area / math.pi) == pytest.approx((4 * radius * volume / math.pi) ** 0.25, 0.02)
+    worn = (heights - path.depth)[path.final.contact]
+    assert np.ptp(worn) < 0.02 * path.depth.max()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"mean_loss": 1.0}, "mean_loss"),
+        ({"mean_loss": -1e-4}, "mean_loss"),
+        ({"mean_pressure": 0.0}, "mean_pressure"),
+        ({"mean_pressure": [1.0, 2.0]}, "mean_pressure"),
+        ({"mean_pressure": math.nan}, "mean_pressure"),
+        ({"steps": 0}, "steps"),
+        ({"steps": 2.5}, "steps"),
+    ],
+)
+def test_bad_input_is_named(wrong, said):
+    with pytest.raises(InvalidContactInput, match=said):
+        wear_path(*SURFACE, **{**WEAR, **wrong})
