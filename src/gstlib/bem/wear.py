@@ -36,6 +36,8 @@ class WearPath:
         The displacement is counted from the worn surface's own highest point (mm).
     final : ContactState
         Contact of the worn surface in the end.
+    states : tuple of ContactState
+        Those of all steps, if asked for; else empty.
     """
 
     depth: np.ndarray
@@ -46,6 +48,7 @@ class WearPath:
     iterations: np.ndarray
     convolutions: np.ndarray
     final: ContactState
+    states: tuple[ContactState, ...]
 
 
 def wear_path(
@@ -58,6 +61,7 @@ def wear_path(
     steps=10,
     tolerance=1e-6,
     workers=1,
+    keep_states=False,
 ) -> WearPath:
     """Wear a rough surface by Archard's law under a mean pressure, down to a mean loss of height.
 
@@ -75,6 +79,8 @@ def wear_path(
         Number of implicit steps.
     tolerance : float
         As of `solve_contact`, for each step.
+    keep_states : bool
+        Keep the contact of every step, not of the last one only.
 
     Raises
     ------
@@ -118,7 +124,7 @@ def wear_path(
     # The same sliding in each step, and so the same operator.
     rate = mean_loss / float(pressures.sum())
     problem = ContactProblem(heights, spacing, contact_modulus, springs=rate)
-    depth, state, curve = np.zeros_like(heights), None, []
+    depth, state, curve, states = np.zeros_like(heights), None, [], []
     for pressure in pressures:
         start = None if state is None else state.pressure
         state = problem.solve(Load(force=pressure * heights.size), tolerance, start)
@@ -131,7 +137,14 @@ def wear_path(
             state = replace(
                 state, displacement=top, residual=state.residual * state.displacement / top
             )
+        if keep_states:
+            states.append(state)
         curve.append([float(depth.mean())] + [getattr(state, name) for name in _OF_STATE])
     names = ("mean_loss", *_OF_STATE)
     values = (np.array(column) for column in zip(*curve, strict=True))
-    return WearPath(depth=depth, final=state, **dict(zip(names, values, strict=True)))
+    return WearPath(
+        depth=depth,
+        final=state,
+        states=tuple(states),
+        **dict(zip(names, values, strict=True)),
+    )
