@@ -32,6 +32,7 @@ __all__ = [
     "pressed_height",
     "slip_dataset",
     "slip_summary",
+    "solved",
     "turned_over",
 ]
 
@@ -129,7 +130,7 @@ def contact_path(
         tolerance=tolerance,
     )
     options = {"target_pressure": target_pressure_MPa, "steps": steps, "keep_states": every_step}
-    path = _solved(load_path, contact, source, **options)
+    path = solved(load_path, contact, source, **options)
     needed_um = path.final.displacement * 1e3
     if needed_um > maximum_displacement_um:
         raise InputError(
@@ -170,7 +171,7 @@ def contact_at_pressure(
         target_pressure_MPa=target_pressure_MPa,
         tolerance=tolerance,
     )
-    state = _solved(solve_contact, contact, source, mean_pressure=target_pressure_MPa)
+    state = solved(solve_contact, contact, source, mean_pressure=target_pressure_MPa)
     return contact.assign(_state_variables(state))
 
 
@@ -339,7 +340,7 @@ def slip_dataset(
     pressure, mean_pressure = contact.pressure.values, float(contact.mean_pressure[-1])
     remaining = 1 - tangential_ratio
     load = {"mean_pressure": remaining * mean_pressure, "initial_pressure": remaining * pressure}
-    reduced = _solved(solve_contact, contact, source, **load)
+    reduced = solved(solve_contact, contact, source, **load)
     traction = friction * (pressure - reduced.pressure)
     stick = reduced.contact & (pressure > 0)
     compliance_ratio = (2 - poisson) / (2 * (1 - poisson))
@@ -390,7 +391,7 @@ def hardness_dataset(contact: xr.Dataset, *, source: str | Path, hardness_MPa: f
         ``ceiling_share`` (of the contact) and ``residual``.
     """
     load = {"mean_pressure": contact.attrs["target_pressure_MPa"], "pressure_limit": hardness_MPa}
-    state = _solved(solve_contact, contact, source, **load)
+    state = solved(solve_contact, contact, source, **load)
     limited = xr.Dataset(
         _state_variables(state, "ceiling_share"),
         coords={"y": contact.y, "x": contact.x},
@@ -424,7 +425,7 @@ def hardness_summary(contact: xr.Dataset, limited: xr.Dataset) -> dict[str, floa
     }
 
 
-def _solved(solve: Callable, contact: xr.Dataset, source: str | Path, **options):
+def solved(solve: Callable, contact: xr.Dataset, source: str | Path, **options):
     """What a solver of `gstlib.bem` finds for the faces of a contact, with its settings."""
     height, modulus = pressed_height(contact), contact.attrs["contact_modulus_MPa"]
     options["tolerance"] = contact.attrs["tolerance"]

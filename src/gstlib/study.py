@@ -15,6 +15,9 @@ Sci. Rep. 104939) and goes on where the paper stops:
    (`solve_hardness`) are further cases.
 5. Predicted contact is scored against measured loss (`score_patches`), and the texture is measured
    before and after use (`measure_texture`).
+6. The square and its patches wear by Archard's law (`wear_square`, `wear_patch`). The loss that it
+   predicts for a patch from the loss of the others is compared with the measured one
+   (`score_wear`).
 
 Two variants of the coupling exist. In the paper's, `levelled`, the mesh alone makes the square, and
 a patch is pressed as its scan was levelled. In `placed`, the scans enter the square, and a patch
@@ -69,12 +72,15 @@ __all__ = [
     "register_patch",
     "registration_table",
     "score_patches",
+    "score_wear",
     "select_patches",
     "solve_hardness",
     "solve_macroscale",
     "solve_patch",
     "solve_reference",
     "solve_slip",
+    "wear_patch",
+    "wear_square",
 ]
 
 # The sections of the config that the stages of `Study` depend on, besides `seed`.
@@ -632,6 +638,63 @@ def score_patches(
     summary = summarise(found, predicted, seed=seed, resamples=resamples, expected_worst=worst)
     variants = compare_variants(by_variant, seed=seed, resamples=resamples)
     return patch_tables(found) | {"summary": summary, "variants": variants}
+
+
+def wear_square(
+    contact: xr.Dataset,
+    pressures: pd.DataFrame,
+    scores: pd.DataFrame,
+    *,
+    source: str | Path = "macroscale",
+    **settings: Any,
+) -> xr.Dataset | None:
+    """Wear the square by Archard's law, and fit its coefficient to the measured losses.
+
+    `contact` is the square's at the target pressure; `scores` is the table ``patches`` of
+    `score_patches`, whose believed losses count. Settings and result are those of
+    `gstlib.wear.wear_square`; None, with a warning, where there is no fit.
+    """
+    from gstlib.errors import InputError
+    from gstlib.wear import wear_square
+
+    lost = scores[scores.believed.astype(bool)].set_index("patch").loss_per_area_um
+    under_load = pressures.set_index("patch").pressure_MPa[lost.index] > 0
+    try:
+        if ((lost > 0) & under_load).sum() < 2:
+            problem = "fewer than two patches under load lost height, so that its coefficient"
+            raise InputError(source, f"{problem} cannot be fitted to some and tested on others", "")
+        return wear_square(contact, pressures, lost.to_dict(), source=source, **settings)
+    except InputError as error:
+        logging.getLogger("gstlib").warning("wear is not predicted: %s", error.problem)
+        return None
+
+
+def wear_patch(contact: xr.Dataset, square: xr.Dataset, patch: str) -> xr.Dataset:
+    """Wear a patch at the pressures that the wearing square gives it.
+
+    Parameters and result are those of `gstlib.wear.wear_patch`.
+    """
+    from gstlib.wear import wear_patch
+
+    return wear_patch(contact, square, patch)
+
+
+def score_wear(
+    patches: Iterable[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]],
+    pressures: pd.DataFrame,
+    *,
+    seed: int,
+    resamples: int,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Predicted against measured loss of each patch, and what the prediction is worth.
+
+    `patches` are those of a patch, its contact, its height change and its wear. The tables are
+    those of `gstlib.wear.wear_table` and `gstlib.wear.wear_summary`.
+    """
+    from gstlib.wear import wear_summary, wear_table
+
+    table = wear_table(patches, pressures)
+    return table, wear_summary(table, seed=seed, resamples=resamples)
 
 
 def measure_texture(

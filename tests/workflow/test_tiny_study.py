@@ -45,6 +45,9 @@ COLUMNS = {
     "validation_failures": "patch split band loss_share hit_share recall",
     "validation_summary": "statistic value low high p_value",
     "validation_variants": "variant score contact rival best_rival gain low high p_value n",
+    "wear": "patch model predicted_volume_um3 measured_volume_um3 predicted_depth_um "
+    "measured_depth_um",
+    "wear_summary": "statistic value low high n against",
     "truth": "stage quantity patch unit true recovered error",
 }
 
@@ -682,6 +685,37 @@ def test_the_summary_is_over_the_patches(table):
     assert summary.value["spearman(pressure_MPa, loss_fraction)"] == pytest.approx(
         pair.corr("spearman").p.loss, abs=1e-4
     )
+
+
+def test_a_patch_wears_as_the_others_say_and_where_it_touches(results, table, config):
+    rows, square = table("wear"), read_dataset(results / "wear/square.h5")
+    scores = table("validation_patches").set_index("patch")
+    fitted = list(scores.index[scores.believed])
+    assert sorted(rows.patch.unique()) == sorted(fitted)
+    assert square.sizes["step"] == config["wear_steps"] + 1
+    first = square.loss[1] / float(square.kappa[1])  # the pressures of the first step
+    pressures = table("patch_pressures").set_index("patch").pressure_MPa
+    np.testing.assert_allclose(first.sel(patch=fitted), pressures[fitted], rtol=0.2)
+    for patch in fitted:
+        kappa, others = float(square.fitted.sel(patch=patch)), [p for p in fitted if p != patch]
+
+        def lost(of, kappa=kappa):
+            return np.interp(kappa, square.kappa.values, square.loss.sel(patch=of).values)
+
+        theirs = sum(map(lost, others))
+        assert theirs == pytest.approx(1e-3 * scores.loss_per_area_um[others].sum(), rel=1e-4)
+        worn, contact = read_dataset(results / f"wear/{patch}.h5"), contact_of(results, patch)
+        depth, change = worn.depth.values, change_of(results, patch)
+        assert depth.mean() == pytest.approx(lost(patch), rel=1e-6)
+        assert depth.min() == 0
+        assert (depth[contact.pressure.values > 0] > 0).mean() > 0.9
+        known = np.isfinite(change.change.values)
+        row = rows.set_index(["patch", "model"]).loc[patch, "archard"]
+        element = np.prod(spacing_of(contact)) * 1e9
+        assert row.predicted_volume_um3 == pytest.approx(depth[known].sum() * element, rel=1e-4)
+        assert row.measured_volume_um3 == pytest.approx(scores.loss_volume_um3[patch], rel=1e-4)
+        misfit = depth[known] + change.change.values[known]
+        assert row.rms_difference_um == pytest.approx(1e3 * np.sqrt(np.mean(misfit**2)), rel=1e-4)
 
 
 def test_texture_is_that_of_the_filtered_heights(results, table, config):

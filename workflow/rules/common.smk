@@ -130,6 +130,7 @@ TARGETS = [
         "tables/hardness.csv": config["hardness"] is not None,
         "tables/registration.csv": bool(WORN_PATCHES),
         "tables/validation_summary.csv": bool(WORN_PATCHES),
+        "tables/wear.csv": bool(WORN_PATCHES) and config["wear_steps"] is not None,
         "tables/texture.csv": True,
         "tables/truth.csv": GENERATED,
     }.items()

@@ -6,7 +6,7 @@
 SOURCE_NOTE = "generated specimen" if GENERATED else None
 # With a folder of their own: one picture per patch.
 BY_PATCH = ("preparation", "patch")
-VECTOR = ("load_curves", "validation", "texture", "power", "sweep")
+VECTOR = ("load_curves", "validation", "texture", "wear", "power", "sweep")
 
 CONTACT = f"{RESULTS}/macroscale/contact.h5"
 PRESSURES = f"{RESULTS}/tables/patch_pressures.csv"
@@ -84,6 +84,21 @@ if WORN_PATCHES:
             for name in ("gains", "failures", "summary", "variants")
         },
     )
+    if config["wear_steps"] is not None:
+        DRAWINGS["draw_wear"] = (
+            {
+                "wear": ("6 Wear", "how much each patch loses"),
+                "wear_maps": ("6 Wear", "measured and predicted loss"),
+            },
+            {
+                "pressures": PRESSURES,
+                "contacts": contacts(ALL_PATCHES),
+                "registered": registered(WORN_PATCHES),
+                "worn_patches": f"{RESULTS}/wear",
+                "wear": f"{RESULTS}/tables/wear.csv",
+                "wear_summary": f"{RESULTS}/tables/wear_summary.csv",
+            },
+        )
 TARGETS += [
     f"figures/{name}" if name in BY_PATCH else f"figures/{name}.png"
     for figures, _ in DRAWINGS.values()
@@ -91,8 +106,8 @@ TARGETS += [
 ]
 # On request.
 for name, category, title in (
-    ("power", "7 Power", "claims where there is a relation and where not"),
-    ("sweep", "8 Sweep", "what moves the results most"),
+    ("power", "8 Power", "claims where there is a relation and where not"),
+    ("sweep", "9 Sweep", "what moves the results most"),
 ):
     if config[name] is not None:
         read = {name: f"{RESULTS}/tables/{name}.csv"}

@@ -36,7 +36,7 @@ if GENERATED and config["power"] is not None:
             tests=[f"{RESULTS}/power/{seed}_p_values.csv" for seed in POWER_SEEDS],
         output:
             p_values=f"{RESULTS}/tables/power_p_values.csv",
-            rates=table("power", "7 Power", "how often each test makes a claim"),
+            rates=table("power", "8 Power", "how often each test makes a claim"),
         log:
             f"{RESULTS}/logs/rate_claims.log",
         params:

@@ -1,6 +1,7 @@
 # Was the prediction right?
 # Takes: predicted contact, and T1 registered to T0. Gives: scores per patch and over the patches, each against
-# chance and against rivals that need no mechanics; the texture of each patch before and after use.
+# chance and against rivals that need no mechanics; how much each patch wears by Archard's law; the texture of each
+# patch before and after use.
 
 EXPECTED_WORST = config["validation"]["expected_worst"]
 
@@ -40,6 +41,35 @@ if WORN_PATCHES:
             "Scoring predicted contact against measured height loss"
         script:
             "../scripts/score_patches.py"
+
+    if config["wear_steps"] is not None:
+
+        rule predict_wear:
+            input:
+                square=f"{RESULTS}/macroscale/contact.h5",
+                contacts=contacts(WORN_PATCHES),
+                registered=registered(WORN_PATCHES),
+                pressures=f"{RESULTS}/tables/patch_pressures.csv",
+                scores=f"{RESULTS}/tables/validation_patches.csv",
+            output:
+                folder=directory(f"{RESULTS}/wear"),
+                table=table("wear", "6 Wear", "predicted and measured loss"),
+                summary=table("wear_summary", "6 Wear", "what the prediction is worth"),
+            log:
+                f"{RESULTS}/logs/predict_wear.log",
+            benchmark:
+                f"{RESULTS}/benchmarks/predict_wear.tsv"
+            params:
+                worn=WORN_PATCHES,
+                patch_mm=PATCH_MM,
+                steps=config["wear_steps"],
+                seed=config["seed"],
+                resamples=config["validation"]["resamples"],
+                code=code("predict_wear.py"),
+            message:
+                "Wearing the square and its patches"
+            script:
+                "../scripts/predict_wear.py"
 
 
 # All patches in one job: the library of texture parameters takes as long to start as five patches.

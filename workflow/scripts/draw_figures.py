@@ -17,7 +17,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from gstlib.errors import InputError
-from gstlib.figures import macroscale, microscale, tables
+from gstlib.figures import macroscale, microscale, tables, wear
 from gstlib.figures.style import message_figure, save_figure
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_attributes, read_dataset
@@ -30,6 +30,7 @@ OF_STUDIED = {"microscale_maps", "slip", "hardness", "overview", "two_scales"}
 # Patches in the figure of what two scales cost: the hardest pressed.
 MOST_COMPARED = 8
 OF_WORN = {"agreement", "patch"}
+OF_PREDICTED = {"wear", "wear_maps"}
 
 
 def evenly(patches: Sequence[str], most: int) -> list[str]:
@@ -86,6 +87,12 @@ class Study:
         return self.by_patch("contacts", self.drawn, "height", "pressure", *path)
 
     @cached_property
+    def predicted(self) -> list[str]:
+        """Those of the drawn patches whose wear is predicted."""
+        known = set(self.table("wear", "patch").patch)
+        return [patch for patch in self.drawn if patch in known]
+
+    @cached_property
     def changes(self) -> dict[str, xr.Dataset]:
         shown = [patch for patch in self.drawn if patch in self.worn]
         return self.by_patch("registered", shown, "t1", "change", "loss", "gain")
@@ -133,6 +140,11 @@ def figure_of(name: str, study: Study) -> Figure:
         case "hardness":
             limited = study.by_patch(name, study.drawn, "pressure")
             return microscale.hardness_figure(study.contacts, limited)
+        case "wear":
+            return wear.wear_figure(study.table("wear"), study.table("wear_summary"))
+        case "wear_maps":
+            worn = study.by_patch("worn_patches", study.predicted, "depth")
+            return wear.wear_maps_figure(study.contacts, study.changes, worn)
         case "validation":
             pressures = study.pressures[["patch", "pressure_MPa"]]
             scores = study.table("scores", "patch", "loss_fraction").merge(pressures, on="patch")
@@ -166,6 +178,8 @@ def main(*, figures: list[str], note: str | None, **named: Any) -> None:
             empty = message_figure("No patch is in the microscale study.")
         elif name in OF_WORN and not study.changes:
             empty = message_figure("No patch with a T1 is in the microscale study.")
+        elif name in OF_PREDICTED and not study.predicted:
+            empty = message_figure("No wear is predicted: fewer than two patches lost height.")
         if name in ("preparation", "patch"):
             for patch, figure in [("none", empty)] if empty else figures_by_patch(name, study):
                 save_figure(figure, png / f"{patch}.png", source_note=note)

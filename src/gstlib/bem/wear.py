@@ -110,7 +110,7 @@ def wear_path(
             f"mean_pressure must be one number or {steps}, one for each step, got {pressures.size}"
         )
     pressures = np.broadcast_to(
-        [checked_number("mean_pressure", value, "MPa") for value in pressures], steps
+        [checked_number("mean_pressure", value, "MPa") for value in pressures], (int(steps),)
     )
     if not pressures.any():
         raise InvalidContactInput("mean_pressure must be positive in one step at least (MPa)")
@@ -124,11 +124,10 @@ def wear_path(
     # The same sliding in each step, and so the same operator.
     rate = mean_loss / float(pressures.sum())
     problem = ContactProblem(heights, spacing, contact_modulus, springs=rate)
-    depth, state, curve, states = np.zeros_like(heights), None, [], []
+    depth, start, curve, states = np.zeros_like(heights), None, [], []
     for pressure in pressures:
-        start = None if state is None else state.pressure
         state = problem.solve(Load(force=pressure * heights.size), tolerance, start)
-        loss = rate * state.pressure
+        start, loss = state.pressure, rate * state.pressure
         depth += loss
         problem, lowered = problem.lowered(loss)
         # Kp − w of the worn surface is (K + κI)p − w of that before: the gap is the same.

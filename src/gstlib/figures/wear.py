@@ -33,34 +33,25 @@ def wear_maps_figure(
     `contacts` hold ``height``, `changes` ``change`` and ``loss``, `worn` ``depth`` (y, x) of each
     patch.
     """
-    figure, axes = style.panels(2 * len(worn), 4, (1.6, 1.6), (0.05, 0.05, 0.25, 0.1), head=0.5)
+    figure, axes = style.panels(2 * len(worn), 4, (1.6, 1.6), (0.05, 0.05, 0.2, 0.25), head=0.3)
     lost = {
         patch: np.where(np.isnan(of.change), np.nan, -of.change.values * of.loss.values)
         for patch, of in changes.items()
     }
-    deepest = max(
-        [np.nanquantile(lost[patch], 0.999) for patch in worn]
-        + [np.quantile(of.depth, 0.999) for of in worn.values()]
-    )
-    norm = Normalize(-deepest * MM_TO_UM, deepest * MM_TO_UM)
+    fields = [*(lost[patch] for patch in worn), *(of.depth.values for of in worn.values())]
+    norm = Normalize(0, max(float(np.nanquantile(field, 0.999)) for field in fields) * MM_TO_UM)
     panels = iter(axes)
     for patch, of in worn.items():
         for name, depth in (("measured", lost[patch]), ("predicted", of.depth.values)):
-            panel = next(panels)
-            image = maps.draw_map(
-                panel,
-                contacts[patch].height,
-                -depth * MM_TO_UM,
-                cmap=maps.CHANGE_MAP,
-                norm=norm,
-                marks={style.PALE: np.isnan(depth)},
-            )
+            panel, height = next(panels), contacts[patch].height
+            image = maps.draw_map(panel, height, depth * MM_TO_UM, cmap=maps.FORCE_MAP, norm=norm)
             mean = np.nanmean(depth) * MM_TO_UM
-            panel.set_title(f"patch {patch} {name}: {mean:.2f} µm on average", fontsize=6.5)
-            if panel is axes[0]:
-                maps.scale_bar(panel)
-    maps.colour_bar(axes[-1], image, "height change (µm)")
-    figure.suptitle("Height lost by use, and by Archard's law with the coefficient of the others")
+            panel.set_title(f"patch {patch} {name}, mean {mean:.2f} µm", fontsize=6)
+    maps.scale_bar(axes[0])
+    maps.colour_bar(axes[-1], image, "height lost (µm)")
+    figure.suptitle(
+        "Height lost: measured, and by Archard's law with the coefficient of the others"
+    )
     return figure
 
 
@@ -70,21 +61,19 @@ def wear_figure(table: pd.DataFrame, summary: pd.DataFrame) -> Figure:
 
     `table` is ``wear.csv``, `summary` is ``wear_summary.csv``.
     """
-    figure, (volumes, skills) = style.panels(2, 2, (2.8, 2.6), CHARTS, head=0.2)
-    known = table[(table.measured_volume_um3 > 0) & (table.predicted_volume_um3 > 0)]
-    span = known[["measured_volume_um3", "predicted_volume_um3"]].to_numpy()
-    ends = np.array([0.8 * span.min(), 1.25 * span.max()]) if span.size else np.array([1.0, 10.0])
-    volumes.plot(ends, ends, color=GREY, lw=0.6)
+    figure, (volumes, skills) = style.panels(2, 2, (2.6, 2.6), (0.7, *CHARTS[1:]))
+    units = 1e5  # µm³
     for model, (name, colour, marker) in _MODELS.items():
-        of = known[known.model == model]
-        look = {"color": colour, "marker": marker, "ls": "", "label": name}
-        volumes.plot(of.measured_volume_um3, of.predicted_volume_um3, **look)
+        of = table[table.model == model]
+        places = of.measured_volume_um3 / units, of.predicted_volume_um3 / units
+        volumes.plot(*places, color=colour, marker=marker, ls="", label=name)
         if model == "archard":
-            at = zip(of.measured_volume_um3, of.predicted_volume_um3, strict=True)
-            for patch, point in zip(of.patch, at, strict=True):
-                style.write_beside(volumes, patch, point, (3, 3), color=colour)
-    volumes.set(xscale="log", yscale="log", xlim=ends, ylim=ends)
-    volumes.set(xlabel="measured volume (µm³)", ylabel="predicted volume (µm³)")
+            for patch, x, y in zip(of.patch, *places, strict=True):
+                style.write_beside(volumes, patch, (x, y), (3, 3), color=colour)
+    most = 1.05 * table[["measured_volume_um3", "predicted_volume_um3"]].to_numpy().max() / units
+    volumes.plot([0, most], [0, most], color=GREY, lw=0.6)
+    volumes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
+    volumes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
     volumes.set_title("How much did each patch lose?")
     volumes.legend(fontsize=6)
 
@@ -95,9 +84,11 @@ def wear_figure(table: pd.DataFrame, summary: pd.DataFrame) -> Figure:
         skills.plot([row.low, row.high], [place, place], color=colour)
         skills.plot(row.value, place, _MODELS[row.against][2], color=colour)
     kinds = rows.statistic.str[len("skill(") : -1].map(_QUANTITIES)
-    skills.set_yticks(range(len(rows)), [f"{a}\nvs {b}" for a, b in zip(kinds, rows.against, strict=True)])
+    skills.set_yticks(
+        range(len(rows)), [f"{a}\nvs {b}" for a, b in zip(kinds, rows.against, strict=True)]
+    )
     skills.tick_params(axis="y", labelsize=5.5)
-    skills.set_xlim(-1.5, 1)
+    skills.set_xlim(max(-3, rows[["value", "low"]].min().min() - 0.1), 1)
     skills.invert_yaxis()
     skills.set_xlabel("skill of Archard's law (1: no error; 0: errs as much)")
     skills.set_title("Is it better than its rivals?")

@@ -1,0 +1,179 @@
+"""How much wears: as the square does, and by a fit that a patch's own loss does not enter."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from gstlib import study
+from gstlib.contact import contact_at_pressure
+from gstlib.errors import InputError
+from gstlib.surface import make_surface
+from gstlib.wear import COLUMNS, wear_patch, wear_square, wear_summary, wear_table
+
+SIDE, COUNT = 2.0, 40  # of the square: mm, elements
+# Four patches that tile the square, and one that nothing touches.
+PLACES = pd.DataFrame(
+    {
+        "patch": ["a", "b", "c", "d"],
+        "x_mm": [0.5, 1.5, 0.5, 1.5],
+        "y_mm": [0.5, 0.5, 1.5, 1.5],
+        "rotation_deg": 0.0,
+    }
+)
+
+
+@pytest.fixture(scope="module")
+def square():
+    generator = np.random.default_rng(3)
+    rough = make_surface(0.004 * generator.standard_normal((COUNT, COUNT)), SIDE / COUNT)
+    return contact_at_pressure(
+        rough.to_dataset(name="height"),
+        source="square",
+        contact_modulus_MPa=1e4,
+        target_pressure_MPa=20.0,
+        tolerance=1e-9,
+    )
+
+
+@pytest.fixture(scope="module")
+def pressures(square):
+    from gstlib.coupling import patch_pressures
+
+    return patch_pressures(square.pressure, PLACES, size_mm=1.0)
+
+
+def worn(square, pressures, losses_um):
+    return wear_square(square, pressures, losses_um, patch_mm=1.0, steps=8, source="square")
+
+
+def test_patches_that_tile_the_square_lose_what_it_loses(square, pressures):
+    path = worn(square, pressures, dict.fromkeys("abcd", 0.4))
+    lost = path.loss.mean("patch").values
+    np.testing.assert_allclose(lost, 20.0 * path.kappa, rtol=1e-6)
+    assert (path.loss.diff("step") >= 0).all()
+    assert path.attrs["kappa"] == pytest.approx(0.4e-3 / 20.0, rel=1e-6)
+    # Pressures even out as the patches that bear most sink.
+    rates = path.loss.diff("step") / path.kappa.diff("step")
+    assert float(rates[-1].std("patch")) < float(rates[0].std("patch"))
+
+
+def test_the_coefficient_behind_the_losses_is_found_without_a_patch_of_its_own(square, pressures):
+    path = worn(square, pressures, dict.fromkeys("abcd", 0.4))
+    kappa = 0.6 * float(path.kappa[-1])
+    true = path.loss.interp(step=np.interp(kappa, path.kappa, np.arange(9)))
+    losses = {patch: 1e3 * float(true.sel(patch=patch)) for patch in "abcd"}
+    again = worn(square, pressures, losses)
+    np.testing.assert_allclose(again.fitted, kappa, rtol=2e-3)
+    # Whatever happened on a patch, its own prediction does not see it.
+    other = worn(square, pressures, losses | {"b": 2 * losses["b"]})
+    assert float(other.fitted.sel(patch="b")) == pytest.approx(kappa, rel=2e-3)
+    assert float(other.fitted.sel(patch="a")) > 1.1 * kappa
+
+
+def test_losses_that_the_square_cannot_give_are_refused(square, pressures):
+    with pytest.raises(InputError, match="square: its contact could not be solved: mean_loss"):
+        worn(square, pressures, {"a": 1e5, "b": 1e5})
+
+
+def patch_of(pressure_MPa, seed=0):
+    generator = np.random.default_rng(seed)
+    rough = make_surface(0.001 * generator.standard_normal((32, 32)), 0.01)
+    return contact_at_pressure(
+        rough.to_dataset(name="height"),
+        source="patch",
+        contact_modulus_MPa=1e4,
+        target_pressure_MPa=pressure_MPa,
+        tolerance=1e-9,
+    )
+
+
+def test_a_patch_loses_what_the_square_takes_off_it(square, pressures):
+    path = worn(square, pressures, dict.fromkeys("abcd", 0.4))
+    contact = patch_of(float(pressures.pressure_MPa[0]))
+    lost = wear_patch(contact, path, "a")
+    kappa = float(path.fitted.sel(patch="a"))
+    expected = np.interp(kappa, path.kappa, path.loss.sel(patch="a"))
+    assert float(lost.depth.mean()) == pytest.approx(expected, rel=1e-9)
+    assert float(lost.depth.min()) == 0
+    np.testing.assert_allclose(lost.t1, contact.height - lost.depth, atol=1e-15)
+    # It wears where it touches; on a grid, summits alone.
+    assert float(contact.height.where(lost.depth > 0).mean()) > float(contact.height.mean())
+    path["loss"] = path.loss.where(path.patch != "a", 0.0)
+    assert float(wear_patch(contact, path, "a").depth.max()) == 0
+
+
+def changed(contact, depth_mm, level_mm=1e-6):
+    """A height change without noise."""
+    like = contact.height
+    return xr.Dataset(
+        {
+            "change": like.copy(data=-depth_mm),
+            "loss": like.copy(data=depth_mm > level_mm),
+            "level_of_detection": like.copy(data=np.full(like.shape, level_mm)),
+        }
+    )
+
+
+@pytest.fixture(scope="module")
+def table():
+    """Archard's law holds on patches a and b; c lost half of what it predicts."""
+    rows = []
+    pressure = pd.DataFrame({"patch": list("abc"), "pressure_MPa": [10.0, 20.0, 30.0]})
+    for number, patch in enumerate("abc"):
+        contact = patch_of(10.0, seed=number)
+        depth = np.maximum(contact.height.values - 0.001, 0) * (number + 1)
+        lost = contact.height.to_dataset(name="height").assign(depth=(("y", "x"), depth))
+        rows.append((patch, contact, changed(contact, depth if number < 2 else depth / 2), lost))
+    return wear_table(rows, pressure)
+
+
+def test_models_are_what_they_say(table):
+    by = table.set_index(["patch", "model"])
+    assert list(table.columns) == COLUMNS[0]
+    right = by.xs("archard", level="model")
+    np.testing.assert_allclose(
+        right.predicted_volume_um3 / right.measured_volume_um3, [1, 1, 2], rtol=1e-9
+    )
+    np.testing.assert_allclose(
+        right.predicted_depth_um / right.measured_depth_um, [1, 1, 2], rtol=1e-2
+    )
+    assert right.rms_difference_um[:2].max() < 1e-12
+    assert right.rms_difference_um["c"] > 0.01
+    # On a, whose summits were cut off as they stand, truncation is exact.
+    cut = by.xs("truncation", level="model")
+    assert cut.predicted_volume_um3["a"] == pytest.approx(right.measured_volume_um3["a"], rel=0.02)
+    of = right.measured_volume_um3
+    uniform = by.xs("uniform", level="model").predicted_volume_um3
+    assert uniform["a"] == pytest.approx((of["b"] + of["c"]) / 2, rel=1e-9)
+    pressed = by.xs("pressure", level="model").predicted_volume_um3
+    assert pressed["a"] == pytest.approx((of["b"] + of["c"]) * 10 / 50, rel=1e-9)
+
+
+def test_skill_is_the_share_of_the_rivals_error_that_is_saved(table):
+    summary = wear_summary(table, seed=1, resamples=99)
+    assert list(summary.columns) == COLUMNS[1]
+    by = table.assign(error=(table.predicted_volume_um3 - table.measured_volume_um3).abs())
+    errors = by.groupby("model").error.sum()
+    found = summary[summary.statistic == "skill(volume)"].set_index("against").value
+    for rival in ("pressure", "uniform", "truncation"):
+        assert found[rival] == pytest.approx(1 - errors["archard"] / errors[rival])
+    exact = table[table.patch != "c"]
+    summary = wear_summary(exact, seed=1, resamples=99)
+    assert summary[summary.statistic == "skill(map)"].value.tolist() == pytest.approx([1, 1, 1])
+
+
+def test_without_two_worn_patches_there_is_a_sentence(square, pressures, caplog):
+    scores = pd.DataFrame(
+        {
+            "patch": list("abc"),
+            "believed": [True, True, False],
+            "loss_per_area_um": [0.4, 0.0, 0.4],
+        }
+    )
+    options = {"patch_mm": 1.0, "steps": 2}
+    assert study.wear_square(square, pressures, scores, **options) is None
+    assert "wear is not predicted: fewer than two patches" in caplog.text
+    scores["believed"] = True
+    path = study.wear_square(square, pressures, scores, **options)
+    assert path.attrs["kappa"] > 0
