@@ -693,9 +693,10 @@ def test_a_patch_wears_as_the_others_say_and_where_it_touches(results, table, co
     fitted = list(scores.index[scores.believed])
     assert sorted(rows.patch.unique()) == sorted(fitted)
     assert square.sizes["step"] == config["wear_steps"] + 1
-    first = square.loss[1] / float(square.kappa[1])  # the pressures of the first step
     pressures = table("patch_pressures").set_index("patch").pressure_MPa
-    np.testing.assert_allclose(first.sel(patch=fitted), pressures[fitted], rtol=0.2)
+    first = square.loss[1].to_series()[pressures.index]  # the hardest pressed lose most
+    assert first.corr(pressures) > 0.99
+    assert (first[pressures == 0] < 0.05 * first.max()).all()
     for patch in fitted:
         kappa, others = float(square.fitted.sel(patch=patch)), [p for p in fitted if p != patch]
 

@@ -50,7 +50,8 @@ def wear_maps_figure(
     maps.scale_bar(axes[0])
     maps.colour_bar(axes[-1], image, "height lost (µm)")
     figure.suptitle(
-        "Height lost: measured, and by Archard's law with the coefficient of the others"
+        "Height lost: measured, and by Archard's law with the coefficient of the others",
+        y=1 - 0.08 / figure.get_figheight(),
     )
     return figure
 
@@ -75,7 +76,7 @@ def wear_figure(table: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     volumes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
     volumes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
     volumes.set_title("How much did each patch lose?")
-    volumes.legend(fontsize=6)
+    volumes.legend(fontsize=6, loc="lower right")
 
     rows = summary[summary.statistic.str.startswith("skill(")]
     skills.axvline(0, color=GREY, lw=0.8)
