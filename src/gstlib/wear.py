@@ -110,7 +110,7 @@ def wear_square(
         raise InputError(
             source,
             "the measured losses are more than this square can lose under its patches",
-            "Look for a patch whose T1 is wrong, or set wear to null in the config.",
+            "Look for a patch whose T1 is wrong, or set wear_steps to null in the config.",
         )
     return xr.Dataset(
         {
