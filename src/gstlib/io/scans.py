@@ -84,7 +84,8 @@ def read_scan(
     Notes
     -----
     Of a file with several height maps the first is read, and a warning logged. A warning also says
-    where many points share a height; where it is far from all others, they are taken as unmeasured.
+    where many points share a height; where it is far from all others, they are taken as unmeasured;
+    and where the spacing seems to be that of one point too few.
     """
     path = Path(path)
     if unit is not None and unit not in SCAN_UNITS:
@@ -126,12 +127,27 @@ def read_scan(
     heights[np.abs(heights) > _LARGEST_NUMBER] = np.nan
     _mind_held(path, heights)
     _check_plausible(path, heights, spacing)
+    _mind_step_too_few(path, heights.shape, spacing)
     attrs = {name: _plain_text(value) for name, value in attrs.items()}
     if "layer" in attrs:
         _log.warning("%s: only %s, is read", path, attrs["layer"])
     return make_surface(heights, spacing, long_name="height as measured").assign_attrs(
         file=path.name, **attrs
     )
+
+
+def _mind_step_too_few(path: Path, shape: tuple[int, ...], spacing: tuple[float, ...]) -> None:
+    """Warn of points that are square once n points of a length are n steps of it, not n - 1."""
+    (dy, dx), (ny, nx) = spacing, shape
+    if min(shape) > 1:
+        true_y, true_x = dy * (ny - 1) / ny, dx * (nx - 1) / nx
+        if abs(dx / dy - 1) > 1e-5 and abs(true_x / true_y - 1) < 0.1 * abs(dx / dy - 1):
+            _log.warning(
+                "%s: its points are %.5g × %.5g µm apart, as if a length of n points had been "
+                "divided by n - 1; then they are %.5g µm apart. Export the scan in another format "
+                "and compare",
+                *(path, 1e3 * dx, 1e3 * dy, 1e3 * true_x),
+            )
 
 
 def _read_instrument_file(path: Path) -> _Raw:

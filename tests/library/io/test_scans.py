@@ -63,6 +63,24 @@ def test_plu_as_the_project_writes_it_needs_no_large_library(tmp_path, heights):
 
 
 @pytest.mark.parametrize(
+    ("spacing", "warned"),
+    [
+        ((1.8515e-3 * 60 / 59, 1.8515e-3 * 96 / 95), True),
+        ((1.8515e-3, 1.8515e-3), False),
+        ((1.8515e-3 * 60 / 59, 1.8515e-3 * 60 / 59), False),  # cannot be told
+        ((1.8e-3, 1.7e-3), False),
+        ((1.801e-3, 1.8e-3), False),
+    ],
+)
+def test_a_length_divided_by_one_point_too_few_is_warned_of(tmp_path, caplog, spacing, warned):
+    write_plu(tmp_path / "a.plu", np.random.default_rng(1).random((60, 96)) * 1e-3, spacing)
+    scan = read_scan(tmp_path / "a.plu")
+    assert spacing_of(scan) == pytest.approx(spacing, rel=1e-5)
+    assert ("1.8515 µm apart" in caplog.text) == warned
+    assert bool(caplog.records) == warned
+
+
+@pytest.mark.parametrize(
     ("ending", "layer"),
     [
         (".plu", "layer0, the first of 2 height maps"),
