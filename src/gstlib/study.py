@@ -657,7 +657,7 @@ def wear_square(
     from gstlib.errors import InputError
     from gstlib.wear import wear_square
 
-    lost = scores[scores.believed.astype(bool)].set_index("patch").loss_per_area_um
+    lost = scores[scores.believed.astype(bool)].set_index("patch").loss_per_area_um.dropna()
     under_load = pressures.set_index("patch").pressure_MPa[lost.index] > 0
     try:
         if ((lost > 0) & under_load).sum() < 2:
@@ -681,6 +681,7 @@ def wear_patch(contact: xr.Dataset, square: xr.Dataset, patch: str) -> xr.Datase
 
 def score_wear(
     patches: Iterable[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]],
+    square: xr.Dataset,
     pressures: pd.DataFrame,
     *,
     seed: int,
@@ -688,12 +689,13 @@ def score_wear(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Predicted against measured loss of each patch, and what the prediction is worth.
 
-    `patches` are those of a patch, its contact, its height change and its wear. The tables are
-    those of `gstlib.wear.wear_table` and `gstlib.wear.wear_summary`.
+    `patches` are those of a patch, its contact, its height change and its wear; `square` is from
+    `wear_square`. The tables are those of `gstlib.wear.wear_table` and
+    `gstlib.wear.wear_summary`.
     """
     from gstlib.wear import wear_summary, wear_table
 
-    table = wear_table(patches, pressures)
+    table = wear_table(patches, square, pressures)
     return table, wear_summary(table, seed=seed, resamples=resamples)
 
 

@@ -65,7 +65,7 @@ def wear_square(
     pressures : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg`` of every patch, and ``pressure_MPa`` before use.
     losses_um : mapping
-        Measured mean loss over each patch that κ is fitted to, µm; of two patches at least.
+        Measured mean loss over each patch that κ is fitted to, µm, finite; of two at least.
     patch_mm : float
         Side of a patch.
     steps : int
@@ -75,8 +75,8 @@ def wear_square(
     -------
     xarray.Dataset
         ``loss`` (step, patch): mean depth lost since the start, mm, at ``kappa`` (step), mm/MPa,
-        both from 0 on; ``fitted`` (patch): κ from the losses of all other patches; the attribute
-        ``kappa``, from all.
+        both from 0 on; ``measured`` (patch) mm, NaN where κ is not fitted to a patch; ``fitted``
+        (patch): κ from the measured losses of all other patches; the attribute ``kappa``, from all.
 
     Raises
     ------
@@ -119,6 +119,11 @@ def wear_square(
                 "step",
                 kappa,
                 {"units": "mm/MPa", "long_name": "wear coefficient × sliding"},
+            ),
+            "measured": (
+                "patch",
+                measured.reindex(table.index),
+                {"units": "mm", "long_name": "measured mean depth lost"},
             ),
             "fitted": ("patch", fits[1:], {"units": "mm/MPa", "long_name": "κ of other patches"}),
         },
@@ -169,14 +174,18 @@ def wear_patch(contact: xr.Dataset, square: xr.Dataset, patch: str) -> xr.Datase
 
 
 def wear_table(
-    patches: Iterable[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]], pressures: pd.DataFrame
+    patches: Iterable[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]],
+    square: xr.Dataset,
+    pressures: pd.DataFrame,
 ) -> pd.DataFrame:
     """Predicted against measured loss of each patch, by model: the table ``wear.csv``.
 
     Parameters
     ----------
     patches : iterable of (patch, xarray.Dataset, xarray.Dataset, xarray.Dataset)
-        Contact before use, height change, and wear from `wear_patch`.
+        Contact before use, height change, and wear from `wear_patch`; each is used once.
+    square : xarray.Dataset
+        From `wear_square`.
     pressures : pandas.DataFrame
         ``patch, pressure_MPa`` before use.
 
@@ -190,50 +199,36 @@ def wear_table(
         seen the patch's own wear.
     """
     of = pressures.set_index("patch").pressure_MPa
-    measured, maps, elements = {}, {}, {}
+    measured = square.measured.dropna("patch").to_series()
+    rows: list[tuple] = []
     for patch, contact, change, worn in patches:
-        lost = -change.change.values
-        known = np.isfinite(lost)
-        loss = change.loss.values.astype(bool)[known]
+        known = np.isfinite(change.change.values)
+        lost, loss = -change.change.values[known], change.loss.values.astype(bool)[known]
+        level = change.level_of_detection.values[known]
         height = laid_height(contact).values[known]
-        cut = np.quantile(height, 1 - loss.mean())
-        elements[patch] = (
-            float(np.prod(spacing_of(change))),
-            change.level_of_detection.values[known],
-        )
-        measured[patch] = lost[known], loss
-        maps[patch] = {
+        others = measured.drop(patch)
+        depths = {
             "archard": worn.depth.values[known],
-            "truncation": np.maximum(height - cut, 0),
+            "pressure": np.full(lost.shape, of[patch] * others.sum() / of[others.index].sum()),
+            "uniform": np.full(lost.shape, others.mean()),
+            "truncation": np.maximum(height - np.quantile(height, 1 - loss.mean()), 0),
         }
-    means = pd.Series({patch: (lost * loss).mean() for patch, (lost, loss) in measured.items()})
-    rows = []
-    for patch, (lost, loss) in measured.items():
-        others = means.index.drop(patch)
-        per_pressure = means[others].sum() / of[others].sum()
-        maps[patch] |= {
-            "pressure": np.full(lost.shape, per_pressure * of[patch]),
-            "uniform": np.full(lost.shape, means[others].mean()),
-        }
-        element, level = elements[patch]
+        element_um3 = float(np.prod(spacing_of(change))) * 1e9
         for model in MODELS:
-            depth = maps[patch][model]
+            depth = depths[model]
             rows.append(
-                {"patch": patch, "model": model}
-                | {
-                    f"{kind}_volume_um3": float(values.sum()) * element * 1e9
-                    for kind, values in (("predicted", depth), ("measured", lost * loss))
-                }
-                | {
-                    f"{kind}_depth_um": float(values.mean()) * 1e3 if values.size else math.nan
-                    for kind, values in (
-                        ("predicted", depth[depth > level]),
-                        ("measured", lost[loss]),
-                    )
-                }
-                | {"rms_difference_um": float(np.sqrt(np.mean((depth - lost) ** 2))) * 1e3}
+                (
+                    *(patch, model, depth.sum() * element_um3, lost[loss].sum() * element_um3),
+                    *(_mean_um(depth[depth > level]), _mean_um(lost[loss])),
+                    1e3 * float(np.sqrt(np.mean((depth - lost) ** 2))),
+                )
             )
     return pd.DataFrame(rows, columns=COLUMNS[0])
+
+
+def _mean_um(depth: np.ndarray) -> float:
+    """Mean of depths in mm, µm; NaN of none."""
+    return 1e3 * float(depth.mean()) if depth.size else math.nan
 
 
 def wear_summary(table: pd.DataFrame, *, seed: int, resamples: int) -> pd.DataFrame:
@@ -252,7 +247,8 @@ def wear_summary(table: pd.DataFrame, *, seed: int, resamples: int) -> pd.DataFr
         ``statistic, value, low, high, p_value, n, against``, with 95 % intervals.
         ``skill(volume)`` is one less the summed absolute error of Archard's law over that of a
         rival: 1 if it errs nowhere, 0 if both err alike, negative if the rival errs less.
-        ``skill(depth)`` and ``skill(map)`` are those of mean depths and of r.m.s. differences.
+        ``skill(map)`` is that of r.m.s. differences, ``skill(depth)`` that of mean depths, against
+        ``truncation`` alone: the other rivals spread a loss evenly and tell no depth.
         ``spearman(model, measured volume)`` is a rank correlation of volumes.
     """
     errors = {
@@ -268,6 +264,8 @@ def wear_summary(table: pd.DataFrame, *, seed: int, resamples: int) -> pd.DataFr
         wide = table.assign(error=error).pivot(index="patch", columns="model", values="error")
         own, *others = (wide.loc[patches, model].to_numpy() for model in MODELS)
         for rival, other in zip(MODELS[1:], others, strict=True):
+            if quantity == "depth" and rival != "truncation":
+                continue
             samples = 1 - own[drawn].sum(axis=1) / other[drawn].sum(axis=1)
             interval = percentile_interval(samples, len(patches))
             value = 1 - own.sum() / other.sum()

@@ -125,7 +125,9 @@ def table():
         depth = np.maximum(contact.height.values - 0.001, 0) * (number + 1)
         lost = contact.height.to_dataset(name="height").assign(depth=(("y", "x"), depth))
         rows.append((patch, contact, changed(contact, depth if number < 2 else depth / 2), lost))
-    return wear_table(rows, pressure)
+    measured = {patch: -float(change.change.mean()) for patch, _, change, _ in rows}
+    square = pd.Series(measured).rename_axis("patch").to_frame("measured").to_xarray()
+    return wear_table(rows, square, pressure)
 
 
 def test_models_are_what_they_say(table):
@@ -158,6 +160,8 @@ def test_skill_is_the_share_of_the_rivals_error_that_is_saved(table):
     found = summary[summary.statistic == "skill(volume)"].set_index("against").value
     for rival in ("pressure", "uniform", "truncation"):
         assert found[rival] == pytest.approx(1 - errors["archard"] / errors[rival])
+    # Only a cut tells a depth; the same loss everywhere does not.
+    assert summary[summary.statistic == "skill(depth)"].against.tolist() == ["truncation"]
     exact = table[table.patch != "c"]
     summary = wear_summary(exact, seed=1, resamples=99)
     assert summary[summary.statistic == "skill(map)"].value.tolist() == pytest.approx([1, 1, 1])
@@ -175,5 +179,8 @@ def test_without_two_worn_patches_there_is_a_sentence(square, pressures, caplog)
     assert study.wear_square(square, pressures, scores, **options) is None
     assert "wear is not predicted: fewer than two patches" in caplog.text
     scores["believed"] = True
+    scores["loss_per_area_um"] = [0.4, np.nan, 0.4]  # the change of b is not known
     path = study.wear_square(square, pressures, scores, **options)
-    assert path.attrs["kappa"] > 0
+    assert path.measured.dropna("patch").patch.values.tolist() == ["a", "c"]
+    assert path.measured.sel(patch="c") == pytest.approx(0.4e-3)
+    assert float(path.fitted.sel(patch="a")) > 0

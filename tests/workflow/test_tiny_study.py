@@ -688,7 +688,7 @@ def test_the_summary_is_over_the_patches(table):
 
 
 def test_a_patch_wears_as_the_others_say_and_where_it_touches(results, table, config):
-    rows, square = table("wear"), read_dataset(results / "wear/square.h5")
+    rows, square = table("wear"), read_dataset(results / "wear/whole_square.h5")
     scores = table("validation_patches").set_index("patch")
     fitted = list(scores.index[scores.believed])
     assert sorted(rows.patch.unique()) == sorted(fitted)

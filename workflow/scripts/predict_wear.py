@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.io.tables import read_pressures, read_table, studied_files, write_table
+from gstlib.io.tables import read_pressures, read_table, write_table
 from gstlib.logs import patch_by_patch, run_script
 from gstlib.provenance import provenance
 from gstlib.study import score_wear, wear_patch, wear_square
@@ -31,26 +31,27 @@ def main(
     resamples: int,
 ) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    by_patch, scored = read_pressures(pressures), read_table(scores)
+    by_patch = read_pressures(pressures)
     settings = {"patch_mm": patch_mm, "steps": steps}
     pressed = read_dataset(square, only=["height", "pressure"]).isel(step=-1)
-    path = wear_square(pressed, by_patch, scored, source=square, **settings)
+    path = wear_square(pressed, by_patch, read_table(scores), source=square, **settings)
     if path is None:
         for file, columns in zip((table, summary), COLUMNS, strict=True):
             write_table(file, pd.DataFrame(columns=columns))
         return
-    write_dataset(folder / "square.h5", path, provenance([square, pressures, scores], settings))
+    read = provenance([square, pressures, scores], settings)
+    write_dataset(folder / "whole_square.h5", path, read)  # no patch has an underscore in its name
 
     def patches() -> Iterator[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]]:
-        files = studied_files(pressures, worn, list(zip(contacts, registered, strict=True)))
-        believed = scored.patch[scored.believed.astype(bool)]
-        for patch, inputs in patch_by_patch({p: files[p] for p in files if p in set(believed)}):
+        files = dict(zip(worn, zip(contacts, registered, strict=True), strict=True))
+        fitted = path.measured.dropna("patch").patch.values.tolist()
+        for patch, inputs in patch_by_patch({patch: files[patch] for patch in fitted}):
             contact, change = map(read_dataset, inputs)
             lost = wear_patch(contact, path, patch)
             write_dataset(folder / f"{patch}.h5", lost, provenance([*inputs, square], settings))
             yield patch, contact, change, lost
 
-    tables = score_wear(patches(), by_patch, seed=seed, resamples=resamples)
+    tables = score_wear(patches(), path, by_patch, seed=seed, resamples=resamples)
     for file, content in zip((table, summary), tables, strict=True):
         write_table(file, content)
 

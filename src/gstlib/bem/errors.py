@@ -46,6 +46,13 @@ def checked_tolerance(tolerance: object) -> float:
     return number
 
 
+def checked_steps(steps: object) -> int:
+    """A number of steps, at least 1."""
+    if not isinstance(steps, int | np.integer) or steps < 1:
+        raise InvalidContactInput(f"steps must be an integer of at least 1, got {steps!r}")
+    return int(steps)
+
+
 def checked_array(name: str, values, shape: tuple[int, int] | None = None) -> np.ndarray:
     """An (ny, nx) array of finite real numbers, of the given shape if there is one."""
     if np.ma.is_masked(values) or np.iscomplexobj(values):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .errors import InvalidContactInput, checked_number, checked_tolerance
+from .errors import checked_number, checked_steps, checked_tolerance
 from .load import Load
 from .solver import ContactProblem, ContactState
 from .window import Window, dot
@@ -96,9 +96,7 @@ def load_path(
     """
     problem = ContactProblem(heights, spacing, contact_modulus)
     target_pressure = checked_number("target_pressure", target_pressure, "MPa")
-    if not isinstance(steps, (int, np.integer)) or steps < 1:
-        raise InvalidContactInput(f"steps must be an integer of at least 1, got {steps!r}")
-    tolerance = checked_tolerance(tolerance)
+    steps, tolerance = checked_steps(steps), checked_tolerance(tolerance)
     final = problem.solve(Load(force=target_pressure * problem.relief.size), tolerance)
     if not keep_states:
         tolerance = max(tolerance, _CURVE_TOLERANCE)

@@ -12,7 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .errors import InvalidContactInput, checked_array, checked_number, checked_tolerance
+from .errors import (
+    InvalidContactInput,
+    checked_array,
+    checked_number,
+    checked_steps,
+    checked_tolerance,
+)
 from .load import Load
 from .solver import ContactProblem, ContactState
 
@@ -73,8 +79,8 @@ def wear_path(
         Force over nominal area (MPa), ≥ 0, in all steps or in each, not zero in all. The sliding
         is the same in all steps.
     mean_loss : float
-        Mean depth over the grid in the end (mm), ≥ 0. It sets the product of wear coefficient and
-        sliding: its value is `mean_loss` over the mean pressure.
+        Mean depth over the grid in the end (mm), ≥ 0. It sets κ, wear coefficient × sliding: that
+        of each step is `mean_loss` over the sum of the steps' mean pressures.
     steps : int
         Number of implicit steps.
     tolerance : float
@@ -101,16 +107,14 @@ def wear_path(
     array([5.0e-05, 1.0e-04, 1.5e-04, 2.0e-04])
     """
     heights = checked_array("heights", heights)
-    tolerance = checked_tolerance(tolerance)
-    if not isinstance(steps, (int, np.integer)) or steps < 1:
-        raise InvalidContactInput(f"steps must be an integer of at least 1, got {steps!r}")
+    steps, tolerance = checked_steps(steps), checked_tolerance(tolerance)
     pressures = np.atleast_1d(np.asarray(mean_pressure, dtype=float))
     if pressures.shape not in ((1,), (steps,)):
         raise InvalidContactInput(
             f"mean_pressure must be one number or {steps}, one for each step, got {pressures.size}"
         )
     pressures = np.broadcast_to(
-        [checked_number("mean_pressure", value, "MPa") for value in pressures], (int(steps),)
+        [checked_number("mean_pressure", value, "MPa") for value in pressures], (steps,)
     )
     if not pressures.any():
         raise InvalidContactInput("mean_pressure must be positive in one step at least (MPa)")
