@@ -62,7 +62,7 @@ def wear_figure(table: pd.DataFrame, summary: pd.DataFrame) -> Figure:
 
     `table` is ``wear.csv``, `summary` is ``wear_summary.csv``.
     """
-    figure, (volumes, skills) = style.panels(2, 2, (2.6, 2.6), (0.7, *CHARTS[1:]))
+    figure, (volumes, skills) = style.panels(2, 2, (2.6, 2.6), (0.7, *CHARTS[1:]), head=0.25)
     units = 1e5  # µm³
     for model, (name, colour, marker) in _MODELS.items():
         of = table[table.model == model]
@@ -76,7 +76,7 @@ def wear_figure(table: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     volumes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
     volumes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
     volumes.set_title("How much did each patch lose?")
-    volumes.legend(fontsize=6, loc="lower right")
+    figure.legend(*volumes.get_legend_handles_labels(), loc="upper center", ncols=len(_MODELS))
 
     rows = summary[summary.statistic.str.startswith("skill(")]
     skills.axvline(0, color=GREY, lw=0.8)
