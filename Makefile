@@ -104,7 +104,7 @@ baseline: $(READY) ## renew the tables that the tests compare the default study 
 	rm -rf tests/baseline && mkdir -p tests/baseline
 	cp -r results/tables tests/baseline/
 
-sweep: $(READY) ## what moves the results most: a one-at-a-time sensitivity analysis (half an hour)
+sweep: $(READY) ## what moves the results most: a one-at-a-time sensitivity analysis (a quarter of an hour)
 	@$(PREPARE) --run --needs sweep "$(SWEPT)"
 	@$(RUN) sweep --configfile "$(SWEPT)"
 	@echo "Done. Table: tables/sweep.csv; figure: figures/sweep.png, in the results folder"
