@@ -87,6 +87,7 @@ def main() -> int:
             maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
             placed=config["coupling"] == "placed",
             reference=config["coupling"] == "placed" and config["reference_draws"] is not None,
+            mat=config["mat"],
         )
         problems += found.problems
     print(f"{path}: {summary(config, patches, found)}")

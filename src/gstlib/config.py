@@ -194,6 +194,19 @@ def _contradictions(config: Mapping) -> Iterator[str]:
             f"'hardness' is {config['hardness']} MPa, not above macroscale.target_pressure_MPa of "
             f"{target}: no contact carries more than its hardness; raise it, or set it to null"
         )
+    mat, stones = config["mat"], [config["material"][f"young_{stone}_MPa"] for stone in (1, 2)]
+    if mat is not None and config["wear_steps"] is None:
+        yield "'mat' has no effect while wear_steps is null: give their number, or set mat to null"
+    if mat is not None and mat["young_MPa"] >= min(stones):
+        yield (
+            f"'mat.young_MPa' is {mat['young_MPa']:g}, not below the stones' {min(stones):g} MPa: "
+            "what is as stiff as a stone is a stone; lower it, or set mat to null"
+        )
+    if mat is not None and config["specimen"] is not None:
+        spacing_um = config["specimen"]["scan_spacing_um"]
+        if mat["thickness_um"] < spacing_um:
+            fault = thinner_than_a_point(mat["thickness_um"], spacing_um)
+            yield f"'mat.thickness_um': {fault}; make it thicker, or set mat to null"
     short, long = config["texture"]["s_filter_um"], config["texture"]["l_filter_um"]
     if long is not None and long <= short:
         yield (
@@ -203,6 +216,14 @@ def _contradictions(config: Mapping) -> Iterator[str]:
     for name in ("patches", "published"):
         if config[name] is not None and (problem := _path_problem(config[name])):
             yield f"'{name}': {problem}: correct the path"
+
+
+def thinner_than_a_point(thickness_um: float, spacing_um: float) -> str:
+    """What is wrong with a mat that is thinner than the scans' points are apart."""
+    return (
+        f"{thickness_um:g} µm is less than the {spacing_um:.3g} µm between two points of a scan: so "
+        "thin a mat acts on nothing that is measured"
+    )
 
 
 def _inputs_in_results(config: Mapping) -> str | None:

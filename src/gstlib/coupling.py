@@ -15,7 +15,7 @@ import pandas as pd
 import xarray as xr
 from scipy.interpolate import RectBivariateSpline
 
-from gstlib.bem import HalfSpace
+from gstlib.bem import HalfSpace, Layer
 from gstlib.surface import axis_coordinates, spacing_of
 
 __all__ = [
@@ -179,14 +179,15 @@ def surroundings(
     *,
     size_mm: float,
     contact_modulus_MPa: float,
+    layer: Layer | None = None,
 ) -> np.ndarray:
     """Displacement of a patch by the macroscale pressures outside its outline.
 
     `pressure` (y, x) is the macroscale contact pressure, MPa; of an element that the edge cuts, the
-    share of its area outside counts. The result is of `shape`, that of the scan, in mm, positive
-    into the stone.
+    share of its area outside counts. A `layer` may be in front of the stone. The result is of
+    `shape`, that of the scan, in mm, positive into the stone.
     """
     inside = footprint_weights(pressure, place.x_mm, place.y_mm, size_mm, place.rotation_deg)
-    square = HalfSpace(pressure.shape, spacing_of(pressure), contact_modulus_MPa)
+    square = HalfSpace(pressure.shape, spacing_of(pressure), contact_modulus_MPa, layer=layer)
     displaced = pressure.copy(data=square.displacement(pressure.values * (1 - inside)))
     return on_patch(spline_of(displaced), place, shape, size_mm)

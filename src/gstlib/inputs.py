@@ -16,9 +16,10 @@ import pandas as pd
 import xarray as xr
 from skimage.transform import resize_local_mean
 
+from gstlib.config import thinner_than_a_point
 from gstlib.contact import check_grid
 from gstlib.coupling import Place, on_patch, spline_of
-from gstlib.errors import GstError, InputError
+from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.patches import COUNTERFACE, ScanFile
 from gstlib.io.scans import cut_scan, read_scan
@@ -102,6 +103,7 @@ def check_inputs(
     maximum_unmeasured: float,
     placed: bool,
     reference: bool,
+    mat: Mapping | None,
 ) -> Inputs:
     """Read the mesh and every scan of a study.
 
@@ -118,6 +120,8 @@ def check_inputs(
         Whether the scans are laid on the mesh: both must then see the same stone.
     reference : bool
         Whether the whole square is pressed at the scans' resolution, which takes memory.
+    mat : mapping or None
+        The section ``mat`` of the config.
 
     Notes
     -----
@@ -177,6 +181,11 @@ def check_inputs(
     problems += _unlike_counterface(pieces.get((COUNTERFACE, "")), at_t0)
     if reference:
         problems += _no_reference(at_t0, square["size_mm"])
+    coarsest = max((row[f"spacing_{axis}_um"] for row in rows for axis in "xy"), default=0.0)
+    if mat is not None and mat["thickness_um"] < coarsest:
+        thin = thinner_than_a_point(mat["thickness_um"], coarsest)
+        remedy = "Make it thicker, or set mat to null."
+        problems.append(ConfigError("mat.thickness_um", thin, remedy))
     for fault in _other_unit(waves):
         if placed:
             problems.append(fault)

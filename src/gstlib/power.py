@@ -1,7 +1,8 @@
 """How often does the study find a relation that is there, and one that is not?
 
 Many specimens are generated, each with its wear on summits, with the same wear placed at random,
-and with wear in waves longer than a patch. `p_values` takes the tests of the study on one of them.
+and with wear in waves longer than a patch; some also with wear by Archard's law, without and with a
+mat. `p_values` takes the tests of the study on one of them, `law_p_values` those of the law.
 A claim is a p-value at or below a level. Without a relation, claims must come as often as the level
 says; with one, their rate is the power (`rejection_rates`).
 """
@@ -27,7 +28,7 @@ from gstlib.validation.summary import (
     spatial_p_value,
 )
 
-__all__ = ["LEVELS", "p_values", "rejection_rates", "specimen_studies"]
+__all__ = ["LEVELS", "law_p_values", "p_values", "rejection_rates", "specimen_studies"]
 
 LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5)
 SCORES = ("f1", "roc_auc")  # the one of areas, the other of rankings
@@ -37,12 +38,16 @@ _PAIR = f"spearman({_PREDICTOR}, {_EXTENT})"
 # ASSUME: what can be had with fewer patches is that of so many drawn at random from a specimen's.
 _PATCH_COUNTS = (4, 6, 8, 10, 12)
 _RESAMPLES = 99  # for intervals, which are not used here
+_TESTS = ["test", "drawn", "patches", "p_value"]
 
 
 def specimen_studies(
-    config: Mapping[str, Any], patches: pd.DataFrame, specimen_seed: int
+    config: Mapping[str, Any],
+    patches: pd.DataFrame,
+    specimen_seed: int,
+    wear_placements: Sequence[str] = WEAR_PLACEMENTS,
 ) -> Iterator[tuple[str, Study]]:
-    """Where wear lies, of `WEAR_PLACEMENTS`, and the study of the specimen with that wear.
+    """Where wear lies, one by one, and the study of the specimen with that wear.
 
     The later studies take from the first every stage that no scan after use enters.
 
@@ -54,7 +59,7 @@ def specimen_studies(
         replace(SpecimenParameters(**config["specimen"]), seed=specimen_seed),
         square_mm=config["square"]["size_mm"],
         grid=config["macroscale"]["grid"],
-        wear_placements=WEAR_PLACEMENTS,
+        wear_placements=wear_placements,
     )
     kept: dict[tuple[str, ...], Any] = {}
     for wear, specimen in specimens.items():
@@ -96,9 +101,8 @@ def p_values(study: Study, *, seed: Sequence[int]) -> tuple[pd.DataFrame, pd.Dat
     of_patch = tables["gains"][tables["gains"].score.isin(SCORES)]
     rows = [(row.score, np.nan, 1, row.p_value) for row in of_patch.itertuples()]
     found, every, table = believed(found), table, table[table.believed.astype(bool)]
-    columns = ["test", "drawn", "patches", "p_value"]
     if table.empty:
-        return pd.DataFrame(rows, columns=columns), every
+        return pd.DataFrame(rows, columns=_TESTS), every
     generator = np.random.default_rng(seed)
     chance: dict[str, Any] = {"generator": generator, "resamples": _RESAMPLES}
     gains = mean_gains(table, **chance)
@@ -116,7 +120,22 @@ def p_values(study: Study, *, seed: Sequence[int]) -> tuple[pd.DataFrame, pd.Dat
         spatial = spatial_p_value(pressure, loss, positions, permuted=pair.p_value)
         rows.append((_PAIR, drawn, pair.n, pair.p_value))
         rows.append((f"{_PAIR}, neighbours allowed for", drawn, pair.n, spatial))
-    return pd.DataFrame(rows, columns=columns), every
+    return pd.DataFrame(rows, columns=_TESTS), every
+
+
+def law_p_values(study: Study, *, seed: int) -> pd.DataFrame:
+    """P-values of the claim that a law of wear is at work on a specimen.
+
+    ``test, drawn, patches, p_value`` as of `p_values`; the tests are ``law(archard)`` and, where
+    the config has a mat, ``law(mat)``. A law is claimed where its maps of loss err less than those of
+    every rival, the bare stone among those of the mat: the p-value, one-sided, is the largest.
+    """
+    summary = study.wear(seed=seed, resamples=_RESAMPLES)[-1]
+    skill = summary[summary.statistic == "skill(map)"]
+    p = np.where(skill.value > 0, skill.p_value / 2, 1 - skill.p_value / 2)
+    rows = skill.assign(p_value=p).groupby("model", sort=False).agg({"p_value": "max", "n": "max"})
+    rows = rows.rename(columns={"n": "patches"}).reset_index()
+    return rows.assign(test="law(" + rows.model + ")", drawn=np.nan)[_TESTS]
 
 
 def rejection_rates(p_values: pd.DataFrame) -> pd.DataFrame:

@@ -60,6 +60,7 @@ __all__ = [
     "compare_scales",
     "compose_surface",
     "couple_scales",
+    "fit_mat",
     "grid_macroscale",
     "gridding_table",
     "levelled_patch",
@@ -67,6 +68,7 @@ __all__ = [
     "microscale_tables",
     "place_patch",
     "place_patches",
+    "predict_wear",
     "prepare_scan",
     "preprocessing_table",
     "register_patch",
@@ -79,7 +81,6 @@ __all__ = [
     "solve_patch",
     "solve_reference",
     "solve_slip",
-    "wear_patch",
     "wear_square",
 ]
 
@@ -87,6 +88,7 @@ __all__ = [
 STUDY_SECTIONS = (
     *("coupling", "square", "material", "macroscale", "scans", "preprocessing", "registration"),
     *("traces", "texture", "placement", "uncertainty", "selection", "microscale", "validation"),
+    *("wear_steps", "mat"),
 )
 # Which pressure of a patch each variant takes, of `couple_scales`.
 PRESSURES = {"placed": "pressure_MPa", "levelled": "mesh_pressure_MPa"}
@@ -645,17 +647,21 @@ def wear_square(
     pressures: pd.DataFrame,
     scores: pd.DataFrame,
     *,
+    mat: Mapping[str, float] | None = None,
     source: str | Path = "macroscale",
     **settings: Any,
 ) -> xr.Dataset | None:
     """Wear the square by Archard's law, and fit its coefficient to the measured losses.
 
     `contact` is the square's at the target pressure; `scores` is the table ``patches`` of
-    `score_patches`, whose believed losses count. Settings and result are those of
-    `gstlib.wear.wear_square`; None, with a warning, where there is no fit.
+    `score_patches`, whose believed losses count; `mat` is that section of the config. Settings and
+    result are those of `gstlib.wear.wear_square`; None, with a warning, where there is no fit.
     """
+    from gstlib.bem import Layer
     from gstlib.errors import InputError
     from gstlib.wear import wear_square
+
+    layer = Layer(mat["young_MPa"], mat["poisson"], mat["thickness_um"] * 1e-3) if mat else None
 
     lost = scores[scores.believed.astype(bool)].set_index("patch").loss_per_area_um.dropna()
     under_load = pressures.set_index("patch").pressure_MPa[lost.index] > 0
@@ -663,20 +669,38 @@ def wear_square(
         if ((lost > 0) & under_load).sum() < 2:
             problem = "fewer than two patches under load lost height, so that its coefficient"
             raise InputError(source, f"{problem} cannot be fitted to some and tested on others", "")
-        return wear_square(contact, pressures, lost.to_dict(), source=source, **settings)
+        return wear_square(contact, pressures, lost.to_dict(), mat=layer, source=source, **settings)
     except InputError as error:
         logging.getLogger("gstlib").warning("wear is not predicted: %s", error.problem)
         return None
 
 
-def wear_patch(contact: xr.Dataset, square: xr.Dataset, patch: str) -> xr.Dataset:
-    """Wear a patch at the pressures that the wearing square gives it.
+def fit_mat(
+    square: xr.Dataset, patches: Iterable[tuple[str, xr.Dataset, xr.Dataset]]
+) -> xr.Dataset:
+    """Fit the coefficient of what is between the stones to the maps of loss of all patches but one.
 
-    Parameters and result are those of `gstlib.wear.wear_patch`.
+    `patches` are those of a patch, its contact and its height change. The result is that of
+    `gstlib.wear.fit_mat`; without a mat it is `square`.
     """
-    from gstlib.wear import wear_patch
+    from gstlib.wear import fit_mat, mat_misfits
 
-    return wear_patch(contact, square, patch)
+    if "mat_pressure" not in square:
+        return square
+    found = {
+        patch: mat_misfits(contact, change, square, patch) for patch, contact, change in patches
+    }
+    return fit_mat(square, found)
+
+
+def predict_wear(contact: xr.Dataset, square: xr.Dataset, patch: str) -> xr.Dataset:
+    """A patch's loss and its heights after use, as the other patches predict them.
+
+    `square` is from `fit_mat`; the result is that of `gstlib.wear.wear_map`.
+    """
+    from gstlib.wear import wear_map
+
+    return wear_map(contact, square, patch)
 
 
 def score_wear(
@@ -686,17 +710,18 @@ def score_wear(
     *,
     seed: int,
     resamples: int,
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Predicted against measured loss of each patch, and what the prediction is worth.
 
-    `patches` are those of a patch, its contact, its height change and its wear; `square` is from
-    `wear_square`. The tables are those of `gstlib.wear.wear_table` and
+    `patches` are those of a patch, its contact, its height change and its `predict_wear`; `square`
+    is from `fit_mat`. The tables are those of `gstlib.wear.wear_table` and
     `gstlib.wear.wear_summary`.
     """
     from gstlib.wear import wear_summary, wear_table
 
-    table = wear_table(patches, square, pressures)
-    return table, wear_summary(table, seed=seed, resamples=resamples)
+    table, profile = wear_table(patches, square, pressures)
+    summary = wear_summary(table, profile, square, seed=seed, resamples=resamples)
+    return table, profile, summary
 
 
 def measure_texture(
@@ -901,3 +926,27 @@ class Study:
             score_patch(patch, self.patch_contact(patch), self.change(patch), **settings, **chance)
             for patch in self.scored()
         ]
+
+    def wear(self, *, seed: int, resamples: int) -> "tuple[pd.DataFrame, ...]":
+        """Tables of `score_wear`; empty where no wear is predicted."""
+        from gstlib.validation.scoring import patch_tables
+        from gstlib.wear import COLUMNS
+
+        names = {"steps": self.config["wear_steps"], "mat": self.config["mat"]}
+        scores = patch_tables(self.scores(seed=[seed], shifts=0, resamples=0))["patches"]
+        square = wear_square(
+            self.contact(), self.pressures(), scores, patch_mm=self._places["patch_mm"], **names
+        )
+        if square is None:
+            return tuple(pd.DataFrame(columns=columns) for columns in COLUMNS)
+        fitted = square.measured.dropna("patch").patch.values.tolist()
+        found = ((patch, self.patch_contact(patch), self.change(patch)) for patch in fitted)
+        square = fit_mat(square, found)
+        patches = (
+            (
+                *(patch, self.patch_contact(patch), self.change(patch)),
+                predict_wear(self.patch_contact(patch), square, patch),
+            )
+            for patch in fitted
+        )
+        return score_wear(patches, square, self.pressures(), seed=seed, resamples=resamples)

@@ -5,6 +5,10 @@ The square wears as a whole, so pressures move from patch to patch as the hardes
 (`wear_square`); inside a patch, the summits wear first (`wear_patch`). The one unknown, κ, is
 fitted to the measured loss. A prediction for a patch uses the κ of all the *other* patches.
 
+Valleys wear too where something soft is between the stones: plants, hide, wood. A *mat*, an elastic
+layer that takes turns with the bare stone, stands for it. How its coefficient compares with that of
+the bare stone is fitted as κ is, to the maps of loss of the other patches (`fit_mat`).
+
 The rivals know less: the same depth on every patch, a depth in proportion to the pressure before
 use, and each patch cut off flat over the area that did wear (`wear_table`).
 """
@@ -13,38 +17,57 @@ use, and each patch cut off flat over the area that did wear (`wear_table`).
 # and patches are pressed as before use by what surrounds them, at the pressure of each step.
 # ASSUME: κ makes the predicted and the measured loss of the patches equal in sum: a few deep
 # traces count more than many shallow ones. The measured loss is that beyond its level of detection.
+# ASSUME: a mat carries the same force over the square as the bare stone does, and is as thick
+# everywhere; what is behind it is rigid for it, and elastic by itself as without it.
+# ASSUME: T1 is laid on T0 where most points are. No scan sees what a mat takes off all points
+# alike, so that a prediction, too, counts from the median of its depths.
 
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import wear_path
+from gstlib.bem import Layer, ThirdBody, solve_contact, wear_path
 from gstlib.contact import laid_height, solved
-from gstlib.coupling import patch_pressures
+from gstlib.coupling import Place, patch_pressures, surroundings
 from gstlib.errors import InputError
 from gstlib.surface import spacing_of
 from gstlib.validation.intervals import percentile_interval
-from gstlib.validation.summary import rank_correlation
+from gstlib.validation.summary import exchange_p_value, rank_correlation
 
-__all__ = ["COLUMNS", "MODELS", "wear_patch", "wear_square", "wear_summary", "wear_table"]
+__all__ = [
+    "COLUMNS",
+    "fit_mat",
+    "mat_misfits",
+    "wear_patch",
+    "wear_square",
+    "wear_summary",
+    "wear_table",
+]
 
-# The prediction, and what it is to beat.
-MODELS = "archard", "pressure", "uniform", "truncation"
-# Of ``wear.csv`` and of ``wear_summary.csv``.
+# The predictions, and what they are to beat.
+_OWN, _RIVALS = ("archard", "mat"), ("pressure", "uniform", "truncation")
+# Of ``wear.csv``, ``wear_profile.csv`` and ``wear_summary.csv``.
 COLUMNS = (
     [
         *("patch", "model", "predicted_volume_um3", "measured_volume_um3", "predicted_depth_um"),
         *("measured_depth_um", "rms_difference_um"),
     ],
-    ["statistic", "value", "low", "high", "p_value", "n", "against"],
+    ["patch", "by", "band", "model", "loss_um"],
+    ["model", "statistic", "value", "low", "high", "p_value", "n", "against"],
 )
-# The square wears to this many times the κ that its first pressures give, or, where patches are
-# then short of their losses, to more.
+# The square wears to this many times the κ of the bare stone that its first pressures give, or to
+# more, where patches are then short of their losses.
 _REACHES = 1.5, 3.0, 6.0
+# Coefficients of the mat that are tried, over that of the bare stone.
+_RATIOS = 0.0, 0.1, 0.3, 1.0, 3.0
+# Bands of as many points each, from the highest points, or the smallest gap, on.
+_BANDS = 4
+_BODIES = "stone", "mat"
 
 
 def wear_square(
@@ -54,6 +77,7 @@ def wear_square(
     *,
     patch_mm: float,
     steps: int,
+    mat: Layer | None = None,
     source: str | Path = "macroscale",
 ) -> xr.Dataset:
     """Wear the square, follow the patches' pressures, and fit κ.
@@ -70,13 +94,18 @@ def wear_square(
         Side of a patch.
     steps : int
         Implicit steps of the path.
+    mat : gstlib.bem.Layer, optional
+        What takes turns with the bare stone.
 
     Returns
     -------
     xarray.Dataset
-        ``loss`` (step, patch): mean depth lost since the start, mm, at ``kappa`` (step), mm/MPa,
-        both from 0 on; ``measured`` (patch) mm, NaN where κ is not fitted to a patch; ``fitted``
-        (patch): κ from the measured losses of all other patches; the attribute ``kappa``, from all.
+        By ``ratio`` of the mat's coefficient to the bare stone's, 0 alone without a mat: ``kappa``
+        (ratio, step), both bodies' together, mm/MPa, from 0 on; ``pressed`` (ratio, body, step,
+        patch): what that κ would take off the patch by one body alone, mm. ``fitted`` (patch): κ of
+        the bare stone from the measured losses of all other patches; the attribute ``kappa``: from
+        all. ``measured`` (patch), mm, NaN where κ is not fitted to a patch; ``x_mm, y_mm,
+        rotation_deg`` (patch); with a mat ``mat_pressure`` (y, x), MPa, under it before use.
 
     Raises
     ------
@@ -85,25 +114,18 @@ def wear_square(
     """
     measured = pd.Series(losses_um, dtype=float) * 1e-3
     table = pressures.set_index("patch", drop=False)
-    target = float(contact.pressure.mean())
+    settings: dict[str, Any] = {"patch_mm": patch_mm, "steps": steps, "mat": mat, "source": source}
     most = measured.sum() / table.pressure_MPa[measured.index].sum()
     for reach in _REACHES:
-        kappa = np.linspace(0, reach * most, steps + 1)
-        options = {"mean_pressure": target, "mean_loss": kappa[-1] * target, "steps": steps}
-        path = solved(wear_path, contact, source, keep_states=True, **options)
-        in_steps = [
-            patch_pressures(
-                contact.height.copy(data=state.pressure), table, size_mm=patch_mm
-            ).pressure_MPa
-            for state in path.states
+        # a mat adds to what the bare stone does
+        paths = [
+            _pressed(contact, table, (1 + ratio) * reach * most, ratio, **settings)
+            for ratio in (_RATIOS if mat else _RATIOS[:1])
         ]
-        loss = xr.DataArray(
-            kappa[1] * np.cumsum([np.zeros(len(table)), *in_steps], axis=0),
-            dims=("step", "patch"),
-            coords={"patch": list(table.patch)},
-        )
+        bare = paths[0]
+        loss = bare.pressed.sel(body="stone")
         others = (measured.index.drop(patch, errors="ignore") for patch in table.patch)
-        fits = [_fit(kappa, loss, measured[of]) for of in (measured.index, *others)]
+        fits = [_fit(bare.kappa, loss, measured[of]) for of in (measured.index, *others)]
         if np.isfinite(fits).all():
             break
     else:
@@ -112,32 +134,87 @@ def wear_square(
             "the measured losses are more than this square can lose under its patches",
             "Look for a patch whose T1 is wrong, or set wear_steps to null in the config.",
         )
-    return xr.Dataset(
-        {
-            "loss": loss.assign_attrs(units="mm", long_name="mean depth lost"),
-            "kappa": (
-                "step",
-                kappa,
-                {"units": "mm/MPa", "long_name": "wear coefficient × sliding"},
-            ),
-            "measured": (
-                "patch",
-                measured.reindex(table.index),
-                {"units": "mm", "long_name": "measured mean depth lost"},
-            ),
-            "fitted": ("patch", fits[1:], {"units": "mm/MPa", "long_name": "κ of other patches"}),
-        },
-        attrs={"kappa": fits[0], "steps": steps},
+    path = xr.concat(paths, pd.Index(_RATIOS[: len(paths)], name="ratio"))
+    path = path.assign(
+        fitted=("patch", fits[1:]), measured=("patch", measured.reindex(table.index))
+    )
+    described = {
+        "kappa": ("mm/MPa", "wear coefficient × sliding"),
+        "pressed": ("mm", "mean depth that a body alone takes off"),
+        "fitted": ("mm/MPa", "κ of other patches"),
+        "measured": ("mm", "measured mean depth lost"),
+        "x_mm": ("mm", "centre of the patch along x"),
+        "y_mm": ("mm", "centre of the patch along y"),
+        "rotation_deg": ("degree", "turn of the patch, x towards y"),
+    }
+    places = {name: ("patch", table[name]) for name in ("x_mm", "y_mm", "rotation_deg")}
+    path = path.assign(places).assign_attrs(kappa=fits[0], steps=steps, patch_mm=patch_mm)
+    for name, (units, long_name) in described.items():
+        path[name].attrs.update(units=units, long_name=long_name)
+    if mat is None:
+        return path
+    options = {"mean_pressure": float(contact.pressure.mean()), "layer": mat}
+    pressed = solved(solve_contact, contact, source, **options).pressure
+    field = contact.pressure.copy(data=pressed).reset_coords(drop=True)
+    field.attrs["long_name"] = "pressure under the mat before use"
+    return path.assign(mat_pressure=field).assign_attrs(
+        young_MPa=mat.young,
+        poisson=mat.poisson,
+        thickness_mm=mat.thickness,
+        contact_modulus_MPa=contact.attrs["contact_modulus_MPa"],
     )
 
 
-def _fit(kappa: np.ndarray, loss: xr.DataArray, measured: pd.Series) -> float:
+def _pressed(
+    contact: xr.Dataset,
+    table: pd.DataFrame,
+    kappa: float,
+    ratio: float,
+    *,
+    patch_mm: float,
+    steps: int,
+    mat: Layer | None,
+    source: str | Path,
+) -> xr.Dataset:
+    """``kappa`` and ``pressed`` of `wear_square` up to one κ, at one ratio."""
+    target = float(contact.pressure.mean())
+    share = ratio / (1 + ratio)
+    third_body = ThirdBody(mat, share, target) if mat else None
+    options: dict[str, Any] = {"mean_pressure": target, "mean_loss": kappa * target}
+    options |= {"steps": steps, "third_body": third_body, "keep_states": True}
+    path = solved(wear_path, contact, source, **options)
+    pressed = np.zeros((len(_BODIES), steps + 1, len(table)))
+    for body, states in enumerate(zip(*path.states, strict=True)):
+        in_steps = [
+            patch_pressures(
+                contact.height.copy(data=state.pressure), table, size_mm=patch_mm
+            ).pressure_MPa
+            for state in states
+        ]
+        pressed[body, 1:] = kappa / steps * np.cumsum(in_steps, axis=0)
+    return xr.Dataset(
+        {
+            "kappa": ("step", np.linspace(0, kappa, steps + 1)),
+            "pressed": (("body", "step", "patch"), pressed),
+        },
+        coords={"body": list(_BODIES), "patch": list(table.patch)},
+    )
+
+
+def _fit(kappa: xr.DataArray, loss: xr.DataArray, measured: pd.Series) -> float:
     """The κ at which the patches of `measured` have lost as much in sum; NaN beyond the path."""
     total = loss.sel(patch=list(measured.index)).sum("patch").values
     return float(np.interp(measured.sum(), total, kappa, right=math.nan))
 
 
-def wear_patch(contact: xr.Dataset, square: xr.Dataset, patch: str) -> xr.Dataset:
+def wear_patch(
+    contact: xr.Dataset,
+    square: xr.Dataset,
+    patch: str,
+    *,
+    ratio: float = 0.0,
+    kappa: float | None = None,
+) -> np.ndarray:
     """Wear a patch at the pressures that the wearing square gives it.
 
     Parameters
@@ -146,30 +223,186 @@ def wear_patch(contact: xr.Dataset, square: xr.Dataset, patch: str) -> xr.Datase
         The patch's, before use, from `gstlib.study.solve_patch`.
     square : xarray.Dataset
         From `wear_square`.
+    ratio : float
+        One of those of `square`.
+    kappa : float, optional
+        mm/MPa; by default that of the bare stone from the other patches.
+
+    Returns
+    -------
+    ndarray, shape (ny, nx)
+        The depth lost, mm.
+    """
+    kappa = float(square.fitted.sel(patch=patch)) if kappa is None else kappa
+    lost, options = _driven(contact, square, patch, ratio, kappa)
+    if not lost > 0:
+        return np.zeros(contact.height.shape)
+    return solved(wear_path, contact, f"patch {patch}", **options).depth
+
+
+def _driven(
+    contact: xr.Dataset, square: xr.Dataset, patch: str, ratio: float, kappa: float
+) -> tuple[float, dict]:
+    """Mean loss (mm) of a patch at a κ, and the settings of `wear_path` that lead to it."""
+    at, steps = square.sel(patch=patch, ratio=ratio), square.attrs["steps"]
+    share, fine = ratio / (1 + ratio), kappa * np.arange(steps + 1) / steps
+    pressed = [np.interp(fine, at.kappa, at.pressed.sel(body=body)) for body in _BODIES]
+    stone, soft = (np.diff(of) / fine[1] for of in pressed)
+    lost = (1 - share) * pressed[0][-1] + share * pressed[1][-1]
+    options: dict[str, Any] = {"mean_pressure": stone, "mean_loss": lost, "steps": steps}
+    if ratio:
+        options["third_body"] = ThirdBody(*_mat_under(contact, at, share, soft))
+    return lost, options
+
+
+def _mat_under(contact: xr.Dataset, at: xr.Dataset, share: float, pressures: np.ndarray) -> tuple:
+    """The third body on a patch, lowered by other surroundings than those of the bare stone."""
+    mat = Layer(*(at.attrs[name] for name in ("young_MPa", "poisson", "thickness_mm")))
+    if "surroundings" not in contact:
+        return mat, share, pressures
+    lowered = surroundings(
+        at.mat_pressure,
+        Place(*(float(at[name]) for name in ("y_mm", "x_mm", "rotation_deg"))),
+        contact.height.shape,
+        size_mm=at.attrs["patch_mm"],
+        contact_modulus_MPa=at.attrs["contact_modulus_MPa"],
+        layer=mat,
+    )
+    return mat, share, pressures, lowered - contact.surroundings.values
+
+
+def mat_misfits(
+    contact: xr.Dataset, change: xr.Dataset, square: xr.Dataset, patch: str
+) -> xr.Dataset:
+    """How a patch's wear compares with its measured loss, by ratio, along the path of the square.
 
     Returns
     -------
     xarray.Dataset
-        ``depth`` (y, x), the predicted loss, and ``t1``, the predicted heights after use, mm.
+        ``visible`` (ratio, step): mean of the predicted depth above its median, mm; ``misfit``
+        (ratio, step): sum over the points of (predicted − measured loss)², mm²; ``product`` (ratio,
+        step): that of the errors of a step and the next.
     """
-    steps, kappa = square.attrs["steps"], float(square.fitted.sel(patch=patch))
-    lost = np.interp(
-        kappa * np.arange(steps + 1) / steps, square.kappa.values, square.loss.sel(patch=patch)
+    known = np.isfinite(change.change.values)
+    lost = -change.change.values[known]
+    steps = square.attrs["steps"]
+    found = np.zeros((3, len(square.ratio), steps + 1))
+    for row, ratio in enumerate(square.ratio.values):
+        kappa = float(square.kappa.sel(ratio=ratio)[-1])
+        total, options = _driven(contact, square, patch, ratio, kappa)
+        depths = np.zeros((steps, *contact.height.shape))
+        if total > 0:
+            options["keep_depths"] = True
+            depths = solved(wear_path, contact, f"patch {patch}", **options).depths
+        before = -lost
+        found[1, row, 0] = before @ before
+        for step, depth in enumerate(depths, start=1):
+            seen = _seen(depth[known])
+            error = seen - lost
+            found[:, row, step] = seen.clip(0).mean(), error @ error, 0
+            found[2, row, step - 1] = before @ error
+            before = error
+    named = {
+        "visible": ("mm", "mean predicted depth above its median"),
+        "misfit": ("mm2", "sum of squared differences of loss"),
+        "product": ("mm2", "sum of products of these differences in two steps"),
+    }
+    return xr.Dataset(
+        {
+            name: (("ratio", "step"), values, {"units": units, "long_name": long_name})
+            for (name, (units, long_name)), values in zip(named.items(), found, strict=True)
+        },
+        coords={"ratio": square.ratio},
     )
-    depth = np.zeros(contact.height.shape)
-    if lost[-1] > 0:
-        pressures = np.diff(lost) / (kappa / steps)
-        options = {"mean_pressure": pressures, "mean_loss": lost[-1], "steps": steps}
-        depth = solved(wear_path, contact, f"patch {patch}", **options).depth
+
+
+def _seen(depth: np.ndarray) -> np.ndarray:
+    """What two scans can tell of a depth lost."""
+    return depth - np.median(depth)
+
+
+def fit_mat(square: xr.Dataset, by_patch: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """Find the mat's coefficient, over the bare stone's, that fits the maps of loss best.
+
+    At each ratio κ makes the predicted losses, as far as scans see them, equal in sum to the
+    measured ones.
+
+    `by_patch` are `mat_misfits`. The result is `square` with ``misfit`` (ratio, scored), mm²: of
+    each patch where all are fitted; ``mat_ratio`` and ``mat_kappa`` (scored): fitted to all other
+    patches; and the attribute ``mat_ratio``: to all.
+    """
+    found = xr.concat(by_patch.values(), pd.Index(by_patch, name="scored"))
+    measured = square.measured.sel(patch=list(by_patch)).values
+
+    def misfit(of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """κ (ratio,), and the misfits (ratio, scored), where the patches `of` are fitted."""
+        kappas, errors = [], []
+        for ratio in square.ratio.values:
+            at, kappa = found.sel(ratio=ratio), square.kappa.sel(ratio=ratio).values
+            place = np.interp(
+                measured[of].sum(), at.visible[of].sum("scored"), np.arange(kappa.size)
+            )
+            low = min(int(place), kappa.size - 2)
+            part = place - low
+            kappas.append(np.interp(place, np.arange(kappa.size), kappa))
+            errors.append(
+                (1 - part) ** 2 * at.misfit[:, low]
+                + 2 * part * (1 - part) * at.product[:, low]
+                + part**2 * at.misfit[:, low + 1]
+            )
+        return np.array(kappas), np.array(errors)
+
+    every = np.arange(len(by_patch))
+    _, all_misfits = misfit(every)
+    ratios, kappas = [], []
+    for own in every:
+        others = np.delete(every, own)
+        kappa, errors = misfit(others)
+        best = int(errors[:, others].sum(axis=1).argmin())
+        ratios.append(float(square.ratio[best]))
+        kappas.append(kappa[best])
+    best = int(all_misfits.sum(axis=1).argmin())
+    misfit_of = {"units": "mm2", "long_name": "sum of squared differences of loss"}
+    ratio_of = {"units": "1", "long_name": "coefficient of the mat over that of the bare stone"}
+    kappa_of = {"units": "mm/MPa", "long_name": "κ of other patches, with the mat"}
+    return square.assign(
+        misfit=(("ratio", "scored"), all_misfits, misfit_of),
+        mat_ratio=("scored", ratios, ratio_of),
+        mat_kappa=("scored", kappas, kappa_of),
+        scored=list(by_patch),
+    ).assign_attrs(mat_ratio=float(square.ratio[best]))
+
+
+def wear_map(contact: xr.Dataset, square: xr.Dataset, patch: str) -> xr.Dataset:
+    """Loss and heights after use of a patch, as the other patches predict them.
+
+    Parameters
+    ----------
+    contact : xarray.Dataset
+        The patch's contact before use.
+    square : xarray.Dataset
+        From `wear_square`; with a mat, from `fit_mat`.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``depth`` and ``t1`` (model, y, x), mm, by ``archard``, the bare stone, and, where there is
+        a mat, ``mat``.
+    """
+    depths = [wear_patch(contact, square, patch)]
+    if "mat_ratio" in square:
+        fitted = square.sel(scored=patch)
+        ratio, kappa = float(fitted.mat_ratio), float(fitted.mat_kappa)
+        depths.append(wear_patch(contact, square, patch, ratio=ratio, kappa=kappa))
+    depth = np.stack(depths)
     names = {"depth": "predicted height loss", "t1": "predicted height after use"}
     values = {"depth": depth, "t1": contact.height.values - depth}
     return xr.Dataset(
         {
-            name: (("y", "x"), values[name], {"units": "mm", "long_name": long_name})
+            name: (("model", "y", "x"), values[name], {"units": "mm", "long_name": long_name})
             for name, long_name in names.items()
         },
-        coords={axis: contact[axis] for axis in ("y", "x")},
-        attrs={"kappa": kappa},
+        coords={"model": list(_OWN[: len(depth)]), "y": contact.y, "x": contact.x},
     )
 
 
@@ -177,13 +410,13 @@ def wear_table(
     patches: Iterable[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]],
     square: xr.Dataset,
     pressures: pd.DataFrame,
-) -> pd.DataFrame:
-    """Predicted against measured loss of each patch, by model: the table ``wear.csv``.
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Predicted against measured loss of each patch: the tables ``wear`` and ``wear_profile``.
 
     Parameters
     ----------
     patches : iterable of (patch, xarray.Dataset, xarray.Dataset, xarray.Dataset)
-        Contact before use, height change, and wear from `wear_patch`; each is used once.
+        Contact before use, height change, and loss from `wear_map`; each is used once.
     square : xarray.Dataset
         From `wear_square`.
     pressures : pandas.DataFrame
@@ -191,39 +424,56 @@ def wear_table(
 
     Returns
     -------
-    pandas.DataFrame
+    wear : pandas.DataFrame
         ``patch, model``; predicted and measured ``volume_um3`` over the points whose change is
-        known, and ``depth_um``, the mean depth over the points that lost more than their level of
-        detection (NaN where none did); ``rms_difference_um`` of predicted depth and measured loss,
-        point by point. No model but ``truncation``, which takes the patch's own worn area, has
-        seen the patch's own wear.
+        known, as far as scans see it, and ``depth_um``, the mean depth over the points that lost
+        more than their level of detection (NaN where none did); ``rms_difference_um`` of predicted
+        depth and measured loss, point by point. No model but ``truncation``, which takes the
+        patch's own worn area, has seen the patch's own wear.
+    profile : pandas.DataFrame
+        ``patch, by, band, model, loss_um``: mean loss of the highest quarter of a patch's points
+        (``by`` ``height``, ``band`` 1) to the lowest (4), and of those with the smallest ``gap`` in
+        contact to the largest; ``model`` is ``measured`` or a prediction.
     """
     of = pressures.set_index("patch").pressure_MPa
-    measured = square.measured.dropna("patch").to_series()
+    losses = square.measured.dropna("patch").to_series()
     rows: list[tuple] = []
+    bands: list[tuple] = []
     for patch, contact, change, worn in patches:
         known = np.isfinite(change.change.values)
         lost, loss = -change.change.values[known], change.loss.values.astype(bool)[known]
         level = change.level_of_detection.values[known]
         height = laid_height(contact).values[known]
-        others = measured.drop(patch)
-        depths = {
-            "archard": worn.depth.values[known],
+        others = losses.drop(patch)
+        own = {str(of.model.values): _seen(of.values[known]) for of in worn.depth}
+        depths = own | {
             "pressure": np.full(lost.shape, of[patch] * others.sum() / of[others.index].sum()),
             "uniform": np.full(lost.shape, others.mean()),
             "truncation": np.maximum(height - np.quantile(height, 1 - loss.mean()), 0),
         }
         element_um3 = float(np.prod(spacing_of(change))) * 1e9
-        for model in MODELS:
-            depth = depths[model]
+        for model, depth in depths.items():
             rows.append(
                 (
-                    *(patch, model, depth.sum() * element_um3, lost[loss].sum() * element_um3),
+                    *(
+                        patch,
+                        model,
+                        depth.clip(0).sum() * element_um3,
+                        lost[loss].sum() * element_um3,
+                    ),
                     *(_mean_um(depth[depth > level]), _mean_um(lost[loss])),
                     1e3 * float(np.sqrt(np.mean((depth - lost) ** 2))),
                 )
             )
-    return pd.DataFrame(rows, columns=COLUMNS[0])
+        compared = {"measured": np.where(loss, lost, 0.0)} | own
+        for by, deepest in (("height", -height), ("gap", contact.gap.values[known])):
+            order = np.array_split(np.argsort(deepest, kind="stable"), _BANDS)
+            bands += [
+                (patch, by, band, model, _mean_um(depth.clip(0)[points]))
+                for band, points in enumerate(order, start=1)
+                for model, depth in compared.items()
+            ]
+    return pd.DataFrame(rows, columns=COLUMNS[0]), pd.DataFrame(bands, columns=COLUMNS[1])
 
 
 def _mean_um(depth: np.ndarray) -> float:
@@ -231,25 +481,32 @@ def _mean_um(depth: np.ndarray) -> float:
     return 1e3 * float(depth.mean()) if depth.size else math.nan
 
 
-def wear_summary(table: pd.DataFrame, *, seed: int, resamples: int) -> pd.DataFrame:
-    """What the prediction is worth, over the patches: the table ``wear_summary.csv``.
+def wear_summary(
+    table: pd.DataFrame, profile: pd.DataFrame, square: xr.Dataset, *, seed: int, resamples: int
+) -> pd.DataFrame:
+    """What the predictions are worth, over the patches: the table ``wear_summary.csv``.
 
     Parameters
     ----------
-    table : pandas.DataFrame
+    table, profile : pandas.DataFrame
         From `wear_table`.
+    square : xarray.Dataset
+        From `wear_square`; with a mat, from `fit_mat`.
     seed, resamples : int
         Of the bootstrap over patches.
 
     Returns
     -------
     pandas.DataFrame
-        ``statistic, value, low, high, p_value, n, against``, with 95 % intervals.
-        ``skill(volume)`` is one less the summed absolute error of Archard's law over that of a
-        rival: 1 if it errs nowhere, 0 if both err alike, negative if the rival errs less.
-        ``skill(map)`` is that of r.m.s. differences, ``skill(depth)`` that of mean depths, against
-        ``truncation`` alone: the other rivals spread a loss evenly and tell no depth.
-        ``spearman(model, measured volume)`` is a rank correlation of volumes.
+        ``model, statistic, value, low, high, p_value, n, against``, with 95 % intervals.
+        ``skill(volume)`` is one less the summed absolute error of a prediction over that of a
+        rival: 1 if it errs nowhere, 0 if both err alike, negative if the rival errs less; its
+        two-sided test exchanges the two patch by patch. ``skill(map)`` is that of r.m.s.
+        differences, ``skill(depth)`` that of mean depths, against ``truncation`` alone: the other
+        rivals spread a loss evenly and tell no depth. ``spearman(model, measured volume)`` is a
+        rank correlation of volumes; ``lower_half`` the share of the loss that the lower half of the
+        points have, also as ``measured``; ``mat_ratio``, with a mat, its coefficient over that of
+        the bare stone, from all patches.
     """
     errors = {
         "volume": (table.predicted_volume_um3 - table.measured_volume_um3).abs(),
@@ -257,19 +514,42 @@ def wear_summary(table: pd.DataFrame, *, seed: int, resamples: int) -> pd.DataFr
         "map": table.rms_difference_um,
     }
     patches = list(dict.fromkeys(table.patch))
+    own = [model for model in _OWN if model in set(table.model)]
     generator = np.random.default_rng(seed)
     drawn = generator.integers(len(patches), size=(resamples, len(patches)))
+    none = math.nan, len(patches), ""
     rows: list[tuple] = []
-    for quantity, error in errors.items():
-        wide = table.assign(error=error).pivot(index="patch", columns="model", values="error")
-        own, *others = (wide.loc[patches, model].to_numpy() for model in MODELS)
-        for rival, other in zip(MODELS[1:], others, strict=True):
-            if quantity == "depth" and rival != "truncation":
-                continue
-            samples = 1 - own[drawn].sum(axis=1) / other[drawn].sum(axis=1)
-            interval = percentile_interval(samples, len(patches))
-            value = 1 - own.sum() / other.sum()
-            rows.append((f"skill({quantity})", value, *interval, math.nan, len(patches), rival))
+
+    def row(model: str, statistic: str, counts: np.ndarray, *more: object) -> None:
+        """One for the ratio of the sums over patches of two counts, shape (patches, 2)."""
+        samples, total = counts[drawn].sum(axis=1), counts.sum(axis=0)
+        low, high = percentile_interval(samples[:, 0] / samples[:, 1], len(patches))
+        rows.append((model, statistic, total[0] / total[1], low, high, *more))
+
+    for model in own:
+        for quantity, error in errors.items():
+            wide = table.assign(error=error).pivot(index="patch", columns="model", values="error")
+            wide = wide.loc[patches]
+            for rival in (*own[: own.index(model)], *_RIVALS):
+                if quantity == "depth" and rival in ("pressure", "uniform"):
+                    continue
+                gain = (wide[rival] - wide[model]).to_numpy()
+                p = exchange_p_value(gain, generator)
+                counts = np.stack([gain, wide[rival]], axis=1)
+                row(model, f"skill({quantity})", counts, p, len(patches), rival)
+    halves = profile[profile.by == "height"].assign(low=profile.band > _BANDS // 2)
+    for model in ("measured", *own):
+        loss = halves[halves.model == model].pivot_table(
+            index="patch", columns="low", values="loss_um", aggfunc="sum"
+        )
+        loss = loss.loc[patches].to_numpy()
+        row(model, "lower_half", np.stack([loss[:, 1], loss.sum(axis=1)], axis=1), *none)
+    if "mat_ratio" in square:
+        misfit = square.misfit.sel(scored=patches).transpose("scored", "ratio").values
+        samples = square.ratio.values[misfit[drawn].sum(axis=1).argmin(axis=1)]
+        interval = percentile_interval(samples, len(patches))
+        rows.append(("mat", "mat_ratio", square.attrs["mat_ratio"], *interval, *none))
+
     volumes = table.pivot(index="patch", columns="model", values="predicted_volume_um3")
     measured = table.drop_duplicates("patch").set_index("patch").measured_volume_um3
     volumes = volumes.loc[patches].assign(**{"measured volume": measured})
@@ -277,9 +557,9 @@ def wear_summary(table: pd.DataFrame, *, seed: int, resamples: int) -> pd.DataFr
     ranked = [
         rank_correlation(
             volumes, model, "measured volume", generator=generator, resamples=resamples
-        )
-        for model in MODELS
+        ).assign(model=model)
+        for model in (*own, *_RIVALS)
         if model != "uniform"
     ]
-    skills = pd.DataFrame(rows, columns=COLUMNS[1])
-    return pd.concat([skills, *ranked], ignore_index=True)
+    found = pd.concat([pd.DataFrame(rows, columns=COLUMNS[2]), *ranked], ignore_index=True)
+    return found[COLUMNS[2]]

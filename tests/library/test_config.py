@@ -20,6 +20,7 @@ from gstlib.io.patches import read_patches
 ROOT = Path(__file__).parents[2]
 SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
 POINTS = [[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 5.0, 0.0]]
+MAT = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0}
 INPUTS = {"mesh": "a", "mesh_unit": "mm", "scan_folder": "b"}
 
 
@@ -98,6 +99,9 @@ def test_all_problems_are_told_at_once(config):
         ("hardness", -5.0, "'hardness' is -5.0"),
         ("texture.l_filter_um", 8.0, "no wave passes both filters"),
         ("validation.shifts", 99, "validation.shifts"),
+        ("mat", MAT | {"young_MPa": 19500.0}, "'mat.young_MPa' is 19500, not below the stones'"),
+        ("mat", MAT | {"thickness_um": 1.5}, "'mat.thickness_um': 1.5 µm is less than the 1.66 µm"),
+        ("mat", MAT | {"poisson": 0.6}, "'mat.poisson' is 0.6"),
         ("grinding", {"friction": 0.6, "tangential_ratio": 1.5}, "grinding.tangential_ratio"),
         ("grinding", {"friction": 0, "tangential_ratio": 0.5}, "grinding.friction"),
         # YAML takes for text a number with an exponent but no point, or with a decimal comma
@@ -117,6 +121,7 @@ def test_a_value_that_cannot_be_used(config, path, value, words):
         ("grinding", None),
         ("hardness", None),
         ("counterface", {"scan": "a.plu"}),
+        ("mat", MAT),
         ("published", None),
         ("texture.l_filter_um", None),
     ],
@@ -135,8 +140,13 @@ def test_results_do_not_go_where_measured_files_are(config, results, inside):
     assert config_problems(mine | {"results": "a/b2"}, SCHEMA) == []
 
 
+def test_a_mat_needs_steps_of_wear(config):
+    found = config_problems(config | {"mat": MAT, "wear_steps": None}, SCHEMA)
+    assert "'mat' has no effect while wear_steps is null" in found[0]
+
+
 def test_power_needs_a_generated_specimen(config):
-    power = {"first_seed": 1, "specimens": 3}
+    power = {"first_seed": 1, "specimens": 3, "law_specimens": 0}
     found = config_problems(config | {"specimen": None, "inputs": INPUTS, "power": power}, SCHEMA)
     assert "'power' needs many generated specimens" in found[0]
 

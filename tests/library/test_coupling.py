@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gstlib.bem import HalfSpace
+from gstlib.bem import HalfSpace, Layer
 from gstlib.coupling import (
     Place,
     footprint_weights,
@@ -143,6 +143,20 @@ def test_surroundings_sink_a_patch_as_the_forces_outside_it_do(rotation):
     y, x = place.points(along[:, None], along)
     expected = 200.0 * 0.1**2 / (np.pi * 1e4 * np.hypot(y - 4.55, x - 2.55))
     np.testing.assert_allclose(found, expected, rtol=2e-3)
+
+
+def test_a_mat_is_displaced_near_its_load_alone():
+    field = make_surface(np.zeros((50, 50)), 0.1)
+    field[29:31, 20:30] = 50.0  # from 0.1 mm beyond the patch on
+    both = [
+        surroundings(
+            field, Place(2.4, 2.5, 0.0), (16, 16), size_mm=0.8, contact_modulus_MPa=1e9, layer=layer
+        )
+        for layer in (Layer(20.0, 0.2, 0.1), Layer(20.0, 0.2, 0.2))
+    ]
+    for found in both:
+        assert np.abs(found[:8]).max() < 0.01 * np.abs(found[-1]).max()
+    assert np.abs(both[1]).max() > 2 * np.abs(both[0]).max()
 
 
 def test_pressures_inside_the_outline_are_no_surroundings():

@@ -35,6 +35,7 @@ SETTINGS = {
     "maximum_unmeasured": 0.05,
     "placed": True,
     "reference": False,
+    "mat": None,
 }
 
 
@@ -94,6 +95,14 @@ def test_every_problem_is_named_once(folder):
     ]:
         (line,) = [line for line in message.splitlines() if f"{folder}/{name}" in line]
         assert problem in line
+
+
+def test_a_mat_thinner_than_a_scan_point_is_refused(folder):
+    mat = {"young_MPa": 20.0, "poisson": 0.2, "thickness_um": 9.0}
+    files = folder / "stone.stl", scans(folder)
+    (problem,) = check_inputs(*files, **SETTINGS | {"mat": mat}).problems
+    assert "mat.thickness_um: 9 µm is less than the 10 µm between two points" in str(problem)
+    assert not check_inputs(*files, **SETTINGS | {"mat": mat | {"thickness_um": 10.0}}).problems
 
 
 def test_a_mesh_too_coarse_for_the_square_and_a_scan_that_is_missing(folder):

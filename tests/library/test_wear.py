@@ -6,10 +6,12 @@ import pytest
 import xarray as xr
 
 from gstlib import study
+from gstlib.bem import Layer
 from gstlib.contact import contact_at_pressure
+from gstlib.coupling import patch_pressures
 from gstlib.errors import InputError
 from gstlib.surface import make_surface
-from gstlib.wear import COLUMNS, wear_patch, wear_square, wear_summary, wear_table
+from gstlib.wear import COLUMNS, wear_map, wear_patch, wear_square, wear_summary, wear_table
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
 # Four patches that tile the square, and one that nothing touches.
@@ -38,8 +40,6 @@ def square():
 
 @pytest.fixture(scope="module")
 def pressures(square):
-    from gstlib.coupling import patch_pressures
-
     return patch_pressures(square.pressure, PLACES, size_mm=1.0)
 
 
@@ -47,21 +47,27 @@ def worn(square, pressures, losses_um):
     return wear_square(square, pressures, losses_um, patch_mm=1.0, steps=8, source="square")
 
 
+def lost(path):
+    """What the bare stone takes off each patch, mm, along the path."""
+    return path.pressed.sel(ratio=0, body="stone")
+
+
 def test_patches_that_tile_the_square_lose_what_it_loses(square, pressures):
     path = worn(square, pressures, dict.fromkeys("abcd", 0.4))
-    lost = path.loss.mean("patch").values
-    np.testing.assert_allclose(lost, 20.0 * path.kappa, rtol=1e-6)
-    assert (path.loss.diff("step") >= 0).all()
+    kappa = path.kappa.sel(ratio=0)
+    np.testing.assert_allclose(lost(path).mean("patch"), 20.0 * kappa, rtol=1e-6)
+    assert (lost(path).diff("step") >= 0).all()
     assert path.attrs["kappa"] == pytest.approx(0.4e-3 / 20.0, rel=1e-6)
     # Pressures even out as the patches that bear most sink.
-    rates = path.loss.diff("step") / path.kappa.diff("step")
+    rates = lost(path).diff("step") / kappa.diff("step")
     assert float(rates[-1].std("patch")) < float(rates[0].std("patch"))
 
 
 def test_the_coefficient_behind_the_losses_is_found_without_a_patch_of_its_own(square, pressures):
     path = worn(square, pressures, dict.fromkeys("abcd", 0.4))
-    kappa = 0.6 * float(path.kappa[-1])
-    true = path.loss.interp(step=np.interp(kappa, path.kappa, np.arange(9)))
+    kappas = path.kappa.sel(ratio=0)
+    kappa = 0.6 * float(kappas[-1])
+    true = lost(path).interp(step=np.interp(kappa, kappas, np.arange(9)))
     losses = {patch: 1e3 * float(true.sel(patch=patch)) for patch in "abcd"}
     again = worn(square, pressures, losses)
     np.testing.assert_allclose(again.fitted, kappa, rtol=2e-3)
@@ -91,16 +97,17 @@ def patch_of(pressure_MPa, seed=0):
 def test_a_patch_loses_what_the_square_takes_off_it(square, pressures):
     path = worn(square, pressures, dict.fromkeys("abcd", 0.4))
     contact = patch_of(float(pressures.pressure_MPa[0]))
-    lost = wear_patch(contact, path, "a")
+    depth = wear_patch(contact, path, "a")
     kappa = float(path.fitted.sel(patch="a"))
-    expected = np.interp(kappa, path.kappa, path.loss.sel(patch="a"))
-    assert float(lost.depth.mean()) == pytest.approx(expected, rel=1e-9)
-    assert float(lost.depth.min()) == 0
-    np.testing.assert_allclose(lost.t1, contact.height - lost.depth, atol=1e-15)
+    expected = np.interp(kappa, path.kappa[0], lost(path).sel(patch="a"))
+    assert float(depth.mean()) == pytest.approx(expected, rel=1e-9)
+    assert float(depth.min()) == 0
     # It wears where it touches; on a grid, summits alone.
-    assert float(contact.height.where(lost.depth > 0).mean()) > float(contact.height.mean())
-    path["loss"] = path.loss.where(path.patch != "a", 0.0)
-    assert float(wear_patch(contact, path, "a").depth.max()) == 0
+    assert float(contact.height.where(depth > 0).mean()) > float(contact.height.mean())
+    after = wear_map(contact, path, "a").sel(model="archard")
+    np.testing.assert_allclose(after.t1, contact.height - depth, atol=1e-15)
+    path["pressed"] = path.pressed.where(path.patch != "a", 0.0)
+    assert float(wear_patch(contact, path, "a").max()) == 0
 
 
 def changed(contact, depth_mm, level_mm=1e-6):
@@ -115,22 +122,27 @@ def changed(contact, depth_mm, level_mm=1e-6):
     )
 
 
+FIELD = "model", "y", "x"
+
+
 @pytest.fixture(scope="module")
-def table():
+def tables():
     """Archard's law holds on patches a and b; c lost half of what it predicts."""
     rows = []
     pressure = pd.DataFrame({"patch": list("abc"), "pressure_MPa": [10.0, 20.0, 30.0]})
     for number, patch in enumerate("abc"):
         contact = patch_of(10.0, seed=number)
         depth = np.maximum(contact.height.values - 0.001, 0) * (number + 1)
-        lost = contact.height.to_dataset(name="height").assign(depth=(("y", "x"), depth))
+        lost = contact.height.to_dataset(name="height").assign(depth=(FIELD, depth[None]))
+        lost = lost.assign_coords(model=["archard"])
         rows.append((patch, contact, changed(contact, depth if number < 2 else depth / 2), lost))
     measured = {patch: -float(change.change.mean()) for patch, _, change, _ in rows}
     square = pd.Series(measured).rename_axis("patch").to_frame("measured").to_xarray()
-    return wear_table(rows, square, pressure)
+    return *wear_table(rows, square, pressure), square
 
 
-def test_models_are_what_they_say(table):
+def test_models_are_what_they_say(tables):
+    table = tables[0]
     by = table.set_index(["patch", "model"])
     assert list(table.columns) == COLUMNS[0]
     right = by.xs("archard", level="model")
@@ -152,9 +164,10 @@ def test_models_are_what_they_say(table):
     assert pressed["a"] == pytest.approx((of["b"] + of["c"]) * 10 / 50, rel=1e-9)
 
 
-def test_skill_is_the_share_of_the_rivals_error_that_is_saved(table):
-    summary = wear_summary(table, seed=1, resamples=99)
-    assert list(summary.columns) == COLUMNS[1]
+def test_skill_is_the_share_of_the_rivals_error_that_is_saved(tables):
+    table, profile, square = tables
+    summary = wear_summary(table, profile, square, seed=1, resamples=99)
+    assert list(summary.columns) == COLUMNS[2]
     by = table.assign(error=(table.predicted_volume_um3 - table.measured_volume_um3).abs())
     errors = by.groupby("model").error.sum()
     found = summary[summary.statistic == "skill(volume)"].set_index("against").value
@@ -162,9 +175,87 @@ def test_skill_is_the_share_of_the_rivals_error_that_is_saved(table):
         assert found[rival] == pytest.approx(1 - errors["archard"] / errors[rival])
     # Only a cut tells a depth; the same loss everywhere does not.
     assert summary[summary.statistic == "skill(depth)"].against.tolist() == ["truncation"]
-    exact = table[table.patch != "c"]
-    summary = wear_summary(exact, seed=1, resamples=99)
+    exact, heights = (of[of.patch != "c"] for of in (table, profile))
+    summary = wear_summary(exact, heights, square, seed=1, resamples=99)
     assert summary[summary.statistic == "skill(map)"].value.tolist() == pytest.approx([1, 1, 1])
+
+
+def test_the_profile_is_the_mean_loss_of_quarters_of_the_points(tables):
+    table, profile, square = tables
+    assert list(profile.columns) == COLUMNS[1]
+    heights = profile[profile.by == "height"].pivot(
+        index=["patch", "model"], columns="band", values="loss_um"
+    )
+    by = table[table.model == "archard"].set_index("patch")
+    element_um2 = 0.01**2 * 1e6
+    for (patch, model), bands in heights.iterrows():
+        volume = by[f"{'measured' if model == 'measured' else 'predicted'}_volume_um3"][patch]
+        assert bands.mean() == pytest.approx(volume / (32**2 * element_um2), rel=1e-9)
+        assert bands[1] > 0 == bands[3] == bands[4]  # only what is above 1 µm was cut
+    summary = wear_summary(table, profile, square, seed=1, resamples=99)
+    assert summary[summary.statistic == "lower_half"].value.tolist() == [0, 0]
+
+
+@pytest.fixture(scope="module")
+def worn_by_both():
+    """Six patches that a mat wore too, at κ of 2e-5 mm/MPa, as the square gives their pressures."""
+    mat = Layer(300.0, 0.3, 0.2)
+    generator = np.random.default_rng(6)
+    rough = make_surface(0.003 * generator.standard_normal((COUNT, COUNT)), SIDE / COUNT)
+    settings = {"contact_modulus_MPa": 1e4, "target_pressure_MPa": 20.0, "tolerance": 1e-9}
+    pressed = contact_at_pressure(rough.to_dataset(name="height"), source="square", **settings)
+    places = pd.concat([PLACES, PLACES.iloc[:2].assign(patch=["e", "f"], y_mm=1.0)])
+    by_patch = patch_pressures(pressed.pressure, places, size_mm=1.0)
+    guess = wear_square(
+        pressed, by_patch, dict.fromkeys("abcdef", 0.4), patch_mm=1.0, steps=6, mat=mat
+    )
+    contacts = {
+        patch: patch_of(pressure, seed=number)
+        for number, (patch, pressure) in enumerate(
+            zip(by_patch.patch, by_patch.pressure_MPa, strict=True)
+        )
+    }
+    changes = {}
+    for patch, contact in contacts.items():
+        depth = wear_patch(contact, guess, patch, ratio=1.0, kappa=2e-5)
+        changes[patch] = changed(contact, depth - np.median(depth))
+    seen = {patch: 1e3 * float((-of.change).clip(0).mean()) for patch, of in changes.items()}
+    square = wear_square(pressed, by_patch, seen, patch_mm=1.0, steps=6, mat=mat)
+    return square, contacts, changes, by_patch
+
+
+def test_a_mat_is_found_by_its_traces_with_both_coefficients(worn_by_both):
+    square, contacts, changes, by_patch = worn_by_both
+    rows = ((patch, contacts[patch], changes[patch]) for patch in contacts)
+    fitted = study.fit_mat(square, rows)
+    assert fitted.attrs["mat_ratio"] == 1.0
+    np.testing.assert_array_equal(fitted.mat_ratio, 1.0)
+    np.testing.assert_allclose(fitted.mat_kappa, 2e-5, rtol=0.05)
+    rows = (
+        (patch, contacts[patch], changes[patch], study.predict_wear(contacts[patch], fitted, patch))
+        for patch in contacts
+    )
+    table, profile, summary = study.score_wear(rows, fitted, by_patch, seed=1, resamples=99)
+    skill = summary[summary.statistic == "skill(map)"].set_index(["model", "against"]).value
+    assert skill["mat", "archard"] > 0.5
+    assert (skill["mat"] > 0.5).all()
+    assert set(profile.model) == {"measured", "archard", "mat"}
+    ratio = summary[summary.statistic == "mat_ratio"].iloc[0]
+    assert (ratio.value, ratio.low, ratio.high) == (1, 1, 1)
+
+
+def test_what_surrounds_the_bare_stone_does_not_lower_the_patch_under_the_mat(worn_by_both):
+    square, contacts, *_ = worn_by_both
+    mat_alone = square.assign(pressed=square.pressed.where(square.body == "mat", 0.0))
+    flat = contacts["a"].height * 0
+    depths = [
+        wear_patch(
+            contacts["a"].assign(surroundings=lowered), mat_alone, "a", ratio=1.0, kappa=2e-5
+        )
+        for lowered in (flat, flat + 0.05 * flat.x)
+    ]
+    assert depths[0].max() > 0
+    np.testing.assert_allclose(depths[0], depths[1], atol=1e-6 * depths[0].max())
 
 
 def test_without_two_worn_patches_there_is_a_sentence(square, pressures, caplog):

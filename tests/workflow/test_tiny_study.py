@@ -47,7 +47,8 @@ COLUMNS = {
     "validation_variants": "variant score contact rival best_rival gain low high p_value n",
     "wear": "patch model predicted_volume_um3 measured_volume_um3 predicted_depth_um "
     "measured_depth_um",
-    "wear_summary": "statistic value low high n against",
+    "wear_profile": "patch by band model loss_um",
+    "wear_summary": "model statistic value low high n against",
     "truth": "stage quantity patch unit true recovered error",
 }
 
@@ -694,19 +695,21 @@ def test_a_patch_wears_as_the_others_say_and_where_it_touches(results, table, co
     assert sorted(rows.patch.unique()) == sorted(fitted)
     assert square.sizes["step"] == config["wear_steps"] + 1
     pressures = table("patch_pressures").set_index("patch").pressure_MPa
-    first = square.loss[1].to_series()[pressures.index]  # the hardest pressed lose most
+    loss = square.pressed.sel(ratio=0, body="stone")
+    first = loss[1].to_series()[pressures.index]  # the hardest pressed lose most
     assert first.corr(pressures) > 0.99
     assert (first[pressures == 0] < 0.05 * first.max()).all()
     for patch in fitted:
         kappa, others = float(square.fitted.sel(patch=patch)), [p for p in fitted if p != patch]
 
         def lost(of, kappa=kappa):
-            return np.interp(kappa, square.kappa.values, square.loss.sel(patch=of).values)
+            return np.interp(kappa, square.kappa[0].values, loss.sel(patch=of).values)
 
         theirs = sum(map(lost, others))
         assert theirs == pytest.approx(1e-3 * scores.loss_per_area_um[others].sum(), rel=1e-4)
         worn, contact = read_dataset(results / f"wear/{patch}.h5"), contact_of(results, patch)
-        depth, change = worn.depth.values, change_of(results, patch)
+        depth, change = worn.depth.sel(model="archard").values, change_of(results, patch)
+        np.testing.assert_allclose(worn.t1[0], contact.height - depth, atol=1e-12)
         assert depth.mean() == pytest.approx(lost(patch), rel=1e-6)
         assert depth.min() == 0
         assert (depth[contact.pressure.values > 0] > 0).mean() > 0.9
@@ -717,6 +720,10 @@ def test_a_patch_wears_as_the_others_say_and_where_it_touches(results, table, co
         assert row.measured_volume_um3 == pytest.approx(scores.loss_volume_um3[patch], rel=1e-4)
         misfit = depth[known] + change.change.values[known]
         assert row.rms_difference_um == pytest.approx(1e3 * np.sqrt(np.mean(misfit**2)), rel=1e-4)
+        bands = table("wear_profile").set_index(["patch", "by", "band", "model"]).loss_um[patch]
+        gaps = bands["gap"].xs("archard", level="model")
+        assert gaps[1] > 0.9 * gaps.sum()  # from the contact on
+        assert gaps.mean() == pytest.approx(1e3 * depth[known].mean(), rel=1e-3)
 
 
 def test_texture_is_that_of_the_filtered_heights(results, table, config):

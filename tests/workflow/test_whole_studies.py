@@ -185,17 +185,21 @@ def test_power_and_the_same_again(study):
         patches="config/patches_tiny.tsv",
         specimen=tiny["specimen"],
         macroscale=tiny["macroscale"],
-        power={"specimens": 2},
+        power={"specimens": 2, "law_specimens": 1},
+        wear_steps=2,
     )
     study.succeed("power")
     tables = study.tables()
     assert set(tables) == {"power.csv", "power_p_values.csv"}
     rates = read_table(study.results / "tables/power.csv")
-    assert set(rates.wear) == {"summits", "random", "waves"}
+    assert set(rates.wear) == {"summits", "random", "waves", "archard", "mat"}
+    laws = {"law(archard)", "law(mat)"}
+    assert set(rates.test[rates.wear.isin({"archard", "mat"})]) == laws
     assert rates[["rate", "low", "high"]].stack().between(0, 1).all()
     p_values = read_table(study.results / "tables/power_p_values.csv")
     first = yaml.safe_load((ROOT / "config/power.yaml").read_text())["power"]["first_seed"]
     assert set(p_values.seed) == {first, first + 1}
+    assert set(p_values.seed[p_values.test.isin(laws)]) == {first}
     scored = pd.concat(map(read_table, sorted(study.results.glob("power/*_patches.csv"))))
     assert len(p_values[p_values.test == "f1"]) == len(scored)
     assert (study.results / "figures/power.png").stat().st_size > 0

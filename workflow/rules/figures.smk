@@ -96,6 +96,7 @@ if WORN_PATCHES:
                 "registered": registered(WORN_PATCHES),
                 "worn_patches": f"{RESULTS}/wear",
                 "wear": f"{RESULTS}/tables/wear.csv",
+                "wear_profile": f"{RESULTS}/tables/wear_profile.csv",
                 "wear_summary": f"{RESULTS}/tables/wear_summary.csv",
             },
         )

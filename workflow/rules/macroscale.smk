@@ -27,6 +27,7 @@ rule check_inputs:
         maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
         placed=bool(COMPOSITE),
         reference=REFERENCE,
+        mat=config["mat"],
         code=code("check_inputs.py"),
     message:
         "Checking every file of the study"

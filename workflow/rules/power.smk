@@ -1,6 +1,7 @@
 # How often does the study find a relation that is there, and one that is not? `make power`.
 # Takes: the config's own sections. Gives: for many generated specimens the p-values of every test, with wear
-# on summits, placed at random and in long waves, and how often each test makes a claim.
+# on summits, placed at random and in long waves, of some also by Archard's law without and with a mat, and how often
+# each test makes a claim.
 
 if GENERATED and config["power"] is not None:
     FIRST_SEED = config["power"]["first_seed"]
@@ -23,11 +24,12 @@ if GENERATED and config["power"] is not None:
             f"{RESULTS}/logs/try_specimen/{{seed}}.log",
         params:
             specimen_seed=lambda wildcards: int(wildcards.seed),
+            laws=lambda wildcards: int(wildcards.seed) < FIRST_SEED + config["power"]["law_specimens"],
             patches=PATCHES.loc[WORN_PATCHES].to_dict("list"),
             config={name: config[name] for name in ("seed", "specimen", *STUDY_SECTIONS)},
             code=code("try_specimen.py"),
         message:
-            "Taking specimen {wildcards.seed} through the study, with each placement of its wear"
+            "Taking specimen {wildcards.seed} through the study, with each kind of its wear"
         script:
             "../scripts/try_specimen.py"
 

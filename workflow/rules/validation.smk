@@ -54,6 +54,7 @@ if WORN_PATCHES:
             output:
                 folder=directory(f"{RESULTS}/wear"),
                 table=table("wear", "6 Wear", "predicted and measured loss"),
+                profile=table("wear_profile", "6 Wear", "loss by height and by gap"),
                 summary=table("wear_summary", "6 Wear", "what the prediction is worth"),
             log:
                 f"{RESULTS}/logs/predict_wear.log",
@@ -63,6 +64,7 @@ if WORN_PATCHES:
                 worn=WORN_PATCHES,
                 patch_mm=PATCH_MM,
                 steps=config["wear_steps"],
+                mat=config["mat"],
                 seed=config["seed"],
                 resamples=config["validation"]["resamples"],
                 code=code("predict_wear.py"),

@@ -141,7 +141,8 @@ def figure_of(name: str, study: Study) -> Figure:
             limited = study.by_patch(name, study.drawn, "pressure")
             return microscale.hardness_figure(study.contacts, limited)
         case "wear":
-            return wear.wear_figure(study.table("wear"), study.table("wear_summary"))
+            parts = (study.table(f"wear{part}") for part in ("", "_profile", "_summary"))
+            return wear.wear_figure(*parts)
         case "wear_maps":
             worn = study.by_patch("worn_patches", study.predicted, "depth")
             return wear.wear_maps_figure(study.contacts, study.changes, worn)

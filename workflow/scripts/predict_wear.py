@@ -10,7 +10,7 @@ from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_pressures, read_table, write_table
 from gstlib.logs import patch_by_patch, run_script
 from gstlib.provenance import provenance
-from gstlib.study import score_wear, wear_patch, wear_square
+from gstlib.study import fit_mat, predict_wear, score_wear, wear_square
 from gstlib.wear import COLUMNS
 
 
@@ -22,37 +22,45 @@ def main(
     scores: Path,
     folder: Path,
     table: Path,
+    profile: Path,
     summary: Path,
     *,
     worn: list[str],
     patch_mm: float,
     steps: int,
+    mat: dict[str, float] | None,
     seed: int,
     resamples: int,
 ) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     by_patch = read_pressures(pressures)
-    settings = {"patch_mm": patch_mm, "steps": steps}
+    settings = {"patch_mm": patch_mm, "steps": steps, "mat": mat}
     pressed = read_dataset(square, only=["height", "pressure"]).isel(step=-1)
     path = wear_square(pressed, by_patch, read_table(scores), source=square, **settings)
     if path is None:
-        for file, columns in zip((table, summary), COLUMNS, strict=True):
+        for file, columns in zip((table, profile, summary), COLUMNS, strict=True):
             write_table(file, pd.DataFrame(columns=columns))
         return
-    read = provenance([square, pressures, scores], settings)
-    write_dataset(folder / "whole_square.h5", path, read)  # no patch has an underscore in its name
+    files = dict(zip(worn, zip(contacts, registered, strict=True), strict=True))
+    files = {patch: files[patch] for patch in path.measured.dropna("patch").patch.values.tolist()}
+
+    def read() -> Iterator[tuple[str, xr.Dataset, xr.Dataset]]:
+        for patch, inputs in patch_by_patch(files):
+            yield patch, *map(read_dataset, inputs)
+
+    path = fit_mat(path, read())
+    made = provenance([square, pressures, scores], settings)
+    write_dataset(folder / "whole_square.h5", path, made)  # no patch has an underscore in its name
 
     def patches() -> Iterator[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]]:
-        files = dict(zip(worn, zip(contacts, registered, strict=True), strict=True))
-        fitted = path.measured.dropna("patch").patch.values.tolist()
-        for patch, inputs in patch_by_patch({patch: files[patch] for patch in fitted}):
-            contact, change = map(read_dataset, inputs)
-            lost = wear_patch(contact, path, patch)
-            write_dataset(folder / f"{patch}.h5", lost, provenance([*inputs, square], settings))
+        for patch, contact, change in read():
+            lost = predict_wear(contact, path, patch)
+            made = provenance([*files[patch], square], settings)
+            write_dataset(folder / f"{patch}.h5", lost, made)
             yield patch, contact, change, lost
 
     tables = score_wear(patches(), path, by_patch, seed=seed, resamples=resamples)
-    for file, content in zip((table, summary), tables, strict=True):
+    for file, content in zip((table, profile, summary), tables, strict=True):
         write_table(file, content)
 
 

@@ -4,15 +4,16 @@
     state.pressure, state.gap, state.displacement, state.contact_fraction, state.residual
 
 `solve_contact` presses a map of heights against a flat; `load_path` does so step by step, and
-`wear_path` wears the surface by Archard's law.
+`wear_path` wears the surface by Archard's law, where a compliant `Layer` is between the bodies too.
 Units: mm, N, MPa. This package knows nothing of stones, files or workflows.
 """
 
 from .errors import ContactError, ConvergenceError, InvalidContactInput
 from .halfspace import HalfSpace, contact_modulus
+from .layer import Layer
 from .loading import LoadPath, load_path
 from .solver import ContactState, solve_contact
-from .wear import WearPath, wear_path
+from .wear import ThirdBody, WearPath, wear_path
 
 __all__ = [
     "ContactError",
@@ -20,7 +21,9 @@ __all__ = [
     "ConvergenceError",
     "HalfSpace",
     "InvalidContactInput",
+    "Layer",
     "LoadPath",
+    "ThirdBody",
     "WearPath",
     "contact_modulus",
     "load_path",

@@ -165,8 +165,10 @@ class SplitConvolution:
         self._coarse = coarse
 
     @staticmethod
-    def saves(shape, spacing):
-        """Whether it is faster than the exact convolution."""
+    def saves(shape, spacing, reach):
+        """Whether it holds a kernel that differs from Love's out to `reach` (mm), and is faster."""
+        if reach > _MARGIN * _sigma(spacing):
+            return False
         near, exact = math.prod(_margin_padding(shape, spacing)), math.prod(exact_padding(shape))
         return near < _WORTH_SPLITTING * exact
 

@@ -21,6 +21,7 @@ from .convolution import (
     love_kernel,
 )
 from .errors import InvalidContactInput, checked_array, checked_number
+from .layer import Layer
 
 __all__ = ["APPROXIMATION_ERROR", "HalfSpace", "contact_modulus", "inverse_padding"]
 
@@ -90,6 +91,9 @@ class HalfSpace:
     springs : float
         Compliance of a bed of independent springs in front of the half-space (mm/MPa), as of
         Winkler; none by default.
+    layer : Layer, optional
+        A compliant layer in front of the half-space. Their displacements add up, which takes what
+        is behind the layer as rigid for it.
 
     Attributes
     ----------
@@ -109,7 +113,16 @@ class HalfSpace:
     array([[1.1222]])
     """
 
-    def __init__(self, shape, spacing, contact_modulus, workers: int = 1, *, springs: float = 0.0):
+    def __init__(
+        self,
+        shape,
+        spacing,
+        contact_modulus,
+        workers: int = 1,
+        *,
+        springs: float = 0.0,
+        layer: Layer | None = None,
+    ):
         if len(shape) != 2 or min(shape) < 1:
             raise InvalidContactInput(f"shape must be (ny, nx), at least (1, 1), got {shape}")
         self.shape = tuple(shape)
@@ -121,7 +134,7 @@ class HalfSpace:
         self.contact_modulus = checked_number(
             "contact_modulus", contact_modulus, "MPa", positive=True
         )
-        self.springs = checked_number("springs", springs, "mm/MPa")
+        self.springs, self.layer = checked_number("springs", springs, "mm/MPa"), layer
         self.self_influence = float(self.kernel((1, 1))[0, 0])
         self._convolutions = 0
         self._box: HalfSpace | None = None
@@ -137,7 +150,8 @@ class HalfSpace:
 
     @cached_property
     def _single(self):
-        if SplitConvolution.saves(self.shape, self.spacing):
+        reach = self.layer.reach if self.layer else 0.0
+        if SplitConvolution.saves(self.shape, self.spacing, reach):
             return SplitConvolution(self.shape, self.spacing, self.contact_modulus, self.kernel)
         return self._exact(np.float32)
 
@@ -158,7 +172,7 @@ class HalfSpace:
         spacing = (coarsening * self.spacing[0], coarsening * self.spacing[1])
         kernel = love_kernel(shape, spacing, self.contact_modulus)
         kernel[0, 0] += self.springs
-        return kernel
+        return kernel + self.layer.kernel(shape, spacing) if self.layer else kernel
 
     def displacement(self, pressure) -> np.ndarray:
         """Displacement at element centres (mm) under a pressure, uniform on each element (MPa).
@@ -202,7 +216,9 @@ class HalfSpace:
             ):
                 return known
         self._convolutions = self.convolutions
-        self._box = HalfSpace(shape, self.spacing, self.contact_modulus, springs=self.springs)
+        self._box = HalfSpace(
+            shape, self.spacing, self.contact_modulus, springs=self.springs, layer=self.layer
+        )
         return self._box
 
 

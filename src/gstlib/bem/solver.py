@@ -118,6 +118,7 @@ def solve_contact(
     mean_pressure=None,
     initial_pressure=None,
     pressure_limit=math.inf,
+    layer=None,
     tolerance=1e-6,
     workers=1,
 ) -> ContactState:
@@ -141,6 +142,8 @@ def solve_contact(
     pressure_limit : float
         Ceiling on the pressure, as a hardness (MPa): the elastic, perfectly plastic contact
         p ≤ H of Almqvist et al. (Tribol. Int. 40 (2007) 574). Infinite by default.
+    layer : Layer, optional
+        A compliant layer between the surface and the half-space.
     tolerance : float
         Asked of `residual`, see :class:`ContactState`. About 1e-12 is the floor of float64.
     workers : int
@@ -162,7 +165,7 @@ def solve_contact(
     >>> solve_contact(np.zeros((8, 8)), 0.1, 1e4, mean_pressure=10.0).contact_fraction
     1.0
     """
-    problem = ContactProblem(heights, spacing, contact_modulus)
+    problem = ContactProblem(heights, spacing, contact_modulus, layer=layer)
     if (displacement is None) == (mean_pressure is None):
         raise InvalidContactInput("give exactly one of displacement (mm) and mean_pressure (MPa)")
     if pressure_limit != math.inf:
@@ -196,9 +199,11 @@ class ContactProblem:
         h − h_max (mm), ≤ 0.
     """
 
-    def __init__(self, heights, spacing, contact_modulus, springs=0.0):
+    def __init__(self, heights, spacing, contact_modulus, springs=0.0, layer=None):
         heights = checked_array("heights", heights)
-        self.half_space = HalfSpace(heights.shape, spacing, contact_modulus, springs=springs)
+        self.half_space = HalfSpace(
+            heights.shape, spacing, contact_modulus, springs=springs, layer=layer
+        )
         self.relief = heights - heights.max()
         height = -float(self.relief.min())
         if height > _STEEPEST * min(self.half_space.spacing):
@@ -261,8 +266,9 @@ class ContactProblem:
             relief[::2, ::2] + relief[1::2, ::2] + relief[::2, 1::2] + relief[1::2, 1::2]
         )
         spacing = tuple(2 * side for side in self.half_space.spacing)
+        half_space = self.half_space
         coarse = ContactProblem(
-            relief, spacing, self.half_space.contact_modulus, self.half_space.springs
+            relief, spacing, half_space.contact_modulus, half_space.springs, half_space.layer
         )
         # δ is counted from the summit of the finest grid, which averaging lowers.
         coarse.relief = relief

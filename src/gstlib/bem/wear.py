@@ -6,6 +6,10 @@ after the step is h − κ p, and p is the pressure under which *that* surface i
 (backward Euler): Kp − w = −κ p where p > 0. So a step is one contact with the operator K + κI, a
 half-space behind a bed of springs. The step is stable however long it is, and its error is of
 first order in κ. What is lost is exactly κ times the force.
+
+Where a compliant third body is between the stones for a share of the sliding, it wears the surface
+too, by its own pressure: the rate is v (k_s p_s + k_m p_m) with a coefficient for the bare stone
+and one for the third body. The two take turns in each step.
 """
 
 from dataclasses import dataclass, replace
@@ -19,12 +23,35 @@ from .errors import (
     checked_steps,
     checked_tolerance,
 )
+from .layer import Layer
 from .load import Load
 from .solver import ContactProblem, ContactState
 
-__all__ = ["WearPath", "wear_path"]
+__all__ = ["ThirdBody", "WearPath", "wear_path"]
 
 _OF_STATE = "contact_fraction", "displacement", "mean_pressure", "iterations", "convolutions"
+
+
+@dataclass(frozen=True, eq=False)
+class ThirdBody:
+    """What is between the stones for a share of the wear.
+
+    Attributes
+    ----------
+    layer : Layer
+    share : float
+        k_m/(k_s + k_m), from 0 to 1.
+    mean_pressure : float or array_like, shape (steps,)
+        On it (MPa), as that of the bare stone.
+    lowered : array_like, shape (ny, nx), or float
+        How far the surface lies deeper for it than for the bare stone (mm): loads beyond the grid
+        displace a layer less far.
+    """
+
+    layer: Layer
+    share: float
+    mean_pressure: float | np.ndarray
+    lowered: np.ndarray | float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +65,16 @@ class WearPath:
     mean_loss : ndarray, shape (steps,)
         Mean depth over the grid after each step (mm).
     contact_fraction, displacement, mean_pressure, iterations, convolutions : ndarray
-        Shape (steps,): of the contact of the worn surface after each step, see `ContactState`.
+        Shape (steps,): of the contact of the worn surface after each step, see `ContactState`; of
+        the bare stone, unless the third body does all the wear.
         The displacement is counted from the worn surface's own highest point (mm).
     final : ContactState
-        Contact of the worn surface in the end.
-    states : tuple of ContactState
-        Those of all steps, if asked for; else empty.
+        The last of these contacts.
+    states : tuple of tuple of ContactState
+        For each step the contact of the bare stone and that of the third body, without one whose
+        share is 0; empty unless asked for.
+    depths : tuple of ndarray
+        `depth` after each step; empty unless asked for.
     """
 
     depth: np.ndarray
@@ -54,7 +85,8 @@ class WearPath:
     iterations: np.ndarray
     convolutions: np.ndarray
     final: ContactState
-    states: tuple[ContactState, ...]
+    states: tuple[tuple[ContactState, ...], ...]
+    depths: tuple[np.ndarray, ...]
 
 
 def wear_path(
@@ -65,9 +97,11 @@ def wear_path(
     mean_pressure,
     mean_loss,
     steps=10,
+    third_body=None,
     tolerance=1e-6,
     workers=1,
     keep_states=False,
+    keep_depths=False,
 ) -> WearPath:
     """Wear a rough surface by Archard's law under a mean pressure, down to a mean loss of height.
 
@@ -79,14 +113,17 @@ def wear_path(
         Force over nominal area (MPa), ≥ 0, in all steps or in each, not zero in all. The sliding
         is the same in all steps.
     mean_loss : float
-        Mean depth over the grid in the end (mm), ≥ 0. It sets κ, wear coefficient × sliding: that
-        of each step is `mean_loss` over the sum of the steps' mean pressures.
+        Mean depth over the grid in the end (mm), ≥ 0. It sets κ, wear coefficient × sliding, that
+        of the third body included: that of each step is `mean_loss` over the sum of the steps' mean
+        pressures, each body's in its share.
     steps : int
         Number of implicit steps.
+    third_body : ThirdBody, optional
+        What is between the surface and the elastic body for a share of the wear.
     tolerance : float
         As of `solve_contact`, for each step.
-    keep_states : bool
-        Keep the contact of every step, not of the last one only.
+    keep_states, keep_depths : bool
+        Keep contacts and depths of every step, not of the last one only.
 
     Raises
     ------
@@ -108,15 +145,20 @@ def wear_path(
     """
     heights = checked_array("heights", heights)
     steps, tolerance = checked_steps(steps), checked_tolerance(tolerance)
-    pressures = np.atleast_1d(np.asarray(mean_pressure, dtype=float))
-    if pressures.shape not in ((1,), (steps,)):
-        raise InvalidContactInput(
-            f"mean_pressure must be one number or {steps}, one for each step, got {pressures.size}"
-        )
-    pressures = np.broadcast_to(
-        [checked_number("mean_pressure", value, "MPa") for value in pressures], (steps,)
-    )
-    if not pressures.any():
+    share = third_body.share if third_body else 0.0
+    if not 0 <= share <= 1:
+        raise InvalidContactInput(f"share of the third body must lie in [0, 1], got {share}")
+    bodies: list[tuple] = [(1 - share, heights, mean_pressure, None)]
+    if third_body:
+        below = heights - third_body.lowered
+        bodies.append((share, below, third_body.mean_pressure, third_body.layer))
+    bodies = [
+        (part, surface, _in_steps(pressure, steps), layer)
+        for part, surface, pressure, layer in bodies
+        if part > 0
+    ]
+    total = sum(part * float(pressures.sum()) for part, _, pressures, _ in bodies)
+    if not total > 0:
         raise InvalidContactInput("mean_pressure must be positive in one step at least (MPa)")
     mean_loss = checked_number("mean_loss", mean_loss, "mm")
     relief = float(np.ptp(heights))
@@ -125,29 +167,53 @@ def wear_path(
             f"mean_loss {mean_loss:g} mm is more than the relief of the surface, {relief:g} mm: "
             "nothing of it would be left"
         )
-    # The same sliding in each step, and so the same operator.
-    rate = mean_loss / float(pressures.sum())
-    problem = ContactProblem(heights, spacing, contact_modulus, springs=rate)
-    depth, start, curve, states = np.zeros_like(heights), None, [], []
-    for pressure in pressures:
-        state = problem.solve(Load(force=pressure * heights.size), tolerance, start)
-        start, loss = state.pressure, rate * state.pressure
-        depth += loss
-        problem, lowered = problem.lowered(loss)
-        # Kp − w of the worn surface is (K + κI)p − w of that before: the gap is the same.
-        if lowered:
-            top = state.displacement - lowered
-            state = replace(
-                state, displacement=top, residual=state.residual * state.displacement / top
-            )
+    # The same sliding in each step, and so the same operators.
+    rates = [part * mean_loss / total for part, *_ in bodies]
+    problems = [
+        ContactProblem(surface, spacing, contact_modulus, rate, layer)
+        for rate, (_, surface, _, layer) in zip(rates, bodies, strict=True)
+    ]
+    depth, starts, curve = np.zeros_like(heights), [None] * len(bodies), []
+    states, depths = [], []
+    for step in range(steps):
+        reached = []
+        for body, (rate, (_, _, pressures, _)) in enumerate(zip(rates, bodies, strict=True)):
+            load = Load(force=pressures[step] * heights.size)
+            state = problems[body].solve(load, tolerance, starts[body])
+            starts[body], loss = state.pressure, rate * state.pressure
+            depth += loss
+            lowered = [problem.lowered(loss) for problem in problems]
+            problems = [problem for problem, _ in lowered]
+            # Kp − w of the worn surface is (K + κI)p − w of that before: the gap is the same.
+            if sunk := lowered[body][1]:
+                top = state.displacement - sunk
+                state = replace(
+                    state, displacement=top, residual=state.residual * state.displacement / top
+                )
+            reached.append(state)
         if keep_states:
-            states.append(state)
-        curve.append([float(depth.mean())] + [getattr(state, name) for name in _OF_STATE])
+            states.append(tuple(reached))
+        if keep_depths:
+            depths.append(depth.copy())
+        curve.append([float(depth.mean())] + [getattr(reached[0], name) for name in _OF_STATE])
     names = ("mean_loss", *_OF_STATE)
     values = (np.array(column) for column in zip(*curve, strict=True))
     return WearPath(
         depth=depth,
-        final=state,
+        final=reached[0],
         states=tuple(states),
+        depths=tuple(depths),
         **dict(zip(names, values, strict=True)),
+    )
+
+
+def _in_steps(mean_pressure, steps):
+    """A mean pressure of each step."""
+    pressures = np.atleast_1d(np.asarray(mean_pressure, dtype=float))
+    if pressures.shape not in ((1,), (steps,)):
+        raise InvalidContactInput(
+            f"mean_pressure must be one number or {steps}, one for each step, got {pressures.size}"
+        )
+    return np.broadcast_to(
+        [checked_number("mean_pressure", value, "MPa") for value in pressures], (steps,)
     )

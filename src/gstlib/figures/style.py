@@ -27,7 +27,7 @@ DPI = 120
 LEGIBLE = 40  # this many patches can be named beside each other
 
 BLACK, GREY, PALE = "#000000", "#7a7a7a", "#e4e4e4"
-BLUE, VERMILION, AMBER = "#0072B2", "#D55E00", "#E69F00"
+BLUE, VERMILION, AMBER, GREEN = "#0072B2", "#D55E00", "#E69F00", "#009E73"
 STONE = "#b9b2a6"
 
 # Room (inches) for titles and labels at the left, right, top and bottom of a panel.

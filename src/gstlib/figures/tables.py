@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gstlib.figures import style
-from gstlib.figures.style import AMBER, BLACK, BLUE, CHARTS, GREY, PALE, VERMILION, styled
+from gstlib.figures.style import AMBER, BLACK, BLUE, CHARTS, GREEN, GREY, PALE, VERMILION, styled
 from gstlib.verdict import LEVEL, SCORE, against_chance, against_rival
 
 __all__ = ["placement_figure", "power_figure", "sweep_figure", "texture_figure"]
@@ -27,7 +27,7 @@ _TEXTURE = {
     "Str": "isotropy (1: in no direction)",
 }
 _PAIR = "spearman(pressure_MPa, loss_fraction)"
-_WEAR = {"summits": BLUE, "random": VERMILION, "waves": AMBER}
+_WEAR = {"summits": BLUE, "random": VERMILION, "waves": AMBER, "archard": GREEN, "mat": BLACK}
 _OUTCOMES = ["relative_change(pressure_MPa)", _PAIR, "mean(f1)", "gain(f1)", "gain(roc_auc)"]
 _OUTCOMES += ["mean_change(Sq_um)"]
 
@@ -151,9 +151,10 @@ def power_figure(rates: pd.DataFrame) -> Figure:
         panel.set_title(textwrap.fill(test, 36))
         panel.set_xlabel("nominal level")
     axes[-1].axhline(LEVEL, color=GREY, lw=0.8, zorder=0)
-    fewer = rates[(rates["test"] == tests[-1]) & np.isclose(rates["level"], LEVEL)]
-    _draw_rates(axes[-1], fewer.dropna(subset="drawn"), "drawn")
-    axes[-1].set_title(f"the last test\nat level {LEVEL:g}")
+    fewer = rates[rates["drawn"].notna() & np.isclose(rates["level"], LEVEL)]
+    fewer = fewer[fewer["test"] == fewer["test"].iloc[-1]]
+    _draw_rates(axes[-1], fewer, "drawn")
+    axes[-1].set_title(f"{textwrap.fill(fewer['test'].iloc[0], 36)}\nat level {LEVEL:g}")
     axes[-1].set_xlabel("number of patches")
     style.colour_legend(figure, {f"wear, {name}": colour for name, colour in _WEAR.items()})
     return figure

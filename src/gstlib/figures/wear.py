@@ -9,12 +9,23 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from gstlib.figures import maps, style
-from gstlib.figures.style import AMBER, BLUE, CHARTS, GREY, MM_TO_UM, VERMILION, styled
+from gstlib.figures.style import (
+    AMBER,
+    BLACK,
+    BLUE,
+    CHARTS,
+    GREEN,
+    GREY,
+    MM_TO_UM,
+    VERMILION,
+    styled,
+)
 
 __all__ = ["wear_figure", "wear_maps_figure"]
 
 _MODELS = {
     "archard": ("Archard's law", BLUE, "o"),
+    "mat": ("Archard's law with a mat", GREEN, "D"),
     "pressure": ("in proportion to pressure", AMBER, "s"),
     "uniform": ("the same on every patch", GREY, "v"),
     "truncation": ("cut off flat over the worn area", VERMILION, "^"),
@@ -30,9 +41,10 @@ def wear_maps_figure(
 ) -> Figure:
     """Measured and predicted loss of every patch, side by side, in one scale of colour.
 
-    `contacts` hold ``height``, `changes` ``change`` and ``loss``, `worn` ``depth`` (y, x) of each
-    patch.
+    `contacts` hold ``height``, `changes` ``change`` and ``loss``, `worn` ``depth`` (model, y, x) of
+    each patch, of which the last is drawn.
     """
+    worn = {patch: of.isel(model=-1) for patch, of in worn.items()}
     figure, axes = style.panels(2 * len(worn), 4, (1.6, 1.6), (0.05, 0.05, 0.2, 0.25), head=0.3)
     lost = {
         patch: np.where(np.isnan(of.change), np.nan, -of.change.values * of.loss.values)
@@ -57,14 +69,17 @@ def wear_maps_figure(
 
 
 @styled
-def wear_figure(table: pd.DataFrame, summary: pd.DataFrame) -> Figure:
-    """Predicted against measured volume of every patch, by model, and what the prediction is worth.
+def wear_figure(table: pd.DataFrame, profile: pd.DataFrame, summary: pd.DataFrame) -> Figure:
+    """Predicted against measured volume of every patch, loss by height, and what it is worth.
 
-    `table` is ``wear.csv``, `summary` is ``wear_summary.csv``.
+    `table` is ``wear.csv``, `profile` is ``wear_profile.csv``, `summary` is ``wear_summary.csv``.
     """
-    figure, (volumes, skills) = style.panels(2, 2, (2.6, 2.6), (0.7, *CHARTS[1:]), head=0.25)
+    figure, (volumes, heights, skills) = style.panels(
+        3, 3, (2.3, 2.6), (0.7, *CHARTS[1:]), head=0.25
+    )
     units = 1e5  # µm³
-    for model, (name, colour, marker) in _MODELS.items():
+    models = {model: of for model, of in _MODELS.items() if model in set(table.model)}
+    for model, (name, colour, marker) in models.items():
         of = table[table.model == model]
         places = of.measured_volume_um3 / units, of.predicted_volume_um3 / units
         volumes.plot(*places, color=colour, marker=marker, ls="", label=name)
@@ -76,7 +91,19 @@ def wear_figure(table: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     volumes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
     volumes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
     volumes.set_title("How much did each patch lose?")
-    figure.legend(*volumes.get_legend_handles_labels(), loc="upper center", ncols=len(_MODELS))
+    figure.legend(*volumes.get_legend_handles_labels(), loc="upper center", ncols=len(models))
+
+    means = profile[profile.by == "height"].groupby(["model", "band"], sort=False).loss_um.mean()
+    for model, (_, colour, marker) in ({"measured": ("", BLACK, "x")} | models).items():
+        if model in means:
+            heights.plot(means[model], means[model].index, color=colour, marker=marker)
+    heights.annotate("measured", (means["measured"][1], 1), (4, 4), textcoords="offset points")
+    bands = ["highest\nquarter", "second", "third", "lowest\nquarter"]
+    heights.set_yticks(range(1, len(bands) + 1), bands)
+    heights.invert_yaxis()
+    heights.set_xlim(left=0)
+    heights.set_xlabel("mean loss (µm)")
+    heights.set_title("At which heights?")
 
     rows = summary[summary.statistic.str.startswith("skill(")]
     skills.axvline(0, color=GREY, lw=0.8)
@@ -86,7 +113,11 @@ def wear_figure(table: pd.DataFrame, summary: pd.DataFrame) -> Figure:
         skills.plot(row.value, place, _MODELS[row.against][2], color=colour)
     kinds = rows.statistic.str[len("skill(") : -1].map(_QUANTITIES)
     skills.set_yticks(
-        range(len(rows)), [f"{a}\nvs {b}" for a, b in zip(kinds, rows.against, strict=True)]
+        range(len(rows)),
+        [
+            f"{kind}{'' if of == 'archard' else ', ' + of}\nvs {rival}"
+            for of, kind, rival in zip(rows.model, kinds, rows.against, strict=True)
+        ],
     )
     skills.tick_params(axis="y", labelsize=5.5)
     skills.set_xlim(max(-3, rows[["value", "low"]].min().min() - 0.1), 1)

@@ -120,7 +120,7 @@ def make_specimens(
     grid : int
         Elements along each side of the grid on which the true macroscale surface is kept.
     wear_placements : sequence of str
-        Of `gstlib.specimen.stone.WEAR_PLACEMENTS`; they name the specimens.
+        Of `gstlib.specimen.stone.WEAR_PLACEMENTS` and ``WEAR_LAWS``; they name the specimens.
 
     Raises
     ------

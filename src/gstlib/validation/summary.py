@@ -28,6 +28,7 @@ from gstlib.validation.scoring import PatchScores, patch_tables
 __all__ = [
     "believed",
     "compare_variants",
+    "exchange_p_value",
     "mean_gains",
     "mean_scores",
     "rank_correlation",
@@ -156,19 +157,28 @@ def mean_gains(
         best = known[columns].mean().idxmax()
         gain = (known[score] - known[best]).to_numpy(dtype=float)
         row = _mean(gain, generator, resamples)
-        p = math.nan
-        if gain.size > 1 and gain.any():
-            p = permutation_test(
-                (gain, np.zeros_like(gain)),
-                lambda a, b, axis: (a - b).mean(axis=axis),
-                permutation_type="samples",
-                n_resamples=_RANDOM,
-                vectorized=True,
-                rng=generator,
-            ).pvalue
+        p = exchange_p_value(gain, generator)
         against = best.removesuffix(f"_{score}")
-        rows.append((f"gain({score})", *row, float(p), len(gain), against))
+        rows.append((f"gain({score})", *row, p, len(gain), against))
     return pd.DataFrame(rows, columns=_COLUMNS)
+
+
+def exchange_p_value(gain: np.ndarray, generator: np.random.Generator) -> float:
+    """Two-sided test of a mean gain, shape (patches,): model and rival exchanged patch by patch.
+
+    NaN for a single patch, or where no patch gains or loses.
+    """
+    if gain.size < 2 or not gain.any():
+        return math.nan
+    found = permutation_test(
+        (gain, np.zeros_like(gain)),
+        lambda a, b, axis: (a - b).mean(axis=axis),
+        permutation_type="samples",
+        n_resamples=_RANDOM,
+        vectorized=True,
+        rng=generator,
+    )
+    return float(found.pvalue)
 
 
 def mean_scores(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine, sphere
 
-from gstlib.bem import InvalidContactInput, solve_contact, wear_path
+from gstlib.bem import InvalidContactInput, Layer, ThirdBody, solve_contact, wear_path
 
 SPACING = 0.85 / 80
 SURFACE = self_affine(80, seed=2), SPACING, MODULUS
@@ -105,6 +105,50 @@ def test_a_stiff_sphere_wears_a_flat_of_its_own_volume():
     assert np.ptp(worn) < 0.02 * path.depth.max()
 
 
+SOFT = Layer(20.0, 0.2, 0.3)
+
+
+def test_stone_and_third_body_take_what_their_coefficients_and_forces_say():
+    """Of κ, the third body has its share; its pressure need not be that of the bare stone."""
+    bare, soft = np.array([76.0, 50.0, 60.0]), np.array([20.0, 30.0, 25.0])
+    body = ThirdBody(SOFT, 0.25, soft)
+    options = {"mean_pressure": bare, "mean_loss": 3e-4, "steps": 3, "keep_depths": True}
+    path = wear_path(*SURFACE, **options, third_body=body, keep_states=True)
+    each = 0.75 * bare + 0.25 * soft
+    np.testing.assert_allclose(path.mean_loss, 3e-4 * each.cumsum() / each.sum(), rtol=1e-12)
+    for states, pressures in zip(path.states, zip(bare, soft, strict=True), strict=True):
+        assert [state.mean_pressure for state in states] == pytest.approx(pressures, rel=1e-12)
+    np.testing.assert_array_equal(path.depths[-1], path.depth)
+    assert (path.depths[1] >= path.depths[0]).all()
+    # The softer of the two reaches where the bare stone does not.
+    assert path.states[-1][1].contact_fraction > 2 * path.states[-1][0].contact_fraction
+
+
+def test_a_third_body_without_a_share_changes_nothing_and_alone_it_does_all(path):
+    body = ThirdBody(SOFT, 0.0, 20.0)
+    same = wear_path(*SURFACE, **WEAR, steps=10, tolerance=1e-9, third_body=body)
+    np.testing.assert_array_equal(same.depth, path.depth)
+    heights, *elastic = SURFACE
+    one = {"mean_pressure": 0.0, "mean_loss": 1e-4, "steps": 1}
+    alone = wear_path(*SURFACE, **one, third_body=ThirdBody(SOFT, 1.0, 20.0))
+    worn = solve_contact(heights - alone.depth, *elastic, mean_pressure=20.0, layer=SOFT)
+    np.testing.assert_allclose(alone.depth * 20, 1e-4 * worn.pressure, atol=1e-8)
+    # Loads beyond the grid may lower the surface for the third body alone.
+    deep = np.where(np.arange(80) < 40, 1.0, 0.0)
+    tilted = wear_path(*SURFACE, **one, third_body=ThirdBody(SOFT, 1.0, 20.0, deep))
+    assert tilted.depth[:, :40].max() == 0 < tilted.depth[:, 40:].min()
+
+
+def test_two_bodies_in_turn_err_in_first_order():
+    body = ThirdBody(Layer(300.0, 0.3, 0.3), 0.5, 30.0)
+    depths = [
+        wear_path(*SURFACE, **WEAR, steps=steps, tolerance=1e-8, third_body=body).depth
+        for steps in (5, 10, 20, 40)
+    ]
+    changes = [np.linalg.norm(b - a) for a, b in itertools.pairwise(depths)]
+    np.testing.assert_allclose(np.divide(changes[:-1], changes[1:]), 2, atol=0.3)
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
@@ -115,6 +159,7 @@ def test_a_stiff_sphere_wears_a_flat_of_its_own_volume():
         ({"mean_pressure": math.nan}, "mean_pressure"),
         ({"steps": 0}, "steps"),
         ({"steps": 2.5}, "steps"),
+        ({"third_body": ThirdBody(SOFT, 1.5, 1.0)}, "share"),
     ],
 )
 def test_bad_input_is_named(wrong, said):

@@ -1,0 +1,123 @@
+"""A compliant layer bonded to a rigid body: what grinds between two stones, as an operator.
+
+Under a point force F, with the layer's E*ₘ = E/(1 − ν²) and thickness t, the surface sinks at the
+distance r by
+
+    u(r) = F/(πE*ₘ) [1/r − g(r/t)/t],   g(ρ) = ∫ (1 − f(ζ)) J₀(ζρ) dζ,  0 < ζ < ∞,
+
+    f(ζ) = [(3 − 4ν) sinh 2ζ − 2ζ] / [(3 − 4ν) cosh 2ζ + 2ζ² + 5 − 12ν + 8ν²].
+
+So a wave q meets the stiffness E*ₘq/(2 f(qt)) (Carbone & Mangialardi, J. Mech. Phys. Solids 56
+(2008) 684). The first term is a half-space's; the second is smooth, and takes away all that reaches
+further than the layer is thick.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.special import j0
+
+from .convolution import love_kernel
+from .errors import InvalidContactInput, checked_number
+
+__all__ = ["Layer"]
+
+# In thicknesses: what is neglected beyond is below 1e-6 of a half-space's displacement there, even
+# where the layer is incompressible.
+_REACH = 20.0
+# 1 − f falls as ζ² exp(−2ζ). The nodes resolve J₀ out to the reach to 1e-11.
+_LARGEST_WAVE, _WAVES = 30.0, 600
+_TABLE = np.linspace(0.0, _REACH, 1001)
+# Gauss's nodes along an element: some for a short one, more in proportion to its thicknesses.
+_NODES, _NODES_PER_THICKNESS, _MOST_NODES = 3, 4, 64
+
+
+@dataclass(frozen=True)
+class Layer:
+    """An elastic layer, bonded to a rigid body behind it, without friction in front.
+
+    Attributes
+    ----------
+    young : float
+        Young's modulus (MPa).
+    poisson : float
+        Poisson's ratio, in (-1, 0.5].
+    thickness : float
+        mm.
+
+    Raises
+    ------
+    InvalidContactInput
+        A constant outside its physical range.
+    """
+
+    young: float
+    poisson: float
+    thickness: float
+
+    def __post_init__(self):
+        checked_number("young", self.young, "MPa", positive=True)
+        checked_number("thickness", self.thickness, "mm", positive=True)
+        if not -1 < self.poisson <= 0.5:
+            raise InvalidContactInput(f"poisson must lie in (-1, 0.5], got {self.poisson}")
+
+    @property
+    def modulus(self) -> float:
+        """E*ₘ = E/(1 − ν²) (MPa), as of a half-space of it."""
+        return self.young / (1 - self.poisson**2)
+
+    @property
+    def reach(self) -> float:
+        """Distance (mm) beyond which a force does not displace it."""
+        return _REACH * self.thickness
+
+    def stiffness(self, wave_number):
+        """Pressure per displacement (MPa/mm) of waves of these wave numbers (1/mm), > 0."""
+        wave_number = np.asarray(wave_number, dtype=float)
+        return self.modulus * wave_number / 2 / self._share(wave_number * self.thickness)
+
+    def _share(self, zeta):
+        """f(ζ): displacement of a wave over that of a half-space."""
+        nu, zeta = self.poisson, np.minimum(zeta, 100.0)  # it is 1 long before sinh overflows
+        above = (3 - 4 * nu) * np.sinh(2 * zeta) - 2 * zeta
+        return above / ((3 - 4 * nu) * np.cosh(2 * zeta) + 2 * zeta**2 + 5 - 12 * nu + 8 * nu**2)
+
+    @cached_property
+    def _behind(self):
+        """g(ρ), what the body behind the layer takes away; 1/ρ beyond the reach."""
+        nodes, weights = np.polynomial.legendre.leggauss(_WAVES)
+        zeta = _LARGEST_WAVE / 2 * (nodes + 1)
+        weights = _LARGEST_WAVE / 2 * weights * (1 - self._share(zeta))
+        return CubicSpline(_TABLE, j0(np.outer(_TABLE, zeta)) @ weights)
+
+    def kernel(self, shape: tuple[int, int], spacing: tuple[float, float]) -> np.ndarray:
+        """Displacement of a quadrant of elements under unit pressure on its corner (mm/MPa).
+
+        As `gstlib.bem.convolution.love_kernel`.
+        """
+        ny, nx = (
+            min(n, math.ceil(self.reach / step) + 1) for n, step in zip(shape, spacing, strict=True)
+        )
+        places, weights = zip(*map(self._along, (ny, nx), spacing), strict=True)
+        distance = np.hypot(places[0][:, None], places[1])
+        smooth = self._behind(np.minimum(distance, _REACH))
+        far = distance > _REACH
+        smooth[far] = 1 / distance[far]
+        smooth *= np.outer(*weights)
+        smooth = smooth.reshape(ny, len(weights[0]) // ny, nx, -1).sum(axis=(1, 3))
+        kernel = np.zeros(shape)
+        kernel[:ny, :nx] = love_kernel((ny, nx), spacing, self.modulus)
+        kernel[:ny, :nx] -= self.thickness / (math.pi * self.modulus) * smooth
+        return kernel
+
+    def _along(self, count, step):
+        """Gauss's nodes and weights in each of `count` elements, in thicknesses."""
+        step = step / self.thickness
+        nodes, weights = np.polynomial.legendre.leggauss(
+            min(_NODES + math.ceil(_NODES_PER_THICKNESS * step), _MOST_NODES)
+        )
+        places = np.arange(count)[:, None] * step + nodes * step / 2
+        return places.reshape(-1), np.tile(weights * step / 2, count)
