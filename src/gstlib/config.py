@@ -221,8 +221,8 @@ def _contradictions(config: Mapping) -> Iterator[str]:
 def thinner_than_a_point(thickness_um: float, spacing_um: float) -> str:
     """What is wrong with a mat that is thinner than the scans' points are apart."""
     return (
-        f"{thickness_um:g} µm is less than the {spacing_um:.3g} µm between two points of a scan: so "
-        "thin a mat acts on nothing that is measured"
+        f"{thickness_um:g} µm is less than the {spacing_um:.3g} µm between two points of a scan: "
+        "so thin a mat acts on nothing that is measured"
     )
 
 

@@ -127,8 +127,8 @@ def law_p_values(study: Study, *, seed: int) -> pd.DataFrame:
     """P-values of the claim that a law of wear is at work on a specimen.
 
     ``test, drawn, patches, p_value`` as of `p_values`; the tests are ``law(archard)`` and, where
-    the config has a mat, ``law(mat)``. A law is claimed where its maps of loss err less than those of
-    every rival, the bare stone among those of the mat: the p-value, one-sided, is the largest.
+    the config has a mat, ``law(mat)``. A law is claimed where its maps of loss err less than those
+    of every rival, the bare stone among those of the mat: the p-value, one-sided, is the largest.
     """
     summary = study.wear(seed=seed, resamples=_RESAMPLES)[-1]
     skill = summary[summary.statistic == "skill(map)"]

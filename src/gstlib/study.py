@@ -927,26 +927,30 @@ class Study:
             for patch in self.scored()
         ]
 
-    def wear(self, *, seed: int, resamples: int) -> "tuple[pd.DataFrame, ...]":
-        """Tables of `score_wear`; empty where no wear is predicted."""
+    @_stage
+    def worn_square(self) -> xr.Dataset | None:
+        """The square as it wears, from `wear_square`; the mat is not fitted yet."""
         from gstlib.validation.scoring import patch_tables
+
+        return wear_square(
+            self.contact(),
+            self.pressures(),
+            patch_tables(self.scores())["patches"],
+            patch_mm=self._places["patch_mm"],
+            steps=self.config["wear_steps"],
+            mat=self.config["mat"],
+        )
+
+    def wear(self, *, seed: int, resamples: int) -> tuple[pd.DataFrame, ...]:
+        """Tables of `score_wear`, empty where no wear is predicted."""
         from gstlib.wear import COLUMNS
 
-        names = {"steps": self.config["wear_steps"], "mat": self.config["mat"]}
-        scores = patch_tables(self.scores(seed=[seed], shifts=0, resamples=0))["patches"]
-        square = wear_square(
-            self.contact(), self.pressures(), scores, patch_mm=self._places["patch_mm"], **names
-        )
-        if square is None:
+        if (square := self.worn_square()) is None:
             return tuple(pd.DataFrame(columns=columns) for columns in COLUMNS)
-        fitted = square.measured.dropna("patch").patch.values.tolist()
-        found = ((patch, self.patch_contact(patch), self.change(patch)) for patch in fitted)
-        square = fit_mat(square, found)
-        patches = (
-            (
-                *(patch, self.patch_contact(patch), self.change(patch)),
-                predict_wear(self.patch_contact(patch), square, patch),
-            )
-            for patch in fitted
-        )
-        return score_wear(patches, square, self.pressures(), seed=seed, resamples=resamples)
+        worn = {
+            patch: (self.patch_contact(patch), self.change(patch))
+            for patch in square.measured.dropna("patch").patch.values.tolist()
+        }
+        fitted = fit_mat(square, ((patch, *of) for patch, of in worn.items()))
+        patches = ((patch, *of, predict_wear(of[0], fitted, patch)) for patch, of in worn.items())
+        return score_wear(patches, fitted, self.pressures(), seed=seed, resamples=resamples)

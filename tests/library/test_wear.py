@@ -235,7 +235,7 @@ def test_a_mat_is_found_by_its_traces_with_both_coefficients(worn_by_both):
         (patch, contacts[patch], changes[patch], study.predict_wear(contacts[patch], fitted, patch))
         for patch in contacts
     )
-    table, profile, summary = study.score_wear(rows, fitted, by_patch, seed=1, resamples=99)
+    _, profile, summary = study.score_wear(rows, fitted, by_patch, seed=1, resamples=99)
     skill = summary[summary.statistic == "skill(map)"].set_index(["model", "against"]).value
     assert skill["mat", "archard"] > 0.5
     assert (skill["mat"] > 0.5).all()
