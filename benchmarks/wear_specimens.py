@@ -80,8 +80,8 @@ def trial(name: str, config: dict, patches: pd.DataFrame, seed: int, kept: dict)
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """By trial: skills of the last model, pooled, with 95 % bootstrap intervals over specimens.
 
-    ``moved``: sum of the changes of the patches' predicted volumes, from those of the default trial,
-    over their sum there.
+    ``moved``: sum of the changes of the patches' predicted volumes, from those of the default
+    trial, over their sum there.
     """
     errors = {
         "volume": (rows.predicted_volume_um3 - rows.measured_volume_um3).abs(),
