@@ -113,6 +113,7 @@ def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dic
         "gain": "validation_gains",
         "registration": "registration",
         "placement": "placement",
+        "wear": "wear",
     }
     rows: dict[str, dict[str, dict]] = {name: {} for name in sources}
     for name, source in sources.items():
@@ -120,6 +121,9 @@ def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dic
             table = read_table(tables[source]).astype(object)
             if name == "gain":
                 table = table[table["score"] == SCORE]
+            if name == "wear":  # the study's own prediction: with the mat, where there is one
+                own = "mat" if (table["model"] == "mat").any() else "archard"
+                table = table[table["model"] == own]
             rows[name] = {row["patch"]: row.dropna().to_dict() for _, row in table.iterrows()}
     records = []
     for patch in rows["pressure"]:

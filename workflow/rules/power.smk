@@ -24,7 +24,8 @@ if GENERATED and config["power"] is not None:
             f"{RESULTS}/logs/try_specimen/{{seed}}.log",
         params:
             specimen_seed=lambda wildcards: int(wildcards.seed),
-            laws=lambda wildcards: int(wildcards.seed) < FIRST_SEED + config["power"]["law_specimens"],
+            laws=lambda wildcards: int(wildcards.seed)
+            < FIRST_SEED + config["power"]["law_specimens"],
             patches=PATCHES.loc[WORN_PATCHES].to_dict("list"),
             config={name: config[name] for name in ("seed", "specimen", *STUDY_SECTIONS)},
             code=code("try_specimen.py"),
