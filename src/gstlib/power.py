@@ -38,6 +38,7 @@ _PAIR = f"spearman({_PREDICTOR}, {_EXTENT})"
 # ASSUME: what can be had with fewer patches is that of so many drawn at random from a specimen's.
 _PATCH_COUNTS = (4, 6, 8, 10, 12)
 _RESAMPLES = 99  # for intervals, which are not used here
+_OF_USE = "change", "selected", "worn_square"  # stages that scans after use enter
 _TESTS = ["test", "drawn", "patches", "p_value"]
 
 
@@ -75,7 +76,7 @@ def specimen_studies(
         kept = {
             (stage, *of): found
             for (stage, *of), found in study.kept.items()
-            if stage not in ("change", "selected") and of[1:] != ["T1"]
+            if stage not in _OF_USE and of[1:] != ["T1"]
         }
 
 

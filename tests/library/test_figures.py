@@ -212,7 +212,7 @@ def test_curves_and_tables_are_drawn_as_they_are():
     np.testing.assert_array_equal(after, [[0, 1.5], [1, np.nan], [2, np.nan]])
     assert before == [[0, 2], [1, 3], [2, 4]]
     rates = [points_of(axes) for axes in draw("power").axes]
-    assert rates == [[[[0.05, 0.9]], [[0.05, 0.1]], [[0.05, 0.2]]], [[[4, 0.7]], [], []]]
+    assert rates == [[[[0.05, 0.9]], [[0.05, 0.1]], [[0.05, 0.2]]], [[[4, 0.7]]]]
     bars = draw("sweep").axes[0].patches[1:]
     assert [bar.get_x() for bar in bars] == [0.5, 0.5]  # the study's result
     assert [bar.get_width() for bar in bars] == pytest.approx([-0.1, 0.2])

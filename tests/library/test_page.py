@@ -117,6 +117,7 @@ def test_a_patch_has_what_its_tables_have(tmp_path):
     tables = {
         "patch_pressures": "patch,pressure_MPa,in_study,reason\n1,5,yes,\n2,0,no,untouched\n",
         "validation_gains": "patch,score,gain\n1,f1,9\n1,mcc,-0.2\n",
+        "wear": "patch,model,predicted_volume_um3\n1,archard,3\n1,mat,4\n1,uniform,5\n",
     }
     for name, text in tables.items():
         (tmp_path / f"{name}.csv").write_text(text)
@@ -125,6 +126,7 @@ def test_a_patch_has_what_its_tables_have(tmp_path):
     first, second = page.patch_records(files, tmp_path)
     assert first["pressure"]["pressure_MPa"] == 5
     assert (first["gain"]["gain"], second["gain"]) == (-0.2, {})
+    assert (first["wear"]["predicted_volume_um3"], second["wear"]) == (4, {})
     assert second["pressure"]["reason"] == "untouched"
     assert "reason" not in first["pressure"]
     assert opened(first["picture"]).size == (2, 2)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from gstlib.power import LEVELS, p_values, rejection_rates, specimen_studies
+from gstlib.power import LEVELS, law_p_values, p_values, rejection_rates, specimen_studies
 from gstlib.specimen.randomness import smooth_field
 from gstlib.specimen.stone import WEAR_PLACEMENTS
 from gstlib.study import Study
@@ -115,6 +115,26 @@ def test_a_gain_is_claimed_only_where_contact_is_better(moved, claimed):
     assert gain < 0.01 if claimed else gain > 0.99
 
 
+def test_a_law_is_claimed_where_it_errs_less_than_every_rival():
+    """One-sided, and the largest of the p-values against the rivals."""
+    columns = ["model", "statistic", "value", "p_value", "n", "against"]
+    rows = [
+        ("archard", "skill(map)", 0.3, 0.02, 9, "pressure"),
+        ("archard", "skill(map)", 0.1, 0.08, 9, "uniform"),
+        ("archard", "skill(volume)", -0.3, 0.02, 9, "pressure"),
+        ("mat", "skill(map)", 0.4, 0.01, 9, "pressure"),
+        ("mat", "skill(map)", -0.1, 0.20, 9, "archard"),
+    ]
+
+    class Worn:
+        def wear(self, **chance):
+            return None, None, pd.DataFrame(rows, columns=columns)
+
+    found = law_p_values(Worn(), seed=1).set_index("test")
+    assert found.p_value.to_dict() == pytest.approx({"law(archard)": 0.04, "law(mat)": 0.9})
+    assert found.patches.tolist() == [9, 9]
+
+
 def test_a_specimen_without_patches_claims_nothing():
     places = pd.DataFrame(columns=["patch", "x_mm", "y_mm", "pressure_MPa"])
     places = places.assign(in_study=np.array([], bool))
@@ -126,6 +146,8 @@ def test_the_later_studies_share_what_precedes_use_and_nothing_else():
     patches = pd.DataFrame(row | {"crop_x_mm": np.nan, "crop_y_mm": np.nan})
     found = {}
     for wear, study in specimen_studies(CONFIG, patches, 3):
+        assert ("worn_square",) not in study.kept
+        study.kept["worn_square",] = wear  # as if it had been asked for
         stages = {"change": study.change("a"), "T0": study.prepared("a", "T0")}
         stages |= {"T1": study.prepared("a", "T1"), "contact": study.patch_contact("a")}
         found[wear] = stages | {"square": study.contact(), "places": study.pressures()}

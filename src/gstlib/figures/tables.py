@@ -156,7 +156,10 @@ def power_figure(rates: pd.DataFrame) -> Figure:
     _draw_rates(axes[-1], fewer, "drawn")
     axes[-1].set_title(f"{textwrap.fill(fewer['test'].iloc[0], 36)}\nat level {LEVEL:g}")
     axes[-1].set_xlabel("number of patches")
-    style.colour_legend(figure, {f"wear, {name}": colour for name, colour in _WEAR.items()})
+    shown = set(rates["wear"])
+    style.colour_legend(
+        figure, {f"wear, {name}": of for name, of in _WEAR.items() if name in shown}
+    )
     return figure
 
 
@@ -164,6 +167,8 @@ def _draw_rates(axes: Axes, rates: pd.DataFrame, along: str) -> None:
     """Rates with their intervals, for each kind of wear."""
     for wear, colour in _WEAR.items():
         shown = rates[rates["wear"] == wear]
+        if shown.empty:
+            continue
         axes.plot(shown[along], shown["rate"], "o-", color=colour)
         axes.vlines(shown[along], shown["low"], shown["high"], color=colour, lw=0.8)
     axes.set(xlim=(0, None), ylim=(0, 1.03), ylabel="rate of claims")
