@@ -94,6 +94,7 @@ if WORN_PATCHES:
                 "pressures": PRESSURES,
                 "contacts": contacts(ALL_PATCHES),
                 "registered": registered(WORN_PATCHES),
+                "intervals": f"{RESULTS}/tables/patch_intervals.csv",
                 "worn_patches": f"{RESULTS}/wear",
                 "wear": f"{RESULTS}/tables/wear.csv",
                 "wear_profile": f"{RESULTS}/tables/wear_profile.csv",

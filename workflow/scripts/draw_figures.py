@@ -142,7 +142,7 @@ def figure_of(name: str, study: Study) -> Figure:
             return microscale.hardness_figure(study.contacts, limited)
         case "wear":
             parts = (study.table(f"wear{part}") for part in ("", "_profile", "_summary"))
-            return wear.wear_figure(*parts)
+            return wear.wear_figure(*parts, study.table("intervals"))
         case "wear_maps":
             worn = study.by_patch("worn_patches", study.predicted, "depth")
             return wear.wear_maps_figure(study.contacts, study.changes, worn)

@@ -42,19 +42,20 @@ def wear_maps_figure(
     """Measured and predicted loss of every patch, side by side, in one scale of colour.
 
     `contacts` hold ``height``, `changes` ``change`` and ``loss``, `worn` ``depth`` (model, y, x) of
-    each patch, of which the last is drawn.
+    each patch, of which the last is drawn, as scans see it: from its median on.
     """
-    worn = {patch: of.isel(model=-1) for patch, of in worn.items()}
+    depths = {patch: of.depth.values[-1] for patch, of in worn.items()}
+    seen = {patch: np.maximum(depth - np.median(depth), 0) for patch, depth in depths.items()}
     figure, axes = style.panels(2 * len(worn), 4, (1.6, 1.6), (0.05, 0.05, 0.2, 0.25), head=0.3)
     lost = {
         patch: np.where(np.isnan(of.change), np.nan, -of.change.values * of.loss.values)
         for patch, of in changes.items()
     }
-    fields = [*(lost[patch] for patch in worn), *(of.depth.values for of in worn.values())]
+    fields = [*(lost[patch] for patch in worn), *seen.values()]
     norm = Normalize(0, max(float(np.nanquantile(field, 0.999)) for field in fields) * MM_TO_UM)
     panels = iter(axes)
-    for patch, of in worn.items():
-        for name, depth in (("measured", lost[patch]), ("predicted", of.depth.values)):
+    for patch in worn:
+        for name, depth in (("measured", lost[patch]), ("predicted", seen[patch])):
             panel, height = next(panels), contacts[patch].height
             image = maps.draw_map(panel, height, depth * MM_TO_UM, cmap=maps.FORCE_MAP, norm=norm)
             mean = np.nanmean(depth) * MM_TO_UM
@@ -69,10 +70,14 @@ def wear_maps_figure(
 
 
 @styled
-def wear_figure(table: pd.DataFrame, profile: pd.DataFrame, summary: pd.DataFrame) -> Figure:
+def wear_figure(
+    table: pd.DataFrame, profile: pd.DataFrame, summary: pd.DataFrame, limits: pd.DataFrame
+) -> Figure:
     """Predicted against measured volume of every patch, loss by height, and what it is worth.
 
     `table` is ``wear.csv``, `profile` is ``wear_profile.csv``, `summary` is ``wear_summary.csv``.
+    `limits` is ``patch_intervals.csv``: a volume is in proportion to the pressure, and so is its
+    interval.
     """
     figure, (volumes, heights, skills) = style.panels(
         3, 3, (2.3, 2.6), (0.7, *CHARTS[1:]), head=0.25
@@ -84,9 +89,14 @@ def wear_figure(table: pd.DataFrame, profile: pd.DataFrame, summary: pd.DataFram
         places = of.measured_volume_um3 / units, of.predicted_volume_um3 / units
         volumes.plot(*places, color=colour, marker=marker, ls="", label=name)
         if model == "archard":
+            share = limits.set_index("patch").loc[of.patch]
+            low, high = (share[end] / share.pressure_MPa for end in ("low_MPa", "high_MPa"))
+            ends = places[1].to_numpy() * np.array([low, high])
+            volumes.vlines(places[0], *ends, color=colour, lw=0.8)
             for patch, x, y in zip(of.patch, *places, strict=True):
                 style.write_beside(volumes, patch, (x, y), (3, 3), color=colour)
-    most = 1.05 * table[["measured_volume_um3", "predicted_volume_um3"]].to_numpy().max() / units
+    most = table[["measured_volume_um3", "predicted_volume_um3"]].to_numpy().max() / units
+    most = 1.05 * max(most, volumes.dataLim.y1)
     volumes.plot([0, most], [0, most], color=GREY, lw=0.6)
     volumes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
     volumes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
@@ -106,6 +116,8 @@ def wear_figure(table: pd.DataFrame, profile: pd.DataFrame, summary: pd.DataFram
     heights.set_title("At which heights?")
 
     rows = summary[summary.statistic.str.startswith("skill(")]
+    own = rows.model.iloc[-1]
+    rows = rows[rows.model == own]
     skills.axvline(0, color=GREY, lw=0.8)
     for place, row in enumerate(rows.itertuples()):
         colour = _MODELS[row.against][1]
@@ -114,14 +126,11 @@ def wear_figure(table: pd.DataFrame, profile: pd.DataFrame, summary: pd.DataFram
     kinds = rows.statistic.str[len("skill(") : -1].map(_QUANTITIES)
     skills.set_yticks(
         range(len(rows)),
-        [
-            f"{kind}{'' if of == 'archard' else ', ' + of}\nvs {rival}"
-            for of, kind, rival in zip(rows.model, kinds, rows.against, strict=True)
-        ],
+        [f"{kind}\nvs {rival}" for kind, rival in zip(kinds, rows.against, strict=True)],
     )
     skills.tick_params(axis="y", labelsize=5.5)
     skills.set_xlim(max(-3, rows[["value", "low"]].min().min() - 0.1), 1)
     skills.invert_yaxis()
-    skills.set_xlabel("skill of Archard's law (1: no error; 0: errs as much)")
+    skills.set_xlabel(f"skill of {_MODELS[own][0]}\n(1: no error; 0: errs as much)")
     skills.set_title("Is it better than its rivals?")
     return figure
