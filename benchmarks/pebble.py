@@ -347,11 +347,7 @@ def main() -> None:
         (planes.set_index("patch") * 1e3).join(composite[names].to_dataframe()).round(1).to_string()
     )
     planes_agree(planes, composite)
-    print(
-        place_patches(surface, patches, level, patch_mm=PATCH_MM, maximum_shift_um=200)
-        .round(2)
-        .to_string(index=False)
-    )
+    print(place_patches(surface, patches, level, **nowhere).round(2).to_string(index=False))
 
     by_mesh, *contacts = (
         contact_at_pressure(each[["height"]], source="square", tolerance=1e-9, **load)

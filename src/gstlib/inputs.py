@@ -5,6 +5,7 @@ being checked, so that all can be put right at once.
 """
 
 import logging
+import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -23,7 +24,6 @@ from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.patches import COUNTERFACE, ScanFile
 from gstlib.io.scans import cut_scan, read_scan
-from gstlib.placement import SHORTEST_PER_EDGE
 from gstlib.preprocess.frame import Frame, find_frame
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
@@ -51,6 +51,8 @@ _BYTES = 170
 _UNIT_FACTOR = 10.0
 # Blocks along a side of a patch, at least, for that comparison: two leave one number without plane.
 _FEWEST_BLOCKS = 2
+# A triangular net of points of edge a holds waves down to √3 a, twice the distance of its rows.
+_SHORTEST_PER_EDGE = math.sqrt(3)
 
 
 @dataclass(frozen=True)
@@ -276,7 +278,7 @@ def _common_waves(
     None where these are longer than the scan.
     """
     side = min(n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
-    blocks = int(2 * side / (SHORTEST_PER_EDGE * square.attrs["mesh_edge_mm"]))
+    blocks = int(2 * side / (_SHORTEST_PER_EDGE * square.attrs["mesh_edge_mm"]))
     if blocks < _FEWEST_BLOCKS:
         return []
     level = remove_plane(scan)[0].fillna(0.0).values

@@ -289,18 +289,18 @@ def place_patches(
     heights: Mapping[str, xr.DataArray],
     *,
     patch_mm: float,
-    maximum_shift_um: float,
+    shift_um: Sequence[float],
 ) -> pd.DataFrame:
-    """Find each patch on the square by the waves that both hold.
+    """Hold each patch against the square under it.
 
     `heights` (y, x) are those of the prepared T0 scans, by patch. The result is that of
     `gstlib.placement.place_patches`.
     """
+    from gstlib.coupling import shifted
     from gstlib.placement import place_patches
 
-    limits = {"size_mm": patch_mm, "maximum_shift_um": maximum_shift_um}
-    edge_mm = float(surface.height.attrs["mesh_edge_mm"])
-    return place_patches(surface.height, patches, heights, edge_mm=edge_mm, **limits)
+    places = shifted(patches, shift_um, surface, size_mm=patch_mm)
+    return place_patches(surface.height, places, heights, size_mm=patch_mm)
 
 
 # --- The scans --------------------------------------------------------------------------------

@@ -30,8 +30,6 @@ def table(text):
 ALONE = {"message": "No patch."}
 PRESSURES = table("""patch x_mm y_mm rotation_deg pressure_MPa in_study low_MPa high_MPa
     1 0.5 0.5 0 40 True 1 90; 2 2.5 1.5 10 4 False 1 90; 3 4.5 4.4 -3 20 True 1 90""")
-ALONE["placement"] = table("""patch shift_x_um shift_y_um verdict shift_x_error_um shift_y_error_um
-    1 50 -20 shifted 20 30; 2 NA NA cannot_tell NA NA; 3 10 10 agrees 20 30; all 5 0 agrees 9 9""")
 SCORES = table("""patch loss_fraction pressure_MPa believed; 1 0.1 40 yes; 2 NA 4 yes; 3 0.2 20 yes
     4 0.3 30 no""")
 SCORES["believed"] = SCORES.believed == "yes"
@@ -206,8 +204,6 @@ def test_curves_and_tables_are_drawn_as_they_are():
     np.testing.assert_allclose(load.lines[0].get_xydata()[-1], [20, 40])
     np.testing.assert_allclose(stiffness.lines[-1].get_ydata(), [0.5, 1, 1.5, 2])
     assert [text.get_text() for text in load.texts] == ["1", "2", "3", "square"]
-    across, along = (bars.get_segments()[0] for bars in draw("placement").axes[0].collections[:2])
-    np.testing.assert_array_equal([across, along], [[[30, -20], [70, -20]], [[50, -50], [50, 10]]])
     after, before = points_of(draw("texture").axes[0])
     np.testing.assert_array_equal(after, [[0, 1.5], [1, np.nan], [2, np.nan]])
     assert before == [[0, 2], [1, 3], [2, 4]]

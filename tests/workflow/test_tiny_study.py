@@ -24,7 +24,7 @@ COLUMNS = {
     "gridding": "interpolation left_out_rms_um chosen",
     "macroscale_path": "step displacement_um mean_pressure_MPa contact_fraction "
     "stiffness_MPa_per_um",
-    "placement": "patch correlation_nominal correlation shift_x_um shift_y_um verdict looks",
+    "placement": "patch correlation shift_x_um shift_y_um shift_x_error_um verdict looks",
     "patch_pressures": "patch x_mm y_mm pressure_MPa in_study reason",
     "patch_intervals": "patch pressure_MPa low_MPa high_MPa tilt_mrad tilt_error_mrad plane",
     "two_scales": "patch variant pressure_MPa reference_pressure_MPa contact_fraction "

@@ -17,10 +17,10 @@ rule place_patches:
     params:
         patches=PATCHES.to_dict("list"),
         patch_mm=PATCH_MM,
-        maximum_shift_um=config["placement"]["maximum_shift_um"],
+        shift_um=SHIFT_UM,
         code=code("place_patches.py"),
     message:
-        "Looking for the patches on the square"
+        "Holding the patches against the square"
     script:
         "../scripts/place_patches.py"
 

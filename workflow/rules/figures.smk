@@ -16,13 +16,11 @@ DRAWINGS = {
         {
             "inputs": ("1 Inputs", "square and scanned patches"),
             "preparation": ("1 Inputs", "preparation of the scans"),
-            "placement": ("3 Coupling", "where the patches lie"),
         },
         {
             "surface": f"{RESULTS}/macroscale/surface.h5",
             "t0": surfaces("T0", ALL_PATCHES),
             "t1": surfaces("T1", WORN_PATCHES),
-            "placement": f"{RESULTS}/tables/placement.csv",
         },
     ),
     "draw_macroscale": (

@@ -151,7 +151,7 @@ def figure_of(name: str, study: Study) -> Figure:
             scores = study.table("scores", "patch", "loss_fraction").merge(pressures, on="patch")
             others = (study.table(table) for table in ("gains", "failures", "summary", "variants"))
             return tables.validation_figure(scores, *others)
-        case _:  # placement, texture, power, sweep
+        case _:  # texture, power, sweep
             return getattr(tables, f"{name}_figure")(study.table(name))
 
 

@@ -1,7 +1,8 @@
-"""Find each patch on the macroscale surface, and warn of those that lie elsewhere than stated."""
+"""Hold each patch against the macroscale surface under it, and warn of wrong places."""
 
 from collections import UserDict
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import xarray as xr
@@ -20,7 +21,7 @@ class Heights(UserDict):
 
 
 def main(
-    surface: Path, t0: list[Path], table: Path, *, patches: dict[str, list], **settings: float
+    surface: Path, t0: list[Path], table: Path, *, patches: dict[str, list], **settings: Any
 ) -> None:
     places = pd.DataFrame(patches)
     heights = Heights(zip(places.patch, t0, strict=True))

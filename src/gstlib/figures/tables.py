@@ -1,4 +1,4 @@
-"""Figures drawn from tables alone: placement, validation, texture, power, sweep."""
+"""Figures drawn from tables alone: validation, texture, power, sweep."""
 
 import math
 import textwrap
@@ -12,11 +12,9 @@ from gstlib.figures import style
 from gstlib.figures.style import AMBER, BLACK, BLUE, CHARTS, GREEN, GREY, PALE, VERMILION, styled
 from gstlib.verdict import LEVEL, SCORE, against_chance, against_rival
 
-__all__ = ["placement_figure", "power_figure", "sweep_figure", "texture_figure"]
+__all__ = ["power_figure", "sweep_figure", "texture_figure"]
 __all__ += ["validation_figure"]
 
-# The verdicts of the placement table.
-_VERDICTS = {"shifted": VERMILION, "agrees": BLUE, "cannot tell": GREY}
 # Parameters that single points do not dominate: roughness, core, summits, dales, grain, direction.
 _TEXTURE = {
     "Sq_um": "r.m.s. height",
@@ -30,25 +28,6 @@ _PAIR = "spearman(pressure_MPa, loss_fraction)"
 _WEAR = {"summits": BLUE, "random": VERMILION, "waves": AMBER, "archard": GREEN, "mat": BLACK}
 _OUTCOMES = ["relative_change(pressure_MPa)", _PAIR, "mean(f1)", "gain(f1)", "gain(roc_auc)"]
 _OUTCOMES += ["mean_change(Sq_um)"]
-
-
-@styled
-def placement_figure(placement: pd.DataFrame) -> Figure:
-    """The shifts at which the patches match the square best, and that of all together.
-
-    `placement` is ``placement.csv``.
-    """
-    figure, (axes,) = style.panels(1, 1, (3.6, 3.6), CHARTS, head=0.2)
-    for row in placement.dropna(subset="shift_x_um").itertuples(index=False):
-        colour = BLACK if row.patch == "all" else _VERDICTS[row.verdict]
-        shift = row.shift_x_um, row.shift_y_um
-        errors = row.shift_y_error_um, row.shift_x_error_um
-        axes.errorbar(*shift, *errors, fmt="o", color=colour, lw=0.6)
-        style.write_beside(axes, row.patch, shift, (2, 4), color=colour)
-    axes.plot(0, 0, "+", color=GREY, markersize=12)
-    axes.set(xlabel="shift along x (µm)", ylabel="shift along y (µm)")
-    style.colour_legend(figure, _VERDICTS | {"all together": BLACK})
-    return figure
 
 
 @styled

@@ -61,7 +61,7 @@ def score_truth(
     Returns
     -------
     pandas.DataFrame
-        ``truth.csv``; ``patch`` is empty for the macroscale.
+        ``truth.csv``; ``patch`` is empty for the macroscale and the shift that all patches share.
     """
     rows: list[tuple] = []
 
@@ -81,11 +81,11 @@ def score_truth(
         at = truth.sel(patch=patch)
         add("registration", patch, _registration_scores(at, change.attrs))
         add("wear", patch, _wear_scores(at, change))
-    for row in placement[placement.patch.isin(truth.patch.values)].itertuples():
-        at = truth.sel(patch=row.patch, epoch="T0")
-        shift_x, shift_y = (float(at[f"{a}_mm"] - at[f"nominal_{a}_mm"]) * _UM for a in "xy")
-        scores = [("shift_x", "um", shift_x, row.shift_x_um)]
-        add("placement", row.patch, [*scores, ("shift_y", "um", shift_y, row.shift_y_um)])
+    together, at = placement.iloc[-1], pressures.set_index("patch").loc[truth.patch.values]
+    for axis in "xy":
+        shift = float((truth[f"{axis}_mm"].sel(epoch="T0") - at[f"{axis}_mm"]).mean()) * _UM
+        found = together[f"shift_{axis}_um"]
+        add("placement", "", [(f"shared shift_{axis}", "um", shift, found)])
     if two_scales is not None:
         known = two_scales.drop_duplicates("patch").set_index("patch").reference_pressure_MPa
         for row in pressures.itertuples():
