@@ -1,6 +1,5 @@
 """The command `gst`: inspect files, pick the square and compare results from the shell."""
 
-import json
 import sys
 from pathlib import Path
 
@@ -144,19 +143,3 @@ def diff(before, after, tolerance) -> None:
     changes = compare_results(before, after, tolerance)
     click.echo(describe_changes(changes) or f"No difference between {before} and {after}.")
     sys.exit(bool((changes.table != "provenance").any()))
-
-
-@main.command()
-@click.argument("results", type=_PATH)
-def config(results) -> None:
-    """Print the config that results were made with, every default included, to repeat them."""
-    import yaml
-
-    try:
-        record = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        problem, remedy = f"cannot be read ({error})", "Name the results folder of a study."
-        raise InputError(results / "provenance.json", problem, remedy) from error
-    software = record["software"]
-    click.echo(f"# gstlib {software['gstlib']}, commit {software['commit'] or 'unknown'}")
-    click.echo(yaml.safe_dump(record["config"], sort_keys=False, allow_unicode=True), nl=False)

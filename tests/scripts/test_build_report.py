@@ -1,22 +1,11 @@
-"""When a report is made anew, and the config to repeat a study."""
+"""When a report is made anew."""
 
-import json
 import os
 import sys
 from pathlib import Path
 
-import yaml
-from click.testing import CliRunner
-
-from gstlib.cli import main
-
 sys.path.insert(0, str(Path(__file__).parents[2] / "workflow"))
 from build_report import is_report_current
-
-RECORD = {
-    "config": {"title": "a stone", "macroscale": {"grid": 100}},
-    "software": {"gstlib": "0.1.0", "commit": "ef" * 20},
-}
 
 
 def test_a_report_is_made_anew_when_something_that_it_shows_is_younger(tmp_path):
@@ -39,11 +28,3 @@ def test_a_report_is_made_anew_when_something_that_it_shows_is_younger(tmp_path)
         os.utime(tmp_path / name, (1e9, 1e9))
     (tmp_path / "report.html").unlink()
     assert not is_report_current(tmp_path)
-
-
-def test_the_config_to_make_results_again(tmp_path):
-    (tmp_path / "provenance.json").write_text(json.dumps(RECORD))
-    said = CliRunner().invoke(main, ["config", str(tmp_path)])
-    assert said.exit_code == 0
-    assert said.output.startswith(f"# gstlib 0.1.0, commit {'ef' * 20}\n")
-    assert yaml.safe_load(said.output) == RECORD["config"]
