@@ -615,7 +615,7 @@ def score_patches(
     Returns
     -------
     dict of pandas.DataFrame
-        ``patches``, ``gains``, ``failures`` and ``summary`` of the study's own variant, and
+        ``patches``, ``gains`` and ``summary`` of the study's own variant, and
         ``variants``, the mean scores of all.
     """
     from gstlib.validation.scoring import patch_tables, score_patch

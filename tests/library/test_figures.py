@@ -34,8 +34,6 @@ SCORES = table("""patch loss_fraction pressure_MPa believed; 1 0.1 40 yes; 2 NA 
     4 0.3 30 no""")
 SCORES["believed"] = SCORES.believed == "yes"
 GAINS = table("patch score p_value; 1 mcc 0.0001; 2 mcc NA; 3 mcc 0.5")
-FAILURES = table("""patch band split loss_share hit_share; 1 low height 0.2 0.05
-    1 high height 0.8 0.2; 4 low height 1 1""")
 SUMMARY = table("""statistic value low high p_value against
     spearman(pressure_MPa,_loss_fraction) 0.5 -0.1 0.9 0.2 pairings
     gain(mcc) -0.2 -0.3 -0.1 0.01 rigid; gain(f1) 0.1 0.05 0.3 0.3 highest""")
@@ -92,7 +90,7 @@ FROM = {
     "load_curves": ((SQUARE, CONTACTS), {}),
     "patch": ((CONTACTS["1"], CHANGE), PATCH),
     "overview": ((SQUARE, PRESSURES, CONTACTS["1"], CHANGE, TOOL), SIZE | PATCH),
-    "validation": ((SCORES, GAINS, FAILURES, SUMMARY, VARIANTS), {}),
+    "validation": ((SCORES, GAINS, SUMMARY, VARIANTS), {}),
 }
 TWO = {name: {p: CONTACTS[p] for p in "13"} for name in ("levelled", "placed")}
 FROM["two_scales"] = ((TWO, {p: CONTACTS[p].pressure.values > 30 for p in "13"}, TWO_SCALES), {})
@@ -215,7 +213,7 @@ def test_curves_and_tables_are_drawn_as_they_are():
 
 
 def test_validation_shows_what_the_tables_say():
-    gains, extent, bands = draw("validation").axes
+    gains, extent = draw("validation").axes
     lines = gains.figure.get_suptitle().splitlines()
     assert lines[0].startswith("placed: The best rival that needs no mechanics, rigid")
     assert lines[1].startswith("levelled: It cannot be told")
@@ -225,7 +223,6 @@ def test_validation_shows_what_the_tables_say():
     assert [line.get_color() for line in gains.lines[2::2]] == [style.VERMILION, style.GREY]
     assert points_of(extent) == [[[40, 10], [20, 20]]]
     assert extent.get_title().endswith("Spearman ρ = 0.5 [−0.1, 0.9], p = 0.2")
-    assert [bar.get_width() for bar in bands.patches] == pytest.approx([20, 80, 5, 20])
 
 
 def test_two_scales_shows_what_was_found_and_missed():

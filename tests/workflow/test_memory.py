@@ -85,7 +85,7 @@ def test_every_stage_is_that_of_the_workflow(anew, finished_tiny):
 def test_scores_are_those_of_the_workflow(anew, finished_tiny, config):
     tables = {
         name: read_table(finished_tiny.results / f"tables/validation_{name}.csv")
-        for name in ("patches", "gains", "failures", "summary", "variants")
+        for name in ("patches", "gains", "summary", "variants")
     }
 
     def contacts(folder):

@@ -42,7 +42,6 @@ COLUMNS = {
     "validation_patches": "patch contact_fraction loss_fraction mcc fss highest_pr_auc rigid_f1",
     "validation_gains": "patch score value p_value best_rival best_rival_value gain gain_low "
     "gain_high",
-    "validation_failures": "patch split band loss_share hit_share recall",
     "validation_summary": "statistic value low high p_value",
     "validation_variants": "variant score contact rival best_rival gain low high p_value n",
     "wear": "patch model predicted_volume_um3 measured_volume_um3 predicted_depth_um "
@@ -635,25 +634,6 @@ def test_scores_are_those_of_the_stored_masks(results, table, config):
         change = change_of(results, row.patch)
         lost = change.loss.values[np.isfinite(change["change"].values)].mean()
         assert row.loss_fraction == pytest.approx(lost, rel=1e-4)
-
-
-def test_loss_is_split_by_height_and_by_gap(results, table, config):
-    rows = table("validation_failures")
-    for patch, of_patch in rows.groupby("patch"):
-        contact, heights, valid, loss = scored_maps(results, patch, config)
-        gap_um = contact.gap.values * 1e3
-        touches = contact.pressure.values > 0
-        limits = {"0-1 um": (0, 1), "1-5 um": (1, 5), "over 5 um": (5, np.inf)}
-        bands = {name: ~touches & (gap_um > a) & (gap_um <= b) for name, (a, b) in limits.items()}
-        edges = np.quantile(heights[valid], [0.5, 0.75, 0.9])
-        band = np.searchsorted(edges, heights, side="right")
-        bands |= {"contact": touches, "0-50 %": band == 0, "90-100 %": band == 3}
-        shares = of_patch.set_index("band")
-        for name, mask in bands.items():
-            share = (mask & valid).sum() / valid.sum()
-            assert shares.area_share[name] == pytest.approx(share, abs=2e-3), name
-            lost = (mask & loss).sum() / loss.sum()
-            assert shares.loss_share[name] == pytest.approx(lost, abs=2e-3), name
 
 
 def test_gains_are_held_against_the_best_rival_and_chance(table):

@@ -79,7 +79,7 @@ if WORN_PATCHES:
         }
         | {
             name: f"{RESULTS}/tables/validation_{name}.csv"
-            for name in ("gains", "failures", "summary", "variants")
+            for name in ("gains", "summary", "variants")
         },
     )
     if config["wear_steps"] is not None:

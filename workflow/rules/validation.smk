@@ -18,7 +18,6 @@ if WORN_PATCHES:
         output:
             patches=table("validation_patches", "5 Validation", "scores of each patch"),
             gains=table("validation_gains", "5 Validation", "scores against chance and best rival"),
-            failures=table("validation_failures", "5 Validation", "where the prediction fails"),
             summary=table("validation_summary", "5 Validation", "over all patches"),
             variants=table("validation_variants", "5 Validation", "by variant of the coupling"),
         log:

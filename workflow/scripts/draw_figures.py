@@ -149,7 +149,7 @@ def figure_of(name: str, study: Study) -> Figure:
         case "validation":
             pressures = study.pressures[["patch", "pressure_MPa"]]
             scores = study.table("scores", "patch", "loss_fraction").merge(pressures, on="patch")
-            others = (study.table(table) for table in ("gains", "failures", "summary", "variants"))
+            others = (study.table(table) for table in ("gains", "summary", "variants"))
             return tables.validation_figure(scores, *others)
         case _:  # texture, power, sweep
             return getattr(tables, f"{name}_figure")(study.table(name))

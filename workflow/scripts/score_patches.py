@@ -16,7 +16,6 @@ def main(
     microscale: Path,
     patches: Path,
     gains: Path,
-    failures: Path,
     summary: Path,
     variants: Path,
     *,
@@ -45,7 +44,6 @@ def main(
     for name, file in [
         ("patches", patches),
         ("gains", gains),
-        ("failures", failures),
         ("summary", summary),
         ("variants", variants),
     ]:

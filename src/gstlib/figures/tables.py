@@ -34,17 +34,16 @@ _OUTCOMES += ["mean_change(Sq_um)"]
 def validation_figure(
     scores: pd.DataFrame,
     gains: pd.DataFrame,
-    failures: pd.DataFrame,
     summary: pd.DataFrame,
     variants: pd.DataFrame,
 ) -> Figure:
-    """Gains over the best rivals, loss against pressure, and the height at which loss is missed.
+    """Gains over the best rivals, and loss against pressure.
 
     `scores` is ``validation_patches.csv`` with the column ``pressure_MPa``, the others are
-    ``validation_gains.csv``, ``validation_failures.csv`` and so on.
+    ``validation_gains.csv`` and so on.
     """
-    figure, (gain, extent, bands) = style.panels(
-        3, 3, (2.6, 2.2), (0.75, 0.1, 0.35, 0.45), head=0.3 + 0.15 * variants.variant.nunique()
+    figure, (gain, extent) = style.panels(
+        2, 2, (3.2, 2.2), (0.75, 0.1, 0.35, 0.45), head=0.3 + 0.15 * variants.variant.nunique()
     )
     headlines = [
         f"{row.variant}: {against_rival(row)}"
@@ -64,15 +63,6 @@ def validation_figure(
         title += f"\nSpearman ρ = {row.value:.2g}{interval}{tested}".replace("-", "−")
     extent.set(xlabel="pressure of the patch (MPa)", ylabel="area with loss (%)", title=title)
     extent.set(xlim=(0, None), ylim=(0, None))
-
-    counted = failures["patch"].isin(known["patch"]) & (failures["split"] == "height")
-    by_height = failures[counted].groupby("band", sort=False)
-    means = 100 * by_height[["loss_share", "hit_share"]].mean()
-    bands.barh(means.index, means["loss_share"], color=AMBER, label="missed")
-    bands.barh(means.index, means["hit_share"], color=BLUE, label="predicted")
-    bands.set(xlabel="share of all loss (%)", ylabel="band of height (0: lowest)")
-    bands.set_title("At what height is the loss, and was it predicted?")
-    bands.legend()
     return figure
 
 

@@ -8,15 +8,11 @@ Noise mimics agreement: a point that noise raises at T0 is predicted to touch, a
 T1. No shift tells that from wear, but noise rises as often as it falls. Where so much rose that it
 may explain the loss, chance is not tested. Nor is it where the loss correlates over so large a
 share of the patch that shifts claim too much (`gstlib.validation.nulls.LONGEST`).
-
-A flat touches summits only. Loss split by height and gap shows what use took out of valleys, which
-the model cannot predict.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -36,10 +32,6 @@ from gstlib.validation.scores import CONTACT, RIVALS, SCORES, compare, scores_of
 
 __all__ = ["PatchScores", "patch_tables", "score_patch"]
 
-# ASSUME: the loss is split by height at its median, upper quartile and upper tenth, and out of
-# contact by the gap at 1 and 5 µm: near misses, and points that the flat is far from.
-_HEIGHT_BANDS = {"0-50 %": 0.0, "50-75 %": 0.5, "75-90 %": 0.75, "90-100 %": 0.9}
-_GAP_BANDS_MM = {"0-1 um": 1e-3, "1-5 um": 5e-3, "over 5 um": math.inf}
 _NULL_RANGE = 0.025, 0.975
 # Below this, the value 0 shows the transforms' rounding.
 _DECIMALS = 9
@@ -60,10 +52,6 @@ _COLUMNS = {
         *("p_value", "untested", "shifts", "best_rival", "best_rival_value", "gain", "gain_low"),
         *("gain_high", "blocks"),
     ],
-    "failures": [
-        *("patch", "split", "band", "area_share", "loss_share", "loss_fraction", "hit_share"),
-        "recall",
-    ],
 }
 
 
@@ -73,7 +61,6 @@ class PatchScores:
 
     scores: dict[str, Any]  # row of validation_patches.csv, see workflow/report for its columns
     gains: list[dict[str, Any]]  # rows of validation_gains.csv; none where chance was not tested
-    failures: list[dict[str, Any]]  # rows of validation_failures.csv
     null: dict[str, np.ndarray]  # as of `null_scores`; empty where chance was not tested
     warning: str | None  # what to look into if too much rose, or if waves are too long to test
 
@@ -161,28 +148,14 @@ def score_patch(
             if of_score["untested"]:
                 of_score["p_value"] = math.nan
             gains.append(of_score)
-    failures = [
-        {
-            "patch": patch,
-            "split": split,
-            "band": label,
-            "area_share": _share(band, valid),
-            "loss_share": _share(band, loss),
-            "loss_fraction": _share(loss, band),
-            "hit_share": _share(band & touching, loss),
-            "recall": _share(touching, loss & band),
-        }
-        for split, label, band in _bands(heights.values, contact, touching, valid)
-    ]
-    return PatchScores(row, gains, failures, null, _warning(row, most_noise, longest))
+    return PatchScores(row, gains, null, _warning(row, most_noise, longest))
 
 
 def patch_tables(found: Sequence[PatchScores]) -> dict[str, pd.DataFrame]:
-    """The tables ``patches``, ``gains`` and ``failures``; without patches they have no rows."""
+    """The tables ``patches`` and ``gains``; without patches they have no rows."""
     rows = {
         "patches": [one.scores for one in found],
         "gains": [row for one in found for row in one.gains],
-        "failures": [row for one in found for row in one.failures],
     }
     return {name: pd.DataFrame(rows[name], columns=columns) for name, columns in _COLUMNS.items()}
 
@@ -232,21 +205,6 @@ def _against_rivals(
         "gain_high": round(high, _DECIMALS),
         "blocks": blocks,
     }
-
-
-def _bands(
-    heights: np.ndarray, contact: xr.Dataset, touching: np.ndarray, valid: np.ndarray
-) -> Iterator[tuple[str, str, np.ndarray]]:
-    """The valid points by their height at T0, and by their distance from the flat."""
-    gap = contact["gap"].values
-    shares = list(_HEIGHT_BANDS.values())[1:]
-    edges = np.quantile(heights[valid], shares) if valid.any() else shares
-    band = np.searchsorted(edges, heights, side="right")
-    for number, label in enumerate(_HEIGHT_BANDS):
-        yield "height", label, valid & (band == number)
-    yield "gap", "contact", valid & touching
-    for (_, above), (label, limit) in pairwise([("contact", -math.inf), *_GAP_BANDS_MM.items()]):
-        yield "gap", label, valid & ~touching & (gap > above) & (gap <= limit)
 
 
 def _share(part: np.ndarray, whole: np.ndarray) -> float:

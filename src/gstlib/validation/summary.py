@@ -73,10 +73,9 @@ def summarise(
     Returns
     -------
     pandas.DataFrame
-        The rows of `mean_gains`, `mean_scores` and `rank_correlation`, with 95 % intervals; mean
-        loss shares and recalls of the bands; and ``expected_worst(5+8, column)``, the share of
-        these patches among as many largest of each column (a tie counts against it), with the
-        p-value of a random ranking.
+        The rows of `mean_gains`, `mean_scores` and `rank_correlation`, with 95 % intervals; and
+        ``expected_worst(5+8, column)``, the share of these patches among as many largest of each
+        column (a tie counts against it), with the p-value of a random ranking.
     """
     found = believed(found)
     if not found:
@@ -93,17 +92,11 @@ def summarise(
             for extent in _EXTENTS
         ),
     ]
-    rows: list[tuple] = []
-    for (split, band), group in tables["failures"].groupby(["split", "band"], sort=False):
-        # by gap, recall is 1 in contact and 0 out of it
-        for quantity in ("loss_share", "recall") if split == "height" else ("loss_share",):
-            known = group[quantity].dropna().to_numpy(dtype=float)
-            row = _mean(known, **chance)
-            rows.append((f"{quantity}({split} {band})", *row, math.nan, known.size, ""))
     if expected_worst:
         columns = [*_EXTENTS, "pressure_MPa", "contact_fraction"]
-        rows += [_worst(every, expected_worst, column) for column in columns]
-    return pd.concat([*parts, pd.DataFrame(rows, columns=_COLUMNS)], ignore_index=True)
+        rows = [_worst(every, expected_worst, column) for column in columns]
+        parts.append(pd.DataFrame(rows, columns=_COLUMNS))
+    return pd.concat(parts, ignore_index=True)
 
 
 def believed(found: Sequence[PatchScores]) -> list[PatchScores]:

@@ -153,7 +153,7 @@ def test_an_empty_contact_predicts_nothing(patch):
 def test_tables_have_the_same_columns_with_and_without_patches(patch):
     found = [scored(patch), scored(patch, name="8")]
     tables, empty = patch_tables(found), patch_tables([])
-    for name, rows in {"patches": 2, "gains": 2 * len(SCORES), "failures": 2 * 8}.items():
+    for name, rows in {"patches": 2, "gains": 2 * len(SCORES)}.items():
         assert (len(tables[name]), len(empty[name])) == (rows, 0)
         assert list(empty[name]) == list(tables[name])
     assert set(tables["patches"]) == set(found[0].scores)  # nothing of the rows is lost
@@ -213,41 +213,6 @@ def test_a_mould_undone_wrongly_is_asked_after_first():
     t0, t1 = -contact.height, -(contact.height + change.change)
     found = scored((contact.assign(height=t0), height_change(t0, t1, minimum_points=8)))
     assert 0 < found.warning.index("scans.mould.invert") < found.warning.index("t0 and t1")
-
-
-def test_bands_divide_the_known_points_and_the_loss(patch):
-    contact, change = patch
-    contact["gap"] = contact.gap * np.linspace(0, 10, 70)  # up to 10 µm
-    found = scored((contact, change), shifts=0)
-    labels = {
-        "height": ["0-50 %", "50-75 %", "75-90 %", "90-100 %"],
-        "gap": ["contact", "0-1 um", "1-5 um", "over 5 um"],
-    }
-    for split, bands in labels.items():
-        rows = {row["band"]: row for row in found.failures if row["split"] == split}
-        assert list(rows) == bands
-        for name, total in (("area_share", 1), ("loss_share", 1), ("hit_share", None)):
-            expected = found.scores["recall"] if total is None else total
-            assert sum(row[name] for row in rows.values()) == pytest.approx(expected)
-    areas = {row["band"]: row["area_share"] for row in found.failures}
-    assert areas["0-50 %"] == pytest.approx(0.5)
-    assert areas["90-100 %"] == pytest.approx(0.1)
-    # columns 0 to 59 of 70 are known: gaps of 0 to 8.6 µm
-    assert areas["0-1 um"] == pytest.approx(7 / 60 * (1 - areas["contact"]), rel=0.02)
-    assert areas["1-5 um"] == pytest.approx(28 / 60 * (1 - areas["contact"]), rel=0.02)
-
-
-def test_loss_in_valleys_shows_as_missed_there(patch):
-    contact, change = patch
-    heights = make_surface(np.arange(100.0).reshape(10, 10), 1e-3)
-    contact = xr.Dataset({"height": heights, "pressure": 1.0 * (heights >= 80)})
-    contact = contact.assign(gap=80.0 - heights.clip(max=80), displacement=20.0)
-    loss = (heights < 30) | (heights >= 90)
-    change = xr.Dataset({"change": -1.0 * loss, "loss": loss, "gain": loss & False})
-    rows = scored((contact, change.assign_coords(heights.coords)), shifts=0).failures[:4]
-    assert [row["recall"] for row in rows] == pytest.approx([0, math.nan, math.nan, 1], nan_ok=True)
-    assert [row["loss_share"] for row in rows] == [0.75, 0, 0, 0.25]
-    assert [row["loss_fraction"] for row in rows] == [0.6, 0, 0, 1]
 
 
 def test_one_spot_that_misses_is_no_better_than_chance(patch):
