@@ -4,8 +4,8 @@ Forces in N, lengths in mm, pressures and moduli in MPa; E* is the contact modul
 measured from the centre of the contact; pressures are zero out of contact.
 
 Sources: K. L. Johnson, *Contact Mechanics* (1985), cited by equation; I. N. Sneddon, Int. J. Eng.
-Sci. 3 (1965) 47; H. M. Westergaard, J. Appl. Mech. 6 (1939) A49; K. L. Johnson, J. A. Greenwood &
-J. G. Higginson, Int. J. Mech. Sci. 27 (1985) 383.
+Sci. 3 (1965) 47; K. L. Johnson, J. A. Greenwood & J. G. Higginson, Int. J. Mech. Sci. 27 (1985)
+383.
 """
 
 import math
@@ -15,12 +15,8 @@ import numpy as np
 
 __all__ = [
     "SQUARE_PUNCH_STIFFNESS",
-    "CircularPunch",
     "Cone",
     "Ellipsoid",
-    "MindlinSphere",
-    "Sphere",
-    "Wave",
     "crossed_waves_full_contact_pressure",
     "full_contact_rms_pressure",
     "love_rectangle_displacement",
@@ -32,39 +28,6 @@ SQUARE_PUNCH_STIFFNESS = 1.1523
 The limit that uniform square elements approach from below (1.1462, 1.1492, 1.1507 at 64, 128 and
 256 elements a side, first order in the element).
 """
-
-
-@dataclass(frozen=True)
-class Sphere:
-    """Hertz: a sphere of `radius` (mm) under `force` (N). Johnson, eqs. 4.22-4.24."""
-
-    force: float
-    radius: float
-    contact_modulus: float
-
-    @property
-    def contact_radius(self) -> float:
-        """a (mm), a³ = 3PR/4E*."""
-        return (0.75 * self.force * self.radius / self.contact_modulus) ** (1 / 3)
-
-    @property
-    def peak_pressure(self) -> float:
-        """p₀ = 3P/2πa² (MPa)."""
-        return 1.5 * self.force / (math.pi * self.contact_radius**2)
-
-    @property
-    def displacement(self) -> float:
-        """δ = a²/R (mm)."""
-        return self.contact_radius**2 / self.radius
-
-    @property
-    def stiffness(self) -> float:
-        """dP/dδ = 2E*a (N/mm)."""
-        return 2 * self.contact_modulus * self.contact_radius
-
-    def pressure(self, x, y):
-        """Pressure at (x, y) (mm); broadcasts."""
-        return self.peak_pressure * _root(1 - (x * x + y * y) / self.contact_radius**2)
 
 
 @dataclass(frozen=True)
@@ -150,106 +113,6 @@ class Cone:
         with np.errstate(divide="ignore"):
             ratio = np.maximum(self.contact_radius / distance, 1.0)
         return self.contact_modulus / (2 * math.tan(self.half_angle)) * np.arccosh(ratio)
-
-
-@dataclass(frozen=True)
-class CircularPunch:
-    """A flat rigid cylinder of `radius` a (mm) under `force` (N). Johnson, eqs. 3.34, 3.36."""
-
-    force: float
-    radius: float
-    contact_modulus: float
-
-    @property
-    def stiffness(self) -> float:
-        """dP/dδ = 2E*a (N/mm)."""
-        return 2 * self.contact_modulus * self.radius
-
-    @property
-    def displacement(self) -> float:
-        """δ = P/2E*a (mm)."""
-        return self.force / self.stiffness
-
-    def pressure(self, x, y):
-        """P / (2πa² √(1 − r²/a²)) (MPa); infinite at the edge."""
-        inside = 1 - (x * x + y * y) / self.radius**2
-        with np.errstate(divide="ignore", invalid="ignore"):
-            pressure = self.force / (2 * math.pi * self.radius**2) / np.sqrt(inside)
-        return np.where(inside >= 0, pressure, 0.0)
-
-
-@dataclass(frozen=True)
-class Wave:
-    """Westergaard: a wave Δ cos(2πx/λ) in contact along its crests. Johnson, §13.2.
-
-    `mean_pressure` (MPa), `amplitude` Δ (mm), `wavelength` λ (mm).
-    """
-
-    mean_pressure: float
-    amplitude: float
-    wavelength: float
-    contact_modulus: float
-
-    @property
-    def full_contact_pressure(self) -> float:
-        """p* = πE*Δ/λ (MPa): mean pressure from which on no gap is left."""
-        return math.pi * self.contact_modulus * self.amplitude / self.wavelength
-
-    @property
-    def contact_fraction(self) -> float:
-        """(2/π) asin √(p̄/p*)."""
-        return 2 / math.pi * math.asin(math.sqrt(min(1, self._share)))
-
-    @property
-    def _share(self):
-        return self.mean_pressure / self.full_contact_pressure
-
-    def pressure(self, x):
-        """Pressure at distance x (mm) from a crest."""
-        phase = math.pi * np.asarray(x) / self.wavelength
-        if self._share >= 1:
-            return self.mean_pressure + self.full_contact_pressure * np.cos(2 * phase)
-        root = _root(self._share - np.sin(phase) ** 2)
-        return 2 * self.full_contact_pressure * np.abs(np.cos(phase)) * root
-
-
-@dataclass(frozen=True)
-class MindlinSphere:
-    """Cattaneo-Mindlin: a Hertzian contact under a tangential force Q < μP. Johnson, §7.2(d).
-
-    `normal` is the normal contact; the bodies are elastically similar, of Poisson's ratio
-    `poisson`.
-    """
-
-    normal: Sphere
-    friction: float
-    tangential_force: float
-    poisson: float
-
-    @property
-    def _reduced(self):
-        return 1 - self.tangential_force / (self.friction * self.normal.force)
-
-    @property
-    def stick_radius(self) -> float:
-        """c = a (1 − Q/μP)^⅓ (mm)."""
-        return self.normal.contact_radius * self._reduced ** (1 / 3)
-
-    @property
-    def tangential_displacement(self) -> float:
-        """Relative tangential displacement of distant points (mm), Johnson, eq. 7.41."""
-        # E* of two similar bodies is G/(1 − ν), so that 2(2 − ν)/G is this:
-        compliance = 2 * (2 - self.poisson) / (1 - self.poisson) / self.normal.contact_modulus
-        factor = 3 * self.friction * self.normal.force / (16 * self.normal.contact_radius)
-        return factor * compliance * (1 - self._reduced ** (2 / 3))
-
-    def traction(self, x, y):
-        """Tangential traction (MPa): full friction less that of the stick area."""
-        ratio = self.stick_radius / self.normal.contact_radius
-        inner = (
-            self.normal.peak_pressure * ratio * _root(1 - (x * x + y * y) / self.stick_radius**2)
-        )
-        return self.friction * (self.normal.pressure(x, y) - inner)
 
 
 def crossed_waves_full_contact_pressure(amplitude, wavelength, contact_modulus) -> float:

@@ -12,7 +12,7 @@ from gstlib.composite import (
     draw_mesh_errors,
     plane_under,
 )
-from gstlib.coupling import Place, on_patch, places_of, spline_of
+from gstlib.coupling import Place, places_of, spline_of
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import axis_coordinates, make_surface
@@ -165,12 +165,3 @@ def test_a_plane_that_the_mesh_does_not_know_is_left_level():
     assert not lost.slope_x.values.any()
     assert not lost.slope_y.values.any()
     assert (lost.tilt_error_mrad > 5 * sure.tilt_error_mrad).all()
-
-
-def test_on_patch_reads_a_field_at_the_points_of_a_turned_scan():
-    place = Place(2.0, 1.5, 30.0)
-    along = axis_coordinates(16, PATCH / 16) - PATCH / 2
-    at = axis_coordinates(COUNT, SIDE / COUNT)
-    spline = spline_of(make_surface(3 * at[:, None] - 2 * at, SIDE / COUNT))
-    y, x = place.points(along[:, None], along)
-    np.testing.assert_allclose(on_patch(spline, place, (16, 16), PATCH), 3 * y - 2 * x)

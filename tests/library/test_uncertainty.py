@@ -92,14 +92,6 @@ def test_a_mesh_that_errs_more_makes_wider_intervals():
     assert (width[1] > 2 * width[0]).all()
 
 
-def test_the_seed_decides():
-    one, again, other = (
-        intervals(np.ones(5), error=1e-3, placement_um=30.0, seed=seed) for seed in (1, 1, 2)
-    )
-    pd.testing.assert_frame_equal(one, again)
-    assert not np.allclose(one.low_MPa, other.low_MPa)
-
-
 def test_detail_between_the_scans_is_drawn_anew_and_planes_are_told():
     points = 32
     along = axis_coordinates(points, PATCH / points) - PATCH / 2

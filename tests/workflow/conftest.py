@@ -108,6 +108,21 @@ def tiny(finished_tiny, tmp_path) -> Study:
     return Study(folder)
 
 
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium, with WebGL that needs no graphics card."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs `make test-browser`")
+    names = ("chromium", "chromium-browser", "google-chrome")
+    if (program := next(filter(None, map(shutil.which, names)), None)) is None:
+        pytest.skip("needs Chromium on the PATH")
+    software = ("--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+    options = ("--no-sandbox", "--disable-background-networking", *software)
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=program, args=options)
+        yield browser
+        browser.close()
+
+
 @pytest.fixture
 def measured(study, finished_tiny):
     """The tiny specimen's files, given as a user gives measured ones."""

@@ -2,7 +2,6 @@
 
 import itertools
 import re
-import shutil
 
 import pytest
 
@@ -10,22 +9,7 @@ from gstlib.io.tables import read_table
 
 pytestmark = pytest.mark.browser
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-# WebGL without a graphics card.
-SWITCHES = ["--no-sandbox", "--disable-gpu", "--use-angle=swiftshader"]
-SWITCHES += ["--enable-unsafe-swiftshader", "--disable-background-networking"]
 WIDE, PHONE = {"width": 1366, "height": 768}, {"width": 390, "height": 844}
-
-
-@pytest.fixture(scope="module")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
-    if CHROMIUM is None:
-        pytest.skip("Chromium is not installed")
-    with playwright.sync_playwright() as engine:
-        opened = engine.chromium.launch(executable_path=CHROMIUM, args=SWITCHES)
-        yield opened
-        opened.close()
 
 
 @pytest.fixture

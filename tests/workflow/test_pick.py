@@ -1,7 +1,6 @@
 """`gst pick` in a browser: what is clicked is what the config says."""
 
 import itertools
-import shutil
 
 import numpy as np
 import pytest
@@ -20,20 +19,6 @@ pytestmark = pytest.mark.browser
 HALF = np.array([20.0, 30.0, 10.0])  # axes of the stone; it is shown along the third
 SIDE = 5.0
 SCREENS = {"laptop": (1366, 768), "phone": (390, 844)}
-
-
-@pytest.fixture(scope="module")
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="needs `make test-browser`")
-    names = ("chromium", "chromium-browser", "google-chrome")
-    if (program := next(filter(None, map(shutil.which, names)), None)) is None:
-        pytest.skip("needs Chromium on the PATH")
-    software = ("--disable-gpu", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-    options = ("--no-sandbox", "--disable-background-networking", *software)
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=program, args=options)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")

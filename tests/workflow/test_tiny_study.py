@@ -277,19 +277,6 @@ def test_selection_follows_its_rules(table, config):
     assert set(rows.in_study) == {True, False}
 
 
-def test_intervals_contain_their_pressures(table):
-    rows, pressures = table("patch_intervals"), table("patch_pressures")
-    assert list(rows.pressure_MPa) == list(pressures.pressure_MPa)
-    assert (rows.low_MPa <= rows.pressure_MPa * (1 + 1e-4)).all()
-    assert (rows.high_MPa >= rows.pressure_MPa * (1 - 1e-4)).all()
-    assert set(rows.plane) <= {"mesh", "levelled"}
-    known = rows.tilt_mrad > np.sqrt(2) * rows.tilt_error_mrad
-    assert list(rows.plane == "mesh") == list(known)
-    pressed = rows[rows.pressure_MPa > 1]
-    assert (pressed.high_MPa - pressed.low_MPa > 0.05 * pressed.pressure_MPa).all()
-    assert (pressed.high_MPa < 4 * pressed.pressure_MPa + 10).all()
-
-
 def test_both_contact_moduli_are_solved(table, config):
     """At a given pressure the stiffer stone yields less; the study's own modulus is the first."""
     rows = table("sensitivity")
@@ -330,14 +317,6 @@ def test_load_paths_end_at_their_targets(results, table, config):
         assert list(steps.step) == list(range(1, config["microscale"]["steps"] + 1))
         for name in ("displacement_um", "stiffness_MPa_per_um"):
             assert steps[name].iloc[-1] == getattr(row, name)
-    for steps in [path, *(group for _, group in paths.groupby("patch"))]:
-        assert (steps[["displacement_um", "mean_pressure_MPa"]].diff().dropna() > 0).all(axis=None)
-        assert (steps.contact_fraction.diff().dropna() >= 0).all()
-        # equal steps of the displacement, and the stiffness is the curve's own slope
-        np.testing.assert_allclose(steps.displacement_um.diff().dropna().std(), 0, atol=1e-3)
-        chord = np.diff(steps.mean_pressure_MPa) / np.diff(steps.displacement_um)
-        assert (chord > steps.stiffness_MPa_per_um.to_numpy()[:-1] * 0.999).all()
-        assert (chord < steps.stiffness_MPa_per_um.to_numpy()[1:] * 1.001).all()
 
 
 def test_every_patch_is_solved_at_its_own_pressure(results, table, config):
@@ -499,76 +478,38 @@ def test_every_stored_state_fulfils_the_contact_conditions(results):
             assert residual <= 1e-6, file
 
 
-def test_stored_stick_and_slip_obey_coulomb(results, config):
-    files = sorted(results.glob("slip/*.h5"))
-    rows = read_table(results / "tables/slip.csv").set_index("patch")
-    assert sorted(rows.index) == sorted(file.stem for file in files) != []
-    for file in files:
-        slip, contact = read_dataset(file), read_dataset(file.parents[1] / "microscale" / file.name)
-        friction, ratio = slip.attrs["friction"], slip.attrs["tangential_ratio"]
-        assert {"friction": friction, "tangential_ratio": ratio} == config["grinding"]
-        assert slip.attrs["poisson"] == pytest.approx(config["material"]["poisson_1"])
-        pressure, traction = contact.pressure.values, slip.traction.values
-        stick, slides = slip.stick.values, slip.slip.values
-        full = friction * pressure
-        noise = 1e-6 * full.max()
-        assert traction.min() >= -noise
-        assert (traction - full).max() <= noise
-        np.testing.assert_allclose(traction[slides], full[slides], atol=noise)
-        assert (traction[stick] < full[stick]).all()
-        assert traction.sum() == pytest.approx(ratio * full.sum(), rel=1e-6)
-        np.testing.assert_array_equal(stick | slides, pressure > 0)
-        assert not (stick & slides).any()
-        assert rows.slip_share[file.stem] == pytest.approx(
-            slides.sum() / (pressure > 0).sum(), 1e-4
-        )
-        assert rows.mean_traction_MPa[file.stem] == pytest.approx(traction.mean(), 1e-4)
-
-
-def test_sticking_contact_moves_as_one(results):
-    """Where the contact sticks, the traction displaces it evenly; where it slips, by less."""
-    for file in sorted(results.glob("slip/*.h5")):
-        slip, contact = read_dataset(file), read_dataset(file.parents[1] / "microscale" / file.name)
-        friction, modulus = slip.attrs["friction"], contact.attrs["contact_modulus_MPa"]
-        moved = love_displacement(slip.traction.values / friction, spacing_of(contact), modulus)
-        stuck = moved[slip.stick.values]
-        assert np.ptp(stuck) <= 1e-6 * float(contact.displacement[-1])
-        # by how much, in the tangential direction
-        ratio = (2 - slip.attrs["poisson"]) / (2 * (1 - slip.attrs["poisson"]))
-        assert float(slip.tangential_displacement) == pytest.approx(
-            friction * ratio * stuck.mean(), rel=1e-5
-        )
-        assert moved[slip.slip.values].max() <= stuck.mean() * (1 + 1e-6)
-
-
-def test_stored_contacts_with_a_ceiling_obey_it(results, config):
-    files = sorted(results.glob("hardness/*.h5"))
-    rows = read_table(results / "tables/hardness.csv").set_index("patch")
-    assert sorted(rows.index) == sorted(file.stem for file in files) != []
-    for file in files:
-        limited = read_dataset(file)
-        contact = read_dataset(file.parents[1] / "microscale" / file.name)
-        hardness, row = limited.attrs["hardness_MPa"], rows.loc[file.stem]
-        height, pressure = pressed_heights(contact), limited.pressure.values
-        interpenetration = float(limited.displacement) - (height.max() - height)
-        gap = -interpenetration + love_displacement(
-            pressure, spacing_of(contact), contact.attrs["contact_modulus_MPa"]
-        )
-        assert hardness == config["hardness"]
-        at_ceiling, touches = pressure >= hardness, pressure > 0
-        allowed = 1e-6 * interpenetration.max()
-        assert pressure.min() >= 0
-        assert pressure.max() == hardness
-        assert np.abs(gap[touches & ~at_ceiling]).max() <= allowed
-        assert gap[~touches].min() >= -allowed
-        assert gap[at_ceiling].max() <= allowed
-        assert pressure.mean() == pytest.approx(contact.attrs["target_pressure_MPa"], rel=1e-6)
-        assert 0 < row.ceiling_share < 1
-        assert row.ceiling_share == pytest.approx(at_ceiling.sum() / touches.sum(), rel=1e-4)
-        assert row.deepest_yield_um == pytest.approx(-1e3 * gap[at_ceiling].min(), rel=1e-4)
-        elastic = contact.pressure.values > 0
-        assert row.iou == pytest.approx((elastic & touches).sum() / (elastic | touches).sum(), 1e-4)
-        assert row.elastic_peak_pressure_MPa == pytest.approx(float(contact.pressure.max()), 1e-4)
+def test_slip_and_ceiling_are_those_of_the_stored_contacts(results, table, config):
+    """That they obey Coulomb and the ceiling: tests/library/test_contact.py."""
+    for name in ("slip", "hardness"):
+        rows, files = table(name).set_index("patch"), sorted(results.glob(f"{name}/*.h5"))
+        assert sorted(rows.index) == [file.stem for file in files] != []
+        for file in files:
+            found, contact, row = (
+                read_dataset(file),
+                contact_of(results, file.stem),
+                rows.loc[file.stem],
+            )
+            touched = contact.pressure.values > 0
+            if name == "slip":
+                settings = {key: found.attrs[key] for key in ("friction", "tangential_ratio")}
+                assert settings == config["grinding"]
+                assert found.attrs["poisson"] == pytest.approx(config["material"]["poisson_1"])
+                share = np.prod([*settings.values()])
+                assert float(found.traction.mean()) == pytest.approx(
+                    share * float(contact.pressure.mean()), rel=1e-6
+                )
+                np.testing.assert_array_equal(found.stick ^ found.slip, touched)
+                assert row.slip_share == pytest.approx(
+                    found.slip.values.sum() / touched.sum(), 1e-4
+                )
+            else:
+                pressure = found.pressure.values
+                assert pressure.max() == config["hardness"]
+                assert pressure.mean() == pytest.approx(
+                    contact.attrs["target_pressure_MPa"], rel=1e-6
+                )
+                both, either = touched & (pressure > 0), touched | (pressure > 0)
+                assert row.iou == pytest.approx(both.sum() / either.sum(), 1e-4)
 
 
 # --- Wear and scores --------------------------------------------------------------------------
@@ -636,38 +577,6 @@ def test_scores_are_those_of_the_stored_masks(results, table, config):
         assert row.loss_fraction == pytest.approx(lost, rel=1e-4)
 
 
-def test_gains_are_held_against_the_best_rival_and_chance(table):
-    rows, scores = table("validation_gains"), table("validation_patches").set_index("patch")
-    for row in rows.dropna(subset="best_rival_value").itertuples():
-        of_patch = scores.loc[row.patch]
-        names = {f"{rival}_{row.score}" for rival in ("highest", "rigid")} & {*scores}
-        rivals = [of_patch[name] for name in names]
-        assert row.best_rival_value == pytest.approx(np.nanmax(rivals), rel=1e-4)
-        assert row.value == pytest.approx(of_patch[row.score], rel=1e-4)
-        assert row.gain == pytest.approx(row.value - row.best_rival_value, abs=2e-5)
-    tested = rows.dropna(subset="p_value")
-    assert tested.p_value.between(0, 1, inclusive="right").all()
-    # a value above nearly all shifted copies is one of few, and the other way round
-    assert (tested.p_value[tested.value > tested.null_high] < 0.05).all()
-    assert (tested.p_value[tested.value < tested.null_mean] > 0.2).all()
-
-
-def test_the_summary_is_over_the_patches(table):
-    summary = table("validation_summary").set_index("statistic")
-    scores, gains = table("validation_patches"), table("validation_gains")
-    for score in ("f1", "mcc", "roc_auc"):
-        known = gains[(gains.score == score) & gains.p_value.notna()]
-        if len(known):
-            assert summary.value[f"mean({score})"] == pytest.approx(known.value.mean(), rel=1e-3)
-    pressures = table("patch_pressures").set_index("patch").pressure_MPa
-    pair = pd.DataFrame(
-        {"p": pressures[scores.patch].to_numpy(), "loss": scores.loss_fraction.to_numpy()}
-    )
-    assert summary.value["spearman(pressure_MPa, loss_fraction)"] == pytest.approx(
-        pair.corr("spearman").p.loss, abs=1e-4
-    )
-
-
 def test_a_patch_wears_as_the_others_say_and_where_it_touches(results, table, config):
     rows, square = table("wear"), read_dataset(results / "wear/whole_square.h5")
     scores = table("validation_patches").set_index("patch")
@@ -714,12 +623,6 @@ def test_texture_is_that_of_the_filtered_heights(results, table, config):
     registration = table("registration")
     changed = set(rows.patch[rows.epoch == "change"])
     assert changed == set(registration.patch[registration.found])
-    for patch in whole.index:
-        epochs = rows[rows.patch == patch].set_index("epoch")
-        assert epochs.Sa_um["T0"] < epochs.Sq_um["T0"] < epochs.Sz_um["T0"]
-        if "change" in epochs.index:
-            change = epochs.Sq_um["T1"] - epochs.Sq_um["T0"]
-            assert epochs.Sq_um["change"] == pytest.approx(change, abs=2e-4)
     # without the waves that the filters take out, by a filter of our own
     surface = read_dataset(results / "surfaces/5_T0.h5").height
     step_um = spacing_of(surface)[0] * 1e3

@@ -1,4 +1,4 @@
-"""One patch, from its maps to its rows: scores, chance, best rival, and where it fails."""
+"""One patch, from its maps to its rows: scores, chance, best rival."""
 
 import math
 
