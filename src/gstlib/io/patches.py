@@ -227,8 +227,11 @@ def _number(cell: str, delimiter: str) -> float | str:
 
 
 def _explain(error: "ValidationError") -> str:
-    if not error.absolute_path:  # a cell is absent, which the message names
-        return error.message
+    if not error.absolute_path:  # a cell is absent, which the message names first
+        name, *given = error.message.split("'")[1::2]
+        if name == "t0" and "t1" in error.instance:
+            given = ["t1"]
+        return f"{name} is empty" + (f", but {given[0]} is given" if given else "")
     name = error.absolute_path[-1]
     if error.validator == "type":
         return f"{name} is {error.instance!r}, not a number"

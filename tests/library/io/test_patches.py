@@ -110,6 +110,10 @@ def test_spreadsheet_tables_keep_their_line_numbers(table):
     refused(table('patch,x_mm,y_mm,t0\n1,"0,5",1,a\n'), "x_mm is '0,5', not a number")
 
 
+def test_a_scan_after_use_needs_one_before(table):
+    refused(table("patch,x_mm,y_mm,t0,t1\n1,1,1,,a\n"), "t0 is empty, but t1 is given")
+
+
 def test_all_problems_at_once(table):
     message = refused(
         table(
@@ -132,9 +136,9 @@ def test_all_problems_at_once(table):
         "line 6 (patch 3): x_mm is 'two', not a number",
         "line 7 (patch 4): its footprint of 0.85 mm sticks out of the 5 mm square by "
         "0.325 mm at the x = 5 side and 0.025 mm at the y = 0 side",
-        "line 8 (patch 5): 'x_mm' is a required property",
-        "line 8 (patch 5): 't0' is a required property",
-        "line 9 (patch 6): 'crop_y_mm' is a dependency of 'crop_x_mm'",
+        "line 8 (patch 5): x_mm is empty",
+        "line 8 (patch 5): t0 is empty",
+        "line 9 (patch 6): crop_y_mm is empty, but crop_x_mm is given",
         "line 10 (patch 7): rotation_deg is 400",
         "line 11 (patch 8): x_mm is 'nan', not a number",
         "line 12 (patch 9): 8 cells in 7 columns",
