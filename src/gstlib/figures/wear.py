@@ -107,7 +107,7 @@ def wear_figure(
     for model, (_, colour, marker) in ({"measured": ("", BLACK, "x")} | models).items():
         if model in means:
             heights.plot(means[model], means[model].index, color=colour, marker=marker)
-    heights.annotate("measured", (means["measured"][1], 1), (4, 4), textcoords="offset points")
+    heights.annotate("× measured", (means["measured"][3], 3), (8, -3), textcoords="offset points")
     bands = ["highest\nquarter", "second", "third", "lowest\nquarter"]
     heights.set_yticks(range(1, len(bands) + 1), bands)
     heights.invert_yaxis()
