@@ -123,7 +123,7 @@ def power_figure(rates: pd.DataFrame) -> Figure:
     fewer = rates[rates["drawn"].notna() & np.isclose(rates["level"], LEVEL)]
     fewer = fewer[fewer["test"] == fewer["test"].iloc[-1]]
     _draw_rates(axes[-1], fewer, "drawn")
-    axes[-1].set_title(f"{textwrap.fill(fewer['test'].iloc[0], 36)}\nat level {LEVEL:g}")
+    axes[-1].set_title(f"pressure against loss, neighbours\nallowed for, at level {LEVEL:g}")
     axes[-1].set_xlabel("number of patches")
     shown = set(rates["wear"])
     style.colour_legend(
