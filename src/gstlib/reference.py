@@ -164,7 +164,7 @@ def two_scales_table(
             for (patch, pressure, true_pressure), each in zip(known, pooled, strict=True):
                 own = pressure if name == variant else np.nan
                 _, predicted, touching, points = each
-                scores = scores_of_sums(each, 3 * [np.nan], None)
+                scores = scores_of_sums(list(each), 3 * [np.nan], None)
                 shown = (float(scores[score]) for score in ("precision", "recall", "f1", "iou"))
                 areas = predicted / points, touching / points
                 rows.append((patch, name, own, true_pressure, *areas, *shown))
