@@ -129,10 +129,12 @@ def law_p_values(study: Study, *, seed: int) -> pd.DataFrame:
 
     ``test, drawn, patches, p_value`` as of `p_values`; the tests are ``law(archard)`` and, where
     the config has a mat, ``law(mat)``. A law is claimed where its maps of loss err less than those
-    of every rival, the bare stone among those of the mat: the p-value, one-sided, is the largest.
+    of every rival; a mat must beat the bare stone out of contact, see `gstlib.wear.wear_summary`.
+    The p-value, one-sided, is the largest.
     """
     summary = study.wear(seed=seed, resamples=_RESAMPLES)[-1]
-    skill = summary[summary.statistic == "skill(map)"]
+    named = summary.statistic.isin(["skill(map)", "skill(out_of_contact)"])
+    skill = summary[named].dropna(subset="p_value")
     p = np.where(skill.value > 0, skill.p_value / 2, 1 - skill.p_value / 2)
     rows = skill.assign(p_value=p).groupby("model", sort=False).agg({"p_value": "max", "n": "max"})
     rows = rows.rename(columns={"n": "patches"}).reset_index()

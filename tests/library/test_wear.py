@@ -154,6 +154,12 @@ def test_models_are_what_they_say(tables):
     )
     assert right.rms_difference_um[:2].max() < 1e-12
     assert right.rms_difference_um["c"] > 0.01
+    # It misses nothing where it takes nothing, and a uniform loss is all error there.
+    assert right.rms_out_of_contact_um.max() < 1e-12
+    uniform_um = 1e3 * by.xs("uniform", level="model").predicted_volume_um3 / (32**2 * 1e5)
+    np.testing.assert_allclose(
+        by.xs("uniform", level="model").rms_out_of_contact_um, uniform_um, rtol=1e-9
+    )
     # On a, whose summits were cut off as they stand, truncation is exact.
     cut = by.xs("truncation", level="model")
     assert cut.predicted_volume_um3["a"] == pytest.approx(right.measured_volume_um3["a"], rel=0.02)
@@ -239,9 +245,31 @@ def test_a_mat_is_found_by_its_traces_with_both_coefficients(worn_by_both):
     skill = summary[summary.statistic == "skill(map)"].set_index(["model", "against"]).value
     assert skill["mat", "archard"] > 0.5
     assert (skill["mat"] > 0.5).all()
+    told = summary[summary.statistic == "skill(out_of_contact)"].iloc[0]
+    assert (told.model, told.against) == ("mat", "archard")
+    assert told.value > 0.5
+    assert told.p_value == pytest.approx(2 / 2**6)  # each of six patches says so
     assert set(profile.model) == {"measured", "archard", "mat"}
     ratio = summary[summary.statistic == "mat_ratio"].iloc[0]
     assert (ratio.value, ratio.low, ratio.high) == (1, 1, 1)
+
+
+def test_a_mat_that_saves_a_hundredth_of_the_error_is_not_told(tables):
+    """Errors of measurement let it gain as much on stones that never saw one."""
+    table, profile, square = tables
+    bare = table[table.model == "archard"].assign(rms_difference_um=1.0, rms_out_of_contact_um=1.0)
+    for of in ("volume_um3", "depth_um"):
+        bare[f"predicted_{of}"] = 1.1 * bare[f"measured_{of}"]
+    mat = bare.assign(model="mat", rms_out_of_contact_um=0.99)
+    rivals = table[table.model != "archard"]
+    both = pd.concat([bare, mat, rivals], ignore_index=True)
+    heights = pd.concat([profile, profile[profile.model == "archard"].assign(model="mat")])
+    heights = heights.reset_index(drop=True)
+    summary = wear_summary(both, heights, square, seed=1, resamples=99)
+    told = summary[summary.statistic == "skill(out_of_contact)"].iloc[0]
+    assert told.value == pytest.approx(1 - 0.99 / 0.98)
+    nested = summary[(summary.model == "mat") & (summary.against == "archard")]
+    assert nested.p_value.notna().tolist() == [False, False, False, True]
 
 
 def test_what_surrounds_the_bare_stone_does_not_lower_the_patch_under_the_mat(worn_by_both):

@@ -609,6 +609,9 @@ def test_a_patch_wears_as_the_others_say_and_where_it_touches(results, table, co
         assert row.measured_volume_um3 == pytest.approx(scores.loss_volume_um3[patch], rel=1e-4)
         misfit = depth[known] + change.change.values[known]
         assert row.rms_difference_um == pytest.approx(1e3 * np.sqrt(np.mean(misfit**2)), rel=1e-4)
+        out = depth[known] < change.level_of_detection.values[known]
+        rms = np.sqrt(np.mean(misfit[out] ** 2))
+        assert row.rms_out_of_contact_um == pytest.approx(1e3 * rms, rel=1e-4)
         bands = table("wear_profile").set_index(["patch", "by", "band", "model"]).loss_um[patch]
         gaps = bands["gap"].xs("archard", level="model")
         assert gaps[1] > 0.9 * gaps.sum()  # from the contact on
