@@ -327,7 +327,6 @@ def main() -> None:
     scans, patches = cut(heights, place)
     whole, planes = planes_table(surface.height, heights, place, scans, patches)
     level = {patch: remove_plane(scan)[0] for patch, scan in scans.items()}
-    nowhere = {"patch_mm": PATCH_MM, "shift_um": (0, 0)}
     composites = [
         compose_surface(
             surface,
@@ -336,7 +335,7 @@ def main() -> None:
             s_filter_um=s_filter,
             placement_um=config["uncertainty"]["placement_um"],
             seed=seed + draw,
-            **nowhere,
+            patch_mm=PATCH_MM,
         )
         for draw in range(options.draws)
     ]
@@ -347,14 +346,16 @@ def main() -> None:
         (planes.set_index("patch") * 1e3).join(composite[names].to_dataframe()).round(1).to_string()
     )
     planes_agree(planes, composite)
-    print(place_patches(surface, patches, level, **nowhere).round(2).to_string(index=False))
+    print(place_patches(surface, patches, level, patch_mm=PATCH_MM).round(2).to_string(index=False))
 
     by_mesh, *contacts = (
         contact_at_pressure(each[["height"]], source="square", tolerance=1e-9, **load)
         for each in (surface, *composites)
     )
-    pressures = couple_scales(contacts[0], by_mesh, patches, **nowhere).set_index("patch")
-    drawn = [couple_scales(each, by_mesh, patches, **nowhere).pressure_MPa for each in contacts]
+    pressures = couple_scales(contacts[0], by_mesh, patches, patch_mm=PATCH_MM).set_index("patch")
+    drawn = [
+        couple_scales(each, by_mesh, patches, patch_mm=PATCH_MM).pressure_MPa for each in contacts
+    ]
     for statistic in (np.mean, np.min, np.max):
         pressures[f"composite, {statistic.__name__} of draws"] = statistic(drawn, axis=0)
     by_map = {

@@ -163,19 +163,19 @@ def tool_scene(
     from matplotlib.colors import to_hex
     from matplotlib.image import imsave
 
-    from gstlib.figures.maps import FORCE_MAP, footprint
+    from gstlib.coupling import Place, outline, places_of
+    from gstlib.figures.maps import FORCE_MAP
     from gstlib.figures.tool import axes_of, coloured_tool, outline_on, pressure_norm, tool_view
     from gstlib.viewer import stone_data
 
     stone, colours = coloured_tool(mesh, frame, pressure, faces=_STONE_FACES)
     size = float(pressure.x[-1] + pressure.x[0])
 
-    def outlined(*place: float) -> dict[str, list]:
-        flat = footprint(*place)
+    def outlined(place: Place, side: float) -> dict[str, list]:
+        flat = outline(place, side)
         on_tool = outline_on(stone, frame, flat, size)
         return {"flat": np.round(flat, 4).tolist(), "outline": np.round(on_tool, 4).tolist()}
 
-    rows = zip(*(places[name] for name in ("patch", "x_mm", "y_mm", "rotation_deg")), strict=True)
     view = tool_view(stone, frame)
     content = io.BytesIO()
     shown = pressure_norm(pressure)
@@ -186,8 +186,11 @@ def tool_scene(
         "view": list(view.normal),
         "middle": list(view.origin),
         "extent": np.ptp(view.to_frame(stone.vertices), axis=0)[:2].tolist(),
-        "square": outlined(size / 2, size / 2, 0.0, size),
-        "patches": [{"patch": patch} | outlined(*place, patch_mm) for patch, *place in rows],
+        "square": outlined(Place(size / 2, size / 2, 0.0), size),
+        "patches": [
+            {"patch": patch} | outlined(place, patch_mm)
+            for patch, place in places_of(pd.DataFrame(places)).items()
+        ],
         "map": embedded(content.getvalue()),
         "highest": shown.vmax,
         "scale": [to_hex(FORCE_MAP(share)) for share in np.linspace(0, 1, 13)],

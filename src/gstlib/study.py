@@ -87,7 +87,7 @@ __all__ = [
 # The sections of the config that the stages of `Study` depend on, besides `seed`.
 STUDY_SECTIONS = (
     *("coupling", "square", "material", "macroscale", "scans", "preprocessing", "registration"),
-    *("traces", "texture", "placement", "uncertainty", "selection", "microscale", "validation"),
+    *("traces", "texture", "uncertainty", "selection", "microscale", "validation"),
     *("wear_steps", "mat"),
 )
 # Which pressure of a patch each variant takes, of `couple_scales`.
@@ -159,7 +159,6 @@ def compose_surface(
     heights: Iterable[tuple[str, xr.DataArray]],
     *,
     patch_mm: float,
-    shift_um: Sequence[float],
     s_filter_um: float | None,
     **settings: Any,
 ) -> xr.Dataset:
@@ -169,12 +168,11 @@ def compose_surface(
     result are those of `gstlib.composite.compose_surface`.
     """
     from gstlib.composite import compose_surface
-    from gstlib.coupling import shifted
     from gstlib.preprocess.filtering import s_filtered
 
     return compose_surface(
         surface,
-        shifted(patches, shift_um, surface, size_mm=patch_mm),
+        patches,
         ((patch, s_filtered(height, s_filter_um)) for patch, height in heights),
         patch_mm=patch_mm,
         **settings,
@@ -241,19 +239,17 @@ def couple_scales(
     patches: pd.DataFrame,
     *,
     patch_mm: float,
-    shift_um: Sequence[float],
 ) -> pd.DataFrame:
     """Pressure of each patch: the macroscale forces in its outline over its area (section 2.3).
 
-    `contact` is the square's at the target pressure, and `mesh_contact` that of the mesh alone;
-    `shift_um` (x, y) shifts all patches. The result is that of `gstlib.coupling.patch_pressures`
-    with ``mesh_pressure_MPa``, the pressure by the mesh alone.
+    `contact` is the square's at the target pressure, and `mesh_contact` that of the mesh alone. The
+    result is that of `gstlib.coupling.patch_pressures` with ``mesh_pressure_MPa``, the pressure by
+    the mesh alone.
     """
-    from gstlib.coupling import patch_pressures, shifted
+    from gstlib.coupling import patch_pressures
 
-    places = shifted(patches, shift_um, contact, size_mm=patch_mm)
-    pressures = patch_pressures(contact.pressure, places, size_mm=patch_mm)
-    by_mesh = patch_pressures(mesh_contact.pressure, places, size_mm=patch_mm)
+    pressures = patch_pressures(contact.pressure, patches, size_mm=patch_mm)
+    by_mesh = patch_pressures(mesh_contact.pressure, patches, size_mm=patch_mm)
     return pressures.assign(mesh_pressure_MPa=by_mesh.pressure_MPa)
 
 
@@ -289,18 +285,15 @@ def place_patches(
     heights: Mapping[str, xr.DataArray],
     *,
     patch_mm: float,
-    shift_um: Sequence[float],
 ) -> pd.DataFrame:
     """Hold each patch against the square under it.
 
     `heights` (y, x) are those of the prepared T0 scans, by patch. The result is that of
     `gstlib.placement.place_patches`.
     """
-    from gstlib.coupling import shifted
     from gstlib.placement import place_patches
 
-    places = shifted(patches, shift_um, surface, size_mm=patch_mm)
-    return place_patches(surface.height, places, heights, size_mm=patch_mm)
+    return place_patches(surface.height, patches, heights, size_mm=patch_mm)
 
 
 # --- The scans --------------------------------------------------------------------------------
@@ -817,9 +810,8 @@ class Study:
         return grid_macroscale(self.read_mesh(), **settings)
 
     @property
-    def _places(self) -> dict[str, Any]:
-        shift = [self.config["placement"][f"shift_{axis}_um"] for axis in "xy"]
-        return {"patch_mm": self.config["scans"]["size_mm"], "shift_um": shift}
+    def _patch_mm(self) -> float:
+        return self.config["scans"]["size_mm"]
 
     @_stage
     def composite(self) -> xr.Dataset:
@@ -831,7 +823,7 @@ class Study:
             s_filter_um=self.config["microscale"]["s_filter_um"],
             placement_um=self.config["uncertainty"]["placement_um"],
             seed=self.config["seed"],
-            **self._places,
+            patch_mm=self._patch_mm,
         )
 
     @_stage
@@ -863,7 +855,8 @@ class Study:
     @_stage
     def pressures(self) -> pd.DataFrame:
         """Pressure of every patch, from `couple_scales`."""
-        return couple_scales(self.contact(), self.mesh_contact(), self.patches, **self._places)
+        contacts = self.contact(), self.mesh_contact()
+        return couple_scales(*contacts, self.patches, patch_mm=self._patch_mm)
 
     @_stage
     def prepared(self, patch: str, epoch: str) -> xr.Dataset:
@@ -936,7 +929,7 @@ class Study:
             self.contact(),
             self.pressures(),
             patch_tables(self.scores())["patches"],
-            patch_mm=self._places["patch_mm"],
+            patch_mm=self._patch_mm,
             steps=self.config["wear_steps"],
             mat=self.config["mat"],
         )

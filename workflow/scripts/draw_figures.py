@@ -69,7 +69,7 @@ class Study:
 
     @cached_property
     def pressures(self) -> pd.DataFrame:
-        table = self.table("pressures", "patch", "x_mm", "y_mm", "pressure_MPa", "in_study")
+        table = self.table("pressures")
         if list(table["patch"]) != self.patches:
             problem, remedy = "has not one row for each patch", "Delete it and run the study again."
             raise InputError(self.files["pressures"], problem, remedy)

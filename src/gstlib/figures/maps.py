@@ -5,7 +5,6 @@ upwards from the reference corner, at the lower left. A pixel of a panel has the
 elements under it: marks cover as much of the picture as of the surface.
 """
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -20,11 +19,12 @@ from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 from PIL import Image
 
+from gstlib.coupling import outline, places_of
 from gstlib.figures.style import DPI, MM_TO_UM, PALE, VERMILION
 from gstlib.surface import spacing_of
 
 __all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHT_MAP", "OUTLINE", "colour_bar", "draw_footprints"]
-__all__ += ["draw_forces", "draw_heights", "draw_map", "footprint", "height_norm", "mark_corner"]
+__all__ += ["draw_forces", "draw_heights", "draw_map", "height_norm", "mark_corner"]
 __all__ += ["scale_bar"]
 
 # Few levels make small files; these are enough that the eye sees no steps.
@@ -162,28 +162,19 @@ def colour_bar(axes: Axes, colours: ScalarMappable, label: str, *, below: float 
         axes.text(x, y, text, fontsize=6.5, **place)
 
 
-def footprint(x_mm: float, y_mm: float, rotation_deg: float, size_mm: float) -> np.ndarray:
-    """Corners (4, 2) of a patch, mm, in the square's frame; before a turn the lower left first."""
-    turn = math.radians(rotation_deg)
-    corners = size_mm / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    turned = corners @ [[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]]
-    return np.add(turned, (x_mm, y_mm))
-
-
 def draw_footprints(
     axes: Axes, patches: pd.DataFrame, patch_size_mm: float, *, colour: str
 ) -> None:
     """Outline and name the patches: solid in the study, dashed out of it.
 
-    `patches` has ``patch, x_mm, y_mm``, optionally ``rotation_deg`` and ``in_study``.
+    `patches` has ``patch, x_mm, y_mm, rotation_deg`` and optionally ``in_study``.
     """
     half = patch_size_mm / 2
-    for row in patches.itertuples(index=False):
-        corners = footprint(row.x_mm, row.y_mm, getattr(row, "rotation_deg", 0.0), patch_size_mm)
-        outline = Polygon(corners, fill=False, edgecolor=colour)
-        line = "-" if getattr(row, "in_study", True) else "--"
-        outline.set(linestyle=line, path_effects=OUTLINE)
-        axes.add_patch(outline)
-        at = row.x_mm - 0.92 * half, row.y_mm + 0.9 * half
+    studied = patches.get("in_study", pd.Series(True, patches.index))
+    for (patch, place), is_studied in zip(places_of(patches).items(), studied, strict=True):
+        look = {"edgecolor": colour, "linestyle": "-" if is_studied else "--"}
+        corners = outline(place, patch_size_mm)
+        axes.add_patch(Polygon(corners, fill=False, path_effects=OUTLINE, **look))
+        at = place.x_mm - 0.92 * half, place.y_mm + 0.9 * half
         look = {"fontsize": 6.5, "color": colour, "path_effects": OUTLINE}
-        axes.text(*at, row.patch, ha="left", va="top", **look)
+        axes.text(*at, patch, ha="left", va="top", **look)
