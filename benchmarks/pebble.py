@@ -80,14 +80,13 @@ def square_of(
 ) -> xr.Dataset:
     """The mesh's surface over a square about a centre."""
     origin = centre - size_mm / 2 * (x + np.cross(normal, x))
-    frame = {"origin_mm": origin, "x_axis": x, "normal": normal, "points_mm": None}
+    points = [origin, origin + size_mm * x, origin + size_mm * np.cross(normal, x)]
     return grid_macroscale(
         mesh,
-        square={"size_mm": size_mm, "frame": frame},
+        square={"size_mm": size_mm, "points_mm": points},
         grid=GRID,
         margin_mm=0.5,
         interpolation="best",
-        mesh_unit="mm",
         source=MESH,
     )
 

@@ -165,7 +165,7 @@ def tool_scene(
 
     from gstlib.coupling import Place, outline, places_of
     from gstlib.figures.maps import FORCE_MAP
-    from gstlib.figures.tool import axes_of, coloured_tool, outline_on, pressure_norm, tool_view
+    from gstlib.figures.tool import coloured_tool, outline_on, pressure_norm, tool_view
     from gstlib.viewer import stone_data
 
     stone, colours = coloured_tool(mesh, frame, pressure, faces=_STONE_FACES)
@@ -182,8 +182,8 @@ def tool_scene(
     imsave(content, FORCE_MAP(shown(pressure.values))[::-1], metadata={"Software": None})
     return {
         "stone": stone_data(stone, colours),
-        "frame": {"origin": list(frame.origin), "axes": axes_of(frame).tolist(), "size": size},
-        "view": list(view.normal),
+        "frame": {"origin": list(frame.origin), "axes": frame.axes.tolist(), "size": size},
+        "view": view.axes[2].tolist(),
         "middle": list(view.origin),
         "extent": np.ptp(view.to_frame(stone.vertices), axis=0)[:2].tolist(),
         "square": outlined(Place(size / 2, size / 2, 0.0), size),

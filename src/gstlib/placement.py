@@ -103,14 +103,14 @@ def place_patches(
     elif correlation.mean() < _LOW:
         _log.warning(
             "the patches together correlate with the macroscale by no more than %.2f, as if few or "
-            "none of them lay where the patch table says: check its x_mm and y_mm, square.frame, "
-            "and the units of mesh and scans (a mesh that is too smooth looks the same)",
+            "none of them lay where the patch table says: check its x_mm and y_mm, "
+            "square.points_mm, and the units of mesh and scans (a mesh that is too smooth looks the same)",
             correlation.mean(),
         )
     elif p_value < _SIGNIFICANCE:
         _log.warning(
             "all patches together fit the macroscale best when shifted in x by %+.0f ± %.0f µm and "
-            "y by %+.0f ± %.0f µm: check square.frame, or add this to the patch table",
+            "y by %+.0f ± %.0f µm: check square.points_mm, or add this to the patch table",
             *(1e3 * np.array([shift, errors]).T.ravel()),
         )
     for row in table[table.verdict == ELSEWHERE].itertuples(index=False):

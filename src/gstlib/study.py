@@ -105,7 +105,6 @@ def grid_macroscale(
     *,
     square: Mapping,
     grid: int,
-    mesh_unit: str,
     source: str | Path,
     **settings: Any,
 ) -> xr.Dataset:
@@ -118,7 +117,7 @@ def grid_macroscale(
     from gstlib.preprocess.gridding import grid_mesh
     from gstlib.preprocess.leveling import remove_plane
 
-    frame = find_frame(square, mesh, unit=mesh_unit, source=str(source))
+    frame = find_frame(square, mesh, source=str(source))
     gridded = grid_mesh(
         mesh,
         frame,
@@ -806,7 +805,7 @@ class Study:
         """Heights of the square, from `grid_macroscale`."""
         names = ("grid", "margin_mm", "interpolation")
         settings = {name: self.config["macroscale"][name] for name in names}
-        settings |= {"square": self.config["square"], "mesh_unit": "mm", "source": "mesh"}
+        settings |= {"square": self.config["square"], "source": "mesh"}
         return grid_macroscale(self.read_mesh(), **settings)
 
     @property

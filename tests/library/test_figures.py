@@ -250,7 +250,8 @@ def run(folder, *names, most=2, **columns):
     frame = {name: np.array(value, float) for name, value in vars(TOOL[1]).items()}
     frame["origin_mm"] = frame.pop("origin")
     xr.Dataset(attrs=frame).to_netcdf(folder / "surface.h5", engine="h5netcdf")
-    assert stored_frame(read_dataset(folder / "surface.h5").attrs) == TOOL[1]
+    stored = stored_frame(read_dataset(folder / "surface.h5").attrs)
+    np.testing.assert_array_equal(stored.axes, TOOL[1].axes)
     files |= {"mesh": folder / "mesh.stl", "surface": folder / "surface.h5"}
     SCRIPT["main"](**settings, **files)
 

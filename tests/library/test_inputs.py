@@ -18,12 +18,7 @@ SETTINGS = {
     "mesh_unit": "mm",
     "square": {
         "size_mm": 4.0,
-        "frame": {
-            "origin_mm": [3.0, 3.0, 4.9],
-            "x_axis": [1.0, 0.0, 0.0],
-            "normal": [0.0, 0.0, 1.0],
-            "points_mm": None,
-        },
+        "points_mm": [[3.0, 3.0, 4.9], [7.0, 3.0, 4.9], [3.0, 7.0, 4.9]],
     },
     "macroscale": {"grid": 20, "margin_mm": 0.5},
     "scan_settings": {

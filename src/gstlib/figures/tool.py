@@ -24,7 +24,7 @@ from gstlib.viewer import coarsen
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["axes_of", "check_figure", "coloured_tool", "draw_square", "draw_stone", "draw_tool"]
+__all__ = ["check_figure", "coloured_tool", "draw_square", "draw_stone", "draw_tool"]
 __all__ += ["outline_on", "pressure_norm", "stone_figure", "tool_view"]
 
 # Where the tool is seen from, in the square's axes: aslant, so that its shape shows.
@@ -36,17 +36,12 @@ _PANEL = (3.6, 3.6)
 _UNIT = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
 
 
-def axes_of(frame: Frame) -> np.ndarray:
-    """The axes of a frame as rows: points in the frame times these, plus its origin, are mm."""
-    return np.array([frame.x_axis, frame.y_axis, frame.normal])
-
-
 def tool_view(mesh: "trimesh.Trimesh", frame: Frame) -> Frame:
     """How the whole tool (mm) is looked at: its middle is that of the picture."""
-    towards = _VIEW @ axes_of(frame)
-    view = Frame((0.0, 0.0, 0.0), np.cross(frame.y_axis, towards).tolist(), towards.tolist())
+    towards = _VIEW @ frame.axes
+    view = Frame((0.0, 0.0, 0.0), np.cross(frame.axes[1], towards).tolist(), towards.tolist())
     seen = view.to_frame(mesh.vertices)
-    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2 @ axes_of(view)
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2 @ view.axes
     return Frame(middle.tolist(), view.x_axis, view.normal)
 
 
@@ -139,7 +134,7 @@ def outline_on(
     flat = np.concatenate(along)
     _, nearest = KDTree(places[is_over, :2]).query(flat)
     heights = places[is_over, 2][nearest]
-    return np.column_stack([flat, heights]) @ axes_of(frame) + np.array(frame.origin)
+    return np.column_stack([flat, heights]) @ frame.axes + np.array(frame.origin)
 
 
 def draw_stone(
@@ -153,7 +148,7 @@ def draw_stone(
     """
     corners = view.to_frame(mesh.triangles.reshape(-1, 3)).reshape(-1, 3, 3)
     # Of the surface around a face: those of slivers are anything.
-    normals = mesh.vertex_normals[mesh.faces].mean(axis=1) @ axes_of(view).T
+    normals = mesh.vertex_normals[mesh.faces].mean(axis=1) @ view.axes.T
     normals *= orientation(mesh)
     front = np.flatnonzero(normals[:, 2] > 0)
     # Painted from the farthest to the nearest.
@@ -191,7 +186,7 @@ def draw_square(
     Gives whether it is in sight.
     """
     corners = size * np.array([*_UNIT, [0.5, 0.5]])
-    *outline, middle = view.to_frame(frame.origin + corners @ axes_of(frame)[:2])
+    *outline, middle = view.to_frame(frame.origin + corners @ frame.axes[:2])
     points = view.to_frame(mesh.vertices)
     near = np.linalg.norm((points - middle)[:, :2], axis=1) < size / 4
     seen = not near.any() or bool(points[near, 2].max() < middle[2] + size / 2)
@@ -241,7 +236,7 @@ def check_figure(
     figure, panels = style.panels(2 + (height is not None), 3, _PANEL, (0.55, 0.25, 0.3, 0.85))
     mesh = coarsen(mesh, faces=_FACES)
     middle = mesh.bounds.mean(axis=0)
-    slanted = np.add(frame.normal, frame.y_axis).tolist()
+    slanted = (frame.axes[2] + frame.axes[1]).tolist()
     for axes, towards, name in zip(
         panels, (frame.normal, slanted), ("along the square's normal", "45° from it"), strict=False
     ):

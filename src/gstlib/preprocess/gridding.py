@@ -123,7 +123,7 @@ def grid_mesh(
             f"no part of the mesh lies over the square: in the square's frame the mesh spans "
             f"x {low[0]:.4g} to {high[0]:.4g} and y {low[1]:.4g} to {high[1]:.4g} mm, the square "
             f"0 to {size_mm:g} mm",
-            "Check inputs.mesh_unit and square.frame in the config.",
+            "Check inputs.mesh_unit and square.points_mm in the config.",
         )
     body = connected_component_labels(faces[:, [0, 1, 1, 2]].reshape(-1, 2), len(points))
     outwards = orientation(mesh)
@@ -139,9 +139,8 @@ def grid_mesh(
         raise InputError(
             source,
             "the mesh's faces over the square look against the frame's normal",
-            "If square.frame's normal points into the stone, turn it, or exchange points 2 and 3 "
-            "of points_mm (they turn anticlockwise as one looks at the stone); if not, turn the "
-            "mesh's faces.",
+            "Exchange points 2 and 3 of square.points_mm if they do not turn anticlockwise as one "
+            "looks at the stone; if they do, turn the mesh's faces.",
         )
     place, height = place[hit == use_face], height[hit == use_face]
     lowest, highest = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -153,8 +152,8 @@ def grid_mesh(
             source,
             f"the mesh folds over within the square: {_describe(folded, x, y)} has two heights, "
             f"up to {np.nanmax(highest - lowest):.3g} mm apart",
-            "Turn square.frame so that it looks at the use-face squarely, move it, or repair the "
-            "mesh.",
+            "Move square.points_mm so that the square looks at the use-face squarely, or repair "
+            "the mesh.",
         )
     triangles = points[faces[side == use_face]]
     edge = float(np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).mean())
@@ -177,8 +176,8 @@ def grid_mesh(
             source,
             f"the square sticks out of the mesh, or the mesh has a hole: there is no use-face in "
             f"{_describe(np.isnan(heights) | bare, x, y)}",
-            "Move square.frame in the config, make square.size_mm smaller, check inputs.mesh_unit, "
-            "or repair the mesh (holes, and faces turned inside out).",
+            "Move square.points_mm in the config, make square.size_mm smaller, check "
+            "inputs.mesh_unit, or repair the mesh (holes, and faces turned inside out).",
         )
     if bare.any():
         _log.warning("holes of the mesh were bridged: %s", _describe(bare, x, y))
