@@ -184,7 +184,7 @@ def tool_scene(
         "stone": stone_data(stone, colours),
         "frame": {"origin": list(frame.origin), "axes": frame.axes.tolist(), "size": size},
         "view": view.axes[2].tolist(),
-        "middle": list(view.origin),
+        "middle": list(map(float, view.origin)),
         "extent": np.ptp(view.to_frame(stone.vertices), axis=0)[:2].tolist(),
         "square": outlined(Place(size / 2, size / 2, 0.0), size),
         "patches": [

@@ -104,7 +104,8 @@ def place_patches(
         _log.warning(
             "the patches together correlate with the macroscale by no more than %.2f, as if few or "
             "none of them lay where the patch table says: check its x_mm and y_mm, "
-            "square.points_mm, and the units of mesh and scans (a mesh that is too smooth looks the same)",
+            "square.points_mm, and the units of mesh and scans (a mesh that is too smooth looks "
+            "the same)",
             correlation.mean(),
         )
     elif p_value < _SIGNIFICANCE:

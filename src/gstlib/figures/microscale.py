@@ -10,9 +10,8 @@ changes : mapping of patch to xarray.Dataset
     ``overlap``.
 """
 
-import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -35,8 +34,7 @@ __all__ += ["two_scales_figure"]
 
 _UNKNOWN = "#ffffff"
 _AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": BLACK}
-_UNDER: dict[str, Any] = {"bbox_to_anchor": (0.5, 0.0), "fontsize": 6, "columnspacing": 0.5}
-_UNDER |= {"handlelength": 0.8, "handletextpad": 0.4, "borderaxespad": 0.3}
+_BELOW = {"loc": "lower center", "bbox_to_anchor": (0.82, 0.02)}  # the last panels of a row
 
 
 @styled
@@ -46,21 +44,19 @@ def preparation_figure(prepared: Mapping[str, xr.Dataset], *, patch: str) -> Fig
     `prepared` holds for each epoch ``measured`` (NaN where unmeasured), ``height``, ``filled``,
     ``outlier`` (y, x), and the attributes of the prepared scan.
     """
-    room = (0.05, 0.05, 0.3, 0.3)
-    figure, axes = style.panels(2 * len(prepared), 4, (1.7, 1.7), room, head=0.2)
-    figure.suptitle(f"patch {patch}")
-    for number, (epoch, scan) in enumerate(prepared.items()):
+    drawn = []
+    for epoch, scan in prepared.items():
         filled, outliers = scan["filled"].values, scan["outlier"].values
-        replaced = {BLUE: filled & ~outliers, VERMILION: outliers}
-        for panel, field, marks, title, state in (
-            (axes[2 * number], "measured", replaced, "as measured", "before"),
-            (axes[2 * number + 1], "height", None, "prepared", "after"),
-        ):
-            image = maps.draw_map(panel, scan[field], cmap=maps.HEIGHT_MAP, marks=marks)
-            maps.colour_bar(panel, image, "height (µm)")
-            panel.set_title(f"{epoch} {title}, Sq {scan.attrs[f'Sq_{state}_um']:.3g} µm")
-    maps.scale_bar(axes[0])
-    return figure
+        marks = {BLUE: filled & ~outliers, VERMILION: outliers}
+        titles = [
+            f"patch {patch}, {epoch} {state}, Sq {scan.attrs[f'Sq_{when}_um']:.3g} µm"
+            for state, when in (("as measured", "before"), ("prepared", "after"))
+        ]
+        drawn += [
+            (titles[0], scan["measured"], maps.HEIGHTS | {"marks": marks}),
+            (titles[1], scan["height"], maps.HEIGHTS),
+        ]
+    return maps.draw_maps(drawn, 4, 2.0, (0.05, 0.05, 0.3, 0.35), head=0)
 
 
 def _patch_maps(
@@ -69,12 +65,11 @@ def _patch_maps(
     legend: Mapping[str, str],
 ) -> Figure:
     """Small multiples: every patch's height in pale grey, with a title and marks by colour."""
-    room = (0.05, 0.05, 0.2, 0.02)
-    figure, axes = style.panels(len(panels), 4, (1.7, 1.7), room, head=0.25)
-    for axis, (patch, (title, marks)) in zip(axes, panels.items(), strict=True):
-        maps.draw_map(axis, contacts[patch]["height"], marks=marks)
-        axis.set_title(f"patch {patch}: {title}", fontsize=6.5, pad=2)
-    maps.scale_bar(axes[0])
+    drawn = [
+        (f"patch {patch}: {title}", contacts[patch]["height"], {"marks": marks})
+        for patch, (title, marks) in panels.items()
+    ]
+    figure = maps.draw_maps(drawn, 4, 1.7)
     style.colour_legend(figure, legend)
     return figure
 
@@ -162,27 +157,21 @@ def two_scales_figure(
     touches each patch; `scores` is ``two_scales.csv``.
     """
     f1 = scores.set_index(["variant", "patch"]).f1
+    drawn = []
+    for patch, true in reference.items():
+        for variant, of_variant in contacts.items():
+            found, height = of_variant[patch]["pressure"].values > 0, of_variant[patch]["height"]
+            marks = {BLUE: found & true, AMBER: true & ~found, BLACK: found & ~true}
+            title = f"patch {patch} {variant}: {f1[variant, patch]:.2f}".replace(": nan", "")
+            drawn.append((title, height, {"marks": marks}))
+        drawn.append(("whole square", height, {"marks": {BLUE: true}}))
     columns = (len(contacts) + 1) * min(2, len(reference))
-    count = (len(contacts) + 1) * len(reference)
-    figure, axes = style.panels(count, columns, (1.5, 1.5), (0.03, 0.03, 0.3, 0.03), head=0.75)
+    figure = maps.draw_maps(drawn, columns, 1.5, (0.03, 0.03, 0.3, 0.03), head=0.75)
     pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in contacts)
     figure.suptitle(
         "Contact of the patches against one contact of the whole square at the scans' resolution\n"
         f"share of agreement (F1), all patches: {pooled}; 1 would be perfect"
     )
-    panels = iter(axes)
-    for patch, true in reference.items():
-        for variant, of_variant in contacts.items():
-            contact, panel = of_variant[patch], next(panels)
-            found = contact["pressure"].values > 0
-            marks = {BLUE: found & true, AMBER: true & ~found, BLACK: found & ~true}
-            maps.draw_map(panel, contact["height"], marks=marks)
-            score = f": {f1[variant, patch]:.2f}" if f1[variant, patch] >= 0 else ""
-            panel.set_title(f"patch {patch} {variant}{score}", fontsize=7)
-        panel = next(panels)
-        maps.draw_map(panel, contact["height"], marks={BLUE: true})
-        panel.set_title("whole square", fontsize=7)
-    maps.scale_bar(axes[0])
     names = {"found": BLUE, "missed": AMBER, "not in the whole square's contact": BLACK}
     style.colour_legend(figure, names, bbox_to_anchor=(0.5, 1 - 0.45 / figure.get_figheight()))
     return figure
@@ -194,41 +183,31 @@ def patch_figure(contact: xr.Dataset, change: xr.Dataset, *, patch: str) -> Figu
 
     `contact` and `change` are those of `patch` among ``contacts`` and ``changes``.
     """
-    figure, axes = style.panels(5, 5, (2.0, 2.0), (0.05, 0.05, 0.3, 0.3), head=0.2)
-    before, after, changed, predicted, agreement = axes
-    overlap = change.attrs.get("overlap", math.nan)
-    pressure = float(contact["mean_pressure"][-1])
-    figure.suptitle(f"patch {patch}: {pressure:.1f} MPa, T1 covers {overlap:.0%} of T0")
-
-    t0, t1 = contact["height"], change["t1"]
-    norm = maps.height_norm(t0, t1)
-    for panel, surface, name in ((before, t0, "T0, before use"), (after, t1, "T1, after use")):
-        image = maps.draw_map(panel, surface, cmap=maps.HEIGHT_MAP, norm=norm)
-        maps.colour_bar(panel, image, "height (µm)")
-        panel.set_title(name)
-    maps.scale_bar(before)
-
+    t0, t1, values = contact["height"], change["t1"], change["change"].values * MM_TO_UM
+    heights = maps.HEIGHTS | {"norm": maps.height_norm(t0, t1)}
     # changes that noise can explain are drawn as none
-    values, loss = change["change"].values * MM_TO_UM, change["loss"].values
+    loss, unknown = change["loss"].values, np.isnan(values)
     shown = np.where(loss | change["gain"].values, values, 0.0 * values)
     limit = change.attrs["level_of_detection_um"]  # NaN where no change is known
-    bound = float(np.nanmax([-maps.height_norm(change["change"]).vmin, 2 * limit]))
-    norm, unknown = Normalize(-bound, bound), np.isnan(values)
-    marks = {_UNKNOWN: unknown}
-    image = maps.draw_map(changed, t0, shown, cmap=maps.CHANGE_MAP, norm=norm, marks=marks)
-    maps.colour_bar(changed, image, "height change (µm), 0 where not detected")
+    bound = float(np.nanmax([np.quantile(np.abs(np.nan_to_num(values)), 0.995) or 1, 2 * limit]))
+    label = "height change (µm), 0 where not detected"
+    changes = {"cmap": maps.CHANGE_MAP, "norm": Normalize(-bound, bound), "bar": label}
+    changes |= {"values": shown, "marks": {_UNKNOWN: unknown}}
     known = max(np.count_nonzero(~unknown), 1)
     lost = f"lost more than {limit:.2f} µm: {loss.sum() / known:.1%}"
-    changed.set_title("no change is known" if unknown.all() else lost)
-
-    touching = contact["pressure"].values > 0
-    maps.draw_map(predicted, t0, marks={BLACK: touching})
-    predicted.set_title(f"predicted contact: {touching.mean():.2%}")
-    marks = _agreement(contact, change)
-    maps.draw_map(agreement, t0, marks=marks)
-    agreement.set_title("prediction and loss")
+    touching, marks = contact["pressure"].values > 0, _agreement(contact, change)
+    drawn = [
+        ("T0, before use", t0, heights),
+        ("T1, after use", t1, heights),
+        ("no change is known" if unknown.all() else lost, t0, changes),
+        (f"predicted contact: {touching.mean():.2%}", t0, {"marks": {BLACK: touching}}),
+        ("prediction and loss", t0, {"marks": marks}),
+    ]
+    figure = maps.draw_maps(drawn, 5, 2.0, (0.05, 0.05, 0.3, 0.35), head=0.2)
+    pressure, overlap = float(contact["mean_pressure"][-1]), change.attrs["overlap"]
+    figure.suptitle(f"patch {patch}: {pressure:.1f} MPa, T1 covers {overlap:.0%} of T0")
     shares = {f"{name} {marks[c].sum() / known:.1%}": c for name, c in _AGREEMENT.items()}
-    style.colour_legend(agreement, shares, **_UNDER)
+    style.colour_legend(figure, shares, **_BELOW)
     return figure
 
 
@@ -271,7 +250,7 @@ def overview_figure(
     if change is not None:
         maps.draw_map(axes[2], contact["height"], marks=_agreement(contact, change))
         axes[2].set_title("4  measured loss\nagainst the prediction")
-        style.colour_legend(axes[2], _AGREEMENT, **_UNDER)
+        style.colour_legend(figure, _AGREEMENT, **_BELOW)
     return figure
 
 

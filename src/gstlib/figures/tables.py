@@ -146,36 +146,21 @@ def _draw_rates(axes: Axes, rates: pd.DataFrame, along: str) -> None:
 @styled
 def sweep_figure(table: pd.DataFrame) -> Figure:
     """Tornado diagrams of the outcomes of a sweep; `table` is ``sweep.csv``."""
-    outcomes = [output for output in _OUTCOMES if (table["output"] == output).any()]
-    moved = table[table["output"].isin(outcomes) & (table["change"] != 0)]
-    places = max(int(moved.groupby("output")["factor"].nunique().max()), 1)
-    left = 0.3 + 0.06 * moved["factor"].dropna().str.len().max()
-    figure, axes = style.panels(len(outcomes), 2, (2.1, 0.22 * places), (left, 0.1, 0.35, 0.4))
+    is_study = table["factor"].isna() | (table["factor"] == "")
+    study = table[is_study].set_index("output")
+    varied = table[~is_study & table["change"].abs().gt(0)]
+    moved = varied.assign(setting=varied["factor"] + ": " + varied["value"])
+    outcomes = [output for output in _OUTCOMES if output in study.index]
+    bars = max(int(moved["output"].value_counts()[outcomes].max()), 1)
+    left = 0.3 + 0.05 * moved["setting"].str.len().max()
+    figure, axes = style.panels(len(outcomes), 2, (2.1, 0.13 * bars), (left, 0.1, 0.35, 0.4))
     for panel, output in zip(axes, outcomes, strict=True):
-        _draw_tornado(panel, table[table["output"] == output], places)
+        result = study.loc[output]
+        if np.isfinite(result["low"]):
+            panel.axvspan(result["low"], result["high"], color=PALE, lw=0)
+        panel.axvline(result["result"], color=GREY, lw=0.8)
+        of = moved[moved["output"] == output].sort_values("change", key=abs, kind="stable")
+        panel.barh(of["setting"], of["change"], left=result["result"], color=BLUE)
+        panel.tick_params(axis="y", labelsize=5.5)
         panel.set_title(_label(output))
     return figure
-
-
-def _draw_tornado(axes: Axes, outcomes: pd.DataFrame, places: int) -> None:
-    """Bars from the study's result, the factor with the largest change on top."""
-    is_study = outcomes["factor"].isna() | (outcomes["factor"] == "")
-    study, varied = outcomes[is_study].iloc[0], outcomes[~is_study]
-    if np.isfinite(study["low"]):
-        axes.axvspan(study["low"], study["high"], color=PALE, lw=0, zorder=0)
-    axes.axvline(study["result"], color=GREY, lw=0.8, zorder=1)
-    reach = varied["change"].abs().groupby(varied["factor"], sort=False).max()
-    order = list(reach[reach > 0].sort_values(kind="stable", ascending=False).index)
-    for place, factor in enumerate(order):
-        values = varied[varied["factor"] == factor]
-        height = 0.8 / len(values)
-        for number, row in enumerate(values.itertuples(index=False)):
-            at = place - 0.4 + (number + 0.5) * height
-            colour = (BLUE, VERMILION, AMBER)[number % 3]
-            axes.barh(at, row.change, height, left=study["result"], color=colour)
-            side = -1 if row.change < 0 else 1
-            look = {"ha": "right" if side < 0 else "left", "fontsize": 5, "color": GREY}
-            style.write_beside(axes, row.value, (row.result, at), (2 * side, 0), **look)
-    axes.set_yticks(range(len(order)), order)
-    axes.set_ylim(places - 0.5, -0.5)
-    axes.margins(x=0.3)

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from gstlib.figures import maps, style
+from gstlib.figures.macroscale import draw_places
 from gstlib.figures.style import BLACK, STONE, VERMILION, styled
 from gstlib.preprocess.frame import Frame, principal_axes
-from gstlib.preprocess.gridding import orientation
 from gstlib.surface import spacing_of
 from gstlib.viewer import coarsen
 
@@ -39,10 +39,10 @@ _UNIT = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
 def tool_view(mesh: "trimesh.Trimesh", frame: Frame) -> Frame:
     """How the whole tool (mm) is looked at: its middle is that of the picture."""
     towards = _VIEW @ frame.axes
-    view = Frame((0.0, 0.0, 0.0), np.cross(frame.axes[1], towards).tolist(), towards.tolist())
+    view = Frame((0.0, 0.0, 0.0), np.cross(frame.axes[1], towards), towards)
     seen = view.to_frame(mesh.vertices)
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2 @ view.axes
-    return Frame(middle.tolist(), view.x_axis, view.normal)
+    return Frame(middle, view.x_axis, view.normal)
 
 
 def pressure_norm(pressure: xr.DataArray) -> PowerNorm:
@@ -74,9 +74,6 @@ def coloured_tool(
     import trimesh
     from trimesh.remesh import subdivide_to_size
 
-    if orientation(mesh) < 0:
-        mesh = mesh.copy()
-        mesh.invert()
     size, spacing = _size_of(pressure), spacing_of(pressure)
     margin = 3 * float(np.median(mesh.edges_unique_length))
     keep = _over_square(mesh, frame, size, margin)[1]
@@ -149,7 +146,6 @@ def draw_stone(
     corners = view.to_frame(mesh.triangles.reshape(-1, 3)).reshape(-1, 3, 3)
     # Of the surface around a face: those of slivers are anything.
     normals = mesh.vertex_normals[mesh.faces].mean(axis=1) @ view.axes.T
-    normals *= orientation(mesh)
     front = np.flatnonzero(normals[:, 2] > 0)
     # Painted from the farthest to the nearest.
     front = front[np.argsort(corners[front, :, 2].mean(axis=1))]
@@ -167,37 +163,24 @@ def draw_stone(
     maps.scale_bar(axes)
 
 
+def draw_square(axes: Axes, view: Frame, frame: Frame, size: float) -> None:
+    """Outline the square of a side (mm) in a view, with its reference corner and its axes."""
+    corners = view.to_frame(frame.origin + size * _UNIT @ frame.axes[:2])[:, :2]
+    look = {"path_effects": maps.OUTLINE, "fontsize": 8, "ha": "center", "va": "center"}
+    axes.add_patch(Polygon(corners, fill=False, edgecolor=VERMILION, lw=1.2))
+    axes.plot(*corners[0], "o", ms=4, color=BLACK)
+    for corner, name in ((corners[1], "x"), (corners[3], "y")):
+        axes.text(*(corners[0] + 1.35 * (corner - corners[0])), name, **look)
+
+
 def draw_tool(
     axes: Axes, mesh: "trimesh.Trimesh", frame: Frame, pressure: xr.DataArray, *, faces: int = 40000
 ) -> None:
     """A picture of the tool from `tool_view`, its square coloured by pressure and outlined."""
     whole, colours = coloured_tool(mesh, frame, pressure, faces=faces)
-    view, size = tool_view(whole, frame), _size_of(pressure)
+    view = tool_view(whole, frame)
     draw_stone(axes, whole, view, colours=colours)
-    outline = view.to_frame(outline_on(whole, frame, size * _UNIT, size))
-    axes.add_patch(Polygon(outline[:, :2], fill=False, edgecolor=VERMILION, lw=1))
-
-
-def draw_square(
-    axes: Axes, mesh: "trimesh.Trimesh", view: Frame, frame: Frame, size: float
-) -> bool:
-    """Outline the square of a side (mm) in a view: dashed where the stone hides it.
-
-    Gives whether it is in sight.
-    """
-    corners = size * np.array([*_UNIT, [0.5, 0.5]])
-    *outline, middle = view.to_frame(frame.origin + corners @ frame.axes[:2])
-    points = view.to_frame(mesh.vertices)
-    near = np.linalg.norm((points - middle)[:, :2], axis=1) < size / 4
-    seen = not near.any() or bool(points[near, 2].max() < middle[2] + size / 2)
-    ends = np.array([*outline, outline[0]])
-    look = {"color": VERMILION, "lw": 1.2, "path_effects": maps.OUTLINE}
-    axes.plot(*ends[:, :2].T, "-" if seen else "--", **look)
-    axes.plot(*ends[0, :2], "o", ms=4, color=BLACK)
-    look = {"fontsize": 8, "ha": "center", "va": "center", "path_effects": maps.OUTLINE}
-    for corner, name in ((ends[1], "x"), (ends[3], "y")):
-        axes.text(*(ends[0] + 1.35 * (corner - ends[0]))[:2], name, **look)
-    return seen
+    draw_square(axes, view, frame, _size_of(pressure))
 
 
 @styled
@@ -209,12 +192,8 @@ def stone_figure(mesh: "trimesh.Trimesh", *, title: str) -> Figure:
     for axes, towards, name in zip(
         panels, (shortest, -shortest), (title, "other side"), strict=True
     ):
-        view = Frame(
-            mesh.bounds.mean(axis=0), np.cross(longest, towards).tolist(), towards.tolist()
-        )
-        draw_stone(axes, mesh, view)
-        is_drawn = len(axes.collections[0].get_paths()) > 0
-        axes.set_title(name if is_drawn else f"{name}: the mesh has none")
+        draw_stone(axes, mesh, Frame(mesh.bounds.mean(axis=0), np.cross(longest, towards), towards))
+        axes.set_title(name)
     return figure
 
 
@@ -235,18 +214,12 @@ def check_figure(
     """
     figure, panels = style.panels(2 + (height is not None), 3, _PANEL, (0.55, 0.25, 0.3, 0.85))
     mesh = coarsen(mesh, faces=_FACES)
-    middle = mesh.bounds.mean(axis=0)
-    slanted = (frame.axes[2] + frame.axes[1]).tolist()
-    for axes, towards, name in zip(
-        panels, (frame.normal, slanted), ("along the square's normal", "45° from it"), strict=False
-    ):
-        view = Frame(middle, frame.x_axis, towards)
+    views = {"along the square's normal": frame.axes[2], "45° from it": frame.axes[1:].sum(axis=0)}
+    for axes, (name, towards) in zip(panels, views.items(), strict=False):
+        view = Frame(mesh.bounds.mean(axis=0), frame.x_axis, towards)
         draw_stone(axes, mesh, view)
-        seen = draw_square(axes, mesh, view, frame, size_mm)
-        axes.set_title(name + ("" if seen else ": the stone hides the square"))
+        draw_square(axes, view, frame, size_mm)
+        axes.set_title(name)
     if height is not None:
-        maps.draw_heights(panels[2], height)
-        maps.draw_footprints(panels[2], patches, patch_size_mm, colour=BLACK)
-        maps.mark_corner(panels[2])
-        panels[2].set_title("the square", loc="right")
+        draw_places(panels[2], height, patches, patch_size_mm)
     return figure

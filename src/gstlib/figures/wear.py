@@ -44,24 +44,23 @@ def wear_maps_figure(
     `contacts` hold ``height``, `changes` ``change`` and ``loss``, `worn` ``depth`` (model, y, x) of
     each patch, of which the last is drawn, as scans see it: from its median on.
     """
-    depths = {patch: of.depth.values[-1] for patch, of in worn.items()}
-    seen = {patch: np.maximum(depth - np.median(depth), 0) for patch, depth in depths.items()}
-    figure, axes = style.panels(2 * len(worn), 4, (1.6, 1.6), (0.05, 0.05, 0.2, 0.25), head=0.3)
-    lost = {
-        patch: np.where(np.isnan(of.change), np.nan, -of.change.values * of.loss.values)
-        for patch, of in changes.items()
-    }
-    fields = [*(lost[patch] for patch in worn), *seen.values()]
-    norm = Normalize(0, max(float(np.nanquantile(field, 0.999)) for field in fields) * MM_TO_UM)
-    panels = iter(axes)
-    for patch in worn:
-        for name, depth in (("measured", lost[patch]), ("predicted", seen[patch])):
-            panel, height = next(panels), contacts[patch].height
-            image = maps.draw_map(panel, height, depth * MM_TO_UM, cmap=maps.FORCE_MAP, norm=norm)
-            mean = np.nanmean(depth) * MM_TO_UM
-            panel.set_title(f"patch {patch} {name}, mean {mean:.2f} µm", fontsize=6)
-    maps.scale_bar(axes[0])
-    maps.colour_bar(axes[-1], image, "height lost (µm)")
+    fields = {}
+    for patch, of in worn.items():
+        change, depth = changes[patch], of.depth.values[-1]
+        lost = np.where(np.isnan(change.change), np.nan, -change.change.values * change.loss.values)
+        fields[patch, "measured"] = MM_TO_UM * lost
+        fields[patch, "predicted"] = MM_TO_UM * np.maximum(depth - np.median(depth), 0)
+    norm = Normalize(0, max(float(np.nanquantile(field, 0.999)) for field in fields.values()))
+    look = {"cmap": maps.FORCE_MAP, "norm": norm, "bar": "height lost (µm)"}
+    drawn = [
+        (
+            f"patch {patch} {name}, mean {np.nanmean(field):.2f} µm",
+            contacts[patch].height,
+            look | {"values": field},
+        )
+        for (patch, name), field in fields.items()
+    ]
+    figure = maps.draw_maps(drawn, 4, 1.9, (0.05, 0.05, 0.2, 0.35), head=0.3)
     figure.suptitle(
         "Height lost: measured, and by Archard's law with the coefficient of the others",
         y=1 - 0.08 / figure.get_figheight(),

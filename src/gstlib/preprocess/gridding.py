@@ -20,7 +20,7 @@ from gstlib.surface import axis_coordinates, make_surface
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["grid_mesh", "orientation"]
+__all__ = ["grid_mesh"]
 
 _log = logging.getLogger(__name__)
 
@@ -31,8 +31,6 @@ _BRIDGED_SHARE = 1e-2
 _FOLDED_SHARE = 1e-3
 # Heights of one element that differ by less (mm) are one: the element lies on an edge.
 _SAME_HEIGHT = 1e-6
-# A mesh whose area vectors cancel to this share is closed, but for pin-holes: scanners leave some.
-_CLOSED = 0.01
 # A face seen edge-on (area in mm²) covers nothing.
 _EDGE_ON = 1e-12
 # Vertices nearer to each other than this share of the mean edge are one: no smooth surface would
@@ -70,8 +68,8 @@ def grid_mesh(
     Parameters
     ----------
     mesh : trimesh.Trimesh
-        The stone, mm, its equal vertices merged; closed, or an open sheet whose faces look out of
-        the stone. A closed one that is inside out is turned.
+        The stone, mm, its equal vertices merged and its faces looking outwards, as from
+        `gstlib.io.meshes.read_mesh`.
     frame : Frame
         The square's frame. Its origin need not touch the surface.
     size_mm : float
@@ -126,10 +124,7 @@ def grid_mesh(
             "Check inputs.mesh_unit and square.points_mm in the config.",
         )
     body = connected_component_labels(faces[:, [0, 1, 1, 2]].reshape(-1, 2), len(points))
-    outwards = orientation(mesh)
-    if outwards < 0:
-        _log.warning("the mesh is inside out (its volume is negative): its faces were turned")
-    side = 2 * body[faces[:, 0]] + (outwards * areas > 0)
+    side = 2 * body[faces[:, 0]] + (areas > 0)
     hit = side[face]
     cover = np.bincount(hit)
     # Specks, flaps and the inside of a hollow scan are no candidates.
@@ -251,16 +246,6 @@ def _left_out(cloud: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.nda
             row[left] = cloud[left, 2] - _predicted(kind, others, places)
     known = np.flatnonzero(~np.isnan(errors).any(axis=0))
     return known, errors[:, known]
-
-
-def orientation(mesh: "trimesh.Trimesh") -> int:
-    """+1, or -1 for a closed mesh that is inside out (negative volume)."""
-    areas = mesh.triangles_cross
-    closed = np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum()
-    # from its middle, so that pin-holes far from the origin count little
-    if closed and ((mesh.triangles_center - mesh.bounds.mean(axis=0)) * areas).sum() < 0:
-        return -1
-    return 1
 
 
 def _ray_heights(

@@ -89,16 +89,6 @@ def test_ball_gives_the_side_that_the_normal_leaves(radius):
     np.testing.assert_allclose(surface.values, exact, atol=0.02)
 
 
-def test_closed_mesh_inside_out_is_turned(caplog):
-    ball = trimesh.creation.icosphere(subdivisions=5, radius=20)
-    below = np.argsort(ball.triangles_center[:, 2]) < 3
-    ball.update_faces(~below)  # pin-holes, as scanners leave them
-    right = grid(ball, on_top(20))
-    ball.invert()
-    np.testing.assert_array_equal(grid(ball, on_top(20)).values, right.values)
-    assert "inside out" in caplog.text
-
-
 def test_speck_over_the_surface_is_not_the_use_face():
     plane = sheet(lambda x, y: 0 * x - 0.5)
     speck = sheet(lambda x, y: 0 * x, low=1.0, high=2.0)
