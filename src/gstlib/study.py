@@ -322,9 +322,8 @@ def prepare_scan(
 def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFrame:
     """What was done to each scan, from the attributes of its dataset, by patch and epoch."""
     columns = [
-        *("points", "unmeasured", "unmeasured_share", "filled", "outlier_rule", "outliers"),
-        *("outlier_share", "outlier_k", "tilt_x_mrad", "tilt_y_mrad", "Sq_before_um"),
-        *("Sq_after_um", "highest_before_um", "highest_after_um"),
+        *("unmeasured", "filled", "outliers", "outlier_k", "tilt_x_mrad", "tilt_y_mrad"),
+        *("Sq_before_um", "Sq_after_um"),
     ]
     rows = [(*scan, *(attrs[name] for name in columns)) for scan, attrs in scans.items()]
     return pd.DataFrame(rows, columns=["patch", "epoch", *columns])

@@ -43,9 +43,6 @@ TWO_SCALES = table("""patch variant f1; 1 placed 0.9; 1 levelled 0.4; 3 placed 0
     all placed 0.85; all levelled 0.45""")
 ALONE["texture"] = table("""patch epoch Sq_um Sk_um Spk_um Svk_um Sal_um Str
     1 T0 2 1 1 1 1 1; 1 T1 1.5 1 1 1 1 1; 2 T0 3 1 1 1 1 1; 3 T0 4 1 1 1 1 1""")
-ALONE["power"] = table("""test drawn wear level specimens rate low high
-    f1 NA summits 0.05 9 0.9 0 1; f1 NA random 0.05 9 0.1 0 1
-    f1 NA waves 0.05 9 0.2 0 1; f1 4 summits 0.05 9 0.7 0 1""")
 ALONE["sweep"] = table("""factor value output result change low high
     NA NA mean(f1) 0.5 0 0.4 0.6; load a mean(f1) 0.4 -0.1 NA NA; load b mean(f1) 0.7 0.2 NA NA""")
 
@@ -74,19 +71,15 @@ PREPARED = xr.Dataset(PREPARED | {"outlier": T0 < -4e-3})
 PREPARED.attrs = {"Sq_before_um": 3.0, "Sq_after_um": 2.0}
 STICK = PRESSURE.copy(data=PRESSURE.values > 20)
 SLIP = xr.Dataset({"stick": STICK, "slip": (PRESSURE > 0) & ~STICK, "mean_traction": 3.0})
-LIMITED = SLIP.assign(pressure=PRESSURE.clip(max=20)).assign_attrs(hardness_MPa=20.0)
 SIZE, PATCH = {"patch_size_mm": 0.85}, {"patch": "1"}
 BLOCK = trimesh.creation.box((9, 9, 4)).subdivide_to_size(0.5)
 TOOL = BLOCK, Frame(origin=(-2.5, -2.5, 2), x_axis=(1, 0, 0), normal=(0, 0, 1))
 # What each figure is drawn from.
 FROM = {
     "input": ((SQUARE["height"], PRESSURES), SIZE),
-    "surface": ((SQUARE["height"],), {"title": "a.plu"}),
     "force": ((SQUARE, PRESSURES), SIZE),
     "preparation": (({"T0": PREPARED, "T1": PREPARED},), PATCH),
     "slip": ((CONTACTS, {"1": SLIP}), {}),
-    "hardness": ((CONTACTS, {"1": LIMITED}), {}),
-    "agreement": ((CONTACTS, {"1": CHANGE}), {}),
     "load_curves": ((SQUARE, CONTACTS), {}),
     "patch": ((CONTACTS["1"], CHANGE), PATCH),
     "overview": ((SQUARE, PRESSURES, CONTACTS["1"], CHANGE, TOOL), SIZE | PATCH),
@@ -99,10 +92,9 @@ FROM |= {name: ((found,), {}) for name, found in ALONE.items()}
 MASKS = [
     ("contact_steps", -1, style.BLACK, SQUARE["pressure"][-1] > 0),
     ("slip", 0, style.VERMILION, (PRESSURE > 0) & ~STICK),
-    ("hardness", 0, style.VERMILION, PRESSURE >= 20),
     ("preparation", 0, style.VERMILION, PREPARED["outlier"]),
-    ("agreement", 0, style.BLUE, CHANGE["loss"] & (PRESSURE > 0)),
-    ("agreement", 0, style.AMBER, CHANGE["loss"] & (PRESSURE == 0)),
+    ("patch", -1, style.BLUE, CHANGE["loss"] & (PRESSURE > 0)),
+    ("patch", -1, style.AMBER, CHANGE["loss"] & (PRESSURE == 0)),
     ("patch", -1, style.BLACK, (PRESSURE > 0) & LOST.notnull() & ~CHANGE["loss"]),
     ("overview", -1, "#ffffff", LOST.isnull()),
 ]
@@ -206,8 +198,6 @@ def test_curves_and_tables_are_drawn_as_they_are():
     after, before = points_of(draw("texture").axes[0])
     np.testing.assert_array_equal(after, [[0, 1.5], [1, np.nan], [2, np.nan]])
     assert before == [[0, 2], [1, 3], [2, 4]]
-    rates = [points_of(axes) for axes in draw("power").axes]
-    assert rates == [[[[0.05, 0.9]], [[0.05, 0.1]], [[0.05, 0.2]]], [[[4, 0.7]]]]
     bars = draw("sweep").axes[0].patches[1:]
     assert [bar.get_x() for bar in bars] == [0.5, 0.5]  # the study's result
     assert [bar.get_width() for bar in bars] == pytest.approx([-0.1, 0.2])
@@ -260,9 +250,9 @@ def run(folder, *names, most=2, **columns):
 @pytest.mark.parametrize(("drawn", "columns"), CASES)
 def test_script_draws_the_studied_patches_in_even_steps_of_pressure(tmp_path, columns, drawn):
     assert SCRIPT["evenly"]("abcdefgh", 3) == ["a", "c", "f"]
-    run(tmp_path, "load_curves", "overview", "agreement", "patch", **columns)
+    run(tmp_path, "load_curves", "overview", "patch", **columns)
     assert sorted(path.stem for path in (tmp_path / "patch").iterdir()) == list(drawn)
-    assert len(list(tmp_path.glob("*.[ps][nv]g"))) == 4
+    assert len(list(tmp_path.glob("*.[ps][nv]g"))) == 3
 
 
 def test_script_refuses_a_table_of_other_patches(tmp_path):

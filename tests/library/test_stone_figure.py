@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from matplotlib.figure import Figure
 
-from gstlib.figures.tool import check_figure, draw_square, draw_stone, stone_figure
+from gstlib.figures.tool import check_figure, draw_square, draw_stone
 from gstlib.preprocess.frame import Frame
 
 ABOVE = Frame((0, 0, 0), (-1, 0, 0), (0, 0, 1))
@@ -80,14 +80,3 @@ def test_the_check_has_a_picture_even_where_the_square_cannot_be_gridded():
     frame = Frame((2.5, 2.5, 30), (-1, 0, 0), (0, 0, 1))
     sizes = {"size_mm": 5.0, "patch_size_mm": 0.85}
     assert len(check_figure(stone(), frame, None, pd.DataFrame(), **sizes).axes) == 2
-
-
-def test_both_sides_of_a_stone_are_drawn_with_its_longest_axis_upright():
-    mesh = trimesh.creation.box((10.0, 30.0, 20.0)).subdivide()
-    figure = stone_figure(mesh, title="box")
-    assert len(figure.axes) == 2
-    for axes in figure.axes:
-        extent = np.ptp(
-            np.concatenate([path.vertices for path in axes.collections[0].get_paths()]), axis=0
-        )
-        assert extent == pytest.approx([20, 30])

@@ -202,7 +202,6 @@ def test_power_and_the_same_again(study):
     assert set(p_values.seed[p_values.test.isin(laws)]) == {first}
     scored = pd.concat(map(read_table, sorted(study.results.glob("power/*_patches.csv"))))
     assert len(p_values[p_values.test == "f1"]) == len(scored)
-    assert (study.results / "figures/power.png").stat().st_size > 0
     (study.results / f"power/{first + 1}_p_values.csv").unlink()
     study.succeed("power", cores=1)
     assert study.tables() == tables

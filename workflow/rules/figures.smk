@@ -6,7 +6,7 @@
 SOURCE_NOTE = "generated specimen" if GENERATED else None
 # With a folder of their own: one picture per patch.
 BY_PATCH = ("preparation", "patch")
-VECTOR = ("load_curves", "validation", "texture", "wear", "power", "sweep")
+VECTOR = ("load_curves", "validation", "texture", "wear", "sweep")
 
 CONTACT = f"{RESULTS}/macroscale/contact.h5"
 PRESSURES = f"{RESULTS}/tables/patch_pressures.csv"
@@ -54,9 +54,6 @@ figures, read = DRAWINGS["draw_microscale"]
 if config["grinding"] is not None:
     figures["slip"] = ("4 Microscale", "stick and slip")
     read["slip"] = f"{RESULTS}/slip"
-if config["hardness"] is not None:
-    figures["hardness"] = ("4 Microscale", "with a ceiling on the pressure")
-    read["hardness"] = f"{RESULTS}/hardness"
 if REFERENCE:
     figures["two_scales"] = ("3 Coupling", "what two scales cost")
     read |= {
@@ -65,7 +62,6 @@ if REFERENCE:
         "two_scales": f"{RESULTS}/tables/two_scales.csv",
     }
 if WORN_PATCHES:
-    figures["agreement"] = ("5 Validation", "prediction against loss on every patch")
     figures["patch"] = ("5 Validation", "before, predicted, after")
     DRAWINGS["draw_validation"] = (
         {
@@ -104,14 +100,11 @@ TARGETS += [
     for figures, _ in DRAWINGS.values()
     for name in figures
 ]
-# On request.
-for name, category, title in (
-    ("power", "8 Power", "claims where there is a relation and where not"),
-    ("sweep", "9 Sweep", "what moves the results most"),
-):
-    if config[name] is not None:
-        read = {name: f"{RESULTS}/tables/{name}.csv"}
-        DRAWINGS[f"draw_{name}"] = ({name: (category, title)}, read)
+if config["sweep"] is not None:  # on request
+    DRAWINGS["draw_sweep"] = (
+        {"sweep": ("9 Sweep", "what moves the results most")},
+        {"sweep": f"{RESULTS}/tables/sweep.csv"},
+    )
 
 
 def picture(name, category, title):

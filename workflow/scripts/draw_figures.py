@@ -25,11 +25,10 @@ from gstlib.io.tables import read_table
 from gstlib.logs import patch_by_patch, run_script
 from gstlib.preprocess.frame import stored_frame
 
-# Figures of patches in the study, and of those that have a T1.
-OF_STUDIED = {"microscale_maps", "slip", "hardness", "overview", "two_scales"}
+# Figures of patches in the study, and of those whose wear is predicted.
+OF_STUDIED = {"microscale_maps", "slip", "overview", "two_scales"}
 # Patches in the figure of what two scales cost: the hardest pressed.
 MOST_COMPARED = 8
-OF_WORN = {"agreement", "patch"}
 OF_PREDICTED = {"wear", "wear_maps"}
 
 
@@ -123,8 +122,6 @@ def figure_of(name: str, study: Study) -> Figure:
             return microscale.load_curves_figure(study.data("contact"), study.contacts)
         case "microscale_maps":
             return microscale.microscale_maps_figure(study.contacts)
-        case "agreement":
-            return microscale.agreement_figure(study.contacts, study.changes)
         case "slip":
             slips = study.by_patch(name, study.drawn, "stick", "slip", "mean_traction")
             return microscale.slip_figure(study.contacts, slips)
@@ -137,9 +134,6 @@ def figure_of(name: str, study: Study) -> Figure:
                 {patch: found.sel(patch=patch).values for patch in drawn},
                 study.table("two_scales"),
             )
-        case "hardness":
-            limited = study.by_patch(name, study.drawn, "pressure")
-            return microscale.hardness_figure(study.contacts, limited)
         case "wear":
             parts = (study.table(f"wear{part}") for part in ("", "_profile", "_summary"))
             return wear.wear_figure(*parts, study.table("intervals"))
@@ -151,7 +145,7 @@ def figure_of(name: str, study: Study) -> Figure:
             scores = study.table("scores", "patch", "loss_fraction").merge(pressures, on="patch")
             others = (study.table(table) for table in ("gains", "summary", "variants"))
             return tables.validation_figure(scores, *others)
-        case _:  # texture, power, sweep
+        case _:  # texture, sweep
             return getattr(tables, f"{name}_figure")(study.table(name))
 
 
@@ -177,7 +171,7 @@ def main(*, figures: list[str], note: str | None, **named: Any) -> None:
         png, svg, empty = named[f"{name}_png"], named.get(f"{name}_svg"), None
         if name in OF_STUDIED and not study.drawn:
             empty = message_figure("No patch is in the microscale study.")
-        elif name in OF_WORN and not study.changes:
+        elif name == "patch" and not study.changes:
             empty = message_figure("No patch with a T1 is in the microscale study.")
         elif name in OF_PREDICTED and not study.predicted:
             empty = message_figure("No wear is predicted: fewer than two patches lost height.")

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from gstlib.figures import maps, style
 from gstlib.figures.style import AMBER, BLACK, BLUE, GREY, MM_TO_UM, styled
 
-__all__ = ["contact_steps_figure", "draw_places", "force_figure", "input_figure", "surface_figure"]
+__all__ = ["contact_steps_figure", "draw_places", "force_figure", "input_figure"]
 
 _SQUARE = (3.6, 3.6)
 _ROOM = (0.55, 0.25, 0.3, 0.85)
@@ -33,16 +33,6 @@ def input_figure(height: xr.DataArray, patches: pd.DataFrame, *, patch_size_mm: 
     """Heights of the square (y, x), mm, and where the patches were scanned (Fig. 3)."""
     figure, (axes,) = style.panels(1, 1, _SQUARE, _ROOM)
     draw_places(axes, height, patches, patch_size_mm)
-    return figure
-
-
-@styled
-def surface_figure(height: xr.DataArray, *, title: str) -> Figure:
-    """One surface (mm) as its file stores it: columns to the right, rows downwards."""
-    figure, (axes,) = style.panels(1, 1, _SQUARE, _ROOM)
-    maps.draw_map(axes, height, ticks=True, **maps.HEIGHTS)
-    axes.invert_yaxis()
-    axes.set_title(title)
     return figure
 
 

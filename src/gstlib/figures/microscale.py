@@ -28,9 +28,8 @@ from gstlib.preprocess.frame import Frame
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["agreement_figure", "hardness_figure", "load_curves_figure", "microscale_maps_figure"]
-__all__ += ["overview_figure", "patch_figure", "preparation_figure", "slip_figure"]
-__all__ += ["two_scales_figure"]
+__all__ = ["load_curves_figure", "microscale_maps_figure", "overview_figure", "patch_figure"]
+__all__ += ["preparation_figure", "slip_figure", "two_scales_figure"]
 
 _UNKNOWN = "#ffffff"
 _AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": BLACK}
@@ -100,25 +99,6 @@ def slip_figure(contacts: Mapping[str, xr.Dataset], slips: Mapping[str, xr.Datas
     return _patch_maps(contacts, panels, {"sticks": BLUE, "slips": VERMILION})
 
 
-@styled
-def hardness_figure(
-    contacts: Mapping[str, xr.Dataset], limited: Mapping[str, xr.Dataset]
-) -> Figure:
-    """Every patch's contact with a ceiling on its pressure, against the elastic one.
-
-    `limited` holds for each patch ``pressure`` (y, x) and the attribute ``hardness_MPa``.
-    """
-    panels = {}
-    for patch, result in limited.items():
-        elastic, pressure = contacts[patch]["pressure"].values > 0, result["pressure"].values
-        yields = pressure >= result.attrs["hardness_MPa"]
-        below = (pressure > 0) & ~yields
-        marks = {BLACK: below & elastic, BLUE: below & ~elastic, VERMILION: yields}
-        panels[patch] = f"{elastic.mean():.2%} → {(pressure > 0).mean():.2%}", marks
-    legend = {"in contact with and without the ceiling": BLACK, "only with it": BLUE}
-    return _patch_maps(contacts, panels, legend | {"at the ceiling": VERMILION})
-
-
 def _agreement(contact: xr.Dataset, change: xr.Dataset) -> dict[str, np.ndarray]:
     """Masks of hits, misses, false alarms and unknown change, by colour."""
     predicted, loss = contact["pressure"].values > 0, change["loss"].values
@@ -129,20 +109,6 @@ def _agreement(contact: xr.Dataset, change: xr.Dataset) -> dict[str, np.ndarray]
         BLACK: predicted & ~loss & ~unknown,
         _UNKNOWN: unknown & ~loss,
     }
-
-
-@styled
-def agreement_figure(
-    contacts: Mapping[str, xr.Dataset], changes: Mapping[str, xr.Dataset]
-) -> Figure:
-    """Where predicted contact and measured loss agree on every patch (Fig. 11)."""
-    panels = {}
-    for patch, change in changes.items():
-        lost = change["loss"].values.sum() / max(change["change"].notnull().values.sum(), 1)
-        pressure = float(contacts[patch]["mean_pressure"][-1])
-        marks = _agreement(contacts[patch], change)
-        panels[patch] = f"{pressure:.1f} MPa, lost {lost:.1%}", marks
-    return _patch_maps(contacts, panels, _AGREEMENT)
 
 
 @styled

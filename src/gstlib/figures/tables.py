@@ -1,7 +1,6 @@
-"""Figures drawn from tables alone: validation, texture, power, sweep."""
+"""Figures drawn from tables alone: validation, texture, sweep."""
 
 import math
-import textwrap
 
 import numpy as np
 import pandas as pd
@@ -9,11 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gstlib.figures import style
-from gstlib.figures.style import AMBER, BLACK, BLUE, CHARTS, GREEN, GREY, PALE, VERMILION, styled
+from gstlib.figures.style import BLUE, CHARTS, GREY, PALE, VERMILION, styled
 from gstlib.verdict import LEVEL, SCORE, against_chance, against_rival
 
-__all__ = ["power_figure", "sweep_figure", "texture_figure"]
-__all__ += ["validation_figure"]
+__all__ = ["sweep_figure", "texture_figure", "validation_figure"]
 
 # Parameters that single points do not dominate: roughness, core, summits, dales, grain, direction.
 _TEXTURE = {
@@ -25,7 +23,6 @@ _TEXTURE = {
     "Str": "isotropy (1: in no direction)",
 }
 _PAIR = "spearman(pressure_MPa, loss_fraction)"
-_WEAR = {"summits": BLUE, "random": VERMILION, "waves": AMBER, "archard": GREEN, "mat": BLACK}
 _OUTCOMES = ["relative_change(pressure_MPa)", _PAIR, "mean(f1)", "gain(f1)", "gain(roc_auc)"]
 _OUTCOMES += ["mean_change(Sq_um)"]
 
@@ -104,43 +101,6 @@ def texture_figure(table: pd.DataFrame) -> Figure:
 def _label(column: str) -> str:
     """The name of a column with its unit as people write it."""
     return column.replace("_um", " (µm)")
-
-
-@styled
-def power_figure(rates: pd.DataFrame) -> Figure:
-    """Rate of claims of the tests against the nominal level, and against the number of patches.
-
-    `rates` is ``power.csv``.
-    """
-    tests = list(rates["test"].unique())
-    figure, axes = style.panels(len(tests) + 1, 3, (1.8, 1.7), (0.45, 0.1, 0.45, 0.45), head=0.2)
-    for panel, test in zip(axes, tests, strict=False):
-        panel.axline((0, 0), slope=1, color=GREY, lw=0.8, zorder=0)
-        _draw_rates(panel, rates[(rates["test"] == test) & rates["drawn"].isna()], "level")
-        panel.set_title(textwrap.fill(test, 36))
-        panel.set_xlabel("nominal level")
-    axes[-1].axhline(LEVEL, color=GREY, lw=0.8, zorder=0)
-    fewer = rates[rates["drawn"].notna() & np.isclose(rates["level"], LEVEL)]
-    fewer = fewer[fewer["test"] == fewer["test"].iloc[-1]]
-    _draw_rates(axes[-1], fewer, "drawn")
-    axes[-1].set_title(f"pressure against loss, neighbours\nallowed for, at level {LEVEL:g}")
-    axes[-1].set_xlabel("number of patches")
-    shown = set(rates["wear"])
-    style.colour_legend(
-        figure, {f"wear, {name}": of for name, of in _WEAR.items() if name in shown}
-    )
-    return figure
-
-
-def _draw_rates(axes: Axes, rates: pd.DataFrame, along: str) -> None:
-    """Rates with their intervals, for each kind of wear."""
-    for wear, colour in _WEAR.items():
-        shown = rates[rates["wear"] == wear]
-        if shown.empty:
-            continue
-        axes.plot(shown[along], shown["rate"], "o-", color=colour)
-        axes.vlines(shown[along], shown["low"], shown["high"], color=colour, lw=0.8)
-    axes.set(xlim=(0, None), ylim=(0, 1.03), ylabel="rate of claims")
 
 
 @styled

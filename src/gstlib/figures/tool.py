@@ -17,7 +17,7 @@ from matplotlib.patches import Polygon
 from gstlib.figures import maps, style
 from gstlib.figures.macroscale import draw_places
 from gstlib.figures.style import BLACK, STONE, VERMILION, styled
-from gstlib.preprocess.frame import Frame, principal_axes
+from gstlib.preprocess.frame import Frame
 from gstlib.surface import spacing_of
 from gstlib.viewer import coarsen
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import trimesh
 
 __all__ = ["check_figure", "coloured_tool", "draw_square", "draw_stone", "draw_tool"]
-__all__ += ["outline_on", "pressure_norm", "stone_figure", "tool_view"]
+__all__ += ["outline_on", "pressure_norm", "tool_view"]
 
 # Where the tool is seen from, in the square's axes: aslant, so that its shape shows.
 _VIEW = np.array([-0.35, -0.55, 1.0])
@@ -181,20 +181,6 @@ def draw_tool(
     view = tool_view(whole, frame)
     draw_stone(axes, whole, view, colours=colours)
     draw_square(axes, view, frame, _size_of(pressure))
-
-
-@styled
-def stone_figure(mesh: "trimesh.Trimesh", *, title: str) -> Figure:
-    """Both sides of a stone (mm), seen along its shortest axis, the longest one upright."""
-    mesh = coarsen(mesh, faces=_FACES)
-    longest, _, shortest = principal_axes(mesh)
-    figure, panels = style.panels(2, 2, _PANEL, (0.1, 0.1, 0.3, 0.1))
-    for axes, towards, name in zip(
-        panels, (shortest, -shortest), (title, "other side"), strict=True
-    ):
-        draw_stone(axes, mesh, Frame(mesh.bounds.mean(axis=0), np.cross(longest, towards), towards))
-        axes.set_title(name)
-    return figure
 
 
 @styled

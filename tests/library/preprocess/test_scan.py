@@ -63,21 +63,15 @@ def test_every_step_is_counted(case):
     assert window.outlier.sum() > median.outlier.sum()  # it takes its share
     assert 1 < window.attrs["outlier_k"] < 6 == median.attrs["outlier_k"]
     assert 0 < median.attrs["outlier_scale_um"] < 1
-    for rule, scan in (("window", window), ("median", median)):
+    for scan in (window, median):
         attrs = scan.attrs
-        assert (attrs["file"], attrs["vendor"], attrs["outlier_rule"]) == ("a.plu", "V", rule)
+        assert (attrs["file"], attrs["vendor"]) == ("a.plu", "V")
         assert attrs["unmeasured"] == attrs["filled"] == holes.sum()
-        assert attrs["points"] == stone.size
-        assert attrs["unmeasured_share"] == holes.mean()
         assert attrs["outliers"] == scan.outlier.sum() <= 0.01 * stone.size
-        assert attrs["outlier_share"] == attrs["outliers"] / stone.size
         assert attrs["tilt_y_mrad"] == pytest.approx(4.0, abs=0.1)
         assert attrs["tilt_x_mrad"] == pytest.approx(-3.0, abs=0.1)
         assert attrs["Sq_before_um"] == pytest.approx(1e3 * np.nanstd(raw.values))
         assert attrs["Sq_after_um"] == pytest.approx(1e3 * stone.std(), rel=0.01)
-        # above the plane, on the stone's side
-        assert attrs["highest_after_um"] == pytest.approx(1e3 * stone.max(), rel=0.05)
-        assert 1e3 * stone.max() + 10 < attrs["highest_before_um"] < 1e3 * stone.max() + 31
 
 
 @pytest.mark.parametrize("rule", ["window", "median"])
