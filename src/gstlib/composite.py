@@ -88,6 +88,8 @@ def compose_surface(
         the slopes are 0. ``scan`` (patch, v, u) mm, the scans on a coarse grid; ``density``
         (frequency) mm⁴, the power spectral density of what they show beyond the mesh.
     """
+    from skimage.transform import resize_local_mean
+
     places, spline = places_of(patches), spline_of(surface.height)
     element = max(spacing_of(surface.height))
     points = int(np.ceil(patch_mm * _PER_ELEMENT / element))
@@ -96,9 +98,9 @@ def compose_surface(
         shape = shape or height.shape  # of the first: densities need the same frequencies
         under = height.copy(data=on_patch(spline, places[patch], height.shape, patch_mm))
         beyond = height.values - remove_plane(under)[0].values
-        frequency, density = _density(_block_averaged(beyond, min(shape)), patch_mm)
+        frequency, density = _density(resize_local_mean(beyond, 2 * (min(shape),)), patch_mm)
         densities.append(density)
-        scans.append(_block_averaged(height.values, points))
+        scans.append(resize_local_mean(height.values, 2 * (points,)))
     spectrum = xr.DataArray(
         np.mean(densities, axis=0),
         dims="frequency",
@@ -155,18 +157,17 @@ def compose(
     patch_mm: float,
     shape: tuple[int, ...],
     spacing: float,
-    density: xr.DataArray | None,
+    density: xr.DataArray,
     seed: int | np.random.Generator,
 ) -> np.ndarray:
     """Heights (ny, nx), mm, of the composite surface at any spacing (mm).
 
     Inside an outline, the scan on its plane; elsewhere the surface of `spline` with random detail
-    of the given `density`, if there is one.
+    of the given `density`.
     """
     y, x = (axis_coordinates(count, spacing) for count in shape)
     height = spline(y, x)
-    if density is not None:
-        height += _random_field(density, shape, spacing, np.random.default_rng(seed))
+    height += _random_field(density, shape, spacing, np.random.default_rng(seed))
     laid, count = np.zeros_like(height), np.zeros(height.shape, np.uint8)
     for place, plane, scan in scans:
         reach = half_extent(patch_mm, place.rotation_deg)
@@ -283,12 +284,3 @@ def _frequency(shape: Iterable[int], spacing: float) -> np.ndarray:
     """Spatial frequency of every term of a real two-dimensional transform."""
     ny, nx = shape
     return np.hypot(scipy.fft.fftfreq(ny, spacing)[:, None], scipy.fft.rfftfreq(nx, spacing))
-
-
-def _block_averaged(heights: np.ndarray, points: int) -> np.ndarray:
-    """Heights averaged on (points, points), of any number of points."""
-    if heights.shape == (points, points):
-        return heights
-    from skimage.transform import resize_local_mean
-
-    return resize_local_mean(heights, 2 * (points,))

@@ -138,15 +138,15 @@ def patch_pressures(
         elements that are in contact; ``peak_pressure_MPa``, largest pressure of an element in it.
     """
     area, values, rows = np.prod(spacing_of(pressure)), pressure.values, []
-    for patch, place in places_of(patches).items():
+    for place in places_of(patches).values():
         weights = footprint_weights(pressure, place, size_mm)
         force = float((values * weights).sum() * area)
         touching = float(weights[values > 0].sum() * area / size_mm**2)
         peak = float(values[weights > 0].max(initial=0.0))
-        rows.append((patch, force, force / size_mm**2, touching, peak))
+        rows.append((force, force / size_mm**2, touching, peak))
     found = "force_N", "pressure_MPa", "contact_fraction", "peak_pressure_MPa"
-    table = patches[["patch", "x_mm", "y_mm", "rotation_deg"]]
-    return table.merge(pd.DataFrame(rows, columns=["patch", *found]), on="patch")
+    table = patches[["patch", "x_mm", "y_mm", "rotation_deg"]].reset_index(drop=True)
+    return table.join(pd.DataFrame(rows, columns=found))
 
 
 def surroundings(

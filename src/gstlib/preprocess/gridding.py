@@ -33,18 +33,14 @@ _FOLDED_SHARE = 1e-3
 _SAME_HEIGHT = 1e-6
 # A face seen edge-on (area in mm²) covers nothing.
 _EDGE_ON = 1e-12
-# Vertices nearer to each other than this share of the mean edge are one: no smooth surface would
-# join their heights.
-_SAME_PLACE = 1e-3
 # From the simplest to the smoothest.
 _INTERPOLATIONS = ("linear", "clough-tocher", "cubic")
 # Vertices that the cubic radial basis takes around a point.
 _NEIGHBOURS = 50
 # Vertices in the square: fewer tell little about the errors between them.
 _FEWEST = 30
-# The vertices in the square are left out in so many random groups, one group at a time. Of a larger
-# number of vertices, only about `_MOST_LEFT_OUT` are left out: of some groups, or of one small one.
-_GROUPS, _MOST_LEFT_OUT, _SEED = 8, 5000, 1
+# The vertices in the square are left out in so many random groups, one group at a time.
+_GROUPS, _SEED = 8, 1
 # ASSUME: of the interpolations whose r.m.s. error on left-out vertices is within this share of the
 # smallest, the simplest is the best.
 _TIE = 0.01
@@ -97,10 +93,8 @@ def grid_mesh(
     ------
     InputError
         The square misses the stone or sticks out of it, or holds fewer than 30 vertices; the mesh
-        folds over within the square, its faces look into the stone, or its vertices stand in lines
-        too straight for a cubic.
+        folds over within the square, or its faces look into the stone.
     """
-    from scipy.spatial import KDTree
     from trimesh.graph import connected_component_labels
 
     vertices = frame.to_frame(mesh.vertices)
@@ -153,8 +147,6 @@ def grid_mesh(
     triangles = points[faces[side == use_face]]
     edge = float(np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).mean())
     cloud = points[np.unique(faces[side == use_face])]
-    twins = KDTree(cloud[:, :2]).query_pairs(_SAME_PLACE * edge, output_type="ndarray")
-    cloud = np.delete(cloud, twins[:, 1], axis=0)
     inside = np.flatnonzero(((cloud[:, :2] >= 0) & (cloud[:, :2] <= size_mm)).all(axis=1))
     if len(inside) < _FEWEST:
         raise InputError(
@@ -182,13 +174,6 @@ def grid_mesh(
     chosen = best if interpolation == "best" else _INTERPOLATIONS.index(interpolation)
     if chosen:  # the linear heights are there
         heights = _predicted(_INTERPOLATIONS[chosen], cloud, places)
-    if np.isinf(heights).any() or np.isinf(rms[chosen]):
-        raise InputError(
-            source,
-            f"{_NEIGHBOURS} vertices next to each other are in line, so interpolation "
-            f"'{_INTERPOLATIONS[chosen]}' is impossible",
-            "Set macroscale.interpolation in the config to linear, or repair the mesh.",
-        )
     surface = make_surface(
         heights,
         [size_mm / count for count in shape],
@@ -236,16 +221,14 @@ def _predicted(interpolation: str, cloud: np.ndarray, places: np.ndarray) -> np.
 
 def _left_out(cloud: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Numbers (n,) of vertices left out, and each interpolation's errors (3, n) on them, mm."""
-    groups = max(_GROUPS, len(inside) // _MOST_LEFT_OUT)
-    group = np.random.default_rng(_SEED).permutation(len(inside)) % groups
-    taken = max(1, min(_GROUPS, _GROUPS * _MOST_LEFT_OUT // len(inside)))
-    errors = np.full((len(_INTERPOLATIONS), len(cloud)), np.nan)
-    for left in (inside[group == number] for number in range(taken)):
-        others, places = np.delete(cloud, left, axis=0), cloud[left, :2]
+    group = np.random.default_rng(_SEED).permutation(len(inside)) % _GROUPS
+    errors = np.empty((len(_INTERPOLATIONS), len(inside)))
+    for out in (group == number for number in range(_GROUPS)):
+        left, others = cloud[inside[out]], np.delete(cloud, inside[out], axis=0)
         for row, kind in zip(errors, _INTERPOLATIONS, strict=True):
-            row[left] = cloud[left, 2] - _predicted(kind, others, places)
-    known = np.flatnonzero(~np.isnan(errors).any(axis=0))
-    return known, errors[:, known]
+            row[out] = left[:, 2] - _predicted(kind, others, left[:, :2])
+    known = ~np.isnan(errors).any(axis=0)
+    return inside[known], errors[:, known]
 
 
 def _ray_heights(
