@@ -26,8 +26,6 @@ from gstlib.bem import contact_modulus
 from gstlib.composite import plane_under
 from gstlib.contact import contact_at_pressure
 from gstlib.coupling import Place, places_of, spline_of
-from gstlib.figures.microscale import two_scales_figure
-from gstlib.figures.style import save_figure
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.reference import composite_heights, patches_of_reference, two_scales_table
 from gstlib.study import (
@@ -319,8 +317,8 @@ def main() -> None:
     correlation, place = refined(surface.height, heights, start)
     print(f"refined: r = {correlation:.4f}, {place}")
     print(
-        f"square: Sq {surface.Sq_um:.1f} µm, {surface.height.attrs}, vertices left out err by "
-        f"{1e3 * float(np.sqrt((surface.left_out_error**2).mean())):.1f} µm"
+        f"square: Sq {1e3 * surface.height.values.std():.1f} µm, {surface.height.attrs}, "
+        f"vertices left out err by {1e3 * float(np.sqrt((surface.left_out_error**2).mean())):.1f} µm"
     )
 
     scans, patches = cut(heights, place)
@@ -391,15 +389,6 @@ def main() -> None:
             for rim in (config["validation"]["rim"], 0.0):
                 table = scored(solved, against, rim)
                 scores.append(table.assign(planes=name, pressure=which, rim=rim))
-            loaded = [patch for patch in level if against.contact.sel(patch=patch).any()]
-            if loaded and (name, which) == ("mesh's planes", "reference"):
-                figure = two_scales_figure(
-                    {v: {p: each[p] for p in loaded} for v, each in solved.items()},
-                    {p: against.contact.sel(patch=p)[0].values for p in loaded},
-                    scores[-2],
-                )
-                options.out.parent.mkdir(parents=True, exist_ok=True)
-                save_figure(figure, options.out.with_name(f"{options.out.stem}_contact.png"))
     table = pd.concat(scores)
     columns = ["planes", "pressure", "rim", "patch", "variant", "contact_fraction"]
     columns += ["reference_contact_fraction", "f1", "lowest", "highest"]

@@ -117,7 +117,7 @@ def compose_surface(
         for plane, sure in zip(planes, known, strict=True)
     ]
     laid = zip(places.values(), planes, scans, strict=True)
-    level, square = remove_plane(compose_grid(surface.height, laid, patch_mm, spectrum, seed))
+    level = remove_plane(compose_grid(surface.height, laid, patch_mm, spectrum, seed))[0]
     numbers = {
         "x_mm": ("mm", "centre along x", [place.x_mm for place in places.values()]),
         "y_mm": ("mm", "centre along y", [place.y_mm for place in places.values()]),
@@ -142,12 +142,7 @@ def compose_surface(
             for name, (units, text, values) in numbers.items()
         },
         coords={"patch": list(places)},
-        attrs={
-            "patch_mm": patch_mm,
-            "Sq_um": float(level.values.std()) * 1e3,
-            "tilt_x_mrad": square.tilt_x_mrad,
-            "tilt_y_mrad": square.tilt_y_mrad,
-        },
+        attrs={"patch_mm": patch_mm},
     )
 
 

@@ -134,17 +134,16 @@ def patch_pressures(
     -------
     pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``; ``force_N``, the force on the footprint;
-        ``pressure_MPa``, over its nominal area; ``contact_fraction``, share of that area in
-        elements that are in contact; ``peak_pressure_MPa``, largest pressure of an element in it.
+        ``pressure_MPa``, over its nominal area; ``peak_pressure_MPa``, largest pressure of an
+        element in it.
     """
     area, values, rows = np.prod(spacing_of(pressure)), pressure.values, []
     for place in places_of(patches).values():
         weights = footprint_weights(pressure, place, size_mm)
         force = float((values * weights).sum() * area)
-        touching = float(weights[values > 0].sum() * area / size_mm**2)
         peak = float(values[weights > 0].max(initial=0.0))
-        rows.append((force, force / size_mm**2, touching, peak))
-    found = "force_N", "pressure_MPa", "contact_fraction", "peak_pressure_MPa"
+        rows.append((force, force / size_mm**2, peak))
+    found = "force_N", "pressure_MPa", "peak_pressure_MPa"
     table = patches[["patch", "x_mm", "y_mm", "rotation_deg"]].reset_index(drop=True)
     return table.join(pd.DataFrame(rows, columns=found))
 

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 __all__ = ["Shown", "by_category", "caption_html", "embedded", "patch_records", "render"]
 __all__ += ["tool_scene", "warned"]
 
-_STONE_FACES = 60_000  # beside the square; they take 24 bytes each
 _COLOURS = 256  # as many as a PNG of one byte a pixel can have
 
 
@@ -168,7 +167,7 @@ def tool_scene(
     from gstlib.figures.tool import coloured_tool, outline_on, pressure_norm, tool_view
     from gstlib.viewer import stone_data
 
-    stone, colours = coloured_tool(mesh, frame, pressure, faces=_STONE_FACES)
+    stone, colours = coloured_tool(mesh, frame, pressure)
     size = float(pressure.x[-1] + pressure.x[0])
 
     def outlined(place: Place, side: float) -> dict[str, list]:

@@ -110,8 +110,8 @@ def grid_macroscale(
 ) -> xr.Dataset:
     """Heights of the use-face over the analysed square, its plane removed (section 2.1).
 
-    Settings and result are those of `gstlib.preprocess.gridding.grid_mesh`; the frame and the
-    removed plane are attributes of the result.
+    Settings and result are those of `gstlib.preprocess.gridding.grid_mesh`; the frame is in the
+    attributes of the result.
     """
     from gstlib.preprocess.frame import find_frame
     from gstlib.preprocess.gridding import grid_mesh
@@ -126,14 +126,9 @@ def grid_macroscale(
         source=str(source),
         **settings,
     )
-    height, plane = remove_plane(gridded.height)
+    height, _ = remove_plane(gridded.height)
     return gridded.assign(height=height).assign_attrs(
-        origin_mm=frame.origin,
-        x_axis=frame.x_axis,
-        normal=frame.normal,
-        tilt_x_mrad=plane.tilt_x_mrad,
-        tilt_y_mrad=plane.tilt_y_mrad,
-        Sq_um=float(np.sqrt((height**2).mean())) * 1e3,
+        origin_mm=frame.origin, x_axis=frame.x_axis, normal=frame.normal
     )
 
 

@@ -39,8 +39,6 @@ SUMMARY = table("""statistic value low high p_value against
     gain(mcc) -0.2 -0.3 -0.1 0.01 rigid; gain(f1) 0.1 0.05 0.3 0.3 highest""")
 VARIANTS = table("""variant score contact rival best_rival low high p_value n
     placed mcc 0.3 0.5 rigid -0.3 -0.1 0.01 3; levelled mcc 0.2 0.1 highest -0.1 0.2 0.2 3""")
-TWO_SCALES = table("""patch variant f1; 1 placed 0.9; 1 levelled 0.4; 3 placed 0.8; 3 levelled 0.5
-    all placed 0.85; all levelled 0.45""")
 ALONE["texture"] = table("""patch epoch Sq_um Sk_um Spk_um Svk_um Sal_um Str
     1 T0 2 1 1 1 1 1; 1 T1 1.5 1 1 1 1 1; 2 T0 3 1 1 1 1 1; 3 T0 4 1 1 1 1 1""")
 ALONE["sweep"] = table("""factor value output result change low high
@@ -69,8 +67,6 @@ CHANGE = xr.Dataset(CHANGE, attrs={"level_of_detection_um": 0.2, "overlap": 0.9}
 PREPARED = {"height": T0, "measured": T0.where(T0 < 4e-3), "filled": T0 >= 4e-3}
 PREPARED = xr.Dataset(PREPARED | {"outlier": T0 < -4e-3})
 PREPARED.attrs = {"Sq_before_um": 3.0, "Sq_after_um": 2.0}
-STICK = PRESSURE.copy(data=PRESSURE.values > 20)
-SLIP = xr.Dataset({"stick": STICK, "slip": (PRESSURE > 0) & ~STICK, "mean_traction": 3.0})
 SIZE, PATCH = {"patch_size_mm": 0.85}, {"patch": "1"}
 BLOCK = trimesh.creation.box((9, 9, 4)).subdivide_to_size(0.5)
 TOOL = BLOCK, Frame(origin=(-2.5, -2.5, 2), x_axis=(1, 0, 0), normal=(0, 0, 1))
@@ -79,19 +75,15 @@ FROM = {
     "input": ((SQUARE["height"], PRESSURES), SIZE),
     "force": ((SQUARE, PRESSURES), SIZE),
     "preparation": (({"T0": PREPARED, "T1": PREPARED},), PATCH),
-    "slip": ((CONTACTS, {"1": SLIP}), {}),
     "load_curves": ((SQUARE, CONTACTS), {}),
     "patch": ((CONTACTS["1"], CHANGE), PATCH),
     "overview": ((SQUARE, PRESSURES, CONTACTS["1"], CHANGE, TOOL), SIZE | PATCH),
     "validation": ((SCORES, GAINS, SUMMARY, VARIANTS), {}),
 }
-TWO = {name: {p: CONTACTS[p] for p in "13"} for name in ("levelled", "placed")}
-FROM["two_scales"] = ((TWO, {p: CONTACTS[p].pressure.values > 30 for p in "13"}, TWO_SCALES), {})
 ALONE |= {"contact_steps": SQUARE, "microscale_maps": CONTACTS}
 FROM |= {name: ((found,), {}) for name, found in ALONE.items()}
 MASKS = [
     ("contact_steps", -1, style.BLACK, SQUARE["pressure"][-1] > 0),
-    ("slip", 0, style.VERMILION, (PRESSURE > 0) & ~STICK),
     ("preparation", 0, style.VERMILION, PREPARED["outlier"]),
     ("patch", -1, style.BLUE, CHANGE["loss"] & (PRESSURE > 0)),
     ("patch", -1, style.AMBER, CHANGE["loss"] & (PRESSURE == 0)),
@@ -214,14 +206,6 @@ def test_validation_shows_what_the_tables_say():
     assert [line.get_color() for line in gains.lines[2::2]] == [style.VERMILION, style.GREY]
     assert points_of(extent) == [[[40, 10], [20, 20]]]
     assert extent.get_title().endswith("Spearman ρ = 0.5 [−0.1, 0.9], p = 0.2")
-
-
-def test_two_scales_shows_what_was_found_and_missed():
-    figure = draw("two_scales")
-    assert "0.45 levelled and 0.85 placed" in figure.get_suptitle()
-    titles = [axes.get_title() for axes in figure.axes]
-    assert titles[:3] == ["patch 1 levelled: 0.40", "patch 1 placed: 0.90", "whole square"]
-    assert titles[3:] == ["patch 3 levelled: 0.50", "patch 3 placed: 0.80", "whole square"]
 
 
 def run(folder, *names, most=2, **columns):

@@ -45,7 +45,7 @@ def test_nothing_is_left_to_do(tiny):
         ),
         (
             {"grinding": {"friction": 0.5}},
-            {"solve_slip", "draw_microscale", "record_provenance", "write_page"},
+            {"solve_slip", "record_provenance", "write_page"},
             None,
         ),
         (

@@ -50,19 +50,8 @@ DRAWINGS = {
         },
     ),
 }
-figures, read = DRAWINGS["draw_microscale"]
-if config["grinding"] is not None:
-    figures["slip"] = ("4 Microscale", "stick and slip")
-    read["slip"] = f"{RESULTS}/slip"
-if REFERENCE:
-    figures["two_scales"] = ("3 Coupling", "what two scales cost")
-    read |= {
-        "others": other_contacts(ALL_PATCHES),
-        "reference": f"{RESULTS}/reference/patches.h5",
-        "two_scales": f"{RESULTS}/tables/two_scales.csv",
-    }
 if WORN_PATCHES:
-    figures["patch"] = ("5 Validation", "before, predicted, after")
+    DRAWINGS["draw_microscale"][0]["patch"] = ("5 Validation", "before, predicted, after")
     DRAWINGS["draw_validation"] = (
         {
             "validation": ("5 Validation", "prediction against loss, chance, rivals"),
@@ -92,7 +81,6 @@ if WORN_PATCHES:
                 "worn_patches": f"{RESULTS}/wear",
                 "wear": f"{RESULTS}/tables/wear.csv",
                 "wear_profile": f"{RESULTS}/tables/wear_profile.csv",
-                "wear_summary": f"{RESULTS}/tables/wear_summary.csv",
             },
         )
 TARGETS += [

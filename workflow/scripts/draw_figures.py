@@ -26,9 +26,7 @@ from gstlib.logs import patch_by_patch, run_script
 from gstlib.preprocess.frame import stored_frame
 
 # Figures of patches in the study, and of those whose wear is predicted.
-OF_STUDIED = {"microscale_maps", "slip", "overview", "two_scales"}
-# Patches in the figure of what two scales cost: the hardest pressed.
-MOST_COMPARED = 8
+OF_STUDIED = {"microscale_maps", "overview"}
 OF_PREDICTED = {"wear", "wear_maps"}
 
 
@@ -122,20 +120,8 @@ def figure_of(name: str, study: Study) -> Figure:
             return microscale.load_curves_figure(study.data("contact"), study.contacts)
         case "microscale_maps":
             return microscale.microscale_maps_figure(study.contacts)
-        case "slip":
-            slips = study.by_patch(name, study.drawn, "stick", "slip", "mean_traction")
-            return microscale.slip_figure(study.contacts, slips)
-        case "two_scales":
-            drawn = study.drawn[:MOST_COMPARED]
-            others = study.by_patch("others", drawn, "height", "pressure")
-            found = study.data("reference", "contact").contact.isel(draw=0)
-            return microscale.two_scales_figure(
-                {"levelled": others, "placed": study.contacts},
-                {patch: found.sel(patch=patch).values for patch in drawn},
-                study.table("two_scales"),
-            )
         case "wear":
-            parts = (study.table(f"wear{part}") for part in ("", "_profile", "_summary"))
+            parts = (study.table(f"wear{part}") for part in ("", "_profile"))
             return wear.wear_figure(*parts, study.table("intervals"))
         case "wear_maps":
             worn = study.by_patch("worn_patches", study.predicted, "depth")
@@ -158,7 +144,7 @@ def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
     shown = evenly(study.patches, study.most_drawn_patches)
     for patch, _ in patch_by_patch(dict.fromkeys(shown)):
         epochs = ["T0", "T1"] if patch in study.worn else ["T0"]
-        only = "measured", "height", "filled", "outlier"
+        only = "measured", "filled", "outlier"
         scans = {epoch: study.by_patch(epoch.lower(), [patch], *only)[patch] for epoch in epochs}
         yield patch, microscale.preparation_figure(scans, patch=patch)
 

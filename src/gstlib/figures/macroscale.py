@@ -25,7 +25,6 @@ def draw_places(
     """Draw the heights of the square (y, x), mm, and where the patches were scanned."""
     maps.draw_map(axes, height, ticks=True, **maps.HEIGHTS)
     maps.draw_footprints(axes, patches, patch_size_mm, colour=BLACK)
-    maps.mark_corner(axes)
 
 
 @styled
@@ -71,7 +70,6 @@ def force_figure(contact: xr.Dataset, pressures: pd.DataFrame, *, patch_size_mm:
     maps.draw_footprints(square, pressures, patch_size_mm, colour=BLUE)
     displacement = float(contact["displacement"][-1]) * MM_TO_UM
     square.set_title(f"displacement {displacement:.1f} µm", loc="right")
-    maps.mark_corner(square)
 
     places, values = np.arange(len(pressures)), pressures["pressure_MPa"]
     studied = pressures["in_study"]

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import trimesh
 
 __all__ = ["load_curves_figure", "microscale_maps_figure", "overview_figure", "patch_figure"]
-__all__ += ["preparation_figure", "slip_figure", "two_scales_figure"]
+__all__ += ["preparation_figure"]
 
 _UNKNOWN = "#ffffff"
 _AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": BLACK}
@@ -38,65 +38,31 @@ _BELOW = {"loc": "lower center", "bbox_to_anchor": (0.82, 0.02)}  # the last pan
 
 @styled
 def preparation_figure(prepared: Mapping[str, xr.Dataset], *, patch: str) -> Figure:
-    """A patch's scans as measured and as prepared for contact.
+    """A patch's scans as measured, with the points that were replaced.
 
-    `prepared` holds for each epoch ``measured`` (NaN where unmeasured), ``height``, ``filled``,
-    ``outlier`` (y, x), and the attributes of the prepared scan.
+    `prepared` holds for each epoch ``measured`` (NaN where unmeasured), ``filled``, ``outlier``
+    (y, x), and the attributes of the prepared scan.
     """
     drawn = []
     for epoch, scan in prepared.items():
         filled, outliers = scan["filled"].values, scan["outlier"].values
         marks = {BLUE: filled & ~outliers, VERMILION: outliers}
-        titles = [
-            f"patch {patch}, {epoch} {state}, Sq {scan.attrs[f'Sq_{when}_um']:.3g} µm"
-            for state, when in (("as measured", "before"), ("prepared", "after"))
-        ]
-        drawn += [
-            (titles[0], scan["measured"], maps.HEIGHTS | {"marks": marks}),
-            (titles[1], scan["height"], maps.HEIGHTS),
-        ]
-    return maps.draw_maps(drawn, 4, 2.0, (0.05, 0.05, 0.3, 0.35), head=0)
-
-
-def _patch_maps(
-    contacts: Mapping[str, xr.Dataset],
-    panels: Mapping[str, tuple[str, Mapping[str, np.ndarray]]],
-    legend: Mapping[str, str],
-) -> Figure:
-    """Small multiples: every patch's height in pale grey, with a title and marks by colour."""
-    drawn = [
-        (f"patch {patch}: {title}", contacts[patch]["height"], {"marks": marks})
-        for patch, (title, marks) in panels.items()
-    ]
-    figure = maps.draw_maps(drawn, 4, 1.7)
-    style.colour_legend(figure, legend)
-    return figure
+        before, after = (scan.attrs[f"Sq_{when}_um"] for when in ("before", "after"))
+        title = f"patch {patch}, {epoch}: Sq {before:.3g} µm, prepared {after:.3g} µm"
+        drawn.append((title, scan["measured"], maps.HEIGHTS | {"marks": marks}))
+    return maps.draw_maps(drawn, 2, 3.0, (0.05, 0.05, 0.3, 0.4), head=0)
 
 
 @styled
 def microscale_maps_figure(contacts: Mapping[str, xr.Dataset]) -> Figure:
     """Contact on every patch at its own pressure (Fig. 9)."""
-    panels = {}
+    drawn = []
     for patch, contact in contacts.items():
         touching = contact["pressure"].values > 0
         pressure = float(contact["mean_pressure"][-1])
-        panels[patch] = f"{pressure:.1f} MPa, {touching.mean():.2%}", {BLACK: touching}
-    return _patch_maps(contacts, panels, {"in contact": BLACK})
-
-
-@styled
-def slip_figure(contacts: Mapping[str, xr.Dataset], slips: Mapping[str, xr.Dataset]) -> Figure:
-    """Where every patch sticks and slips under the tangential load.
-
-    `slips` holds for each patch ``stick``, ``slip`` (y, x) and ``mean_traction``, MPa.
-    """
-    panels = {}
-    for patch, result in slips.items():
-        stick, slip = result["stick"].values, result["slip"].values
-        share = slip.sum() / max((stick | slip).sum(), 1)
-        title = f"{float(result['mean_traction']):.1f} MPa, slips {share:.0%}"
-        panels[patch] = title, {BLUE: stick, VERMILION: slip}
-    return _patch_maps(contacts, panels, {"sticks": BLUE, "slips": VERMILION})
+        title = f"patch {patch}: {pressure:.1f} MPa, {touching.mean():.2%}"
+        drawn.append((title, contact["height"], {"marks": {BLACK: touching}}))
+    return maps.draw_maps(drawn, 4, 1.7, head=0)
 
 
 def _agreement(contact: xr.Dataset, change: xr.Dataset) -> dict[str, np.ndarray]:
@@ -109,38 +75,6 @@ def _agreement(contact: xr.Dataset, change: xr.Dataset) -> dict[str, np.ndarray]
         BLACK: predicted & ~loss & ~unknown,
         _UNKNOWN: unknown & ~loss,
     }
-
-
-@styled
-def two_scales_figure(
-    contacts: Mapping[str, Mapping[str, xr.Dataset]],
-    reference: Mapping[str, np.ndarray],
-    scores: pd.DataFrame,
-) -> Figure:
-    """Contact within patches, levelled and placed, beside that of the whole square.
-
-    `contacts` are those of each variant; `reference` (ny, nx) is where the single-scale contact
-    touches each patch; `scores` is ``two_scales.csv``.
-    """
-    f1 = scores.set_index(["variant", "patch"]).f1
-    drawn = []
-    for patch, true in reference.items():
-        for variant, of_variant in contacts.items():
-            found, height = of_variant[patch]["pressure"].values > 0, of_variant[patch]["height"]
-            marks = {BLUE: found & true, AMBER: true & ~found, BLACK: found & ~true}
-            title = f"patch {patch} {variant}: {f1[variant, patch]:.2f}".replace(": nan", "")
-            drawn.append((title, height, {"marks": marks}))
-        drawn.append(("whole square", height, {"marks": {BLUE: true}}))
-    columns = (len(contacts) + 1) * min(2, len(reference))
-    figure = maps.draw_maps(drawn, columns, 1.5, (0.03, 0.03, 0.3, 0.03), head=0.75)
-    pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in contacts)
-    figure.suptitle(
-        "Contact of the patches against one contact of the whole square at the scans' resolution\n"
-        f"share of agreement (F1), all patches: {pooled}; 1 would be perfect"
-    )
-    names = {"found": BLUE, "missed": AMBER, "not in the whole square's contact": BLACK}
-    style.colour_legend(figure, names, bbox_to_anchor=(0.5, 1 - 0.45 / figure.get_figheight()))
-    return figure
 
 
 @styled
@@ -199,14 +133,11 @@ def overview_figure(
     draw_tool(whole, *tool, square["pressure"].isel(step=-1))
     whole.set_title("1  the tool and its square\npressures on it in colour")
     maps.draw_forces(axes[0], square)
-    is_shown = pressures["patch"] == patch
-    others = pressures[~is_shown & pressures["in_study"]]
-    maps.draw_footprints(axes[0], others, patch_size_mm, colour=BLUE)
-    maps.draw_footprints(axes[0], pressures[is_shown], patch_size_mm, colour=VERMILION)
+    maps.draw_footprints(axes[0], pressures, patch_size_mm, colour=BLUE)
     mean_pressure = float(square["mean_pressure"][-1])
     axes[0].set_title(f"2  contact forces on the square\n{mean_pressure:.3g} MPa on average")
     touching = contact["pressure"].values > 0
-    pressure = float(pressures.loc[is_shown, "pressure_MPa"].iloc[0])
+    pressure = float(contact["mean_pressure"][-1])
     maps.draw_map(axes[1], contact["height"], marks={BLACK: touching})
     axes[1].set_title(
         f"3  predicted contact, patch {patch}\n{pressure:.1f} MPa, {touching.mean():.1%} of area"

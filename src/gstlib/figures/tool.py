@@ -29,7 +29,7 @@ __all__ += ["outline_on", "pressure_norm", "tool_view"]
 
 # Where the tool is seen from, in the square's axes: aslant, so that its shape shows.
 _VIEW = np.array([-0.35, -0.55, 1.0])
-_FACES = 60_000  # each is a pixel or two: more would not be seen
+_FACES = 60_000  # each is a pixel or two: more would not be seen; a page takes 24 bytes of each
 _LIGHT = np.array([-1.0, 1.0, 1.4]) / 2  # from the upper left
 _PANEL = (3.6, 3.6)
 # Corners of a square of side 1, in order.
@@ -51,7 +51,7 @@ def pressure_norm(pressure: xr.DataArray) -> PowerNorm:
 
 
 def coloured_tool(
-    mesh: "trimesh.Trimesh", frame: Frame, pressure: xr.DataArray, *, faces: int
+    mesh: "trimesh.Trimesh", frame: Frame, pressure: xr.DataArray, *, faces: int = _FACES
 ) -> tuple["trimesh.Trimesh", np.ndarray]:
     """A mesh of fewer faces, but for the square, whose faces are cut as fine as its grid.
 
@@ -173,11 +173,9 @@ def draw_square(axes: Axes, view: Frame, frame: Frame, size: float) -> None:
         axes.text(*(corners[0] + 1.35 * (corner - corners[0])), name, **look)
 
 
-def draw_tool(
-    axes: Axes, mesh: "trimesh.Trimesh", frame: Frame, pressure: xr.DataArray, *, faces: int = 40000
-) -> None:
+def draw_tool(axes: Axes, mesh: "trimesh.Trimesh", frame: Frame, pressure: xr.DataArray) -> None:
     """A picture of the tool from `tool_view`, its square coloured by pressure and outlined."""
-    whole, colours = coloured_tool(mesh, frame, pressure, faces=faces)
+    whole, colours = coloured_tool(mesh, frame, pressure)
     view = tool_view(whole, frame)
     draw_stone(axes, whole, view, colours=colours)
     draw_square(axes, view, frame, _size_of(pressure))

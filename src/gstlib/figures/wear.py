@@ -30,7 +30,6 @@ _MODELS = {
     "uniform": ("the same on every patch", GREY, "v"),
     "truncation": ("cut off flat over the worn area", VERMILION, "^"),
 }
-_QUANTITIES = {"volume": "volume", "depth": "depth", "map": "map of depth"}
 
 
 @styled
@@ -69,18 +68,13 @@ def wear_maps_figure(
 
 
 @styled
-def wear_figure(
-    table: pd.DataFrame, profile: pd.DataFrame, summary: pd.DataFrame, limits: pd.DataFrame
-) -> Figure:
-    """Predicted against measured volume of every patch, loss by height, and what it is worth.
+def wear_figure(table: pd.DataFrame, profile: pd.DataFrame, limits: pd.DataFrame) -> Figure:
+    """Predicted against measured volume of every patch, and loss by height.
 
-    `table` is ``wear.csv``, `profile` is ``wear_profile.csv``, `summary` is ``wear_summary.csv``.
-    `limits` is ``patch_intervals.csv``: a volume is in proportion to the pressure, and so is its
-    interval.
+    `table` is ``wear.csv``, `profile` is ``wear_profile.csv``; `limits` is ``patch_intervals.csv``:
+    a volume is in proportion to the pressure, and so is its interval.
     """
-    figure, (volumes, heights, skills) = style.panels(
-        3, 3, (2.3, 2.6), (0.7, *CHARTS[1:]), head=0.25
-    )
+    figure, (volumes, heights) = style.panels(2, 2, (2.6, 2.6), (0.7, *CHARTS[1:]), head=0.4)
     units = 1e5  # µm³
     models = {model: of for model, of in _MODELS.items() if model in set(table.model)}
     for model, (name, colour, marker) in models.items():
@@ -100,7 +94,7 @@ def wear_figure(
     volumes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
     volumes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
     volumes.set_title("How much did each patch lose?")
-    figure.legend(*volumes.get_legend_handles_labels(), loc="upper center", ncols=len(models))
+    figure.legend(*volumes.get_legend_handles_labels(), loc="upper center", ncols=3)
 
     means = profile[profile.by == "height"].groupby(["model", "band"], sort=False).loss_um.mean()
     for model, (_, colour, marker) in ({"measured": ("", BLACK, "x")} | models).items():
@@ -113,23 +107,4 @@ def wear_figure(
     heights.set_xlim(left=0)
     heights.set_xlabel("mean loss (µm)")
     heights.set_title("At which heights?")
-
-    rows = summary[summary.statistic.str.startswith("skill(")]
-    own = rows.model.iloc[-1]
-    rows = rows[rows.model == own]
-    skills.axvline(0, color=GREY, lw=0.8)
-    for place, row in enumerate(rows.itertuples()):
-        colour = _MODELS[row.against][1]
-        skills.plot([row.low, row.high], [place, place], color=colour)
-        skills.plot(row.value, place, _MODELS[row.against][2], color=colour)
-    kinds = rows.statistic.str[len("skill(") : -1].map(_QUANTITIES)
-    skills.set_yticks(
-        range(len(rows)),
-        [f"{kind}\nvs {rival}" for kind, rival in zip(kinds, rows.against, strict=True)],
-    )
-    skills.tick_params(axis="y", labelsize=5.5)
-    skills.set_xlim(max(-3, rows[["value", "low"]].min().min() - 0.1), 1)
-    skills.invert_yaxis()
-    skills.set_xlabel(f"skill of {_MODELS[own][0]}\n(1: no error; 0: errs as much)")
-    skills.set_title("Is it better than its rivals?")
     return figure

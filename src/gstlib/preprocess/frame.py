@@ -11,7 +11,7 @@ from gstlib.errors import ConfigError
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Frame", "find_frame", "frame_from_points", "principal_axes", "stored_frame"]
+__all__ = ["Frame", "find_frame", "frame_from_points", "stored_frame"]
 
 # Three points that enclose a smaller angle (its sine) give no direction.
 _IN_LINE = 0.1
@@ -92,22 +92,6 @@ def frame_from_points(points: Sequence[Sequence[float]]) -> Frame:
 def stored_frame(attributes: Mapping[str, Any]) -> Frame:
     """The frame in the attributes of ``macroscale/surface.h5``."""
     return Frame(*(attributes[name].tolist() for name in ("origin_mm", "x_axis", "normal")))
-
-
-def principal_axes(mesh: "trimesh.Trimesh") -> np.ndarray:
-    """Directions (3, 3) of the principal axes of a mesh's vertices, a row each, the longest first.
-
-    Examples
-    --------
-    >>> import trimesh
-    >>> principal_axes(trimesh.creation.box((10, 30, 20))).round(9) + 0
-    array([[0., 1., 0.],
-           [0., 0., 1.],
-           [1., 0., 0.]])
-    """
-    axes = np.linalg.eigh(np.cov(np.asarray(mesh.vertices).T))[1].T[::-1]
-    # The signs that eigh gives are arbitrary.
-    return axes * np.sign([axis[np.abs(axis).argmax()] for axis in axes])[:, np.newaxis]
 
 
 def find_frame(square: Mapping, mesh: "trimesh.Trimesh", *, source: str = "mesh") -> Frame:
