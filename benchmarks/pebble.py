@@ -316,9 +316,11 @@ def main() -> None:
     start = Place(options.size / 2 - shift_y, options.size / 2 - shift_x, 0.0)
     correlation, place = refined(surface.height, heights, start)
     print(f"refined: r = {correlation:.4f}, {place}")
+    sq, error = (
+        1e3 * float(np.sqrt((of**2).mean())) for of in (surface.height, surface.left_out_error)
+    )
     print(
-        f"square: Sq {1e3 * surface.height.values.std():.1f} µm, {surface.height.attrs}, "
-        f"vertices left out err by {1e3 * float(np.sqrt((surface.left_out_error**2).mean())):.1f} µm"
+        f"square: Sq {sq:.1f} µm, {surface.height.attrs}, vertices left out err by {error:.1f} µm"
     )
 
     scans, patches = cut(heights, place)

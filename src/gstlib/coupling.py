@@ -7,6 +7,7 @@ share out its force without loss, wherever they lie.
 
 # ASSUME: the x and y of a patch are those of its centre; the paper gives the place by its x and y.
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -105,8 +106,8 @@ def half_extent(size_mm: float, rotation_deg: float | pd.Series) -> float | pd.S
 
 def moved(
     patches: pd.DataFrame,
-    shift_mm: tuple[float | np.ndarray, float | np.ndarray],
-    square: xr.DataArray,
+    shift_mm: Sequence[float | np.ndarray] | np.ndarray,
+    square: xr.DataArray | xr.Dataset,
     size_mm: float,
 ) -> pd.DataFrame:
     """The patches moved along x and y, all alike or each by itself; none leaves the square."""

@@ -163,8 +163,8 @@ def tool_scene(
     from matplotlib.image import imsave
 
     from gstlib.coupling import Place, outline, places_of
-    from gstlib.figures.maps import FORCE_MAP
-    from gstlib.figures.tool import coloured_tool, outline_on, pressure_norm, tool_view
+    from gstlib.figures.maps import FORCE_MAP, force_norm
+    from gstlib.figures.tool import coloured_tool, outline_on, tool_view
     from gstlib.viewer import stone_data
 
     stone, colours = coloured_tool(mesh, frame, pressure)
@@ -177,7 +177,7 @@ def tool_scene(
 
     view = tool_view(stone, frame)
     content = io.BytesIO()
-    shown = pressure_norm(pressure)
+    shown = force_norm(pressure.values)
     imsave(content, FORCE_MAP(shown(pressure.values))[::-1], metadata={"Software": None})
     return {
         "stone": stone_data(stone, colours),

@@ -96,10 +96,10 @@ def pressure_intervals(
         ``patch, pressure_MPa, low_MPa, high_MPa``; with a composite also ``tilt_mrad``,
         ``tilt_error_mrad`` and ``plane``, "mesh" or, where it is not known, "levelled".
     """
-    generators = [np.random.default_rng([seed, 1, draw]) for draw in range(len(shares))]
     errors = draw_mesh_errors(surface, len(shares), np.random.default_rng([seed, 2]))
     drawn = []
-    for share, error, generator in zip(shares, errors, generators, strict=True):
+    for draw, (share, error) in enumerate(zip(shares, errors, strict=True)):
+        generator = np.random.default_rng([seed, 1, draw])
         shifts = placement_um * 1e-3 * generator.standard_normal((2, len(pressures)))
         height, places = surface.height + error, moved(pressures, shifts, surface, patch_mm)
         if composite is not None:

@@ -63,6 +63,7 @@ T0, PRESSURE = CONTACTS["1"]["height"], CONTACTS["1"]["pressure"]
 LOST = T0.copy(data=RNG.normal(0, 1e-4, T0.shape) - 1e-3 * (T0.values > 3e-3))
 LOST[:, :6] = np.nan
 CHANGE = {"t1": T0 + LOST, "change": LOST, "loss": LOST < -2e-4, "gain": LOST > 2e-4}
+WORN = xr.Dataset({"depth": (("model", "y", "x"), np.abs(T0.values)[None])})
 CHANGE = xr.Dataset(CHANGE, attrs={"level_of_detection_um": 0.2, "overlap": 0.9})
 PREPARED = {"height": T0, "measured": T0.where(T0 < 4e-3), "filled": T0 >= 4e-3}
 PREPARED = xr.Dataset(PREPARED | {"outlier": T0 < -4e-3})
@@ -76,7 +77,7 @@ FROM = {
     "force": ((SQUARE, PRESSURES), SIZE),
     "preparation": (({"T0": PREPARED, "T1": PREPARED},), PATCH),
     "load_curves": ((SQUARE, CONTACTS), {}),
-    "patch": ((CONTACTS["1"], CHANGE), PATCH),
+    "patch": ((CONTACTS["1"], CHANGE, WORN), PATCH),
     "overview": ((SQUARE, PRESSURES, CONTACTS["1"], CHANGE, TOOL), SIZE | PATCH),
     "validation": ((SCORES, GAINS, SUMMARY, VARIANTS), {}),
 }
@@ -177,7 +178,7 @@ def test_a_patch_without_a_known_change_can_be_drawn():
     nothing = {"change": xr.full_like(LOST, np.nan), "loss": xr.zeros_like(CHANGE["loss"])}
     nothing |= {"t1": nothing["change"], "gain": nothing["loss"]}
     change = CHANGE.assign(nothing).assign_attrs(level_of_detection_um=np.nan)
-    axes = microscale.patch_figure(CONTACTS["1"], change, patch="1").axes
+    axes = microscale.patch_figure(CONTACTS["1"], change, None, patch="1").axes
     assert axes[2].get_title() == "no change is known"
 
 

@@ -394,7 +394,7 @@ def test_patches_lie_on_the_mesh_and_sink_with_their_surroundings(results, table
             part = mesh.where(inside, drop=True)
             off_plane = part.values - levelled(part.values)
             fitted = [np.diff(off_plane, axis=axis).mean() for axis in (0, 1)]
-            np.testing.assert_allclose(slopes, np.divide(fitted, spacing_of(mesh)), atol=4e-3)
+            np.testing.assert_allclose(slopes, np.divide(fitted, spacing_of(mesh)), atol=6e-3)  # of whole elements
             on_mesh += 1
         element = spacing_of(mesh)[1]
         reach = [half - abs(mesh[axis].values - row[f"{axis}_mm"]) for axis in "yx"]

@@ -51,38 +51,27 @@ DRAWINGS = {
     ),
 }
 if WORN_PATCHES:
-    DRAWINGS["draw_microscale"][0]["patch"] = ("5 Validation", "before, predicted, after")
-    DRAWINGS["draw_validation"] = (
-        {
-            "validation": ("5 Validation", "prediction against loss, chance, rivals"),
-            "texture": ("5 Validation", "surface texture before and after use"),
-        },
-        {
-            "pressures": PRESSURES,
-            "scores": f"{RESULTS}/tables/validation_patches.csv",
-            "texture": f"{RESULTS}/tables/texture.csv",
-        }
-        | {
-            name: f"{RESULTS}/tables/validation_{name}.csv"
-            for name in ("gains", "summary", "variants")
-        },
-    )
+    figures = {
+        "patch": ("5 Validation", "before, predicted, after"),
+        "validation": ("5 Validation", "prediction against loss, chance, rivals"),
+        "texture": ("5 Validation", "surface texture before and after use"),
+    }
+    read = {
+        "contacts": contacts(ALL_PATCHES),
+        "registered": registered(WORN_PATCHES),
+        "pressures": PRESSURES,
+        "scores": f"{RESULTS}/tables/validation_patches.csv",
+        "texture": f"{RESULTS}/tables/texture.csv",
+    }
+    for name in ("gains", "summary", "variants"):
+        read[name] = f"{RESULTS}/tables/validation_{name}.csv"
     if config["wear_steps"] is not None:
-        DRAWINGS["draw_wear"] = (
-            {
-                "wear": ("6 Wear", "how much each patch loses"),
-                "wear_maps": ("6 Wear", "measured and predicted loss"),
-            },
-            {
-                "pressures": PRESSURES,
-                "contacts": contacts(ALL_PATCHES),
-                "registered": registered(WORN_PATCHES),
-                "intervals": f"{RESULTS}/tables/patch_intervals.csv",
-                "worn_patches": f"{RESULTS}/wear",
-                "wear": f"{RESULTS}/tables/wear.csv",
-                "wear_profile": f"{RESULTS}/tables/wear_profile.csv",
-            },
-        )
+        figures["wear"] = ("6 Wear", "how much each patch loses")
+        read["worn_patches"] = f"{RESULTS}/wear"
+        read["intervals"] = f"{RESULTS}/tables/patch_intervals.csv"
+        read["wear"] = f"{RESULTS}/tables/wear.csv"
+        read["wear_profile"] = f"{RESULTS}/tables/wear_profile.csv"
+    DRAWINGS["draw_validation"] = figures, read
 TARGETS += [
     f"figures/{name}" if name in BY_PATCH else f"figures/{name}.png"
     for figures, _ in DRAWINGS.values()

@@ -26,7 +26,7 @@ from gstlib.figures.style import DPI, MM_TO_UM, PALE, panels
 from gstlib.surface import spacing_of
 
 __all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHTS", "HEIGHT_MAP", "OUTLINE", "draw_footprints"]
-__all__ += ["draw_forces", "draw_map", "draw_maps", "height_norm", "scale_bar"]
+__all__ += ["draw_forces", "draw_map", "draw_maps", "force_norm", "height_norm", "scale_bar"]
 
 # Few levels make small files; these are enough that the eye sees no steps.
 HEIGHT_MAP = colormaps["cividis"].resampled(64)
@@ -45,6 +45,11 @@ def height_norm(*surfaces: xr.DataArray) -> Normalize:
     """Colour limits (µm) that height maps (mm) share; the most extreme 1 % is cut off."""
     values = np.concatenate([surface.values.ravel() for surface in surfaces])
     return Normalize(*np.nanpercentile(values, [0.5, 99.5]) * MM_TO_UM)
+
+
+def force_norm(values: np.ndarray) -> PowerNorm:
+    """A square-root scale from 0 to the largest of forces or pressures."""
+    return PowerNorm(0.5, vmin=0, vmax=float(values.max()) or 1.0)
 
 
 def draw_map(
@@ -127,8 +132,7 @@ def draw_maps(
 def draw_forces(axes: Axes, contact: xr.Dataset, *, bar: str = "", ticks: bool = False) -> None:
     """Force (N) on each element at the last step, in colours on a square-root scale."""
     force = contact["pressure"].values[-1] * np.prod(spacing_of(contact))
-    norm = PowerNorm(0.5, vmin=0, vmax=float(force.max()) or 1.0)
-    look = {"cmap": FORCE_MAP, "norm": norm, "bar": bar, "ticks": ticks}
+    look = {"cmap": FORCE_MAP, "norm": force_norm(force), "bar": bar, "ticks": ticks}
     draw_map(axes, contact["height"], force, **look)
 
 
@@ -148,12 +152,9 @@ def draw_footprints(
 
     `patches` has ``patch, x_mm, y_mm, rotation_deg`` and optionally ``in_study``.
     """
-    half = patch_size_mm / 2
+    look = {"color": colour, "path_effects": OUTLINE}
     studied = patches.get("in_study", pd.Series(True, patches.index))
     for (patch, place), is_studied in zip(places_of(patches).items(), studied, strict=True):
-        look = {"edgecolor": colour, "linestyle": "-" if is_studied else "--"}
-        corners = outline(place, patch_size_mm)
-        axes.add_patch(Polygon(corners, fill=False, path_effects=OUTLINE, **look))
-        at = place.x_mm - 0.92 * half, place.y_mm + 0.9 * half
-        look = {"fontsize": 6.5, "color": colour, "path_effects": OUTLINE}
-        axes.text(*at, patch, ha="left", va="top", **look)
+        corners, line = outline(place, patch_size_mm), "-" if is_studied else "--"
+        axes.add_patch(Polygon(corners, fill=False, linestyle=line, **look))
+        axes.text(*corners[3], f" {patch}", fontsize=6.5, ha="left", va="top", **look)

@@ -78,10 +78,13 @@ def _agreement(contact: xr.Dataset, change: xr.Dataset) -> dict[str, np.ndarray]
 
 
 @styled
-def patch_figure(contact: xr.Dataset, change: xr.Dataset, *, patch: str) -> Figure:
-    """One patch before and after use, its change, and the contact predicted on it (Fig. 11).
+def patch_figure(
+    contact: xr.Dataset, change: xr.Dataset, worn: xr.Dataset | None, *, patch: str
+) -> Figure:
+    """One patch before and after use, its change and what was predicted of it (Fig. 11).
 
-    `contact` and `change` are those of `patch` among ``contacts`` and ``changes``.
+    `contact` and `change` are those of `patch` among ``contacts`` and ``changes``; `worn`, if its
+    wear is predicted, has ``depth`` (model, y, x), mm, of which the last is drawn.
     """
     t0, t1, values = contact["height"], change["t1"], change["change"].values * MM_TO_UM
     heights = maps.HEIGHTS | {"norm": maps.height_norm(t0, t1)}
@@ -92,17 +95,21 @@ def patch_figure(contact: xr.Dataset, change: xr.Dataset, *, patch: str) -> Figu
     bound = float(np.nanmax([np.quantile(np.abs(np.nan_to_num(values)), 0.995) or 1, 2 * limit]))
     label = "height change (µm), 0 where not detected"
     changes = {"cmap": maps.CHANGE_MAP, "norm": Normalize(-bound, bound), "bar": label}
-    changes |= {"values": shown, "marks": {_UNKNOWN: unknown}}
     known = max(np.count_nonzero(~unknown), 1)
     lost = f"lost more than {limit:.2f} µm: {loss.sum() / known:.1%}"
-    touching, marks = contact["pressure"].values > 0, _agreement(contact, change)
+    measured = {"values": shown, "marks": {_UNKNOWN: unknown}}
     drawn = [
         ("T0, before use", t0, heights),
         ("T1, after use", t1, heights),
-        ("no change is known" if unknown.all() else lost, t0, changes),
-        (f"predicted contact: {touching.mean():.2%}", t0, {"marks": {BLACK: touching}}),
-        ("prediction and loss", t0, {"marks": marks}),
+        ("no change is known" if unknown.all() else lost, t0, changes | measured),
     ]
+    if worn is not None:  # as scans see it: from its median on
+        depth = worn["depth"].values[-1] * MM_TO_UM
+        seen = -np.maximum(depth - np.median(depth), 0)
+        title = f"Archard's law: mean loss {-seen.mean():.2f} µm"
+        drawn.append((title, t0, changes | {"values": seen, "bar": ""}))
+    touching, marks = contact["pressure"].values > 0, _agreement(contact, change)
+    drawn.append((f"contact of {touching.mean():.2%}, and loss", t0, {"marks": marks}))
     figure = maps.draw_maps(drawn, 5, 2.0, (0.05, 0.05, 0.3, 0.35), head=0.2)
     pressure, overlap = float(contact["mean_pressure"][-1]), change.attrs["overlap"]
     figure.suptitle(f"patch {patch}: {pressure:.1f} MPa, T1 covers {overlap:.0%} of T0")

@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import PowerNorm, to_rgb
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import trimesh
 
 __all__ = ["check_figure", "coloured_tool", "draw_square", "draw_stone", "draw_tool"]
-__all__ += ["outline_on", "pressure_norm", "tool_view"]
+__all__ += ["outline_on", "tool_view"]
 
 # Where the tool is seen from, in the square's axes: aslant, so that its shape shows.
 _VIEW = np.array([-0.35, -0.55, 1.0])
@@ -43,11 +43,6 @@ def tool_view(mesh: "trimesh.Trimesh", frame: Frame) -> Frame:
     seen = view.to_frame(mesh.vertices)
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2 @ view.axes
     return Frame(middle, view.x_axis, view.normal)
-
-
-def pressure_norm(pressure: xr.DataArray) -> PowerNorm:
-    """A square-root scale from 0 to the largest pressure, MPa."""
-    return PowerNorm(0.5, vmin=0, vmax=float(pressure.max()) or 1.0)
 
 
 def coloured_tool(
@@ -91,7 +86,7 @@ def coloured_tool(
         np.clip((places[is_over, axis] / step).astype(int), 0, count - 1)
         for axis, step, count in zip((1, 0), spacing, pressure.shape, strict=True)
     )
-    shown = pressure_norm(pressure)(pressure.values[row, column])
+    shown = maps.force_norm(pressure.values)(pressure.values[row, column])
     colours[is_over] = maps.FORCE_MAP(shown)[:, :3]
     return whole, np.round(255 * colours).astype(np.uint8)
 

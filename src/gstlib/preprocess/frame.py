@@ -37,9 +37,9 @@ class Frame:
     array([[0.5, 1.5, 0.1]])
     """
 
-    origin: Sequence[float]
-    x_axis: Sequence[float]
-    normal: Sequence[float]
+    origin: Sequence[float] | np.ndarray
+    x_axis: Sequence[float] | np.ndarray
+    normal: Sequence[float] | np.ndarray
 
     @property
     def axes(self) -> np.ndarray:
