@@ -142,7 +142,7 @@ def test_the_page_holds_the_answer_and_everything_shown(results, table, config):
     assert "Generated specimen" in page
     top = table("patch_pressures").sort_values("pressure_MPa").patch.iloc[-1]
     assert re.search(rf'class="verdict">[^<]*\bpatch {top} bears the highest pressure', page)
-    assert len(re.findall(r'class="enlarge"', page)) > 12
+    assert len(re.findall(r'class="enlarge"', page)) > 10
     for patch in table("patch_pressures").patch:
         assert f'<dialog id="patch-{patch}"' in page
     for file in results.glob("tables/*.csv"):
@@ -394,7 +394,8 @@ def test_patches_lie_on_the_mesh_and_sink_with_their_surroundings(results, table
             part = mesh.where(inside, drop=True)
             off_plane = part.values - levelled(part.values)
             fitted = [np.diff(off_plane, axis=axis).mean() for axis in (0, 1)]
-            np.testing.assert_allclose(slopes, np.divide(fitted, spacing_of(mesh)), atol=6e-3)  # of whole elements
+            # these are of whole elements
+            np.testing.assert_allclose(slopes, np.divide(fitted, spacing_of(mesh)), atol=6e-3)
             on_mesh += 1
         element = spacing_of(mesh)[1]
         reach = [half - abs(mesh[axis].values - row[f"{axis}_mm"]) for axis in "yx"]

@@ -102,78 +102,89 @@ def innermost(mesh):
     return np.arange(len(mesh.faces)) == distance.argmin()
 
 
-def test_pin_hole_is_bridged(caplog):
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_pin_hole_or_a_face_turned_over_is_bridged(turned, caplog):
     plane = sheet(lambda x, y: 0.1 * x)
-    plane.update_faces(~innermost(plane))
+    one = innermost(plane)
+    if turned:
+        plane.faces[one] = plane.faces[one][:, ::-1]
+    else:
+        plane.update_faces(~one)
     surface = grid(plane)
     np.testing.assert_allclose(surface.values, 0.1 * np.broadcast_to(surface.x, (40, 50)))
     assert "holes of the mesh were bridged" in caplog.text
 
 
-def test_a_face_turned_over_is_bridged_and_many_are_refused(caplog):
+def without(faces):
+    """A plane without the faces of which a function of the mesh tells."""
+    plane = sheet(lambda x, y: 0 * x)
+    plane.update_faces(~faces(plane))
+    return plane
+
+
+def turned_over():
     plane = sheet(lambda x, y: 0.1 * x)
-    wrong = innermost(plane)
-    plane.faces[wrong] = plane.faces[wrong][:, ::-1]
-    np.testing.assert_allclose(grid(plane).values, 0.1 * np.broadcast_to(grid(plane).x, (40, 50)))
     many = np.linalg.norm(plane.triangles_center[:, :2] - 2.5, axis=1) < 1.0
     plane.faces[many] = plane.faces[many][:, ::-1]
-    refused("faces turned inside out", plane)
+    return plane
 
 
-def refused(match, mesh, frame=UP, **other):
-    with pytest.raises(InputError, match=match) as caught:
-        grid(mesh, frame, **other)
-    assert "stone.stl" in str(caught.value)
-
-
-def test_square_beside_the_mesh():
-    plane = sheet(lambda x, y: 0 * x)
-    beside = Frame((100, 0, 0), (1, 0, 0), (0, 0, 1))
-    refused(
-        r"no part of the mesh.*x -101\.5 to -93\.5 and y -1\.5 to 6\.5 mm.*mesh_unit", plane, beside
-    )
-    refused("no part of the mesh", sheet(lambda x, y: 0 * x, high=-0.5))  # in the crop alone
-    refused("mesh_unit", trimesh.creation.icosphere(subdivisions=4, radius=0.05), on_top(50))
-
-
-def test_square_that_sticks_out_says_how_much_and_where():
-    refused(
-        r"sticks out of the mesh.*20 % of the square \(x 4\.05 to 4\.95, y 0\.\d+ to 4\.9\d* mm\)",
-        sheet(lambda x, y: 0 * x, low=-2.0, high=9.0),
-        Frame((5.0, 0, 0), (1, 0, 0), (0, 0, 1)),
-    )
-
-
-@pytest.mark.parametrize("interpolation", KINDS)  # a cubic would go on outside without a word
-def test_a_corner_that_sticks_out(interpolation):
-    plane = sheet(lambda x, y: 0 * x)
-    plane.update_faces(plane.vertices[plane.faces, :2].sum(axis=2).max(axis=1) < 9.8)
-    refused(r"sticks out.* 0\.\d+ % of the square", plane, interpolation=interpolation)
-
-
-def test_hole_in_the_mesh():
-    plane = sheet(lambda x, y: 0 * x)
-    plane.update_faces(np.linalg.norm(plane.triangles_center[:, :2] - 2.5, axis=1) > 0.8)
-    refused(r"the mesh has a hole.* % of the square \(x 1\.", plane)
-
-
-def test_faces_that_look_inwards():
+def inverted():
     shell = sheet(hills)
-    inwards = Frame((0, 5, 0), (1, 0, 0), (0, 0, -1))
-    refused("look against the frame's normal.*Exchange points 2 and 3", shell, inwards)
     shell.invert()
-    refused("look against the frame's normal.*turn the mesh's faces", shell)
-    ball = trimesh.creation.icosphere(subdivisions=5, radius=20)
-    refused("look against the frame's normal", ball, Frame((-2.5, 2.5, 20), (1, 0, 0), (0, 0, -1)))
+    return shell
 
 
-def test_overhang():
-    # A wave that breaks: the surface leans over by more than it advances.
+def breaking_wave():
+    """The surface leans over by more than it advances."""
     flat = sheet(lambda x, y: 0 * x, edge=0.1)
     x, y, _ = flat.vertices.T
     crest = np.exp(-((x - 2.5) ** 2))
     flat.vertices = np.c_[x + 2.0 * crest, y, 1.5 * crest]
-    refused(r"folds over within the square: .* % of the square .* two heights", flat)
+    return flat
+
+
+def at(x, y=0.0, normal=1.0):
+    return Frame((x, y, 0), (1, 0, 0), (0, 0, normal))
+
+
+@pytest.mark.parametrize(
+    ("match", "mesh", "frame"),
+    [
+        (
+            r"no part of the mesh.*x -101\.5 to -93\.5 and y -1\.5 to 6\.5 mm.*mesh_unit",
+            lambda: sheet(hills),
+            at(100),
+        ),
+        ("no part of the mesh", lambda: sheet(hills, high=-0.5), UP),  # in the crop alone
+        (
+            r"sticks out.*20 % of the square \(x 4\.05 to 4\.95, y 0\.\d+ to 4\.9\d* mm\)",
+            lambda: sheet(lambda x, y: 0 * x, low=-2.0, high=9.0),
+            at(5.0),
+        ),
+        (
+            r"sticks out.* 0\.\d+ % of the square",  # with a corner alone
+            lambda: without(lambda m: m.vertices[m.faces, :2].sum(axis=2).max(axis=1) >= 9.8),
+            UP,
+        ),
+        (
+            r"the mesh has a hole.* % of the square \(x 1\.",
+            lambda: without(
+                lambda m: np.linalg.norm(m.triangles_center[:, :2] - 2.5, axis=1) <= 0.8
+            ),
+            UP,
+        ),
+        ("faces turned inside out", turned_over, UP),
+        ("look against the frame's normal.*points 2 and 3", lambda: sheet(hills), at(0, 5, -1)),
+        ("look against the frame's normal.*turn the mesh's faces", inverted, UP),
+        (r"folds over within the square: .* % of the square .* two heights", breaking_wave, UP),
+        (r"has 1\d vertices .* 30 .*finer mesh", lambda: sheet(hills, edge=1.3), UP),
+    ],
+)
+def test_a_square_that_cannot_be_gridded(match, mesh, frame):
+    with pytest.raises(InputError, match=match) as caught:
+        grid(mesh(), frame)
+    assert "stone.stl" in str(caught.value)
 
 
 # --- Left-out vertices ------------------------------------------------------------------------
@@ -260,11 +271,6 @@ def test_vertices_in_lines_allow_no_cubic():
     best = gridded(mesh, margin_mm=0.5)
     assert rms_of(best)["cubic"] == np.inf
     assert best.height.attrs["interpolation"] != "cubic"
-
-
-def test_too_few_vertices():
-    refused(r"has 1\d vertices in the square of 5 mm.* 30 .*finer mesh", sheet(hills, edge=1.3))
-    assert gridded(sheet(hills, edge=0.8)).sizes["vertex"] >= 30
 
 
 def test_what_the_square_is_stored_with():
