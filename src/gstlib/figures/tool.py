@@ -3,6 +3,7 @@
 A view is a `Frame`: x to the right, y up, the normal towards the eye, as in the maps.
 """
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,7 @@ from matplotlib.patches import Polygon
 
 from gstlib.figures import maps, style
 from gstlib.figures.macroscale import draw_places
-from gstlib.figures.style import BLACK, STONE, VERMILION, styled
+from gstlib.figures.style import STONE, VERMILION, styled
 from gstlib.preprocess.frame import Frame
 from gstlib.surface import spacing_of
 from gstlib.viewer import coarsen
@@ -158,13 +159,14 @@ def draw_stone(
     maps.scale_bar(axes)
 
 
-def draw_square(axes: Axes, view: Frame, frame: Frame, size: float) -> None:
-    """Outline the square of a side (mm) in a view, with its reference corner and its axes."""
+def draw_square(
+    axes: Axes, view: Frame, frame: Frame, size: float, *, names: Sequence[str] = ("x", "y")
+) -> None:
+    """Outline the square of a side (mm) in a view, with the names of its axes at their ends."""
     corners = view.to_frame(frame.origin + size * _UNIT @ frame.axes[:2])[:, :2]
     look = {"path_effects": maps.OUTLINE, "fontsize": 8, "ha": "center", "va": "center"}
     axes.add_patch(Polygon(corners, fill=False, edgecolor=VERMILION, lw=1.2))
-    axes.plot(*corners[0], "o", ms=4, color=BLACK)
-    for corner, name in ((corners[1], "x"), (corners[3], "y")):
+    for corner, name in zip(corners[1::2], names, strict=False):
         axes.text(*(corners[0] + 1.35 * (corner - corners[0])), name, **look)
 
 
@@ -173,7 +175,7 @@ def draw_tool(axes: Axes, mesh: "trimesh.Trimesh", frame: Frame, pressure: xr.Da
     whole, colours = coloured_tool(mesh, frame, pressure)
     view = tool_view(whole, frame)
     draw_stone(axes, whole, view, colours=colours)
-    draw_square(axes, view, frame, _size_of(pressure))
+    draw_square(axes, view, frame, _size_of(pressure), names=())
 
 
 @styled
