@@ -28,13 +28,7 @@ from gstlib.coupling import Place, half_extent, on_patch, places_of, spline_of
 from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import axis_coordinates, make_surface, spacing_of
 
-__all__ = [
-    "compose",
-    "compose_grid",
-    "compose_surface",
-    "draw_mesh_errors",
-    "plane_under",
-]
+__all__ = ["compose", "compose_grid", "compose_surface", "draw_mesh_errors", "plane_under"]
 
 # Points of the composite along each side of a macroscale element, and along a patch for its plane.
 _PER_ELEMENT = 4

@@ -23,12 +23,7 @@ from gstlib.preprocess.leveling import Plane
 from gstlib.surface import make_surface, spacing_of
 from gstlib.validation.scores import inside_rim, scores_of_sums
 
-__all__ = [
-    "TOLERANCE",
-    "composite_heights",
-    "patches_of_reference",
-    "two_scales_table",
-]
+__all__ = ["TOLERANCE", "composite_heights", "patches_of_reference", "two_scales_table"]
 
 # Of the contact of the whole square. With 1e-7 in its place, 3 points in contact of 10,000 change.
 TOLERANCE = 1e-4
