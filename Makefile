@@ -96,7 +96,7 @@ margin: $(READY) ## how much tables differ, beyond their printed digits, between
 power: $(READY) ## how often the study finds a relation, real or absent (half an hour)
 	@$(PREPARE) --run config/power.yaml
 	@$(RUN) power --configfile config/power.yaml
-	@cp results-power/tables/power.csv results-power/figures/power.png docs/
+	@cp results-power/tables/power.csv docs/
 
 baseline: $(READY) ## renew the tables that the tests compare the default study with
 	@$(PREPARE) --run config/config.yaml

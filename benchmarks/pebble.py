@@ -26,8 +26,6 @@ from gstlib.bem import contact_modulus
 from gstlib.composite import plane_under
 from gstlib.contact import contact_at_pressure
 from gstlib.coupling import Place, places_of, spline_of
-from gstlib.figures.microscale import two_scales_figure
-from gstlib.figures.style import save_figure
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.reference import composite_heights, patches_of_reference, two_scales_table
 from gstlib.study import (
@@ -80,14 +78,13 @@ def square_of(
 ) -> xr.Dataset:
     """The mesh's surface over a square about a centre."""
     origin = centre - size_mm / 2 * (x + np.cross(normal, x))
-    frame = {"origin_mm": origin, "x_axis": x, "normal": normal, "points_mm": None}
+    points = [origin, origin + size_mm * x, origin + size_mm * np.cross(normal, x)]
     return grid_macroscale(
         mesh,
-        square={"size_mm": size_mm, "frame": frame},
+        square={"size_mm": size_mm, "points_mm": points},
         grid=GRID,
         margin_mm=0.5,
         interpolation="best",
-        mesh_unit="mm",
         source=MESH,
     )
 
@@ -319,15 +316,16 @@ def main() -> None:
     start = Place(options.size / 2 - shift_y, options.size / 2 - shift_x, 0.0)
     correlation, place = refined(surface.height, heights, start)
     print(f"refined: r = {correlation:.4f}, {place}")
+    sq, error = (
+        1e3 * float(np.sqrt((of**2).mean())) for of in (surface.height, surface.left_out_error)
+    )
     print(
-        f"square: Sq {surface.Sq_um:.1f} µm, {surface.height.attrs}, vertices left out err by "
-        f"{1e3 * float(np.sqrt((surface.left_out_error**2).mean())):.1f} µm"
+        f"square: Sq {sq:.1f} µm, {surface.height.attrs}, vertices left out err by {error:.1f} µm"
     )
 
     scans, patches = cut(heights, place)
     whole, planes = planes_table(surface.height, heights, place, scans, patches)
     level = {patch: remove_plane(scan)[0] for patch, scan in scans.items()}
-    nowhere = {"patch_mm": PATCH_MM, "shift_um": (0, 0)}
     composites = [
         compose_surface(
             surface,
@@ -336,7 +334,7 @@ def main() -> None:
             s_filter_um=s_filter,
             placement_um=config["uncertainty"]["placement_um"],
             seed=seed + draw,
-            **nowhere,
+            patch_mm=PATCH_MM,
         )
         for draw in range(options.draws)
     ]
@@ -347,14 +345,16 @@ def main() -> None:
         (planes.set_index("patch") * 1e3).join(composite[names].to_dataframe()).round(1).to_string()
     )
     planes_agree(planes, composite)
-    print(place_patches(surface, patches, level, **nowhere).round(2).to_string(index=False))
+    print(place_patches(surface, patches, level, patch_mm=PATCH_MM).round(2).to_string(index=False))
 
     by_mesh, *contacts = (
         contact_at_pressure(each[["height"]], source="square", tolerance=1e-9, **load)
         for each in (surface, *composites)
     )
-    pressures = couple_scales(contacts[0], by_mesh, patches, **nowhere).set_index("patch")
-    drawn = [couple_scales(each, by_mesh, patches, **nowhere).pressure_MPa for each in contacts]
+    pressures = couple_scales(contacts[0], by_mesh, patches, patch_mm=PATCH_MM).set_index("patch")
+    drawn = [
+        couple_scales(each, by_mesh, patches, patch_mm=PATCH_MM).pressure_MPa for each in contacts
+    ]
     for statistic in (np.mean, np.min, np.max):
         pressures[f"composite, {statistic.__name__} of draws"] = statistic(drawn, axis=0)
     by_map = {
@@ -391,15 +391,6 @@ def main() -> None:
             for rim in (config["validation"]["rim"], 0.0):
                 table = scored(solved, against, rim)
                 scores.append(table.assign(planes=name, pressure=which, rim=rim))
-            loaded = [patch for patch in level if against.contact.sel(patch=patch).any()]
-            if loaded and (name, which) == ("mesh's planes", "reference"):
-                figure = two_scales_figure(
-                    {v: {p: each[p] for p in loaded} for v, each in solved.items()},
-                    {p: against.contact.sel(patch=p)[0].values for p in loaded},
-                    scores[-2],
-                )
-                options.out.parent.mkdir(parents=True, exist_ok=True)
-                save_figure(figure, options.out.with_name(f"{options.out.stem}_contact.png"))
     table = pd.concat(scores)
     columns = ["planes", "pressure", "rim", "patch", "variant", "contact_fraction"]
     columns += ["reference_contact_fraction", "f1", "lowest", "highest"]

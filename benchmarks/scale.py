@@ -56,12 +56,14 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
         for name in ("config", "tiny")
     )
     made = default["specimen"] | tiny["specimen"]
+    half = side / 2
+    corners = [[half, half, 0.0], [-half, half, 0.0], [half, -half, 0.0]]
     config = tiny | {
         "results": RESULTS,
         "patches": "config/patches.tsv",
         "specimen": None,
         "inputs": {"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"},
-        "square": {"size_mm": float(side), "frame": {"origin_mm": [side / 2, side / 2, 0.0]}},
+        "square": {"size_mm": float(side), "points_mm": corners},
         "macroscale": tiny["macroscale"] | {"grid": GRID * side, "maximum_displacement_um": 2000.0},
         "selection": {"minimum_pressure_MPa": 0.01, "minimum_overlap": 0.1},
         "hardness": 5000.0,

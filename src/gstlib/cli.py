@@ -41,26 +41,17 @@ def main() -> None:
 @click.option(
     "--spacing-um", type=float, help="Point spacing (µm) of text files that do not state it."
 )
-@click.option(
-    "--picture",
-    type=_PATH,
-    help="Draw the scan, or both sides of the mesh, into this PNG (one file only).",
-)
-def inspect(files, unit, spacing_um, picture) -> None:
+def inspect(files, unit, spacing_um) -> None:
     """Show what scans and meshes hold: size, spacing, units, unmeasured share, Sq.
 
     The exit code is 1 if any file cannot be read; the others are shown all the same.
     """
     from gstlib.inputs import inspect_file
-    from gstlib.io.meshes import is_mesh
 
-    if picture is not None and (len(files) > 1 or picture.suffix.lower() != ".png"):
-        problem = f"--picture draws one file into a PNG: name it .png, not '{picture.name}'"
-        raise click.UsageError(problem)
     failed = False
     for file in files:
         try:
-            facts, content = inspect_file(file, unit=unit, spacing_um=spacing_um)
+            facts, _ = inspect_file(file, unit=unit, spacing_um=spacing_um)
         except GstError as error:
             failed = True
             click.echo(f"ERROR: {error}", err=True)
@@ -69,13 +60,6 @@ def inspect(files, unit, spacing_um, picture) -> None:
         shown = {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in facts.items()}
         lines = [f"  {name.ljust(width)}  {value}\n" for name, value in shown.items()]
         click.echo(f"{file}\n{''.join(lines)}")
-        if picture is not None:
-            from gstlib.figures.macroscale import surface_figure
-            from gstlib.figures.style import save_figure
-            from gstlib.figures.tool import stone_figure
-
-            draw = stone_figure if is_mesh(file) else surface_figure
-            save_figure(draw(content, title=file.name), picture)
     sys.exit(failed)
 
 

@@ -28,13 +28,7 @@ from gstlib.coupling import Place, half_extent, on_patch, places_of, spline_of
 from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import axis_coordinates, make_surface, spacing_of
 
-__all__ = [
-    "compose",
-    "compose_grid",
-    "compose_surface",
-    "draw_mesh_errors",
-    "plane_under",
-]
+__all__ = ["compose", "compose_grid", "compose_surface", "draw_mesh_errors", "plane_under"]
 
 # Points of the composite along each side of a macroscale element, and along a patch for its plane.
 _PER_ELEMENT = 4
@@ -88,6 +82,8 @@ def compose_surface(
         the slopes are 0. ``scan`` (patch, v, u) mm, the scans on a coarse grid; ``density``
         (frequency) mm⁴, the power spectral density of what they show beyond the mesh.
     """
+    from skimage.transform import resize_local_mean
+
     places, spline = places_of(patches), spline_of(surface.height)
     element = max(spacing_of(surface.height))
     points = int(np.ceil(patch_mm * _PER_ELEMENT / element))
@@ -96,9 +92,9 @@ def compose_surface(
         shape = shape or height.shape  # of the first: densities need the same frequencies
         under = height.copy(data=on_patch(spline, places[patch], height.shape, patch_mm))
         beyond = height.values - remove_plane(under)[0].values
-        frequency, density = _density(_block_averaged(beyond, min(shape)), patch_mm)
+        frequency, density = _density(resize_local_mean(beyond, 2 * (min(shape),)), patch_mm)
         densities.append(density)
-        scans.append(_block_averaged(height.values, points))
+        scans.append(resize_local_mean(height.values, 2 * (points,)))
     spectrum = xr.DataArray(
         np.mean(densities, axis=0),
         dims="frequency",
@@ -115,7 +111,7 @@ def compose_surface(
         for plane, sure in zip(planes, known, strict=True)
     ]
     laid = zip(places.values(), planes, scans, strict=True)
-    level, square = remove_plane(compose_grid(surface.height, laid, patch_mm, spectrum, seed))
+    level = remove_plane(compose_grid(surface.height, laid, patch_mm, spectrum, seed))[0]
     numbers = {
         "x_mm": ("mm", "centre along x", [place.x_mm for place in places.values()]),
         "y_mm": ("mm", "centre along y", [place.y_mm for place in places.values()]),
@@ -140,12 +136,7 @@ def compose_surface(
             for name, (units, text, values) in numbers.items()
         },
         coords={"patch": list(places)},
-        attrs={
-            "patch_mm": patch_mm,
-            "Sq_um": float(level.values.std()) * 1e3,
-            "tilt_x_mrad": square.tilt_x_mrad,
-            "tilt_y_mrad": square.tilt_y_mrad,
-        },
+        attrs={"patch_mm": patch_mm},
     )
 
 
@@ -155,18 +146,17 @@ def compose(
     patch_mm: float,
     shape: tuple[int, ...],
     spacing: float,
-    density: xr.DataArray | None,
+    density: xr.DataArray,
     seed: int | np.random.Generator,
 ) -> np.ndarray:
     """Heights (ny, nx), mm, of the composite surface at any spacing (mm).
 
     Inside an outline, the scan on its plane; elsewhere the surface of `spline` with random detail
-    of the given `density`, if there is one.
+    of the given `density`.
     """
     y, x = (axis_coordinates(count, spacing) for count in shape)
     height = spline(y, x)
-    if density is not None:
-        height += _random_field(density, shape, spacing, np.random.default_rng(seed))
+    height += _random_field(density, shape, spacing, np.random.default_rng(seed))
     laid, count = np.zeros_like(height), np.zeros(height.shape, np.uint8)
     for place, plane, scan in scans:
         reach = half_extent(patch_mm, place.rotation_deg)
@@ -283,12 +273,3 @@ def _frequency(shape: Iterable[int], spacing: float) -> np.ndarray:
     """Spatial frequency of every term of a real two-dimensional transform."""
     ny, nx = shape
     return np.hypot(scipy.fft.fftfreq(ny, spacing)[:, None], scipy.fft.rfftfreq(nx, spacing))
-
-
-def _block_averaged(heights: np.ndarray, points: int) -> np.ndarray:
-    """Heights averaged on (points, points), of any number of points."""
-    if heights.shape == (points, points):
-        return heights
-    from skimage.transform import resize_local_mean
-
-    return resize_local_mean(heights, 2 * (points,))

@@ -17,7 +17,7 @@ from jsonschema.exceptions import ValidationError
 
 from gstlib.bem import contact_modulus
 from gstlib.errors import ConfigError
-from gstlib.preprocess.frame import Frame, frame_from_points
+from gstlib.preprocess.frame import frame_from_points
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -175,12 +175,9 @@ def _contradictions(config: Mapping) -> Iterator[str]:
             f"'results' is {config['results']!r}, a folder that holds {inside}: name one that is "
             "for the results alone"
         )
-    square, frame = config["square"], config["square"]["frame"]
+    square = config["square"]
     try:
-        if frame["points_mm"] is None:
-            Frame(frame["origin_mm"], frame["x_axis"], frame["normal"])
-        else:
-            frame_from_points(frame["points_mm"])
+        frame_from_points(square["points_mm"])
     except ConfigError as error:
         yield str(error)
     if config["scans"]["size_mm"] > square["size_mm"]:

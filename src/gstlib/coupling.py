@@ -22,10 +22,11 @@ __all__ = [
     "Place",
     "footprint_weights",
     "half_extent",
+    "moved",
     "on_patch",
+    "outline",
     "patch_pressures",
     "places_of",
-    "shifted",
     "spline_of",
     "surroundings",
 ]
@@ -66,48 +67,34 @@ def on_patch(
     return spline.ev(*place.points(v[:, None], u))
 
 
-def footprint_weights(
-    grid: xr.DataArray | xr.Dataset, x: float, y: float, size: float, rotation_deg: float = 0.0
-) -> np.ndarray:
-    """Share of each element's area that lies inside a square footprint, exactly.
+def outline(place: Place, size_mm: float) -> np.ndarray:
+    """Corners (4, 2), x and y (mm), of a square footprint; before a turn the lower left first."""
+    v, u = size_mm / 2 * np.array([[-1, -1, 1, 1], [-1, 1, 1, -1]])
+    return np.column_stack(place.points(v, u)[::-1])
 
-    Parameters
-    ----------
-    grid : xarray.DataArray or Dataset
-        Any variable on the grid, dims (..., y, x).
-    x, y : float
-        Centre of the footprint, mm.
-    size : float
-        Its side, mm.
-    rotation_deg : float
-        Its rotation about the normal, from x towards y.
 
-    Returns
-    -------
-    (ny, nx) ndarray
-        From 0 (outside) to 1 (inside).
+def footprint_weights(grid: xr.DataArray | xr.Dataset, place: Place, size_mm: float) -> np.ndarray:
+    """Share (ny, nx), from 0 to 1, of each element's area inside a square footprint, exactly.
+
+    `grid` is any variable on the grid, dims (..., y, x); `size_mm` is the footprint's side.
     """
-    if rotation_deg == 0:  # as exact, and a hundred times as fast
+    dy, dx = spacing_of(grid)
+    if place.rotation_deg == 0:  # as exact, and a hundred times as fast
         overlap = []
-        for at, step, centre in zip("yx", spacing_of(grid), (y, x), strict=True):
+        for at, step, centre in (("y", dy, place.y_mm), ("x", dx, place.x_mm)):
             low, high = grid[at].values - step / 2, grid[at].values + step / 2
-            inside = np.minimum(high, centre + size / 2) - np.maximum(low, centre - size / 2)
+            half = size_mm / 2
+            inside = np.minimum(high, centre + half) - np.maximum(low, centre - half)
             overlap.append(np.clip(inside, 0, None))
-        return np.outer(*overlap) / np.prod(spacing_of(grid))
+        return np.outer(*overlap) / (dy * dx)
     import shapely
 
-    angle = np.radians(rotation_deg)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    corners = size / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ turn.T + (x, y)
-    dy, dx = spacing_of(grid)
-    at_y, at_x = np.meshgrid(grid.y.values, grid.x.values, indexing="ij")
-    reach = half_extent(size, rotation_deg)
-    near = (np.abs(at_y - y) < reach + dy / 2) & (np.abs(at_x - x) < reach + dx / 2)
-    at_y, at_x = at_y[near], at_x[near]
-    elements = shapely.box(at_x - dx / 2, at_y - dy / 2, at_x + dx / 2, at_y + dy / 2)
-    weights = np.zeros(near.shape)
-    inside = shapely.area(shapely.intersection(elements, shapely.polygons(corners)))
-    weights[near] = inside / (dy * dx)
+    y, x = np.meshgrid(grid.y.values, grid.x.values, indexing="ij")
+    near = (abs(y - place.y_mm) < size_mm + dy) & (abs(x - place.x_mm) < size_mm + dx)
+    y, x, weights = y[near], x[near], np.zeros(near.shape)
+    elements = shapely.box(x - dx / 2, y - dy / 2, x + dx / 2, y + dy / 2)
+    inside = shapely.intersection(elements, shapely.polygons(outline(place, size_mm)))
+    weights[near] = shapely.area(inside) / (dy * dx)
     return weights
 
 
@@ -117,24 +104,17 @@ def half_extent(size_mm: float, rotation_deg: float | pd.Series) -> float | pd.S
     return size_mm / 2 * (abs(np.cos(angle)) + abs(np.sin(angle)))
 
 
-def shifted(
+def moved(
     patches: pd.DataFrame,
-    shift_um: Sequence[float],
+    shift_mm: Sequence[float | np.ndarray] | np.ndarray,
     square: xr.DataArray | xr.Dataset,
-    *,
     size_mm: float,
 ) -> pd.DataFrame:
-    """The patch table with all patches shifted by (x, y), µm; none leaves the square.
-
-    ``rotation_deg`` is 0 where the table has none.
-    """
-    table = patches.assign(rotation_deg=patches.get("rotation_deg", 0.0))
-    if any(shift_um):
-        half = half_extent(size_mm, table.rotation_deg)
-        square_mm = spacing_of(square)[0] * square.sizes["y"]
-        for name, shift in zip(("x_mm", "y_mm"), shift_um, strict=True):
-            table[name] = (table[name] + shift * 1e-3).clip(half, square_mm - half)
-    return table
+    """The patches moved along x and y, all alike or each by itself; none leaves the square."""
+    half = half_extent(size_mm, patches.rotation_deg)
+    last = spacing_of(square)[0] * square.sizes["y"] - half
+    x, y = (patches[name] + by for name, by in zip(("x_mm", "y_mm"), shift_mm, strict=True))
+    return patches.assign(x_mm=x.clip(half, last), y_mm=y.clip(half, last))
 
 
 def patch_pressures(
@@ -155,21 +135,18 @@ def patch_pressures(
     -------
     pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``; ``force_N``, the force on the footprint;
-        ``pressure_MPa``, over its nominal area; ``contact_fraction``, share of that area in
-        elements that are in contact; ``peak_pressure_MPa``, largest pressure of an element in it.
+        ``pressure_MPa``, over its nominal area; ``peak_pressure_MPa``, largest pressure of an
+        element in it.
     """
-    dy, dx = spacing_of(pressure)
-    values = pressure.values
-    rows = []
-    names = ["patch", "x_mm", "y_mm", "rotation_deg"]
-    for patch, x, y, rotation in patches[names].itertuples(index=False):
-        weights = footprint_weights(pressure, x, y, size_mm, rotation)
-        force = float((values * weights).sum() * dy * dx)
-        touching = float(weights[values > 0].sum() * dy * dx / size_mm**2)
+    area, values, rows = np.prod(spacing_of(pressure)), pressure.values, []
+    for place in places_of(patches).values():
+        weights = footprint_weights(pressure, place, size_mm)
+        force = float((values * weights).sum() * area)
         peak = float(values[weights > 0].max(initial=0.0))
-        rows.append((patch, x, y, rotation, force, force / size_mm**2, touching, peak))
-    found = "force_N", "pressure_MPa", "contact_fraction", "peak_pressure_MPa"
-    return pd.DataFrame(rows, columns=[*names, *found])
+        rows.append((force, force / size_mm**2, peak))
+    found = "force_N", "pressure_MPa", "peak_pressure_MPa"
+    table = patches[["patch", "x_mm", "y_mm", "rotation_deg"]].reset_index(drop=True)
+    return table.join(pd.DataFrame(rows, columns=found))
 
 
 def surroundings(
@@ -187,7 +164,7 @@ def surroundings(
     share of its area outside counts. A `layer` may be in front of the stone. The result is of
     `shape`, that of the scan, in mm, positive into the stone.
     """
-    inside = footprint_weights(pressure, place.x_mm, place.y_mm, size_mm, place.rotation_deg)
+    inside = footprint_weights(pressure, place, size_mm)
     square = HalfSpace(pressure.shape, spacing_of(pressure), contact_modulus_MPa, layer=layer)
     displaced = pressure.copy(data=square.displacement(pressure.values * (1 - inside)))
     return on_patch(spline_of(displaced), place, shape, size_mm)

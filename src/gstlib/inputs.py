@@ -134,7 +134,7 @@ def check_inputs(
     try:
         if mesh is not None:
             stone = read_mesh(mesh, unit=mesh_unit)
-            frame = find_frame(square, stone, unit=mesh_unit, source=str(mesh))
+            frame = find_frame(square, stone, source=str(mesh))
             gridded = grid_mesh(
                 stone,
                 frame,

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 __all__ = ["Shown", "by_category", "caption_html", "embedded", "patch_records", "render"]
 __all__ += ["tool_scene", "warned"]
 
-_STONE_FACES = 60_000  # beside the square; they take 24 bytes each
 _COLOURS = 256  # as many as a PNG of one byte a pixel can have
 
 
@@ -163,31 +162,34 @@ def tool_scene(
     from matplotlib.colors import to_hex
     from matplotlib.image import imsave
 
-    from gstlib.figures.maps import FORCE_MAP, footprint
-    from gstlib.figures.tool import axes_of, coloured_tool, outline_on, pressure_norm, tool_view
+    from gstlib.coupling import Place, outline, places_of
+    from gstlib.figures.maps import FORCE_MAP, force_norm
+    from gstlib.figures.tool import coloured_tool, outline_on, tool_view
     from gstlib.viewer import stone_data
 
-    stone, colours = coloured_tool(mesh, frame, pressure, faces=_STONE_FACES)
+    stone, colours = coloured_tool(mesh, frame, pressure)
     size = float(pressure.x[-1] + pressure.x[0])
 
-    def outlined(*place: float) -> dict[str, list]:
-        flat = footprint(*place)
+    def outlined(place: Place, side: float) -> dict[str, list]:
+        flat = outline(place, side)
         on_tool = outline_on(stone, frame, flat, size)
         return {"flat": np.round(flat, 4).tolist(), "outline": np.round(on_tool, 4).tolist()}
 
-    rows = zip(*(places[name] for name in ("patch", "x_mm", "y_mm", "rotation_deg")), strict=True)
     view = tool_view(stone, frame)
     content = io.BytesIO()
-    shown = pressure_norm(pressure)
+    shown = force_norm(pressure.values)
     imsave(content, FORCE_MAP(shown(pressure.values))[::-1], metadata={"Software": None})
     return {
         "stone": stone_data(stone, colours),
-        "frame": {"origin": list(frame.origin), "axes": axes_of(frame).tolist(), "size": size},
-        "view": list(view.normal),
-        "middle": list(view.origin),
+        "frame": {"origin": list(frame.origin), "axes": frame.axes.tolist(), "size": size},
+        "view": view.axes[2].tolist(),
+        "middle": list(map(float, view.origin)),
         "extent": np.ptp(view.to_frame(stone.vertices), axis=0)[:2].tolist(),
-        "square": outlined(size / 2, size / 2, 0.0, size),
-        "patches": [{"patch": patch} | outlined(*place, patch_mm) for patch, *place in rows],
+        "square": outlined(Place(size / 2, size / 2, 0.0), size),
+        "patches": [
+            {"patch": patch} | outlined(place, patch_mm)
+            for patch, place in places_of(pd.DataFrame(places)).items()
+        ],
         "map": embedded(content.getvalue()),
         "highest": shown.vmax,
         "scale": [to_hex(FORCE_MAP(share)) for share in np.linspace(0, 1, 13)],

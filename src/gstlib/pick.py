@@ -12,7 +12,6 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import KDTree
 
-from gstlib.preprocess.gridding import orientation
 from gstlib.viewer import coarsen, stone_data, three_js, to_script, viewer_js
 
 if TYPE_CHECKING:
@@ -59,7 +58,6 @@ def pick_page(
         "size": size_mm,
         "patches": [dict(zip(("name", "x", "y", "turn"), row, strict=True)) for row in rows],
         "patch_size": patch_size_mm,
-        "outwards": orientation(mesh),
     }
     note = f"All {len(mesh.faces):,} triangles of the mesh are shown."
     if shown is not mesh:

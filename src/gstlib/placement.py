@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.coupling import on_patch, places_of, shifted, spline_of
+from gstlib.coupling import moved, on_patch, places_of, spline_of
 
 __all__ = ["AGREES", "ALL", "CANNOT_TELL", "ELSEWHERE", "SHIFTED", "place_patches"]
 
@@ -63,7 +63,7 @@ def place_patches(
     surface : (y, x) xarray.DataArray
         Heights of the macroscale in the square's frame, mm.
     patches : pandas.DataFrame
-        Patch table: ``patch, x_mm, y_mm``, optionally ``rotation_deg``.
+        Patch table: ``patch, x_mm, y_mm, rotation_deg``.
     heights : mapping of patch to (y, x) xarray.DataArray
         The prepared scans, mm, no NaN. Each is looked up once.
     size_mm : float
@@ -103,15 +103,15 @@ def place_patches(
     elif correlation.mean() < _LOW:
         _log.warning(
             "the patches together correlate with the macroscale by no more than %.2f, as if few or "
-            "none of them lay where the patch table says: check its x_mm and y_mm, square.frame, "
-            "and the units of mesh and scans (a mesh that is too smooth looks the same)",
+            "none of them lay where the patch table says: check its x_mm and y_mm, "
+            "square.points_mm, and the units of mesh and scans (a mesh that is too smooth looks "
+            "the same)",
             correlation.mean(),
         )
     elif p_value < _SIGNIFICANCE:
         _log.warning(
             "all patches together fit the macroscale best when shifted in x by %+.0f ± %.0f µm and "
-            "y by %+.0f ± %.0f µm: check square.frame, or add this to placement.shift_x_um and "
-            "placement.shift_y_um",
+            "y by %+.0f ± %.0f µm: check square.points_mm, or add this to the patch table",
             *(1e3 * np.array([shift, errors]).T.ravel()),
         )
     for row in table[table.verdict == ELSEWHERE].itertuples(index=False):
@@ -138,9 +138,8 @@ def _correlations(
     scans, spline = _level(np.array(flipped)), spline_of(surface)
     found = np.empty((*scans.shape[:2], len(steps), len(steps)))
     for row, column in np.ndindex(found.shape[2:]):
-        shift_um = float(1e3 * steps[column]), float(1e3 * steps[row])
-        places = places_of(shifted(patches, shift_um, surface, size_mm=size_mm)).values()
-        under = [on_patch(spline, place, 2 * (_POINTS,), size_mm) for place in places]
+        places = places_of(moved(patches, (steps[column], steps[row]), surface, size_mm))
+        under = [on_patch(spline, place, 2 * (_POINTS,), size_mm) for place in places.values()]
         found[:, :, row, column] = np.einsum("pln,pn->pl", scans, _level(np.array(under)))
     return np.concatenate([found, -found], axis=1)
 

@@ -13,6 +13,7 @@ from itertools import chain
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy.ndimage import map_coordinates
 
 from gstlib.composite import compose
 from gstlib.contact import laid_height
@@ -22,12 +23,7 @@ from gstlib.preprocess.leveling import Plane
 from gstlib.surface import make_surface, spacing_of
 from gstlib.validation.scores import inside_rim, scores_of_sums
 
-__all__ = [
-    "TOLERANCE",
-    "composite_heights",
-    "patches_of_reference",
-    "two_scales_table",
-]
+__all__ = ["TOLERANCE", "composite_heights", "patches_of_reference", "two_scales_table"]
 
 # Of the contact of the whole square. With 1e-7 in its place, 3 points in contact of 10,000 change.
 TOLERANCE = 1e-4
@@ -95,15 +91,12 @@ def patches_of_reference(
     for pressure in pressures:
         rows = []
         for place in places.values():
-            positions = place.points(v[:, None], u)
             at = [
-                np.rint((p - pressure[axis].values[0]) / pressure[axis].attrs["spacing"])
-                for p, axis in zip(positions, "yx", strict=True)
+                (places - pressure[axis].values[0]) / pressure[axis].attrs["spacing"]
+                for places, axis in zip(place.points(v[:, None], u), "yx", strict=True)
             ]
-            row, column = (each.astype(int) for each in np.broadcast_arrays(*at))
-            inside = (row >= 0) & (column >= 0)
-            inside &= (row < pressure.sizes["y"]) & (column < pressure.sizes["x"])
-            rows.append(np.where(inside, pressure.values[row * inside, column * inside], 0))
+            nearest = {"order": 0, "mode": "grid-constant", "cval": 0}  # of the square's points
+            rows.append(map_coordinates(pressure.values, np.broadcast_arrays(*at), **nearest))
         touching.append([values > 0 for values in rows])
         mean.append([values.mean() for values in rows])
     there = "in the single-scale contact"

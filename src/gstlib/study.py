@@ -87,7 +87,7 @@ __all__ = [
 # The sections of the config that the stages of `Study` depend on, besides `seed`.
 STUDY_SECTIONS = (
     *("coupling", "square", "material", "macroscale", "scans", "preprocessing", "registration"),
-    *("traces", "texture", "placement", "uncertainty", "selection", "microscale", "validation"),
+    *("traces", "texture", "uncertainty", "selection", "microscale", "validation"),
     *("wear_steps", "mat"),
 )
 # Which pressure of a patch each variant takes, of `couple_scales`.
@@ -105,20 +105,19 @@ def grid_macroscale(
     *,
     square: Mapping,
     grid: int,
-    mesh_unit: str,
     source: str | Path,
     **settings: Any,
 ) -> xr.Dataset:
     """Heights of the use-face over the analysed square, its plane removed (section 2.1).
 
-    Settings and result are those of `gstlib.preprocess.gridding.grid_mesh`; the frame and the
-    removed plane are attributes of the result.
+    Settings and result are those of `gstlib.preprocess.gridding.grid_mesh`; the frame is in the
+    attributes of the result.
     """
     from gstlib.preprocess.frame import find_frame
     from gstlib.preprocess.gridding import grid_mesh
     from gstlib.preprocess.leveling import remove_plane
 
-    frame = find_frame(square, mesh, unit=mesh_unit, source=str(source))
+    frame = find_frame(square, mesh, source=str(source))
     gridded = grid_mesh(
         mesh,
         frame,
@@ -127,14 +126,9 @@ def grid_macroscale(
         source=str(source),
         **settings,
     )
-    height, plane = remove_plane(gridded.height)
+    height, _ = remove_plane(gridded.height)
     return gridded.assign(height=height).assign_attrs(
-        origin_mm=frame.origin,
-        x_axis=frame.x_axis,
-        normal=frame.normal,
-        tilt_x_mrad=plane.tilt_x_mrad,
-        tilt_y_mrad=plane.tilt_y_mrad,
-        Sq_um=float(np.sqrt((height**2).mean())) * 1e3,
+        origin_mm=frame.origin, x_axis=frame.x_axis, normal=frame.normal
     )
 
 
@@ -159,7 +153,6 @@ def compose_surface(
     heights: Iterable[tuple[str, xr.DataArray]],
     *,
     patch_mm: float,
-    shift_um: Sequence[float],
     s_filter_um: float | None,
     **settings: Any,
 ) -> xr.Dataset:
@@ -169,12 +162,11 @@ def compose_surface(
     result are those of `gstlib.composite.compose_surface`.
     """
     from gstlib.composite import compose_surface
-    from gstlib.coupling import shifted
     from gstlib.preprocess.filtering import s_filtered
 
     return compose_surface(
         surface,
-        shifted(patches, shift_um, surface, size_mm=patch_mm),
+        patches,
         ((patch, s_filtered(height, s_filter_um)) for patch, height in heights),
         patch_mm=patch_mm,
         **settings,
@@ -241,19 +233,17 @@ def couple_scales(
     patches: pd.DataFrame,
     *,
     patch_mm: float,
-    shift_um: Sequence[float],
 ) -> pd.DataFrame:
     """Pressure of each patch: the macroscale forces in its outline over its area (section 2.3).
 
-    `contact` is the square's at the target pressure, and `mesh_contact` that of the mesh alone;
-    `shift_um` (x, y) shifts all patches. The result is that of `gstlib.coupling.patch_pressures`
-    with ``mesh_pressure_MPa``, the pressure by the mesh alone.
+    `contact` is the square's at the target pressure, and `mesh_contact` that of the mesh alone. The
+    result is that of `gstlib.coupling.patch_pressures` with ``mesh_pressure_MPa``, the pressure by
+    the mesh alone.
     """
-    from gstlib.coupling import patch_pressures, shifted
+    from gstlib.coupling import patch_pressures
 
-    places = shifted(patches, shift_um, contact, size_mm=patch_mm)
-    pressures = patch_pressures(contact.pressure, places, size_mm=patch_mm)
-    by_mesh = patch_pressures(mesh_contact.pressure, places, size_mm=patch_mm)
+    pressures = patch_pressures(contact.pressure, patches, size_mm=patch_mm)
+    by_mesh = patch_pressures(mesh_contact.pressure, patches, size_mm=patch_mm)
     return pressures.assign(mesh_pressure_MPa=by_mesh.pressure_MPa)
 
 
@@ -289,18 +279,15 @@ def place_patches(
     heights: Mapping[str, xr.DataArray],
     *,
     patch_mm: float,
-    shift_um: Sequence[float],
 ) -> pd.DataFrame:
     """Hold each patch against the square under it.
 
     `heights` (y, x) are those of the prepared T0 scans, by patch. The result is that of
     `gstlib.placement.place_patches`.
     """
-    from gstlib.coupling import shifted
     from gstlib.placement import place_patches
 
-    places = shifted(patches, shift_um, surface, size_mm=patch_mm)
-    return place_patches(surface.height, places, heights, size_mm=patch_mm)
+    return place_patches(surface.height, patches, heights, size_mm=patch_mm)
 
 
 # --- The scans --------------------------------------------------------------------------------
@@ -330,9 +317,8 @@ def prepare_scan(
 def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFrame:
     """What was done to each scan, from the attributes of its dataset, by patch and epoch."""
     columns = [
-        *("points", "unmeasured", "unmeasured_share", "filled", "outlier_rule", "outliers"),
-        *("outlier_share", "outlier_k", "tilt_x_mrad", "tilt_y_mrad", "Sq_before_um"),
-        *("Sq_after_um", "highest_before_um", "highest_after_um"),
+        *("unmeasured", "filled", "outliers", "outlier_k", "tilt_x_mrad", "tilt_y_mrad"),
+        *("Sq_before_um", "Sq_after_um"),
     ]
     rows = [(*scan, *(attrs[name] for name in columns)) for scan, attrs in scans.items()]
     return pd.DataFrame(rows, columns=["patch", "epoch", *columns])
@@ -813,13 +799,12 @@ class Study:
         """Heights of the square, from `grid_macroscale`."""
         names = ("grid", "margin_mm", "interpolation")
         settings = {name: self.config["macroscale"][name] for name in names}
-        settings |= {"square": self.config["square"], "mesh_unit": "mm", "source": "mesh"}
+        settings |= {"square": self.config["square"], "source": "mesh"}
         return grid_macroscale(self.read_mesh(), **settings)
 
     @property
-    def _places(self) -> dict[str, Any]:
-        shift = [self.config["placement"][f"shift_{axis}_um"] for axis in "xy"]
-        return {"patch_mm": self.config["scans"]["size_mm"], "shift_um": shift}
+    def _patch_mm(self) -> float:
+        return self.config["scans"]["size_mm"]
 
     @_stage
     def composite(self) -> xr.Dataset:
@@ -831,7 +816,7 @@ class Study:
             s_filter_um=self.config["microscale"]["s_filter_um"],
             placement_um=self.config["uncertainty"]["placement_um"],
             seed=self.config["seed"],
-            **self._places,
+            patch_mm=self._patch_mm,
         )
 
     @_stage
@@ -863,7 +848,8 @@ class Study:
     @_stage
     def pressures(self) -> pd.DataFrame:
         """Pressure of every patch, from `couple_scales`."""
-        return couple_scales(self.contact(), self.mesh_contact(), self.patches, **self._places)
+        contacts = self.contact(), self.mesh_contact()
+        return couple_scales(*contacts, self.patches, patch_mm=self._patch_mm)
 
     @_stage
     def prepared(self, patch: str, epoch: str) -> xr.Dataset:
@@ -936,7 +922,7 @@ class Study:
             self.contact(),
             self.pressures(),
             patch_tables(self.scores())["patches"],
-            patch_mm=self._places["patch_mm"],
+            patch_mm=self._patch_mm,
             steps=self.config["wear_steps"],
             mat=self.config["mat"],
         )

@@ -34,7 +34,7 @@ _SWEPT = {
     *("macroscale.grid", "macroscale.margin_mm", "macroscale.interpolation"),
     *("macroscale.target_pressure_MPa", "macroscale.tolerance"),
     *("microscale.tolerance", "microscale.s_filter_um", "validation.neighbourhood_um"),
-    *("placement.shift_x_um", "placement.shift_y_um", "uncertainty.placement_um"),
+    "uncertainty.placement_um",
 }
 
 

@@ -21,9 +21,8 @@ import xarray as xr
 from gstlib.bem import contact_modulus
 from gstlib.composite import compose_grid, draw_mesh_errors, plane_under
 from gstlib.contact import contact_at_pressure
-from gstlib.coupling import half_extent, patch_pressures, places_of, spline_of
+from gstlib.coupling import moved, patch_pressures, places_of, spline_of
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.surface import spacing_of
 
 __all__ = ["draw_contact_moduli", "pressure_intervals"]
 
@@ -97,20 +96,16 @@ def pressure_intervals(
         ``patch, pressure_MPa, low_MPa, high_MPa``; with a composite also ``tilt_mrad``,
         ``tilt_error_mrad`` and ``plane``, "mesh" or, where it is not known, "levelled".
     """
-    square_mm = max(spacing_of(surface.height)) * len(surface.y)
-    generators = [np.random.default_rng([seed, 1, draw]) for draw in range(len(shares))]
     errors = draw_mesh_errors(surface, len(shares), np.random.default_rng([seed, 2]))
-    half = half_extent(patch_mm, pressures.rotation_deg)
     drawn = []
-    for share, error, generator in zip(shares, errors, generators, strict=True):
-        height, moved = surface.height + error, pressures.copy()
-        for axis in ("x_mm", "y_mm"):
-            shift = placement_um * 1e-3 * generator.standard_normal(len(moved))
-            moved[axis] = (moved[axis] + shift).clip(half, square_mm - half)
+    for draw, (share, error) in enumerate(zip(shares, errors, strict=True)):
+        generator = np.random.default_rng([seed, 1, draw])
+        shifts = placement_um * 1e-3 * generator.standard_normal((2, len(pressures)))
+        height, places = surface.height + error, moved(pressures, shifts, surface, patch_mm)
         if composite is not None:
-            spline, places = spline_of(height), places_of(moved)
-            planes = [plane_under(spline, place, patch_mm) for place in places.values()]
-            laid = zip(places.values(), planes, composite.scan.values, strict=True)
+            spline, at = spline_of(height), places_of(places).values()
+            planes = [plane_under(spline, place, patch_mm) for place in at]
+            laid = zip(at, planes, composite.scan.values, strict=True)
             # the generator goes on: another detail in each draw
             height = compose_grid(height, laid, patch_mm, composite.density, generator)
         contact = contact_at_pressure(
@@ -120,7 +115,7 @@ def pressure_intervals(
             target_pressure_MPa=target_pressure_MPa,
             tolerance=_TOLERANCE,
         )
-        drawn.append(patch_pressures(contact.pressure, moved, size_mm=patch_mm).pressure_MPa)
+        drawn.append(patch_pressures(contact.pressure, places, size_mm=patch_mm).pressure_MPa)
     low, high = np.percentile(drawn, _PERCENTILES, axis=0)
     table = pressures[["patch", "pressure_MPa"]].assign(low_MPa=low, high_MPa=high)
     if composite is None:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gstlib.errors import InputError
-from gstlib.preprocess.frame import principal_axes
 
 if TYPE_CHECKING:
     import trimesh
@@ -105,12 +104,15 @@ def stone_data(mesh: "trimesh.Trimesh", colours: np.ndarray | None = None) -> di
     """
     low, high = mesh.bounds
     centre = (low + high) / 2
+    axes = np.linalg.eigh(np.cov(np.asarray(mesh.vertices).T))[1].T[::-1]
+    # the signs that eigh gives are arbitrary
+    axes = axes * np.sign([axis[np.abs(axis).argmax()] for axis in axes])[:, np.newaxis]
     data = {
         "vertices": _base64(mesh.vertices - centre, "<f4"),
         "faces": _base64(mesh.faces, "<u4"),
         "centre": centre.tolist(),
         "bounds": [low.tolist(), high.tolist()],
-        "axes": principal_axes(mesh).tolist(),
+        "axes": axes.tolist(),
     }
     return data if colours is None else data | {"colours": _base64(colours, "u1")}
 

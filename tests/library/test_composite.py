@@ -17,6 +17,7 @@ from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import axis_coordinates, make_surface
 
+NO_DETAIL = xr.DataArray(np.zeros(2), dims="frequency", coords={"frequency": [1.0, 2.0]})
 SIDE, COUNT, PATCH, POINTS = 4.0, 40, 0.8, 64
 PLACES = pd.DataFrame(
     {"patch": ["a", "b"], "x_mm": [1.0, 2.7], "y_mm": [1.2, 2.5], "rotation_deg": [0.0, 20.0]}
@@ -78,7 +79,13 @@ def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
     bump[40, 20] = 1.0  # v > 0, u < 0
     fine = 8 * COUNT
     found = compose(
-        spline, [(place, Plane(0.5, 0.1, -0.2), bump)], PATCH, (fine, fine), SIDE / fine, None, 0
+        spline,
+        [(place, Plane(0.5, 0.1, -0.2), bump)],
+        PATCH,
+        (fine, fine),
+        SIDE / fine,
+        NO_DETAIL,
+        0,
     )
     at = axis_coordinates(fine, SIDE / fine)
     dy, dx = at[:, None] - place.y_mm, at - place.x_mm
@@ -111,7 +118,7 @@ def test_where_outlines_overlap_their_mean_counts():
     spline = spline_of(mesh_surface().height)
     flat = np.zeros((POINTS, POINTS))
     both = [(Place(2.0, x, 0.0), Plane(h, 0, 0), flat) for x, h in ((1.5, 1.0), (1.9, 3.0))]
-    found = compose(spline, both, PATCH, (COUNT, COUNT), SIDE / COUNT, None, 0)
+    found = compose(spline, both, PATCH, (COUNT, COUNT), SIDE / COUNT, NO_DETAIL, 0)
     row = found[COUNT // 2]
     assert set(np.round(row[(row > 0.5)], 9)) == {1.0, 2.0, 3.0}
 
@@ -119,7 +126,7 @@ def test_where_outlines_overlap_their_mean_counts():
 def test_the_composite_on_the_grid_is_the_mean_over_each_element():
     height = mesh_surface().height[:, :20]
     flat = spline_of(height)(*(axis_coordinates(4 * n, SIDE / COUNT / 4) for n in height.shape))
-    found = compose_grid(height, [], PATCH, None, 0)
+    found = compose_grid(height, [], PATCH, NO_DETAIL, 0)
     np.testing.assert_allclose(found[7, 12], flat[28:32, 48:52].mean())
 
 

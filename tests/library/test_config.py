@@ -83,11 +83,9 @@ def test_all_problems_are_told_at_once(config):
     [
         ("inputs", INPUTS, "give exactly one of"),
         ("inputs", INPUTS | {"mesh_unit": "feet"}, "'inputs.mesh_unit' is 'feet'"),
-        ("square.frame.x_axis", [0.0, 0.0, 1.0], "90°"),
-        ("square.frame.normal", [0.0, 0.0, 0.0], "length zero"),
-        ("square.frame.points_mm", [*POINTS[:2], [9.0, 0.0, 0.0]], "in line"),
-        ("square.frame.points_mm", POINTS[:2], "[Three points [x, y, z]"),
-        ("square.frame.points_mm", [1.0, 2.0, 3.0], "points_mm.0' is 1.0"),
+        ("square.points_mm", [*POINTS[:2], [9.0, 0.0, 0.0]], "in line"),
+        ("square.points_mm", POINTS[:2], "[Three points [x, y, z]"),
+        ("square.points_mm", [1.0, 2.0, 3.0], "points_mm.0' is 1.0"),
         ("scans.size_mm", 6.0, "must fit"),
         ("material.young_1_MPa", 19.5, "1 GPa is 1000 MPa"),
         ("results", ".", "holds the working folder"),
@@ -117,7 +115,7 @@ def test_a_value_that_cannot_be_used(config, path, value, words):
 @pytest.mark.parametrize(
     ("path", "value"),
     [
-        ("square.frame.points_mm", POINTS),
+        ("square.points_mm", POINTS),
         ("grinding", None),
         ("hardness", None),
         ("counterface", {"scan": "a.plu"}),

@@ -15,7 +15,7 @@ from gstlib.coupling import spline_of
 from gstlib.io.meshes import read_mesh
 from gstlib.io.patches import read_patches
 from gstlib.io.scans import read_scan
-from gstlib.preprocess.frame import Frame
+from gstlib.preprocess.frame import frame_from_points
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.study import prepare_scan
@@ -114,10 +114,9 @@ def test_nothing_of_a_mesh_is_lost(name, vertices, faces, extents):
 
 def test_map_is_where_the_patch_table_says():
     config = yaml.safe_load((ROOT / "config/pebble.yaml").read_text(encoding="utf-8"))
-    given = config["square"]["frame"]
     use_face = grid_mesh(
         read_mesh(DATA / "pebble-mesh-3dhop/lithic_tool_model_full.ply"),
-        Frame(given["origin_mm"], given["x_axis"], given["normal"]),
+        frame_from_points(config["square"]["points_mm"]),
         size_mm=5.0,
         shape=(100, 100),
         margin_mm=1.0,

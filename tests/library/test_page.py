@@ -33,11 +33,8 @@ def opened(url):
     return Image.open(io.BytesIO(base64.b64decode(url.partition(",")[2])))
 
 
-@pytest.mark.parametrize("inside_out", [False, True])
-def test_the_square_is_coloured_where_it_is_pressed(stone, inside_out):
+def test_the_square_is_coloured_where_it_is_pressed(stone):
     mesh, pressure = stone
-    if inside_out:
-        mesh.invert()
     whole, colours = coloured_tool(mesh, FRAME, pressure, faces=1000)
     assert whole.volume == pytest.approx(1200, rel=0.15)
     x, y, z = whole.vertices.T

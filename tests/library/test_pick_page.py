@@ -36,19 +36,11 @@ def test_the_page_holds_the_stone_and_the_patches(mesh, tmp_path):
     text = page.read_text()
     data = data_of(text)
     assert data["stone"]["bounds"] == [[-200] * 3, [200] * 3]
-    assert (data["name"], data["unit"], data["size"], data["outwards"]) == (mesh.name, "cm", 8, 1)
+    assert (data["name"], data["unit"], data["size"]) == (mesh.name, "cm", 8)
     assert data["patches"] == [{"name": "7", "x": 1.5, "y": 2.5, "turn": 0}]
     assert "<title>Pick the square on Stein &amp; &lt;b&gt;.ply" in text
     assert not re.search(r"@[A-Z_]+@", text)
     assert not re.search(r"""(src|href)=["']?http""", text.split("<script>")[0])
-
-
-def test_a_stone_inside_out_says_so(tmp_path):
-    inverted = trimesh.creation.icosphere(radius=20.0)
-    inverted.invert()
-    inverted.export(tmp_path / "a.stl")
-    assert pick(tmp_path / "a.stl", "--output", tmp_path / "a.html").exit_code == 0
-    assert data_of((tmp_path / "a.html").read_text())["outwards"] == -1
 
 
 def test_glb_is_in_metres(tmp_path):

@@ -4,8 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from gstlib.coupling import Place
 from gstlib.placement import AGREES, ALL, CANNOT_TELL, ELSEWHERE, SHIFTED, place_patches
-from gstlib.surface import make_surface
+from gstlib.surface import axis_coordinates, make_surface
 
 SQUARE, SIZE = 5.0, 0.85
 NINE = [(y, x) for y in (1.2, 2.5, 3.8) for x in (1.2, 2.5, 3.8)]
@@ -28,16 +29,12 @@ class Waves:
         ).sum(axis=-1)
 
     def square(self, count=100):
-        places = (np.arange(count) + 0.5) * SQUARE / count
+        places = axis_coordinates(count, SQUARE / count)
         return make_surface(self(places[:, None], places), SQUARE / count)
 
     def patch(self, y, x, rotation_deg=0.0, points=64):
-        turn = np.radians(rotation_deg)
-        u = ((np.arange(points) + 0.5) / points - 0.5) * SIZE
-        v = u[:, None]
-        heights = self(
-            y + np.cos(turn) * v + np.sin(turn) * u, x + np.cos(turn) * u - np.sin(turn) * v
-        )
+        along = axis_coordinates(points, SIZE / points) - SIZE / 2
+        heights = self(*Place(y, x, rotation_deg).points(along[:, None], along))
         return make_surface(heights, SIZE / points)
 
 

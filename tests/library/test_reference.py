@@ -73,14 +73,19 @@ def test_points_outside_the_square_are_not_in_contact():
     assert inside[-1, -1]
 
 
+def table_of(reference, rim=0.0, **contacts):
+    """The table by variant and patch; of each variant the contact of patch a."""
+    of_patches = {name: [("a", one)] for name, one in contacts.items()}
+    return two_scales_table(of_patches, reference, rim=rim).set_index(["variant", "patch"])
+
+
 def test_scores_against_the_reference_by_hand():
     true = np.zeros((POINTS, POINTS), bool)
     true[10, 10:20] = True
     pressure = np.zeros((POINTS, POINTS))
     pressure[10, 15:23] = 100.0  # 5 of 8 are right, 5 of 10 are found
     pressure[0] = 100.0  # in the rim
-    table = two_scales_table({"placed": [("a", contact(pressure))]}, reference_of([true]), rim=0.1)
-    row = table.set_index(["variant", "patch"]).loc[("placed", "a")]
+    row = table_of(reference_of([true]), 0.1, placed=contact(pressure)).loc[("placed", "a")]
     scored = 26**2
     assert row.precision == pytest.approx(5 / 8)
     assert row.recall == pytest.approx(5 / 10)
@@ -90,24 +95,22 @@ def test_scores_against_the_reference_by_hand():
     assert row.reference_contact_fraction == pytest.approx(10 / scored)
     assert row.reference_pressure_MPa == 7.0
     assert row.pressure_MPa == pytest.approx(pressure.mean())
+    none = np.zeros((POINTS, POINTS))
+    scores = table_of(reference_of([none]), levelled=contact(none))
+    assert scores[["precision", "recall", "f1", "iou"]].isna().all(axis=None)
 
 
 def test_the_rival_marks_the_highest_points_of_the_laid_surface():
     true = np.zeros((POINTS, POINTS), bool)
     true[20:24, 5:9] = True
-    contacts = {
-        "levelled": [("a", contact(np.zeros((POINTS, POINTS))))],
-        "placed": [("a", contact(np.zeros((POINTS, POINTS)), slope_y=-1.0, slope_x=0.0))],
-    }
-    table = two_scales_table(contacts, reference_of([true]), rim=0.0).set_index(
-        ["variant", "patch"]
-    )
+    none = np.zeros((POINTS, POINTS))
+    contacts = {"levelled": contact(none), "placed": contact(none, slope_y=-1.0, slope_x=0.0)}
+    table = table_of(reference_of([true]), **contacts)
     # levelled, the last rows are the highest; on the plane, the first
     assert table.f1["highest_levelled", "a"] == 0
     first = np.zeros_like(true)
     first[0, :] = True
-    again = two_scales_table(contacts, reference_of([first]), rim=0.0)
-    again = again.set_index(["variant", "patch"])
+    again = table_of(reference_of([first]), **contacts)
     assert again.f1["highest_placed", "a"] == 1
     assert again.f1["highest_levelled", "a"] == 0
     assert again.contact_fraction["highest_placed", "a"] == pytest.approx(1 / POINTS)
@@ -119,15 +122,7 @@ def test_draws_and_patches_are_pooled():
     one[10, 10:14], other[10, 12:20] = True, True
     pressure = np.zeros((POINTS, POINTS))
     pressure[10, 10:14] = 1.0
-    table = two_scales_table(
-        {"placed": [("a", contact(pressure))]}, reference_of([one, other]), rim=0.0
-    ).set_index(["variant", "patch"])
+    table = table_of(reference_of([one, other]), placed=contact(pressure))
     assert table.precision["placed", "a"] == pytest.approx((4 + 2) / 8)
     assert table.recall["placed", "a"] == pytest.approx((4 + 2) / 12)
     assert table.f1["placed", ALL] == table.f1["placed", "a"]
-
-
-def test_without_contact_there_is_no_score():
-    none = np.zeros((POINTS, POINTS))
-    table = two_scales_table({"levelled": [("a", contact(none))]}, reference_of([none]), rim=0.1)
-    assert table[["precision", "recall", "f1", "iou"]].isna().all(axis=None)

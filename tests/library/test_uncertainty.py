@@ -7,7 +7,7 @@ import xarray as xr
 
 from gstlib.composite import compose_surface
 from gstlib.contact import contact_at_pressure
-from gstlib.coupling import patch_pressures
+from gstlib.coupling import patch_pressures, places_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import axis_coordinates, make_surface
 from gstlib.uncertainty import draw_contact_moduli, pressure_intervals
@@ -58,16 +58,18 @@ def test_without_errors_the_interval_is_the_pressure():
         np.testing.assert_allclose(found[end], found.pressure_MPa, rtol=1e-4)
 
 
-def test_constants_alone_give_the_pressures_of_their_solutions():
-    ends = [
-        patch_pressures(pressed(mesh().height, share).pressure, PLACES, size_mm=PATCH).pressure_MPa
-        for share in (0.5, 2.0)
-    ]
-    found = intervals([0.5, 2.0])
-    low, high = np.percentile(ends, (2.5, 97.5), axis=0)
+def assert_ends(found, drawn):
+    """The interval is that of the pressures drawn."""
+    low, high = np.percentile(drawn, (2.5, 97.5), axis=0)
+    assert (high > 1.01 * low).any()
     np.testing.assert_allclose(found.low_MPa, low, rtol=1e-4)
     np.testing.assert_allclose(found.high_MPa, high, rtol=1e-4)
-    assert (high > 1.01 * low).any()
+
+
+def test_constants_alone_give_the_pressures_of_their_solutions():
+    fields = [pressed(mesh().height, share).pressure for share in (0.5, 2.0)]
+    drawn = [patch_pressures(field, PLACES, size_mm=PATCH).pressure_MPa for field in fields]
+    assert_ends(intervals([0.5, 2.0]), drawn)
 
 
 def test_places_alone_give_the_pressures_at_those_places():
@@ -79,10 +81,7 @@ def test_places_alone_give_the_pressures_at_those_places():
         for axis in ("x_mm", "y_mm"):
             moved[axis] += 0.06 * generator.standard_normal(2)
         drawn.append(patch_pressures(field, moved, size_mm=PATCH).pressure_MPa)
-    low, high = np.percentile(drawn, (2.5, 97.5), axis=0)
-    assert (high - low > 1).all()
-    np.testing.assert_allclose(found.low_MPa, low, rtol=1e-4)
-    np.testing.assert_allclose(found.high_MPa, high, rtol=1e-4)
+    assert_ends(found, drawn)
 
 
 def test_a_mesh_that_errs_more_makes_wider_intervals():
@@ -96,13 +95,10 @@ def test_detail_between_the_scans_is_drawn_anew_and_planes_are_told():
     points = 32
     along = axis_coordinates(points, PATCH / points) - PATCH / 2
     heights = []
-    for row in PLACES.itertuples():
-        turn = np.radians(row.rotation_deg)
-        y = row.y_mm + np.cos(turn) * along[:, None] + np.sin(turn) * along
-        x = row.x_mm + np.cos(turn) * along - np.sin(turn) * along[:, None]
+    for patch, place in places_of(PLACES).items():
         rough = 5e-4 * np.random.default_rng(3).standard_normal((points, points))
-        surface = make_surface(stone(y, x) + rough, PATCH / points)
-        heights.append((row.patch, remove_plane(surface)[0]))
+        whole = stone(*place.points(along[:, None], along)) + rough
+        heights.append((patch, remove_plane(make_surface(whole, PATCH / points))[0]))
     composite = compose_surface(
         mesh(1e-5), PLACES, heights, patch_mm=PATCH, placement_um=0.0, seed=1
     )

@@ -62,7 +62,7 @@ def test_published_values_of_patches_whatever_their_names(tmp_path):
         ("inputs_table", "unmeasured"),
         ("patch_pressures", "peak_pressure_MPa"),
         ("placement", "looks"),
-        ("preprocessing", "unmeasured unmeasured_share"),
+        ("preprocessing", "unmeasured outlier_k"),
         ("slip", "mean_traction_MPa tangential_displacement_um"),
         ("validation_gains", "p_value untested shifts gain blocks"),
         (

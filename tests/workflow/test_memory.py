@@ -144,7 +144,6 @@ def test_intervals_are_those_of_the_workflow(finished_tiny, config):
         ({"macroscale": {"grid": 30}}, "pressure_MPa"),
         ({"coupling": "levelled"}, "pressure_MPa"),
         ({"microscale": {"s_filter_um": 50.0}}, "mean(f1)"),
-        ({"placement": {"shift_y_um": -40.0}}, "pressure_MPa"),
         ({"preprocessing": {"outlier_rule": "window"}}, "mean(f1)"),
         ({"traces": {"minimum_points": 6}}, "mean(f1)"),
         ({"texture": {"l_filter_um": 150.0}}, "mean_change(Sq_um)"),

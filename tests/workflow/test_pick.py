@@ -76,11 +76,11 @@ def frame_of(page, stone):
     square = config_of(page)["square"]
     config = read_config_file(ROOT / "config/config.yaml")
     config["square"]["size_mm"] = square["size_mm"]
-    config["square"]["frame"]["points_mm"] = square["frame"]["points_mm"]
+    config["square"]["points_mm"] = square["points_mm"]
     assert config_problems(config, ROOT / "workflow/schemas/config.schema.yaml") == []
     frame = find_frame(config["square"], stone)
     drawn = page.evaluate("frameOf(points())")
-    for name, own in (("x", frame.x_axis), ("y", frame.y_axis), ("normal", frame.normal)):
+    for name, own in zip(("x", "y", "normal"), frame.axes, strict=True):
         assert drawn[name] == pytest.approx(own, abs=1e-3)
     return frame
 
@@ -89,7 +89,7 @@ def test_three_clicks_make_the_square(page, stone):
     """The reference at the top right, x to the left, y down; the stone is seen from +z."""
     click(page, (2, 4), (-3, 4), (2, -1))
     frame = frame_of(page, stone)
-    points = np.array(config_of(page)["square"]["frame"]["points_mm"])
+    points = np.array(config_of(page)["square"]["points_mm"])
     # Each point is where it was clicked, on the stone, to a pixel.
     on_screen = np.array([[2, 4], [-3, 4], [2, -1]])
     right = page.evaluate("data.stone.axes[0][1]")  # the view's up is ±y
@@ -128,9 +128,9 @@ def test_a_square_about_its_centre_can_be_turned(page, stone):
     cosine = np.dot(before.x_axis, after.x_axis)
     assert np.degrees(np.arccos(cosine)) == pytest.approx(30, abs=0.1)
     # x turns towards y, about the centre
-    assert np.dot(before.y_axis, after.x_axis) == pytest.approx(0.5, abs=1e-3)
+    assert np.dot(before.axes[1], after.x_axis) == pytest.approx(0.5, abs=1e-3)
     for frame, side in ((before, 5), (after, 8)):
-        middle = frame.origin + side / 2 * np.add(frame.x_axis, frame.y_axis)
+        middle = frame.origin + side / 2 * frame.axes[:2].sum(axis=0)
         assert middle == pytest.approx([0, 0, HALF[2]], abs=0.3)
 
 
@@ -158,7 +158,7 @@ def test_enter_clicks_the_middle_of_the_view(page):
         for key in (*keys, "Enter"):
             page.locator("canvas").press(key)
             page.evaluate("viewer.snapshot()")  # the view is drawn
-    points = np.array(config_of(page)["square"]["frame"]["points_mm"])
+    points = np.array(config_of(page)["square"]["points_mm"])
     assert np.linalg.norm(points / HALF, axis=1) == pytest.approx(1, abs=0.002)
     assert points[:, 2].min() > 0
 
@@ -213,6 +213,6 @@ def test_the_page_agrees_with_the_frame_of_three_points(page):
     points = [[1.0, 2.0, 3.0], [4.0, 2.5, 3.0], [2.0, 6.0, 4.0]]
     drawn = page.evaluate("(points) => frameOf(points)", points)
     frame = frame_from_points(points)
-    for name, own in (("origin", frame.origin), ("x", frame.x_axis), ("y", frame.y_axis)):
+    for name, own in (("origin", frame.origin), ("x", frame.axes[0]), ("y", frame.axes[1])):
         assert drawn[name] == pytest.approx(own)
     assert page.evaluate("frameOf([[0, 0, 0], [1, 0, 0], [3, 0.01, 0]])") is None

@@ -48,10 +48,10 @@ def test_slurm_groups_are_of_rules_that_there_are_and_do_not_wait_for_themselves
     said = study.succeed("--workflow-profile", str(SLURM), "--dry-run")
     profile = yaml.safe_load((SLURM / "config.yaml").read_text())
     planned = set(re.findall(r"^(\w+) +\d+$", said, re.MULTILINE))
-    on_request = {"compare_published", "try_specimen", "rate_claims", "draw_power"}
+    on_request = {"compare_published", "try_specimen", "rate_claims"}
     assert set(profile["groups"]) | set(profile["set-threads"]) <= planned | on_request
     text = "".join(file.read_text() for file in ROOT.glob("workflow/rules/*.smk"))
-    assert all(rule in text or rule == "draw_power" for rule in on_request)
+    assert all(rule in text for rule in on_request)
     assert set(profile["group-components"]) <= set(profile["groups"].values())
     for group in {group for rule, group in profile["groups"].items() if rule in planned}:
         assert f"Group job {group} " in said

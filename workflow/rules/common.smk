@@ -21,7 +21,6 @@ PATCH_MM = config["scans"]["size_mm"]
 GENERATED = config["specimen"] is not None
 # Of the coupling: the study's own, and the paper's to compare it with.
 VARIANTS = ["placed", "levelled"] if config["coupling"] == "placed" else ["levelled"]
-SHIFT_UM = [config["placement"][f"shift_{axis}_um"] for axis in "xy"]
 CONTACT_MODULUS_MPA, ALTERNATIVE_MODULUS_MPA = contact_moduli(config["material"])
 
 ALL_PATCHES = list(PATCHES.index)

@@ -17,7 +17,6 @@ rule place_patches:
     params:
         patches=PATCHES.to_dict("list"),
         patch_mm=PATCH_MM,
-        shift_um=SHIFT_UM,
         code=code("place_patches.py"),
     message:
         "Holding the patches against the square"
@@ -38,7 +37,6 @@ rule couple_scales:
     params:
         patches=PATCHES.to_dict("list"),
         patch_mm=PATCH_MM,
-        shift_um=SHIFT_UM,
         contact_modulus_MPa=CONTACT_MODULUS_MPA,
         target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
         tolerance=config["macroscale"]["tolerance"],

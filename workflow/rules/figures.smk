@@ -6,7 +6,7 @@
 SOURCE_NOTE = "generated specimen" if GENERATED else None
 # With a folder of their own: one picture per patch.
 BY_PATCH = ("preparation", "patch")
-VECTOR = ("load_curves", "validation", "texture", "wear", "power", "sweep")
+VECTOR = ("load_curves", "validation", "texture", "wear", "sweep")
 
 CONTACT = f"{RESULTS}/macroscale/contact.h5"
 PRESSURES = f"{RESULTS}/tables/patch_pressures.csv"
@@ -50,68 +50,38 @@ DRAWINGS = {
         },
     ),
 }
-figures, read = DRAWINGS["draw_microscale"]
-if config["grinding"] is not None:
-    figures["slip"] = ("4 Microscale", "stick and slip")
-    read["slip"] = f"{RESULTS}/slip"
-if config["hardness"] is not None:
-    figures["hardness"] = ("4 Microscale", "with a ceiling on the pressure")
-    read["hardness"] = f"{RESULTS}/hardness"
-if REFERENCE:
-    figures["two_scales"] = ("3 Coupling", "what two scales cost")
-    read |= {
-        "others": other_contacts(ALL_PATCHES),
-        "reference": f"{RESULTS}/reference/patches.h5",
-        "two_scales": f"{RESULTS}/tables/two_scales.csv",
-    }
 if WORN_PATCHES:
-    figures["agreement"] = ("5 Validation", "prediction against loss on every patch")
-    figures["patch"] = ("5 Validation", "before, predicted, after")
-    DRAWINGS["draw_validation"] = (
-        {
-            "validation": ("5 Validation", "prediction against loss, chance, rivals"),
-            "texture": ("5 Validation", "surface texture before and after use"),
-        },
-        {
-            "pressures": PRESSURES,
-            "scores": f"{RESULTS}/tables/validation_patches.csv",
-            "texture": f"{RESULTS}/tables/texture.csv",
-        }
-        | {
-            name: f"{RESULTS}/tables/validation_{name}.csv"
-            for name in ("gains", "summary", "variants")
-        },
-    )
+    figures = {
+        "patch": ("5 Validation", "before, predicted, after"),
+        "validation": ("5 Validation", "prediction against loss, chance, rivals"),
+        "texture": ("5 Validation", "surface texture before and after use"),
+    }
+    read = {
+        "contacts": contacts(ALL_PATCHES),
+        "registered": registered(WORN_PATCHES),
+        "pressures": PRESSURES,
+        "scores": f"{RESULTS}/tables/validation_patches.csv",
+        "texture": f"{RESULTS}/tables/texture.csv",
+    }
+    for name in ("gains", "summary", "variants"):
+        read[name] = f"{RESULTS}/tables/validation_{name}.csv"
     if config["wear_steps"] is not None:
-        DRAWINGS["draw_wear"] = (
-            {
-                "wear": ("6 Wear", "how much each patch loses"),
-                "wear_maps": ("6 Wear", "measured and predicted loss"),
-            },
-            {
-                "pressures": PRESSURES,
-                "contacts": contacts(ALL_PATCHES),
-                "registered": registered(WORN_PATCHES),
-                "intervals": f"{RESULTS}/tables/patch_intervals.csv",
-                "worn_patches": f"{RESULTS}/wear",
-                "wear": f"{RESULTS}/tables/wear.csv",
-                "wear_profile": f"{RESULTS}/tables/wear_profile.csv",
-                "wear_summary": f"{RESULTS}/tables/wear_summary.csv",
-            },
-        )
+        figures["wear"] = ("6 Wear", "how much each patch loses")
+        read["worn_patches"] = f"{RESULTS}/wear"
+        read["intervals"] = f"{RESULTS}/tables/patch_intervals.csv"
+        read["wear"] = f"{RESULTS}/tables/wear.csv"
+        read["wear_profile"] = f"{RESULTS}/tables/wear_profile.csv"
+    DRAWINGS["draw_validation"] = figures, read
 TARGETS += [
     f"figures/{name}" if name in BY_PATCH else f"figures/{name}.png"
     for figures, _ in DRAWINGS.values()
     for name in figures
 ]
-# On request.
-for name, category, title in (
-    ("power", "8 Power", "claims where there is a relation and where not"),
-    ("sweep", "9 Sweep", "what moves the results most"),
-):
-    if config[name] is not None:
-        read = {name: f"{RESULTS}/tables/{name}.csv"}
-        DRAWINGS[f"draw_{name}"] = ({name: (category, title)}, read)
+if config["sweep"] is not None:  # on request
+    DRAWINGS["draw_sweep"] = (
+        {"sweep": ("9 Sweep", "what moves the results most")},
+        {"sweep": f"{RESULTS}/tables/sweep.csv"},
+    )
 
 
 def picture(name, category, title):

@@ -89,7 +89,6 @@ if COMPOSITE:
         params:
             patches=PATCHES.to_dict("list"),
             patch_mm=PATCH_MM,
-            shift_um=SHIFT_UM,
             s_filter_um=config["microscale"]["s_filter_um"],
             placement_um=config["uncertainty"]["placement_um"],
             seed=config["seed"],

@@ -10,7 +10,6 @@ if GENERATED and config["power"] is not None:
     rule power:
         input:
             f"{RESULTS}/tables/power.csv",
-            f"{RESULTS}/figures/power.png",
 
     # One job for each specimen, from its making to its scores: jobs for each stage and patch would take ten
     # times as long to start as to run.

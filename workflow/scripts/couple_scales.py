@@ -18,13 +18,12 @@ def main(
     *,
     patches: dict[str, list],
     patch_mm: float,
-    shift_um: list[float],
     **settings: float,
 ) -> None:
     final = read_dataset(contact, only=["pressure"]).isel(step=-1)
     mesh = read_dataset(surface, only=["height"]).drop_attrs(deep=False)
     alone = contact_at_pressure(mesh, source=surface, **settings)
-    table = couple_scales(final, alone, pd.DataFrame(patches), patch_mm=patch_mm, shift_um=shift_um)
+    table = couple_scales(final, alone, pd.DataFrame(patches), patch_mm=patch_mm)
     write_table(pressures, table)
 
 

@@ -7,7 +7,7 @@ source.
 """
 
 import gc
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,7 +17,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from gstlib.errors import InputError
-from gstlib.figures import macroscale, microscale, tables, wear
+from gstlib.figures import macroscale, microscale, tables
 from gstlib.figures.style import message_figure, save_figure
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_attributes, read_dataset
@@ -25,12 +25,8 @@ from gstlib.io.tables import read_table
 from gstlib.logs import patch_by_patch, run_script
 from gstlib.preprocess.frame import stored_frame
 
-# Figures of patches in the study, and of those that have a T1.
-OF_STUDIED = {"microscale_maps", "slip", "hardness", "overview", "two_scales"}
-# Patches in the figure of what two scales cost: the hardest pressed.
-MOST_COMPARED = 8
-OF_WORN = {"agreement", "patch"}
-OF_PREDICTED = {"wear", "wear_maps"}
+# Figures of patches in the study.
+OF_STUDIED = {"microscale_maps", "overview"}
 
 
 def evenly(patches: Sequence[str], most: int) -> list[str]:
@@ -54,9 +50,9 @@ class Study:
     def data(self, name: str, *only: str) -> xr.Dataset:
         return read_dataset(self.files[name], only or None)
 
-    def by_patch(self, name: str, patches: Sequence[str], *only: str) -> dict[str, xr.Dataset]:
+    def by_patch(self, name: str, patches: Iterable[str], *only: str) -> dict[str, xr.Dataset]:
         """Datasets of the patches: in a folder, or in a list with the files of all patches."""
-        files = self.files[name]
+        files = self.files.get(name)
         if isinstance(files, list):
             ids = self.worn if name in ("registered", "t1") else self.patches
             found = dict(zip(ids, files, strict=True))
@@ -69,7 +65,7 @@ class Study:
 
     @cached_property
     def pressures(self) -> pd.DataFrame:
-        table = self.table("pressures", "patch", "x_mm", "y_mm", "pressure_MPa", "in_study")
+        table = self.table("pressures")
         if list(table["patch"]) != self.patches:
             problem, remedy = "has not one row for each patch", "Delete it and run the study again."
             raise InputError(self.files["pressures"], problem, remedy)
@@ -87,10 +83,9 @@ class Study:
         return self.by_patch("contacts", self.drawn, "height", "pressure", *path)
 
     @cached_property
-    def predicted(self) -> list[str]:
-        """Those of the drawn patches whose wear is predicted."""
-        known = set(self.table("wear", "patch").patch)
-        return [patch for patch in self.drawn if patch in known]
+    def predicted(self) -> set[str]:
+        """The patches whose wear is predicted."""
+        return set(self.table("wear", "patch").patch) if "wear" in self.files else set()
 
     @cached_property
     def changes(self) -> dict[str, xr.Dataset]:
@@ -123,35 +118,15 @@ def figure_of(name: str, study: Study) -> Figure:
             return microscale.load_curves_figure(study.data("contact"), study.contacts)
         case "microscale_maps":
             return microscale.microscale_maps_figure(study.contacts)
-        case "agreement":
-            return microscale.agreement_figure(study.contacts, study.changes)
-        case "slip":
-            slips = study.by_patch(name, study.drawn, "stick", "slip", "mean_traction")
-            return microscale.slip_figure(study.contacts, slips)
-        case "two_scales":
-            drawn = study.drawn[:MOST_COMPARED]
-            others = study.by_patch("others", drawn, "height", "pressure")
-            found = study.data("reference", "contact").contact.isel(draw=0)
-            return microscale.two_scales_figure(
-                {"levelled": others, "placed": study.contacts},
-                {patch: found.sel(patch=patch).values for patch in drawn},
-                study.table("two_scales"),
-            )
-        case "hardness":
-            limited = study.by_patch(name, study.drawn, "pressure")
-            return microscale.hardness_figure(study.contacts, limited)
         case "wear":
-            parts = (study.table(f"wear{part}") for part in ("", "_profile", "_summary"))
-            return wear.wear_figure(*parts, study.table("intervals"))
-        case "wear_maps":
-            worn = study.by_patch("worn_patches", study.predicted, "depth")
-            return wear.wear_maps_figure(study.contacts, study.changes, worn)
+            parts = (study.table(f"wear{part}") for part in ("", "_profile"))
+            return tables.wear_figure(*parts, study.table("intervals"))
         case "validation":
             pressures = study.pressures[["patch", "pressure_MPa"]]
             scores = study.table("scores", "patch", "loss_fraction").merge(pressures, on="patch")
             others = (study.table(table) for table in ("gains", "summary", "variants"))
             return tables.validation_figure(scores, *others)
-        case _:  # texture, power, sweep
+        case _:  # texture, sweep
             return getattr(tables, f"{name}_figure")(study.table(name))
 
 
@@ -159,12 +134,13 @@ def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
     """`preparation` or `patch`: a figure for each of the patches."""
     if name == "patch":
         for patch, change in study.changes.items():
-            yield patch, microscale.patch_figure(study.contacts[patch], change, patch=patch)
+            worn = study.by_patch("worn_patches", {patch} & study.predicted, "depth").get(patch)
+            yield patch, microscale.patch_figure(study.contacts[patch], change, worn, patch=patch)
         return
     shown = evenly(study.patches, study.most_drawn_patches)
     for patch, _ in patch_by_patch(dict.fromkeys(shown)):
         epochs = ["T0", "T1"] if patch in study.worn else ["T0"]
-        only = "measured", "height", "filled", "outlier"
+        only = "measured", "filled", "outlier"
         scans = {epoch: study.by_patch(epoch.lower(), [patch], *only)[patch] for epoch in epochs}
         yield patch, microscale.preparation_figure(scans, patch=patch)
 
@@ -177,9 +153,9 @@ def main(*, figures: list[str], note: str | None, **named: Any) -> None:
         png, svg, empty = named[f"{name}_png"], named.get(f"{name}_svg"), None
         if name in OF_STUDIED and not study.drawn:
             empty = message_figure("No patch is in the microscale study.")
-        elif name in OF_WORN and not study.changes:
+        elif name == "patch" and not study.changes:
             empty = message_figure("No patch with a T1 is in the microscale study.")
-        elif name in OF_PREDICTED and not study.predicted:
+        elif name == "wear" and not study.predicted:
             empty = message_figure("No wear is predicted: fewer than two patches lost height.")
         if name in ("preparation", "patch"):
             for patch, figure in [("none", empty)] if empty else figures_by_patch(name, study):

@@ -12,7 +12,7 @@ from gstlib.study import grid_macroscale, gridding_table
 
 def main(mesh: Path, surface: Path, table: Path, *, mesh_unit: str, **settings) -> None:
     stone = read_mesh(mesh, unit=mesh_unit)
-    gridded = grid_macroscale(stone, mesh_unit=mesh_unit, source=mesh, **settings)
+    gridded = grid_macroscale(stone, source=mesh, **settings)
     write_dataset(surface, gridded, provenance([mesh], {"mesh_unit": mesh_unit} | settings))
     write_table(table, gridding_table(gridded))
 

@@ -5,8 +5,7 @@ upwards from the reference corner, at the lower left. A pixel of a panel has the
 elements under it: marks cover as much of the picture as of the surface.
 """
 
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -15,20 +14,23 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, PowerNorm, to_rgb
-from matplotlib.image import AxesImage
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
+from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 from PIL import Image
 
-from gstlib.figures.style import DPI, MM_TO_UM, PALE, VERMILION
+from gstlib.coupling import outline, places_of
+from gstlib.figures.style import DPI, MM_TO_UM, PALE, panels
 from gstlib.surface import spacing_of
 
-__all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHT_MAP", "OUTLINE", "colour_bar", "draw_footprints"]
-__all__ += ["draw_forces", "draw_heights", "draw_map", "footprint", "height_norm", "mark_corner"]
-__all__ += ["scale_bar"]
+__all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHTS", "HEIGHT_MAP", "OUTLINE", "draw_footprints"]
+__all__ += ["draw_forces", "draw_map", "draw_maps", "force_norm", "height_norm", "scale_bar"]
 
 # Few levels make small files; these are enough that the eye sees no steps.
 HEIGHT_MAP = colormaps["cividis"].resampled(64)
+HEIGHTS = {"cmap": HEIGHT_MAP, "bar": "height (µm)"}
 CHANGE_MAP = colormaps["RdBu"].resampled(65)
 # Light from end to end: black and the class colours stand out even over valleys.
 RELIEF_MAP = LinearSegmentedColormap.from_list("relief", ["#c4c4c4", "#fafafa"], N=40)
@@ -41,9 +43,13 @@ OUTLINE = [withStroke(linewidth=2.5, foreground="white")]
 
 def height_norm(*surfaces: xr.DataArray) -> Normalize:
     """Colour limits (µm) that height maps (mm) share; the most extreme 1 % is cut off."""
-    values = np.concatenate([surface.values[np.isfinite(surface.values)] for surface in surfaces])
-    low, high = np.percentile(values, [0.5, 99.5]) * MM_TO_UM if values.size else (-1.0, 1.0)
-    return Normalize(low, high) if high > low else Normalize(low - 1, high + 1)
+    values = np.concatenate([surface.values.ravel() for surface in surfaces])
+    return Normalize(*np.nanpercentile(values, [0.5, 99.5]) * MM_TO_UM)
+
+
+def force_norm(values: np.ndarray) -> PowerNorm:
+    """A square-root scale from 0 to the largest of forces or pressures."""
+    return PowerNorm(0.5, vmin=0, vmax=float(values.max()) or 1.0)
 
 
 def draw_map(
@@ -54,8 +60,9 @@ def draw_map(
     cmap: Colormap = RELIEF_MAP,
     norm: Normalize | None = None,
     marks: Mapping[str, np.ndarray] | None = None,
+    bar: str = "",
     ticks: bool = False,
-) -> ScalarMappable:
+) -> None:
     """Draw a field on its grid, with marked elements over it.
 
     Parameters
@@ -70,13 +77,10 @@ def draw_map(
         Colours, by default a pale relief between the limits of the heights.
     marks : mapping of colour to (ny, nx) mask, optional
         Elements to paint over; the masks exclude each other.
+    bar : str
+        What the colours stand for: text of a colour bar under the map.
     ticks : bool
         Draw axes in mm; without them, add a `scale_bar`.
-
-    Returns
-    -------
-    matplotlib.cm.ScalarMappable
-        For a `colour_bar`.
     """
     values = field.values * MM_TO_UM if values is None else values
     norm = norm or height_norm(field)
@@ -90,84 +94,55 @@ def draw_map(
     dy, dx = spacing_of(field)
     left, right = float(field.x[0]) - dx / 2, float(field.x[-1]) + dx / 2
     bottom, top = float(field.y[0]) - dy / 2, float(field.y[-1]) + dy / 2
-    axes.imshow(
-        np.asarray(image),
-        origin="lower",
-        extent=(left, right, bottom, top),
-        interpolation="nearest",
-    )
+    extent = (left, right, bottom, top)
+    axes.imshow(np.asarray(image), origin="lower", extent=extent, interpolation="nearest")
     axes.set(xlim=(left, right), ylim=(bottom, top))
-    if ticks:
-        axes.set(xlabel="x (mm)", ylabel="y (mm)")
-    else:
-        axes.set(xticks=[], yticks=[])
+    axes.set(xlabel="x (mm)", ylabel="y (mm)") if ticks else axes.set(xticks=[], yticks=[])
     axes.spines[:].set_visible(True)
-    return ScalarMappable(norm, cmap)
+    if bar:
+        below = 0.13 if ticks else 0.04  # in heights of the map
+        strip = axes.inset_axes((0.2, -below - 0.035, 0.6, 0.035))
+        look = {"orientation": "horizontal", "ticks": [norm.vmin, norm.vmax], "format": "%.3g"}
+        colours = axes.figure.colorbar(ScalarMappable(norm, cmap), cax=strip, **look)
+        colours.outline.set_visible(False)
+        strip.tick_params(length=0, labelsize=6.5, pad=1)
+        strip.set_xlabel(bar, fontsize=6.5, labelpad=1)
 
 
-def draw_heights(axes: Axes, height: xr.DataArray) -> None:
-    """Draw heights (mm) in colours, with axes in mm and a colour bar."""
-    image = draw_map(axes, height, cmap=HEIGHT_MAP, norm=height_norm(height), ticks=True)
-    colour_bar(axes, image, "height (µm)", below=0.13)
+def draw_maps(
+    maps: Sequence[tuple[str, xr.DataArray, Mapping]],
+    columns: int,
+    side: float,
+    room: tuple[float, float, float, float] = (0.05, 0.05, 0.2, 0.02),
+    *,
+    head: float = 0.25,
+) -> Figure:
+    """Small multiples: of each map its title, its field and what else `draw_map` takes.
+
+    `side` is that of a map (inches); `columns`, `room` and `head` are as of `style.panels`.
+    """
+    figure, axes = panels(len(maps), columns, (side, side), room, head=head)
+    for panel, (title, field, look) in zip(axes, maps, strict=True):
+        draw_map(panel, field, **look)
+        panel.set_title(title, fontsize=7)
+    scale_bar(axes[0])
+    return figure
 
 
-def draw_forces(axes: Axes, contact: xr.Dataset, *, ticks: bool = False) -> ScalarMappable:
+def draw_forces(axes: Axes, contact: xr.Dataset, *, bar: str = "", ticks: bool = False) -> None:
     """Force (N) on each element at the last step, in colours on a square-root scale."""
-    dy, dx = spacing_of(contact)
-    force = contact["pressure"].values[-1] * dy * dx
-    norm = PowerNorm(0.5, vmin=0, vmax=float(force.max()) or 1.0)
-    return draw_map(axes, contact["height"], force, cmap=FORCE_MAP, norm=norm, ticks=ticks)
+    force = contact["pressure"].values[-1] * np.prod(spacing_of(contact))
+    look = {"cmap": FORCE_MAP, "norm": force_norm(force), "bar": bar, "ticks": ticks}
+    draw_map(axes, contact["height"], force, **look)
 
 
 def scale_bar(axes: Axes) -> None:
     """A bar of a round length, about a quarter of a map, in its lower left corner."""
-    left, right = axes.get_xlim()
-    bottom, top = axes.get_ylim()
-    length = float(f"{0.24 * (right - left):.0e}")
-    x, y = left + 0.06 * (right - left), bottom + 0.07 * (top - bottom)
-    # longer than the bar, or its ends would vanish on black contact
-    outline = [withStroke(linewidth=4, foreground="white", capstyle="projecting")]
-    look = {"color": "black", "lw": 2, "solid_capstyle": "butt", "path_effects": outline}
-    axes.plot([x, x + length], [y, y], **look)
-    middle = x + length / 2, y + 0.025 * (top - bottom)
-    look = {"ha": "center", "va": "bottom", "fontsize": 6.5, "path_effects": OUTLINE}
-    axes.text(*middle, f"{length:g} mm", **look)
-
-
-def mark_corner(axes: Axes) -> None:
-    """Mark the reference corner, from which the patch table counts."""
-    low, high = axes.get_xlim()
-    side = 0.05 * (high - low)
-    corner = np.add([[0, 0], [side, 0], [0, side]], (low, axes.get_ylim()[0]))
-    axes.add_patch(Polygon(corner, color=VERMILION, linewidth=0))
-    axes.set_title("◣ reference corner", loc="left", color=VERMILION, fontsize=7)
-
-
-def colour_bar(axes: Axes, colours: ScalarMappable, label: str, *, below: float = 0.04) -> None:
-    """What the colours of a map stand for, at a distance `below` it (in its heights).
-
-    The strip names its ends only: ticks would take longer to draw than the map.
-    """
-    strip = AxesImage(axes, extent=(0.25, 0.75, -below - 0.035, -below), transform=axes.transAxes)
-    strip.set_data(colours.cmap(np.linspace(0, 1, 64))[np.newaxis])
-    axes.add_artist(strip)
-    strip.set_clip_on(False)
-    low, high = (f"{end:.3g}".replace("-", "−") for end in (colours.norm.vmin, colours.norm.vmax))
-    for x, y, text, align in (
-        (0.23, -below - 0.0175, low, "right"),
-        (0.77, -below - 0.0175, high, "left"),
-        (0.5, -below - 0.075, label, "center"),
-    ):
-        place = {"ha": align, "va": "center", "transform": axes.transAxes}
-        axes.text(x, y, text, fontsize=6.5, **place)
-
-
-def footprint(x_mm: float, y_mm: float, rotation_deg: float, size_mm: float) -> np.ndarray:
-    """Corners (4, 2) of a patch, mm, in the square's frame; before a turn the lower left first."""
-    turn = math.radians(rotation_deg)
-    corners = size_mm / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    turned = corners @ [[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]]
-    return np.add(turned, (x_mm, y_mm))
+    length = float(f"{0.24 * np.diff(axes.get_xlim()).item():.0e}")
+    look = {"fontproperties": FontProperties(size=6.5), "label_top": True, "size_vertical": 0}
+    bar = AnchoredSizeBar(axes.transData, length, f"{length:g} mm", "lower left", **look)
+    bar.patch.set(linewidth=0, alpha=0.8)  # white, so that it shows on black contact
+    axes.add_artist(bar)
 
 
 def draw_footprints(
@@ -175,15 +150,11 @@ def draw_footprints(
 ) -> None:
     """Outline and name the patches: solid in the study, dashed out of it.
 
-    `patches` has ``patch, x_mm, y_mm``, optionally ``rotation_deg`` and ``in_study``.
+    `patches` has ``patch, x_mm, y_mm, rotation_deg`` and optionally ``in_study``.
     """
-    half = patch_size_mm / 2
-    for row in patches.itertuples(index=False):
-        corners = footprint(row.x_mm, row.y_mm, getattr(row, "rotation_deg", 0.0), patch_size_mm)
-        outline = Polygon(corners, fill=False, edgecolor=colour)
-        line = "-" if getattr(row, "in_study", True) else "--"
-        outline.set(linestyle=line, path_effects=OUTLINE)
-        axes.add_patch(outline)
-        at = row.x_mm - 0.92 * half, row.y_mm + 0.9 * half
-        look = {"fontsize": 6.5, "color": colour, "path_effects": OUTLINE}
-        axes.text(*at, row.patch, ha="left", va="top", **look)
+    look = {"color": colour, "path_effects": OUTLINE}
+    studied = patches.get("in_study", pd.Series(True, patches.index))
+    for (patch, place), is_studied in zip(places_of(patches).items(), studied, strict=True):
+        corners, line = outline(place, patch_size_mm), "-" if is_studied else "--"
+        axes.add_patch(Polygon(corners, fill=False, linestyle=line, **look))
+        axes.text(*corners[3], f" {patch}", fontsize=6.5, ha="left", va="top", **look)

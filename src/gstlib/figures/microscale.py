@@ -10,9 +10,8 @@ changes : mapping of patch to xarray.Dataset
     ``overlap``.
 """
 
-import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -29,99 +28,41 @@ from gstlib.preprocess.frame import Frame
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["agreement_figure", "hardness_figure", "load_curves_figure", "microscale_maps_figure"]
-__all__ += ["overview_figure", "patch_figure", "preparation_figure", "slip_figure"]
-__all__ += ["two_scales_figure"]
+__all__ = ["load_curves_figure", "microscale_maps_figure", "overview_figure", "patch_figure"]
+__all__ += ["preparation_figure"]
 
 _UNKNOWN = "#ffffff"
 _AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": BLACK}
-_UNDER: dict[str, Any] = {"bbox_to_anchor": (0.5, 0.0), "fontsize": 6, "columnspacing": 0.5}
-_UNDER |= {"handlelength": 0.8, "handletextpad": 0.4, "borderaxespad": 0.3}
+_BELOW = {"loc": "lower center", "bbox_to_anchor": (0.82, 0.02)}  # the last panels of a row
 
 
 @styled
 def preparation_figure(prepared: Mapping[str, xr.Dataset], *, patch: str) -> Figure:
-    """A patch's scans as measured and as prepared for contact.
+    """A patch's scans as measured, with the points that were replaced.
 
-    `prepared` holds for each epoch ``measured`` (NaN where unmeasured), ``height``, ``filled``,
-    ``outlier`` (y, x), and the attributes of the prepared scan.
+    `prepared` holds for each epoch ``measured`` (NaN where unmeasured), ``filled``, ``outlier``
+    (y, x), and the attributes of the prepared scan.
     """
-    room = (0.05, 0.05, 0.3, 0.3)
-    figure, axes = style.panels(2 * len(prepared), 4, (1.7, 1.7), room, head=0.2)
-    figure.suptitle(f"patch {patch}")
-    for number, (epoch, scan) in enumerate(prepared.items()):
+    drawn = []
+    for epoch, scan in prepared.items():
         filled, outliers = scan["filled"].values, scan["outlier"].values
-        replaced = {BLUE: filled & ~outliers, VERMILION: outliers}
-        for panel, field, marks, title, state in (
-            (axes[2 * number], "measured", replaced, "as measured", "before"),
-            (axes[2 * number + 1], "height", None, "prepared", "after"),
-        ):
-            image = maps.draw_map(panel, scan[field], cmap=maps.HEIGHT_MAP, marks=marks)
-            maps.colour_bar(panel, image, "height (µm)")
-            panel.set_title(f"{epoch} {title}, Sq {scan.attrs[f'Sq_{state}_um']:.3g} µm")
-    maps.scale_bar(axes[0])
-    return figure
-
-
-def _patch_maps(
-    contacts: Mapping[str, xr.Dataset],
-    panels: Mapping[str, tuple[str, Mapping[str, np.ndarray]]],
-    legend: Mapping[str, str],
-) -> Figure:
-    """Small multiples: every patch's height in pale grey, with a title and marks by colour."""
-    room = (0.05, 0.05, 0.2, 0.02)
-    figure, axes = style.panels(len(panels), 4, (1.7, 1.7), room, head=0.25)
-    for axis, (patch, (title, marks)) in zip(axes, panels.items(), strict=True):
-        maps.draw_map(axis, contacts[patch]["height"], marks=marks)
-        axis.set_title(f"patch {patch}: {title}", fontsize=6.5, pad=2)
-    maps.scale_bar(axes[0])
-    style.colour_legend(figure, legend)
-    return figure
+        marks = {BLUE: filled & ~outliers, VERMILION: outliers}
+        before, after = (scan.attrs[f"Sq_{when}_um"] for when in ("before", "after"))
+        title = f"patch {patch}, {epoch}: Sq {before:.3g} µm, prepared {after:.3g} µm"
+        drawn.append((title, scan["measured"], maps.HEIGHTS | {"marks": marks}))
+    return maps.draw_maps(drawn, 2, 3.0, (0.05, 0.05, 0.3, 0.4), head=0)
 
 
 @styled
 def microscale_maps_figure(contacts: Mapping[str, xr.Dataset]) -> Figure:
     """Contact on every patch at its own pressure (Fig. 9)."""
-    panels = {}
+    drawn = []
     for patch, contact in contacts.items():
         touching = contact["pressure"].values > 0
         pressure = float(contact["mean_pressure"][-1])
-        panels[patch] = f"{pressure:.1f} MPa, {touching.mean():.2%}", {BLACK: touching}
-    return _patch_maps(contacts, panels, {"in contact": BLACK})
-
-
-@styled
-def slip_figure(contacts: Mapping[str, xr.Dataset], slips: Mapping[str, xr.Dataset]) -> Figure:
-    """Where every patch sticks and slips under the tangential load.
-
-    `slips` holds for each patch ``stick``, ``slip`` (y, x) and ``mean_traction``, MPa.
-    """
-    panels = {}
-    for patch, result in slips.items():
-        stick, slip = result["stick"].values, result["slip"].values
-        share = slip.sum() / max((stick | slip).sum(), 1)
-        title = f"{float(result['mean_traction']):.1f} MPa, slips {share:.0%}"
-        panels[patch] = title, {BLUE: stick, VERMILION: slip}
-    return _patch_maps(contacts, panels, {"sticks": BLUE, "slips": VERMILION})
-
-
-@styled
-def hardness_figure(
-    contacts: Mapping[str, xr.Dataset], limited: Mapping[str, xr.Dataset]
-) -> Figure:
-    """Every patch's contact with a ceiling on its pressure, against the elastic one.
-
-    `limited` holds for each patch ``pressure`` (y, x) and the attribute ``hardness_MPa``.
-    """
-    panels = {}
-    for patch, result in limited.items():
-        elastic, pressure = contacts[patch]["pressure"].values > 0, result["pressure"].values
-        yields = pressure >= result.attrs["hardness_MPa"]
-        below = (pressure > 0) & ~yields
-        marks = {BLACK: below & elastic, BLUE: below & ~elastic, VERMILION: yields}
-        panels[patch] = f"{elastic.mean():.2%} → {(pressure > 0).mean():.2%}", marks
-    legend = {"in contact with and without the ceiling": BLACK, "only with it": BLUE}
-    return _patch_maps(contacts, panels, legend | {"at the ceiling": VERMILION})
+        title = f"patch {patch}: {pressure:.1f} MPa, {touching.mean():.2%}"
+        drawn.append((title, contact["height"], {"marks": {BLACK: touching}}))
+    return maps.draw_maps(drawn, 4, 1.7, head=0)
 
 
 def _agreement(contact: xr.Dataset, change: xr.Dataset) -> dict[str, np.ndarray]:
@@ -137,98 +78,43 @@ def _agreement(contact: xr.Dataset, change: xr.Dataset) -> dict[str, np.ndarray]
 
 
 @styled
-def agreement_figure(
-    contacts: Mapping[str, xr.Dataset], changes: Mapping[str, xr.Dataset]
+def patch_figure(
+    contact: xr.Dataset, change: xr.Dataset, worn: xr.Dataset | None, *, patch: str
 ) -> Figure:
-    """Where predicted contact and measured loss agree on every patch (Fig. 11)."""
-    panels = {}
-    for patch, change in changes.items():
-        lost = change["loss"].values.sum() / max(change["change"].notnull().values.sum(), 1)
-        pressure = float(contacts[patch]["mean_pressure"][-1])
-        marks = _agreement(contacts[patch], change)
-        panels[patch] = f"{pressure:.1f} MPa, lost {lost:.1%}", marks
-    return _patch_maps(contacts, panels, _AGREEMENT)
+    """One patch before and after use, its change and what was predicted of it (Fig. 11).
 
-
-@styled
-def two_scales_figure(
-    contacts: Mapping[str, Mapping[str, xr.Dataset]],
-    reference: Mapping[str, np.ndarray],
-    scores: pd.DataFrame,
-) -> Figure:
-    """Contact within patches, levelled and placed, beside that of the whole square.
-
-    `contacts` are those of each variant; `reference` (ny, nx) is where the single-scale contact
-    touches each patch; `scores` is ``two_scales.csv``.
+    `contact` and `change` are those of `patch` among ``contacts`` and ``changes``; `worn`, if its
+    wear is predicted, has ``depth`` (model, y, x), mm, of which the last is drawn.
     """
-    f1 = scores.set_index(["variant", "patch"]).f1
-    columns = (len(contacts) + 1) * min(2, len(reference))
-    count = (len(contacts) + 1) * len(reference)
-    figure, axes = style.panels(count, columns, (1.5, 1.5), (0.03, 0.03, 0.3, 0.03), head=0.75)
-    pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in contacts)
-    figure.suptitle(
-        "Contact of the patches against one contact of the whole square at the scans' resolution\n"
-        f"share of agreement (F1), all patches: {pooled}; 1 would be perfect"
-    )
-    panels = iter(axes)
-    for patch, true in reference.items():
-        for variant, of_variant in contacts.items():
-            contact, panel = of_variant[patch], next(panels)
-            found = contact["pressure"].values > 0
-            marks = {BLUE: found & true, AMBER: true & ~found, BLACK: found & ~true}
-            maps.draw_map(panel, contact["height"], marks=marks)
-            score = f": {f1[variant, patch]:.2f}" if f1[variant, patch] >= 0 else ""
-            panel.set_title(f"patch {patch} {variant}{score}", fontsize=7)
-        panel = next(panels)
-        maps.draw_map(panel, contact["height"], marks={BLUE: true})
-        panel.set_title("whole square", fontsize=7)
-    maps.scale_bar(axes[0])
-    names = {"found": BLUE, "missed": AMBER, "not in the whole square's contact": BLACK}
-    style.colour_legend(figure, names, bbox_to_anchor=(0.5, 1 - 0.45 / figure.get_figheight()))
-    return figure
-
-
-@styled
-def patch_figure(contact: xr.Dataset, change: xr.Dataset, *, patch: str) -> Figure:
-    """One patch before and after use, its change, and the contact predicted on it (Fig. 11).
-
-    `contact` and `change` are those of `patch` among ``contacts`` and ``changes``.
-    """
-    figure, axes = style.panels(5, 5, (2.0, 2.0), (0.05, 0.05, 0.3, 0.3), head=0.2)
-    before, after, changed, predicted, agreement = axes
-    overlap = change.attrs.get("overlap", math.nan)
-    pressure = float(contact["mean_pressure"][-1])
-    figure.suptitle(f"patch {patch}: {pressure:.1f} MPa, T1 covers {overlap:.0%} of T0")
-
-    t0, t1 = contact["height"], change["t1"]
-    norm = maps.height_norm(t0, t1)
-    for panel, surface, name in ((before, t0, "T0, before use"), (after, t1, "T1, after use")):
-        image = maps.draw_map(panel, surface, cmap=maps.HEIGHT_MAP, norm=norm)
-        maps.colour_bar(panel, image, "height (µm)")
-        panel.set_title(name)
-    maps.scale_bar(before)
-
+    t0, t1, values = contact["height"], change["t1"], change["change"].values * MM_TO_UM
+    heights = maps.HEIGHTS | {"norm": maps.height_norm(t0, t1)}
     # changes that noise can explain are drawn as none
-    values, loss = change["change"].values * MM_TO_UM, change["loss"].values
+    loss, unknown = change["loss"].values, np.isnan(values)
     shown = np.where(loss | change["gain"].values, values, 0.0 * values)
     limit = change.attrs["level_of_detection_um"]  # NaN where no change is known
-    bound = float(np.nanmax([-maps.height_norm(change["change"]).vmin, 2 * limit]))
-    norm, unknown = Normalize(-bound, bound), np.isnan(values)
-    marks = {_UNKNOWN: unknown}
-    image = maps.draw_map(changed, t0, shown, cmap=maps.CHANGE_MAP, norm=norm, marks=marks)
-    maps.colour_bar(changed, image, "height change (µm), 0 where not detected")
+    bound = float(np.nanmax([np.quantile(np.abs(np.nan_to_num(values)), 0.995) or 1, 2 * limit]))
+    label = "height change (µm), 0 where not detected"
+    changes = {"cmap": maps.CHANGE_MAP, "norm": Normalize(-bound, bound), "bar": label}
     known = max(np.count_nonzero(~unknown), 1)
     lost = f"lost more than {limit:.2f} µm: {loss.sum() / known:.1%}"
-    changed.set_title("no change is known" if unknown.all() else lost)
-
-    touching = contact["pressure"].values > 0
-    maps.draw_map(predicted, t0, marks={BLACK: touching})
-    predicted.set_title(f"predicted contact: {touching.mean():.2%}")
-    marks = _agreement(contact, change)
-    maps.draw_map(agreement, t0, marks=marks)
-    agreement.set_title("prediction and loss")
+    measured = {"values": shown, "marks": {_UNKNOWN: unknown}}
+    drawn = [
+        ("T0, before use", t0, heights),
+        ("T1, after use", t1, heights),
+        ("no change is known" if unknown.all() else lost, t0, changes | measured),
+    ]
+    if worn is not None:  # as scans see it: from its median on
+        depth = worn["depth"].values[-1] * MM_TO_UM
+        seen = -np.maximum(depth - np.median(depth), 0)
+        title = f"Archard's law: mean loss {-seen.mean():.2f} µm"
+        drawn.append((title, t0, changes | {"values": seen, "bar": ""}))
+    touching, marks = contact["pressure"].values > 0, _agreement(contact, change)
+    drawn.append((f"contact of {touching.mean():.2%}, and loss", t0, {"marks": marks}))
+    figure = maps.draw_maps(drawn, 5, 2.0, (0.05, 0.05, 0.3, 0.35), head=0.2)
+    pressure, overlap = float(contact["mean_pressure"][-1]), change.attrs["overlap"]
+    figure.suptitle(f"patch {patch}: {pressure:.1f} MPa, T1 covers {overlap:.0%} of T0")
     shares = {f"{name} {marks[c].sum() / known:.1%}": c for name, c in _AGREEMENT.items()}
-    style.colour_legend(agreement, shares, **_UNDER)
+    style.colour_legend(figure, shares, **_BELOW)
     return figure
 
 
@@ -254,14 +140,11 @@ def overview_figure(
     draw_tool(whole, *tool, square["pressure"].isel(step=-1))
     whole.set_title("1  the tool and its square\npressures on it in colour")
     maps.draw_forces(axes[0], square)
-    is_shown = pressures["patch"] == patch
-    others = pressures[~is_shown & pressures["in_study"]]
-    maps.draw_footprints(axes[0], others, patch_size_mm, colour=BLUE)
-    maps.draw_footprints(axes[0], pressures[is_shown], patch_size_mm, colour=VERMILION)
+    maps.draw_footprints(axes[0], pressures, patch_size_mm, colour=BLUE)
     mean_pressure = float(square["mean_pressure"][-1])
     axes[0].set_title(f"2  contact forces on the square\n{mean_pressure:.3g} MPa on average")
     touching = contact["pressure"].values > 0
-    pressure = float(pressures.loc[is_shown, "pressure_MPa"].iloc[0])
+    pressure = float(contact["mean_pressure"][-1])
     maps.draw_map(axes[1], contact["height"], marks={BLACK: touching})
     axes[1].set_title(
         f"3  predicted contact, patch {patch}\n{pressure:.1f} MPa, {touching.mean():.1%} of area"
@@ -271,7 +154,7 @@ def overview_figure(
     if change is not None:
         maps.draw_map(axes[2], contact["height"], marks=_agreement(contact, change))
         axes[2].set_title("4  measured loss\nagainst the prediction")
-        style.colour_legend(axes[2], _AGREEMENT, **_UNDER)
+        style.colour_legend(figure, _AGREEMENT, **_BELOW)
     return figure
 
 

@@ -1,19 +1,16 @@
-"""Figures drawn from tables alone: validation, texture, power, sweep."""
+"""Figures drawn from tables alone: validation, wear, texture, sweep."""
 
 import math
-import textwrap
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gstlib.figures import style
 from gstlib.figures.style import AMBER, BLACK, BLUE, CHARTS, GREEN, GREY, PALE, VERMILION, styled
 from gstlib.verdict import LEVEL, SCORE, against_chance, against_rival
 
-__all__ = ["power_figure", "sweep_figure", "texture_figure"]
-__all__ += ["validation_figure"]
+__all__ = ["sweep_figure", "texture_figure", "validation_figure", "wear_figure"]
 
 # Parameters that single points do not dominate: roughness, core, summits, dales, grain, direction.
 _TEXTURE = {
@@ -25,17 +22,20 @@ _TEXTURE = {
     "Str": "isotropy (1: in no direction)",
 }
 _PAIR = "spearman(pressure_MPa, loss_fraction)"
-_WEAR = {"summits": BLUE, "random": VERMILION, "waves": AMBER, "archard": GREEN, "mat": BLACK}
 _OUTCOMES = ["relative_change(pressure_MPa)", _PAIR, "mean(f1)", "gain(f1)", "gain(roc_auc)"]
 _OUTCOMES += ["mean_change(Sq_um)"]
+_MODELS = {
+    "archard": ("Archard's law", BLUE, "o"),
+    "mat": ("Archard's law with a mat", GREEN, "D"),
+    "pressure": ("in proportion to pressure", AMBER, "s"),
+    "uniform": ("the same on every patch", GREY, "v"),
+    "truncation": ("cut off flat over the worn area", VERMILION, "^"),
+}
 
 
 @styled
 def validation_figure(
-    scores: pd.DataFrame,
-    gains: pd.DataFrame,
-    summary: pd.DataFrame,
-    variants: pd.DataFrame,
+    scores: pd.DataFrame, gains: pd.DataFrame, summary: pd.DataFrame, variants: pd.DataFrame
 ) -> Figure:
     """Gains over the best rivals, and loss against pressure.
 
@@ -50,7 +50,21 @@ def validation_figure(
         for row in variants[variants["score"] == SCORE].itertuples()
     ]
     figure.suptitle("\n".join([*headlines, against_chance(gains)]), fontsize=7)
-    _draw_gains(gain, summary)
+    # the mean gain of each score over its best rival, in colour where it differs from 0
+    means = summary[summary["statistic"].str.startswith("gain(")].dropna(subset="value")
+    gain.axvline(0, color=GREY, lw=0.8)
+    for place, row in enumerate(means.itertuples()):
+        # both the interval and the test must tell the gain from 0
+        sign = (int(row.low > 0) - int(row.high < 0)) * int(row.p_value <= LEVEL)
+        colour = {1: BLUE, -1: VERMILION, 0: GREY}[sign]
+        gain.plot([row.low, row.high], [place, place], color=colour)
+        gain.plot(row.value, place, "o", color=colour)
+    names = means["statistic"].str[5:-1].str.replace("_", "-") + "\nvs " + means["against"]
+    gain.set_yticks(range(len(means)), names, fontsize=6)
+    gain.invert_yaxis()
+    gain.set_xlabel("gain: score of contact − score of the best rival")
+    gain.set_title("Is contact better than its best rival?")
+
     known = scores[scores["believed"].astype(bool)].dropna(subset="loss_fraction")
     lost = 100 * known["loss_fraction"]
     extent.plot(known["pressure_MPa"], lost, "o", color=VERMILION)
@@ -66,23 +80,6 @@ def validation_figure(
     return figure
 
 
-def _draw_gains(axes: Axes, summary: pd.DataFrame) -> None:
-    """Mean gain of each score over its best rival, in colour where it differs from 0."""
-    means = summary[summary["statistic"].str.startswith("gain(")].dropna(subset="value")
-    axes.axvline(0, color=GREY, lw=0.8)
-    for place, row in enumerate(means.itertuples()):
-        # both the interval and the test must tell the gain from 0
-        sign = (int(row.low > 0) - int(row.high < 0)) * int(row.p_value <= LEVEL)
-        colour = {1: BLUE, -1: VERMILION, 0: GREY}[sign]
-        axes.plot([row.low, row.high], [place, place], color=colour)
-        axes.plot(row.value, place, "o", color=colour)
-    names = means["statistic"].str[5:-1].str.replace("_", "-") + "\nvs " + means["against"]
-    axes.set_yticks(range(len(means)), names, fontsize=6)
-    axes.invert_yaxis()
-    axes.set_xlabel("gain: score of contact − score of the best rival")
-    axes.set_title("Is contact better than its best rival?")
-
-
 @styled
 def texture_figure(table: pd.DataFrame) -> Figure:
     """Six texture parameters of every patch at T0 and T1; `table` is ``texture.csv``."""
@@ -96,86 +93,73 @@ def texture_figure(table: pd.DataFrame) -> Figure:
         panel.plot(places, new, "o", color=VERMILION, label="T1")
         panel.plot(places, old, "o", mfc="white", color=GREY, label="T0")
         style.name_patches(panel, list(before.index))
-        panel.set_ylabel(_label(column))
+        panel.set_ylabel(column.replace("_um", " (µm)"))
     axes[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2)
     return figure
-
-
-def _label(column: str) -> str:
-    """The name of a column with its unit as people write it."""
-    return column.replace("_um", " (µm)")
-
-
-@styled
-def power_figure(rates: pd.DataFrame) -> Figure:
-    """Rate of claims of the tests against the nominal level, and against the number of patches.
-
-    `rates` is ``power.csv``.
-    """
-    tests = list(rates["test"].unique())
-    figure, axes = style.panels(len(tests) + 1, 3, (1.8, 1.7), (0.45, 0.1, 0.45, 0.45), head=0.2)
-    for panel, test in zip(axes, tests, strict=False):
-        panel.axline((0, 0), slope=1, color=GREY, lw=0.8, zorder=0)
-        _draw_rates(panel, rates[(rates["test"] == test) & rates["drawn"].isna()], "level")
-        panel.set_title(textwrap.fill(test, 36))
-        panel.set_xlabel("nominal level")
-    axes[-1].axhline(LEVEL, color=GREY, lw=0.8, zorder=0)
-    fewer = rates[rates["drawn"].notna() & np.isclose(rates["level"], LEVEL)]
-    fewer = fewer[fewer["test"] == fewer["test"].iloc[-1]]
-    _draw_rates(axes[-1], fewer, "drawn")
-    axes[-1].set_title(f"pressure against loss, neighbours\nallowed for, at level {LEVEL:g}")
-    axes[-1].set_xlabel("number of patches")
-    shown = set(rates["wear"])
-    style.colour_legend(
-        figure, {f"wear, {name}": of for name, of in _WEAR.items() if name in shown}
-    )
-    return figure
-
-
-def _draw_rates(axes: Axes, rates: pd.DataFrame, along: str) -> None:
-    """Rates with their intervals, for each kind of wear."""
-    for wear, colour in _WEAR.items():
-        shown = rates[rates["wear"] == wear]
-        if shown.empty:
-            continue
-        axes.plot(shown[along], shown["rate"], "o-", color=colour)
-        axes.vlines(shown[along], shown["low"], shown["high"], color=colour, lw=0.8)
-    axes.set(xlim=(0, None), ylim=(0, 1.03), ylabel="rate of claims")
 
 
 @styled
 def sweep_figure(table: pd.DataFrame) -> Figure:
     """Tornado diagrams of the outcomes of a sweep; `table` is ``sweep.csv``."""
-    outcomes = [output for output in _OUTCOMES if (table["output"] == output).any()]
-    moved = table[table["output"].isin(outcomes) & (table["change"] != 0)]
-    places = max(int(moved.groupby("output")["factor"].nunique().max()), 1)
-    left = 0.3 + 0.06 * moved["factor"].dropna().str.len().max()
-    figure, axes = style.panels(len(outcomes), 2, (2.1, 0.22 * places), (left, 0.1, 0.35, 0.4))
+    is_study = table["factor"].isna() | (table["factor"] == "")
+    study = table[is_study].set_index("output")
+    varied = table[~is_study & table["change"].abs().gt(0)]
+    outcomes = [output for output in _OUTCOMES if output in study.index]
+    moved = varied.assign(setting=varied["factor"] + ": " + varied["value"].astype(str))
+    moved = moved[moved["output"].isin(outcomes)]
+    bars = max([1, *moved["output"].value_counts()])
+    left = 0.3 + 0.05 * max([0, *moved["setting"].str.len()])
+    figure, axes = style.panels(len(outcomes), 2, (2.1, 0.13 * bars), (left, 0.1, 0.35, 0.4))
     for panel, output in zip(axes, outcomes, strict=True):
-        _draw_tornado(panel, table[table["output"] == output], places)
-        panel.set_title(_label(output))
+        result = study.loc[output]
+        if np.isfinite(result["low"]):
+            panel.axvspan(result["low"], result["high"], color=PALE, lw=0)
+        panel.axvline(result["result"], color=GREY, lw=0.8)
+        of = moved[moved["output"] == output].sort_values("change", key=abs, kind="stable")
+        panel.barh(of["setting"], of["change"], left=result["result"], color=BLUE)
+        panel.tick_params(axis="y", labelsize=5.5)
+        panel.set_title(output.replace("_um", " (µm)"))
     return figure
 
 
-def _draw_tornado(axes: Axes, outcomes: pd.DataFrame, places: int) -> None:
-    """Bars from the study's result, the factor with the largest change on top."""
-    is_study = outcomes["factor"].isna() | (outcomes["factor"] == "")
-    study, varied = outcomes[is_study].iloc[0], outcomes[~is_study]
-    if np.isfinite(study["low"]):
-        axes.axvspan(study["low"], study["high"], color=PALE, lw=0, zorder=0)
-    axes.axvline(study["result"], color=GREY, lw=0.8, zorder=1)
-    reach = varied["change"].abs().groupby(varied["factor"], sort=False).max()
-    order = list(reach[reach > 0].sort_values(kind="stable", ascending=False).index)
-    for place, factor in enumerate(order):
-        values = varied[varied["factor"] == factor]
-        height = 0.8 / len(values)
-        for number, row in enumerate(values.itertuples(index=False)):
-            at = place - 0.4 + (number + 0.5) * height
-            colour = (BLUE, VERMILION, AMBER)[number % 3]
-            axes.barh(at, row.change, height, left=study["result"], color=colour)
-            side = -1 if row.change < 0 else 1
-            look = {"ha": "right" if side < 0 else "left", "fontsize": 5, "color": GREY}
-            style.write_beside(axes, row.value, (row.result, at), (2 * side, 0), **look)
-    axes.set_yticks(range(len(order)), order)
-    axes.set_ylim(places - 0.5, -0.5)
-    axes.margins(x=0.3)
+@styled
+def wear_figure(table: pd.DataFrame, profile: pd.DataFrame, limits: pd.DataFrame) -> Figure:
+    """Predicted against measured volume of every patch, and loss by height.
+
+    `table` is ``wear.csv``, `profile` is ``wear_profile.csv``; `limits` is ``patch_intervals.csv``:
+    a volume is in proportion to the pressure, and so is its interval.
+    """
+    figure, (volumes, heights) = style.panels(2, 2, (2.6, 2.6), (0.7, *CHARTS[1:]), head=0.4)
+    units = 1e5  # µm³
+    models = {model: of for model, of in _MODELS.items() if model in set(table.model)}
+    for model, (name, colour, marker) in models.items():
+        of = table[table.model == model]
+        places = of.measured_volume_um3 / units, of.predicted_volume_um3 / units
+        volumes.plot(*places, color=colour, marker=marker, ls="", label=name)
+        if model == "archard":
+            share = limits.set_index("patch").loc[of.patch]
+            low, high = (share[end] / share.pressure_MPa for end in ("low_MPa", "high_MPa"))
+            ends = places[1].to_numpy() * np.array([low, high])
+            volumes.vlines(places[0], *ends, color=colour, lw=0.8)
+            for patch, x, y in zip(of.patch, *places, strict=True):
+                style.write_beside(volumes, patch, (x, y), (3, 3), color=colour)
+    most = table[["measured_volume_um3", "predicted_volume_um3"]].to_numpy().max() / units
+    most = 1.05 * max(most, volumes.dataLim.y1)
+    volumes.plot([0, most], [0, most], color=GREY, lw=0.6)
+    volumes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
+    volumes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
+    volumes.set_title("How much did each patch lose?")
+    figure.legend(*volumes.get_legend_handles_labels(), loc="upper center", ncols=3)
+
+    means = profile[profile.by == "height"].groupby(["model", "band"], sort=False).loss_um.mean()
+    for model, (_, colour, marker) in ({"measured": ("", BLACK, "x")} | models).items():
+        if model in means:
+            heights.plot(means[model], means[model].index, color=colour, marker=marker)
+    heights.annotate("× measured", (means["measured"][3], 3), (8, -3), textcoords="offset points")
+    bands = ["highest\nquarter", "second", "third", "lowest\nquarter"]
+    heights.set_yticks(range(1, len(bands) + 1), bands)
+    heights.invert_yaxis()
+    heights.set_xlim(left=0)
+    heights.set_xlabel("mean loss (µm)")
+    heights.set_title("At which heights?")
+    return figure

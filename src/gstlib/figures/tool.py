@@ -3,6 +3,7 @@
 A view is a `Frame`: x to the right, y up, the normal towards the eye, as in the maps.
 """
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,53 +11,43 @@ import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import PowerNorm, to_rgb
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from gstlib.figures import maps, style
-from gstlib.figures.style import BLACK, STONE, VERMILION, styled
-from gstlib.preprocess.frame import Frame, principal_axes
-from gstlib.preprocess.gridding import orientation
+from gstlib.figures.macroscale import draw_places
+from gstlib.figures.style import STONE, VERMILION, styled
+from gstlib.preprocess.frame import Frame
 from gstlib.surface import spacing_of
 from gstlib.viewer import coarsen
 
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["axes_of", "check_figure", "coloured_tool", "draw_square", "draw_stone", "draw_tool"]
-__all__ += ["outline_on", "pressure_norm", "stone_figure", "tool_view"]
+__all__ = ["check_figure", "coloured_tool", "draw_square", "draw_stone", "draw_tool"]
+__all__ += ["outline_on", "tool_view"]
 
 # Where the tool is seen from, in the square's axes: aslant, so that its shape shows.
 _VIEW = np.array([-0.35, -0.55, 1.0])
-_FACES = 60_000  # each is a pixel or two: more would not be seen
+_FACES = 60_000  # each is a pixel or two: more would not be seen; a page takes 24 bytes of each
 _LIGHT = np.array([-1.0, 1.0, 1.4]) / 2  # from the upper left
 _PANEL = (3.6, 3.6)
 # Corners of a square of side 1, in order.
 _UNIT = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
 
 
-def axes_of(frame: Frame) -> np.ndarray:
-    """The axes of a frame as rows: points in the frame times these, plus its origin, are mm."""
-    return np.array([frame.x_axis, frame.y_axis, frame.normal])
-
-
 def tool_view(mesh: "trimesh.Trimesh", frame: Frame) -> Frame:
     """How the whole tool (mm) is looked at: its middle is that of the picture."""
-    towards = _VIEW @ axes_of(frame)
-    view = Frame((0.0, 0.0, 0.0), np.cross(frame.y_axis, towards).tolist(), towards.tolist())
+    towards = _VIEW @ frame.axes
+    view = Frame((0.0, 0.0, 0.0), np.cross(frame.axes[1], towards), towards)
     seen = view.to_frame(mesh.vertices)
-    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2 @ axes_of(view)
-    return Frame(middle.tolist(), view.x_axis, view.normal)
-
-
-def pressure_norm(pressure: xr.DataArray) -> PowerNorm:
-    """A square-root scale from 0 to the largest pressure, MPa."""
-    return PowerNorm(0.5, vmin=0, vmax=float(pressure.max()) or 1.0)
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2 @ view.axes
+    return Frame(middle, view.x_axis, view.normal)
 
 
 def coloured_tool(
-    mesh: "trimesh.Trimesh", frame: Frame, pressure: xr.DataArray, *, faces: int
+    mesh: "trimesh.Trimesh", frame: Frame, pressure: xr.DataArray, *, faces: int = _FACES
 ) -> tuple["trimesh.Trimesh", np.ndarray]:
     """A mesh of fewer faces, but for the square, whose faces are cut as fine as its grid.
 
@@ -79,9 +70,6 @@ def coloured_tool(
     import trimesh
     from trimesh.remesh import subdivide_to_size
 
-    if orientation(mesh) < 0:
-        mesh = mesh.copy()
-        mesh.invert()
     size, spacing = _size_of(pressure), spacing_of(pressure)
     margin = 3 * float(np.median(mesh.edges_unique_length))
     keep = _over_square(mesh, frame, size, margin)[1]
@@ -99,7 +87,7 @@ def coloured_tool(
         np.clip((places[is_over, axis] / step).astype(int), 0, count - 1)
         for axis, step, count in zip((1, 0), spacing, pressure.shape, strict=True)
     )
-    shown = pressure_norm(pressure)(pressure.values[row, column])
+    shown = maps.force_norm(pressure.values)(pressure.values[row, column])
     colours[is_over] = maps.FORCE_MAP(shown)[:, :3]
     return whole, np.round(255 * colours).astype(np.uint8)
 
@@ -139,7 +127,7 @@ def outline_on(
     flat = np.concatenate(along)
     _, nearest = KDTree(places[is_over, :2]).query(flat)
     heights = places[is_over, 2][nearest]
-    return np.column_stack([flat, heights]) @ axes_of(frame) + np.array(frame.origin)
+    return np.column_stack([flat, heights]) @ frame.axes + np.array(frame.origin)
 
 
 def draw_stone(
@@ -153,8 +141,7 @@ def draw_stone(
     """
     corners = view.to_frame(mesh.triangles.reshape(-1, 3)).reshape(-1, 3, 3)
     # Of the surface around a face: those of slivers are anything.
-    normals = mesh.vertex_normals[mesh.faces].mean(axis=1) @ axes_of(view).T
-    normals *= orientation(mesh)
+    normals = mesh.vertex_normals[mesh.faces].mean(axis=1) @ view.axes.T
     front = np.flatnonzero(normals[:, 2] > 0)
     # Painted from the farthest to the nearest.
     front = front[np.argsort(corners[front, :, 2].mean(axis=1))]
@@ -172,55 +159,23 @@ def draw_stone(
     maps.scale_bar(axes)
 
 
-def draw_tool(
-    axes: Axes, mesh: "trimesh.Trimesh", frame: Frame, pressure: xr.DataArray, *, faces: int = 40000
-) -> None:
-    """A picture of the tool from `tool_view`, its square coloured by pressure and outlined."""
-    whole, colours = coloured_tool(mesh, frame, pressure, faces=faces)
-    view, size = tool_view(whole, frame), _size_of(pressure)
-    draw_stone(axes, whole, view, colours=colours)
-    outline = view.to_frame(outline_on(whole, frame, size * _UNIT, size))
-    axes.add_patch(Polygon(outline[:, :2], fill=False, edgecolor=VERMILION, lw=1))
-
-
 def draw_square(
-    axes: Axes, mesh: "trimesh.Trimesh", view: Frame, frame: Frame, size: float
-) -> bool:
-    """Outline the square of a side (mm) in a view: dashed where the stone hides it.
-
-    Gives whether it is in sight.
-    """
-    corners = size * np.array([*_UNIT, [0.5, 0.5]])
-    *outline, middle = view.to_frame(frame.origin + corners @ axes_of(frame)[:2])
-    points = view.to_frame(mesh.vertices)
-    near = np.linalg.norm((points - middle)[:, :2], axis=1) < size / 4
-    seen = not near.any() or bool(points[near, 2].max() < middle[2] + size / 2)
-    ends = np.array([*outline, outline[0]])
-    look = {"color": VERMILION, "lw": 1.2, "path_effects": maps.OUTLINE}
-    axes.plot(*ends[:, :2].T, "-" if seen else "--", **look)
-    axes.plot(*ends[0, :2], "o", ms=4, color=BLACK)
-    look = {"fontsize": 8, "ha": "center", "va": "center", "path_effects": maps.OUTLINE}
-    for corner, name in ((ends[1], "x"), (ends[3], "y")):
-        axes.text(*(ends[0] + 1.35 * (corner - ends[0]))[:2], name, **look)
-    return seen
+    axes: Axes, view: Frame, frame: Frame, size: float, *, names: Sequence[str] = ("x", "y")
+) -> None:
+    """Outline the square of a side (mm) in a view, with the names of its axes at their ends."""
+    corners = view.to_frame(frame.origin + size * _UNIT @ frame.axes[:2])[:, :2]
+    look = {"path_effects": maps.OUTLINE, "fontsize": 8, "ha": "center", "va": "center"}
+    axes.add_patch(Polygon(corners, fill=False, edgecolor=VERMILION, lw=1.2))
+    for corner, name in zip(corners[1::2], names, strict=False):
+        axes.text(*(corners[0] + 1.35 * (corner - corners[0])), name, **look)
 
 
-@styled
-def stone_figure(mesh: "trimesh.Trimesh", *, title: str) -> Figure:
-    """Both sides of a stone (mm), seen along its shortest axis, the longest one upright."""
-    mesh = coarsen(mesh, faces=_FACES)
-    longest, _, shortest = principal_axes(mesh)
-    figure, panels = style.panels(2, 2, _PANEL, (0.1, 0.1, 0.3, 0.1))
-    for axes, towards, name in zip(
-        panels, (shortest, -shortest), (title, "other side"), strict=True
-    ):
-        view = Frame(
-            mesh.bounds.mean(axis=0), np.cross(longest, towards).tolist(), towards.tolist()
-        )
-        draw_stone(axes, mesh, view)
-        is_drawn = len(axes.collections[0].get_paths()) > 0
-        axes.set_title(name if is_drawn else f"{name}: the mesh has none")
-    return figure
+def draw_tool(axes: Axes, mesh: "trimesh.Trimesh", frame: Frame, pressure: xr.DataArray) -> None:
+    """A picture of the tool from `tool_view`, its square coloured by pressure and outlined."""
+    whole, colours = coloured_tool(mesh, frame, pressure)
+    view = tool_view(whole, frame)
+    draw_stone(axes, whole, view, colours=colours)
+    draw_square(axes, view, frame, _size_of(pressure), names=())
 
 
 @styled
@@ -240,18 +195,12 @@ def check_figure(
     """
     figure, panels = style.panels(2 + (height is not None), 3, _PANEL, (0.55, 0.25, 0.3, 0.85))
     mesh = coarsen(mesh, faces=_FACES)
-    middle = mesh.bounds.mean(axis=0)
-    slanted = np.add(frame.normal, frame.y_axis).tolist()
-    for axes, towards, name in zip(
-        panels, (frame.normal, slanted), ("along the square's normal", "45° from it"), strict=False
-    ):
-        view = Frame(middle, frame.x_axis, towards)
+    views = {"along the square's normal": frame.axes[2], "45° from it": frame.axes[1:].sum(axis=0)}
+    for axes, (name, towards) in zip(panels, views.items(), strict=False):
+        view = Frame(mesh.bounds.mean(axis=0), frame.x_axis, towards)
         draw_stone(axes, mesh, view)
-        seen = draw_square(axes, mesh, view, frame, size_mm)
-        axes.set_title(name + ("" if seen else ": the stone hides the square"))
+        draw_square(axes, view, frame, size_mm)
+        axes.set_title(name)
     if height is not None:
-        maps.draw_heights(panels[2], height)
-        maps.draw_footprints(panels[2], patches, patch_size_mm, colour=BLACK)
-        maps.mark_corner(panels[2])
-        panels[2].set_title("the square", loc="right")
+        draw_places(panels[2], height, patches, patch_size_mm)
     return figure

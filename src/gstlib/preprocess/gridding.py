@@ -20,7 +20,7 @@ from gstlib.surface import axis_coordinates, make_surface
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["grid_mesh", "orientation"]
+__all__ = ["grid_mesh"]
 
 _log = logging.getLogger(__name__)
 
@@ -31,22 +31,16 @@ _BRIDGED_SHARE = 1e-2
 _FOLDED_SHARE = 1e-3
 # Heights of one element that differ by less (mm) are one: the element lies on an edge.
 _SAME_HEIGHT = 1e-6
-# A mesh whose area vectors cancel to this share is closed, but for pin-holes: scanners leave some.
-_CLOSED = 0.01
 # A face seen edge-on (area in mm²) covers nothing.
 _EDGE_ON = 1e-12
-# Vertices nearer to each other than this share of the mean edge are one: no smooth surface would
-# join their heights.
-_SAME_PLACE = 1e-3
 # From the simplest to the smoothest.
 _INTERPOLATIONS = ("linear", "clough-tocher", "cubic")
 # Vertices that the cubic radial basis takes around a point.
 _NEIGHBOURS = 50
 # Vertices in the square: fewer tell little about the errors between them.
 _FEWEST = 30
-# The vertices in the square are left out in so many random groups, one group at a time. Of a larger
-# number of vertices, only about `_MOST_LEFT_OUT` are left out: of some groups, or of one small one.
-_GROUPS, _MOST_LEFT_OUT, _SEED = 8, 5000, 1
+# The vertices in the square are left out in so many random groups, one group at a time.
+_GROUPS, _SEED = 8, 1
 # ASSUME: of the interpolations whose r.m.s. error on left-out vertices is within this share of the
 # smallest, the simplest is the best.
 _TIE = 0.01
@@ -70,8 +64,8 @@ def grid_mesh(
     Parameters
     ----------
     mesh : trimesh.Trimesh
-        The stone, mm, its equal vertices merged; closed, or an open sheet whose faces look out of
-        the stone. A closed one that is inside out is turned.
+        The stone, mm, its equal vertices merged and its faces looking outwards, as from
+        `gstlib.io.meshes.read_mesh`.
     frame : Frame
         The square's frame. Its origin need not touch the surface.
     size_mm : float
@@ -99,10 +93,8 @@ def grid_mesh(
     ------
     InputError
         The square misses the stone or sticks out of it, or holds fewer than 30 vertices; the mesh
-        folds over within the square, its faces look into the stone, or its vertices stand in lines
-        too straight for a cubic.
+        folds over within the square, or its faces look into the stone.
     """
-    from scipy.spatial import KDTree
     from trimesh.graph import connected_component_labels
 
     vertices = frame.to_frame(mesh.vertices)
@@ -123,13 +115,10 @@ def grid_mesh(
             f"no part of the mesh lies over the square: in the square's frame the mesh spans "
             f"x {low[0]:.4g} to {high[0]:.4g} and y {low[1]:.4g} to {high[1]:.4g} mm, the square "
             f"0 to {size_mm:g} mm",
-            "Check inputs.mesh_unit and square.frame in the config.",
+            "Check inputs.mesh_unit and square.points_mm in the config.",
         )
     body = connected_component_labels(faces[:, [0, 1, 1, 2]].reshape(-1, 2), len(points))
-    outwards = orientation(mesh)
-    if outwards < 0:
-        _log.warning("the mesh is inside out (its volume is negative): its faces were turned")
-    side = 2 * body[faces[:, 0]] + (outwards * areas > 0)
+    side = 2 * body[faces[:, 0]] + (areas > 0)
     hit = side[face]
     cover = np.bincount(hit)
     # Specks, flaps and the inside of a hollow scan are no candidates.
@@ -139,9 +128,8 @@ def grid_mesh(
         raise InputError(
             source,
             "the mesh's faces over the square look against the frame's normal",
-            "If square.frame's normal points into the stone, turn it, or exchange points 2 and 3 "
-            "of points_mm (they turn anticlockwise as one looks at the stone); if not, turn the "
-            "mesh's faces.",
+            "Exchange points 2 and 3 of square.points_mm if they do not turn anticlockwise as one "
+            "looks at the stone; if they do, turn the mesh's faces.",
         )
     place, height = place[hit == use_face], height[hit == use_face]
     lowest, highest = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -153,14 +141,12 @@ def grid_mesh(
             source,
             f"the mesh folds over within the square: {_describe(folded, x, y)} has two heights, "
             f"up to {np.nanmax(highest - lowest):.3g} mm apart",
-            "Turn square.frame so that it looks at the use-face squarely, move it, or repair the "
-            "mesh.",
+            "Move square.points_mm so that the square looks at the use-face squarely, or repair "
+            "the mesh.",
         )
     triangles = points[faces[side == use_face]]
     edge = float(np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).mean())
     cloud = points[np.unique(faces[side == use_face])]
-    twins = KDTree(cloud[:, :2]).query_pairs(_SAME_PLACE * edge, output_type="ndarray")
-    cloud = np.delete(cloud, twins[:, 1], axis=0)
     inside = np.flatnonzero(((cloud[:, :2] >= 0) & (cloud[:, :2] <= size_mm)).all(axis=1))
     if len(inside) < _FEWEST:
         raise InputError(
@@ -177,8 +163,8 @@ def grid_mesh(
             source,
             f"the square sticks out of the mesh, or the mesh has a hole: there is no use-face in "
             f"{_describe(np.isnan(heights) | bare, x, y)}",
-            "Move square.frame in the config, make square.size_mm smaller, check inputs.mesh_unit, "
-            "or repair the mesh (holes, and faces turned inside out).",
+            "Move square.points_mm in the config, make square.size_mm smaller, check "
+            "inputs.mesh_unit, or repair the mesh (holes, and faces turned inside out).",
         )
     if bare.any():
         _log.warning("holes of the mesh were bridged: %s", _describe(bare, x, y))
@@ -188,13 +174,6 @@ def grid_mesh(
     chosen = best if interpolation == "best" else _INTERPOLATIONS.index(interpolation)
     if chosen:  # the linear heights are there
         heights = _predicted(_INTERPOLATIONS[chosen], cloud, places)
-    if np.isinf(heights).any() or np.isinf(rms[chosen]):
-        raise InputError(
-            source,
-            f"{_NEIGHBOURS} vertices next to each other are in line, so interpolation "
-            f"'{_INTERPOLATIONS[chosen]}' is impossible",
-            "Set macroscale.interpolation in the config to linear, or repair the mesh.",
-        )
     surface = make_surface(
         heights,
         [size_mm / count for count in shape],
@@ -242,26 +221,14 @@ def _predicted(interpolation: str, cloud: np.ndarray, places: np.ndarray) -> np.
 
 def _left_out(cloud: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Numbers (n,) of vertices left out, and each interpolation's errors (3, n) on them, mm."""
-    groups = max(_GROUPS, len(inside) // _MOST_LEFT_OUT)
-    group = np.random.default_rng(_SEED).permutation(len(inside)) % groups
-    taken = max(1, min(_GROUPS, _GROUPS * _MOST_LEFT_OUT // len(inside)))
-    errors = np.full((len(_INTERPOLATIONS), len(cloud)), np.nan)
-    for left in (inside[group == number] for number in range(taken)):
-        others, places = np.delete(cloud, left, axis=0), cloud[left, :2]
+    group = np.random.default_rng(_SEED).permutation(len(inside)) % _GROUPS
+    errors = np.empty((len(_INTERPOLATIONS), len(inside)))
+    for out in (group == number for number in range(_GROUPS)):
+        left, others = cloud[inside[out]], np.delete(cloud, inside[out], axis=0)
         for row, kind in zip(errors, _INTERPOLATIONS, strict=True):
-            row[left] = cloud[left, 2] - _predicted(kind, others, places)
-    known = np.flatnonzero(~np.isnan(errors).any(axis=0))
-    return known, errors[:, known]
-
-
-def orientation(mesh: "trimesh.Trimesh") -> int:
-    """+1, or -1 for a closed mesh that is inside out (negative volume)."""
-    areas = mesh.triangles_cross
-    closed = np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum()
-    # from its middle, so that pin-holes far from the origin count little
-    if closed and ((mesh.triangles_center - mesh.bounds.mean(axis=0)) * areas).sum() < 0:
-        return -1
-    return 1
+            row[out] = left[:, 2] - _predicted(kind, others, left[:, :2])
+    known = ~np.isnan(errors).any(axis=0)
+    return inside[known], errors[:, known]
 
 
 def _ray_heights(

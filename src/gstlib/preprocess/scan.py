@@ -53,13 +53,11 @@ def prepare_scan(
     xarray.Dataset
         ``height`` (y, x), mm, level, without NaN; ``filled`` and ``outlier`` (replaced), (y, x)
         bool; ``measured`` (y, x), mm, the heights before all of this, the mould undone.
-        Attributes: ``points``, ``unmeasured``, ``filled``, ``outliers`` (counts),
-        ``unmeasured_share`` and ``outlier_share`` (of all points), ``outlier_rule``, ``outlier_k``
-        (its threshold), ``outlier_scale_um`` (of `median_outliers`, with that rule only),
+        Attributes: ``unmeasured``, ``filled``, ``outliers`` (counts), ``outlier_k`` (the rule's
+        threshold), ``outlier_scale_um`` (of `median_outliers`, with that rule only),
         ``tilt_x_mrad``, ``tilt_y_mrad`` (of the plane removed), ``Sq_before_um`` (r.m.s. of the
-        measured heights about their mean) and ``Sq_after_um`` (of the prepared ones),
-        ``highest_before_um`` and ``highest_after_um`` (highest point above the plane of the
-        measured and of the prepared heights), and the raw scan's own texts.
+        measured heights about their mean) and ``Sq_after_um`` (of the prepared ones), and the raw
+        scan's own texts.
 
     Raises
     ------
@@ -105,21 +103,15 @@ def prepare_scan(
         {"height": level, **masks, "measured": stone},
         attrs={
             **texts,
-            "points": level.size,
             "unmeasured": int(unmeasured.sum()),
-            "unmeasured_share": float(unmeasured.mean()),
             "filled": int(unmeasured.sum()),
-            "outlier_rule": outlier_rule,
             "outliers": int(outlier.sum()),
             "outlier_k": threshold,
-            "outlier_share": float(outlier.mean()),
             **of_rule,
             "tilt_x_mrad": plane.tilt_x_mrad,
             "tilt_y_mrad": plane.tilt_y_mrad,
             "Sq_before_um": _MM_TO_UM * float(np.nanstd(raw.values)),
             "Sq_after_um": _MM_TO_UM * float(np.std(level.values)),
-            "highest_before_um": _MM_TO_UM * float(np.nanmax(remove_plane(stone)[0].values)),
-            "highest_after_um": _MM_TO_UM * float(level.max()),
         },
     )
 

@@ -224,3 +224,19 @@ def test_whatever_happens_to_a_file(tmp_path_factory, name):
             assert len(mesh.faces) >= 48
 
     check()
+
+
+def test_a_closed_mesh_inside_out_is_turned(tmp_path, caplog):
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=20)
+    ball.update_faces(np.arange(len(ball.faces)) > 2)  # pin-holes, as scanners leave them
+    ball.apply_translation((500, 0, 0))
+    ball.export(tmp_path / "right.stl")
+    ball.invert()
+    ball.export(tmp_path / "wrong.stl")
+    right = read_mesh(tmp_path / "right.stl")
+    assert "inside out" not in caplog.text
+    assert read_mesh(tmp_path / "wrong.stl").volume == pytest.approx(right.volume)
+    assert "inside out" in caplog.text
+    sheet = trimesh.Trimesh([[0, 0, 0], [0, 20, 0], [30, 0, 0]], [[0, 1, 2]])
+    sheet.export(tmp_path / "sheet.stl")
+    assert read_mesh(tmp_path / "sheet.stl").face_normals[0, 2] == -1

@@ -6,6 +6,8 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import Delaunay
 
 from gstlib.errors import InputError
 from gstlib.preprocess import gridding
@@ -19,8 +21,6 @@ UP = Frame(origin=(0, 0, 0), x_axis=(1, 0, 0), normal=(0, 0, 1))
 
 def sheet(function, edge=0.25, low=-1.5, high=6.5, seed=0):
     """An open mesh z = function(x, y) on jittered points, faces looking up."""
-    from scipy.spatial import Delaunay
-
     axis = np.arange(low, high + edge / 2, edge)
     points = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
     inner = ((points > low) & (points < axis[-1])).all(axis=1)
@@ -89,16 +89,6 @@ def test_ball_gives_the_side_that_the_normal_leaves(radius):
     np.testing.assert_allclose(surface.values, exact, atol=0.02)
 
 
-def test_closed_mesh_inside_out_is_turned(caplog):
-    ball = trimesh.creation.icosphere(subdivisions=5, radius=20)
-    below = np.argsort(ball.triangles_center[:, 2]) < 3
-    ball.update_faces(~below)  # pin-holes, as scanners leave them
-    right = grid(ball, on_top(20))
-    ball.invert()
-    np.testing.assert_array_equal(grid(ball, on_top(20)).values, right.values)
-    assert "inside out" in caplog.text
-
-
 def test_speck_over_the_surface_is_not_the_use_face():
     plane = sheet(lambda x, y: 0 * x - 0.5)
     speck = sheet(lambda x, y: 0 * x, low=1.0, high=2.0)
@@ -112,78 +102,89 @@ def innermost(mesh):
     return np.arange(len(mesh.faces)) == distance.argmin()
 
 
-def test_pin_hole_is_bridged(caplog):
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_pin_hole_or_a_face_turned_over_is_bridged(turned, caplog):
     plane = sheet(lambda x, y: 0.1 * x)
-    plane.update_faces(~innermost(plane))
+    one = innermost(plane)
+    if turned:
+        plane.faces[one] = plane.faces[one][:, ::-1]
+    else:
+        plane.update_faces(~one)
     surface = grid(plane)
     np.testing.assert_allclose(surface.values, 0.1 * np.broadcast_to(surface.x, (40, 50)))
     assert "holes of the mesh were bridged" in caplog.text
 
 
-def test_a_face_turned_over_is_bridged_and_many_are_refused(caplog):
+def without(faces):
+    """A plane without the faces of which a function of the mesh tells."""
+    plane = sheet(lambda x, y: 0 * x)
+    plane.update_faces(~faces(plane))
+    return plane
+
+
+def turned_over():
     plane = sheet(lambda x, y: 0.1 * x)
-    wrong = innermost(plane)
-    plane.faces[wrong] = plane.faces[wrong][:, ::-1]
-    np.testing.assert_allclose(grid(plane).values, 0.1 * np.broadcast_to(grid(plane).x, (40, 50)))
     many = np.linalg.norm(plane.triangles_center[:, :2] - 2.5, axis=1) < 1.0
     plane.faces[many] = plane.faces[many][:, ::-1]
-    refused("faces turned inside out", plane)
+    return plane
 
 
-def refused(match, mesh, frame=UP, **other):
-    with pytest.raises(InputError, match=match) as caught:
-        grid(mesh, frame, **other)
-    assert "stone.stl" in str(caught.value)
-
-
-def test_square_beside_the_mesh():
-    plane = sheet(lambda x, y: 0 * x)
-    beside = Frame((100, 0, 0), (1, 0, 0), (0, 0, 1))
-    refused(
-        r"no part of the mesh.*x -101\.5 to -93\.5 and y -1\.5 to 6\.5 mm.*mesh_unit", plane, beside
-    )
-    refused("no part of the mesh", sheet(lambda x, y: 0 * x, high=-0.5))  # in the crop alone
-    refused("mesh_unit", trimesh.creation.icosphere(subdivisions=4, radius=0.05), on_top(50))
-
-
-def test_square_that_sticks_out_says_how_much_and_where():
-    refused(
-        r"sticks out of the mesh.*20 % of the square \(x 4\.05 to 4\.95, y 0\.\d+ to 4\.9\d* mm\)",
-        sheet(lambda x, y: 0 * x, low=-2.0, high=9.0),
-        Frame((5.0, 0, 0), (1, 0, 0), (0, 0, 1)),
-    )
-
-
-@pytest.mark.parametrize("interpolation", KINDS)  # a cubic would go on outside without a word
-def test_a_corner_that_sticks_out(interpolation):
-    plane = sheet(lambda x, y: 0 * x)
-    plane.update_faces(plane.vertices[plane.faces, :2].sum(axis=2).max(axis=1) < 9.8)
-    refused(r"sticks out.* 0\.\d+ % of the square", plane, interpolation=interpolation)
-
-
-def test_hole_in_the_mesh():
-    plane = sheet(lambda x, y: 0 * x)
-    plane.update_faces(np.linalg.norm(plane.triangles_center[:, :2] - 2.5, axis=1) > 0.8)
-    refused(r"the mesh has a hole.* % of the square \(x 1\.", plane)
-
-
-def test_faces_that_look_inwards():
+def inverted():
     shell = sheet(hills)
-    inwards = Frame((0, 5, 0), (1, 0, 0), (0, 0, -1))
-    refused("look against the frame's normal.*normal points into the stone", shell, inwards)
     shell.invert()
-    refused("look against the frame's normal.*turn the mesh's faces", shell)
-    ball = trimesh.creation.icosphere(subdivisions=5, radius=20)
-    refused("look against the frame's normal", ball, Frame((-2.5, 2.5, 20), (1, 0, 0), (0, 0, -1)))
+    return shell
 
 
-def test_overhang():
-    # A wave that breaks: the surface leans over by more than it advances.
+def breaking_wave():
+    """The surface leans over by more than it advances."""
     flat = sheet(lambda x, y: 0 * x, edge=0.1)
     x, y, _ = flat.vertices.T
     crest = np.exp(-((x - 2.5) ** 2))
     flat.vertices = np.c_[x + 2.0 * crest, y, 1.5 * crest]
-    refused(r"folds over within the square: .* % of the square .* two heights", flat)
+    return flat
+
+
+def at(x, y=0.0, normal=1.0):
+    return Frame((x, y, 0), (1, 0, 0), (0, 0, normal))
+
+
+@pytest.mark.parametrize(
+    ("match", "mesh", "frame"),
+    [
+        (
+            r"no part of the mesh.*x -101\.5 to -93\.5 and y -1\.5 to 6\.5 mm.*mesh_unit",
+            lambda: sheet(hills),
+            at(100),
+        ),
+        ("no part of the mesh", lambda: sheet(hills, high=-0.5), UP),  # in the crop alone
+        (
+            r"sticks out.*20 % of the square \(x 4\.05 to 4\.95, y 0\.\d+ to 4\.9\d* mm\)",
+            lambda: sheet(lambda x, y: 0 * x, low=-2.0, high=9.0),
+            at(5.0),
+        ),
+        (
+            r"sticks out.* 0\.\d+ % of the square",  # with a corner alone
+            lambda: without(lambda m: m.vertices[m.faces, :2].sum(axis=2).max(axis=1) >= 9.8),
+            UP,
+        ),
+        (
+            r"the mesh has a hole.* % of the square \(x 1\.",
+            lambda: without(
+                lambda m: np.linalg.norm(m.triangles_center[:, :2] - 2.5, axis=1) <= 0.8
+            ),
+            UP,
+        ),
+        ("faces turned inside out", turned_over, UP),
+        ("look against the frame's normal.*points 2 and 3", lambda: sheet(hills), at(0, 5, -1)),
+        ("look against the frame's normal.*turn the mesh's faces", inverted, UP),
+        (r"folds over within the square: .* % of the square .* two heights", breaking_wave, UP),
+        (r"has 1\d vertices .* 30 .*finer mesh", lambda: sheet(hills, edge=1.3), UP),
+    ],
+)
+def test_a_square_that_cannot_be_gridded(match, mesh, frame):
+    with pytest.raises(InputError, match=match) as caught:
+        grid(mesh(), frame)
+    assert "stone.stl" in str(caught.value)
 
 
 # --- Left-out vertices ------------------------------------------------------------------------
@@ -230,61 +231,23 @@ def test_a_tie_goes_to_the_simpler(rms, chosen, monkeypatch):
     np.testing.assert_array_equal(surface.left_out_error, errors[KINDS.index(chosen)])
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_errors_are_those_of_a_group_left_out(kind):
-    from scipy.interpolate import (
-        CloughTocher2DInterpolator,
-        LinearNDInterpolator,
-        RBFInterpolator,
-    )
-
+def test_errors_are_those_of_a_group_left_out():
     mesh = sheet(smooth)
-    surface = gridded(mesh, interpolation=kind, margin_mm=9.0)  # the cloud is the whole sheet
+    surface = gridded(mesh, interpolation="linear", margin_mm=9.0)  # the cloud is the whole sheet
     x, y, z = mesh.vertices.T
     inside = np.flatnonzero((np.abs(x - 2.5) <= 2.5) & (np.abs(y - 2.5) <= 2.5))
     np.testing.assert_array_equal(surface.vertex_x, x[inside])
     np.testing.assert_array_equal(surface.vertex_y, y[inside])
     group = np.random.default_rng(1).permutation(len(inside)) % 8 == 3
-    others = np.setdiff1d(np.arange(len(x)), inside[group])
-    known, heights = mesh.vertices[others, :2], z[others]
-    predicted = {
-        "linear": lambda: LinearNDInterpolator(known, heights),
-        "clough-tocher": lambda: CloughTocher2DInterpolator(known, heights),
-        "cubic": lambda: RBFInterpolator(known, heights, neighbors=50, kernel="cubic", degree=2),
-    }[kind]()(mesh.vertices[inside[group], :2])
-    np.testing.assert_allclose(
-        surface.left_out_error[group], z[inside[group]] - predicted, atol=1e-12
-    )
+    others, left = np.setdiff1d(np.arange(len(x)), inside[group]), inside[group]
+    predicted = LinearNDInterpolator(mesh.vertices[others, :2], z[others])
+    errors = z[left] - predicted(mesh.vertices[left, :2])
+    np.testing.assert_allclose(surface.left_out_error[group], errors, atol=1e-12)
     everywhere = np.sqrt(np.mean(surface.left_out_error**2))
-    np.testing.assert_allclose(surface.left_out_rms.sel(candidate=kind), everywhere)
-
-
-@pytest.mark.parametrize("most", [220, 25])
-def test_of_many_vertices_only_some_are_left_out(most, monkeypatch):
-    monkeypatch.setattr(gridding, "_MOST_LEFT_OUT", most)
-    surface = gridded(sheet(smooth))
-    assert surface.sizes["vertex"] == pytest.approx(most, rel=0.15)
-    assert rms_of(surface)["cubic"] < rms_of(surface)["linear"]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_vertices_in_one_place_count_once(kind):
-    mesh = sheet(smooth)
-    expected = gridded(mesh, interpolation=kind)
-    twins = mesh.vertices[mesh.faces[::9, 0]] + np.array([1e-9, 0, 0])
-    twins[::2, 0] -= 1e-9
-    faces = mesh.faces.copy()
-    faces[::9, 0] = len(mesh.vertices) + np.arange(len(twins))
-    doubled = trimesh.Trimesh(np.r_[mesh.vertices, twins], faces, process=False)
-    surface = gridded(doubled, interpolation=kind)
-    np.testing.assert_allclose(surface.height, expected.height, atol=1e-7)
-    assert surface.height.attrs["mesh_points"] == expected.height.attrs["mesh_points"]
-    np.testing.assert_allclose(surface.left_out_rms, expected.left_out_rms, rtol=0.2)
+    np.testing.assert_allclose(surface.left_out_rms.sel(candidate="linear"), everywhere)
 
 
 def test_vertices_in_lines_allow_no_cubic():
-    from scipy.spatial import Delaunay
-
     points = np.stack(np.meshgrid(np.arange(-0.8, 5.9, 0.03), np.arange(-0.8, 6.5, 0.8)), axis=-1)
     points = points.reshape(-1, 2)
     mesh = trimesh.Trimesh(
@@ -293,18 +256,11 @@ def test_vertices_in_lines_allow_no_cubic():
     best = gridded(mesh, margin_mm=0.5)
     assert rms_of(best)["cubic"] == np.inf
     assert best.height.attrs["interpolation"] != "cubic"
-    refused("50 vertices.*'cubic' is impossible.*to linear", mesh, interpolation="cubic")
-
-
-def test_too_few_vertices():
-    refused(r"has 1\d vertices in the square of 5 mm.* 30 .*finer mesh", sheet(hills, edge=1.3))
-    assert gridded(sheet(hills, edge=0.8)).sizes["vertex"] >= 30
 
 
 def test_what_the_square_is_stored_with():
-    frame = {"origin_mm": [0, 0, 0], "x_axis": [1, 0, 0], "normal": [0, 0, 1], "points_mm": None}
-    square = {"size_mm": 5.0, "frame": frame}
-    settings = {"grid": 20, "margin_mm": 1.0, "mesh_unit": "mm", "source": "stone.stl"}
+    square = {"size_mm": 5.0, "points_mm": [[0, 0, 0], [5, 0, 0], [0, 5, 0]]}
+    settings = {"grid": 20, "margin_mm": 1.0, "source": "stone.stl"}
     mesh = sheet(lambda x, y: smooth(x, y) + 0.1 * x)
     surface = grid_macroscale(mesh, square=square, interpolation="linear", **settings)
     assert abs(np.polyfit(surface.x, surface.height.mean("y"), 1)[0]) < 1e-9  # level

@@ -63,21 +63,15 @@ def test_every_step_is_counted(case):
     assert window.outlier.sum() > median.outlier.sum()  # it takes its share
     assert 1 < window.attrs["outlier_k"] < 6 == median.attrs["outlier_k"]
     assert 0 < median.attrs["outlier_scale_um"] < 1
-    for rule, scan in (("window", window), ("median", median)):
+    for scan in (window, median):
         attrs = scan.attrs
-        assert (attrs["file"], attrs["vendor"], attrs["outlier_rule"]) == ("a.plu", "V", rule)
+        assert (attrs["file"], attrs["vendor"]) == ("a.plu", "V")
         assert attrs["unmeasured"] == attrs["filled"] == holes.sum()
-        assert attrs["points"] == stone.size
-        assert attrs["unmeasured_share"] == holes.mean()
         assert attrs["outliers"] == scan.outlier.sum() <= 0.01 * stone.size
-        assert attrs["outlier_share"] == attrs["outliers"] / stone.size
         assert attrs["tilt_y_mrad"] == pytest.approx(4.0, abs=0.1)
         assert attrs["tilt_x_mrad"] == pytest.approx(-3.0, abs=0.1)
         assert attrs["Sq_before_um"] == pytest.approx(1e3 * np.nanstd(raw.values))
         assert attrs["Sq_after_um"] == pytest.approx(1e3 * stone.std(), rel=0.01)
-        # above the plane, on the stone's side
-        assert attrs["highest_after_um"] == pytest.approx(1e3 * stone.max(), rel=0.05)
-        assert 1e3 * stone.max() + 10 < attrs["highest_before_um"] < 1e3 * stone.max() + 31
 
 
 @pytest.mark.parametrize("rule", ["window", "median"])
@@ -135,17 +129,6 @@ def test_filling_is_exact_on_planes(seeds, width, seed):
     plane = 5.0 + 0.03 * rows - 0.2 * columns
     filled = interpolate_holes(np.where(holes, math.nan, plane), holes)
     np.testing.assert_allclose(filled, plane, atol=1e-9)
-
-
-def test_filling_is_local_and_changes_nothing_else():
-    heights = np.random.default_rng(0).normal(size=(40, 40))
-    holes = np.zeros(heights.shape, bool)
-    holes[5:8, 5:9] = holes[30:33, 20:28] = holes[0:2, 30:33] = True
-    filled = interpolate_holes(heights, holes)
-    np.testing.assert_array_equal(filled[~holes], heights[~holes])
-    fence = binary_dilation(holes, np.ones((3, 3)))
-    disturbed = interpolate_holes(np.where(fence, heights, 1e6), holes)
-    np.testing.assert_allclose(disturbed[holes], filled[holes])
 
 
 def test_filling_without_triangles_takes_the_nearest():
