@@ -25,17 +25,7 @@ __all__ = [
 
 STUDY = "study"  # name of the setting that changes nothing
 
-_MODULUS = "contact_modulus_MPa"
 _PRESSURE, _CHANGE = "pressure_MPa", "relative_change(pressure_MPa)"
-
-# The sections and keys that `outcomes` depend on, but for the frame and the scans' format.
-_SWEPT = {
-    *("coupling", "material", "preprocessing", "registration", "traces", "texture", "selection"),
-    *("macroscale.grid", "macroscale.margin_mm", "macroscale.interpolation"),
-    *("macroscale.target_pressure_MPa", "macroscale.tolerance"),
-    *("microscale.tolerance", "microscale.s_filter_um", "validation.neighbourhood_um"),
-    "uncertainty.placement_um",
-}
 
 
 class Setting(NamedTuple):
@@ -93,25 +83,12 @@ def sweep_problems(config: Mapping, problems_of: Callable[[Mapping], Iterable[st
 
     `problems_of` gives what is wrong with a whole config, whatever its sweep.
     """
-    problems: list[str] = []
-    for factor, values in (config["sweep"] or {}).items():
-        for number, changes in enumerate(values, start=1):
-            changed = merged(config, changes)
-            names = [
-                f"{section}.{key}" if key else section
-                for section, keys in changes.items()
-                for key in (keys if isinstance(keys, Mapping) else [""])
-            ]
-            unknown = [name for name in names if not {name, name.split(".")[0]} & _SWEPT]
-            reach = f"only on {', '.join(sorted(_SWEPT))}"
-            found = [f"no outcome depends on {name}, {reach}" for name in unknown]
-            found = found or list(problems_of(changed))
-            void = [n for n in names if n.startswith("material.") and n != f"material.{_MODULUS}"]
-            if not found and void and changed["material"][_MODULUS] is not None:
-                given = f"while material.{_MODULUS} is given: set that to null"
-                found = [f"{', '.join(void)} has no effect {given}"]
-            problems += [f"'sweep.{factor}', value {number}: {text}" for text in found]
-    return problems
+    return [
+        f"'sweep.{factor}', value {number}: {problem}"
+        for factor, values in (config["sweep"] or {}).items()
+        for number, changes in enumerate(values, start=1)
+        for problem in problems_of(merged(config, changes))
+    ]
 
 
 def outcomes(study: "Study") -> pd.DataFrame:

@@ -50,7 +50,7 @@ def test_every_problem_of_config_and_sweep(study):
 
 
 def test_a_sweep_is_checked_too(study):
-    values = [{"macroscale": {"steps": 5}}, {"texture": {"l_filter_um": 5.0}}]
+    values = [{"macroscale": {"steppes": 5}}, {"texture": {"l_filter_um": 5.0}}]
     study.change(sweep={"fine": [{"macroscale": {"grid": 50}}], "my factor": values})
     code, said = check(study)
     assert code == 1
