@@ -38,6 +38,8 @@ SUMMARY = table("""statistic value low high p_value against
     gain(mcc) -0.2 -0.3 -0.1 0.01 rigid; gain(f1) 0.1 0.05 0.3 0.3 highest""")
 VARIANTS = table("""variant score contact rival best_rival low high p_value n
     placed mcc 0.3 0.5 rigid -0.3 -0.1 0.01 3; levelled mcc 0.2 0.1 highest -0.1 0.2 0.2 3""")
+TWO_SCALES = table("""patch variant f1; 1 levelled 0.4; 3 levelled 0.5; all levelled 0.45
+    1 placed 0.9; 3 placed 0.8; all placed 0.85""")
 ALONE["texture"] = table("""patch epoch Sq_um Sk_um Spk_um Svk_um Sal_um Str
     1 T0 2 1 1 1 1 1; 1 T1 1.5 1 1 1 1 1; 2 T0 3 1 1 1 1 1; 3 T0 4 1 1 1 1 1""")
 ALONE["sweep"] = table("""factor value output result change low high
@@ -82,6 +84,8 @@ FROM = {
     "overview": ((SQUARE, PRESSURES, CONTACTS["1"], CHANGE, TOOL), SIZE | PATCH),
     "validation": ((SCORES, GAINS, SUMMARY, VARIANTS), {}),
 }
+TOUCHED = {patch: CONTACTS[patch].pressure.values > 30 for patch in "13"}
+FROM["two_scales"] = (({"levelled": CONTACTS, "placed": CONTACTS}, TOUCHED, TWO_SCALES), {})
 ALONE |= {"contact_steps": SQUARE, "microscale_maps": CONTACTS}
 FROM |= {name: ((found,), {}) for name, found in ALONE.items()}
 MASKS = [
@@ -91,6 +95,8 @@ MASKS = [
     ("patch", -1, style.AMBER, CHANGE["loss"] & (PRESSURE == 0)),
     ("patch", -1, style.BLACK, (PRESSURE > 0) & LOST.notnull() & ~CHANGE["loss"]),
     ("overview", -1, "#ffffff", LOST.isnull()),
+    ("two_scales", 0, style.BLUE, PRESSURE > 30),
+    ("two_scales", 1, style.BLACK, (PRESSURE > 0) & (PRESSURE <= 30)),
 ]
 SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "workflow/scripts/draw_figures.py"))
 CASES = [("13", {}), ("1", {"most": 1}), (["none"], {"in_study": False})]
@@ -241,3 +247,11 @@ def test_script_draws_the_studied_patches_in_even_steps_of_pressure(tmp_path, co
 def test_script_refuses_a_table_of_other_patches(tmp_path):
     with pytest.raises(InputError, match=r"pressures\.csv.*one row for each patch"):
         run(tmp_path, "microscale_maps", patch=["1", "2", "4"])
+
+
+def test_two_scales_shows_what_was_found_and_missed():
+    figure = draw("two_scales")
+    assert "0.45 levelled and 0.85 placed" in figure.get_suptitle()
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles[:3] == ["patch 1 levelled: F1 0.40", "patch 1 placed: F1 0.90", "whole square"]
+    assert titles[3:] == ["patch 3 levelled: F1 0.50", "patch 3 placed: F1 0.80", "whole square"]

@@ -22,11 +22,19 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 from PIL import Image
 
 from gstlib.coupling import outline, places_of
-from gstlib.figures.style import DPI, MM_TO_UM, PALE, panels
+from gstlib.figures.style import DPI, MM_TO_UM, PALE, VERMILION, panels
 from gstlib.surface import spacing_of
 
 __all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHTS", "HEIGHT_MAP", "OUTLINE", "draw_footprints"]
-__all__ += ["draw_forces", "draw_map", "draw_maps", "force_norm", "height_norm", "scale_bar"]
+__all__ += [
+    "draw_forces",
+    "draw_map",
+    "draw_maps",
+    "force_norm",
+    "height_norm",
+    "mark_corner",
+    "scale_bar",
+]
 
 # Few levels make small files; these are enough that the eye sees no steps.
 HEIGHT_MAP = colormaps["cividis"].resampled(64)
@@ -143,6 +151,15 @@ def scale_bar(axes: Axes) -> None:
     bar = AnchoredSizeBar(axes.transData, length, f"{length:g} mm", "lower left", **look)
     bar.patch.set(linewidth=0, alpha=0.8)  # white, so that it shows on black contact
     axes.add_artist(bar)
+
+
+def mark_corner(axes: Axes) -> None:
+    """Mark the reference corner, from which the patch table counts."""
+    low, high = axes.get_xlim()
+    side = 0.05 * (high - low)
+    corner = np.add([[0, 0], [side, 0], [0, side]], (low, axes.get_ylim()[0]))
+    axes.add_patch(Polygon(corner, color=VERMILION, linewidth=0))
+    axes.set_title("◣ reference corner", loc="left", color=VERMILION, fontsize=7)
 
 
 def draw_footprints(

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import trimesh
 
 __all__ = ["load_curves_figure", "microscale_maps_figure", "overview_figure", "patch_figure"]
-__all__ += ["preparation_figure"]
+__all__ += ["preparation_figure", "two_scales_figure"]
 
 _UNKNOWN = "#ffffff"
 _AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": BLACK}
@@ -75,6 +75,37 @@ def _agreement(contact: xr.Dataset, change: xr.Dataset) -> dict[str, np.ndarray]
         BLACK: predicted & ~loss & ~unknown,
         _UNKNOWN: unknown & ~loss,
     }
+
+
+@styled
+def two_scales_figure(
+    contacts: Mapping[str, Mapping[str, xr.Dataset]],
+    reference: Mapping[str, np.ndarray],
+    scores: pd.DataFrame,
+) -> Figure:
+    """Contact within patches, levelled and placed, beside that of the whole square.
+
+    `contacts` are those of each variant; `reference` (ny, nx) is where the single-scale contact
+    touches each patch; `scores` is ``two_scales.csv``.
+    """
+    f1, drawn = scores.set_index(["variant", "patch"]).f1, []
+    for patch, true in reference.items():
+        for variant, of_variant in contacts.items():
+            found = of_variant[patch]["pressure"].values > 0
+            marks = {BLUE: found & true, AMBER: true & ~found, BLACK: found & ~true}
+            title = f"patch {patch} {variant}: F1 {f1[variant, patch]:.2f}"
+            drawn.append((title, of_variant[patch]["height"], {"marks": marks}))
+        drawn.append(("whole square", of_variant[patch]["height"], {"marks": {BLUE: true}}))
+    columns = (len(contacts) + 1) * min(2, len(reference))
+    figure = maps.draw_maps(drawn, columns, 1.5, (0.03, 0.03, 0.3, 0.03), head=0.75)
+    pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in contacts)
+    figure.suptitle(
+        "Contact of the patches against one contact of the whole square at the scans' resolution\n"
+        f"share of agreement (F1), all patches: {pooled}; 1 would be perfect"
+    )
+    names = {"found": BLUE, "missed": AMBER, "not in the whole square's contact": BLACK}
+    style.colour_legend(figure, names, bbox_to_anchor=(0.5, 1 - 0.45 / figure.get_figheight()))
+    return figure
 
 
 @styled
