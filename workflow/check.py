@@ -12,8 +12,9 @@ from pathlib import Path
 import pandas as pd
 from prepare import ROOT, read_config
 
-from gstlib.config import check_files, contact_moduli, read_study
+from gstlib.config import check_files, contact_moduli, counterface_mesh, read_study
 from gstlib.errors import GstError, InputsError
+from gstlib.gesture import reach_of
 from gstlib.inputs import Inputs, check_inputs
 from gstlib.io.files import check_writable
 from gstlib.io.patches import scan_files
@@ -74,6 +75,11 @@ def main() -> int:
             check_files(config, patches, f"{path}, {config['patches']}")
         except GstError as error:
             problems.append(error)
+        second = counterface_mesh(config, "")
+        if second is not None and Path(second["mesh"]).is_file():
+            second["reach_mm"] = reach_of(config)
+        else:
+            second = None
         mesh = Path(config["inputs"]["mesh"])
         folder, face = config["inputs"]["scan_folder"], (config["counterface"] or {}).get("scan")
         scans = [scan for scan in scan_files(patches, folder, face) if scan.path.is_file()]
@@ -88,6 +94,7 @@ def main() -> int:
             placed=config["coupling"] == "placed",
             reference=config["coupling"] == "placed" and config["reference_draws"] is not None,
             mat=config["mat"],
+            second_stone=second,
         )
         problems += found.problems
     print(f"{path}: {summary(config, patches, found)}")

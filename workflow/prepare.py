@@ -19,8 +19,9 @@ from gstlib.io.files import check_writable
 
 # What a study makes in its folder, besides hidden parts of files.
 MADE = (
-    *("benchmarks", "coupling", "figures", "hardness", "logs", "macroscale", "microscale", "power"),
-    *("reference", "registered", "slip", "specimen", "surfaces", "sweep", "tables", "wear"),
+    *("benchmarks", "coupling", "figures", "gesture", "hardness", "logs", "macroscale"),
+    *("microscale", "power", "reference", "registered", "slip", "specimen", "surfaces", "sweep"),
+    *("tables", "wear"),
     *("check.png", "index.html", "provenance.json", "report.html", "verdict.html"),
 )
 ROOT = Path(__file__).parents[1]

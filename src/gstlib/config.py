@@ -26,6 +26,7 @@ __all__ = [
     "check_files",
     "config_problems",
     "contact_moduli",
+    "counterface_mesh",
     "read_study",
     "refuse_config",
     "study_poisson",
@@ -103,8 +104,8 @@ def check_files(config: Mapping, patches: "pd.DataFrame", source: str) -> None:
         Its message lists every such file.
     """
     files = {"mesh": config["inputs"]["mesh"]}
-    if config["counterface"] is not None:
-        files["counterface"] = config["counterface"]["scan"]
+    second = config["counterface"] or {}
+    files |= {f"counterface's {of}": second[of] for of in ("mesh", "scan") if of in second}
     for row in patches.itertuples():
         for epoch, name in (("T0", row.t0), ("T1", row.t1)):
             if name:
@@ -204,6 +205,22 @@ def _contradictions(config: Mapping) -> Iterator[str]:
         if mat["thickness_um"] < spacing_um:
             fault = thinner_than_a_point(mat["thickness_um"], spacing_um)
             yield f"'mat.thickness_um': {fault}; make it thicker, or set mat to null"
+    second = counterface_mesh(config, "")
+    if config["gesture"] is not None:
+        if second is None:
+            yield (
+                "'gesture' moves a second stone, of which there is no mesh: give counterface.mesh, "
+                "or set gesture to null"
+            )
+        if len(config["gesture"]) != 2 - ("table" in config["gesture"]):
+            yield (
+                f"'gesture' is {config['gesture']}: give a table, or poses and one of pounding_mm, "
+                "stroke_mm and rotation_deg"
+            )
+        if mat is not None:
+            yield "'gesture' and 'mat' cannot wear a stone together: set one of them to null"
+    if config["power"] is not None and second is not None:
+        yield "'power' presses its specimens against a flat: set specimen.counterface_seed to null"
     short, long = config["texture"]["s_filter_um"], config["texture"]["l_filter_um"]
     if long is not None and long <= short:
         yield (
@@ -213,6 +230,21 @@ def _contradictions(config: Mapping) -> Iterator[str]:
     for name in ("patches", "published"):
         if config[name] is not None and (problem := _path_problem(config[name])):
             yield f"'{name}': {problem}: correct the path"
+
+
+def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
+    """The active stone: its ``mesh``, ``mesh_unit`` and ``pose``; None where it is flat.
+
+    `specimen` is the folder of the generated one, whose square is laid on the other's.
+    """
+    generated = config["specimen"] is not None
+    if generated and config["specimen"]["counterface_seed"] is not None:
+        pose = {"points_mm": config["square"]["points_mm"]}
+        return {"mesh": f"{specimen}/counterface.stl", "mesh_unit": "mm", "pose": pose}
+    given = config["counterface"] or {}
+    if "mesh" not in given:
+        return None
+    return {"mesh_unit": "mm"} | {name: of for name, of in given.items() if name != "scan"}
 
 
 def thinner_than_a_point(thickness_um: float, spacing_um: float) -> str:
@@ -233,8 +265,9 @@ def _inputs_in_results(config: Mapping) -> str | None:
             "the mesh": config["inputs"]["mesh"],
             "the scans": config["inputs"]["scan_folder"],
         }
-    if config["counterface"] is not None:
-        files["the counterface"] = config["counterface"]["scan"]
+    second = config["counterface"] or {}
+    files |= {f"the counterface's {of}": second.get(of) for of in ("mesh", "scan")}
+    files["the poses"] = (config["gesture"] or {}).get("table")
     for name, file in files.items():
         if file is not None and Path(file).resolve().is_relative_to(folder):
             return f"{name} ({file})"

@@ -24,6 +24,7 @@ __all__ = [
     "check_grid",
     "contact_at_pressure",
     "contact_path",
+    "faces_of",
     "hardness_dataset",
     "hardness_summary",
     "interface_stiffness",
@@ -173,6 +174,13 @@ def contact_at_pressure(
     )
     state = solved(solve_contact, contact, source, mean_pressure=target_pressure_MPa)
     return contact.assign(_state_variables(state))
+
+
+def faces_of(surface: xr.Dataset) -> xr.Dataset:
+    """What is pressed of a square: its ``height`` and, of a second stone, its ``counterface``."""
+    return xr.Dataset(
+        {name: surface[name] for name in ("height", "counterface") if name in surface}
+    )
 
 
 def interface_stiffness(contact: xr.Dataset) -> xr.DataArray:

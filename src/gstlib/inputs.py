@@ -19,6 +19,7 @@ from skimage.transform import resize_local_mean
 
 from gstlib.config import thinner_than_a_point
 from gstlib.contact import check_grid
+from gstlib.counterface import grid_counterface, read_counterface
 from gstlib.coupling import Place, on_patch, spline_of
 from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.io.meshes import is_mesh, read_mesh
@@ -106,6 +107,7 @@ def check_inputs(
     placed: bool,
     reference: bool,
     mat: Mapping | None,
+    second_stone: Mapping | None,
 ) -> Inputs:
     """Read the mesh and every scan of a study.
 
@@ -124,6 +126,8 @@ def check_inputs(
         Whether the whole square is pressed at the scans' resolution, which takes memory.
     mat : mapping or None
         The section ``mat`` of the config.
+    second_stone : mapping or None
+        As in `gstlib.counterface.read_counterface`; None for a flat.
 
     Notes
     -----
@@ -145,6 +149,14 @@ def check_inputs(
                 source=str(mesh),
             )
             heights = remove_plane(gridded.height)[0]
+            if second_stone is not None:
+                grid_counterface(
+                    surface=gridded.height,
+                    frame=frame,
+                    margin_mm=macroscale["margin_mm"],
+                    interpolation="linear",
+                    **read_counterface(second_stone),
+                )
     except GstError as error:
         problems.append(error)
     rows: list[dict[str, Any]] = []

@@ -89,6 +89,14 @@ function showTool(scene) {
   for (const light of lights)
     light.addEventListener("input", () => viewer.rake(...lights.map((one) => Number(one.value))));
 
+  if (scene.second) {
+    const lifted = document.getElementById("lift");
+    const second = viewer.addStone(scene.second);
+    const lift = () => second.shift(axes[2].map((part) => part * size * Number(lifted.value)));
+    lifted.addEventListener("input", lift);
+    lift();
+  }
+
   viewer.onclick = (hit) => {
     if (!hit || dot(hit.normal, axes[2]) < 0) return;
     const [x, y] = axes.map((axis) => dot(axis, hit.point.map((value, k) => value - origin[k])));

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 __all__ = ["Shown", "by_category", "caption_html", "embedded", "patch_records", "render"]
 __all__ += ["tool_scene", "warned"]
 
+# Faces of a second stone, which stands transparent over the first.
+_SECOND_FACES = 20_000
 _COLOURS = 256  # as many as a PNG of one byte a pixel can have
 
 
@@ -139,6 +141,7 @@ def tool_scene(
     pressure: xr.DataArray,
     places: Mapping[str, Sequence],
     patch_mm: float,
+    second: "trimesh.Trimesh | None" = None,
 ) -> dict[str, Any]:
     """The tool for the viewer, its square and its patches, and the square's map.
 
@@ -150,14 +153,17 @@ def tool_scene(
         ``patch, x_mm, y_mm, rotation_deg``: a list each.
     patch_mm : float
         Side of a patch.
+    second : trimesh.Trimesh, optional
+        The active stone where it is posed, in the tool's coordinates.
 
     Returns
     -------
     dict
-        ``stone`` for `gstlib.viewer`; ``frame``; ``view``, where to look from, with ``middle`` and
-        ``extent``, the tool's middle, width and height from there; ``square`` and
-        ``patches``: outlines on the tool (mesh's coordinates) and in the square; ``map``: a data
-        URL; ``scale``: colours from no pressure to ``highest`` (MPa), on a square-root scale.
+        ``stone`` and ``second``, or None, for `gstlib.viewer`; ``frame``; ``view``, where to look
+        from, with ``middle`` and ``extent``, the tool's middle, width and height from there;
+        ``square`` and ``patches``: outlines on the tool (mesh's coordinates) and in the square;
+        ``map``: a data URL; ``scale``: colours from no pressure to ``highest`` (MPa), on a
+        square-root scale.
     """
     from matplotlib.colors import to_hex
     from matplotlib.image import imsave
@@ -165,7 +171,7 @@ def tool_scene(
     from gstlib.coupling import Place, outline, places_of
     from gstlib.figures.maps import FORCE_MAP, force_norm
     from gstlib.figures.tool import coloured_tool, outline_on, tool_view
-    from gstlib.viewer import stone_data
+    from gstlib.viewer import coarsen, stone_data
 
     stone, colours = coloured_tool(mesh, frame, pressure)
     size = float(pressure.x[-1] + pressure.x[0])
@@ -181,6 +187,7 @@ def tool_scene(
     imsave(content, FORCE_MAP(shown(pressure.values))[::-1], metadata={"Software": None})
     return {
         "stone": stone_data(stone, colours),
+        "second": stone_data(coarsen(second, faces=_SECOND_FACES)) if second else None,
         "frame": {"origin": list(frame.origin), "axes": frame.axes.tolist(), "size": size},
         "view": view.axes[2].tolist(),
         "middle": list(map(float, view.origin)),

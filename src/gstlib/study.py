@@ -5,7 +5,8 @@ Sci. Rep. 104939) and goes on where the paper stops:
 
 1. The square of the tool's mesh becomes heights on a grid (`grid_macroscale`). The scans, cleaned
    (`prepare_scan`), are laid on it where they were taken (`compose_surface`). The whole is pressed
-   against a flat up to the target pressure (`solve_macroscale`).
+   against a flat up to the target pressure (`solve_macroscale`), or against a second stone, whose
+   mesh was posed on it; in other poses, too (`press_poses`, `gather_exposure`, `shift_pose`).
 2. Each scanned patch carries the macroscale forces in its outline (`couple_scales`): a pressure
    with an interval (`bound_pressures`). `place_patches` checks where the patches lie.
 3. T1 is registered to T0, which gives the height that use took away (`register_patch`).
@@ -61,6 +62,7 @@ __all__ = [
     "compose_surface",
     "couple_scales",
     "fit_mat",
+    "gather_exposure",
     "grid_macroscale",
     "gridding_table",
     "levelled_patch",
@@ -71,11 +73,13 @@ __all__ = [
     "predict_wear",
     "prepare_scan",
     "preprocessing_table",
+    "press_poses",
     "register_patch",
     "registration_table",
     "score_patches",
     "score_wear",
     "select_patches",
+    "shift_pose",
     "solve_hardness",
     "solve_macroscale",
     "solve_patch",
@@ -106,13 +110,19 @@ def grid_macroscale(
     square: Mapping,
     grid: int,
     source: str | Path,
+    counterface: Mapping | None = None,
     **settings: Any,
 ) -> xr.Dataset:
     """Heights of the use-face over the analysed square, its plane removed (section 2.1).
 
     Settings and result are those of `gstlib.preprocess.gridding.grid_mesh`; the frame is in the
-    attributes of the result.
+    attributes of the result. Of a second stone, `counterface` has the ``mesh``,
+    its ``pose``, its ``source`` and ``reach_mm``, as of `gstlib.counterface.grid_counterface`; of
+    the result, ``counterface`` (y, x) is its face over the square and ``face`` (face_y, face_x)
+    also that around it.
     """
+    from gstlib.counterface import face_in_pose, grid_counterface
+    from gstlib.coupling import Place
     from gstlib.preprocess.frame import find_frame
     from gstlib.preprocess.gridding import grid_mesh
     from gstlib.preprocess.leveling import remove_plane
@@ -127,6 +137,13 @@ def grid_macroscale(
         **settings,
     )
     height, _ = remove_plane(gridded.height)
+    if counterface is not None:
+        names = ("margin_mm", "interpolation")
+        of_both = {name: settings[name] for name in names if name in settings}
+        face = grid_counterface(surface=gridded.height, frame=frame, **counterface, **of_both)
+        over = face_in_pose(face, gridded.height, Place(0.0, 0.0, 0.0))
+        face = face.rename(y="face_y", x="face_x")
+        gridded = gridded.assign(counterface=over, face=face)
     return gridded.assign(height=height).assign_attrs(
         origin_mm=frame.origin, x_axis=frame.x_axis, normal=frame.normal
     )
@@ -164,13 +181,14 @@ def compose_surface(
     from gstlib.composite import compose_surface
     from gstlib.preprocess.filtering import s_filtered
 
-    return compose_surface(
+    composite = compose_surface(
         surface,
         patches,
         ((patch, s_filtered(height, s_filter_um)) for patch, height in heights),
         patch_mm=patch_mm,
         **settings,
     )
+    return composite.assign(surface[["counterface", "face"]] if "face" in surface else {})
 
 
 def solve_macroscale(
@@ -180,11 +198,9 @@ def solve_macroscale(
 
     Settings and result are those of `gstlib.contact.contact_path`, pressure and gap at every step.
     """
-    from gstlib.contact import contact_path
+    from gstlib.contact import contact_path, faces_of
 
-    return contact_path(
-        surface.height.to_dataset(name="height"), source=source, every_step=True, **settings
-    )
+    return contact_path(faces_of(surface), source=source, every_step=True, **settings)
 
 
 def compare_moduli(
@@ -202,13 +218,13 @@ def compare_moduli(
     `gstlib.contact.contact_at_pressure`. The result has ``contact_modulus, quantity, patch, unit,
     value``.
     """
-    from gstlib.contact import contact_at_pressure
+    from gstlib.contact import contact_at_pressure, faces_of
     from gstlib.coupling import patch_pressures
 
     rows: list[tuple] = []
     for basis, modulus in moduli_MPa.items():
         contact = contact_at_pressure(
-            surface.height.to_dataset(name="height"),
+            faces_of(surface),
             source=source,
             contact_modulus_MPa=modulus,
             **settings,
@@ -225,6 +241,43 @@ def compare_moduli(
 
 
 # --- From the square to its patches -----------------------------------------------------------
+
+
+def press_poses(
+    surface: xr.Dataset, poses: pd.DataFrame, patches: pd.DataFrame, **settings: Any
+) -> xr.Dataset:
+    """Press the square in some poses of a second stone.
+
+    `surface` is that of `grid_macroscale` or `compose_surface`; settings and result are those of
+    `gstlib.gesture.press_poses`.
+    """
+    from gstlib.gesture import press_poses
+
+    return press_poses(surface, poses, patches, **settings)
+
+
+def gather_exposure(
+    batches: Iterable[xr.Dataset], pressures: pd.DataFrame
+) -> tuple[xr.Dataset, pd.DataFrame]:
+    """What all poses of a gesture leave on the square and on each patch.
+
+    `batches` are from `press_poses`. The results are those of `gstlib.gesture.exposure` and
+    `gstlib.gesture.exposure_table`.
+    """
+    from gstlib.gesture import exposure, exposure_table
+
+    found = exposure(batches)
+    return found, exposure_table(found, pressures)
+
+
+def shift_pose(surface: xr.Dataset, pressures: pd.DataFrame, **settings: Any) -> pd.DataFrame:
+    """Do the patches keep their ranks where the second stone is shifted?
+
+    Settings and result are those of `gstlib.gesture.pose_shifts`.
+    """
+    from gstlib.gesture import pose_shifts
+
+    return pose_shifts(surface, pressures, **settings)
 
 
 def couple_scales(
@@ -269,7 +322,7 @@ def bound_pressures(
         poisson=uncertainty["poisson"],
         generator=np.random.default_rng(seed),
     )
-    settings |= {"placement_um": uncertainty["placement_um"], "seed": seed}
+    settings |= {name: uncertainty[name] for name in ("placement_um", "pose_um")} | {"seed": seed}
     return pressure_intervals(surface, composite, pressures, shares, **settings)
 
 
@@ -462,20 +515,30 @@ def place_patch(
 
     `contact` is the square's at the target pressure. The result adds ``surroundings`` (y, x), the
     displacement by the macroscale pressures outside the outline, mm, and the slopes of the patch's
-    plane as attributes ``slope_y`` and ``slope_x``.
+    plane as attributes ``slope_y`` and ``slope_x``. Of a second stone, ``counterface`` is its face
+    over the patch; where that was scanned, the scan, laid on the plane of this face.
     """
-    from gstlib.coupling import Place, surroundings
+    from gstlib.coupling import Place, on_patch, spline_of, surroundings
+    from gstlib.preprocess.leveling import remove_plane
 
-    at = composite.sel(patch=patch)
+    at, patch_mm = composite.sel(patch=patch), composite.attrs["patch_mm"]
+    place = Place(*(float(at[name]) for name in ("y_mm", "x_mm", "rotation_deg")))
     displaced = surroundings(
         contact.pressure,
-        Place(*(float(at[name]) for name in ("y_mm", "x_mm", "rotation_deg"))),
+        place,
         faces.height.shape,
-        size_mm=composite.attrs["patch_mm"],
+        size_mm=patch_mm,
         contact_modulus_MPa=contact.attrs["contact_modulus_MPa"],
     )
     long_name = "displacement by the macroscale pressures outside the patch"
     variable = ("y", "x"), displaced, {"units": "mm", "long_name": long_name}
+    if "counterface" in composite:
+        spline = spline_of(composite.counterface)
+        over = faces.height.copy(data=on_patch(spline, place, faces.height.shape, patch_mm))
+        if "counterface" in faces:
+            over = faces.counterface + (over - remove_plane(over)[0])
+        attrs = {"units": "mm", "long_name": "height of the counterface over the patch"}
+        faces = faces.assign(counterface=over.assign_attrs(attrs))
     return faces.assign(surroundings=variable).assign_attrs(
         slope_y=float(at.slope_y), slope_x=float(at.slope_x)
     )
@@ -494,20 +557,26 @@ def solve_patch(faces: xr.Dataset, *, source: str | Path = "patch", **settings: 
 
 def solve_reference(
     heights: xr.DataArray,
+    counterface: xr.DataArray | None = None,
     *,
     source: str | Path = "reference",
     **settings: float,
 ) -> xr.Dataset:
     """One contact of the whole square at the scans' resolution, at the target pressure.
 
+    `counterface` (y, x) is the second stone's face on the macroscale grid, if there is one.
     Settings are those of `gstlib.contact.contact_at_pressure`. The result has ``height`` mm and
     ``pressure`` MPa (y, x), in single precision.
     """
     from gstlib.contact import contact_at_pressure
+    from gstlib.coupling import spline_of
     from gstlib.preprocess.leveling import remove_plane
     from gstlib.reference import TOLERANCE
 
     level = remove_plane(heights)[0].assign_attrs(heights.attrs).to_dataset(name="height")
+    if counterface is not None:
+        over = spline_of(counterface)(heights.y.values, heights.x.values)
+        level["counterface"] = level.height.copy(data=over)
     contact = contact_at_pressure(level, source=source, tolerance=TOLERANCE, **settings)
     return contact[["height", "pressure"]].astype(np.float32)
 
@@ -774,6 +843,8 @@ class Study:
     worn : sequence of str
         The patches that have a T1.
     has_counterface : bool
+    second_stone : mapping, optional
+        As `counterface` of `grid_macroscale`.
     kept : dict, optional
         Results of stages that are known already, by the stage's name and what it is of (a patch,
         an epoch).
@@ -788,11 +859,13 @@ class Study:
         read_scan: Callable[[str, str], xr.DataArray],
         worn: Sequence[str],
         has_counterface: bool = False,
+        second_stone: Mapping | None = None,
         kept: Mapping[tuple[str, ...], Any] | None = None,
     ):
         self.config, self.patches, self.worn = config, patches, list(worn)
         self.read_mesh, self.read_scan = read_mesh, read_scan
-        self.has_counterface, self.kept = has_counterface, dict(kept or {})
+        self.has_counterface, self.second_stone = has_counterface, second_stone
+        self.kept = dict(kept or {})
 
     @_stage
     def surface(self) -> xr.Dataset:
@@ -800,6 +873,7 @@ class Study:
         names = ("grid", "margin_mm", "interpolation")
         settings = {name: self.config["macroscale"][name] for name in names}
         settings |= {"square": self.config["square"], "source": "mesh"}
+        settings["counterface"] = self.second_stone
         return grid_macroscale(self.read_mesh(), **settings)
 
     @property
@@ -832,11 +906,11 @@ class Study:
         return self._pressed_square(self.surface())
 
     def _pressed_square(self, surface: xr.Dataset) -> xr.Dataset:
+        from gstlib.contact import faces_of
+
         names = ("target_pressure_MPa", "tolerance")
         settings = {name: self.config["macroscale"][name] for name in names}
-        return self._pressed(
-            surface.height.to_dataset(name="height"), source="macroscale", **settings
-        )
+        return self._pressed(faces_of(surface), source="macroscale", **settings)
 
     def _pressed(self, faces: xr.Dataset, **settings: Any) -> xr.Dataset:
         from gstlib.config import contact_moduli

@@ -20,8 +20,9 @@ import xarray as xr
 
 from gstlib.bem import contact_modulus
 from gstlib.composite import compose_grid, draw_mesh_errors, plane_under
-from gstlib.contact import contact_at_pressure
-from gstlib.coupling import moved, patch_pressures, places_of, spline_of
+from gstlib.contact import contact_at_pressure, faces_of
+from gstlib.counterface import face_in_pose, face_of
+from gstlib.coupling import Place, moved, patch_pressures, places_of, spline_of
 from gstlib.preprocess.leveling import remove_plane
 
 __all__ = ["draw_contact_moduli", "pressure_intervals"]
@@ -65,6 +66,7 @@ def pressure_intervals(
     *,
     patch_mm: float,
     placement_um: float,
+    pose_um: float,
     contact_modulus_MPa: float,
     target_pressure_MPa: float,
     seed: int,
@@ -86,6 +88,8 @@ def pressure_intervals(
         Side of a patch.
     placement_um : float
         Standard deviation of a patch's place along each axis.
+    pose_um : float
+        That of the place of a second stone, where there is one.
     contact_modulus_MPa, target_pressure_MPa, source
         As in `gstlib.contact.contact_at_pressure`.
     seed : int
@@ -108,8 +112,13 @@ def pressure_intervals(
             laid = zip(at, planes, composite.scan.values, strict=True)
             # the generator goes on: another detail in each draw
             height = compose_grid(height, laid, patch_mm, composite.density, generator)
+        square = surface.assign(height=remove_plane(height)[0])
+        if "face" in surface:
+            y, x = pose_um * 1e-3 * np.random.default_rng([seed, 4, draw]).standard_normal(2)
+            over = face_in_pose(face_of(surface), surface.height, Place(y, x, 0.0))
+            square = square.assign(counterface=over)
         contact = contact_at_pressure(
-            xr.Dataset({"height": remove_plane(height)[0]}),
+            faces_of(square),
             source=source,
             contact_modulus_MPa=float(share) * contact_modulus_MPa,
             target_pressure_MPa=target_pressure_MPa,

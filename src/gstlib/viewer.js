@@ -13,6 +13,8 @@
      setColours(rgb)        colours of the vertices: base64 or Uint8Array of 3 bytes each, or null
      rake(azimuth, altitude)  where light comes from, in degrees: clockwise from the top of the
                             view, and above the plane of the view (90: from behind the viewer)
+     addStone(stone, opacity)  another stone, seen through: {shift(vector), remove()}, which moves
+                            it by so many mm from where it is
      addLines(points, colour, closed, width)  a line of so many pixels; returns {remove()}
      addLabel(point, text)  HTML at a point, hidden while the stone is before it: the returned
                             {element, remove()} can be styled, and listened to once its
@@ -69,6 +71,23 @@ function stoneViewer(element, stone, options = {}) {
   const material = new THREE.MeshLambertMaterial({ color: colour, side: THREE.DoubleSide });
   const mesh = new THREE.Mesh(geometry, material);
   scene.add(mesh);
+
+  function addStone(other, opacity = 0.3) {
+    const shape = new THREE.BufferGeometry();
+    const places = new Float32Array(bytes(other.vertices).buffer);
+    shape.setAttribute("position", new THREE.BufferAttribute(places, 3));
+    shape.setIndex(new THREE.BufferAttribute(new Uint32Array(bytes(other.faces).buffer), 1));
+    shape.computeVertexNormals();
+    const look = { color: "#6f8fa8", transparent: true, opacity, depthWrite: false };
+    const part = new THREE.Mesh(shape, new THREE.MeshLambertMaterial(look));
+    const shift = (by) => {
+      part.position.copy(inside(other.centre)).add(vector(by));
+      render();
+    };
+    scene.add(part);
+    shift([0, 0, 0]);
+    return { shift, remove: () => { scene.remove(part); render(); } };
+  }
 
   function setColours(rgb) {
     material.vertexColors = rgb !== null;
@@ -385,7 +404,7 @@ function stoneViewer(element, stone, options = {}) {
   if (getComputedStyle(element).position === "static") element.style.position = "relative";
   element.append(frame);
   const viewer = {
-    setColours, rake, addLines, addLabel, pick, normal, fit, snapshot, onclick: null, onrender: null,
+    setColours, rake, addStone, addLines, addLabel, pick, normal, fit, snapshot, onclick: null, onrender: null,
   };
   new ResizeObserver(render).observe(element);
   setColours(stone.colours || null);

@@ -39,6 +39,7 @@ from gstlib.bem import Layer, ThirdBody, solve_contact, wear_path
 from gstlib.contact import laid_height, solved
 from gstlib.coupling import Place, patch_pressures, surroundings
 from gstlib.errors import InputError
+from gstlib.gesture import exposure, press_poses
 from gstlib.surface import spacing_of
 from gstlib.validation.intervals import percentile_interval
 from gstlib.validation.summary import exchange_p_value, rank_correlation
@@ -84,6 +85,8 @@ def wear_square(
     patch_mm: float,
     steps: int,
     mat: Layer | None = None,
+    face: xr.DataArray | None = None,
+    poses: pd.DataFrame | None = None,
     source: str | Path = "macroscale",
 ) -> xr.Dataset:
     """Wear the square, follow the patches' pressures, and fit κ.
@@ -102,6 +105,11 @@ def wear_square(
         Implicit steps of the path.
     mat : gstlib.bem.Layer, optional
         What takes turns with the bare stone.
+    face : (face_y, face_x) xarray.DataArray, optional
+    poses : pandas.DataFrame, optional
+        The active stone's face and a gesture, as in `gstlib.gesture.press_poses`: in each step all
+        poses take off what their pressure and sliding say, in place of the single pose. Not with a
+        mat.
 
     Returns
     -------
@@ -124,10 +132,14 @@ def wear_square(
     most = measured.sum() / table.pressure_MPa[measured.index].sum()
     for reach in _REACHES:
         # a mat adds to what the bare stone does
-        paths = [
-            _pressed(contact, table, (1 + ratio) * reach * most, ratio, **settings)
-            for ratio in (_RATIOS if mat else _RATIOS[:1])
-        ]
+        if poses is None:
+            paths = [
+                _pressed(contact, table, (1 + ratio) * reach * most, ratio, **settings)
+                for ratio in (_RATIOS if mat else _RATIOS[:1])
+            ]
+        else:
+            surface = contact[["height"]].assign(face=face)
+            paths = [_pressed_in_poses(contact, surface, poses, table, reach * most, **settings)]
         bare = paths[0]
         loss = bare.pressed.sel(body="stone")
         others = (measured.index.drop(patch, errors="ignore") for patch in table.patch)
@@ -198,11 +210,42 @@ def _pressed(
             for state in states
         ]
         pressed[body, 1:] = kappa / steps * np.cumsum(in_steps, axis=0)
+    return _path(np.linspace(0, kappa, steps + 1), pressed, table)
+
+
+def _pressed_in_poses(
+    contact: xr.Dataset,
+    surface: xr.Dataset,
+    poses: pd.DataFrame,
+    table: pd.DataFrame,
+    kappa: float,
+    *,
+    patch_mm: float,
+    steps: int,
+    mat: None,
+    source: str | Path,
+) -> xr.Dataset:
+    """As `_pressed`, by all poses of a gesture in each of as many explicit steps.
+
+    The exposure takes the place of the pressure, in units in which its mean is the mean pressure.
+    """
+    target = float(contact.pressure.mean())
+    settings = {name: contact.attrs[name] for name in ("contact_modulus_MPa", "tolerance")}
+    pressed = np.zeros((len(_BODIES), steps + 1, len(table)))
+    for step in range(steps):
+        found = exposure(
+            [press_poses(surface, poses, table, patch_mm=patch_mm, source=source, **settings)]
+        )
+        lost = kappa / steps * target / float(found.exposure.mean())
+        pressed[0, step + 1] = pressed[0, step] + lost * found.patch_exposure.sum("pose").values
+        worn = surface.height.values - lost * found.exposure.values
+        surface = surface.assign(height=surface.height.copy(data=worn))
+    return _path(np.linspace(0, kappa, steps + 1), pressed, table)
+
+
+def _path(kappa: np.ndarray, pressed: np.ndarray, table: pd.DataFrame) -> xr.Dataset:
     return xr.Dataset(
-        {
-            "kappa": ("step", np.linspace(0, kappa, steps + 1)),
-            "pressed": (("body", "step", "patch"), pressed),
-        },
+        {"kappa": ("step", kappa), "pressed": (("body", "step", "patch"), pressed)},
         coords={"body": list(_BODIES), "patch": list(table.patch)},
     )
 

@@ -3,6 +3,7 @@
 import copy
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 import yaml
@@ -20,6 +21,7 @@ from gstlib.io.patches import read_patches
 ROOT = Path(__file__).parents[2]
 SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
 POINTS = [[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 5.0, 0.0]]
+SECOND = {"mesh": "b.ply", "pose": {"matrix": np.eye(4).tolist()}}
 MAT = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0}
 INPUTS = {"mesh": "a", "mesh_unit": "mm", "scan_folder": "b"}
 
@@ -100,6 +102,9 @@ def test_all_problems_are_told_at_once(config):
         ("mat", MAT | {"young_MPa": 19500.0}, "'mat.young_MPa' is 19500, not below the stones'"),
         ("mat", MAT | {"thickness_um": 1.5}, "'mat.thickness_um': 1.5 µm is less than the 1.66 µm"),
         ("mat", MAT | {"poisson": 0.6}, "'mat.poisson' is 0.6"),
+        ("counterface", {"mesh": "b.ply"}, "'pose' is a dependency of 'mesh'"),
+        ("counterface", SECOND | {"pose": {}}, "'counterface.pose' is {}"),
+        ("gesture", {"stroke_mm": 2.0, "poses": 5}, "of which there is no mesh"),
         ("grinding", {"friction": 0.6, "tangential_ratio": 1.5}, "grinding.tangential_ratio"),
         ("grinding", {"friction": 0, "tangential_ratio": 0.5}, "grinding.friction"),
         # YAML takes for text a number with an exponent but no point, or with a decimal comma
@@ -119,6 +124,7 @@ def test_a_value_that_cannot_be_used(config, path, value, words):
         ("grinding", None),
         ("hardness", None),
         ("counterface", {"scan": "a.plu"}),
+        ("counterface", SECOND | {"scan": "a.plu", "mesh_unit": "cm"}),
         ("mat", MAT),
         ("published", None),
         ("texture.l_filter_um", None),
@@ -127,6 +133,26 @@ def test_a_value_that_cannot_be_used(config, path, value, words):
 def test_a_config_that_can_be_used(config, path, value):
     assert config_problems(config, SCHEMA) == []
     assert config_problems(changed(config, path, value), SCHEMA) == []
+
+
+@pytest.mark.parametrize(
+    ("gesture", "words"),
+    [
+        ({"stroke_mm": 2.0, "poses": 5}, None),
+        ({"table": "poses.tsv"}, None),
+        ({"table": "poses.tsv", "poses": 5}, "give a table, or poses and one of"),
+        ({"stroke_mm": 2.0}, "'poses' is a dependency of 'stroke_mm'"),
+        ({"poses": 5}, "give a table, or poses and one of"),
+    ],
+)
+def test_a_gesture_is_a_table_or_one_of_three(config, gesture, words):
+    found = config_problems(config | {"counterface": SECOND, "gesture": gesture}, SCHEMA)
+    assert found == [] if words is None else words in "".join(found)
+
+
+def test_a_gesture_and_a_mat_do_not_go_together(config):
+    both = {"counterface": SECOND, "gesture": {"table": "poses.tsv"}, "mat": MAT}
+    assert "cannot wear a stone together" in "".join(config_problems(config | both, SCHEMA))
 
 
 @pytest.mark.parametrize(("results", "inside"), [("a/b", "mesh"), ("a/b/scans", "scans")])
@@ -172,7 +198,7 @@ def test_files_that_cannot_be_used_are_listed(config, tmp_path):
     assert first == "m.yaml: 3 of 6 files cannot be used"
     assert [line.split(": ")[0] for line in listed] == [
         "  - mesh",
-        "  - counterface",
+        "  - counterface's scan",
         f"  - patch {patches.patch[0]} at T1",
     ]
     assert "gone.plu does not exist" in listed[1]

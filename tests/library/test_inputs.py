@@ -31,6 +31,7 @@ SETTINGS = {
     "placed": True,
     "reference": False,
     "mat": None,
+    "second_stone": None,
 }
 
 
@@ -68,6 +69,19 @@ def test_good_files_are_described(folder):
     assert found.scans.spacing_x_um.to_numpy() == pytest.approx(10)
     assert found.stone.extents[2] == pytest.approx(10)
     assert found.scans.range_um.between(6, 9).all()  # of 2500 normal numbers
+
+
+def test_a_second_stone_that_misses_the_first_is_a_problem(folder):
+    aside = stone(halvings=5).apply_translation((0, 0, 10))
+    aside.export(folder / "other.stl")
+    still = np.eye(4)
+    second = {"mesh": folder / "other.stl", "mesh_unit": "mm", "reach_mm": 1.0}
+    settings = SETTINGS | {"second_stone": second | {"pose": {"matrix": still.tolist()}}}
+    assert check_inputs(folder / "stone.stl", scans(folder), **settings).problems == []
+    still[2, 3] = 1.0
+    settings = SETTINGS | {"second_stone": second | {"pose": {"matrix": still.tolist()}}}
+    (problem,) = check_inputs(folder / "stone.stl", scans(folder), **settings).problems
+    assert "1 mm away from the passive one" in str(problem)
 
 
 def test_every_problem_is_named_once(folder):

@@ -7,7 +7,8 @@ import xarray as xr
 
 from gstlib.composite import compose_surface
 from gstlib.contact import contact_at_pressure
-from gstlib.coupling import patch_pressures, places_of
+from gstlib.counterface import face_in_pose
+from gstlib.coupling import Place, patch_pressures, places_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import axis_coordinates, make_surface
 from gstlib.uncertainty import draw_contact_moduli, pressure_intervals
@@ -44,7 +45,7 @@ def stated():
 
 
 def intervals(shares, *, error=0.0, placement_um=0.0, composite=None, seed=1):
-    settings = {"patch_mm": PATCH, "placement_um": placement_um, "seed": seed}
+    settings = {"patch_mm": PATCH, "placement_um": placement_um, "pose_um": 100.0, "seed": seed}
     return pressure_intervals(
         mesh(error), composite, stated(), np.asarray(shares), **settings, **LOAD
     )
@@ -129,3 +130,18 @@ def test_moduli_vary_as_their_stones_do():
     assert alone.std() == pytest.approx(0.5, rel=0.02)
     # d(1 - ν²) = -2ν dν over 1 - ν²
     assert draw(0.0, 0.02).std() == pytest.approx(0.02 * 0.5 / 0.9375 / np.sqrt(2), rel=0.03)
+
+
+def test_a_second_stone_adds_the_error_of_its_pose():
+    """Flat, it adds nothing; rough, the more the less its place is known."""
+    at = axis_coordinates(3 * COUNT, SPACING) - COUNT * SPACING
+    widths = []
+    for rough, pose_um in ((0.0, 200.0), (1.0, 0.0), (1.0, 50.0), (1.0, 200.0)):
+        face = make_surface(rough * stone(3 * at[:, None], 2 * at), SPACING)
+        face = face.assign_coords({axis: face[axis].copy(data=at) for axis in "yx"})
+        over = face_in_pose(face, mesh().height, Place(0.0, 0.0, 0.0))
+        surface = mesh().assign(counterface=over, face=face.rename(y="face_y", x="face_x"))
+        settings = {"patch_mm": PATCH, "placement_um": 0.0, "pose_um": pose_um, "seed": 1}
+        found = pressure_intervals(surface, None, stated(), np.ones(8), **settings, **LOAD)
+        widths.append(float((found.high_MPa - found.low_MPa).max()))
+    assert max(widths[:2]) < 1e-3 < widths[2] < widths[3]

@@ -10,6 +10,7 @@ from gstlib.bem import Layer
 from gstlib.contact import contact_at_pressure
 from gstlib.coupling import patch_pressures
 from gstlib.errors import InputError
+from gstlib.gesture import make_poses
 from gstlib.surface import make_surface
 from gstlib.wear import COLUMNS, wear_map, wear_patch, wear_square, wear_summary, wear_table
 
@@ -303,3 +304,20 @@ def test_without_two_worn_patches_there_is_a_sentence(square, pressures, caplog)
     assert path.measured.dropna("patch").patch.values.tolist() == ["a", "c"]
     assert path.measured.sel(patch="c") == pytest.approx(0.4e-3)
     assert float(path.fitted.sel(patch="a")) > 0
+
+
+def test_a_gesture_of_one_pose_on_a_flat_wears_as_the_single_pose_does(square, pressures):
+    """Its explicit steps differ from the implicit ones by less and less."""
+    wide = make_surface(np.zeros((COUNT + 40, COUNT + 40)), SIDE / COUNT)
+    wide = wide.assign_coords({axis: wide[axis].copy(data=wide[axis] - 1.0) for axis in "yx"})
+    face = wide.rename(y="face_y", x="face_x")
+    poses = make_poses({"poses": 1, "stroke_mm": 1.0}, pressure_MPa=20.0, seed=0)
+    losses = dict.fromkeys("abcd", 0.2)
+    errors = []
+    for steps in (8, 16):
+        options = {"patch_mm": 1.0, "steps": steps, "source": "square"}
+        one = wear_square(square, pressures, losses, **options)
+        many = wear_square(square, pressures, losses, face=face, poses=poses, **options)
+        np.testing.assert_allclose(lost(many).mean("patch"), 20.0 * many.kappa[0], rtol=1e-6)
+        errors.append(float(abs(lost(many) - lost(one)).max() / lost(one).max()))
+    assert errors[1] < 0.7 * errors[0] < 0.05

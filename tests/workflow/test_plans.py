@@ -11,7 +11,7 @@ from conftest import ROOT
 from gstlib.io.patches import read_patches
 
 # config/tiny.yaml, power.yaml and sweep.yaml are planned by other tests.
-CONFIGS = ["config.yaml", "m12.yaml", "own.yaml", "pebble.yaml"]
+CONFIGS = ["config.yaml", "m12.yaml", "mat.yaml", "own.yaml", "pebble.yaml", "two_stones.yaml"]
 # One environment with a locked set of packages serves the whole workflow (see the Makefile): an
 # environment for each rule would install the same packages again.
 CHOSEN = "* Specify a conda environment or container for each rule.:"
@@ -48,7 +48,8 @@ def test_slurm_groups_are_of_rules_that_there_are_and_do_not_wait_for_themselves
     said = study.succeed("--workflow-profile", str(SLURM), "--dry-run")
     profile = yaml.safe_load((SLURM / "config.yaml").read_text())
     planned = set(re.findall(r"^(\w+) +\d+$", said, re.MULTILINE))
-    on_request = {"compare_published", "try_specimen", "rate_claims"}
+    on_request = {"compare_published", "gather_exposure", "shift_pose"}
+    on_request |= {"try_specimen", "rate_claims"}
     assert set(profile["groups"]) | set(profile["set-threads"]) <= planned | on_request
     text = "".join(file.read_text() for file in ROOT.glob("workflow/rules/*.smk"))
     assert all(rule in text for rule in on_request)

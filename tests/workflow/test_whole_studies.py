@@ -221,12 +221,11 @@ def test_a_setting_of_a_sweep_is_the_study_with_that_config(tiny):
     assert "pressure_MPa" in moved["target pressure"]
     assert "pressure_MPa" not in moved["size of traces"]
     assert "mean(f1)" in moved["size of traces"]
-    swept = table[(table.factor == "placement along x") & (table.output == "pressure_MPa")]
-    tiny.change(placement={"shift_x_um": 30.0})
+    swept = table[(table.factor == "target pressure") & (table.output == "pressure_MPa")]
+    tiny.change(macroscale={"target_pressure_MPa": 26.4})
     tiny.succeed("results-tiny/tables/patch_pressures.csv", "results-tiny/tables/sensitivity.csv")
     study = read_table(tiny.results / "tables/patch_pressures.csv")
     np.testing.assert_allclose(swept.result, study.pressure_MPa)
-    # with the other contact modulus, patches lie where they lie in the study
     other = read_table(tiny.results / "tables/sensitivity.csv")
     other = other[(other.contact_modulus == "used") & (other.quantity == "patch pressure")]
     np.testing.assert_allclose(other.value, study.pressure_MPa, rtol=1e-4)

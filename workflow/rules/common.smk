@@ -3,7 +3,8 @@
 import os
 from pathlib import Path
 
-from gstlib.config import check_files, contact_moduli, read_study, study_poisson
+from gstlib.config import check_files, contact_moduli, counterface_mesh, read_study, study_poisson
+from gstlib.gesture import poses_of, reach_of
 from gstlib.io.patches import scan_files
 from gstlib.provenance import commit, source_hash
 from gstlib.study import STUDY_SECTIONS
@@ -28,7 +29,13 @@ WORN_PATCHES = [patch for patch in ALL_PATCHES if PATCHES.t1[patch]]
 MESH = f"{RESULTS}/specimen/mesh.stl" if GENERATED else config["inputs"]["mesh"]
 MESH_UNIT = "mm" if GENERATED else config["inputs"]["mesh_unit"]
 SCAN_FOLDER = f"{RESULTS}/specimen/scans" if GENERATED else config["inputs"]["scan_folder"]
-COUNTERFACE_SCAN = [] if config["counterface"] is None else config["counterface"]["scan"]
+COUNTERFACE_SCAN = (config["counterface"] or {}).get("scan", [])
+# The active stone, where there is a mesh of it, and the poses of a gesture.
+SECOND_STONE = counterface_mesh(config, f"{RESULTS}/specimen")
+COUNTERFACE_MESH = SECOND_STONE["mesh"] if SECOND_STONE else []
+POSES = poses_of(config)
+if SECOND_STONE:
+    SECOND_STONE["reach_mm"] = reach_of(config)
 # What is pressed at the macroscale: the mesh alone, or the scans laid on it.
 COMPOSITE = f"{RESULTS}/macroscale/composite.h5" if config["coupling"] == "placed" else []
 SQUARE = COMPOSITE or f"{RESULTS}/macroscale/surface.h5"
@@ -121,6 +128,8 @@ TARGETS = [
         "tables/placement.csv": True,
         "tables/patch_pressures.csv": True,
         "tables/patch_intervals.csv": True,
+        "tables/pose_shifts.csv": SECOND_STONE is not None,
+        "tables/exposure.csv": POSES is not None,
         "tables/sensitivity.csv": ALTERNATIVE_MODULUS_MPA is not None,
         "tables/published.csv": config["published"] is not None,
         "tables/microscale_summary.csv": True,

@@ -50,6 +50,18 @@ DRAWINGS = {
         },
     ),
 }
+if POSES is not None:
+    figures, read = DRAWINGS["draw_macroscale"]
+    figures["exposure"] = ("3 Coupling", "what a gesture leaves on the square")
+    read["exposure"] = f"{RESULTS}/gesture/exposure.h5"
+if REFERENCE:
+    figures, read = DRAWINGS["draw_microscale"]
+    figures["two_scales"] = ("3 Coupling", "what two scales cost")
+    read |= {
+        "others": other_contacts(ALL_PATCHES),
+        "reference": f"{RESULTS}/reference/patches.h5",
+        "two_scales": f"{RESULTS}/tables/two_scales.csv",
+    }
 if WORN_PATCHES:
     figures = {
         "patch": ("5 Validation", "before, predicted, after"),

@@ -9,6 +9,7 @@
 rule check_inputs:
     input:
         mesh=MESH,
+        counterface=COUNTERFACE_MESH,
         scans=SCANS,
     output:
         table=table("inputs", "1 Inputs", "what every scan holds"),
@@ -28,6 +29,7 @@ rule check_inputs:
         placed=bool(COMPOSITE),
         reference=REFERENCE,
         mat=config["mat"],
+        second_stone=SECOND_STONE,
         code=code("check_inputs.py"),
     message:
         "Checking every file of the study"
@@ -56,6 +58,7 @@ rule record_provenance:
 rule grid_macroscale:
     input:
         mesh=MESH,
+        counterface=COUNTERFACE_MESH,
     output:
         surface=f"{RESULTS}/macroscale/surface.h5",
         table=table("gridding", "2 Macroscale", "interpolation of the mesh"),
@@ -67,6 +70,7 @@ rule grid_macroscale:
         **{name: config["macroscale"][name] for name in ("grid", "margin_mm", "interpolation")},
         mesh_unit=MESH_UNIT,
         square=config["square"],
+        second_stone=SECOND_STONE,
         code=code("grid_macroscale.py"),
     message:
         "Interpolating {input.mesh} on the analysed square"

@@ -8,12 +8,13 @@ LOGS = [str(log) for one in workflow.rules for log in one.log if "{" not in log]
 # Not the power and the sweep, which are asked for by themselves.
 STUDIED = {file: place for file, place in SHOWN.items() if place[1] < "8"}
 # What captions quote: another key's change leaves the page as it is.
-QUOTED = "counterface coupling grinding hardness macroscale material specimen square texture title uncertainty validation"
+QUOTED = "counterface coupling gesture grinding hardness macroscale material specimen square texture title uncertainty validation"
 
 
 rule write_page:
     input:
         mesh=MESH,
+        counterface=COUNTERFACE_MESH,
         surface=f"{RESULTS}/macroscale/surface.h5",
         contact=CONTACT,
         shown=list(STUDIED),
@@ -32,6 +33,7 @@ rule write_page:
         places=PATCHES[["patch", "x_mm", "y_mm", "rotation_deg"]].to_dict("list"),
         patch_mm=PATCH_MM,
         mesh_unit=MESH_UNIT,
+        second_stone=SECOND_STONE,
         config={section: config[section] for section in QUOTED.split()},
         code=code("write_page.py"),
     message:

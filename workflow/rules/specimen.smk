@@ -7,6 +7,11 @@ if GENERATED:
         input:
             table=config["patches"],
         output:
+            **(
+                {"counterface": COUNTERFACE_MESH}
+                if config["specimen"]["counterface_seed"] is not None
+                else {}
+            ),
             mesh=MESH,
             scans=[
                 f"{SCAN_FOLDER}/{name}"

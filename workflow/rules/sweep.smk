@@ -18,6 +18,7 @@ if config["sweep"] is not None:
             t0_scans=scans_at("t0", ALL_PATCHES),
             t1_scans=scans_at("t1", WORN_PATCHES),
             counterface_scan=COUNTERFACE_SCAN,
+            counterface=COUNTERFACE_MESH,
         output:
             outcome=f"{RESULTS}/sweep/{{setting}}.csv",
         log:
@@ -26,6 +27,7 @@ if config["sweep"] is not None:
             patches=PATCHES.to_dict("list"),
             worn=WORN_PATCHES,
             mesh_unit=MESH_UNIT,
+            second_stone=SECOND_STONE,
             config={name: config[name] for name in ("seed", *STUDY_SECTIONS)},
             changes=lambda wildcards: SETTINGS[wildcards.setting].changes,
             code=code("try_setting.py"),

@@ -46,6 +46,7 @@ if WORN_PATCHES:
         rule predict_wear:
             input:
                 square=f"{RESULTS}/macroscale/contact.h5",
+                surface=SQUARE if POSES is not None else [],
                 contacts=contacts(WORN_PATCHES),
                 registered=registered(WORN_PATCHES),
                 pressures=f"{RESULTS}/tables/patch_pressures.csv",
@@ -64,6 +65,7 @@ if WORN_PATCHES:
                 patch_mm=PATCH_MM,
                 steps=config["wear_steps"],
                 mat=config["mat"],
+                poses=None if POSES is None else POSES.to_dict("list"),
                 seed=config["seed"],
                 resamples=config["validation"]["resamples"],
                 code=code("predict_wear.py"),

@@ -10,9 +10,15 @@ from gstlib.logs import run_script
 
 
 def main(
-    mesh: Path, scans: list[Path], table: Path, *, uses: list[ScanFile], **settings: object
+    mesh: Path,
+    counterface: Path,
+    scans: list[Path],
+    table: Path,
+    *,
+    uses: list[ScanFile],
+    **settings: object,
 ) -> None:
-    """`uses` are those of the `scans`, whose contents the table follows."""
+    """`uses` are those of the `scans`; the file of the `counterface` is named in the settings."""
     found = check_inputs(mesh, uses, **settings)
     if found.problems:
         raise InputsError(found.problems)

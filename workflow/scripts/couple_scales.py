@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from gstlib.contact import contact_at_pressure
+from gstlib.contact import contact_at_pressure, faces_of
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
 from gstlib.logs import run_script
@@ -21,8 +21,7 @@ def main(
     **settings: float,
 ) -> None:
     final = read_dataset(contact, only=["pressure"]).isel(step=-1)
-    mesh = read_dataset(surface, only=["height"]).drop_attrs(deep=False)
-    alone = contact_at_pressure(mesh, source=surface, **settings)
+    alone = contact_at_pressure(faces_of(read_dataset(surface)), source=surface, **settings)
     table = couple_scales(final, alone, pd.DataFrame(patches), patch_mm=patch_mm)
     write_table(pressures, table)
 

@@ -26,7 +26,9 @@ from gstlib.logs import patch_by_patch, run_script
 from gstlib.preprocess.frame import stored_frame
 
 # Figures of patches in the study.
-OF_STUDIED = {"microscale_maps", "overview"}
+OF_STUDIED = {"microscale_maps", "overview", "two_scales"}
+# Patches of the figure of two scales, the hardest pressed.
+MOST_COMPARED = 8
 
 
 def evenly(patches: Sequence[str], most: int) -> list[str]:
@@ -106,6 +108,9 @@ def figure_of(name: str, study: Study) -> Figure:
             limits = study.table("intervals", "patch", "low_MPa", "high_MPa")
             pressures = study.pressures.merge(limits[["patch", "low_MPa", "high_MPa"]], on="patch")
             return macroscale.force_figure(study.data("contact"), pressures, **size)
+        case "exposure":
+            found = study.data("exposure"), study.data("contact"), study.pressures
+            return macroscale.exposure_figure(*found, **size)
         case "overview":
             patch = study.drawn[0]
             parts = study.pressures, study.contacts[patch], study.changes.get(patch)
@@ -118,6 +123,15 @@ def figure_of(name: str, study: Study) -> Figure:
             return microscale.load_curves_figure(study.data("contact"), study.contacts)
         case "microscale_maps":
             return microscale.microscale_maps_figure(study.contacts)
+        case "two_scales":
+            drawn = study.drawn[:MOST_COMPARED]
+            others = study.by_patch("others", drawn, "height", "pressure")
+            found = study.data("reference", "contact").contact.isel(draw=0)
+            return microscale.two_scales_figure(
+                {"levelled": others, "placed": study.contacts},
+                {patch: found.sel(patch=patch).values for patch in drawn},
+                study.table("two_scales"),
+            )
         case "wear":
             parts = (study.table(f"wear{part}") for part in ("", "_profile"))
             return tables.wear_figure(*parts, study.table("intervals"))

@@ -15,6 +15,7 @@ def main(
     scans: list[Path],
     truth: Path,
     surface: Path,
+    counterface: Path | None = None,
     *,
     patches: dict[str, list],
     specimen: dict,
@@ -26,6 +27,7 @@ def main(
         scan_folder=scans[0].parent,
         truth=truth,
         surface=surface,
+        counterface=counterface,
         parameters=SpecimenParameters(**specimen),
         **settings,
     )

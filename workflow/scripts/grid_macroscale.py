@@ -1,7 +1,8 @@
-"""Interpolate the mesh on the analysed square and remove the plane."""
+"""Interpolate the mesh, and that of a second stone, on the analysed square and remove the plane."""
 
 from pathlib import Path
 
+from gstlib.counterface import read_counterface
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
 from gstlib.io.tables import write_table
@@ -10,10 +11,22 @@ from gstlib.provenance import provenance
 from gstlib.study import grid_macroscale, gridding_table
 
 
-def main(mesh: Path, surface: Path, table: Path, *, mesh_unit: str, **settings) -> None:
-    stone = read_mesh(mesh, unit=mesh_unit)
-    gridded = grid_macroscale(stone, source=mesh, **settings)
-    write_dataset(surface, gridded, provenance([mesh], {"mesh_unit": mesh_unit} | settings))
+def main(
+    mesh: Path,
+    counterface: Path,
+    surface: Path,
+    table: Path,
+    *,
+    mesh_unit: str,
+    second_stone: dict | None,
+    **settings,
+) -> None:
+    stone, other = read_mesh(mesh, unit=mesh_unit), None
+    if second_stone:
+        other = read_counterface(second_stone)
+    gridded = grid_macroscale(stone, source=mesh, counterface=other, **settings)
+    inputs = [mesh, *([counterface] if second_stone else [])]
+    write_dataset(surface, gridded, provenance(inputs, {"mesh_unit": mesh_unit} | settings))
     write_table(table, gridding_table(gridded))
 
 

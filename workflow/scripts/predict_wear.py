@@ -16,6 +16,7 @@ from gstlib.wear import COLUMNS
 
 def main(
     square: Path,
+    surface: Path,
     contacts: list[Path],
     registered: list[Path],
     pressures: Path,
@@ -29,14 +30,19 @@ def main(
     patch_mm: float,
     steps: int,
     mat: dict[str, float] | None,
+    poses: dict | None,
     seed: int,
     resamples: int,
 ) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     by_patch = read_pressures(pressures)
     settings = {"patch_mm": patch_mm, "steps": steps, "mat": mat}
-    pressed = read_dataset(square, only=["height", "pressure"]).isel(step=-1)
-    path = wear_square(pressed, by_patch, read_table(scores), source=square, **settings)
+    pressed = read_dataset(square).isel(step=-1)
+    gesture = {}
+    if poses:
+        face = read_dataset(surface, only=["face"]).face
+        gesture = {"face": face, "poses": pd.DataFrame(poses)}
+    path = wear_square(pressed, by_patch, read_table(scores), source=square, **settings, **gesture)
     if path is None:
         for file, columns in zip((table, profile, summary), COLUMNS, strict=True):
             write_table(file, pd.DataFrame(columns=columns))

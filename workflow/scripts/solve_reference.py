@@ -29,6 +29,7 @@ def main(
     **settings: float,
 ) -> None:
     scan = read_dataset(t0[0], only=["height"]).height
+    counterface = read_dataset(surface).get("counterface")
     if truth:
         places = read_dataset(truth, only=["x_mm", "y_mm", "rotation_deg"]).sel(epoch="T0")
         inputs, draws = [true_surface, truth], 1
@@ -48,7 +49,7 @@ def main(
                 )
                 mesh = read_dataset(surface, only=["height"])
                 heights = composite_heights(mesh, composed, scans, seed=seed, draw=draw)
-            solved = solve_reference(heights, source=inputs[0], **settings)
+            solved = solve_reference(heights, counterface, source=inputs[0], **settings)
             if draw == 0:
                 write_dataset(contact, solved, provenance(inputs, settings))
             yield solved.pressure

@@ -9,7 +9,7 @@ from gstlib.study import compare_moduli
 
 
 def main(surface: Path, pressures: Path, table: Path, **settings) -> None:
-    square = read_dataset(surface, only=["height"])
+    square = read_dataset(surface)
     write_table(
         table, compare_moduli(square, read_pressures(pressures), source=surface, **settings)
     )

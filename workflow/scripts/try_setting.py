@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from gstlib.counterface import read_counterface
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.tables import write_table
@@ -17,11 +18,13 @@ def main(
     t0_scans: list[Path],
     t1_scans: list[Path],
     counterface_scan: Path,
+    counterface: Path,
     outcome: Path,
     *,
     patches: dict[str, list],
     worn: list[str],
     mesh_unit: str,
+    second_stone: dict | None,
     config: dict,
     changes: dict,
 ) -> None:
@@ -37,6 +40,7 @@ def main(
         read_scan=lambda *of: read_scan(scans[of], **known),
         worn=worn,
         has_counterface=bool(counterface_scan),
+        second_stone=read_counterface(second_stone) if counterface else None,
     )
     write_table(outcome, outcomes(study))
 

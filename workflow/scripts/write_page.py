@@ -9,6 +9,7 @@ which captions quote.
 
 from pathlib import Path
 
+from gstlib.counterface import posed_mesh
 from gstlib.io.files import write_whole
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_attributes, read_dataset
@@ -30,6 +31,7 @@ from gstlib.verdict import SCORE, verdict
 
 def main(
     mesh: Path,
+    counterface: Path,
     surface: Path,
     contact: Path,
     shown: list[Path],
@@ -43,6 +45,7 @@ def main(
     places: dict[str, list],
     patch_mm: float,
     mesh_unit: str,
+    second_stone: dict | None,
     config: dict,
 ) -> None:
     tables = {file.stem: file for file in shown if file.suffix == ".csv"}
@@ -62,7 +65,11 @@ def main(
     overview = embedded(pictures["overview"].read_bytes())
     write_whole(report, render("page.report.html", **said, overview=overview).encode())
 
-    scene = tool_scene(read_mesh(mesh, unit=mesh_unit), frame, pressure, places, patch_mm)
+    other, size = None, config["square"]["size_mm"]
+    if counterface:
+        other = posed_mesh(second_stone, frame, size_mm=size)
+    tool = read_mesh(mesh, unit=mesh_unit)
+    scene = tool_scene(tool, frame, pressure, places, patch_mm, other)
     entries = [
         Shown(file, category, title, caption_html(caption.read_text("utf-8"), config=config))
         for file, caption, (category, title) in zip(shown, captions, titles, strict=True)

@@ -10,10 +10,12 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from gstlib.contact import laid_height
 from gstlib.figures import maps, style
 from gstlib.figures.style import AMBER, BLACK, BLUE, GREY, MM_TO_UM, styled
 
-__all__ = ["contact_steps_figure", "draw_places", "force_figure", "input_figure"]
+__all__ = ["contact_steps_figure", "draw_places", "exposure_figure", "force_figure"]
+__all__ += ["input_figure"]
 
 _SQUARE = (3.6, 3.6)
 _ROOM = (0.55, 0.25, 0.3, 0.85)
@@ -25,6 +27,7 @@ def draw_places(
     """Draw the heights of the square (y, x), mm, and where the patches were scanned."""
     maps.draw_map(axes, height, ticks=True, **maps.HEIGHTS)
     maps.draw_footprints(axes, patches, patch_size_mm, colour=BLACK)
+    maps.mark_corner(axes)
 
 
 @styled
@@ -51,10 +54,40 @@ def contact_steps_figure(contact: xr.Dataset, *, steps: int = 8) -> Figure:
             f"{float(state.mean_pressure):.3g} MPa, contact {float(state.contact_fraction):.1%}"
         )
         drawn.append((title, height, {"marks": {BLACK: touching[step]}}))
-    elastic, rigid = touching[-1], (height > height.max() - contact["displacement"][-1]).values
+    faces = laid_height(contact)
+    elastic, rigid = touching[-1], (faces > faces.max() - contact["displacement"][-1]).values
     title = f"last step: contact {elastic.mean():.1%}\nrigid interpenetration {rigid.mean():.1%}"
     drawn.append((title, height, {"marks": {BLACK: elastic, AMBER: rigid & ~elastic}}))
     return maps.draw_maps(drawn, 3, 2.3, style.MAPS, head=0)
+
+
+@styled
+def exposure_figure(
+    exposure: xr.Dataset, contact: xr.Dataset, patches: pd.DataFrame, *, patch_size_mm: float
+) -> Figure:
+    """What a gesture leaves on the square beside its single pose, and some of its poses.
+
+    `exposure` is from `gstlib.gesture.exposure`; `contact` is the square's in the single pose.
+    """
+    height = contact["height"]
+    single = contact["pressure"].values[-1]
+    fields = {
+        "the single pose: pressure (MPa)": single,
+        "all poses: mean pressure (MPa)": exposure["mean_pressure"].values,
+        "highest pressure (MPa)": exposure["highest_pressure"].values,
+        "share of the poses that touch": exposure["touched"].values,
+    }
+    look = {"cmap": maps.FORCE_MAP, "bar": "square-root scale"}
+    drawn = [
+        (title, height, look | {"values": values, "norm": maps.force_norm(values)})
+        for title, values in fields.items()
+    ]
+    for pose, pressure in zip(exposure["shown"].values, exposure["pressure"].values, strict=True):
+        drawn.append((f"pose {pose + 1}", height, {"marks": {BLACK: pressure > 0}}))
+    figure = maps.draw_maps(drawn, 4, 2.3, (0.05, 0.05, 0.25, 0.4), head=0)
+    for panel in figure.axes[: len(fields)]:
+        maps.draw_footprints(panel, patches, patch_size_mm, colour=BLUE)
+    return figure
 
 
 @styled

@@ -32,6 +32,7 @@ class SpecimenParameters:
     """
 
     seed: int
+    counterface_seed: int | None
     mesh_edge_mm: float
     mesh_noise_um: float
     hurst_exponent: float

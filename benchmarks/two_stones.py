@@ -1,0 +1,70 @@
+"""Two measured stones: the pebble against the rock of ../shared/data, in 100 poses of a stroke.
+
+Prints what a pose costs, its memory, and what comes out; draws it to build/two_stones.png. The
+rock's mesh is an open sheet of another stone: nothing here is a result about the use of the pebble.
+"""
+
+import resource
+import time
+from pathlib import Path
+
+import yaml
+
+from gstlib.contact import contact_at_pressure, faces_of
+from gstlib.figures.macroscale import exposure_figure
+from gstlib.figures.style import save_figure
+from gstlib.gesture import exposure, exposure_table, make_poses, pose_shifts, press_poses
+from gstlib.io.meshes import read_mesh
+from gstlib.io.patches import read_patches
+from gstlib.study import couple_scales, grid_macroscale
+
+ROOT = Path(__file__).parents[1]
+ROCK = "../shared/data/grasselli-mit/example_surface.stl"
+MODULUS_MPA, PRESSURE_MPA, PATCH_MM = 10346.0, 22.0, 0.85
+
+
+def main() -> None:
+    config = yaml.safe_load((ROOT / "config/pebble.yaml").read_text())
+    size = config["square"]["size_mm"]
+    schema = ROOT / "workflow/schemas/patches.schema.yaml"
+    patches = read_patches(
+        ROOT / config["patches"], schema=schema, size_mm=size, patch_size_mm=PATCH_MM
+    )
+    pebble, rock = (read_mesh(ROOT / file, unit="mm") for file in (config["inputs"]["mesh"], ROCK))
+    x, y, _ = rock.bounds.mean(axis=0) - size / 2
+    corners = [[x, y, 0.0], [x + size, y, 0.0], [x, y + size, 0.0]]
+    surface = grid_macroscale(
+        pebble,
+        square=config["square"],
+        grid=100,
+        margin_mm=1.0,
+        interpolation="linear",
+        source="pebble",
+        counterface={"mesh": rock, "pose": {"points_mm": corners}, "reach_mm": 3.0, "source": ROCK},
+    )
+    poses = make_poses({"poses": 100, "stroke_mm": 6.0}, pressure_MPa=PRESSURE_MPA, seed=1)
+    settings = {"contact_modulus_MPa": MODULUS_MPA, "tolerance": 1e-9}
+    begun = time.process_time()
+    batch = press_poses(
+        surface, poses, patches, patch_mm=PATCH_MM, shown=[0, 33, 66, 99], **settings
+    )
+    cost = (time.process_time() - begun) / len(poses)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"{1e3 * cost:.1f} ms of CPU a pose at 100²; peak {peak:.0f} MB, both meshes read")
+    load = settings | {"target_pressure_MPa": PRESSURE_MPA}
+    single = contact_at_pressure(faces_of(surface), source="pebble", **load)
+    pressures = couple_scales(single, single, patches, patch_mm=PATCH_MM)
+    found = exposure([batch])
+    print(exposure_table(found, pressures).round(3).to_string(index=False))
+    shifts = pose_shifts(surface, pressures, patch_mm=PATCH_MM, **load)
+    print(shifts.round(3).to_string(index=False))
+    contact = single.assign(pressure=single.pressure.expand_dims("step"))
+    figure = exposure_figure(found, contact, patches, patch_size_mm=PATCH_MM)
+    picture = Path("build/two_stones.png")
+    picture.parent.mkdir(exist_ok=True)
+    save_figure(figure, picture)
+    print(picture)
+
+
+if __name__ == "__main__":
+    main()

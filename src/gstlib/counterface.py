@@ -1,0 +1,252 @@
+"""The active stone's own face over the square: posed on the passive stone, and moved on it.
+
+Only the gap between two faces enters a contact of half-spaces, so that the heights of both add
+(Bemporad & Paggi, Int. J. Solids Struct. 69-70 (2015) 465). All that a contact needs of the second
+stone is its heights over the square, positive towards the first.
+
+A pose says where the active stone stands on the passive one. Whichever way it is given, it comes
+down to a frame of the active mesh: that of the square as seen on the active face, which is laid on
+the passive one turned over about the square's y axis, so that its x runs against the other's.
+"""
+
+# ASSUME: a stone that is held in a hand tilts until its face follows the other's: the plane of the
+# active face over the square is taken out, as that of the passive face is.
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from gstlib.coupling import Place, spline_of
+from gstlib.errors import ConfigError, InputError
+from gstlib.io.meshes import read_mesh
+from gstlib.preprocess.frame import Frame, find_frame
+from gstlib.preprocess.gridding import grid_mesh
+from gstlib.preprocess.leveling import remove_plane
+from gstlib.surface import make_surface, spacing_of
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["face_in_pose", "face_of", "grid_counterface", "pose_frame"]
+__all__ += ["posed_mesh", "read_counterface"]
+
+_KEY = "counterface.pose"
+# A pose moves the stone and neither stretches nor mirrors it; typed digits deviate by less.
+_RIGID = 1e-3
+# Picked points of two stones are some tenths of a millimetre off; a wrong unit is off by ten times.
+_PICKED = 0.1
+
+
+def read_counterface(second_stone: Mapping) -> dict:
+    """What `grid_counterface` needs of the active stone, its mesh read.
+
+    `second_stone` has ``mesh``, ``mesh_unit``, ``pose`` and ``reach_mm``.
+    """
+    mesh = read_mesh(second_stone["mesh"], unit=second_stone["mesh_unit"])
+    named = {name: second_stone[name] for name in ("pose", "reach_mm")}
+    return {"mesh": mesh, "source": str(second_stone["mesh"])} | named
+
+
+def pose_frame(
+    pose: Mapping, frame: Frame, mesh: "trimesh.Trimesh", *, size_mm: float, source: str
+) -> Frame:
+    """The frame on the active mesh of the square that is laid on the passive one, turned over.
+
+    Parameters
+    ----------
+    pose : mapping
+        One of these: ``points_mm``, three points of the active mesh as of
+        `gstlib.preprocess.frame.find_frame`: its own square; ``pairs_mm``, three pairs of a point
+        of the passive and one of the active mesh that touch; ``matrix``, which takes points of the
+        active mesh to the passive mesh (4 × 4, mm).
+    frame : Frame
+        Of the square on the passive mesh.
+    mesh : trimesh.Trimesh
+        The active stone, mm.
+    size_mm : float
+        Side of the square.
+    source : str
+        Name of the active mesh's file, for messages.
+
+    Raises
+    ------
+    ConfigError
+        The pose is none.
+    """
+    if "points_mm" in pose:
+        return find_frame({**pose, "size_mm": size_mm}, mesh, source=source)
+    matrix = np.asarray(
+        _of_pairs(pose["pairs_mm"]) if "pairs_mm" in pose else pose["matrix"], float
+    )
+    turn, shift = matrix[:3, :3], matrix[:3, 3]
+    unit = np.allclose(turn @ turn.T, np.eye(3), atol=_RIGID) and np.linalg.det(turn) > 0
+    if not (unit and np.allclose(matrix[3], [0, 0, 0, 1])):
+        raise ConfigError(
+            f"{_KEY}.matrix",
+            f"{matrix.tolist()} does not move a stone: it stretches or mirrors it",
+            "Give a rotation and a shift in mm, with the last row 0, 0, 0, 1.",
+        )
+    x_axis, _, normal = frame.axes
+    corner = np.array(frame.origin) + size_mm * x_axis
+    axes = ((corner - shift) @ turn, -x_axis @ turn, -normal @ turn)
+    return Frame(*(axis.tolist() for axis in axes))
+
+
+def posed_mesh(second_stone: Mapping, frame: Frame, *, size_mm: float) -> "trimesh.Trimesh":
+    """The active stone (mm) where it stands on the passive one, but for its tilt, to be looked at.
+
+    `second_stone` is as in `read_counterface`, `frame` that of the square on the passive stone.
+    """
+    mesh = read_mesh(second_stone["mesh"], unit=second_stone["mesh_unit"])
+    source = str(second_stone["mesh"])
+    own = pose_frame(second_stone["pose"], frame, mesh, size_mm=size_mm, source=source)
+    turned = own.to_frame(mesh.vertices) * (-1, 1, -1) + (size_mm, 0, 0)
+    moved = mesh.copy()
+    moved.vertices = turned @ frame.axes + np.array(frame.origin)
+    return moved
+
+
+def _of_pairs(pairs: Sequence[Sequence[Sequence[float]]]) -> np.ndarray:
+    """The motion (4, 4) that lays the second points of three pairs on the first, best."""
+    from trimesh.registration import procrustes
+
+    passive, active = np.swapaxes(np.asarray(pairs, dtype=float), 0, 1)
+    matrix, laid, _ = procrustes(active, passive, reflection=False, scale=False)
+    sides = [
+        np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
+        for corners in (passive, active)
+    ]
+    off, most = np.linalg.norm(laid - passive, axis=1).max(), _PICKED * max(map(np.max, sides))
+    if off > most:
+        raise ConfigError(
+            f"{_KEY}.pairs_mm",
+            f"the points are {off:.3g} mm apart when laid on each other: on one stone they are "
+            f"{np.round(sides[0], 3).tolist()} mm from each other, on the other "
+            f"{np.round(sides[1], 3).tolist()} mm",
+            "Pick three pairs of points that touch each other, in mm; check both meshes' units.",
+        )
+    return matrix
+
+
+def grid_counterface(
+    mesh: "trimesh.Trimesh",
+    surface: xr.DataArray,
+    frame: Frame,
+    *,
+    pose: Mapping,
+    reach_mm: float,
+    margin_mm: float,
+    interpolation: str,
+    source: str,
+) -> xr.DataArray:
+    """Heights of the active stone's face over the square, and around it as far as it moves.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        The active stone, mm.
+    surface : (ny, nx) xarray.DataArray
+        Heights of the passive stone over the square, mm above `frame`, its plane not removed.
+    frame : Frame
+        Of the square on the passive stone.
+    pose : mapping
+        As in `pose_frame`.
+    reach_mm : float
+        How far the face is wanted around the square.
+    margin_mm, interpolation, source
+        As in `gstlib.preprocess.gridding.grid_mesh`.
+
+    Returns
+    -------
+    (my, mx) xarray.DataArray
+        Heights towards the passive stone, mm, in the square's coordinates, less the plane of those
+        over the square.
+
+    Raises
+    ------
+    InputError, ConfigError
+        The active stone misses the square or looks away from it; the stones are apart, or in each
+        other, by more than their relief; or as of `grid_mesh` and `pose_frame`.
+    """
+    dx = spacing_of(surface)[1]
+    size = dx * surface.sizes["x"]
+    own = pose_frame(pose, frame, mesh, size_mm=size, source=source)
+    around = int(np.ceil(reach_mm / dx))
+    reach = around * dx
+    origin = np.array(own.origin) - reach * own.axes[:2].sum(axis=0)
+    wide = Frame(origin.tolist(), own.x_axis, own.normal)
+    try:
+        gridded = grid_mesh(
+            mesh,
+            wide,
+            size_mm=size + 2 * reach,
+            shape=(surface.sizes["y"] + 2 * around, surface.sizes["x"] + 2 * around),
+            margin_mm=margin_mm,
+            interpolation=interpolation,
+            source=source,
+        ).height
+    except InputError as error:
+        raise InputError(
+            source,
+            f"the active stone, as it is posed: {error.problem}",
+            f"Check {_KEY} and counterface.mesh_unit in the config"
+            + (f", and how far the gesture moves it ({reach:.3g} mm)." if reach else "."),
+        ) from error
+    face = make_surface(gridded.values[:, ::-1], dx, long_name="height of the counterface")
+    face = face.assign_coords(
+        {axis: face[axis].copy(data=face[axis].values - reach) for axis in "yx"}
+    )
+    over = face[around : around + surface.sizes["y"], around : around + surface.sizes["x"]]
+    _, plane = remove_plane(over)
+    if "points_mm" not in pose:
+        gap = -float((surface.values + over.values).max())
+        relief = sum(float(np.ptp(of.values)) for of in (surface, over))
+        if abs(gap) > relief:
+            where = "in" if gap < 0 else "away from"
+            raise InputError(
+                source,
+                f"the active stone, as it is posed, is {abs(gap):.3g} mm {where} the passive one, "
+                f"more than the {relief:.3g} mm between the summits and dales of both faces",
+                f"Check {_KEY}: the two must touch.",
+            )
+    y, x = (face[axis].values - float(over[axis].mean()) for axis in "yx")
+    tilted = plane.offset + plane.slope_y * y[:, None] + plane.slope_x * x
+    return face.copy(data=face.values - tilted)
+
+
+def face_of(surface: xr.Dataset) -> xr.DataArray:
+    """The active stone's face of a square, on its own coordinates ``y, x``."""
+    return surface.face.rename(face_y="y", face_x="x")
+
+
+def face_in_pose(face: xr.DataArray, square: xr.DataArray, pose: Place) -> xr.DataArray:
+    """The active face over the square, its plane removed, after the stone was moved.
+
+    `face` is from `grid_counterface`; `square` (ny, nx) gives the grid. The stone turns about the
+    middle of the square, from x towards y, and is then shifted by ``y_mm, x_mm`` of `pose`.
+
+    Raises
+    ------
+    InputError
+        The face does not reach so far.
+    """
+    middle = [float(square[axis].mean()) for axis in "yx"]
+    back = Place(0.0, 0.0, -pose.rotation_deg)
+    y, x = np.meshgrid(square.y.values, square.x.values, indexing="ij")
+    v, u = back.points(y - middle[0] - pose.y_mm, x - middle[1] - pose.x_mm)
+    at = [v + middle[0], u + middle[1]]
+    for where, axis in zip(at, "yx", strict=True):
+        half = spacing_of(square)[0] / 2
+        low, high = face[axis].values[[0, -1]]
+        if where.min() < low - half or where.max() > high + half:
+            raise InputError(
+                "gesture",
+                f"a pose moves the active stone by ({pose.x_mm:g}, {pose.y_mm:g}) mm and "
+                f"{pose.rotation_deg:g}°, farther than its face is known",
+                "Move it less.",
+            )
+    spline = spline_of(face)
+    values = spline(at[0][:, 0], at[1][0]) if pose.rotation_deg == 0 else spline.ev(*at)
+    return remove_plane(square.copy(data=values).assign_attrs(face.attrs))[0]

@@ -1,0 +1,260 @@
+"""Two stones: halves of a block, spheres, and poses that say the same in three ways."""
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from gstlib.contact import contact_at_pressure, faces_of
+from gstlib.counterface import face_in_pose, grid_counterface, pose_frame, posed_mesh
+from gstlib.coupling import Place
+from gstlib.errors import ConfigError, InputError
+from gstlib.preprocess.frame import frame_from_points
+from gstlib.specimen.randomness import smooth_field
+from gstlib.study import grid_macroscale
+
+SIDE, COUNT, EDGE = 4.0, 32, 0.125
+CORNERS = np.array([(0.0, 0, 0), (SIDE, 0, 0), (0, SIDE, 0)])
+SETTINGS = {"contact_modulus_MPa": 1e4, "target_pressure_MPa": 20.0, "tolerance": 1e-8}
+
+
+def rough(seed=1, length_mm=0.5):
+    """Heights (mm) on the vertices of `sheet`, which is wider than the square."""
+    count = round((SIDE + 4) / EDGE) + 1
+    return 5e-3 * smooth_field(np.random.default_rng(seed), count, EDGE, length_mm)
+
+
+def sheet(heights, up=True):
+    """An open mesh around the square whose faces look up, or down."""
+    along = np.arange(heights.shape[0]) * EDGE - 2
+    y, x = np.meshgrid(along, along, indexing="ij")
+    # no four vertices on one circle: their triangles would be a matter of rounding
+    jitter = np.random.default_rng(0).uniform(-0.02, 0.02, (2, *heights.shape))
+    y, x = y + jitter[0], x + jitter[1]
+    numbers = np.arange(heights.size).reshape(heights.shape)
+    a, b, c, d = numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, 1:], numbers[1:, :-1]
+    faces = np.concatenate([np.stack(of, -1).reshape(-1, 3) for of in ((a, b, c), (a, c, d))])
+    vertices = np.stack([x, y, heights], axis=-1).reshape(-1, 3)
+    return trimesh.Trimesh(vertices, faces if up else faces[:, ::-1], process=False)
+
+
+def motion(seed=4):
+    """Some turn and shift (4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    matrix[:3, 3] = 30, -20, 10
+    return matrix
+
+
+def at(points, matrix):
+    """Points (n, 3) after a motion."""
+    return trimesh.transform_points(np.asarray(points, float), matrix)
+
+
+def pressed(passive, active=None, pose=None, corners=CORNERS, reach_mm=0.0):
+    """The square with the active stone on it, and its contact."""
+    counterface = None
+    if active is not None:
+        counterface = {"mesh": active, "pose": pose, "source": "active.ply"}
+        counterface["reach_mm"] = reach_mm
+    surface = grid_macroscale(
+        passive,
+        square={"size_mm": SIDE, "points_mm": np.asarray(corners).tolist()},
+        grid=COUNT,
+        source="passive.ply",
+        margin_mm=1.0,
+        interpolation="linear",
+        counterface=counterface,
+    )
+    return surface, contact_at_pressure(faces_of(surface), source="square", **SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def block():
+    """The two halves of a block that was split along a rough surface; the upper was taken away."""
+    heights = rough()
+    away = motion()
+    return sheet(heights), sheet(heights, up=False).apply_transform(away), away
+
+
+def poses(away):
+    """The pose that puts the upper half back, in three ways."""
+    corners = np.array([(SIDE, 0, 0), (0.0, 0, 0), (SIDE, SIDE, 0)])
+    pairs = np.stack([CORNERS + 0.3, at(CORNERS + 0.3, away)], axis=1)
+    return {
+        "points_mm": at(corners, away).tolist(),
+        "pairs_mm": pairs.tolist(),
+        "matrix": np.linalg.inv(away).tolist(),
+    }
+
+
+@pytest.mark.parametrize("way", ["points_mm", "pairs_mm", "matrix"])
+def test_halves_of_a_block_fit(block, way):
+    lower, upper, away = block
+    surface, contact = pressed(lower, upper, {way: poses(away)[way]})
+    assert np.ptp(surface.height.values) > 0.01
+    np.testing.assert_allclose(surface.height + surface.counterface, 0, atol=1e-9)
+    assert float(contact.contact_fraction) == 1
+    flat = surface.assign(height=0 * surface.height).drop_vars("counterface")
+    punch = contact_at_pressure(faces_of(flat), source="square", **SETTINGS)
+    np.testing.assert_allclose(contact.pressure, punch.pressure, rtol=1e-4)
+
+
+@pytest.mark.parametrize("way", ["points_mm", "pairs_mm", "matrix"])
+def test_the_posed_mesh_is_back_in_its_place(block, tmp_path, way):
+    lower, upper, away = block
+    upper.export(tmp_path / "upper.ply")
+    second = {"mesh": tmp_path / "upper.ply", "mesh_unit": "mm", "pose": {way: poses(away)[way]}}
+    back = posed_mesh(second, frame_from_points(CORNERS), size_mm=SIDE)
+    np.testing.assert_allclose(back.bounds, lower.bounds, atol=1e-5)  # PLY has single precision
+
+
+def test_contact_falls_as_the_correlation_of_heights_when_the_halves_are_shifted(block):
+    lower, upper, away = block
+    fractions = []
+    for shift in (0.0, 0.1, 0.2, 0.4):  # heights correlate over 0.5 mm
+        matrix = np.eye(4)
+        matrix[0, 3] = shift
+        pose = {"matrix": (matrix @ np.linalg.inv(away)).tolist()}
+        fractions.append(float(pressed(lower, upper, pose)[1].contact_fraction))
+    assert (np.diff(fractions) < 0).all()
+    assert fractions[-1] < 0.5 * fractions[0]
+
+
+def test_a_moved_face_is_that_of_a_moved_stone(block):
+    lower, _, away = block
+    upper = sheet(rough(length_mm=1.5), up=False).apply_transform(away)
+    back = np.linalg.inv(away)
+    frame = frame_from_points(CORNERS)
+    surface, _ = pressed(lower)
+    options = {"margin_mm": 1.0, "interpolation": "cubic", "source": "active.ply"}
+    wide = grid_counterface(
+        upper, surface.height, frame, pose={"matrix": back}, reach_mm=1.5, **options
+    )
+    middle = (SIDE / 2, SIDE / 2, 0)
+    turn = trimesh.transformations.rotation_matrix(np.radians(10), (0, 0, 1), middle)
+    for place, turned in ((Place(0.25, -0.5, 0.0), np.eye(4)), (Place(0.1, 0.3, 10.0), turn)):
+        there = turned.copy()
+        there[:2, 3] += place.x_mm, place.y_mm
+        pose = {"matrix": there @ back}
+        expected = grid_counterface(
+            upper, surface.height, frame, pose=pose, reach_mm=0.0, **options
+        )
+        found = face_in_pose(wide, surface.height, place)
+        # what lies between the grid's points is interpolated
+        misfit = float(np.sqrt(((found - expected) ** 2).mean()))
+        assert misfit < (0.02 if place.rotation_deg else 1e-9) * float(expected.std())
+    with pytest.raises(InputError, match="farther than its face is known"):
+        face_in_pose(wide, surface.height, Place(0.0, 2.0, 0.0))
+
+
+def test_roles_exchanged_give_the_same_pressures_mirrored(block):
+    lower, _, away = block
+    other = sheet(rough(seed=2), up=False).apply_transform(away)
+    square = np.array(poses(away)["points_mm"])
+    _, one = pressed(lower, other, {"points_mm": square.tolist()})
+    _, two = pressed(other, lower, {"points_mm": CORNERS.tolist()}, corners=square)
+    assert 0.02 < float(one.contact_fraction) < 0.9
+    scale = float(one.pressure.max())
+    np.testing.assert_allclose(two.pressure[:, ::-1], one.pressure, atol=1e-5 * scale)
+
+
+def test_both_stones_moved_together_touch_as_before(block):
+    lower, _, _ = block
+    other, onwards = sheet(rough(seed=2), up=False), motion(seed=5)
+    _, one = pressed(lower, other, {"matrix": np.eye(4).tolist()})
+    both = (stone.copy().apply_transform(onwards) for stone in (lower, other))
+    _, two = pressed(*both, {"matrix": np.eye(4).tolist()}, corners=at(CORNERS, onwards))
+    np.testing.assert_allclose(two.pressure, one.pressure, atol=1e-5 * float(one.pressure.max()))
+
+
+def test_a_flat_second_mesh_changes_nothing(block):
+    lower, _, _ = block
+    _, alone = pressed(lower)
+    flat = sheet(0 * rough(), up=False)
+    pose = {"points_mm": [(SIDE, 0, 0), (0.0, 0, 0), (SIDE, SIDE, 0)]}
+    _, found = pressed(lower, flat, pose)
+    np.testing.assert_allclose(found.pressure, alone.pressure, rtol=1e-9, atol=1e-9)
+
+
+def cap(radius, rings):
+    """The top of a sphere that touches z = 0 from below, with rings of triangles."""
+    count = 6 * rings
+    polar = np.linspace(0, np.arcsin(2.9 / radius), rings + 1)[1:]
+    turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    x, y = (np.outer(np.sin(polar), of(turn)).ravel() for of in (np.cos, np.sin))
+    z = np.repeat(np.cos(polar) - 1, count)
+    vertices = radius * np.vstack([[0, 0, 0], np.stack([x, y, z], -1)])
+    ring = np.arange(1, count + 1)
+    onwards = np.roll(ring, -1)
+    faces = [np.stack([0 * ring, ring, onwards], -1)]
+    for number in range(rings - 1):
+        inner, outer = number * count, (number + 1) * count
+        faces.append(np.stack([ring + inner, ring + outer, onwards + outer], -1))
+        faces.append(np.stack([ring + inner, onwards + outer, onwards + inner], -1))
+    return trimesh.Trimesh(vertices, np.concatenate(faces), process=False)
+
+
+def test_two_spheres_touch_as_hertz_says():
+    """1/R = 1/R₁ + 1/R₂; the error falls with the meshes' edges, at up to 20,000 faces."""
+    radii, modulus = (40.0, 60.0), SETTINGS["contact_modulus_MPa"]
+    radius = 1 / sum(1 / of for of in radii)
+    force = SETTINGS["target_pressure_MPa"] * SIDE**2
+    half_width = (3 * force * radius / (4 * modulus)) ** (1 / 3)
+    peak = 3 * force / (2 * np.pi * half_width**2)
+    errors = []
+    for rings in (8, 16, 41):
+        below, above = (cap(of, rings) for of in radii)
+        assert rings < 41 or abs(len(below.faces) - 20000) < 300
+        over = trimesh.transformations.rotation_matrix(np.pi, (0, 1, 0))
+        corners = CORNERS - (SIDE / 2, SIDE / 2, 0)
+        pose = {"matrix": over.tolist()}
+        _, contact = pressed(below, above, pose, corners=corners)
+        y, x = np.meshgrid(contact.y - SIDE / 2, contact.x - SIDE / 2, indexing="ij")
+        expected = peak * np.sqrt(np.clip(1 - (x**2 + y**2) / half_width**2, 0, None))
+        errors.append(float(np.sqrt(np.mean((contact.pressure.values - expected) ** 2))) / peak)
+    assert errors[0] > 2 * errors[1] > 2 * errors[2]
+    assert errors[2] < 0.02
+
+
+def moved_by(x, y, z):
+    matrix = np.eye(4)
+    matrix[:3, 3] = x, y, z
+    return {"matrix": matrix.tolist()}
+
+
+@pytest.mark.parametrize(
+    ("pose", "named"),
+    [
+        (moved_by(0, 0, 5.0), "away from the passive one"),
+        (moved_by(0, 0, -5.0), "in the passive one"),
+        (moved_by(50.0, 0, 0), "no part of the mesh lies over the square"),
+        (moved_by(4.0, 0, 0), "sticks out of the mesh"),
+        ({"points_mm": CORNERS.tolist()}, "look against the frame's normal"),
+    ],
+)
+def test_stones_that_do_not_meet_are_refused(block, pose, named):
+    with pytest.raises(InputError, match=named) as caught:
+        pressed(block[0], sheet(rough(), up=False), pose)
+    assert caught.value.source == "active.ply"
+    assert "counterface.pose" in caught.value.remedy
+
+
+def test_a_pose_that_stretches_or_mirrors_is_refused(block):
+    _, upper, away = block
+    frame, options = frame_from_points(CORNERS), {"size_mm": SIDE, "source": "active.ply"}
+    for matrix in (np.diag([2.0, 2, 2, 1]), np.diag([1.0, 1, -1, 1])):
+        with pytest.raises(ConfigError, match="stretches or mirrors"):
+            pose_frame({"matrix": matrix.tolist()}, frame, upper, **options)
+    pairs = np.array(poses(away)["pairs_mm"])
+    pairs[:, 1] *= 0.1  # in cm
+    with pytest.raises(ConfigError, match="apart when laid on each other"):
+        pose_frame({"pairs_mm": pairs.tolist()}, frame, upper, **options)
+
+
+def test_a_mesh_coarser_than_the_square_is_refused(block):
+    coarse = trimesh.creation.box(
+        (12, 12, 1), transform=trimesh.transformations.translation_matrix((2, 2, 0.5))
+    )
+    with pytest.raises(InputError, match="vertices in the square"):
+        pressed(block[0], coarse, {"matrix": np.eye(4).tolist()})

@@ -1,0 +1,104 @@
+"""A second stone on the first, pressed in one pose and in a gesture: a tiny study of its own."""
+
+import numpy as np
+import pytest
+import trimesh
+from conftest import fresh
+
+from gstlib.contact import laid_height
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import read_table
+
+
+@pytest.fixture(scope="module")
+def two_stones(tmp_path_factory):
+    study = fresh(tmp_path_factory.mktemp("two_stones"))
+    study.change(
+        specimen={"counterface_seed": 8},
+        gesture={"stroke_mm": 1.0, "poses": 5},
+        reference_draws=None,
+        grinding=None,
+        hardness=None,
+    )
+    study.succeed()
+    return study
+
+
+def test_both_faces_make_the_gap(two_stones):
+    """The macroscale contact keeps its conditions on the sum of both heights."""
+    contact = read_dataset(two_stones.results / "macroscale/contact.h5").isel(step=-1)
+    assert float(contact.counterface.std()) > 5e-3
+    faces = laid_height(contact).values
+    rigid = faces - faces.max() + float(contact.displacement)
+    touching = contact.pressure.values > 0
+    displaced = contact.gap.values + rigid  # K p, which is smooth; what touches follows the faces
+    np.testing.assert_allclose(displaced[touching], rigid[touching], atol=1e-9)
+    assert 0.01 < touching.mean() < 0.5
+    # the other stone of the same kind is another
+    assert (
+        abs(np.corrcoef(contact.height.values.ravel(), contact.counterface.values.ravel())[0, 1])
+        < 0.7
+    )
+
+
+def test_a_patch_is_pressed_by_the_face_over_it(two_stones):
+    square = read_dataset(two_stones.results / "macroscale/contact.h5")
+    spacing = square.x.attrs["spacing"]
+    places = read_table(two_stones.results / "tables/patch_pressures.csv").set_index("patch")
+    for file in sorted(two_stones.results.glob("microscale/*.h5")):
+        contact, place = read_dataset(file), places.loc[file.stem]
+        row, column = (int(place[of] / spacing) for of in ("y_mm", "x_mm"))
+        near = square.counterface.values[row - 1 : row + 2, column - 1 : column + 2]
+        middle = float(contact.counterface.values[30:34, 30:34].mean())
+        assert near.min() - 1e-3 < middle < near.max() + 1e-3
+
+
+def test_the_pose_in_the_middle_of_a_stroke_is_the_single_one(two_stones):
+    found = read_dataset(two_stones.results / "gesture/exposure.h5")
+    pressures = read_table(two_stones.results / "tables/patch_pressures.csv")
+    assert found.patch.values.tolist() == pressures.patch.tolist()
+    np.testing.assert_allclose(
+        found.patch_pressure[2], pressures.pressure_MPa, rtol=1e-4, atol=1e-6
+    )
+    assert float(abs(found.patch_pressure[0] - found.patch_pressure[2]).max()) > 1
+    np.testing.assert_allclose(found.mean_pressure.mean(), 22.0, rtol=1e-6)
+    np.testing.assert_allclose(found.exposure.mean(), 22.0, rtol=1e-6)  # over a stroke of 1 mm
+    table = read_table(two_stones.results / "tables/exposure.csv").set_index("patch")
+    np.testing.assert_allclose(
+        table.mean_pressure_MPa, found.patch_pressure.mean("pose"), rtol=1e-4, atol=1e-6
+    )
+    shifts = read_table(two_stones.results / "tables/pose_shifts.csv")
+    assert shifts.shift_mm.tolist() == [0.1, 0.5, 1.0]
+    assert shifts.change.is_monotonic_increasing
+
+
+def test_wear_follows_the_gesture(two_stones):
+    """Patches lose in proportion to their exposure, as long as little is lost."""
+    path = read_dataset(two_stones.results / "wear/whole_square.h5")
+    table = read_table(two_stones.results / "tables/exposure.csv").set_index("patch")
+    first = path.pressed.sel(ratio=0, body="stone").isel(step=1).to_series()
+    rate = first / float(path.kappa.sel(ratio=0)[1])
+    np.testing.assert_allclose(rate, table.exposure_N_per_mm[rate.index], rtol=1e-3, atol=1e-4)
+
+
+def test_the_page_shows_the_gesture(two_stones):
+    page = (two_stones.results / "index.html").read_text(encoding="utf-8")
+    assert "what a gesture leaves on the square" in page
+    assert (two_stones.results / "figures/exposure.png").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_a_flat_second_stone_changes_no_digit(tiny):
+    flat = trimesh.creation.box((12, 12, 1), trimesh.transformations.translation_matrix((7, 1, 2)))
+    flat.subdivide_to_size(0.4).export(tiny.folder / "flat.stl")
+    corners = [[4.5, -1.5, 2.5], [9.5, -1.5, 2.5], [4.5, 3.5, 2.5]]
+    before = tiny.tables()
+    tiny.change(counterface={"mesh": "flat.stl", "pose": {"points_mm": corners}})
+    tiny.succeed()
+    after = tiny.tables()
+    shifts = read_table(tiny.results / "tables/pose_shifts.csv")
+    assert shifts.spearman_least.tolist() == [1, 1, 1]
+    del after["pose_shifts.csv"]
+    assert after == before
+    contact = read_dataset(tiny.results / "macroscale/contact.h5")
+    assert float(abs(contact.counterface).max()) < 1e-12

@@ -1,0 +1,87 @@
+# A second stone on the first: its poses. Only where the config names a mesh of it (`counterface`).
+# Takes: the square with the face of the active stone. Gives: how far the patches' ranking depends on the pose;
+# and, of a gesture, the exposure that all its poses leave.
+# Poses are jobs of their own, many in each: a job takes as long to start as a hundred poses to press.
+
+import numpy as np
+
+POSES_PER_JOB = 200
+PRESSED = {
+    "contact_modulus_MPa": CONTACT_MODULUS_MPA,
+    "tolerance": config["macroscale"]["tolerance"],
+    "patch_mm": PATCH_MM,
+}
+POSE_BATCHES = {
+    f"{RESULTS}/gesture/poses_{number}.h5": POSES[start : start + POSES_PER_JOB]
+    for number, start in enumerate(
+        range(0, 0 if POSES is None else len(POSES), POSES_PER_JOB), start=1
+    )
+}
+# Poses that a figure shows, in even steps.
+SHOWN_POSES = 4
+
+if COUNTERFACE_MESH:
+
+    rule shift_pose:
+        input:
+            square=SQUARE,
+            pressures=f"{RESULTS}/coupling/pressures.csv",
+        output:
+            table=table("pose_shifts", "3 Coupling", "patches after a shift of the active stone"),
+        log:
+            f"{RESULTS}/logs/shift_pose.log",
+        params:
+            **PRESSED,
+            target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
+            code=code("shift_pose.py"),
+        message:
+            "Shifting the active stone"
+        script:
+            "../scripts/shift_pose.py"
+
+
+for batch, poses in POSE_BATCHES.items():
+
+    rule:
+        name:
+            f"press_{Path(batch).stem}"
+        input:
+            square=SQUARE,
+        output:
+            batch=batch,
+        log:
+            f"{RESULTS}/logs/press_{Path(batch).stem}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/press_{Path(batch).stem}.tsv"
+        params:
+            **PRESSED,
+            poses=poses.to_dict(),
+            patches=PATCHES[["patch", "x_mm", "y_mm", "rotation_deg"]].to_dict("list"),
+            shown=[
+                round(place)
+                for place in np.linspace(0, len(POSES) - 1, min(len(POSES), SHOWN_POSES))
+            ],
+            code=code("press_poses.py"),
+        message:
+            f"Pressing the square in {len(poses)} poses"
+        script:
+            "../scripts/press_poses.py"
+
+
+if POSE_BATCHES:
+
+    rule gather_exposure:
+        input:
+            batches=list(POSE_BATCHES),
+            pressures=f"{RESULTS}/coupling/pressures.csv",
+        output:
+            exposure=f"{RESULTS}/gesture/exposure.h5",
+            table=table("exposure", "3 Coupling", "each patch over the gesture"),
+        log:
+            f"{RESULTS}/logs/gather_exposure.log",
+        params:
+            code=code("gather_exposure.py"),
+        message:
+            "Putting the poses together"
+        script:
+            "../scripts/gather_exposure.py"
