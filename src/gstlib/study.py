@@ -663,7 +663,8 @@ def score_patches(
     patches : mapping of str to iterable of (patch, xarray.Dataset, xarray.Dataset)
         By variant, the study's own first: contact and height change of each patch in the study.
     pressures, microscale : pandas.DataFrame
-        From `select_patches`, for the places; the first table of `microscale_tables`.
+        From `select_patches`, for the places, with ``exposure_N_per_mm`` of a gesture, if there is
+        one; the first table of `microscale_tables`.
     worst : sequence of str
         Patches that were said beforehand to be the worst worn.
 
@@ -691,7 +692,8 @@ def score_patches(
     predicted = microscale[["patch", "mean_pressure_MPa", "stiffness_MPa_per_um"]].rename(
         columns={"mean_pressure_MPa": "pressure_MPa"}
     )
-    predicted = predicted.merge(pressures[["patch", "x_mm", "y_mm"]], on="patch")
+    known = [name for name in ("x_mm", "y_mm", "exposure_N_per_mm") if name in pressures]
+    predicted = predicted.merge(pressures[["patch", *known]], on="patch")
     summary = summarise(found, predicted, seed=seed, resamples=resamples, expected_worst=worst)
     variants = compare_variants(by_variant, seed=seed, resamples=resamples)
     return patch_tables(found) | {"summary": summary, "variants": variants}

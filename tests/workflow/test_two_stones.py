@@ -72,6 +72,11 @@ def test_the_pose_in_the_middle_of_a_stroke_is_the_single_one(two_stones):
     assert shifts.change.is_monotonic_increasing
 
 
+def test_exposure_is_held_against_wear(two_stones):
+    summary = read_table(two_stones.results / "tables/validation_summary.csv")
+    assert {"spearman(exposure_N_per_mm, loss_fraction)"} <= set(summary.statistic)
+
+
 def test_wear_follows_the_gesture(two_stones):
     """Patches lose in proportion to their exposure, as long as little is lost."""
     path = read_dataset(two_stones.results / "wear/whole_square.h5")

@@ -15,6 +15,7 @@ if WORN_PATCHES:
             registered=registered(WORN_PATCHES),
             pressures=f"{RESULTS}/tables/patch_pressures.csv",
             microscale=f"{RESULTS}/tables/microscale_summary.csv",
+            exposure=f"{RESULTS}/tables/exposure.csv" if POSES is not None else [],
         output:
             patches=table("validation_patches", "5 Validation", "scores of each patch"),
             gains=table("validation_gains", "5 Validation", "scores against chance and best rival"),

@@ -14,6 +14,7 @@ def main(
     registered: list[Path],
     pressures: Path,
     microscale: Path,
+    exposure: Path,
     patches: Path,
     gains: Path,
     summary: Path,
@@ -33,9 +34,13 @@ def main(
         )
         for variant, files in zip(compared, [contacts, others], strict=False)
     }
+    by_patch = read_pressures(pressures)
+    if exposure:
+        left = read_table(exposure, ["patch", "exposure_N_per_mm"])
+        by_patch = by_patch.merge(left[["patch", "exposure_N_per_mm"]], on="patch")
     tables = score_patches(
         by_variant,
-        read_pressures(pressures),
+        by_patch,
         read_table(microscale),
         worst=worst,
         seed=seed,

@@ -37,7 +37,7 @@ __all__ = [
 ]
 
 _COLUMNS = ["statistic", "value", "low", "high", "p_value", "n", "against"]
-_PREDICTORS = "pressure_MPa", "contact_fraction", "stiffness_MPa_per_um"
+_PREDICTORS = "pressure_MPa", "contact_fraction", "stiffness_MPa_per_um", "exposure_N_per_mm"
 # Area and volume of the traces, both over the area measured: patches overlap to different shares.
 _EXTENTS = "loss_fraction", "loss_per_area_um"
 # Up to this many patches all pairings are tried (8! = 40320), beyond it a random sample of them;
@@ -64,7 +64,8 @@ def summarise(
         With their nulls; those whose loss may be noise are left out of every row. None gives a
         table without rows.
     predicted : pandas.DataFrame
-        For each of these patches ``patch, x_mm, y_mm, pressure_MPa, stiffness_MPa_per_um``.
+        For each of these patches ``patch, x_mm, y_mm, pressure_MPa, stiffness_MPa_per_um`` and, of
+        a gesture, ``exposure_N_per_mm``.
     seed, resamples : int
         Of the intervals and permutations; bootstrap samples of patches.
     expected_worst : sequence of str
@@ -89,6 +90,7 @@ def summarise(
         *(
             rank_correlation(every, predictor, extent, places=("x_mm", "y_mm"), **chance)
             for predictor in _PREDICTORS
+            if predictor in every
             for extent in _EXTENTS
         ),
     ]

@@ -191,6 +191,7 @@ def test_summary_of_a_study():
     assert pair["value"] == pytest.approx(1)
     assert pair["against"] == "other pairings, neighbours alike"
     assert pd.isna(found.loc["spearman(stiffness_MPa_per_um, loss_fraction)", "value"])
+    assert "spearman(exposure_N_per_mm, loss_fraction)" not in found.index  # there is no gesture
     assert found.loc["mean(f1)", "p_value"] < 0.01
     # without patches the table has its columns and no rows
     empty = summarise([], study()[1], seed=1, resamples=99, expected_worst=["5"])
