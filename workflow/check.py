@@ -70,16 +70,20 @@ def main() -> int:
         writable = True
     except GstError as error:
         problems.append(error)
+    reach = None
+    try:
+        reach = reach_of(config)
+    except GstError as error:  # of the table of poses
+        problems.append(error)
     if config["inputs"] is not None:
         try:
             check_files(config, patches, f"{path}, {config['patches']}")
         except GstError as error:
             problems.append(error)
         second = counterface_mesh(config, "")
-        if second is not None and Path(second["mesh"]).is_file():
-            second["reach_mm"] = reach_of(config)
-        else:
-            second = None
+        if second is not None:
+            is_whole = reach is not None and Path(second["mesh"]).is_file()
+            second = second | {"reach_mm": reach} if is_whole else None
         mesh = Path(config["inputs"]["mesh"])
         folder, face = config["inputs"]["scan_folder"], (config["counterface"] or {}).get("scan")
         scans = [scan for scan in scan_files(patches, folder, face) if scan.path.is_file()]

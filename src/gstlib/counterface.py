@@ -76,7 +76,10 @@ def pose_frame(
         The pose is none.
     """
     if "points_mm" in pose:
-        return find_frame({**pose, "size_mm": size_mm}, mesh, source=source)
+        try:
+            return find_frame({**pose, "size_mm": size_mm}, mesh, source=source)
+        except ConfigError as error:  # it names the passive stone's points
+            raise ConfigError(f"{_KEY}.points_mm", error.problem, error.remedy) from error
     matrix = np.asarray(
         _of_pairs(pose["pairs_mm"]) if "pairs_mm" in pose else pose["matrix"], float
     )

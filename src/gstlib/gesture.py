@@ -66,11 +66,12 @@ _VARIABLES = {
 }
 
 
-def read_poses(path: str | Path) -> pd.DataFrame:
+def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
     """The poses of a gesture from a table, a row each, with the columns of `make_poses`.
 
     The file is text, its cells are separated by tabs, commas or semicolons; a line that begins with
-    # is a comment. Without ``rotation_deg`` or ``turning_deg`` they are 0.
+    # is a comment. Without ``rotation_deg`` or ``turning_deg`` they are 0. In place of
+    ``pressure_MPa`` there may be ``force_N``, on the square of side `size_mm`.
 
     Raises
     ------
@@ -81,6 +82,9 @@ def read_poses(path: str | Path) -> pd.DataFrame:
         table = pd.read_csv(path, sep=None, engine="python", comment="#", skipinitialspace=True)
     except (OSError, ValueError) as error:
         raise ConfigError(path, f"cannot be read ({error})", "Save it as UTF-8 CSV.") from error
+    if "pressure_MPa" not in table and "force_N" in table:
+        forces = pd.to_numeric(table["force_N"], errors="coerce")
+        table = table.assign(pressure_MPa=forces / size_mm**2).drop(columns="force_N")
     unknown = [name for name in table if name not in _COLUMNS]
     missing = [name for name, (_, of) in _COLUMNS.items() if of is None and name not in table]
     if unknown or missing or table.empty:
@@ -108,7 +112,7 @@ def poses_of(config: Mapping[str, Any]) -> pd.DataFrame | None:
     if (gesture := config["gesture"]) is None:
         return None
     if "table" in gesture:
-        return read_poses(gesture["table"])
+        return read_poses(gesture["table"], size_mm=config["square"]["size_mm"])
     pressure = config["macroscale"]["target_pressure_MPa"]
     return make_poses(gesture, pressure_MPa=pressure, seed=config["seed"])
 

@@ -252,6 +252,12 @@ def test_a_pose_that_stretches_or_mirrors_is_refused(block):
         pose_frame({"pairs_mm": pairs.tolist()}, frame, upper, **options)
 
 
+def test_points_off_the_active_stone_are_refused_by_their_own_key(block):
+    far = np.add(CORNERS, (100, 0, 0)).tolist()
+    with pytest.raises(ConfigError, match=r"counterface\.pose\.points_mm.*point 1"):
+        pressed(block[0], sheet(rough(), up=False), {"points_mm": far})
+
+
 def test_a_mesh_coarser_than_the_square_is_refused(block):
     coarse = trimesh.creation.box(
         (12, 12, 1), transform=trimesh.transformations.translation_matrix((2, 2, 0.5))

@@ -172,10 +172,12 @@ TABLE = "x_mm\ty_mm\tpressure_MPa\tsliding_mm\tweight\n0.1\t0\t20\t0.5\t1\n-0.1\
 def test_a_table_of_poses_is_read(tmp_path):
     path = tmp_path / "poses.tsv"
     path.write_text("# a short stroke\n" + TABLE)
-    poses = read_poses(path)
+    poses = read_poses(path, size_mm=SIDE)
     assert poses.x_mm.tolist() == [0.1, -0.1]
     assert poses.weight.tolist() == [1, 2]
     assert poses.rotation_deg.tolist() == poses.turning_deg.tolist() == [0, 0]
+    path.write_text(TABLE.replace("pressure_MPa", "force_N"))
+    assert read_poses(path, size_mm=SIDE).pressure_MPa.tolist() == [20 / SIDE**2] * 2
 
 
 @pytest.mark.parametrize(
@@ -193,5 +195,5 @@ def test_a_faulty_table_of_poses_is_refused(tmp_path, old, new, named):
     path = tmp_path / "poses.tsv"
     path.write_text(TABLE.replace(old, new))
     with pytest.raises(ConfigError, match=named) as caught:
-        read_poses(path)
+        read_poses(path, size_mm=SIDE)
     assert str(path) in str(caught.value)

@@ -40,6 +40,10 @@ rule check_inputs:
 rule record_provenance:
     input:
         files=[config["patches"], *filter(None, [config["published"]])]
+        + [
+            (config["counterface"] or {}).get("mesh", []),
+            (config["gesture"] or {}).get("table", []),
+        ]
         + ([] if GENERATED else [MESH, *SCANS]),
     output:
         record=f"{RESULTS}/provenance.json",
