@@ -118,6 +118,7 @@ def sweep_figure(table: pd.DataFrame) -> Figure:
         of = moved[moved["output"] == output].sort_values("change", key=abs, kind="stable")
         panel.barh(of["setting"], of["change"], left=result["result"], color=BLUE)
         panel.tick_params(axis="y", labelsize=5.5)
+        panel.locator_params(axis="x", nbins=5)
         panel.set_title(output.replace("_um", " (µm)"))
     return figure
 
