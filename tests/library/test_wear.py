@@ -261,7 +261,7 @@ def test_a_mat_that_saves_a_hundredth_of_the_error_is_not_told(tables):
     bare = table[table.model == "archard"].assign(rms_difference_um=1.0, rms_out_of_contact_um=1.0)
     for of in ("volume_um3", "depth_um"):
         bare[f"predicted_{of}"] = 1.1 * bare[f"measured_{of}"]
-    mat = bare.assign(model="mat", rms_out_of_contact_um=0.99)
+    mat = bare.assign(model="mat", rms_difference_um=0.9, rms_out_of_contact_um=0.99)
     rivals = table[table.model != "archard"]
     both = pd.concat([bare, mat, rivals], ignore_index=True)
     heights = pd.concat([profile, profile[profile.model == "archard"].assign(model="mat")])
