@@ -15,9 +15,10 @@ import yaml
 
 from gstlib.io.patches import read_patches
 from gstlib.power import specimen_studies
+from gstlib.specimen.stone import WEAR_LAWS
 from gstlib.study import Study, fit_mat, predict_wear
 from gstlib.sweep import merged
-from gstlib.wear import wear_table
+from gstlib.validation.wear_scores import wear_table
 
 ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "benchmarks/results/wear_specimens.csv"
@@ -77,6 +78,32 @@ def trial(name: str, config: dict, patches: pd.DataFrame, seed: int, kept: dict)
     return table.assign(trial=name, seed=seed)
 
 
+def out_of_contact(seed: int) -> pd.DataFrame:
+    """What a mat gains where the bare stone takes off nothing that is detected, by law of wear.
+
+    On the coarse specimens of `make power`; the gain is the share of the bare stone's error.
+    """
+    config = yaml.safe_load((ROOT / "config/config.yaml").read_text())
+    config = merged(config, yaml.safe_load((ROOT / "config/power.yaml").read_text()))
+    rows = []
+    for law, study in specimen_studies(config, worn_patches(config), seed, WEAR_LAWS):
+        table, *_ = study.wear(seed=1, resamples=99)
+        wide = table.pivot(index="patch", columns="model", values="rms_out_of_contact_um").dropna()
+        rows.append((seed, law, 1 - wide["mat"].sum() / wide["archard"].sum()))
+    return pd.DataFrame(rows, columns=["seed", "worn_by", "gain"])
+
+
+def worn_patches(config: dict) -> pd.DataFrame:
+    """The patches of a config that have a T1."""
+    patches = read_patches(
+        ROOT / config["patches"],
+        schema=ROOT / "workflow/schemas/patches.schema.yaml",
+        size_mm=config["square"]["size_mm"],
+        patch_size_mm=config["scans"]["size_mm"],
+    )
+    return patches[patches.t1 != ""].reset_index(drop=True)
+
+
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """By trial: skills of the last model, pooled, with 95 % bootstrap intervals over specimens.
 
@@ -120,15 +147,14 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=list(range(4001, 4021)))
     parser.add_argument("--trials", nargs="+", choices=TRIALS, default=["default"])
     parser.add_argument("--rows", type=Path, default=Path("build/wear_specimens.csv"))
+    parser.add_argument("--laws", action="store_true", help="what a mat gains out of contact")
     options = parser.parse_args()
+    if options.laws:
+        found = pd.concat([out_of_contact(seed) for seed in options.seeds])
+        print(found.round(3).to_string(index=False))
+        return
     config = yaml.safe_load((ROOT / "config/config.yaml").read_text())
-    patches = read_patches(
-        ROOT / config["patches"],
-        schema=ROOT / "workflow/schemas/patches.schema.yaml",
-        size_mm=config["square"]["size_mm"],
-        patch_size_mm=config["scans"]["size_mm"],
-    )
-    patches = patches[patches.t1 != ""].reset_index(drop=True)
+    patches = worn_patches(config)
     options.rows.parent.mkdir(parents=True, exist_ok=True)
     rows = pd.read_csv(options.rows, dtype={"patch": str}) if options.rows.exists() else None
     for seed in options.seeds:

@@ -98,7 +98,9 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
         numbers = pd.to_numeric(given, errors="coerce")
         for row in np.flatnonzero(~(np.isfinite(numbers) & (numbers >= least))):
             raise ConfigError(
-                path, f"pose {row + 1}: {name} is {given[row]}", f"Give a number from {least:g} on."
+                path,
+                f"pose {row + 1}: {name} is {given[row]}",
+                "Give a number" + (f" from {least:g} on." if np.isfinite(least) else "."),
             )
         table[name] = numbers
     if not ((table.weight > 0).any() and (table.pressure_MPa > 0).all()):

@@ -129,8 +129,8 @@ def law_p_values(study: Study, *, seed: int) -> pd.DataFrame:
 
     ``test, drawn, patches, p_value`` as of `p_values`; the tests are ``law(archard)`` and, where
     the config has a mat, ``law(mat)``. A law is claimed where its maps of loss err less than those
-    of every rival; a mat must beat the bare stone out of contact, see `gstlib.wear.wear_summary`.
-    The p-value, one-sided, is the largest.
+    of every rival; a mat must beat the bare stone out of contact, too (`wear_summary` of
+    `gstlib.validation.wear_scores`). The p-value, one-sided, is the largest.
     """
     summary = study.wear(seed=seed, resamples=_RESAMPLES)[-1]
     named = summary.statistic.isin(["skill(map)", "skill(out_of_contact)"])

@@ -771,10 +771,10 @@ def score_wear(
     """Predicted against measured loss of each patch, and what the prediction is worth.
 
     `patches` are those of a patch, its contact, its height change and its `predict_wear`; `square`
-    is from `fit_mat`. The tables are those of `gstlib.wear.wear_table` and
-    `gstlib.wear.wear_summary`.
+    is from `fit_mat`. The tables are those of `gstlib.validation.wear_scores.wear_table` and
+    `gstlib.validation.wear_scores.wear_summary`.
     """
-    from gstlib.wear import wear_summary, wear_table
+    from gstlib.validation.wear_scores import wear_summary, wear_table
 
     table, profile = wear_table(patches, square, pressures)
     summary = wear_summary(table, profile, square, seed=seed, resamples=resamples)
@@ -1005,7 +1005,7 @@ class Study:
 
     def wear(self, *, seed: int, resamples: int) -> tuple[pd.DataFrame, ...]:
         """Tables of `score_wear`, empty where no wear is predicted."""
-        from gstlib.wear import COLUMNS
+        from gstlib.validation.wear_scores import COLUMNS
 
         if (square := self.worn_square()) is None:
             return tuple(pd.DataFrame(columns=columns) for columns in COLUMNS)

@@ -9,8 +9,7 @@ Valleys wear too where something soft is between the stones: plants, hide, wood.
 layer that takes turns with the bare stone, stands for it. How its coefficient compares with that of
 the bare stone is fitted as κ is, to the maps of loss of the other patches (`fit_mat`).
 
-The rivals know less: the same depth on every patch, a depth in proportion to the pressure before
-use, and each patch cut off flat over the area that did wear (`wear_table`).
+What the predictions are worth is told in `gstlib.validation.wear_scores`.
 """
 
 # ASSUME: κ is one number for the whole stone and all of its use; the active stone does not wear,
@@ -21,13 +20,9 @@ use, and each patch cut off flat over the area that did wear (`wear_table`).
 # everywhere; what is behind it is rigid for it, and elastic by itself as without it.
 # ASSUME: T1 is laid on T0 where most points are. No scan sees what a mat takes off all points
 # alike, so that a prediction, too, counts from the median of its depths.
-# ASSUME: a mat is told from the bare stone where the bare stone takes off less than is detected,
-# and only by an error there that is 2 % smaller. Errors of heights and loads let a mat gain a
-# little on stones that never saw one: up to 1.8 % on 19 generated specimens, 3 to 14 % on 17 of 18
-# worn with one (seeds 6001 to 6109, which are not those of `make power`).
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -36,45 +31,20 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.bem import Layer, ThirdBody, solve_contact, wear_path
-from gstlib.contact import laid_height, solved
+from gstlib.contact import solved
 from gstlib.coupling import Place, patch_pressures, surroundings
 from gstlib.errors import InputError
 from gstlib.gesture import exposure, press_poses
-from gstlib.surface import spacing_of
-from gstlib.validation.intervals import percentile_interval
-from gstlib.validation.summary import exchange_p_value, rank_correlation
+from gstlib.validation.wear_scores import OWN, seen_depth
 
-__all__ = [
-    "COLUMNS",
-    "fit_mat",
-    "mat_misfits",
-    "wear_patch",
-    "wear_square",
-    "wear_summary",
-    "wear_table",
-]
+__all__ = ["fit_mat", "mat_misfits", "wear_map", "wear_patch", "wear_square"]
 
-# The predictions, and what they are to beat.
-_OWN, _RIVALS = ("archard", "mat"), ("pressure", "uniform", "truncation")
-# Of ``wear.csv``, ``wear_profile.csv`` and ``wear_summary.csv``.
-COLUMNS = (
-    [
-        *("patch", "model", "predicted_volume_um3", "measured_volume_um3", "predicted_depth_um"),
-        *("measured_depth_um", "rms_difference_um", "rms_out_of_contact_um"),
-    ],
-    ["patch", "by", "band", "model", "loss_um"],
-    ["model", "statistic", "value", "low", "high", "p_value", "n", "against"],
-)
 # The square wears to this many times the κ of the bare stone that its first pressures give, or to
 # more, where patches are then short of their losses.
 _REACHES = 1.5, 3.0, 6.0
 # Coefficients of the mat that are tried, over that of the bare stone.
 _RATIOS = 0.0, 0.1, 0.3, 1.0, 3.0
-# Bands of as many points each, from the highest points, or the smallest gap, on.
-_BANDS = 4
 _BODIES = "stone", "mat"
-# Share of the bare stone's error out of contact below which a mat is told.
-_ERROR_TO_BEAT = 0.98
 
 
 def wear_square(
@@ -128,13 +98,13 @@ def wear_square(
     """
     measured = pd.Series(losses_um, dtype=float) * 1e-3
     table = pressures.set_index("patch", drop=False)
-    settings: dict[str, Any] = {"patch_mm": patch_mm, "steps": steps, "mat": mat, "source": source}
+    settings: dict[str, Any] = {"patch_mm": patch_mm, "steps": steps, "source": source}
     most = measured.sum() / table.pressure_MPa[measured.index].sum()
     for reach in _REACHES:
         # a mat adds to what the bare stone does
         if poses is None:
             paths = [
-                _pressed(contact, table, (1 + ratio) * reach * most, ratio, **settings)
+                _pressed(contact, table, (1 + ratio) * reach * most, ratio, mat=mat, **settings)
                 for ratio in (_RATIOS if mat else _RATIOS[:1])
             ]
         else:
@@ -222,7 +192,6 @@ def _pressed_in_poses(
     *,
     patch_mm: float,
     steps: int,
-    mat: None,
     source: str | Path,
 ) -> xr.Dataset:
     """As `_pressed`, by all poses of a gesture in each of as many explicit steps.
@@ -346,7 +315,7 @@ def mat_misfits(
         before = -lost
         found[1, row, 0] = before @ before
         for step, depth in enumerate(depths, start=1):
-            seen = _seen(depth[known])
+            seen = seen_depth(depth[known])
             error = seen - lost
             found[:, row, step] = seen.clip(0).mean(), error @ error, 0
             found[2, row, step - 1] = before @ error
@@ -363,11 +332,6 @@ def mat_misfits(
         },
         coords={"ratio": square.ratio},
     )
-
-
-def _seen(depth: np.ndarray) -> np.ndarray:
-    """What two scans can tell of a depth lost."""
-    return depth - np.median(depth)
 
 
 def fit_mat(square: xr.Dataset, by_patch: Mapping[str, xr.Dataset]) -> xr.Dataset:
@@ -451,177 +415,5 @@ def wear_map(contact: xr.Dataset, square: xr.Dataset, patch: str) -> xr.Dataset:
             name: (("model", "y", "x"), values[name], {"units": "mm", "long_name": long_name})
             for name, long_name in names.items()
         },
-        coords={"model": list(_OWN[: len(depth)]), "y": contact.y, "x": contact.x},
+        coords={"model": list(OWN[: len(depth)]), "y": contact.y, "x": contact.x},
     )
-
-
-def wear_table(
-    patches: Iterable[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]],
-    square: xr.Dataset,
-    pressures: pd.DataFrame,
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Predicted against measured loss of each patch: the tables ``wear`` and ``wear_profile``.
-
-    Parameters
-    ----------
-    patches : iterable of (patch, xarray.Dataset, xarray.Dataset, xarray.Dataset)
-        Contact before use, height change, and loss from `wear_map`; each is used once.
-    square : xarray.Dataset
-        From `wear_square`.
-    pressures : pandas.DataFrame
-        ``patch, pressure_MPa`` before use.
-
-    Returns
-    -------
-    wear : pandas.DataFrame
-        ``patch, model``; predicted and measured ``volume_um3`` over the points whose change is
-        known, as far as scans see it, and ``depth_um``, the mean depth over the points that lost
-        more than their level of detection (NaN where none did); ``rms_difference_um`` of predicted
-        depth and measured loss, point by point, and ``rms_out_of_contact_um``, over the points from
-        which ``archard`` takes less than that level. No model but ``truncation``, which takes the
-        patch's own worn area, has seen the patch's own wear.
-    profile : pandas.DataFrame
-        ``patch, by, band, model, loss_um``: mean loss of the highest quarter of a patch's points
-        (``by`` ``height``, ``band`` 1) to the lowest (4), and of those with the smallest ``gap`` in
-        contact to the largest; ``model`` is ``measured`` or a prediction.
-    """
-    of = pressures.set_index("patch").pressure_MPa
-    losses = square.measured.dropna("patch").to_series()
-    rows: list[tuple] = []
-    bands: list[tuple] = []
-    for patch, contact, change, worn in patches:
-        known = np.isfinite(change.change.values)
-        lost, loss = -change.change.values[known], change.loss.values.astype(bool)[known]
-        level = change.level_of_detection.values[known]
-        height = laid_height(contact).values[known]
-        others = losses.drop(patch)
-        own = {str(of.model.values): _seen(of.values[known]) for of in worn.depth}
-        out_of_contact = own["archard"] < level
-        depths = own | {
-            "pressure": np.full(lost.shape, of[patch] * others.sum() / of[others.index].sum()),
-            "uniform": np.full(lost.shape, others.mean()),
-            "truncation": np.maximum(height - np.quantile(height, 1 - loss.mean()), 0),
-        }
-        element_um3 = float(np.prod(spacing_of(change))) * 1e9
-        for model, depth in depths.items():
-            rows.append(
-                (
-                    *(
-                        patch,
-                        model,
-                        depth.clip(0).sum() * element_um3,
-                        lost[loss].sum() * element_um3,
-                    ),
-                    *(_mean_um(depth[depth > level]), _mean_um(lost[loss])),
-                    _rms_um(depth - lost),
-                    _rms_um((depth - lost)[out_of_contact]),
-                )
-            )
-        compared = {"measured": np.where(loss, lost, 0.0)} | own
-        for by, deepest in (("height", -height), ("gap", contact.gap.values[known])):
-            order = np.array_split(np.argsort(deepest, kind="stable"), _BANDS)
-            bands += [
-                (patch, by, band, model, _mean_um(depth.clip(0)[points]))
-                for band, points in enumerate(order, start=1)
-                for model, depth in compared.items()
-            ]
-    return pd.DataFrame(rows, columns=COLUMNS[0]), pd.DataFrame(bands, columns=COLUMNS[1])
-
-
-def _mean_um(depth: np.ndarray) -> float:
-    """Mean of depths in mm, µm; NaN of none."""
-    return 1e3 * float(depth.mean()) if depth.size else math.nan
-
-
-def _rms_um(depth: np.ndarray) -> float:
-    """R.m.s. of depths in mm, µm; NaN of none."""
-    return 1e3 * float(np.sqrt(np.mean(depth**2))) if depth.size else math.nan
-
-
-def wear_summary(
-    table: pd.DataFrame, profile: pd.DataFrame, square: xr.Dataset, *, seed: int, resamples: int
-) -> pd.DataFrame:
-    """What the predictions are worth, over the patches: the table ``wear_summary.csv``.
-
-    Parameters
-    ----------
-    table, profile : pandas.DataFrame
-        From `wear_table`.
-    square : xarray.Dataset
-        From `wear_square`; with a mat, from `fit_mat`.
-    seed, resamples : int
-        Of the bootstrap over patches.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``model, statistic, value, low, high, p_value, n, against``, with 95 % intervals.
-        ``skill(volume)`` is one less the summed absolute error of a prediction over that of a
-        rival: 1 if it errs nowhere, 0 if both err alike, negative if the rival errs less; its
-        two-sided test exchanges the two patch by patch. ``skill(map)`` is that of r.m.s.
-        differences, ``skill(depth)`` that of mean depths, against ``truncation`` alone: the other
-        rivals spread a loss evenly and tell no depth. A mat is tested against the bare stone by
-        ``skill(out_of_contact)`` alone: of the r.m.s. differences there, over 98 % of those of the
-        bare stone. ``spearman(model, measured volume)`` is a
-        rank correlation of volumes; ``lower_half`` the share of the loss that the lower half of the
-        points have, also as ``measured``; ``mat_ratio``, with a mat, its coefficient over that of
-        the bare stone, from all patches.
-    """
-    errors = {
-        "volume": (table.predicted_volume_um3 - table.measured_volume_um3).abs(),
-        "depth": (table.predicted_depth_um.fillna(0) - table.measured_depth_um.fillna(0)).abs(),
-        "map": table.rms_difference_um,
-        "out_of_contact": table.rms_out_of_contact_um.fillna(0),
-    }
-    patches = list(dict.fromkeys(table.patch))
-    own = [model for model in _OWN if model in set(table.model)]
-    generator = np.random.default_rng(seed)
-    drawn = generator.integers(len(patches), size=(resamples, len(patches)))
-    none = math.nan, len(patches), ""
-    rows: list[tuple] = []
-
-    def row(model: str, statistic: str, counts: np.ndarray, *more: object) -> None:
-        """One for the ratio of the sums over patches of two counts, shape (patches, 2)."""
-        samples, total = counts[drawn].sum(axis=1), counts.sum(axis=0)
-        low, high = percentile_interval(samples[:, 0] / samples[:, 1], len(patches))
-        rows.append((model, statistic, total[0] / total[1], low, high, *more))
-
-    for model in own:
-        for quantity, error in errors.items():
-            wide = table.assign(error=error).pivot(index="patch", columns="model", values="error")
-            wide = wide.loc[patches]
-            bare = own[: own.index(model)]
-            rivals = {"out_of_contact": bare, "depth": (*bare, "truncation")}
-            for rival in rivals.get(quantity, (*bare, *_RIVALS)):
-                told = quantity == "out_of_contact"
-                rival_error = wide[rival].to_numpy() * (_ERROR_TO_BEAT if told else 1.0)
-                gain = rival_error - wide[model].to_numpy()
-                p = exchange_p_value(gain, generator) if told or rival not in bare else math.nan
-                counts = np.stack([gain, rival_error], axis=1)
-                row(model, f"skill({quantity})", counts, p, len(patches), rival)
-    halves = profile[profile.by == "height"].assign(low=profile.band > _BANDS // 2)
-    for model in ("measured", *own):
-        loss = halves[halves.model == model].pivot_table(
-            index="patch", columns="low", values="loss_um", aggfunc="sum"
-        )
-        loss = loss.loc[patches].to_numpy()
-        row(model, "lower_half", np.stack([loss[:, 1], loss.sum(axis=1)], axis=1), *none)
-    if "mat_ratio" in square:
-        misfit = square.misfit.sel(scored=patches).transpose("scored", "ratio").values
-        samples = square.ratio.values[misfit[drawn].sum(axis=1).argmin(axis=1)]
-        interval = percentile_interval(samples, len(patches))
-        rows.append(("mat", "mat_ratio", square.attrs["mat_ratio"], *interval, *none))
-
-    volumes = table.pivot(index="patch", columns="model", values="predicted_volume_um3")
-    measured = table.drop_duplicates("patch").set_index("patch").measured_volume_um3
-    volumes = volumes.loc[patches].assign(**{"measured volume": measured})
-    # The mean of the others falls as a patch's own loss grows: `uniform` has no rank of its own.
-    ranked = [
-        rank_correlation(
-            volumes, model, "measured volume", generator=generator, resamples=resamples
-        ).assign(model=model)
-        for model in (*own, *_RIVALS)
-        if model != "uniform"
-    ]
-    found = pd.concat([pd.DataFrame(rows, columns=COLUMNS[2]), *ranked], ignore_index=True)
-    return found[COLUMNS[2]]

@@ -64,7 +64,7 @@ T0, PRESSURE = CONTACTS["1"]["height"], CONTACTS["1"]["pressure"]
 LOST = T0.copy(data=RNG.normal(0, 1e-4, T0.shape) - 1e-3 * (T0.values > 3e-3))
 LOST[:, :6] = np.nan
 CHANGE = {"t1": T0 + LOST, "change": LOST, "loss": LOST < -2e-4, "gain": LOST > 2e-4}
-WORN = xr.Dataset({"depth": (("model", "y", "x"), np.abs(T0.values)[None])})
+WORN = xr.Dataset({"depth": (("model", "y", "x"), np.abs(T0.values)[None])}, {"model": ["mat"]})
 CHANGE = xr.Dataset(CHANGE, attrs={"level_of_detection_um": 0.2, "overlap": 0.9})
 PREPARED = {"height": T0, "measured": T0.where(T0 < 4e-3), "filled": T0 >= 4e-3}
 PREPARED = xr.Dataset(PREPARED | {"outlier": T0 < -4e-3})

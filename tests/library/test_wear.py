@@ -12,7 +12,8 @@ from gstlib.coupling import patch_pressures
 from gstlib.errors import InputError
 from gstlib.gesture import make_poses
 from gstlib.surface import make_surface
-from gstlib.wear import COLUMNS, wear_map, wear_patch, wear_square, wear_summary, wear_table
+from gstlib.validation.wear_scores import COLUMNS, wear_summary, wear_table
+from gstlib.wear import wear_map, wear_patch, wear_square
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
 # Four patches that tile the square, and one that nothing touches.

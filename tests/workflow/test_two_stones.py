@@ -92,6 +92,23 @@ def test_the_page_shows_the_gesture(two_stones):
     assert (two_stones.results / "figures/exposure.png").stat().st_size > 10_000
 
 
+@pytest.mark.browser
+def test_the_other_stone_is_lifted_on_the_page(two_stones, browser):
+    page = browser.new_page(viewport={"width": 1366, "height": 768})
+    errors = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto((two_stones.results / "index.html").as_uri())
+    canvas = page.locator("#viewer canvas")
+    canvas.wait_for()
+    pictures = []
+    for lifted in ("1", "4"):
+        page.locator("#lift").fill(lifted)
+        pictures.append(canvas.screenshot())
+    assert pictures[0] != pictures[1]
+    assert errors == []
+    page.close()
+
+
 @pytest.mark.slow
 def test_a_flat_second_stone_changes_no_digit(tiny):
     flat = trimesh.creation.box((12, 12, 1), trimesh.transformations.translation_matrix((7, 1, 2)))

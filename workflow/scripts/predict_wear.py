@@ -11,7 +11,7 @@ from gstlib.io.tables import read_pressures, read_table, write_table
 from gstlib.logs import patch_by_patch, run_script
 from gstlib.provenance import provenance
 from gstlib.study import fit_mat, predict_wear, score_wear, wear_square
-from gstlib.wear import COLUMNS
+from gstlib.validation.wear_scores import COLUMNS
 
 
 def main(

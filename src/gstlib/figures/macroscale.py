@@ -103,6 +103,7 @@ def force_figure(contact: xr.Dataset, pressures: pd.DataFrame, *, patch_size_mm:
     maps.draw_footprints(square, pressures, patch_size_mm, colour=BLUE)
     displacement = float(contact["displacement"][-1]) * MM_TO_UM
     square.set_title(f"displacement {displacement:.1f} µm", loc="right")
+    maps.mark_corner(square)
 
     places, values = np.arange(len(pressures)), pressures["pressure_MPa"]
     studied = pressures["in_study"]

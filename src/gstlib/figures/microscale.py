@@ -137,7 +137,8 @@ def patch_figure(
     if worn is not None:  # as scans see it: from its median on
         depth = worn["depth"].values[-1] * MM_TO_UM
         seen = -np.maximum(depth - np.median(depth), 0)
-        title = f"Archard's law: mean loss {-seen.mean():.2f} µm"
+        law = "Archard's law" + (" with a mat" if worn["model"].values[-1] == "mat" else "")
+        title = f"{law}: mean loss {-seen.mean():.2f} µm"
         drawn.append((title, t0, changes | {"values": seen, "bar": ""}))
     touching, marks = contact["pressure"].values > 0, _agreement(contact, change)
     drawn.append((f"contact of {touching.mean():.2%}, and loss", t0, {"marks": marks}))

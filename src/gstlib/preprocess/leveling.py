@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from gstlib.errors import InputError
+
 __all__ = ["Plane", "remove_plane"]
 
 
@@ -47,26 +49,38 @@ def remove_plane(surface: xr.DataArray) -> tuple[xr.DataArray, Plane]:
     Parameters
     ----------
     surface : (ny, nx) xarray.DataArray
-        Heights, mm; NaN are left out. Not all that are measured are on one line.
+        Heights, mm; NaN are left out.
 
     Returns
     -------
     level : (ny, nx) xarray.DataArray
         The surface less its plane.
     plane : Plane
+
+    Raises
+    ------
+    InputError
+        Fewer than three points are measured, or they are all on one line.
     """
     used = np.isfinite(surface.values)
     y, x = _centred(surface)
+    count = int(used.sum())
     # Sums along rows and columns avoid a matrix of all the points. Centring on the fitted points
     # separates the two slopes from the offset, and keeps the sums free of cancellation.
     per_row, per_column = used.sum(axis=1), used.sum(axis=0)
-    y_mean, x_mean = _dot(per_row, y) / used.sum(), _dot(per_column, x) / used.sum()
+    y_mean, x_mean = _dot(per_row, y) / max(count, 1), _dot(per_column, x) / max(count, 1)
     dy, dx = y - y_mean, x - x_mean
-    z_mean = surface.values[used].mean()
+    z_mean = surface.values[used].mean() if count else math.nan
     z = np.where(used, surface.values - z_mean, 0.0)
     yy, xx = _dot(per_row, dy**2), _dot(per_column, dx**2)
     xy = _dot(dy, np.where(used, dx, 0.0).sum(axis=1))
     determinant = yy * xx - xy**2
+    if not determinant > 1e-12 * (yy + xx) ** 2:
+        raise InputError(
+            surface.attrs.get("file", "surface"),
+            f"a plane cannot be fitted to {count} measured points on one line",
+            "Measure the patch again.",
+        )
     zy, zx = _dot(dy, z.sum(axis=1)), _dot(dx, z.sum(axis=0))
     slope_y, slope_x = (xx * zy - xy * zx) / determinant, (yy * zx - xy * zy) / determinant
     offset = z_mean - slope_y * y_mean - slope_x * x_mean

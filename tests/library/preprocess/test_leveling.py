@@ -1,10 +1,13 @@
 """Planes: exact on planes, least squares elsewhere, and what is left has none."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gstlib.errors import InputError
 from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import make_surface
 
@@ -42,3 +45,12 @@ def test_tilt_and_its_sign():
     plane = remove_plane(plane_surface((5, 5), 0, 0.002, -0.001))[1]
     assert plane.tilt_y_mrad == pytest.approx(2.0, rel=1e-5)
     assert plane.tilt_x_mrad == pytest.approx(-1.0, rel=1e-5)
+
+
+def test_too_few_points():
+    surface = make_surface(np.full((4, 4), math.nan), 1.0, file="a.plu")
+    with pytest.raises(InputError, match="cannot be fitted to 0"):
+        remove_plane(surface)
+    surface[1, :] = 1.0
+    with pytest.raises(InputError, match=r"a\.plu: a plane cannot be fitted to 4"):
+        remove_plane(surface)
