@@ -24,7 +24,7 @@ def write_report(results: Path) -> None:
     for name, case in CASES.items():
         if tables[name]:
             make = growth_table if isinstance(case, Growth) else case_table
-            parts.append(f"### {case.title}\n\n{make(tables[name])}")
+            parts.append(f"## {case.title}\n\n{make(tables[name])}")
     begin, end = "<!-- results: begin -->", "<!-- results: end -->"
     text = README.read_text(encoding="utf-8")
     head, _, rest = text.partition(begin)

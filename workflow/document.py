@@ -1,8 +1,8 @@
 """Write the parts of the documents that are generated from the code.
 
 config/README.md: the tables of keys, from the JSON schemas. docs/assumptions.md: the modelling
-choices marked ``# ASSUME:`` in the code. With --check, write nothing, and end with exit code 1 if
-the documents are out of date.
+choices marked ``# ASSUME:`` in the code. docs/reference.md: what `gst --help` says. With --check,
+write nothing, and end with exit code 1 if the documents are out of date.
 """
 
 import argparse
@@ -10,7 +10,11 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import click
 import yaml
+
+from gstlib.cli import main as gst
+from gstlib.config import resolved
 
 ROOT = Path(__file__).parents[1]
 # A comment that begins with ASSUME, and the comment lines that continue it.
@@ -19,18 +23,26 @@ ASSUMPTION = re.compile(r"# ASSUME: (.*(?:\n[ \t]*# (?!ASSUME).*)*)")
 SIGNS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
 
 
-def keys(node: dict, schema: dict, prefix: str = "") -> Iterator[tuple[str, str, str]]:
-    """Every key below `node`: its full name, its possible values, and its description."""
+def keys(node: dict, schema: dict, prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
+    """Every key below `node`: its full name, possible values, default and description."""
     for branch in [node, *node.get("oneOf", [])]:
-        for name, part in resolved(branch, schema).get("properties", {}).items():
+        section = resolved(branch, schema)
+        for name, part in section.get("properties", {}).items():
             full = resolved(part, schema)
-            yield f"{prefix}{name}", allowed(full, schema), full.get("description", "")
+            default = "required" if name in section.get("required", []) else default_of(full)
+            yield f"{prefix}{name}", allowed(full, schema), default, full.get("description", "")
             yield from keys(full, schema, f"{prefix}{name}.")
 
 
-def resolved(node: dict, schema: dict) -> dict:
-    target = node.get("$ref", "").removeprefix("#/$defs/")
-    return schema["$defs"][target] | node if target else node
+def default_of(node: dict) -> str:
+    """The default in short YAML; empty where there is none but those of a section's keys."""
+    match node.get("default", {}):
+        case {}:
+            return ""
+        case [first, *_]:
+            return f"[{default_of({'default': first})}, …]"
+        case value:
+            return yaml.safe_dump(value, default_flow_style=True).splitlines()[0]
 
 
 def allowed(node: dict, schema: dict) -> str:
@@ -50,9 +62,9 @@ def allowed(node: dict, schema: dict) -> str:
 
 
 def table(schema: dict) -> str:
-    rows = ["| key | value | what it is |", "|---|---|---|"]
-    for name, values, description in keys(schema, schema):
-        rows.append(f"| `{name}` | {values} | {' '.join(description.split())} |")
+    rows = ["| key | value | default | what it is |", "|---|---|---|---|"]
+    for name, values, default, description in keys(schema, schema):
+        rows.append(f"| `{name}` | {values} | {default} | {' '.join(description.split())} |")
     return "\n".join(rows)
 
 
@@ -62,6 +74,14 @@ def assumptions() -> Iterator[str]:
         for match in ASSUMPTION.finditer(file.read_text(encoding="utf-8")):
             text = " ".join(line.strip(" \t#") for line in match[1].splitlines())
             yield f"- {text} (`{file.relative_to(ROOT).as_posix()}`)"
+
+
+def commands() -> Iterator[str]:
+    """What `gst --help` says, and the help of each command."""
+    group = click.Context(gst, info_name="gst", terminal_width=80, **gst.context_settings)
+    yield gst.get_help(group)
+    for name, command in gst.commands.items():
+        yield command.get_help(click.Context(command, info_name=name, parent=group))
 
 
 def filled(document: str, parts: dict[str, str]) -> str:
@@ -84,6 +104,7 @@ def main() -> None:
             for name in ("config", "patches")
         },
         "docs/assumptions.md": {"assumptions": "\n".join(assumptions())},
+        "docs/reference.md": {"commands": "\n\n".join(f"```\n{text}\n```" for text in commands())},
     }
     stale = []
     for name, parts in documents.items():

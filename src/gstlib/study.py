@@ -16,8 +16,8 @@ Sci. Rep. 104939) and goes on where the paper stops:
    (`solve_hardness`) are further cases.
 5. Predicted contact is scored against measured loss (`score_patches`), and the texture is measured
    before and after use (`measure_texture`).
-6. The square and its patches wear by Archard's law (`wear_square`, `wear_patch`). The loss that it
-   predicts for a patch from the loss of the others is compared with the measured one
+6. The square and its patches wear by Archard's law (`wear_square`). The loss that it predicts for a
+   patch from the loss of the others (`predict_wear`) is compared with the measured one
    (`score_wear`).
 
 Two variants of the coupling exist. In the paper's, `levelled`, the mesh alone makes the square, and

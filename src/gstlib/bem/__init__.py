@@ -1,4 +1,4 @@
-"""Frictionless rough contact with an elastic half-space, by boundary elements.
+"""Frictionless rough contact with an elastic half-space, by boundary elements::
 
     state = solve_contact(heights, spacing, contact_modulus(E1, nu1, E2, nu2), mean_pressure=22.0)
     state.pressure, state.gap, state.displacement, state.contact_fraction, state.residual

@@ -15,7 +15,7 @@ __all__ = [
 
 
 class ContactError(Exception):
-    """Base of every error raised by :mod:`gstlib.bem`."""
+    """Base of every error raised by `gstlib.bem`."""
 
 
 class InvalidContactInput(ContactError, ValueError):  # noqa: N818 - named like ValueError

@@ -183,7 +183,7 @@ class HalfSpace:
         return self.exact_displacement(checked_array("pressure", pressure, self.shape)).copy()
 
     def exact_displacement(self, pressure: np.ndarray) -> np.ndarray:
-        """:meth:`displacement`, unchecked; the next call overwrites it."""
+        """`displacement`, unchecked; the next call overwrites it."""
         self._convolutions += 1
         return self._double(pressure)
 

@@ -17,8 +17,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.special import j0
 
 from .convolution import love_kernel
 from .errors import InvalidContactInput, checked_number
@@ -88,6 +86,10 @@ class Layer:
     @cached_property
     def _behind(self):
         """g(ρ), what the body behind the layer takes away; 1/ρ beyond the reach."""
+        # here: SciPy takes longer to import than all of gstlib.bem, and only a layer needs it
+        from scipy.interpolate import CubicSpline
+        from scipy.special import j0
+
         nodes, weights = np.polynomial.legendre.leggauss(_WAVES)
         zeta = _LARGEST_WAVE / 2 * (nodes + 1)
         weights = _LARGEST_WAVE / 2 * weights * (1 - self._share(zeta))
@@ -96,7 +98,7 @@ class Layer:
     def kernel(self, shape: tuple[int, int], spacing: tuple[float, float]) -> np.ndarray:
         """Displacement of a quadrant of elements under unit pressure on its corner (mm/MPa).
 
-        As `gstlib.bem.convolution.love_kernel`.
+        As of `HalfSpace.kernel`.
         """
         ny, nx = (
             min(n, math.ceil(self.reach / step) + 1) for n, step in zip(shape, spacing, strict=True)

@@ -145,7 +145,7 @@ def solve_contact(
     layer : Layer, optional
         A compliant layer between the surface and the half-space.
     tolerance : float
-        Asked of `residual`, see :class:`ContactState`. About 1e-12 is the floor of float64.
+        Asked of `residual`, see `ContactState`. About 1e-12 is the floor of float64.
     workers : int
         Has no effect: one thread does the work.
 

@@ -95,9 +95,9 @@ def self_affine_field(
     """A periodic Gaussian field with a self-affine spectrum, ``shortest <= wavelength < longest``.
 
     The two-dimensional power spectral density is C (f/f_r)^(-2-2H) above the roll-off frequency
-    f_r = 1/`roll_off` and C = `roll_off`² below it. C does not depend on count and spacing: fields
-    of different grids and bands add up to one spectrum. All lengths have one unit, any,
-    and the heights (count, count), float32, that in which the density at roll-off is `roll_off`².
+    f_r = 1/roll_off and C = roll_off² below it. C does not depend on count and spacing: fields of
+    different grids and bands add up to one spectrum. All lengths have one unit, any, and the
+    heights (count, count), float32, that in which the density at roll-off is roll_off².
     """
     # white noise of unit variance has the density spacing²
     spectrum = scipy.fft.rfft2(_white_noise(generator, count))

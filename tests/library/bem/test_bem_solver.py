@@ -1,5 +1,8 @@
 """The solver: conditions of contact, robustness, symmetries, and what it refuses."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine
@@ -7,6 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gstlib.bem import ConvergenceError, HalfSpace, InvalidContactInput, solve_contact
+
+
+def test_the_package_imports_nothing_but_numpy_and_its_transforms():
+    code = (
+        "import sys; standard = sys.stdlib_module_names; before = set(sys.modules);"
+        "import gstlib.bem; found = {name.partition('.')[0] for name in {*sys.modules} - before};"
+        "print(*sorted(found - standard))"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.split() == ["ducc0", "gstlib", "numpy"]
 
 
 def violation(pressure, heights, spacing, displacement, modulus=MODULUS):

@@ -1,0 +1,43 @@
+"""A sphere pressed on a flat and pushed sideways, beside Cattaneo's and Mindlin's solution."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from gstlib.contact import contact_path, slip_dataset
+from gstlib.surface import make_surface
+
+radius, modulus, mean_pressure = 10.0, 10345.0, 50.0  # mm, MPa, MPa
+side, n = 0.6, 256  # mm, elements along a side
+friction, ratio = 0.5, 0.6  # of the force that makes the sphere slide, 60 % push it
+
+x = ((np.arange(n) + 0.5) / n - 0.5) * side
+distance = np.hypot(x, x[:, None])
+sphere = make_surface(-(distance**2) / (2 * radius), side / n).to_dataset(name="height")
+contact = contact_path(
+    sphere,
+    source="sphere",
+    contact_modulus_MPa=modulus,
+    target_pressure_MPa=mean_pressure,
+    steps=1,
+    tolerance=1e-9,
+    maximum_displacement_um=100.0,
+)
+slip = slip_dataset(
+    contact, source="sphere", friction=friction, tangential_ratio=ratio, poisson=0.24
+)
+
+# the contact sticks within c = a (1 − Q/μP)^⅓ (Johnson, Contact Mechanics, eq. 7.44)
+a = (3 * mean_pressure * side**2 * radius / (4 * modulus)) ** (1 / 3)
+c = a * (1 - ratio) ** (1 / 3)
+stick = np.sqrt(int(slip.stick.sum()) * (side / n) ** 2 / np.pi)
+force = float(slip.traction.sum()) / (friction * float(contact.pressure.sum()))
+print(f"radius that sticks: {stick:.4f} mm, Cattaneo and Mindlin {c:.4f} mm")
+print(f"tangential force: {force:.3f} of that which slides, asked {ratio:.3f}")
+
+figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
+axes.plot(x, friction * contact.pressure[n // 2], "--", label="friction × pressure")
+axes.plot(x, slip.traction[n // 2], label="traction")
+axes.axvspan(-c, c, alpha=0.15, label="sticks (Cattaneo, Mindlin)")
+axes.set(xlabel="x (mm)", ylabel="MPa", title="Partial slip")
+axes.legend()
+figure.savefig("partial_slip.png", dpi=120)

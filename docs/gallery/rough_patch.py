@@ -1,0 +1,46 @@
+"""A scanned patch pressed against a flat: your own `.plu`, or a generated one if you name none.
+
+python docs/gallery/rough_patch.py scan.plu
+"""
+
+import sys
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from gstlib.bem import contact_modulus, load_path
+from gstlib.io.plu import write_plu
+from gstlib.io.scans import read_scan
+from gstlib.preprocess.scan import prepare_scan
+from gstlib.specimen.randomness import self_affine_field
+from gstlib.surface import spacing_of
+
+file = sys.argv[1] if len(sys.argv) > 1 else "rough_patch.plu"
+if len(sys.argv) == 1:  # self-affine, 0.85 mm wide, with an Sq of 2 µm
+    waves = {"hurst_exponent": 0.8, "roll_off": 0.2, "shortest": 0.02}  # lengths in mm
+    rough = self_affine_field(np.random.default_rng(1), 512, 0.00166, **waves)
+    write_plu(file, 0.002 * rough / rough.std(), 0.00166)
+
+# level, holes and outliers filled; of a mould, add mould_invert=True, mould_flip="x"
+height = prepare_scan(read_scan(file)).height
+modulus = contact_modulus(19500, 0.24, 19500, 0.24)  # MPa
+path = load_path(height.values, spacing_of(height), modulus, target_pressure=22.0, steps=12)
+
+# Theories of rough contact say how the area A grows under small loads: A/A₀ = κ p/(E* h′), with
+# the r.m.s. slope h′, and κ = √(8/π) (Persson) or √2π (Bush, Gibson and Thomas).
+slope = np.hypot(*np.gradient(height.values, *spacing_of(height)))
+load = path.mean_pressure / (modulus * np.sqrt(np.mean(slope**2)))
+print(f"contact: {100 * path.contact_fraction[-1]:.2f} % of the patch")
+print(f"highest pressure: {path.final.pressure.max():.0f} MPa")
+print(f"kappa: {path.contact_fraction[-1] / load[-1]:.2f} (theories: 1.60 and 2.51)")
+
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
+left.imshow(height.values * 1e3, cmap="gray", origin="lower")
+left.contour(path.final.contact, [0.5], colors="tab:red", linewidths=0.8)
+left.set(title="height, and the edges of contact", xticks=[], yticks=[])
+right.plot(100 * load, 100 * path.contact_fraction, ".-", label="gstlib.bem")
+right.plot(100 * load, 160 * load, "--", label="Persson")
+right.plot(100 * load, 251 * load, ":", label="Bush, Gibson and Thomas")
+right.set(xlabel="p/(E* h′)  (%)", ylabel="contact  (%)")
+right.legend()
+figure.savefig("rough_patch.png", dpi=120)
