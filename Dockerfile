@@ -1,0 +1,18 @@
+# Built and run with Buildah, on a Debian 12 made by debootstrap. Untried: Docker, Podman, Apptainer, and
+# Debian's own image (docs/deploy.md).
+FROM debian:bookworm-slim
+RUN apt-get update \
+    && apt-get install --yes --no-install-recommends git make python3-venv \
+    && rm -rf /var/lib/apt/lists/*
+WORKDIR /opt/gst
+COPY LICENSE Makefile README.md Snakefile pyproject.toml requirements.lock ./
+COPY config config
+COPY profiles profiles
+COPY src src
+COPY workflow workflow
+# the locked versions, checked by their hashes, and gstlib
+RUN make environment
+# a home for caches and a name, for whoever runs it: Snakemake fails without
+ENV PATH=/opt/gst/.venv/bin:$PATH HOME=/tmp USER=gst
+WORKDIR /study
+ENTRYPOINT ["snakemake", "--snakefile", "/opt/gst/Snakefile"]
