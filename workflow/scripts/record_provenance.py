@@ -1,16 +1,51 @@
-"""Record where the study's results come from."""
+"""Record where the study's results come from, and what they are.
+
+Inputs: every file that the study was made from; the page; every figure and table that is packed
+with it, and their captions. Outputs: the record; the contents: of the page and each of the others
+file, category, title, caption (HTML) and SHA-256. Settings: the category and the title of each
+figure and table; the whole config; the commit of the program.
+"""
 
 import json
 from pathlib import Path
 
 from gstlib.io.files import write_whole
 from gstlib.logs import run_script
-from gstlib.provenance import study_provenance
+from gstlib.page import caption_html
+from gstlib.provenance import sha256, study_provenance
+
+PAGE = "0 Overview", "the page of the study"
+WHAT = "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
 
 
-def main(files: list[Path], record: Path, *, config: dict, commit: str | None) -> None:
-    text = json.dumps(study_provenance(config, files, commit), indent=1, ensure_ascii=False)
-    write_whole(record, f"{text}\n".encode())
+def main(
+    files: list[Path],
+    page: Path,
+    packed: list[Path],
+    captions: list[Path],
+    record: Path,
+    contents: Path,
+    *,
+    titles: list[list[str]],
+    config: dict,
+    commit: str | None,
+) -> None:
+    said = [caption_html(caption.read_text("utf-8"), config=config) for caption in captions]
+    entries = [
+        {
+            "file": file.relative_to(contents.parent).as_posix(),
+            "category": category,
+            "title": title,
+            "caption": caption,
+            "sha256": sha256(file),
+        }
+        for file, (category, title), caption in zip(
+            [page, *packed], [PAGE, *titles], [WHAT, *said], strict=True
+        )
+    ]
+    for target, content in ((record, study_provenance(config, files, commit)), (contents, entries)):
+        text = json.dumps(content, indent=1, ensure_ascii=False)
+        write_whole(target, f"{text}\n".encode())
 
 
 if "snakemake" in globals():
