@@ -8,11 +8,7 @@ BIN     := .venv/bin
 READY   := .venv/ready
 # a config of the user's own, if one is given
 SWEPT   := $(if $(filter file,$(origin CONFIG)),config/sweep.yaml,$(CONFIG))
-# Snakemake finds the default profile by itself; on a cluster the profile says how many cores
-RUN := $(BIN)/snakemake $(if $(filter default,$(PROFILE)),--cores $(CORES),\
-  --workflow-profile profiles/$(PROFILE))
-SNAKEMAKE := $(RUN) --configfile "$(CONFIG)"
-PREPARE := $(BIN)/python workflow/prepare.py
+STUDY   := $(BIN)/gst study --cores $(CORES) --profile $(PROFILE)
 # one thread: on two cores the small matrix products of a test only wait for each other
 PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --durations=15
 # tests of one file share what they prepare, so they run in one process
@@ -20,7 +16,7 @@ PARALLEL := -n $(CORES) --dist loadfile
 
 .DEFAULT_GOAL := help
 .PHONY: help environment study check plan diff test test-all style types test-browser test-slurm \
-  test-faults hooks baseline bench margin power sweep docs lock clean
+  test-faults hooks baseline bench margin power sweep docs site lock clean
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -40,16 +36,13 @@ $(READY): requirements.lock pyproject.toml
 	@touch $@
 
 study: $(READY) ## run the whole study and build its report
-	@$(PREPARE) --run "$(CONFIG)"
-	@$(SNAKEMAKE)
-	@$(BIN)/python workflow/build_report.py "$(CONFIG)"
+	@$(STUDY) "$(CONFIG)"
 
 check: $(READY) ## check config, patch table and every file, and say what a run would do
-	@$(BIN)/python workflow/check.py "$(CONFIG)"
+	@$(BIN)/gst check "$(CONFIG)"
 
 plan: $(READY) ## show what a study would run, without running it
-	@$(PREPARE) "$(CONFIG)"
-	@$(SNAKEMAKE) --dry-run --quiet rules
+	@$(STUDY) --plan "$(CONFIG)"
 
 diff: $(READY) ## compare two result folders: make diff A=results B=other/results
 	@$(BIN)/gst diff $(A) $(B)
@@ -57,16 +50,17 @@ diff: $(READY) ## compare two result folders: make diff A=results B=other/result
 test: style types ## style, types and all tests that take minutes in total
 	$(PYTEST) $(PARALLEL) -m "not slow and not slurm and not browser"
 
-test-all: test ## the rest too: whole studies, browser, Slurm, faults (an hour)
+test-all: test ## the rest too: whole studies, browser, site, Slurm, faults (an hour)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[record]'
 	$(PYTEST) $(PARALLEL) -m "slow and not slurm"
-	$(MAKE) test-browser
+	$(MAKE) test-browser site
 	$(PYTEST) -m slurm
 	$(MAKE) test-faults
 
 style: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/snakefmt --check Snakefile workflow/rules
+	$(BIN)/snakefmt --check Snakefile workflow/Snakefile workflow/rules
 	$(BIN)/codespell
 	$(BIN)/python workflow/document.py --check
 
@@ -94,23 +88,26 @@ margin: $(READY) ## how much tables differ, beyond their printed digits, between
 	$(BIN)/python benchmarks/margin.py --config "$(CONFIG)"
 
 power: $(READY) ## how often the study finds a relation, real or absent (half an hour)
-	@$(PREPARE) --run config/power.yaml
-	@$(RUN) power --configfile config/power.yaml
+	@$(STUDY) --goal power config/power.yaml
 	@cp results-power/tables/power.csv docs/
 
 baseline: $(READY) ## renew the tables that the tests compare the default study with
-	@$(PREPARE) --run config/config.yaml
-	@$(RUN) --configfile config/config.yaml
+	@$(STUDY) config/config.yaml
 	rm -rf tests/baseline && mkdir -p tests/baseline
 	cp -r results/tables tests/baseline/
 
 sweep: $(READY) ## what moves the results most: a one-at-a-time sensitivity analysis (a quarter of an hour)
-	@$(PREPARE) --run --needs sweep "$(SWEPT)"
-	@$(RUN) sweep --configfile "$(SWEPT)"
-	@echo "Done. Table: tables/sweep.csv; figure: figures/sweep.png, in the results folder"
+	@$(STUDY) --goal sweep "$(SWEPT)"
 
 docs: $(READY) ## renew the parts of the documents that are generated from the code
 	$(BIN)/python workflow/document.py
+
+site: $(READY) ## make a site of the documents and the API in build/site, to be read without a network; strict
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --constraint requirements.lock --no-build-isolation -e '.[docs]'
+	@# -E: a page that did not change may quote what did
+	$(BIN)/python -m sphinx -W --keep-going -E -q -c docs -d build/doctrees . build/site
+	@! grep -rE '<(script|link|img)[^>]+https?://' build/site --include='*.html'
+	@echo "Done. Open build/site/index.html"
 
 lock: $(READY) ## renew requirements.lock with the newest versions that fit
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
@@ -118,4 +115,4 @@ lock: $(READY) ## renew requirements.lock with the newest versions that fit
 	  --output-file requirements.lock pyproject.toml
 
 clean: $(READY) ## remove the results of CONFIG's study (asks first)
-	@$(PREPARE) --clean "$(CONFIG)"
+	@$(BIN)/gst clean "$(CONFIG)"

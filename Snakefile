@@ -5,7 +5,10 @@ from snakemake.utils import min_version
 min_version("9.14.8")
 
 
-configfile: f"{workflow.basedir}/config/config.yaml"
+# Where no other config is given. What a config leaves out has the default of the schema.
+if not config:
+
+    configfile: "config/config.yaml"
 
 
 report: "workflow/report/study.rst"

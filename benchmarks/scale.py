@@ -76,7 +76,6 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
         generate_specimen(
             read_patches(
                 table,
-                schema=ROOT / "workflow/schemas/patches.schema.yaml",
                 size_mm=side,
                 patch_size_mm=default["scans"]["size_mm"],
             ),

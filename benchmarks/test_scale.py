@@ -1,11 +1,9 @@
 """The studies that the growth is measured on are studies that the workflow takes."""
 
 import pytest
-import yaml
-from scale import CONFIG, ROOT, write_study
-from snakemake.utils import update_config
+from scale import CONFIG, write_study
 
-from gstlib.config import config_problems
+from gstlib.config import config_problems, read_config
 from gstlib.io.patches import read_patches
 
 
@@ -14,13 +12,10 @@ def test_study_is_valid(tmp_path, monkeypatch, patches):
     folder = tmp_path / "study"
     write_study(patches, folder, scans=False)
     monkeypatch.chdir(folder)
-    config = yaml.safe_load((ROOT / "config/config.yaml").read_text())
-    update_config(config, yaml.safe_load((folder / CONFIG).read_text()))
-    schemas = ROOT / "workflow/schemas"
-    assert config_problems(config, schemas / "config.schema.yaml") == []
+    config = read_config(folder / CONFIG)
+    assert config_problems(config) == []
     table = read_patches(
         config["patches"],
-        schema=schemas / "patches.schema.yaml",
         size_mm=config["square"]["size_mm"],
         patch_size_mm=config["scans"]["size_mm"],
     )

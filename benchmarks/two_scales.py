@@ -182,7 +182,6 @@ def main() -> None:
     config["microscale"]["tolerance"] = 1e-6  # no point of contact changes
     config["patches"] = read_patches(
         ROOT / config["patches"],
-        schema=ROOT / "workflow/schemas/patches.schema.yaml",
         size_mm=config["square"]["size_mm"],
         patch_size_mm=config["scans"]["size_mm"],
     )

@@ -26,10 +26,7 @@ MODULUS_MPA, PRESSURE_MPA, PATCH_MM = 10346.0, 22.0, 0.85
 def main() -> None:
     config = yaml.safe_load((ROOT / "config/pebble.yaml").read_text())
     size = config["square"]["size_mm"]
-    schema = ROOT / "workflow/schemas/patches.schema.yaml"
-    patches = read_patches(
-        ROOT / config["patches"], schema=schema, size_mm=size, patch_size_mm=PATCH_MM
-    )
+    patches = read_patches(ROOT / config["patches"], size_mm=size, patch_size_mm=PATCH_MM)
     pebble, rock = (read_mesh(ROOT / file, unit="mm") for file in (config["inputs"]["mesh"], ROCK))
     x, y, _ = rock.bounds.mean(axis=0) - size / 2
     corners = [[x, y, 0.0], [x + size, y, 0.0], [x, y + size, 0.0]]

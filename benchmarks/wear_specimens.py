@@ -97,7 +97,6 @@ def worn_patches(config: dict) -> pd.DataFrame:
     """The patches of a config that have a T1."""
     patches = read_patches(
         ROOT / config["patches"],
-        schema=ROOT / "workflow/schemas/patches.schema.yaml",
         size_mm=config["square"]["size_mm"],
         patch_size_mm=config["scans"]["size_mm"],
     )

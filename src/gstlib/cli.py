@@ -1,4 +1,4 @@
-"""The command `gst`: inspect files, pick the square and compare results from the shell."""
+"""The command `gst`: everything that a user does with a study from the shell."""
 
 import sys
 from pathlib import Path
@@ -6,12 +6,12 @@ from pathlib import Path
 import click
 
 import gstlib
-from gstlib.errors import GstError, InputError
+from gstlib.errors import GstError
 
 __all__ = ["main"]
 
 _PATH = click.Path(path_type=Path)
-_SCHEMA = Path(gstlib.__file__).parents[2] / "workflow/schemas/patches.schema.yaml"
+_CONFIG = click.argument("config", type=_PATH, default="config/config.yaml")
 
 
 class _Commands(click.Group):
@@ -28,7 +28,66 @@ class _Commands(click.Group):
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(gstlib.__version__, prog_name="gst")
 def main() -> None:
-    """Inspect the files of a study. `make study` (Snakemake) runs the study itself."""
+    """Where does a ground stone tool wear? Lay out, check and run a study; look at its files."""
+
+
+@main.command()
+@click.argument("folder", type=_PATH)
+@click.option(
+    "--like",
+    default="own",
+    show_default=True,
+    help="The shipped config to begin with: own, of measured files; config, the generated "
+    "specimen; tiny, the same in seconds; m12, mat, pebble, two_stones, power or sweep.",
+)
+def new(folder, like) -> None:
+    """Lay out a study: a config, the tables that it names, and a description of every key."""
+    from gstlib.running import lay_out
+
+    for copy in lay_out(folder, like):
+        click.echo(copy)
+    click.echo(f"Fill them in, then: cd {folder}; gst check config/{like}.yaml")
+
+
+@main.command()
+@_CONFIG
+def check(config) -> None:
+    """Check CONFIG, patch table, mesh and scans, and say what a run would do.
+
+    Everything that is wrong is listed at once; the exit code is 0 if nothing is, else 2.
+    """
+    from gstlib.checking import check_study
+
+    check_study(config)
+
+
+@main.command(context_settings={"ignore_unknown_options": True})
+@_CONFIG
+@click.argument("options", metavar="[SNAKEMAKE OPTIONS]...", nargs=-1, type=click.UNPROCESSED)
+@click.option("--cores", default=2, show_default=True, help="Jobs at a time.")
+@click.option("--profile", default="default", show_default=True, help="Or slurm, or your own.")
+@click.option(
+    "--goal",
+    type=click.Choice(["study", "sweep", "power"]),
+    default="study",
+    show_default=True,
+    help="Or sweep: what moves the results most; or power: how often it finds a relation.",
+)
+@click.option("--plan", is_flag=True, help="Only show what would run.")
+def study(config, options, cores, profile, goal, plan) -> None:
+    """Run the study of CONFIG in this folder, with Snakemake, which is given all other options."""
+    from gstlib.running import run_study
+
+    sys.exit(run_study(config, goal=goal, cores=cores, profile=profile, plan=plan, options=options))
+
+
+@main.command()
+@_CONFIG
+def clean(config) -> None:
+    """Remove the results of CONFIG's study, after a question; files of your own stay."""
+    from gstlib.running import clean
+
+    clean(config)
 
 
 @main.command()
@@ -98,10 +157,7 @@ def pick(mesh, unit, size, patches, patch_size, output) -> None:
     stone, table = read_mesh(mesh, unit=unit), None
     unit = stone.metadata["file_unit"]
     if patches is not None:
-        if not _SCHEMA.is_file():
-            remedy = "Run gst from a clone (`make environment`), or leave --patches out."
-            raise InputError(_SCHEMA, "is not there: what a patch table holds is unknown", remedy)
-        table = read_patches(patches, schema=_SCHEMA, size_mm=size, patch_size_mm=patch_size)
+        table = read_patches(patches, size_mm=size, patch_size_mm=patch_size)
     options = {"name": mesh.name, "unit": unit, "size_mm": size, "patch_size_mm": patch_size}
     write_whole(output, pick_page(stone, patches=table, **options).encode())
     click.echo(f"{output}: open it in a browser")
@@ -127,3 +183,17 @@ def diff(before, after, tolerance) -> None:
     changes = compare_results(before, after, tolerance)
     click.echo(describe_changes(changes) or f"No difference between {before} and {after}.")
     sys.exit(bool((changes.table != "provenance").any()))
+
+
+@main.command()
+@click.argument("results", type=_PATH)
+@click.option("--output", type=_PATH, help="The zip; by default the folder's name with .zip.")
+@click.option("--author", "authors", multiple=True, help="Who made the study; can be repeated.")
+@click.option("--license", "licence", help="Licence of the results, such as CC-BY-4.0 (SPDX).")
+def package(results, output, authors, licence) -> None:
+    """Pack a finished study into one zip for an archive or a paper (a Workflow Run RO-Crate)."""
+    from gstlib.crate import pack_study
+
+    output = output or Path(f"{results.resolve().name}.zip")
+    count = pack_study(results, output, gstlib.ROOT, authors=authors, licence=licence)
+    click.echo(f"{output}: {count} files, {output.stat().st_size / 1e6:.1f} MB")

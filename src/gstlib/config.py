@@ -1,22 +1,26 @@
-"""The study's configuration, checked as a whole before anything runs.
+"""The study's configuration, completed and checked as a whole before anything runs.
 
-A config is held against `workflow/schemas/config.schema.yaml` and then against the rules that a
-schema cannot express. Every problem is reported at once, with its key, its value and the remedy.
+What a config leaves out takes its default from `workflow/schemas/config.schema.yaml`. The whole is
+held against that schema and then against the rules that a schema cannot express. Every problem is
+reported at once, with its key, its value and the remedy.
 """
 
+import copy
 import difflib
 import functools
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 
+from gstlib import ROOT
 from gstlib.bem import contact_modulus
 from gstlib.errors import ConfigError
+from gstlib.io.config_file import read_config_file
 from gstlib.preprocess.frame import frame_from_points
 
 if TYPE_CHECKING:
@@ -24,13 +28,18 @@ if TYPE_CHECKING:
 
 __all__ = [
     "check_files",
+    "complete",
     "config_problems",
     "contact_moduli",
     "counterface_mesh",
+    "read_config",
     "read_study",
     "refuse_config",
+    "resolved",
     "study_poisson",
 ]
+
+_SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
 
 
 def refuse_config(problems: Iterable[str], source: str) -> None:
@@ -40,10 +49,45 @@ def refuse_config(problems: Iterable[str], source: str) -> None:
         raise ConfigError(source, problem, "See config/README.md for all keys.")
 
 
-def read_study(config: Mapping, schemas: Path, source: str) -> "pd.DataFrame":
+def complete(config: Mapping) -> dict:
+    """A config with the defaults of all keys that it leaves out; `config` is not altered.
+
+    A section given in part keeps the defaults of its other keys. What is given as null stays
+    null, and a list takes the place of a default list. Nothing is checked: unknown keys stay, and
+    so do values of a wrong type.
+    """
+    whole = _validator().schema
+    return _completed(config, whole, whole)
+
+
+def _completed(value: Any, rule: Mapping, schema: Mapping) -> Any:
+    """A value, completed where its rule is that of a section."""
+    rules = [resolved(part, schema) for part in (rule, *rule.get("oneOf", ()))]
+    keys = next((part["properties"] for part in rules if "properties" in part), None)
+    if keys is None or not isinstance(value, Mapping):
+        return copy.deepcopy(value)
+    defaults = {name: part["default"] for name, part in keys.items() if "default" in part}
+    return {
+        name: _completed(part, keys.get(name, {}), schema)
+        for name, part in (defaults | dict(value)).items()
+    }
+
+
+def resolved(rule: Mapping, schema: Mapping) -> dict:
+    """A rule of the schema with that of its ``$defs`` which it refers to, if any."""
+    name = rule.get("$ref", "").removeprefix("#/$defs/")
+    return {**schema["$defs"][name], **rule} if name else dict(rule)
+
+
+def read_config(path: str | Path) -> dict:
+    """The config of a file, defaults included."""
+    return complete(read_config_file(path))
+
+
+def read_study(config: Mapping, source: str) -> "pd.DataFrame":
     """Check a config, defaults included, and its sweep, and read its patch table.
 
-    `schemas` is the folder ``workflow/schemas``, `source` names the config in messages.
+    `source` names the config in messages.
 
     Raises
     ------
@@ -53,37 +97,26 @@ def read_study(config: Mapping, schemas: Path, source: str) -> "pd.DataFrame":
     from gstlib.io.patches import read_patches
     from gstlib.sweep import sweep_problems
 
-    def problems_of(config: Mapping) -> list[str]:
-        return config_problems(config, schemas / "config.schema.yaml")
-
-    refuse_config(problems_of(config) or sweep_problems(config, problems_of), source)
+    refuse_config(config_problems(config) or sweep_problems(config, config_problems), source)
     return read_patches(
         config["patches"],
-        schema=schemas / "patches.schema.yaml",
         size_mm=config["square"]["size_mm"],
         patch_size_mm=config["scans"]["size_mm"],
         scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
     )
 
 
-def config_problems(config: Mapping, schema: str | Path) -> list[str]:
-    """Everything that is wrong with a config, one sentence each; empty if it can be used.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration, defaults included.
-    schema : path
-        Its JSON schema (YAML).
-    """
-    problems = [_explain(error) for error in _leaves(_validator(schema).iter_errors(config))]
+def config_problems(config: Mapping) -> list[str]:
+    """Everything that is wrong with a whole config, one sentence each; empty if it can be used."""
+    problems = [_explain(error) for error in _leaves(_validator().iter_errors(config))]
     # The contradictions rely on the types being right.
     return problems or list(_contradictions(config))
 
 
 @functools.cache
-def _validator(schema: str | Path) -> Draft202012Validator:
-    return Draft202012Validator(yaml.safe_load(Path(schema).read_text(encoding="utf-8")))
+def _validator() -> Draft202012Validator:
+    text = _SCHEMA.read_text(encoding="utf-8")
+    return Draft202012Validator(yaml.safe_load(text))
 
 
 def check_files(config: Mapping, patches: "pd.DataFrame", source: str) -> None:
@@ -148,7 +181,12 @@ def _explain(error: ValidationError) -> str:
         known = error.schema["properties"]
         unknown = sorted(set(error.instance) - set(known))
         place = f"'{key}' has" if key else "there are"
-        return f"{place} unknown keys {unknown}: remove or correct them (known: {sorted(known)})"
+        near = {key: difflib.get_close_matches(key, known, n=1) for key in map(str, unknown)}
+        meant = ", ".join(f"{name} for {key}" for key, names in near.items() for name in names)
+        hint = f"did you mean {meant}? " if meant else ""
+        return (
+            f"{place} unknown keys {unknown}: remove or correct them ({hint}known: {sorted(known)})"
+        )
     if error.validator == "required":
         return f"'{key}' lacks {sorted(set(error.validator_value) - set(error.instance))}: add them"
     # what `oneOf` [null, what is meant] asks for is said beside it
@@ -244,6 +282,7 @@ def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
     given = config["counterface"] or {}
     if "mesh" not in given:
         return None
+    # not `complete`d where a sweep brings it in
     return {"mesh_unit": "mm"} | {name: of for name, of in given.items() if name != "scan"}
 
 

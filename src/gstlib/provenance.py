@@ -12,21 +12,20 @@ from pathlib import Path
 
 import gstlib
 
-__all__ = ["commit", "provenance", "source_hash", "study_provenance"]
+__all__ = ["commit", "provenance", "sha256", "source_hash", "study_provenance"]
 
 # What draws stored results: only the scripts that import it depend on it.
-_DRAWING = "figures", "page", "pick", "verdict", "viewer"
+_DRAWING = {"figures", "page", "verdict", "viewer"}
+# What no script imports: the command `gst`, and the workflow itself.
+_AROUND = {"checking", "cli", "crate", "difference", "pick", "running", "shipped"}
 
 
 def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> dict[str, str]:
     """Attributes of a result file: hashes of its inputs by name, settings, versions and commit."""
-    hashes = {Path(path).name: _sha256(path) for path in inputs}
-    checkout = Path(gstlib.__file__).parents[2]
-    # An installed gstlib may lie in a folder that is under somebody else's version control.
-    at = commit(checkout) if (checkout / ".git").exists() else None
+    hashes = {Path(path).name: sha256(path) for path in inputs}
     return {
         "gstlib_version": gstlib.__version__,
-        "gstlib_commit": at or "",
+        "gstlib_commit": commit(gstlib.ROOT) or "",
         "packages": json.dumps(_packages()),
         "input_sha256": json.dumps(hashes, sort_keys=True),
         "settings": json.dumps(dict(settings), sort_keys=True, default=str),
@@ -44,7 +43,7 @@ def study_provenance(
     """
     return {
         "config": dict(config),
-        "inputs": {str(path): _sha256(path) for path in sorted(inputs, key=str)},
+        "inputs": {str(path): sha256(path) for path in sorted(inputs, key=str)},
         "software": {
             "gstlib": gstlib.__version__,
             "commit": commit,
@@ -54,7 +53,8 @@ def study_provenance(
     }
 
 
-def _sha256(path: str | Path) -> str:
+def sha256(path: str | Path) -> str:
+    """SHA-256 of a file, in hexadecimal digits."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -73,6 +73,9 @@ def _packages() -> dict[str, str]:
 @functools.cache
 def commit(folder: str | Path) -> str | None:
     """Commit checked out in `folder`, followed by "+" if files differ; None without git."""
+    # An installed gstlib may lie within a folder that is under somebody else's version control.
+    if not (Path(folder) / ".git").exists():
+        return None
     describe = ["git", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"]
     try:
         said = subprocess.run(describe, cwd=folder, capture_output=True, text=True, check=True)
@@ -88,15 +91,16 @@ def source_hash(script: str | Path) -> str:
     """
     text = Path(script).read_text(encoding="utf-8")
     imports = re.findall(r"\bgstlib(?:\.| import )(\w+)", text)
-    return _package_hash(drawing=not set(_DRAWING).isdisjoint(imports))
+    return _package_hash(drawing=not _DRAWING.isdisjoint(imports))
 
 
 @functools.cache
 def _package_hash(drawing: bool) -> str:
     package, digest = Path(gstlib.__file__).parent, hashlib.sha256()
+    aside = _AROUND if drawing else _AROUND | _DRAWING
     for file in sorted(package.rglob("*.*")):
         name = file.relative_to(package)
-        if "__pycache__" in name.parts or (name.parts[0].split(".")[0] in _DRAWING and not drawing):
+        if "__pycache__" in name.parts or name.parts[0].split(".")[0] in aside:
             continue
         digest.update(name.as_posix().encode() + file.read_bytes())
     return digest.hexdigest()[:16]

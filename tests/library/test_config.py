@@ -7,12 +7,15 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from snakemake.utils import update_config
 
 from gstlib.config import (
     check_files,
+    complete,
     config_problems,
     contact_moduli,
     refuse_config,
+    resolved,
     study_poisson,
 )
 from gstlib.errors import ConfigError
@@ -43,29 +46,84 @@ def changed(config, path, value):
 
 
 def leaves(section, prefix=""):
+    """Every key that is no section, by its full name, and its value."""
     for key, value in section.items():
         if isinstance(value, dict):
             yield from leaves(value, f"{prefix}{key}.")
         else:
-            yield f"{prefix}{key}"
+            yield f"{prefix}{key}", value
 
 
-def test_every_key_is_typed_and_has_a_default(config):
-    """Each key in turn takes an impossible value; the default config has all of the schema."""
-    for path in leaves(config):
-        spoiled = config_problems(changed(config, path, {"not": "this"}), SCHEMA)
+def test_every_key_is_typed(config):
+    """Each key in turn takes an impossible value."""
+    for path, _ in leaves(config):
+        spoiled = config_problems(changed(config, path, {"not": "this"}))
         assert spoiled[0].startswith(f"'{path}")
-    schema = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
-    known = [(schema, config), (schema["$defs"]["specimen"], config["specimen"])]
-    for rule, values in known:
-        assert rule["properties"].keys() == values.keys()
-        known += [
-            (part, values[name])
-            for name, part in rule["properties"].items()
-            if part.get("type") == "object"
-        ]
     without = config | {"specimen": None, "inputs": {"mesh": "a", "scan_folder": "b"}}
-    assert "'inputs' lacks ['mesh_unit']" in config_problems(without, SCHEMA)[0]
+    assert "'inputs' lacks ['mesh_unit']" in config_problems(without)[0]
+
+
+def test_the_template_states_every_default(config):
+    """config/config.yaml, which users read, and the schema, from which the defaults are taken."""
+    whole = complete({})
+    stated, taken = dict(leaves(config)), dict(leaves(whole))
+    assert stated == taken
+    assert list(stated) == list(taken)
+
+
+def test_every_key_has_a_default_or_is_required_or_one_of_alternatives():
+    schema = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))
+    sections, odd = [("", schema)], []
+    for prefix, section in sections:
+        alternatives = {"anyOf", "minProperties"} & section.keys()
+        for name, rule in section["properties"].items():
+            rule = resolved(rule, schema)
+            is_required = name in section.get("required", ())
+            if ("default" in rule) + is_required != 1 and not alternatives:
+                odd.append(f"{prefix}{name}")
+            parts = (resolved(part, schema) for part in (rule, *rule.get("oneOf", ())))
+            sections += [(f"{prefix}{name}.", part) for part in parts if "properties" in part]
+    assert odd == []
+    assert len(sections) > 20
+
+
+@pytest.mark.parametrize("file", sorted(ROOT.glob("config/*.yaml")), ids=lambda file: file.stem)
+def test_defaults_come_in_as_snakemake_merges_the_template(config, file):
+    given = yaml.safe_load(file.read_text(encoding="utf-8"))
+    before = copy.deepcopy(given)
+    whole = complete(given)
+    update_config(config, given)
+    assert whole == config
+    assert given == before
+
+
+def test_what_is_given_takes_the_place_of_a_default():
+    given = {
+        "specimen": None,
+        "inputs": INPUTS,
+        "grinding": {"friction": 0.3},
+        "counterface": SECOND,
+        "scans": {"mould": {"invert": False}},
+        "square": 5,  # not a section
+        "hardness": None,
+        "macroscale": {"steppes": 3},  # not a key
+    }
+    whole = complete(given)
+    assert whole["specimen"] is None
+    assert whole["inputs"] == INPUTS
+    assert whole["grinding"] == {"friction": 0.3, "tangential_ratio": 0.5}
+    assert whole["counterface"] == SECOND | {"mesh_unit": "mm"}
+    assert whole["scans"]["mould"] == {"invert": False, "flip": "x"}
+    assert whole["scans"]["size_mm"] == 0.85
+    assert whole["hardness"] is None
+    first, second = config_problems(whole)
+    assert "did you mean steps for steppes?" in first
+    assert second.startswith("'square' is 5: 5 is not of type 'object'")
+
+
+def test_defaults_are_not_shared():
+    complete({})["square"]["points_mm"][0][0] = 9.0
+    assert complete({})["square"]["points_mm"][0][0] == 2.5
 
 
 def test_all_problems_are_told_at_once(config):
@@ -73,7 +131,7 @@ def test_all_problems_are_told_at_once(config):
     config["material"]["poisson_1"] = 0.7
     config["colour"] = "blue"
     with pytest.raises(ConfigError) as raised:
-        refuse_config(config_problems(config, SCHEMA), source="mine.yaml")
+        refuse_config(config_problems(config), source="mine.yaml")
     said = str(raised.value)
     assert said.startswith("mine.yaml: the configuration cannot be used\n  - ")
     for word in ("macroscale.grid", "1.5", "material.poisson_1", "0.7", "colour", "README"):
@@ -102,6 +160,7 @@ def test_all_problems_are_told_at_once(config):
         ("mat", MAT | {"young_MPa": 19500.0}, "'mat.young_MPa' is 19500, not below the stones'"),
         ("mat", MAT | {"thickness_um": 1.5}, "'mat.thickness_um': 1.5 µm is less than the 1.66 µm"),
         ("mat", MAT | {"poisson": 0.6}, "'mat.poisson' is 0.6"),
+        ("counterface", {"mesh_unit": "mm"}, "[The active stone's own face"),
         ("counterface", {"mesh": "b.ply"}, "'pose' is a dependency of 'mesh'"),
         ("counterface", SECOND | {"pose": {}}, "'counterface.pose' is {}"),
         ("gesture", {"stroke_mm": 2.0, "poses": 5}, "of which there is no mesh"),
@@ -114,7 +173,7 @@ def test_all_problems_are_told_at_once(config):
     ],
 )
 def test_a_value_that_cannot_be_used(config, path, value, words):
-    assert words in "\n".join(config_problems(changed(config, path, value), SCHEMA))
+    assert words in "\n".join(config_problems(changed(config, path, value)))
 
 
 @pytest.mark.parametrize(
@@ -131,8 +190,8 @@ def test_a_value_that_cannot_be_used(config, path, value, words):
     ],
 )
 def test_a_config_that_can_be_used(config, path, value):
-    assert config_problems(config, SCHEMA) == []
-    assert config_problems(changed(config, path, value), SCHEMA) == []
+    assert config_problems(config) == []
+    assert config_problems(changed(config, path, value)) == []
 
 
 @pytest.mark.parametrize(
@@ -146,39 +205,38 @@ def test_a_config_that_can_be_used(config, path, value):
     ],
 )
 def test_a_gesture_is_a_table_or_one_of_three(config, gesture, words):
-    found = config_problems(config | {"counterface": SECOND, "gesture": gesture}, SCHEMA)
+    found = config_problems(config | {"counterface": SECOND, "gesture": gesture})
     assert found == [] if words is None else words in "".join(found)
 
 
 def test_a_gesture_and_a_mat_do_not_go_together(config):
     both = {"counterface": SECOND, "gesture": {"table": "poses.tsv"}, "mat": MAT}
-    assert "cannot wear a stone together" in "".join(config_problems(config | both, SCHEMA))
+    assert "cannot wear a stone together" in "".join(config_problems(config | both))
 
 
 @pytest.mark.parametrize(("results", "inside"), [("a/b", "mesh"), ("a/b/scans", "scans")])
 def test_results_do_not_go_where_measured_files_are(config, results, inside):
     files = {"mesh": "a/b/stone.ply", "mesh_unit": "mm", "scan_folder": "a/b/scans"}
     mine = config | {"specimen": None, "inputs": files, "results": results}
-    (problem,) = config_problems(mine, SCHEMA)
+    (problem,) = config_problems(mine)
     assert f"the {inside} (" in problem
-    assert config_problems(mine | {"results": "a/b2"}, SCHEMA) == []
+    assert config_problems(mine | {"results": "a/b2"}) == []
 
 
 def test_a_mat_needs_steps_of_wear(config):
-    found = config_problems(config | {"mat": MAT, "wear_steps": None}, SCHEMA)
+    found = config_problems(config | {"mat": MAT, "wear_steps": None})
     assert "'mat' has no effect while wear_steps is null" in found[0]
 
 
 def test_power_needs_a_generated_specimen(config):
     power = {"first_seed": 1, "specimens": 3, "law_specimens": 0}
-    found = config_problems(config | {"specimen": None, "inputs": INPUTS, "power": power}, SCHEMA)
+    found = config_problems(config | {"specimen": None, "inputs": INPUTS, "power": power})
     assert "'power' needs many generated specimens" in found[0]
 
 
 def test_files_that_cannot_be_used_are_listed(config, tmp_path):
     patches = read_patches(
         ROOT / "config/patches_tiny.tsv",
-        schema=SCHEMA.with_name("patches.schema.yaml"),
         size_mm=5.0,
         patch_size_mm=0.85,
     ).head(2)

@@ -123,7 +123,6 @@ def test_map_is_where_the_patch_table_says():
     ).height
     patches = read_patches(
         ROOT / "config/patches_pebble.tsv",
-        schema=ROOT / "workflow/schemas/patches.schema.yaml",
         size_mm=5.0,
         patch_size_mm=0.85,
     )

@@ -55,6 +55,7 @@ def test_commit_of_a_folder_and_its_changes(tmp_path):
         ("bem/halfspace.py", {"solve_patches", "draw_figures", "write_page"}),
         ("page.css", {"draw_figures", "write_page"}),
         ("figures/style.py", {"draw_figures", "write_page"}),
+        ("cli.py", set()),
     ],
 )
 def test_a_change_of_the_library_moves_the_hash_and_one_of_its_drawings_only_where_it_draws(

@@ -46,6 +46,17 @@ class Study:
             check=False,
         )
 
+    def gst(self, *arguments: str, said: str = "") -> subprocess.CompletedProcess:
+        """The command `gst` in the folder, answered with `said`."""
+        return subprocess.run(
+            [Path(sys.executable).with_name("gst"), *arguments],
+            cwd=self.folder,
+            input=said,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
     def succeed(self, *arguments: str, cores: int = 2) -> str:
         """Run, and give what was said."""
         result = self.run(*arguments, cores=cores)

@@ -6,18 +6,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
 
 
-def prepare(study):
-    """What `make study` does before it starts Snakemake."""
-    return subprocess.run(
-        [sys.executable, str(ROOT / "workflow/prepare.py"), "--run", study.config],
-        cwd=study.folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+def begin(study):
+    """`gst study` up to Snakemake, which only says what its rules are."""
+    return study.gst("study", study.config, "--list-rules")
 
 
 def test_a_damaged_intermediate_is_named_and_made_anew_once_deleted(tiny):
@@ -39,8 +32,8 @@ def test_a_damaged_intermediate_is_named_and_made_anew_once_deleted(tiny):
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no folder that is closed to root too")
 def test_a_results_folder_that_cannot_be_written_to(study):
     study.change(results="/proc/gst")
-    result = prepare(study)
-    assert result.returncode == 1
+    result = begin(study)
+    assert result.returncode == 2
     assert "ERROR: /proc/gst: cannot be written: " in result.stderr
 
 
@@ -54,7 +47,7 @@ def locked(study):
 
 
 def test_the_lock_of_a_killed_run_is_removed(study, locked):
-    assert prepare(study).returncode == 0
+    assert begin(study).returncode == 0
     assert not locked.exists()
 
 
@@ -68,9 +61,9 @@ def test_a_folder_with_a_live_run_or_job_is_refused(study, locked, script):
         [sys.executable, str(path)], cwd=study.folder, stdin=pipe, stdout=pipe
     ) as process:
         process.stdout.readline()  # it has begun
-        result = prepare(study)
+        result = begin(study)
         process.communicate(b"\n")
-    assert result.returncode == 1
+    assert result.returncode == 2
     said = result.stderr.strip()
     assert said.startswith(f"ERROR: {study.folder}: a run or its jobs are still at work")
     assert said.endswith(f"Wait, or end them: kill {process.pid}")
@@ -79,7 +72,7 @@ def test_a_folder_with_a_live_run_or_job_is_refused(study, locked, script):
 
 def test_a_lock_that_another_machine_may_hold_is_kept(study, locked):
     (study.folder / ".snakemake/host").write_text(f"not-{platform.node()}")
-    result = prepare(study)
-    assert result.returncode == 1
+    result = begin(study)
+    assert result.returncode == 2
     assert f"was started on not-{platform.node()} may still be at work" in result.stderr
     assert locked.exists()

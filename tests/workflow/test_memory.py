@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from conftest import ROOT
 
 from gstlib.io.meshes import read_mesh
 from gstlib.io.patches import read_patches
@@ -29,7 +28,6 @@ def make_study(finished_tiny, config):
     results = finished_tiny.results
     patches = read_patches(
         finished_tiny.folder / config["patches"],
-        schema=ROOT / "workflow/schemas/patches.schema.yaml",
         size_mm=config["square"]["size_mm"],
         patch_size_mm=config["scans"]["size_mm"],
     )

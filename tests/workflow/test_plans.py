@@ -25,7 +25,6 @@ def test_a_shipped_config_plans_a_study(study, name):
     if inputs := config.get("inputs"):
         patches = read_patches(
             study.folder / config["patches"],
-            schema=ROOT / "workflow/schemas/patches.schema.yaml",
             size_mm=5.0,
             patch_size_mm=0.85,
         )
@@ -34,6 +33,14 @@ def test_a_shipped_config_plans_a_study(study, name):
             (study.folder / file).parent.mkdir(parents=True, exist_ok=True)
             (study.folder / file).touch()  # a plan looks only at their presence
     assert {"solve_macroscale", "couple_scales", "tabulate_preprocessing"} <= study.planned()
+
+
+def test_without_a_config_that_of_the_folder_is_taken(study):
+    """And what it leaves out has the schema's default."""
+    (study.folder / "config/config.yaml").write_text("results: elsewhere\n")
+    command = [sys.executable, "-m", "snakemake", "--snakefile", ROOT / "Snakefile", "--dry-run"]
+    said = subprocess.run(command, cwd=study.folder, capture_output=True, text=True, check=True)
+    assert "elsewhere/specimen/scans/25_T0.plu" in said.stdout
 
 
 def test_own_stone_is_that_of_its_own_constants():

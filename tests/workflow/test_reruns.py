@@ -79,8 +79,10 @@ def test_a_changed_value(tiny, change, reruns, stays):
     ],
 )
 def test_a_changed_library_file(tiny, tmp_path, module, reruns, stays):
-    library = tmp_path / "library"
+    library = tmp_path / "clone/src"
     shutil.copytree(ROOT / "src/gstlib", library / "gstlib")
+    for part in ("config", "workflow"):
+        (tmp_path / "clone" / part).symlink_to(ROOT / part)
     with (library / "gstlib" / module).open("a") as file:
         file.write("\n/* a change */\n" if module.endswith("css") else "\n# a change\n")
     tiny.environment = {"PYTHONPATH": str(library)}

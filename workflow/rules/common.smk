@@ -3,18 +3,27 @@
 import os
 from pathlib import Path
 
-from gstlib.config import check_files, contact_moduli, counterface_mesh, read_study, study_poisson
+from gstlib import ROOT
+from gstlib.config import (
+    check_files,
+    complete,
+    contact_moduli,
+    counterface_mesh,
+    read_study,
+    study_poisson,
+)
 from gstlib.gesture import poses_of, reach_of
 from gstlib.io.patches import scan_files
 from gstlib.provenance import commit, source_hash
 from gstlib.study import STUDY_SECTIONS
 from gstlib.sweep import sweep_settings
 
-CAPTIONS = Path(workflow.basedir) / "workflow/report"
+CAPTIONS = ROOT / "workflow/report"
 CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles)
 
 
-PATCHES = read_study(config, Path(workflow.basedir) / "workflow/schemas", CONFIG_FILES)
+config.update(complete(config))
+PATCHES = read_study(config, CONFIG_FILES)
 PATCHES = PATCHES.set_index("patch", drop=False)
 RESULTS = config["results"].rstrip("/")
 SQUARE_MM = config["square"]["size_mm"]
@@ -52,7 +61,7 @@ wildcard_constraints:
 
 def code(script):
     """Hash of the library that `script` runs on: a parameter, so that its change is a reason to rerun."""
-    return source_hash(Path(workflow.basedir) / "workflow/scripts" / script)
+    return source_hash(ROOT / "workflow/scripts" / script)
 
 
 def scans_at(epoch, patches):

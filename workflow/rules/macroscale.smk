@@ -37,28 +37,6 @@ rule check_inputs:
         "../scripts/check_inputs.py"
 
 
-rule record_provenance:
-    input:
-        files=[config["patches"], *filter(None, [config["published"]])]
-        + [
-            (config["counterface"] or {}).get("mesh", []),
-            (config["gesture"] or {}).get("table", []),
-        ]
-        + ([] if GENERATED else [MESH, *SCANS]),
-    output:
-        record=f"{RESULTS}/provenance.json",
-    log:
-        f"{RESULTS}/logs/record_provenance.log",
-    params:
-        config=config,
-        commit=commit(workflow.basedir),
-        code=code("record_provenance.py"),
-    message:
-        "Recording where the results come from"
-    script:
-        "../scripts/record_provenance.py"
-
-
 rule grid_macroscale:
     input:
         mesh=MESH,

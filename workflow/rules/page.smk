@@ -1,12 +1,21 @@
 # The page that a person opens after a study.
 # Takes: every figure and table of the study, and the tool with the pressure on its square. Gives: index.html, and the
-# answer alone for the report.
+# answer alone for the report; last, a record of what all this was made from, and of what was made.
 
 
-# Logs of the study's own steps, for their warnings: what other configs left in the folder is not read.
-LOGS = [str(log) for one in workflow.rules for log in one.log if "{" not in log]
+# Logs of the study's own steps, for their warnings: what other configs left in the folder, or other studies of
+# the same run, is not read.
+LOGS = [
+    str(log)
+    for one in workflow.rules
+    for log in one.log
+    if "{" not in log and log.startswith(f"{RESULTS}/")
+]
 # Not the power and the sweep, which are asked for by themselves.
 STUDIED = {file: place for file, place in SHOWN.items() if place[1] < "8"}
+# What `gst package` packs: also the numbers of a figure, which would be too many for the page.
+LOAD_PATHS = f"{CAPTIONS}/load_curves.rst", "4 Microscale", "load paths of every patch"
+PACKED = STUDIED | {f"{RESULTS}/tables/microscale_paths.csv": LOAD_PATHS}
 # What captions quote: another key's change leaves the page as it is.
 QUOTED = "counterface coupling gesture grinding hardness macroscale material specimen square texture title uncertainty validation"
 
@@ -40,3 +49,31 @@ rule write_page:
         "Writing the page: {output.page}"
     script:
         "../scripts/write_page.py"
+
+
+# The last job: where this record stands, the study has run to its end.
+rule record_provenance:
+    input:
+        files=[config["patches"], *filter(None, [config["published"]])]
+        + [
+            (config["counterface"] or {}).get("mesh", []),
+            (config["gesture"] or {}).get("table", []),
+        ]
+        + ([] if GENERATED else [MESH, *SCANS]),
+        page=rules.write_page.output.page,
+        packed=list(PACKED),
+        captions=[caption for caption, _, _ in PACKED.values()],
+    output:
+        record=f"{RESULTS}/provenance.json",
+        contents=f"{RESULTS}/contents.json",
+    log:
+        f"{RESULTS}/logs/record_provenance.log",
+    params:
+        titles=[[category, title] for _, category, title in PACKED.values()],
+        config=config,
+        commit=commit(ROOT),
+        code=code("record_provenance.py"),
+    message:
+        "Recording where the results come from"
+    script:
+        "../scripts/record_provenance.py"

@@ -20,7 +20,7 @@ def read_config_file(path: str | Path) -> dict:
     try:
         config = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        remedy = "Correct CONFIG=...; the path is relative to the working folder."
+        remedy = "Correct its path, or lay one out with `gst new`."
         raise ConfigError(path, f"cannot be opened ({error.strerror})", remedy) from None
     except (UnicodeDecodeError, yaml.YAMLError) as error:
         raise ConfigError(

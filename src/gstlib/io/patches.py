@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import pandas as pd
 import yaml
 
+from gstlib import ROOT
 from gstlib.errors import ConfigError
 from gstlib.io.text import decoded, separator_of
 
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 __all__ = ["COUNTERFACE", "ScanFile", "read_patches", "scan_files"]
 
+# A row's numbers are numbers for it, and empty cells absent.
+_SCHEMA = ROOT / "workflow/schemas/patches.schema.yaml"
 COUNTERFACE = "counterface"  # in place of a patch's name
 # A footprint may touch the square's edge; this much (mm) beyond it is rounding.
 _ROUNDING = 1e-9
@@ -37,20 +40,16 @@ _SPREADSHEETS = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 def read_patches(
     path: str | Path,
     *,
-    schema: str | Path,
     size_mm: float,
     patch_size_mm: float,
     scan_folder: str | Path | None = None,
 ) -> pd.DataFrame:
-    """Read and check the patch table.
+    """Read and check the patch table; `workflow/schemas/patches.schema.yaml` says what a row has.
 
     Parameters
     ----------
     path : str or Path
         .tsv, .csv or .txt file, UTF-8 or (with its mark) UTF-16.
-    schema : path
-        JSON schema of a row (YAML), `workflow/schemas/patches.schema.yaml`. It sees numbers as
-        numbers, and empty cells as absent.
     size_mm, patch_size_mm : float
         Sides of the square and of a patch: every footprint must lie within [0, size]².
     scan_folder : path, optional
@@ -67,7 +66,7 @@ def read_patches(
     ConfigError
         Its message lists all that is wrong, with line numbers.
     """
-    row_schema = yaml.safe_load(Path(schema).read_text(encoding="utf-8"))
+    row_schema = yaml.safe_load(_SCHEMA.read_text(encoding="utf-8"))
     rows, problems = _read_rows(Path(path), row_schema)
     problems += _out_of_square(rows, size_mm, patch_size_mm)
     problems += _overlapping(rows, patch_size_mm)

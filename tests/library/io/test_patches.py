@@ -11,13 +11,10 @@ from gstlib.io.patches import read_patches
 from gstlib.io.tables import read_table, write_table
 
 ROOT = Path(__file__).parents[3]
-SCHEMA = ROOT / "workflow" / "schemas" / "patches.schema.yaml"
 
 
 def read(path, size_mm=5.0, patch_size_mm=0.85, **options):
-    return read_patches(
-        path, schema=SCHEMA, size_mm=size_mm, patch_size_mm=patch_size_mm, **options
-    )
+    return read_patches(path, size_mm=size_mm, patch_size_mm=patch_size_mm, **options)
 
 
 @pytest.fixture

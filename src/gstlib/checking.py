@@ -1,26 +1,28 @@
-"""Check a study without running it: `make check CONFIG=...`.
-
-Reads the config and the patch table, then every measured file, lists everything that is wrong, and
-says what a run would do. Exit code 0 if the study can be run, 1 if not.
-"""
+"""Checks a study without running it, and says what a run would do: `gst check`."""
 
 import logging
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 
 import pandas as pd
-from prepare import ROOT, read_config
 
-from gstlib.config import check_files, contact_moduli, counterface_mesh, read_study
+from gstlib.config import (
+    check_files,
+    contact_moduli,
+    counterface_mesh,
+    read_config,
+    read_study,
+)
 from gstlib.errors import GstError, InputsError
 from gstlib.gesture import reach_of
 from gstlib.inputs import Inputs, check_inputs
 from gstlib.io.files import check_writable
 from gstlib.io.patches import scan_files
 
+__all__ = ["check_study"]
 
-def summary(config: dict, patches: pd.DataFrame, found: Inputs | None) -> str:
+
+def _summary(config: dict, patches: pd.DataFrame, found: Inputs | None) -> str:
     """What a run would do, and the sizes by which one sees that units were read as meant."""
     macroscale, material = config["macroscale"], config["material"]
     elements, (modulus, standard) = macroscale["grid"], contact_moduli(material)
@@ -56,15 +58,21 @@ def _range(values: Iterable[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def main() -> int:
-    path = Path(sys.argv[1])
+def check_study(path: Path) -> None:
+    """Read config, patch table and every measured file of a study, and print what a run would do.
+
+    Where mesh and square can be read, ``check.png`` in the results folder shows them.
+
+    Raises
+    ------
+    GstError
+        Its message lists everything that is wrong.
+    """
     logging.basicConfig(format="%(levelname)s: %(message)s")
-    try:
-        config = read_config(path)
-        patches = read_study(config, ROOT / "workflow/schemas", str(path))
-    except GstError as error:
-        raise SystemExit(f"\nERROR: {error}") from None
-    found, problems, writable = None, [], False
+    config = read_config(path)
+    patches = read_study(config, str(path))
+    problems: list[GstError] = []
+    found, writable = None, False
     try:
         check_writable(config["results"])
         writable = True
@@ -101,7 +109,7 @@ def main() -> int:
             second_stone=second,
         )
         problems += found.problems
-    print(f"{path}: {summary(config, patches, found)}")
+    print(f"{path}: {_summary(config, patches, found)}")
     if writable and found is not None and found.stone is not None and found.frame is not None:
         from gstlib.figures.style import save_figure
         from gstlib.figures.tool import check_figure
@@ -118,11 +126,6 @@ def main() -> int:
         save_figure(figure, picture)
         print(f"  {'picture':<11} {picture}: the square on the stone, and the patches in it")
     if problems:
-        print(f"\nERROR: {InputsError(problems)}", file=sys.stderr)
-        return 1
+        print(flush=True)
+        raise InputsError(problems)
     print("\nNo problems found.")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

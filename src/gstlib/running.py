@@ -1,0 +1,209 @@
+"""A study from its config to its page: what `gst study` does around Snakemake.
+
+Snakemake locks a folder while it runs there. A run that was killed leaves its lock; it is removed
+here if nothing of that run is still alive.
+"""
+
+import importlib.util
+import platform
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from gstlib import ROOT
+from gstlib.config import read_config
+from gstlib.errors import InputError
+from gstlib.io.files import check_writable
+
+__all__ = ["clean", "is_report_current", "lay_out", "run_study"]
+
+# What a study makes in its folder, besides hidden parts of files.
+MADE = (
+    *("benchmarks", "coupling", "figures", "gesture", "hardness", "logs", "macroscale"),
+    *("microscale", "power", "reference", "registered", "slip", "specimen", "surfaces", "sweep"),
+    *("tables", "wear"),
+    *("check.png", "contents.json", "index.html", "provenance.json", "report.html", "verdict.html"),
+)
+LOCKS = Path(".snakemake/locks")
+HOST = Path(".snakemake/host")  # the machine that the last run was started on
+# What the report shows, and the logs of the steps, which tell when they ran.
+SHOWN = ("provenance.json", "verdict.html", "tables/*.csv", "figures/**/*.png", "logs/**/*.log")
+
+
+def run_study(
+    config: Path, *, goal: str, cores: int, profile: str, plan: bool, options: Sequence[str]
+) -> int:
+    """Run a study in the working folder, build its report, and say what to open.
+
+    Parameters
+    ----------
+    config : Path
+        The config file.
+    goal : str
+        ``study``; or ``sweep`` or ``power``, which need a section of that name.
+    cores : int
+        Jobs at a time on this machine. A profile other than ``default`` has its own.
+    profile : str
+        A folder in ``profiles`` of the working folder, or of gstlib.
+    plan : bool
+        Only show what would run.
+    options : sequence of str
+        What else Snakemake is told.
+
+    Returns
+    -------
+    int
+        The exit code: 0, or Snakemake's.
+
+    Raises
+    ------
+    InputError
+        The config cannot be read, or lacks the section; Snakemake is not installed; a run is, or
+        may be, alive in this folder.
+    """
+    read = read_config(config)
+    if goal != "study" and not read.get(goal):
+        raise InputError(config, f"has no section '{goal}'", f"Add one, as in config/{goal}.yaml.")
+    if importlib.util.find_spec("snakemake") is None:
+        remedy = "Install it: pip install 'gstlib[workflow]'"
+        raise InputError("gst study", "Snakemake, which runs the study, is not installed", remedy)
+    results = Path(read["results"])
+    if not plan:
+        check_writable(results)
+        claim_folder(config)
+    here = Path("profiles") / profile
+    command = ["--workflow-profile", here if here.is_dir() else ROOT / here]
+    command += ["--cores", cores] if profile == "default" else []
+    command += [*options, *(["--dry-run", "--quiet", "rules"] if plan else [])]
+    command += ["--configfile", config, "--"]
+    if code := _snakemake(*command, *([] if goal == "study" else [goal])):
+        return code
+    if plan:
+        return 0
+    if goal != "study":
+        files = [results / f"tables/{goal}.csv", results / f"figures/{goal}.png"]
+        print(f"Done. Look at {' and '.join(str(file) for file in files if file.is_file())}")
+        return 0
+    page, report = results / "index.html", results / "report.html"
+    if not page.is_file():  # the options asked for less
+        return 0
+    if not is_report_current(results):
+        # Half a report, newer than everything that it shows, would pass for a whole one.
+        part = report.with_name(".report.part.html")
+        if code := _snakemake("--report", part, "--configfile", config, is_shown=False):
+            return code
+        part.replace(report)
+    print(f"Done. Open {page} in a browser.")
+    print(f"The archive of the study: {report}; its tables: {results / 'tables'}")
+    return 0
+
+
+def _snakemake(*arguments: object, is_shown: bool = True) -> int:
+    """Run Snakemake, and give its exit code. If it is not shown, what it says of a failure is."""
+    command = [sys.executable, "-m", "snakemake", "--snakefile", ROOT / "Snakefile", *arguments]
+    with tempfile.TemporaryFile("w+") as kept:
+        said = None if is_shown else kept
+        with subprocess.Popen(list(map(str, command)), stdout=said, stderr=said) as process:
+            signal.signal(signal.SIGTERM, lambda *_: process.terminate())
+            while process.returncode is None:
+                with suppress(KeyboardInterrupt):  # Snakemake has it, too, and ends its jobs itself
+                    process.wait()
+        if process.returncode:
+            kept.seek(0)
+            print(kept.read(), end="", file=sys.stderr)
+    return process.returncode
+
+
+def is_report_current(results: Path) -> bool:
+    """Whether the report exists and is no older than what it shows."""
+    report = results / "report.html"
+    dates = [file.stat().st_mtime_ns for pattern in SHOWN for file in results.glob(pattern)]
+    return report.is_file() and report.stat().st_mtime_ns >= max(dates, default=0)
+
+
+def alive() -> list[int]:
+    """Snakemake's processes and their jobs in this folder, on this machine, by number."""
+    import psutil
+
+    found = []
+    for process in psutil.process_iter(["cwd", "cmdline"]):
+        command = process.info["cmdline"] or []
+        is_run = any(Path(word).name == "snakemake" for word in command[:3])
+        is_job = any("/.snakemake/scripts/" in word for word in command)
+        if process.info["cwd"] == str(Path.cwd()) and (is_run or is_job):
+            found.append(process.pid)
+    return found
+
+
+def claim_folder(config: Path) -> None:
+    """Remove the lock of a killed run; raise an `InputError` if a run is, or may be, alive."""
+    check_writable(".snakemake")
+    if any(LOCKS.glob("*")):
+        host = HOST.read_text(encoding="utf-8") if HOST.is_file() else platform.node()
+        if pids := alive():
+            problem = f"a run or its jobs are still at work in this folder (processes {pids})"
+            remedy = f"Wait, or end them: kill {' '.join(map(str, pids))}"
+            raise InputError(Path.cwd(), problem, remedy)
+        if host != platform.node():
+            problem = f"a run that was started on {host} may still be at work in this folder"
+            raise InputError(Path.cwd(), problem, f"If it is not, remove {LOCKS} and try again.")
+        _snakemake("--unlock", "--configfile", config, is_shown=False)
+    HOST.write_text(platform.node(), encoding="utf-8")
+
+
+def clean(config: Path) -> None:
+    """Ask, and remove what a study made in its folder; the folder too, if nothing else is in it."""
+    folder = Path(read_config(config)["results"])
+    made = [folder / name for name in MADE if (folder / name).exists()]
+    made += folder.glob(".*.part*")
+    if not made:
+        print(f"Nothing of a study is in {folder}.")
+        return
+    names = ", ".join(path.name for path in made)
+    if input(f"Remove from {folder}: {names}? [y/N] ") != "y":
+        return
+    for path in made:
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    if not any(folder.iterdir()):
+        folder.rmdir()
+
+
+def lay_out(folder: Path, name: str) -> list[Path]:
+    """Copy a shipped config, the tables that it names and their description into a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the new study; made if need be.
+    name : str
+        Of the config, such as ``own``.
+
+    Returns
+    -------
+    list of Path
+        The copies.
+
+    Raises
+    ------
+    InputError
+        There is no such config, or one of the copies is there already.
+    """
+    if not (shipped := ROOT / f"config/{name}.yaml").is_file():
+        names = ", ".join(sorted(file.stem for file in shipped.parent.glob("*.yaml")))
+        raise InputError("--like", f"there is no shipped config {name}", f"There are {names}.")
+    config = read_config(shipped)
+    tables = [config["patches"], config["published"]]
+    files = ["config/README.md", f"config/{name}.yaml", *filter(None, tables)]
+    copies = [folder / file for file in files]
+    if there := [str(copy) for copy in copies if copy.exists()]:
+        remedy = "Name another folder, or remove them."
+        raise InputError(folder, f"already has {', '.join(there)}", remedy)
+    check_writable(folder / "config")
+    for file, copy in zip(files, copies, strict=True):
+        shutil.copyfile(ROOT / file, copy)
+    return copies

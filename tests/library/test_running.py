@@ -1,0 +1,46 @@
+"""What surrounds a run: a study is laid out; when a report is made anew."""
+
+import os
+
+import pytest
+
+import gstlib
+from gstlib.errors import InputError
+from gstlib.running import is_report_current, lay_out
+
+
+def test_a_report_is_made_anew_when_something_that_it_shows_is_younger(tmp_path):
+    parts = [
+        "provenance.json",
+        "verdict.html",
+        "tables/a.csv",
+        "figures/patch/1.png",
+        "logs/solve_patches.log",
+    ]
+    for name in ("report.html", *parts):
+        file = tmp_path / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+        os.utime(file, (1e9, 1e9))
+    assert is_report_current(tmp_path)
+    for name in parts:
+        os.utime(tmp_path / name, (1e9 + 1, 1e9 + 1))
+        assert not is_report_current(tmp_path), name
+        os.utime(tmp_path / name, (1e9, 1e9))
+    (tmp_path / "report.html").unlink()
+    assert not is_report_current(tmp_path)
+
+
+def test_a_study_is_laid_out_once_and_like_a_shipped_one(tmp_path):
+    folder = tmp_path / "stone"
+    made = lay_out(folder, "m12")
+    names = ["README.md", "m12.yaml", "patches_m12.tsv", "published_m12.csv"]
+    assert sorted(file.name for file in made) == names
+    for file in made:
+        assert file.read_bytes() == (gstlib.ROOT / file.relative_to(folder)).read_bytes()
+    made[1].unlink()
+    with pytest.raises(InputError, match=r"already has .*patches_m12\.tsv"):
+        lay_out(folder, "m12")
+    assert not made[1].exists()
+    with pytest.raises(InputError, match=r"no shipped config n12\. There are config, m12, "):
+        lay_out(folder, "n12")
