@@ -63,8 +63,8 @@ def run_study(
     Raises
     ------
     InputError
-        The config cannot be read, or lacks the section; Snakemake is not installed; a run is, or
-        may be, alive in this folder.
+        The config cannot be read, or lacks the section; there is no such profile; Snakemake is not
+        installed; a run is, or may be, alive in this folder.
     """
     read = read_config(config)
     if goal != "study" and not read.get(goal):
@@ -72,12 +72,15 @@ def run_study(
     if importlib.util.find_spec("snakemake") is None:
         remedy = "Install it: pip install 'gstlib[workflow]'"
         raise InputError("gst study", "Snakemake, which runs the study, is not installed", remedy)
+    here = Path("profiles") / profile
+    folder = next((each for each in (here, ROOT / here) if each.is_dir()), None)
+    if folder is None:
+        raise InputError("--profile", f"there is no folder {here}", "See docs/cluster.md.")
     results = Path(read["results"])
     if not plan:
         check_writable(results)
         claim_folder(config)
-    here = Path("profiles") / profile
-    command = ["--workflow-profile", here if here.is_dir() else ROOT / here]
+    command: list[object] = ["--workflow-profile", folder]
     command += ["--cores", cores] if profile == "default" else []
     command += [*options, *(["--dry-run", "--quiet", "rules"] if plan else [])]
     command += ["--configfile", config, "--"]

@@ -6,7 +6,7 @@ import pytest
 
 import gstlib
 from gstlib.errors import InputError
-from gstlib.running import is_report_current, lay_out
+from gstlib.running import is_report_current, lay_out, run_study
 
 
 def test_a_report_is_made_anew_when_something_that_it_shows_is_younger(tmp_path):
@@ -44,3 +44,20 @@ def test_a_study_is_laid_out_once_and_like_a_shipped_one(tmp_path):
     assert not made[1].exists()
     with pytest.raises(InputError, match=r"no shipped config n12\. There are config, m12, "):
         lay_out(folder, "n12")
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"goal": "sweep"}, r"mine\.yaml: has no section 'sweep'"),
+        ({"profile": "mine"}, "no folder profiles/mine"),
+        ({"config": "yours.yaml"}, r"yours\.yaml: cannot be opened"),
+    ],
+)
+def test_a_study_that_cannot_begin_leaves_nothing(tmp_path, monkeypatch, asked, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.yaml").write_text("title: mine\n")
+    usual = {"config": "mine.yaml", "goal": "study", "cores": 1, "profile": "default"}
+    with pytest.raises(InputError, match=said):
+        run_study(**usual | asked, plan=False, options=())
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.yaml"]
