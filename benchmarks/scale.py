@@ -82,6 +82,7 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
             mesh=folder / "data/mesh.stl",
             scan_folder=folder / "data/scans",
             truth=folder / "data/truth.h5",
+            surface=folder / "data/surface.h5",
             square_mm=float(side),
             grid=GRID * side,
             parameters=SpecimenParameters(**made),

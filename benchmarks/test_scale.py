@@ -3,8 +3,10 @@
 import pytest
 from scale import CONFIG, write_study
 
+from gstlib.checking import check_study
 from gstlib.config import config_problems, read_config
 from gstlib.io.patches import read_patches
+from gstlib.specimen import pebble, scanning
 
 
 @pytest.mark.parametrize("patches", [25, 2500])
@@ -21,3 +23,12 @@ def test_study_is_valid(tmp_path, monkeypatch, patches):
     )
     assert len(table) == patches
     assert len(list((folder / "data/scans").iterdir())) == 2 * patches
+
+
+def test_its_files_can_be_read(tmp_path, monkeypatch, capsys):
+    for module, name in ((pebble, "_CONCAVITY_MM"), (scanning, "_POOR_SHARE")):
+        monkeypatch.setattr(module, name, getattr(module, name))  # they are changed, and put back
+    write_study(9, tmp_path, scans=True)
+    monkeypatch.chdir(tmp_path)
+    check_study(CONFIG)
+    assert "9 of 0.85 mm" in capsys.readouterr().out
