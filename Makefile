@@ -8,7 +8,8 @@ BIN     := .venv/bin
 READY   := .venv/ready
 # a config of the user's own, if one is given
 SWEPT   := $(if $(filter file,$(origin CONFIG)),config/sweep.yaml,$(CONFIG))
-STUDY   := $(BIN)/gst study --cores $(CORES) --profile $(PROFILE)
+# on a cluster the profile says how many cores
+STUDY   := $(BIN)/gst study $(if $(filter default,$(PROFILE)),--cores $(CORES),--profile $(PROFILE))
 # one thread: on two cores the small matrix products of a test only wait for each other
 PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --durations=15
 # tests of one file share what they prepare, so they run in one process

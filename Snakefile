@@ -6,7 +6,7 @@ min_version("9.14.8")
 
 
 # Where no other config is given. What a config leaves out has the default of the schema.
-if not config:
+if not workflow.configfiles:
 
     configfile: "config/config.yaml"
 

@@ -35,10 +35,11 @@ def main() -> None:
 @click.argument("folder", type=_PATH)
 @click.option(
     "--like",
+    type=click.Choice(sorted(file.stem for file in (gstlib.ROOT / "config").glob("*.yaml"))),
     default="own",
     show_default=True,
-    help="The shipped config to begin with: own, of measured files; config, the generated "
-    "specimen; tiny, the same in seconds; m12, mat, pebble, two_stones, power or sweep.",
+    help="The shipped config to begin with, such as config, the generated specimen, or tiny, the "
+    "same in seconds.",
 )
 def new(folder, like) -> None:
     """Lay out a study: a config, the tables that it names, and a description of every key."""
@@ -64,18 +65,25 @@ def check(config) -> None:
 @main.command(context_settings={"ignore_unknown_options": True})
 @_CONFIG
 @click.argument("options", metavar="[SNAKEMAKE OPTIONS]...", nargs=-1, type=click.UNPROCESSED)
-@click.option("--cores", default=2, show_default=True, help="Jobs at a time.")
-@click.option("--profile", default="default", show_default=True, help="Or slurm, or your own.")
+@click.option("--cores", help="Jobs at a time; by default those of the profile, which are 2.")
+@click.option(
+    "--profile",
+    default="default",
+    show_default=True,
+    help="default, slurm, or a folder of your own in profiles.",
+)
 @click.option(
     "--goal",
     type=click.Choice(["study", "sweep", "power"]),
     default="study",
     show_default=True,
-    help="Or sweep: what moves the results most; or power: how often it finds a relation.",
+    help="The study; what moves its results most; how often it finds a relation.",
 )
 @click.option("--plan", is_flag=True, help="Only show what would run.")
 def study(config, options, cores, profile, goal, plan) -> None:
-    """Run the study of CONFIG in this folder, with Snakemake, which is given all other options."""
+    """Run the study of CONFIG in this folder. Options of Snakemake may follow CONFIG."""
+    if str(config).startswith("-"):
+        raise click.UsageError(f"name CONFIG before Snakemake's option {config}")
     from gstlib.running import run_study
 
     sys.exit(run_study(config, goal=goal, cores=cores, profile=profile, plan=plan, options=options))
@@ -84,10 +92,13 @@ def study(config, options, cores, profile, goal, plan) -> None:
 @main.command()
 @_CONFIG
 def clean(config) -> None:
-    """Remove the results of CONFIG's study, after a question; files of your own stay."""
-    from gstlib.running import clean
+    """Remove the results of CONFIG's study, after a question.
 
-    clean(config)
+    Whole folders go, such as tables; other files in the folder of the results stay.
+    """
+    from gstlib.running import remove_results
+
+    remove_results(config)
 
 
 @main.command()
@@ -195,5 +206,5 @@ def package(results, output, authors, licence) -> None:
     from gstlib.crate import pack_study
 
     output = output or Path(f"{results.resolve().name}.zip")
-    count = pack_study(results, output, gstlib.ROOT, authors=authors, licence=licence)
+    count = pack_study(results, output, authors=authors, licence=licence)
     click.echo(f"{output}: {count} files, {output.stat().st_size / 1e6:.1f} MB")

@@ -108,9 +108,9 @@ def read_study(config: Mapping, source: str) -> "pd.DataFrame":
 
 def config_problems(config: Mapping) -> list[str]:
     """Everything that is wrong with a whole config, one sentence each; empty if it can be used."""
-    problems = [_explain(error) for error in _leaves(_validator().iter_errors(config))]
-    # The contradictions rely on the types being right.
-    return problems or list(_contradictions(config))
+    explained = map(_explain, _leaves(_validator().iter_errors(config)))
+    # The contradictions rely on the types being right. Branches of `oneOf` may say the same.
+    return list(dict.fromkeys(explained)) or list(_contradictions(config))
 
 
 @functools.cache

@@ -20,7 +20,7 @@ import yaml
 import gstlib
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
-from gstlib.provenance import commit
+from gstlib.provenance import program_hash
 
 __all__ = ["pack_study"]
 
@@ -94,7 +94,6 @@ class _Crate:
 def pack_study(
     results: str | Path,
     target: str | Path,
-    workflow_root: str | Path,
     *,
     authors: Iterable[str] = (),
     licence: str | None = None,
@@ -110,9 +109,6 @@ def pack_study(
         Folder of the config's key ``results``.
     target : path
         The zip to write.
-    workflow_root : path
-        Folder of the ``Snakefile`` that made the results; it holds ``workflow``, ``config`` and
-        ``CITATION.cff``, too.
     authors : iterable of str
         Who made the study; the workflow has authors of its own.
     licence : str, optional
@@ -126,22 +122,22 @@ def pack_study(
     Raises
     ------
     InputError
-        No study has run to its end in `results`, a result or an input has changed since, or the
-        workflow is not the one that made the results.
+        No study has run to its end in `results`, a result or an input has changed since, a table of
+        the study is not there, or the program is not the one that made the results.
     OutputError
         `target` cannot be written.
     """
-    results, root, crate = Path(results), Path(workflow_root), _Crate()
+    results, root, crate = Path(results), gstlib.ROOT, _Crate()
     record, contents = (_read(results / name) for name in _RECORDS)
     config, generated = record["config"], record["config"]["specimen"] is not None
     made = _add_results(crate, results, contents)
-    used = _add_inputs(crate, record, results)
+    used = _add_inputs(crate, record)
     cff = yaml.safe_load((root / "CITATION.cff").read_text(encoding="utf-8"))
     workflow = _add_workflow(crate, root, cff, record["software"])
 
     people = [crate.add(f"#{quote(name)}", "Person", name=name) for name in authors]
     stone, warning = ("generated specimen", _GENERATED) if generated else ("ground stone tool", "")
-    packed = {results / entry["file"] for entry in contents} | {results / n for n in _RECORDS}
+    packed = {results / entry["file"] for entry in contents} | {results / _RECORDS[0]}
     others = {file for file in results.rglob("[!.]*") if file.is_file()} - packed
     left_out = sorted({file.relative_to(results).parts[0] for file in others})
     about = {
@@ -206,20 +202,19 @@ def _add_results(crate: _Crate, results: Path, contents: list[dict[str, str]]) -
     return made
 
 
-def _add_inputs(crate: _Crate, record: Mapping[str, Any], results: Path) -> list[_Reference]:
+def _add_inputs(crate: _Crate, record: Mapping[str, Any]) -> list[_Reference]:
     """The config and the study's own tables, as files; what was measured, by its SHA-256."""
     config = record["config"]
     text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
     said = {"name": "The config as it was run", "description": "Defaults included."}
     used = [crate.add_file("config/study.yaml", text.encode(), **said)]
     tables = config["patches"], config["published"], (config["gesture"] or {}).get("table")
-    # Paths count from where the study ran: as far above its results as the config puts them below.
-    below, folder = Path(config["results"]), Path.cwd()
-    if not below.is_absolute():
-        folder = results.resolve().joinpath(*[".."] * len(below.parts)).resolve()
     for path, digest in record["inputs"].items():
-        content = _unchanged(folder / path, digest) if (folder / path).is_file() else None
-        if path in tables and content is not None:
+        content = _unchanged(Path(path), digest) if Path(path).is_file() else None
+        if path in tables:
+            if content is None:
+                remedy = "Pack the study in the folder where it ran."
+                raise InputError(path, "a table of the study, is not there", remedy)
             inside = not Path(path).is_absolute() and ".." not in Path(path).parts
             place = path if inside else f"inputs/{Path(path).name}"
             said = {"name": path, "description": "A table that the config names."}
@@ -238,10 +233,9 @@ def _add_workflow(
     crate: _Crate, root: Path, cff: Mapping[str, Any], software: Mapping[str, Any]
 ) -> _Reference:
     """The workflow, which must be the one that made the results; what it needs; its paper."""
-    made, here = (software["gstlib"], software["commit"]), (gstlib.__version__, commit(root))
-    if made != here:
-        was, now = (f"{version} (commit {at})" for version, at in (made, here))
-        problem = f"is gstlib {now}, and the results were made by {was}"
+    if software["program"] != program_hash():
+        was = f"gstlib {software['gstlib']}, commit {software['commit']}"
+        problem = f"the program is not the one that made the results ({was})"
         raise InputError(root, problem, "Run the study again: only what has changed is redone.")
     whose = {
         "author": [crate.add_author(author) for author in cff["authors"]],
@@ -263,7 +257,9 @@ def _add_workflow(
         ["File", "SoftwareSourceCode", "ComputationalWorkflow"],
         name=cff["title"],
         description=cff["abstract"],
-        version=f"{software['gstlib']} (commit {software['commit']})",
+        version=f"{software['gstlib']} (commit {software['commit']})"
+        if software["commit"]
+        else software["gstlib"],
         conformsTo={"@id": "https://bioschemas.org/profiles/ComputationalWorkflow/1.0-RELEASE"},
         programmingLanguage=crate.add(
             "https://w3id.org/workflowhub/workflow-ro-crate#snakemake",
@@ -290,7 +286,7 @@ def _read(file: Path) -> Any:
         return json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         problem = "cannot be read: no study has run to its end there"
-        raise InputError(file, problem, "Run the study (`make study`), then pack it.") from error
+        raise InputError(file, problem, "Run the study, then pack it.") from error
 
 
 def _unchanged(file: Path, digest: str) -> bytes:

@@ -12,7 +12,14 @@ from pathlib import Path
 
 import gstlib
 
-__all__ = ["commit", "provenance", "sha256", "source_hash", "study_provenance"]
+__all__ = [
+    "commit",
+    "program_hash",
+    "provenance",
+    "sha256",
+    "source_hash",
+    "study_provenance",
+]
 
 # What draws stored results: only the scripts that import it depend on it.
 _DRAWING = {"figures", "page", "verdict", "viewer"}
@@ -33,13 +40,14 @@ def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> 
 
 
 def study_provenance(
-    config: Mapping[str, object], inputs: Iterable[str | Path], commit: str | None
+    config: Mapping[str, object], inputs: Iterable[str | Path], commit: str | None, program: str
 ) -> dict[str, object]:
     """Where all results of a study come from; the same on every machine.
 
-    `config` is whole, defaults included; `inputs` are the measured files and tables; `commit` is
-    that of the program. The result has ``config``; ``inputs`` (SHA-256 by path); ``software``:
-    gstlib, Python, and the version of every package that gstlib requires.
+    `config` is whole, defaults included; `inputs` are the measured files and tables; `commit` and
+    `program` (`program_hash`) are those of the program. The result has ``config``; ``inputs``
+    (SHA-256 by path); ``software``: gstlib, its commit and hash, Python, and the version of every
+    package that gstlib requires.
     """
     return {
         "config": dict(config),
@@ -47,6 +55,7 @@ def study_provenance(
         "software": {
             "gstlib": gstlib.__version__,
             "commit": commit,
+            "program": program,
             "python": platform.python_version(),
             "packages": _packages(),
         },
@@ -84,6 +93,13 @@ def commit(folder: str | Path) -> str | None:
     return said.stdout.strip()
 
 
+@functools.cache
+def program_hash() -> str:
+    """Hash of the library and the workflow; the same in a clone and where gstlib is installed."""
+    package, workflow = Path(gstlib.__file__).parent, gstlib.ROOT / "workflow"
+    return _hash_of(package, aside={"shipped"}) + _hash_of(workflow, aside=set())
+
+
 def source_hash(script: str | Path) -> str:
     """Hash of the gstlib code that `script` runs on; code that draws counts only if it draws.
 
@@ -96,11 +112,14 @@ def source_hash(script: str | Path) -> str:
 
 @functools.cache
 def _package_hash(drawing: bool) -> str:
-    package, digest = Path(gstlib.__file__).parent, hashlib.sha256()
-    aside = _AROUND if drawing else _AROUND | _DRAWING
-    for file in sorted(package.rglob("*.*")):
-        name = file.relative_to(package)
-        if "__pycache__" in name.parts or name.parts[0].split(".")[0] in aside:
-            continue
-        digest.update(name.as_posix().encode() + file.read_bytes())
+    return _hash_of(Path(gstlib.__file__).parent, _AROUND if drawing else _AROUND | _DRAWING)
+
+
+def _hash_of(folder: Path, aside: set[str]) -> str:
+    """Hash of all files in a folder, but for parts of these names and Python's caches."""
+    digest = hashlib.sha256()
+    for file in sorted(folder.rglob("*.*")):
+        name = file.relative_to(folder)
+        if "__pycache__" not in name.parts and name.parts[0].split(".")[0] not in aside:
+            digest.update(name.as_posix().encode() + file.read_bytes())
     return digest.hexdigest()[:16]

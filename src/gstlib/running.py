@@ -16,11 +16,11 @@ from contextlib import suppress
 from pathlib import Path
 
 from gstlib import ROOT
-from gstlib.config import read_config
+from gstlib.config import config_problems, read_config, refuse_config
 from gstlib.errors import InputError
-from gstlib.io.files import check_writable
+from gstlib.io.files import check_writable, write_whole
 
-__all__ = ["clean", "is_report_current", "lay_out", "run_study"]
+__all__ = ["is_report_current", "lay_out", "remove_results", "run_study"]
 
 # What a study makes in its folder, besides hidden parts of files.
 MADE = (
@@ -31,12 +31,29 @@ MADE = (
 )
 LOCKS = Path(".snakemake/locks")
 HOST = Path(".snakemake/host")  # the machine that the last run was started on
+_PLANNING = {"-n", "--dry-run", "--dryrun"}
+_REFUSED = {
+    "--config",
+    "-C",
+    "--configfile",
+    "--configfiles",
+    "--directory",
+    "-d",
+    "--snakefile",
+    "-s",
+}
 # What the report shows, and the logs of the steps, which tell when they ran.
 SHOWN = ("provenance.json", "verdict.html", "tables/*.csv", "figures/**/*.png", "logs/**/*.log")
 
 
 def run_study(
-    config: Path, *, goal: str, cores: int, profile: str, plan: bool, options: Sequence[str]
+    config: Path,
+    *,
+    goal: str,
+    cores: str | None,
+    profile: str,
+    plan: bool,
+    options: Sequence[str],
 ) -> int:
     """Run a study in the working folder, build its report, and say what to open.
 
@@ -46,14 +63,14 @@ def run_study(
         The config file.
     goal : str
         ``study``; or ``sweep`` or ``power``, which need a section of that name.
-    cores : int
-        Jobs at a time on this machine. A profile other than ``default`` has its own.
+    cores : str, optional
+        Jobs at a time on this machine: a number, or ``all``; by default those of the profile.
     profile : str
         A folder in ``profiles`` of the working folder, or of gstlib.
     plan : bool
         Only show what would run.
     options : sequence of str
-        What else Snakemake is told.
+        What else Snakemake is told, but where it works and with what config.
 
     Returns
     -------
@@ -63,10 +80,14 @@ def run_study(
     Raises
     ------
     InputError
-        The config cannot be read, or lacks the section; there is no such profile; Snakemake is not
-        installed; a run is, or may be, alive in this folder.
+        The config cannot be used, or lacks the section; there is no such profile; an option is
+        refused; Snakemake is not installed; a run is, or may be, alive in this folder.
     """
-    read = read_config(config)
+    read = _checked(config)
+    if refused := sorted({option.partition("=")[0] for option in options} & _REFUSED):
+        problem = f"{refused[0]} would make Snakemake look elsewhere than gst"
+        raise InputError("gst study", problem, "Give it another CONFIG, or start it elsewhere.")
+    plan = plan or not _PLANNING.isdisjoint(options)
     if goal != "study" and not read.get(goal):
         raise InputError(config, f"has no section '{goal}'", f"Add one, as in config/{goal}.yaml.")
     if importlib.util.find_spec("snakemake") is None:
@@ -81,7 +102,7 @@ def run_study(
         check_writable(results)
         claim_folder(config)
     command: list[object] = ["--workflow-profile", folder]
-    command += ["--cores", cores] if profile == "default" else []
+    command += ["--cores", cores] if cores else []
     command += [*options, *(["--dry-run", "--quiet", "rules"] if plan else [])]
     command += ["--configfile", config, "--"]
     if code := _snakemake(*command, *([] if goal == "study" else [goal])):
@@ -104,6 +125,13 @@ def run_study(
     print(f"Done. Open {page} in a browser.")
     print(f"The archive of the study: {report}; its tables: {results / 'tables'}")
     return 0
+
+
+def _checked(config: Path) -> dict:
+    """The whole config of a file; a `ConfigError` if it cannot be used."""
+    read = read_config(config)
+    refuse_config(config_problems(read), str(config))
+    return read
 
 
 def _snakemake(*arguments: object, is_shown: bool = True) -> int:
@@ -159,9 +187,9 @@ def claim_folder(config: Path) -> None:
     HOST.write_text(platform.node(), encoding="utf-8")
 
 
-def clean(config: Path) -> None:
+def remove_results(config: Path) -> None:
     """Ask, and remove what a study made in its folder; the folder too, if nothing else is in it."""
-    folder = Path(read_config(config)["results"])
+    folder = Path(_checked(config)["results"])
     made = [folder / name for name in MADE if (folder / name).exists()]
     made += folder.glob(".*.part*")
     if not made:
@@ -194,19 +222,17 @@ def lay_out(folder: Path, name: str) -> list[Path]:
     Raises
     ------
     InputError
-        There is no such config, or one of the copies is there already.
+        One of the copies is there already, and has been changed.
     """
-    if not (shipped := ROOT / f"config/{name}.yaml").is_file():
-        names = ", ".join(sorted(file.stem for file in shipped.parent.glob("*.yaml")))
-        raise InputError("--like", f"there is no shipped config {name}", f"There are {names}.")
-    config = read_config(shipped)
+    config = read_config(ROOT / f"config/{name}.yaml")
     tables = [config["patches"], config["published"]]
     files = ["config/README.md", f"config/{name}.yaml", *filter(None, tables)]
-    copies = [folder / file for file in files]
-    if there := [str(copy) for copy in copies if copy.exists()]:
+    copies = {folder / file: (ROOT / file).read_bytes() for file in files}
+    if there := [
+        str(file) for file in copies if file.exists() and file.read_bytes() != copies[file]
+    ]:
         remedy = "Name another folder, or remove them."
-        raise InputError(folder, f"already has {', '.join(there)}", remedy)
-    check_writable(folder / "config")
-    for file, copy in zip(files, copies, strict=True):
-        shutil.copyfile(ROOT / file, copy)
-    return copies
+        raise InputError(folder, f"already has {', '.join(there)} with other content", remedy)
+    for file, content in copies.items():
+        write_whole(file, content)
+    return list(copies)

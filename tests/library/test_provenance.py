@@ -25,9 +25,10 @@ def test_provenance_does_not_depend_on_folder_or_order(tmp_path):
     assert json.loads(one["settings"]) == {"x": 1, "y": [2]}
     assert json.loads(one["input_sha256"])["a"] == hashlib.sha256(b"a").hexdigest()
     assert one["gstlib_version"] == gstlib.__version__
-    of_study = study_provenance({"x": 1}, [tmp_path / "two/b"], commit="abc")
+    of_study = study_provenance({"x": 1}, [tmp_path / "two/b"], commit="abc", program="def")
     assert of_study["inputs"] == {str(tmp_path / "two/b"): hashlib.sha256(b"b").hexdigest()}
     assert of_study["software"]["commit"] == "abc"
+    assert of_study["software"]["program"] == "def"
     assert {"numpy", "scipy", "snakemake"} <= of_study["software"]["packages"].keys()
 
 

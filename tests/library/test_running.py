@@ -1,6 +1,7 @@
 """What surrounds a run: a study is laid out; when a report is made anew."""
 
 import os
+import shutil
 
 import pytest
 
@@ -38,12 +39,12 @@ def test_a_study_is_laid_out_once_and_like_a_shipped_one(tmp_path):
     assert sorted(file.name for file in made) == names
     for file in made:
         assert file.read_bytes() == (gstlib.ROOT / file.relative_to(folder)).read_bytes()
+    lay_out(folder, "tiny")  # beside it; what is there already is the same
     made[1].unlink()
-    with pytest.raises(InputError, match=r"already has .*patches_m12\.tsv"):
+    made[2].write_text("of mine")
+    with pytest.raises(InputError, match=r"already has .*patches_m12\.tsv with other content"):
         lay_out(folder, "m12")
     assert not made[1].exists()
-    with pytest.raises(InputError, match=r"no shipped config n12\. There are config, m12, "):
-        lay_out(folder, "n12")
 
 
 @pytest.mark.parametrize(
@@ -52,12 +53,15 @@ def test_a_study_is_laid_out_once_and_like_a_shipped_one(tmp_path):
         ({"goal": "sweep"}, r"mine\.yaml: has no section 'sweep'"),
         ({"profile": "mine"}, "no folder profiles/mine"),
         ({"config": "yours.yaml"}, r"yours\.yaml: cannot be opened"),
+        ({"config": "bad.yaml"}, r"bad\.yaml: .*\n  - 'results' is 5"),
     ],
 )
 def test_a_study_that_cannot_begin_leaves_nothing(tmp_path, monkeypatch, asked, said):
     monkeypatch.chdir(tmp_path)
+    shutil.copytree(gstlib.ROOT / "config", tmp_path / "config")
     (tmp_path / "mine.yaml").write_text("title: mine\n")
-    usual = {"config": "mine.yaml", "goal": "study", "cores": 1, "profile": "default"}
+    (tmp_path / "bad.yaml").write_text("results: 5\n")
+    usual = {"config": "mine.yaml", "goal": "study", "cores": "1", "profile": "default"}
     with pytest.raises(InputError, match=said):
         run_study(**usual | asked, plan=False, options=())
-    assert [file.name for file in tmp_path.iterdir()] == ["mine.yaml"]
+    assert {file.name for file in tmp_path.iterdir()} == {"bad.yaml", "config", "mine.yaml"}

@@ -119,8 +119,7 @@ def test_the_container_has_all_that_a_study_needs(image, study):
         "src",
         PROJECT["readme"],
         *PROJECT["license-files"],
-        "Makefile",
-        "requirements.lock",
+        *("CITATION.cff", "Makefile", "requirements.lock"),
     }
     assert to_build <= {file.name for file in folder.iterdir()}
 

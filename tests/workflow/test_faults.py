@@ -10,7 +10,9 @@ import pytest
 
 def begin(study):
     """`gst study` up to Snakemake, which only says what its rules are."""
-    return study.gst("study", study.config, "--list-rules")
+    result = study.gst("study", study.config, "--list-rules")
+    assert ("solve_patches" in result.stdout + result.stderr) == (result.returncode == 0)
+    return result
 
 
 def test_a_damaged_intermediate_is_named_and_made_anew_once_deleted(tiny):

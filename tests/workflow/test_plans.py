@@ -9,6 +9,7 @@ import yaml
 from conftest import ROOT
 
 from gstlib.io.patches import read_patches
+from gstlib.running import MADE
 
 # config/tiny.yaml, power.yaml and sweep.yaml are planned by other tests.
 CONFIGS = ["config.yaml", "m12.yaml", "mat.yaml", "own.yaml", "pebble.yaml", "two_stones.yaml"]
@@ -39,8 +40,38 @@ def test_without_a_config_that_of_the_folder_is_taken(study):
     """And what it leaves out has the schema's default."""
     (study.folder / "config/config.yaml").write_text("results: elsewhere\n")
     command = [sys.executable, "-m", "snakemake", "--snakefile", ROOT / "Snakefile", "--dry-run"]
-    said = subprocess.run(command, cwd=study.folder, capture_output=True, text=True, check=True)
-    assert "elsewhere/specimen/scans/25_T0.plu" in said.stdout
+    for more in ([], ["--config", "seed=3"]):
+        said = subprocess.run(
+            command + more, cwd=study.folder, capture_output=True, text=True, check=True
+        )
+        assert "elsewhere/specimen/scans/25_T0.plu" in said.stdout
+
+
+def test_gst_plans_what_it_is_asked_for(study):
+    for options, planned in (
+        (["--plan"], "solve_patches"),
+        (["--dry-run", "--forcerun", "solve_slip"], "solve_slip"),
+        (["--goal", "sweep", "--plan"], "try_setting"),
+    ):
+        name = "sweep" if "sweep" in options else "tiny"
+        result = study.gst("study", f"config/{name}.yaml", *options)
+        assert result.returncode == 0, result.stderr
+        assert planned in result.stdout + result.stderr
+    assert not (study.folder / "results-tiny").exists()
+    for options, said in (
+        (["-n", "config/tiny.yaml"], "name CONFIG before"),
+        (["config/tiny.yaml", "--config", "seed=3"], "--config would make"),
+        (["config/tiny.yaml", "--cores", "none"], "cores"),
+    ):
+        result = study.gst("study", *options)
+        assert result.returncode != 0
+        assert said in result.stderr
+
+
+def test_all_that_a_study_makes_can_be_removed():
+    text = "".join(file.read_text() for file in ROOT.glob("workflow/rules/*.smk"))
+    made = set(re.findall(r"\{RESULTS\}/([\w.]+)", text))
+    assert {"tables", "gesture", "sweep", "index.html"} < made <= set(MADE)
 
 
 def test_own_stone_is_that_of_its_own_constants():

@@ -4,7 +4,6 @@ import importlib.util
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
 
 from gstlib.crate import pack_study
 
@@ -33,11 +32,12 @@ def cache(tmp_path):
     return tmp_path / "cache"
 
 
-def test_a_package_is_a_workflow_run_crate(finished_tiny, cache, tmp_path):
+def test_a_package_is_a_workflow_run_crate(finished_tiny, cache, tmp_path, monkeypatch):
     from rocrate_validator.models import Severity
     from rocrate_validator.services import validate
 
-    pack_study(finished_tiny.results, tmp_path / "study.zip", ROOT)
+    monkeypatch.chdir(finished_tiny.folder)
+    pack_study(finished_tiny.results, tmp_path / "study.zip")
     result = validate(
         {
             "rocrate_uri": str(tmp_path / "study.zip"),

@@ -14,7 +14,7 @@ from gstlib.config import (
 )
 from gstlib.gesture import poses_of, reach_of
 from gstlib.io.patches import scan_files
-from gstlib.provenance import commit, source_hash
+from gstlib.provenance import commit, program_hash, source_hash
 from gstlib.study import STUDY_SECTIONS
 from gstlib.sweep import sweep_settings
 

@@ -59,7 +59,7 @@ rule record_provenance:
             (config["counterface"] or {}).get("mesh", []),
             (config["gesture"] or {}).get("table", []),
         ]
-        + ([] if GENERATED else [MESH, *SCANS]),
+        + ([COUNTERFACE_SCAN] if GENERATED else [MESH, *SCANS]),
         page=rules.write_page.output.page,
         packed=list(PACKED),
         captions=[caption for caption, _, _ in PACKED.values()],
@@ -72,6 +72,7 @@ rule record_provenance:
         titles=[[category, title] for _, category, title in PACKED.values()],
         config=config,
         commit=commit(ROOT),
+        program=program_hash(),
         code=code("record_provenance.py"),
     message:
         "Recording where the results come from"

@@ -3,7 +3,7 @@
 Inputs: every file that the study was made from; the page; every figure and table that is packed
 with it, and their captions. Outputs: the record; the contents: of the page and each of the others
 file, category, title, caption (HTML) and SHA-256. Settings: the category and the title of each
-figure and table; the whole config; the commit of the program.
+figure and table; the whole config; the commit and the hash of the program.
 """
 
 import json
@@ -29,6 +29,7 @@ def main(
     titles: list[list[str]],
     config: dict,
     commit: str | None,
+    program: str,
 ) -> None:
     said = [caption_html(caption.read_text("utf-8"), config=config) for caption in captions]
     entries = [
@@ -43,7 +44,8 @@ def main(
             [page, *packed], [PAGE, *titles], [WHAT, *said], strict=True
         )
     ]
-    for target, content in ((record, study_provenance(config, files, commit)), (contents, entries)):
+    made_from = study_provenance(config, files, commit, program)
+    for target, content in ((record, made_from), (contents, entries)):
         text = json.dumps(content, indent=1, ensure_ascii=False)
         write_whole(target, f"{text}\n".encode())
 
