@@ -104,7 +104,7 @@ docs: $(READY) ## renew the parts of the documents that are generated from the c
 	$(BIN)/python workflow/document.py
 
 site: $(READY) ## make a site of the documents and the API in build/site, to be read without a network; strict
-	$(BIN)/uv pip install --quiet --python $(BIN)/python --constraint requirements.lock --no-build-isolation -e '.[docs]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[docs]'
 	@# -E: a page that did not change may quote what did
 	$(BIN)/python -m sphinx -W --keep-going -E -q -c docs -d build/doctrees . build/site
 	@! grep -rE '<(script|link|img)[^>]+https?://' build/site --include='*.html'
