@@ -31,3 +31,7 @@ rule all:
     default_target: True
     input:
         [f"{RESULTS}/{name}" for name in TARGETS],
+        surfaces("T0", ALL_PATCHES),
+        surfaces("T1", WORN_PATCHES),
+        registered(WORN_PATCHES),
+        contacts(ALL_PATCHES),

@@ -125,9 +125,13 @@ def table(name, category, what):
     return report(file, labels={"what": f"table: {what}"}, **place)
 
 
+# Not only what is shown: what was damaged, and was deleted, is made again.
 TARGETS = [
     name
     for name, wanted in {
+        "macroscale/surface.h5": True,
+        "macroscale/contact.h5": True,
+        "coupling/pressures.csv": True,
         "index.html": True,
         "provenance.json": True,
         "tables/inputs.csv": True,
