@@ -6,13 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from gstlib.config import (
-    check_files,
-    contact_moduli,
-    counterface_mesh,
-    read_config,
-    read_study,
-)
+from gstlib.config import check_files, contact_moduli, counterface_mesh, read_config, read_study
 from gstlib.errors import GstError, InputsError
 from gstlib.gesture import reach_of
 from gstlib.inputs import Inputs, check_inputs

@@ -248,7 +248,7 @@ def _add_workflow(
     crate.files |= {"workflow/": b""} | {place: file.read_bytes() for place, file in files.items()}
     said = {"name": "Parts of the workflow", "description": "Rules, scripts, schemas, captions."}
     crate.add("workflow/", "Dataset", **said, **whose)
-    said = {"name": "Default config", "description": "The Snakefile reads it first."}
+    said = {"name": "Default config", "description": "Read if no other is given."}
     crate.add_file("config/config.yaml", (root / "config/config.yaml").read_bytes(), **said)
     paper, versions = cff["preferred-citation"], software["packages"]
     return crate.add_file(

@@ -32,16 +32,8 @@ MADE = (
 LOCKS = Path(".snakemake/locks")
 HOST = Path(".snakemake/host")  # the machine that the last run was started on
 _PLANNING = {"-n", "--dry-run", "--dryrun"}
-_REFUSED = {
-    "--config",
-    "-C",
-    "--configfile",
-    "--configfiles",
-    "--directory",
-    "-d",
-    "--snakefile",
-    "-s",
-}
+_REFUSED = {"--config", "-C", "--configfile", "--configfiles"}  # for gst reads CONFIG, too,
+_REFUSED |= {"--directory", "-d", "--snakefile", "-s"}  # and looks for the results here
 # What the report shows, and the logs of the steps, which tell when they ran.
 SHOWN = ("provenance.json", "verdict.html", "tables/*.csv", "figures/**/*.png", "logs/**/*.log")
 
@@ -228,11 +220,10 @@ def lay_out(folder: Path, name: str) -> list[Path]:
     tables = [config["patches"], config["published"]]
     files = ["config/README.md", f"config/{name}.yaml", *filter(None, tables)]
     copies = {folder / file: (ROOT / file).read_bytes() for file in files}
-    if there := [
-        str(file) for file in copies if file.exists() and file.read_bytes() != copies[file]
-    ]:
+    changed = [file for file in copies if file.exists() and file.read_bytes() != copies[file]]
+    if there := ", ".join(map(str, changed)):
         remedy = "Name another folder, or remove them."
-        raise InputError(folder, f"already has {', '.join(there)} with other content", remedy)
+        raise InputError(folder, f"already has {there} with other content", remedy)
     for file, content in copies.items():
         write_whole(file, content)
     return list(copies)
