@@ -48,7 +48,14 @@ CODES = {
             "load",
             3.16e-10,
         ),
-        Code("aspher native, FFT warm", "aspher-native", "aspher_nested", "warm", "load", 3.16e-10),
+        Code(
+            "aspher native, FFT warm",
+            "aspher-native",
+            "aspher_nested",
+            "warm",
+            "load",
+            3.16e-10,
+        ),
         Code("slippy, BCCG", "slippy", "slippy_solvers", "", "displacement", 1e-9),
         Code("slippy, Polonsky–Keer", "slippy", "slippy_solvers", "", "load", 1e-9),
         Code("ContactMechanics, CCG", *_CONTACT_MECHANICS, "displacement", 1e-9),
@@ -103,8 +110,12 @@ _P2 = Surface("rough", 512)
 CASES = {
     case.name: case
     for case in (
-        Case("rough-76", "Rough 512² at 76 MPa, cold, one thread", _P2, 76.0, _SINGLE, _NATIVE),
-        Case("rough-22", "Rough 512² at 22 MPa, cold, one thread", _P2, 22.0, _SINGLE, _NATIVE),
+        Case(
+            "rough-76", "Rough 512² at 76 MPa, cold, one thread", _P2, 76.0, _SINGLE, _NATIVE
+        ),
+        Case(
+            "rough-22", "Rough 512² at 22 MPa, cold, one thread", _P2, 22.0, _SINGLE, _NATIVE
+        ),
         Case(
             "hertz-256",
             "Smooth sphere 256², cold, one thread",

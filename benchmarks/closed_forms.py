@@ -57,7 +57,12 @@ class Ellipsoid:
         from scipy.special import ellipk
 
         _, short = self._long_short()
-        return self.peak_pressure / self.contact_modulus * short * ellipk(self._eccentricity() ** 2)
+        return (
+            self.peak_pressure
+            / self.contact_modulus
+            * short
+            * ellipk(self._eccentricity() ** 2)
+        )
 
     def pressure(self, x, y):
         """Pressure at (x, y) (mm); broadcasts."""
@@ -83,7 +88,12 @@ class Ellipsoid:
         e = self._eccentricity()
         curvature = 1 / (2 * max(self.radius_x, self.radius_y))
         difference = ellipk(e * e) - ellipe(e * e)
-        cube = 1.5 * self.force * difference / (math.pi * self.contact_modulus * e * e * curvature)
+        cube = (
+            1.5
+            * self.force
+            * difference
+            / (math.pi * self.contact_modulus * e * e * curvature)
+        )
         long = cube ** (1 / 3)
         return long, long * math.sqrt(1 - e * e)
 
@@ -140,7 +150,9 @@ def love_rectangle_displacement(x, y, sides, pressure, contact_modulus):
     def corner(a, b):
         return a * np.arcsinh(b / np.abs(a)) + b * np.arcsinh(a / np.abs(b))
 
-    integral = corner(left, top) - corner(left, bottom) - corner(right, top) + corner(right, bottom)
+    integral = (
+        corner(left, top) - corner(left, bottom) - corner(right, top) + corner(right, bottom)
+    )
     return pressure * integral / (math.pi * contact_modulus)
 
 

@@ -79,7 +79,9 @@ class Environment:
         if found.returncode == 0:
             return found.stdout.strip()
         if pyenv := shutil.which("pyenv"):
-            versions = subprocess.run([pyenv, "versions", "--bare"], capture_output=True, text=True)
+            versions = subprocess.run(
+                [pyenv, "versions", "--bare"], capture_output=True, text=True
+            )
             for version in versions.stdout.split():
                 if version.startswith(f"{self.python}."):
                     prefix = subprocess.run(
@@ -94,7 +96,9 @@ class Environment:
             "import importlib.metadata as m, platform; "
             f"print(m.version('{self.module}'), '(Python', platform.python_version() + ')')"
         )
-        done = subprocess.run([self.interpreter(), "-c", script], capture_output=True, text=True)
+        done = subprocess.run(
+            [self.interpreter(), "-c", script], capture_output=True, text=True
+        )
         return done.stdout.strip()
 
 
@@ -102,7 +106,9 @@ def _uv():
     beside = Path(sys.executable).parent / "uv"
     found = str(beside) if beside.exists() else shutil.which("uv")
     if not found:
-        raise UnavailableError("uv is not installed; it comes with the dev extra of this project")
+        raise UnavailableError(
+            "uv is not installed; it comes with the dev extra of this project"
+        )
     return found
 
 

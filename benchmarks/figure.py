@@ -110,10 +110,14 @@ def _growth(axis, rows, key, title):
     for label in dict.fromkeys(row["code"] for row in rows):
         own = [row for row in rows if row["code"] == label]
         sizes = sorted({row["size"] for row in own})
-        means = [statistics.mean(row[key] for row in own if row["size"] == size) for size in sizes]
+        means = [
+            statistics.mean(row[key] for row in own if row["size"] == size) for size in sizes
+        ]
         style = {"color": _colour(label)}
         axis.plot(sizes, means, "o-", ms=3.5, linewidth=1.4, label=label, **style)
-        axis.plot([row["size"] for row in own], [row[key] for row in own], "o", ms=3.5, **style)
+        axis.plot(
+            [row["size"] for row in own], [row[key] for row in own], "o", ms=3.5, **style
+        )
     if rows:
         axis.legend(fontsize=8.5, frameon=False, loc="upper left")
     sizes = sorted({row["size"] for row in rows})

@@ -34,7 +34,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from gstlib.difference import compare_results
+from gst.difference import compare_results
 from gstlib.io.tables import ALL_DIGITS, FEWER_DIGITS, SIGNIFICANT_DIGITS, printed
 
 ROOT = Path(__file__).parents[1]
@@ -51,9 +51,19 @@ def run_study(config: str, cores: int, folder: Path, environment: dict[str, str]
     """Run the study in `folder`; return its results."""
     shutil.copytree(ROOT / "config", folder / "config")
     command = [
-        *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
-        *("--directory", str(folder), "--cores", str(cores), "--quiet", "all"),
-        *("--configfile", str(folder / config)),
+        sys.executable,
+        "-m",
+        "snakemake",
+        "--snakefile",
+        str(ROOT / "Snakefile"),
+        "--directory",
+        str(folder),
+        "--cores",
+        str(cores),
+        "--quiet",
+        "all",
+        "--configfile",
+        str(folder / config),
     ]
     subprocess.run(
         command, cwd=folder, env=os.environ | environment | {ALL_DIGITS: "1"}, check=True
@@ -109,7 +119,9 @@ def main() -> None:
             results[run] = run_study(options.config, cores, folder, environment)
         first, *others = RUNS
         rows = [
-            {"run": run} | row for run in others for row in margins(results[first], results[run])
+            {"run": run} | row
+            for run in others
+            for row in margins(results[first], results[run])
         ]
     table = pd.DataFrame(rows)
     text = table.to_csv(index=False, float_format="%.2g", lineterminator="\n")

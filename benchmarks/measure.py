@@ -72,7 +72,9 @@ def run(code: Code, surface: Surface, levels: dict, tolerance: float) -> Run:
             "record": f"{folder}/record.json",
         }
         Path(folder, "task.json").write_text(json.dumps(task), encoding="utf-8")
-        one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+        one = dict.fromkeys(
+            ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
+        )
         try:
             done = subprocess.run(
                 [python, CODES_FOLDER / f"{code.script}.py", f"{folder}/task.json"],
@@ -167,7 +169,9 @@ class Calibration:
             while not best.reached and len(tried) <= MOST_RUNGS:
                 tolerance, best = tolerance / RUNG, attempt(tolerance / RUNG)
                 tried.append((tolerance, best))
-                stuck = len(tried) > 2 and best.gap_error > LEAST_GAIN * tried[-3][1].gap_error
+                stuck = (
+                    len(tried) > 2 and best.gap_error > LEAST_GAIN * tried[-3][1].gap_error
+                )
                 if stuck and not best.reached:
                     tolerance, best = tried[-3]
                     break
@@ -176,12 +180,16 @@ class Calibration:
         return tolerance, best
 
     def _write(self):
-        rows = [f"{case};{label};{tol:.3g}" for (case, label), tol in sorted(self.known.items())]
+        rows = [
+            f"{case};{label};{tol:.3g}" for (case, label), tol in sorted(self.known.items())
+        ]
         text = "\n".join(["case;code;tolerance", *rows]) + "\n"
         self.path.write_text(text, encoding="utf-8")
 
 
-def measure_case(case: Case, labels, calibration: Calibration, most_repeats: int) -> list[dict]:
+def measure_case(
+    case: Case, labels, calibration: Calibration, most_repeats: int
+) -> list[dict]:
     """Rows of the case's table, one for each code."""
     levels = levels_of(case.surface, case.pressure, case.steps)
     entries = []
@@ -207,7 +215,9 @@ def measure_case(case: Case, labels, calibration: Calibration, most_repeats: int
                     runs.append(run(code, case.surface, levels, tolerance))
                 except RunError as problem:
                     print(f"{code.label}: {problem}", flush=True)
-        print(f"{case.name}: round {number + 1} done at {time.strftime('%H:%M:%S')}", flush=True)
+        print(
+            f"{case.name}: round {number + 1} done at {time.strftime('%H:%M:%S')}", flush=True
+        )
     rows = [row(*entry) for entry in entries if entry[-1]]
     own = next((r["cpu_median"] for r in rows if r["code"] == "gstlib, load"), None)
     for r in rows:

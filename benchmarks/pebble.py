@@ -68,13 +68,23 @@ def marked_region(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     )
     along = upper[0] - upper[1]
     normal = np.cross(along, upper[2] - upper[1])
-    normal *= np.sign(normal @ (upper.mean(axis=0) - lower.mean(axis=0))) / np.linalg.norm(normal)
+    normal *= np.sign(normal @ (upper.mean(axis=0) - lower.mean(axis=0))) / np.linalg.norm(
+        normal
+    )
     along -= along @ normal * normal
-    return (upper.mean(axis=0) + lower.mean(axis=0)) / 2, along / np.linalg.norm(along), normal
+    return (
+        (upper.mean(axis=0) + lower.mean(axis=0)) / 2,
+        along / np.linalg.norm(along),
+        normal,
+    )
 
 
 def square_of(
-    mesh: trimesh.Trimesh, centre: np.ndarray, x: np.ndarray, normal: np.ndarray, size_mm: float
+    mesh: trimesh.Trimesh,
+    centre: np.ndarray,
+    x: np.ndarray,
+    normal: np.ndarray,
+    size_mm: float,
 ) -> xr.Dataset:
     """The mesh's surface over a square about a centre."""
     origin = centre - size_mm / 2 * (x + np.cross(normal, x))
@@ -89,7 +99,9 @@ def square_of(
     )
 
 
-def correlations(surface: xr.DataArray, smooth: xr.DataArray, turn: float) -> tuple[float, Place]:
+def correlations(
+    surface: xr.DataArray, smooth: xr.DataArray, turn: float
+) -> tuple[float, Place]:
     """Best correlation of a turned map with the surface, both levelled, and its place."""
     step = surface.y.attrs["spacing"]
     half = [smooth.sizes[axis] * SPACING_MM / 2 for axis in "yx"]
@@ -108,7 +120,9 @@ def correlations(surface: xr.DataArray, smooth: xr.DataArray, turn: float) -> tu
 
     energy = summed(inside * 1.0, surface.values**2)
     energy -= sum(summed(plane, surface.values) ** 2 for plane in planes)
-    found = summed(map_, surface.values) / np.sqrt((map_**2).sum() * np.maximum(energy, 1e-12))
+    found = summed(map_, surface.values) / np.sqrt(
+        (map_**2).sum() * np.maximum(energy, 1e-12)
+    )
     row, column = np.unravel_index(found.argmax(), found.shape)
     centre = surface.y.values[row + reach], surface.x.values[column + reach]
     return float(found.max()), Place(*map(float, centre), turn)
@@ -125,7 +139,9 @@ def under(spline: RectBivariateSpline, place: Place, shape: tuple[int, ...]) -> 
     return spline.ev(*place.points(v[:, None], u))
 
 
-def refined(surface: xr.DataArray, heights: xr.DataArray, start: Place) -> tuple[float, Place]:
+def refined(
+    surface: xr.DataArray, heights: xr.DataArray, start: Place
+) -> tuple[float, Place]:
     """The same at any place and turn, from a good start."""
     spline, level = spline_of(surface), remove_plane(smoothed(heights))[0]
 
@@ -135,7 +151,10 @@ def refined(surface: xr.DataArray, heights: xr.DataArray, start: Place) -> tuple
 
     steps = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0], [0, 0, 2.0]])
     best = minimize(
-        mismatch, start, method="Nelder-Mead", options={"initial_simplex": np.array(start) + steps}
+        mismatch,
+        start,
+        method="Nelder-Mead",
+        options={"initial_simplex": np.array(start) + steps},
     )
     return -float(best.fun), Place(*map(float, best.x))
 
@@ -156,7 +175,11 @@ def find_map(surface: xr.DataArray, stored: xr.DataArray) -> tuple[xr.DataArray,
     table = pd.DataFrame(rows, columns=["look", "correlation", "place"])
     best = table.loc[table.correlation.idxmax()]
     shown = table.join(pd.DataFrame(table.pop("place").tolist()))
-    print(f"where the map lies on {WIDE_MM:g} mm:", shown.round(3).to_string(index=False), sep="\n")
+    print(
+        f"where the map lies on {WIDE_MM:g} mm:",
+        shown.round(3).to_string(index=False),
+        sep="\n",
+    )
     return looks[best.look], best.place
 
 
@@ -182,7 +205,11 @@ def cut(heights: xr.DataArray, place: Place) -> tuple[dict[str, xr.DataArray], p
 
 
 def planes_table(
-    surface: xr.DataArray, heights: xr.DataArray, place: Place, scans: dict, patches: pd.DataFrame
+    surface: xr.DataArray,
+    heights: xr.DataArray,
+    place: Place,
+    scans: dict,
+    patches: pd.DataFrame,
 ) -> tuple[xr.DataArray, pd.DataFrame]:
     """The map laid on the mesh as a whole, and planes of its patches by the mesh and by the map."""
     spline = spline_of(surface)
@@ -191,7 +218,9 @@ def planes_table(
     whole = heights - beyond.heights(heights)
     rows = []
     for patch, at in places_of(patches).items():
-        v, u = Place(0, 0, -place.rotation_deg).points(at.y_mm - place.y_mm, at.x_mm - place.x_mm)
+        v, u = Place(0, 0, -place.rotation_deg).points(
+            at.y_mm - place.y_mm, at.x_mm - place.x_mm
+        )
         own, mesh = remove_plane(scans[patch])[1], plane_under(spline, at, PATCH_MM)
         offset = own.offset - beyond.offset - beyond.slope_y * v - beyond.slope_x * u
         slopes = own.slope_y - beyond.slope_y, own.slope_x - beyond.slope_x
@@ -201,13 +230,17 @@ def planes_table(
         f"mesh and map differ by {1e3 * difference.std():.1f} µm r.m.s., smoothed map by "
         f"{1e3 * (remove_plane(smoothed(whole) - below)[0].values).std():.1f} µm"
     )
-    names = [f"{of}_{name}" for of in ("mesh", "map") for name in ("offset", "slope_y", "slope_x")]
+    names = [
+        f"{of}_{name}" for of in ("mesh", "map") for name in ("offset", "slope_y", "slope_x")
+    ]
     return whole, pd.DataFrame(rows, columns=["patch", *names])
 
 
 def planes_agree(planes: pd.DataFrame, composite: xr.Dataset) -> None:
     """Print how far the planes of mesh and map agree."""
-    mesh, map_ = (1e3 * planes[[f"{of}_slope_y", f"{of}_slope_x"]].values for of in ("mesh", "map"))
+    mesh, map_ = (
+        1e3 * planes[[f"{of}_slope_y", f"{of}_slope_x"]].values for of in ("mesh", "map")
+    )
     errors, shared = mesh - map_, (mesh - map_).mean(axis=0)
     print(
         f"slopes: map {np.sqrt((map_**2).mean()):.1f} mrad r.m.s. along each axis, "
@@ -241,7 +274,9 @@ def scored(
         of_variant = {variant: each.items() for variant, each in solved.items()}
         return two_scales_table(of_variant, against.isel(draw=draws), rim=rim)
 
-    each = np.array([table(slice(draw, draw + 1)).f1 for draw in range(against.sizes["draw"])])
+    each = np.array(
+        [table(slice(draw, draw + 1)).f1 for draw in range(against.sizes["draw"])]
+    )
     pooled = table(slice(None))
     return pooled.assign(lowest=np.fmin.reduce(each), highest=np.fmax.reduce(each))
 
@@ -317,7 +352,8 @@ def main() -> None:
     correlation, place = refined(surface.height, heights, start)
     print(f"refined: r = {correlation:.4f}, {place}")
     sq, error = (
-        1e3 * float(np.sqrt((of**2).mean())) for of in (surface.height, surface.left_out_error)
+        1e3 * float(np.sqrt((of**2).mean()))
+        for of in (surface.height, surface.left_out_error)
     )
     print(
         f"square: Sq {sq:.1f} µm, {surface.height.attrs}, vertices left out err by {error:.1f} µm"
@@ -342,23 +378,34 @@ def main() -> None:
     names = ["tilt_mrad", "tilt_error_mrad", "known"]
     print("planes, µm and mrad:")
     print(
-        (planes.set_index("patch") * 1e3).join(composite[names].to_dataframe()).round(1).to_string()
+        (planes.set_index("patch") * 1e3)
+        .join(composite[names].to_dataframe())
+        .round(1)
+        .to_string()
     )
     planes_agree(planes, composite)
-    print(place_patches(surface, patches, level, patch_mm=PATCH_MM).round(2).to_string(index=False))
+    print(
+        place_patches(surface, patches, level, patch_mm=PATCH_MM)
+        .round(2)
+        .to_string(index=False)
+    )
 
     by_mesh, *contacts = (
         contact_at_pressure(each[["height"]], source="square", tolerance=1e-9, **load)
         for each in (surface, *composites)
     )
-    pressures = couple_scales(contacts[0], by_mesh, patches, patch_mm=PATCH_MM).set_index("patch")
+    pressures = couple_scales(contacts[0], by_mesh, patches, patch_mm=PATCH_MM).set_index(
+        "patch"
+    )
     drawn = [
-        couple_scales(each, by_mesh, patches, patch_mm=PATCH_MM).pressure_MPa for each in contacts
+        couple_scales(each, by_mesh, patches, patch_mm=PATCH_MM).pressure_MPa
+        for each in contacts
     ]
     for statistic in (np.mean, np.min, np.max):
         pressures[f"composite, {statistic.__name__} of draws"] = statistic(drawn, axis=0)
     by_map = {
-        name: ("patch", planes[f"map_{name}"].values) for name in ("offset", "slope_y", "slope_x")
+        name: ("patch", planes[f"map_{name}"].values)
+        for name in ("offset", "slope_y", "slope_x")
     }
     variants = {"mesh's planes": composite, "map's planes": composite.assign(by_map)}
     reference = {}
@@ -373,21 +420,29 @@ def main() -> None:
         reference[name] = patches_of_reference(solved, places_of(patches), scan)
         each = reference[name].pressure
         for statistic in ("mean", "min", "max"):
-            pressures[f"reference on {name}, {statistic}"] = getattr(each, statistic)("draw").values
+            pressures[f"reference on {name}, {statistic}"] = getattr(each, statistic)(
+                "draw"
+            ).values
     shown = pressures.drop(columns=["x_mm", "y_mm", "rotation_deg", "force_N"])
     print("pressures, MPa:", shown.round(2).T.to_string(), sep="\n")
 
     scores = []
     for name, against in reference.items():
         at_own = {"levelled": pressures.mesh_pressure_MPa, "placed": pressures.pressure_MPa}
-        at_reference = {variant: against.pressure.mean("draw").to_series() for variant in at_own}
+        at_reference = {
+            variant: against.pressure.mean("draw").to_series() for variant in at_own
+        }
         for which, by_variant in (("own", at_own), ("reference", at_reference)):
             solved = {"levelled": {}, "placed": {}}
             for patch, scan in level.items():
-                faces = levelled_patch(scan.to_dataset(name="height"), None, s_filter_um=s_filter)
+                faces = levelled_patch(
+                    scan.to_dataset(name="height"), None, s_filter_um=s_filter
+                )
                 placed = place_patch(faces, composite, contacts[0], patch)
                 for variant, each in (("levelled", faces), ("placed", placed)):
-                    solved[variant][patch] = pressed(each, modulus, by_variant[variant][patch])
+                    solved[variant][patch] = pressed(
+                        each, modulus, by_variant[variant][patch]
+                    )
             for rim in (config["validation"]["rim"], 0.0):
                 table = scored(solved, against, rim)
                 scores.append(table.assign(planes=name, pressure=which, rim=rim))

@@ -35,7 +35,9 @@ class Surface:
 
     @property
     def name(self):
-        return f"{self.kind}-{self.size}" + (f"-seed{self.seed}" if self.kind == "rough" else "")
+        return f"{self.kind}-{self.size}" + (
+            f"-seed{self.seed}" if self.kind == "rough" else ""
+        )
 
     @property
     def spacing(self):
@@ -62,5 +64,7 @@ class Surface:
         path = SCRATCH / f"{self.name}-{hashlib.sha256(recipe).hexdigest()[:8]}.npz"
         if not path.exists():
             SCRATCH.mkdir(exist_ok=True)
-            np.savez(path, heights=self.heights(), spacing=self.spacing, contact_modulus=MODULUS)
+            np.savez(
+                path, heights=self.heights(), spacing=self.spacing, contact_modulus=MODULUS
+            )
         return path

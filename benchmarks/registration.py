@@ -213,7 +213,9 @@ def ecc(t0, t1):
         else:
             a, b, mask = detail(t0) * 1e3, detail(t1) * 1e3, np.ones(t1.shape, dtype=np.uint8)
         a, b = a.astype(np.float32), b.astype(np.float32)
-        _, warp = cv2.findTransformECC(a, b, warp, cv2.MOTION_EUCLIDEAN, stop, mask, smoothing)
+        _, warp = cv2.findTransformECC(
+            a, b, warp, cv2.MOTION_EUCLIDEAN, stop, mask, smoothing
+        )
         pose = from_matrix(np.vstack([warp, [0, 0, 1]]).astype(float), centre)
     return pose
 
@@ -292,7 +294,10 @@ def measure(label, method, condition, case, size):
     """One pair of scans, laid by chance; the same for every method."""
     rng = np.random.default_rng([case, *condition.encode()])
     way, share, turn_deg = rng.uniform([0, 0, -TURN], [2 * math.pi, SHIFT, TURN])
-    shift, turn = share * size * np.array([math.sin(way), math.cos(way)]), math.radians(turn_deg)
+    shift, turn = (
+        share * size * np.array([math.sin(way), math.cos(way)]),
+        math.radians(turn_deg),
+    )
     t0, t1 = scans(size, shift=shift, turn=turn, seed=case, **CONDITIONS[condition])
     start = time.process_time()
     try:

@@ -29,7 +29,7 @@ from pathlib import Path
 import pandas as pd
 import yaml
 
-from gstlib.io.patches import read_patches
+from gst.patches import read_patches
 from gstlib.specimen import pebble, scanning
 from gstlib.specimen.generate import generate_specimen
 from gstlib.specimen.randomness import SpecimenParameters
@@ -64,7 +64,8 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
         "specimen": None,
         "inputs": {"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"},
         "square": {"size_mm": float(side), "points_mm": corners},
-        "macroscale": tiny["macroscale"] | {"grid": GRID * side, "maximum_displacement_um": 2000.0},
+        "macroscale": tiny["macroscale"]
+        | {"grid": GRID * side, "maximum_displacement_um": 2000.0},
         "selection": {"minimum_pressure_MPa": 0.01, "minimum_overlap": 0.1},
         "hardness": 5000.0,
     }
@@ -97,8 +98,16 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
 def snakemake(folder: Path, *arguments: str) -> tuple[dict[str, float], str]:
     """Run Snakemake there; how it went (wall and CPU s, peak MB), and what it said."""
     command = [
-        *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
-        *("--directory", str(folder), *arguments, "--configfile", str(folder / CONFIG)),
+        sys.executable,
+        "-m",
+        "snakemake",
+        "--snakefile",
+        str(ROOT / "Snakefile"),
+        "--directory",
+        str(folder),
+        *arguments,
+        "--configfile",
+        str(folder / CONFIG),
     ]
     start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     process = subprocess.Popen(
@@ -169,7 +178,9 @@ def measure(patches: int, cores: int, *, in_full: bool) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--patches", type=int, nargs="+", default=[25, 250, 2500])
-    parser.add_argument("--run", type=int, default=250, help="most patches of a study that is run")
+    parser.add_argument(
+        "--run", type=int, default=250, help="most patches of a study that is run"
+    )
     parser.add_argument("--cores", type=int, default=2)
     parser.add_argument("--output", type=Path, default=ROOT / "benchmarks/results/scale.csv")
     options = parser.parse_args()

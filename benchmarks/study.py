@@ -83,9 +83,19 @@ def run_study(config: str, cores: int, folder: Path) -> tuple[float, Path, dict[
     (hook / "sitecustomize.py").write_text(NOTE_USE)
     path = os.pathsep.join(filter(None, [str(hook), os.environ.get("PYTHONPATH")]))
     command = [
-        *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
-        *("--directory", str(folder), "--cores", str(cores), "--quiet", "all"),
-        *("--configfile", str(folder / config)),
+        sys.executable,
+        "-m",
+        "snakemake",
+        "--snakefile",
+        str(ROOT / "Snakefile"),
+        "--directory",
+        str(folder),
+        "--cores",
+        str(cores),
+        "--quiet",
+        "all",
+        "--configfile",
+        str(folder / config),
     ]
     start = time.perf_counter()
     subprocess.run(

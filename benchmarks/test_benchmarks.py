@@ -20,7 +20,10 @@ def test_kernel_is_the_integral_over_the_element(row, column):
     half = SPACING / 2
     integral, _ = dblquad(
         lambda x, y: 1 / np.hypot(row * SPACING - y, column * SPACING - x),
-        *(-half, half, -half, half),
+        -half,
+        half,
+        -half,
+        half,
         epsabs=1e-14,
     )
     value = kernel((4, 4), SPACING, MODULUS)[row, column]

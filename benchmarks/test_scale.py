@@ -3,9 +3,9 @@
 import pytest
 from scale import CONFIG, write_study
 
-from gstlib.checking import check_study
-from gstlib.config import config_problems, read_config
-from gstlib.io.patches import read_patches
+from gst.checking import check_study
+from gst.config import config_problems, read_config
+from gst.patches import read_patches
 from gstlib.specimen import pebble, scanning
 
 
@@ -27,7 +27,9 @@ def test_study_is_valid(tmp_path, monkeypatch, patches):
 
 def test_its_files_can_be_read(tmp_path, monkeypatch, capsys):
     for module, name in ((pebble, "_CONCAVITY_MM"), (scanning, "_POOR_SHARE")):
-        monkeypatch.setattr(module, name, getattr(module, name))  # they are changed, and put back
+        monkeypatch.setattr(
+            module, name, getattr(module, name)
+        )  # they are changed, and put back
     write_study(9, tmp_path, scans=True)
     monkeypatch.chdir(tmp_path)
     check_study(CONFIG)

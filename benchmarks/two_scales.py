@@ -17,9 +17,9 @@ import trimesh
 import xarray as xr
 import yaml
 
-from gstlib.config import contact_moduli
+from gst.patches import read_patches
+from gstlib.contact import contact_moduli
 from gstlib.coupling import places_of
-from gstlib.io.patches import read_patches
 from gstlib.placement import ALL
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.reference import patches_of_reference, two_scales_table
@@ -69,7 +69,9 @@ def trial(
 ) -> pd.DataFrame:
     """Every patch of one specimen with one set of errors, by variant."""
     config = {
-        key: base[key] | TRIALS[name].get(key, {}) if isinstance(base[key], dict) else base[key]
+        key: base[key] | TRIALS[name].get(key, {})
+        if isinstance(base[key], dict)
+        else base[key]
         for key in base
     }
     parameters = SpecimenParameters(**config["specimen"])
@@ -84,7 +86,9 @@ def trial(
         read_scan=lambda patch, epoch: scans[patch],
         worn=[],
     )
-    reference = patches_of_reference([pressure], places_of(places), next(iter(scans.values())))
+    reference = patches_of_reference(
+        [pressure], places_of(places), next(iter(scans.values()))
+    )
 
     def pressed(variant: str) -> Iterator[tuple[str, xr.Dataset]]:
         for patch in patches.patch:
@@ -138,7 +142,11 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     for (trial_name, variant), group in rows.groupby(["trial", "variant"], sort=False):
         patches = group[group.patch != ALL]
         size = patches.groupby("seed")
-        hits = (patches.contact_fraction * patches.precision.fillna(0)).groupby(patches.seed).sum()
+        hits = (
+            (patches.contact_fraction * patches.precision.fillna(0))
+            .groupby(patches.seed)
+            .sum()
+        )
         marked = size.contact_fraction.sum() + size.reference_contact_fraction.sum()
         counts = np.stack([2 * hits, marked], axis=1)
         drawn = counts[generator.integers(0, len(counts), (9999, len(counts)))].sum(axis=1)
@@ -164,7 +172,9 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
             errors = [known[f"slope_{axis}"] - known[f"true_slope_{axis}"] for axis in "yx"]
             row["tilt_error_mrad"] = 1e3 * np.sqrt(np.mean(np.square(errors)))
             row["stated_tilt_error_mrad"] = np.sqrt((known.tilt_error_mrad**2).mean())
-            limited = patches.dropna(subset="low_MPa") if "low_MPa" in patches else patches[:0]
+            limited = (
+                patches.dropna(subset="low_MPa") if "low_MPa" in patches else patches[:0]
+            )
             if len(limited):
                 true = limited.reference_pressure_MPa
                 row["held"] = true.between(limited.low_MPa, limited.high_MPa).mean()

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import yaml
 
+from gst.figures.macroscale import exposure_figure
+from gst.figures.style import save_figure
+from gst.patches import read_patches
 from gstlib.contact import contact_at_pressure, faces_of
-from gstlib.figures.macroscale import exposure_figure
-from gstlib.figures.style import save_figure
 from gstlib.gesture import exposure, exposure_table, make_poses, pose_shifts, press_poses
 from gstlib.io.meshes import read_mesh
-from gstlib.io.patches import read_patches
 from gstlib.study import couple_scales, grid_macroscale
 
 ROOT = Path(__file__).parents[1]
@@ -27,7 +27,9 @@ def main() -> None:
     config = yaml.safe_load((ROOT / "config/pebble.yaml").read_text())
     size = config["square"]["size_mm"]
     patches = read_patches(ROOT / config["patches"], size_mm=size, patch_size_mm=PATCH_MM)
-    pebble, rock = (read_mesh(ROOT / file, unit="mm") for file in (config["inputs"]["mesh"], ROCK))
+    pebble, rock = (
+        read_mesh(ROOT / file, unit="mm") for file in (config["inputs"]["mesh"], ROCK)
+    )
     x, y, _ = rock.bounds.mean(axis=0) - size / 2
     corners = [[x, y, 0.0], [x + size, y, 0.0], [x, y + size, 0.0]]
     surface = grid_macroscale(
@@ -37,7 +39,12 @@ def main() -> None:
         margin_mm=1.0,
         interpolation="linear",
         source="pebble",
-        counterface={"mesh": rock, "pose": {"points_mm": corners}, "reach_mm": 3.0, "source": ROCK},
+        counterface={
+            "mesh": rock,
+            "pose": {"points_mm": corners},
+            "reach_mm": 3.0,
+            "source": ROCK,
+        },
     )
     poses = make_poses({"poses": 100, "stroke_mm": 6.0}, pressure_MPa=PRESSURE_MPA, seed=1)
     settings = {"contact_modulus_MPa": MODULUS_MPA, "tolerance": 1e-9}

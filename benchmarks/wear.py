@@ -39,7 +39,9 @@ def main() -> None:
 
     path, sinking, pressure, convolutions = worn(), heights.copy(), None, 0
     for _ in range(EXPLICIT):
-        state = solve_contact(sinking, *elastic, mean_pressure=PRESSURE, initial_pressure=pressure)
+        state = solve_contact(
+            sinking, *elastic, mean_pressure=PRESSURE, initial_pressure=pressure
+        )
         pressure = state.pressure
         sinking -= LOSS / EXPLICIT / PRESSURE * pressure
         convolutions += state.convolutions

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import yaml
+from power import specimen_studies
 
-from gstlib.io.patches import read_patches
-from gstlib.power import specimen_studies
+from gst.patches import read_patches
+from gst.sweep import merged
 from gstlib.specimen.stone import WEAR_LAWS
 from gstlib.study import Study, fit_mat, predict_wear
-from gstlib.sweep import merged
 from gstlib.validation.wear_scores import wear_table
 
 ROOT = Path(__file__).parents[1]
@@ -43,7 +43,9 @@ TRIALS: dict[str, dict] = {
 RIVALS = "archard", "pressure", "uniform", "truncation"
 
 
-def trial(name: str, config: dict, patches: pd.DataFrame, seed: int, kept: dict) -> pd.DataFrame:
+def trial(
+    name: str, config: dict, patches: pd.DataFrame, seed: int, kept: dict
+) -> pd.DataFrame:
     """Rows of ``wear.csv`` of one specimen; `kept` passes on its scans and their changes."""
     config = merged(config, TRIALS[name])
     ((_, study),) = specimen_studies(config, patches, seed, ["summits"])
@@ -88,7 +90,9 @@ def out_of_contact(seed: int) -> pd.DataFrame:
     rows = []
     for law, study in specimen_studies(config, worn_patches(config), seed, WEAR_LAWS):
         table, *_ = study.wear(seed=1, resamples=99)
-        wide = table.pivot(index="patch", columns="model", values="rms_out_of_contact_um").dropna()
+        wide = table.pivot(
+            index="patch", columns="model", values="rms_out_of_contact_um"
+        ).dropna()
         rows.append((seed, law, 1 - wide["mat"].sum() / wide["archard"].sum()))
     return pd.DataFrame(rows, columns=["seed", "worn_by", "gain"])
 
@@ -161,7 +165,9 @@ def main() -> None:
         for name in options.trials:
             if rows is not None and ((rows.seed == seed) & (rows.trial == name)).any():
                 continue
-            rows = pd.concat([rows, trial(name, config, patches, seed, kept)], ignore_index=True)
+            rows = pd.concat(
+                [rows, trial(name, config, patches, seed, kept)], ignore_index=True
+            )
             rows.to_csv(options.rows, index=False)
             print(f"seed {seed}, {name}: done", flush=True)
     table = summary(rows)

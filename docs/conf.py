@@ -17,7 +17,9 @@ exclude_patterns = [".*", "build", "results*"]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 myst_heading_anchors = 3
 highlight_language = "none"  # equations stand in blocks of plain text
-default_role = "py:obj"  # names in the docstrings' single backticks are links; those that begin
+default_role = (
+    "py:obj"  # names in the docstrings' single backticks are links; those that begin
+)
 nitpicky = True  # with gstlib have to lead somewhere
 nitpick_ignore_regex = [("py:class", ".*"), ("py:.*", r"(?!gstlib\.).*")]
 numpydoc_show_class_members = False
@@ -33,7 +35,9 @@ SCRIPT = re.compile(r"^\[(gallery/(\w+)\.py)\].*\n", re.M)
 
 def with_contents(found):
     """A list of documents, and the part of the navigation that it is."""
-    entries = re.sub(r"^- \[(.*?)\]\((.*?)\.md\).*\n(?: .*\n)*", r"\1 <\2>\n", found[2], flags=re.M)
+    entries = re.sub(
+        r"^- \[(.*?)\]\((.*?)\.md\).*\n(?: .*\n)*", r"\1 <\2>\n", found[2], flags=re.M
+    )
     return f"{found[0]}\n```{{toctree}}\n:caption: {found[1]}\n:hidden:\n\n{entries}```\n"
 
 
@@ -42,7 +46,9 @@ def with_results(found):
     folder, script = ROOT / "build/gallery", ROOT / "docs" / found[1]
     folder.mkdir(parents=True, exist_ok=True)
     run = [sys.executable, str(script)]
-    printed = subprocess.run(run, cwd=folder, check=True, stdout=subprocess.PIPE, text=True).stdout
+    printed = subprocess.run(
+        run, cwd=folder, check=True, stdout=subprocess.PIPE, text=True
+    ).stdout
     code = script.read_text(encoding="utf-8")
     picture = f"![What {script.name} draws](/build/gallery/{found[2]}.png)"
     return f"{found[0]}\n```python\n{code}```\n\nprints\n\n```\n{printed}```\n\n{picture}\n"

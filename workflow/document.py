@@ -13,8 +13,8 @@ from pathlib import Path
 import click
 import yaml
 
-from gstlib.cli import main as gst
-from gstlib.config import resolved
+from gst.cli import main as gst
+from gst.config import resolved
 
 ROOT = Path(__file__).parents[1]
 # A comment that begins with ASSUME, and the comment lines that continue it.
@@ -30,7 +30,12 @@ def keys(node: dict, schema: dict, prefix: str = "") -> Iterator[tuple[str, str,
         for name, part in section.get("properties", {}).items():
             full = resolved(part, schema)
             default = "required" if name in section.get("required", []) else default_of(full)
-            yield f"{prefix}{name}", allowed(full, schema), default, full.get("description", "")
+            yield (
+                f"{prefix}{name}",
+                allowed(full, schema),
+                default,
+                full.get("description", ""),
+            )
             yield from keys(full, schema, f"{prefix}{name}.")
 
 
@@ -53,7 +58,9 @@ def allowed(node: dict, schema: dict) -> str:
     if "enum" in node:
         return ", ".join("null" if value is None else str(value) for value in node["enum"])
     kinds = node["type"] if isinstance(node["type"], list) else [node["type"]]
-    kind = " or ".join({"string": "text", "object": "section"}.get(kind, kind) for kind in kinds)
+    kind = " or ".join(
+        {"string": "text", "object": "section"}.get(kind, kind) for kind in kinds
+    )
     if kind == "array":
         count = f"{node['minItems']} " if "maxItems" in node else ""
         return f"list of {count}" + re.sub(r"^(\w+)", r"\1s", allowed(node["items"], schema))
@@ -104,7 +111,9 @@ def main() -> None:
             for name in ("config", "patches")
         },
         "docs/assumptions.md": {"assumptions": "\n".join(assumptions())},
-        "docs/reference.md": {"commands": "\n\n".join(f"```\n{text}\n```" for text in commands())},
+        "docs/reference.md": {
+            "commands": "\n\n".join(f"```\n{text}\n```" for text in commands())
+        },
     }
     stale = []
     for name, parts in documents.items():

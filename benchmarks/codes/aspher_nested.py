@@ -20,7 +20,9 @@ def solve(problem, task):
     if task.variant == "warm":
         results = path(gap, problem, task)
     else:
-        results = [nested(gap, level, problem, task, NESTED[task.variant]) for level in task.levels]
+        results = [
+            nested(gap, level, problem, task, NESTED[task.variant]) for level in task.levels
+        ]
     return {
         "pressure": [np.asarray(result.pressure) * problem.modulus for result in results],
         "iterations": sum(result.iterations for result in results),

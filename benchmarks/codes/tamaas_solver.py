@@ -16,7 +16,9 @@ def solve(problem, task):
     tamaas.initialize(task.threads)
     heights = problem.heights
     sizes = [n * problem.spacing for n in heights.shape]
-    model = tamaas.ModelFactory.createModel(tamaas.model_type.basic_2d, sizes, list(heights.shape))
+    model = tamaas.ModelFactory.createModel(
+        tamaas.model_type.basic_2d, sizes, list(heights.shape)
+    )
     model.E, model.nu = problem.modulus, 0.0
     tamaas.ModelFactory.registerNonPeriodic(model, "dcfft")
     # Two convolutions an iteration, as the method has it; its interface offers no counter.

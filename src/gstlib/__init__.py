@@ -5,12 +5,5 @@ The method is that of M. R. Marulli, G. Sorrentino and M. Paggi, *Multi-scale co
 framework for upper palaeolithic ground stone tools*, J. Archaeol. Sci. Rep. (2024) 104939.
 """
 
-from pathlib import Path
-
-__all__ = ["ROOT", "__version__"]
+__all__ = ["__version__"]
 __version__ = "0.1.0"
-
-# Where Snakefile, workflow, config and profiles are: in the package once it is installed, beside
-# `src` in a clone of the project.
-_INSTALLED = Path(__file__).parent / "shipped"
-ROOT = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[2]

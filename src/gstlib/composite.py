@@ -195,7 +195,9 @@ def compose_grid(
     return height.copy(data=means)
 
 
-def draw_mesh_errors(surface: xr.Dataset, draws: int, generator: np.random.Generator) -> np.ndarray:
+def draw_mesh_errors(
+    surface: xr.Dataset, draws: int, generator: np.random.Generator
+) -> np.ndarray:
     """Errors (draws, ny, nx), mm, that the mesh's surface may have.
 
     At each vertex its left-out error times a normal number, linear between vertices.

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import ContactError, ContactState, load_path, solve_contact
+from gstlib.bem import ContactError, ContactState, contact_modulus, load_path, solve_contact
 from gstlib.errors import InputError
 from gstlib.preprocess.leveling import Plane
 from gstlib.surface import spacing_of
@@ -23,6 +23,7 @@ from gstlib.surface import spacing_of
 __all__ = [
     "check_grid",
     "contact_at_pressure",
+    "contact_moduli",
     "contact_path",
     "faces_of",
     "hardness_dataset",
@@ -34,6 +35,7 @@ __all__ = [
     "slip_dataset",
     "slip_summary",
     "solved",
+    "study_poisson",
     "turned_over",
 ]
 
@@ -70,7 +72,10 @@ _VARIABLES = {
     "mean_pressure": ("MPa", "mean pressure"),
     "contact_fraction": ("1", "real over nominal contact area"),
     "stiffness": ("MPa/mm", "contact stiffness"),
-    "interface_stiffness": ("MPa/mm", "contact stiffness without the cut-out's own compliance"),
+    "interface_stiffness": (
+        "MPa/mm",
+        "contact stiffness without the cut-out's own compliance",
+    ),
     "ceiling_share": ("1", "share of the contact at the ceiling"),
     "residual": ("1", "largest violation of contact conditions"),
     "traction": ("MPa", "tangential traction along the load"),
@@ -130,7 +135,11 @@ def contact_path(
         target_pressure_MPa=target_pressure_MPa,
         tolerance=tolerance,
     )
-    options = {"target_pressure": target_pressure_MPa, "steps": steps, "keep_states": every_step}
+    options = {
+        "target_pressure": target_pressure_MPa,
+        "steps": steps,
+        "keep_states": every_step,
+    }
     path = solved(load_path, contact, source, **options)
     needed_um = path.final.displacement * 1e3
     if needed_um > maximum_displacement_um:
@@ -144,11 +153,14 @@ def contact_path(
         logging.getLogger("gstlib").warning(
             "%s: %.0f %% of the surface touches, of which a rough stone is far: check the unit of "
             "its heights, the target pressure and the elastic constants",
-            *(source, 100 * touching),
+            source,
+            100 * touching,
         )
     fields = {name: getattr(path.final, name) for name in _FIELDS}
     if every_step:
-        fields = {name: np.stack([getattr(at, name) for at in path.states]) for name in _FIELDS}
+        fields = {
+            name: np.stack([getattr(at, name) for at in path.states]) for name in _FIELDS
+        }
     curve = {name: getattr(path, name) for name in (*_NUMBERS, "stiffness")}
     contact = contact.assign_coords(step=np.arange(1, steps + 1))
     return contact.assign(_variables(fields | curve))
@@ -263,7 +275,11 @@ def pressed_height(contact: xr.Dataset) -> xr.DataArray:
 
 
 def turned_over(
-    counterface: xr.DataArray, patch: xr.DataArray, *, source: str | Path, patch_source: str | Path
+    counterface: xr.DataArray,
+    patch: xr.DataArray,
+    *,
+    source: str | Path,
+    patch_source: str | Path,
 ) -> xr.DataArray:
     """Heights of the active stone's own face where it is pressed on a patch.
 
@@ -291,9 +307,12 @@ def check_grid(
     Each is given as ((ny, nx), (dy, dx)): shape and spacing, mm.
     """
     (shape, spacing), (patch_shape, patch_spacing) = counterface, patch
-    if shape != patch_shape or not np.allclose(spacing, patch_spacing, rtol=_SAME_SPACING, atol=0):
+    if shape != patch_shape or not np.allclose(
+        spacing, patch_spacing, rtol=_SAME_SPACING, atol=0
+    ):
         own, other = (
-            f"{n[1]} × {n[0]} points every {s[1]:g} × {s[0]:g} mm" for n, s in (counterface, patch)
+            f"{n[1]} × {n[0]} points every {s[1]:g} × {s[0]:g} mm"
+            for n, s in (counterface, patch)
         )
         raise InputError(
             source,
@@ -327,7 +346,7 @@ def slip_dataset(
     tangential_ratio : float
         Q/μP, from 0 (nothing slips) to 1 (everything does).
     poisson : float
-        Poisson's ratio of the two bodies taken as alike, see `gstlib.config.study_poisson`.
+        Poisson's ratio of the two bodies taken as alike, see `gst.config.study_poisson`.
 
     Returns
     -------
@@ -347,7 +366,10 @@ def slip_dataset(
     """
     pressure, mean_pressure = contact.pressure.values, float(contact.mean_pressure[-1])
     remaining = 1 - tangential_ratio
-    load = {"mean_pressure": remaining * mean_pressure, "initial_pressure": remaining * pressure}
+    load = {
+        "mean_pressure": remaining * mean_pressure,
+        "initial_pressure": remaining * pressure,
+    }
     reduced = solved(solve_contact, contact, source, **load)
     traction = friction * (pressure - reduced.pressure)
     stick = reduced.contact & (pressure > 0)
@@ -364,7 +386,11 @@ def slip_dataset(
     return xr.Dataset(
         _variables(found),
         coords={"y": contact.y, "x": contact.x},
-        attrs={"friction": friction, "tangential_ratio": tangential_ratio, "poisson": poisson},
+        attrs={
+            "friction": friction,
+            "tangential_ratio": tangential_ratio,
+            "poisson": poisson,
+        },
     )
 
 
@@ -383,7 +409,9 @@ def slip_summary(slip: xr.Dataset) -> dict[str, float]:
     }
 
 
-def hardness_dataset(contact: xr.Dataset, *, source: str | Path, hardness_MPa: float) -> xr.Dataset:
+def hardness_dataset(
+    contact: xr.Dataset, *, source: str | Path, hardness_MPa: float
+) -> xr.Dataset:
     """A solved contact solved again with a ceiling on its pressure, at the same mean pressure.
 
     An elastic solution puts pressures on the summits of a stone that far exceed what any stone
@@ -398,7 +426,10 @@ def hardness_dataset(contact: xr.Dataset, *, source: str | Path, hardness_MPa: f
         depth of the yield; ``displacement`` mm, ``mean_pressure`` MPa, ``contact_fraction``,
         ``ceiling_share`` (of the contact) and ``residual``.
     """
-    load = {"mean_pressure": contact.attrs["target_pressure_MPa"], "pressure_limit": hardness_MPa}
+    load = {
+        "mean_pressure": contact.attrs["target_pressure_MPa"],
+        "pressure_limit": hardness_MPa,
+    }
     state = solved(solve_contact, contact, source, **load)
     limited = xr.Dataset(
         _state_variables(state, "ceiling_share"),
@@ -441,7 +472,9 @@ def solved(solve: Callable, contact: xr.Dataset, source: str | Path, **options):
         found = solve(height.values, spacing_of(height), modulus, **options)
     except ContactError as error:
         raise InputError(
-            source, f"its contact could not be solved: {error}", "Look at the surface's figure."
+            source,
+            f"its contact could not be solved: {error}",
+            "Look at the surface's figure.",
         ) from error
     state = getattr(found, "final", found)
     _log.info(
@@ -464,9 +497,39 @@ def _variables(values: Mapping) -> dict[str, tuple]:
     variables = {}
     for name, value in values.items():
         units, long_name = _VARIABLES[name]
-        variables[name] = _DIMS[np.ndim(value)], value, {"units": units, "long_name": long_name}
+        variables[name] = (
+            _DIMS[np.ndim(value)],
+            value,
+            {"units": units, "long_name": long_name},
+        )
     return variables
 
 
 def _share(part: int, whole: int) -> float:
     return part / whole if whole else math.nan
+
+
+def contact_moduli(material: Mapping) -> tuple[float, float | None]:
+    """The contact modulus (MPa) of the study, and another that its elastic constants give.
+
+    The second is None where the config leaves the first to the elastic constants.
+    """
+    names = ("young_1_MPa", "poisson_1", "young_2_MPa", "poisson_2")
+    standard = contact_modulus(*(material[name] for name in names))
+    given = material["contact_modulus_MPa"]
+    return (standard, None) if given is None else (float(given), standard)
+
+
+def study_poisson(material: Mapping) -> float:
+    """Poisson's ratio of two like stones as compliant tangentially as the study's two are.
+
+    The mean of both ratios weighted by the stones' shear compliance 1/G = 2 (1 + ν)/E: with it,
+    (2 − ν)/(2 (1 − ν)) is the sum of (2 − ν)/(4G) over the sum of (1 − ν)/(2G), tangential over
+    normal compliance (Johnson, Contact Mechanics, §7.2).
+    """
+    # ASSUME: where the two stones differ, their tangential compliances add; Dundurs' β, by which
+    # tangential tractions press unlike bodies apart, is neglected.
+    poisson = [material["poisson_1"], material["poisson_2"]]
+    young = [material["young_1_MPa"], material["young_2_MPa"]]
+    weights = [(1 + ratio) / modulus for ratio, modulus in zip(poisson, young, strict=True)]
+    return float(np.average(poisson, weights=weights))

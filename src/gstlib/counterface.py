@@ -121,7 +121,10 @@ def _of_pairs(pairs: Sequence[Sequence[Sequence[float]]]) -> np.ndarray:
         np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
         for corners in (passive, active)
     ]
-    off, most = np.linalg.norm(laid - passive, axis=1).max(), _PICKED * max(map(np.max, sides))
+    off, most = (
+        np.linalg.norm(laid - passive, axis=1).max(),
+        _PICKED * max(map(np.max, sides)),
+    )
     if off > most:
         raise ConfigError(
             f"{_KEY}.pairs_mm",

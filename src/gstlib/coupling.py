@@ -73,7 +73,9 @@ def outline(place: Place, size_mm: float) -> np.ndarray:
     return np.column_stack(place.points(v, u)[::-1])
 
 
-def footprint_weights(grid: xr.DataArray | xr.Dataset, place: Place, size_mm: float) -> np.ndarray:
+def footprint_weights(
+    grid: xr.DataArray | xr.Dataset, place: Place, size_mm: float
+) -> np.ndarray:
     """Share (ny, nx), from 0 to 1, of each element's area inside a square footprint, exactly.
 
     `grid` is any variable on the grid, dims (..., y, x); `size_mm` is the footprint's side.

@@ -31,9 +31,7 @@ __all__ = [
     "exposure_table",
     "make_poses",
     "pose_shifts",
-    "poses_of",
     "press_poses",
-    "reach_of",
     "read_poses",
 ]
 
@@ -79,9 +77,13 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
         There are no poses, a column is unknown or missing, or a cell is no number in its range.
     """
     try:
-        table = pd.read_csv(path, sep=None, engine="python", comment="#", skipinitialspace=True)
+        table = pd.read_csv(
+            path, sep=None, engine="python", comment="#", skipinitialspace=True
+        )
     except (OSError, ValueError) as error:
-        raise ConfigError(path, f"cannot be read ({error})", "Save it as UTF-8 CSV.") from error
+        raise ConfigError(
+            path, f"cannot be read ({error})", "Save it as UTF-8 CSV."
+        ) from error
     if "pressure_MPa" not in table and "force_N" in table:
         forces = pd.to_numeric(table["force_N"], errors="coerce")
         table = table.assign(pressure_MPa=forces / size_mm**2).drop(columns="force_N")
@@ -107,16 +109,6 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
         problem = "no pose has a weight, or one has no pressure"
         raise ConfigError(path, problem, "Give weights and pressures above 0.")
     return table[list(_COLUMNS)]
-
-
-def poses_of(config: Mapping[str, Any]) -> pd.DataFrame | None:
-    """The poses that a config asks for, from `read_poses` or `make_poses`; None without gesture."""
-    if (gesture := config["gesture"]) is None:
-        return None
-    if "table" in gesture:
-        return read_poses(gesture["table"], size_mm=config["square"]["size_mm"])
-    pressure = config["macroscale"]["target_pressure_MPa"]
-    return make_poses(gesture, pressure_MPa=pressure, seed=config["seed"])
 
 
 def make_poses(gesture: Mapping[str, Any], *, pressure_MPa: float, seed: int) -> pd.DataFrame:
@@ -146,7 +138,9 @@ def make_poses(gesture: Mapping[str, Any], *, pressure_MPa: float, seed: int) ->
     table = table.assign(pressure_MPa=pressure_MPa, weight=1.0)
     along = np.linspace(-0.5, 0.5, count)
     if (scatter := gesture.get("pounding_mm")) is not None:
-        table[["x_mm", "y_mm"]] = scatter * np.random.default_rng(seed).standard_normal((count, 2))
+        table[["x_mm", "y_mm"]] = scatter * np.random.default_rng(seed).standard_normal(
+            (count, 2)
+        )
         table["sliding_mm"] = 1.0
     elif (length := gesture.get("stroke_mm")) is not None:
         table["x_mm"], table["sliding_mm"] = length * along, length / count
@@ -154,21 +148,6 @@ def make_poses(gesture: Mapping[str, Any], *, pressure_MPa: float, seed: int) ->
         angle = gesture["rotation_deg"]
         table["rotation_deg"], table["turning_deg"] = angle * along, abs(angle) / count
     return table
-
-
-def reach_of(config: Mapping[str, Any]) -> float:
-    """How far around the square (mm) the active stone's face is needed.
-
-    That is for the poses of the gesture, if there is one, for errors of the pose of five standard
-    deviations, and for the shifts of `pose_shifts`.
-    """
-    reach = max(*_SHIFTS_MM, 5e-3 * config["uncertainty"]["pose_um"])
-    if (poses := poses_of(config)) is None:
-        return reach
-    turn = np.radians(poses.rotation_deg.abs().clip(upper=45))
-    corners = config["square"]["size_mm"] / 2 * (np.cos(turn) + np.sin(turn) - 1)
-    # turned back, a shift has at most its length along either axis
-    return max(reach, float((np.hypot(poses.x_mm, poses.y_mm) + corners).max()))
 
 
 def press_poses(
@@ -279,7 +258,9 @@ def exposure(batches: Iterable[xr.Dataset]) -> xr.Dataset:
         "touched": sum(part.touched_sum for part in parts) / total,
         "exposure": sum(part.exposure for part in parts),
     }
-    found = of_poses.assign({name: (("y", "x"), np.asarray(of)) for name, of in fields.items()})
+    found = of_poses.assign(
+        {name: (("y", "x"), np.asarray(of)) for name, of in fields.items()}
+    )
     found = found.assign_coords(y=parts[0].y, x=parts[0].x)
     found["pressure"] = xr.concat([part.pressure for part in parts], "shown")
     return _named(found)
@@ -315,7 +296,11 @@ def exposure_table(found: xr.Dataset, pressures: pd.DataFrame) -> pd.DataFrame:
 
 
 def pose_shifts(
-    surface: xr.Dataset, pressures: pd.DataFrame, *, target_pressure_MPa: float, **settings: Any
+    surface: xr.Dataset,
+    pressures: pd.DataFrame,
+    *,
+    target_pressure_MPa: float,
+    **settings: Any,
 ) -> pd.DataFrame:
     """Does the ranking of the patches survive a shift of the active stone?
 

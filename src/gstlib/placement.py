@@ -118,7 +118,8 @@ def place_patches(
         _log.warning(
             "patch %s does not correlate with the macroscale (%.2f): check its place in the patch "
             "table, and whether its scan is that of another patch",
-            *(row.patch, row.correlation),
+            row.patch,
+            row.correlation,
         )
     return table
 
@@ -133,13 +134,17 @@ def _correlations(
     """Correlation (patches, looks, k, k) of scans and square, at shifts (mm) along y and x."""
     from skimage.transform import resize_local_mean
 
-    coarse = (resize_local_mean(heights[patch].values, 2 * (_POINTS,)) for patch in patches.patch)
+    coarse = (
+        resize_local_mean(heights[patch].values, 2 * (_POINTS,)) for patch in patches.patch
+    )
     flipped = [[scan[::y, ::x] for y, x in _FLIPS.values()] for scan in coarse]
     scans, spline = _level(np.array(flipped)), spline_of(surface)
     found = np.empty((*scans.shape[:2], len(steps), len(steps)))
     for row, column in np.ndindex(found.shape[2:]):
         places = places_of(moved(patches, (steps[column], steps[row]), surface, size_mm))
-        under = [on_patch(spline, place, 2 * (_POINTS,), size_mm) for place in places.values()]
+        under = [
+            on_patch(spline, place, 2 * (_POINTS,), size_mm) for place in places.values()
+        ]
         found[:, :, row, column] = np.einsum("pln,pn->pl", scans, _level(np.array(under)))
     return np.concatenate([found, -found], axis=1)
 
@@ -154,7 +159,9 @@ def _level(heights: np.ndarray) -> np.ndarray:
     return flat / np.where(length > 0, length, 1.0)
 
 
-def _shared_shift(maps: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def _shared_shift(
+    maps: np.ndarray, steps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Shift (x, y) at the peak of the mean of maps (patches, k, k); its errors, mm; its p-value.
 
     The errors are those of the jackknife over the patches, the test is Hotelling's.

@@ -95,7 +95,11 @@ def patches_of_reference(
                 (places - pressure[axis].values[0]) / pressure[axis].attrs["spacing"]
                 for places, axis in zip(place.points(v[:, None], u), "yx", strict=True)
             ]
-            nearest = {"order": 0, "mode": "grid-constant", "cval": 0}  # of the square's points
+            nearest = {
+                "order": 0,
+                "mode": "grid-constant",
+                "cval": 0,
+            }  # of the square's points
             rows.append(map_coordinates(pressure.values, np.broadcast_arrays(*at), **nearest))
         touching.append([values > 0 for values in rows])
         mean.append([values.mean() for values in rows])
@@ -110,7 +114,10 @@ def patches_of_reference(
 
 
 def two_scales_table(
-    contacts: Mapping[str, Iterable[tuple[str, xr.Dataset]]], reference: xr.Dataset, *, rim: float
+    contacts: Mapping[str, Iterable[tuple[str, xr.Dataset]]],
+    reference: xr.Dataset,
+    *,
+    rim: float,
 ) -> pd.DataFrame:
     """Contact of the patches against the single-scale contact, by variant.
 
@@ -158,9 +165,17 @@ def two_scales_table(
                 own = pressure if name == variant else np.nan
                 _, predicted, touching, points = each
                 scores = scores_of_sums(list(each), 3 * [np.nan], None)
-                shown = (float(scores[score]) for score in ("precision", "recall", "f1", "iou"))
+                shown = (
+                    float(scores[score]) for score in ("precision", "recall", "f1", "iou")
+                )
                 areas = predicted / points, touching / points
                 rows.append((patch, name, own, true_pressure, *areas, *shown))
-    columns = ["patch", "variant", "pressure_MPa", "reference_pressure_MPa", "contact_fraction"]
+    columns = [
+        "patch",
+        "variant",
+        "pressure_MPa",
+        "reference_pressure_MPa",
+        "contact_fraction",
+    ]
     columns += ["reference_contact_fraction", "precision", "recall", "f1", "iou"]
     return pd.DataFrame(rows, columns=columns)

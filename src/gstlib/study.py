@@ -90,9 +90,21 @@ __all__ = [
 
 # The sections of the config that the stages of `Study` depend on, besides `seed`.
 STUDY_SECTIONS = (
-    *("coupling", "square", "material", "macroscale", "scans", "preprocessing", "registration"),
-    *("traces", "texture", "uncertainty", "selection", "microscale", "validation"),
-    *("wear_steps", "mat"),
+    "coupling",
+    "square",
+    "material",
+    "macroscale",
+    "scans",
+    "preprocessing",
+    "registration",
+    "traces",
+    "texture",
+    "uncertainty",
+    "selection",
+    "microscale",
+    "validation",
+    "wear_steps",
+    "mat",
 )
 # Which pressure of a patch each variant takes, of `couple_scales`.
 PRESSURES = {"placed": "pressure_MPa", "levelled": "mesh_pressure_MPa"}
@@ -237,7 +249,9 @@ def compare_moduli(
         by_patch = patch_pressures(contact.pressure, pressures, size_mm=patch_mm)
         for patch, pressure in zip(by_patch.patch, by_patch.pressure_MPa, strict=True):
             rows.append((basis, "patch pressure", patch, "MPa", float(pressure)))
-    return pd.DataFrame(rows, columns=["contact_modulus", "quantity", "patch", "unit", "value"])
+    return pd.DataFrame(
+        rows, columns=["contact_modulus", "quantity", "patch", "unit", "value"]
+    )
 
 
 # --- From the square to its patches -----------------------------------------------------------
@@ -322,7 +336,9 @@ def bound_pressures(
         poisson=uncertainty["poisson"],
         generator=np.random.default_rng(seed),
     )
-    settings |= {name: uncertainty[name] for name in ("placement_um", "pose_um")} | {"seed": seed}
+    settings |= {name: uncertainty[name] for name in ("placement_um", "pose_um")} | {
+        "seed": seed
+    }
     return pressure_intervals(surface, composite, pressures, shares, **settings)
 
 
@@ -370,8 +386,14 @@ def prepare_scan(
 def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFrame:
     """What was done to each scan, from the attributes of its dataset, by patch and epoch."""
     columns = [
-        *("unmeasured", "filled", "outliers", "outlier_k", "tilt_x_mrad", "tilt_y_mrad"),
-        *("Sq_before_um", "Sq_after_um"),
+        "unmeasured",
+        "filled",
+        "outliers",
+        "outlier_k",
+        "tilt_x_mrad",
+        "tilt_y_mrad",
+        "Sq_before_um",
+        "Sq_after_um",
     ]
     rows = [(*scan, *(attrs[name] for name in columns)) for scan, attrs in scans.items()]
     return pd.DataFrame(rows, columns=["patch", "epoch", *columns])
@@ -407,7 +429,8 @@ def register_patch(
             "patch %s: its dales at T1 are %.3g times as deep as at T0. If that is not wear all "
             "over the patch, the heights of one scan are calibrated otherwise: measured wear is "
             "then wrong",
-            *(patch, scale),
+            patch,
+            scale,
         )
     if registration.found and not change.attrs["known_share"]:
         log.warning(
@@ -415,7 +438,10 @@ def register_patch(
             "%.0f %% of the scans are holes or outliers, T1 covers %.0f %% of T0), so its wear is "
             "not known. Scan it again, or leave its t1 empty.",
             patch,
-            *(100 * (epoch.filled | epoch.outlier).values.mean() for epoch in (before, after)),
+            *(
+                100 * (epoch.filled | epoch.outlier).values.mean()
+                for epoch in (before, after)
+            ),
             100 * registration.overlap,
         )
     return change.assign_attrs(registration.as_attrs())
@@ -431,9 +457,18 @@ def registration_table(
     from gstlib.validation.change import wear_summary
 
     quality = [
-        *("shift_x_um", "shift_y_um", "rotation_deg", "overlap", "correlation"),
-        *("detail_correlation", "height_scale", "residual_um", "change_sigma_um"),
-        *("lateral_sigma_um", "level_of_detection_um", "known_share"),
+        "shift_x_um",
+        "shift_y_um",
+        "rotation_deg",
+        "overlap",
+        "correlation",
+        "detail_correlation",
+        "height_scale",
+        "residual_um",
+        "change_sigma_um",
+        "lateral_sigma_um",
+        "level_of_detection_um",
+        "known_share",
     ]
     wear = ["loss_fraction", "gain_fraction", "loss_volume_um3", "loss_depth_um"]
     rows = []
@@ -470,7 +505,9 @@ def select_patches(
             found.append(f"pressure {row.pressure_MPa:.3g} below {pressure_MPa:g} MPa")
         match = known.get(row.patch, {"found": True})
         values = {"overlap": match.get("overlap")}
-        if match["found"]:  # of the detail: the long waves of a stone match wherever T1 is laid
+        if match[
+            "found"
+        ]:  # of the detail: the long waves of a stone match wherever T1 is laid
             values["correlation"] = match.get("detail_correlation")
         else:
             found.append("T1 was not found on T0")
@@ -544,7 +581,9 @@ def place_patch(
     )
 
 
-def solve_patch(faces: xr.Dataset, *, source: str | Path = "patch", **settings: Any) -> xr.Dataset:
+def solve_patch(
+    faces: xr.Dataset, *, source: str | Path = "patch", **settings: Any
+) -> xr.Dataset:
     """Press a patch, step by step, up to its own pressure (section 2.4).
 
     Settings and result are those of `gstlib.contact.contact_path`, with ``interface_stiffness``.
@@ -582,7 +621,10 @@ def solve_reference(
 
 
 def compare_scales(
-    contacts: Mapping[str, Iterable[tuple[str, xr.Dataset]]], reference: xr.Dataset, *, rim: float
+    contacts: Mapping[str, Iterable[tuple[str, xr.Dataset]]],
+    reference: xr.Dataset,
+    *,
+    rim: float,
 ) -> pd.DataFrame:
     """Contact of the patches, by variant, against the single-scale contact.
 
@@ -604,8 +646,13 @@ def microscale_tables(
     from gstlib.contact import load_path_table
 
     path = [
-        *("patch", "step", "displacement_um", "mean_pressure_MPa", "contact_fraction"),
-        *("stiffness_MPa_per_um", "interface_stiffness_MPa_per_um"),
+        "patch",
+        "step",
+        "displacement_um",
+        "mean_pressure_MPa",
+        "contact_fraction",
+        "stiffness_MPa_per_um",
+        "interface_stiffness_MPa_per_um",
     ]
     state = ["patch", "target_pressure_MPa", *path[3:4], *path[2:3], *path[4:], "residual"]
     states, paths = [], [pd.DataFrame(columns=path)]
@@ -620,7 +667,9 @@ def microscale_tables(
             }
         )
         paths.append(steps[path])
-    return pd.DataFrame(states, columns=state), pd.concat(paths[1:] or paths, ignore_index=True)
+    return pd.DataFrame(states, columns=state), pd.concat(
+        paths[1:] or paths, ignore_index=True
+    )
 
 
 def solve_slip(contact: xr.Dataset, **settings: Any) -> xr.Dataset:
@@ -694,7 +743,9 @@ def score_patches(
     )
     known = [name for name in ("x_mm", "y_mm", "exposure_N_per_mm") if name in pressures]
     predicted = predicted.merge(pressures[["patch", *known]], on="patch")
-    summary = summarise(found, predicted, seed=seed, resamples=resamples, expected_worst=worst)
+    summary = summarise(
+        found, predicted, seed=seed, resamples=resamples, expected_worst=worst
+    )
     variants = compare_variants(by_variant, seed=seed, resamples=resamples)
     return patch_tables(found) | {"summary": summary, "variants": variants}
 
@@ -718,15 +769,21 @@ def wear_square(
     from gstlib.errors import InputError
     from gstlib.wear import wear_square
 
-    layer = Layer(mat["young_MPa"], mat["poisson"], mat["thickness_um"] * 1e-3) if mat else None
+    layer = (
+        Layer(mat["young_MPa"], mat["poisson"], mat["thickness_um"] * 1e-3) if mat else None
+    )
 
     lost = scores[scores.believed.astype(bool)].set_index("patch").loss_per_area_um.dropna()
     under_load = pressures.set_index("patch").pressure_MPa[lost.index] > 0
     try:
         if ((lost > 0) & under_load).sum() < 2:
             problem = "fewer than two patches under load lost height, so that its coefficient"
-            raise InputError(source, f"{problem} cannot be fitted to some and tested on others", "")
-        return wear_square(contact, pressures, lost.to_dict(), mat=layer, source=source, **settings)
+            raise InputError(
+                source, f"{problem} cannot be fitted to some and tested on others", ""
+            )
+        return wear_square(
+            contact, pressures, lost.to_dict(), mat=layer, source=source, **settings
+        )
     except InputError as error:
         logging.getLogger("gstlib").warning("wear is not predicted: %s", error.problem)
         return None
@@ -745,7 +802,8 @@ def fit_mat(
     if "mat_pressure" not in square:
         return square
     found = {
-        patch: mat_misfits(contact, change, square, patch) for patch, contact, change in patches
+        patch: mat_misfits(contact, change, square, patch)
+        for patch, contact, change in patches
     }
     return fit_mat(square, found)
 
@@ -797,7 +855,9 @@ def measure_texture(
 
     rows = []
     for patch, height, change in patches:
-        of_patch = texture_rows(height, change, s_filter_um=s_filter_um, l_filter_um=l_filter_um)
+        of_patch = texture_rows(
+            height, change, s_filter_um=s_filter_um, l_filter_um=l_filter_um
+        )
         if change is not None and len(of_patch) == 1:
             logging.getLogger("gstlib").warning(
                 "patch %s: T1 was not found on T0, or covers too little of it: the texture is that "
@@ -915,8 +975,7 @@ class Study:
         return self._pressed(faces_of(surface), source="macroscale", **settings)
 
     def _pressed(self, faces: xr.Dataset, **settings: Any) -> xr.Dataset:
-        from gstlib.config import contact_moduli
-        from gstlib.contact import contact_at_pressure
+        from gstlib.contact import contact_at_pressure, contact_moduli
 
         modulus, _ = contact_moduli(self.config["material"])
         return contact_at_pressure(faces, contact_modulus_MPa=modulus, **settings)
@@ -968,7 +1027,9 @@ class Study:
             faces = place_patch(faces, self.composite(), self.contact(), patch)
         return self._pressed(
             faces,
-            target_pressure_MPa=self.pressures().set_index("patch")[PRESSURES[variant]][patch],
+            target_pressure_MPa=self.pressures().set_index("patch")[PRESSURES[variant]][
+                patch
+            ],
             tolerance=self.config["microscale"]["tolerance"],
             source=source,
         )
@@ -985,7 +1046,9 @@ class Study:
         names = ("neighbourhood_um", "most_noise", "rim")
         settings = {name: self.config["validation"][name] for name in names}
         return [
-            score_patch(patch, self.patch_contact(patch), self.change(patch), **settings, **chance)
+            score_patch(
+                patch, self.patch_contact(patch), self.change(patch), **settings, **chance
+            )
             for patch in self.scored()
         ]
 
@@ -1014,5 +1077,7 @@ class Study:
             for patch in square.measured.dropna("patch").patch.values.tolist()
         }
         fitted = fit_mat(square, ((patch, *of) for patch, of in worn.items()))
-        patches = ((patch, *of, predict_wear(of[0], fitted, patch)) for patch, of in worn.items())
+        patches = (
+            (patch, *of, predict_wear(of[0], fitted, patch)) for patch, of in worn.items()
+        )
         return score_wear(patches, fitted, self.pressures(), seed=seed, resamples=resamples)

@@ -104,12 +104,16 @@ def wear_square(
         # a mat adds to what the bare stone does
         if poses is None:
             paths = [
-                _pressed(contact, table, (1 + ratio) * reach * most, ratio, mat=mat, **settings)
+                _pressed(
+                    contact, table, (1 + ratio) * reach * most, ratio, mat=mat, **settings
+                )
                 for ratio in (_RATIOS if mat else _RATIOS[:1])
             ]
         else:
             surface = contact[["height"]].assign(face=face)
-            paths = [_pressed_in_poses(contact, surface, poses, table, reach * most, **settings)]
+            paths = [
+                _pressed_in_poses(contact, surface, poses, table, reach * most, **settings)
+            ]
         bare = paths[0]
         loss = bare.pressed.sel(body="stone")
         others = (measured.index.drop(patch, errors="ignore") for patch in table.patch)
@@ -206,7 +210,9 @@ def _pressed_in_poses(
             [press_poses(surface, poses, table, patch_mm=patch_mm, source=source, **settings)]
         )
         lost = kappa / steps * target / float(found.exposure.mean())
-        pressed[0, step + 1] = pressed[0, step] + lost * found.patch_exposure.sum("pose").values
+        pressed[0, step + 1] = (
+            pressed[0, step] + lost * found.patch_exposure.sum("pose").values
+        )
         worn = surface.height.values - lost * found.exposure.values
         surface = surface.assign(height=surface.height.copy(data=worn))
     return _path(np.linspace(0, kappa, steps + 1), pressed, table)
@@ -273,7 +279,9 @@ def _driven(
     return lost, options
 
 
-def _mat_under(contact: xr.Dataset, at: xr.Dataset, share: float, pressures: np.ndarray) -> tuple:
+def _mat_under(
+    contact: xr.Dataset, at: xr.Dataset, share: float, pressures: np.ndarray
+) -> tuple:
     """The third body on a patch, lowered by other surroundings than those of the bare stone."""
     mat = Layer(*(at.attrs[name] for name in ("young_MPa", "poisson", "thickness_mm")))
     if "surroundings" not in contact:
@@ -376,7 +384,10 @@ def fit_mat(square: xr.Dataset, by_patch: Mapping[str, xr.Dataset]) -> xr.Datase
         kappas.append(kappa[best])
     best = int(all_misfits.sum(axis=1).argmin())
     misfit_of = {"units": "mm2", "long_name": "sum of squared differences of loss"}
-    ratio_of = {"units": "1", "long_name": "coefficient of the mat over that of the bare stone"}
+    ratio_of = {
+        "units": "1",
+        "long_name": "coefficient of the mat over that of the bare stone",
+    }
     kappa_of = {"units": "mm/MPa", "long_name": "κ of other patches, with the mat"}
     return square.assign(
         misfit=(("ratio", "scored"), all_misfits, misfit_of),

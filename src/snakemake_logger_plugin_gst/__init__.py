@@ -17,7 +17,7 @@ from typing import Any
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
-from gstlib.logs import FILE_ONLY, logged
+from gst.logs import FILE_ONLY, logged
 
 __all__ = ["LogHandler"]
 
@@ -26,9 +26,20 @@ _SILENT = (
     "limit, or for lack of memory."
 )
 # Snakemake's own messages: what this display says itself, and what is worth a line in a run.
-_REPLACED = ("At least one job did not complete successfully", "Exiting because a job execution")
-_WANTED = ("Terminating", "Will exit", "Nothing to be", "Trying to restart", "Waiting at most")
-_PLACE = re.compile(r'^(?:\w+ in (?:rule .*)?file ".*", line \d+:|  File ".*)\n?', re.MULTILINE)
+_REPLACED = (
+    "At least one job did not complete successfully",
+    "Exiting because a job execution",
+)
+_WANTED = (
+    "Terminating",
+    "Will exit",
+    "Nothing to be",
+    "Trying to restart",
+    "Waiting at most",
+)
+_PLACE = re.compile(
+    r'^(?:\w+ in (?:rule .*)?file ".*", line \d+:|  File ".*)\n?', re.MULTILINE
+)
 
 
 class LogHandler(LogHandlerBase):
@@ -39,7 +50,9 @@ class LogHandler(LogHandlerBase):
 
     def __post_init__(self) -> None:
         others = ("dryrun", "quiet", "verbose", "debug_dag", "printshellcmds")
-        self.writes_to_stream = not any(getattr(self.common_settings, name) for name in others)
+        self.writes_to_stream = not any(
+            getattr(self.common_settings, name) for name in others
+        )
         self.start, self.total, self.done = time.monotonic(), 0, 0
         self.steps: dict[int, tuple[str, Path]] = {}  # what each does, and its log
         if self.writes_to_stream:
@@ -77,7 +90,9 @@ class LogHandler(LogHandlerBase):
                     self._say(f"WARNING: {text}\n  step: {what}\n  log:  {log}")
             case LogEvent.PROGRESS:
                 if 10 * record.done // record.total > 10 * self.done // record.total:
-                    self._say(f"{self._elapsed()}  {record.done} of {record.total} steps done")
+                    self._say(
+                        f"{self._elapsed()}  {record.done} of {record.total} steps done"
+                    )
                 self.done = record.done
             case LogEvent.JOB_ERROR:
                 self._fail(record.jobid, record.rule_msg or _SILENT)

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-
 from gstlib.composite import (
     compose,
     compose_grid,

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import xarray as xr
-
 from gstlib.contact import (
     contact_at_pressure,
     contact_path,

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial.transform import Rotation
-
 from gstlib.contact import contact_at_pressure, faces_of
 from gstlib.counterface import face_in_pose, grid_counterface, pose_frame, posed_mesh
 from gstlib.coupling import Place
@@ -12,6 +10,7 @@ from gstlib.errors import ConfigError, InputError
 from gstlib.preprocess.frame import frame_from_points
 from gstlib.specimen.randomness import smooth_field
 from gstlib.study import grid_macroscale
+from scipy.spatial.transform import Rotation
 
 SIDE, COUNT, EDGE = 4.0, 32, 0.125
 CORNERS = np.array([(0.0, 0, 0), (SIDE, 0, 0), (0, SIDE, 0)])

@@ -3,9 +3,6 @@
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from gstlib.bem import HalfSpace, Layer
 from gstlib.coupling import (
     Place,
@@ -16,6 +13,8 @@ from gstlib.coupling import (
 )
 from gstlib.study import select_patches
 from gstlib.surface import make_surface
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 GRID = make_surface(np.zeros((20, 24)), (0.25, 0.2))  # 5 mm × 4.8 mm
 

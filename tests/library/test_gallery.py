@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from gstlib.bem import solve_contact
 from gstlib.io.plu import write_plu
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-
+from gst.poses import reach_of
 from gstlib.contact import contact_at_pressure, faces_of
 from gstlib.errors import ConfigError
 from gstlib.gesture import (
@@ -13,7 +13,6 @@ from gstlib.gesture import (
     make_poses,
     pose_shifts,
     press_poses,
-    reach_of,
     read_poses,
 )
 from gstlib.preprocess.leveling import remove_plane

@@ -8,18 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from scipy.ndimage import gaussian_filter
-
+from gst.patches import read_patches
 from gstlib.contact import contact_at_pressure
 from gstlib.coupling import spline_of
 from gstlib.io.meshes import read_mesh
-from gstlib.io.patches import read_patches
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.frame import frame_from_points
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.study import prepare_scan
 from gstlib.surface import make_surface, spacing_of
+from scipy.ndimage import gaussian_filter
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"

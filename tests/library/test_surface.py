@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-
 from gstlib.surface import make_surface, spacing_of
 
 

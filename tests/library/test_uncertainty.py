@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-
 from gstlib.composite import compose_surface
 from gstlib.contact import contact_at_pressure
 from gstlib.counterface import face_in_pose

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-
 from gstlib import study
 from gstlib.bem import Layer
 from gstlib.contact import contact_at_pressure

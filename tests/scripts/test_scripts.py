@@ -4,7 +4,6 @@ import importlib.util
 from pathlib import Path
 
 import pytest
-
 from gstlib.errors import ConfigError
 
 WORKFLOW = Path(__file__).parents[2] / "workflow"

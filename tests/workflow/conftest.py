@@ -30,10 +30,18 @@ class Study:
     def command(self, *arguments: str, cores: int = 2) -> list[str]:
         # -m with this interpreter: the environment under test, whatever is on the PATH
         return [
-            *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
-            *("--directory", str(self.folder), "--cores", str(cores)),
+            sys.executable,
+            "-m",
+            "snakemake",
+            "--snakefile",
+            str(ROOT / "Snakefile"),
+            "--directory",
+            str(self.folder),
+            "--cores",
+            str(cores),
             *arguments,
-            *("--configfile", str(self.folder / self.config)),  # takes all that follows
+            "--configfile",
+            str(self.folder / self.config),  # takes all that follows
         ]
 
     def run(self, *arguments: str, cores: int = 2) -> subprocess.CompletedProcess:

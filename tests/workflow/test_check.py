@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import trimesh
 from conftest import ROOT
-
 from gstlib.io.plu import PLU_UNMEASURED_UM
 
 

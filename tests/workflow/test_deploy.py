@@ -104,7 +104,7 @@ def test_the_container_has_all_that_a_study_needs(image, study):
     assert program == "snakemake"
     config = f"{study.folder}/config/tiny.yaml"
     result = plan(
-        *(*options, "--configfile", config), cwd=study.folder, PYTHONPATH=str(folder / "src")
+        *options, "--configfile", config, cwd=study.folder, PYTHONPATH=str(folder / "src")
     )
     assert result.returncode == 0, result.stdout + result.stderr
     assert "score_truth" in result.stdout
@@ -113,7 +113,9 @@ def test_the_container_has_all_that_a_study_needs(image, study):
         "src",
         PROJECT["readme"],
         *PROJECT["license-files"],
-        *("CITATION.cff", "Makefile", "requirements.lock"),
+        "CITATION.cff",
+        "Makefile",
+        "requirements.lock",
     }
     assert to_build <= {file.name for file in folder.iterdir()}
 

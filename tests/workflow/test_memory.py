@@ -7,14 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-
+from gst.patches import read_patches
+from gst.sweep import merged, outcomes
 from gstlib.io.meshes import read_mesh
-from gstlib.io.patches import read_patches
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
 from gstlib.study import Study, bound_pressures, score_patches
-from gstlib.sweep import merged, outcomes
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ import itertools
 import re
 
 import pytest
-
 from gstlib.io.tables import read_table
 
 pytestmark = pytest.mark.browser

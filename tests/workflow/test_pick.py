@@ -8,10 +8,9 @@ import trimesh
 import yaml
 from click.testing import CliRunner
 from conftest import ROOT
-
-from gstlib.cli import main
-from gstlib.config import config_problems
-from gstlib.io.config_file import read_config_file
+from gst.cli import main
+from gst.config import config_problems
+from gst.config_file import read_config_file
 from gstlib.preprocess.frame import find_frame, frame_from_points
 
 pytestmark = pytest.mark.browser

@@ -7,9 +7,8 @@ import sys
 import pytest
 import yaml
 from conftest import ROOT
-
-from gstlib.io.patches import read_patches
-from gstlib.running import MADE
+from gst.patches import read_patches
+from gst.running import MADE
 
 # config/tiny.yaml, power.yaml and sweep.yaml are planned by other tests.
 CONFIGS = ["config.yaml", "m12.yaml", "mat.yaml", "own.yaml", "pebble.yaml", "two_stones.yaml"]

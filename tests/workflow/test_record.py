@@ -4,8 +4,7 @@ import importlib.util
 from pathlib import Path
 
 import pytest
-
-from gstlib.crate import pack_study
+from gst.crate import pack_study
 
 pytestmark = pytest.mark.slow
 

@@ -38,11 +38,20 @@ def slurm():
 def command(study: Study, *arguments: str) -> list[str]:
     """Snakemake as a cluster's user calls it, but that looks at its jobs sooner."""
     return [
-        *(sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")),
-        *("--workflow-profile", str(ROOT / "profiles/slurm")),
-        *("--directory", str(study.folder), "--slurm-init-seconds-before-status-checks", "3"),
+        sys.executable,
+        "-m",
+        "snakemake",
+        "--snakefile",
+        str(ROOT / "Snakefile"),
+        "--workflow-profile",
+        str(ROOT / "profiles/slurm"),
+        "--directory",
+        str(study.folder),
+        "--slurm-init-seconds-before-status-checks",
+        "3",
         *arguments,
-        *("--configfile", str(study.folder / study.config)),
+        "--configfile",
+        str(study.folder / study.config),
     ]
 
 
@@ -156,7 +165,8 @@ def test_faults_of_jobs_are_mended_by_a_second_attempt(finished_tiny, tmp_path):
     run = Run(
         study,
         "run",
-        *("--set-resources", "prepare_T0_scans:mem_mb=100 * attempt ** 4"),
+        "--set-resources",
+        "prepare_T0_scans:mem_mb=100 * attempt ** 4",
         "grid_macroscale:runtime=attempt ** 5",  # minutes: 1, and 32
     )
     try:

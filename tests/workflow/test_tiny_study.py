@@ -11,7 +11,6 @@ import pandas as pd
 import pytest
 import scipy.ndimage
 import yaml
-
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
 from gstlib.preprocess.filtering import s_filtered

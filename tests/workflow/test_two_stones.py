@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import trimesh
 from conftest import fresh
-
 from gstlib.contact import laid_height
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table

@@ -12,13 +12,12 @@ import pandas as pd
 import pytest
 import yaml
 from conftest import ROOT, fresh
-from test_tiny_study import pressed_heights, recomputed_residual
-
-from gstlib.difference import compare_results, describe_changes
+from gst.difference import compare_results, describe_changes
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.surface import spacing_of
+from test_tiny_study import pressed_heights, recomputed_residual
 
 pytestmark = pytest.mark.slow
 

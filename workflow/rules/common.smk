@@ -3,20 +3,14 @@
 import os
 from pathlib import Path
 
-from gstlib import ROOT
-from gstlib.config import (
-    check_files,
-    complete,
-    contact_moduli,
-    counterface_mesh,
-    read_study,
-    study_poisson,
-)
-from gstlib.gesture import poses_of, reach_of
-from gstlib.io.patches import scan_files
-from gstlib.provenance import commit, program_hash, source_hash
+from gst import ROOT
+from gst.config import check_files, complete, counterface_mesh, read_study
+from gst.poses import poses_of, reach_of
+from gst.patches import scan_files
+from gst.provenance import commit, program_hash, source_hash
+from gstlib.contact import contact_moduli, study_poisson
 from gstlib.study import STUDY_SECTIONS
-from gstlib.sweep import sweep_settings
+from gst.sweep import sweep_settings
 
 CAPTIONS = ROOT / "workflow/report"
 CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles)

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
+from gst.inputs import check_inputs
+from gst.logs import run_script
+from gst.patches import ScanFile
 from gstlib.errors import InputsError
-from gstlib.inputs import check_inputs
-from gstlib.io.patches import ScanFile
 from gstlib.io.tables import write_table
-from gstlib.logs import run_script
 
 
 def main(

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from gst.logs import run_script
 from gstlib.errors import InputError
 from gstlib.io.tables import read_pressures, read_table, write_table
-from gstlib.logs import run_script
 
 
 def main(published: Path, path: Path, pressures: Path, table: Path) -> None:
@@ -20,7 +20,11 @@ def main(published: Path, path: Path, pressures: Path, table: Path) -> None:
     for row in read_pressures(pressures).itertuples():
         computed["patch pressure", row.patch] = row.pressure_MPa
     given = pd.read_csv(
-        published, dtype={"patch": str}, comment="#", keep_default_na=False, na_values={"value": ""}
+        published,
+        dtype={"patch": str},
+        comment="#",
+        keep_default_na=False,
+        na_values={"value": ""},
     )
     keys = list(zip(given.quantity, given.patch, strict=True))
     if unknown := [key for key in keys if key not in computed]:

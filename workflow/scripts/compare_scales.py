@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from gst.logs import run_script
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
-from gstlib.logs import run_script
 from gstlib.study import compare_scales
 
 
@@ -19,7 +19,9 @@ def main(
     rim: float,
 ) -> None:
     found = {
-        variant: ((patch, read_dataset(file)) for patch, file in zip(patches, files, strict=True))
+        variant: (
+            (patch, read_dataset(file)) for patch, file in zip(patches, files, strict=True)
+        )
         for variant, files in zip(variants, [contacts, others], strict=False)
     }
     write_table(table, compare_scales(found, read_dataset(reference), rim=rim))

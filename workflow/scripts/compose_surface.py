@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from gst.logs import patch_by_patch, run_script
+from gst.provenance import provenance
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.logs import patch_by_patch, run_script
-from gstlib.provenance import provenance
 from gstlib.study import compose_surface
 
 
@@ -15,9 +15,12 @@ def main(
 ) -> None:
     files = dict(zip(patches["patch"], t0, strict=True))
     heights = (
-        (patch, read_dataset(file, only=["height"]).height) for patch, file in patch_by_patch(files)
+        (patch, read_dataset(file, only=["height"]).height)
+        for patch, file in patch_by_patch(files)
     )
-    composed = compose_surface(read_dataset(surface), pd.DataFrame(patches), heights, **settings)
+    composed = compose_surface(
+        read_dataset(surface), pd.DataFrame(patches), heights, **settings
+    )
     write_dataset(composite, composed, provenance([surface, *t0], settings))
 
 

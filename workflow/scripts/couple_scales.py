@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from gst.logs import run_script
 from gstlib.contact import contact_at_pressure, faces_of
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
-from gstlib.logs import run_script
 from gstlib.study import couple_scales
 
 

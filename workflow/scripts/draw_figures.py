@@ -16,13 +16,13 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
+from gst.figures import macroscale, microscale, tables
+from gst.figures.style import message_figure, save_figure
+from gst.logs import patch_by_patch, run_script
 from gstlib.errors import InputError
-from gstlib.figures import macroscale, microscale, tables
-from gstlib.figures.style import message_figure, save_figure
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_table
-from gstlib.logs import patch_by_patch, run_script
 from gstlib.preprocess.frame import stored_frame
 
 # Figures of patches in the study.
@@ -52,7 +52,9 @@ class Study:
     def data(self, name: str, *only: str) -> xr.Dataset:
         return read_dataset(self.files[name], only or None)
 
-    def by_patch(self, name: str, patches: Iterable[str], *only: str) -> dict[str, xr.Dataset]:
+    def by_patch(
+        self, name: str, patches: Iterable[str], *only: str
+    ) -> dict[str, xr.Dataset]:
         """Datasets of the patches: in a folder, or in a list with the files of all patches."""
         files = self.files.get(name)
         if isinstance(files, list):
@@ -69,7 +71,10 @@ class Study:
     def pressures(self) -> pd.DataFrame:
         table = self.table("pressures")
         if list(table["patch"]) != self.patches:
-            problem, remedy = "has not one row for each patch", "Delete it and run the study again."
+            problem, remedy = (
+                "has not one row for each patch",
+                "Delete it and run the study again.",
+            )
             raise InputError(self.files["pressures"], problem, remedy)
         return table
 
@@ -106,7 +111,9 @@ def figure_of(name: str, study: Study) -> Figure:
             return macroscale.contact_steps_figure(study.data("contact"))
         case "forces":
             limits = study.table("intervals", "patch", "low_MPa", "high_MPa")
-            pressures = study.pressures.merge(limits[["patch", "low_MPa", "high_MPa"]], on="patch")
+            pressures = study.pressures.merge(
+                limits[["patch", "low_MPa", "high_MPa"]], on="patch"
+            )
             return macroscale.force_figure(study.data("contact"), pressures, **size)
         case "exposure":
             found = study.data("exposure"), study.data("contact"), study.pressures
@@ -137,7 +144,9 @@ def figure_of(name: str, study: Study) -> Figure:
             return tables.wear_figure(*parts, study.table("intervals"))
         case "validation":
             pressures = study.pressures[["patch", "pressure_MPa"]]
-            scores = study.table("scores", "patch", "loss_fraction").merge(pressures, on="patch")
+            scores = study.table("scores", "patch", "loss_fraction").merge(
+                pressures, on="patch"
+            )
             others = (study.table(table) for table in ("gains", "summary", "variants"))
             return tables.validation_figure(scores, *others)
         case _:  # texture, sweep
@@ -148,14 +157,21 @@ def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
     """`preparation` or `patch`: a figure for each of the patches."""
     if name == "patch":
         for patch, change in study.changes.items():
-            worn = study.by_patch("worn_patches", {patch} & study.predicted, "depth").get(patch)
-            yield patch, microscale.patch_figure(study.contacts[patch], change, worn, patch=patch)
+            worn = study.by_patch("worn_patches", {patch} & study.predicted, "depth").get(
+                patch
+            )
+            yield (
+                patch,
+                microscale.patch_figure(study.contacts[patch], change, worn, patch=patch),
+            )
         return
     shown = evenly(study.patches, study.most_drawn_patches)
     for patch, _ in patch_by_patch(dict.fromkeys(shown)):
         epochs = ["T0", "T1"] if patch in study.worn else ["T0"]
         only = "measured", "filled", "outlier"
-        scans = {epoch: study.by_patch(epoch.lower(), [patch], *only)[patch] for epoch in epochs}
+        scans = {
+            epoch: study.by_patch(epoch.lower(), [patch], *only)[patch] for epoch in epochs
+        }
         yield patch, microscale.preparation_figure(scans, patch=patch)
 
 
@@ -170,9 +186,13 @@ def main(*, figures: list[str], note: str | None, **named: Any) -> None:
         elif name == "patch" and not study.changes:
             empty = message_figure("No patch with a T1 is in the microscale study.")
         elif name == "wear" and not study.predicted:
-            empty = message_figure("No wear is predicted: fewer than two patches lost height.")
+            empty = message_figure(
+                "No wear is predicted: fewer than two patches lost height."
+            )
         if name in ("preparation", "patch"):
-            for patch, figure in [("none", empty)] if empty else figures_by_patch(name, study):
+            for patch, figure in (
+                [("none", empty)] if empty else figures_by_patch(name, study)
+            ):
                 save_figure(figure, png / f"{patch}.png", source_note=note)
         else:
             save_figure(empty or figure_of(name, study), png, svg, source_note=note)

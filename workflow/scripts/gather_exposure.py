@@ -2,16 +2,17 @@
 
 from pathlib import Path
 
+from gst.logs import run_script
+from gst.provenance import provenance
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_table, write_table
-from gstlib.logs import run_script
-from gstlib.provenance import provenance
 from gstlib.study import gather_exposure
 
 
 def main(batches: list[Path], pressures: Path, exposure: Path, table: Path) -> None:
     found, rows = gather_exposure(
-        (read_dataset(batch) for batch in batches), read_table(pressures, ["patch", "pressure_MPa"])
+        (read_dataset(batch) for batch in batches),
+        read_table(pressures, ["patch", "pressure_MPa"]),
     )
     write_dataset(exposure, found, provenance(batches, {}))
     write_table(table, rows)

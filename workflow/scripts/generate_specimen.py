@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from gstlib.logs import run_script
+from gst.logs import run_script
 from gstlib.specimen.generate import generate_specimen
 from gstlib.specimen.randomness import SpecimenParameters
 

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
+from gst.logs import run_script
+from gst.provenance import provenance
 from gstlib.counterface import read_counterface
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
 from gstlib.io.tables import write_table
-from gstlib.logs import run_script
-from gstlib.provenance import provenance
 from gstlib.study import grid_macroscale, gridding_table
 
 

@@ -7,9 +7,9 @@ from typing import Any
 import pandas as pd
 import xarray as xr
 
+from gst.logs import run_script
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
-from gstlib.logs import run_script
 from gstlib.study import place_patches
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import pandas as pd
 import xarray as xr
 
+from gst.logs import patch_by_patch, run_script
+from gst.provenance import provenance
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_pressures, read_table, write_table
-from gstlib.logs import patch_by_patch, run_script
-from gstlib.provenance import provenance
 from gstlib.study import fit_mat, predict_wear, score_wear, wear_square
 from gstlib.validation.wear_scores import COLUMNS
 
@@ -42,13 +42,17 @@ def main(
     if poses:
         face = read_dataset(surface, only=["face"]).face
         gesture = {"face": face, "poses": pd.DataFrame(poses)}
-    path = wear_square(pressed, by_patch, read_table(scores), source=square, **settings, **gesture)
+    path = wear_square(
+        pressed, by_patch, read_table(scores), source=square, **settings, **gesture
+    )
     if path is None:
         for file, columns in zip((table, profile, summary), COLUMNS, strict=True):
             write_table(file, pd.DataFrame(columns=columns))
         return
     files = dict(zip(worn, zip(contacts, registered, strict=True), strict=True))
-    files = {patch: files[patch] for patch in path.measured.dropna("patch").patch.values.tolist()}
+    files = {
+        patch: files[patch] for patch in path.measured.dropna("patch").patch.values.tolist()
+    }
 
     def read() -> Iterator[tuple[str, xr.Dataset, xr.Dataset]]:
         for patch, inputs in patch_by_patch(files):
@@ -56,7 +60,9 @@ def main(
 
     path = fit_mat(path, read())
     made = provenance([square, pressures, scores], settings)
-    write_dataset(folder / "whole_square.h5", path, made)  # no patch has an underscore in its name
+    write_dataset(
+        folder / "whole_square.h5", path, made
+    )  # no patch has an underscore in its name
 
     def patches() -> Iterator[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]]:
         for patch, contact, change in read():

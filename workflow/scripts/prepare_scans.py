@@ -3,10 +3,10 @@
 import logging
 from pathlib import Path
 
+from gst.logs import run_script
+from gst.provenance import provenance
 from gstlib.io.scans import read_scan
 from gstlib.io.store import write_dataset
-from gstlib.logs import run_script
-from gstlib.provenance import provenance
 from gstlib.study import prepare_scan
 
 
@@ -21,11 +21,16 @@ def main(
     read = None
     for scan, surface, crop in zip(scans, surfaces, crops, strict=True):
         if read is None or read[0] != scan:  # several patches may be pieces of one scan
-            read = scan, read_scan(scan, unit=settings["unit"], spacing_um=settings["spacing_um"])
-        prepared = prepare_scan(read[1], crop=crop, scans=settings, preprocessing=preprocessing)
+            read = (
+                scan,
+                read_scan(scan, unit=settings["unit"], spacing_um=settings["spacing_um"]),
+            )
+        prepared = prepare_scan(
+            read[1], crop=crop, scans=settings, preprocessing=preprocessing
+        )
         used = {"scans": settings, "preprocessing": preprocessing, "crop": crop}
         write_dataset(surface, prepared, provenance([scan], used))
-        logging.getLogger("gstlib").info("%s: %s", surface.stem, scan)
+        logging.getLogger("gst").info("%s: %s", surface.stem, scan)
 
 
 if "snakemake" in globals():

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pandas as pd
 
+from gst.logs import run_script
+from gst.provenance import provenance
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.logs import run_script
-from gstlib.provenance import provenance
 from gstlib.study import press_poses
 
 

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pandas as pd
-
-from gstlib.io.tables import read_table, write_table
-from gstlib.logs import run_script
 from gstlib.power import rejection_rates
+
+from gst.logs import run_script
+from gstlib.io.tables import read_table, write_table
 
 
 def main(tests: list[Path], p_values: Path, rates: Path) -> None:

@@ -9,13 +9,15 @@ figure and table; the whole config; the commit and the hash of the program.
 import json
 from pathlib import Path
 
+from gst.logs import run_script
+from gst.page import caption_html
+from gst.provenance import sha256, study_provenance
 from gstlib.io.files import write_whole
-from gstlib.logs import run_script
-from gstlib.page import caption_html
-from gstlib.provenance import sha256, study_provenance
 
 PAGE = "0 Overview", "the page of the study"
-WHAT = "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
+WHAT = (
+    "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
+)
 
 
 def main(

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from gst.logs import run_script
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table, write_table
-from gstlib.logs import run_script
 from gstlib.specimen.score import score_truth
 
 

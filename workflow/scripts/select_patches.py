@@ -3,9 +3,9 @@
 import logging
 from pathlib import Path
 
+from gst.logs import run_script
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, write_table
-from gstlib.logs import run_script
 from gstlib.study import registration_table, select_patches
 
 
@@ -22,7 +22,7 @@ def main(
     quality = registration_table(zip(worn, changes, strict=True), selection)
     selected = select_patches(read_pressures(pressures), quality, selection)
     if not selected.in_study.any():
-        logging.getLogger("gstlib").warning(
+        logging.getLogger("gst").warning(
             "no patch enters the study: %s gives the reasons, the config's section 'selection' the "
             "rules",
             table,

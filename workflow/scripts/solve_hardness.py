@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pandas as pd
 
+from gst.logs import patch_by_patch, run_script
+from gst.provenance import provenance
 from gstlib.contact import hardness_summary
 from gstlib.errors import ConfigError
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_pressures, studied_files, write_table
-from gstlib.logs import patch_by_patch, run_script
-from gstlib.provenance import provenance
 from gstlib.study import solve_hardness
 
 

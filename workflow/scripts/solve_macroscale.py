@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
+from gst.logs import run_script
+from gst.provenance import provenance
 from gstlib.contact import load_path_table
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import write_table
-from gstlib.logs import run_script
-from gstlib.provenance import provenance
 from gstlib.study import solve_macroscale
 
 

@@ -5,11 +5,11 @@ The study's own variant, the first, is pressed step by step; the others at their
 
 from pathlib import Path
 
+from gst.logs import patch_by_patch, run_script
+from gst.provenance import provenance
 from gstlib.contact import contact_at_pressure
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_pressures
-from gstlib.logs import patch_by_patch, run_script
-from gstlib.provenance import provenance
 from gstlib.study import PRESSURES, levelled_patch, place_patch, solve_patch
 
 

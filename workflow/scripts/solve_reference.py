@@ -5,11 +5,11 @@ On a generated specimen it is the true surface, of which there is one.
 
 from pathlib import Path
 
+from gst.logs import run_script
+from gst.provenance import provenance
 from gstlib.coupling import places_of
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.logs import run_script
 from gstlib.preprocess.filtering import s_filtered
-from gstlib.provenance import provenance
 from gstlib.reference import composite_heights, patches_of_reference
 from gstlib.study import solve_reference
 

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from gst.logs import run_script
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, write_table
-from gstlib.logs import run_script
 from gstlib.study import compare_moduli
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pandas as pd
 
+from gst.logs import patch_by_patch, run_script
+from gst.provenance import provenance
 from gstlib.contact import slip_summary
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import studied_files, write_table
-from gstlib.logs import patch_by_patch, run_script
-from gstlib.provenance import provenance
 from gstlib.study import solve_slip
 
 

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from gst.logs import run_script
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import studied_files, write_table
-from gstlib.logs import run_script
 from gstlib.study import microscale_tables
 
 
@@ -12,7 +12,9 @@ def main(
     contacts: list[Path], pressures: Path, summary: Path, paths: Path, *, patches: list[str]
 ) -> None:
     files = studied_files(pressures, patches, contacts)
-    states, steps = microscale_tables((patch, read_dataset(file)) for patch, file in files.items())
+    states, steps = microscale_tables(
+        (patch, read_dataset(file)) for patch, file in files.items()
+    )
     write_table(summary, states)
     write_table(paths, steps)
 

@@ -2,17 +2,21 @@
 
 from pathlib import Path
 
+from gst.logs import run_script
 from gstlib.io.store import read_attributes
 from gstlib.io.tables import write_table
-from gstlib.logs import run_script
 from gstlib.study import preprocessing_table
 
 
 def main(
     t0: list[Path], t1: list[Path], table: Path, *, patches: list[str], worn: list[str]
 ) -> None:
-    done = {(patch, "T0"): read_attributes(file) for patch, file in zip(patches, t0, strict=True)}
-    done |= {(patch, "T1"): read_attributes(file) for patch, file in zip(worn, t1, strict=True)}
+    done = {
+        (patch, "T0"): read_attributes(file) for patch, file in zip(patches, t0, strict=True)
+    }
+    done |= {
+        (patch, "T1"): read_attributes(file) for patch, file in zip(worn, t1, strict=True)
+    }
     order = {patch: place for place, patch in enumerate(patches)}
     scans = sorted(done, key=lambda scan: (order[scan[0]], scan[1]))
     write_table(table, preprocessing_table({scan: done[scan] for scan in scans}))

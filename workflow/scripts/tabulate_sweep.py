@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from gst.logs import run_script
+from gst.sweep import sweep_settings, sweep_table
 from gstlib.io.tables import read_table, write_table
-from gstlib.logs import run_script
-from gstlib.sweep import sweep_settings, sweep_table
 
 
 def main(outcomes: list[Path], table: Path, *, sweep: dict) -> None:

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from gst.logs import patch_by_patch, run_script
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
-from gstlib.logs import patch_by_patch, run_script
 from gstlib.study import measure_texture
 
 

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pandas as pd
 
+from gst.logs import run_script
+from gst.sweep import merged, outcomes
 from gstlib.counterface import read_counterface
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.tables import write_table
-from gstlib.logs import run_script
 from gstlib.study import Study
-from gstlib.sweep import merged, outcomes
 
 
 def main(

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 import pandas as pd
-
-from gstlib.io.tables import write_table
-from gstlib.logs import run_script
 from gstlib.power import law_p_values, p_values, specimen_studies
+
+from gst.logs import run_script
+from gstlib.io.tables import write_table
 from gstlib.specimen.stone import WEAR_LAWS, WEAR_PLACEMENTS
 
 

@@ -9,13 +9,8 @@ which captions quote.
 
 from pathlib import Path
 
-from gstlib.counterface import posed_mesh
-from gstlib.io.files import write_whole
-from gstlib.io.meshes import read_mesh
-from gstlib.io.store import read_attributes, read_dataset
-from gstlib.io.tables import read_pressures, read_table
-from gstlib.logs import run_script
-from gstlib.page import (
+from gst.logs import run_script
+from gst.page import (
     Shown,
     by_category,
     caption_html,
@@ -25,8 +20,13 @@ from gstlib.page import (
     tool_scene,
     warned,
 )
+from gst.verdict import SCORE, verdict
+from gstlib.counterface import posed_mesh
+from gstlib.io.files import write_whole
+from gstlib.io.meshes import read_mesh
+from gstlib.io.store import read_attributes, read_dataset
+from gstlib.io.tables import read_pressures, read_table
 from gstlib.preprocess.frame import stored_frame
-from gstlib.verdict import SCORE, verdict
 
 
 def main(

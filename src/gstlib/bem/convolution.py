@@ -169,7 +169,10 @@ class SplitConvolution:
         """Whether it holds a kernel that differs from Love's out to `reach` (mm), and is faster."""
         if reach > _MARGIN * _sigma(spacing):
             return False
-        near, exact = math.prod(_margin_padding(shape, spacing)), math.prod(exact_padding(shape))
+        near, exact = (
+            math.prod(_margin_padding(shape, spacing)),
+            math.prod(exact_padding(shape)),
+        )
         return near < _WORTH_SPLITTING * exact
 
     def __call__(self, pressure):
@@ -248,7 +251,8 @@ def _margin_padding(shape, spacing):
     """Size of the grid on which the near part is convolved."""
     margin = _MARGIN * _sigma(spacing)
     return tuple(
-        even_size(n + math.ceil(margin / step)) for n, step in zip(shape, spacing, strict=True)
+        even_size(n + math.ceil(margin / step))
+        for n, step in zip(shape, spacing, strict=True)
     )
 
 

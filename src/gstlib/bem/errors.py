@@ -31,7 +31,9 @@ def checked_number(name: str, value: object, unit: str, *, positive: bool = Fals
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
-        raise InvalidContactInput(f"{name} must be a number ({unit}), got {value!r}") from None
+        raise InvalidContactInput(
+            f"{name} must be a number ({unit}), got {value!r}"
+        ) from None
     if not 0 <= number < math.inf or (positive and number == 0):
         wanted = "positive and finite" if positive else "finite and not negative"
         raise InvalidContactInput(f"{name} must be {wanted} ({unit}), got {value}")
@@ -40,7 +42,9 @@ def checked_number(name: str, value: object, unit: str, *, positive: bool = Fals
 
 def checked_tolerance(tolerance: object) -> float:
     """Tolerance on the residual: below 1, which is the residual of no contact at all."""
-    number = checked_number("tolerance", tolerance, "relative to the displacement", positive=True)
+    number = checked_number(
+        "tolerance", tolerance, "relative to the displacement", positive=True
+    )
     if not number < 1:
         raise InvalidContactInput(f"tolerance must be below 1, got {tolerance}")
     return number
@@ -57,7 +61,9 @@ def checked_array(name: str, values, shape: tuple[int, int] | None = None) -> np
     """An (ny, nx) array of finite real numbers, of the given shape if there is one."""
     if np.ma.is_masked(values) or np.iscomplexobj(values):
         kind = "complex" if np.iscomplexobj(values) else "masked"
-        raise InvalidContactInput(f"{name} has {kind} values: give finite real numbers everywhere")
+        raise InvalidContactInput(
+            f"{name} has {kind} values: give finite real numbers everywhere"
+        )
     try:
         array = np.asarray(values, dtype=float)
     except (TypeError, ValueError) as error:

@@ -36,7 +36,9 @@ _INVERSE_PADDING = 1.1
 _WORTH_A_BOX = 0.7
 
 
-def contact_modulus(young_1: float, poisson_1: float, young_2: float, poisson_2: float) -> float:
+def contact_modulus(
+    young_1: float, poisson_1: float, young_2: float, poisson_2: float
+) -> float:
     """Contact modulus E* of two elastic half-spaces, 1/E* = (1 - ν₁²)/E₁ + (1 - ν₂²)/E₂.
 
     Parameters
@@ -152,7 +154,9 @@ class HalfSpace:
     def _single(self):
         reach = self.layer.reach if self.layer else 0.0
         if SplitConvolution.saves(self.shape, self.spacing, reach):
-            return SplitConvolution(self.shape, self.spacing, self.contact_modulus, self.kernel)
+            return SplitConvolution(
+                self.shape, self.spacing, self.contact_modulus, self.kernel
+            )
         return self._exact(np.float32)
 
     @cached_property

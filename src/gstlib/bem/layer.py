@@ -81,7 +81,9 @@ class Layer:
         """f(ζ): displacement of a wave over that of a half-space."""
         nu, zeta = self.poisson, np.minimum(zeta, 100.0)  # it is 1 long before sinh overflows
         above = (3 - 4 * nu) * np.sinh(2 * zeta) - 2 * zeta
-        return above / ((3 - 4 * nu) * np.cosh(2 * zeta) + 2 * zeta**2 + 5 - 12 * nu + 8 * nu**2)
+        return above / (
+            (3 - 4 * nu) * np.cosh(2 * zeta) + 2 * zeta**2 + 5 - 12 * nu + 8 * nu**2
+        )
 
     @cached_property
     def _behind(self):
@@ -101,7 +103,8 @@ class Layer:
         As of `HalfSpace.kernel`.
         """
         ny, nx = (
-            min(n, math.ceil(self.reach / step) + 1) for n, step in zip(shape, spacing, strict=True)
+            min(n, math.ceil(self.reach / step) + 1)
+            for n, step in zip(shape, spacing, strict=True)
         )
         places, weights = zip(*map(self._along, (ny, nx), spacing), strict=True)
         distance = np.hypot(places[0][:, None], places[1])

@@ -167,9 +167,13 @@ def solve_contact(
     """
     problem = ContactProblem(heights, spacing, contact_modulus, layer=layer)
     if (displacement is None) == (mean_pressure is None):
-        raise InvalidContactInput("give exactly one of displacement (mm) and mean_pressure (MPa)")
+        raise InvalidContactInput(
+            "give exactly one of displacement (mm) and mean_pressure (MPa)"
+        )
     if pressure_limit != math.inf:
-        pressure_limit = checked_number("pressure_limit", pressure_limit, "MPa", positive=True)
+        pressure_limit = checked_number(
+            "pressure_limit", pressure_limit, "MPa", positive=True
+        )
     force = None
     if mean_pressure is None:
         displacement = checked_number("displacement", displacement, "mm")
@@ -182,7 +186,9 @@ def solve_contact(
             )
         force = mean_pressure * problem.relief.size
     if initial_pressure is not None:
-        initial_pressure = checked_array("initial_pressure", initial_pressure, problem.relief.shape)
+        initial_pressure = checked_array(
+            "initial_pressure", initial_pressure, problem.relief.shape
+        )
         if initial_pressure.min() < 0:
             raise InvalidContactInput("initial_pressure must not be negative (MPa)")
     load = Load(displacement, force, pressure_limit)
@@ -233,7 +239,10 @@ class ContactProblem:
             )
         few = self._only_candidates(load)
         if few.size:
-            initial_pressure, window = np.full(few.size, load.force), Window(self.half_space, few)
+            initial_pressure, window = (
+                np.full(few.size, load.force),
+                Window(self.half_space, few),
+            )
         elif initial_pressure is None or not load.carried_by(initial_pressure):
             initial_pressure, window = self._start(load)
         elif window is None:
@@ -307,7 +316,10 @@ class ContactProblem:
         before, iterations = self.half_space.convolutions, 0
         respond, inaccuracy = self.half_space.exact_displacement, 0.0
         if not certified:
-            respond, inaccuracy = self.half_space.approximate_displacement, APPROXIMATION_ERROR
+            respond, inaccuracy = (
+                self.half_space.approximate_displacement,
+                APPROXIMATION_ERROR,
+            )
         field, error = None, 0.0
         if known is not None:
             # Only the difference is computed approximately.
@@ -332,7 +344,14 @@ class ContactProblem:
                 field = field.reshape(-1)[window.elements].astype(float)
             relief = self.relief.reshape(-1)[window.elements]
             values, iterations = descend(
-                window, load, relief, pressure, field, _INNER_SHARE * tolerance, error, iterations
+                window,
+                load,
+                relief,
+                pressure,
+                field,
+                _INNER_SHARE * tolerance,
+                error,
+                iterations,
             )
             pressure = np.zeros(self.relief.shape)
             pressure.reshape(-1)[window.elements] = values
@@ -354,7 +373,9 @@ class ContactProblem:
         gap -= displacement
         # Either the gap is open where there is pressure, or closed where there could be more.
         opened = gap.reshape(-1)[contact]
-        below = gap if load.pressure_limit == math.inf else gap[pressure < load.pressure_limit]
+        below = (
+            gap if load.pressure_limit == math.inf else gap[pressure < load.pressure_limit]
+        )
         violation = max(opened.max(initial=0.0), -below.min(initial=0.0))
         state = ContactState(
             pressure=pressure,

@@ -17,7 +17,10 @@ __all__ = ["cannot_write", "check_writable", "write_whole"]
 _IN_WORDS = {
     errno.ENOSPC: ("the disk is full", "Make room on it"),
     errno.EDQUOT: ("your disk quota is used up", "Make room"),
-    errno.EROFS: ("the disk is read-only", "Mount it for writing, or set `results` in the config"),
+    errno.EROFS: (
+        "the disk is read-only",
+        "Mount it for writing, or set `results` in the config",
+    ),
     errno.EACCES: ("permission denied", "Ask for it, or set `results` in the config"),
 }
 
@@ -26,7 +29,9 @@ def cannot_write(path: str | Path, error: OSError) -> OutputError:
     """The `OutputError` for an `error` in writing `path`."""
     unknown = error.strerror or str(error), "Mend that"
     reason, remedy = _IN_WORDS.get(error.errno or 0, unknown)
-    return OutputError(path, f"cannot be written: {reason}", f"{remedy}, then run the study again.")
+    return OutputError(
+        path, f"cannot be written: {reason}", f"{remedy}, then run the study again."
+    )
 
 
 def check_writable(folder: str | Path) -> None:

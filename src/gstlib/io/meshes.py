@@ -84,13 +84,19 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
             _EXPORT_AGAIN,
         )
     if len(faces) == 0:
-        raise InputError(path, "the mesh has no faces", "Export it again, with its triangles.")
+        raise InputError(
+            path, "the mesh has no faces", "Export it again, with its triangles."
+        )
     if faces.min() < 0 or faces.max() >= len(vertices):
-        problem = f"a face has a vertex that is none of its {len(vertices)}: it is cut or damaged"
+        problem = (
+            f"a face has a vertex that is none of its {len(vertices)}: it is cut or damaged"
+        )
         raise InputError(path, problem, _EXPORT_AGAIN)
     bad = int((~np.isfinite(vertices)).any(axis=1).sum())
     if bad:
-        raise InputError(path, f"{bad} of {len(vertices)} vertices are not numbers", "Repair it.")
+        raise InputError(
+            path, f"{bad} of {len(vertices)} vertices are not numbers", "Repair it."
+        )
     unit = unit or stated or "mm"
     if stated not in (None, unit) and path.suffix.lower() == ".3mf":
         problem = f"states its unit, {stated}, and is to be read in {unit}"
@@ -124,7 +130,9 @@ def _announced_faces(path: Path, content: bytes) -> int | None:
         if b"\0" in content:
             return int.from_bytes(content[80:84], "little")
         if not content.rstrip().rsplit(b"\n", 1)[-1].lstrip().lower().startswith(b"endsolid"):
-            raise InputError(path, "ends without 'endsolid': it is cut, or no STL", _EXPORT_AGAIN)
+            raise InputError(
+                path, "ends without 'endsolid': it is cut, or no STL", _EXPORT_AGAIN
+            )
         return content.lower().count(b"endfacet")
     header = content.partition(b"end_header")[0] if kind == ".ply" else content
     is_text = kind in (".obj", ".off") or (kind == ".ply" and b"format ascii" in header)
@@ -152,7 +160,11 @@ def _load(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray, str | Non
 
     kind = path.suffix.lower()[1:]
     # Textures and materials would open other files and split vertices.
-    options: dict[str, Any] = {"skip_materials": True, "fix_texture": False, "maintain_order": True}
+    options: dict[str, Any] = {
+        "skip_materials": True,
+        "fix_texture": False,
+        "maintain_order": True,
+    }
     try:
         with warnings.catch_warnings():
             # NumPy stops at a word that is no number, and only warns of it.
@@ -164,7 +176,9 @@ def _load(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray, str | Non
             part: Any
             for part in scene.dump():
                 vertices.append(np.asarray(part.vertices, dtype=np.float64))
-                faces.append(np.asarray(getattr(part, "faces", faces[0]), dtype=np.int64) + count)
+                faces.append(
+                    np.asarray(getattr(part, "faces", faces[0]), dtype=np.int64) + count
+                )
                 count += len(vertices[-1])
         return np.concatenate(vertices), np.concatenate(faces), _STATED.get(str(scene.units))
     except Exception as error:  # trimesh raises whatever its parsers raise
@@ -177,7 +191,9 @@ def _check_size(path: Path, extent: float, unit: str) -> None:
     if _SMALLEST_STONE <= extent * _UNITS[unit] <= _LARGEST_STONE:
         return
     # Scanning software writes metres or millimetres: suggest them first.
-    fitting = [name for name in ("m", "mm", "um", "in") if 10 <= extent * _UNITS[name] <= 1000]
+    fitting = [
+        name for name in ("m", "mm", "um", "in") if 10 <= extent * _UNITS[name] <= 1000
+    ]
     remedy = f"Scale the mesh to one of the units {list(_UNITS)} and set mesh_unit."
     if fitting:
         remedy = f"It looks as if its unit were {fitting[0]}: set mesh_unit: {fitting[0]}."

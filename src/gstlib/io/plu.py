@@ -79,7 +79,10 @@ def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[s
     dx, dy = struct.unpack_from("<2f", content, 404)
     (objective,) = struct.unpack_from("<I", content, 440)
     layers, version, instrument = content[489:492]
-    attrs = {"vendor": "Sensofar", "objective": _OBJECTIVES.get(objective, f"no. {objective}")}
+    attrs = {
+        "vendor": "Sensofar",
+        "objective": _OBJECTIVES.get(objective, f"no. {objective}"),
+    }
     # Older and later versions keep something else in the place of the instrument.
     if 0 < version <= _VERSION_2012 and instrument in _INSTRUMENTS:
         attrs = {"instrument": _INSTRUMENTS[instrument], **attrs}
@@ -131,4 +134,6 @@ def write_plu(
         struct.pack("<5B3xI", 0, 1, _VERSION_2012, _DCM_3D_REV_2, 0, 1),
         struct.pack("<2I", ny, nx),
     ]
-    write_whole(path, b"".join([*header, stored.tobytes(), struct.pack("<2f", lowest, highest)]))
+    write_whole(
+        path, b"".join([*header, stored.tobytes(), struct.pack("<2f", lowest, highest)])
+    )

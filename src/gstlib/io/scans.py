@@ -89,7 +89,9 @@ def read_scan(
     """
     path = Path(path)
     if unit is not None and unit not in SCAN_UNITS:
-        raise InputError(path, f"unknown scan unit {unit!r}", f"Use one of {list(SCAN_UNITS)}.")
+        raise InputError(
+            path, f"unknown scan unit {unit!r}", f"Use one of {list(SCAN_UNITS)}."
+        )
     if not path.is_file():
         raise InputError(
             path, "no such file", "Correct the name in the patch table, or the folder."
@@ -136,7 +138,9 @@ def read_scan(
     )
 
 
-def _mind_step_too_few(path: Path, shape: tuple[int, ...], spacing: tuple[float, ...]) -> None:
+def _mind_step_too_few(
+    path: Path, shape: tuple[int, ...], spacing: tuple[float, ...]
+) -> None:
     """Warn of points that are square once n points of a length are n steps of it, not n - 1."""
     (dy, dx), (ny, nx) = spacing, shape
     if min(shape) > 1:
@@ -146,7 +150,10 @@ def _mind_step_too_few(path: Path, shape: tuple[int, ...], spacing: tuple[float,
                 "%s: its points are %.5g × %.5g µm apart, as if a length of n points had been "
                 "divided by n - 1; then they are %.5g µm apart. Export the scan in another format "
                 "and compare",
-                *(path, 1e3 * dx, 1e3 * dy, 1e3 * true_x),
+                path,
+                1e3 * dx,
+                1e3 * dy,
+                1e3 * true_x,
             )
 
 
@@ -166,13 +173,17 @@ def _read_instrument_file(path: Path) -> _Raw:
         for ending in reader.file_extensions()
         if reader.format() not in _NOT_LEFT
     }
-    own_format = "Export the scan in the instrument's own format (.plu, .plux, .al3d, .sur, ...)."
+    own_format = (
+        "Export the scan in the instrument's own format (.plu, .plux, .al3d, .sur, ...)."
+    )
     if path.suffix.lower() not in formats:
         problem = f"cannot be read as a height map: '{path.suffix}' is no ending known here"
         raise InputError(path, problem, own_format)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of odd dates and numbers; what matters is checked
+            warnings.simplefilter(
+                "ignore"
+            )  # of odd dates and numbers; what matters is checked
             reader = open_topography(_unwrapped(path), format=formats[path.suffix.lower()])
             maps = [c for c in reader.channels if c.dim == 2 and c.is_height_channel]
             kind = reader.metadata["header"]["type"] if reader.format() == "sur" else None
@@ -180,11 +191,15 @@ def _read_instrument_file(path: Path) -> _Raw:
                 raise ValueError("it holds no map of heights")
             channel = maps[0]
             stated = channel.physical_sizes is not None
-            topography = channel.topography(**{} if stated else {"physical_sizes": (1.0, 1.0)})
+            topography = channel.topography(
+                **{} if stated else {"physical_sizes": (1.0, 1.0)}
+            )
             masked: np.ma.MaskedArray = np.ma.asarray(topography.heights(), dtype=float)
             heights: np.ndarray = masked.filled(np.nan).T
             if heights.shape != tuple(channel.nb_grid_pts)[::-1]:
-                raise ValueError(f"{heights.shape} points for {channel.nb_grid_pts} announced")
+                raise ValueError(
+                    f"{heights.shape} points for {channel.nb_grid_pts} announced"
+                )
             unit, (size_x, size_y) = topography.unit, topography.physical_sizes
             length = None if unit is None else get_unit_conversion_factor(unit, "mm")
             ny, nx = heights.shape
@@ -193,14 +208,18 @@ def _read_instrument_file(path: Path) -> _Raw:
         raise
     except Exception as error:  # the readers raise whatever their parsers raise
         reason = _plain_text(f"{type(error).__name__}: {error} {error.__cause__ or ''}")
-        problem = f"cannot be read as a height map ({reason}): it is damaged or of another format"
+        problem = (
+            f"cannot be read as a height map ({reason}): it is damaged or of another format"
+        )
         raise InputError(path, problem, own_format) from error
     instrument = topography.info.get("instrument") or {}
     told = {
         "instrument": instrument.get("name"),
         "vendor": instrument.get("vendor"),
         "acquired": topography.info.get("acquisition_time"),
-        "layer": f"{channel.name}, the first of {len(maps)} height maps" if maps[1:] else None,
+        "layer": f"{channel.name}, the first of {len(maps)} height maps"
+        if maps[1:]
+        else None,
     }
     attrs = {name: str(value) for name, value in told.items() if value is not None}
     return heights, spacing, length, attrs
@@ -217,7 +236,9 @@ def _unwrapped(path: Path) -> str | io.BytesIO:
         mark = file.read(12)
         if path.suffix.lower() == ".x3p":
             with zipfile.ZipFile(file) as given, zipfile.ZipFile(content, "w") as plain:
-                names = [name for name in given.namelist() if f"/{name}".endswith("/main.xml")]
+                names = [
+                    name for name in given.namelist() if f"/{name}".endswith("/main.xml")
+                ]
                 folder = min(names, key=len, default="").removesuffix("main.xml")
                 for name in given.namelist():
                     member = given.read(name)
@@ -242,10 +263,14 @@ def _unwrapped(path: Path) -> str | io.BytesIO:
 def _plain_text(value: str) -> str:
     """One short line of printable text: HDF5 attributes hold no NUL and no lone surrogate."""
     text = value.encode("utf-8", "replace").decode("utf-8")
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())[:_LONGEST_TEXT]
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())[
+        :_LONGEST_TEXT
+    ]
 
 
-def cut_scan(scan: xr.DataArray, centre: Sequence[float] | None, size_mm: float) -> xr.DataArray:
+def cut_scan(
+    scan: xr.DataArray, centre: Sequence[float] | None, size_mm: float
+) -> xr.DataArray:
     """The patch of a scan: a square piece, or all of it.
 
     Parameters
@@ -311,7 +336,9 @@ def _mind_held(path: Path, heights: np.ndarray) -> None:
     held, count = distinct[np.argmax(far)], far.max()
     if _FEWEST_HELD <= count < heights.size / 2 and 2 * count > far.sum():
         heights[heights == held] = np.nan
-        message = "%s: %d points share the height %g µm, far from all others: taken as unmeasured"
+        message = (
+            "%s: %d points share the height %g µm, far from all others: taken as unmeasured"
+        )
         _log.warning(message, path, count, held * 1e3)
         return
     second, most = np.sort([0, *counts])[-2:]
@@ -319,7 +346,9 @@ def _mind_held(path: Path, heights: np.ndarray) -> None:
         _log.warning(
             "%s: %.3g %% of the points have one height, %g µm. If that stands for unmeasured "
             "points, export them as empty cells or NaN",
-            *(path, 100 * most / heights.size, distinct[np.argmax(counts)] * 1e3),
+            path,
+            100 * most / heights.size,
+            distinct[np.argmax(counts)] * 1e3,
         )
 
 
@@ -327,7 +356,9 @@ def _check_plausible(path: Path, heights: np.ndarray, spacing: Sequence[float]) 
     """Refuse what no profilometer can have measured."""
     (ny, nx), (dy, dx) = heights.shape, spacing
     if min(ny, nx) < 2:
-        raise InputError(path, f"holds {ny} × {nx} points, not a map", "Export the whole map.")
+        raise InputError(
+            path, f"holds {ny} × {nx} points, not a map", "Export the whole map."
+        )
     if not np.isfinite(heights).any():
         raise InputError(path, "not one point is measured", "Measure the patch again.")
     extent = float(np.nanmax(heights) - np.nanmin(heights))

@@ -51,7 +51,9 @@ def _format(value: Any, digits: int) -> str:
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.17g}" if os.environ.get(ALL_DIGITS) == "1" else printed(value, digits)
+        return (
+            f"{value:.17g}" if os.environ.get(ALL_DIGITS) == "1" else printed(value, digits)
+        )
     return str(value)
 
 
@@ -93,7 +95,9 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
         raise InputError(path, problem, "Delete it and run the study again.") from error
     missing = [column for column in columns if column not in table.columns]
     if missing:
-        raise InputError(path, f"lacks {', '.join(missing)}", "Delete it and run the study again.")
+        raise InputError(
+            path, f"lacks {', '.join(missing)}", "Delete it and run the study again."
+        )
     for column in table.columns.drop("patch", errors="ignore"):
         if table[column].isin(["yes", "no"]).all() and len(table):
             table[column] = table[column] == "yes"
@@ -114,4 +118,6 @@ def studied_files(
     """
     table = read_table(pressures, ["patch", "in_study"])
     studied = set(table.patch[table.in_study])
-    return {patch: file for patch, file in zip(patches, files, strict=True) if patch in studied}
+    return {
+        patch: file for patch, file in zip(patches, files, strict=True) if patch in studied
+    }

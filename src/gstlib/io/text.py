@@ -96,7 +96,9 @@ def _read_rows(path: Path, columns: Sequence[int] | None = None) -> tuple[str, n
     rows = [line.partition("#")[0].strip(" ") for line in lines]
     first = next((n for n, row in enumerate(rows) if _begins_with_numbers(row)), None)
     if first is None:
-        raise InputError(path, "has no row of numbers", "Export the whole topography as text.")
+        raise InputError(
+            path, "has no row of numbers", "Export the whole topography as text."
+        )
     rows = list(filter(None, rows[first:]))
     mark = separator_of(rows[0])
     if mark and all(row.endswith(mark) for row in rows):  # which makes one empty cell more
@@ -104,8 +106,12 @@ def _read_rows(path: Path, columns: Sequence[int] | None = None) -> tuple[str, n
     try:
         return "\n".join(lines[:first]), _numbers(rows, mark, columns)
     except ValueError as error:
-        problem = f"from line {first + 1} on, is no table of numbers: {str(error).split(';')[0]}"
-        remedy = "Unmeasured points are empty cells, NaN, BAD or ---; comments begin with '#'."
+        problem = (
+            f"from line {first + 1} on, is no table of numbers: {str(error).split(';')[0]}"
+        )
+        remedy = (
+            "Unmeasured points are empty cells, NaN, BAD or ---; comments begin with '#'."
+        )
         raise InputError(path, problem, f"Export or copy the file again. {remedy}") from error
 
 

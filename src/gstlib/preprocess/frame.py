@@ -106,7 +106,9 @@ def find_frame(square: Mapping, mesh: "trimesh.Trimesh", *, source: str = "mesh"
         The points make no frame, or one is farther from the stone than the square is wide.
     """
     for number, point in enumerate(square["points_mm"], 1):
-        away = float(np.linalg.norm(np.asarray(mesh.vertices) - np.asarray(point), axis=1).min())
+        away = float(
+            np.linalg.norm(np.asarray(mesh.vertices) - np.asarray(point), axis=1).min()
+        )
         if away > square["size_mm"]:
             span = " to ".join(str(np.round(end, 4).tolist()) for end in mesh.bounds)
             raise ConfigError(

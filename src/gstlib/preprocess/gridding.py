@@ -107,7 +107,9 @@ def grid_mesh(
         *(axis_coordinates(count, size_mm / count) for count in shape), indexing="ij"
     )
     a, b, c = (points[faces[:, k], :2] for k in range(3))
-    areas = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])  # > 0: look up
+    areas = 0.5 * (
+        (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    )  # > 0: look up
     place, face, height = _ray_heights(points, faces, np.abs(areas) > _EDGE_ON, x, y)
     if len(face) == 0:
         low, high = vertices.min(axis=0), vertices.max(axis=0)
@@ -188,7 +190,11 @@ def grid_mesh(
             "height": surface,
             "vertex_y": ("vertex", cloud[vertex, 1], _in_mm("y of a left-out vertex")),
             "vertex_x": ("vertex", cloud[vertex, 0], _in_mm("x of a left-out vertex")),
-            "left_out_error": ("vertex", errors[chosen], _in_mm("height less its prediction")),
+            "left_out_error": (
+                "vertex",
+                errors[chosen],
+                _in_mm("height less its prediction"),
+            ),
             "left_out_rms": ("candidate", rms, _in_mm("r.m.s. error on left-out vertices")),
         },
         coords={"candidate": list(_INTERPOLATIONS)},

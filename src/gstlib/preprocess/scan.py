@@ -65,7 +65,9 @@ def prepare_scan(
         Too many points are unmeasured.
     """
     check_unmeasured(raw, maximum_unmeasured)
-    heights = raw.values if mould_flip is None else np.flip(raw.values, raw.dims.index(mould_flip))
+    heights = (
+        raw.values if mould_flip is None else np.flip(raw.values, raw.dims.index(mould_flip))
+    )
     stone = raw.copy(data=-heights if mould_invert else heights)
     unmeasured = ~np.isfinite(stone.values)
     of_rule = {}
@@ -91,7 +93,9 @@ def prepare_scan(
     clean = stone.copy(data=interpolate_holes(stone.values, unmeasured | outlier))
     level, plane = remove_plane(clean)
     level.attrs = {"units": "mm", "long_name": "height of the stone, level"}
-    texts = {name: value for name, value in raw.attrs.items() if name not in ("units", "long_name")}
+    texts = {
+        name: value for name, value in raw.attrs.items() if name not in ("units", "long_name")
+    }
     masks = {
         name: (level.dims, mask, {"units": "1", "long_name": f"{long_name} from around it"})
         for name, mask, long_name in (

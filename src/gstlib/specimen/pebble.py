@@ -106,7 +106,9 @@ def _even_spiral(area: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """
     rows, columns = area.shape
     by_row = np.concatenate([[0.0], np.cumsum(area.sum(axis=1))])
-    row = np.interp((np.arange(count) + 0.5) / count, by_row / by_row[-1], np.arange(rows + 1.0))
+    row = np.interp(
+        (np.arange(count) + 0.5) / count, by_row / by_row[-1], np.arange(rows + 1.0)
+    )
     # share of the row's area up to each column, inverted once per row on a regular grid of shares
     shares = np.linspace(0, 1, 2 * columns + 1)
     inverse = np.empty((rows, len(shares)))

@@ -89,7 +89,11 @@ def score_truth(
     if two_scales is not None:
         known = two_scales.drop_duplicates("patch").set_index("patch").reference_pressure_MPa
         for row in pressures.itertuples():
-            add("coupling", row.patch, [("pressure", "MPa", known[row.patch], row.pressure_MPa)])
+            add(
+                "coupling",
+                row.patch,
+                [("pressure", "MPa", known[row.patch], row.pressure_MPa)],
+            )
     columns = ["stage", "quantity", "patch", "unit", "true", "recovered", "error"]
     return pd.DataFrame(rows, columns=columns)
 

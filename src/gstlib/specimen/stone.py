@@ -155,9 +155,13 @@ class Stone:
         nodes = []
         for positions in (y, x):
             first, last = (positions[[0, -1]] - self.square_mm / 2) / self.waviness_spacing
-            nodes.append(np.arange(np.floor(first) - _SPLINE_PAD, np.ceil(last) + _SPLINE_PAD + 1))
+            nodes.append(
+                np.arange(np.floor(first) - _SPLINE_PAD, np.ceil(last) + _SPLINE_PAD + 1)
+            )
         elements = ((along.astype(int) + count // 2) % count for along in nodes)
-        nodes_y, nodes_x = (along * self.waviness_spacing + self.square_mm / 2 for along in nodes)
+        nodes_y, nodes_x = (
+            along * self.waviness_spacing + self.square_mm / 2 for along in nodes
+        )
         heights = self.waviness[np.ix_(*elements)] + self.shape(nodes_y[:, None], nodes_x)
         return scipy.interpolate.RectBivariateSpline(nodes_y, nodes_x, heights)(y, x)
 
@@ -221,7 +225,9 @@ class Stone:
         waves = height - scipy.ndimage.gaussian_filter(height, smoothing, mode="nearest")
         sigma = float(np.hypot(waves.std(), self.detail.std()))
         cut = sigma * (_UNWORN_SIGMA - (_UNWORN_SIGMA - _FULL_SIGMA) * severity)
-        depth = self.detail - _bilinear((cut - waves).astype(np.float32), np.arange(points) / step)
+        depth = self.detail - _bilinear(
+            (cut - waves).astype(np.float32), np.arange(points) / step
+        )
         np.maximum(depth, 0, out=depth)
 
         field = smooth_field(
@@ -245,7 +251,9 @@ class Stone:
                 stream(p.seed, "wear", "waves"), points, self.spacing, **self._spectrum
             )
             worn = field > np.quantile(field, 1 - p.wear_share)
-            depth = np.where(worn, depth.sum() / max((depth > 0).sum(), 1), 0).astype(np.float32)
+            depth = np.where(worn, depth.sum() / max((depth > 0).sum(), 1), 0).astype(
+                np.float32
+            )
         if placement in WEAR_LAWS:
             whole = self.macroscale(self.grid, self.grid) + self.detail
             surface, _ = remove_plane(make_surface(whole, self.spacing))
@@ -269,7 +277,9 @@ class Stone:
         places = generator.random((tried, 2)) * len(depth)
         spread = np.exp(_CHIP_SPREAD * generator.standard_normal(tried))
         radii = (
-            _CHIP_RADIUS_UM * np.minimum(spread, _CHIP_LARGEST) / self._parameters.scan_spacing_um
+            _CHIP_RADIUS_UM
+            * np.minimum(spread, _CHIP_LARGEST)
+            / self._parameters.scan_spacing_um
         )
         kept = generator.random(tried) < severity[tuple((places / step).astype(int).T)]
         for (row, column), radius in zip(places[kept], radii[kept], strict=True):

@@ -22,7 +22,12 @@ import scipy.optimize
 import xarray as xr
 
 from gstlib.surface import spacing_of
-from gstlib.validation.registration import Registration, apply_registration, least_squares, register
+from gstlib.validation.registration import (
+    Registration,
+    apply_registration,
+    least_squares,
+    register,
+)
 
 __all__ = ["height_change", "measured_change", "wear_summary"]
 
@@ -60,11 +65,16 @@ def measured_change(
     """
     registration = register(before.height, after.height, maximum_shift_mm=maximum_shift_mm)
     replaced0, replaced1 = (
-        (epoch.filled.astype(bool) | epoch.outlier.astype(bool)).values for epoch in (before, after)
+        (epoch.filled.astype(bool) | epoch.outlier.astype(bool)).values
+        for epoch in (before, after)
     )
-    on_t0, replaced = apply_registration(after.height, replaced1, registration, like=before.height)
+    on_t0, replaced = apply_registration(
+        after.height, replaced1, registration, like=before.height
+    )
     known = ~(replaced0 | replaced) & registration.found
-    return registration, height_change(before.height, on_t0, known, minimum_points=minimum_points)
+    return registration, height_change(
+        before.height, on_t0, known, minimum_points=minimum_points
+    )
 
 
 def height_change(
@@ -116,7 +126,9 @@ def height_change(
             (scipy.ndimage.gaussian_filter(before, _SLOPE_SMOOTHING, order=order) / step) ** 2
             for order, step in zip(((1, 0), (0, 1)), spacing_of(t0), strict=True)
         )
-        level, lateral = _variance_by_slope((difference - datum)[inside], steepness[inside], kept)
+        level, lateral = _variance_by_slope(
+            (difference - datum)[inside], steepness[inside], kept
+        )
         resolution = _RESOLUTION * before[inside].std()
         variance = np.maximum(level + lateral * steepness, resolution**2)
         limit = np.where(inside, _LEVEL_OF_DETECTION * np.sqrt(variance), np.nan)
@@ -127,7 +139,9 @@ def height_change(
         return ("y", "x"), values, {"units": units, "long_name": long_name}
 
     limit_name = "height change that noise exceeds on one point in twenty"
-    loss, gain = (_spots(beyond, minimum_points) for beyond in (change < -limit, change > limit))
+    loss, gain = (
+        _spots(beyond, minimum_points) for beyond in (change < -limit, change > limit)
+    )
     return xr.Dataset(
         {
             "t1": variable(after - datum, "mm", "height at T1 on the grid of T0"),
@@ -194,7 +208,9 @@ def _variance_by_slope(
     for _ in range(_SLOPE_ROUNDS):
         points = pd.DataFrame({"slope": steepness[kept], "change": np.abs(change[kept])})
         groups = points.groupby(group[kept])
-        found = groups.agg({"slope": "mean", "change": "median"})[groups.size() >= _GROUP_SIZE / 2]
+        found = groups.agg({"slope": "mean", "change": "median"})[
+            groups.size() >= _GROUP_SIZE / 2
+        ]
         slopes, variances = found.slope.values, (_MAD_TO_SIGMA * found.change.values) ** 2
         if len(found) < _LEAST_GROUPS or not variances.any():
             break

@@ -39,7 +39,8 @@ def label_blocks(
         for n, step in zip(valid.shape, spacing, strict=True)
     )
     row, column = (
-        np.arange(n) * count // n for n, count in zip(valid.shape, (rows, columns), strict=True)
+        np.arange(n) * count // n
+        for n, count in zip(valid.shape, (rows, columns), strict=True)
     )
     labels = row[:, None] * columns + column
     held = np.bincount(labels[valid], minlength=rows * columns) > 0
@@ -76,7 +77,9 @@ def resampled_scores(
         levels = events, others
     return scores_of_sums(
         (hits, hits + false, hits + missed, hits + false + missed + correct),
-        tuple(weights @ np.bincount(block, product, blocks) for product in (p * o, p * p, o * o)),
+        tuple(
+            weights @ np.bincount(block, product, blocks) for product in (p * o, p * p, o * o)
+        ),
         levels,
     )
 

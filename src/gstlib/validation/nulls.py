@@ -56,7 +56,9 @@ def null_scores(
     ones.
     """
     contact, loss, valid = comparison.predictions[CONTACT], comparison.loss, comparison.valid
-    far = np.argwhere(_torus_distance(valid.shape, comparison.spacing) > np.nan_to_num(beyond_mm))
+    far = np.argwhere(
+        _torus_distance(valid.shape, comparison.spacing) > np.nan_to_num(beyond_mm)
+    )
     if len(far) > shifts:
         far = far[np.sort(generator.choice(len(far), shifts, replace=False))]
     rows, columns = np.vstack([[0, 0], far]).T
@@ -64,10 +66,15 @@ def null_scores(
     def sums(moved: np.ndarray, *spectra: np.ndarray) -> list[np.ndarray]:
         """Sums over the points of a field, shifted, times each fixed one, by its transform."""
         spectrum = np.conj(scipy.fft.rfft2(moved))
-        return [scipy.fft.irfft2(spectrum * fixed, moved.shape)[rows, columns] for fixed in spectra]
+        return [
+            scipy.fft.irfft2(spectrum * fixed, moved.shape)[rows, columns]
+            for fixed in spectra
+        ]
 
     shares = np.where(valid, comparison.loss_shares, 0)
-    of_loss, of_valid, of_shares = (scipy.fft.rfft2(1.0 * each) for each in (loss, valid, shares))
+    of_loss, of_valid, of_shares = (
+        scipy.fft.rfft2(1.0 * each) for each in (loss, valid, shares)
+    )
     hits, predicted = np.rint(sums(1.0 * contact.mask, of_loss, of_valid))
     (product,) = sums(contact.shares, of_shares)
     (squares,) = sums(np.square(contact.shares), of_valid)
@@ -95,7 +102,9 @@ def null_scores(
     return scores
 
 
-def correlation_length(field: np.ndarray, valid: np.ndarray, spacing: Sequence[float]) -> float:
+def correlation_length(
+    field: np.ndarray, valid: np.ndarray, spacing: Sequence[float]
+) -> float:
     """Distance (mm) at which the autocorrelation of a field, over all directions, falls to 1/e.
 
     Linearly interpolated; infinite if it never falls so low within half of the field (ny, nx), NaN
@@ -145,12 +154,16 @@ def _wrap_around_factors(
     spectrum, of_fixed = scipy.fft.rfft2(fixed), _lagged_products(fixed)
     near = _torus_distance(of_fixed.shape, (1, 1)) <= _FARTHEST * min(valid.shape)
     lags = [np.minimum(np.arange(n), n - np.arange(n)) for n in of_fixed.shape]
-    pairs = np.outer(*(np.maximum(n - lag, 0) for n, lag in zip(valid.shape, lags, strict=True)))
+    pairs = np.outer(
+        *(np.maximum(n - lag, 0) for n, lag in zip(valid.shape, lags, strict=True))
+    )
     weight = of_fixed[near] / pairs[near]
     factors = []
     for field in moved:
         field = field - np.mean(field)
-        on_torus = scipy.fft.irfft2(np.conj(scipy.fft.rfft2(field)) * spectrum, valid.shape).std()
+        on_torus = scipy.fft.irfft2(
+            np.conj(scipy.fft.rfft2(field)) * spectrum, valid.shape
+        ).std()
         in_place = math.sqrt(max(float((_lagged_products(field)[near] * weight).sum()), 0.0))
         factors.append(max(1.0, in_place / float(on_torus)) if on_torus > 0 else 1.0)
     return factors
@@ -158,7 +171,11 @@ def _wrap_around_factors(
 
 def _centred(field: np.ndarray, valid: np.ndarray) -> np.ndarray:
     """The field less its mean over the valid points; 0 where it is not known."""
-    return np.where(valid, field - field[valid].mean(), 0) if valid.any() else np.zeros(field.shape)
+    return (
+        np.where(valid, field - field[valid].mean(), 0)
+        if valid.any()
+        else np.zeros(field.shape)
+    )
 
 
 def _lagged_products(field: np.ndarray) -> np.ndarray:

@@ -59,7 +59,9 @@ class Prediction:
 
     mask: np.ndarray  # where wear is expected
     shares: np.ndarray  # share of the window around each point that the mask marks
-    ranking: np.ndarray | None  # larger where wear is likelier; None if another ranks the same
+    ranking: (
+        np.ndarray | None
+    )  # larger where wear is likelier; None if another ranks the same
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,10 @@ def compare(
     highest.flat[points[order[: (touching & valid).sum()]]] = True
     rigid = z > z.max() - float(np.ravel(contact["displacement"].values)[-1])
     found = {
-        CONTACT: (touching, np.where(touching, pressure, -np.maximum(contact["gap"].values, 0))),
+        CONTACT: (
+            touching,
+            np.where(touching, pressure, -np.maximum(contact["gap"].values, 0)),
+        ),
         "highest": (highest, z),
         "rigid": (rigid, None),
     }
@@ -139,7 +144,9 @@ def window_shares(mask: np.ndarray, size: int, valid: np.ndarray) -> np.ndarray:
     share is 0 where the window holds no valid point.
     """
     marked, there = (
-        np.rint(scipy.ndimage.uniform_filter(m.astype(float), size, mode="constant") * size**2)
+        np.rint(
+            scipy.ndimage.uniform_filter(m.astype(float), size, mode="constant") * size**2
+        )
         for m in (mask & valid, valid)
     )
     return np.divide(marked, there, out=np.zeros_like(marked), where=there > 0)

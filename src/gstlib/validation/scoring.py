@@ -40,17 +40,40 @@ _BEYOND_NOISE = 2
 
 _COLUMNS = {
     "patches": [
-        *("patch", "contact_fraction", "valid_contact_fraction", "loss_fraction", "loss_area_mm2"),
-        *("loss_volume_um3", "loss_depth_um", "loss_per_area_um", "gain_fraction", "noise_share"),
+        "patch",
+        "contact_fraction",
+        "valid_contact_fraction",
+        "loss_fraction",
+        "loss_area_mm2",
+        "loss_volume_um3",
+        "loss_depth_um",
+        "loss_per_area_um",
+        "gain_fraction",
+        "noise_share",
         "believed",
-        *("correlation_length_um", "rigid_fraction", *SCORES),
+        "correlation_length_um",
+        "rigid_fraction",
+        *SCORES,
         *(f"highest_{score}" for score in SCORES),
         *(f"rigid_{score}" for score in SCORES if not score.endswith("auc")),
     ],
     "gains": [
-        *("patch", "score", "value", "null_mean", "null_low", "null_high", "effect_size"),
-        *("p_value", "untested", "shifts", "best_rival", "best_rival_value", "gain", "gain_low"),
-        *("gain_high", "blocks"),
+        "patch",
+        "score",
+        "value",
+        "null_mean",
+        "null_low",
+        "null_high",
+        "effect_size",
+        "p_value",
+        "untested",
+        "shifts",
+        "best_rival",
+        "best_rival_value",
+        "gain",
+        "gain_low",
+        "gain_high",
+        "blocks",
     ],
 }
 
@@ -59,10 +82,16 @@ _COLUMNS = {
 class PatchScores:
     """All that the tables of the validation state about one patch."""
 
-    scores: dict[str, Any]  # row of validation_patches.csv, see workflow/report for its columns
-    gains: list[dict[str, Any]]  # rows of validation_gains.csv; none where chance was not tested
+    scores: dict[
+        str, Any
+    ]  # row of validation_patches.csv, see workflow/report for its columns
+    gains: list[
+        dict[str, Any]
+    ]  # rows of validation_gains.csv; none where chance was not tested
     null: dict[str, np.ndarray]  # as of `null_scores`; empty where chance was not tested
-    warning: str | None  # what to look into if too much rose, or if waves are too long to test
+    warning: (
+        str | None
+    )  # what to look into if too much rose, or if waves are too long to test
 
 
 def score_patch(
@@ -101,8 +130,12 @@ def score_patch(
     comparison = compare(heights, contact, change, neighbourhood_um=neighbourhood_um, rim=rim)
     loss, valid = comparison.loss, comparison.valid
     length = correlation_length(loss, valid, comparison.spacing)
-    longest = LONGEST * min(n * d for n, d in zip(valid.shape, comparison.spacing, strict=True))
-    scores = {name: scores_of(one, comparison) for name, one in comparison.predictions.items()}
+    longest = LONGEST * min(
+        n * d for n, d in zip(valid.shape, comparison.spacing, strict=True)
+    )
+    scores = {
+        name: scores_of(one, comparison) for name, one in comparison.predictions.items()
+    }
     touching, rigid = (comparison.predictions[name].mask for name in (CONTACT, "rigid"))
     gain = change["gain"].values.astype(bool) & valid
     noise_share = float(gain.sum() / loss.sum()) if loss.any() else math.nan
@@ -157,7 +190,9 @@ def patch_tables(found: Sequence[PatchScores]) -> dict[str, pd.DataFrame]:
         "patches": [one.scores for one in found],
         "gains": [row for one in found for row in one.gains],
     }
-    return {name: pd.DataFrame(rows[name], columns=columns) for name, columns in _COLUMNS.items()}
+    return {
+        name: pd.DataFrame(rows[name], columns=columns) for name, columns in _COLUMNS.items()
+    }
 
 
 def _against_chance(value: float, scores: np.ndarray) -> dict[str, Any]:
@@ -189,7 +224,9 @@ def _against_rivals(
     value = scores[CONTACT][score]
     rivals = {name: scores[name].get(score, math.nan) for name in RIVALS}
     # none where the score of the contact is NaN
-    rivals = {name: of_one for name, of_one in rivals.items() if math.isfinite(value - of_one)}
+    rivals = {
+        name: of_one for name, of_one in rivals.items() if math.isfinite(value - of_one)
+    }
     best = max(rivals, key=lambda name: rivals[name], default="")
     gain = value - rivals.get(best, math.nan)
     low = high = math.nan
@@ -213,7 +250,9 @@ def _share(part: np.ndarray, whole: np.ndarray) -> float:
 
 
 def _warning(row: dict[str, Any], most_noise: float, longest: float) -> str | None:
-    rose, fell, noise = (100 * row[k] for k in ("gain_fraction", "loss_fraction", "noise_share"))
+    rose, fell, noise = (
+        100 * row[k] for k in ("gain_fraction", "loss_fraction", "noise_share")
+    )
     if rose > _BEYOND_NOISE * fell:
         return (
             f"patch {row['patch']}: far more rose than fell ({rose:.2g} % and {fell:.2g} % of the "

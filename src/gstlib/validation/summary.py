@@ -83,7 +83,10 @@ def summarise(
         return pd.DataFrame(columns=_COLUMNS)
     tables = patch_tables(found)
     every = tables["patches"].merge(predicted, on="patch")
-    chance: dict[str, Any] = {"generator": np.random.default_rng(seed), "resamples": resamples}
+    chance: dict[str, Any] = {
+        "generator": np.random.default_rng(seed),
+        "resamples": resamples,
+    }
     parts = [
         mean_gains(tables["patches"], **chance),
         mean_scores(found, **chance),
@@ -248,7 +251,9 @@ def rank_correlation(
     return pd.DataFrame([row], columns=_COLUMNS)
 
 
-def spatial_p_value(x: np.ndarray, y: np.ndarray, places: np.ndarray, *, permuted: float) -> float:
+def spatial_p_value(
+    x: np.ndarray, y: np.ndarray, places: np.ndarray, *, permuted: float
+) -> float:
     """P-value of Spearman's correlation over patches that allows for spatial autocorrelation.
 
     `permuted` is the p-value of the permutation test, exact for unrelated patches. Dutilleul's test

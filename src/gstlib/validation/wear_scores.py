@@ -28,8 +28,14 @@ OWN, _RIVALS = ("archard", "mat"), ("pressure", "uniform", "truncation")
 # Of ``wear.csv``, ``wear_profile.csv`` and ``wear_summary.csv``.
 COLUMNS = (
     [
-        *("patch", "model", "predicted_volume_um3", "measured_volume_um3", "predicted_depth_um"),
-        *("measured_depth_um", "rms_difference_um", "rms_out_of_contact_um"),
+        "patch",
+        "model",
+        "predicted_volume_um3",
+        "measured_volume_um3",
+        "predicted_depth_um",
+        "measured_depth_um",
+        "rms_difference_um",
+        "rms_out_of_contact_um",
     ],
     ["patch", "by", "band", "model", "loss_um"],
     ["model", "statistic", "value", "low", "high", "p_value", "n", "against"],
@@ -88,7 +94,9 @@ def wear_table(
         own = {str(of.model.values): seen_depth(of.values[known]) for of in worn.depth}
         out_of_contact = own["archard"] < level
         depths = own | {
-            "pressure": np.full(lost.shape, of[patch] * others.sum() / of[others.index].sum()),
+            "pressure": np.full(
+                lost.shape, of[patch] * others.sum() / of[others.index].sum()
+            ),
             "uniform": np.full(lost.shape, others.mean()),
             "truncation": np.maximum(height - np.quantile(height, 1 - loss.mean()), 0),
         }
@@ -96,13 +104,12 @@ def wear_table(
         for model, depth in depths.items():
             rows.append(
                 (
-                    *(
-                        patch,
-                        model,
-                        depth.clip(0).sum() * element_um3,
-                        lost[loss].sum() * element_um3,
-                    ),
-                    *(_mean_um(depth[depth > level]), _mean_um(lost[loss])),
+                    patch,
+                    model,
+                    depth.clip(0).sum() * element_um3,
+                    lost[loss].sum() * element_um3,
+                    _mean_um(depth[depth > level]),
+                    _mean_um(lost[loss]),
                     _rms_um(depth - lost),
                     _rms_um((depth - lost)[out_of_contact]),
                 )
@@ -129,7 +136,12 @@ def _rms_um(depth: np.ndarray) -> float:
 
 
 def wear_summary(
-    table: pd.DataFrame, profile: pd.DataFrame, square: xr.Dataset, *, seed: int, resamples: int
+    table: pd.DataFrame,
+    profile: pd.DataFrame,
+    square: xr.Dataset,
+    *,
+    seed: int,
+    resamples: int,
 ) -> pd.DataFrame:
     """What the predictions are worth, over the patches: the table ``wear_summary.csv``.
 
@@ -159,7 +171,9 @@ def wear_summary(
     """
     errors = {
         "volume": (table.predicted_volume_um3 - table.measured_volume_um3).abs(),
-        "depth": (table.predicted_depth_um.fillna(0) - table.measured_depth_um.fillna(0)).abs(),
+        "depth": (
+            table.predicted_depth_um.fillna(0) - table.measured_depth_um.fillna(0)
+        ).abs(),
         "map": table.rms_difference_um,
         "out_of_contact": table.rms_out_of_contact_um.fillna(0),
     }
@@ -178,7 +192,9 @@ def wear_summary(
 
     for model in own:
         for quantity, error in errors.items():
-            wide = table.assign(error=error).pivot(index="patch", columns="model", values="error")
+            wide = table.assign(error=error).pivot(
+                index="patch", columns="model", values="error"
+            )
             wide = wide.loc[patches]
             bare = own[: own.index(model)]
             rivals = {"out_of_contact": bare, "depth": (*bare, "truncation")}
@@ -186,7 +202,11 @@ def wear_summary(
                 told = quantity == "out_of_contact"
                 rival_error = wide[rival].to_numpy() * (_ERROR_TO_BEAT if told else 1.0)
                 gain = rival_error - wide[model].to_numpy()
-                p = exchange_p_value(gain, generator) if told or rival not in bare else math.nan
+                p = (
+                    exchange_p_value(gain, generator)
+                    if told or rival not in bare
+                    else math.nan
+                )
                 counts = np.stack([gain, rival_error], axis=1)
                 row(model, f"skill({quantity})", counts, p, len(patches), rival)
     halves = profile[profile.by == "height"].assign(low=profile.band > _BANDS // 2)

@@ -13,7 +13,6 @@ from closed_forms import (
     full_contact_rms_pressure,
     love_rectangle_displacement,
 )
-
 from gstlib.bem import HalfSpace, load_path, solve_contact
 
 

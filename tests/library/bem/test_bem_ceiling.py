@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine
-from scipy.optimize import lsq_linear
-
 from gstlib.bem import solve_contact
+from scipy.optimize import lsq_linear
 
 SMALL = self_affine(20, seed=5, length=0.04, rms=0.002, roll_off=0.02)
 SPACING = 0.002

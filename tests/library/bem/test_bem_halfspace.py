@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine
-
 from gstlib.bem import HalfSpace, InvalidContactInput, contact_modulus, solve_contact
 from gstlib.bem.convolution import SplitConvolution, love_kernel
 from gstlib.bem.halfspace import APPROXIMATION_ERROR

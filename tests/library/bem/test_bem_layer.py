@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from bem_reference import self_affine
-
 from gstlib.bem import HalfSpace, InvalidContactInput, Layer, solve_contact
 
 RIGID = 1e9  # MPa, of what is behind the layer

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine, sphere
+from gstlib.bem import InvalidContactInput, load_path, solve_contact
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from gstlib.bem import InvalidContactInput, load_path, solve_contact
 
 HEIGHTS = self_affine(80, seed=2)
 SURFACE = HEIGHTS, 0.85 / 80, MODULUS

@@ -6,10 +6,9 @@ import sys
 import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine
+from gstlib.bem import ConvergenceError, HalfSpace, InvalidContactInput, solve_contact
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from gstlib.bem import ConvergenceError, HalfSpace, InvalidContactInput, solve_contact
 
 
 def test_the_package_imports_nothing_but_numpy_and_its_transforms():

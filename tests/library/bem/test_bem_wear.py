@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine, sphere
-
 from gstlib.bem import InvalidContactInput, Layer, ThirdBody, solve_contact, wear_path
 
 SPACING = 0.85 / 80

@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-
 from gstlib.io.plu import write_plu
 
 

@@ -7,14 +7,13 @@ import zipfile
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scan_files import FORMATS, write_sur, zipped
-
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
 from gstlib.surface import spacing_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scan_files import FORMATS, write_sur, zipped
 
 SPACING = (1.66e-3, 0.83e-3)
 each_format = pytest.mark.parametrize("name", FORMATS)

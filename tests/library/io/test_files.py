@@ -6,10 +6,9 @@ import sys
 import textwrap
 
 import pytest
-
+from gst.logs import job_log
 from gstlib.errors import OutputError
 from gstlib.io.files import check_writable, write_whole
-from gstlib.logs import job_log
 
 
 def failing(code):

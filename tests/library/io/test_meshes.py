@@ -8,11 +8,10 @@ import zipfile
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from gstlib.errors import InputError
 from gstlib.io.meshes import read_mesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 SIZE = (40.0, 30.0, 20.0)
 
@@ -43,10 +42,18 @@ def ply(order):
     mesh = stone()
     name = {"<": "binary_little_endian", ">": "binary_big_endian", "": "ascii"}[order]
     header = [
-        *("ply", f"format {name} 1.0", "comment TextureFile ../secret.png"),
-        *(f"element vertex {len(mesh.vertices)}", "property float x", "property float y"),
-        *("property float z", "property uchar red", f"element face {len(mesh.faces)}"),
-        *("property uchar quality", "property list uchar int vertex_indices", "end_header\n"),
+        "ply",
+        f"format {name} 1.0",
+        "comment TextureFile ../secret.png",
+        f"element vertex {len(mesh.vertices)}",
+        "property float x",
+        "property float y",
+        "property float z",
+        "property uchar red",
+        f"element face {len(mesh.faces)}",
+        "property uchar quality",
+        "property list uchar int vertex_indices",
+        "end_header\n",
     ]
     body = b""
     for x, y, z in mesh.vertices:

@@ -1,11 +1,10 @@
 """A `.plu` file is read back by the library that reads the instrument's own."""
 
 import numpy as np
+from gstlib.io.plu import write_plu
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-
-from gstlib.io.plu import write_plu
 
 
 def read(path):

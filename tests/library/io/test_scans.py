@@ -7,12 +7,11 @@ import sys
 
 import numpy as np
 import pytest
-from scan_files import FORMATS, plux_members, write_x3p, write_xyz, zipped
-
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.surface import make_surface, spacing_of
+from scan_files import FORMATS, plux_members, write_x3p, write_xyz, zipped
 
 # Not square, odd, and no symmetry: every mistake of axes shows.
 NY, NX, DY, DX = 5, 7, 1.66e-3, 0.83e-3

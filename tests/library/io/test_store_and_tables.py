@@ -5,13 +5,12 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from hypothesis import given
-from hypothesis import strategies as st
-
 from gstlib.errors import InputError
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import printed, read_table, write_table
 from gstlib.surface import make_surface
+from hypothesis import given
+from hypothesis import strategies as st
 
 
 def dataset():

@@ -1,7 +1,6 @@
 """The S-filter: what passes it, and what it does at the edges."""
 
 import numpy as np
-
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.surface import axis_coordinates, make_surface
 

@@ -4,16 +4,15 @@ well left-out vertices are predicted."""
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.interpolate import LinearNDInterpolator
-from scipy.spatial import Delaunay
-
 from gstlib.errors import InputError
 from gstlib.preprocess import gridding
 from gstlib.preprocess.frame import Frame
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.study import grid_macroscale, gridding_table
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import LinearNDInterpolator
+from scipy.spatial import Delaunay
 
 KINDS = ["linear", "clough-tocher", "cubic"]
 UP = Frame(origin=(0, 0, 0), x_axis=(1, 0, 0), normal=(0, 0, 1))

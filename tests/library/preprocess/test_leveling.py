@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-
 from gstlib.errors import InputError
 from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import make_surface
+from hypothesis import given
+from hypothesis import strategies as st
 
 slopes = st.floats(-0.5, 0.5)
 shapes = st.tuples(st.integers(2, 12), st.integers(2, 12))

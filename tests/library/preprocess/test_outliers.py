@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.ndimage import gaussian_filter
-
 from gstlib.preprocess import outliers
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.outliers import median_outliers
 from gstlib.surface import make_surface
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter
 
 MEDIAN = {"half_width": 3, "threshold": 5.0}
 

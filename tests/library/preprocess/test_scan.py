@@ -4,14 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.ndimage import binary_dilation, gaussian_filter
-
 from gstlib import study
 from gstlib.errors import InputError
 from gstlib.preprocess.scan import check_unmeasured, interpolate_holes, prepare_scan
 from gstlib.surface import make_surface
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import binary_dilation, gaussian_filter
 
 PREPROCESSING = {
     "maximum_unmeasured": 0.05,

@@ -6,7 +6,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
-
 from gstlib.specimen.generate import generate_specimen, make_specimens
 from gstlib.specimen.randomness import SpecimenParameters
 

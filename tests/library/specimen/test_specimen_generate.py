@@ -5,8 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.interpolate
-from scipy.ndimage import gaussian_filter
-
 from gstlib.errors import ConfigError, InputError
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
@@ -15,6 +13,7 @@ from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.scanning import Placement, place_scans, relocation, sample
 from gstlib.specimen.stone import Stone
 from gstlib.surface import make_surface, spacing_of
+from scipy.ndimage import gaussian_filter
 
 
 def bytes_of(folder):

@@ -4,10 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from scipy.ndimage import label
-
 from gstlib.specimen.score import score_truth
 from gstlib.surface import make_surface
+from scipy.ndimage import label
 
 CONTACT = {"contact_modulus_MPa": 4e4, "target_pressure_MPa": 5.0, "tolerance": 1e-6}
 

@@ -5,14 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.fft
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.pebble import OUTER_SIZE_MM, even_triangulation, surface_points, use_face
 from gstlib.specimen.randomness import self_affine_field, stream
 from gstlib.specimen.stone import WEAR_PLACEMENTS, Stone
 from gstlib.surface import make_surface
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 
 def radial_density(field, spacing):

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import scipy.ndimage
-
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import make_surface
 

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 import scipy.ndimage
 import xarray as xr
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from gstlib.errors import InputError
 from gstlib.study import register_patch
 from gstlib.surface import make_surface
 from gstlib.validation.change import height_change, measured_change, wear_summary
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 SPACING = 1.66e-3
 

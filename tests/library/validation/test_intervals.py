@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import scipy.ndimage
-
 from gstlib.validation.intervals import label_blocks, percentile_interval, resampled_scores
 from gstlib.validation.scores import Comparison, Prediction, scores_of, window_shares
 

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 import scipy.ndimage
-
 from gstlib.specimen.randomness import smooth_field
 from gstlib.validation.nulls import (
     _wrap_around_factors,

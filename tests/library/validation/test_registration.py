@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from gstlib.errors import InputError
 from gstlib.surface import make_surface
 from gstlib.validation.change import height_change

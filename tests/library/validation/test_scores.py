@@ -5,10 +5,6 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
-
 from gstlib.surface import make_surface
 from gstlib.validation.scores import (
     Comparison,
@@ -18,6 +14,9 @@ from gstlib.validation.scores import (
     scores_of,
     window_shares,
 )
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 masks = arrays(bool, (4, 5))
 

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
-
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.randomness import self_affine_field, smooth_field
 from gstlib.surface import make_surface

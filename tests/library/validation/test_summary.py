@@ -6,10 +6,6 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
-from scipy.stats import spearmanr
-
 from gstlib.validation.scores import SCORES
 from gstlib.validation.scoring import PatchScores
 from gstlib.validation.summary import (
@@ -20,6 +16,9 @@ from gstlib.validation.summary import (
     spatial_p_value,
     summarise,
 )
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from scipy.stats import spearmanr
 
 PAIR = "pressure_MPa", "loss_fraction"
 

@@ -6,13 +6,12 @@ import warnings
 import numpy as np
 import pytest
 import xarray as xr
+from gstlib.surface import make_surface
+from gstlib.validation.texture import _measured_rectangle, _scale_limited, texture_rows
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.stats import norm
-
-from gstlib.surface import make_surface
-from gstlib.validation.texture import _measured_rectangle, _scale_limited, texture_rows
 
 UM = 1e-3  # mm
 SIZE = 256

@@ -1,0 +1,219 @@
+"""The command `gst`: everything that a user does with a study from the shell."""
+
+import sys
+from pathlib import Path
+
+import click
+
+import gst
+import gstlib
+from gstlib.errors import GstError
+
+__all__ = ["main"]
+
+_PATH = click.Path(path_type=Path)
+_CONFIG = click.argument("config", type=_PATH, default="config/config.yaml")
+
+
+class _Commands(click.Group):
+    """Commands that end with the message of a `GstError` and exit code 2."""
+
+    def invoke(self, ctx: click.Context) -> None:
+        try:
+            super().invoke(ctx)
+        except GstError as error:
+            click.echo(f"ERROR: {error}", err=True)
+            ctx.exit(2)
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(gstlib.__version__, prog_name="gst")
+def main() -> None:
+    """Where does a ground stone tool wear? Lay out, check and run a study; look at its files."""
+
+
+@main.command()
+@click.argument("folder", type=_PATH)
+@click.option(
+    "--like",
+    type=click.Choice(sorted(file.stem for file in (gst.ROOT / "config").glob("*.yaml"))),
+    default="own",
+    show_default=True,
+    help="The shipped config to begin with, such as config, the generated specimen, or tiny, the "
+    "same in seconds.",
+)
+def new(folder, like) -> None:
+    """Lay out a study: a config, the tables that it names, and a description of every key."""
+    from gst.running import lay_out
+
+    for copy in lay_out(folder, like):
+        click.echo(copy)
+    click.echo(f"Fill them in, then: cd {folder}; gst check config/{like}.yaml")
+
+
+@main.command()
+@_CONFIG
+def check(config) -> None:
+    """Check CONFIG, patch table, mesh and scans, and say what a run would do.
+
+    Everything that is wrong is listed at once; the exit code is 0 if nothing is, else 2.
+    """
+    from gst.checking import check_study
+
+    check_study(config)
+
+
+@main.command(context_settings={"ignore_unknown_options": True})
+@_CONFIG
+@click.argument("options", metavar="[SNAKEMAKE OPTIONS]...", nargs=-1, type=click.UNPROCESSED)
+@click.option("--cores", help="Jobs at a time; by default those of the profile, which are 2.")
+@click.option(
+    "--profile",
+    default="default",
+    show_default=True,
+    help="default, slurm, or a folder of your own in profiles.",
+)
+@click.option(
+    "--goal",
+    type=click.Choice(["study", "sweep", "power"]),
+    default="study",
+    show_default=True,
+    help="The study; what moves its results most; how often it finds a relation.",
+)
+@click.option("--plan", is_flag=True, help="Only show what would run.")
+def study(config, options, cores, profile, goal, plan) -> None:
+    """Run the study of CONFIG in this folder. Options of Snakemake may follow CONFIG."""
+    if str(config).startswith("-"):
+        raise click.UsageError(f"name CONFIG before Snakemake's option {config}")
+    from gst.running import run_study
+
+    sys.exit(
+        run_study(config, goal=goal, cores=cores, profile=profile, plan=plan, options=options)
+    )
+
+
+@main.command()
+@_CONFIG
+def clean(config) -> None:
+    """Remove the results of CONFIG's study, after a question.
+
+    Whole folders go, such as tables; other files in the folder of the results stay.
+    """
+    from gst.running import remove_results
+
+    remove_results(config)
+
+
+@main.command()
+@click.argument("files", nargs=-1, required=True, type=_PATH)
+@click.option(
+    "--unit",
+    type=click.Choice(["m", "cm", "mm", "um", "nm", "in"]),
+    help="Unit of files that do not state one.",
+)
+@click.option(
+    "--spacing-um", type=float, help="Point spacing (µm) of text files that do not state it."
+)
+def inspect(files, unit, spacing_um) -> None:
+    """Show what scans and meshes hold: size, spacing, units, unmeasured share, Sq.
+
+    The exit code is 1 if any file cannot be read; the others are shown all the same.
+    """
+    from gst.inputs import inspect_file
+
+    failed = False
+    for file in files:
+        try:
+            facts, _ = inspect_file(file, unit=unit, spacing_um=spacing_um)
+        except GstError as error:
+            failed = True
+            click.echo(f"ERROR: {error}", err=True)
+            continue
+        width = max(map(len, facts))
+        shown = {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in facts.items()}
+        lines = [f"  {name.ljust(width)}  {value}\n" for name, value in shown.items()]
+        click.echo(f"{file}\n{''.join(lines)}")
+    sys.exit(failed)
+
+
+@main.command()
+@click.argument("mesh", type=_PATH)
+@click.option(
+    "--unit",
+    type=click.Choice(["m", "cm", "mm", "um", "in"]),
+    help="Unit of the mesh; mm by default, of GLB m.",
+)
+@click.option(
+    "--size",
+    type=click.FloatRange(0, 100, min_open=True),
+    default=5.0,
+    show_default=True,
+    help="Side of the square (mm).",
+)
+@click.option("--patches", type=_PATH, help="A patch table, to be drawn on the square.")
+@click.option(
+    "--patch-size",
+    type=click.FloatRange(0, 50, min_open=True),
+    default=0.85,
+    show_default=True,
+    help="Side of a patch (mm).",
+)
+@click.option(
+    "--output", type=_PATH, default="pick.html", show_default=True, help="The page."
+)
+def pick(mesh, unit, size, patches, patch_size, output) -> None:
+    """Write a page on which the square is picked: turn the stone, click, copy the config."""
+    from gst.patches import read_patches
+    from gst.pick import pick_page
+    from gstlib.io.files import write_whole
+    from gstlib.io.meshes import read_mesh
+
+    if output.suffix.lower() != ".html":
+        raise click.UsageError(f"--output is a page: name it .html, not '{output.name}'")
+    stone, table = read_mesh(mesh, unit=unit), None
+    unit = stone.metadata["file_unit"]
+    if patches is not None:
+        table = read_patches(patches, size_mm=size, patch_size_mm=patch_size)
+    options = {"name": mesh.name, "unit": unit, "size_mm": size, "patch_size_mm": patch_size}
+    write_whole(output, pick_page(stone, patches=table, **options).encode())
+    click.echo(f"{output}: open it in a browser")
+
+
+@main.command()
+@click.argument("before", type=_PATH)
+@click.argument("after", type=_PATH)
+@click.option(
+    "--tolerance",
+    type=float,
+    default=0.0,
+    show_default=True,
+    help="Relative difference up to which numbers count as equal.",
+)
+def diff(before, after, tolerance) -> None:
+    """Show what differs between two result folders: tables, config, inputs and versions.
+
+    The exit code is 0 if no table differs, 1 if any does, 2 if the folders cannot be compared.
+    """
+    from gst.difference import compare_results, describe_changes
+
+    changes = compare_results(before, after, tolerance)
+    click.echo(describe_changes(changes) or f"No difference between {before} and {after}.")
+    sys.exit(bool((changes.table != "provenance").any()))
+
+
+@main.command()
+@click.argument("results", type=_PATH)
+@click.option("--output", type=_PATH, help="The zip; by default the folder's name with .zip.")
+@click.option(
+    "--author", "authors", multiple=True, help="Who made the study; can be repeated."
+)
+@click.option(
+    "--license", "licence", help="Licence of the results, such as CC-BY-4.0 (SPDX)."
+)
+def package(results, output, authors, licence) -> None:
+    """Pack a finished study into one zip for an archive or a paper (a Workflow Run RO-Crate)."""
+    from gst.crate import pack_study
+
+    output = output or Path(f"{results.resolve().name}.zip")
+    count = pack_study(results, output, authors=authors, licence=licence)
+    click.echo(f"{output}: {count} files, {output.stat().st_size / 1e6:.1f} MB")

@@ -1,0 +1,319 @@
+"""The study's configuration, completed and checked as a whole before anything runs.
+
+What a config leaves out takes its default from `workflow/schemas/config.schema.yaml`. The whole is
+held against that schema and then against the rules that a schema cannot express. Every problem is
+reported at once, with its key, its value and the remedy.
+"""
+
+import copy
+import difflib
+import functools
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import ValidationError
+
+from gst import ROOT
+from gst.config_file import read_config_file
+from gstlib.errors import ConfigError
+from gstlib.preprocess.frame import frame_from_points
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "check_files",
+    "complete",
+    "config_problems",
+    "counterface_mesh",
+    "read_config",
+    "read_study",
+    "refuse_config",
+    "resolved",
+]
+
+_SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
+
+
+def refuse_config(problems: Iterable[str], source: str) -> None:
+    """Raise a `ConfigError` that lists the problems of the config file `source`, if any."""
+    if listed := "".join(f"\n  - {problem}" for problem in problems):
+        problem = f"the configuration cannot be used{listed}\n "
+        raise ConfigError(source, problem, "See config/README.md for all keys.")
+
+
+def complete(config: Mapping) -> dict:
+    """A config with the defaults of all keys that it leaves out; `config` is not altered.
+
+    A section given in part keeps the defaults of its other keys. What is given as null stays
+    null, and a list takes the place of a default list. Nothing is checked: unknown keys stay, and
+    so do values of a wrong type.
+    """
+    whole = _validator().schema
+    return _completed(config, whole, whole)
+
+
+def _completed(value: Any, rule: Mapping, schema: Mapping) -> Any:
+    """A value, completed where its rule is that of a section."""
+    rules = [resolved(part, schema) for part in (rule, *rule.get("oneOf", ()))]
+    keys = next((part["properties"] for part in rules if "properties" in part), None)
+    if keys is None or not isinstance(value, Mapping):
+        return copy.deepcopy(value)
+    defaults = {name: part["default"] for name, part in keys.items() if "default" in part}
+    return {
+        name: _completed(part, keys.get(name, {}), schema)
+        for name, part in (defaults | dict(value)).items()
+    }
+
+
+def resolved(rule: Mapping, schema: Mapping) -> dict:
+    """A rule of the schema with that of its ``$defs`` which it refers to, if any."""
+    name = rule.get("$ref", "").removeprefix("#/$defs/")
+    return {**schema["$defs"][name], **rule} if name else dict(rule)
+
+
+def read_config(path: str | Path) -> dict:
+    """The config of a file, defaults included."""
+    return complete(read_config_file(path))
+
+
+def read_study(config: Mapping, source: str) -> "pd.DataFrame":
+    """Check a config, defaults included, and its sweep, and read its patch table.
+
+    `source` names the config in messages.
+
+    Raises
+    ------
+    ConfigError
+        Its message lists all that is wrong with the config, or with the table.
+    """
+    from gst.patches import read_patches
+    from gst.sweep import sweep_problems
+
+    refuse_config(config_problems(config) or sweep_problems(config, config_problems), source)
+    return read_patches(
+        config["patches"],
+        size_mm=config["square"]["size_mm"],
+        patch_size_mm=config["scans"]["size_mm"],
+        scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
+    )
+
+
+def config_problems(config: Mapping) -> list[str]:
+    """Everything that is wrong with a whole config, one sentence each; empty if it can be used."""
+    explained = map(_explain, _leaves(_validator().iter_errors(config)))
+    # The contradictions rely on the types being right. Branches of `oneOf` may say the same.
+    return list(dict.fromkeys(explained)) or list(_contradictions(config))
+
+
+@functools.cache
+def _validator() -> Draft202012Validator:
+    text = _SCHEMA.read_text(encoding="utf-8")
+    return Draft202012Validator(yaml.safe_load(text))
+
+
+def check_files(config: Mapping, patches: "pd.DataFrame", source: str) -> None:
+    """Refuse measured files that are missing, or whose names Snakemake cannot use.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration, with ``inputs``.
+    patches : pandas.DataFrame
+        The patch table (`gst.patches.read_patches`).
+    source : str
+        Where the files are named, for the message.
+
+    Raises
+    ------
+    ConfigError
+        Its message lists every such file.
+    """
+    files = {"mesh": config["inputs"]["mesh"]}
+    second = config["counterface"] or {}
+    files |= {f"counterface's {of}": second[of] for of in ("mesh", "scan") if of in second}
+    for row in patches.itertuples():
+        for epoch, name in (("T0", row.t0), ("T1", row.t1)):
+            if name:
+                files[f"patch {row.patch} at {epoch}"] = (
+                    f"{config['inputs']['scan_folder']}/{name}"
+                )
+    found = {what: _path_problem(path, files.values()) for what, path in files.items()}
+    if faults := [f"\n  - {what}: {problem}" for what, problem in found.items() if problem]:
+        raise ConfigError(
+            source,
+            f"{len(faults)} of {len(files)} files cannot be used{''.join(faults)}\n ",
+            "Put them there, or correct their names; paths are relative to the working folder.",
+        )
+
+
+def _path_problem(path: str, named: Iterable[str] = ()) -> str | None:
+    """What is wrong with the path of a file, if anything; files are `named` besides it."""
+    if set("{}") & set(path):
+        return f"{path} contains braces, which Snakemake reads as a placeholder"
+    if Path(path).is_file():
+        return None
+    # Names in another case come first; a file that is named elsewhere is not the one meant.
+    folder, taken = Path(path).parent, {Path(other) for other in named}
+    there = folder.iterdir() if folder.is_dir() else ()
+    free = {file.name.casefold(): file.name for file in there if file not in taken}
+    near = difflib.get_close_matches(Path(path).name.casefold(), free, n=1)
+    return f"{path} does not exist" + "".join(
+        f" (did you mean {free[name]}?)" for name in near
+    )
+
+
+def _leaves(errors: Iterable[ValidationError]) -> Iterator[ValidationError]:
+    """The errors themselves, in place of the `oneOf` [null, what is meant] that hides them."""
+    for error in sorted(
+        errors, key=lambda error: [str(part) for part in error.absolute_path]
+    ):
+        if error.validator == "oneOf":
+            yield from _leaves(e for e in error.context or [] if e.validator_value != "null")
+        else:
+            yield error
+
+
+def _explain(error: ValidationError) -> str:
+    key = ".".join(str(part) for part in error.absolute_path)
+    if error.validator == "additionalProperties":
+        known = error.schema["properties"]
+        unknown = sorted(set(error.instance) - set(known))
+        place = f"'{key}' has" if key else "there are"
+        near = {key: difflib.get_close_matches(key, known, n=1) for key in map(str, unknown)}
+        meant = ", ".join(
+            f"{name} for {key}" for key, names in near.items() for name in names
+        )
+        hint = f"did you mean {meant}? " if meant else ""
+        remedy = f"remove or correct them ({hint}known: {sorted(known)})"
+        return f"{place} unknown keys {unknown}: {remedy}"
+    if error.validator == "required":
+        return f"'{key}' lacks {sorted(set(error.validator_value) - set(error.instance))}: add them"
+    # what `oneOf` [null, what is meant] asks for is said beside it
+    asked = [error.schema, error.parent.schema if error.parent else {}]
+    description = next((rule["description"] for rule in asked if "description" in rule), "")
+    wish = f" [{description}]" if description else ""
+    if error.validator == "type" and isinstance(error.instance, str):
+        wish = f" (YAML reads a number without quotes, such as 20 or 1.0e-9){wish}"
+    return f"'{key}' is {error.instance!r}: {error.message}{wish}"
+
+
+def _contradictions(config: Mapping) -> Iterator[str]:
+    if (config["specimen"] is None) == (config["inputs"] is None):
+        yield (
+            "give exactly one of 'specimen' (generated) and 'inputs' (your files); set the other "
+            "to null"
+        )
+    if config["power"] is not None and config["specimen"] is None:
+        yield (
+            "'power' needs many generated specimens, but 'specimen' is null: describe the "
+            "specimen, or set 'power' to null"
+        )
+    if (inside := _inputs_in_results(config)) is not None:
+        yield (
+            f"'results' is {config['results']!r}, a folder that holds {inside}: name one that is "
+            "for the results alone"
+        )
+    square = config["square"]
+    try:
+        frame_from_points(square["points_mm"])
+    except ConfigError as error:
+        yield str(error)
+    if config["scans"]["size_mm"] > square["size_mm"]:
+        yield (
+            f"'scans.size_mm' is {config['scans']['size_mm']}, more than the square's "
+            f"{square['size_mm']} mm: a patch must fit in the square"
+        )
+    target = config["macroscale"]["target_pressure_MPa"]
+    if config["hardness"] is not None and config["hardness"] <= target:
+        yield (
+            f"'hardness' is {config['hardness']} MPa, not above macroscale.target_pressure_MPa of "
+            f"{target}: no contact carries more than its hardness; raise it, or set it to null"
+        )
+    mat, stones = (
+        config["mat"],
+        [config["material"][f"young_{stone}_MPa"] for stone in (1, 2)],
+    )
+    if mat is not None and config["wear_steps"] is None:
+        yield "'mat' has no effect while wear_steps is null: give their number, or set mat to null"
+    if mat is not None and mat["young_MPa"] >= min(stones):
+        yield (
+            f"'mat.young_MPa' is {mat['young_MPa']:g}, not below the stones' {min(stones):g} MPa: "
+            "what is as stiff as a stone is a stone; lower it, or set mat to null"
+        )
+    if mat is not None and config["specimen"] is not None:
+        spacing_um = config["specimen"]["scan_spacing_um"]
+        if mat["thickness_um"] < spacing_um:
+            fault = thinner_than_a_point(mat["thickness_um"], spacing_um)
+            yield f"'mat.thickness_um': {fault}; make it thicker, or set mat to null"
+    second = counterface_mesh(config, "")
+    if config["gesture"] is not None:
+        if second is None:
+            yield (
+                "'gesture' moves a second stone, of which there is no mesh: give counterface.mesh, "
+                "or set gesture to null"
+            )
+        if len(config["gesture"]) != 2 - ("table" in config["gesture"]):
+            yield (
+                f"'gesture' is {config['gesture']}: give a table, or poses and one of pounding_mm, "
+                "stroke_mm and rotation_deg"
+            )
+        if mat is not None:
+            yield "'gesture' and 'mat' cannot wear a stone together: set one of them to null"
+    if config["power"] is not None and second is not None:
+        yield "'power' presses its specimens against a flat: set specimen.counterface_seed to null"
+    short, long = config["texture"]["s_filter_um"], config["texture"]["l_filter_um"]
+    if long is not None and long <= short:
+        yield (
+            f"'texture.l_filter_um' is {long}, not above texture.s_filter_um of {short}: no wave "
+            "passes both filters; raise it, or set it to null"
+        )
+    for name in ("patches", "published"):
+        if config[name] is not None and (problem := _path_problem(config[name])):
+            yield f"'{name}': {problem}: correct the path"
+
+
+def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
+    """The active stone: its ``mesh``, ``mesh_unit`` and ``pose``; None where it is flat.
+
+    `specimen` is the folder of the generated one, whose square is laid on the other's.
+    """
+    generated = config["specimen"] is not None
+    if generated and config["specimen"]["counterface_seed"] is not None:
+        pose = {"points_mm": config["square"]["points_mm"]}
+        return {"mesh": f"{specimen}/counterface.stl", "mesh_unit": "mm", "pose": pose}
+    given = config["counterface"] or {}
+    if "mesh" not in given:
+        return None
+    # not `complete`d where a sweep brings it in
+    return {"mesh_unit": "mm"} | {name: of for name, of in given.items() if name != "scan"}
+
+
+def thinner_than_a_point(thickness_um: float, spacing_um: float) -> str:
+    """What is wrong with a mat that is thinner than the scans' points are apart."""
+    return (
+        f"{thickness_um:g} µm is less than the {spacing_um:.3g} µm between two points of a scan: "
+        "so thin a mat acts on nothing that is measured"
+    )
+
+
+def _inputs_in_results(config: Mapping) -> str | None:
+    """What of the study's inputs, or of this project, lies in the folder of the results."""
+    folder = Path(config["results"]).resolve()
+    files = {"the working folder": ".", "the patch table": config["patches"]}
+    files["the published figures"] = config["published"]
+    if config["inputs"] is not None:
+        files |= {
+            "the mesh": config["inputs"]["mesh"],
+            "the scans": config["inputs"]["scan_folder"],
+        }
+    second = config["counterface"] or {}
+    files |= {f"the counterface's {of}": second.get(of) for of in ("mesh", "scan")}
+    files["the poses"] = (config["gesture"] or {}).get("table")
+    for name, file in files.items():
+        if file is not None and Path(file).resolve().is_relative_to(folder):
+            return f"{name} ({file})"
+    return None

@@ -1,0 +1,119 @@
+"""What changed between two result folders: tables by row and column, and where results come from.
+
+A row is identified by its leading columns: the fewest that are unique in both tables. Tables from
+another config may therefore have additional or missing rows, and the rest is still compared.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gstlib.errors import InputError
+
+__all__ = ["compare_results", "describe_changes"]
+
+
+def compare_results(
+    before: str | Path, after: str | Path, tolerance: float = 0.0
+) -> pd.DataFrame:
+    """Compare two result folders.
+
+    Parameters
+    ----------
+    before, after : path
+        Folders of the config's key ``results``.
+    tolerance : float
+        Numbers whose relative difference is at most this count as equal.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One line per change: ``table`` (or "provenance"), ``row`` (as in ``patch=5, epoch=T0``) and
+        ``column``, both empty where one side has no such table; ``before`` and ``after``, as
+        written in the files, empty where absent; ``relative``, abs(after - before) over the larger
+        magnitude, NaN for text.
+
+    Raises
+    ------
+    InputError
+        A folder has no tables, or a file in it cannot be read.
+    """
+    old, new = (_read_tables(Path(folder)) for folder in (before, after))
+    changes = [
+        (name, *change)
+        for name in sorted({*old, *new})
+        for change in (
+            _changes(old[name], new[name])
+            if name in old and name in new
+            else [("", "", *("present" if name in side else "" for side in (old, new)))]
+        )
+    ]
+    found = pd.DataFrame(
+        changes, columns=["table", "row", "column", "before", "after"], dtype=str
+    )
+    numbers = found[["before", "after"]].apply(pd.to_numeric, errors="coerce")
+    numbers = numbers.astype(float).replace([np.inf, -np.inf], np.nan)
+    largest = numbers.abs().max(axis=1, skipna=False)
+    found["relative"] = (numbers.after - numbers.before).abs() / largest.where(
+        largest != 0, 1.0
+    )
+    return found[~(found.relative <= tolerance)].reset_index(drop=True)
+
+
+def describe_changes(changes: pd.DataFrame, at_most: int = 20) -> str:
+    """The changes for a person: one line each, of each table the `at_most` largest."""
+    lines = []
+    for table, found in changes.groupby("table", sort=False):
+        lines.append(f"{table}: {len(found)} change{'s' if len(found) > 1 else ''}")
+        largest_first = found.sort_values("relative", ascending=False, na_position="first")
+        for change in largest_first.head(at_most).itertuples():
+            place = ", ".join(filter(None, [change.row, change.column]))
+            by = "" if np.isnan(change.relative) else f"  ({change.relative:.2g})"
+            lines.append(
+                f"  {place}: {change.before or '(none)'} → {change.after or '(none)'}{by}"
+            )
+        lines += [f"  ... and {len(found) - at_most} more"] if len(found) > at_most else []
+    return "\n".join(lines)
+
+
+def _read_tables(folder: Path) -> dict[str, pd.DataFrame]:
+    """Every table, as text, and `provenance.json` as one, by name."""
+    files = sorted((folder / "tables").glob("*.csv"))
+    if not files:
+        raise InputError(folder, "has no tables/*.csv", "Name the results folder of a study.")
+    record = folder / "provenance.json"
+    try:
+        tables = {
+            file.name: pd.read_csv(file, dtype=str, keep_default_na=False) for file in files
+        }
+        content = json.loads(record.read_text(encoding="utf-8")) if record.is_file() else {}
+    except ValueError as error:
+        raise InputError(
+            folder, f"cannot be read: {error}", "Run the study again."
+        ) from error
+    if content:
+        values = pd.json_normalize(content).iloc[0].map(str).items()
+        tables["provenance"] = pd.DataFrame(values, columns=["key", "value"])
+    return tables
+
+
+def _changes(old: pd.DataFrame, new: pd.DataFrame) -> list[tuple[str, str, str, str]]:
+    """Row, column, text before and text after of each cell that differs."""
+    columns = [column for column in old.columns if column in new.columns]
+    keys = (columns[:count] for count in range(1, len(columns) + 1))
+    key = next(
+        (key for key in keys if not any(t.duplicated(key).any() for t in (old, new))), None
+    )
+    cells = []
+    for table in (old, new):
+        rows = [
+            ", ".join(f"{name}={row[name]}" for name in key if row[name])
+            if key
+            else f"row {number}"
+            for number, row in enumerate(table.to_dict("records"), start=1)
+        ]
+        cells.append(table.set_axis(rows).stack())
+    both = pd.concat(cells, axis=1).fillna("")
+    return [(*place, *texts) for place, *texts in both.itertuples() if texts[0] != texts[1]]

@@ -1,0 +1,224 @@
+"""The patches: prepared, pressed, and compared with what use did (Figs. 7 and 9 to 11).
+
+Parameters that the figures share:
+
+contacts : mapping of patch to xarray.Dataset
+    ``height``, ``pressure`` (y, x) of the final state, and the load path (step):
+    ``displacement``, ``mean_pressure``, ``contact_fraction``, ``stiffness``.
+changes : mapping of patch to xarray.Dataset
+    ``t1``, ``change``, ``loss``, ``gain`` (y, x) and the attributes ``level_of_detection_um``,
+    ``overlap``.
+"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from matplotlib import colormaps
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from gst.figures import maps, style
+from gst.figures.style import AMBER, BLACK, BLUE, MM_TO_UM, VERMILION, styled
+from gst.figures.tool import draw_tool
+from gstlib.preprocess.frame import Frame
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["load_curves_figure", "microscale_maps_figure", "overview_figure", "patch_figure"]
+__all__ += ["preparation_figure", "two_scales_figure"]
+
+_UNKNOWN = "#ffffff"
+_AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": BLACK}
+_BELOW = {"loc": "lower center", "bbox_to_anchor": (0.82, 0.02)}  # the last panels of a row
+
+
+@styled
+def preparation_figure(prepared: Mapping[str, xr.Dataset], *, patch: str) -> Figure:
+    """A patch's scans as measured, with the points that were replaced.
+
+    `prepared` holds for each epoch ``measured`` (NaN where unmeasured), ``filled``, ``outlier``
+    (y, x), and the attributes of the prepared scan.
+    """
+    drawn = []
+    for epoch, scan in prepared.items():
+        filled, outliers = scan["filled"].values, scan["outlier"].values
+        marks = {BLUE: filled & ~outliers, VERMILION: outliers}
+        before, after = (scan.attrs[f"Sq_{when}_um"] for when in ("before", "after"))
+        title = f"patch {patch}, {epoch}: Sq {before:.3g} µm, prepared {after:.3g} µm"
+        drawn.append((title, scan["measured"], maps.HEIGHTS | {"marks": marks}))
+    return maps.draw_maps(drawn, 2, 3.0, (0.05, 0.05, 0.3, 0.4), head=0)
+
+
+@styled
+def microscale_maps_figure(contacts: Mapping[str, xr.Dataset]) -> Figure:
+    """Contact on every patch at its own pressure (Fig. 9)."""
+    drawn = []
+    for patch, contact in contacts.items():
+        touching = contact["pressure"].values > 0
+        pressure = float(contact["mean_pressure"][-1])
+        title = f"patch {patch}: {pressure:.1f} MPa, {touching.mean():.2%}"
+        drawn.append((title, contact["height"], {"marks": {BLACK: touching}}))
+    return maps.draw_maps(drawn, 4, 1.7, head=0)
+
+
+def _agreement(contact: xr.Dataset, change: xr.Dataset) -> dict[str, np.ndarray]:
+    """Masks of hits, misses, false alarms and unknown change, by colour."""
+    predicted, loss = contact["pressure"].values > 0, change["loss"].values
+    unknown = np.isnan(change["change"].values)
+    return {
+        BLUE: loss & predicted,
+        AMBER: loss & ~predicted,
+        BLACK: predicted & ~loss & ~unknown,
+        _UNKNOWN: unknown & ~loss,
+    }
+
+
+@styled
+def two_scales_figure(
+    contacts: Mapping[str, Mapping[str, xr.Dataset]],
+    reference: Mapping[str, np.ndarray],
+    scores: pd.DataFrame,
+) -> Figure:
+    """Contact within patches, levelled and placed, beside that of the whole square.
+
+    `contacts` are those of each variant; `reference` (ny, nx) is where the single-scale contact
+    touches each patch; `scores` is ``two_scales.csv``.
+    """
+    f1, drawn = scores.set_index(["variant", "patch"]).f1, []
+    for patch, true in reference.items():
+        for variant, of_variant in contacts.items():
+            found = of_variant[patch]["pressure"].values > 0
+            marks = {BLUE: found & true, AMBER: true & ~found, BLACK: found & ~true}
+            title = f"patch {patch} {variant}: F1 {f1[variant, patch]:.2f}"
+            drawn.append((title, of_variant[patch]["height"], {"marks": marks}))
+        drawn.append(("whole square", of_variant[patch]["height"], {"marks": {BLUE: true}}))
+    columns = (len(contacts) + 1) * min(2, len(reference))
+    figure = maps.draw_maps(drawn, columns, 1.5, (0.03, 0.03, 0.3, 0.03), head=0.75)
+    pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in contacts)
+    figure.suptitle(
+        "Contact of the patches against one contact of the whole square at the scans' resolution\n"
+        f"share of agreement (F1), all patches: {pooled}; 1 would be perfect"
+    )
+    names = {"found": BLUE, "missed": AMBER, "not in the whole square's contact": BLACK}
+    style.colour_legend(
+        figure, names, bbox_to_anchor=(0.5, 1 - 0.45 / figure.get_figheight())
+    )
+    return figure
+
+
+@styled
+def patch_figure(
+    contact: xr.Dataset, change: xr.Dataset, worn: xr.Dataset | None, *, patch: str
+) -> Figure:
+    """One patch before and after use, its change and what was predicted of it (Fig. 11).
+
+    `contact` and `change` are those of `patch` among ``contacts`` and ``changes``; `worn`, if its
+    wear is predicted, has ``depth`` (model, y, x), mm, of which the last is drawn.
+    """
+    t0, t1, values = contact["height"], change["t1"], change["change"].values * MM_TO_UM
+    heights = maps.HEIGHTS | {"norm": maps.height_norm(t0, t1)}
+    # changes that noise can explain are drawn as none
+    loss, unknown = change["loss"].values, np.isnan(values)
+    shown = np.where(loss | change["gain"].values, values, 0.0 * values)
+    limit = change.attrs["level_of_detection_um"]  # NaN where no change is known
+    bound = float(
+        np.nanmax([np.quantile(np.abs(np.nan_to_num(values)), 0.995) or 1, 2 * limit])
+    )
+    label = "height change (µm), 0 where not detected"
+    changes = {"cmap": maps.CHANGE_MAP, "norm": Normalize(-bound, bound), "bar": label}
+    known = max(np.count_nonzero(~unknown), 1)
+    lost = f"lost more than {limit:.2f} µm: {loss.sum() / known:.1%}"
+    measured = {"values": shown, "marks": {_UNKNOWN: unknown}}
+    drawn = [
+        ("T0, before use", t0, heights),
+        ("T1, after use", t1, heights),
+        ("no change is known" if unknown.all() else lost, t0, changes | measured),
+    ]
+    if worn is not None:  # as scans see it: from its median on
+        depth = worn["depth"].values[-1] * MM_TO_UM
+        seen = -np.maximum(depth - np.median(depth), 0)
+        law = "Archard's law" + (" with a mat" if worn["model"].values[-1] == "mat" else "")
+        title = f"{law}: mean loss {-seen.mean():.2f} µm"
+        drawn.append((title, t0, changes | {"values": seen, "bar": ""}))
+    touching, marks = contact["pressure"].values > 0, _agreement(contact, change)
+    drawn.append((f"contact of {touching.mean():.2%}, and loss", t0, {"marks": marks}))
+    figure = maps.draw_maps(drawn, 5, 2.0, (0.05, 0.05, 0.3, 0.35), head=0.2)
+    pressure, overlap = float(contact["mean_pressure"][-1]), change.attrs["overlap"]
+    figure.suptitle(f"patch {patch}: {pressure:.1f} MPa, T1 covers {overlap:.0%} of T0")
+    shares = {f"{name} {marks[c].sum() / known:.1%}": c for name, c in _AGREEMENT.items()}
+    style.colour_legend(figure, shares, **_BELOW)
+    return figure
+
+
+@styled
+def overview_figure(
+    square: xr.Dataset,
+    pressures: pd.DataFrame,
+    contact: xr.Dataset,
+    change: xr.Dataset | None,
+    tool: tuple["trimesh.Trimesh", Frame],
+    *,
+    patch: str,
+    patch_size_mm: float,
+) -> Figure:
+    """The study at a glance: the tool, forces on its square, one patch's contact, measured loss.
+
+    `square` is the contact of the square, `pressures` is ``patch_pressures.csv``; `contact` and
+    `change` are those of `patch` (without a T1 the last panel is left out); `tool` is the mesh, mm,
+    and the frame of its square.
+    """
+    count = 3 if change is None else 4
+    figure, (whole, *axes) = style.panels(count, count, (2.6, 2.6), (0.05, 0.05, 0.4, 0.2))
+    draw_tool(whole, *tool, square["pressure"].isel(step=-1))
+    whole.set_title("1  the tool and its square\npressures on it in colour")
+    maps.draw_forces(axes[0], square)
+    maps.draw_footprints(axes[0], pressures, patch_size_mm, colour=BLUE)
+    mean_pressure = float(square["mean_pressure"][-1])
+    axes[0].set_title(f"2  contact forces on the square\n{mean_pressure:.3g} MPa on average")
+    touching = contact["pressure"].values > 0
+    pressure = float(contact["mean_pressure"][-1])
+    maps.draw_map(axes[1], contact["height"], marks={BLACK: touching})
+    axes[1].set_title(
+        f"3  predicted contact, patch {patch}\n{pressure:.1f} MPa, {touching.mean():.1%} of area"
+    )
+    for panel in axes[:2]:
+        maps.scale_bar(panel)
+    if change is not None:
+        maps.draw_map(axes[2], contact["height"], marks=_agreement(contact, change))
+        axes[2].set_title("4  measured loss\nagainst the prediction")
+        style.colour_legend(figure, _AGREEMENT, **_BELOW)
+    return figure
+
+
+@styled
+def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -> Figure:
+    """Contact area, pressure and stiffness along the load paths of square and patches.
+
+    Figs. 7 and 10. All have the attribute ``contact_modulus_MPa``.
+    """
+    figure, (area, load, stiffness) = style.panels(3, 3, (1.75, 2.2), (0.5, 0.4, 0.3, 0.45))
+    reached = [float(contact["mean_pressure"][-1]) for contact in contacts.values()]
+    colours = colormaps["viridis"](0.88 * np.array(reached) / max([*reached, 1e-9]))
+    for (name, path), colour in zip(
+        [*contacts.items(), ("square", square)], [*colours, BLACK], strict=True
+    ):
+        pressure = path["mean_pressure"].values
+        share = path["contact_fraction"].values * 100
+        for axes, x, y in (
+            (area, pressure / path.attrs["contact_modulus_MPa"], share),
+            (load, path["displacement"].values * MM_TO_UM, pressure),
+            (stiffness, pressure, path["stiffness"].values / MM_TO_UM),
+        ):
+            axes.plot(x, y, marker=".", markersize=2, lw=1, color=colour)
+            style.write_beside(axes, name, (x[-1], y[-1]), color=colour)
+    area.set(xlabel="F / (E* Aₙ)", ylabel="real contact area A / Aₙ (%)")
+    load.set(xlabel="far-field displacement (µm)", ylabel="mean pressure (MPa)")
+    stiffness.set(xlabel="mean pressure (MPa)", ylabel="stiffness (MPa/µm)")
+    titles = "Area in contact", "Pressure", "Stiffness"
+    for axes, title in zip((area, load, stiffness), titles, strict=True):
+        axes.set(xlim=(0, None), ylim=(0, None), title=title)
+    return figure

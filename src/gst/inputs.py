@@ -1,0 +1,389 @@
+"""Reads the files of a study before any work: what each holds, and all that is wrong with them.
+
+A study of hours must not end at its last scan. A fault in one file does not keep the others from
+being checked, so that all can be put right at once.
+"""
+
+import logging
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from skimage.transform import resize_local_mean
+
+from gst.config import thinner_than_a_point
+from gst.patches import COUNTERFACE, ScanFile
+from gstlib.contact import check_grid
+from gstlib.counterface import grid_counterface, read_counterface
+from gstlib.coupling import Place, on_patch, spline_of
+from gstlib.errors import ConfigError, GstError, InputError
+from gstlib.io.meshes import is_mesh, read_mesh
+from gstlib.io.scans import cut_scan, read_scan
+from gstlib.preprocess.frame import Frame, find_frame
+from gstlib.preprocess.gridding import grid_mesh
+from gstlib.preprocess.leveling import remove_plane
+from gstlib.preprocess.scan import check_unmeasured
+from gstlib.surface import make_surface, spacing_of
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["Inputs", "check_inputs", "inspect_file"]
+
+_log = logging.getLogger(__name__)
+
+_MM_TO_UM = 1e3
+_FACTS = (
+    "points_x", "points_y", "spacing_x_um", "spacing_y_um", "unmeasured", "Sq_um", "tilt_x_mrad",
+    "tilt_y_mrad", "instrument", "objective",
+)  # fmt: skip
+# Spacings of T0 and T1 that differ by more than this share are of two magnifications.
+_SAME_SPACING = 1e-3
+# Bytes that the contact of the whole square takes for each point, at its peak (measured at 3012²).
+_BYTES = 170
+# ASSUME: heights of one stone that differ by this factor, between two scans of a patch or, in the
+# waves that both see, between scans and mesh, are in different units.
+_UNIT_FACTOR = 10.0
+# Blocks along a side of a patch, at least, for that comparison: two leave one number without plane.
+_FEWEST_BLOCKS = 2
+# A triangular net of points of edge a holds waves down to √3 a, twice the distance of its rows.
+_SHORTEST_PER_EDGE = math.sqrt(3)
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What was found.
+
+    Attributes
+    ----------
+    scans : pandas.DataFrame
+        A row for each readable scan: ``patch, epoch, file``; ``points_x, points_y, spacing_x_um,
+        spacing_y_um``; ``unmeasured`` (share); ``Sq_um, tilt_x_mrad, tilt_y_mrad`` about and of the
+        least-squares plane; ``instrument, objective``; ``range_um``, of the heights as read.
+    stone : trimesh.Trimesh or None
+        The mesh, mm; None if it cannot be read.
+    frame : Frame or None
+        Where the square lies on it; None if there is no mesh, or if the config gives no frame.
+    square : (ny, nx) xarray.DataArray or None
+        Heights of the analysed square (mm), its plane removed; None if it cannot be had.
+    problems : list of GstError
+        Everything that would stop the study.
+    """
+
+    scans: pd.DataFrame
+    stone: "trimesh.Trimesh | None"
+    frame: Frame | None
+    square: xr.DataArray | None
+    problems: list[GstError]
+
+
+class _Piece(NamedTuple):
+    """What comparisons need of a scan, or of the piece that is cut from it."""
+
+    path: Path
+    grid: tuple[tuple[int, ...], tuple[float, float]]  # (ny, nx), and (dy, dx) in mm
+    content: int  # hash of its heights
+    spread: float  # see `_spread`
+
+
+_Pieces = dict[tuple[str, str], _Piece]  # by patch and epoch
+
+
+def check_inputs(
+    mesh: str | Path | None,
+    scans: Iterable[ScanFile],
+    *,
+    mesh_unit: str,
+    square: Mapping,
+    macroscale: Mapping,
+    scan_settings: Mapping,
+    maximum_unmeasured: float,
+    placed: bool,
+    reference: bool,
+    mat: Mapping | None,
+    second_stone: Mapping | None,
+) -> Inputs:
+    """Read the mesh and every scan of a study.
+
+    Parameters
+    ----------
+    mesh, mesh_unit
+        As in `read_mesh`; a mesh of None is not looked at.
+    scans : iterable of ScanFile
+    square, macroscale, scan_settings : mapping
+        The sections ``square``, ``macroscale`` and ``scans`` of the config.
+    maximum_unmeasured : float
+        Largest share (0 to 1) of unmeasured points in a patch.
+    placed : bool
+        Whether the scans are laid on the mesh: both must then see the same stone.
+    reference : bool
+        Whether the whole square is pressed at the scans' resolution, which takes memory.
+    mat : mapping or None
+        The section ``mat`` of the config.
+    second_stone : mapping or None
+        As in `gstlib.counterface.read_counterface`; None for a flat.
+
+    Notes
+    -----
+    What is odd and yet may be right is logged as a warning.
+    """
+    problems: list[GstError] = []
+    stone = frame = heights = None
+    try:
+        if mesh is not None:
+            stone = read_mesh(mesh, unit=mesh_unit)
+            frame = find_frame(square, stone, source=str(mesh))
+            gridded = grid_mesh(
+                stone,
+                frame,
+                size_mm=square["size_mm"],
+                shape=(macroscale["grid"], macroscale["grid"]),
+                margin_mm=macroscale["margin_mm"],
+                interpolation="linear",  # the fastest: it is to be looked at
+                source=str(mesh),
+            )
+            heights = remove_plane(gridded.height)[0]
+            if second_stone is not None:
+                grid_counterface(
+                    surface=gridded.height,
+                    frame=frame,
+                    margin_mm=macroscale["margin_mm"],
+                    interpolation="linear",
+                    **read_counterface(second_stone),
+                )
+    except GstError as error:
+        problems.append(error)
+    rows: list[dict[str, Any]] = []
+    pieces: _Pieces = {}
+    waves: list[tuple[float, float]] = []
+    by_file: dict[Path, list[ScanFile]] = {}
+    for scan in scans:
+        by_file.setdefault(scan.path, []).append(scan)
+    for path, uses in by_file.items():
+        try:
+            unit, spacing_um = scan_settings["unit"], scan_settings["spacing_um"]
+            whole = read_scan(path, unit=unit, spacing_um=spacing_um)
+        except GstError as error:
+            problems.append(error)
+            continue
+        for use in uses:
+            try:
+                piece = cut_scan(whole, use.crop, scan_settings["size_mm"])
+                check_unmeasured(piece, maximum_unmeasured)
+            except InputError as error:
+                named = f"{path} (patch {use.patch} at {use.epoch})" if use.epoch else path
+                problems.append(InputError(named, error.problem, error.remedy))
+                continue
+            facts, grid = _scan_facts(piece), (piece.shape, spacing_of(piece))
+            content = hash(piece.values.tobytes())
+            pieces[use.patch, use.epoch] = _Piece(path, grid, content, _spread(piece))
+            if use.place is not None and use.epoch == "T0" and heights is not None:
+                waves += _common_waves(piece, heights, Place(*use.place))
+            rows.append(
+                {"patch": use.patch, "epoch": use.epoch, "file": path.name}
+                | {name: facts.get(name) for name in _FACTS}
+                | {"range_um": facts["highest_um"] - facts["lowest_um"]}
+            )
+    problems += _unlike_epochs(pieces)
+    at_t0 = {patch: piece for (patch, epoch), piece in pieces.items() if epoch == "T0"}
+    problems += _unlike_counterface(pieces.get((COUNTERFACE, "")), at_t0)
+    if reference:
+        problems += _no_reference(at_t0, square["size_mm"])
+    coarsest = max((row[f"spacing_{axis}_um"] for row in rows for axis in "xy"), default=0.0)
+    if mat is not None and mat["thickness_um"] < coarsest:
+        thin = thinner_than_a_point(mat["thickness_um"], coarsest)
+        remedy = "Make it thicker, or set mat to null."
+        problems.append(ConfigError("mat.thickness_um", thin, remedy))
+    for fault in _other_unit(waves):
+        if placed:
+            problems.append(fault)
+        else:
+            _log.warning("%s", fault)
+    table = pd.DataFrame(rows, columns=["patch", "epoch", "file", *_FACTS, "range_um"])
+    return Inputs(table, stone, frame, heights, problems)
+
+
+def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
+    """Refuse epochs of a patch that cannot be compared: unequal spacings, or equal heights."""
+    for patch in [
+        patch for patch, epoch in pieces if epoch == "T1" and (patch, "T0") in pieces
+    ]:
+        first, second = pieces[patch, "T0"], pieces[patch, "T1"]
+        (_, spacing_0), (_, spacing_1) = first.grid, second.grid
+        if not np.allclose(spacing_1, spacing_0, rtol=_SAME_SPACING, atol=0):
+            yield InputError(
+                second.path,
+                f"its points are {spacing_1[1] * _MM_TO_UM:.5g} µm apart, those of {first.path} "
+                f"{spacing_0[1] * _MM_TO_UM:.5g} µm",
+                "Scan both epochs of a patch with the same objective, or resample one.",
+            )
+        low, high = sorted((first.spread, second.spread))
+        if low and high > _UNIT_FACTOR * low:
+            yield InputError(
+                second.path,
+                f"its heights vary {second.spread / first.spread:.3g} times as much as those of "
+                f"{first.path}: one of the two is in another unit",
+                "Export both epochs of a patch in one unit; scans.unit is that of all files.",
+            )
+        # Two scans never have the same noise: one of them was copied, and would show no wear.
+        if first.content == second.content:
+            yield InputError(
+                second.path,
+                f"patch {patch} has the same heights at T1 as at T0 ({first.path})",
+                "Give the scan that was made after use, or leave t1 empty in the patch table.",
+            )
+
+
+def _unlike_counterface(face: _Piece | None, at_t0: Mapping[str, _Piece]) -> list[GstError]:
+    """The counterface does not fit one of the patches; the first is enough."""
+    if face is not None:
+        try:
+            for piece in at_t0.values():
+                check_grid(face.grid, piece.grid, source=face.path, patch_source=piece.path)
+        except GstError as error:
+            return [error]
+    return []
+
+
+def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[GstError]:
+    """Why the whole square cannot be pressed at the scans' resolution, if it cannot."""
+    kinds = list({piece.grid[0]: (patch, piece) for patch, piece in at_t0.items()}.values())
+    if not kinds:
+        return
+    first = kinds[0][1]
+    count = round(square_mm / first.grid[1][1])
+    needed = _BYTES * count**2
+    if needed > (available := os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")):
+        yield InputError(
+            "config, reference_draws",
+            f"the contact of the whole square at the scans' resolution has {count} × {count} "
+            f"elements and needs {needed / 2**30:.1f} GiB of memory; there are "
+            f"{available / 2**30:.1f} GiB",
+            "Set reference_draws to null, or run the study on a larger machine.",
+        )
+    for patch, other in kinds[1:2]:
+        (ny, nx), (other_ny, other_nx) = first.grid[0], other.grid[0]
+        yield InputError(
+            other.path,
+            f"patch {patch} has {other_nx} × {other_ny} points, but {first.path} has {nx} × {ny}: "
+            "the contact of the whole square needs scans of one grid",
+            "Scan all patches alike, or set reference_draws to null.",
+        )
+
+
+def _spread(scan: xr.DataArray) -> float:
+    """How much heights vary over an eighth of a scan (mm), whatever its tilt and its spikes."""
+    apart = max(1, scan.shape[1] // 8)
+    steps = scan.values[:, apart:] - scan.values[:, :-apart]
+    return float(np.subtract(*np.nanpercentile(steps, [75, 25])))
+
+
+def _common_waves(
+    scan: xr.DataArray, square: xr.DataArray, place: Place
+) -> list[tuple[float, float]]:
+    """R.m.s. heights of a scan and of the mesh under it, in waves that the mesh's edges resolve.
+
+    None where these are longer than the scan.
+    """
+    side = min(n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
+    blocks = int(2 * side / (_SHORTEST_PER_EDGE * square.attrs["mesh_edge_mm"]))
+    if blocks < _FEWEST_BLOCKS:
+        return []
+    level = remove_plane(scan)[0].fillna(0.0).values
+    under = on_patch(spline_of(square), place, scan.shape, side)
+    both = (resize_local_mean(heights, 2 * (blocks,)) for heights in (level, under))
+    one, other = (float(remove_plane(make_surface(h, side / blocks))[0].std()) for h in both)
+    return [(one, other)]
+
+
+def _other_unit(waves: list[tuple[float, float]]) -> Iterator[InputError]:
+    """Scans and mesh differ by an order of magnitude, from `_common_waves`."""
+    if not waves:
+        return
+    scan, mesh = np.sqrt(np.square(waves).mean(axis=0))
+    if max(scan, mesh) > _UNIT_FACTOR * min(scan, mesh):
+        yield InputError(
+            "scans",
+            f"in the waves that scans and mesh both resolve, the scans are {scan * _MM_TO_UM:.3g} "
+            f"µm high (r.m.s.) and the mesh under them {mesh * _MM_TO_UM:.3g} µm",
+            "Check scans.unit and inputs.mesh_unit in the config. If both are right, the mesh does "
+            "not show how the patches lie: set coupling to levelled.",
+        )
+
+
+def inspect_file(
+    path: str | Path, *, unit: str | None = None, spacing_um: float | None = None
+) -> tuple[dict[str, Any], "xr.DataArray | trimesh.Trimesh"]:
+    """Facts about a scan or a mesh, and what to draw of it; errors as of their readers.
+
+    Parameters
+    ----------
+    path : str or Path
+    unit : str, optional
+        Unit of a file that does not state it; of meshes, mm by default, of GLB m.
+    spacing_um : float, optional
+        Spacing of the points of a scan that does not state it (text).
+
+    Returns
+    -------
+    facts : dict
+        ``unit`` (and who states it); points, spacing, size and heights of a scan, and what it
+        tells of its instrument; vertices, faces, size and state of a mesh.
+    content : (ny, nx) xarray.DataArray or trimesh.Trimesh
+        mm: the scan without its plane, or the mesh.
+    """
+    if is_mesh(path):
+        mesh = read_mesh(path, unit=unit)
+        return {"unit": mesh.metadata["file_unit"]} | _mesh_facts(mesh), mesh
+    try:
+        scan, said = read_scan(path, spacing_um=spacing_um), "in the file"
+    except InputError:
+        if unit is None:
+            raise
+        scan, said = read_scan(path, unit=unit, spacing_um=spacing_um), f"{unit}, as told"
+    return {"unit": said} | _scan_facts(scan), remove_plane(scan)[0]
+
+
+def _scan_facts(scan: xr.DataArray) -> dict[str, Any]:
+    """What a scan (mm) holds as it was read; Sq is about the least-squares plane."""
+    dy, dx = spacing_of(scan)
+    ny, nx = scan.shape
+    level, plane = remove_plane(scan)
+    own = {
+        name: value
+        for name, value in scan.attrs.items()
+        if name not in ("units", "long_name")
+    }
+    return {
+        "points_x": nx,
+        "points_y": ny,
+        "spacing_x_um": dx * _MM_TO_UM,
+        "spacing_y_um": dy * _MM_TO_UM,
+        "size_x_mm": nx * dx,
+        "size_y_mm": ny * dy,
+        "unmeasured": float(1 - np.isfinite(scan.values).mean()),
+        "lowest_um": float(np.nanmin(scan.values)) * _MM_TO_UM,
+        "highest_um": float(np.nanmax(scan.values)) * _MM_TO_UM,
+        "tilt_x_mrad": plane.tilt_x_mrad,
+        "tilt_y_mrad": plane.tilt_y_mrad,
+        "Sq_um": float(np.nanstd(level.values)) * _MM_TO_UM,
+        **own,
+    }
+
+
+def _mesh_facts(mesh: "trimesh.Trimesh") -> dict[str, Any]:
+    """Vertices, faces, size, mean edge and state of a mesh (mm)."""
+    facts: dict[str, Any] = {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
+    for axis, low, high in zip("xyz", *mesh.bounds.tolist(), strict=True):
+        facts |= {f"size_{axis}_mm": high - low, f"centre_{axis}_mm": (low + high) / 2}
+    return facts | {
+        "mean_edge_mm": float(mesh.edges_unique_length.mean()),
+        "bodies": int(mesh.body_count),
+        "closed": "yes" if mesh.is_watertight else "no",
+    }

@@ -1,0 +1,116 @@
+"""The log of a job: one file and the screen, uncaught errors included."""
+
+import logging
+import os
+import re
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from gstlib.errors import GstError
+from gstlib.io.files import cannot_write
+
+__all__ = ["FILE_ONLY", "job_log", "logged", "patch_by_patch", "run_script"]
+
+# Environment variable, set by the workflow's display of progress, which shows what is in the log:
+# a job then keeps off the screen, unless its log cannot be written.
+FILE_ONLY = "GSTLIB_LOG_FILE_ONLY"
+# Of the application, and of the library.
+_LOGGERS = "gst", "gstlib"
+_RECORD = re.compile(r"^(\w+) (.*?)(?=^(?:INFO|WARNING|ERROR) |\Z)", re.MULTILINE | re.DOTALL)
+
+
+class _LogFile(logging.FileHandler):
+    """A log file; what a full disk does not take goes to the screen instead."""
+
+    def __init__(self, path: str | Path, screen: logging.Handler):
+        super().__init__(path, mode="w", encoding="utf-8")
+        self.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
+        self._screen = screen
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802
+        self._screen.setLevel(logging.WARNING)
+
+    def close(self) -> None:
+        with suppress(OSError):  # what could not be written before cannot be flushed now
+            super().close()
+
+
+@contextmanager
+def job_log(path: str | Path) -> Iterator[logging.Logger]:
+    """Log to `path` and to stderr (see `FILE_ONLY`) while the block runs.
+
+    An error that is meant for the user (`GstError`) ends the process with its message and exit
+    code 1. Any other error is a fault of the program and keeps its traceback.
+    """
+    screen = logging.StreamHandler(sys.stderr)
+    screen.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
+    screen.setLevel(logging.CRITICAL if FILE_ONLY in os.environ else logging.WARNING)
+    try:
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        file = _LogFile(path, screen)
+    except OSError as error:
+        raise SystemExit(f"\nERROR: {cannot_write(path, error)}\n") from None
+    log, *others = (logging.getLogger(name) for name in _LOGGERS)
+    for each in (log, *others):
+        each.setLevel(logging.INFO)
+        each.addHandler(file)  # before the screen, which may have to take its place
+        each.addHandler(screen)
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, category, *_: log.warning(
+                "%s: %s", category.__name__, message
+            )
+            yield log
+    except GstError as error:
+        log.error("%s", error)
+        raise SystemExit(1) from None
+    except Exception:
+        log.exception("unexpected error: this is a fault of the program, please report it")
+        raise SystemExit(1) from None
+    finally:
+        for handler in (file, screen):
+            for each in (log, *others):
+                each.removeHandler(handler)
+            handler.close()
+
+
+def logged(log: Path, level: str) -> list[str]:
+    """Records of a level in a log of `job_log`; of a traceback, the last three lines."""
+    text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
+    records = [match[2].strip() for match in _RECORD.finditer(text) if match[1] == level]
+    parts = [record.partition("\nTraceback (most recent call last):\n") for record in records]
+    return ["\n  ".join([said, *trace.splitlines()[-3:]]) for said, _, trace in parts]
+
+
+def patch_by_patch(patches: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Items of a mapping by patch; each is named in the log, so that it shows how far a job is."""
+    for number, (patch, value) in enumerate(patches.items(), start=1):
+        logging.getLogger("gst").info("patch %s, %d of %d", patch, number, len(patches))
+        yield patch, value
+
+
+def run_script(snakemake: Any, main: Callable[..., None]) -> None:
+    """Call a script's `main` with the rule's named inputs, outputs and params, all by keyword.
+
+    Parameters
+    ----------
+    snakemake : object
+        What Snakemake puts into a script. Files become paths, or lists of paths; an empty list
+        stands for an input that the study does not have. The param ``code`` is left out: it only
+        tells Snakemake that the library has changed.
+    main : callable
+    """
+    files = {
+        name: Path(file) if isinstance(file, str) else [Path(each) for each in file]
+        for names in (snakemake.input, snakemake.output)
+        for name, file in names.items()
+    }
+    with job_log(snakemake.log[0]):
+        main(
+            **files,
+            **{name: value for name, value in snakemake.params.items() if name != "code"},
+        )

@@ -1,0 +1,270 @@
+"""One page that answers: what a person opens after a study, `index.html`.
+
+It is one file without requests to anywhere, made from stored results alone. Beside this module,
+`page.html` is its template, into which `page.css` and `page.js` are put; `page.verdict.html` is the
+answer alone, `page.report.html` the first page of the report. Needs the extra ``workflow``.
+"""
+
+import base64
+import io
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from gst.logs import logged
+from gst.verdict import SCORE
+from gstlib.io.tables import read_table
+
+if TYPE_CHECKING:
+    import markupsafe
+    import trimesh
+
+    from gstlib.preprocess.frame import Frame
+
+__all__ = ["Shown", "by_category", "caption_html", "embedded", "patch_records", "render"]
+__all__ += ["tool_scene", "warned"]
+
+# Faces of a second stone, which stands transparent over the first.
+_SECOND_FACES = 20_000
+_COLOURS = 256  # as many as a PNG of one byte a pixel can have
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A figure (PNG) or a table (CSV), with what stands over and under it."""
+
+    file: Path
+    category: str
+    title: str
+    caption: str  # HTML
+
+    @cached_property
+    def name(self) -> str:
+        return self.file.stem
+
+    @cached_property
+    def picture(self) -> str | None:
+        return embedded(self.file.read_bytes()) if self.file.suffix == ".png" else None
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        # as it is printed: no digit is added or lost
+        return pd.read_csv(self.file, dtype=str, keep_default_na=False)
+
+
+def embedded(png: bytes) -> str:
+    """A picture as a data URL, with fewer colours: a third of the size."""
+    from PIL import Image
+
+    with Image.open(io.BytesIO(png)) as picture:
+        few = picture.convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
+    content = io.BytesIO()
+    few.save(content, "png", compress_level=7)
+    smaller = min(content.getvalue(), png, key=len)
+    return "data:image/png;base64," + base64.b64encode(smaller).decode("ascii")
+
+
+def caption_html(template: str, **names: Any) -> str:
+    """A caption of the report, Jinja in reStructuredText, as HTML; `names` as `snakemake` has."""
+    import jinja2
+    from docutils.core import publish_parts
+
+    text = jinja2.Template(template).render(snakemake=SimpleNamespace(**names))
+    quiet = {"raw_enabled": False, "file_insertion_enabled": False, "report_level": 3}
+    return publish_parts(text, writer="html5", settings_overrides=quiet)["body"]
+
+
+def warned(logs: Sequence[Path]) -> list[dict[str, Any]]:
+    """The warnings of a run's steps, each once: ``text``, ``steps``, and the ``patch`` it names.
+
+    `logs` are those of the steps, in their order; a log that is not there warns of nothing.
+    """
+    steps: dict[str, list[str]] = {}
+    for log in logs:
+        step = re.sub(r"_\d+$", "", log.stem).replace(
+            "_", " "
+        )  # a batch is no step of its own
+        for text in logged(log, "WARNING"):
+            if step not in (known := steps.setdefault(text, [])):
+                known.append(step)
+    named = {text: re.match(r"patch ([\w-]+)", text) for text in steps}
+    return [
+        {
+            "text": text,
+            "steps": of_text,
+            "patch": match[1] if (match := named[text]) else None,
+        }
+        for text, of_text in steps.items()
+    ]
+
+
+def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dict[str, Any]]:
+    """What the study says of each patch: its rows of the tables, or an empty dict, and a picture.
+
+    `tables` are the study's, by the names of their files; `pictures` is the folder with those of
+    single patches, which are given as data URLs.
+    """
+    sources = {
+        "pressure": "patch_pressures",
+        "interval": "patch_intervals",
+        "microscale": "microscale_summary",
+        "scores": "validation_patches",
+        "gain": "validation_gains",
+        "registration": "registration",
+        "placement": "placement",
+        "wear": "wear",
+    }
+    rows: dict[str, dict[str, dict]] = {name: {} for name in sources}
+    for name, source in sources.items():
+        if source in tables:
+            table = read_table(tables[source]).astype(object)
+            if name == "gain":
+                table = table[table["score"] == SCORE]
+            if name == "wear":  # the study's own prediction: with the mat, where there is one
+                own = "mat" if (table["model"] == "mat").any() else "archard"
+                table = table[table["model"] == own]
+            rows[name] = {row["patch"]: row.dropna().to_dict() for _, row in table.iterrows()}
+    records = []
+    for patch in rows["pressure"]:
+        picture = pictures and pictures / f"{patch}.png"
+        shown = embedded(picture.read_bytes()) if picture and picture.exists() else None
+        of_tables = {name: of.get(patch, {}) for name, of in rows.items()}
+        records.append({"patch": patch, "picture": shown} | of_tables)
+    return records
+
+
+def tool_scene(
+    mesh: "trimesh.Trimesh",
+    frame: "Frame",
+    pressure: xr.DataArray,
+    places: Mapping[str, Sequence],
+    patch_mm: float,
+    second: "trimesh.Trimesh | None" = None,
+) -> dict[str, Any]:
+    """The tool for the viewer, its square and its patches, and the square's map.
+
+    Parameters
+    ----------
+    mesh, frame, pressure
+        As of `gst.figures.tool.coloured_tool`.
+    places : mapping
+        ``patch, x_mm, y_mm, rotation_deg``: a list each.
+    patch_mm : float
+        Side of a patch.
+    second : trimesh.Trimesh, optional
+        The active stone where it is posed, in the tool's coordinates.
+
+    Returns
+    -------
+    dict
+        ``stone`` and ``second``, or None, for `gst.viewer`; ``frame``; ``view``, where to look
+        from, with ``middle`` and ``extent``, the tool's middle, width and height from there;
+        ``square`` and ``patches``: outlines on the tool (mesh's coordinates) and in the square;
+        ``map``: a data URL; ``scale``: colours from no pressure to ``highest`` (MPa), on a
+        square-root scale.
+    """
+    from matplotlib.colors import to_hex
+    from matplotlib.image import imsave
+
+    from gst.figures.maps import FORCE_MAP, force_norm
+    from gst.figures.tool import coloured_tool, outline_on, tool_view
+    from gst.viewer import coarsen, stone_data
+    from gstlib.coupling import Place, outline, places_of
+
+    stone, colours = coloured_tool(mesh, frame, pressure)
+    size = float(pressure.x[-1] + pressure.x[0])
+
+    def outlined(place: Place, side: float) -> dict[str, list]:
+        flat = outline(place, side)
+        on_tool = outline_on(stone, frame, flat, size)
+        return {"flat": np.round(flat, 4).tolist(), "outline": np.round(on_tool, 4).tolist()}
+
+    view = tool_view(stone, frame)
+    content = io.BytesIO()
+    shown = force_norm(pressure.values)
+    imsave(content, FORCE_MAP(shown(pressure.values))[::-1], metadata={"Software": None})
+    return {
+        "stone": stone_data(stone, colours),
+        "second": stone_data(coarsen(second, faces=_SECOND_FACES)) if second else None,
+        "frame": {"origin": list(frame.origin), "axes": frame.axes.tolist(), "size": size},
+        "view": view.axes[2].tolist(),
+        "middle": list(map(float, view.origin)),
+        "extent": np.ptp(view.to_frame(stone.vertices), axis=0)[:2].tolist(),
+        "square": outlined(Place(size / 2, size / 2, 0.0), size),
+        "patches": [
+            {"patch": patch} | outlined(place, patch_mm)
+            for patch, place in places_of(pd.DataFrame(places)).items()
+        ],
+        "map": embedded(content.getvalue()),
+        "highest": shown.vmax,
+        "scale": [to_hex(FORCE_MAP(share)) for share in np.linspace(0, 1, 13)],
+    }
+
+
+def by_category(shown: Sequence[Shown]) -> list[dict[str, Any]]:
+    """The categories, ``2 Macroscale`` by their number: ``id``, ``name`` and ``entries``."""
+    names = sorted({one.category for one in shown})
+    return [
+        {
+            "id": f"part-{name.split()[0]}",
+            "name": name.partition(" ")[2],
+            "entries": [one for one in shown if one.category == name],
+        }
+        for name in names
+    ]
+
+
+def render(template: str, **content: Any) -> str:
+    """A template, filled in."""
+    import jinja2
+
+    from gst.viewer import three_js, to_script, viewer_js
+
+    folder = Path(__file__).parent
+    parts = {
+        name: (folder / f"page.{name}").read_text(encoding="utf-8") for name in ("css", "js")
+    }
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(folder),
+        undefined=jinja2.StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"number": _number, "script": to_script, "capfirst": _capitalised}
+    environment.filters |= {"breakable": _breakable, "score": _score}
+    libraries = {"three_js": three_js, "viewer_js": viewer_js}
+    return environment.get_template(template).render(content | parts | libraries) + "\n"
+
+
+def _capitalised(text: str) -> str:
+    """A sentence with its first letter large; the name of a file stays as it is."""
+    return text[:1].upper() + text[1:] if text.split(" ")[0].isalpha() else text
+
+
+def _breakable(column: str) -> "markupsafe.Markup":
+    """A column's name, which may break after an underscore."""
+    import markupsafe
+
+    return markupsafe.Markup("_<wbr>").join(column.split("_"))
+
+
+def _number(value: Any, digits: int = 3) -> str:
+    """A number as a reader wants it; a dash for none."""
+    if value is None or pd.isna(value):
+        return "–"
+    rounded = float(f"{value:.{digits}g}")
+    return f"{rounded:,.12g}".replace("-", "−").replace(",", "\u202f")
+
+
+def _score(value: Any) -> str:
+    """A score, or the difference of two."""
+    return "–" if value is None or pd.isna(value) else f"{value:.2f}".replace("-", "−")

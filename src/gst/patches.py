@@ -1,0 +1,282 @@
+"""The patch table: where on the square each scan was taken, and in which files it is.
+
+Text as spreadsheets write it, one row per patch. Tabs, commas or semicolons separate the cells, as
+in the line of column names; except between commas, numbers may have decimal commas. ``#`` begins a
+comment line. Columns: ``patch`` (id), ``x_mm``, ``y_mm`` (centre of the scan in the square's
+frame), ``rotation_deg`` (about the normal, x towards y), ``t0``, ``t1`` (file names in the scan
+folder), ``crop_x_mm``, ``crop_y_mm`` (centre of the piece to cut from the scan, from the scan's
+centre), ``note``.
+"""
+
+import csv
+import itertools
+import math
+import unicodedata
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import pandas as pd
+import yaml
+
+from gst import ROOT
+from gstlib.errors import ConfigError
+from gstlib.io.text import decoded, separator_of
+
+if TYPE_CHECKING:
+    from jsonschema import ValidationError
+
+__all__ = ["COUNTERFACE", "ScanFile", "read_patches", "scan_files"]
+
+# A row's numbers are numbers for it, and empty cells absent.
+_SCHEMA = ROOT / "workflow/schemas/patches.schema.yaml"
+COUNTERFACE = "counterface"  # in place of a patch's name
+# A footprint may touch the square's edge; this much (mm) beyond it is rounding.
+_ROUNDING = 1e-9
+# First bytes of .xlsx and .ods, and of .xls.
+_SPREADSHEETS = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
+
+
+def read_patches(
+    path: str | Path,
+    *,
+    size_mm: float,
+    patch_size_mm: float,
+    scan_folder: str | Path | None = None,
+) -> pd.DataFrame:
+    """Read and check the patch table; `workflow/schemas/patches.schema.yaml` says what a row has.
+
+    Parameters
+    ----------
+    path : str or Path
+        .tsv, .csv or .txt file, UTF-8 or (with its mark) UTF-16.
+    size_mm, patch_size_mm : float
+        Sides of the square and of a patch: every footprint must lie within [0, size]².
+    scan_folder : path, optional
+        Folder of the scans. Their names come back with accents composed as in the folder.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per patch, in natural order of ids ("2" before "10"), with every column of the
+        schema: text "" and numbers NaN where not given, unless the schema has a default.
+
+    Raises
+    ------
+    ConfigError
+        Its message lists all that is wrong, with line numbers.
+    """
+    row_schema = yaml.safe_load(_SCHEMA.read_text(encoding="utf-8"))
+    rows, problems = _read_rows(Path(path), row_schema)
+    problems += _out_of_square(rows, size_mm, patch_size_mm)
+    problems += _overlapping(rows, patch_size_mm)
+    if problems:
+        named = [
+            f"\n  - line {line}{f' (patch {name})' if name else ''}: {text}"
+            for line, text in sorted(problems, key=lambda problem: problem[0])
+            for name in [rows[line].get("patch")]
+        ]
+        raise ConfigError(
+            path,
+            f"{len(problems)} problem{'s' if len(problems) > 1 else ''} in the patch table"
+            f"{''.join(named)}\n ",
+            "Correct these rows; the columns are described in config/README.md.",
+        )
+    table = pd.DataFrame()
+    for name, rule in row_schema["properties"].items():
+        is_text = rule["type"] == "string"
+        empty = rule.get("default", "" if is_text else math.nan)
+        values = [row.get(name, empty) for row in rows.values()]
+        table[name] = values if is_text else [float(value) for value in values]
+    if scan_folder is not None:
+        for name in ("t0", "t1"):
+            table[name] = [_as_in_folder(value, Path(scan_folder)) for value in table[name]]
+    # natural order: numbers within a name are padded to one length
+    return table.sort_values(
+        "patch",
+        key=lambda ids: ids.str.replace(r"\d+", lambda found: found[0].zfill(20), regex=True),
+        kind="stable",
+        ignore_index=True,
+    )
+
+
+class ScanFile(NamedTuple):
+    """A scan that the study uses.
+
+    Attributes
+    ----------
+    path : Path
+    patch : str
+        Patch, or `COUNTERFACE`.
+    epoch : str
+        T0, T1, or empty.
+    crop : (x, y) or None
+        Centre (mm) of the piece to cut, from the scan's centre; None for the whole scan.
+    place : (y, x, rotation) or None
+        Where it lies on the square, mm and degrees.
+    """
+
+    path: Path
+    patch: str
+    epoch: str
+    crop: tuple[float, float] | None = None
+    place: tuple[float, float, float] | None = None
+
+
+def scan_files(
+    patches: pd.DataFrame, folder: str | Path, counterface: str | Path | None
+) -> list[ScanFile]:
+    """Every scan that the `patches` of `read_patches` name in `folder`, and the counterface's."""
+    scans = []
+    for row in patches.itertuples():
+        crop = None if math.isnan(row.crop_x_mm) else (row.crop_x_mm, row.crop_y_mm)
+        place = row.y_mm, row.x_mm, row.rotation_deg
+        for epoch, name in (("T0", row.t0), ("T1", row.t1)):
+            if name:
+                scans.append(ScanFile(Path(folder) / name, row.patch, epoch, crop, place))
+    return scans + ([ScanFile(Path(counterface), COUNTERFACE, "")] if counterface else [])
+
+
+def _as_in_folder(name: str, folder: Path) -> str:
+    """The name of a file as its folder spells it: é is one character, or e and an accent."""
+    path = folder / name
+    if name and not path.exists() and path.parent.is_dir():
+        for there in path.parent.iterdir():
+            if unicodedata.normalize("NFC", there.name) == unicodedata.normalize(
+                "NFC", path.name
+            ):
+                return str(Path(name).with_name(there.name))
+    return name
+
+
+def _read_rows(
+    path: Path, schema: Mapping
+) -> tuple[dict[int, dict[str, Any]], list[tuple[int, str]]]:
+    """By line number, each row's cells by column; and what is wrong, with its line number."""
+    from jsonschema import Draft202012Validator
+
+    (_, header), *lines = _read_lines(path)
+    delimiter = separator_of(header) or ","
+    # A spreadsheet ends every line with as many empty cells as its widest row has.
+    columns = _cells(header.rstrip(f" {delimiter}"), delimiter)
+    known = schema["properties"]
+    missing = [name for name in schema["required"] if name not in columns]
+    unknown = [name for name in columns if name not in known]
+    if missing or unknown:
+        raise ConfigError(
+            path,
+            f"missing columns {missing}, unknown columns {unknown} (found {columns})",
+            f"Known columns: {list(known)}, separated by tabs, commas or semicolons.",
+        )
+    validator = Draft202012Validator(schema)
+    rows: dict[int, dict[str, Any]] = {}
+    problems: list[tuple[int, str]] = []
+    first_line: dict[str, int] = {}
+    for number, line in lines:
+        cells = _cells(line, delimiter)
+        row = rows[number] = {
+            name: cell if known[name]["type"] == "string" else _number(cell, delimiter)
+            for name, cell in zip(columns, cells, strict=False)
+            if cell
+        }
+        problems += [(number, _explain(error)) for error in validator.iter_errors(row)]
+        if any(cells[len(columns) :]):
+            problems.append((number, f"{len(cells)} cells in {len(columns)} columns"))
+        # Case does not count, because some file systems ignore it.
+        first = first_line.setdefault(str(row.get("patch", number)).lower(), number)
+        if first != number:
+            problems.append((number, f"same id as in line {first}"))
+    return rows, problems
+
+
+def _read_lines(path: Path) -> list[tuple[int, str]]:
+    """Numbered lines with content: the column names, then the rows."""
+    try:
+        content = path.read_bytes()
+        if content.startswith(_SPREADSHEETS):
+            raise ConfigError(
+                path, "is a spreadsheet, not text", "Save it as CSV from its program."
+            )
+        text = decoded(content)
+    except (OSError, UnicodeDecodeError) as error:
+        remedy = "Correct its path in the config, or save it as UTF-8 CSV."
+        raise ConfigError(path, f"cannot be read ({error})", remedy) from error
+    # A spreadsheet puts a comment in quotes, and writes blank rows as rows of empty cells.
+    lines = [
+        (number, line)
+        for number, line in enumerate(text.splitlines(), start=1)
+        if line.strip(" \t,;") and not line.lstrip(' "').startswith("#")
+    ]
+    if len(lines) < 2:
+        raise ConfigError(
+            path,
+            "the table has no rows",
+            "Give a line of column names and one line per patch.",
+        )
+    return lines
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+
+
+def _number(cell: str, delimiter: str) -> float | str:
+    """The number in a cell; the cell itself if it holds none, or one that is not finite."""
+    try:
+        value = float(cell if delimiter == "," else cell.replace(",", "."))
+    except ValueError:
+        return cell
+    return value if math.isfinite(value) else cell
+
+
+def _explain(error: "ValidationError") -> str:
+    if not error.absolute_path:  # a cell is absent, which the message names first
+        name, *given = error.message.split("'")[1::2]
+        if name == "t0" and "t1" in error.instance:
+            given = ["t1"]
+        return f"{name} is empty" + (f", but {given[0]} is given" if given else "")
+    name = error.absolute_path[-1]
+    if error.validator == "type":
+        return f"{name} is {error.instance!r}, not a number"
+    # a pattern is for the machine
+    said = "" if error.validator == "pattern" else f": {error.message}"
+    return f"{name} is {error.instance!r}{said} [{error.schema['description']}]"
+
+
+def _overlapping(rows: Mapping[int, Mapping], patch_size: float) -> Iterator[tuple[int, str]]:
+    """Patches whose centres are nearer to each other than half of a side."""
+    for (first, one), (line, other) in itertools.combinations(rows.items(), 2):
+        apart = math.dist(_numbers(one)[:2], _numbers(other)[:2])
+        if apart < patch_size / 2:
+            yield (
+                line,
+                f"its centre is {apart:.4g} mm from that of line {first} (patch "
+                f"{one.get('patch')}), and a patch is {patch_size:g} mm wide: leave one of them "
+                "out, or correct their positions",
+            )
+
+
+def _out_of_square(
+    rows: Mapping[int, Mapping], size: float, patch_size: float
+) -> Iterator[tuple[int, str]]:
+    """Patches whose footprint is not within the square."""
+    for line, row in rows.items():
+        x, y, rotation = _numbers(row)
+        angle = math.radians(rotation)
+        half = patch_size / 2 * (abs(math.cos(angle)) + abs(math.sin(angle)))
+        over = {"x = 0": half - x, f"x = {size:g}": x + half - size}
+        over |= {"y = 0": half - y, f"y = {size:g}": y + half - size}
+        if beyond := [
+            f"{mm:.4g} mm at the {s} side" for s, mm in over.items() if mm > _ROUNDING
+        ]:
+            yield (
+                line,
+                f"its footprint of {patch_size:g} mm sticks out of the {size:g} mm square by "
+                f"{' and '.join(beyond)}",
+            )
+
+
+def _numbers(row: Mapping) -> list[float]:
+    """x, y and rotation of a row; NaN, which nothing is beyond, where it has no number."""
+    cells = (row.get("x_mm"), row.get("y_mm"), row.get("rotation_deg", 0.0))
+    return [cell if isinstance(cell, float) else math.nan for cell in cells]

@@ -1,0 +1,140 @@
+"""Where a result comes from: hashes of its inputs and of its code, settings and versions."""
+
+import functools
+import hashlib
+import json
+import platform
+import re
+import subprocess
+from collections.abc import Collection, Iterable, Mapping
+from importlib import metadata
+from pathlib import Path
+from types import ModuleType
+
+import gst
+import gstlib
+
+__all__ = [
+    "commit",
+    "program_hash",
+    "provenance",
+    "sha256",
+    "source_hash",
+    "study_provenance",
+]
+
+# What records a result and does not make it: a script that imports no more of `gst` depends on the
+# library alone.
+_RECORDING = {"logs", "provenance"}
+# What no script imports: the command, and the workflow itself.
+_AROUND = {"checking", "cli", "crate", "difference", "pick", "running", "shipped"}
+
+
+def provenance(
+    inputs: Iterable[str | Path], settings: Mapping[str, object]
+) -> dict[str, str]:
+    """Attributes of a result file: hashes of its inputs by name, settings, versions and commit."""
+    hashes = {Path(path).name: sha256(path) for path in inputs}
+    return {
+        "gstlib_version": gstlib.__version__,
+        "gstlib_commit": commit(gst.ROOT) or "",
+        "packages": json.dumps(_packages()),
+        "input_sha256": json.dumps(hashes, sort_keys=True),
+        "settings": json.dumps(dict(settings), sort_keys=True, default=str),
+    }
+
+
+def study_provenance(
+    config: Mapping[str, object],
+    inputs: Iterable[str | Path],
+    commit: str | None,
+    program: str,
+) -> dict[str, object]:
+    """Where all results of a study come from; the same on every machine.
+
+    `config` is whole, defaults included; `inputs` are the measured files and tables; `commit` and
+    `program` (`program_hash`) are those of the program. The result has ``config``; ``inputs``
+    (SHA-256 by path); ``software``: gstlib, its commit and hash, Python, and the version of every
+    package that gstlib requires.
+    """
+    return {
+        "config": dict(config),
+        "inputs": {str(path): sha256(path) for path in sorted(inputs, key=str)},
+        "software": {
+            "gstlib": gstlib.__version__,
+            "commit": commit,
+            "program": program,
+            "python": platform.python_version(),
+            "packages": _packages(),
+        },
+    }
+
+
+def sha256(path: str | Path) -> str:
+    """SHA-256 of a file, in hexadecimal digits."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@functools.cache
+def _packages() -> dict[str, str]:
+    """Version of every package that gstlib and its workflow require."""
+    required = {
+        re.split(r"[^A-Za-z0-9._-]", text, maxsplit=1)[0]
+        for text in metadata.requires("gstlib") or []
+        if "extra ==" not in text or "workflow" in text
+    }
+    return {name: metadata.version(name) for name in sorted(required, key=str.lower)}
+
+
+@functools.cache
+def commit(folder: str | Path) -> str | None:
+    """Commit checked out in `folder`, followed by "+" if files differ; None without git."""
+    # An installed gstlib may lie within a folder that is under somebody else's version control.
+    if not (Path(folder) / ".git").exists():
+        return None
+    describe = ["git", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"]
+    try:
+        said = subprocess.run(
+            describe, cwd=folder, capture_output=True, text=True, check=True
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return said.stdout.strip()
+
+
+@functools.cache
+def program_hash() -> str:
+    """Hash of the library and the workflow; the same in a clone and where gstlib is installed."""
+    library, application = _hash_of(_folder(gstlib)), _hash_of(_folder(gst), {"shipped"})
+    return library + application + _hash_of(gst.ROOT / "workflow")
+
+
+def source_hash(script: str | Path) -> str:
+    """Hash of the code that `script` runs on: the library, and `gst` if it does more than record.
+
+    A rule takes it as a parameter, so that it runs again when that code has changed.
+    """
+    text = Path(script).read_text(encoding="utf-8")
+    imports = set(re.findall(r"\bgst(?:\.| import )(\w+)", text))
+    return _package_hash(around=bool(imports - _RECORDING))
+
+
+@functools.cache
+def _package_hash(around: bool) -> str:
+    library = _hash_of(_folder(gstlib))
+    return library + _hash_of(_folder(gst), _AROUND | _RECORDING) if around else library
+
+
+def _folder(package: ModuleType) -> Path:
+    return Path(str(package.__file__)).parent
+
+
+def _hash_of(folder: Path, aside: Collection[str] = ()) -> str:
+    """Hash of all files in a folder, but for parts of these names and Python's caches."""
+    digest = hashlib.sha256()
+    for file in sorted(folder.rglob("*.*")):
+        name = file.relative_to(folder)
+        if "__pycache__" not in name.parts and name.parts[0].split(".")[0] not in aside:
+            digest.update(name.as_posix().encode() + file.read_bytes())
+    return digest.hexdigest()[:16]

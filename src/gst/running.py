@@ -1,0 +1,271 @@
+"""A study from its config to its page: what `gst study` does around Snakemake.
+
+Snakemake locks a folder while it runs there. A run that was killed leaves its lock; it is removed
+here if nothing of that run is still alive.
+"""
+
+import importlib.util
+import platform
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from gst import ROOT
+from gst.config import config_problems, read_config, refuse_config
+from gstlib.errors import InputError
+from gstlib.io.files import check_writable, write_whole
+
+__all__ = ["is_report_current", "lay_out", "remove_results", "run_study"]
+
+# What a study makes in its folder, besides hidden parts of files.
+MADE = (
+    "benchmarks",
+    "coupling",
+    "figures",
+    "gesture",
+    "hardness",
+    "logs",
+    "macroscale",
+    "microscale",
+    "power",
+    "reference",
+    "registered",
+    "slip",
+    "specimen",
+    "surfaces",
+    "sweep",
+    "tables",
+    "wear",
+    "check.png",
+    "contents.json",
+    "index.html",
+    "provenance.json",
+    "report.html",
+    "verdict.html",
+)
+LOCKS = Path(".snakemake/locks")
+HOST = Path(".snakemake/host")  # the machine that the last run was started on
+_PLANNING = {"-n", "--dry-run", "--dryrun"}
+_REFUSED = {"--config", "-C", "--configfile", "--configfiles"}  # for gst reads CONFIG, too,
+_REFUSED |= {"--directory", "-d", "--snakefile", "-s"}  # and looks for the results here
+# What the report shows, and the logs of the steps, which tell when they ran.
+SHOWN = (
+    "provenance.json",
+    "verdict.html",
+    "tables/*.csv",
+    "figures/**/*.png",
+    "logs/**/*.log",
+)
+
+
+def run_study(
+    config: Path,
+    *,
+    goal: str,
+    cores: str | None,
+    profile: str,
+    plan: bool,
+    options: Sequence[str],
+) -> int:
+    """Run a study in the working folder, build its report, and say what to open.
+
+    Parameters
+    ----------
+    config : Path
+        The config file.
+    goal : str
+        ``study``; or ``sweep`` or ``power``, which need a section of that name.
+    cores : str, optional
+        Jobs at a time on this machine: a number, or ``all``; by default those of the profile.
+    profile : str
+        A folder in ``profiles`` of the working folder, or of gstlib.
+    plan : bool
+        Only show what would run.
+    options : sequence of str
+        What else Snakemake is told, but where it works and with what config.
+
+    Returns
+    -------
+    int
+        The exit code: 0, or Snakemake's.
+
+    Raises
+    ------
+    InputError
+        The config cannot be used, or lacks the section; there is no such profile; an option is
+        refused; Snakemake is not installed; a run is, or may be, alive in this folder.
+    """
+    read = _checked(config)
+    if refused := sorted({option.partition("=")[0] for option in options} & _REFUSED):
+        problem = f"{refused[0]} would make Snakemake look elsewhere than gst"
+        raise InputError(
+            "gst study", problem, "Give it another CONFIG, or start it elsewhere."
+        )
+    plan = plan or not _PLANNING.isdisjoint(options)
+    if goal != "study" and not read.get(goal):
+        raise InputError(
+            config, f"has no section '{goal}'", f"Add one, as in config/{goal}.yaml."
+        )
+    if importlib.util.find_spec("snakemake") is None:
+        remedy = "Install it: pip install 'gstlib[workflow]'"
+        raise InputError(
+            "gst study", "Snakemake, which runs the study, is not installed", remedy
+        )
+    here = Path("profiles") / profile
+    folder = next((each for each in (here, ROOT / here) if each.is_dir()), None)
+    if folder is None:
+        raise InputError("--profile", f"there is no folder {here}", "See docs/cluster.md.")
+    results = Path(read["results"])
+    if not plan:
+        check_writable(results)
+        claim_folder(config)
+    command: list[object] = ["--workflow-profile", folder]
+    command += ["--cores", cores] if cores else []
+    command += [*options, *(["--dry-run", "--quiet", "rules"] if plan else [])]
+    command += ["--configfile", config, "--"]
+    if code := _snakemake(*command, *([] if goal == "study" else [goal])):
+        return code
+    if plan:
+        return 0
+    if goal != "study":
+        files = [results / f"tables/{goal}.csv", results / f"figures/{goal}.png"]
+        print(f"Done. Look at {' and '.join(str(file) for file in files if file.is_file())}")
+        return 0
+    page, report = results / "index.html", results / "report.html"
+    if not page.is_file():  # the options asked for less
+        return 0
+    if not is_report_current(results):
+        # Half a report, newer than everything that it shows, would pass for a whole one.
+        part = report.with_name(".report.part.html")
+        if code := _snakemake("--report", part, "--configfile", config, is_shown=False):
+            return code
+        part.replace(report)
+    print(f"Done. Open {page} in a browser.")
+    print(f"The archive of the study: {report}; its tables: {results / 'tables'}")
+    return 0
+
+
+def _checked(config: Path) -> dict:
+    """The whole config of a file; a `ConfigError` if it cannot be used."""
+    read = read_config(config)
+    refuse_config(config_problems(read), str(config))
+    return read
+
+
+def _snakemake(*arguments: object, is_shown: bool = True) -> int:
+    """Run Snakemake, and give its exit code. If it is not shown, what it says of a failure is."""
+    command = [
+        sys.executable,
+        "-m",
+        "snakemake",
+        "--snakefile",
+        ROOT / "Snakefile",
+        *arguments,
+    ]
+    with tempfile.TemporaryFile("w+") as kept:
+        said = None if is_shown else kept
+        with subprocess.Popen(list(map(str, command)), stdout=said, stderr=said) as process:
+            signal.signal(signal.SIGTERM, lambda *_: process.terminate())
+            while process.returncode is None:
+                with suppress(
+                    KeyboardInterrupt
+                ):  # Snakemake has it, too, and ends its jobs itself
+                    process.wait()
+        if process.returncode:
+            kept.seek(0)
+            print(kept.read(), end="", file=sys.stderr)
+    return process.returncode
+
+
+def is_report_current(results: Path) -> bool:
+    """Whether the report exists and is no older than what it shows."""
+    report = results / "report.html"
+    dates = [file.stat().st_mtime_ns for pattern in SHOWN for file in results.glob(pattern)]
+    return report.is_file() and report.stat().st_mtime_ns >= max(dates, default=0)
+
+
+def alive() -> list[int]:
+    """Snakemake's processes and their jobs in this folder, on this machine, by number."""
+    import psutil
+
+    found = []
+    for process in psutil.process_iter(["cwd", "cmdline"]):
+        command = process.info["cmdline"] or []
+        is_run = any(Path(word).name == "snakemake" for word in command[:3])
+        is_job = any("/.snakemake/scripts/" in word for word in command)
+        if process.info["cwd"] == str(Path.cwd()) and (is_run or is_job):
+            found.append(process.pid)
+    return found
+
+
+def claim_folder(config: Path) -> None:
+    """Remove the lock of a killed run; raise an `InputError` if a run is, or may be, alive."""
+    check_writable(".snakemake")
+    if any(LOCKS.glob("*")):
+        host = HOST.read_text(encoding="utf-8") if HOST.is_file() else platform.node()
+        if pids := alive():
+            problem = f"a run or its jobs are still at work in this folder (processes {pids})"
+            remedy = f"Wait, or end them: kill {' '.join(map(str, pids))}"
+            raise InputError(Path.cwd(), problem, remedy)
+        if host != platform.node():
+            problem = f"a run that was started on {host} may still be at work in this folder"
+            raise InputError(
+                Path.cwd(), problem, f"If it is not, remove {LOCKS} and try again."
+            )
+        _snakemake("--unlock", "--configfile", config, is_shown=False)
+    HOST.write_text(platform.node(), encoding="utf-8")
+
+
+def remove_results(config: Path) -> None:
+    """Ask, and remove what a study made in its folder; the folder too, if nothing else is in it."""
+    folder = Path(_checked(config)["results"])
+    made = [folder / name for name in MADE if (folder / name).exists()]
+    made += folder.glob(".*.part*")
+    if not made:
+        print(f"Nothing of a study is in {folder}.")
+        return
+    names = ", ".join(path.name for path in made)
+    if input(f"Remove from {folder}: {names}? [y/N] ") != "y":
+        return
+    for path in made:
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    if not any(folder.iterdir()):
+        folder.rmdir()
+
+
+def lay_out(folder: Path, name: str) -> list[Path]:
+    """Copy a shipped config, the tables that it names and their description into a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the new study; made if need be.
+    name : str
+        Of the config, such as ``own``.
+
+    Returns
+    -------
+    list of Path
+        The copies.
+
+    Raises
+    ------
+    InputError
+        One of the copies is there already, and has been changed.
+    """
+    config = read_config(ROOT / f"config/{name}.yaml")
+    tables = [config["patches"], config["published"]]
+    files = ["config/README.md", f"config/{name}.yaml", *filter(None, tables)]
+    copies = {folder / file: (ROOT / file).read_bytes() for file in files}
+    changed = [file for file in copies if file.exists() and file.read_bytes() != copies[file]]
+    if there := ", ".join(map(str, changed)):
+        remedy = "Name another folder, or remove them."
+        raise InputError(folder, f"already has {there} with other content", remedy)
+    for file, content in copies.items():
+        write_whole(file, content)
+    return list(copies)

@@ -1,0 +1,164 @@
+"""One-at-a-time sensitivity: what comes out of a study when one value of its config is changed?
+
+A sweep names factors. Each has some values: pieces of config that replace the study's own. For each
+value the study runs in memory (`gstlib.study.Study`).
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+if TYPE_CHECKING:
+    from gstlib.study import Study
+
+__all__ = [
+    "STUDY",
+    "merged",
+    "outcomes",
+    "sweep_problems",
+    "sweep_settings",
+    "sweep_table",
+]
+
+STUDY = "study"  # name of the setting that changes nothing
+
+_PRESSURE, _CHANGE = "pressure_MPa", "relative_change(pressure_MPa)"
+
+
+class Setting(NamedTuple):
+    """One value of one factor.
+
+    Attributes
+    ----------
+    name : str
+        For file names; `STUDY` where nothing is changed.
+    factor, value : str
+        In words, for tables and figures; empty where nothing is changed.
+    changes : mapping
+        What differs from the study's config.
+    """
+
+    name: str
+    factor: str
+    value: str
+    changes: Mapping
+
+
+def sweep_settings(sweep: Mapping[str, Sequence[Mapping]]) -> list[Setting]:
+    """Every setting of a sweep, the study's own first.
+
+    `sweep` is the config's section: for each factor a list of pieces of config.
+    """
+    return [Setting(STUDY, "", "", {})] + [
+        Setting(f"{factor.replace(' ', '_')}-{number}", factor, _in_words(changes), changes)
+        for factor, values in sweep.items()
+        for number, changes in enumerate(values, start=1)
+    ]
+
+
+def _in_words(changes: Mapping) -> str:
+    """The new values, each once."""
+    sections = (
+        part if isinstance(part, Mapping) else {"": part} for part in changes.values()
+    )
+    values = [value for section in sections for value in section.values()]
+    # a table would read "null" as a missing value
+    words = (
+        "unset" if v is None else f"{v:g}" if isinstance(v, float) else f"{v}" for v in values
+    )
+    return ", ".join(dict.fromkeys(words))
+
+
+def merged(config: Mapping, changes: Mapping) -> dict:
+    """The config with some of its values replaced; neither of the two is altered."""
+    return dict(config) | {
+        key: merged(config[key], value)
+        if isinstance(value, Mapping) and isinstance(config.get(key), Mapping)
+        else value
+        for key, value in changes.items()
+    }
+
+
+def sweep_problems(
+    config: Mapping, problems_of: Callable[[Mapping], Iterable[str]]
+) -> list[str]:
+    """All that is wrong with the sweep of a whole config, in sentences.
+
+    `problems_of` gives what is wrong with a whole config, whatever its sweep.
+    """
+    return [
+        f"'sweep.{factor}', value {number}: {problem}"
+        for factor, values in (config["sweep"] or {}).items()
+        for number, changes in enumerate(values, start=1)
+        for problem in problems_of(merged(config, changes))
+    ]
+
+
+def outcomes(study: "Study") -> pd.DataFrame:
+    """What comes out of a study: patch pressures, scores and the change of texture.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``output, patch, result, low, high``: the pressure of every patch; ``studied``, the number
+        of patches in the study; mean scores, mean gains over the best rival and the rank
+        correlation of pressure with loss, as in ``validation_summary.csv``; the mean change of Sq
+        from T0 to T1, µm. 95 % intervals where there are any.
+    """
+    from gstlib.study import measure_texture
+    from gstlib.validation.scores import SCORES
+    from gstlib.validation.scoring import patch_tables
+    from gstlib.validation.summary import believed, mean_gains, rank_correlation
+
+    selected = study.selected()
+    found = believed(study.scores())
+    none = math.nan, math.nan
+    rows = [(_PRESSURE, row.patch, row.pressure_MPa, *none) for row in selected.itertuples()]
+    rows.append(("studied", "", int(selected.in_study.sum()), *none))
+    if found:
+        scores = patch_tables(found)["patches"].merge(selected[["patch", _PRESSURE]])
+        chance: dict[str, Any] = {"resamples": study.config["validation"]["resamples"]}
+        chance["generator"] = np.random.default_rng(study.config["seed"])
+        gains = mean_gains(scores, **chance)
+        pair = rank_correlation(scores, _PRESSURE, "loss_fraction", **chance)
+        summary = pd.concat([gains, pair])
+        rows += [(f"mean({score})", "", scores[score].mean(), *none) for score in SCORES]
+        rows += [
+            (row.statistic, "", row.value, row.low, row.high) for row in summary.itertuples()
+        ]
+    texture = measure_texture(
+        ((p, study.prepared(p, "T0").height, study.change(p)) for p in study.worn),
+        **study.config["texture"],
+    )
+    if len(texture):
+        change = texture.Sq_um[texture.epoch == "change"].mean()
+        rows.append(("mean_change(Sq_um)", "", change, *none))
+    columns = ["output", "patch", "result", "low", "high"]
+    return pd.DataFrame(rows, columns=columns).dropna(subset="result", ignore_index=True)
+
+
+def sweep_table(
+    settings: Sequence[Setting], found: Mapping[str, pd.DataFrame]
+) -> pd.DataFrame:
+    """One row for each outcome of each setting.
+
+    `found` are `outcomes` by the setting's name, the study's own among them. The result has
+    ``factor, value, output, patch, result, change, low, high``; ``factor`` and ``value`` are empty
+    for the study itself, ``change`` is the result less the study's. Each setting has one more row:
+    the sum of the absolute changes of the patches' pressures over their sum.
+    """
+    keys = ["output", "patch"]
+    study = found[STUDY].set_index(keys).result
+    tables = []
+    for setting in settings:
+        table = found[setting.name].copy()
+        table["change"] = table.result - study.reindex(table.set_index(keys).index).to_numpy()
+        share = table.change[table.output == _PRESSURE].abs().sum() / study[_PRESSURE].sum()
+        summed = {"output": [_CHANGE], "patch": "", "result": share, "change": share}
+        table = pd.concat([table, pd.DataFrame(summed)])
+        tables.append(table.assign(factor=setting.factor, value=setting.value))
+    columns = ["factor", "value", *keys, "result", "change", "low", "high"]
+    return pd.concat(tables, ignore_index=True)[columns]

@@ -1,0 +1,128 @@
+"""The answer of a study in a few sentences, computed from its tables.
+
+Which patches carry the load, whether predicted contact beats chance on them, and whether it beats
+the best rival that needs no mechanics: in the words that the numbers allow, and no stronger ones.
+"""
+
+import math
+from typing import Any
+
+import pandas as pd
+
+__all__ = ["LEVEL", "SCORE", "against_chance", "against_rival", "verdict"]
+
+LEVEL = 0.05  # the usual one
+SCORE = "mcc"  # of the scores of masks, one that a larger area does not raise
+# More names than these tell a reader nothing.
+_MOST_NAMED = 5
+_RIVALS = {"highest": "the highest points", "rigid": "rigid interpenetration"}
+
+
+def verdict(
+    pressures: pd.DataFrame,
+    intervals: pd.DataFrame,
+    gains: pd.DataFrame | None = None,
+    variants: pd.DataFrame | None = None,
+    *,
+    square_force_N: float,
+) -> list[str]:
+    """What the study found, in sentences: the load first, then the prediction against the wear.
+
+    Parameters
+    ----------
+    pressures, intervals : pandas.DataFrame
+        ``patch_pressures.csv`` and ``patch_intervals.csv``.
+    gains, variants : pandas.DataFrame, optional
+        ``validation_gains.csv`` and ``validation_variants.csv``, its first variant the study's own;
+        None for a study without T1.
+    square_force_N : float
+        On the whole square, at the target pressure.
+    """
+    sentences = [_load(pressures, intervals, square_force_N)]
+    if not pressures["in_study"].any():
+        return [
+            *sentences,
+            "No patch enters the study: the table of pressures gives the reasons.",
+        ]
+    if gains is None or variants is None:
+        compared = (
+            "No patch has a scan after use (T1): the prediction is not compared with wear."
+        )
+        return [*sentences, compared]
+    if gains.empty:
+        compared = (
+            "No patch in the study has a usable scan after use (T1): nothing is compared."
+        )
+        return [*sentences, compared]
+    own = next(variants[variants["score"] == SCORE].itertuples(index=False))
+    return [*sentences, against_chance(gains), against_rival(own)]
+
+
+def _load(pressures: pd.DataFrame, intervals: pd.DataFrame, square_force_N: float) -> str:
+    """Who carries the load, and how well its highest pressure is known."""
+    total, count = float(pressures["force_N"].sum()), len(pressures)
+    if not total > 0:
+        return "At the target pressure, no scanned patch touches."
+    highest = pressures.loc[pressures["pressure_MPa"].idxmax()]
+    known = intervals.set_index("patch").loc[highest["patch"]]
+    pressure = _two_digits(known.pressure_MPa)
+    top = f"patch {highest['patch']} bears the highest pressure, {pressure} MPa"
+    if pd.notna(known.low_MPa):
+        top += (
+            f" (95 % interval {_two_digits(known.low_MPa)} to {_two_digits(known.high_MPa)})"
+        )
+    if count == 1:
+        return f"P{top[1:]}."
+    ordered = pressures.sort_values("force_N", ascending=False, kind="stable")
+    shares = ordered["force_N"].cumsum() / total
+    *others, last = list(ordered["patch"])[: int((shares <= 0.5).sum()) + 1]
+    who = (
+        f"Patches {', '.join(others)} and {last} carry" if others else f"Patch {last} carries"
+    )
+    if len(others) >= _MOST_NAMED:
+        who = f"The load is spread: {len(others) + 1} patches carry"
+    share = f"{100 * shares.iloc[len(others)]:.0f} % of the load on the {count} patches"
+    share += f", which bear {100 * total / square_force_N:.0f} % of the square's"
+    return f"{who} {share}; {top}."
+
+
+def _two_digits(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def against_chance(gains: pd.DataFrame) -> str:
+    """On how many patches contact beats chance at predicting loss (``validation_gains.csv``)."""
+    p_values = gains.loc[gains["score"] == SCORE, "p_value"]
+    tested, all_patches = int(p_values.notna().sum()), len(p_values)
+    if not tested:
+        return f"None of the {all_patches} patches compared with wear can be tested against chance."
+    better = int((p_values <= LEVEL).sum())
+    sentence = (
+        f"On {better} of the {tested} patches that can be tested, contact predicts the loss better "
+        f"than chance ({SCORE.upper()}, p ≤ {LEVEL})"
+    )
+    rest = all_patches - tested
+    return sentence + (f"; {rest} cannot be tested." if rest else ".")
+
+
+def against_rival(row: Any) -> str:
+    """Whether contact predicts the loss better than its best rival, or cannot be told from it.
+
+    `row` has the columns of ``validation_variants.csv``. Both the interval and the test must tell
+    the two apart.
+    """
+    if math.isnan(row.contact):
+        return f"Contact has no {SCORE.upper()} to compare with a rival's."
+    rival = f"the best rival that needs no mechanics, {_RIVALS[row.best_rival]}"
+    first, second = f"{row.contact:.2f}", f"{row.rival:.2f}"
+    test = f", p = {row.p_value:.2g}" if math.isfinite(row.p_value) else ""
+    patches = f"{row.n} patch{'es' * (row.n > 1)}"
+    sign = (int(row.low > 0) - int(row.high < 0)) * int(row.p_value <= LEVEL)
+    if sign > 0:
+        said = f"Contact predicts the loss better than {rival}"
+    elif sign < 0:
+        said, first, second = f"T{rival[1:]}, predicts the loss better", second, first
+    else:
+        said = f"It cannot be told whether contact or {rival}, predicts the loss better"
+    numbers = f"mean {SCORE.upper()} {first} against {second} over {patches}{test}"
+    return f"{said} ({numbers}).".replace("-", "−")

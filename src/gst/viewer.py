@@ -1,0 +1,123 @@
+"""A stone in a web page, to be turned: scripts and data, with no request to anywhere.
+
+`viewer.js`, beside this file, draws the stone; its head describes its interface. A page holds
+`three_js` and `viewer_js` as inline scripts, and `stone_data` as JSON (`to_script`). three.js is
+the copy that trimesh carries for its own viewer.
+"""
+
+import base64
+import importlib.resources
+import io
+import json
+import zipfile
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gstlib.errors import InputError
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["coarsen", "stone_data", "three_js", "to_script", "viewer_js"]
+
+# trimesh's page has one script: three.js, its controls and loaders, then trimesh's own code.
+_TEMPLATE = "resources/templates/viewer.zip"
+_BEGIN, _END = "<script>", "var camera,controls,scene"
+
+
+def three_js() -> str:
+    """three.js (MIT licence), which defines THREE.
+
+    Raises
+    ------
+    InputError
+        The installed trimesh carries it in another form.
+    """
+    template = importlib.resources.files("trimesh") / _TEMPLATE
+    try:
+        with zipfile.ZipFile(io.BytesIO(template.read_bytes())) as archive:
+            page = archive.read("viewer.html.template").decode()
+        return page[page.index(_BEGIN) + len(_BEGIN) : page.index(_END)]
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        problem = "does not hold three.js where gstlib looks for it"
+        remedy = "Install the version of trimesh that requirements.lock names."
+        raise InputError(str(template), problem, remedy) from error
+
+
+def viewer_js() -> str:
+    """The function `stoneViewer`, which needs THREE."""
+    return (importlib.resources.files("gst") / "viewer.js").read_text(encoding="utf-8")
+
+
+def to_script(value: Any) -> str:
+    """JSON that may stand within a script of a page."""
+    return json.dumps(value, ensure_ascii=False).replace("</", "<\\/")
+
+
+def coarsen(
+    mesh: "trimesh.Trimesh", *, faces: int = 120_000, keep: np.ndarray | None = None
+) -> "trimesh.Trimesh":
+    """A mesh of fewer faces: the vertices in each cell of a grid become their mean.
+
+    A mesh of no more than so many `faces` is returned as it is; a page holds about 24 bytes of
+    each. The vertices that `keep` (n,) marks stay as they are. After Rossignac & Borrel (1993),
+    Multi-resolution 3D approximations for rendering complex scenes, in Modeling in Computer
+    Graphics, Springer, 455-465.
+    """
+    import trimesh
+
+    points, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if len(triangles) <= faces:
+        return mesh
+    kept = np.zeros(len(points), bool) if keep is None else keep
+    cell = np.sqrt(2 * mesh.area / faces)
+    while True:
+        cells = np.floor((points - mesh.bounds[0]) / cell).astype(np.int64)
+        # A kept vertex has a cell of its own.
+        cells = np.column_stack([cells, np.where(kept, np.arange(1, len(points) + 1), 0)])
+        _, cluster = np.unique(cells, axis=0, return_inverse=True)
+        new = np.sort(cluster[triangles], axis=1)
+        whole = (np.diff(new, axis=1) > 0).all(axis=1)
+        _, first = np.unique(new[whole], axis=0, return_index=True)
+        if len(first) <= faces or kept[triangles].all(axis=1).sum() > faces / 2:
+            break
+        cell *= 1.02 * np.sqrt(len(first) / faces)
+    count = np.bincount(cluster)
+    means = np.column_stack([np.bincount(cluster, points[:, k]) / count for k in range(3)])
+    coarse = cluster[triangles][whole][np.sort(first)]
+    # Where a cell holds a fold, a face may have been turned over: it would be drawn dark.
+    outwards = mesh.vertex_normals[triangles].sum(axis=1)[whole][np.sort(first)]
+    edges = np.diff(means[coarse], axis=1)
+    over = (np.cross(edges[:, 0], edges[:, 1]) * outwards).sum(axis=1) < 0
+    coarse[over] = coarse[over, ::-1]
+    return trimesh.Trimesh(means, coarse, process=False)
+
+
+def stone_data(mesh: "trimesh.Trimesh", colours: np.ndarray | None = None) -> dict[str, Any]:
+    """What `stoneViewer` draws, ready for JSON.
+
+    `mesh` is the stone (mm), as `coarsen` returns it; `colours` (n, 3) are red, green and blue of
+    its vertices. The result has ``vertices`` (float32, about ``centre``), ``faces`` (uint32) and,
+    if given, ``colours`` (uint8), each as base64, row by row; ``centre`` and ``bounds`` in mm;
+    ``axes``, the stone's principal axes, the longest first.
+    """
+    low, high = mesh.bounds
+    centre = (low + high) / 2
+    axes = np.linalg.eigh(np.cov(np.asarray(mesh.vertices).T))[1].T[::-1]
+    # the signs that eigh gives are arbitrary
+    axes = axes * np.sign([axis[np.abs(axis).argmax()] for axis in axes])[:, np.newaxis]
+    data = {
+        "vertices": _base64(mesh.vertices - centre, "<f4"),
+        "faces": _base64(mesh.faces, "<u4"),
+        "centre": centre.tolist(),
+        "bounds": [low.tolist(), high.tolist()],
+        "axes": axes.tolist(),
+    }
+    return data if colours is None else data | {"colours": _base64(colours, "u1")}
+
+
+def _base64(values: np.ndarray, kind: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode(
+        "ascii"
+    )

@@ -1,0 +1,237 @@
+"""`gst package`: what is in the zip, what it says of it, and what is refused."""
+
+import hashlib
+import json
+import os
+import zipfile
+from pathlib import Path
+from urllib.parse import unquote
+
+import gstlib
+import pytest
+import yaml
+from click.testing import CliRunner
+from gst.cli import main
+from gst.crate import pack_study
+from gst.provenance import program_hash, sha256
+from gstlib.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+RESULTS = {
+    "index.html": b"<html>",
+    "tables/wear.csv": b"patch\n5\n",
+    "figures/wear.png": b"\x89PNG",
+}
+LEFT_OUT = {"microscale/5.h5": b"fields", "tables/old.csv": b"of another config", "check.png": b""}
+INPUTS = {
+    "config/patches ü.tsv": b"patch\tt0\n5\ta.plu\n",
+    "data/a.plu": b"heights",
+    "gone.stl": b"",
+}
+
+
+def write(folder, files):
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+
+
+def record(folder, specimen=None, results="out/results", **given):
+    """A study of measured files, or with a section `specimen` of generated ones."""
+    paths = dict(zip(("patches", "scan", "mesh"), INPUTS, strict=True))
+    config = {"results": results, "title": "a & b", "patches": paths["patches"]}
+    config |= {"published": None, "gesture": None, "specimen": specimen}
+    inputs = {name: hashlib.sha256(content).hexdigest() for name, content in INPUTS.items()}
+    software = {"gstlib": gstlib.__version__, "commit": None, "python": "3.11"}
+    software |= {"program": program_hash()} | given
+    software["packages"] = {"numpy": "2.0", "snakemake": "9.0"}
+    content = {"config": config, "inputs": inputs, "software": software}
+    (folder / "provenance.json").write_text(json.dumps(content))
+
+
+@pytest.fixture
+def results(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # where the study ran
+    folder = tmp_path / "out/results"
+    write(folder, RESULTS | LEFT_OUT)
+    write(tmp_path, {name: content for name, content in INPUTS.items() if content})
+    contents = [
+        {
+            "file": name,
+            "category": "6 Wear",
+            "title": f"title of {name}",
+            "caption": "<p>Loss &amp;\n<em>pressure</em>.</p>",
+            "sha256": sha256(folder / name),
+        }
+        for name in RESULTS
+    ]
+    (folder / "contents.json").write_text(json.dumps(contents))
+    record(folder)
+    return folder
+
+
+def packed(results, **options):
+    """The files of the zip, its entities, and the action among them."""
+    target = results.parent / "study.zip"
+    count = pack_study(results, target, **options)
+    with zipfile.ZipFile(target) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    assert count == sum(not name.endswith("/") for name in files)
+    graph = json.loads(files.pop("ro-crate-metadata.json"))["@graph"]
+    entities = {entity["@id"]: entity for entity in graph}
+    assert len(entities) == len(graph)
+    return files, entities, entities["#study"]
+
+
+def references(value):
+    """Every reference in an entity."""
+    if isinstance(value, dict):
+        yield from [value["@id"]] if set(value) == {"@id"} else references(list(value.values()))
+    elif isinstance(value, list):
+        for each in value:
+            yield from references(each)
+
+
+def test_every_file_is_described_and_everything_described_is_there(results):
+    files, entities, action = packed(results)
+    described = {unquote(name) for name, one in entities.items() if "File" in one["@type"]}
+    folders = {name for name, one in entities.items() if one["@type"] == "Dataset"} - {"./"}
+    assert described == {name for name in files if not name.startswith(tuple(folders))}
+    assert folders == {name for name in files if name.endswith("/")}
+    parts = {one["@id"] for one in entities["./"]["hasPart"]}
+    assert {unquote(part) for part in parts} == described | folders
+    for entity in entities.values():
+        if "File" in entity["@type"]:
+            content = files[unquote(entity["@id"])]
+            assert entity["sha256"] == hashlib.sha256(content).hexdigest()
+            assert entity["contentSize"] == str(len(content))
+    inside = {name for one in entities.values() for name in references(one) if "://" not in name}
+    assert inside <= set(entities)
+    assert {f"results/{name}" for name in RESULTS} <= {one["@id"] for one in action["result"]}
+    assert action["instrument"] == entities["./"]["mainEntity"] == {"@id": "Snakefile"}
+    assert "workflow/rules/common.smk" in files
+    wear = entities["results/tables/wear.csv"]
+    assert wear["name"] == "Wear: title of tables/wear.csv"
+    assert wear["description"] == "Loss & pressure."
+
+
+def test_what_is_left_out_is_said(results):
+    files, entities, _ = packed(results)
+    assert not any(name.endswith((".h5", "old.csv", "check.png", ".plu")) for name in files)
+    assert (
+        "other files of check.png, contents.json, microscale, tables."
+        in entities["./"]["description"]
+    )
+
+
+def test_inputs_are_known_by_their_hash_and_tables_are_packed(results):
+    files, entities, action = packed(results)
+    table, scan, mesh = INPUTS
+    assert files[table] == INPUTS[table]
+    assert entities[f"#{scan}"]["sha256"] == hashlib.sha256(INPUTS[scan]).hexdigest()
+    assert entities[f"#{scan}"]["contentSize"] == "7"
+    assert "contentSize" not in entities[f"#{mesh}"]  # not there any more
+    used = {unquote(one["@id"]) for one in action["object"]}
+    assert used == {"config/study.yaml", table, f"#{scan}", f"#{mesh}"}
+    provenance = json.loads(files["results/provenance.json"])
+    assert yaml.safe_load(files["config/study.yaml"]) == provenance["config"]
+
+
+def test_tables_are_looked_for_where_the_study_ran(results, tmp_path, monkeypatch):
+    monkeypatch.chdir("/")
+    with pytest.raises(InputError, match=r"patches ü\.tsv: a table of the study, is not there"):
+        packed(results)
+
+
+def test_a_generated_specimen_cannot_pass_for_a_real_tool(results):
+    files, entities, _ = packed(results)
+    assert "generated" not in json.dumps(entities["./"]) + files["README.md"].decode()
+    record(results, specimen={"seed": 7})
+    files, entities, action = packed(results)
+    whole = entities["./"]
+    assert "generated specimen" in whole["name"]
+    assert "generated specimen" in whole["keywords"]
+    assert {"@id": "#specimen"} in action["object"]
+    for text in (whole["description"], files["README.md"].decode()):
+        assert "nothing here says anything about a real tool" in text
+
+
+def test_the_same_results_give_the_same_bytes(results):
+    target = results.parent / "study.zip"
+    archives = []
+    for folder in (results, os.path.relpath(results)):
+        pack_study(folder, target)
+        archives.append(target.read_bytes())
+        target.unlink()
+    assert archives[0] == archives[1]
+
+
+def test_the_run_ends_with_its_newest_result(results):
+    for number, file in enumerate(sorted(results.rglob("*.*"))):
+        os.utime(file, (0, 1_000_000_000 + number % 3))
+    _, entities, action = packed(results)
+    assert action["endTime"] == "2001-09-09T01:46:42+00:00"
+    assert entities["./"]["datePublished"] == "2001-09-09"
+
+
+def test_authors_and_licence_are_those_given(results):
+    _, entities, action = packed(results)
+    assert "author" not in entities["./"]
+    assert "agent" not in action
+    assert "None is stated" in entities["./"]["license"]
+    assert entities["Snakefile"]["license"] == {"@id": "https://spdx.org/licenses/MIT"}
+    _, entities, action = packed(results, authors=["Ada Lovelace"], licence="CC-BY-4.0")
+    assert entities[action["agent"]["@id"]]["name"] == "Ada Lovelace"
+    assert entities["./"]["author"] == action["agent"]
+    assert entities[entities["./"]["license"]["@id"]]["name"] == "CC-BY-4.0"
+
+
+def damage(results, what):
+    if what == "no folder":
+        return results / "nothing", "provenance.json"
+    if what == "unfinished":
+        (results / "contents.json").unlink()
+        return results, "contents.json"
+    if what == "another program":
+        record(results, commit="abc", program="")
+        return results, "commit abc"
+    if what == "result gone":
+        (results / "figures/wear.png").unlink()
+        return results, "wear.png"
+    changed = {"result": results / "tables/wear.csv", "input": results.parents[1] / "data/a.plu"}
+    changed[what].write_text("other")
+    return results, changed[what].name
+
+
+FAULTS = "no folder/unfinished/another program/result gone/result/input"
+
+
+@pytest.mark.parametrize("what", FAULTS.split("/"))
+def test_what_is_no_finished_study_is_refused(results, tmp_path, what):
+    folder, named = damage(results, what)
+    with pytest.raises(InputError, match=named):
+        pack_study(folder, tmp_path / "study.zip")
+    assert not (tmp_path / "study.zip").exists()
+
+
+def test_the_command_writes_the_zip_here(results):
+    said = CliRunner().invoke(main, ["package", "out/results"])
+    assert said.exit_code == 0, said.output
+    assert zipfile.is_zipfile("results.zip")
+    said = CliRunner().invoke(main, ["package", "out"])
+    assert said.exit_code == 2
+    assert "ERROR: " in said.output
+
+
+def test_metadata_for_archives_agree():
+    cff = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    zenodo = json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))
+    assert cff["version"] == gstlib.__version__
+    assert zenodo["description"] == cff["abstract"]
+    for key in ("title", "license", "keywords"):
+        assert zenodo[key] == cff[key]
+    assert zenodo["creators"] == [{"name": author["name"]} for author in cff["authors"]]
+    (related,) = zenodo["related_identifiers"]
+    assert related["identifier"] == cff["preferred-citation"]["doi"]
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    assert f'license = "{cff["license"]}"' in project

@@ -1,0 +1,116 @@
+"""`gst diff`: which tables, rows and columns changed, by how much, and from which settings."""
+
+import json
+import shutil
+
+import pytest
+from click.testing import CliRunner
+from gst.cli import main
+from gst.difference import compare_results, describe_changes
+from gstlib.errors import InputError
+
+TABLES = {
+    "patches.csv": "patch,pressure_MPa,in_study\n5,47.104,yes\n8,40.2,yes\n10,0,no\n",
+    "paths.csv": "patch,step,stiffness\n5,1,100.5\n5,2,200\n8,1,90\n",
+}
+PROVENANCE = {"config": {"hardness": 2000.0, "published": None}, "software": {"gstlib": "0.1.0"}}
+
+
+@pytest.fixture
+def folders(tmp_path):
+    one, other = tmp_path / "a", tmp_path / "b"
+    (one / "tables").mkdir(parents=True)
+    for name, text in TABLES.items():
+        (one / "tables" / name).write_text(text)
+    (one / "provenance.json").write_text(json.dumps(PROVENANCE))
+    shutil.copytree(one, other)
+    return one, other
+
+
+def edit(folder, name, old, new):
+    file = folder / name
+    text = file.read_text()
+    assert old in text
+    file.write_text(text.replace(old, new))
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, ["diff", *map(str, arguments)])
+
+
+def test_value_by_row_and_column(folders):
+    assert compare_results(*folders).empty
+    edit(folders[1], "tables/paths.csv", "5,2,200", "5,2,200.1")
+    (change,) = compare_results(*folders, tolerance=1e-4).itertuples(index=False)
+    assert change[:5] == ("paths.csv", "patch=5, step=2", "stiffness", "200", "200.1")
+    assert change.relative == pytest.approx(0.1 / 200.1)
+    assert compare_results(*folders, tolerance=1e-3).empty
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "relative"),
+    [
+        ("10,0,no", "10,1e-12,no", [1.0]),  # zero is far from any number
+        ("10,0,no", "10,inf,no", [None]),
+        ("10,0,no", "10,,no", [None]),
+        ("8,40.2,yes", "8,40.2,no", [None]),  # text
+        ("10,0,no", "10,0.0,no", []),  # the same number
+        ("5,47.104,yes\n8,40.2,yes\n", "8,40.2,yes\n5,47.104,yes\n", []),  # rows in another order
+    ],
+)
+def test_no_tolerance_for_zero_and_what_is_no_number(folders, old, new, relative):
+    edit(folders[1], "tables/patches.csv", old, new)
+    found = compare_results(*folders, tolerance=0.9).relative
+    assert [None if value != value else value for value in found] == relative
+
+
+def test_rows_columns_and_tables_on_one_side(folders):
+    edit(folders[1], "tables/patches.csv", "8,40.2,yes\n", "")
+    edit(folders[0], "tables/paths.csv", "stiffness", "hardness")
+    (folders[0] / "tables/more.csv").write_text("a\n1\n")
+    found = compare_results(*folders)
+    changes = list(found.drop(columns="relative").itertuples(index=False, name=None))
+    assert len(changes) == 1 + 3 + 2 * 3
+    for change in [
+        ("more.csv", "", "", "present", ""),
+        ("patches.csv", "patch=8", "pressure_MPa", "40.2", ""),
+        ("paths.csv", "patch=5, step=1", "hardness", "100.5", ""),
+        ("paths.csv", "patch=5, step=1", "stiffness", "", "100.5"),
+    ]:
+        assert change in changes
+    assert "  patch=8, pressure_MPa: 40.2 → (none)" in describe_changes(found)
+
+
+def test_rows_that_are_not_unique_are_compared_by_number(folders):
+    for folder, value in zip(folders, "12", strict=True):
+        (folder / "tables/same.csv").write_text(f"a,b\n1,1\n1,1\n1,{value}\n")
+    (change,) = compare_results(*folders).itertuples()
+    assert (change.row, change.column, change.after) == ("row 3", "b", "2")
+
+
+def test_command_and_its_exit_codes(folders, tmp_path):
+    edit(folders[1], "provenance.json", "2000.0", "1000.0")
+    result = run(*folders)
+    assert result.exit_code == 0  # the results are the same
+    assert result.output.splitlines() == [
+        "provenance: 1 change",
+        "  key=config.hardness, value: 2000.0 → 1000.0  (0.5)",
+    ]
+    assert run(folders[0], folders[0]).output.startswith("No difference between ")
+    edit(folders[1], "tables/patches.csv", "47.104", "47.2")
+    edit(folders[1], "tables/patches.csv", "40.2", "50.2")
+    result = run(*folders)
+    assert result.exit_code == 1
+    assert "patches.csv: 2 changes\n  patch=8, pressure_MPa: 40.2 → 50.2  (0.2)\n" in result.output
+    said = describe_changes(compare_results(*folders), at_most=1)
+    assert "(0.2)\n  ... and 1 more" in said
+    (folders[1] / "tables/patches.csv").write_text("")
+    for folder, problem in (
+        (tmp_path / "nowhere", "has no tables"),
+        (folders[1], "cannot be read"),
+    ):
+        with pytest.raises(InputError, match=problem):
+            compare_results(folders[0], folder)
+        result = run(folders[0], folder)
+        assert result.exit_code == 2
+        assert f"ERROR: {folder}: {problem}" in result.stderr

@@ -1,0 +1,256 @@
+"""Figures: faithful to what they are drawn from, and the same bytes each time."""
+
+import copy
+import io
+import runpy
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pandas as pd
+import pytest
+import trimesh
+import xarray as xr
+from gst.figures import macroscale, maps, microscale, style, tables
+from gstlib.errors import InputError
+from gstlib.preprocess.frame import Frame
+from gstlib.surface import make_surface
+
+
+def table(text):
+    """A table as its stage writes it; an underscore stands for a space."""
+    lines = [line.strip().replace(" ", "|") for line in text.replace("; ", "\n").splitlines()]
+    rows = pd.read_csv(io.StringIO("\n".join(lines)), sep="|", dtype={"patch": str})
+    return rows.replace("_(?=x|tell|loss)", " ", regex=True)
+
+
+# What figures of one table are drawn from; of three patches, "2" is not in the study.
+ALONE = {"message": "No patch."}
+PRESSURES = table("""patch x_mm y_mm rotation_deg pressure_MPa in_study low_MPa high_MPa
+    1 0.5 0.5 0 40 True 1 90; 2 2.5 1.5 10 4 False 1 90; 3 4.5 4.4 -3 20 True 1 90""")
+SCORES = table("""patch loss_fraction pressure_MPa believed; 1 0.1 40 yes; 2 NA 4 yes; 3 0.2 20 yes
+    4 0.3 30 no""")
+SCORES["believed"] = SCORES.believed == "yes"
+GAINS = table("patch score p_value; 1 mcc 0.0001; 2 mcc NA; 3 mcc 0.5")
+SUMMARY = table("""statistic value low high p_value against
+    spearman(pressure_MPa,_loss_fraction) 0.5 -0.1 0.9 0.2 pairings
+    gain(mcc) -0.2 -0.3 -0.1 0.01 rigid; gain(f1) 0.1 0.05 0.3 0.3 highest""")
+VARIANTS = table("""variant score contact rival best_rival low high p_value n
+    placed mcc 0.3 0.5 rigid -0.3 -0.1 0.01 3; levelled mcc 0.2 0.1 highest -0.1 0.2 0.2 3""")
+TWO_SCALES = table("""patch variant f1; 1 levelled 0.4; 3 levelled 0.5; all levelled 0.45
+    1 placed 0.9; 3 placed 0.8; all placed 0.85""")
+ALONE["texture"] = table("""patch epoch Sq_um Sk_um Spk_um Svk_um Sal_um Str
+    1 T0 2 1 1 1 1 1; 1 T1 1.5 1 1 1 1 1; 2 T0 3 1 1 1 1 1; 3 T0 4 1 1 1 1 1""")
+ALONE["sweep"] = table("""factor value output result change low high
+    NA NA mean(f1) 0.5 0 0.4 0.6; load a mean(f1) 0.4 -0.1 NA NA; load b mean(f1) 0.7 0.2 NA NA""")
+
+
+def contact_of(heights, load):
+    """Made-up contact where the surface is high, and a load path to it."""
+    pressure = np.clip(heights - np.quantile(heights, 0.95), 0, None) * 1e4 * load
+    path = xr.DataArray(np.arange(1, 5) / 4, dims="step")
+    contact = {"displacement": 0.02 * path, "mean_pressure": 40 * path * load}
+    contact |= {"contact_fraction": 0.05 * path, "stiffness": 2e3 * path, "height": heights}
+    return xr.Dataset(contact | {"pressure": pressure}, attrs={"contact_modulus_MPa": 12820.0})
+
+
+RNG = np.random.default_rng(0)
+SQUARE = make_surface(RNG.normal(0, 5e-3, (20, 20)), 0.25)
+SQUARE = contact_of(SQUARE, xr.DataArray([1, 2, 3, 4], dims="step")).transpose("step", "y", "x")
+HEIGHTS = {patch: make_surface(RNG.normal(0, 2e-3, (60, 60)), 0.014) for patch in "123"}
+CONTACTS = {patch: contact_of(height, 1 / int(patch)) for patch, height in HEIGHTS.items()}
+T0, PRESSURE = CONTACTS["1"]["height"], CONTACTS["1"]["pressure"]
+LOST = T0.copy(data=RNG.normal(0, 1e-4, T0.shape) - 1e-3 * (T0.values > 3e-3))
+LOST[:, :6] = np.nan
+CHANGE = {"t1": T0 + LOST, "change": LOST, "loss": LOST < -2e-4, "gain": LOST > 2e-4}
+WORN = xr.Dataset({"depth": (("model", "y", "x"), np.abs(T0.values)[None])}, {"model": ["mat"]})
+CHANGE = xr.Dataset(CHANGE, attrs={"level_of_detection_um": 0.2, "overlap": 0.9})
+PREPARED = {"height": T0, "measured": T0.where(T0 < 4e-3), "filled": T0 >= 4e-3}
+PREPARED = xr.Dataset(PREPARED | {"outlier": T0 < -4e-3})
+PREPARED.attrs = {"Sq_before_um": 3.0, "Sq_after_um": 2.0}
+SIZE, PATCH = {"patch_size_mm": 0.85}, {"patch": "1"}
+TOOL = (
+    trimesh.creation.box((9, 9, 4)).subdivide_to_size(0.5),
+    Frame(origin=(-2.5, -2.5, 2), x_axis=(1, 0, 0), normal=(0, 0, 1)),
+)
+# What each figure is drawn from.
+FROM = {
+    "input": ((SQUARE["height"], PRESSURES), SIZE),
+    "force": ((SQUARE, PRESSURES), SIZE),
+    "preparation": (({"T0": PREPARED, "T1": PREPARED},), PATCH),
+    "load_curves": ((SQUARE, CONTACTS), {}),
+    "patch": ((CONTACTS["1"], CHANGE, WORN), PATCH),
+    "overview": ((SQUARE, PRESSURES, CONTACTS["1"], CHANGE, TOOL), SIZE | PATCH),
+    "validation": ((SCORES, GAINS, SUMMARY, VARIANTS), {}),
+}
+TOUCHED = {patch: CONTACTS[patch].pressure.values > 30 for patch in "13"}
+FROM["two_scales"] = (({"levelled": CONTACTS, "placed": CONTACTS}, TOUCHED, TWO_SCALES), {})
+ALONE |= {"contact_steps": SQUARE, "microscale_maps": CONTACTS}
+FROM |= {name: ((found,), {}) for name, found in ALONE.items()}
+MASKS = [
+    ("contact_steps", -1, style.BLACK, SQUARE["pressure"][-1] > 0),
+    ("preparation", 0, style.VERMILION, PREPARED["outlier"]),
+    ("patch", -1, style.BLUE, CHANGE["loss"] & (PRESSURE > 0)),
+    ("patch", -1, style.AMBER, CHANGE["loss"] & (PRESSURE == 0)),
+    ("patch", -1, style.BLACK, (PRESSURE > 0) & LOST.notnull() & ~CHANGE["loss"]),
+    ("overview", -1, "#ffffff", LOST.isnull()),
+    ("two_scales", 0, style.BLUE, PRESSURE > 30),
+    ("two_scales", 1, style.BLACK, (PRESSURE > 0) & (PRESSURE <= 30)),
+]
+SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "workflow/scripts/draw_figures.py"))
+CASES = [("13", {}), ("1", {"most": 1}), (["none"], {"in_study": False})]
+CASES += [("3", {"pressure_MPa": [2.0, 9.0, 4.0], "in_study": True})]
+CASES += [(["none"], {"in_study": [False, True, False]})]
+
+
+def draw(name):
+    home = (m for m in (macroscale, microscale, style, tables) if f"{name}_figure" in m.__all__)
+    return getattr(next(home), f"{name}_figure")(*FROM[name][0], **FROM[name][1])
+
+
+def points_of(axes):
+    return [line.get_xydata().tolist() for line in axes.lines if line.get_marker() == "o"]
+
+
+def picture_of(axes):
+    return np.asarray(axes.images[0].get_array()) / 255
+
+
+@pytest.mark.parametrize("name", FROM)
+def test_figure_has_the_same_bytes_each_time_and_leaves_its_input_alone(tmp_path, name):
+    before, contents, files = copy.deepcopy(FROM[name][0]), [], (tmp_path / "png", tmp_path / "svg")
+    for size in (10, 20):
+        with matplotlib.rc_context({"font.size": size, "savefig.dpi": size}):
+            figure = draw(name)
+            style.save_figure(figure, *files, source_note="generated specimen")
+        contents.append([file.read_bytes() for file in files])
+    assert contents[0] == contents[1]
+    texts = [text.get_text() for text in figure.findobj(matplotlib.text.Text)]
+    assert "generated specimen" in texts
+    assert not any("nan" in text for text in texts)
+    for now, then in zip(FROM[name][0], before, strict=True):
+        if isinstance(now, tuple):
+            assert (now[0].vertices == then[0].vertices).all()
+        else:
+            assert now.equals(then) if hasattr(now, "equals") else list(now) == list(then)
+
+
+def test_a_map_has_its_origin_its_scale_and_marks_in_their_share():
+    mask = RNG.random((300, 300)) < 0.15
+    _, (axes,) = style.panels(1, 1, (0.5, 0.5))
+    maps.draw_map(axes, make_surface(np.zeros(mask.shape), 0.01), marks={"#000000": mask})
+    origin, far = axes.transData.transform([(0, 0), (3, 3)])
+    assert (origin < far).all()
+    assert axes.images[0].get_extent() == pytest.approx((0, 3, 0, 3))
+    bare = np.array(maps.RELIEF_MAP(0.0)[:3])
+    shares = mask.reshape(60, 5, 60, 5).mean(axis=(1, 3))  # of the elements under each pixel
+    np.testing.assert_allclose((1 - picture_of(axes) / bare).mean(axis=2), shares, atol=0.01)
+    maps.scale_bar(axes)
+    (bar,) = axes.artists
+    assert bar.txt_label.get_text() == "0.7 mm"
+    assert bar.size_bar.get_children()[0].get_width() == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize(("name", "panel", "colour", "mask"), MASKS)
+def test_maps_show_their_classes_where_they_are(name, panel, colour, mask):
+    colour = matplotlib.colors.to_rgb(colour)
+    drawn = np.isclose(picture_of(draw(name).axes[panel]), colour, atol=0.01).all(axis=-1)
+    np.testing.assert_array_equal(drawn, mask)
+
+
+def test_forces_and_pressures_are_those_of_the_contact():
+    square, bars = draw("force").axes
+    assert picture_of(square).sum(axis=-1).argmin() == SQUARE["pressure"].values[-1].argmax()
+    most = float(SQUARE["pressure"].max()) * 0.25**2
+    assert square.child_axes[0].get_xticks() == pytest.approx([0, most])
+    assert sorted(bar.get_height() for bar in bars.patches) == [4.0, 20.0, 40.0]
+    assert [line[:, 1].tolist() for line in bars.collections[0].get_segments()] == [[1, 90]] * 3
+    assert [patch.get_linestyle() == "-" for patch in square.patches[:3]] == [True, False, True]
+    corner = min(square.patches[1].get_xy().tolist())  # of patch 2, turned by 10 degrees
+    assert corner == pytest.approx([2.5 - 0.425 * 1.1585, 1.5 + 0.425 * 0.8112], abs=1e-3)
+
+
+def test_epochs_share_their_colours_and_what_was_or_will_be_lost_is_red():
+    before, after, changed, predicted, _ = draw("patch").axes
+    ends = [axes.child_axes[0].get_xticks().tolist() for axes in (before, after)]
+    assert ends[0] == ends[1]
+    redness, rose = picture_of(changed) @ [1, 0, -1], CHANGE["gain"].values
+    assert redness[lost := CHANGE["loss"].values].min() > 0.1
+    assert redness[rose].max() < -0.1
+    assert np.abs(redness[~lost & ~rose]).max() < 0.03
+    depth = np.abs(T0.values)
+    redness = picture_of(predicted) @ [1, 0, -1]
+    assert redness[depth > np.quantile(depth, 0.9)].min() > 0.1
+    assert np.abs(redness[depth < np.median(depth)]).max() < 0.03
+
+
+def test_a_patch_without_a_known_change_can_be_drawn():
+    nothing = {"change": xr.full_like(LOST, np.nan), "loss": xr.zeros_like(CHANGE["loss"])}
+    nothing |= {"t1": nothing["change"], "gain": nothing["loss"]}
+    change = CHANGE.assign(nothing).assign_attrs(level_of_detection_um=np.nan)
+    axes = microscale.patch_figure(CONTACTS["1"], change, None, patch="1").axes
+    assert axes[2].get_title() == "no change is known"
+
+
+def test_curves_and_tables_are_drawn_as_they_are():
+    area, load, stiffness = draw("load_curves").axes
+    np.testing.assert_allclose(area.lines[0].get_xydata()[-1], [40 / 12820, 5])
+    np.testing.assert_allclose(load.lines[0].get_xydata()[-1], [20, 40])
+    np.testing.assert_allclose(stiffness.lines[-1].get_ydata(), [0.5, 1, 1.5, 2])
+    assert [text.get_text() for text in load.texts] == ["1", "2", "3", "square"]
+    after, before = points_of(draw("texture").axes[0])
+    np.testing.assert_array_equal(after, [[0, 1.5], [1, np.nan], [2, np.nan]])
+    assert before == [[0, 2], [1, 3], [2, 4]]
+    bars = draw("sweep").axes[0].patches[1:]
+    assert [bar.get_x() for bar in bars] == [0.5, 0.5]  # the study's result
+    assert [bar.get_width() for bar in bars] == pytest.approx([-0.1, 0.2])
+
+
+def test_validation_shows_what_the_tables_say():
+    gains, extent = draw("validation").axes
+    lines = gains.figure.get_suptitle().splitlines()
+    assert lines[0].startswith("placed: The best rival that needs no mechanics, rigid")
+    assert lines[1].startswith("levelled: It cannot be told")
+    assert lines[2].startswith("On 1 of the 2 patches")
+    assert gains.get_yticklabels()[0].get_text() == "mcc\nvs rigid"
+    assert points_of(gains) == [[[-0.2, 0]], [[0.1, 1]]]
+    assert [line.get_color() for line in gains.lines[2::2]] == [style.VERMILION, style.GREY]
+    assert points_of(extent) == [[[40, 10], [20, 20]]]
+    assert extent.get_title().endswith("Spearman ρ = 0.5 [−0.1, 0.9], p = 0.2")
+
+
+def run(folder, *names, most=2, **columns):
+    """Run the script on the study in files; `columns` change the table of pressures."""
+    datasets = {"change1": CHANGE, "change3": CHANGE, "square": SQUARE}
+    for name, dataset in (datasets | {f"contact{p}": c for p, c in CONTACTS.items()}).items():
+        dataset.to_netcdf(folder / f"{name}.h5", engine="h5netcdf")
+    PRESSURES.assign(**columns).to_csv(folder / "pressures.csv", index=False)
+    files = {"contact": folder / "square.h5", "pressures": folder / "pressures.csv"}
+    files["contacts"] = [folder / f"contact{patch}.h5" for patch in "123"]
+    files["registered"] = [folder / f"change{patch}.h5" for patch in "13"]
+    files |= {f"{name}_png": folder / f"{name}.png" for name in names}
+    files |= {"patch_png": folder / "patch", "load_curves_svg": folder / "load_curves.svg"}
+    settings = {"patches": list("123"), "worn": list("13"), "places": {}, "patch_mm": 0.85}
+    settings |= {"most_drawn_patches": most, "figures": names, "note": None, "mesh_unit": "mm"}
+    SCRIPT["main"](**settings, **files)
+
+
+@pytest.mark.parametrize(("drawn", "columns"), CASES)
+def test_script_draws_the_studied_patches_in_even_steps_of_pressure(tmp_path, columns, drawn):
+    assert SCRIPT["evenly"]("abcdefgh", 3) == ["a", "c", "f"]
+    run(tmp_path, "load_curves", "microscale_maps", "patch", **columns)
+    assert sorted(path.stem for path in (tmp_path / "patch").iterdir()) == list(drawn)
+    assert len(list(tmp_path.glob("*.[ps][nv]g"))) == 3
+
+
+def test_script_refuses_a_table_of_other_patches(tmp_path):
+    with pytest.raises(InputError, match=r"pressures\.csv.*one row for each patch"):
+        run(tmp_path, "microscale_maps", patch=["1", "2", "4"])
+
+
+def test_two_scales_shows_what_was_found_and_missed():
+    figure = draw("two_scales")
+    assert "0.45 levelled and 0.85 placed" in figure.get_suptitle()
+    titles = [axes.get_title() for axes in figure.axes]
+    assert titles[:3] == ["patch 1 levelled: F1 0.40", "patch 1 placed: F1 0.90", "whole square"]
+    assert titles[3:] == ["patch 3 levelled: F1 0.50", "patch 3 placed: F1 0.80", "whole square"]

@@ -1,0 +1,144 @@
+"""The log of a job, and what the display of a run takes from it."""
+
+import logging
+import re
+import warnings
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from gst.logs import FILE_ONLY, job_log, logged
+from gstlib.errors import InputError
+from snakemake_interface_logger_plugins.common import LogEvent
+from snakemake_logger_plugin_gst import _SILENT, LogHandler
+
+EMPTY = InputError("scan.plu", "is empty", "Copy it again.")
+
+
+def test_an_error_of_the_user_is_one_line_and_a_fault_of_the_program_a_traceback(tmp_path, capsys):
+    log = tmp_path / "logs/job.log"
+    with pytest.raises(SystemExit) as ended, job_log(log):
+        raise EMPTY
+    assert ended.value.code == 1
+    assert capsys.readouterr().err == "ERROR: scan.plu: is empty. Copy it again.\n"
+    assert log.read_text() == "ERROR scan.plu: is empty. Copy it again.\n"
+    with pytest.raises(SystemExit), job_log(log):
+        raise ZeroDivisionError("oops")
+    assert "Traceback" in capsys.readouterr().err
+    (shown,) = logged(log, "ERROR")
+    assert "Traceback" not in shown
+    for words in ("fault of the program", "test_logs.py", "ZeroDivisionError: oops"):
+        assert words in shown
+
+
+def test_warnings_reach_the_log(tmp_path, capsys):
+    with job_log(tmp_path / "job.log"):
+        logging.getLogger("gstlib.anything").info("step 1")
+        warnings.warn("contact at the border", UserWarning, stacklevel=1)
+    text = (tmp_path / "job.log").read_text()
+    assert text.splitlines() == ["INFO step 1", "WARNING UserWarning: contact at the border"]
+    assert "contact at the border" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+def test_a_log_that_cannot_be_written_is_replaced_by_the_screen(monkeypatch, capsys):
+    monkeypatch.setenv(FILE_ONLY, "1")
+    with pytest.raises(SystemExit), job_log("/dev/full"):
+        raise EMPTY
+    assert capsys.readouterr().err == "ERROR: scan.plu: is empty. Copy it again.\n"
+
+
+def test_records_of_a_log(tmp_path):
+    log = tmp_path / "job.log"
+    log.write_text("INFO a\nWARNING b\nsee the map\nERROR c: two\n  - one\n  - two\nINFO d\n")
+    assert logged(log, "WARNING") == ["b\nsee the map"]
+    assert logged(log, "ERROR") == ["c: two\n  - one\n  - two"]
+    assert logged(tmp_path / "none.log", "ERROR") == []
+
+
+class Run:
+    """Snakemake's messages to the display, and what that shows."""
+
+    def __init__(self, total):
+        asked = "dryrun quiet verbose debug_dag printshellcmds"
+        self.handler = LogHandler(SimpleNamespace(**dict.fromkeys(asked.split(), False)), None)
+        self.total = total
+        self.tell(LogEvent.RUN_INFO, stats={"total": total})
+
+    def tell(self, event, text="", level=logging.INFO, **facts):
+        record = logging.LogRecord("snakemake", level, "", 0, text, None, None)
+        record.__dict__ |= {"event": event} | facts
+        self.handler.handle(record)
+
+    def begin(self, job, log="none.log"):
+        facts = {"rule_msg": f"Pressing patch {job}", "rule_name": "solve_patches"}
+        self.tell(LogEvent.JOB_INFO, jobid=job, log=[str(log)], output=["a"], **facts)
+
+    def end(self, job):
+        self.tell(LogEvent.JOB_FINISHED, job_id=job)
+        self.tell(LogEvent.PROGRESS, done=job, total=self.total)
+
+    def fail(self, job):
+        self.tell(LogEvent.JOB_ERROR, jobid=job, rule_name="solve_patches", rule_msg=None, log=[])
+
+
+@pytest.fixture
+def said(monkeypatch, capsys):
+    """What the display shows."""
+    monkeypatch.setenv(FILE_ONLY, "")  # restored afterwards: the display sets it
+    return lambda: capsys.readouterr().err
+
+
+def test_the_display_counts_the_steps_without_control_characters(said):
+    run = Run(40)
+    for job in range(1, 41):
+        run.begin(job)
+        run.end(job)
+    run.handler.close()
+    shown = said()
+    assert shown.startswith("40 steps to do.\n0:00:00  Pressing patch 1\n")
+    tenths = [f"{done} of 40" for done in range(4, 41, 4)]
+    assert re.findall(r"(\d+ of 40) steps done", shown) == tenths
+    assert shown.endswith("All 40 steps are done, after 0:00:00.\n")
+    assert not re.search(r"[^\x20-\x7e\n]", shown)
+
+
+def test_the_display_shows_warnings_and_the_error_of_a_failed_step_once(said, tmp_path):
+    log = tmp_path / "job.log"
+    log.write_text("WARNING of yesterday\nERROR of yesterday\n")
+    run = Run(4)
+    run.begin(1, log)
+    with job_log(log) as job:
+        job.warning("patch 2 was not found\nsee the map")
+    run.end(1)
+    run.begin(2, log)
+    with pytest.raises(SystemExit), job_log(log):
+        raise EMPTY
+    run.fail(2)
+    run.begin(3, log)
+    run.fail(3)  # killed before it wrote anything
+    run.handler.close()
+    shown = said()
+    assert "yesterday" not in shown
+    assert f"\nERROR: {_SILENT}\n  step: Pressing patch 3" in shown
+    place = f"\n  step: Pressing patch %d\n  log:  {log}\n"
+    assert f"WARNING: patch 2 was not found\nsee the map{place % 1}" in shown
+    assert f"\nERROR: scan.plu: is empty. Copy it again.{place % 2}" in shown
+    assert shown.count("is empty") == 1
+    assert "Stopped with 1 of 4 steps done, after 0:00:00. Repeat the same command" in shown
+
+
+def test_messages_of_snakemake_itself(said):
+    run = Run(3)
+    fault = {"exception": "RuleException", "level": logging.ERROR}
+    text = 'RuleException:\nCalledProcessError in file "Snakefile", line 5:\nCommand failed'
+    run.tell(LogEvent.ERROR, text, **fault)
+    run.tell(LogEvent.ERROR, "WorkflowError:\nAt least one job did not complete successfully")
+    text = 'ConfigError in file "/a/common.smk", line 33:\nmine.yaml: is bad\n  File "/a/b.py"'
+    run.tell(LogEvent.ERROR, text)
+    run.tell(None, "Select jobs to execute...")
+    run.tell(None, "Terminating processes on user request")
+    assert said().splitlines()[1:] == [
+        "ERROR: mine.yaml: is bad",
+        "Terminating processes on user request",
+    ]

@@ -1,0 +1,137 @@
+"""The page: what it is made of."""
+
+import base64
+import io
+import json
+import re
+
+import numpy as np
+import pytest
+import trimesh
+from gst import page
+from gst.figures.style import STONE
+from gst.figures.tool import coloured_tool
+from gstlib.preprocess.frame import Frame
+from gstlib.surface import make_surface
+from matplotlib import colormaps
+from PIL import Image
+
+FRAME = Frame(origin=(-2, -2, 1.5), x_axis=(1, 0, 0), normal=(0, 0, 1))
+
+
+@pytest.fixture
+def stone():
+    """A slab of 3 mm; the square is on its upper side, and a quarter of it is pressed."""
+    mesh = trimesh.creation.box((20, 20, 3)).subdivide_to_size(1.5)
+    pressure = make_surface(np.zeros((20, 20)), 0.2)
+    pressure[:10, 10:] = 100.0
+    return mesh, pressure
+
+
+def opened(url):
+    return Image.open(io.BytesIO(base64.b64decode(url.partition(",")[2])))
+
+
+def test_the_square_is_coloured_where_it_is_pressed(stone):
+    mesh, pressure = stone
+    whole, colours = coloured_tool(mesh, FRAME, pressure, faces=1000)
+    assert whole.volume == pytest.approx(1200, rel=0.15)
+    x, y, z = whole.vertices.T
+    dark = colours.sum(axis=1) < 200
+    # its upper side alone, lower right as one looks at the stone
+    assert (z[dark] > 1.4).all()
+    assert x[dark].min() == pytest.approx(0, abs=0.2)
+    assert (x[dark].max(), y[dark].min()) == pytest.approx((2, -2), abs=0.2)
+    assert y[dark].max() == pytest.approx(0, abs=0.2)
+    bare = "#" + bytes(colours[z < 0][0]).hex()
+    assert bare == STONE
+
+
+def test_the_scene_has_its_patches_where_the_table_puts_them(stone):
+    places = {"patch": ["a"], "x_mm": [3.0], "y_mm": [1.0], "rotation_deg": [90.0]}
+    mesh, pressure = stone
+    scene = page.tool_scene(mesh, FRAME, pressure, places, 1.0)
+    (patch,) = scene["patches"]
+    # turned by a quarter: the first corner is now at the lower right
+    np.testing.assert_allclose(patch["flat"][0], [3.5, 0.5])
+    outline = np.array(patch["outline"])
+    assert outline.min(axis=0) == pytest.approx([0.5, -1.5, 1.5])
+    assert outline.max(axis=0) == pytest.approx([1.5, -0.5, 1.5])
+    # y upwards: the pressed quarter, of small y, is at the picture's lower right
+    picture = np.array(opened(scene["map"]).convert("L"))
+    assert picture[15:, 15:].max() < 60
+    assert picture[:9].min() == 255
+    again = page.tool_scene(mesh, FRAME, pressure, places, 1.0)
+    assert json.dumps(scene) == json.dumps(again)
+
+
+def test_a_picture_keeps_its_looks_in_a_third_of_the_size():
+    noise = np.random.default_rng(0).random((200, 300))
+    picture = np.round(255 * colormaps["cividis"](noise)[..., :3]).astype(np.uint8)
+    content = io.BytesIO()
+    Image.fromarray(picture).save(content, "png")
+    url = page.embedded(content.getvalue())
+    shown = np.array(opened(url).convert("RGB")).astype(int)
+    assert np.abs(shown - picture).max() < 12
+    assert len(opened(url).fp.getvalue()) < len(content.getvalue()) / 2
+    assert page.embedded(content.getvalue()) == url
+
+
+def test_warnings_are_told_once_with_their_steps(tmp_path):
+    texts = {
+        "place_patches": "WARNING patch 12 is shifted: check its place\nINFO done\n",
+        "prepare_T0_scans_1": "WARNING a.plu: only Z, is read\n",
+        "prepare_T0_scans_2": "WARNING a.plu: only Z, is read\n",
+        "score_patches": "INFO a\nWARNING a.plu: only Z, is read\nWARNING all\n",
+    }
+    for name, text in texts.items():
+        (tmp_path / f"{name}.log").write_text(text)
+    (tmp_path / "stale.log").write_text("WARNING of another config\n")
+    logs = [tmp_path / f"{name}.log" for name in ["absent", *texts]]
+    assert [tuple(warning.values()) for warning in page.warned(logs)] == [
+        ("patch 12 is shifted: check its place", ["place patches"], "12"),
+        ("a.plu: only Z, is read", ["prepare T0 scans", "score patches"], None),
+        ("all", ["score patches"], None),
+    ]
+
+
+def test_a_sentence_begins_large_and_a_file_keeps_its_name():
+    assert page._capitalised("patch 7: too rough") == "Patch 7: too rough"
+    assert page._capitalised("a/b.plu: too rough") == "a/b.plu: too rough"
+
+
+def test_a_caption_is_that_of_the_report():
+    template = (
+        "At {{ snakemake.config['hardness'] }} MPa{% if snakemake.config['hardness'] > 1 %}: "
+    )
+    template += "``a_b``, *so* & <so>{% endif %}."
+    html = page.caption_html(template, config={"hardness": 2.0})
+    assert re.sub(r"<[^>]+>", "", html).strip() == "At 2.0 MPa: a_b, so &amp; &lt;so&gt;."
+
+
+def test_a_patch_has_what_its_tables_have(tmp_path):
+    tables = {
+        "patch_pressures": "patch,pressure_MPa,in_study,reason\n1,5,yes,\n2,0,no,untouched\n",
+        "validation_gains": "patch,score,gain\n1,f1,9\n1,mcc,-0.2\n",
+        "wear": "patch,model,predicted_volume_um3\n1,archard,3\n1,mat,4\n1,uniform,5\n",
+    }
+    for name, text in tables.items():
+        (tmp_path / f"{name}.csv").write_text(text)
+    Image.new("RGB", (2, 2)).save(tmp_path / "1.png")
+    files = {name: tmp_path / f"{name}.csv" for name in tables}
+    first, second = page.patch_records(files, tmp_path)
+    assert first["pressure"]["pressure_MPa"] == 5
+    assert (first["gain"]["gain"], second["gain"]) == (-0.2, {})
+    assert (first["wear"]["predicted_volume_um3"], second["wear"]) == (4, {})
+    assert second["pressure"]["reason"] == "untouched"
+    assert "reason" not in first["pressure"]
+    assert opened(first["picture"]).size == (2, 2)
+    assert second["picture"] is None
+    assert page.patch_records(files, None)[0]["picture"] is None
+
+
+def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():
+    for generated in (True, False):
+        html = page.render("page.verdict.html", verdict=["a < b.", "5 %"], generated=generated)
+        assert ("Generated specimen" in html) == generated
+        assert "a &lt; b. 5\xa0%" in html

@@ -1,0 +1,66 @@
+"""What surrounds a run: a study is laid out; when a report is made anew."""
+
+import os
+import shutil
+
+import gst
+import pytest
+from gst.running import is_report_current, lay_out, run_study
+from gstlib.errors import InputError
+
+
+def test_a_report_is_made_anew_when_something_that_it_shows_is_younger(tmp_path):
+    parts = [
+        "provenance.json",
+        "verdict.html",
+        "tables/a.csv",
+        "figures/patch/1.png",
+        "logs/solve_patches.log",
+    ]
+    for name in ("report.html", *parts):
+        file = tmp_path / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+        os.utime(file, (1e9, 1e9))
+    assert is_report_current(tmp_path)
+    for name in parts:
+        os.utime(tmp_path / name, (1e9 + 1, 1e9 + 1))
+        assert not is_report_current(tmp_path), name
+        os.utime(tmp_path / name, (1e9, 1e9))
+    (tmp_path / "report.html").unlink()
+    assert not is_report_current(tmp_path)
+
+
+def test_a_study_is_laid_out_once_and_like_a_shipped_one(tmp_path):
+    folder = tmp_path / "stone"
+    made = lay_out(folder, "m12")
+    names = ["README.md", "m12.yaml", "patches_m12.tsv", "published_m12.csv"]
+    assert sorted(file.name for file in made) == names
+    for file in made:
+        assert file.read_bytes() == (gst.ROOT / file.relative_to(folder)).read_bytes()
+    lay_out(folder, "tiny")  # beside it; what is there already is the same
+    made[1].unlink()
+    made[2].write_text("of mine")
+    with pytest.raises(InputError, match=r"already has .*patches_m12\.tsv with other content"):
+        lay_out(folder, "m12")
+    assert not made[1].exists()
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"goal": "sweep"}, r"mine\.yaml: has no section 'sweep'"),
+        ({"profile": "mine"}, "no folder profiles/mine"),
+        ({"config": "yours.yaml"}, r"yours\.yaml: cannot be opened"),
+        ({"config": "bad.yaml"}, r"bad\.yaml: .*\n  - 'results' is 5"),
+    ],
+)
+def test_a_study_that_cannot_begin_leaves_nothing(tmp_path, monkeypatch, asked, said):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(gst.ROOT / "config", tmp_path / "config")
+    (tmp_path / "mine.yaml").write_text("title: mine\n")
+    (tmp_path / "bad.yaml").write_text("results: 5\n")
+    usual = {"config": "mine.yaml", "goal": "study", "cores": "1", "profile": "default"}
+    with pytest.raises(InputError, match=said):
+        run_study(**usual | asked, plan=False, options=())
+    assert {file.name for file in tmp_path.iterdir()} == {"bad.yaml", "config", "mine.yaml"}

@@ -1,0 +1,77 @@
+"""Pictures of the whole stone: what is nearest is seen, and the square where it lies."""
+
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+import trimesh
+from gst.figures.tool import check_figure, draw_square, draw_stone
+from gstlib.preprocess.frame import Frame
+from matplotlib.figure import Figure
+
+ABOVE = Frame((0, 0, 0), (-1, 0, 0), (0, 0, 1))
+BELOW = Frame((0, 0, 0), (1, 0, 0), (0, 0, -1))
+
+
+def stone():
+    return trimesh.creation.icosphere(subdivisions=4, radius=20.0)
+
+
+def panel():
+    return Figure(figsize=(3, 3)).add_axes((0, 0, 1, 1))
+
+
+def pixels(figure):
+    content = io.BytesIO()
+    figure.savefig(content, format="rgba", dpi=50)
+    size = (figure.get_size_inches() * 50).astype(int)
+    return np.frombuffer(content.getvalue(), np.uint8).reshape(size[1], size[0], 4)
+
+
+def painted(mesh, blue):
+    """Blue vertices among red ones."""
+    return np.where(blue[:, None], [[0, 0, 255]], [[255, 0, 0]]).astype(np.uint8)
+
+
+@pytest.mark.parametrize(("view", "colour"), [(ABOVE, 0), (BELOW, 2)])
+def test_only_the_nearest_is_seen(view, colour):
+    """Of a ball, red above; and of two balls, of which the blue one is above."""
+    ball = stone()
+    small = trimesh.creation.icosphere(subdivisions=3, radius=10.0)
+    small.apply_translation((0, 0, 30))
+    two = trimesh.util.concatenate([small, stone()])
+    is_small = np.arange(len(two.vertices)) < len(small.vertices)
+    for mesh, blue, seen in ((ball, ball.vertices[:, 2] <= 0, colour), (two, is_small, 2 - colour)):
+        axes = panel()
+        draw_stone(axes, mesh, view, colours=painted(mesh, blue))
+        middle = pixels(axes.figure)[70:80, 70:80, :3]
+        assert (middle.argmax(axis=2) == seen).all()
+        assert middle[..., seen].min() > 50
+        assert middle[..., 2 - seen].max() < 60  # seams between triangles are not quite shut
+
+
+def test_the_light_comes_from_the_upper_left():
+    axes = panel()
+    draw_stone(axes, stone(), ABOVE)
+    picture = pixels(axes.figure)[..., :3].mean(axis=2)
+    assert picture[50, 50] > picture[100, 100] + 30
+
+
+def test_the_square_is_outlined_in_a_view():
+    axes = panel()
+    view = Frame((0, 0, 0), (-1, 0, 0), (0, 0, 1))
+    draw_square(axes, view, Frame((2.5, 2.5, 19.5), (-1, 0, 0), (0, 0, 1)), 5.0)
+    (outline,) = axes.patches
+    assert np.allclose(outline.get_xy()[0], [-2.5, -2.5])
+    assert np.ptp(outline.get_xy(), axis=0) == pytest.approx([5, 5])
+    assert {text.get_text(): text.get_position() for text in axes.texts} == {
+        "x": pytest.approx((4.25, -2.5)),
+        "y": pytest.approx((-2.5, 4.25)),
+    }
+
+
+def test_the_check_has_a_picture_even_where_the_square_cannot_be_gridded():
+    frame = Frame((2.5, 2.5, 30), (-1, 0, 0), (0, 0, 1))
+    sizes = {"size_mm": 5.0, "patch_size_mm": 0.85}
+    assert len(check_figure(stone(), frame, None, pd.DataFrame(), **sizes).axes) == 2

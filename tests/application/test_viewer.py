@@ -1,0 +1,82 @@
+"""A stone in a page: what is drawn is the stone, small enough to be sent."""
+
+import base64
+import json
+import zipfile
+
+import numpy as np
+import pytest
+import trimesh
+from gst import viewer
+from gstlib.errors import InputError
+
+
+def sphere():
+    return trimesh.creation.icosphere(subdivisions=5, radius=20.0)  # 20,480 faces
+
+
+def unpack(text, kind, columns):
+    return np.frombuffer(base64.b64decode(text), kind).reshape(-1, columns)
+
+
+def test_a_coarse_stone_has_the_shape_of_the_stone():
+    coarse = viewer.coarsen(sphere(), faces=4000)
+    assert 2000 < len(coarse.faces) <= 4000
+    assert np.linalg.norm(coarse.vertices, axis=1) == pytest.approx(20, abs=0.15)
+    assert coarse.area == pytest.approx(sphere().area, rel=0.01)
+    # No face is turned inwards: it would be drawn dark.
+    assert ((coarse.face_normals * coarse.triangles_center).sum(axis=1) > 0).all()
+
+
+def test_a_small_stone_is_left_alone():
+    mesh = sphere()
+    assert viewer.coarsen(mesh, faces=len(mesh.faces)) is mesh
+
+
+def test_vertices_that_are_kept_stay_where_they_are():
+    mesh = sphere()
+    keep = mesh.vertices[:, 2] > 18
+    coarse = viewer.coarsen(mesh, faces=4000, keep=keep)
+    assert len(coarse.faces) <= 4000
+    there = {tuple(row) for row in np.asarray(coarse.vertices).tolist()}
+    assert {tuple(row) for row in np.asarray(mesh.vertices)[keep].tolist()} <= there
+
+
+def test_more_kept_vertices_than_faces_come_to_an_end():
+    mesh = sphere()
+    coarse = viewer.coarsen(mesh, faces=100, keep=np.ones(len(mesh.vertices), bool))
+    assert len(coarse.faces) == len(mesh.faces)
+
+
+def test_the_data_are_the_stone():
+    mesh = trimesh.creation.box((10.0, 30.0, 20.0))
+    mesh.apply_translation((100.0, 0.0, -5.0))
+    colours = np.arange(24).reshape(8, 3)
+    data = json.loads(viewer.to_script(viewer.stone_data(mesh, colours)))
+    vertices = unpack(data["vertices"], "<f4", 3) + data["centre"]
+    np.testing.assert_allclose(vertices, mesh.vertices, atol=1e-5)
+    np.testing.assert_array_equal(unpack(data["faces"], "<u4", 3), mesh.faces)
+    np.testing.assert_array_equal(unpack(data["colours"], "u1", 3), colours)
+    assert data["bounds"] == [[95, -15, -15], [105, 15, 5]]
+    np.testing.assert_allclose(data["axes"], [[0, 1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-9)
+
+
+def test_text_cannot_end_the_script_that_holds_it():
+    assert "</script" not in viewer.to_script({"title": "</script><b>"})
+
+
+def test_the_scripts_are_there():
+    script = viewer.three_js()
+    assert script.count("THREE") > 100
+    assert "<script" not in script
+    assert "$B64GLTF" not in script  # trimesh's own page
+    assert "function stoneViewer(" in viewer.viewer_js()
+
+
+def test_another_trimesh_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(viewer.importlib.resources, "files", lambda package: tmp_path)
+    (tmp_path / "resources/templates").mkdir(parents=True)
+    with zipfile.ZipFile(tmp_path / viewer._TEMPLATE, "w") as archive:
+        archive.writestr("viewer.html.template", "<script>something else</script>")
+    with pytest.raises(InputError, match=r"requirements\.lock"):
+        viewer.three_js()
