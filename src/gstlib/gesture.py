@@ -12,25 +12,24 @@ contact starts from the one before.
 
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from scipy.stats import spearmanr
 
 from gstlib.bem import solve_contact
-from gstlib.contact import faces_of, solved
-from gstlib.counterface import face_in_pose, face_of
-from gstlib.coupling import Place, footprint_weights, places_of
+from gstlib.contact import Loading, faces_of, solved
+from gstlib.counterface import face_in_pose
 from gstlib.errors import ConfigError
+from gstlib.geometry import Place, footprint_weights, places_of
 from gstlib.surface import spacing_of
 
 __all__ = [
+    "Gesture",
     "exposure",
     "exposure_table",
     "make_poses",
-    "pose_shifts",
     "press_poses",
     "read_poses",
 ]
@@ -45,9 +44,6 @@ _COLUMNS: dict[str, tuple[float, float | None]] = {
     "turning_deg": (0.0, 0.0),
     "weight": (0.0, None),
 }
-# Shifts of the active stone after which the ranking of the patches is looked at, and directions.
-_SHIFTS_MM = 0.1, 0.5, 1.0
-_DIRECTIONS = 8
 _VARIABLES = {
     "mean_pressure": ("MPa", "mean contact pressure of the poses"),
     "pressure_sum": ("MPa", "sum of the contact pressures of the poses"),
@@ -62,6 +58,21 @@ _VARIABLES = {
     "patch_pressure": ("MPa", "pressure of the patch in the pose"),
     "patch_exposure": ("N/mm", "pressure of the patch times sliding in the pose"),
 }
+
+
+class Gesture(NamedTuple):
+    """Poses of an active stone, and its face.
+
+    Attributes
+    ----------
+    face : (my, mx) xarray.DataArray
+        From `gstlib.counterface.grid_counterface`.
+    poses : pandas.DataFrame
+        From `make_poses` or `read_poses`; the index numbers them.
+    """
+
+    face: xr.DataArray
+    poses: pd.DataFrame
 
 
 def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
@@ -151,31 +162,28 @@ def make_poses(gesture: Mapping[str, Any], *, pressure_MPa: float, seed: int) ->
 
 
 def press_poses(
-    surface: xr.Dataset,
-    poses: pd.DataFrame,
+    height: xr.DataArray,
+    gesture: Gesture,
     patches: pd.DataFrame,
     *,
-    patch_mm: float,
     contact_modulus_MPa: float,
     tolerance: float,
+    patch_mm: float,
     shown: Collection[int] = (),
-    source: str | Path = "gesture",
 ) -> xr.Dataset:
     """Press the square in one pose after the other.
 
     Parameters
     ----------
-    surface : xarray.Dataset
-        The square's ``height`` (y, x) and the active stone's ``face`` (face_y, face_x), mm, from
-        `gstlib.study.grid_macroscale`.
-    poses : pandas.DataFrame
-        From `make_poses` or `read_poses`; the index numbers them.
+    height : (y, x) xarray.DataArray
+        The square's, mm.
+    gesture : Gesture
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``.
+    contact_modulus_MPa, tolerance : float
+        As in `gstlib.contact.Loading`.
     patch_mm : float
         Side of a patch.
-    contact_modulus_MPa, tolerance, source
-        As in `gstlib.contact.contact_at_pressure`.
     shown : collection of int
         Poses whose pressure is kept, by their numbers.
 
@@ -187,22 +195,22 @@ def press_poses(
         ``weight``, ``displacement`` mm, ``contact_fraction``, and by patch ``patch_pressure`` MPa
         and ``patch_exposure`` N/mm. ``pressure`` (shown, y, x), MPa, in the poses to be shown.
     """
-    height = surface.height
+    poses = gesture.poses
     outlines = [footprint_weights(height, at, patch_mm) for at in places_of(patches).values()]
     share = np.stack(outlines) * (np.prod(spacing_of(height)) / patch_mm**2)
     y, x = (height[axis].values - float(height[axis].mean()) for axis in "yx")
-    far, face = np.hypot(y[:, None], x), face_of(surface)
+    far = np.hypot(y[:, None], x)
     names = "pressure_sum", "highest_pressure", "touched_sum", "exposure"
     found = {name: np.zeros(height.shape) for name in names}
     rows: list[tuple] = []
     kept: dict[int, np.ndarray] = {}
     start = None
     for pose in poses.itertuples():
-        over = face_in_pose(face, height, Place(pose.y_mm, pose.x_mm, pose.rotation_deg))
-        faces = faces_of(surface.assign(counterface=over))
-        faces.attrs = {"contact_modulus_MPa": contact_modulus_MPa, "tolerance": tolerance}
+        place = Place(pose.y_mm, pose.x_mm, pose.rotation_deg)
+        faces = faces_of(height, face_in_pose(gesture.face, height, place))
+        loading = Loading(contact_modulus_MPa, pose.pressure_MPa, tolerance)
         load = {"mean_pressure": pose.pressure_MPa, "initial_pressure": start}
-        state = solved(solve_contact, faces, source, **load)
+        state = solved(solve_contact, faces, loading, "gesture", **load)
         start = state.pressure
         if pose.Index in shown:
             kept[pose.Index] = start
@@ -293,56 +301,3 @@ def exposure_table(found: xr.Dataset, pressures: pd.DataFrame) -> pd.DataFrame:
         }
     )
     return pressures[["patch", "pressure_MPa"]].merge(table, on="patch")
-
-
-def pose_shifts(
-    surface: xr.Dataset,
-    pressures: pd.DataFrame,
-    *,
-    target_pressure_MPa: float,
-    **settings: Any,
-) -> pd.DataFrame:
-    """Does the ranking of the patches survive a shift of the active stone?
-
-    Parameters
-    ----------
-    surface
-        As in `press_poses`.
-    pressures : pandas.DataFrame
-        ``patch, x_mm, y_mm, rotation_deg`` and ``pressure_MPa``, that of the pose itself.
-    target_pressure_MPa : float
-        Mean pressure of every pose.
-    **settings
-        Of `press_poses`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``shift_mm``; over eight directions the mean and the least Spearman correlation of the
-        patches' pressures with those of the pose, ``spearman, spearman_least``;
-        ``same_hardest``, the share of the directions in which the same patch is pressed hardest;
-        ``change``, the mean over patches of the pressure's absolute change over its mean.
-    """
-    angles = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    before, rows = pressures.pressure_MPa.to_numpy(), []
-    for shift in _SHIFTS_MM:
-        gesture = {"poses": _DIRECTIONS, "stroke_mm": 0.0}
-        poses = make_poses(gesture, pressure_MPa=target_pressure_MPa, seed=0)
-        poses = poses.assign(x_mm=shift * np.cos(angles), y_mm=shift * np.sin(angles))
-        after = press_poses(surface, poses, pressures, **settings).patch_pressure.values
-        ranks = [_ranked_alike(before, of) for of in after]
-        rows.append(
-            {
-                "shift_mm": shift,
-                "spearman": float(np.mean(ranks)),
-                "spearman_least": float(np.min(ranks)),
-                "same_hardest": float((after.argmax(axis=1) == before.argmax()).mean()),
-                "change": float(np.abs(after - before).mean() / (before.mean() or np.nan)),
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def _ranked_alike(one: np.ndarray, other: np.ndarray) -> float:
-    """Spearman's correlation; NaN where all of one are equal."""
-    return float(spearmanr(one, other).statistic) if np.ptp(one) and np.ptp(other) else np.nan

@@ -11,7 +11,7 @@ import trimesh
 from gst import page
 from gst.figures.style import STONE
 from gst.figures.tool import coloured_tool
-from gstlib.preprocess.frame import Frame
+from gstlib.geometry import Frame
 from gstlib.surface import make_surface
 from matplotlib import colormaps
 from PIL import Image

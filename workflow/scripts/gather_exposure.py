@@ -4,18 +4,18 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
+from gstlib.gesture import exposure as gathered
+from gstlib.gesture import exposure_table
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_table, write_table
-from gstlib.study import gather_exposure
 
 
 def main(batches: list[Path], pressures: Path, exposure: Path, table: Path) -> None:
-    found, rows = gather_exposure(
-        (read_dataset(batch) for batch in batches),
-        read_table(pressures, ["patch", "pressure_MPa"]),
-    )
+    found = gathered(read_dataset(batch) for batch in batches)
     write_dataset(exposure, found, provenance(batches, {}))
-    write_table(table, rows)
+    write_table(
+        table, exposure_table(found, read_table(pressures, ["patch", "pressure_MPa"]))
+    )
 
 
 if "snakemake" in globals():

@@ -277,8 +277,8 @@ def cut_scan(
     ----------
     scan : (ny, nx) xarray.DataArray
         The whole scan, mm.
-    centre : (x, y) or None
-        Centre of the piece in mm, from the scan's centre along its columns and rows; None for the
+    centre : (y, x) or None
+        Centre of the piece in mm, from the scan's centre along its rows and columns; None for the
         whole scan, which must be a square of that size within one per cent.
     size_mm : float
         Side of the piece; it is cut at whole elements.
@@ -306,7 +306,7 @@ def cut_scan(
             )
         return scan
     slices, beyond = [], 0.0
-    for length, step, middle in zip(scan.shape, spacing_of(scan), centre[::-1], strict=True):
+    for length, step, middle in zip(scan.shape, spacing_of(scan), centre, strict=True):
         count = round(size_mm / step)
         # Half an element is rounded up always, so that pieces side by side stay side by side.
         first = math.floor(length / 2 + middle / step - count / 2 + 0.5 + 1e-9)
@@ -315,7 +315,7 @@ def cut_scan(
     if beyond > 0:
         raise InputError(
             source,
-            f"a piece of {size_mm:g} mm around x = {centre[0]:g}, y = {centre[1]:g} mm sticks out "
+            f"a piece of {size_mm:g} mm around x = {centre[1]:g}, y = {centre[0]:g} mm sticks out "
             f"by {beyond:.4g} mm of the scan of {width:.4g} × {height:.4g} mm",
             "Correct crop_x_mm and crop_y_mm in the patch table: they count from its centre.",
         )

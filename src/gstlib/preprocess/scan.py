@@ -1,6 +1,9 @@
 """From a scan as measured to a surface ready for contact, the same way at both epochs."""
 
+from collections.abc import Mapping
+
 import numpy as np
+import pandas as pd
 import xarray as xr
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.ndimage import binary_dilation
@@ -10,7 +13,7 @@ from gstlib.errors import InputError
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.outliers import median_outliers, window_outliers
 
-__all__ = ["check_unmeasured", "interpolate_holes", "prepare_scan"]
+__all__ = ["check_unmeasured", "interpolate_holes", "prepare_scan", "preprocessing_table"]
 
 _MM_TO_UM = 1e3
 
@@ -118,6 +121,22 @@ def prepare_scan(
             "Sq_after_um": _MM_TO_UM * float(np.std(level.values)),
         },
     )
+
+
+def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFrame:
+    """What was done to each scan, from the attributes of its dataset, by patch and epoch."""
+    columns = [
+        "unmeasured",
+        "filled",
+        "outliers",
+        "outlier_k",
+        "tilt_x_mrad",
+        "tilt_y_mrad",
+        "Sq_before_um",
+        "Sq_after_um",
+    ]
+    rows = [(*scan, *(attrs[name] for name in columns)) for scan, attrs in scans.items()]
+    return pd.DataFrame(rows, columns=["patch", "epoch", *columns])
 
 
 def check_unmeasured(surface: xr.DataArray, maximum_share: float) -> None:
