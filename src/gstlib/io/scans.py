@@ -163,9 +163,12 @@ def _read_instrument_file(path: Path) -> _Raw:
     It has heights as [ix, iy], in a unit that differs per file (Röttger et al. 2022, Surf. Topogr.:
     Metrol. Prop. 10:035032).
     """
-    # Imported here because it takes a second or two.
-    from SurfaceTopography.IO import open_topography, readers
-    from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
+    try:  # here, for its import takes a second or two
+        from SurfaceTopography.IO import open_topography, readers
+        from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
+    except ImportError as error:
+        problem = "cannot be read: SurfaceTopography, which reads its format, is not installed"
+        raise InputError(path, problem, "Install it: pip install 'gstlib[formats]'") from error
 
     formats = {
         f".{ending}": reader.format()

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from gstlib.errors import InputError
 from gstlib.preprocess.filtering import low_pass
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import spacing_of
@@ -129,8 +130,13 @@ def _parameters(
     heights: np.ndarray, spacing: tuple[float, float], s_filter_um: float
 ) -> dict[str, float]:
     """Parameters of a scale-limited surface (heights in µm, spacing in mm), by column."""
-    # here: its import costs a second, which every job of the study would pay
-    from surfalize import Surface
+    try:  # here, for its import costs a second, which every job of the study would pay
+        from surfalize import Surface
+    except ImportError as error:
+        problem = "surfalize, which measures it, is not installed"
+        raise InputError(
+            "texture", problem, "Install it: pip install 'gstlib[texture]'"
+        ) from error
 
     dy, dx = (step * _MM_TO_UM for step in spacing)
     # What passes the S-filter varies over its nesting index: two points in that length give the
