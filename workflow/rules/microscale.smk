@@ -153,7 +153,7 @@ if CASES:
             contacts=contacts(ALL_PATCHES),
             pressures=f"{RESULTS}/tables/patch_pressures.csv",
         output:
-            table=table("cases", "4 Microscale", "another modulus, a grinding force, a ceiling"),
+            table=table("cases", "4 Microscale", "cases beside the study"),
         log:
             f"{RESULTS}/logs/solve_cases.log",
         benchmark:
