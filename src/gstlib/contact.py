@@ -1,4 +1,4 @@
-"""A surface in, a contact dataset out: load path, slip, and a ceiling on the pressure.
+"""Two faces in, a contact dataset out, along a load path or at one load.
 
 `gstlib.bem` computes with arrays. Here are the study's surfaces, with names and units, and the
 solver's errors in the study's words. Where no pressure is asked for, the contact is empty: its
@@ -45,19 +45,6 @@ _SAME_SPACING = 1e-6
 # against the patch's x; the same piece of it, neither shifted nor worn, is pressed on every patch;
 # at the macroscale the active stone stays flat. The paper's active stone is flat at both scales.
 
-# ASSUME: the grinding force grows at constant normal force and along one direction, from rest, so
-# that stick and slip are those before the stones slide as a whole; the paper has no friction.
-
-# ASSUME: under a tangential load the bodies are elastically similar, so that tangential tractions
-# do not press them apart; the displacement across the load is neglected (it vanishes with Poisson's
-# ratio), and that along it taken as the mean over all directions of the load: exact for a circle
-# and for isotropic roughness, 5 % too small along a contact five times as long as wide, 5 % too
-# large across it.
-
-# ASSUME: one hardness for every element. The default study's 2 GPa is an order of magnitude: quartz
-# indents at 11 to 12 GPa, quartzite as a whole is crushed at a few hundred MPa, and the strength of
-# an element as small as a scan's point is in between. The paper has none.
-
 _log = logging.getLogger(__name__)
 
 # Contact fraction above which the inputs are suspect: rough stones touch on a few per cent, and
@@ -85,12 +72,6 @@ _VARIABLES = {
         "MPa/mm",
         "contact stiffness without the cut-out's own compliance",
     ),
-    "ceiling_share": ("1", "share of the contact at the ceiling"),
-    "traction": ("MPa", "tangential traction along the load"),
-    "stick": ("1", "in contact, sticking"),
-    "slip": ("1", "in contact, slipping"),
-    "mean_traction": ("MPa", "tangential force over nominal area"),
-    "tangential_displacement": ("mm", "relative tangential displacement of the far fields"),
 }
 _DIMS: tuple[tuple[str, ...], ...] = ((), ("step",), ("y", "x"), ("step", "y", "x"))
 _FIELDS = "pressure", "gap"

@@ -8,11 +8,10 @@ contact starts from the one before.
 
 # ASSUME: each pose is a contact at rest under its own mean pressure; from one to the next the
 # stones slide by the distance that the pose states.
-# ASSUME: a stone that pounds slides as far in each blow as in the others.
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -29,9 +28,9 @@ __all__ = [
     "Gesture",
     "exposure",
     "exposure_table",
-    "make_poses",
     "press_poses",
     "read_poses",
+    "stroke_poses",
 ]
 
 # Columns of a gesture: the least number that each takes, and what stands for an absent one.
@@ -68,7 +67,7 @@ class Gesture(NamedTuple):
     face : (my, mx) xarray.DataArray
         From `gstlib.counterface.grid_counterface`.
     poses : pandas.DataFrame
-        From `make_poses` or `read_poses`; the index numbers them.
+        From `stroke_poses` or `read_poses`; the index numbers them.
     """
 
     face: xr.DataArray
@@ -76,7 +75,7 @@ class Gesture(NamedTuple):
 
 
 def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
-    """The poses of a gesture from a table, a row each, with the columns of `make_poses`.
+    """The poses of a gesture from a table, a row each, with the columns of `stroke_poses`.
 
     The file is text, its cells are separated by tabs, commas or semicolons; a line that begins with
     # is a comment. Without ``rotation_deg`` or ``turning_deg`` they are 0. In place of
@@ -122,20 +121,17 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
     return table[list(_COLUMNS)]
 
 
-def make_poses(gesture: Mapping[str, Any], *, pressure_MPa: float, seed: int) -> pd.DataFrame:
-    """The poses that a line of the config asks for.
+def stroke_poses(*, stroke_mm: float, poses: int, pressure_MPa: float) -> pd.DataFrame:
+    """The poses of a stroke along x, with its middle where the active stone is posed.
 
     Parameters
     ----------
-    gesture : mapping
-        ``poses``, their number, and one of ``pounding_mm``, the standard deviation along each axis
-        of where a blow falls; ``stroke_mm``, the length of a stroke along x; ``rotation_deg``, the
-        angle of a turn about the middle of the square. Stroke and turn have their middle where the
-        active stone is posed.
+    stroke_mm : float
+        Its length.
+    poses : int
+        Their number, in even steps.
     pressure_MPa : float
         Mean pressure of every pose.
-    seed : int
-        Of the scatter.
 
     Returns
     -------
@@ -144,21 +140,13 @@ def make_poses(gesture: Mapping[str, Any], *, pressure_MPa: float, seed: int) ->
         turn about the middle of the square, from x towards y), ``pressure_MPa``, ``sliding_mm`` and
         ``turning_deg`` (how far it slides and turns in the pose) and ``weight``.
     """
-    count = gesture["poses"]
-    table = pd.DataFrame(0.0, index=range(count), columns=list(_COLUMNS))
-    table = table.assign(pressure_MPa=pressure_MPa, weight=1.0)
-    along = np.linspace(-0.5, 0.5, count)
-    if (scatter := gesture.get("pounding_mm")) is not None:
-        table[["x_mm", "y_mm"]] = scatter * np.random.default_rng(seed).standard_normal(
-            (count, 2)
-        )
-        table["sliding_mm"] = 1.0
-    elif (length := gesture.get("stroke_mm")) is not None:
-        table["x_mm"], table["sliding_mm"] = length * along, length / count
-    else:
-        angle = gesture["rotation_deg"]
-        table["rotation_deg"], table["turning_deg"] = angle * along, abs(angle) / count
-    return table
+    table = pd.DataFrame(0.0, index=range(poses), columns=list(_COLUMNS))
+    return table.assign(
+        x_mm=stroke_mm * np.linspace(-0.5, 0.5, poses),
+        pressure_MPa=pressure_MPa,
+        sliding_mm=stroke_mm / poses,
+        weight=1.0,
+    )
 
 
 def press_poses(

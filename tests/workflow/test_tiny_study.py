@@ -28,13 +28,11 @@ COLUMNS = {
     "patch_intervals": "patch pressure_MPa low_MPa high_MPa tilt_mrad tilt_error_mrad plane",
     "two_scales": "patch variant pressure_MPa reference_pressure_MPa contact_fraction "
     "reference_contact_fraction precision recall f1 iou",
-    "sensitivity": "contact_modulus quantity patch unit value",
     "microscale_summary": "patch target_pressure_MPa mean_pressure_MPa displacement_um "
     "contact_fraction stiffness_MPa_per_um interface_stiffness_MPa_per_um residual",
     "microscale_paths": "patch step displacement_um mean_pressure_MPa contact_fraction "
     "stiffness_MPa_per_um",
-    "slip": "patch pressure_MPa friction tangential_ratio mean_traction_MPa stick_share slip_share",
-    "hardness": "patch hardness_MPa contact_fraction ceiling_share dice iou deepest_yield_um",
+    "cases": "case patch quantity unit value",
     "registration": "patch found overlap shift_x_um shift_y_um rotation_deg level_of_detection_um "
     "excluded reason",
     "texture": "patch epoch size_x_mm Sa_um Sq_um Sdq Str Sk_um",
@@ -273,24 +271,23 @@ def test_selection_follows_its_rules(table, config):
 
 
 def test_both_contact_moduli_are_solved(table, config):
-    """At a given pressure the stiffer stone yields less; the study's own modulus is the first."""
-    rows = table("sensitivity")
-    used, other = (
-        rows[rows.contact_modulus == basis].set_index("quantity").value
-        for basis in ("used", "from the elastic constants")
-    )
+    """At a given pressure the stiffer stone yields less."""
+    rows = table("cases").set_index(["case", "quantity"]).sort_index()
+    own, other = (rows.loc[case].query("patch.isna()").value for case in ("study", "other modulus"))
     material = config["material"]
-    assert used["contact modulus"] == material["contact_modulus_MPa"]
+    assert own["contact modulus"] == material["contact_modulus_MPa"]
     young, poisson = material["young_1_MPa"], material["poisson_1"]
     assert other["contact modulus"] == pytest.approx(young / 2 / (1 - poisson**2), rel=1e-4)
     path = table("macroscale_path").iloc[-1]
-    assert used["displacement"] == pytest.approx(path.displacement_um, rel=1e-4)
-    assert used["contact fraction"] == pytest.approx(path.contact_fraction, rel=1e-4)
-    assert other["displacement"] > 1.02 * used["displacement"]
-    assert other["contact fraction"] > used["contact fraction"]
-    np.testing.assert_allclose(
-        used["patch pressure"], table("patch_pressures").pressure_MPa, rtol=1e-4, atol=1e-9
-    )
+    assert own["displacement"] == pytest.approx(path.displacement_um, rel=1e-4)
+    assert own["contact fraction"] == pytest.approx(path.contact_fraction, rel=1e-4)
+    assert other["displacement"] > 1.02 * own["displacement"]
+    assert other["contact fraction"] > own["contact fraction"]
+    pressures = table("patch_pressures")
+    for case, differs in (("study", False), ("other modulus", True)):
+        by_patch = rows.loc[case, "patch pressure"].set_index("patch").value[pressures.patch]
+        misfit = abs(by_patch.to_numpy() - pressures.pressure_MPa).max()
+        assert (misfit > 0.1) == differs
 
 
 # --- Contacts ---------------------------------------------------------------------------------
@@ -474,37 +471,35 @@ def test_every_stored_state_fulfils_the_contact_conditions(results):
 
 
 def test_slip_and_ceiling_are_those_of_the_stored_contacts(results, table, config):
-    """That they obey Coulomb and the ceiling: tests/library/test_contact.py."""
-    for name in ("slip", "hardness"):
-        rows, files = table(name).set_index("patch"), sorted(results.glob(f"{name}/*.h5"))
-        assert sorted(rows.index) == [file.stem for file in files] != []
-        for file in files:
-            found, contact, row = (
-                read_dataset(file),
-                contact_of(results, file.stem),
-                rows.loc[file.stem],
-            )
-            touched = contact.pressure.values > 0
-            if name == "slip":
-                settings = {key: found.attrs[key] for key in ("friction", "tangential_ratio")}
-                assert settings == config["grinding"]
-                assert found.attrs["poisson"] == pytest.approx(config["material"]["poisson_1"])
-                share = np.prod([*settings.values()])
-                assert float(found.traction.mean()) == pytest.approx(
-                    share * float(contact.pressure.mean()), rel=1e-6
-                )
-                np.testing.assert_array_equal(found.stick ^ found.slip, touched)
-                assert row.slip_share == pytest.approx(
-                    found.slip.values.sum() / touched.sum(), 1e-4
-                )
-            else:
-                pressure = found.pressure.values
-                assert pressure.max() == config["hardness"]
-                assert pressure.mean() == pytest.approx(
-                    contact.attrs["target_pressure_MPa"], rel=1e-6
-                )
-                both, either = touched & (pressure > 0), touched | (pressure > 0)
-                assert row.iou == pytest.approx(both.sum() / either.sum(), 1e-4)
+    """That they obey Coulomb and the ceiling: tests/library/test_cases.py."""
+    cases = table("cases")
+    rows = cases.set_index(["case", "quantity"]).sort_index()
+    settings = {
+        ("grinding", "friction"): config["grinding"]["friction"],
+        ("grinding", "tangential ratio"): config["grinding"]["tangential_ratio"],
+        ("ceiling", "hardness"): config["hardness"],
+    }
+    assert {key: rows.value[key].item() for key in settings} == settings
+    rows = cases.set_index(["patch", "case", "quantity"]).value
+    pressures = table("patch_pressures")
+    studied = list(pressures.patch[pressures.in_study])
+    of_patches = cases[cases.case.isin(["grinding", "ceiling"])].patch.dropna()
+    assert of_patches.unique().tolist() == studied
+    for patch in studied:
+        contact, row = contact_of(results, patch), rows[patch]
+        pressure = contact.pressure.values
+        share = np.prod([*config["grinding"].values()])
+        assert row["grinding", "mean traction"] == pytest.approx(share * pressure.mean(), 1e-4)
+        assert 0.3 < row["grinding", "slip share"] < 0.7  # half of the sliding force
+        assert row["study", "peak pressure"] == pytest.approx(pressure.max(), 1e-4)
+        assert row["study", "contact fraction"] == pytest.approx((pressure > 0).mean(), 1e-4)
+        assert pressure.max() > config["hardness"]
+        ceiling, study = row["ceiling"], row["study"]
+        assert ceiling["contact fraction"] >= study["contact fraction"]
+        assert ceiling["displacement"] > study["displacement"]
+        assert 0 < ceiling["share at the ceiling"] < 1
+        # what both touch is at most all that one touches
+        assert ceiling["iou"] <= study["contact fraction"] / ceiling["contact fraction"] + 1e-4
 
 
 # --- Wear and scores --------------------------------------------------------------------------

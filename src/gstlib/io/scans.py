@@ -167,8 +167,12 @@ def _read_instrument_file(path: Path) -> _Raw:
         from SurfaceTopography.IO import open_topography, readers
         from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
     except ImportError as error:
-        problem = "cannot be read: SurfaceTopography, which reads its format, is not installed"
-        raise InputError(path, problem, "Install it: pip install 'gstlib[formats]'") from error
+        problem = (
+            "cannot be read: SurfaceTopography, which reads its format, is not installed"
+        )
+        raise InputError(
+            path, problem, "Install it: pip install 'gstlib[formats]'"
+        ) from error
 
     formats = {
         f".{ending}": reader.format()
