@@ -119,7 +119,7 @@ def table(name, category, what):
     return report(file, labels={"what": f"table: {what}"}, **place)
 
 
-# Not only what is shown: what was damaged, and was deleted, is made again.
+# Not only the results shown: deleted intermediate files are rebuilt.
 TARGETS = [
     name
     for name, wanted in {
