@@ -72,8 +72,9 @@ test-browser: $(READY) ## open the pages in Chromium, if it is installed (minute
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[browser]'
 	$(PYTEST) -m browser tests/workflow
 
-test-slurm: $(READY) ## run the tiny study through a real Slurm; installs one with apt-get if needed
-(root) tests/slurm/start_slurm.sh --install $(PYTEST) -m slurm
+test-slurm: $(READY) ## run the tiny study through a real Slurm; installs one with apt-get if needed (root)
+	tests/slurm/start_slurm.sh --install
+	$(PYTEST) -m slurm
 
 test-faults: $(READY) ## kill runs, fill disks, damage files, and count what is lost (an hour)
 	$(BIN)/python tests/faults/run.py
@@ -84,11 +85,10 @@ hooks: $(READY) ## check the style of each commit before it is made
 bench: $(READY) ## measure the contact solver against other codes (half an hour)
 	$(BIN)/python benchmarks/run.py
 
-margin: $(READY) ## measure how much unrounded tables differ between cores and processors (10
-minutes) $(BIN)/python benchmarks/margin.py --config "$(CONFIG)"
+margin: $(READY) ## measure how much unrounded tables differ between cores and processors (10 minutes)
+	$(BIN)/python benchmarks/margin.py --config "$(CONFIG)"
 
-power: $(READY) ## measure how often the study finds a relation that is there, or not there (half an
-hour)
+power: $(READY) ## measure how often the study finds a relation that is there, or not there (half an hour)
 	@$(STUDY) --goal power config/power.yaml
 	@cp results-power/tables/power.csv docs/
 
@@ -97,16 +97,14 @@ baseline: $(READY) ## renew the tables with which the tests compare the default 
 	rm -rf tests/baseline && mkdir -p tests/baseline
 	cp -r results/tables tests/baseline/
 
-sweep: $(READY) ## find what changes the results most: one-at-a-time sensitivity (a quarter of an
-hour)
+sweep: $(READY) ## find what changes the results most: one-at-a-time sensitivity (a quarter of an hour)
 	@$(STUDY) --goal sweep "$(SWEPT)"
 
 docs: $(READY) ## renew the parts of the documents that are generated from the code
 	$(BIN)/python workflow/document.py
 
-site: $(READY) ## make an offline site of the documents and the API in build/site; any warning is an
-error $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e
-'.[docs]'
+site: $(READY) ## make an offline site of the documents and the API in build/site; any warning is an error
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[docs]'
 	@# -E: an unchanged page may quote a changed one
 	$(BIN)/python -m sphinx -W --keep-going -E -q -c docs -d build/doctrees . build/site
 	@! grep -rE '<(script|link|img)[^>]+https?://' build/site --include='*.html'
