@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Frame", "find_frame", "frame_from_points", "stored_frame"]
 
-# Three points that enclose a smaller angle (its sine) give no direction.
+# If three points enclose a smaller angle (its sine), they define no direction.
 _IN_LINE = 0.1
 
 
@@ -43,7 +43,7 @@ class Frame:
 
     @property
     def axes(self) -> np.ndarray:
-        """Unit vectors (3, 3) along x, y = normal × x, and the normal, a row each.
+        """Unit vectors (3, 3) along x, y = normal × x, and the normal, one per row.
 
         Points in the frame times these, plus the origin, are points of the mesh.
         """
@@ -63,7 +63,7 @@ def frame_from_points(points: Sequence[Sequence[float]]) -> Frame:
     ----------
     points : (3, 3) array_like
         The reference corner, a point along the square's x edge, and one on the side to which its y
-        edge runs, mm. With x to the right, y runs up as one looks at the stone: the three turn
+        edge runs, mm. Seen from outside the stone, y runs up if x runs to the right: the three go
         anticlockwise.
 
     Raises
@@ -82,7 +82,7 @@ def frame_from_points(points: Sequence[Sequence[float]]) -> Frame:
     if not np.linalg.norm(normal) > _IN_LINE * np.linalg.norm(first) * np.linalg.norm(second):
         raise ConfigError(
             "square.points_mm",
-            f"the points {corners.tolist()} are in line, or two of them are one",
+            f"the points {corners.tolist()} are in line, or two of them are the same",
             "Give the reference corner and the two corners beside it.",
         )
     axes = Frame(corners[0], first, normal).axes.tolist()
@@ -103,7 +103,7 @@ def find_frame(square: Mapping, mesh: "trimesh.Trimesh", *, source: str = "mesh"
     Raises
     ------
     ConfigError
-        The points make no frame, or one is farther from the stone than the square is wide.
+        The points define no frame, or one is farther from the stone than the square is wide.
     """
     for number, point in enumerate(square["points_mm"], 1):
         away = float(
