@@ -94,7 +94,7 @@ def warned(logs: Sequence[Path]) -> list[dict[str, Any]]:
     for log in logs:
         step = re.sub(r"_\d+$", "", log.stem).replace(
             "_", " "
-        )  # a batch is no step of its own
+        )  # a batch is not a separate step
         for text in logged(log, "WARNING"):
             if step not in (known := steps.setdefault(text, [])):
                 known.append(step)

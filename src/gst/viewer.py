@@ -74,7 +74,7 @@ def coarsen(
     cell = np.sqrt(2 * mesh.area / faces)
     while True:
         cells = np.floor((points - mesh.bounds[0]) / cell).astype(np.int64)
-        # A kept vertex has a cell of its own.
+        # A kept vertex has its own cell.
         cells = np.column_stack([cells, np.where(kept, np.arange(1, len(points) + 1), 0)])
         _, cluster = np.unique(cells, axis=0, return_inverse=True)
         new = np.sort(cluster[triangles], axis=1)

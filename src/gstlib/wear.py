@@ -9,7 +9,7 @@ Valleys wear too where something soft is between the stones: plants, hide, wood.
 layer that takes turns with the bare stone, stands for it. How its coefficient compares with that of
 the bare stone is fitted as κ is, to the maps of loss of the other patches (`fit_mat`).
 
-What the predictions are worth is told in `gstlib.validation.wear_scores`.
+`gstlib.validation.wear_scores` says how good the predictions are.
 """
 
 # ASSUME: κ is one number for the whole stone and all of its use; the active stone does not wear,
@@ -86,7 +86,7 @@ def wear_square(
     xarray.Dataset
         By ``ratio`` of the mat's coefficient to the bare stone's, 0 alone without a mat: ``kappa``
         (ratio, step), both bodies' together, mm/MPa, from 0 on; ``pressed`` (ratio, body, step,
-        patch): what that κ would take off the patch by one body alone, mm. ``fitted`` (patch): κ of
+        patch): mean depth that one body alone would remove, mm. ``fitted`` (patch): κ of
         the bare stone from the measured losses of all other patches; the attribute ``kappa``: from
         all. ``measured`` (patch), mm, NaN where κ is not fitted to a patch; ``x_mm, y_mm,
         rotation_deg`` (patch); with a mat ``mat_pressure`` (y, x), MPa, under it before use.

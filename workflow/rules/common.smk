@@ -110,7 +110,7 @@ SHOWN = {}
 
 
 def table(name, category, what):
-    """A table, with its place on the page and in the report; a figure of the same name has a caption of its own."""
+    """A table, with its place on the page and in the report; a figure of the same name has another caption."""
     own = f"{name}_table.rst"
     caption = own if (CAPTIONS / own).exists() else f"{name}.rst"
     file = f"{RESULTS}/tables/{name}.csv"

@@ -69,7 +69,7 @@ styled = matplotlib.style.context(["default", _STYLE])
 def save_figure(
     figure: Figure, png: Path, svg: Path | None = None, *, source_note: str | None = None
 ) -> None:
-    """Write a figure as PNG and, if asked, as SVG; the same figure gives the same bytes.
+    """Write a figure as PNG and, if requested, as SVG; the same figure gives the same bytes.
 
     The files hold no date and no version of matplotlib, and each is complete or absent.
 
