@@ -179,7 +179,7 @@ def p_values(study: Study, *, seed: Sequence[int]) -> tuple[pd.DataFrame, pd.Dat
 def law_p_values(study: Study, *, seed: int) -> pd.DataFrame:
     """P-values of the claim that a law of wear is at work on a specimen.
 
-    ``test, drawn, patches, p_value`` as of `p_values`; the tests are ``law(archard)`` and, where
+    ``test, drawn, patches, p_value`` as in `p_values`; the tests are ``law(archard)`` and, where
     the config has a mat, ``law(mat)``. A law is claimed where its maps of loss err less than those
     of every rival; a mat must beat the bare stone out of contact, too (`wear_summary` of
     `gstlib.validation.wear_scores`). The p-value, one-sided, is the largest.

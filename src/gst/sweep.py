@@ -1,7 +1,7 @@
-"""One-at-a-time sensitivity: what comes out of a study when one value of its config is changed?
+"""One-at-a-time sensitivity: how do the results of a study change with one value of its config?
 
-A sweep names factors. Each has some values: pieces of config that replace the study's own. For each
-value the study runs in memory (`gstlib.study.Study`).
+A sweep names factors. Each factor has values: pieces of config that replace the study's own. For
+each value the study runs in memory (`gstlib.study.Study`).
 """
 
 import math
@@ -34,9 +34,9 @@ class Setting(NamedTuple):
     Attributes
     ----------
     name : str
-        For file names; `STUDY` where nothing is changed.
+        For file names; `STUDY` if nothing is changed.
     factor, value : str
-        In words, for tables and figures; empty where nothing is changed.
+        In words, for tables and figures; empty if nothing is changed.
     changes : mapping
         What differs from the study's config.
     """
@@ -85,9 +85,9 @@ def merged(config: Mapping, changes: Mapping) -> dict:
 def sweep_problems(
     config: Mapping, problems_of: Callable[[Mapping], Iterable[str]]
 ) -> list[str]:
-    """All that is wrong with the sweep of a whole config, in sentences.
+    """All problems with the sweep of a complete config, in sentences.
 
-    `problems_of` gives what is wrong with a whole config, whatever its sweep.
+    `problems_of` gives the problems of a complete config, regardless of its sweep.
     """
     return [
         f"'sweep.{factor}', value {number}: {problem}"
@@ -98,7 +98,7 @@ def sweep_problems(
 
 
 def outcomes(study: "Study") -> pd.DataFrame:
-    """What comes out of a study: patch pressures, scores and the change of texture.
+    """The outcomes of a study: patch pressures, scores and the change of texture.
 
     Returns
     -------
@@ -146,7 +146,7 @@ def sweep_table(
 ) -> pd.DataFrame:
     """One row for each outcome of each setting.
 
-    `found` are `outcomes` by the setting's name, the study's own among them. The result has
+    `found` has the `outcomes` of each setting by name, including the study's own. The result has
     ``factor, value, output, patch, result, change, low, high``; ``factor`` and ``value`` are empty
     for the study itself, ``change`` is the result less the study's. Each setting has one more row:
     the sum of the absolute changes of the patches' pressures over their sum.

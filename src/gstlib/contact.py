@@ -47,8 +47,8 @@ _SAME_SPACING = 1e-6
 
 _log = logging.getLogger(__name__)
 
-# Contact fraction above which the inputs are suspect: rough stones touch on a few per cent, and
-# where nearly all touches, how heights differ no longer matters.
+# Contact fraction above which the inputs are suspect: rough stones touch on a few per cent, and in
+# nearly full contact the heights hardly matter.
 _FULL = 0.95
 # Unit and long name of what a contact consists of.
 _VARIABLES = {

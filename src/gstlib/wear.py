@@ -9,7 +9,7 @@ Valleys wear too where something soft is between the stones: plants, hide, wood.
 layer that takes turns with the bare stone, stands for it. How its coefficient compares with that of
 the bare stone is fitted as κ is, to the maps of loss of the other patches (`fit_mat`).
 
-What the predictions are worth is told in `gstlib.validation.wear_scores`.
+`gstlib.validation.wear_scores` says how good the predictions are.
 """
 
 # ASSUME: κ is one number for the whole stone and all of its use; the active stone does not wear,

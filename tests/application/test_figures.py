@@ -210,7 +210,7 @@ def test_validation_shows_what_the_tables_say():
     gains, extent = draw("validation").axes
     lines = gains.figure.get_suptitle().splitlines()
     assert lines[0].startswith("placed: The best rival that needs no mechanics, rigid")
-    assert lines[1].startswith("levelled: It cannot be told")
+    assert lines[1].startswith("levelled: The data do not show")
     assert lines[2].startswith("On 1 of the 2 patches")
     assert gains.get_yticklabels()[0].get_text() == "mcc\nvs rigid"
     assert points_of(gains) == [[[-0.2, 0]], [[0.1, 1]]]

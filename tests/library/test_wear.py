@@ -1,4 +1,4 @@
-"""How much wears: as the square does, and by a fit that a patch's own loss does not enter."""
+"""How much wears: as on the square, and by a fit without the patch's own loss."""
 
 import numpy as np
 import pandas as pd
@@ -49,7 +49,7 @@ def worn(square, pressures, losses_um):
 
 
 def lost(path):
-    """What the bare stone takes off each patch, mm, along the path."""
+    """The depth (mm) that the bare stone removes from each patch, along the path."""
     return path.pressed.sel(ratio=0, body="stone")
 
 
@@ -155,7 +155,7 @@ def test_models_are_what_they_say(tables):
     )
     assert right.rms_difference_um[:2].max() < 1e-12
     assert right.rms_difference_um["c"] > 0.01
-    # It misses nothing where it takes nothing, and a uniform loss is all error there.
+    # Where it removes nothing, it makes no error, and all of a uniform loss is error.
     assert right.rms_out_of_contact_um.max() < 1e-12
     uniform_um = 1e3 * by.xs("uniform", level="model").predicted_volume_um3 / (32**2 * 1e5)
     np.testing.assert_allclose(
@@ -180,7 +180,7 @@ def test_skill_is_the_share_of_the_rivals_error_that_is_saved(tables):
     found = summary[summary.statistic == "skill(volume)"].set_index("against").value
     for rival in ("pressure", "uniform", "truncation"):
         assert found[rival] == pytest.approx(1 - errors["archard"] / errors[rival])
-    # Only a cut tells a depth; the same loss everywhere does not.
+    # Only a cut predicts a depth; the same loss everywhere does not.
     assert summary[summary.statistic == "skill(depth)"].against.tolist() == ["truncation"]
     exact, heights = (of[of.patch != "c"] for of in (table, profile))
     summary = wear_summary(exact, heights, square, seed=1, resamples=99)
@@ -256,7 +256,7 @@ def test_a_mat_is_found_by_its_traces_with_both_coefficients(worn_by_both):
 
 
 def test_a_mat_that_saves_a_hundredth_of_the_error_is_not_told(tables):
-    """Errors of measurement let it gain as much on stones that never saw one."""
+    """Errors of measurement let a mat gain as much on stones that never saw one."""
     table, profile, square = tables
     bare = table[table.model == "archard"].assign(rms_difference_um=1.0, rms_out_of_contact_um=1.0)
     for of in ("volume_um3", "depth_um"):

@@ -1,6 +1,6 @@
 """`gstlib.study.Study`, in memory and without Snakemake, gives what the workflow stores.
 
-Both call the same stages; the workflow passes every value through rules and scripts besides.
+Both call the same stages; the workflow also passes every value through rules and scripts.
 """
 
 import numpy as np

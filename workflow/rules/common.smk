@@ -119,7 +119,7 @@ SHOWN = {}
 
 
 def table(name, category, what):
-    """A table, with its place on the page and in the report; a figure of the same name has a caption of its own."""
+    """A table, with its place on the page and in the report; a figure of the same name has another caption."""
     own = f"{name}_table.rst"
     caption = own if (CAPTIONS / own).exists() else f"{name}.rst"
     file = f"{RESULTS}/tables/{name}.csv"
@@ -128,7 +128,7 @@ def table(name, category, what):
     return report(file, labels={"what": f"table: {what}"}, **place)
 
 
-# Not only what is shown: what was damaged, and was deleted, is made again.
+# Not only the results shown: deleted intermediate files are rebuilt.
 TARGETS = [
     name
     for name, wanted in {

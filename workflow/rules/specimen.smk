@@ -1,4 +1,4 @@
-# The generated specimen, where the config asks for one.
+# The generated specimen, if the config asks for one.
 # Takes: the patch table. Gives: a mesh, scans before and after use, and the truth about them.
 
 if GENERATED:

@@ -1,7 +1,7 @@
 # Was the prediction right?
-# Takes: predicted contact, and T1 registered to T0. Gives: scores per patch and over the patches, each against
-# chance and against rivals that need no mechanics; how much each patch wears by Archard's law; the texture of each
-# patch before and after use.
+# Takes: predicted contact, and T1 registered to T0. Gives: scores per patch and over the patches,
+# each compared with chance and with rivals that need no mechanics; how much each patch wears by
+# Archard's law; the texture of each patch before and after use.
 
 EXPECTED_WORST = config["validation"]["expected_worst"]
 
@@ -33,7 +33,7 @@ if WORN_PATCHES:
                 for key, value in config["validation"].items()
                 if key != "expected_worst"
             },
-            # a claim about other patches is none about these
+            # a claim about other patches says nothing about these
             worst=EXPECTED_WORST if set(EXPECTED_WORST) <= set(ALL_PATCHES) else [],
             seed=config["seed"],
             code=code("score_patches.py"),
@@ -56,7 +56,7 @@ if WORN_PATCHES:
                 folder=directory(f"{RESULTS}/wear"),
                 table=table("wear", "6 Wear", "predicted and measured loss"),
                 profile=table("wear_profile", "6 Wear", "loss by height and by gap"),
-                summary=table("wear_summary", "6 Wear", "what the prediction is worth"),
+                summary=table("wear_summary", "6 Wear", "how good the prediction is"),
             log:
                 f"{RESULTS}/logs/predict_wear.log",
             benchmark:
@@ -76,7 +76,7 @@ if WORN_PATCHES:
                 "../scripts/predict_wear.py"
 
 
-# All patches in one job: the library of texture parameters takes as long to start as five patches.
+# All patches in one job: loading the library of texture parameters takes as long as five patches.
 rule tabulate_texture:
     input:
         t0=surfaces("T0", ALL_PATCHES),

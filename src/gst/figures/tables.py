@@ -58,7 +58,7 @@ def validation_figure(
     means = summary[summary["statistic"].str.startswith("gain(")].dropna(subset="value")
     gain.axvline(0, color=GREY, lw=0.8)
     for place, row in enumerate(means.itertuples()):
-        # both the interval and the test must tell the gain from 0
+        # both the interval and the test must distinguish the gain from 0
         sign = (int(row.low > 0) - int(row.high < 0)) * int(row.p_value <= LEVEL)
         colour = {1: BLUE, -1: VERMILION, 0: GREY}[sign]
         gain.plot([row.low, row.high], [place, place], color=colour)
@@ -134,7 +134,7 @@ def wear_figure(table: pd.DataFrame, profile: pd.DataFrame, limits: pd.DataFrame
     """Predicted against measured volume of every patch, and loss by height.
 
     `table` is ``wear.csv``, `profile` is ``wear_profile.csv``; `limits` is ``patch_intervals.csv``:
-    a volume is in proportion to the pressure, and so is its interval.
+    a volume and its interval are proportional to the pressure.
     """
     figure, (volumes, heights) = style.panels(2, 2, (2.6, 2.6), (0.7, *CHARTS[1:]), head=0.4)
     units = 1e5  # µm³

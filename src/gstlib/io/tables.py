@@ -26,11 +26,11 @@ __all__ = [
 SIGNIFICANT_DIGITS = 5
 # Columns with fewer digits: a stiffness is converged to about 1e-6.
 FEWER_DIGITS = {"stiffness_MPa_per_um": 4, "interface_stiffness_MPa_per_um": 4}
-# Differences beyond these digits are taken for rounding.
+# Differences beyond these digits count as rounding.
 _KNOWN_DIGITS = 10
-# What the stages take from the table of patch pressures.
+# Columns that the stages take from the table of patch pressures.
 _PRESSURES = ("patch", "x_mm", "y_mm", "rotation_deg", "pressure_MPa", "mesh_pressure_MPa")
-# This variable, set to 1, prints every digit, to show how much two runs differ below the printed.
+# If this variable is 1, tables print every digit, to show differences below the printed ones.
 ALL_DIGITS = "GSTLIB_ALL_DIGITS"
 
 
@@ -85,7 +85,7 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
     Raises
     ------
     InputError
-        The file is missing or is no table, or lacks a column.
+        The file is missing or not a table, or lacks a column.
     """
     try:
         # NA, nan or None may be the name of a patch
@@ -112,7 +112,7 @@ def read_pressures(path: str | Path) -> pd.DataFrame:
 def studied_files(
     pressures: str | Path, patches: Sequence[str], files: Sequence[Path]
 ) -> dict[str, Path]:
-    """By patch, those `files`, one for each of `patches`, whose patches are in the study.
+    """The `files` of patches in the study, by patch; there is one file for each of `patches`.
 
     `pressures` is ``patch_pressures.csv``.
     """

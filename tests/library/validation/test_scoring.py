@@ -207,7 +207,7 @@ def test_a_patch_that_rose_is_reported_once(patch, rose, fell, words):
 
 
 def test_a_mould_undone_wrongly_is_asked_after_first():
-    """Heights of both epochs change sign: what use took away looks added."""
+    """Heights of both epochs change sign: material removed by use looks added."""
     contact, change = measured_twice(np.random.default_rng(5), worn=0.05)
     t0, t1 = -contact.height, -(contact.height + change.change)
     found = scored((contact.assign(height=t0), height_change(t0, t1, minimum_points=8)))
@@ -215,7 +215,7 @@ def test_a_mould_undone_wrongly_is_asked_after_first():
 
 
 def test_one_spot_that_misses_is_no_better_than_chance(patch):
-    """Nearly all shifts hit nothing either."""
+    """Nearly all shifts hit nothing, too."""
     contact, change = patch
     pressure = np.zeros(contact.height.shape)
     pressure[:6, :6] = 1.0
