@@ -48,6 +48,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from gstlib.io.results import columns_of
+
 if TYPE_CHECKING:
     import trimesh
 
@@ -385,18 +387,9 @@ def prepare_scan(
 
 def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFrame:
     """What was done to each scan, from the attributes of its dataset, by patch and epoch."""
-    columns = [
-        "unmeasured",
-        "filled",
-        "outliers",
-        "outlier_k",
-        "tilt_x_mrad",
-        "tilt_y_mrad",
-        "Sq_before_um",
-        "Sq_after_um",
-    ]
-    rows = [(*scan, *(attrs[name] for name in columns)) for scan, attrs in scans.items()]
-    return pd.DataFrame(rows, columns=["patch", "epoch", *columns])
+    columns = columns_of("preprocessing")
+    rows = [(*scan, *(attrs[name] for name in columns[2:])) for scan, attrs in scans.items()]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def register_patch(
@@ -456,30 +449,12 @@ def registration_table(
     """
     from gstlib.validation.change import wear_summary
 
-    quality = [
-        "shift_x_um",
-        "shift_y_um",
-        "rotation_deg",
-        "overlap",
-        "correlation",
-        "detail_correlation",
-        "height_scale",
-        "residual_um",
-        "change_sigma_um",
-        "lateral_sigma_um",
-        "level_of_detection_um",
-        "known_share",
-    ]
-    wear = ["loss_fraction", "gain_fraction", "loss_volume_um3", "loss_depth_um"]
     rows = []
     for patch, change in changes:
-        worn = wear_summary(change)
-        rows.append(
-            {"patch": patch, "found": bool(change.attrs["registration_found"])}
-            | {name: change.attrs[name] for name in quality}
-            | {name: worn[name] for name in wear}
-        )
-    table = pd.DataFrame(rows, columns=["patch", "found", *quality, *wear])
+        found = bool(change.attrs["registration_found"])
+        rows.append({**change.attrs, **wear_summary(change), "patch": patch, "found": found})
+    # what is excluded, and why, follows from the rest
+    table = pd.DataFrame(rows, columns=columns_of("registration")[:-2])
     # the pressures have a table of their own: here all pass
     rules = {**selection, "minimum_pressure_MPa": 0.0}
     judged = select_patches(table.assign(pressure_MPa=1.0), table, rules)
@@ -645,16 +620,7 @@ def microscale_tables(
     """
     from gstlib.contact import load_path_table
 
-    path = [
-        "patch",
-        "step",
-        "displacement_um",
-        "mean_pressure_MPa",
-        "contact_fraction",
-        "stiffness_MPa_per_um",
-        "interface_stiffness_MPa_per_um",
-    ]
-    state = ["patch", "target_pressure_MPa", *path[3:4], *path[2:3], *path[4:], "residual"]
+    path, state = columns_of("microscale_paths"), columns_of("microscale_summary")
     states, paths = [], [pd.DataFrame(columns=path)]
     for patch, contact in contacts:
         steps = load_path_table(contact).assign(patch=patch)
@@ -724,7 +690,7 @@ def score_patches(
         ``variants``, the mean scores of all.
     """
     from gstlib.validation.scoring import patch_tables, score_patch
-    from gstlib.validation.summary import compare_variants, summarise
+    from gstlib.validation.summary import summarise
 
     chance: dict[str, Any] = {"seed": seed, "resamples": resamples}
     by_variant: dict[str, list[PatchScores]] = {}
@@ -743,10 +709,7 @@ def score_patches(
     )
     known = [name for name in ("x_mm", "y_mm", "exposure_N_per_mm") if name in pressures]
     predicted = predicted.merge(pressures[["patch", *known]], on="patch")
-    summary = summarise(
-        found, predicted, seed=seed, resamples=resamples, expected_worst=worst
-    )
-    variants = compare_variants(by_variant, seed=seed, resamples=resamples)
+    summary, variants = summarise(by_variant, predicted, expected_worst=worst, **chance)
     return patch_tables(found) | {"summary": summary, "variants": variants}
 
 
@@ -1068,10 +1031,9 @@ class Study:
 
     def wear(self, *, seed: int, resamples: int) -> tuple[pd.DataFrame, ...]:
         """Tables of `score_wear`, empty where no wear is predicted."""
-        from gstlib.validation.wear_scores import COLUMNS
-
         if (square := self.worn_square()) is None:
-            return tuple(pd.DataFrame(columns=columns) for columns in COLUMNS)
+            names = ("wear", "wear_profile", "wear_summary")
+            return tuple(pd.DataFrame(columns=columns_of(name)) for name in names)
         worn = {
             patch: (self.patch_contact(patch), self.change(patch))
             for patch in square.measured.dropna("patch").patch.values.tolist()

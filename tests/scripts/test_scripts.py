@@ -1,4 +1,4 @@
-"""Scripts refuse what they cannot use, and the report's captions explain the tables' columns."""
+"""Scripts refuse what they cannot use."""
 
 import importlib.util
 from pathlib import Path
@@ -53,25 +53,3 @@ def test_published_values_of_patches_whatever_their_names(tmp_path):
         ["007", "MPa", "", "13"],
         ["", "MPa", "21", "22"],
     ]
-
-
-@pytest.mark.parametrize(
-    ("caption", "columns"),
-    [
-        ("inputs_table", "unmeasured"),
-        ("patch_pressures", "peak_pressure_MPa"),
-        ("placement", "looks"),
-        ("preprocessing", "unmeasured outlier_k"),
-        ("slip", "mean_traction_MPa tangential_displacement_um"),
-        ("validation_gains", "p_value untested shifts gain blocks"),
-        (
-            "validation_patches",
-            "contact_fraction valid_contact_fraction loss_fraction gain_fraction loss_area_mm2 "
-            "loss_volume_um3 loss_depth_um loss_per_area_um noise_share correlation_length_um "
-            "rigid_fraction fss",
-        ),
-    ],
-)
-def test_columns_are_named_in_the_caption_of_their_table(caption, columns):
-    text = (WORKFLOW / f"report/{caption}.rst").read_text(encoding="utf-8")
-    assert [column for column in columns.split() if f"``{column}``" not in text] == []

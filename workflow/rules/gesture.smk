@@ -76,7 +76,7 @@ if POSE_BATCHES:
             pressures=f"{RESULTS}/coupling/pressures.csv",
         output:
             exposure=f"{RESULTS}/gesture/exposure.h5",
-            table=table("exposure", "3 Coupling", "each patch over the gesture"),
+            table=table("exposure", "3 Coupling"),
         log:
             f"{RESULTS}/logs/gather_exposure.log",
         params:

@@ -12,7 +12,7 @@ rule check_inputs:
         counterface=COUNTERFACE_MESH,
         scans=SCANS,
     output:
-        table=table("inputs", "1 Inputs", "what every scan holds"),
+        table=table("inputs", "1 Inputs"),
     log:
         f"{RESULTS}/logs/check_inputs.log",
     benchmark:
@@ -43,7 +43,7 @@ rule grid_macroscale:
         counterface=COUNTERFACE_MESH,
     output:
         surface=f"{RESULTS}/macroscale/surface.h5",
-        table=table("gridding", "2 Macroscale", "interpolation of the mesh"),
+        table=table("gridding", "2 Macroscale"),
     log:
         f"{RESULTS}/logs/grid_macroscale.log",
     benchmark:
@@ -90,7 +90,7 @@ rule solve_macroscale:
         surface=SQUARE,
     output:
         contact=f"{RESULTS}/macroscale/contact.h5",
-        path=table("macroscale_path", "2 Macroscale", "load path"),
+        path=table("macroscale_path", "2 Macroscale"),
     log:
         f"{RESULTS}/logs/solve_macroscale.log",
     benchmark:

@@ -14,10 +14,14 @@ LOGS = [
 # Not the power and the sweep, which are asked for by themselves.
 STUDIED = {file: place for file, place in SHOWN.items() if place[1] < "8"}
 # What `gst package` packs: also the numbers of a figure, which would be too many for the page.
-LOAD_PATHS = f"{CAPTIONS}/load_curves.rst", "4 Microscale", "load paths of every patch"
+LOAD_PATHS = (
+    f"{CAPTIONS}/tables/microscale_paths.rst",
+    "4 Microscale",
+    TABLES["microscale_paths"].title,
+)
 PACKED = STUDIED | {f"{RESULTS}/tables/microscale_paths.csv": LOAD_PATHS}
 # What captions quote: another key's change leaves the page as it is.
-QUOTED = "counterface coupling gesture grinding hardness macroscale material specimen square texture title uncertainty validation"
+QUOTED = "counterface coupling gesture grinding hardness macroscale mat material specimen square texture title uncertainty validation"
 
 
 rule write_page:

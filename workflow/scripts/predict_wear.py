@@ -8,10 +8,10 @@ import xarray as xr
 
 from gst.logs import patch_by_patch, run_script
 from gst.provenance import provenance
+from gstlib.io.results import columns_of
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_pressures, read_table, write_table
 from gstlib.study import fit_mat, predict_wear, score_wear, wear_square
-from gstlib.validation.wear_scores import COLUMNS
 
 
 def main(
@@ -46,8 +46,8 @@ def main(
         pressed, by_patch, read_table(scores), source=square, **settings, **gesture
     )
     if path is None:
-        for file, columns in zip((table, profile, summary), COLUMNS, strict=True):
-            write_table(file, pd.DataFrame(columns=columns))
+        for file in (table, profile, summary):
+            write_table(file, pd.DataFrame(columns=columns_of(file.stem)))
         return
     files = dict(zip(worn, zip(contacts, registered, strict=True), strict=True))
     files = {
