@@ -89,8 +89,7 @@ margin: $(READY) ## how much tables differ, beyond their printed digits, between
 	$(BIN)/python benchmarks/margin.py --config "$(CONFIG)"
 
 power: $(READY) ## how often the study finds a relation, real or absent (half an hour)
-	@$(STUDY) --goal power config/power.yaml
-	@cp results-power/tables/power.csv docs/
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/power.py --processes $(CORES)
 
 baseline: $(READY) ## renew the tables that the tests compare the default study with
 	@$(STUDY) config/config.yaml

@@ -23,7 +23,6 @@ include: "workflow/rules/microscale.smk"
 include: "workflow/rules/validation.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/page.smk"
-include: "workflow/rules/power.smk"
 include: "workflow/rules/sweep.smk"
 
 

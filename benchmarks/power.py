@@ -1,23 +1,34 @@
 """How often does the study find a relation that is there, and one that is not?
 
+    python benchmarks/power.py [--first-seed 2001] [--specimens 100] [--laws 30] [--config FILE ...]
+
 Many specimens are generated, each with its wear on summits, with the same wear placed at random,
 and with wear in waves longer than a patch; some also with wear by Archard's law, without and with a
 mat. `p_values` takes the tests of the study on one of them, `law_p_values` those of the law.
 A claim is a p-value at or below a level. Without a relation, claims must come as often as the level
-says; with one, their rate is the power (`rejection_rates`).
+says; with one, their rate is the power (`rejection_rates`), which goes to
+benchmarks/results/power.csv. On two cores that takes half an hour.
 """
 
+import argparse
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy.stats import beta
 
+from gst.config import complete, read_study
+from gst.config_file import read_config_file
+from gst.sweep import merged
+from gstlib.io.tables import write_table
 from gstlib.specimen.generate import make_specimens
 from gstlib.specimen.randomness import SpecimenParameters
-from gstlib.specimen.stone import WEAR_PLACEMENTS
+from gstlib.specimen.stone import WEAR_LAWS, WEAR_PLACEMENTS
 from gstlib.study import Study
 from gstlib.validation.scoring import patch_tables, score_table
 from gstlib.validation.summary import (
@@ -28,8 +39,11 @@ from gstlib.validation.summary import (
     spatial_p_value,
 )
 
-__all__ = ["LEVELS", "law_p_values", "p_values", "rejection_rates", "specimen_studies"]
+__all__ = ["LEVELS", "law_p_values", "p_values", "rejection_rates"]
+__all__ += ["specimen_config", "specimen_p_values", "specimen_studies"]
 
+ROOT = Path(__file__).parents[1]
+CONFIG, RESULT = ROOT / "benchmarks/power.yaml", ROOT / "benchmarks/results/power.csv"
 LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5)
 SCORES = ("f1", "roc_auc")  # the one of areas, the other of rankings
 _TAIL = 0.025  # on either side of a 95 % interval
@@ -40,6 +54,37 @@ _PATCH_COUNTS = (4, 6, 8, 10, 12)
 _RESAMPLES = 99  # for intervals, which are not used here
 _OF_USE = "change", "selected", "worn_square"  # stages that scans after use enter
 _TESTS = ["test", "drawn", "patches", "p_value"]
+
+
+def specimen_config(*files: Path) -> dict[str, Any]:
+    """The default config with what `files` change in it."""
+    config: dict[str, Any] = {}
+    for file in (ROOT / "config/config.yaml", *files):
+        config = merged(config, read_config_file(file))
+    config = complete(config)
+    config["patches"] = str(ROOT / config["patches"])
+    return config
+
+
+def specimen_p_values(
+    config: Mapping[str, Any], patches: pd.DataFrame, specimen_seed: int, *, laws: bool
+) -> pd.DataFrame:
+    """P-values of every test on one specimen, with each of its kinds of wear.
+
+    `config`, `patches` and `specimen_seed` are as in `specimen_studies`. With `laws` the specimen
+    also wears by each law, and it is asked of every kind whether a law is at work. The result has
+    ``seed, test, drawn, wear, p_value``.
+    """
+    seed = [config["seed"], specimen_seed]
+    kinds = (*WEAR_PLACEMENTS, *(WEAR_LAWS if laws else ()))
+    found = []
+    for wear, study in specimen_studies(config, patches, specimen_seed, kinds):
+        if wear in WEAR_PLACEMENTS:
+            found.append(p_values(study, seed=seed)[0].assign(wear=wear))
+        if laws:
+            found.append(law_p_values(study, seed=config["seed"]).assign(wear=wear))
+    table = pd.concat(found, ignore_index=True).assign(seed=specimen_seed)
+    return table[["seed", "test", "drawn", "wear", "p_value"]]
 
 
 def specimen_studies(
@@ -184,3 +229,41 @@ def rejection_rates(p_values: pd.DataFrame) -> pd.DataFrame:
             )
     columns = [*kinds, "level", "claims", "of", "specimens", "rate", "low", "high"]
     return pd.DataFrame(rows, columns=columns)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--config", type=Path, nargs="+", default=[CONFIG])
+    parser.add_argument("--first-seed", type=int, default=2001)
+    parser.add_argument("--specimens", type=int, default=100)
+    parser.add_argument(
+        "--laws", type=int, default=30, help="of these, how many wear by laws, too"
+    )
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--output", type=Path, default=RESULT)
+    options = parser.parse_args(arguments)
+    config = specimen_config(*options.config)
+    patches = read_study(config, " + ".join(map(str, options.config)))
+    patches = patches[patches.t1 != ""].reset_index(drop=True)
+    found = []
+    # not forked: the transforms' threads would not come along
+    with ProcessPoolExecutor(options.processes, mp_context=get_context("spawn")) as processes:
+        jobs = [
+            processes.submit(
+                specimen_p_values,
+                config,
+                patches,
+                options.first_seed + number,
+                laws=number < options.laws,
+            )
+            for number in range(options.specimens)
+        ]
+        for number, job in enumerate(jobs, start=1):
+            found.append(job.result())
+            print(f"{number} of {options.specimens} specimens", flush=True)
+    write_table(options.output, rejection_rates(pd.concat(found, ignore_index=True)))
+    print(options.output)
+
+
+if __name__ == "__main__":
+    main()

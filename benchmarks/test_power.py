@@ -9,12 +9,24 @@ import xarray as xr
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from power import LEVELS, law_p_values, p_values, rejection_rates, specimen_studies
+from power import (
+    CONFIG as OF_SPECIMENS,
+)
+from power import (
+    LEVELS,
+    law_p_values,
+    p_values,
+    rejection_rates,
+    specimen_config,
+    specimen_p_values,
+    specimen_studies,
+)
 from scipy.stats import binomtest
 
+from gst.config import config_problems
 from gst.sweep import merged
 from gstlib.specimen.randomness import smooth_field
-from gstlib.specimen.stone import WEAR_PLACEMENTS
+from gstlib.specimen.stone import WEAR_LAWS, WEAR_PLACEMENTS
 from gstlib.study import Study
 from gstlib.surface import make_surface
 from gstlib.validation.change import height_change
@@ -185,3 +197,27 @@ def test_the_later_studies_share_what_precedes_use_and_nothing_else():
         shared = {stage for stage in summits if other[stage] is summits[stage]}
         assert shared == {"T0", "contact", "square", "places"}
         assert not any(other[stage].equals(summits[stage]) for stage in ("change", "T1"))
+
+
+def test_the_specimens_are_those_of_a_study_that_can_be_run():
+    config = specimen_config(OF_SPECIMENS)
+    assert config_problems(config) == []
+    assert config["mat"]["young_MPa"] < config["material"]["young_1_MPa"]
+    coarse, fine = (of["specimen"]["scan_points"] for of in (config, DEFAULT))
+    assert coarse < fine
+
+
+@pytest.mark.parametrize("laws", [False, True])
+def test_laws_are_asked_only_of_the_specimens_that_wear_by_them(monkeypatch, laws):
+    row = pd.DataFrame({"drawn": [np.nan], "p_value": 0.5})
+    monkeypatch.setattr(
+        "power.specimen_studies", lambda *of: ((wear, None) for wear in of[-1])
+    )
+    monkeypatch.setattr("power.p_values", lambda *_, seed: (row.assign(test=str(seed)), None))
+    monkeypatch.setattr("power.law_p_values", lambda *_, seed: row.assign(test="law"))
+    table = specimen_p_values({"seed": 1}, row, 2005, laws=laws)
+    found = table.groupby("test").wear.agg(set).to_dict()
+    asked = {"law": {*WEAR_PLACEMENTS, *WEAR_LAWS}} if laws else {}
+    assert found == {"[1, 2005]": set(WEAR_PLACEMENTS)} | asked
+    assert set(table.seed) == {2005}
+    assert len(rejection_rates(table)) == len(LEVELS) * len(table)

@@ -14,7 +14,7 @@ from gst.figures.macroscale import exposure_figure
 from gst.figures.style import save_figure
 from gst.patches import read_patches
 from gstlib.contact import contact_at_pressure, faces_of
-from gstlib.gesture import exposure, exposure_table, make_poses, pose_shifts, press_poses
+from gstlib.gesture import exposure, exposure_table, press_poses, stroke_poses
 from gstlib.io.meshes import read_mesh
 from gstlib.study import couple_scales, grid_macroscale
 
@@ -46,7 +46,7 @@ def main() -> None:
             "source": ROCK,
         },
     )
-    poses = make_poses({"poses": 100, "stroke_mm": 6.0}, pressure_MPa=PRESSURE_MPA, seed=1)
+    poses = stroke_poses(stroke_mm=6.0, poses=100, pressure_MPa=PRESSURE_MPA)
     settings = {"contact_modulus_MPa": MODULUS_MPA, "tolerance": 1e-9}
     begun = time.process_time()
     batch = press_poses(
@@ -60,8 +60,6 @@ def main() -> None:
     pressures = couple_scales(single, single, patches, patch_mm=PATCH_MM)
     found = exposure([batch])
     print(exposure_table(found, pressures).round(3).to_string(index=False))
-    shifts = pose_shifts(surface, pressures, patch_mm=PATCH_MM, **load)
-    print(shifts.round(3).to_string(index=False))
     contact = single.assign(pressure=single.pressure.expand_dims("step"))
     figure = exposure_figure(found, contact, patches, patch_size_mm=PATCH_MM)
     picture = Path("build/two_stones.png")

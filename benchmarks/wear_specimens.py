@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
-from power import specimen_studies
+from power import CONFIG, specimen_config, specimen_studies
 
 from gst.patches import read_patches
 from gst.sweep import merged
@@ -85,8 +84,7 @@ def out_of_contact(seed: int) -> pd.DataFrame:
 
     On the coarse specimens of `make power`; the gain is the share of the bare stone's error.
     """
-    config = yaml.safe_load((ROOT / "config/config.yaml").read_text())
-    config = merged(config, yaml.safe_load((ROOT / "config/power.yaml").read_text()))
+    config = specimen_config(CONFIG)
     rows = []
     for law, study in specimen_studies(config, worn_patches(config), seed, WEAR_LAWS):
         table, *_ = study.wear(seed=1, resamples=99)
@@ -156,7 +154,7 @@ def main() -> None:
         found = pd.concat([out_of_contact(seed) for seed in options.seeds])
         print(found.round(3).to_string(index=False))
         return
-    config = yaml.safe_load((ROOT / "config/config.yaml").read_text())
+    config = specimen_config()
     patches = worn_patches(config)
     options.rows.parent.mkdir(parents=True, exist_ok=True)
     rows = pd.read_csv(options.rows, dtype={"patch": str}) if options.rows.exists() else None

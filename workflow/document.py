@@ -42,6 +42,13 @@ def keys(node: dict, schema: dict, prefix: str = "") -> Iterator[tuple[str, str,
             yield from keys(full, schema, f"{prefix}{name}.")
 
 
+def leaves(schema: dict) -> list[str]:
+    """The keys that take a value: all but sections, with every alternative."""
+    names = [name for name, *_ in keys(schema, schema)]
+    sections = {name.rpartition(".")[0] for name in names}
+    return [name for name in names if name not in sections]
+
+
 def default_of(node: dict) -> str:
     """The default in short YAML; empty where there is none but those of a section's keys."""
     match node.get("default", {}):
@@ -76,6 +83,10 @@ def table(schema: dict) -> str:
     for name, values, default, description in keys(schema, schema):
         rows.append(f"| `{name}` | {values} | {default} | {' '.join(description.split())} |")
     return "\n".join(rows)
+
+
+def config_table(schema: dict) -> str:
+    return f"{len(leaves(schema))} keys, with every alternative.\n\n{table(schema)}"
 
 
 def assumptions() -> Iterator[str]:
@@ -133,12 +144,13 @@ def main() -> None:
     parser.add_argument("--check", action="store_true")
     check = parser.parse_args().check
     schemas = ROOT / "workflow" / "schemas"
+    config, patches = (
+        yaml.safe_load((schemas / f"{name}.schema.yaml").read_text("utf-8"))
+        for name in ("config", "patches")
+    )
     documents = {
         "README.md": {"results": "\n".join(results())},
-        "config/README.md": {
-            name: table(yaml.safe_load((schemas / f"{name}.schema.yaml").read_text("utf-8")))
-            for name in ("config", "patches")
-        },
+        "config/README.md": {"config": config_table(config), "patches": table(patches)},
         "docs/assumptions.md": {"assumptions": "\n".join(assumptions())},
         "docs/reference.md": {
             "commands": "\n\n".join(f"```\n{text}\n```" for text in commands())

@@ -3,7 +3,8 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from gstlib.contact import contact_path, slip_dataset
+from gstlib.cases import solve_slip
+from gstlib.contact import contact_path
 from gstlib.surface import make_surface
 
 radius, modulus, mean_pressure = 10.0, 10345.0, 50.0  # mm, MPa, MPa
@@ -22,9 +23,7 @@ contact = contact_path(
     tolerance=1e-9,
     maximum_displacement_um=100.0,
 )
-slip = slip_dataset(
-    contact, source="sphere", friction=friction, tangential_ratio=ratio, poisson=0.24
-)
+slip = solve_slip(contact, friction=friction, tangential_ratio=ratio, poisson=0.24)
 
 # the contact sticks within c = a (1 − Q/μP)^⅓ (Johnson, Contact Mechanics, eq. 7.44)
 a = (3 * mean_pressure * side**2 * radius / (4 * modulus)) ** (1 / 3)

@@ -75,10 +75,10 @@ def check(config) -> None:
 )
 @click.option(
     "--goal",
-    type=click.Choice(["study", "sweep", "power"]),
+    type=click.Choice(["study", "sweep"]),
     default="study",
     show_default=True,
-    help="The study; what moves its results most; how often it finds a relation.",
+    help="The study, or what moves its results most.",
 )
 @click.option("--plan", is_flag=True, help="Only show what would run.")
 def study(config, options, cores, profile, goal, plan) -> None:

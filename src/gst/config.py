@@ -207,11 +207,6 @@ def _contradictions(config: Mapping) -> Iterator[str]:
             "give exactly one of 'specimen' (generated) and 'inputs' (your files); set the other "
             "to null"
         )
-    if config["power"] is not None and config["specimen"] is None:
-        yield (
-            "'power' needs many generated specimens, but 'specimen' is null: describe the "
-            "specimen, or set 'power' to null"
-        )
     if (inside := _inputs_in_results(config)) is not None:
         yield (
             f"'results' is {config['results']!r}, a folder that holds {inside}: name one that is "
@@ -257,14 +252,9 @@ def _contradictions(config: Mapping) -> Iterator[str]:
                 "or set gesture to null"
             )
         if len(config["gesture"]) != 2 - ("table" in config["gesture"]):
-            yield (
-                f"'gesture' is {config['gesture']}: give a table, or poses and one of pounding_mm, "
-                "stroke_mm and rotation_deg"
-            )
+            yield f"'gesture' is {config['gesture']}: give a table, or stroke_mm and poses"
         if mat is not None:
             yield "'gesture' and 'mat' cannot wear a stone together: set one of them to null"
-    if config["power"] is not None and second is not None:
-        yield "'power' presses its specimens against a flat: set specimen.counterface_seed to null"
     short, long = config["texture"]["s_filter_um"], config["texture"]["l_filter_um"]
     if long is not None and long <= short:
         yield (

@@ -28,14 +28,11 @@ MADE = (
     "coupling",
     "figures",
     "gesture",
-    "hardness",
     "logs",
     "macroscale",
     "microscale",
-    "power",
     "reference",
     "registered",
-    "slip",
     "specimen",
     "surfaces",
     "sweep",
@@ -79,7 +76,7 @@ def run_study(
     config : Path
         The config file.
     goal : str
-        ``study``; or ``sweep`` or ``power``, which need a section of that name.
+        ``study``; or ``sweep``, which needs a section of that name.
     cores : str, optional
         Jobs at a time on this machine: a number, or ``all``; by default those of the profile.
     profile : str

@@ -1,12 +1,11 @@
-"""A surface in, a contact dataset out: load path, slip, and a ceiling on the pressure.
+"""A surface in, a contact dataset out: along a load path, or at one pressure.
 
 `gstlib.bem` computes with arrays. Here are the study's surfaces, with names and units, and the
 solver's errors in the study's words. Where no pressure is asked for, the contact is empty: its
-pressure, displacement and stiffness are 0, and shares of the contact are NaN.
+pressure, displacement and stiffness are 0.
 """
 
 import logging
-import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -26,14 +25,10 @@ __all__ = [
     "contact_moduli",
     "contact_path",
     "faces_of",
-    "hardness_dataset",
-    "hardness_summary",
     "interface_stiffness",
     "laid_height",
     "load_path_table",
     "pressed_height",
-    "slip_dataset",
-    "slip_summary",
     "solved",
     "study_poisson",
     "turned_over",
@@ -45,19 +40,6 @@ _SAME_SPACING = 1e-6
 # ASSUME: the counterface is turned over about the patch's y axis, so that its scan's columns run
 # against the patch's x; the same piece of it, neither shifted nor worn, is pressed on every patch;
 # at the macroscale the active stone stays flat. The paper's active stone is flat at both scales.
-
-# ASSUME: the grinding force grows at constant normal force and along one direction, from rest, so
-# that stick and slip are those before the stones slide as a whole; the paper has no friction.
-
-# ASSUME: under a tangential load the bodies are elastically similar, so that tangential tractions
-# do not press them apart; the displacement across the load is neglected (it vanishes with Poisson's
-# ratio), and that along it taken as the mean over all directions of the load: exact for a circle
-# and for isotropic roughness, 5 % too small along a contact five times as long as wide, 5 % too
-# large across it.
-
-# ASSUME: one hardness for every element. The default study's 2 GPa is an order of magnitude: quartz
-# indents at 11 to 12 GPa, quartzite as a whole is crushed at a few hundred MPa, and the strength of
-# an element as small as a scan's point is in between. The paper has none.
 
 _log = logging.getLogger(__name__)
 
@@ -76,13 +58,7 @@ _VARIABLES = {
         "MPa/mm",
         "contact stiffness without the cut-out's own compliance",
     ),
-    "ceiling_share": ("1", "share of the contact at the ceiling"),
     "residual": ("1", "largest violation of contact conditions"),
-    "traction": ("MPa", "tangential traction along the load"),
-    "stick": ("1", "in contact, sticking"),
-    "slip": ("1", "in contact, slipping"),
-    "mean_traction": ("MPa", "tangential force over nominal area"),
-    "tangential_displacement": ("mm", "relative tangential displacement of the far fields"),
 }
 # Dimensions by their number.
 _DIMS: tuple[tuple[str, ...], ...] = ((), ("step",), ("y", "x"), ("step", "y", "x"))
@@ -321,149 +297,6 @@ def check_grid(
         )
 
 
-def slip_dataset(
-    contact: xr.Dataset,
-    *,
-    source: str | Path,
-    friction: float,
-    tangential_ratio: float,
-    poisson: float,
-) -> xr.Dataset:
-    """Stick and slip of a solved contact under a tangential load; its normal part stays as it is.
-
-    With Coulomb friction μ and a tangential force Q that grows at constant normal force P, the
-    tractions are q = μ [p(P) − p(P₀)], P₀ = P − Q/μ: full friction less that of the contact under
-    the reduced load. That smaller contact sticks; the rest of the contact slips.
-
-    Parameters
-    ----------
-    contact : xarray.Dataset
-        From `contact_path`, the final state only; the settings in its attributes hold here too.
-    source : path
-        The file that it comes from, for error messages.
-    friction : float
-        Coulomb's μ, > 0.
-    tangential_ratio : float
-        Q/μP, from 0 (nothing slips) to 1 (everything does).
-    poisson : float
-        Poisson's ratio of the two bodies taken as alike, see `gst.config.study_poisson`.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``traction`` (y, x) MPa, along the load; ``stick``, ``slip`` (y, x) bool, which together
-        are the contact; ``mean_pressure``, ``mean_traction`` MPa; ``tangential_displacement`` mm.
-
-    Raises
-    ------
-    InputError
-        The solver gives up.
-
-    References
-    ----------
-    M. Ciavarella, Int. J. Solids Struct. 35 (1998) 2349; J. Jäger, Arch. Appl. Mech. 68 (1998) 247.
-    The tangential over the normal compliance: K. L. Johnson, *Contact Mechanics* (1985), §7.2.
-    """
-    pressure, mean_pressure = contact.pressure.values, float(contact.mean_pressure[-1])
-    remaining = 1 - tangential_ratio
-    load = {
-        "mean_pressure": remaining * mean_pressure,
-        "initial_pressure": remaining * pressure,
-    }
-    reduced = solved(solve_contact, contact, source, **load)
-    traction = friction * (pressure - reduced.pressure)
-    stick = reduced.contact & (pressure > 0)
-    compliance_ratio = (2 - poisson) / (2 * (1 - poisson))
-    descent = float(contact.displacement[-1]) - reduced.displacement
-    found = {
-        "traction": traction,
-        "stick": stick,
-        "slip": (pressure > 0) & ~stick,
-        "mean_pressure": mean_pressure,
-        "mean_traction": traction.mean(),
-        "tangential_displacement": friction * compliance_ratio * descent,
-    }
-    return xr.Dataset(
-        _variables(found),
-        coords={"y": contact.y, "x": contact.x},
-        attrs={
-            "friction": friction,
-            "tangential_ratio": tangential_ratio,
-            "poisson": poisson,
-        },
-    )
-
-
-def slip_summary(slip: xr.Dataset) -> dict[str, float]:
-    """One patch's row of `slip.csv`, from `slip_dataset`; the shares are NaN without contact."""
-    sticking, slipping = int(slip.stick.sum()), int(slip.slip.sum())
-    return {
-        "pressure_MPa": float(slip.mean_pressure),
-        "friction": float(slip.attrs["friction"]),
-        "tangential_ratio": float(slip.attrs["tangential_ratio"]),
-        "mean_traction_MPa": float(slip.mean_traction),
-        "stick_share": _share(sticking, sticking + slipping),
-        "slip_share": _share(slipping, sticking + slipping),
-        "slip_area_fraction": slipping / slip.slip.size,
-        "tangential_displacement_um": float(slip.tangential_displacement) * 1e3,
-    }
-
-
-def hardness_dataset(
-    contact: xr.Dataset, *, source: str | Path, hardness_MPa: float
-) -> xr.Dataset:
-    """A solved contact solved again with a ceiling on its pressure, at the same mean pressure.
-
-    An elastic solution puts pressures on the summits of a stone that far exceed what any stone
-    bears. The contact with p ≤ H says how much of the prediction rests on them.
-
-    `hardness_MPa` is the largest pressure that an element bears; the rest is as in `slip_dataset`.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``pressure`` (y, x) MPa; ``gap`` (y, x) mm, where the pressure is at the ceiling minus the
-        depth of the yield; ``displacement`` mm, ``mean_pressure`` MPa, ``contact_fraction``,
-        ``ceiling_share`` (of the contact) and ``residual``.
-    """
-    load = {
-        "mean_pressure": contact.attrs["target_pressure_MPa"],
-        "pressure_limit": hardness_MPa,
-    }
-    state = solved(solve_contact, contact, source, **load)
-    limited = xr.Dataset(
-        _state_variables(state, "ceiling_share"),
-        coords={"y": contact.y, "x": contact.x},
-        attrs={"hardness_MPa": hardness_MPa},
-    )
-    limited.gap.attrs["long_name"] += "; minus the depth of yield"
-    return limited
-
-
-def hardness_summary(contact: xr.Dataset, limited: xr.Dataset) -> dict[str, float]:
-    """One patch's row of `hardness.csv`, from its elastic contact and `hardness_dataset`.
-
-    Without contact both overlaps are NaN.
-    """
-    hardness = float(limited.attrs["hardness_MPa"])
-    elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
-    both, either = int((elastic & plastic).sum()), int((elastic | plastic).sum())
-    at_ceiling = limited.pressure.values >= hardness
-    return {
-        "pressure_MPa": float(limited.mean_pressure),
-        "hardness_MPa": hardness,
-        "elastic_peak_pressure_MPa": float(contact.pressure.max()),
-        "elastic_contact_fraction": float(elastic.mean()),
-        "contact_fraction": float(plastic.mean()),
-        "ceiling_share": float(limited.ceiling_share),
-        "elastic_displacement_um": float(contact.displacement[-1]) * 1e3,
-        "displacement_um": float(limited.displacement) * 1e3,
-        "dice": _share(2 * both, both + either),
-        "iou": _share(both, either),
-        "deepest_yield_um": float(np.max(-limited.gap.values[at_ceiling], initial=0.0)) * 1e3,
-    }
-
-
 def solved(solve: Callable, contact: xr.Dataset, source: str | Path, **options):
     """What a solver of `gstlib.bem` finds for the faces of a contact, with its settings."""
     height, modulus = pressed_height(contact), contact.attrs["contact_modulus_MPa"]
@@ -488,8 +321,8 @@ def solved(solve: Callable, contact: xr.Dataset, source: str | Path, **options):
     return found
 
 
-def _state_variables(state: ContactState, *more: str) -> dict[str, tuple]:
-    return _variables({name: getattr(state, name) for name in (*_FIELDS, *_NUMBERS, *more)})
+def _state_variables(state: ContactState) -> dict[str, tuple]:
+    return _variables({name: getattr(state, name) for name in (*_FIELDS, *_NUMBERS)})
 
 
 def _variables(values: Mapping) -> dict[str, tuple]:
@@ -503,10 +336,6 @@ def _variables(values: Mapping) -> dict[str, tuple]:
             {"units": units, "long_name": long_name},
         )
     return variables
-
-
-def _share(part: int, whole: int) -> float:
-    return part / whole if whole else math.nan
 
 
 def contact_moduli(material: Mapping) -> tuple[float, float | None]:

@@ -12,7 +12,7 @@ the passive one turned over about the square's y axis, so that its x runs agains
 # ASSUME: a stone that is held in a hand tilts until its face follows the other's: the plane of the
 # active face over the square is taken out, as that of the passive face is.
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,8 +35,6 @@ __all__ += ["posed_mesh", "read_counterface"]
 _KEY = "counterface.pose"
 # A pose moves the stone and neither stretches nor mirrors it; typed digits deviate by less.
 _RIGID = 1e-3
-# Picked points of two stones are some tenths of a millimetre off; a wrong unit is off by ten times.
-_PICKED = 0.1
 
 
 def read_counterface(second_stone: Mapping) -> dict:
@@ -57,10 +55,9 @@ def pose_frame(
     Parameters
     ----------
     pose : mapping
-        One of these: ``points_mm``, three points of the active mesh as of
-        `gstlib.preprocess.frame.find_frame`: its own square; ``pairs_mm``, three pairs of a point
-        of the passive and one of the active mesh that touch; ``matrix``, which takes points of the
-        active mesh to the passive mesh (4 × 4, mm).
+        ``points_mm``, three points of the active mesh as in
+        `gstlib.preprocess.frame.find_frame`: its own square; or ``matrix``, which takes points of
+        the active mesh to the passive mesh (4 × 4, mm).
     frame : Frame
         Of the square on the passive mesh.
     mesh : trimesh.Trimesh
@@ -80,9 +77,7 @@ def pose_frame(
             return find_frame({**pose, "size_mm": size_mm}, mesh, source=source)
         except ConfigError as error:  # it names the passive stone's points
             raise ConfigError(f"{_KEY}.points_mm", error.problem, error.remedy) from error
-    matrix = np.asarray(
-        _of_pairs(pose["pairs_mm"]) if "pairs_mm" in pose else pose["matrix"], float
-    )
+    matrix = np.asarray(pose["matrix"], float)
     turn, shift = matrix[:3, :3], matrix[:3, 3]
     unit = np.allclose(turn @ turn.T, np.eye(3), atol=_RIGID) and np.linalg.det(turn) > 0
     if not (unit and np.allclose(matrix[3], [0, 0, 0, 1])):
@@ -109,31 +104,6 @@ def posed_mesh(second_stone: Mapping, frame: Frame, *, size_mm: float) -> "trime
     moved = mesh.copy()
     moved.vertices = turned @ frame.axes + np.array(frame.origin)
     return moved
-
-
-def _of_pairs(pairs: Sequence[Sequence[Sequence[float]]]) -> np.ndarray:
-    """The motion (4, 4) that lays the second points of three pairs on the first, best."""
-    from trimesh.registration import procrustes
-
-    passive, active = np.swapaxes(np.asarray(pairs, dtype=float), 0, 1)
-    matrix, laid, _ = procrustes(active, passive, reflection=False, scale=False)
-    sides = [
-        np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
-        for corners in (passive, active)
-    ]
-    off, most = (
-        np.linalg.norm(laid - passive, axis=1).max(),
-        _PICKED * max(map(np.max, sides)),
-    )
-    if off > most:
-        raise ConfigError(
-            f"{_KEY}.pairs_mm",
-            f"the points are {off:.3g} mm apart when laid on each other: on one stone they are "
-            f"{np.round(sides[0], 3).tolist()} mm from each other, on the other "
-            f"{np.round(sides[1], 3).tolist()} mm",
-            "Pick three pairs of points that touch each other, in mm; check both meshes' units.",
-        )
-    return matrix
 
 
 def grid_counterface(

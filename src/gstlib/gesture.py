@@ -8,16 +8,13 @@ contact starts from the one before.
 
 # ASSUME: each pose is a contact at rest under its own mean pressure; from one to the next the
 # stones slide by the distance that the pose states.
-# ASSUME: a stone that pounds slides as far in each blow as in the others.
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from scipy.stats import spearmanr
 
 from gstlib.bem import solve_contact
 from gstlib.contact import faces_of, solved
@@ -29,10 +26,9 @@ from gstlib.surface import spacing_of
 __all__ = [
     "exposure",
     "exposure_table",
-    "make_poses",
-    "pose_shifts",
     "press_poses",
     "read_poses",
+    "stroke_poses",
 ]
 
 # Columns of a gesture: the least number that each takes, and what stands for an absent one.
@@ -45,9 +41,6 @@ _COLUMNS: dict[str, tuple[float, float | None]] = {
     "turning_deg": (0.0, 0.0),
     "weight": (0.0, None),
 }
-# Shifts of the active stone after which the ranking of the patches is looked at, and directions.
-_SHIFTS_MM = 0.1, 0.5, 1.0
-_DIRECTIONS = 8
 _VARIABLES = {
     "mean_pressure": ("MPa", "mean contact pressure of the poses"),
     "pressure_sum": ("MPa", "sum of the contact pressures of the poses"),
@@ -65,7 +58,7 @@ _VARIABLES = {
 
 
 def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
-    """The poses of a gesture from a table, a row each, with the columns of `make_poses`.
+    """The poses of a gesture from a table, a row each, with the columns of `stroke_poses`.
 
     The file is text, its cells are separated by tabs, commas or semicolons; a line that begins with
     # is a comment. Without ``rotation_deg`` or ``turning_deg`` they are 0. In place of
@@ -111,20 +104,17 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
     return table[list(_COLUMNS)]
 
 
-def make_poses(gesture: Mapping[str, Any], *, pressure_MPa: float, seed: int) -> pd.DataFrame:
-    """The poses that a line of the config asks for.
+def stroke_poses(*, stroke_mm: float, poses: int, pressure_MPa: float) -> pd.DataFrame:
+    """The poses of a stroke along x, with its middle where the active stone is posed.
 
     Parameters
     ----------
-    gesture : mapping
-        ``poses``, their number, and one of ``pounding_mm``, the standard deviation along each axis
-        of where a blow falls; ``stroke_mm``, the length of a stroke along x; ``rotation_deg``, the
-        angle of a turn about the middle of the square. Stroke and turn have their middle where the
-        active stone is posed.
+    stroke_mm : float
+        Its length.
+    poses : int
+        Their number, in even steps.
     pressure_MPa : float
         Mean pressure of every pose.
-    seed : int
-        Of the scatter.
 
     Returns
     -------
@@ -133,21 +123,13 @@ def make_poses(gesture: Mapping[str, Any], *, pressure_MPa: float, seed: int) ->
         turn about the middle of the square, from x towards y), ``pressure_MPa``, ``sliding_mm`` and
         ``turning_deg`` (how far it slides and turns in the pose) and ``weight``.
     """
-    count = gesture["poses"]
-    table = pd.DataFrame(0.0, index=range(count), columns=list(_COLUMNS))
-    table = table.assign(pressure_MPa=pressure_MPa, weight=1.0)
-    along = np.linspace(-0.5, 0.5, count)
-    if (scatter := gesture.get("pounding_mm")) is not None:
-        table[["x_mm", "y_mm"]] = scatter * np.random.default_rng(seed).standard_normal(
-            (count, 2)
-        )
-        table["sliding_mm"] = 1.0
-    elif (length := gesture.get("stroke_mm")) is not None:
-        table["x_mm"], table["sliding_mm"] = length * along, length / count
-    else:
-        angle = gesture["rotation_deg"]
-        table["rotation_deg"], table["turning_deg"] = angle * along, abs(angle) / count
-    return table
+    table = pd.DataFrame(0.0, index=range(poses), columns=list(_COLUMNS))
+    return table.assign(
+        x_mm=stroke_mm * np.linspace(-0.5, 0.5, poses),
+        pressure_MPa=pressure_MPa,
+        sliding_mm=stroke_mm / poses,
+        weight=1.0,
+    )
 
 
 def press_poses(
@@ -169,7 +151,7 @@ def press_poses(
         The square's ``height`` (y, x) and the active stone's ``face`` (face_y, face_x), mm, from
         `gstlib.study.grid_macroscale`.
     poses : pandas.DataFrame
-        From `make_poses` or `read_poses`; the index numbers them.
+        From `stroke_poses` or `read_poses`; the index numbers them.
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``.
     patch_mm : float
@@ -293,56 +275,3 @@ def exposure_table(found: xr.Dataset, pressures: pd.DataFrame) -> pd.DataFrame:
         }
     )
     return pressures[["patch", "pressure_MPa"]].merge(table, on="patch")
-
-
-def pose_shifts(
-    surface: xr.Dataset,
-    pressures: pd.DataFrame,
-    *,
-    target_pressure_MPa: float,
-    **settings: Any,
-) -> pd.DataFrame:
-    """Does the ranking of the patches survive a shift of the active stone?
-
-    Parameters
-    ----------
-    surface
-        As in `press_poses`.
-    pressures : pandas.DataFrame
-        ``patch, x_mm, y_mm, rotation_deg`` and ``pressure_MPa``, that of the pose itself.
-    target_pressure_MPa : float
-        Mean pressure of every pose.
-    **settings
-        Of `press_poses`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``shift_mm``; over eight directions the mean and the least Spearman correlation of the
-        patches' pressures with those of the pose, ``spearman, spearman_least``;
-        ``same_hardest``, the share of the directions in which the same patch is pressed hardest;
-        ``change``, the mean over patches of the pressure's absolute change over its mean.
-    """
-    angles = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    before, rows = pressures.pressure_MPa.to_numpy(), []
-    for shift in _SHIFTS_MM:
-        gesture = {"poses": _DIRECTIONS, "stroke_mm": 0.0}
-        poses = make_poses(gesture, pressure_MPa=target_pressure_MPa, seed=0)
-        poses = poses.assign(x_mm=shift * np.cos(angles), y_mm=shift * np.sin(angles))
-        after = press_poses(surface, poses, pressures, **settings).patch_pressure.values
-        ranks = [_ranked_alike(before, of) for of in after]
-        rows.append(
-            {
-                "shift_mm": shift,
-                "spearman": float(np.mean(ranks)),
-                "spearman_least": float(np.min(ranks)),
-                "same_hardest": float((after.argmax(axis=1) == before.argmax()).mean()),
-                "change": float(np.abs(after - before).mean() / (before.mean() or np.nan)),
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def _ranked_alike(one: np.ndarray, other: np.ndarray) -> float:
-    """Spearman's correlation; NaN where all of one are equal."""
-    return float(spearmanr(one, other).statistic) if np.ptp(one) and np.ptp(other) else np.nan

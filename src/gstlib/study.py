@@ -6,14 +6,14 @@ Sci. Rep. 104939) and goes on where the paper stops:
 1. The square of the tool's mesh becomes heights on a grid (`grid_macroscale`). The scans, cleaned
    (`prepare_scan`), are laid on it where they were taken (`compose_surface`). The whole is pressed
    against a flat up to the target pressure (`solve_macroscale`), or against a second stone, whose
-   mesh was posed on it; in other poses, too (`press_poses`, `gather_exposure`, `shift_pose`).
+   mesh was posed on it; in other poses, too (`gstlib.gesture`).
 2. Each scanned patch carries the macroscale forces in its outline (`couple_scales`): a pressure
    with an interval (`bound_pressures`). `place_patches` checks where the patches lie.
 3. T1 is registered to T0, which gives the height that use took away (`register_patch`).
    `select_patches` tells which patches enter the study.
 4. Each patch, as it lies on the stone (`place_patch`), is pressed at the scan's resolution up to
-   its own pressure (`solve_patch`). Stick and slip (`solve_slip`) and a ceiling on the pressure
-   (`solve_hardness`) are further cases.
+   its own pressure (`solve_patch`). Another contact modulus, stick and slip, and a ceiling on the
+   pressure are further cases (`gstlib.cases`).
 5. Predicted contact is scored against measured loss (`score_patches`), and the texture is measured
    before and after use (`measure_texture`).
 6. The square and its patches wear by Archard's law (`wear_square`). The loss that it predicts for a
@@ -59,12 +59,10 @@ __all__ = [
     "STUDY_SECTIONS",
     "Study",
     "bound_pressures",
-    "compare_moduli",
     "compare_scales",
     "compose_surface",
     "couple_scales",
     "fit_mat",
-    "gather_exposure",
     "grid_macroscale",
     "gridding_table",
     "levelled_patch",
@@ -75,18 +73,14 @@ __all__ = [
     "predict_wear",
     "prepare_scan",
     "preprocessing_table",
-    "press_poses",
     "register_patch",
     "registration_table",
     "score_patches",
     "score_wear",
     "select_patches",
-    "shift_pose",
-    "solve_hardness",
     "solve_macroscale",
     "solve_patch",
     "solve_reference",
-    "solve_slip",
     "wear_square",
 ]
 
@@ -217,83 +211,7 @@ def solve_macroscale(
     return contact_path(faces_of(surface), source=source, every_step=True, **settings)
 
 
-def compare_moduli(
-    surface: xr.Dataset,
-    pressures: pd.DataFrame,
-    *,
-    moduli_MPa: Mapping[str, float],
-    patch_mm: float,
-    source: str | Path = "macroscale",
-    **settings: float,
-) -> pd.DataFrame:
-    """Displacement, contact and patch pressures of the square for each contact modulus.
-
-    `moduli_MPa` are contact moduli by what they follow from, `settings` those of
-    `gstlib.contact.contact_at_pressure`. The result has ``contact_modulus, quantity, patch, unit,
-    value``.
-    """
-    from gstlib.contact import contact_at_pressure, faces_of
-    from gstlib.coupling import patch_pressures
-
-    rows: list[tuple] = []
-    for basis, modulus in moduli_MPa.items():
-        contact = contact_at_pressure(
-            faces_of(surface),
-            source=source,
-            contact_modulus_MPa=modulus,
-            **settings,
-        )
-        rows += [
-            (basis, "contact modulus", "", "MPa", float(modulus)),
-            (basis, "displacement", "", "um", float(contact.displacement) * 1e3),
-            (basis, "contact fraction", "", "1", float(contact.contact_fraction)),
-        ]
-        by_patch = patch_pressures(contact.pressure, pressures, size_mm=patch_mm)
-        for patch, pressure in zip(by_patch.patch, by_patch.pressure_MPa, strict=True):
-            rows.append((basis, "patch pressure", patch, "MPa", float(pressure)))
-    return pd.DataFrame(
-        rows, columns=["contact_modulus", "quantity", "patch", "unit", "value"]
-    )
-
-
 # --- From the square to its patches -----------------------------------------------------------
-
-
-def press_poses(
-    surface: xr.Dataset, poses: pd.DataFrame, patches: pd.DataFrame, **settings: Any
-) -> xr.Dataset:
-    """Press the square in some poses of a second stone.
-
-    `surface` is that of `grid_macroscale` or `compose_surface`; settings and result are those of
-    `gstlib.gesture.press_poses`.
-    """
-    from gstlib.gesture import press_poses
-
-    return press_poses(surface, poses, patches, **settings)
-
-
-def gather_exposure(
-    batches: Iterable[xr.Dataset], pressures: pd.DataFrame
-) -> tuple[xr.Dataset, pd.DataFrame]:
-    """What all poses of a gesture leave on the square and on each patch.
-
-    `batches` are from `press_poses`. The results are those of `gstlib.gesture.exposure` and
-    `gstlib.gesture.exposure_table`.
-    """
-    from gstlib.gesture import exposure, exposure_table
-
-    found = exposure(batches)
-    return found, exposure_table(found, pressures)
-
-
-def shift_pose(surface: xr.Dataset, pressures: pd.DataFrame, **settings: Any) -> pd.DataFrame:
-    """Do the patches keep their ranks where the second stone is shifted?
-
-    Settings and result are those of `gstlib.gesture.pose_shifts`.
-    """
-    from gstlib.gesture import pose_shifts
-
-    return pose_shifts(surface, pressures, **settings)
 
 
 def couple_scales(
@@ -636,26 +554,6 @@ def microscale_tables(
     return pd.DataFrame(states, columns=state), pd.concat(
         paths[1:] or paths, ignore_index=True
     )
-
-
-def solve_slip(contact: xr.Dataset, **settings: Any) -> xr.Dataset:
-    """Where a patch sticks and slips under a tangential load (Ciavarella 1998; Jäger 1998).
-
-    Settings and result are those of `gstlib.contact.slip_dataset`.
-    """
-    from gstlib.contact import slip_dataset
-
-    return slip_dataset(contact, **settings)
-
-
-def solve_hardness(contact: xr.Dataset, **settings: Any) -> xr.Dataset:
-    """The contact of a patch with a ceiling on its pressure, at the same mean pressure.
-
-    Settings and result are those of `gstlib.contact.hardness_dataset`.
-    """
-    from gstlib.contact import hardness_dataset
-
-    return hardness_dataset(contact, **settings)
 
 
 # --- Was the prediction right? ----------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""A surface in, a contact dataset out: path, slip, ceiling, and two rough faces."""
+"""A surface in, a contact dataset out: a path, a pressure alone, and two rough faces."""
 
 import numpy as np
 import pytest
@@ -6,14 +6,10 @@ import xarray as xr
 from gstlib.contact import (
     contact_at_pressure,
     contact_path,
-    hardness_dataset,
-    hardness_summary,
     interface_stiffness,
     laid_height,
     load_path_table,
     pressed_height,
-    slip_dataset,
-    slip_summary,
     turned_over,
 )
 from gstlib.errors import InputError
@@ -26,8 +22,6 @@ ALONE = {
     "tolerance": 1e-9,
 }
 SETTINGS = ALONE | {"steps": 4, "maximum_displacement_um": 50.0}
-CEILING = {"source": "x", "hardness_MPa": 2000.0}
-LOAD = {"source": "x", "friction": 0.4, "tangential_ratio": 0.5, "poisson": 0.3}
 
 
 def rough(seed, shape=(24, 32), spacing=0.01):
@@ -109,19 +103,6 @@ def test_without_pressure_the_contact_is_empty():
     np.testing.assert_array_equal(empty.gap, HEIGHT.max() - HEIGHT)
     assert not contact_at_pressure(FACES, **ALONE | {"target_pressure_MPa": 0.0}).pressure.any()
 
-    slip = slip_dataset(empty, **LOAD)
-    assert not (slip.stick | slip.slip).any()
-    row = slip_summary(slip)
-    assert np.isnan([row.pop("stick_share"), row.pop("slip_share")]).all()
-    assert row == {"friction": 0.4, "tangential_ratio": 0.5} | dict.fromkeys(
-        ("pressure_MPa", "mean_traction_MPa", "slip_area_fraction", "tangential_displacement_um"), 0
-    )
-
-    row = hardness_summary(empty, hardness_dataset(empty, **CEILING))
-    assert np.isnan([row.pop("dice"), row.pop("iou")]).all()
-    assert row.pop("hardness_MPa") == 2000
-    assert not any(row.values())
-
 
 # A patch as it lies on the stone.
 
@@ -195,100 +176,3 @@ def test_another_grid_is_refused(other):
     message = r"counterface\.h5: .*7_T0\.h5 has 24 × 20 points every 0.01"
     with pytest.raises(InputError, match=message):
         turned_over(other, rough(1, (20, 24)), **FILES)
-
-
-# Slip, with Cattaneo and Mindlin's sphere as the closed form.
-
-RADIUS, SPACING, MODULUS, POISSON = 1.0, 0.004, 10000.0, LOAD["poisson"]
-
-
-@pytest.fixture(scope="module")
-def sphere():
-    centres = (np.arange(96) - 47.5) * SPACING
-    height = make_surface(-(centres[:, None] ** 2 + centres**2) / (2 * RADIUS), SPACING)
-    changes = {"contact_modulus_MPa": MODULUS, "target_pressure_MPa": 30.0, "steps": 1}
-    settings = SETTINGS | changes | {"maximum_displacement_um": 100.0}
-    return contact_path(height.to_dataset(name="height"), **settings)
-
-
-@pytest.mark.parametrize("ratio", [0.3, 0.6, 0.9])
-def test_sphere_sticks_and_moves_as_cattaneo_and_mindlin_say(sphere, ratio):
-    friction = LOAD["friction"]
-    slip = slip_dataset(sphere, **LOAD | {"tangential_ratio": ratio})
-    row = slip_summary(slip)
-    force = 30.0 * sphere.height.size * SPACING**2
-    radius = (3 * force * RADIUS / (4 * MODULUS)) ** (1 / 3)
-    # stick radius over contact radius is (1 - Q/μP)^(1/3)
-    assert row["stick_share"] == pytest.approx((1 - ratio) ** (2 / 3), abs=0.02)
-    assert row["stick_share"] + row["slip_share"] == pytest.approx(1)
-    assert row["slip_area_fraction"] * sphere.height.size * SPACING**2 == pytest.approx(
-        np.pi * radius**2 * (1 - (1 - ratio) ** (2 / 3)), rel=0.05
-    )
-    assert row["mean_traction_MPa"] == pytest.approx(friction * ratio * 30.0, rel=1e-9)
-    assert float(slip.traction.mean()) == pytest.approx(row["mean_traction_MPa"])
-    compliances = (2 - POISSON) / (2 * (1 - POISSON))
-    closed = friction * compliances * radius**2 / RADIUS * (1 - (1 - ratio) ** (2 / 3))
-    assert row["tangential_displacement_um"] == pytest.approx(1e3 * closed, rel=0.01)
-    np.testing.assert_array_equal(slip.stick | slip.slip, sphere.pressure > 0)
-    assert not (slip.stick & slip.slip).any()
-
-
-def test_coulomb_holds_and_everything_slips_at_the_end(contact):
-    limit = 0.4 * contact.pressure.values
-    half, none, all_of_it = (
-        slip_dataset(contact, **LOAD | {"tangential_ratio": ratio}) for ratio in (0.5, 0, 1)
-    )
-    assert np.all(half.traction <= limit)
-    assert half.traction.min() > -1e-6 * limit.max()
-    np.testing.assert_array_equal(half.traction.values[half.slip], limit[half.slip])
-    assert half.stick.any()
-    assert half.slip.any()
-    assert slip_summary(none)["mean_traction_MPa"] == 0
-    assert slip_summary(none)["tangential_displacement_um"] == pytest.approx(0, abs=1e-9)
-    assert not none.slip.any()
-    assert not all_of_it.stick.any()
-    np.testing.assert_allclose(all_of_it.traction, limit)
-
-
-def test_slip_and_hardness_of_two_rough_faces_are_those_of_their_sum():
-    a, b = rough(1), rough(2)
-    both = contact_path(faced(a, b), **SETTINGS)
-    alone = contact_path(pressed_height(both).to_dataset(name="height"), **SETTINGS)
-    for solve, options in ((slip_dataset, LOAD), (hardness_dataset, CEILING)):
-        one, other = (solve(contact, **options) for contact in (both, alone))
-        for name, variable in one.data_vars.items():
-            np.testing.assert_allclose(variable, other[name], atol=1e-4)
-
-
-# A ceiling on the pressure.
-
-
-def test_a_hardness_out_of_reach_changes_nothing(contact):
-    beyond = 2 * float(contact.pressure.max())
-    limited = hardness_dataset(contact, source="x", hardness_MPa=beyond)
-    row = hardness_summary(contact, limited)
-    np.testing.assert_allclose(limited.pressure, contact.pressure, atol=1e-4)
-    assert row["dice"] == row["iou"] == 1
-    assert row["ceiling_share"] == row["deepest_yield_um"] == 0
-    assert row["displacement_um"] == pytest.approx(row["elastic_displacement_um"], rel=1e-6)
-
-
-def test_a_ceiling_holds_and_its_row_agrees_with_the_fields(contact):
-    hardness = 0.3 * float(contact.pressure.max())
-    limited = hardness_dataset(contact, source="x", hardness_MPa=hardness)
-    row = hardness_summary(contact, limited)
-    elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
-    at_ceiling = limited.pressure.values == hardness
-    assert limited.pressure.max() == hardness
-    assert row["pressure_MPa"] == pytest.approx(50.0, rel=1e-9)
-    assert float(limited.pressure.mean()) == pytest.approx(50.0, rel=1e-9)
-    assert row["elastic_peak_pressure_MPa"] == contact.pressure.max()
-    assert row["elastic_contact_fraction"] == elastic.mean()
-    assert row["ceiling_share"] == pytest.approx(at_ceiling.sum() / plastic.sum())
-    assert row["contact_fraction"] == plastic.mean() > row["elastic_contact_fraction"]
-    assert row["elastic_displacement_um"] == 1e3 * float(contact.displacement[-1])
-    assert row["displacement_um"] > row["elastic_displacement_um"]
-    assert row["iou"] == pytest.approx((elastic & plastic).sum() / (elastic | plastic).sum())
-    assert row["dice"] == pytest.approx(2 * row["iou"] / (1 + row["iou"]))
-    assert row["deepest_yield_um"] == pytest.approx(-1e3 * float(limited.gap.min()))
-    assert row["deepest_yield_um"] > 0

@@ -10,10 +10,9 @@ from gstlib.errors import ConfigError
 from gstlib.gesture import (
     exposure,
     exposure_table,
-    make_poses,
-    pose_shifts,
     press_poses,
     read_poses,
+    stroke_poses,
 )
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.randomness import smooth_field
@@ -45,7 +44,7 @@ def square(flat=False):
 
 
 def stroke(**more):
-    return make_poses({"poses": 5, "stroke_mm": 1.0}, pressure_MPa=20.0, seed=1).assign(**more)
+    return stroke_poses(stroke_mm=1.0, poses=5, pressure_MPa=20.0).assign(**more)
 
 
 @pytest.fixture(scope="module")
@@ -119,50 +118,43 @@ def test_the_table_has_each_patch_over_the_poses(pressed):
     assert table.highest_pressure_MPa.max() < batch.patch_pressure[2].max()
 
 
-def test_a_turn_slides_farther_out(pressed):
-    poses = make_poses({"poses": 3, "rotation_deg": 30.0}, pressure_MPa=20.0, seed=1)
-    assert poses.rotation_deg.tolist() == [-15, 0, 15]
-    found = press_poses(square(flat=True), poses.iloc[1:2], PATCHES, **OF_PATCHES)
+def test_a_turn_slides_farther_out():
+    turn = stroke(x_mm=0.0, sliding_mm=0.0, turning_deg=10.0).iloc[:1]
+    found = press_poses(square(flat=True), turn, PATCHES, **OF_PATCHES)
     y, x = (found[axis].values - SIDE / 2 for axis in "yx")
     far = np.hypot(y[:, None], x)
     np.testing.assert_allclose(found.exposure, found.pressure_sum * np.radians(10) * far, rtol=1e-9)
 
 
-def test_on_a_flat_every_place_is_alike():
-    surface = square(flat=True)
-    settings = OF_PATCHES | {"target_pressure_MPa": 20.0}
-    pressures = press_poses(surface, stroke().iloc[:1], PATCHES, **OF_PATCHES).patch_pressure[0]
-    shifts = pose_shifts(surface, PATCHES.assign(pressure_MPa=pressures.values), **settings)
-    assert shifts.shift_mm.tolist() == [0.1, 0.5, 1.0]
-    assert shifts.spearman_least.tolist() == pytest.approx([1, 1, 1])
-    assert shifts.same_hardest.tolist() == [1, 1, 1]
-    assert shifts.change.max() < 1e-4
-    rough = square()
-    pressures = press_poses(rough, stroke().iloc[2:3], PATCHES, **OF_PATCHES).patch_pressure[0]
-    shifts = pose_shifts(rough, PATCHES.assign(pressure_MPa=pressures.values), **settings)
-    assert shifts.change[2] > shifts.change[0] > 1e-3
+def test_on_a_flat_every_pose_is_alike():
+    poses = stroke(y_mm=[0.0, 0.1, 0.5, 0.0, 0.0], rotation_deg=[0.0, 0, 0, 20.0, 0])
+    pressures = press_poses(square(flat=True), poses, PATCHES, **OF_PATCHES).patch_pressure
+    np.testing.assert_allclose(pressures, pressures[[0] * 5], rtol=1e-4)
+    pressures = press_poses(square(), poses, PATCHES, **OF_PATCHES).patch_pressure
+    assert float(abs(pressures - pressures[0]).max()) > 1
 
 
-def test_gestures_of_the_config():
-    blows = make_poses({"poses": 4000, "pounding_mm": 0.3}, pressure_MPa=5.0, seed=3)
-    np.testing.assert_allclose(blows[["x_mm", "y_mm"]].std(), 0.3, rtol=0.05)
-    np.testing.assert_allclose(blows[["x_mm", "y_mm"]].mean(), 0, atol=0.02)
+def test_a_stroke_has_its_middle_in_the_pose():
     along = stroke()
     assert along.x_mm.tolist() == [-0.5, -0.25, 0, 0.25, 0.5]
     assert along.sliding_mm.sum() == pytest.approx(1.0)
     assert (along.weight == 1).all()
+    assert (along.pressure_MPa == 20).all()
+    assert not along[["y_mm", "rotation_deg", "turning_deg"]].any(axis=None)
 
 
 def test_the_face_is_known_as_far_as_the_poses_reach(tmp_path):
     config = {"square": {"size_mm": 10.0}, "uncertainty": {"pose_um": 0.0}, "gesture": None}
-    config |= {"macroscale": {"target_pressure_MPa": 5.0}, "seed": 1}
-    assert reach_of(config) == 1  # the shifts of the table
+    config |= {"macroscale": {"target_pressure_MPa": 5.0}}
+    assert reach_of(config) == 0
     assert reach_of(config | {"uncertainty": {"pose_um": 400.0}}) == 2
-    turn = {"poses": 3, "rotation_deg": 90.0}
-    assert reach_of(config | {"gesture": turn}) == pytest.approx(5 * (np.sqrt(2) - 1))
+    assert reach_of(config | {"gesture": {"stroke_mm": 3.0, "poses": 7}}) == 1.5
     path = tmp_path / "poses.tsv"
     path.write_text(TABLE.replace("0.1\t0", "3\t4"))
-    assert reach_of(config | {"gesture": {"table": str(path)}}) == 5
+    of_table = config | {"gesture": {"table": str(path)}}
+    assert reach_of(of_table) == 5
+    path.write_text(TABLE.replace("x_mm", "rotation_deg\tx_mm").replace("0.1", "45\t0"))
+    assert reach_of(of_table) == pytest.approx(5 * (np.sqrt(2) - 1))
 
 
 TABLE = "x_mm\ty_mm\tpressure_MPa\tsliding_mm\tweight\n0.1\t0\t20\t0.5\t1\n-0.1\t0\t20\t0.5\t2\n"

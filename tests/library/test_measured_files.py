@@ -41,7 +41,6 @@ def prepared(scan, size_mm):
         preprocessing={
             "maximum_unmeasured": 0.05,
             "outlier_rule": "window",
-            "outlier_half_width": 5,
             "outlier_share": 0.01,
         },
     )

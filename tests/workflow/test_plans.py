@@ -10,7 +10,7 @@ from conftest import ROOT
 from gst.patches import read_patches
 from gst.running import MADE
 
-# config/tiny.yaml, power.yaml and sweep.yaml are planned by other tests.
+# config/tiny.yaml and sweep.yaml are planned by other tests.
 CONFIGS = ["config.yaml", "m12.yaml", "mat.yaml", "own.yaml", "pebble.yaml", "two_stones.yaml"]
 # One environment with a locked set of packages serves the whole workflow (see the Makefile): an
 # environment for each rule would install the same packages again.
@@ -49,7 +49,7 @@ def test_without_a_config_that_of_the_folder_is_taken(study):
 def test_gst_plans_what_it_is_asked_for(study):
     for options, planned in (
         (["--plan"], "solve_patches"),
-        (["--dry-run", "--forcerun", "solve_slip"], "solve_slip"),
+        (["--dry-run", "--forcerun", "solve_cases"], "solve_cases"),
         (["--goal", "sweep", "--plan"], "try_setting"),
     ):
         name = "sweep" if "sweep" in options else "tiny"
@@ -85,8 +85,7 @@ def test_slurm_groups_are_of_rules_that_there_are_and_do_not_wait_for_themselves
     said = study.succeed("--workflow-profile", str(SLURM), "--dry-run")
     profile = yaml.safe_load((SLURM / "config.yaml").read_text())
     planned = set(re.findall(r"^(\w+) +\d+$", said, re.MULTILINE))
-    on_request = {"compare_published", "gather_exposure", "shift_pose"}
-    on_request |= {"try_specimen", "rate_claims"}
+    on_request = {"compare_published", "gather_exposure"}
     assert set(profile["groups"]) | set(profile["set-threads"]) <= planned | on_request
     text = "".join(file.read_text() for file in ROOT.glob("workflow/rules/*.smk"))
     assert all(rule in text for rule in on_request)

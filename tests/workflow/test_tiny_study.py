@@ -19,9 +19,6 @@ from gstlib.surface import spacing_of
 
 # Of the tables listed, those that this study has no use for.
 ABSENT = {"exposure", "published", "sweep"}
-# Until `cases` takes their place.
-ABSENT |= {"cases"}
-UNLISTED = {"hardness", "sensitivity", "slip"}
 
 
 @pytest.fixture(scope="module")
@@ -61,8 +58,7 @@ def change_of(results, patch):
 
 
 def test_every_table_is_there_with_its_columns_and_no_other(results):
-    files = [file for file in results.rglob("*.csv") if file.stem not in UNLISTED]
-    files = {file.relative_to(results).as_posix(): file for file in files}
+    files = {file.relative_to(results).as_posix(): file for file in results.rglob("*.csv")}
     listed = {f"{one.folder}/{name}.csv": name for name, one in TABLES.items()}
     assert set(files) == {file for file, name in listed.items() if name not in ABSENT}
     for file in files:
@@ -250,24 +246,23 @@ def test_selection_follows_its_rules(table, config):
 
 
 def test_both_contact_moduli_are_solved(table, config):
-    """At a given pressure the stiffer stone yields less; the study's own modulus is the first."""
-    rows = table("sensitivity")
-    used, other = (
-        rows[rows.contact_modulus == basis].set_index("quantity").value
-        for basis in ("used", "from the elastic constants")
-    )
+    """At a given pressure the stiffer stone yields less."""
+    rows = table("cases").set_index(["case", "quantity"]).sort_index()
+    own, other = (rows.loc[case].query("patch.isna()").value for case in ("study", "other modulus"))
     material = config["material"]
-    assert used["contact modulus"] == material["contact_modulus_MPa"]
+    assert own["contact modulus"] == material["contact_modulus_MPa"]
     young, poisson = material["young_1_MPa"], material["poisson_1"]
     assert other["contact modulus"] == pytest.approx(young / 2 / (1 - poisson**2), rel=1e-4)
     path = table("macroscale_path").iloc[-1]
-    assert used["displacement"] == pytest.approx(path.displacement_um, rel=1e-4)
-    assert used["contact fraction"] == pytest.approx(path.contact_fraction, rel=1e-4)
-    assert other["displacement"] > 1.02 * used["displacement"]
-    assert other["contact fraction"] > used["contact fraction"]
-    np.testing.assert_allclose(
-        used["patch pressure"], table("patch_pressures").pressure_MPa, rtol=1e-4, atol=1e-9
-    )
+    assert own["displacement"] == pytest.approx(path.displacement_um, rel=1e-4)
+    assert own["contact fraction"] == pytest.approx(path.contact_fraction, rel=1e-4)
+    assert other["displacement"] > 1.02 * own["displacement"]
+    assert other["contact fraction"] > own["contact fraction"]
+    pressures = table("patch_pressures")
+    for case, differs in (("study", False), ("other modulus", True)):
+        by_patch = rows.loc[case, "patch pressure"].set_index("patch").value[pressures.patch]
+        misfit = abs(by_patch.to_numpy() - pressures.pressure_MPa).max()
+        assert (misfit > 0.1) == differs
 
 
 # --- Contacts ---------------------------------------------------------------------------------
@@ -451,37 +446,35 @@ def test_every_stored_state_fulfils_the_contact_conditions(results):
 
 
 def test_slip_and_ceiling_are_those_of_the_stored_contacts(results, table, config):
-    """That they obey Coulomb and the ceiling: tests/library/test_contact.py."""
-    for name in ("slip", "hardness"):
-        rows, files = table(name).set_index("patch"), sorted(results.glob(f"{name}/*.h5"))
-        assert sorted(rows.index) == [file.stem for file in files] != []
-        for file in files:
-            found, contact, row = (
-                read_dataset(file),
-                contact_of(results, file.stem),
-                rows.loc[file.stem],
-            )
-            touched = contact.pressure.values > 0
-            if name == "slip":
-                settings = {key: found.attrs[key] for key in ("friction", "tangential_ratio")}
-                assert settings == config["grinding"]
-                assert found.attrs["poisson"] == pytest.approx(config["material"]["poisson_1"])
-                share = np.prod([*settings.values()])
-                assert float(found.traction.mean()) == pytest.approx(
-                    share * float(contact.pressure.mean()), rel=1e-6
-                )
-                np.testing.assert_array_equal(found.stick ^ found.slip, touched)
-                assert row.slip_share == pytest.approx(
-                    found.slip.values.sum() / touched.sum(), 1e-4
-                )
-            else:
-                pressure = found.pressure.values
-                assert pressure.max() == config["hardness"]
-                assert pressure.mean() == pytest.approx(
-                    contact.attrs["target_pressure_MPa"], rel=1e-6
-                )
-                both, either = touched & (pressure > 0), touched | (pressure > 0)
-                assert row.iou == pytest.approx(both.sum() / either.sum(), 1e-4)
+    """That they obey Coulomb and the ceiling: tests/library/test_cases.py."""
+    cases = table("cases")
+    rows = cases.set_index(["case", "quantity"]).sort_index()
+    settings = {
+        ("grinding", "friction"): config["grinding"]["friction"],
+        ("grinding", "tangential ratio"): config["grinding"]["tangential_ratio"],
+        ("ceiling", "hardness"): config["hardness"],
+    }
+    assert {key: rows.value[key].item() for key in settings} == settings
+    rows = cases.set_index(["patch", "case", "quantity"]).value
+    pressures = table("patch_pressures")
+    studied = list(pressures.patch[pressures.in_study])
+    of_patches = cases[cases.case.isin(["grinding", "ceiling"])].patch.dropna()
+    assert of_patches.unique().tolist() == studied
+    for patch in studied:
+        contact, row = contact_of(results, patch), rows[patch]
+        pressure = contact.pressure.values
+        share = np.prod([*config["grinding"].values()])
+        assert row["grinding", "mean traction"] == pytest.approx(share * pressure.mean(), 1e-4)
+        assert 0.3 < row["grinding", "slip share"] < 0.7  # half of the sliding force
+        assert row["study", "peak pressure"] == pytest.approx(pressure.max(), 1e-4)
+        assert row["study", "contact fraction"] == pytest.approx((pressure > 0).mean(), 1e-4)
+        assert pressure.max() > config["hardness"]
+        ceiling, study = row["ceiling"], row["study"]
+        assert ceiling["contact fraction"] >= study["contact fraction"]
+        assert ceiling["displacement"] > study["displacement"]
+        assert 0 < ceiling["share at the ceiling"] < 1
+        # what both touch is at most all that one touches
+        assert ceiling["iou"] <= study["contact fraction"] / ceiling["contact fraction"] + 1e-4
 
 
 # --- Wear and scores --------------------------------------------------------------------------

@@ -66,9 +66,6 @@ def test_the_pose_in_the_middle_of_a_stroke_is_the_single_one(two_stones):
     np.testing.assert_allclose(
         table.mean_pressure_MPa, found.patch_pressure.mean("pose"), rtol=1e-4, atol=1e-6
     )
-    shifts = read_table(two_stones.results / "tables/pose_shifts.csv")
-    assert shifts.shift_mm.tolist() == [0.1, 0.5, 1.0]
-    assert shifts.change.is_monotonic_increasing
 
 
 def test_exposure_is_held_against_wear(two_stones):
@@ -116,10 +113,6 @@ def test_a_flat_second_stone_changes_no_digit(tiny):
     before = tiny.tables()
     tiny.change(counterface={"mesh": "flat.stl", "pose": {"points_mm": corners}})
     tiny.succeed()
-    after = tiny.tables()
-    shifts = read_table(tiny.results / "tables/pose_shifts.csv")
-    assert shifts.spearman_least.tolist() == [1, 1, 1]
-    del after["pose_shifts.csv"]
-    assert after == before
+    assert tiny.tables() == before
     contact = read_dataset(tiny.results / "macroscale/contact.h5")
     assert float(abs(contact.counterface).max()) < 1e-12

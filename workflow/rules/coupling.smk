@@ -93,33 +93,6 @@ rule bound_pressures:
         "../scripts/bound_pressures.py"
 
 
-if ALTERNATIVE_MODULUS_MPA is not None:
-
-    rule solve_sensitivity:
-        input:
-            surface=SQUARE,
-            pressures=f"{RESULTS}/coupling/pressures.csv",
-        output:
-            table=table("sensitivity", "3 Coupling", "contact modulus"),
-        log:
-            f"{RESULTS}/logs/solve_sensitivity.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/solve_sensitivity.tsv"
-        params:
-            moduli_MPa={
-                "used": CONTACT_MODULUS_MPA,
-                "from the elastic constants": ALTERNATIVE_MODULUS_MPA,
-            },
-            patch_mm=PATCH_MM,
-            target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
-            tolerance=config["macroscale"]["tolerance"],
-            code=code("solve_sensitivity.py"),
-        message:
-            "Solving the macroscale with the other reading of the contact modulus"
-        script:
-            "../scripts/solve_sensitivity.py"
-
-
 if config["published"] is not None:
 
     rule compare_published:

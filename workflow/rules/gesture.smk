@@ -1,6 +1,5 @@
 # A second stone on the first: its poses. Only where the config names a mesh of it (`counterface`).
-# Takes: the square with the face of the active stone. Gives: how far the patches' ranking depends on the pose;
-# and, of a gesture, the exposure that all its poses leave.
+# Takes: the square with the face of the active stone. Gives: the exposure that all poses of a gesture leave.
 # Poses are jobs of their own, many in each: a job takes as long to start as a hundred poses to press.
 
 import numpy as np
@@ -19,26 +18,6 @@ POSE_BATCHES = {
 }
 # Poses that a figure shows, in even steps.
 SHOWN_POSES = 4
-
-if COUNTERFACE_MESH:
-
-    rule shift_pose:
-        input:
-            square=SQUARE,
-            pressures=f"{RESULTS}/coupling/pressures.csv",
-        output:
-            table=table("pose_shifts", "3 Coupling", "patches after a shift of the active stone"),
-        log:
-            f"{RESULTS}/logs/shift_pose.log",
-        params:
-            **PRESSED,
-            target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
-            code=code("shift_pose.py"),
-        message:
-            "Shifting the active stone"
-        script:
-            "../scripts/shift_pose.py"
-
 
 for batch, poses in POSE_BATCHES.items():
 
@@ -75,7 +54,7 @@ if POSE_BATCHES:
             batches=list(POSE_BATCHES),
             pressures=f"{RESULTS}/coupling/pressures.csv",
         output:
-            exposure=f"{RESULTS}/gesture/exposure.h5",
+            fields=f"{RESULTS}/gesture/exposure.h5",
             table=table("exposure", "3 Coupling"),
         log:
             f"{RESULTS}/logs/gather_exposure.log",

@@ -1,7 +1,7 @@
 # Each patch against a flat, or against a counterface where the config names one.
 # Takes: the scans and the patches' pressures. Gives: clean surfaces, T1 registered to T0, the contact of
-# every patch up to its own pressure, and of those in the study the cases that the config asks for: stick
-# and slip under a tangential load (`grinding`), a ceiling on the pressure (`hardness`).
+# every patch up to its own pressure, and the cases that the config asks for: another contact modulus, stick and
+# slip under a tangential load (`grinding`), a ceiling on the pressure (`hardness`).
 # Several patches share a job: a job takes longer to start than to clean a scan or to solve a contact.
 
 PREPARATIONS = {
@@ -145,48 +145,25 @@ rule tabulate_microscale:
         "../scripts/tabulate_microscale.py"
 
 
-if config["grinding"] is not None:
+if CASES:
 
-    rule solve_slip:
+    rule solve_cases:
         input:
+            square=f"{RESULTS}/macroscale/contact.h5",
             contacts=contacts(ALL_PATCHES),
             pressures=f"{RESULTS}/tables/patch_pressures.csv",
         output:
-            folder=directory(f"{RESULTS}/slip"),
-            table=table("slip", "4 Microscale", "stick and slip"),
+            table=table("cases", "4 Microscale"),
         log:
-            f"{RESULTS}/logs/solve_slip.log",
+            f"{RESULTS}/logs/solve_cases.log",
         benchmark:
-            f"{RESULTS}/benchmarks/solve_slip.tsv"
+            f"{RESULTS}/benchmarks/solve_cases.tsv"
         params:
-            **config["grinding"],
+            **CASES,
             patches=ALL_PATCHES,
-            poisson=study_poisson(config["material"]),
-            code=code("solve_slip.py"),
+            patch_mm=PATCH_MM,
+            code=code("solve_cases.py"),
         message:
-            "Loading the patches tangentially"
+            "Solving the cases that the config asks for"
         script:
-            "../scripts/solve_slip.py"
-
-
-if config["hardness"] is not None:
-
-    rule solve_hardness:
-        input:
-            contacts=contacts(ALL_PATCHES),
-            pressures=f"{RESULTS}/tables/patch_pressures.csv",
-        output:
-            folder=directory(f"{RESULTS}/hardness"),
-            table=table("hardness", "4 Microscale", "with a ceiling on the pressure"),
-        log:
-            f"{RESULTS}/logs/solve_hardness.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/solve_hardness.tsv"
-        params:
-            patches=ALL_PATCHES,
-            hardness_MPa=config["hardness"],
-            code=code("solve_hardness.py"),
-        message:
-            "Pressing the patches with no more than {params.hardness_MPa} MPa anywhere"
-        script:
-            "../scripts/solve_hardness.py"
+            "../scripts/solve_cases.py"

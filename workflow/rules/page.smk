@@ -11,8 +11,8 @@ LOGS = [
     for log in one.log
     if "{" not in log and log.startswith(f"{RESULTS}/")
 ]
-# Not the power and the sweep, which are asked for by themselves.
-STUDIED = {file: place for file, place in SHOWN.items() if place[1] < "8"}
+# Not the sweep, which is asked for by itself.
+STUDIED = {file: place for file, place in SHOWN.items() if place[1] < "9"}
 # What `gst package` packs: also the numbers of a figure, which would be too many for the page.
 LOAD_PATHS = (
     f"{CAPTIONS}/tables/microscale_paths.rst",

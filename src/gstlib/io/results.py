@@ -336,16 +336,16 @@ TABLES = {
         ν).{% endif %}{% if config.grinding %} ``grinding``: each patch of the study under a
         tangential load of {{ config.grinding.tangential_ratio }} times the force that would make
         it slide, with Coulomb friction {{ config.grinding.friction }} (Ciavarella 1998; Jäger
-        1998). Slip begins at the edges of each contact spot; the cores of the summits stick. The
-        slip share is that of the contact, the rest of which sticks; the mean traction is the
-        tangential force over the patch's nominal area; the tangential displacement is how far the
-        two solids move against each other, far from the contact.{% endif %}{% if config.hardness
-        %} ``ceiling``: each patch of the study at the same mean pressure, but no element bears
-        more than {{ config.hardness }} MPa. In a purely elastic solution the asperities bear far
-        more than the strength of any stone; this case shows how much of the predicted contact
-        depends on that. The share at the ceiling is that of the contact, iou the overlap of the
-        contact with the study's own, the deepest yield how far the surface gives way at the
-        ceiling.{% endif %}
+        1998). Slip begins at the edges of each contact spot; the cores of the summits stick.
+        ``slip share`` is the share of the contact that slips; the rest sticks. ``mean traction``
+        is the tangential force over the patch's nominal area, ``tangential displacement`` how far
+        the two solids move against each other, far from the contact.{% endif %}{% if
+        config.hardness %} ``ceiling``: each patch of the study at the same mean pressure, but no
+        element bears more than {{ config.hardness }} MPa. In a purely elastic solution the
+        asperities bear far more than the strength of any stone; this case shows how much of the
+        predicted contact depends on that. ``share at the ceiling`` is of the contact, ``iou`` the
+        overlap of the contact with the study's own, ``deepest yield`` how far the surface gives
+        way at the ceiling.{% endif %}
         """,
         {
             "case": "study, other modulus, grinding or ceiling",
@@ -354,6 +354,7 @@ TABLES = {
             "unit": "unit of the value",
             "value": "value in this case",
         },
+        only="with `material.contact_modulus_MPa`, `grinding` or `hardness`",
     ),
     "registration": Table(
         "how well T1 is aligned with T0, and what was lost",

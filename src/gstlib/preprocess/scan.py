@@ -13,6 +13,11 @@ from gstlib.preprocess.outliers import median_outliers, window_outliers
 __all__ = ["check_unmeasured", "interpolate_holes", "prepare_scan"]
 
 _MM_TO_UM = 1e3
+# ASSUME: r of the paper's windows, in points, is not published. At 5 a window of 121 points finds
+# spikes of up to 15 points.
+_WINDOW_HALF_WIDTH = 5
+# That of the windows of medians: of 49 points, a spike may take nearly half.
+_MEDIAN_HALF_WIDTH = 3
 
 # ASSUME: once a mould is undone, rows of a scan run along the square's +y and columns along its +x,
 # up to the patch's rotation. The paper says which axis is flipped, not how the instrument lies.
@@ -25,9 +30,7 @@ def prepare_scan(
     mould_flip: str | None = None,
     maximum_unmeasured: float = 0.1,
     outlier_rule: str = "median",
-    outlier_half_width: int = 5,
     outlier_share: float = 0.01,
-    outlier_median_half_width: int = 3,
     outlier_median_threshold: float = 5.0,
 ) -> xr.Dataset:
     """Undo the mould, find the outliers, replace them and the unmeasured points, and level.
@@ -43,9 +46,9 @@ def prepare_scan(
     maximum_unmeasured : float
         Largest share (0 to 1) of unmeasured points accepted.
     outlier_rule : {"window", "median"}
-    outlier_half_width, outlier_share
+    outlier_share
         See `window_outliers`.
-    outlier_median_half_width, outlier_median_threshold
+    outlier_median_threshold
         See `median_outliers`.
 
     Returns
@@ -78,14 +81,14 @@ def prepare_scan(
         # deviations too high without this, 5 with it.)
         outlier, threshold = window_outliers(
             stone.copy(data=interpolate_holes(stone.values, unmeasured)),
-            half_width=outlier_half_width,
+            half_width=_WINDOW_HALF_WIDTH,
             share=outlier_share,
             measured=~unmeasured,
         )
     else:
         threshold = outlier_median_threshold
         outlier, scale = median_outliers(
-            stone, half_width=outlier_median_half_width, threshold=threshold
+            stone, half_width=_MEDIAN_HALF_WIDTH, threshold=threshold
         )
         of_rule["outlier_scale_um"] = _MM_TO_UM * scale
     # ASSUME: an outlier, like an unmeasured point, gets the value interpolated linearly from the

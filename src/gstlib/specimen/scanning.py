@@ -110,7 +110,7 @@ def sample(
             f"patch {patch}",
             f"its scan about x {placement.x_mm:.3f} mm, y {placement.y_mm:.3f} mm sticks out of "
             f"the generated surface, {start:.3f} to {end:.3f} mm",
-            "Move it inwards in the patch table, or lower specimen.placement_error_um.",
+            "Move it inwards in the patch table.",
         )
     low = np.maximum(np.floor(corners[:, 0]).astype(int) - _REACH, 0)
     high = np.ceil(corners[:, 1]).astype(int) + _REACH + 1

@@ -14,7 +14,6 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 
 PREPROCESSING = {
     "maximum_unmeasured": 0.05,
-    "outlier_half_width": 5,
     "outlier_share": 0.01,
 }
 SETTINGS = PREPROCESSING | {"mould_invert": True, "mould_flip": "x"}

@@ -1,0 +1,309 @@
+"""Cases beside the study's own contacts: what would change, had it been asked otherwise?
+
+Another contact modulus presses the whole square again. A grinding force, and a ceiling on the
+pressure, act on each patch in the study. The table of cases has one number a row, with the study's
+own beside it where the two are compared. Fields are not stored: `solve_slip` and `solve_ceiling`
+give them from a stored contact.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from gstlib.bem import solve_contact
+from gstlib.contact import contact_at_pressure, faces_of, solved
+from gstlib.coupling import patch_pressures
+from gstlib.errors import ConfigError
+from gstlib.io.results import columns_of
+
+__all__ = [
+    "case_table",
+    "ceiling_rows",
+    "check_ceiling",
+    "modulus_rows",
+    "patch_rows",
+    "slip_rows",
+    "solve_ceiling",
+    "solve_slip",
+]
+
+# ASSUME: the grinding force grows at constant normal force and along one direction, from rest, so
+# that stick and slip are those before the stones slide as a whole; the paper has no friction.
+
+# ASSUME: under a tangential load the bodies are elastically similar, so that tangential tractions
+# do not press them apart; the displacement across the load is neglected (it vanishes with Poisson's
+# ratio), and that along it taken as the mean over all directions of the load: exact for a circle
+# and for isotropic roughness, 5 % too small along a contact five times as long as wide, 5 % too
+# large across it.
+
+# ASSUME: one hardness for every element. The default study's 2 GPa is an order of magnitude: quartz
+# indents at 11 to 12 GPa, quartzite as a whole is crushed at a few hundred MPa, and the strength of
+# an element as small as a scan's point is in between. The paper has none.
+
+# The cases, in the order of the table. The first is the study itself.
+_STUDY, _MODULUS, _GRINDING, _CEILING = "study", "other modulus", "grinding", "ceiling"
+_SQUARE = ""  # stands for a patch where a row is of the whole square, or of all patches
+# Unit and long name of what a case consists of.
+_VARIABLES = {
+    "pressure": ("MPa", "contact pressure"),
+    "gap": ("mm", "gap between the bodies; minus the depth of yield"),
+    "displacement": ("mm", "far-field displacement from first touch"),
+    "ceiling_share": ("1", "share of the contact at the ceiling"),
+    "residual": ("1", "largest violation of contact conditions"),
+    "traction": ("MPa", "tangential traction along the load"),
+    "stick": ("1", "in contact, sticking"),
+    "slip": ("1", "in contact, slipping"),
+    "tangential_displacement": ("mm", "relative tangential displacement of the far fields"),
+}
+
+Row = tuple[str, str, str, str, float]
+
+
+def solve_slip(
+    contact: xr.Dataset,
+    *,
+    friction: float,
+    tangential_ratio: float,
+    poisson: float,
+    source: str | Path = "patch",
+) -> xr.Dataset:
+    """Stick and slip of a solved contact under a tangential load; its normal part stays as it is.
+
+    With Coulomb friction μ and a tangential force Q that grows at constant normal force P, the
+    tractions are q = μ [p(P) − p(P₀)], P₀ = P − Q/μ: full friction less that of the contact under
+    the reduced load. That smaller contact sticks; the rest of the contact slips.
+
+    Parameters
+    ----------
+    contact : xarray.Dataset
+        From `gstlib.contact.contact_path`, the final state only; the settings in its attributes
+        hold here too.
+    friction : float
+        Coulomb's μ, > 0.
+    tangential_ratio : float
+        Q/μP, from 0 (nothing slips) to 1 (everything does).
+    poisson : float
+        Poisson's ratio of the two bodies taken as alike, see `gstlib.contact.study_poisson`.
+    source : path
+        The file that the contact comes from, for error messages.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``traction`` (y, x) MPa, along the load; ``stick``, ``slip`` (y, x) bool, which together
+        are the contact; ``tangential_displacement`` mm.
+
+    Raises
+    ------
+    InputError
+        The solver gives up.
+
+    References
+    ----------
+    M. Ciavarella, Int. J. Solids Struct. 35 (1998) 2349; J. Jäger, Arch. Appl. Mech. 68 (1998) 247.
+    The tangential over the normal compliance: K. L. Johnson, *Contact Mechanics* (1985), §7.2.
+    """
+    pressure, remaining = contact.pressure.values, 1 - tangential_ratio
+    reduced = solved(
+        solve_contact,
+        contact,
+        source,
+        mean_pressure=remaining * float(contact.mean_pressure[-1]),
+        initial_pressure=remaining * pressure,
+    )
+    stick = reduced.contact & (pressure > 0)
+    compliance_ratio = (2 - poisson) / (2 * (1 - poisson))
+    descent = float(contact.displacement[-1]) - reduced.displacement
+    found = {
+        "traction": friction * (pressure - reduced.pressure),
+        "stick": stick,
+        "slip": (pressure > 0) & ~stick,
+        "tangential_displacement": friction * compliance_ratio * descent,
+    }
+    settings = {
+        "friction": friction,
+        "tangential_ratio": tangential_ratio,
+        "poisson": poisson,
+    }
+    return _on_grid_of(contact, found, settings)
+
+
+def solve_ceiling(
+    contact: xr.Dataset, *, hardness_MPa: float, source: str | Path = "patch"
+) -> xr.Dataset:
+    """A solved contact solved again with a ceiling on its pressure, at the same mean pressure.
+
+    An elastic solution puts pressures on the summits of a stone that far exceed what any stone
+    bears. The contact with p ≤ H says how much of the prediction rests on them.
+
+    `hardness_MPa` is the largest pressure that an element bears; the rest is as in `solve_slip`.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``pressure`` (y, x) MPa; ``gap`` (y, x) mm, where the pressure is at the ceiling minus the
+        depth of the yield; ``displacement`` mm, ``ceiling_share`` (of the contact), ``residual``.
+    """
+    state = solved(
+        solve_contact,
+        contact,
+        source,
+        mean_pressure=contact.attrs["target_pressure_MPa"],
+        pressure_limit=hardness_MPa,
+    )
+    names = "pressure", "gap", "displacement", "ceiling_share", "residual"
+    found = {name: getattr(state, name) for name in names}
+    return _on_grid_of(contact, found, {"hardness_MPa": hardness_MPa})
+
+
+def modulus_rows(
+    contact: xr.Dataset,
+    patches: pd.DataFrame,
+    *,
+    other_modulus_MPa: float,
+    patch_mm: float,
+    source: str | Path = "macroscale",
+) -> Iterator[Row]:
+    """The square and the pressures of its patches, with the study's contact modulus and another.
+
+    Parameters
+    ----------
+    contact : xarray.Dataset
+        Of the square at the target pressure; the settings in its attributes hold here too.
+    patches : pandas.DataFrame
+        ``patch, x_mm, y_mm, rotation_deg``.
+    other_modulus_MPa : float
+        The other E*.
+    patch_mm : float
+        Side of a patch.
+    source : path
+        As in `solve_slip`.
+    """
+    other = contact_at_pressure(
+        faces_of(contact),
+        source=source,
+        contact_modulus_MPa=other_modulus_MPa,
+        target_pressure_MPa=contact.attrs["target_pressure_MPa"],
+        tolerance=contact.attrs["tolerance"],
+    )
+    for case, found in ((_STUDY, contact), (_MODULUS, other)):
+        modulus = float(found.attrs["contact_modulus_MPa"])
+        yield case, _SQUARE, "contact modulus", "MPa", modulus
+        yield case, _SQUARE, "displacement", "um", float(found.displacement) * 1e3
+        yield case, _SQUARE, "contact fraction", "1", float(found.contact_fraction)
+        by_patch = patch_pressures(found.pressure, patches, size_mm=patch_mm)
+        for patch, pressure in zip(by_patch.patch, by_patch.pressure_MPa, strict=True):
+            yield case, patch, "patch pressure", "MPa", float(pressure)
+
+
+def patch_rows(
+    patches: Iterable[tuple[str, xr.Dataset]],
+    *,
+    grinding: Mapping[str, float] | None,
+    hardness_MPa: float | None,
+) -> Iterator[Row]:
+    """The cases of the patches in the study, patch by patch.
+
+    Parameters
+    ----------
+    patches : iterable of (patch, xarray.Dataset)
+        The contact of each.
+    grinding : mapping, optional
+        The arguments ``friction``, ``tangential_ratio`` and ``poisson`` of `solve_slip`; without
+        it the case is left out.
+    hardness_MPa : float, optional
+        That of `solve_ceiling`, likewise.
+    """
+    if grinding is not None:
+        yield _GRINDING, _SQUARE, "friction", "1", float(grinding["friction"])
+        yield _GRINDING, _SQUARE, "tangential ratio", "1", float(grinding["tangential_ratio"])
+    if hardness_MPa is not None:
+        yield _CEILING, _SQUARE, "hardness", "MPa", float(hardness_MPa)
+    for patch, contact in patches:
+        source = f"patch {patch}"
+        if grinding is not None:
+            yield from slip_rows(patch, solve_slip(contact, source=source, **grinding))
+        if hardness_MPa is not None:
+            limited = solve_ceiling(contact, source=source, hardness_MPa=hardness_MPa)
+            yield from ceiling_rows(patch, contact, limited)
+
+
+def slip_rows(patch: str, slip: xr.Dataset) -> Iterator[Row]:
+    """One patch under a grinding force, from `solve_slip`.
+
+    The rest of the contact sticks. Without contact the share that slips is NaN.
+    """
+    sticking, slipping = int(slip.stick.sum()), int(slip.slip.sum())
+    displacement = float(slip.tangential_displacement)
+    yield _GRINDING, patch, "mean traction", "MPa", float(slip.traction.values.mean())
+    yield _GRINDING, patch, "slip share", "1", _share(slipping, sticking + slipping)
+    yield _GRINDING, patch, "tangential displacement", "um", displacement * 1e3
+
+
+def ceiling_rows(patch: str, contact: xr.Dataset, limited: xr.Dataset) -> Iterator[Row]:
+    """One patch without and with a ceiling on its pressure, from its contact and `solve_ceiling`.
+
+    Without contact, IoU and the share at the ceiling are NaN and 0.
+    """
+    elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
+    both, either = int((elastic & plastic).sum()), int((elastic | plastic).sum())
+    at_ceiling = limited.pressure.values >= limited.attrs["hardness_MPa"]
+    deepest = float(np.max(-limited.gap.values[at_ceiling], initial=0.0))
+    yield _STUDY, patch, "displacement", "um", float(contact.displacement[-1]) * 1e3
+    yield _STUDY, patch, "contact fraction", "1", float(elastic.mean())
+    yield _STUDY, patch, "peak pressure", "MPa", float(contact.pressure.max())
+    yield _CEILING, patch, "displacement", "um", float(limited.displacement) * 1e3
+    yield _CEILING, patch, "contact fraction", "1", float(plastic.mean())
+    yield _CEILING, patch, "share at the ceiling", "1", float(limited.ceiling_share)
+    yield _CEILING, patch, "iou", "1", _share(both, either)
+    yield _CEILING, patch, "deepest yield", "um", deepest * 1e3
+
+
+def case_table(rows: Iterable[Row]) -> pd.DataFrame:
+    """The table ``cases.csv``: the rows case by case, the study's own first."""
+    cases = [_STUDY, _MODULUS, _GRINDING, _CEILING]
+    ordered = sorted(
+        rows, key=lambda row: cases.index(row[0])
+    )  # stable: the rest keeps its order
+    return pd.DataFrame(ordered, columns=columns_of("cases"))
+
+
+def check_ceiling(pressures: pd.DataFrame, hardness_MPa: float) -> None:
+    """Refuse a ceiling under which a patch could not carry its mean pressure.
+
+    `pressures` has ``patch, pressure_MPa`` of the patches in the study.
+
+    Raises
+    ------
+    ConfigError
+        Its message lists these patches.
+    """
+    soft = pressures[pressures.pressure_MPa >= hardness_MPa]
+    if len(soft):
+        listed = [f"{row.patch} ({row.pressure_MPa:.4g} MPa)" for row in soft.itertuples()]
+        raise ConfigError(
+            "config",
+            f"'hardness' is {hardness_MPa:g} MPa, not above the mean pressure of patch "
+            + ", ".join(listed),
+            "Raise it, or set it to null.",
+        )
+
+
+def _on_grid_of(contact: xr.Dataset, found: Mapping, settings: Mapping) -> xr.Dataset:
+    """Fields (y, x) and numbers of a case, with their units."""
+    variables = {}
+    for name, value in found.items():
+        units, long_name = _VARIABLES[name]
+        dims = ("y", "x") if np.ndim(value) else ()
+        variables[name] = (dims, value, {"units": units, "long_name": long_name})
+    return xr.Dataset(
+        variables, coords={"y": contact.y, "x": contact.x}, attrs=dict(settings)
+    )
+
+
+def _share(part: int, whole: int) -> float:
+    return part / whole if whole else math.nan

@@ -1,0 +1,217 @@
+"""Another modulus, slip and a ceiling: closed forms, what they obey, and the rows of the table."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from gstlib.cases import (
+    case_table,
+    ceiling_rows,
+    check_ceiling,
+    modulus_rows,
+    patch_rows,
+    slip_rows,
+    solve_ceiling,
+    solve_slip,
+)
+from gstlib.contact import contact_at_pressure, contact_path, pressed_height
+from gstlib.errors import ConfigError
+from gstlib.surface import make_surface
+
+SETTINGS = {
+    "source": "surface.h5",
+    "contact_modulus_MPa": 12820.0,
+    "target_pressure_MPa": 50.0,
+    "tolerance": 1e-9,
+    "steps": 4,
+    "maximum_displacement_um": 50.0,
+}
+GRINDING = {"friction": 0.4, "tangential_ratio": 0.5, "poisson": 0.3}
+HARDNESS = 2000.0
+
+
+def rough(seed):
+    generator = np.random.default_rng(seed)
+    return make_surface(0.002 * generator.standard_normal((24, 32)), 0.01)
+
+
+FACES = rough(5).to_dataset(name="height")
+
+
+@pytest.fixture(scope="module")
+def contact():
+    return contact_path(FACES, **SETTINGS)
+
+
+def values(rows):
+    """The numbers of the rows of one patch, by case and quantity."""
+    table = case_table(rows)
+    return table.set_index(["case", "quantity"]).value
+
+
+# Slip, with Cattaneo and Mindlin's sphere as the closed form.
+
+RADIUS, SPACING, MODULUS, POISSON = 1.0, 0.004, 10000.0, GRINDING["poisson"]
+
+
+@pytest.fixture(scope="module")
+def sphere():
+    centres = (np.arange(96) - 47.5) * SPACING
+    height = make_surface(-(centres[:, None] ** 2 + centres**2) / (2 * RADIUS), SPACING)
+    changes = {"contact_modulus_MPa": MODULUS, "target_pressure_MPa": 30.0, "steps": 1}
+    settings = SETTINGS | changes | {"maximum_displacement_um": 100.0}
+    return contact_path(height.to_dataset(name="height"), **settings)
+
+
+@pytest.mark.parametrize("ratio", [0.3, 0.6, 0.9])
+def test_sphere_sticks_and_moves_as_cattaneo_and_mindlin_say(sphere, ratio):
+    friction = GRINDING["friction"]
+    slip = solve_slip(sphere, **GRINDING | {"tangential_ratio": ratio})
+    found = values(slip_rows("7", slip))["grinding"]
+    force = 30.0 * sphere.height.size * SPACING**2
+    radius = (3 * force * RADIUS / (4 * MODULUS)) ** (1 / 3)
+    # stick radius over contact radius is (1 - Q/μP)^(1/3)
+    assert 1 - found["slip share"] == pytest.approx((1 - ratio) ** (2 / 3), abs=0.02)
+    assert int(slip.slip.sum()) * SPACING**2 == pytest.approx(
+        np.pi * radius**2 * (1 - (1 - ratio) ** (2 / 3)), rel=0.05
+    )
+    assert found["mean traction"] == pytest.approx(friction * ratio * 30.0, rel=1e-9)
+    compliances = (2 - POISSON) / (2 * (1 - POISSON))
+    closed = friction * compliances * radius**2 / RADIUS * (1 - (1 - ratio) ** (2 / 3))
+    assert found["tangential displacement"] == pytest.approx(1e3 * closed, rel=0.01)
+    np.testing.assert_array_equal(slip.stick | slip.slip, sphere.pressure > 0)
+    assert not (slip.stick & slip.slip).any()
+
+
+def test_coulomb_holds_and_everything_slips_at_the_end(contact):
+    limit = 0.4 * contact.pressure.values
+    half, none, all_of_it = (
+        solve_slip(contact, **GRINDING | {"tangential_ratio": ratio}) for ratio in (0.5, 0, 1)
+    )
+    assert np.all(half.traction <= limit)
+    assert half.traction.min() > -1e-6 * limit.max()
+    np.testing.assert_array_equal(half.traction.values[half.slip], limit[half.slip])
+    assert half.stick.any()
+    assert half.slip.any()
+    idle = values(slip_rows("7", none))["grinding"]
+    assert idle["mean traction"] == idle["slip share"] == 0
+    assert idle["tangential displacement"] == pytest.approx(0, abs=1e-9)
+    assert not none.slip.any()
+    assert not all_of_it.stick.any()
+    np.testing.assert_allclose(all_of_it.traction, limit)
+
+
+# A ceiling on the pressure.
+
+
+def test_a_hardness_out_of_reach_changes_nothing(contact):
+    beyond = 2 * float(contact.pressure.max())
+    limited = solve_ceiling(contact, hardness_MPa=beyond)
+    found = values(ceiling_rows("7", contact, limited))
+    np.testing.assert_allclose(limited.pressure, contact.pressure, atol=1e-4)
+    ceiling, study = found["ceiling"], found["study"]
+    assert ceiling["iou"] == 1
+    assert ceiling["share at the ceiling"] == ceiling["deepest yield"] == 0
+    assert ceiling["displacement"] == pytest.approx(study["displacement"], rel=1e-6)
+
+
+def test_a_ceiling_holds_and_its_rows_agree_with_the_fields(contact):
+    hardness = 0.3 * float(contact.pressure.max())
+    limited = solve_ceiling(contact, hardness_MPa=hardness)
+    found = values(ceiling_rows("7", contact, limited))
+    ceiling, study = found["ceiling"], found["study"]
+    elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
+    at_ceiling = limited.pressure.values == hardness
+    assert limited.pressure.max() == hardness
+    assert float(limited.pressure.mean()) == pytest.approx(50.0, rel=1e-9)
+    assert study["peak pressure"] == contact.pressure.max()
+    assert study["contact fraction"] == elastic.mean()
+    assert study["displacement"] == 1e3 * float(contact.displacement[-1])
+    assert ceiling["share at the ceiling"] == pytest.approx(at_ceiling.sum() / plastic.sum())
+    assert ceiling["contact fraction"] == plastic.mean() > study["contact fraction"]
+    assert ceiling["displacement"] > study["displacement"]
+    assert ceiling["iou"] == pytest.approx((elastic & plastic).sum() / (elastic | plastic).sum())
+    assert ceiling["deepest yield"] == pytest.approx(-1e3 * float(limited.gap.min()))
+    assert ceiling["deepest yield"] > 0
+
+
+def test_a_ceiling_below_a_mean_pressure_is_refused():
+    pressures = pd.DataFrame({"patch": ["3", "7"], "pressure_MPa": [12.0, 40.0]})
+    check_ceiling(pressures, 40.1)
+    soft = r"'hardness' is 40 MPa, not above the mean pressure of patch 7 \(40 MPa\)\."
+    with pytest.raises(ConfigError, match=soft):
+        check_ceiling(pressures, 40.0)
+
+
+# Both.
+
+
+def test_slip_and_ceiling_of_two_rough_faces_are_those_of_their_sum():
+    lower, upper = rough(1), rough(2)
+    both = contact_path(xr.Dataset({"height": lower, "counterface": upper}), **SETTINGS)
+    alone = contact_path(pressed_height(both).to_dataset(name="height"), **SETTINGS)
+    for solve, options in ((solve_slip, GRINDING), (solve_ceiling, {"hardness_MPa": HARDNESS})):
+        one, other = (solve(contact, **options) for contact in (both, alone))
+        for name, variable in one.data_vars.items():
+            np.testing.assert_allclose(variable, other[name], atol=1e-4)
+
+
+def test_without_pressure_nothing_slips_and_nothing_yields():
+    empty = contact_path(FACES, **SETTINGS | {"target_pressure_MPa": 0.0})
+    found = values(patch_rows([("7", empty)], grinding=GRINDING, hardness_MPa=HARDNESS))
+    assert found["grinding"].drop(["friction", "tangential ratio"]).fillna(-1).to_dict() == {
+        "mean traction": 0,
+        "slip share": -1,  # of no contact
+        "tangential displacement": 0,
+    }
+    assert np.isnan(found["ceiling"].pop("iou"))
+    rest = found.drop([("ceiling", "hardness"), ("ceiling", "iou")])
+    assert not rest[["study", "ceiling"]].any()
+
+
+# The table.
+
+
+def test_the_cases_asked_for_are_those_that_are_solved(contact):
+    """The study's own values stand first, and only where a case has others."""
+    patches = [("7", contact), ("5", contact)]
+    for grinding, hardness, cases in (
+        (None, None, []),
+        (GRINDING, None, ["grinding"]),
+        (None, HARDNESS, ["study", "ceiling"]),
+        (GRINDING, HARDNESS, ["study", "grinding", "ceiling"]),
+    ):
+        table = case_table(patch_rows(patches, grinding=grinding, hardness_MPa=hardness))
+        assert list(table.columns) == ["case", "patch", "quantity", "unit", "value"]
+        assert table.case.unique().tolist() == cases
+        for case in cases:
+            order = table.patch[(table.case == case) & (table.patch != "")].unique().tolist()
+            assert order == ["7", "5"]
+        assert not table.duplicated(["case", "patch", "quantity"]).any()
+    settings = table[table.patch == ""].set_index("quantity").value.to_dict()
+    assert settings == {"friction": 0.4, "tangential ratio": 0.5, "hardness": HARDNESS}
+
+
+def test_the_other_modulus_presses_the_whole_square():
+    """A stone half as stiff yields more; patches that tile the square carry its mean pressure."""
+    one = {
+        name: SETTINGS[name]
+        for name in SETTINGS
+        if name not in ("steps", "maximum_displacement_um")
+    }
+    square = contact_at_pressure(rough(5)[:, :24].to_dataset(name="height"), **one)
+    places = pd.DataFrame({"patch": list("abcd"), "x_mm": [0.06, 0.18] * 2, "rotation_deg": 0.0})
+    places = places.assign(y_mm=[0.06, 0.06, 0.18, 0.18])
+    rows = list(modulus_rows(square, places, other_modulus_MPa=6410.0, patch_mm=0.12))
+    found = values([row for row in rows if row[1] == ""])
+    assert found[["study", "other modulus"]][:, "contact modulus"].tolist() == [12820, 6410]
+    soft = contact_at_pressure(square[["height"]], **one | {"contact_modulus_MPa": 6410.0})
+    assert found["study", "displacement"] == 1e3 * float(square.displacement)
+    assert found["other modulus", "displacement"] == 1e3 * float(soft.displacement)
+    assert found["other modulus", "contact fraction"] > found["study", "contact fraction"]
+    pressures = case_table(rows).query("quantity == 'patch pressure'")
+    for case, contact in (("study", square), ("other modulus", soft)):
+        by_patch = pressures[pressures.case == case].set_index("patch").value
+        np.testing.assert_allclose(by_patch.mean(), 50.0, rtol=1e-9)
+        corner = contact.pressure[:12, 12:].mean()
+        assert by_patch["b"] == pytest.approx(float(corner), rel=1e-9)

@@ -1,0 +1,39 @@
+"""Solve what the config asks for: another contact modulus, a grinding force, a ceiling."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from gst.logs import patch_by_patch, run_script
+from gstlib.cases import case_table, check_ceiling, modulus_rows, patch_rows
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import read_pressures, studied_files, write_table
+
+
+def main(
+    square: Path,
+    contacts: list[Path],
+    pressures: Path,
+    table: Path,
+    *,
+    patches: list[str],
+    patch_mm: float,
+    other_modulus_MPa: float | None,
+    grinding: Mapping[str, float] | None,
+    hardness_MPa: float | None,
+) -> None:
+    by_patch = read_pressures(pressures)
+    studied = studied_files(pressures, patches, contacts)
+    if hardness_MPa is not None:
+        check_ceiling(by_patch[by_patch.patch.isin(studied)], hardness_MPa)
+    rows = []
+    if other_modulus_MPa is not None:
+        pressed = read_dataset(square).isel(step=-1)
+        settings = {"other_modulus_MPa": other_modulus_MPa, "patch_mm": patch_mm}
+        rows += modulus_rows(pressed, by_patch, source=square, **settings)
+    solved = ((patch, read_dataset(file)) for patch, file in patch_by_patch(studied))
+    rows += patch_rows(solved, grinding=grinding, hardness_MPa=hardness_MPa)
+    write_table(table, case_table(rows))
+
+
+if "snakemake" in globals():
+    run_script(snakemake, main)
