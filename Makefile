@@ -61,6 +61,7 @@ test-all: test ## the rest too: whole studies, browser, site, Slurm, faults (an 
 style: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-logo
 	$(BIN)/snakefmt --check Snakefile workflow/Snakefile workflow/rules
 	$(BIN)/codespell
 	$(BIN)/python workflow/document.py --check

@@ -25,7 +25,7 @@ from scipy.signal import fftconvolve
 from gstlib.bem import contact_modulus
 from gstlib.composite import plane_under
 from gstlib.contact import contact_at_pressure
-from gstlib.coupling import Place, places_of, spline_of
+from gstlib.geometry import Place, places_of, spline_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.reference import composite_heights, patches_of_reference, two_scales_table
 from gstlib.study import (

@@ -15,6 +15,7 @@ from power import (
 from power import (
     LEVELS,
     law_p_values,
+    main,
     p_values,
     rejection_rates,
     specimen_config,
@@ -25,6 +26,7 @@ from scipy.stats import binomtest
 
 from gst.config import config_problems
 from gst.sweep import merged
+from gstlib.io.tables import read_table
 from gstlib.specimen.randomness import smooth_field
 from gstlib.specimen.stone import WEAR_LAWS, WEAR_PLACEMENTS
 from gstlib.study import Study
@@ -221,3 +223,23 @@ def test_laws_are_asked_only_of_the_specimens_that_wear_by_them(monkeypatch, law
     assert found == {"[1, 2005]": set(WEAR_PLACEMENTS)} | asked
     assert set(table.seed) == {2005}
     assert len(rejection_rates(table)) == len(LEVELS) * len(table)
+
+
+@pytest.mark.slow
+def test_two_specimens_from_their_making_to_the_rates(tmp_path):
+    """As small as that of the tiny study; one of them wears by laws, too."""
+    tiny = yaml.safe_load((FOLDER / "tiny.yaml").read_text())
+    sections = {
+        name: tiny[name] for name in ("patches", "specimen", "macroscale", "microscale")
+    }
+    small, rates = tmp_path / "small.yaml", tmp_path / "power.csv"
+    small.write_text(yaml.safe_dump(sections | {"wear_steps": 2}))
+    config = ["--config", str(OF_SPECIMENS), str(small)]
+    main([*config, "--specimens", "2", "--laws", "1", "--output", str(rates)])
+    found = read_table(rates)
+    laws = {"law(archard)", "law(mat)"}
+    assert set(found.wear) == {*WEAR_PLACEMENTS, *WEAR_LAWS}
+    assert set(found.test[found.wear.isin(WEAR_LAWS)]) == laws
+    assert set(found.specimens[found.test.isin(laws)]) == {1}
+    assert set(found.specimens[found.test == "f1"]) == {2}
+    assert found[["rate", "low", "high"]].stack().between(0, 1).all()

@@ -19,7 +19,7 @@ import yaml
 
 from gst.patches import read_patches
 from gstlib.contact import contact_moduli
-from gstlib.coupling import places_of
+from gstlib.geometry import places_of
 from gstlib.placement import ALL
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.reference import patches_of_reference, two_scales_table

@@ -19,7 +19,7 @@ from jsonschema.exceptions import ValidationError
 from gst import ROOT
 from gst.config_file import read_config_file
 from gstlib.errors import ConfigError
-from gstlib.preprocess.frame import frame_from_points
+from gstlib.geometry import frame_from_points
 
 if TYPE_CHECKING:
     import pandas as pd

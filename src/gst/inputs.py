@@ -19,14 +19,14 @@ from skimage.transform import resize_local_mean
 
 from gst.config import thinner_than_a_point
 from gst.patches import COUNTERFACE, ScanFile
+from gst.poses import read_second_stone
 from gstlib.contact import check_grid
-from gstlib.counterface import grid_counterface, read_counterface
-from gstlib.coupling import Place, on_patch, spline_of
+from gstlib.counterface import grid_counterface
 from gstlib.errors import ConfigError, GstError, InputError
+from gstlib.geometry import Frame, Place, find_frame, on_patch, spline_of
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan, read_scan
-from gstlib.preprocess.frame import Frame, find_frame
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.scan import check_unmeasured
@@ -126,7 +126,7 @@ def check_inputs(
     mat : mapping or None
         The section ``mat`` of the config.
     second_stone : mapping or None
-        As in `gstlib.counterface.read_counterface`; None for a flat.
+        As in `gst.poses.read_second_stone`; None for a flat.
 
     Notes
     -----
@@ -137,11 +137,12 @@ def check_inputs(
     try:
         if mesh is not None:
             stone = read_mesh(mesh, unit=mesh_unit)
-            frame = find_frame(square, stone, source=str(mesh))
+            size_mm = square["size_mm"]
+            frame = find_frame(square["points_mm"], stone, size_mm=size_mm, source=str(mesh))
             gridded = grid_mesh(
                 stone,
                 frame,
-                size_mm=square["size_mm"],
+                size_mm=size_mm,
                 shape=(macroscale["grid"], macroscale["grid"]),
                 margin_mm=macroscale["margin_mm"],
                 interpolation="linear",  # the fastest: it is to be looked at
@@ -150,11 +151,11 @@ def check_inputs(
             heights = remove_plane(gridded.height)[0]
             if second_stone is not None:
                 grid_counterface(
-                    surface=gridded.height,
-                    frame=frame,
+                    read_second_stone(second_stone),
+                    gridded.height,
+                    frame,
                     margin_mm=macroscale["margin_mm"],
                     interpolation="linear",
-                    **read_counterface(second_stone),
                 )
     except GstError as error:
         problems.append(error)
@@ -183,7 +184,7 @@ def check_inputs(
             content = hash(piece.values.tobytes())
             pieces[use.patch, use.epoch] = _Piece(path, grid, content, _spread(piece))
             if use.place is not None and use.epoch == "T0" and heights is not None:
-                waves += _common_waves(piece, heights, Place(*use.place))
+                waves += _common_waves(piece, heights, use.place)
             rows.append(
                 {"patch": use.patch, "epoch": use.epoch, "file": path.name}
                 | {name: facts.get(name) for name in _FACTS}

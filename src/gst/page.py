@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import markupsafe
     import trimesh
 
-    from gstlib.preprocess.frame import Frame
+    from gstlib.geometry import Frame
 
 __all__ = ["Shown", "by_category", "caption_html", "embedded", "patch_records", "render"]
 __all__ += ["tool_scene", "warned"]
@@ -178,7 +178,7 @@ def tool_scene(
     from gst.figures.maps import FORCE_MAP, force_norm
     from gst.figures.tool import coloured_tool, outline_on, tool_view
     from gst.viewer import coarsen, stone_data
-    from gstlib.coupling import Place, outline, places_of
+    from gstlib.geometry import Place, outline, places_of
 
     stone, colours = coloured_tool(mesh, frame, pressure)
     size = float(pressure.x[-1] + pressure.x[0])

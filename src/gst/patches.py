@@ -21,6 +21,7 @@ import yaml
 
 from gst import ROOT
 from gstlib.errors import ConfigError
+from gstlib.geometry import Place
 from gstlib.io.text import decoded, separator_of
 
 if TYPE_CHECKING:
@@ -110,17 +111,17 @@ class ScanFile(NamedTuple):
         Patch, or `COUNTERFACE`.
     epoch : str
         T0, T1, or empty.
-    crop : (x, y) or None
+    crop : (y, x) or None
         Centre (mm) of the piece to cut, from the scan's centre; None for the whole scan.
-    place : (y, x, rotation) or None
-        Where it lies on the square, mm and degrees.
+    place : Place or None
+        Where it lies on the square.
     """
 
     path: Path
     patch: str
     epoch: str
     crop: tuple[float, float] | None = None
-    place: tuple[float, float, float] | None = None
+    place: Place | None = None
 
 
 def scan_files(
@@ -129,8 +130,8 @@ def scan_files(
     """Every scan that the `patches` of `read_patches` name in `folder`, and the counterface's."""
     scans = []
     for row in patches.itertuples():
-        crop = None if math.isnan(row.crop_x_mm) else (row.crop_x_mm, row.crop_y_mm)
-        place = row.y_mm, row.x_mm, row.rotation_deg
+        crop = None if math.isnan(row.crop_x_mm) else (row.crop_y_mm, row.crop_x_mm)
+        place = Place(row.y_mm, row.x_mm, row.rotation_deg)
         for epoch, name in (("T0", row.t0), ("T1", row.t1)):
             if name:
                 scans.append(ScanFile(Path(folder) / name, row.patch, epoch, crop, place))

@@ -1,7 +1,7 @@
 """The page on which the square is picked: one file, which asks nothing of any network.
 
 The page is `pick.html`, beside this file, with the stone and the scripts of `gst.viewer` in it.
-It finds the frame of three points as `gstlib.preprocess.frame.frame_from_points` does.
+It finds the frame of three points as `gstlib.geometry.frame_from_points` does.
 """
 
 import html

@@ -23,6 +23,8 @@ __all__ = [
     "study_provenance",
 ]
 
+# Of the packages that gstlib names, those that a study runs on.
+_EXTRAS = "formats", "texture", "workflow"
 # What records a result and does not make it: a script that imports no more of `gst` depends on the
 # library alone.
 _RECORDING = {"logs", "provenance"}
@@ -79,11 +81,12 @@ def sha256(path: str | Path) -> str:
 @functools.cache
 def _packages() -> dict[str, str]:
     """Version of every package that gstlib and its workflow require."""
-    required = {
-        re.split(r"[^A-Za-z0-9._-]", text, maxsplit=1)[0]
-        for text in metadata.requires("gstlib") or []
-        if "extra ==" not in text or "workflow" in text
-    }
+    required = set()
+    for text in metadata.requires("gstlib") or []:
+        name = re.split(r"[^A-Za-z0-9._-]", text, maxsplit=1)[0]
+        extra = re.search(r"extra == ['\"](\w+)", text)
+        if name != "gstlib" and (extra is None or extra[1] in _EXTRAS):
+            required.add(name)
     return {name: metadata.version(name) for name in sorted(required, key=str.lower)}
 
 

@@ -110,10 +110,10 @@ def outcomes(study: "Study") -> pd.DataFrame:
         correlation of pressure with loss, as over the patches of a study; the mean change of Sq
         from T0 to T1, µm. 95 % intervals where there are any.
     """
-    from gstlib.study import measure_texture
     from gstlib.validation.scores import SCORES
     from gstlib.validation.scoring import score_table
     from gstlib.validation.summary import believed, mean_gains, rank_correlation
+    from gstlib.validation.texture import measure_texture
 
     selected = study.selected()
     found = believed(study.scores())
@@ -132,7 +132,8 @@ def outcomes(study: "Study") -> pd.DataFrame:
             (row.statistic, "", row.value, row.low, row.high) for row in summary.itertuples()
         ]
     texture = measure_texture(
-        ((p, study.prepared(p, "T0").height, study.change(p)) for p in study.worn),
+        {patch: study.prepared(patch, "T0") for patch in study.worn},
+        {patch: study.change(patch) for patch in study.worn},
         **study.config["texture"],
     )
     if len(texture):

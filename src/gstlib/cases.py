@@ -15,7 +15,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.bem import solve_contact
-from gstlib.contact import contact_at_pressure, faces_of, solved
+from gstlib.contact import Loading, contact_at_pressure, solved
 from gstlib.coupling import patch_pressures
 from gstlib.errors import ConfigError
 from gstlib.io.results import columns_of
@@ -80,8 +80,7 @@ def solve_slip(
     Parameters
     ----------
     contact : xarray.Dataset
-        From `gstlib.contact.contact_path`, the final state only; the settings in its attributes
-        hold here too.
+        Of two faces at one load, from `gstlib.contact`; it is pressed as it was.
     friction : float
         Coulomb's μ, > 0.
     tangential_ratio : float
@@ -111,13 +110,14 @@ def solve_slip(
     reduced = solved(
         solve_contact,
         contact,
+        Loading.of(contact),
         source,
-        mean_pressure=remaining * float(contact.mean_pressure[-1]),
+        mean_pressure=remaining * float(contact.mean_pressure),
         initial_pressure=remaining * pressure,
     )
     stick = reduced.contact & (pressure > 0)
     compliance_ratio = (2 - poisson) / (2 * (1 - poisson))
-    descent = float(contact.displacement[-1]) - reduced.displacement
+    descent = float(contact.displacement) - reduced.displacement
     found = {
         "traction": friction * (pressure - reduced.pressure),
         "stick": stick,
@@ -148,11 +148,13 @@ def solve_ceiling(
         ``pressure`` (y, x) MPa; ``gap`` (y, x) mm, where the pressure is at the ceiling minus the
         depth of the yield; ``displacement`` mm, ``ceiling_share`` (of the contact), ``residual``.
     """
+    loading = Loading.of(contact)
     state = solved(
         solve_contact,
         contact,
+        loading,
         source,
-        mean_pressure=contact.attrs["target_pressure_MPa"],
+        mean_pressure=loading.target_pressure_MPa,
         pressure_limit=hardness_MPa,
     )
     names = "pressure", "gap", "displacement", "ceiling_share", "residual"
@@ -173,7 +175,7 @@ def modulus_rows(
     Parameters
     ----------
     contact : xarray.Dataset
-        Of the square at the target pressure; the settings in its attributes hold here too.
+        Of the square at the target pressure.
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``.
     other_modulus_MPa : float
@@ -183,15 +185,10 @@ def modulus_rows(
     source : path
         As in `solve_slip`.
     """
-    other = contact_at_pressure(
-        faces_of(contact),
-        source=source,
-        contact_modulus_MPa=other_modulus_MPa,
-        target_pressure_MPa=contact.attrs["target_pressure_MPa"],
-        tolerance=contact.attrs["tolerance"],
-    )
+    loading = Loading.of(contact)._replace(contact_modulus_MPa=other_modulus_MPa)
+    other = contact_at_pressure(contact, loading, source=source)
     for case, found in ((_STUDY, contact), (_MODULUS, other)):
-        modulus = float(found.attrs["contact_modulus_MPa"])
+        modulus = float(found.contact_modulus)
         yield case, _SQUARE, "contact modulus", "MPa", modulus
         yield case, _SQUARE, "displacement", "um", float(found.displacement) * 1e3
         yield case, _SQUARE, "contact fraction", "1", float(found.contact_fraction)
@@ -201,7 +198,7 @@ def modulus_rows(
 
 
 def patch_rows(
-    patches: Iterable[tuple[str, xr.Dataset]],
+    contacts: Mapping[str, xr.Dataset],
     *,
     grinding: Mapping[str, float] | None,
     hardness_MPa: float | None,
@@ -210,8 +207,8 @@ def patch_rows(
 
     Parameters
     ----------
-    patches : iterable of (patch, xarray.Dataset)
-        The contact of each.
+    contacts : mapping of str to xarray.Dataset
+        By patch; each is looked up once.
     grinding : mapping, optional
         The arguments ``friction``, ``tangential_ratio`` and ``poisson`` of `solve_slip`; without
         it the case is left out.
@@ -223,7 +220,7 @@ def patch_rows(
         yield _GRINDING, _SQUARE, "tangential ratio", "1", float(grinding["tangential_ratio"])
     if hardness_MPa is not None:
         yield _CEILING, _SQUARE, "hardness", "MPa", float(hardness_MPa)
-    for patch, contact in patches:
+    for patch, contact in contacts.items():
         source = f"patch {patch}"
         if grinding is not None:
             yield from slip_rows(patch, solve_slip(contact, source=source, **grinding))
@@ -253,7 +250,7 @@ def ceiling_rows(patch: str, contact: xr.Dataset, limited: xr.Dataset) -> Iterat
     both, either = int((elastic & plastic).sum()), int((elastic | plastic).sum())
     at_ceiling = limited.pressure.values >= limited.attrs["hardness_MPa"]
     deepest = float(np.max(-limited.gap.values[at_ceiling], initial=0.0))
-    yield _STUDY, patch, "displacement", "um", float(contact.displacement[-1]) * 1e3
+    yield _STUDY, patch, "displacement", "um", float(contact.displacement) * 1e3
     yield _STUDY, patch, "contact fraction", "1", float(elastic.mean())
     yield _STUDY, patch, "peak pressure", "MPa", float(contact.pressure.max())
     yield _CEILING, patch, "displacement", "um", float(limited.displacement) * 1e3
@@ -266,9 +263,8 @@ def ceiling_rows(patch: str, contact: xr.Dataset, limited: xr.Dataset) -> Iterat
 def case_table(rows: Iterable[Row]) -> pd.DataFrame:
     """The table ``cases.csv``: the rows case by case, the study's own first."""
     cases = [_STUDY, _MODULUS, _GRINDING, _CEILING]
-    ordered = sorted(
-        rows, key=lambda row: cases.index(row[0])
-    )  # stable: the rest keeps its order
+    # stable: within a case the rows keep their order
+    ordered = sorted(rows, key=lambda row: cases.index(row[0]))
     return pd.DataFrame(ordered, columns=columns_of("cases"))
 
 

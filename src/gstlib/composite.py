@@ -24,7 +24,8 @@ import xarray as xr
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator, RectBivariateSpline
 from scipy.ndimage import map_coordinates
 
-from gstlib.coupling import Place, half_extent, on_patch, places_of, spline_of
+from gstlib.geometry import Place, half_extent, on_patch, places_of, spline_of
+from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import axis_coordinates, make_surface, spacing_of
 
@@ -46,11 +47,12 @@ def plane_under(spline: RectBivariateSpline, place: Place, patch_mm: float) -> P
 
 
 def compose_surface(
-    surface: xr.Dataset,
+    square: xr.Dataset,
     patches: pd.DataFrame,
-    heights: Iterable[tuple[str, xr.DataArray]],
+    scans: Mapping[str, xr.Dataset],
     *,
     patch_mm: float,
+    s_filter_um: float | None,
     placement_um: float,
     seed: int,
 ) -> xr.Dataset:
@@ -58,15 +60,17 @@ def compose_surface(
 
     Parameters
     ----------
-    surface : xarray.Dataset
+    square : xarray.Dataset
         The mesh's ``height`` (y, x), mm, and its left-out errors, from
         `gstlib.study.grid_macroscale`.
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``.
-    heights : iterable of (patch, (y, x) xarray.DataArray)
-        The scans, level, without NaN, mm, in the order of `patches`; each is used once.
+    scans : mapping of str to xarray.Dataset
+        The prepared T0 scans by patch, with ``height`` (y, x), mm; each is looked up once.
     patch_mm : float
         Side of a patch.
+    s_filter_um : float, optional
+        Nesting index of the S-filter that the scans pass.
     placement_um : float
         Standard deviation of a patch's place along each axis.
     seed : int
@@ -75,26 +79,28 @@ def compose_surface(
     Returns
     -------
     xarray.Dataset
-        ``height`` (y, x) mm, its plane removed; by patch ``x_mm, y_mm, rotation_deg``;
-        ``offset`` (mm), ``slope_y, slope_x``, the plane that the patch is laid on, along its own
-        axes; ``tilt_mrad``, that of the mesh's plane; ``tilt_error_mrad``, the standard error along
-        each axis; ``known``, whether the plane is known better than by levelling: where it is not,
-        the slopes are 0. ``scan`` (patch, v, u) mm, the scans on a coarse grid; ``density``
-        (frequency) mm⁴, the power spectral density of what they show beyond the mesh.
+        ``height`` (y, x) mm, its plane removed; ``counterface``, that of `square`; by patch
+        ``x_mm, y_mm, rotation_deg``; ``offset`` (mm), ``slope_y, slope_x``, the plane that the
+        patch is laid on, along its own axes; ``tilt_mrad``, that of the mesh's plane;
+        ``tilt_error_mrad``, the standard error along each axis; ``known``, whether the plane is
+        known better than by levelling: where it is not, the slopes are 0. ``scan`` (patch, v, u)
+        mm, the scans on a coarse grid; ``density`` (frequency) mm⁴, the power spectral density of
+        what they show beyond the mesh; ``patch_mm``.
     """
     from skimage.transform import resize_local_mean
 
-    places, spline = places_of(patches), spline_of(surface.height)
-    element = max(spacing_of(surface.height))
+    places, spline = places_of(patches), spline_of(square.height)
+    element = max(spacing_of(square.height))
     points = int(np.ceil(patch_mm * _PER_ELEMENT / element))
-    scans, densities, shape = [], [], None
-    for patch, height in heights:
+    coarse, densities, shape = [], [], None
+    for patch, place in places.items():
+        height = s_filtered(scans[patch].height, s_filter_um)
         shape = shape or height.shape  # of the first: densities need the same frequencies
-        under = height.copy(data=on_patch(spline, places[patch], height.shape, patch_mm))
+        under = height.copy(data=on_patch(spline, place, height.shape, patch_mm))
         beyond = height.values - remove_plane(under)[0].values
         frequency, density = _density(resize_local_mean(beyond, 2 * (min(shape),)), patch_mm)
         densities.append(density)
-        scans.append(resize_local_mean(height.values, 2 * (points,)))
+        coarse.append(resize_local_mean(height.values, 2 * (points,)))
     spectrum = xr.DataArray(
         np.mean(densities, axis=0),
         dims="frequency",
@@ -103,15 +109,15 @@ def compose_surface(
     )
     generator = np.random.default_rng([seed, 0])
     planes = [plane_under(spline, place, patch_mm) for place in places.values()]
-    error = _plane_errors(surface, places, spectrum, patch_mm, placement_um, generator)
+    error = _plane_errors(square, places, spectrum, patch_mm, placement_um, generator)
     tilt = 1e3 * np.array([np.hypot(plane.slope_y, plane.slope_x) for plane in planes])
     known = tilt > np.sqrt(2) * error
     planes = [
         plane if sure else Plane(plane.offset, 0.0, 0.0)
         for plane, sure in zip(planes, known, strict=True)
     ]
-    laid = zip(places.values(), planes, scans, strict=True)
-    level = remove_plane(compose_grid(surface.height, laid, patch_mm, spectrum, seed))[0]
+    laid = zip(places.values(), planes, coarse, strict=True)
+    level = remove_plane(compose_grid(square.height, laid, patch_mm, spectrum, seed))[0]
     numbers = {
         "x_mm": ("mm", "centre along x", [place.x_mm for place in places.values()]),
         "y_mm": ("mm", "centre along y", [place.y_mm for place in places.values()]),
@@ -123,20 +129,21 @@ def compose_surface(
         "tilt_error_mrad": ("mrad", "standard error of the tilt along each axis", error),
         "known": ("1", "plane known better than by levelling", known),
     }
-    coarse = {"units": "mm", "long_name": "levelled scan on a coarse grid"}
+    described = {"units": "mm", "long_name": "levelled scan on a coarse grid"}
     level.attrs = {"units": "mm", "long_name": "height of the composite surface"}
     return xr.Dataset(
         {
             "height": level,
             "density": spectrum,
-            "scan": (("patch", "v", "u"), np.array(scans), coarse),
+            "scan": (("patch", "v", "u"), np.array(coarse), described),
+            "counterface": square.counterface,
+            "patch_mm": ((), patch_mm, {"units": "mm", "long_name": "side of a patch"}),
         }
         | {
             name: ("patch", values, {"units": units, "long_name": text})
             for name, (units, text, values) in numbers.items()
         },
         coords={"patch": list(places)},
-        attrs={"patch_mm": patch_mm},
     )
 
 
@@ -164,8 +171,7 @@ def compose(
             slice(*np.searchsorted(axis, [centre - reach, centre + reach]))
             for axis, centre in ((y, place.y_mm), (x, place.x_mm))
         )
-        dy, dx = y[rows, None] - place.y_mm, x[columns] - place.x_mm
-        v, u = Place(0, 0, -place.rotation_deg).points(dy, dx)
+        v, u = place.seen(y[rows, None], x[columns])
         inside = (abs(v) <= patch_mm / 2) & (abs(u) <= patch_mm / 2)
         at = [
             (axis / patch_mm + 0.5) * points - 0.5
@@ -196,17 +202,17 @@ def compose_grid(
 
 
 def draw_mesh_errors(
-    surface: xr.Dataset, draws: int, generator: np.random.Generator
+    square: xr.Dataset, draws: int, generator: np.random.Generator
 ) -> np.ndarray:
     """Errors (draws, ny, nx), mm, that the mesh's surface may have.
 
     At each vertex its left-out error times a normal number, linear between vertices.
     """
-    vertices = np.stack([surface.vertex_y.values, surface.vertex_x.values], axis=1)
-    errors = surface.left_out_error.values[:, None] * generator.standard_normal(
+    vertices = np.stack([square.vertex_y.values, square.vertex_x.values], axis=1)
+    errors = square.left_out_error.values[:, None] * generator.standard_normal(
         (len(vertices), draws)
     )
-    at = np.stack(np.meshgrid(surface.y.values, surface.x.values, indexing="ij"), axis=-1)
+    at = np.stack(np.meshgrid(square.y.values, square.x.values, indexing="ij"), axis=-1)
     found = LinearNDInterpolator(vertices, errors)(at)
     outside = np.isnan(found[..., 0])
     found[outside] = NearestNDInterpolator(vertices, errors)(at[outside])
@@ -214,7 +220,7 @@ def draw_mesh_errors(
 
 
 def _plane_errors(
-    surface: xr.Dataset,
+    square: xr.Dataset,
     places: Mapping[str, Place],
     density: xr.DataArray,
     patch_mm: float,
@@ -223,8 +229,8 @@ def _plane_errors(
 ) -> np.ndarray:
     """Standard error (mrad) of each patch's tilt: of the mesh, the place, and unseen waves."""
     slopes = np.empty((_PLANE_DRAWS, len(places), 2))
-    for draw, error in enumerate(draw_mesh_errors(surface, _PLANE_DRAWS, generator)):
-        spline = spline_of(surface.height + error)
+    for draw, error in enumerate(draw_mesh_errors(square, _PLANE_DRAWS, generator)):
+        spline = spline_of(square.height + error)
         shifts = placement_um * 1e-3 * generator.standard_normal((len(places), 2))
         for number, (place, shift) in enumerate(zip(places.values(), shifts, strict=True)):
             moved = place._replace(y_mm=place.y_mm + shift[0], x_mm=place.x_mm + shift[1])

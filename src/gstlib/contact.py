@@ -1,14 +1,16 @@
-"""A surface in, a contact dataset out: along a load path, or at one pressure.
+"""Two faces in, a contact dataset out, along a load path or at one load.
 
 `gstlib.bem` computes with arrays. Here are the study's surfaces, with names and units, and the
 solver's errors in the study's words. Where no pressure is asked for, the contact is empty: its
-pressure, displacement and stiffness are 0.
+pressure, displacement and stiffness are 0, and shares of the contact are NaN.
 """
 
 import logging
+import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -16,10 +18,12 @@ import xarray as xr
 
 from gstlib.bem import ContactError, ContactState, contact_modulus, load_path, solve_contact
 from gstlib.errors import InputError
+from gstlib.io.results import columns_of
 from gstlib.preprocess.leveling import Plane
 from gstlib.surface import spacing_of
 
 __all__ = [
+    "Loading",
     "check_grid",
     "contact_at_pressure",
     "contact_moduli",
@@ -28,6 +32,7 @@ __all__ = [
     "interface_stiffness",
     "laid_height",
     "load_path_table",
+    "microscale_tables",
     "pressed_height",
     "solved",
     "study_poisson",
@@ -43,154 +48,216 @@ _SAME_SPACING = 1e-6
 
 _log = logging.getLogger(__name__)
 
-# A share of the surface in contact beyond which something is wrong: rough stones touch on a few per
-# cent, and where nearly all touches, how heights differ no longer matters.
+# Contact fraction above which the inputs are suspect: rough stones touch on a few per cent, and
+# where nearly all touches, how heights differ no longer matters.
 _FULL = 0.95
 # Unit and long name of what a contact consists of.
 _VARIABLES = {
+    "height": ("mm", "height of the surface, level"),
+    "counterface": ("mm", "height of the face pressed on it, 0 of a flat"),
+    "slope_y": ("1", "slope along y of the plane that the surface is laid on"),
+    "slope_x": ("1", "slope along x of the plane that the surface is laid on"),
+    "surroundings": ("mm", "displacement by the macroscale pressures outside the patch"),
+    "placed": ("1", "whether it is pressed among its surroundings, or alone"),
+    "contact_modulus": ("MPa", "contact modulus"),
+    "target_pressure": ("MPa", "mean pressure asked for"),
+    "tolerance": ("1", "largest residual asked for"),
     "pressure": ("MPa", "contact pressure"),
     "gap": ("mm", "gap between the bodies"),
     "displacement": ("mm", "far-field displacement from first touch"),
     "mean_pressure": ("MPa", "mean pressure"),
     "contact_fraction": ("1", "real over nominal contact area"),
+    "residual": ("1", "largest violation of contact conditions"),
     "stiffness": ("MPa/mm", "contact stiffness"),
     "interface_stiffness": (
         "MPa/mm",
         "contact stiffness without the cut-out's own compliance",
     ),
-    "residual": ("1", "largest violation of contact conditions"),
 }
-# Dimensions by their number.
 _DIMS: tuple[tuple[str, ...], ...] = ((), ("step",), ("y", "x"), ("step", "y", "x"))
 _FIELDS = "pressure", "gap"
 _NUMBERS = "displacement", "mean_pressure", "contact_fraction", "residual"
+# Of a variable along a load path, beside that of the state at its end.
+_PATH = "path_"
 
 
-def contact_path(
-    faces: xr.Dataset,
+class Loading(NamedTuple):
+    """How two faces are pressed on each other.
+
+    Attributes
+    ----------
+    contact_modulus_MPa, target_pressure_MPa : float
+        E* and the mean pressure to reach.
+    tolerance : float
+        Largest residual, as in `gstlib.bem.solve_contact`.
+    """
+
+    contact_modulus_MPa: float
+    target_pressure_MPa: float
+    tolerance: float
+
+    @classmethod
+    def of(cls, contact: xr.Dataset) -> "Loading":
+        """How a contact was pressed."""
+        return cls(
+            float(contact.contact_modulus),
+            float(contact.target_pressure),
+            float(contact.tolerance),
+        )
+
+
+def faces_of(
+    height: xr.DataArray,
+    counterface: xr.DataArray | None = None,
     *,
-    source: str | Path,
-    contact_modulus_MPa: float,
-    target_pressure_MPa: float,
-    steps: int,
-    tolerance: float,
-    maximum_displacement_um: float,
-    every_step: bool = False,
+    slopes: tuple[float, float] = (0.0, 0.0),
+    surroundings: np.ndarray | None = None,
 ) -> xr.Dataset:
-    """Contact of a surface along a load path up to a mean pressure.
+    """Two faces as they are pressed on each other.
 
     Parameters
     ----------
-    faces : xarray.Dataset
-        ``height`` (y, x) of a surface, mm, and what `pressed_height` adds to it.
-    source : path
-        The file that the surface comes from, for error messages.
-    contact_modulus_MPa, target_pressure_MPa : float
-        E* and the mean pressure to reach, MPa.
-    steps, tolerance
-        See `gstlib.bem.load_path`.
-    maximum_displacement_um : float
-        Largest far-field displacement allowed, µm.
-    every_step : bool
-        Keep pressure and gap of every step, dims (step, y, x), not just of the final state (y, x).
+    height : (y, x) xarray.DataArray
+        A surface, level, mm.
+    counterface : (y, x) xarray.DataArray, optional
+        What is pressed on it, mm, positive towards it, as from `turned_over`; by default a flat.
+    slopes : (float, float)
+        Of the plane that the surface is laid on, along y and x.
+    surroundings : (ny, nx) ndarray, optional
+        Displacement (mm, into the stone) by what presses around it; by default it is alone.
 
     Returns
     -------
     xarray.Dataset
-        `faces` with ``pressure`` MPa and ``gap`` mm; along the path (step) ``displacement`` mm,
-        ``mean_pressure`` MPa, ``contact_fraction``, ``stiffness`` MPa/mm and ``residual``. E*,
-        target pressure and tolerance are its attributes.
+        ``height, counterface, surroundings`` (y, x), ``slope_y, slope_x, placed``.
+    """
+    nothing = np.zeros(height.shape)
+    values = {
+        "height": height.values,
+        "counterface": nothing if counterface is None else counterface.values,
+        "surroundings": nothing if surroundings is None else surroundings,
+        "slope_y": slopes[0],
+        "slope_x": slopes[1],
+        "placed": surroundings is not None,
+    }
+    return xr.Dataset(_variables(values), coords={"y": height.y, "x": height.x})
+
+
+def contact_path(
+    faces: xr.Dataset,
+    loading: Loading,
+    *,
+    source: str | Path,
+    steps: int,
+    maximum_displacement_um: float,
+    every_step: bool = False,
+) -> xr.Dataset:
+    """Contact of two faces along a load path up to a mean pressure.
+
+    Parameters
+    ----------
+    faces : xarray.Dataset
+        From `faces_of`.
+    loading : Loading
+    source : path
+        The file that the surface comes from, for error messages.
+    steps : int
+        See `gstlib.bem.load_path`.
+    maximum_displacement_um : float
+        Largest far-field displacement allowed, µm.
+    every_step : bool
+        Keep pressure and gap of every step, too.
+
+    Returns
+    -------
+    xarray.Dataset
+        The contact at the target pressure, as from `contact_at_pressure`; and along the path (step)
+        ``path_displacement`` mm, ``path_mean_pressure`` MPa, ``path_contact_fraction``,
+        ``path_stiffness`` MPa/mm and ``path_residual``; with `every_step` also ``path_pressure``
+        MPa and ``path_gap`` mm (step, y, x).
 
     Raises
     ------
     InputError
         The pressure is not reached within `maximum_displacement_um`, or the solver gives up.
     """
-    contact = faces.assign_attrs(
-        contact_modulus_MPa=contact_modulus_MPa,
-        target_pressure_MPa=target_pressure_MPa,
-        tolerance=tolerance,
-    )
     options = {
-        "target_pressure": target_pressure_MPa,
+        "target_pressure": loading.target_pressure_MPa,
         "steps": steps,
         "keep_states": every_step,
     }
-    path = solved(load_path, contact, source, **options)
+    path = solved(load_path, faces, loading, source, **options)
     needed_um = path.final.displacement * 1e3
     if needed_um > maximum_displacement_um:
         raise InputError(
             source,
-            f"the target pressure of {target_pressure_MPa:g} MPa cannot be reached within "
+            f"the target pressure of {loading.target_pressure_MPa:g} MPa cannot be reached within "
             f"{maximum_displacement_um:g} µm of displacement: it takes {needed_um:.4g} µm",
             "Lower target_pressure_MPa or raise maximum_displacement_um in the config.",
         )
     if (touching := float(path.final.contact_fraction)) > _FULL:
         logging.getLogger("gstlib").warning(
-            "%s: %.0f %% of the surface touches, of which a rough stone is far: check the unit of "
-            "its heights, the target pressure and the elastic constants",
+            "%s: %.0f %% of the surface touches, and rough stones touch on a few per cent: check "
+            "the unit of its heights, the target pressure and the elastic constants",
             source,
             100 * touching,
         )
-    fields = {name: getattr(path.final, name) for name in _FIELDS}
+    along = {name: getattr(path, name) for name in (*_NUMBERS, "stiffness")}
     if every_step:
-        fields = {
-            name: np.stack([getattr(at, name) for at in path.states]) for name in _FIELDS
-        }
-    curve = {name: getattr(path, name) for name in (*_NUMBERS, "stiffness")}
+        for name in _FIELDS:
+            along[name] = np.stack([getattr(state, name) for state in path.states])
+    contact = _contact(faces, loading, path.final)
     contact = contact.assign_coords(step=np.arange(1, steps + 1))
-    return contact.assign(_variables(fields | curve))
+    return contact.assign(_variables(along, _PATH))
 
 
 def contact_at_pressure(
-    faces: xr.Dataset,
-    *,
-    source: str | Path,
-    contact_modulus_MPa: float,
-    target_pressure_MPa: float,
-    tolerance: float,
+    faces: xr.Dataset, loading: Loading, *, source: str | Path
 ) -> xr.Dataset:
-    """Contact of a surface at a mean pressure alone, without the path to it.
+    """Contact of two faces at a mean pressure alone, without the path to it.
 
-    Parameters, errors and what is returned as of `contact_path`; ``displacement``,
-    ``mean_pressure``, ``contact_fraction`` and ``residual`` are numbers, without ``stiffness``.
+    Parameters and errors are those of `contact_path`.
+
+    Returns
+    -------
+    xarray.Dataset
+        `faces`; ``pressure`` MPa and ``gap`` mm (y, x); ``displacement`` mm, ``mean_pressure`` MPa,
+        ``contact_fraction`` and ``residual``; and the loading: ``contact_modulus`` and
+        ``target_pressure``, MPa, and ``tolerance``.
     """
-    contact = faces.assign_attrs(
-        contact_modulus_MPa=contact_modulus_MPa,
-        target_pressure_MPa=target_pressure_MPa,
-        tolerance=tolerance,
-    )
-    state = solved(solve_contact, contact, source, mean_pressure=target_pressure_MPa)
-    return contact.assign(_state_variables(state))
+    pressure = loading.target_pressure_MPa
+    state = solved(solve_contact, faces, loading, source, mean_pressure=pressure)
+    return _contact(faces, loading, state)
 
 
-def faces_of(surface: xr.Dataset) -> xr.Dataset:
-    """What is pressed of a square: its ``height`` and, of a second stone, its ``counterface``."""
-    return xr.Dataset(
-        {name: surface[name] for name in ("height", "counterface") if name in surface}
-    )
+def _contact(faces: xr.Dataset, loading: Loading, state: ContactState) -> xr.Dataset:
+    """Faces with how they were pressed, and with what came of it."""
+    values = {name: getattr(state, name) for name in (*_FIELDS, *_NUMBERS)}
+    values["contact_modulus"], values["target_pressure"], values["tolerance"] = loading
+    return faces.assign(_variables(values))
 
 
-def interface_stiffness(contact: xr.Dataset) -> xr.DataArray:
-    """Stiffness (step), MPa/mm, of the rough interface alone, along the path of a contact.
+def interface_stiffness(contact: xr.Dataset) -> xr.Dataset:
+    """A contact with the stiffness of the rough interface alone along its path.
 
     A patch is cut out of the stone. Its displacement under a mean pressure has two parts: that of
     the interface, and that of the half-space under a load on the patch alone, which the
     surrounding stone does not share in the computation. The second is the compliance of a flat
     punch of the patch's outline, pressed in with the same solver; compliances in series add. Where
     nothing touches, the stiffness is 0.
+
+    `contact` is from `contact_path`; the result has ``path_interface_stiffness`` (step), MPa/mm.
     """
-    height, modulus = contact.height, contact.attrs["contact_modulus_MPa"]
-    punch = _punch_stiffness(height.shape, spacing_of(height), modulus)
-    stiffness = contact.stiffness.values
+    height = contact.height
+    punch = _punch_stiffness(height.shape, spacing_of(height), float(contact.contact_modulus))
+    stiffness = contact.path_stiffness.values
     alone = np.divide(
         punch * stiffness,
         punch - stiffness,
         out=np.full_like(stiffness, np.inf),
         where=stiffness < punch,
     )
-    units, long_name = _VARIABLES["interface_stiffness"]
-    return contact.stiffness.copy(data=alone).assign_attrs(units=units, long_name=long_name)
+    return contact.assign(_variables({"interface_stiffness": alone}, _PATH))
 
 
 @lru_cache
@@ -204,50 +271,69 @@ def _punch_stiffness(
 
 
 def load_path_table(contact: xr.Dataset) -> pd.DataFrame:
-    """Load path as a table, one row per step (columns of `macroscale_path.csv`)."""
-    columns = {
-        "step": contact.step.values,
-        "displacement_um": contact.displacement.values * 1e3,
-        "mean_pressure_MPa": contact.mean_pressure.values,
-        "contact_fraction": contact.contact_fraction.values,
-        "stiffness_MPa_per_um": contact.stiffness.values * 1e-3,
-    }
-    if "interface_stiffness" in contact:
-        columns["interface_stiffness_MPa_per_um"] = contact.interface_stiffness.values * 1e-3
-    return pd.DataFrame(columns)
+    """Load path of a contact of `contact_path`, one row per step (`macroscale_path.csv`)."""
+    return pd.DataFrame(
+        {
+            "step": contact.step.values,
+            "displacement_um": contact.path_displacement.values * 1e3,
+            "mean_pressure_MPa": contact.path_mean_pressure.values,
+            "contact_fraction": contact.path_contact_fraction.values,
+            "stiffness_MPa_per_um": contact.path_stiffness.values * 1e-3,
+        }
+    )
 
 
-def laid_height(contact: xr.Dataset) -> xr.DataArray:
+def microscale_tables(
+    contacts: Mapping[str, xr.Dataset],
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The state of each patch at its own pressure, and its load path.
+
+    `contacts` are those of `gstlib.study.solve_patches` by patch, with their paths. The residual is
+    rounded up to a power of ten: its digits are rounding, which differs from processor to
+    processor.
+    """
+    path, state = columns_of("microscale_paths"), columns_of("microscale_summary")
+    states, paths = [], [pd.DataFrame(columns=path)]
+    for patch, contact in contacts.items():
+        alone = contact.path_interface_stiffness.values * 1e-3
+        steps = load_path_table(contact).assign(
+            patch=patch, interface_stiffness_MPa_per_um=alone
+        )
+        residual = float(contact.residual)
+        states.append(
+            steps.iloc[-1].to_dict()
+            | {
+                "target_pressure_MPa": float(contact.target_pressure),
+                "residual": 10.0 ** math.ceil(math.log10(residual)) if residual > 0 else 0.0,
+            }
+        )
+        paths.append(steps[path])
+    return pd.DataFrame(states, columns=state), pd.concat(
+        paths[1:] or paths, ignore_index=True
+    )
+
+
+def laid_height(faces: xr.Dataset) -> xr.DataArray:
     """Heights (mm) of a surface as it lies on the stone, with those of the face pressed on it.
-
-    Parameters
-    ----------
-    contact : xarray.Dataset
-        ``height``; the attributes ``slope_y`` and ``slope_x`` of its plane, where it has one;
-        ``counterface``, where there is one, as of `turned_over`.
 
     Notes
     -----
     Only the gap between two faces enters a contact of half-spaces, so that heights add (Bemporad &
     Paggi, Int. J. Solids Struct. 69-70 (2015) 465).
     """
-    height = contact.height
-    plane = Plane(0.0, contact.attrs.get("slope_y", 0.0), contact.attrs.get("slope_x", 0.0))
-    values = height.values + plane.heights(height)
-    if "counterface" in contact:
-        values = values + contact.counterface.values
+    height = faces.height
+    plane = Plane(0.0, float(faces.slope_y), float(faces.slope_x))
+    values = height.values + plane.heights(height) + faces.counterface.values
     return height.copy(data=values)
 
 
-def pressed_height(contact: xr.Dataset) -> xr.DataArray:
+def pressed_height(faces: xr.Dataset) -> xr.DataArray:
     """Heights (mm) of the surface that touches a flat as the faces of a contact touch each other.
 
-    `laid_height` less the displacement by ``surroundings``, where these are known.
+    `laid_height` less the displacement by the surroundings.
     """
-    height = laid_height(contact)
-    if "surroundings" not in contact:
-        return height
-    return height.copy(data=height.values - contact.surroundings.values)
+    height = laid_height(faces)
+    return height.copy(data=height.values - faces.surroundings.values)
 
 
 def turned_over(
@@ -297,12 +383,16 @@ def check_grid(
         )
 
 
-def solved(solve: Callable, contact: xr.Dataset, source: str | Path, **options):
-    """What a solver of `gstlib.bem` finds for the faces of a contact, with its settings."""
-    height, modulus = pressed_height(contact), contact.attrs["contact_modulus_MPa"]
-    options["tolerance"] = contact.attrs["tolerance"]
+def solved(
+    solve: Callable, faces: xr.Dataset, loading: Loading, source: str | Path, **options
+):
+    """What a solver of `gstlib.bem` finds for two faces; an `InputError` where it gives up."""
+    height = pressed_height(faces)
+    options["tolerance"] = loading.tolerance
     try:
-        found = solve(height.values, spacing_of(height), modulus, **options)
+        found = solve(
+            height.values, spacing_of(height), loading.contact_modulus_MPa, **options
+        )
     except ContactError as error:
         raise InputError(
             source,
@@ -321,20 +411,13 @@ def solved(solve: Callable, contact: xr.Dataset, source: str | Path, **options):
     return found
 
 
-def _state_variables(state: ContactState) -> dict[str, tuple]:
-    return _variables({name: getattr(state, name) for name in (*_FIELDS, *_NUMBERS)})
-
-
-def _variables(values: Mapping) -> dict[str, tuple]:
-    """Variables with their units; what they have for dimensions follows from their number."""
+def _variables(values: Mapping, prefix: str = "") -> dict[str, tuple]:
+    """Variables with units and long names; their dimensions follow from how many they have."""
     variables = {}
     for name, value in values.items():
         units, long_name = _VARIABLES[name]
-        variables[name] = (
-            _DIMS[np.ndim(value)],
-            value,
-            {"units": units, "long_name": long_name},
-        )
+        attrs = {"units": units, "long_name": long_name}
+        variables[prefix + name] = _DIMS[np.ndim(value)], value, attrs
     return variables
 
 

@@ -13,15 +13,13 @@ the passive one turned over about the square's y axis, so that its x runs agains
 # active face over the square is taken out, as that of the passive face is.
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from gstlib.coupling import Place, spline_of
 from gstlib.errors import ConfigError, InputError
-from gstlib.io.meshes import read_mesh
-from gstlib.preprocess.frame import Frame, find_frame
+from gstlib.geometry import Frame, Place, find_frame, spline_of
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import make_surface, spacing_of
@@ -29,22 +27,32 @@ from gstlib.surface import make_surface, spacing_of
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["face_in_pose", "face_of", "grid_counterface", "pose_frame"]
-__all__ += ["posed_mesh", "read_counterface"]
+__all__ = ["SecondStone", "face_in_pose", "grid_counterface", "pose_frame", "posed_mesh"]
 
 _KEY = "counterface.pose"
 # A pose moves the stone and neither stretches nor mirrors it; typed digits deviate by less.
 _RIGID = 1e-3
 
 
-def read_counterface(second_stone: Mapping) -> dict:
-    """What `grid_counterface` needs of the active stone, its mesh read.
+class SecondStone(NamedTuple):
+    """The active stone, and where it stands on the passive one.
 
-    `second_stone` has ``mesh``, ``mesh_unit``, ``pose`` and ``reach_mm``.
+    Attributes
+    ----------
+    mesh : trimesh.Trimesh
+        mm.
+    pose : mapping
+        As in `pose_frame`.
+    reach_mm : float
+        How far around the square its face is wanted.
+    source : str
+        Name of the mesh's file, for messages.
     """
-    mesh = read_mesh(second_stone["mesh"], unit=second_stone["mesh_unit"])
-    named = {name: second_stone[name] for name in ("pose", "reach_mm")}
-    return {"mesh": mesh, "source": str(second_stone["mesh"])} | named
+
+    mesh: "trimesh.Trimesh"
+    pose: Mapping
+    reach_mm: float
+    source: str
 
 
 def pose_frame(
@@ -56,7 +64,7 @@ def pose_frame(
     ----------
     pose : mapping
         ``points_mm``, three points of the active mesh as in
-        `gstlib.preprocess.frame.find_frame`: its own square; or ``matrix``, which takes points of
+        `gstlib.geometry.frame_from_points`: its own square; or ``matrix``, which takes points of
         the active mesh to the passive mesh (4 × 4, mm).
     frame : Frame
         Of the square on the passive mesh.
@@ -74,7 +82,7 @@ def pose_frame(
     """
     if "points_mm" in pose:
         try:
-            return find_frame({**pose, "size_mm": size_mm}, mesh, source=source)
+            return find_frame(pose["points_mm"], mesh, size_mm=size_mm, source=source)
         except ConfigError as error:  # it names the passive stone's points
             raise ConfigError(f"{_KEY}.points_mm", error.problem, error.remedy) from error
     matrix = np.asarray(pose["matrix"], float)
@@ -92,46 +100,36 @@ def pose_frame(
     return Frame(*(axis.tolist() for axis in axes))
 
 
-def posed_mesh(second_stone: Mapping, frame: Frame, *, size_mm: float) -> "trimesh.Trimesh":
+def posed_mesh(stone: SecondStone, frame: Frame, *, size_mm: float) -> "trimesh.Trimesh":
     """The active stone (mm) where it stands on the passive one, but for its tilt, to be looked at.
 
-    `second_stone` is as in `read_counterface`, `frame` that of the square on the passive stone.
+    `frame` is that of the square, of side `size_mm`, on the passive stone.
     """
-    mesh = read_mesh(second_stone["mesh"], unit=second_stone["mesh_unit"])
-    source = str(second_stone["mesh"])
-    own = pose_frame(second_stone["pose"], frame, mesh, size_mm=size_mm, source=source)
-    turned = own.to_frame(mesh.vertices) * (-1, 1, -1) + (size_mm, 0, 0)
-    moved = mesh.copy()
+    own = pose_frame(stone.pose, frame, stone.mesh, size_mm=size_mm, source=stone.source)
+    turned = own.to_frame(stone.mesh.vertices) * (-1, 1, -1) + (size_mm, 0, 0)
+    moved = stone.mesh.copy()
     moved.vertices = turned @ frame.axes + np.array(frame.origin)
     return moved
 
 
 def grid_counterface(
-    mesh: "trimesh.Trimesh",
+    stone: SecondStone,
     surface: xr.DataArray,
     frame: Frame,
     *,
-    pose: Mapping,
-    reach_mm: float,
     margin_mm: float,
     interpolation: str,
-    source: str,
 ) -> xr.DataArray:
     """Heights of the active stone's face over the square, and around it as far as it moves.
 
     Parameters
     ----------
-    mesh : trimesh.Trimesh
-        The active stone, mm.
+    stone : SecondStone
     surface : (ny, nx) xarray.DataArray
         Heights of the passive stone over the square, mm above `frame`, its plane not removed.
     frame : Frame
         Of the square on the passive stone.
-    pose : mapping
-        As in `pose_frame`.
-    reach_mm : float
-        How far the face is wanted around the square.
-    margin_mm, interpolation, source
+    margin_mm, interpolation
         As in `gstlib.preprocess.gridding.grid_mesh`.
 
     Returns
@@ -144,8 +142,9 @@ def grid_counterface(
     ------
     InputError, ConfigError
         The active stone misses the square or looks away from it; the stones are apart, or in each
-        other, by more than their relief; or as of `grid_mesh` and `pose_frame`.
+        other, by more than their relief; or as in `grid_mesh` and `pose_frame`.
     """
+    mesh, pose, reach_mm, source = stone
     dx = spacing_of(surface)[1]
     size = dx * surface.sizes["x"]
     own = pose_frame(pose, frame, mesh, size_mm=size, source=source)
@@ -192,11 +191,6 @@ def grid_counterface(
     return face.copy(data=face.values - tilted)
 
 
-def face_of(surface: xr.Dataset) -> xr.DataArray:
-    """The active stone's face of a square, on its own coordinates ``y, x``."""
-    return surface.face.rename(face_y="y", face_x="x")
-
-
 def face_in_pose(face: xr.DataArray, square: xr.DataArray, pose: Place) -> xr.DataArray:
     """The active face over the square, its plane removed, after the stone was moved.
 
@@ -209,9 +203,9 @@ def face_in_pose(face: xr.DataArray, square: xr.DataArray, pose: Place) -> xr.Da
         The face does not reach so far.
     """
     middle = [float(square[axis].mean()) for axis in "yx"]
-    back = Place(0.0, 0.0, -pose.rotation_deg)
+    moved = Place(middle[0] + pose.y_mm, middle[1] + pose.x_mm, pose.rotation_deg)
     y, x = np.meshgrid(square.y.values, square.x.values, indexing="ij")
-    v, u = back.points(y - middle[0] - pose.y_mm, x - middle[1] - pose.x_mm)
+    v, u = moved.seen(y, x)
     at = [v + middle[0], u + middle[1]]
     for where, axis in zip(at, "yx", strict=True):
         half = spacing_of(square)[0] / 2

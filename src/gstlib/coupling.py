@@ -1,122 +1,27 @@
-"""From the macroscale contact to the pressure that each patch carries.
+"""The coupling of the scales: what the macroscale contact gives to each patch.
 
 The force on a patch is the sum of the macroscale contact forces in its footprint; elements cut by
 the footprint's edge count by the share of their area inside. Footprints that tile a region thus
-share out its force without loss, wherever they lie.
+share out its force without loss, wherever they lie. The forces outside the footprint press the
+patch down with its surroundings.
 """
 
 # ASSUME: the x and y of a patch are those of its centre; the paper gives the place by its x and y.
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from scipy.interpolate import RectBivariateSpline
 
 from gstlib.bem import HalfSpace, Layer
-from gstlib.surface import axis_coordinates, spacing_of
+from gstlib.contact import faces_of, turned_over
+from gstlib.geometry import Place, footprint_weights, on_patch, places_of, spline_of
+from gstlib.preprocess.filtering import s_filtered
+from gstlib.preprocess.leveling import remove_plane
+from gstlib.surface import spacing_of
 
-__all__ = [
-    "Place",
-    "footprint_weights",
-    "half_extent",
-    "moved",
-    "on_patch",
-    "outline",
-    "patch_pressures",
-    "places_of",
-    "spline_of",
-    "surroundings",
-]
-
-
-class Place(NamedTuple):
-    """Where a scan lies on the square: its centre (mm) and its turn from x towards y."""
-
-    y_mm: float
-    x_mm: float
-    rotation_deg: float
-
-    def points(self, v: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Places (y, x) on the square of points (v, u) from the scan's centre, mm."""
-        turn = np.radians(self.rotation_deg)
-        y = self.y_mm + np.cos(turn) * v + np.sin(turn) * u
-        return y, self.x_mm + np.cos(turn) * u - np.sin(turn) * v
-
-
-def places_of(patches: pd.DataFrame) -> dict[str, Place]:
-    """Place of each patch, from ``patch, x_mm, y_mm, rotation_deg``."""
-    rows = patches[["patch", "y_mm", "x_mm", "rotation_deg"]].itertuples(index=False)
-    return {patch: Place(*map(float, place)) for patch, *place in rows}
-
-
-def spline_of(field: xr.DataArray) -> RectBivariateSpline:
-    """Cubic spline of a field (y, x) through its element centres; it is constant beyond them."""
-    return RectBivariateSpline(field.y.values, field.x.values, field.values)
-
-
-def on_patch(
-    spline: RectBivariateSpline, place: Place, shape: tuple[int, ...], size_mm: float
-) -> np.ndarray:
-    """A field of the square at the points, of this `shape`, of the scan that lies at a place."""
-    v, u = (axis_coordinates(count, size_mm / count) - size_mm / 2 for count in shape)
-    if place.rotation_deg == 0:  # many times as fast
-        return spline(place.y_mm + v, place.x_mm + u)
-    return spline.ev(*place.points(v[:, None], u))
-
-
-def outline(place: Place, size_mm: float) -> np.ndarray:
-    """Corners (4, 2), x and y (mm), of a square footprint; before a turn the lower left first."""
-    v, u = size_mm / 2 * np.array([[-1, -1, 1, 1], [-1, 1, 1, -1]])
-    return np.column_stack(place.points(v, u)[::-1])
-
-
-def footprint_weights(
-    grid: xr.DataArray | xr.Dataset, place: Place, size_mm: float
-) -> np.ndarray:
-    """Share (ny, nx), from 0 to 1, of each element's area inside a square footprint, exactly.
-
-    `grid` is any variable on the grid, dims (..., y, x); `size_mm` is the footprint's side.
-    """
-    dy, dx = spacing_of(grid)
-    if place.rotation_deg == 0:  # as exact, and a hundred times as fast
-        overlap = []
-        for at, step, centre in (("y", dy, place.y_mm), ("x", dx, place.x_mm)):
-            low, high = grid[at].values - step / 2, grid[at].values + step / 2
-            half = size_mm / 2
-            inside = np.minimum(high, centre + half) - np.maximum(low, centre - half)
-            overlap.append(np.clip(inside, 0, None))
-        return np.outer(*overlap) / (dy * dx)
-    import shapely
-
-    y, x = np.meshgrid(grid.y.values, grid.x.values, indexing="ij")
-    near = (abs(y - place.y_mm) < size_mm + dy) & (abs(x - place.x_mm) < size_mm + dx)
-    y, x, weights = y[near], x[near], np.zeros(near.shape)
-    elements = shapely.box(x - dx / 2, y - dy / 2, x + dx / 2, y + dy / 2)
-    inside = shapely.intersection(elements, shapely.polygons(outline(place, size_mm)))
-    weights[near] = shapely.area(inside) / (dy * dx)
-    return weights
-
-
-def half_extent(size_mm: float, rotation_deg: float | pd.Series) -> float | pd.Series:
-    """How far a rotated footprint reaches from its centre along x and y, mm."""
-    angle = np.radians(rotation_deg)
-    return size_mm / 2 * (abs(np.cos(angle)) + abs(np.sin(angle)))
-
-
-def moved(
-    patches: pd.DataFrame,
-    shift_mm: Sequence[float | np.ndarray] | np.ndarray,
-    square: xr.DataArray | xr.Dataset,
-    size_mm: float,
-) -> pd.DataFrame:
-    """The patches moved along x and y, all alike or each by itself; none leaves the square."""
-    half = half_extent(size_mm, patches.rotation_deg)
-    last = spacing_of(square)[0] * square.sizes["y"] - half
-    x, y = (patches[name] + by for name, by in zip(("x_mm", "y_mm"), shift_mm, strict=True))
-    return patches.assign(x_mm=x.clip(half, last), y_mm=y.clip(half, last))
+__all__ = ["couple_scales", "patch_pressures", "place_patch", "prepare_faces", "surroundings"]
 
 
 def patch_pressures(
@@ -151,6 +56,20 @@ def patch_pressures(
     return table.join(pd.DataFrame(rows, columns=found))
 
 
+def couple_scales(
+    contact: xr.Dataset, mesh_contact: xr.Dataset, patches: pd.DataFrame, *, patch_mm: float
+) -> pd.DataFrame:
+    """Pressure of each patch: the macroscale forces in its outline over its area (section 2.3).
+
+    `contact` is the square's at the target pressure, `mesh_contact` that of the mesh alone, and
+    `patch_mm` the side of a patch. The result is that of `patch_pressures` with
+    ``mesh_pressure_MPa``, the pressure by the mesh alone.
+    """
+    pressures = patch_pressures(contact.pressure, patches, size_mm=patch_mm)
+    by_mesh = patch_pressures(mesh_contact.pressure, patches, size_mm=patch_mm)
+    return pressures.assign(mesh_pressure_MPa=by_mesh.pressure_MPa)
+
+
 def surroundings(
     pressure: xr.DataArray,
     place: Place,
@@ -170,3 +89,67 @@ def surroundings(
     square = HalfSpace(pressure.shape, spacing_of(pressure), contact_modulus_MPa, layer=layer)
     displaced = pressure.copy(data=square.displacement(pressure.values * (1 - inside)))
     return on_patch(spline_of(displaced), place, shape, size_mm)
+
+
+def prepare_faces(
+    height: xr.DataArray,
+    face: xr.DataArray | None,
+    *,
+    s_filter_um: float | None,
+    source: str | Path,
+) -> tuple[xr.DataArray, xr.DataArray | None]:
+    """A prepared scan and that of the active stone's own face, as they are pressed on each other.
+
+    `height` (y, x) is the patch's, `face` (y, x) that of the active stone, None where it was not
+    scanned; `source` is the patch's file, for messages. Both go through the S-filter, and the face
+    is turned over.
+    """
+    level = s_filtered(height, s_filter_um)
+    if face is None:
+        return level, None
+    filtered = s_filtered(face, s_filter_um)
+    return level, turned_over(filtered, height, source="counterface", patch_source=source)
+
+
+def place_patch(
+    height: xr.DataArray,
+    face: xr.DataArray | None,
+    square: xr.Dataset,
+    contact: xr.Dataset,
+    patch: str,
+) -> xr.Dataset:
+    """A patch as it lies on the stone, among the pressures around it.
+
+    Parameters
+    ----------
+    height, face
+        From `prepare_faces`.
+    square : xarray.Dataset
+        The surface with the places and planes of its patches, from
+        `gstlib.composite.compose_surface`.
+    contact : xarray.Dataset
+        The square's at the target pressure.
+    patch : str
+
+    Returns
+    -------
+    xarray.Dataset
+        That of `gstlib.contact.faces_of`. A posed second stone has its face over the patch in
+        ``counterface``; a scan of that face lies on its plane.
+    """
+    at, patch_mm = square.sel(patch=patch), float(square.patch_mm)
+    place = Place(float(at.y_mm), float(at.x_mm), float(at.rotation_deg))
+    ny, nx = height.shape
+    displaced = surroundings(
+        contact.pressure,
+        place,
+        (ny, nx),
+        size_mm=patch_mm,
+        contact_modulus_MPa=float(contact.contact_modulus),
+    )
+    if square.counterface.values.any():
+        over = on_patch(spline_of(square.counterface), place, (ny, nx), patch_mm)
+        posed = height.copy(data=over)
+        face = posed if face is None else face + (posed - remove_plane(posed)[0])
+    slopes = float(at.slope_y), float(at.slope_x)
+    return faces_of(height, face, slopes=slopes, surroundings=displaced)

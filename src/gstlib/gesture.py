@@ -11,19 +11,21 @@ contact starts from the one before.
 
 from collections.abc import Collection, Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from gstlib.bem import solve_contact
-from gstlib.contact import faces_of, solved
-from gstlib.counterface import face_in_pose, face_of
-from gstlib.coupling import Place, footprint_weights, places_of
+from gstlib.contact import Loading, faces_of, solved
+from gstlib.counterface import face_in_pose
 from gstlib.errors import ConfigError
+from gstlib.geometry import Place, footprint_weights, places_of
 from gstlib.surface import spacing_of
 
 __all__ = [
+    "Gesture",
     "exposure",
     "exposure_table",
     "press_poses",
@@ -55,6 +57,21 @@ _VARIABLES = {
     "patch_pressure": ("MPa", "pressure of the patch in the pose"),
     "patch_exposure": ("N/mm", "pressure of the patch times sliding in the pose"),
 }
+
+
+class Gesture(NamedTuple):
+    """Poses of an active stone, and its face.
+
+    Attributes
+    ----------
+    face : (my, mx) xarray.DataArray
+        From `gstlib.counterface.grid_counterface`.
+    poses : pandas.DataFrame
+        From `stroke_poses` or `read_poses`; the index numbers them.
+    """
+
+    face: xr.DataArray
+    poses: pd.DataFrame
 
 
 def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
@@ -133,31 +150,28 @@ def stroke_poses(*, stroke_mm: float, poses: int, pressure_MPa: float) -> pd.Dat
 
 
 def press_poses(
-    surface: xr.Dataset,
-    poses: pd.DataFrame,
+    height: xr.DataArray,
+    gesture: Gesture,
     patches: pd.DataFrame,
     *,
-    patch_mm: float,
     contact_modulus_MPa: float,
     tolerance: float,
+    patch_mm: float,
     shown: Collection[int] = (),
-    source: str | Path = "gesture",
 ) -> xr.Dataset:
     """Press the square in one pose after the other.
 
     Parameters
     ----------
-    surface : xarray.Dataset
-        The square's ``height`` (y, x) and the active stone's ``face`` (face_y, face_x), mm, from
-        `gstlib.study.grid_macroscale`.
-    poses : pandas.DataFrame
-        From `stroke_poses` or `read_poses`; the index numbers them.
+    height : (y, x) xarray.DataArray
+        The square's, mm.
+    gesture : Gesture
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``.
+    contact_modulus_MPa, tolerance : float
+        As in `gstlib.contact.Loading`.
     patch_mm : float
         Side of a patch.
-    contact_modulus_MPa, tolerance, source
-        As in `gstlib.contact.contact_at_pressure`.
     shown : collection of int
         Poses whose pressure is kept, by their numbers.
 
@@ -169,22 +183,22 @@ def press_poses(
         ``weight``, ``displacement`` mm, ``contact_fraction``, and by patch ``patch_pressure`` MPa
         and ``patch_exposure`` N/mm. ``pressure`` (shown, y, x), MPa, in the poses to be shown.
     """
-    height = surface.height
+    poses = gesture.poses
     outlines = [footprint_weights(height, at, patch_mm) for at in places_of(patches).values()]
     share = np.stack(outlines) * (np.prod(spacing_of(height)) / patch_mm**2)
     y, x = (height[axis].values - float(height[axis].mean()) for axis in "yx")
-    far, face = np.hypot(y[:, None], x), face_of(surface)
+    far = np.hypot(y[:, None], x)
     names = "pressure_sum", "highest_pressure", "touched_sum", "exposure"
     found = {name: np.zeros(height.shape) for name in names}
     rows: list[tuple] = []
     kept: dict[int, np.ndarray] = {}
     start = None
     for pose in poses.itertuples():
-        over = face_in_pose(face, height, Place(pose.y_mm, pose.x_mm, pose.rotation_deg))
-        faces = faces_of(surface.assign(counterface=over))
-        faces.attrs = {"contact_modulus_MPa": contact_modulus_MPa, "tolerance": tolerance}
+        place = Place(pose.y_mm, pose.x_mm, pose.rotation_deg)
+        faces = faces_of(height, face_in_pose(gesture.face, height, place))
+        loading = Loading(contact_modulus_MPa, pose.pressure_MPa, tolerance)
         load = {"mean_pressure": pose.pressure_MPa, "initial_pressure": start}
-        state = solved(solve_contact, faces, source, **load)
+        state = solved(solve_contact, faces, loading, "gesture", **load)
         start = state.pressure
         if pose.Index in shown:
             kept[pose.Index] = start

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.coupling import moved, on_patch, places_of, spline_of
+from gstlib.geometry import moved, on_patch, places_of, spline_of
 
 __all__ = ["AGREES", "ALL", "CANNOT_TELL", "ELSEWHERE", "SHIFTED", "place_patches"]
 
@@ -52,9 +52,9 @@ _ELSEWHERE = 0.0
 def place_patches(
     surface: xr.DataArray,
     patches: pd.DataFrame,
-    heights: Mapping[str, xr.DataArray],
+    scans: Mapping[str, xr.Dataset],
     *,
-    size_mm: float,
+    patch_mm: float,
 ) -> pd.DataFrame:
     """Compare each patch with the square under it, and warn of places that look wrong.
 
@@ -64,9 +64,9 @@ def place_patches(
         Heights of the macroscale in the square's frame, mm.
     patches : pandas.DataFrame
         Patch table: ``patch, x_mm, y_mm, rotation_deg``.
-    heights : mapping of patch to (y, x) xarray.DataArray
-        The prepared scans, mm, no NaN. Each is looked up once.
-    size_mm : float
+    scans : mapping of str to xarray.Dataset
+        The prepared T0 scans by patch, with ``height`` (y, x), mm; each is looked up once.
+    patch_mm : float
         Side of a patch.
 
     Returns
@@ -78,8 +78,8 @@ def place_patches(
         ``shift_x_um, shift_y_um``, and its standard errors, NaN where there is no peak; and which
         mould they look like (``looks``), empty where that is not clear.
     """
-    steps = np.arange(-round(_REACH / _STEP), round(_REACH / _STEP) + 1) * _STEP * size_mm
-    maps = _correlations(surface, patches, heights, size_mm, steps)
+    steps = np.arange(-round(_REACH / _STEP), round(_REACH / _STEP) + 1) * _STEP * patch_mm
+    maps = _correlations(surface, patches, scans, patch_mm, steps)
     last, centre = len(patches), len(steps) // 2
     table = pd.DataFrame({"patch": [*patches.patch, ALL], "correlation": np.nan})
     table = table.reindex(columns=[*table, *_SHIFT]).assign(verdict=CANNOT_TELL, looks="")
@@ -88,10 +88,10 @@ def place_patches(
     if last < _FEWEST_PATCHES:
         return table
     shift, errors, p_value = _shared_shift(maps[:, 0], steps)
-    table.loc[last, _SHIFT] = 1e3 * np.array([*shift, *errors])
+    table.loc[last, _SHIFT] = 1e3 * np.array([*shift[::-1], *errors[::-1]])
     table.loc[last, "looks"] = looks = _looks(maps)
     if p_value < _SIGNIFICANCE:
-        column, row = (np.abs(steps - along).argmin() for along in shift)
+        row, column = (np.abs(steps - along).argmin() for along in shift)
         correlation = maps[:, 0, row, column]
         table["correlation"] = [*correlation, correlation.mean()]
     if correlation.mean() >= _LOW:
@@ -112,7 +112,7 @@ def place_patches(
         _log.warning(
             "all patches together fit the macroscale best when shifted in x by %+.0f ± %.0f µm and "
             "y by %+.0f ± %.0f µm: check square.points_mm, or add this to the patch table",
-            *(1e3 * np.array([shift, errors]).T.ravel()),
+            *(1e3 * np.array([shift, errors]).T[::-1].ravel()),
         )
     for row in table[table.verdict == ELSEWHERE].itertuples(index=False):
         _log.warning(
@@ -127,25 +127,25 @@ def place_patches(
 def _correlations(
     surface: xr.DataArray,
     patches: pd.DataFrame,
-    heights: Mapping[str, xr.DataArray],
-    size_mm: float,
+    scans: Mapping[str, xr.Dataset],
+    patch_mm: float,
     steps: np.ndarray,
 ) -> np.ndarray:
     """Correlation (patches, looks, k, k) of scans and square, at shifts (mm) along y and x."""
     from skimage.transform import resize_local_mean
 
-    coarse = (
-        resize_local_mean(heights[patch].values, 2 * (_POINTS,)) for patch in patches.patch
-    )
-    flipped = [[scan[::y, ::x] for y, x in _FLIPS.values()] for scan in coarse]
-    scans, spline = _level(np.array(flipped)), spline_of(surface)
-    found = np.empty((*scans.shape[:2], len(steps), len(steps)))
+    flipped = []
+    for patch in patches.patch:
+        coarse = resize_local_mean(scans[patch].height.values, 2 * (_POINTS,))
+        flipped.append([coarse[::y, ::x] for y, x in _FLIPS.values()])
+    looks, spline = _level(np.array(flipped)), spline_of(surface)
+    found = np.empty((*looks.shape[:2], len(steps), len(steps)))
     for row, column in np.ndindex(found.shape[2:]):
-        places = places_of(moved(patches, (steps[column], steps[row]), surface, size_mm))
+        places = places_of(moved(patches, (steps[row], steps[column]), surface, patch_mm))
         under = [
-            on_patch(spline, place, 2 * (_POINTS,), size_mm) for place in places.values()
+            on_patch(spline, place, 2 * (_POINTS,), patch_mm) for place in places.values()
         ]
-        found[:, :, row, column] = np.einsum("pln,pn->pl", scans, _level(np.array(under)))
+        found[:, :, row, column] = np.einsum("pln,pn->pl", looks, _level(np.array(under)))
     return np.concatenate([found, -found], axis=1)
 
 
@@ -162,7 +162,7 @@ def _level(heights: np.ndarray) -> np.ndarray:
 def _shared_shift(
     maps: np.ndarray, steps: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Shift (x, y) at the peak of the mean of maps (patches, k, k); its errors, mm; its p-value.
+    """Shift (y, x) at the peak of the mean of maps (patches, k, k); its errors, mm; its p-value.
 
     The errors are those of the jackknife over the patches, the test is Hotelling's.
     """
@@ -181,12 +181,12 @@ def _shared_shift(
 
 
 def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Place (x, y) of the highest of values (k, k), by parabolas; NaN if it is at the edge."""
+    """Place (y, x) of the highest of values (k, k), by parabolas; NaN if it is at the edge."""
     row, column = np.unravel_index(values.argmax(), values.shape)
     if min(row, column) == 0 or max(row, column) == len(steps) - 1:
         return np.full(2, np.nan)
     shift = []
-    for at, along in ((column, values[row]), (row, values[:, column])):
+    for at, along in ((row, values[:, column]), (column, values[row])):
         before, top, after = along[at - 1 : at + 2]
         bend = before - 2 * top + after
         shift.append(steps[at] + (steps[1] - steps[0]) * (before - after) / (2 * bend or 1))

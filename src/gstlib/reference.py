@@ -7,8 +7,8 @@ a measured stone it is that of the composite surface, and tells what the couplin
 over several draws of the detail, how far the results depend on what was not scanned.
 """
 
-from collections.abc import Iterable, Mapping
-from itertools import chain
+from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -16,50 +16,49 @@ import xarray as xr
 from scipy.ndimage import map_coordinates
 
 from gstlib.composite import compose
-from gstlib.contact import laid_height
-from gstlib.coupling import Place, places_of, spline_of
+from gstlib.contact import Loading, contact_at_pressure, faces_of, laid_height
+from gstlib.geometry import Place, places_of, spline_of
 from gstlib.io.results import columns_of
 from gstlib.placement import ALL
-from gstlib.preprocess.leveling import Plane
+from gstlib.preprocess.filtering import s_filtered
+from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import make_surface, spacing_of
 from gstlib.validation.scores import inside_rim, scores_of_sums
 
-__all__ = ["TOLERANCE", "composite_heights", "patches_of_reference", "two_scales_table"]
+__all__ = ["composite_heights", "patches_of_reference", "press_whole", "two_scales_table"]
 
 # Of the contact of the whole square. With 1e-7 in its place, 3 points in contact of 10,000 change.
-TOLERANCE = 1e-4
+_TOLERANCE = 1e-4
 
 
 def composite_heights(
-    surface: xr.Dataset,
+    square: xr.Dataset,
     composite: xr.Dataset,
-    scans: Iterable[xr.DataArray],
+    scans: Mapping[str, xr.Dataset],
     *,
+    s_filter_um: float | None,
     seed: int,
     draw: int,
 ) -> xr.DataArray:
     """The composite surface (y, x), mm, at the scans' resolution.
 
-    `composite` is that on the macroscale grid; `scans` are levelled, in the order of its patches,
-    and each is used once. Detail between them is drawn from `seed` and `draw`.
+    `square` and `scans` are those of which `gstlib.composite.compose_surface` made the `composite`
+    on the macroscale grid. Detail between the scans is drawn from `seed` and `draw`.
     """
-    scans = iter(scans)
-    first = next(scans)
-    scans = chain([first], scans)
-    length = spacing_of(surface)[0] * len(surface.y)
-    count = round(length / spacing_of(first)[0])
-
     table = composite[["x_mm", "y_mm", "rotation_deg", "offset", "slope_y", "slope_x"]]
     table = table.to_dataframe().reset_index()
     planes = table[["offset", "slope_y", "slope_x"]].itertuples(index=False)
+    length = spacing_of(square)[0] * len(square.y)
+    first = scans[table.patch[0]].height
+    count = round(length / spacing_of(first)[0])
     laid = (
-        (place, Plane(*plane), scan.values)
-        for place, plane, scan in zip(places_of(table).values(), planes, scans, strict=True)
+        (place, Plane(*plane), s_filtered(scans[patch].height, s_filter_um).values)
+        for (patch, place), plane in zip(places_of(table).items(), planes, strict=True)
     )
     heights = compose(
-        spline_of(surface.height),
+        spline_of(square.height),
         laid,
-        composite.attrs["patch_mm"],
+        float(composite.patch_mm),
         (count, count),
         length / count,
         composite.density,
@@ -68,15 +67,39 @@ def composite_heights(
     return make_surface(heights, length / count)
 
 
+def press_whole(
+    heights: xr.DataArray,
+    counterface: xr.DataArray,
+    *,
+    contact_modulus_MPa: float,
+    target_pressure_MPa: float,
+    source: str | Path = "reference",
+) -> xr.Dataset:
+    """One contact of the whole square at the scans' resolution, at the target pressure.
+
+    `heights` (y, x) are those of the square, mm, and `counterface` (y, x) is the face pressed on it
+    on the macroscale grid. The result has ``height`` mm and ``pressure`` MPa (y, x), in single
+    precision.
+    """
+    level = remove_plane(heights)[0].assign_attrs(heights.attrs)
+    face = None
+    if counterface.values.any():
+        over = spline_of(counterface)(heights.y.values, heights.x.values)
+        face = level.copy(data=over)
+    loading = Loading(contact_modulus_MPa, target_pressure_MPa, _TOLERANCE)
+    contact = contact_at_pressure(faces_of(level, face), loading, source=source)
+    return contact[["height", "pressure"]].astype(np.float32)
+
+
 def patches_of_reference(
-    pressures: Iterable[xr.DataArray], places: Mapping[str, Place], scan: xr.DataArray
+    pressure: xr.DataArray, places: Mapping[str, Place], scan: xr.DataArray
 ) -> xr.Dataset:
     """What the single-scale contact is on each scan.
 
     Parameters
     ----------
-    pressures : iterable of (y, x) xarray.DataArray
-        Contact pressure of the whole square, MPa, by draw.
+    pressure : (y, x) xarray.DataArray
+        Contact pressure of the whole square, MPa.
     places : mapping of str to Place
     scan : (y, x) xarray.DataArray
         One of the scans, whose grid they all have.
@@ -84,38 +107,32 @@ def patches_of_reference(
     Returns
     -------
     xarray.Dataset
-        ``contact`` (draw, patch, y, x), bool; ``pressure`` (draw, patch), MPa, the mean over the
-        scan. Of points outside the square the pressure is 0.
+        ``contact`` (patch, y, x), bool; ``pressure`` (patch), MPa, the mean over the scan. Of
+        points outside the square the pressure is 0.
     """
     v, u = (scan[axis].values - scan[axis].values.mean() for axis in "yx")
     touching, mean = [], []
-    for pressure in pressures:
-        rows = []
-        for place in places.values():
-            at = [
-                (places - pressure[axis].values[0]) / pressure[axis].attrs["spacing"]
-                for places, axis in zip(place.points(v[:, None], u), "yx", strict=True)
-            ]
-            nearest = {
-                "order": 0,
-                "mode": "grid-constant",
-                "cval": 0,
-            }  # of the square's points
-            rows.append(map_coordinates(pressure.values, np.broadcast_arrays(*at), **nearest))
-        touching.append([values > 0 for values in rows])
-        mean.append([values.mean() for values in rows])
+    for place in places.values():
+        at = [
+            (points - pressure[axis].values[0]) / pressure[axis].attrs["spacing"]
+            for points, axis in zip(place.points(v[:, None], u), "yx", strict=True)
+        ]
+        nearest = {"order": 0, "mode": "grid-constant", "cval": 0}  # of the square's points
+        values = map_coordinates(pressure.values, np.broadcast_arrays(*at), **nearest)
+        touching.append(values > 0)
+        mean.append(values.mean())
     there = "in the single-scale contact"
     touch = {"units": "1", "long_name": f"in contact {there}"}
     mean_pressure = {"units": "MPa", "long_name": f"mean pressure {there}"}
     variables = {
-        "contact": (("draw", "patch", "y", "x"), np.array(touching), touch),
-        "pressure": (("draw", "patch"), np.array(mean), mean_pressure),
+        "contact": (("patch", "y", "x"), np.array(touching), touch),
+        "pressure": ("patch", np.array(mean), mean_pressure),
     }
     return xr.Dataset(variables, coords={"patch": list(places), "y": scan.y, "x": scan.x})
 
 
 def two_scales_table(
-    contacts: Mapping[str, Iterable[tuple[str, xr.Dataset]]],
+    contacts: Mapping[str, Mapping[str, xr.Dataset]],
     reference: xr.Dataset,
     *,
     rim: float,
@@ -124,10 +141,10 @@ def two_scales_table(
 
     Parameters
     ----------
-    contacts : mapping of str to iterable of (patch, xarray.Dataset)
-        The patches' contacts by variant, each used once.
+    contacts : mapping of str to mapping of str to xarray.Dataset
+        By variant, the patches' contacts; each is looked up once.
     reference : xarray.Dataset
-        From `patches_of_reference`.
+        From `patches_of_reference`, by ``draw``.
     rim : float
         Share of a side along each edge that is not scored.
 
@@ -145,7 +162,7 @@ def two_scales_table(
     for variant, of_patches in contacts.items():
         counts: dict[str, list[np.ndarray]] = {variant: [], f"highest_{variant}": []}
         known = []
-        for patch, contact in of_patches:
+        for patch, contact in of_patches.items():
             at = reference.sel(patch=patch)
             true = at.contact.values & scored
             heights = np.where(scored, laid_height(contact).values, -np.inf)
@@ -157,7 +174,7 @@ def two_scales_table(
             for mask, found in zip((touching, highest), counts.values(), strict=True):
                 of = (mask & true).sum(), mask.sum(), true.sum(), scored.sum() * len(true)
                 found.append(np.array(of))
-            pressure = float(np.ravel(contact.mean_pressure.values)[-1])
+            pressure = float(contact.mean_pressure)
             known.append((patch, pressure, float(at.pressure.mean())))
         known.append((ALL, np.nan, np.nan))
         for name, found in counts.items():

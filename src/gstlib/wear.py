@@ -22,22 +22,30 @@ What the predictions are worth is told in `gstlib.validation.wear_scores`.
 # alike, so that a prediction, too, counts from the median of its depths.
 
 import math
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from gstlib.bem import Layer, ThirdBody, solve_contact, wear_path
-from gstlib.contact import solved
-from gstlib.coupling import Place, patch_pressures, surroundings
+from gstlib.contact import Loading, solved
+from gstlib.coupling import patch_pressures, surroundings
 from gstlib.errors import InputError
-from gstlib.gesture import exposure, press_poses
+from gstlib.geometry import Place
+from gstlib.gesture import Gesture, exposure, press_poses
 from gstlib.validation.wear_scores import OWN, seen_depth
 
-__all__ = ["fit_mat", "mat_misfits", "wear_map", "wear_patch", "wear_square"]
+__all__ = [
+    "Mat",
+    "WornSquare",
+    "fit_mat",
+    "mat_misfits",
+    "wear_map",
+    "wear_patches",
+    "wear_square",
+]
 
 # The square wears to this many times the κ of the bare stone that its first pressures give, or to
 # more, where patches are then short of their losses.
@@ -45,6 +53,57 @@ _REACHES = 1.5, 3.0, 6.0
 # Coefficients of the mat that are tried, over that of the bare stone.
 _RATIOS = 0.0, 0.1, 0.3, 1.0, 3.0
 _BODIES = "stone", "mat"
+
+_PLACE = "x_mm", "y_mm", "rotation_deg"
+_DESCRIBED = {
+    "kappa": ("mm/MPa", "wear coefficient × sliding"),
+    "pressed": ("mm", "mean depth that one body alone would remove"),
+    "fitted": ("mm/MPa", "κ of other patches"),
+    "kappa_of_all": ("mm/MPa", "κ of all patches"),
+    "measured": ("mm", "measured mean depth lost"),
+    "patch_mm": ("mm", "side of a patch"),
+    "x_mm": ("mm", "centre of the patch along x"),
+    "y_mm": ("mm", "centre of the patch along y"),
+    "rotation_deg": ("degree", "turn of the patch, x towards y"),
+}
+
+
+class Mat(NamedTuple):
+    """What takes turns with the bare stone.
+
+    Attributes
+    ----------
+    layer : gstlib.bem.Layer
+    pressure : (y, x) xarray.DataArray
+        Under it on the square before use, MPa.
+    """
+
+    layer: Layer
+    pressure: xr.DataArray
+
+
+class WornSquare(NamedTuple):
+    """How the square wears.
+
+    Attributes
+    ----------
+    path : xarray.Dataset
+        By ``ratio`` of the mat's coefficient to the bare stone's, 0 alone without a mat: ``kappa``
+        (ratio, step), both bodies' together, mm/MPa, from 0 on; ``pressed`` (ratio, body, step,
+        patch): mean depth that one body alone would remove, mm. ``fitted`` (patch): κ of the bare
+        stone from the measured losses of all other patches; ``kappa_of_all``: from all.
+        ``measured`` (patch), mm, NaN where κ is not fitted to a patch; ``x_mm, y_mm,
+        rotation_deg`` (patch); ``patch_mm``.
+    mat : Mat or None
+    """
+
+    path: xr.Dataset
+    mat: Mat | None
+
+    @property
+    def losers(self) -> list[str]:
+        """The patches that κ is fitted to."""
+        return self.path.patch.values[np.isfinite(self.path.measured.values)].tolist()
 
 
 def wear_square(
@@ -55,16 +114,14 @@ def wear_square(
     patch_mm: float,
     steps: int,
     mat: Layer | None = None,
-    face: xr.DataArray | None = None,
-    poses: pd.DataFrame | None = None,
-    source: str | Path = "macroscale",
-) -> xr.Dataset:
+    gesture: Gesture | None = None,
+) -> WornSquare:
     """Wear the square, follow the patches' pressures, and fit κ.
 
     Parameters
     ----------
     contact : xarray.Dataset
-        The square's at the target pressure, with its ``height`` (y, x), mm.
+        The square's at the target pressure.
     pressures : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg`` of every patch, and ``pressure_MPa`` before use.
     losses_um : mapping
@@ -75,21 +132,9 @@ def wear_square(
         Implicit steps of the path.
     mat : gstlib.bem.Layer, optional
         What takes turns with the bare stone.
-    face : (face_y, face_x) xarray.DataArray, optional
-    poses : pandas.DataFrame, optional
-        The active stone's face and a gesture, as in `gstlib.gesture.press_poses`: in each step all
-        poses take off what their pressure and sliding say, in place of the single pose. Not with a
-        mat.
-
-    Returns
-    -------
-    xarray.Dataset
-        By ``ratio`` of the mat's coefficient to the bare stone's, 0 alone without a mat: ``kappa``
-        (ratio, step), both bodies' together, mm/MPa, from 0 on; ``pressed`` (ratio, body, step,
-        patch): what that κ would take off the patch by one body alone, mm. ``fitted`` (patch): κ of
-        the bare stone from the measured losses of all other patches; the attribute ``kappa``: from
-        all. ``measured`` (patch), mm, NaN where κ is not fitted to a patch; ``x_mm, y_mm,
-        rotation_deg`` (patch); with a mat ``mat_pressure`` (y, x), MPa, under it before use.
+    gesture : Gesture, optional
+        In each step all its poses take off what their pressure and sliding say, in place of the
+        single pose. Not with a mat.
 
     Raises
     ------
@@ -98,21 +143,19 @@ def wear_square(
     """
     measured = pd.Series(losses_um, dtype=float) * 1e-3
     table = pressures.set_index("patch", drop=False)
-    settings: dict[str, Any] = {"patch_mm": patch_mm, "steps": steps, "source": source}
     most = measured.sum() / table.pressure_MPa[measured.index].sum()
     for reach in _REACHES:
-        # a mat adds to what the bare stone does
-        if poses is None:
+        if gesture is None:
+            # a mat adds to what the bare stone does
             paths = [
                 _pressed(
-                    contact, table, (1 + ratio) * reach * most, ratio, mat=mat, **settings
+                    contact, table, (1 + ratio) * reach * most, ratio, mat, patch_mm, steps
                 )
                 for ratio in (_RATIOS if mat else _RATIOS[:1])
             ]
         else:
-            surface = contact[["height"]].assign(face=face)
             paths = [
-                _pressed_in_poses(contact, surface, poses, table, reach * most, **settings)
+                _pressed_in_poses(contact, gesture, table, reach * most, patch_mm, steps)
             ]
         bare = paths[0]
         loss = bare.pressed.sel(body="stone")
@@ -122,39 +165,28 @@ def wear_square(
             break
     else:
         raise InputError(
-            source,
+            "macroscale",
             "the measured losses are more than this square can lose under its patches",
             "Look for a patch whose T1 is wrong, or set wear_steps to null in the config.",
         )
     path = xr.concat(paths, pd.Index(_RATIOS[: len(paths)], name="ratio"))
     path = path.assign(
-        fitted=("patch", fits[1:]), measured=("patch", measured.reindex(table.index))
+        fitted=("patch", fits[1:]),
+        kappa_of_all=fits[0],
+        measured=("patch", measured.reindex(table.index)),
+        patch_mm=patch_mm,
     )
-    described = {
-        "kappa": ("mm/MPa", "wear coefficient × sliding"),
-        "pressed": ("mm", "mean depth that a body alone takes off"),
-        "fitted": ("mm/MPa", "κ of other patches"),
-        "measured": ("mm", "measured mean depth lost"),
-        "x_mm": ("mm", "centre of the patch along x"),
-        "y_mm": ("mm", "centre of the patch along y"),
-        "rotation_deg": ("degree", "turn of the patch, x towards y"),
-    }
-    places = {name: ("patch", table[name]) for name in ("x_mm", "y_mm", "rotation_deg")}
-    path = path.assign(places).assign_attrs(kappa=fits[0], steps=steps, patch_mm=patch_mm)
-    for name, (units, long_name) in described.items():
+    path = path.assign({name: ("patch", table[name]) for name in _PLACE})
+    for name, (units, long_name) in _DESCRIBED.items():
         path[name].attrs.update(units=units, long_name=long_name)
-    if mat is None:
-        return path
-    options = {"mean_pressure": float(contact.pressure.mean()), "layer": mat}
-    pressed = solved(solve_contact, contact, source, **options).pressure
-    field = contact.pressure.copy(data=pressed).reset_coords(drop=True)
-    field.attrs["long_name"] = "pressure under the mat before use"
-    return path.assign(mat_pressure=field).assign_attrs(
-        young_MPa=mat.young,
-        poisson=mat.poisson,
-        thickness_mm=mat.thickness,
-        contact_modulus_MPa=contact.attrs["contact_modulus_MPa"],
-    )
+    return WornSquare(path, None if mat is None else Mat(mat, _under_mat(contact, mat)))
+
+
+def _under_mat(contact: xr.Dataset, mat: Layer) -> xr.DataArray:
+    """Pressure (y, x) on the square under a mat before use, MPa."""
+    load = {"mean_pressure": float(contact.pressure.mean()), "layer": mat}
+    state = solved(solve_contact, contact, Loading.of(contact), "macroscale", **load)
+    return contact.pressure.copy(data=state.pressure)
 
 
 def _pressed(
@@ -162,59 +194,61 @@ def _pressed(
     table: pd.DataFrame,
     kappa: float,
     ratio: float,
-    *,
+    mat: Layer | None,
     patch_mm: float,
     steps: int,
-    mat: Layer | None,
-    source: str | Path,
 ) -> xr.Dataset:
     """``kappa`` and ``pressed`` of `wear_square` up to one κ, at one ratio."""
     target = float(contact.pressure.mean())
     share = ratio / (1 + ratio)
-    third_body = ThirdBody(mat, share, target) if mat else None
-    options: dict[str, Any] = {"mean_pressure": target, "mean_loss": kappa * target}
-    options |= {"steps": steps, "third_body": third_body, "keep_states": True}
-    path = solved(wear_path, contact, source, **options)
+    options: dict[str, Any] = {
+        "mean_pressure": target,
+        "mean_loss": kappa * target,
+        "steps": steps,
+        "third_body": ThirdBody(mat, share, target) if mat else None,
+        "keep_states": True,
+    }
+    path = solved(wear_path, contact, Loading.of(contact), "macroscale", **options)
     pressed = np.zeros((len(_BODIES), steps + 1, len(table)))
     for body, states in enumerate(zip(*path.states, strict=True)):
-        in_steps = [
-            patch_pressures(
-                contact.height.copy(data=state.pressure), table, size_mm=patch_mm
-            ).pressure_MPa
-            for state in states
-        ]
+        in_steps = []
+        for state in states:
+            field = contact.height.copy(data=state.pressure)
+            in_steps.append(patch_pressures(field, table, size_mm=patch_mm).pressure_MPa)
         pressed[body, 1:] = kappa / steps * np.cumsum(in_steps, axis=0)
     return _path(np.linspace(0, kappa, steps + 1), pressed, table)
 
 
 def _pressed_in_poses(
     contact: xr.Dataset,
-    surface: xr.Dataset,
-    poses: pd.DataFrame,
+    gesture: Gesture,
     table: pd.DataFrame,
     kappa: float,
-    *,
     patch_mm: float,
     steps: int,
-    source: str | Path,
 ) -> xr.Dataset:
     """As `_pressed`, by all poses of a gesture in each of as many explicit steps.
 
     The exposure takes the place of the pressure, in units in which its mean is the mean pressure.
     """
-    target = float(contact.pressure.mean())
-    settings = {name: contact.attrs[name] for name in ("contact_modulus_MPa", "tolerance")}
+    target, height = float(contact.pressure.mean()), contact.height
+    loading = Loading.of(contact)
     pressed = np.zeros((len(_BODIES), steps + 1, len(table)))
     for step in range(steps):
-        found = exposure(
-            [press_poses(surface, poses, table, patch_mm=patch_mm, source=source, **settings)]
+        batch = press_poses(
+            height,
+            gesture,
+            table,
+            contact_modulus_MPa=loading.contact_modulus_MPa,
+            tolerance=loading.tolerance,
+            patch_mm=patch_mm,
         )
+        found = exposure([batch])
         lost = kappa / steps * target / float(found.exposure.mean())
         pressed[0, step + 1] = (
             pressed[0, step] + lost * found.patch_exposure.sum("pose").values
         )
-        worn = surface.height.values - lost * found.exposure.values
-        surface = surface.assign(height=surface.height.copy(data=worn))
+        height = height.copy(data=height.values - lost * found.exposure.values)
     return _path(np.linspace(0, kappa, steps + 1), pressed, table)
 
 
@@ -233,7 +267,7 @@ def _fit(kappa: xr.DataArray, loss: xr.DataArray, measured: pd.Series) -> float:
 
 def wear_patch(
     contact: xr.Dataset,
-    square: xr.Dataset,
+    worn: WornSquare,
     patch: str,
     *,
     ratio: float = 0.0,
@@ -244,11 +278,11 @@ def wear_patch(
     Parameters
     ----------
     contact : xarray.Dataset
-        The patch's, before use, from `gstlib.study.solve_patch`.
-    square : xarray.Dataset
-        From `wear_square`.
+        The patch's, before use.
+    worn : WornSquare
+    patch : str
     ratio : float
-        One of those of `square`.
+        One of those of `worn`.
     kappa : float, optional
         mm/MPa; by default that of the bare stone from the other patches.
 
@@ -257,48 +291,47 @@ def wear_patch(
     ndarray, shape (ny, nx)
         The depth lost, mm.
     """
-    kappa = float(square.fitted.sel(patch=patch)) if kappa is None else kappa
-    lost, options = _driven(contact, square, patch, ratio, kappa)
+    kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
+    lost, options = _driven(contact, worn, patch, ratio, kappa)
     if not lost > 0:
         return np.zeros(contact.height.shape)
-    return solved(wear_path, contact, f"patch {patch}", **options).depth
+    source = f"patch {patch}"
+    return solved(wear_path, contact, Loading.of(contact), source, **options).depth
 
 
 def _driven(
-    contact: xr.Dataset, square: xr.Dataset, patch: str, ratio: float, kappa: float
+    contact: xr.Dataset, worn: WornSquare, patch: str, ratio: float, kappa: float
 ) -> tuple[float, dict]:
     """Mean loss (mm) of a patch at a κ, and the settings of `wear_path` that lead to it."""
-    at, steps = square.sel(patch=patch, ratio=ratio), square.attrs["steps"]
+    at, steps = worn.path.sel(patch=patch, ratio=ratio), worn.path.sizes["step"] - 1
     share, fine = ratio / (1 + ratio), kappa * np.arange(steps + 1) / steps
     pressed = [np.interp(fine, at.kappa, at.pressed.sel(body=body)) for body in _BODIES]
     stone, soft = (np.diff(of) / fine[1] for of in pressed)
     lost = (1 - share) * pressed[0][-1] + share * pressed[1][-1]
     options: dict[str, Any] = {"mean_pressure": stone, "mean_loss": lost, "steps": steps}
-    if ratio:
-        options["third_body"] = ThirdBody(*_mat_under(contact, at, share, soft))
+    if ratio and worn.mat:
+        lowered = _lowered(contact, at, worn.mat)
+        options["third_body"] = ThirdBody(worn.mat.layer, share, soft, lowered)
     return lost, options
 
 
-def _mat_under(
-    contact: xr.Dataset, at: xr.Dataset, share: float, pressures: np.ndarray
-) -> tuple:
-    """The third body on a patch, lowered by other surroundings than those of the bare stone."""
-    mat = Layer(*(at.attrs[name] for name in ("young_MPa", "poisson", "thickness_mm")))
-    if "surroundings" not in contact:
-        return mat, share, pressures
-    lowered = surroundings(
-        at.mat_pressure,
-        Place(*(float(at[name]) for name in ("y_mm", "x_mm", "rotation_deg"))),
+def _lowered(contact: xr.Dataset, at: xr.Dataset, mat: Mat) -> np.ndarray | float:
+    """How much lower (mm) the surroundings under a mat put a patch than those of the bare stone."""
+    if not contact.placed:
+        return 0.0
+    under_mat = surroundings(
+        mat.pressure,
+        Place(float(at.y_mm), float(at.x_mm), float(at.rotation_deg)),
         contact.height.shape,
-        size_mm=at.attrs["patch_mm"],
-        contact_modulus_MPa=at.attrs["contact_modulus_MPa"],
-        layer=mat,
+        size_mm=float(at.patch_mm),
+        contact_modulus_MPa=float(contact.contact_modulus),
+        layer=mat.layer,
     )
-    return mat, share, pressures, lowered - contact.surroundings.values
+    return under_mat - contact.surroundings.values
 
 
 def mat_misfits(
-    contact: xr.Dataset, change: xr.Dataset, square: xr.Dataset, patch: str
+    contact: xr.Dataset, change: xr.Dataset, worn: WornSquare, patch: str
 ) -> xr.Dataset:
     """How a patch's wear compares with its measured loss, by ratio, along the path of the square.
 
@@ -309,17 +342,17 @@ def mat_misfits(
         (ratio, step): sum over the points of (predicted − measured loss)², mm²; ``product`` (ratio,
         step): that of the errors of a step and the next.
     """
-    known = np.isfinite(change.change.values)
+    known, loading = np.isfinite(change.change.values), Loading.of(contact)
     lost = -change.change.values[known]
-    steps = square.attrs["steps"]
-    found = np.zeros((3, len(square.ratio), steps + 1))
-    for row, ratio in enumerate(square.ratio.values):
-        kappa = float(square.kappa.sel(ratio=ratio)[-1])
-        total, options = _driven(contact, square, patch, ratio, kappa)
+    steps = worn.path.sizes["step"] - 1
+    found = np.zeros((3, len(worn.path.ratio), steps + 1))
+    for row, ratio in enumerate(worn.path.ratio.values):
+        kappa = float(worn.path.kappa.sel(ratio=ratio)[-1])
+        total, options = _driven(contact, worn, patch, ratio, kappa)
         depths = np.zeros((steps, *contact.height.shape))
         if total > 0:
             options["keep_depths"] = True
-            depths = solved(wear_path, contact, f"patch {patch}", **options).depths
+            depths = solved(wear_path, contact, loading, f"patch {patch}", **options).depths
         before = -lost
         found[1, row, 0] = before @ before
         for step, depth in enumerate(depths, start=1):
@@ -338,31 +371,46 @@ def mat_misfits(
             name: (("ratio", "step"), values, {"units": units, "long_name": long_name})
             for (name, (units, long_name)), values in zip(named.items(), found, strict=True)
         },
-        coords={"ratio": square.ratio},
+        coords={"ratio": worn.path.ratio},
     )
 
 
-def fit_mat(square: xr.Dataset, by_patch: Mapping[str, xr.Dataset]) -> xr.Dataset:
+def fit_mat(
+    worn: WornSquare, contacts: Mapping[str, xr.Dataset], changes: Mapping[str, xr.Dataset]
+) -> xr.Dataset:
     """Find the mat's coefficient, over the bare stone's, that fits the maps of loss best.
 
     At each ratio κ makes the predicted losses, as far as scans see them, equal in sum to the
     measured ones.
 
-    `by_patch` are `mat_misfits`. The result is `square` with ``misfit`` (ratio, scored), mm²: of
-    each patch where all are fitted; ``mat_ratio`` and ``mat_kappa`` (scored): fitted to all other
-    patches; and the attribute ``mat_ratio``: to all.
+    Parameters
+    ----------
+    worn : WornSquare
+        With a mat.
+    contacts, changes : mapping of str to xarray.Dataset
+        Contact before use and height change of each patch that lost height, by patch; each is
+        looked up once.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``misfit`` (ratio, patch), mm²: of each patch where all are fitted; ``mat_ratio`` and
+        ``mat_kappa`` (patch): fitted to all other patches; ``ratio_of_all``: to all.
     """
-    found = xr.concat(by_patch.values(), pd.Index(by_patch, name="scored"))
-    measured = square.measured.sel(patch=list(by_patch)).values
+    by_patch = {
+        patch: mat_misfits(contacts[patch], changes[patch], worn, patch)
+        for patch in worn.losers
+    }
+    found = xr.concat(by_patch.values(), pd.Index(by_patch, name="patch"))
+    measured = worn.path.measured.sel(patch=list(by_patch)).values
 
     def misfit(of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """κ (ratio,), and the misfits (ratio, scored), where the patches `of` are fitted."""
+        """κ (ratio,), and the misfits (ratio, patch), where the patches `of` are fitted."""
         kappas, errors = [], []
-        for ratio in square.ratio.values:
-            at, kappa = found.sel(ratio=ratio), square.kappa.sel(ratio=ratio).values
-            place = np.interp(
-                measured[of].sum(), at.visible[of].sum("scored"), np.arange(kappa.size)
-            )
+        for ratio in worn.path.ratio.values:
+            at, kappa = found.sel(ratio=ratio), worn.path.kappa.sel(ratio=ratio).values
+            visible = at.visible[of].sum("patch")
+            place = np.interp(measured[of].sum(), visible, np.arange(kappa.size))
             low = min(int(place), kappa.size - 2)
             part = place - low
             kappas.append(np.interp(place, np.arange(kappa.size), kappa))
@@ -380,7 +428,7 @@ def fit_mat(square: xr.Dataset, by_patch: Mapping[str, xr.Dataset]) -> xr.Datase
         others = np.delete(every, own)
         kappa, errors = misfit(others)
         best = int(errors[:, others].sum(axis=1).argmin())
-        ratios.append(float(square.ratio[best]))
+        ratios.append(float(worn.path.ratio[best]))
         kappas.append(kappa[best])
     best = int(all_misfits.sum(axis=1).argmin())
     misfit_of = {"units": "mm2", "long_name": "sum of squared differences of loss"}
@@ -389,23 +437,38 @@ def fit_mat(square: xr.Dataset, by_patch: Mapping[str, xr.Dataset]) -> xr.Datase
         "long_name": "coefficient of the mat over that of the bare stone",
     }
     kappa_of = {"units": "mm/MPa", "long_name": "κ of other patches, with the mat"}
-    return square.assign(
-        misfit=(("ratio", "scored"), all_misfits, misfit_of),
-        mat_ratio=("scored", ratios, ratio_of),
-        mat_kappa=("scored", kappas, kappa_of),
-        scored=list(by_patch),
-    ).assign_attrs(mat_ratio=float(square.ratio[best]))
+    return xr.Dataset(
+        {
+            "misfit": (("ratio", "patch"), all_misfits, misfit_of),
+            "mat_ratio": ("patch", ratios, ratio_of),
+            "mat_kappa": ("patch", kappas, kappa_of),
+            "ratio_of_all": ((), float(worn.path.ratio[best]), ratio_of),
+        },
+        coords={"ratio": worn.path.ratio, "patch": list(by_patch)},
+    )
 
 
-def wear_map(contact: xr.Dataset, square: xr.Dataset, patch: str) -> xr.Dataset:
+def wear_patches(
+    worn: WornSquare, fitted: xr.Dataset | None, contacts: Mapping[str, xr.Dataset]
+) -> Iterator[tuple[str, xr.Dataset]]:
+    """`wear_map` of each patch that lost height, from their `contacts`, one after the other."""
+    for patch in worn.losers:
+        yield patch, wear_map(contacts[patch], worn, fitted, patch)
+
+
+def wear_map(
+    contact: xr.Dataset, worn: WornSquare, fitted: xr.Dataset | None, patch: str
+) -> xr.Dataset:
     """Loss and heights after use of a patch, as the other patches predict them.
 
     Parameters
     ----------
     contact : xarray.Dataset
         The patch's contact before use.
-    square : xarray.Dataset
-        From `wear_square`; with a mat, from `fit_mat`.
+    worn : WornSquare
+    fitted : xarray.Dataset or None
+        From `fit_mat`; None without a mat.
+    patch : str
 
     Returns
     -------
@@ -413,11 +476,11 @@ def wear_map(contact: xr.Dataset, square: xr.Dataset, patch: str) -> xr.Dataset:
         ``depth`` and ``t1`` (model, y, x), mm, by ``archard``, the bare stone, and, where there is
         a mat, ``mat``.
     """
-    depths = [wear_patch(contact, square, patch)]
-    if "mat_ratio" in square:
-        fitted = square.sel(scored=patch)
-        ratio, kappa = float(fitted.mat_ratio), float(fitted.mat_kappa)
-        depths.append(wear_patch(contact, square, patch, ratio=ratio, kappa=kappa))
+    depths = [wear_patch(contact, worn, patch)]
+    if fitted is not None:
+        at = fitted.sel(patch=patch)
+        ratio, kappa = float(at.mat_ratio), float(at.mat_kappa)
+        depths.append(wear_patch(contact, worn, patch, ratio=ratio, kappa=kappa))
     depth = np.stack(depths)
     names = {"depth": "predicted height loss", "t1": "predicted height after use"}
     values = {"depth": depth, "t1": contact.height.values - depth}

@@ -13,7 +13,7 @@ import trimesh
 import xarray as xr
 from gst.figures import macroscale, maps, microscale, style, tables
 from gstlib.errors import InputError
-from gstlib.preprocess.frame import Frame
+from gstlib.geometry import Frame
 from gstlib.surface import make_surface
 
 

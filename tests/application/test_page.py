@@ -13,8 +13,8 @@ from gst import ROOT, page
 from gst.config import read_config
 from gst.figures.style import STONE
 from gst.figures.tool import coloured_tool
+from gstlib.geometry import Frame
 from gstlib.io.results import TABLES
-from gstlib.preprocess.frame import Frame
 from gstlib.surface import make_surface
 from matplotlib import colormaps
 from PIL import Image

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import trimesh
 from gst.figures.tool import check_figure, draw_square, draw_stone
-from gstlib.preprocess.frame import Frame
+from gstlib.geometry import Frame
 from matplotlib.figure import Figure
 
 ABOVE = Frame((0, 0, 0), (-1, 0, 0), (0, 0, 1))

@@ -11,7 +11,7 @@ from gstlib.composite import (
     draw_mesh_errors,
     plane_under,
 )
-from gstlib.coupling import Place, places_of, spline_of
+from gstlib.geometry import Place, places_of, spline_of
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import axis_coordinates, make_surface

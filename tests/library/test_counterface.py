@@ -5,9 +5,8 @@ import pytest
 import trimesh
 from gstlib.contact import contact_at_pressure, faces_of
 from gstlib.counterface import face_in_pose, grid_counterface, pose_frame, posed_mesh
-from gstlib.coupling import Place
 from gstlib.errors import ConfigError, InputError
-from gstlib.preprocess.frame import frame_from_points
+from gstlib.geometry import Place, frame_from_points
 from gstlib.specimen.randomness import smooth_field
 from gstlib.study import grid_macroscale
 from scipy.spatial.transform import Rotation

@@ -4,13 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from gstlib.bem import HalfSpace, Layer
-from gstlib.coupling import (
-    Place,
-    footprint_weights,
-    moved,
-    patch_pressures,
-    surroundings,
-)
+from gstlib.coupling import patch_pressures, surroundings
+from gstlib.geometry import Place, footprint_weights, moved
 from gstlib.study import select_patches
 from gstlib.surface import make_surface
 from hypothesis import given, settings

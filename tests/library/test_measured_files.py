@@ -10,10 +10,9 @@ import pytest
 import yaml
 from gst.patches import read_patches
 from gstlib.contact import contact_at_pressure
-from gstlib.coupling import spline_of
+from gstlib.geometry import frame_from_points, spline_of
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
-from gstlib.preprocess.frame import frame_from_points
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.study import prepare_scan

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from gstlib.coupling import Place
+from gstlib.geometry import Place
 from gstlib.placement import AGREES, ALL, CANNOT_TELL, ELSEWHERE, SHIFTED, place_patches
 from gstlib.surface import axis_coordinates, make_surface
 

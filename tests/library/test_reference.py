@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
-from gstlib.coupling import Place
+from gstlib.geometry import Place
 from gstlib.placement import ALL
 from gstlib.reference import patches_of_reference, two_scales_table
 from gstlib.surface import make_surface

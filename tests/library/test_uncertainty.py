@@ -7,7 +7,8 @@ import xarray as xr
 from gstlib.composite import compose_surface
 from gstlib.contact import contact_at_pressure
 from gstlib.counterface import face_in_pose
-from gstlib.coupling import Place, patch_pressures, places_of
+from gstlib.coupling import patch_pressures
+from gstlib.geometry import Place, places_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import axis_coordinates, make_surface
 from gstlib.uncertainty import draw_contact_moduli, pressure_intervals

@@ -11,7 +11,7 @@ from conftest import ROOT
 from gst.cli import main
 from gst.config import config_problems
 from gst.config_file import read_config_file
-from gstlib.preprocess.frame import find_frame, frame_from_points
+from gstlib.geometry import find_frame, frame_from_points
 
 pytestmark = pytest.mark.browser
 

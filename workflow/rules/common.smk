@@ -47,6 +47,7 @@ COUNTERFACE_SCAN = (config["counterface"] or {}).get("scan", [])
 SECOND_STONE = counterface_mesh(config, f"{RESULTS}/specimen")
 COUNTERFACE_MESH = SECOND_STONE["mesh"] if SECOND_STONE else []
 POSES = poses_of(config)
+FACE = f"{RESULTS}/macroscale/face.h5" if SECOND_STONE else []
 if SECOND_STONE:
     SECOND_STONE["reach_mm"] = reach_of(config)
 # What is pressed at the macroscale: the mesh alone, or the scans laid on it.
@@ -105,9 +106,9 @@ def listed(patches):
 
 
 def crops_of(patches):
-    """Centre [x, y] in mm of the piece to cut from each patch's scan, or None for a whole scan."""
-    crops = PATCHES.loc[patches, ["crop_x_mm", "crop_y_mm"]]
-    return [None if x != x else [float(x), float(y)] for x, y in crops.itertuples(index=False)]
+    """Centre [y, x] in mm of the piece to cut from each patch's scan, or None for a whole scan."""
+    crops = PATCHES.loc[patches, ["crop_y_mm", "crop_x_mm"]]
+    return [None if y != y else [float(y), float(x)] for y, x in crops.itertuples(index=False)]
 
 
 SCAN_USES = scan_files(PATCHES, SCAN_FOLDER, COUNTERFACE_SCAN or None)

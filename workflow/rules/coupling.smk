@@ -6,7 +6,7 @@
 
 rule place_patches:
     input:
-        surface=f"{RESULTS}/macroscale/surface.h5",
+        square=f"{RESULTS}/macroscale/surface.h5",
         t0=surfaces("T0", ALL_PATCHES),
     output:
         table=table("placement", "3 Coupling"),
@@ -26,7 +26,7 @@ rule place_patches:
 
 rule couple_scales:
     input:
-        surface=f"{RESULTS}/macroscale/surface.h5",
+        square=f"{RESULTS}/macroscale/surface.h5",
         contact=f"{RESULTS}/macroscale/contact.h5",
     output:
         pressures=f"{RESULTS}/coupling/pressures.csv",
@@ -70,8 +70,9 @@ rule select_patches:
 
 rule bound_pressures:
     input:
-        surface=f"{RESULTS}/macroscale/surface.h5",
+        square=f"{RESULTS}/macroscale/surface.h5",
         composite=COMPOSITE,
+        face=FACE,
         pressures=f"{RESULTS}/coupling/pressures.csv",
     output:
         table=table("patch_intervals", "3 Coupling"),
@@ -81,7 +82,6 @@ rule bound_pressures:
         f"{RESULTS}/benchmarks/bound_pressures.tsv"
     params:
         material=config["material"],
-        contact_modulus_MPa=CONTACT_MODULUS_MPA,
         target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
         patch_mm=PATCH_MM,
         uncertainty=config["uncertainty"],
@@ -116,7 +116,7 @@ if REFERENCE:
 
     rule solve_reference:
         input:
-            surface=f"{RESULTS}/macroscale/surface.h5",
+            square=f"{RESULTS}/macroscale/surface.h5",
             composite=COMPOSITE,
             t0=surfaces("T0", ALL_PATCHES),
             true_surface=f"{RESULTS}/specimen/surface.h5" if GENERATED else [],

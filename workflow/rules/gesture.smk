@@ -26,6 +26,7 @@ for batch, poses in POSE_BATCHES.items():
             f"press_{Path(batch).stem}"
         input:
             square=SQUARE,
+            face=FACE,
         output:
             batch=batch,
         log:

@@ -42,7 +42,8 @@ rule grid_macroscale:
         mesh=MESH,
         counterface=COUNTERFACE_MESH,
     output:
-        surface=f"{RESULTS}/macroscale/surface.h5",
+        **({"face": FACE} if FACE else {}),
+        square=f"{RESULTS}/macroscale/surface.h5",
         table=table("gridding", "2 Macroscale"),
     log:
         f"{RESULTS}/logs/grid_macroscale.log",
@@ -50,8 +51,8 @@ rule grid_macroscale:
         f"{RESULTS}/benchmarks/grid_macroscale.tsv"
     params:
         **{name: config["macroscale"][name] for name in ("grid", "margin_mm", "interpolation")},
+        **config["square"],
         mesh_unit=MESH_UNIT,
-        square=config["square"],
         second_stone=SECOND_STONE,
         code=code("grid_macroscale.py"),
     message:
@@ -64,7 +65,7 @@ if COMPOSITE:
 
     rule compose_surface:
         input:
-            surface=f"{RESULTS}/macroscale/surface.h5",
+            square=f"{RESULTS}/macroscale/surface.h5",
             t0=surfaces("T0", ALL_PATCHES),
         output:
             composite=COMPOSITE,
@@ -87,7 +88,7 @@ if COMPOSITE:
 
 rule solve_macroscale:
     input:
-        surface=SQUARE,
+        square=SQUARE,
     output:
         contact=f"{RESULTS}/macroscale/contact.h5",
         path=table("macroscale_path", "2 Macroscale"),

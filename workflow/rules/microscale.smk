@@ -107,7 +107,7 @@ for part, patches in batches(ALL_PATCHES).items():
             counterface=COUNTERFACE,
             pressures=f"{RESULTS}/coupling/pressures.csv",
             composite=COMPOSITE,
-            square=f"{RESULTS}/macroscale/contact.h5" if COMPOSITE else [],
+            contact=f"{RESULTS}/macroscale/contact.h5" if COMPOSITE else [],
         output:
             contacts=contacts(patches),
             others=other_contacts(patches),

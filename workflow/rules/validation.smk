@@ -46,8 +46,8 @@ if WORN_PATCHES:
 
         rule predict_wear:
             input:
-                square=f"{RESULTS}/macroscale/contact.h5",
-                surface=SQUARE if POSES is not None else [],
+                contact=f"{RESULTS}/macroscale/contact.h5",
+                face=FACE if POSES is not None else [],
                 contacts=contacts(WORN_PATCHES),
                 registered=registered(WORN_PATCHES),
                 pressures=f"{RESULTS}/tables/patch_pressures.csv",

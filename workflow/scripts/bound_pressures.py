@@ -5,13 +5,27 @@ from pathlib import Path
 from gst.logs import run_script
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, write_table
-from gstlib.study import bound_pressures
+from gstlib.uncertainty import Errors, Macroscale, pressure_intervals
 
 
-def main(surface: Path, composite: Path, pressures: Path, table: Path, **settings) -> None:
-    composed = read_dataset(composite) if composite else None
-    limits = bound_pressures(
-        read_dataset(surface), composed, read_pressures(pressures), source=surface, **settings
+def main(
+    square: Path,
+    composite: Path,
+    face: Path,
+    pressures: Path,
+    table: Path,
+    *,
+    uncertainty: dict[str, float],
+    **settings,
+) -> None:
+    macroscale = Macroscale(
+        read_dataset(square),
+        read_dataset(composite) if composite else None,
+        read_dataset(face).face if face else None,
+    )
+    errors = Errors(**uncertainty)
+    limits = pressure_intervals(
+        macroscale, read_pressures(pressures), errors=errors, **settings
     )
     write_table(table, limits)
 

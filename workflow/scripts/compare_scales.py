@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from gst.logs import run_script
-from gstlib.io.store import read_dataset
+from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import write_table
-from gstlib.study import compare_scales
+from gstlib.reference import two_scales_table
 
 
 def main(
@@ -18,13 +18,11 @@ def main(
     variants: list[str],
     rim: float,
 ) -> None:
-    found = {
-        variant: (
-            (patch, read_dataset(file)) for patch, file in zip(patches, files, strict=True)
-        )
+    by_variant = {
+        variant: Stored(dict(zip(patches, files, strict=True)))
         for variant, files in zip(variants, [contacts, others], strict=False)
     }
-    write_table(table, compare_scales(found, read_dataset(reference), rim=rim))
+    write_table(table, two_scales_table(by_variant, read_dataset(reference), rim=rim))
 
 
 if "snakemake" in globals():

@@ -5,24 +5,26 @@ from pathlib import Path
 import pandas as pd
 
 from gst.logs import run_script
-from gstlib.contact import contact_at_pressure, faces_of
+from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.coupling import couple_scales
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
-from gstlib.study import couple_scales
 
 
 def main(
-    surface: Path,
+    square: Path,
     contact: Path,
     pressures: Path,
     *,
     patches: dict[str, list],
     patch_mm: float,
-    **settings: float,
+    **loading: float,
 ) -> None:
-    final = read_dataset(contact, only=["pressure"]).isel(step=-1)
-    alone = contact_at_pressure(faces_of(read_dataset(surface)), source=surface, **settings)
-    table = couple_scales(final, alone, pd.DataFrame(patches), patch_mm=patch_mm)
+    mesh = read_dataset(square, only=["height", "counterface"])
+    faces = faces_of(mesh.height, mesh.counterface)
+    alone = contact_at_pressure(faces, Loading(**loading), source=square)
+    whole = read_dataset(contact, only=["pressure"])
+    table = couple_scales(whole, alone, pd.DataFrame(patches), patch_mm=patch_mm)
     write_table(pressures, table)
 
 

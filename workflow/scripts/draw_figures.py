@@ -20,10 +20,10 @@ from gst.figures import macroscale, microscale, tables
 from gst.figures.style import message_figure, save_figure
 from gst.logs import patch_by_patch, run_script
 from gstlib.errors import InputError
+from gstlib.geometry import FRAME, stored_frame
 from gstlib.io.meshes import read_mesh
-from gstlib.io.store import read_attributes, read_dataset
+from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
-from gstlib.preprocess.frame import stored_frame
 
 # Figures of patches in the study.
 OF_STUDIED = {"microscale_maps", "overview", "two_scales"}
@@ -87,7 +87,10 @@ class Study:
     @cached_property
     def contacts(self) -> dict[str, xr.Dataset]:
         path = "displacement", "mean_pressure", "contact_fraction", "stiffness"
-        return self.by_patch("contacts", self.drawn, "height", "pressure", *path)
+        drawn = "height", "pressure", "mean_pressure", "contact_modulus"
+        return self.by_patch(
+            "contacts", self.drawn, *drawn, *(f"path_{name}" for name in path)
+        )
 
     @cached_property
     def predicted(self) -> set[str]:
@@ -122,7 +125,7 @@ def figure_of(name: str, study: Study) -> Figure:
             patch = study.drawn[0]
             parts = study.pressures, study.contacts[patch], study.changes.get(patch)
             mesh = read_mesh(study.files["mesh"], unit=study.mesh_unit)
-            tool = mesh, stored_frame(read_attributes(study.files["surface"]))
+            tool = mesh, stored_frame(study.data("surface", *FRAME))
             return microscale.overview_figure(
                 study.data("contact"), *parts, tool, patch=patch, **size
             )

@@ -5,7 +5,8 @@ from pathlib import Path
 import pandas as pd
 
 from gst.logs import run_script
-from gstlib.specimen.generate import generate_specimen
+from gstlib.io.files import write_whole
+from gstlib.specimen.generate import counterface_stl, make_specimen, write_specimen
 from gstlib.specimen.randomness import SpecimenParameters
 
 
@@ -19,18 +20,14 @@ def main(
     *,
     patches: dict[str, list],
     specimen: dict,
-    **settings,
+    square_mm: float,
+    grid: int,
 ) -> None:
-    generate_specimen(
-        pd.DataFrame(patches),
-        mesh=mesh,
-        scan_folder=scans[0].parent,
-        truth=truth,
-        surface=surface,
-        counterface=counterface,
-        parameters=SpecimenParameters(**specimen),
-        **settings,
-    )
+    parameters = SpecimenParameters(**specimen)
+    if counterface is not None:
+        write_whole(counterface, counterface_stl(parameters, square_mm))
+    made = make_specimen(pd.DataFrame(patches), parameters, square_mm=square_mm, grid=grid)
+    write_specimen(made, mesh=mesh, scan_folder=scans[0].parent, truth=truth, surface=surface)
 
 
 if "snakemake" in globals():

@@ -3,30 +3,34 @@
 from pathlib import Path
 
 from gst.logs import run_script
+from gst.poses import read_second_stone
 from gst.provenance import provenance
-from gstlib.counterface import read_counterface
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
 from gstlib.io.tables import write_table
-from gstlib.study import grid_macroscale, gridding_table
+from gstlib.preprocess.gridding import gridding_table
+from gstlib.study import grid_macroscale
 
 
 def main(
     mesh: Path,
     counterface: Path,
-    surface: Path,
+    square: Path,
     table: Path,
+    face: Path | None = None,
     *,
     mesh_unit: str,
     second_stone: dict | None,
     **settings,
 ) -> None:
-    stone, other = read_mesh(mesh, unit=mesh_unit), None
-    if second_stone:
-        other = read_counterface(second_stone)
-    gridded = grid_macroscale(stone, source=mesh, counterface=other, **settings)
-    inputs = [mesh, *([counterface] if second_stone else [])]
-    write_dataset(surface, gridded, provenance(inputs, {"mesh_unit": mesh_unit} | settings))
+    stone = read_mesh(mesh, unit=mesh_unit)
+    other = read_second_stone(second_stone) if second_stone else None
+    gridded, of_other = grid_macroscale(stone, source=mesh, second_stone=other, **settings)
+    inputs = [mesh, *([counterface] if other else [])]
+    made = provenance(inputs, {"mesh_unit": mesh_unit} | settings)
+    write_dataset(square, gridded, made)
+    if face is not None:
+        write_dataset(face, of_other.to_dataset(name="face"), made)
     write_table(table, gridding_table(gridded))
 
 

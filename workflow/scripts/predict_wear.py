@@ -1,22 +1,22 @@
 """Wear the square and its patches by Archard's law, and compare predicted with measured loss."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pandas as pd
-import xarray as xr
 
-from gst.logs import patch_by_patch, run_script
+from gst.logs import run_script
 from gst.provenance import provenance
+from gstlib.gesture import Gesture
 from gstlib.io.results import columns_of
-from gstlib.io.store import read_dataset, write_dataset
+from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.io.tables import read_pressures, read_table, write_table
-from gstlib.study import fit_mat, predict_wear, score_wear, wear_square
+from gstlib.study import score_wear, wear_stone
+from gstlib.wear import fit_mat, wear_patches
 
 
 def main(
-    square: Path,
-    surface: Path,
+    contact: Path,
+    face: Path,
     contacts: list[Path],
     registered: list[Path],
     pressures: Path,
@@ -37,41 +37,30 @@ def main(
     folder.mkdir(parents=True, exist_ok=True)
     by_patch = read_pressures(pressures)
     settings = {"patch_mm": patch_mm, "steps": steps, "mat": mat}
-    pressed = read_dataset(square).isel(step=-1)
-    gesture = {}
-    if poses:
-        face = read_dataset(surface, only=["face"]).face
-        gesture = {"face": face, "poses": pd.DataFrame(poses)}
-    path = wear_square(
-        pressed, by_patch, read_table(scores), source=square, **settings, **gesture
+    gesture = Gesture(read_dataset(face).face, pd.DataFrame(poses)) if poses else None
+    path = wear_stone(
+        read_dataset(contact), by_patch, read_table(scores), gesture=gesture, **settings
     )
     if path is None:
         for file in (table, profile, summary):
             write_table(file, pd.DataFrame(columns=columns_of(file.stem)))
         return
-    files = dict(zip(worn, zip(contacts, registered, strict=True), strict=True))
-    files = {
-        patch: files[patch] for patch in path.measured.dropna("patch").patch.values.tolist()
-    }
-
-    def read() -> Iterator[tuple[str, xr.Dataset, xr.Dataset]]:
-        for patch, inputs in patch_by_patch(files):
-            yield patch, *map(read_dataset, inputs)
-
-    path = fit_mat(path, read())
-    made = provenance([square, pressures, scores], settings)
-    write_dataset(
-        folder / "whole_square.h5", path, made
-    )  # no patch has an underscore in its name
-
-    def patches() -> Iterator[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]]:
-        for patch, contact, change in read():
-            lost = predict_wear(contact, path, patch)
-            made = provenance([*files[patch], square], settings)
-            write_dataset(folder / f"{patch}.h5", lost, made)
-            yield patch, contact, change, lost
-
-    tables = score_wear(patches(), path, by_patch, seed=seed, resamples=resamples)
+    # no patch has an underscore in its name
+    made = provenance([contact, pressures, scores], settings)
+    write_dataset(folder / "whole_square.h5", path.path, made)
+    before = Stored(dict(zip(worn, contacts, strict=True)))
+    changes = Stored(dict(zip(worn, registered, strict=True)))
+    fitted = None
+    if path.mat:
+        fitted = fit_mat(path, before, changes)
+        write_dataset(
+            folder / "whole_mat.h5", fitted.assign(pressure=path.mat.pressure), made
+        )
+    files = {patch: folder / f"{patch}.h5" for patch in path.losers}
+    for patch, loss in wear_patches(path, fitted, before):
+        write_dataset(files[patch], loss, made)
+    losses, chance = Stored(files), {"seed": seed, "resamples": resamples}
+    tables = score_wear(before, changes, losses, path, fitted, by_patch, **chance)
     for file, content in zip((table, profile, summary), tables, strict=True):
         write_table(file, content)
 

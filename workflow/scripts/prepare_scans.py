@@ -7,7 +7,7 @@ from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.io.scans import read_scan
 from gstlib.io.store import write_dataset
-from gstlib.study import prepare_scan
+from gstlib.study import prepare_patch
 
 
 def main(
@@ -25,7 +25,7 @@ def main(
                 scan,
                 read_scan(scan, unit=settings["unit"], spacing_um=settings["spacing_um"]),
             )
-        prepared = prepare_scan(
+        prepared = prepare_patch(
             read[1], crop=crop, scans=settings, preprocessing=preprocessing
         )
         used = {"scans": settings, "preprocessing": preprocessing, "crop": crop}

@@ -5,7 +5,7 @@ from pathlib import Path
 from gst.logs import patch_by_patch, run_script
 from gst.provenance import provenance
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.study import register_patch
+from gstlib.validation.change import register_patch
 
 
 def main(

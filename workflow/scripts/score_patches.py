@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from gst.logs import patch_by_patch, run_script
-from gstlib.io.store import read_dataset
+from gst.logs import run_script
+from gstlib.io.store import Stored
 from gstlib.io.tables import read_pressures, read_table, studied_files, write_table
 from gstlib.study import score_patches
 
@@ -26,32 +26,25 @@ def main(
     worst: list[str],
     seed: int,
 ) -> None:
-    changes = dict(zip(worn, registered, strict=True))
     by_variant = {
-        variant: (
-            (patch, read_dataset(file), read_dataset(changes[patch]))
-            for patch, file in patch_by_patch(studied_files(pressures, worn, files))
-        )
+        variant: Stored(studied_files(pressures, worn, files))
         for variant, files in zip(compared, [contacts, others], strict=False)
     }
-    by_patch = read_pressures(pressures)
-    if exposure:
-        left = read_table(exposure, ["patch", "exposure_N_per_mm"])
-        by_patch = by_patch.merge(left[["patch", "exposure_N_per_mm"]], on="patch")
-    tables = score_patches(
-        by_variant,
-        by_patch,
-        read_table(microscale),
-        worst=worst,
-        seed=seed,
-        **validation,
+    changes = Stored(dict(zip(worn, registered, strict=True)))
+    states = ["patch", "mean_pressure_MPa", "stiffness_MPa_per_um"]
+    predicted = read_table(microscale, states)[states].rename(
+        columns={"mean_pressure_MPa": "pressure_MPa"}
     )
-    for name, file in [
-        ("patches", patches),
-        ("gains", gains),
-        ("summary", summary),
-        ("variants", variants),
-    ]:
+    places = read_pressures(pressures)[["patch", "x_mm", "y_mm"]]
+    predicted = predicted.merge(places, on="patch")
+    if exposure:
+        left = ["patch", "exposure_N_per_mm"]
+        predicted = predicted.merge(read_table(exposure, left)[left], on="patch")
+    tables = score_patches(
+        by_variant, changes, predicted, worst=worst, seed=seed, **validation
+    )
+    files = {"patches": patches, "gains": gains, "summary": summary, "variants": variants}
+    for name, file in files.items():
         write_table(file, tables[name])
 
 

@@ -4,9 +4,9 @@ import logging
 from pathlib import Path
 
 from gst.logs import run_script
-from gstlib.io.store import read_dataset
+from gstlib.io.store import Stored
 from gstlib.io.tables import read_pressures, write_table
-from gstlib.study import registration_table, select_patches
+from gstlib.validation.selection import registration_table, select_patches
 
 
 def main(
@@ -18,8 +18,8 @@ def main(
     worn: list[str],
     selection: dict[str, float],
 ) -> None:
-    changes = (read_dataset(file, only=["change", "loss", "gain"]) for file in registered)
-    quality = registration_table(zip(worn, changes, strict=True), selection)
+    changes = Stored(dict(zip(worn, registered, strict=True)), ["change", "loss", "gain"])
+    quality = registration_table(changes, selection)
     selected = select_patches(read_pressures(pressures), quality, selection)
     if not selected.in_study.any():
         logging.getLogger("gst").warning(

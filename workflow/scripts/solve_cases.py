@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from gst.logs import patch_by_patch, run_script
+from gst.logs import run_script
 from gstlib.cases import case_table, check_ceiling, modulus_rows, patch_rows
-from gstlib.io.store import read_dataset
+from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_pressures, studied_files, write_table
 
 
@@ -27,11 +27,10 @@ def main(
         check_ceiling(by_patch[by_patch.patch.isin(studied)], hardness_MPa)
     rows = []
     if other_modulus_MPa is not None:
-        pressed = read_dataset(square).isel(step=-1)
+        pressed = read_dataset(square)
         settings = {"other_modulus_MPa": other_modulus_MPa, "patch_mm": patch_mm}
         rows += modulus_rows(pressed, by_patch, source=square, **settings)
-    solved = ((patch, read_dataset(file)) for patch, file in patch_by_patch(studied))
-    rows += patch_rows(solved, grinding=grinding, hardness_MPa=hardness_MPa)
+    rows += patch_rows(Stored(studied), grinding=grinding, hardness_MPa=hardness_MPa)
     write_table(table, case_table(rows))
 
 

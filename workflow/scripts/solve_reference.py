@@ -3,19 +3,20 @@
 On a generated specimen it is the true surface, of which there is one.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
+
+import xarray as xr
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.coupling import places_of
-from gstlib.io.store import read_dataset, write_dataset
-from gstlib.preprocess.filtering import s_filtered
-from gstlib.reference import composite_heights, patches_of_reference
-from gstlib.study import solve_reference
+from gstlib.geometry import places_of
+from gstlib.io.store import Stored, read_dataset, write_dataset
+from gstlib.reference import composite_heights, patches_of_reference, press_whole
 
 
 def main(
-    surface: Path,
+    square: Path,
     composite: Path,
     t0: list[Path],
     true_surface: Path,
@@ -28,35 +29,31 @@ def main(
     seed: int,
     **settings: float,
 ) -> None:
+    mesh = read_dataset(square)
+    inputs = [true_surface, truth] if truth else [square, composite, *t0]
+    lying = read_dataset(truth).sel(epoch="T0") if truth else read_dataset(composite)
+    table = lying[["x_mm", "y_mm", "rotation_deg"]].to_dataframe().reset_index()
     scan = read_dataset(t0[0], only=["height"]).height
-    counterface = read_dataset(surface).get("counterface")
-    if truth:
-        places = read_dataset(truth, only=["x_mm", "y_mm", "rotation_deg"]).sel(epoch="T0")
-        inputs, draws = [true_surface, truth], 1
-    else:
+
+    def surfaces() -> Iterator[xr.DataArray]:
+        if truth:
+            yield read_dataset(true_surface).height.astype(float)
+            return
         composed = read_dataset(composite)
-        places = composed[["x_mm", "y_mm", "rotation_deg"]]
-        inputs = [surface, composite, *t0]
-
-    def pressures():
+        scans = Stored(dict(zip(composed.patch.values.tolist(), t0, strict=True)), ["height"])
         for draw in range(draws):
-            if truth:
-                heights = read_dataset(true_surface).height.astype(float)
-            else:
-                scans = (
-                    s_filtered(read_dataset(file, only=["height"]).height, s_filter_um)
-                    for file in t0
-                )
-                mesh = read_dataset(surface, only=["height"])
-                heights = composite_heights(mesh, composed, scans, seed=seed, draw=draw)
-            solved = solve_reference(heights, counterface, source=inputs[0], **settings)
-            if draw == 0:
-                write_dataset(contact, solved, provenance(inputs, settings))
-            yield solved.pressure
+            yield composite_heights(
+                mesh, composed, scans, s_filter_um=s_filter_um, seed=seed, draw=draw
+            )
 
-    table = places.to_dataframe().reset_index()
-    found = patches_of_reference(pressures(), places_of(table), scan)
-    write_dataset(patches, found, provenance(inputs, settings | {"draws": draws}))
+    found = []
+    for heights in surfaces():
+        solved = press_whole(heights, mesh.counterface, source=inputs[0], **settings)
+        if not found:
+            write_dataset(contact, solved, provenance(inputs, settings))
+        found.append(patches_of_reference(solved.pressure, places_of(table), scan))
+    drawn = xr.concat(found, "draw")
+    write_dataset(patches, drawn, provenance(inputs, settings | {"draws": len(found)}))
 
 
 if "snakemake" in globals():

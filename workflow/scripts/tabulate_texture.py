@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from gst.logs import patch_by_patch, run_script
-from gstlib.io.store import read_dataset
+from gst.logs import run_script
+from gstlib.io.store import Stored
 from gstlib.io.tables import write_table
-from gstlib.study import measure_texture
+from gstlib.validation.texture import measure_texture
 
 
 def main(
@@ -17,16 +17,9 @@ def main(
     worn: list[str],
     texture: dict,
 ) -> None:
-    changes = dict(zip(worn, registered, strict=True))
-    patches_of = (
-        (
-            patch,
-            read_dataset(file, only=["height"]).height,
-            read_dataset(changes[patch], only=["t1"]) if patch in changes else None,
-        )
-        for patch, file in patch_by_patch(dict(zip(patches, t0, strict=True)))
-    )
-    write_table(table, measure_texture(patches_of, **texture))
+    scans = Stored(dict(zip(patches, t0, strict=True)), ["height"])
+    changes = Stored(dict(zip(worn, registered, strict=True)), ["t1"])
+    write_table(table, measure_texture(scans, changes, **texture))
 
 
 if "snakemake" in globals():

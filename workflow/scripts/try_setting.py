@@ -5,8 +5,8 @@ from pathlib import Path
 import pandas as pd
 
 from gst.logs import run_script
+from gst.poses import read_second_stone
 from gst.sweep import merged, outcomes
-from gstlib.counterface import read_counterface
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.tables import write_table
@@ -28,19 +28,21 @@ def main(
     config: dict,
     changes: dict,
 ) -> None:
-    table, changed = pd.DataFrame(patches), merged(config, changes)
-    scans = {(patch, "T0"): file for patch, file in zip(table.patch, t0_scans, strict=True)}
-    scans |= {(patch, "T1"): file for patch, file in zip(worn, t1_scans, strict=True)}
-    scans["counterface", ""] = counterface_scan
+    changed = merged(config, changes)
     known = {name: changed["scans"][name] for name in ("unit", "spacing_um")}
+    scans = {
+        (patch, "T0"): file for patch, file in zip(patches["patch"], t0_scans, strict=True)
+    }
+    scans |= {(patch, "T1"): file for patch, file in zip(worn, t1_scans, strict=True)}
     study = Study(
         changed,
-        table,
+        pd.DataFrame(patches),
         read_mesh=lambda: read_mesh(mesh, unit=mesh_unit),
         read_scan=lambda *of: read_scan(scans[of], **known),
-        worn=worn,
-        has_counterface=bool(counterface_scan),
-        second_stone=read_counterface(second_stone) if counterface else None,
+        read_face=(lambda: read_scan(counterface_scan, **known))
+        if counterface_scan
+        else None,
+        second_stone=read_second_stone(second_stone) if counterface else None,
     )
     write_table(outcome, outcomes(study))
 

@@ -20,13 +20,14 @@ from gst.page import (
     tool_scene,
     warned,
 )
+from gst.poses import read_second_stone
 from gst.verdict import SCORE, verdict
 from gstlib.counterface import posed_mesh
+from gstlib.geometry import FRAME, stored_frame
 from gstlib.io.files import write_whole
 from gstlib.io.meshes import read_mesh
-from gstlib.io.store import read_attributes, read_dataset
+from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
-from gstlib.preprocess.frame import stored_frame
 
 
 def main(
@@ -50,8 +51,8 @@ def main(
 ) -> None:
     tables = {file.stem: file for file in shown if file.suffix == ".csv"}
     pictures = {file.stem: file for file in shown if file.suffix == ".png"}
-    frame = stored_frame(read_attributes(surface))
-    pressure = read_dataset(contact, only=["pressure"])["pressure"].isel(step=-1)
+    frame = stored_frame(read_dataset(surface, only=FRAME))
+    pressure = read_dataset(contact, only=["pressure"])["pressure"]
     answer = verdict(
         read_pressures(tables["patch_pressures"]),
         read_table(tables["patch_intervals"]),
@@ -67,7 +68,7 @@ def main(
 
     other, size = None, config["square"]["size_mm"]
     if counterface:
-        other = posed_mesh(second_stone, frame, size_mm=size)
+        other = posed_mesh(read_second_stone(second_stone), frame, size_mm=size)
     tool = read_mesh(mesh, unit=mesh_unit)
     scene = tool_scene(tool, frame, pressure, places, patch_mm, other)
     entries = [

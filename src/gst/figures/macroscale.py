@@ -44,20 +44,21 @@ def input_figure(
 def contact_steps_figure(contact: xr.Dataset, *, steps: int = 8) -> Figure:
     """Contact as the far-field displacement grows (Fig. 5); last, beside a rigid flat's (Fig. 6).
 
-    `contact` is the square's; of its load steps so many are shown, evenly spread, the last among
-    them.
+    `contact` is the square's, with the pressure at every step; so many steps are shown, evenly
+    spread, the last among them.
     """
     shown = np.unique(np.linspace(0, contact.sizes["step"] - 1, steps).round().astype(int))
-    height, touching, drawn = contact["height"], contact["pressure"].values > 0, []
+    height, touching, drawn = contact["height"], contact["path_pressure"].values > 0, []
     for step in shown:
         state = contact.isel(step=step)
         title = (
-            f"displacement {float(state.displacement) * MM_TO_UM:.1f} µm\n"
-            f"{float(state.mean_pressure):.3g} MPa, contact {float(state.contact_fraction):.1%}"
+            f"displacement {float(state.path_displacement) * MM_TO_UM:.1f} µm\n"
+            f"{float(state.path_mean_pressure):.3g} MPa, "
+            f"contact {float(state.path_contact_fraction):.1%}"
         )
         drawn.append((title, height, {"marks": {BLACK: touching[step]}}))
-    faces = laid_height(contact)
-    elastic, rigid = touching[-1], (faces > faces.max() - contact["displacement"][-1]).values
+    faces, elastic = laid_height(contact), contact["pressure"].values > 0
+    rigid = (faces > faces.max() - contact["displacement"]).values
     title = (
         f"last step: contact {elastic.mean():.1%}\nrigid interpenetration {rigid.mean():.1%}"
     )
@@ -74,7 +75,7 @@ def exposure_figure(
     `exposure` is from `gstlib.gesture.exposure`; `contact` is the square's in the single pose.
     """
     height = contact["height"]
-    single = contact["pressure"].values[-1]
+    single = contact["pressure"].values
     fields = {
         "the single pose: pressure (MPa)": single,
         "all poses: mean pressure (MPa)": exposure["mean_pressure"].values,
@@ -109,7 +110,7 @@ def force_figure(
     label = "contact force per element (N), square-root scale"
     maps.draw_forces(square, contact, bar=label, ticks=True)
     maps.draw_footprints(square, pressures, patch_size_mm, colour=BLUE)
-    displacement = float(contact["displacement"][-1]) * MM_TO_UM
+    displacement = float(contact["displacement"]) * MM_TO_UM
     square.set_title(f"displacement {displacement:.1f} µm", loc="right")
     maps.mark_corner(square)
 

@@ -22,7 +22,7 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 from PIL import Image
 
 from gst.figures.style import DPI, MM_TO_UM, PALE, VERMILION, panels
-from gstlib.coupling import outline, places_of
+from gstlib.geometry import outline, places_of
 from gstlib.surface import spacing_of
 
 __all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHTS", "HEIGHT_MAP", "OUTLINE", "draw_footprints"]
@@ -145,7 +145,7 @@ def draw_forces(
     axes: Axes, contact: xr.Dataset, *, bar: str = "", ticks: bool = False
 ) -> None:
     """Force (N) on each element at the last step, in colours on a square-root scale."""
-    force = contact["pressure"].values[-1] * np.prod(spacing_of(contact))
+    force = contact["pressure"].values * np.prod(spacing_of(contact))
     look = {"cmap": FORCE_MAP, "norm": force_norm(force), "bar": bar, "ticks": ticks}
     draw_map(axes, contact["height"], force, **look)
 

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from gst.figures import maps, style
 from gst.figures.style import AMBER, BLACK, BLUE, MM_TO_UM, VERMILION, styled
 from gst.figures.tool import draw_tool
-from gstlib.preprocess.frame import Frame
+from gstlib.geometry import Frame
 
 if TYPE_CHECKING:
     import trimesh
@@ -59,7 +59,7 @@ def microscale_maps_figure(contacts: Mapping[str, xr.Dataset]) -> Figure:
     drawn = []
     for patch, contact in contacts.items():
         touching = contact["pressure"].values > 0
-        pressure = float(contact["mean_pressure"][-1])
+        pressure = float(contact["mean_pressure"])
         title = f"patch {patch}: {pressure:.1f} MPa, {touching.mean():.2%}"
         drawn.append((title, contact["height"], {"marks": {BLACK: touching}}))
     return maps.draw_maps(drawn, 4, 1.7, head=0)
@@ -147,7 +147,7 @@ def patch_figure(
     touching, marks = contact["pressure"].values > 0, _agreement(contact, change)
     drawn.append((f"contact of {touching.mean():.2%}, and loss", t0, {"marks": marks}))
     figure = maps.draw_maps(drawn, 5, 2.0, (0.05, 0.05, 0.3, 0.35), head=0.2)
-    pressure, overlap = float(contact["mean_pressure"][-1]), change.attrs["overlap"]
+    pressure, overlap = float(contact["mean_pressure"]), change.attrs["overlap"]
     figure.suptitle(f"patch {patch}: {pressure:.1f} MPa, T1 covers {overlap:.0%} of T0")
     shares = {f"{name} {marks[c].sum() / known:.1%}": c for name, c in _AGREEMENT.items()}
     style.colour_legend(figure, shares, **_BELOW)
@@ -173,14 +173,14 @@ def overview_figure(
     """
     count = 3 if change is None else 4
     figure, (whole, *axes) = style.panels(count, count, (2.6, 2.6), (0.05, 0.05, 0.4, 0.2))
-    draw_tool(whole, *tool, square["pressure"].isel(step=-1))
+    draw_tool(whole, *tool, square["pressure"])
     whole.set_title("1  the tool and its square\npressures on it in colour")
     maps.draw_forces(axes[0], square)
     maps.draw_footprints(axes[0], pressures, patch_size_mm, colour=BLUE)
-    mean_pressure = float(square["mean_pressure"][-1])
+    mean_pressure = float(square["mean_pressure"])
     axes[0].set_title(f"2  contact forces on the square\n{mean_pressure:.3g} MPa on average")
     touching = contact["pressure"].values > 0
-    pressure = float(contact["mean_pressure"][-1])
+    pressure = float(contact["mean_pressure"])
     maps.draw_map(axes[1], contact["height"], marks={BLACK: touching})
     axes[1].set_title(
         f"3  predicted contact, patch {patch}\n{pressure:.1f} MPa, {touching.mean():.1%} of area"
@@ -198,20 +198,20 @@ def overview_figure(
 def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -> Figure:
     """Contact area, pressure and stiffness along the load paths of square and patches.
 
-    Figs. 7 and 10. All have the attribute ``contact_modulus_MPa``.
+    Figs. 7 and 10. All are contacts with their paths.
     """
     figure, (area, load, stiffness) = style.panels(3, 3, (1.75, 2.2), (0.5, 0.4, 0.3, 0.45))
-    reached = [float(contact["mean_pressure"][-1]) for contact in contacts.values()]
+    reached = [float(contact["mean_pressure"]) for contact in contacts.values()]
     colours = colormaps["viridis"](0.88 * np.array(reached) / max([*reached, 1e-9]))
     for (name, path), colour in zip(
         [*contacts.items(), ("square", square)], [*colours, BLACK], strict=True
     ):
-        pressure = path["mean_pressure"].values
-        share = path["contact_fraction"].values * 100
+        pressure = path["path_mean_pressure"].values
+        share = path["path_contact_fraction"].values * 100
         for axes, x, y in (
-            (area, pressure / path.attrs["contact_modulus_MPa"], share),
-            (load, path["displacement"].values * MM_TO_UM, pressure),
-            (stiffness, pressure, path["stiffness"].values / MM_TO_UM),
+            (area, pressure / float(path["contact_modulus"]), share),
+            (load, path["path_displacement"].values * MM_TO_UM, pressure),
+            (stiffness, pressure, path["path_stiffness"].values / MM_TO_UM),
         ):
             axes.plot(x, y, marker=".", markersize=2, lw=1, color=colour)
             style.write_beside(axes, name, (x[-1], y[-1]), color=colour)

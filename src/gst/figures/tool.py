@@ -19,7 +19,7 @@ from gst.figures import maps, style
 from gst.figures.macroscale import draw_places
 from gst.figures.style import STONE, VERMILION, styled
 from gst.viewer import coarsen
-from gstlib.preprocess.frame import Frame
+from gstlib.geometry import Frame
 from gstlib.surface import spacing_of
 
 if TYPE_CHECKING:

@@ -163,9 +163,16 @@ def _read_instrument_file(path: Path) -> _Raw:
     It has heights as [ix, iy], in a unit that differs per file (Röttger et al. 2022, Surf. Topogr.:
     Metrol. Prop. 10:035032).
     """
-    # Imported here because it takes a second or two.
-    from SurfaceTopography.IO import open_topography, readers
-    from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
+    try:  # here, for its import takes a second or two
+        from SurfaceTopography.IO import open_topography, readers
+        from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
+    except ImportError as error:
+        problem = (
+            "cannot be read: SurfaceTopography, which reads its format, is not installed"
+        )
+        raise InputError(
+            path, problem, "Install it: pip install 'gstlib[formats]'"
+        ) from error
 
     formats = {
         f".{ending}": reader.format()
@@ -277,8 +284,8 @@ def cut_scan(
     ----------
     scan : (ny, nx) xarray.DataArray
         The whole scan, mm.
-    centre : (x, y) or None
-        Centre of the piece in mm, from the scan's centre along its columns and rows; None for the
+    centre : (y, x) or None
+        Centre of the piece in mm, from the scan's centre along its rows and columns; None for the
         whole scan, which must be a square of that size within one per cent.
     size_mm : float
         Side of the piece; it is cut at whole elements.
@@ -306,7 +313,7 @@ def cut_scan(
             )
         return scan
     slices, beyond = [], 0.0
-    for length, step, middle in zip(scan.shape, spacing_of(scan), centre[::-1], strict=True):
+    for length, step, middle in zip(scan.shape, spacing_of(scan), centre, strict=True):
         count = round(size_mm / step)
         # Half an element is rounded up always, so that pieces side by side stay side by side.
         first = math.floor(length / 2 + middle / step - count / 2 + 0.5 + 1e-9)
@@ -315,7 +322,7 @@ def cut_scan(
     if beyond > 0:
         raise InputError(
             source,
-            f"a piece of {size_mm:g} mm around x = {centre[0]:g}, y = {centre[1]:g} mm sticks out "
+            f"a piece of {size_mm:g} mm around x = {centre[1]:g}, y = {centre[0]:g} mm sticks out "
             f"by {beyond:.4g} mm of the scan of {width:.4g} × {height:.4g} mm",
             "Correct crop_x_mm and crop_y_mm in the patch table: they count from its centre.",
         )

@@ -5,7 +5,8 @@ reading a damaged file gives an error, not wrong numbers.
 """
 
 import io
-from collections.abc import Iterable, Mapping
+import logging
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import xarray as xr
@@ -13,7 +14,9 @@ import xarray as xr
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
 
-__all__ = ["read_attributes", "read_dataset", "write_dataset"]
+__all__ = ["Stored", "read_attributes", "read_dataset", "write_dataset"]
+
+_log = logging.getLogger(__name__)
 
 # Below this many values compression only adds overhead.
 _COMPRESS_FROM = 1024
@@ -42,14 +45,15 @@ def write_dataset(
 
 
 def _encoding(variable: xr.Variable) -> dict[str, object]:
-    """How a variable is stored: with a checksum, and masks compressed.
+    """How a variable is stored: with a checksum, and masks and constants compressed.
 
-    Heights and pressures are stored as they are: half of their digits are noise, and packing them
-    took a tenth of a study's time to save a third of its disk.
+    Other heights and pressures are stored as they are: half of their digits are noise, and packing
+    them took a tenth of a study's time to save a third of its disk.
     """
     if not variable.shape or not variable.size or variable.dtype.kind not in "fiub":
         return {}
-    if variable.size < _COMPRESS_FROM or variable.dtype.kind == "f":
+    varies = variable.dtype.kind == "f" and variable.values.min() != variable.values.max()
+    if variable.size < _COMPRESS_FROM or varies:
         return {"fletcher32": True, "chunksizes": variable.shape}
     return {"fletcher32": True, "zlib": True, "complevel": 4, "shuffle": True}
 
@@ -76,3 +80,29 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
 def read_attributes(path: str | Path) -> dict[str, object]:
     """The attributes of a file, without its fields; raises as `read_dataset`."""
     return read_dataset(path, only=()).attrs
+
+
+class Stored(Mapping):
+    """Datasets by name, each read from its file when it is looked up.
+
+    What a stage goes through patch by patch would fill the memory if all of it were read at once.
+
+    Parameters
+    ----------
+    files : mapping of str to path
+    only : iterable of str, optional
+        Variables to read; all by default.
+    """
+
+    def __init__(self, files: Mapping[str, str | Path], only: Iterable[str] | None = None):
+        self._files, self._only = dict(files), None if only is None else list(only)
+
+    def __getitem__(self, name: str) -> xr.Dataset:
+        _log.info("%s: %s", name, self._files[name])
+        return read_dataset(self._files[name], self._only)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._files)
+
+    def __len__(self) -> int:
+        return len(self._files)

@@ -11,16 +11,17 @@ import logging
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from gstlib.errors import InputError
-from gstlib.preprocess.frame import Frame
+from gstlib.geometry import Frame
 from gstlib.surface import axis_coordinates, make_surface
 
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["grid_mesh"]
+__all__ = ["grid_mesh", "gridding_table"]
 
 _log = logging.getLogger(__name__)
 
@@ -198,6 +199,20 @@ def grid_mesh(
             "left_out_rms": ("candidate", rms, _in_mm("r.m.s. error on left-out vertices")),
         },
         coords={"candidate": list(_INTERPOLATIONS)},
+    )
+
+
+def gridding_table(square: xr.Dataset) -> pd.DataFrame:
+    """How well each interpolation predicts vertices left out of the mesh, and which was chosen.
+
+    The result has ``interpolation, left_out_rms_um, chosen``.
+    """
+    return pd.DataFrame(
+        {
+            "interpolation": square.candidate.values,
+            "left_out_rms_um": 1e3 * square.left_out_rms.values,
+            "chosen": square.candidate.values == square.height.attrs["interpolation"],
+        }
     )
 
 

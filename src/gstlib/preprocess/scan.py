@@ -1,16 +1,20 @@
 """From a scan as measured to a surface ready for contact, the same way at both epochs."""
 
+from collections.abc import Mapping
+
 import numpy as np
+import pandas as pd
 import xarray as xr
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.ndimage import binary_dilation
 from scipy.spatial import QhullError
 
 from gstlib.errors import InputError
+from gstlib.io.results import columns_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.outliers import median_outliers, window_outliers
 
-__all__ = ["check_unmeasured", "interpolate_holes", "prepare_scan"]
+__all__ = ["check_unmeasured", "interpolate_holes", "prepare_scan", "preprocessing_table"]
 
 _MM_TO_UM = 1e3
 # ASSUME: r of the paper's windows, in points, is not published. At 5 a window of 121 points finds
@@ -121,6 +125,13 @@ def prepare_scan(
             "Sq_after_um": _MM_TO_UM * float(np.std(level.values)),
         },
     )
+
+
+def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFrame:
+    """What was done to each scan, from the attributes of its dataset, by patch and epoch."""
+    columns = columns_of("preprocessing")
+    rows = [(*scan, *(attrs[name] for name in columns[2:])) for scan, attrs in scans.items()]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def check_unmeasured(surface: xr.DataArray, maximum_share: float) -> None:

@@ -5,19 +5,18 @@ of a frame turned with it. The instrument measures a mould: heights are inverted
 along x. Truths are kept as they lie on the stone, before the mould flips them.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 import scipy.ndimage
 import xarray as xr
 
 from gstlib.errors import InputError
+from gstlib.geometry import Place, rotated
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.randomness import SpecimenParameters, smooth_field, stream
 from gstlib.specimen.stone import Stone
 from gstlib.surface import make_surface
 
-__all__ = ["Placement", "place_scans", "poor_overlaps", "relocation", "sample", "take_scan"]
+__all__ = ["place_scans", "poor_overlaps", "relocation", "sample", "take_scan"]
 
 # ASSUME: all errors of placing and measuring are independent and normal, spikes and unmeasured
 # points fall anywhere; the paper gives no figures for them.
@@ -36,14 +35,6 @@ _SPIKE_SIDES, _SPIKE_HEIGHT_UM = (0.7, 0.2, 0.1), (15.0, 60.0)
 _UNMEASURED_SHARE = 0.01
 
 
-class Placement(NamedTuple):
-    """Where a scan lies: its centre (mm, the square's frame) and its turn from x towards y."""
-
-    x_mm: float
-    y_mm: float
-    rotation_deg: float
-
-
 def poor_overlaps(patches: list[str], seed: int) -> set[str]:
     """The patches whose T1 scan is badly misplaced: a fixed share of them, drawn by chance."""
     names = sorted(patches)
@@ -53,12 +44,12 @@ def poor_overlaps(patches: list[str], seed: int) -> set[str]:
 
 def place_scans(
     patch: str,
-    nominal: Placement,
+    nominal: Place,
     parameters: SpecimenParameters,
     *,
     square_mm: float,
     poor_overlap: bool,
-) -> tuple[Placement, Placement]:
+) -> tuple[Place, Place]:
     """True places of a patch's T0 scan, near the nominal one, and of its T1 scan, near T0.
 
     With `poor_overlap` T1 misses a good part of T0, along one edge, towards the square's middle.
@@ -70,24 +61,23 @@ def place_scans(
     turns = nominal.rotation_deg + generator.normal(0.0, _ROTATION_ERROR_DEG, 2)
     missed = generator.uniform(*_POOR_MISSED)
     axis = generator.integers(2)
-    t0 = Placement(nominal.x_mm + error[0], nominal.y_mm + error[1], turns[0])
+    # errors and moves are drawn along x first
+    t0 = Place(nominal.y_mm + error[1], nominal.x_mm + error[0], turns[0])
     if poor_overlap:
-        inwards = np.sign(square_mm / 2 - t0[axis])
+        inwards = np.sign(square_mm / 2 - (t0.x_mm, t0.y_mm)[axis])
         move[axis] = (inwards or 1.0) * missed * p.scan_size_mm
-    return t0, Placement(t0.x_mm + move[0], t0.y_mm + move[1], turns[1])
+    return t0, Place(t0.y_mm + move[1], t0.x_mm + move[0], turns[1])
 
 
-def relocation(t0: Placement, t1: Placement) -> tuple[float, float]:
-    """The centre of T1 (x, y) from that of T0, along the axes of T0, mm."""
-    turn = np.deg2rad(t0.rotation_deg)
-    dx, dy = t1.x_mm - t0.x_mm, t1.y_mm - t0.y_mm
-    return np.cos(turn) * dx + np.sin(turn) * dy, np.cos(turn) * dy - np.sin(turn) * dx
+def relocation(t0: Place, t1: Place) -> tuple[float, float]:
+    """The centre of T1 (y, x) from that of T0, along the axes of T0, mm."""
+    return t0.seen(t1.y_mm, t1.x_mm)
 
 
 def sample(
     field: np.ndarray,
     stone: Stone,
-    placement: Placement,
+    place: Place,
     points: int,
     *,
     order: int,
@@ -98,17 +88,16 @@ def sample(
     The interpolating spline's `order` is 3 for heights, and 1 for what must not overshoot. A scan
     that sticks out of the grid is an `InputError`.
     """
-    turn = np.deg2rad(placement.rotation_deg)
     steps = np.arange(points) - (points - 1) / 2
-    v, u = steps[:, None], steps[None, :]
     start, end = stone.grid[[0, -1]]
-    row = (placement.y_mm - start) / stone.spacing + np.sin(turn) * u + np.cos(turn) * v
-    column = (placement.x_mm - start) / stone.spacing + np.cos(turn) * u - np.sin(turn) * v
+    down, along = rotated(steps[:, None], steps, place.rotation_deg)
+    row = (place.y_mm - start) / stone.spacing + down
+    column = (place.x_mm - start) / stone.spacing + along
     corners = np.array([[a.min(), a.max()] for a in (row, column)])
     if corners.min() < 0 or corners.max() > len(field) - 1:
         raise InputError(
             f"patch {patch}",
-            f"its scan about x {placement.x_mm:.3f} mm, y {placement.y_mm:.3f} mm sticks out of "
+            f"its scan about x {place.x_mm:.3f} mm, y {place.y_mm:.3f} mm sticks out of "
             f"the generated surface, {start:.3f} to {end:.3f} mm",
             "Move it inwards in the patch table.",
         )

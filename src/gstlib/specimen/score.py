@@ -12,9 +12,10 @@ import pandas as pd
 import scipy.ndimage
 import xarray as xr
 
+from gstlib.geometry import Place
 from gstlib.io.results import columns_of
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.specimen.scanning import Placement, relocation
+from gstlib.specimen.scanning import relocation
 from gstlib.surface import make_surface
 
 __all__ = ["score_truth"]
@@ -159,10 +160,11 @@ def _preparation_scores(at: xr.Dataset, epoch: str, surface: xr.Dataset) -> Iter
 def _registration_scores(at: xr.Dataset, found: dict) -> Iterator[_Row]:
     """Where T1 was found to lie, along the axes of the T0 scan."""
     t0, t1 = (
-        Placement(*(float(at[name].sel(epoch=epoch)) for name in Placement._fields))
+        Place(*(float(at[name].sel(epoch=epoch)) for name in Place._fields))
         for epoch in ("T0", "T1")
     )
-    for axis, shift in zip("xy", relocation(t0, t1), strict=True):
+    shift_y, shift_x = relocation(t0, t1)
+    for axis, shift in (("x", shift_x), ("y", shift_y)):
         yield f"shift_{axis}", "um", shift * _UM, found[f"shift_{axis}_um"]
     yield "rotation", "deg", t1.rotation_deg - t0.rotation_deg, found["rotation_deg"]
     yield "overlap", "1", at.overlap, found["overlap"]

@@ -13,6 +13,7 @@ measurements miss each other. Points whose height was not measured at both epoch
 outliers) are unknown: no change is stated there.
 """
 
+import logging
 import math
 
 import numpy as np
@@ -21,6 +22,7 @@ import scipy.ndimage
 import scipy.optimize
 import xarray as xr
 
+from gstlib.errors import InputError
 from gstlib.surface import spacing_of
 from gstlib.validation.registration import (
     Registration,
@@ -29,7 +31,9 @@ from gstlib.validation.registration import (
     register,
 )
 
-__all__ = ["height_change", "measured_change", "wear_summary"]
+__all__ = ["height_change", "measured_change", "register_patch", "wear_summary"]
+
+_log = logging.getLogger(__name__)
 
 # ASSUME: LoD95 = 1.96 standard deviations of the height difference on the unchanged part at the
 # slope of the point. It includes the noise of both scans and the residue of the registration; about
@@ -52,6 +56,9 @@ _SMALLEST = 1e-6
 # Slopes are those of heights smoothed over this many points: that of a single point is noise.
 _SLOPE_SMOOTHING = 1.0
 _LEAST_POINTS = 100
+# How much deeper, or shallower, the dales of T1 may be than those of T0 before a warning. Wear of a
+# quarter of a patch makes them a tenth shallower (generated specimen).
+_ODD_HEIGHTS = 1.25
 
 
 def measured_change(
@@ -75,6 +82,48 @@ def measured_change(
     return registration, height_change(
         before.height, on_t0, known, minimum_points=minimum_points
     )
+
+
+def register_patch(
+    before: xr.Dataset,
+    after: xr.Dataset,
+    *,
+    patch: str,
+    maximum_shift_mm: float,
+    minimum_points: int,
+) -> xr.Dataset:
+    """Register T1 to T0 and take the height change.
+
+    `before` and `after` are prepared scans with ``height``, ``filled`` and ``outlier``. The result
+    is that of `gstlib.validation.change.height_change`, with the registration as attributes.
+    """
+    try:
+        registration, change = measured_change(
+            before, after, maximum_shift_mm=maximum_shift_mm, minimum_points=minimum_points
+        )
+    except InputError as error:  # it names the epoch, but not the patch
+        source = f"patch {patch}, {error.source}"
+        raise InputError(source, error.problem, error.remedy) from error
+    scale = registration.height_scale
+    if registration.found and max(scale, 1 / scale) > _ODD_HEIGHTS:
+        _log.warning(
+            "patch %s: its dales at T1 are %.3g times as deep as at T0. If that is not wear all "
+            "over the patch, the heights of one scan are calibrated otherwise: measured wear is "
+            "then wrong",
+            patch,
+            scale,
+        )
+    if registration.found and not change.attrs["known_share"]:
+        _log.warning(
+            "patch %s: hardly any point has a height of its own at T0 and at T1 (%.0f %% and "
+            "%.0f %% of the scans are holes or outliers, T1 covers %.0f %% of T0), so its wear is "
+            "not known. Scan it again, or leave its t1 empty.",
+            patch,
+            100 * (before.filled | before.outlier).values.mean(),
+            100 * (after.filled | after.outlier).values.mean(),
+            100 * registration.overlap,
+        )
+    return change.assign_attrs(registration.as_attrs())
 
 
 def height_change(

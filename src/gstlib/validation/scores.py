@@ -107,7 +107,7 @@ def compare(
     order = np.argsort(-z.flat[points], kind="stable")
     highest = np.zeros_like(valid)
     highest.flat[points[order[: (touching & valid).sum()]]] = True
-    rigid = z > z.max() - float(np.ravel(contact["displacement"].values)[-1])
+    rigid = z > z.max() - float(contact["displacement"])
     found = {
         CONTACT: (
             touching,

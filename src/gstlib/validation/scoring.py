@@ -74,8 +74,8 @@ def score_patch(
         Its id. With the seed it determines the random numbers, so that a patch gives the same
         whichever others are in the study.
     contact : xarray.Dataset
-        ``gap`` (y, x) in mm, ``pressure`` (y, x) in MPa, ``displacement`` in mm, of which the last
-        counts; and the heights at T0, of which the rivals see those as the patch lies on the stone
+        ``gap`` (y, x) in mm, ``pressure`` (y, x) in MPa, ``displacement`` in mm; and the
+        heights at T0, of which the rivals see those as the patch lies on the stone
         (`gstlib.contact.laid_height`). The contact may be empty.
     change : xarray.Dataset
         As from `gstlib.validation.change.height_change`.

@@ -6,16 +6,22 @@ plane, the S-filter removes waves shorter and the L-filter waves longer than its
 Gaussian (ISO 16610-61).
 """
 
+import logging
 import warnings
+from collections.abc import Mapping
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
+from gstlib.errors import InputError
 from gstlib.preprocess.filtering import low_pass
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import spacing_of
 
-__all__ = ["texture_rows"]
+__all__ = ["measure_texture", "texture_rows"]
+
+_log = logging.getLogger(__name__)
 
 # Columns of the table by the standard's symbols; volumes are per projected area.
 _COLUMNS = {
@@ -38,6 +44,34 @@ _LINE_WIDTH = 40.0
 _CLASSES = 2001
 # A whole number of points short by less than this is one.
 _ROUNDING = 1e-6
+
+
+def measure_texture(
+    scans: Mapping[str, xr.Dataset],
+    changes: Mapping[str, xr.Dataset],
+    *,
+    s_filter_um: float,
+    l_filter_um: float | None,
+) -> pd.DataFrame:
+    """Areal texture of each patch before and after use, and the change (ISO 25178-2).
+
+    `scans` are those at T0, `changes` those of the patches with a T1. The filters are None or
+    nesting indices. The rows are those of `texture_rows`.
+    """
+    rows = []
+    for patch in scans:
+        change = changes.get(patch)
+        of_patch = texture_rows(
+            scans[patch].height, change, s_filter_um=s_filter_um, l_filter_um=l_filter_um
+        )
+        if change is not None and len(of_patch) == 1:
+            _log.warning(
+                "patch %s: T1 was not found on T0, or covers too little of it: the texture is that "
+                "of T0 alone",
+                patch,
+            )
+        rows += [{"patch": patch, **row} for row in of_patch]
+    return pd.DataFrame(rows)
 
 
 def texture_rows(
@@ -96,8 +130,13 @@ def _parameters(
     heights: np.ndarray, spacing: tuple[float, float], s_filter_um: float
 ) -> dict[str, float]:
     """Parameters of a scale-limited surface (heights in µm, spacing in mm), by column."""
-    # here: its import costs a second, which every job of the study would pay
-    from surfalize import Surface
+    try:  # here, for its import costs a second, which every job of the study would pay
+        from surfalize import Surface
+    except ImportError as error:
+        problem = "surfalize, which measures it, is not installed"
+        raise InputError(
+            "texture", problem, "Install it: pip install 'gstlib[texture]'"
+        ) from error
 
     dy, dx = (step * _MM_TO_UM for step in spacing)
     # What passes the S-filter varies over its nesting index: two points in that length give the

@@ -39,7 +39,7 @@ def seen_depth(depth: np.ndarray) -> np.ndarray:
 
 def wear_table(
     patches: Iterable[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]],
-    square: xr.Dataset,
+    losses: pd.Series,
     pressures: pd.DataFrame,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Predicted against measured loss of each patch: the tables ``wear`` and ``wear_profile``.
@@ -48,8 +48,8 @@ def wear_table(
     ----------
     patches : iterable of (patch, xarray.Dataset, xarray.Dataset, xarray.Dataset)
         Contact before use, height change, and loss from `gstlib.wear.wear_map`; each is used once.
-    square : xarray.Dataset
-        From `gstlib.wear.wear_square`.
+    losses : pandas.Series
+        Mean depth lost by each patch, mm, by patch.
     pressures : pandas.DataFrame
         ``patch, pressure_MPa`` before use.
 
@@ -68,7 +68,6 @@ def wear_table(
         contact to the largest; ``model`` is ``measured`` or a prediction.
     """
     of = pressures.set_index("patch").pressure_MPa
-    losses = square.measured.dropna("patch").to_series()
     rows: list[tuple] = []
     bands: list[tuple] = []
     for patch, contact, change, worn in patches:
@@ -125,7 +124,7 @@ def _rms_um(depth: np.ndarray) -> float:
 def wear_summary(
     table: pd.DataFrame,
     profile: pd.DataFrame,
-    square: xr.Dataset,
+    mat: xr.Dataset | None,
     *,
     seed: int,
     resamples: int,
@@ -136,8 +135,8 @@ def wear_summary(
     ----------
     table, profile : pandas.DataFrame
         From `wear_table`.
-    square : xarray.Dataset
-        From `gstlib.wear.wear_square`; with a mat, from `gstlib.wear.fit_mat`.
+    mat : xarray.Dataset or None
+        From `gstlib.wear.fit_mat`; None without a mat.
     seed, resamples : int
         Of the bootstrap over patches.
 
@@ -203,11 +202,11 @@ def wear_summary(
         )
         loss = loss.loc[patches].to_numpy()
         row(model, "lower_half", np.stack([loss[:, 1], loss.sum(axis=1)], axis=1), *none)
-    if "mat_ratio" in square:
-        misfit = square.misfit.sel(scored=patches).transpose("scored", "ratio").values
-        samples = square.ratio.values[misfit[drawn].sum(axis=1).argmin(axis=1)]
+    if mat is not None:
+        misfit = mat.misfit.sel(patch=patches).transpose("patch", "ratio").values
+        samples = mat.ratio.values[misfit[drawn].sum(axis=1).argmin(axis=1)]
         interval = percentile_interval(samples, len(patches))
-        rows.append(("mat", "mat_ratio", square.attrs["mat_ratio"], *interval, *none))
+        rows.append(("mat", "mat_ratio", float(mat.ratio_of_all), *interval, *none))
 
     volumes = table.pivot(index="patch", columns="model", values="predicted_volume_um3")
     measured = table.drop_duplicates("patch").set_index("patch").measured_volume_um3

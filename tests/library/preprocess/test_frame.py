@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from gstlib.errors import ConfigError, InputError
-from gstlib.preprocess.frame import Frame, find_frame
+from gstlib.geometry import Frame, find_frame
 from gstlib.preprocess.gridding import grid_mesh
 from hypothesis import given, settings
 from hypothesis import strategies as st

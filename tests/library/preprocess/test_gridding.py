@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import trimesh
 from gstlib.errors import InputError
+from gstlib.geometry import Frame
 from gstlib.preprocess import gridding
-from gstlib.preprocess.frame import Frame
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.study import grid_macroscale, gridding_table
 from hypothesis import given, settings

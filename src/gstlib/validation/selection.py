@@ -1,0 +1,62 @@
+"""Which patches enter the study: those under load whose second scan matches the first."""
+
+from collections.abc import Mapping
+
+import pandas as pd
+import xarray as xr
+
+from gstlib.io.results import columns_of
+from gstlib.validation.change import wear_summary
+
+__all__ = ["registration_table", "select_patches"]
+
+
+def registration_table(
+    changes: Mapping[str, xr.Dataset], selection: Mapping[str, float]
+) -> pd.DataFrame:
+    """How well T1 matches T0 on each patch, how much was lost, and which patches that excludes.
+
+    `changes` are the height changes by patch; each is looked up once.
+    """
+    rows = []
+    for patch, change in changes.items():
+        found = bool(change.attrs["registration_found"])
+        rows.append({**change.attrs, **wear_summary(change), "patch": patch, "found": found})
+    # what is excluded, and why, follows from the rest
+    table = pd.DataFrame(rows, columns=columns_of("registration")[:-2])
+    # the pressures have a table of their own: here all pass
+    rules = {**selection, "minimum_pressure_MPa": 0.0}
+    judged = select_patches(table.assign(pressure_MPa=1.0), table, rules)
+    return table.assign(excluded=~judged.in_study, reason=judged.reason)
+
+
+def select_patches(
+    pressures: pd.DataFrame, registration: pd.DataFrame, selection: Mapping[str, float]
+) -> pd.DataFrame:
+    """Which patches enter the study, by their pressure and by how well T1 matches T0.
+
+    Patches that `registration` (from `registration_table`) lacks have no T1: their pressure alone
+    decides. The result is `pressures` with ``in_study`` and ``reason``, empty where a patch is in.
+    """
+    known = registration.set_index("patch").to_dict("index")
+    pressure_MPa = selection["minimum_pressure_MPa"]
+    reasons = []
+    for row in pressures.itertuples(index=False):
+        found = []
+        if not row.pressure_MPa > 0:
+            found.append("no macroscale contact")
+        elif row.pressure_MPa < pressure_MPa:
+            found.append(f"pressure {row.pressure_MPa:.3g} below {pressure_MPa:g} MPa")
+        match = known.get(row.patch, {"found": True})
+        values = {"overlap": match.get("overlap")}
+        if match[
+            "found"
+        ]:  # of the detail: the long waves of a stone match wherever T1 is laid
+            values["correlation"] = match.get("detail_correlation")
+        else:
+            found.append("T1 was not found on T0")
+        for name, value in values.items():
+            if value is not None and value < (least := selection[f"minimum_{name}"]):
+                found.append(f"T0/T1 {name} {value:.2f} below {least:.2f}")
+        reasons.append("; ".join(found))
+    return pressures.assign(in_study=[not text for text in reasons], reason=reasons)
