@@ -45,6 +45,16 @@ MADE = (
     "report.html",
     "verdict.html",
 )
+# What studies of earlier versions made, too, folders first; no step makes or reads it any more.
+_EARLIER = (
+    "hardness",
+    "slip",
+    "power",
+    "tables/hardness.csv",
+    "tables/sensitivity.csv",
+    "tables/slip.csv",
+    "tables/pose_shifts.csv",
+)
 LOCKS = Path(".snakemake/locks")
 HOST = Path(".snakemake/host")  # the machine that the last run was started on
 _PLANNING = {"-n", "--dry-run", "--dryrun"}
@@ -95,7 +105,8 @@ def run_study(
     ------
     InputError
         The config cannot be used, or lacks the section; there is no such profile; an option is
-        refused; Snakemake is not installed; a run is, or may be, alive in this folder.
+        refused; Snakemake is not installed; the results are those of an earlier version; a run is,
+        or may be, alive in this folder.
     """
     read = _checked(config)
     if refused := sorted({option.partition("=")[0] for option in options} & _REFUSED):
@@ -118,6 +129,7 @@ def run_study(
     if folder is None:
         raise InputError("--profile", f"there is no folder {here}", "See docs/cluster.md.")
     results = Path(read["results"])
+    _refuse_earlier(results, config)
     if not plan:
         check_writable(results)
         claim_folder(config)
@@ -145,6 +157,17 @@ def run_study(
     print(f"Done. Open {page} in a browser.")
     print(f"The archive of the study: {report}; its tables: {results / 'tables'}")
     return 0
+
+
+def _refuse_earlier(results: Path, config: Path) -> None:
+    """Refuse a folder with results of an earlier version, which would stand beside the new ones."""
+    if left := [name for name in _EARLIER if (results / name).exists()]:
+        raise InputError(
+            results,
+            f"holds results of an earlier version of the program ({', '.join(left)})",
+            f"Keep them elsewhere, or remove them with `gst clean {config}`; or give `results` "
+            "another name in the config.",
+        )
 
 
 def _checked(config: Path) -> dict:
@@ -221,7 +244,7 @@ def claim_folder(config: Path) -> None:
 def remove_results(config: Path) -> None:
     """Ask, and remove what a study made in its folder; the folder too, if nothing else is in it."""
     folder = Path(_checked(config)["results"])
-    made = [folder / name for name in MADE if (folder / name).exists()]
+    made = [folder / name for name in (*MADE, *_EARLIER[:3]) if (folder / name).exists()]
     made += folder.glob(".*.part*")
     if not made:
         print(f"Nothing of a study is in {folder}.")

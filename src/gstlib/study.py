@@ -381,7 +381,6 @@ def score_wear(
     losses: Mapping[str, xr.Dataset],
     worn: WornSquare,
     mat: xr.Dataset | None,
-    pressures: pd.DataFrame,
     *,
     seed: int,
     resamples: int,
@@ -392,11 +391,10 @@ def score_wear(
     `mat` from `gstlib.wear.fit_mat`, None without one. The tables are those of
     `gstlib.validation.wear_scores.wear_table` and `gstlib.validation.wear_scores.wear_summary`.
     """
-    measured = worn.path.measured.sel(patch=worn.losers).to_series()
     patches = (
         (patch, contacts[patch], changes[patch], loss) for patch, loss in losses.items()
     )
-    table, profile = wear_table(patches, measured, pressures)
+    table, profile = wear_table(patches, worn.path)
     summary = wear_summary(table, profile, mat, seed=seed, resamples=resamples)
     return table, profile, summary
 
@@ -606,4 +604,4 @@ class Study:
         mat = fit_mat(worn, contacts, changes) if worn.mat else None
         losses = dict(wear_patches(worn, mat, contacts))
         chance = {"seed": seed, "resamples": resamples}
-        return score_wear(contacts, changes, losses, worn, mat, self.pressures(), **chance)
+        return score_wear(contacts, changes, losses, worn, mat, **chance)

@@ -60,7 +60,7 @@ def main(
     for patch, loss in wear_patches(path, fitted, before):
         write_dataset(files[patch], loss, made)
     losses, chance = Stored(files), {"seed": seed, "resamples": resamples}
-    tables = score_wear(before, changes, losses, path, fitted, by_patch, **chance)
+    tables = score_wear(before, changes, losses, path, fitted, **chance)
     for file, content in zip((table, profile, summary), tables, strict=True):
         write_table(file, content)
 

@@ -39,8 +39,7 @@ def seen_depth(depth: np.ndarray) -> np.ndarray:
 
 def wear_table(
     patches: Iterable[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]],
-    losses: pd.Series,
-    pressures: pd.DataFrame,
+    square: xr.Dataset,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Predicted against measured loss of each patch: the tables ``wear`` and ``wear_profile``.
 
@@ -48,10 +47,8 @@ def wear_table(
     ----------
     patches : iterable of (patch, xarray.Dataset, xarray.Dataset, xarray.Dataset)
         Contact before use, height change, and loss from `gstlib.wear.wear_map`; each is used once.
-    losses : pandas.Series
-        Mean depth lost by each patch, mm, by patch.
-    pressures : pandas.DataFrame
-        ``patch, pressure_MPa`` before use.
+    square : xarray.Dataset
+        The path of a `gstlib.wear.WornSquare`: ``measured`` and ``pressure_MPa`` before use.
 
     Returns
     -------
@@ -67,7 +64,8 @@ def wear_table(
         (``by`` ``height``, ``band`` 1) to the lowest (4), and of those with the smallest ``gap`` in
         contact to the largest; ``model`` is ``measured`` or a prediction.
     """
-    of = pressures.set_index("patch").pressure_MPa
+    of = square.pressure_MPa.to_series()
+    losses = square.measured.to_series().dropna()
     rows: list[tuple] = []
     bands: list[tuple] = []
     for patch, contact, change, worn in patches:
