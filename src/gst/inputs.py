@@ -25,6 +25,7 @@ from gstlib.counterface import grid_counterface
 from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.geometry import Frame, Place, find_frame, on_patch, spline_of
 from gstlib.io.meshes import is_mesh, read_mesh
+from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
@@ -39,10 +40,8 @@ __all__ = ["Inputs", "check_inputs", "inspect_file"]
 _log = logging.getLogger(__name__)
 
 _MM_TO_UM = 1e3
-_FACTS = (
-    "points_x", "points_y", "spacing_x_um", "spacing_y_um", "unmeasured", "Sq_um", "tilt_x_mrad",
-    "tilt_y_mrad", "instrument", "objective",
-)  # fmt: skip
+# Of a scan, besides patch, epoch and file.
+_FACTS = columns_of("inputs")[3:]
 # If spacings of T0 and T1 differ by more than this share, the magnifications differ.
 _SAME_SPACING = 1e-3
 # Peak memory of the contact of the whole square, bytes per point (measured at 3012²).
@@ -206,7 +205,7 @@ def check_inputs(
             problems.append(fault)
         else:
             _log.warning("%s", fault)
-    table = pd.DataFrame(rows, columns=["patch", "epoch", "file", *_FACTS, "range_um"])
+    table = pd.DataFrame(rows, columns=[*columns_of("inputs"), "range_um"])
     return Inputs(table, stone, frame, heights, problems)
 
 

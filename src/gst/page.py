@@ -78,7 +78,8 @@ def caption_html(template: str, **names: Any) -> str:
     import jinja2
     from docutils.core import publish_parts
 
-    text = jinja2.Template(template).render(snakemake=SimpleNamespace(**names))
+    filled = jinja2.Template(template, undefined=jinja2.StrictUndefined)
+    text = filled.render(snakemake=SimpleNamespace(**names))
     quiet = {"raw_enabled": False, "file_insertion_enabled": False, "report_level": 3}
     return publish_parts(text, writer="html5", settings_overrides=quiet)["body"]
 

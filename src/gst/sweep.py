@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from gstlib.io.results import columns_of
+
 if TYPE_CHECKING:
     from gstlib.study import Study
 
@@ -105,11 +107,11 @@ def outcomes(study: "Study") -> pd.DataFrame:
     pandas.DataFrame
         ``output, patch, result, low, high``: the pressure of every patch; ``studied``, the number
         of patches in the study; mean scores, mean gains over the best rival and the rank
-        correlation of pressure with loss, as in ``validation_summary.csv``; the mean change of Sq
+        correlation of pressure with loss, as over the patches of a study; the mean change of Sq
         from T0 to T1, µm. 95 % intervals where there are any.
     """
     from gstlib.validation.scores import SCORES
-    from gstlib.validation.scoring import patch_tables
+    from gstlib.validation.scoring import score_table
     from gstlib.validation.summary import believed, mean_gains, rank_correlation
     from gstlib.validation.texture import measure_texture
 
@@ -119,7 +121,7 @@ def outcomes(study: "Study") -> pd.DataFrame:
     rows = [(_PRESSURE, row.patch, row.pressure_MPa, *none) for row in selected.itertuples()]
     rows.append(("studied", "", int(selected.in_study.sum()), *none))
     if found:
-        scores = patch_tables(found)["patches"].merge(selected[["patch", _PRESSURE]])
+        scores = score_table(found).merge(selected[["patch", _PRESSURE]])
         chance: dict[str, Any] = {"resamples": study.config["validation"]["resamples"]}
         chance["generator"] = np.random.default_rng(study.config["seed"])
         gains = mean_gains(scores, **chance)
@@ -161,5 +163,4 @@ def sweep_table(
         summed = {"output": [_CHANGE], "patch": "", "result": share, "change": share}
         table = pd.concat([table, pd.DataFrame(summed)])
         tables.append(table.assign(factor=setting.factor, value=setting.value))
-    columns = ["factor", "value", *keys, "result", "change", "low", "high"]
-    return pd.concat(tables, ignore_index=True)[columns]
+    return pd.concat(tables, ignore_index=True)[columns_of("sweep")]

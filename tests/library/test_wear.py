@@ -10,8 +10,9 @@ from gstlib.contact import contact_at_pressure
 from gstlib.coupling import patch_pressures
 from gstlib.errors import InputError
 from gstlib.gesture import make_poses
+from gstlib.io.results import columns_of
 from gstlib.surface import make_surface
-from gstlib.validation.wear_scores import COLUMNS, wear_summary, wear_table
+from gstlib.validation.wear_scores import wear_summary, wear_table
 from gstlib.wear import wear_map, wear_patch, wear_square
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
@@ -145,7 +146,7 @@ def tables():
 def test_models_are_what_they_say(tables):
     table = tables[0]
     by = table.set_index(["patch", "model"])
-    assert list(table.columns) == COLUMNS[0]
+    assert list(table.columns) == columns_of("wear")
     right = by.xs("archard", level="model")
     np.testing.assert_allclose(
         right.predicted_volume_um3 / right.measured_volume_um3, [1, 1, 2], rtol=1e-9
@@ -174,7 +175,7 @@ def test_models_are_what_they_say(tables):
 def test_skill_is_the_share_of_the_rivals_error_that_is_saved(tables):
     table, profile, square = tables
     summary = wear_summary(table, profile, square, seed=1, resamples=99)
-    assert list(summary.columns) == COLUMNS[2]
+    assert list(summary.columns) == columns_of("wear_summary")
     by = table.assign(error=(table.predicted_volume_um3 - table.measured_volume_um3).abs())
     errors = by.groupby("model").error.sum()
     found = summary[summary.statistic == "skill(volume)"].set_index("against").value
@@ -189,7 +190,7 @@ def test_skill_is_the_share_of_the_rivals_error_that_is_saved(tables):
 
 def test_the_profile_is_the_mean_loss_of_quarters_of_the_points(tables):
     table, profile, square = tables
-    assert list(profile.columns) == COLUMNS[1]
+    assert list(profile.columns) == columns_of("wear_profile")
     heights = profile[profile.by == "height"].pivot(
         index=["patch", "model"], columns="band", values="loss_um"
     )

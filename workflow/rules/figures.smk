@@ -74,6 +74,7 @@ if WORN_PATCHES:
         "registered": registered(WORN_PATCHES),
         "pressures": PRESSURES,
         "scores": f"{RESULTS}/tables/validation_patches.csv",
+        "registration": f"{RESULTS}/tables/registration.csv",
         "texture": f"{RESULTS}/tables/texture.csv",
     }
     for name in ("gains", "summary", "variants"):

@@ -12,7 +12,7 @@ rule check_inputs:
         counterface=COUNTERFACE_MESH,
         scans=SCANS,
     output:
-        table=table("inputs", "1 Inputs", "contents of every scan"),
+        table=table("inputs", "1 Inputs"),
     log:
         f"{RESULTS}/logs/check_inputs.log",
     benchmark:
@@ -44,7 +44,7 @@ rule grid_macroscale:
     output:
         **({"face": FACE} if FACE else {}),
         square=f"{RESULTS}/macroscale/surface.h5",
-        table=table("gridding", "2 Macroscale", "interpolation of the mesh"),
+        table=table("gridding", "2 Macroscale"),
     log:
         f"{RESULTS}/logs/grid_macroscale.log",
     benchmark:
@@ -91,7 +91,7 @@ rule solve_macroscale:
         square=SQUARE,
     output:
         contact=f"{RESULTS}/macroscale/contact.h5",
-        path=table("macroscale_path", "2 Macroscale", "load path"),
+        path=table("macroscale_path", "2 Macroscale"),
     log:
         f"{RESULTS}/logs/solve_macroscale.log",
     benchmark:

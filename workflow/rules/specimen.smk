@@ -45,7 +45,7 @@ if GENERATED:
             registered=registered(WORN_PATCHES),
             two_scales=f"{RESULTS}/tables/two_scales.csv" if REFERENCE else [],
         output:
-            table=table("truth", "7 Against the truth", "every stage"),
+            table=table("truth", "7 Against the truth"),
         log:
             f"{RESULTS}/logs/score_truth.log",
         benchmark:

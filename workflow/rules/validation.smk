@@ -17,10 +17,10 @@ if WORN_PATCHES:
             microscale=f"{RESULTS}/tables/microscale_summary.csv",
             exposure=f"{RESULTS}/tables/exposure.csv" if POSES is not None else [],
         output:
-            patches=table("validation_patches", "5 Validation", "scores of each patch"),
-            gains=table("validation_gains", "5 Validation", "scores against chance and best rival"),
-            summary=table("validation_summary", "5 Validation", "over all patches"),
-            variants=table("validation_variants", "5 Validation", "by variant of the coupling"),
+            patches=table("validation_patches", "5 Validation"),
+            gains=table("validation_gains", "5 Validation"),
+            summary=table("validation_summary", "5 Validation"),
+            variants=table("validation_variants", "5 Validation"),
         log:
             f"{RESULTS}/logs/score_patches.log",
         benchmark:
@@ -54,9 +54,9 @@ if WORN_PATCHES:
                 scores=f"{RESULTS}/tables/validation_patches.csv",
             output:
                 folder=directory(f"{RESULTS}/wear"),
-                table=table("wear", "6 Wear", "predicted and measured loss"),
-                profile=table("wear_profile", "6 Wear", "loss by height and by gap"),
-                summary=table("wear_summary", "6 Wear", "how good the prediction is"),
+                table=table("wear", "6 Wear"),
+                profile=table("wear_profile", "6 Wear"),
+                summary=table("wear_summary", "6 Wear"),
             log:
                 f"{RESULTS}/logs/predict_wear.log",
             benchmark:
@@ -82,14 +82,7 @@ rule tabulate_texture:
         t0=surfaces("T0", ALL_PATCHES),
         registered=registered(WORN_PATCHES),
     output:
-        table=table(
-            "texture",
-            *(
-                ("5 Validation", "surface texture before and after use")
-                if WORN_PATCHES
-                else ("1 Inputs", "surface texture")
-            ),
-        ),
+        table=table("texture", "5 Validation" if WORN_PATCHES else "1 Inputs"),
     log:
         f"{RESULTS}/logs/tabulate_texture.log",
     benchmark:

@@ -220,7 +220,7 @@ def _read_instrument_file(path: Path) -> _Raw:
         )
         raise InputError(path, problem, own_format) from error
     instrument = topography.info.get("instrument") or {}
-    stated = {
+    known = {
         "instrument": instrument.get("name"),
         "vendor": instrument.get("vendor"),
         "acquired": topography.info.get("acquisition_time"),
@@ -228,7 +228,7 @@ def _read_instrument_file(path: Path) -> _Raw:
         if maps[1:]
         else None,
     }
-    attrs = {name: str(value) for name, value in stated.items() if value is not None}
+    attrs = {name: str(value) for name, value in known.items() if value is not None}
     return heights, spacing, length, attrs
 
 

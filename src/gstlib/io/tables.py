@@ -10,11 +10,10 @@ import pandas as pd
 
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
+from gstlib.io.results import SIGNIFICANT_DIGITS, TABLES, Column
 
 __all__ = [
     "ALL_DIGITS",
-    "FEWER_DIGITS",
-    "SIGNIFICANT_DIGITS",
     "printed",
     "read_pressures",
     "read_table",
@@ -22,10 +21,6 @@ __all__ = [
     "write_table",
 ]
 
-# Results are solved to a relative residual of 1e-6 or better; five digits stay above that noise.
-SIGNIFICANT_DIGITS = 5
-# Columns with fewer digits: a stiffness is converged to about 1e-6.
-FEWER_DIGITS = {"stiffness_MPa_per_um": 4, "interface_stiffness_MPa_per_um": 4}
 # Differences beyond these digits count as rounding.
 _KNOWN_DIGITS = 10
 # Columns that the stages take from the table of patch pressures.
@@ -58,18 +53,39 @@ def _format(value: Any, digits: int) -> str:
 
 
 def write_table(path: str | Path, table: pd.DataFrame) -> None:
-    """Write `table` as CSV: floats with `SIGNIFICANT_DIGITS` or `FEWER_DIGITS`, booleans as yes/no,
-    NaN as empty.
+    """Write `table` as CSV: floats with their column's digits, booleans as yes/no, NaN as empty.
 
     The file is complete or absent; row order is the table's own.
+
+    Raises
+    ------
+    ValueError
+        `gstlib.io.results` lists the table with other columns.
     """
+    path = Path(path)
+    _check_columns(path, list(table))
 
     def words(column: pd.Series) -> pd.Series:
-        digits = FEWER_DIGITS.get(str(column.name), SIGNIFICANT_DIGITS)
+        digits = Column(str(column.name), "").digits
         return column.map(lambda value: _format(value, digits))
 
     text = table.astype(object).apply(words)
     write_whole(path, text.to_csv(index=False, lineterminator="\n").encode())
+
+
+def _check_columns(path: Path, columns: list[str]) -> None:
+    """Refuse other columns, or another order, than those of a table of results."""
+    listed = TABLES.get(path.stem)
+    if listed is None or path.parent.name != listed.folder:
+        return
+    expected = [
+        name for name in listed.meanings if name in columns or name not in listed.optional
+    ]
+    if columns != expected:
+        raise ValueError(
+            f"{path} would have the columns {', '.join(columns)}; gstlib.io.results lists "
+            f"{', '.join(expected)}"
+        )
 
 
 def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:

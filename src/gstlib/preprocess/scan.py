@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation
 from scipy.spatial import QhullError
 
 from gstlib.errors import InputError
+from gstlib.io.results import columns_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.outliers import median_outliers, window_outliers
 
@@ -128,18 +129,9 @@ def prepare_scan(
 
 def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFrame:
     """What was done to each scan, from the attributes of its dataset, by patch and epoch."""
-    columns = [
-        "unmeasured",
-        "filled",
-        "outliers",
-        "outlier_k",
-        "tilt_x_mrad",
-        "tilt_y_mrad",
-        "Sq_before_um",
-        "Sq_after_um",
-    ]
-    rows = [(*scan, *(attrs[name] for name in columns)) for scan, attrs in scans.items()]
-    return pd.DataFrame(rows, columns=["patch", "epoch", *columns])
+    columns = columns_of("preprocessing")
+    rows = [(*scan, *(attrs[name] for name in columns[2:])) for scan, attrs in scans.items()]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def check_unmeasured(surface: xr.DataArray, maximum_share: float) -> None:

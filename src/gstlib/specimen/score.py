@@ -13,6 +13,7 @@ import scipy.ndimage
 import xarray as xr
 
 from gstlib.geometry import Place
+from gstlib.io.results import columns_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.scanning import relocation
 from gstlib.surface import make_surface
@@ -95,8 +96,7 @@ def score_truth(
                 row.patch,
                 [("pressure", "MPa", known[row.patch], row.pressure_MPa)],
             )
-    columns = ["stage", "quantity", "patch", "unit", "true", "recovered", "error"]
-    return pd.DataFrame(rows, columns=columns)
+    return pd.DataFrame(rows, columns=columns_of("truth"))
 
 
 def _surface(truth: xr.Dataset) -> xr.DataArray:

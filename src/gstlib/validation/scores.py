@@ -6,8 +6,8 @@ make other sums, thousands at once, for `scores_of_sums`.
 
 - ``precision``: share of the predicted that is observed; NaN if nothing is predicted.
 - ``recall``: share of the observed that is predicted; NaN if nothing is observed.
-- ``f1`` (their harmonic mean, the Dice coefficient) and ``iou`` (intersection over union): NaN if
-  both masks are empty, 0 if only one is.
+- ``f1``: their harmonic mean, the Dice coefficient; NaN if both masks are empty, 0 if only one is.
+  The intersection over union says the same: it is f1 / (2 - f1).
 - ``mcc``: Matthews' correlation coefficient, 0 at chance whatever the areas; NaN if a mask is empty
   or full.
 - ``fss``: fractions skill score (Roberts and Lean 2008, Mon. Weather Rev. 136:78). It compares the
@@ -47,7 +47,7 @@ __all__ = [
     "window_shares",
 ]
 
-SCORES = "precision", "recall", "f1", "iou", "mcc", "fss", "roc_auc", "pr_auc"
+SCORES = "precision", "recall", "f1", "mcc", "fss", "roc_auc", "pr_auc"
 
 CONTACT = "contact"  # the prediction under test
 RIVALS = "highest", "rigid"
@@ -184,7 +184,6 @@ def scores_of_sums(
         "precision": _ratio(hits, predicted),
         "recall": _ratio(hits, observed),
         "f1": _ratio(2 * hits, predicted + observed),
-        "iou": _ratio(hits, predicted + observed - hits),
         "mcc": _ratio(hits * measured - predicted * observed, np.sqrt(np.maximum(spread, 0))),
         "fss": _ratio(2 * product, of_p + of_o),
     }

@@ -20,6 +20,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.contact import laid_height
+from gstlib.io.results import columns_of
 from gstlib.validation.change import wear_summary
 from gstlib.validation.intervals import (
     FEWEST_BLOCKS,
@@ -30,52 +31,13 @@ from gstlib.validation.intervals import (
 from gstlib.validation.nulls import LONGEST, correlation_length, null_scores, p_value
 from gstlib.validation.scores import CONTACT, RIVALS, SCORES, compare, scores_of
 
-__all__ = ["PatchScores", "patch_tables", "score_patch"]
+__all__ = ["PatchScores", "patch_tables", "score_patch", "score_table"]
 
 _NULL_RANGE = 0.025, 0.975
 # Beyond these decimals, a value of 0 shows the rounding of the transforms.
 _DECIMALS = 9
 # Noise raises as often as it lowers: if this many times as much rose as fell, something is wrong.
 _BEYOND_NOISE = 2
-
-_COLUMNS = {
-    "patches": [
-        "patch",
-        "contact_fraction",
-        "valid_contact_fraction",
-        "loss_fraction",
-        "loss_area_mm2",
-        "loss_volume_um3",
-        "loss_depth_um",
-        "loss_per_area_um",
-        "gain_fraction",
-        "noise_share",
-        "believed",
-        "correlation_length_um",
-        "rigid_fraction",
-        *SCORES,
-        *(f"highest_{score}" for score in SCORES),
-        *(f"rigid_{score}" for score in SCORES if not score.endswith("auc")),
-    ],
-    "gains": [
-        "patch",
-        "score",
-        "value",
-        "null_mean",
-        "null_low",
-        "null_high",
-        "effect_size",
-        "p_value",
-        "untested",
-        "shifts",
-        "best_rival",
-        "best_rival_value",
-        "gain",
-        "gain_low",
-        "gain_high",
-        "blocks",
-    ],
-}
 
 
 @dataclass(frozen=True)
@@ -84,10 +46,8 @@ class PatchScores:
 
     scores: dict[
         str, Any
-    ]  # row of validation_patches.csv, see workflow/report for its columns
-    gains: list[
-        dict[str, Any]
-    ]  # rows of validation_gains.csv; none where chance was not tested
+    ]  # row of validation_patches.csv, and what `wear_summary` says of the loss
+    gains: list[dict[str, Any]]  # rows of validation_gains.csv; none if chance was not tested
     null: dict[str, np.ndarray]  # as from `null_scores`; empty where chance was not tested
     warning: (
         str | None
@@ -186,13 +146,17 @@ def score_patch(
 
 def patch_tables(found: Sequence[PatchScores]) -> dict[str, pd.DataFrame]:
     """The tables ``patches`` and ``gains``; empty without patches."""
-    rows = {
-        "patches": [one.scores for one in found],
-        "gains": [row for one in found for row in one.gains],
-    }
+    gains = [row for one in found for row in one.gains]
     return {
-        name: pd.DataFrame(rows[name], columns=columns) for name, columns in _COLUMNS.items()
+        "patches": score_table(found)[columns_of("validation_patches")],
+        "gains": pd.DataFrame(gains, columns=columns_of("validation_gains")),
     }
+
+
+def score_table(found: Sequence[PatchScores]) -> pd.DataFrame:
+    """The table ``patches``, and ``loss_fraction``, which ``registration.csv`` states."""
+    columns = [*columns_of("validation_patches"), "loss_fraction"]
+    return pd.DataFrame([one.scores for one in found], columns=columns)
 
 
 def _against_chance(value: float, scores: np.ndarray) -> dict[str, Any]:

@@ -17,29 +17,15 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.contact import laid_height
+from gstlib.io.results import columns_of
 from gstlib.surface import spacing_of
 from gstlib.validation.intervals import percentile_interval
 from gstlib.validation.summary import exchange_p_value, rank_correlation
 
-__all__ = ["COLUMNS", "OWN", "seen_depth", "wear_summary", "wear_table"]
+__all__ = ["OWN", "seen_depth", "wear_summary", "wear_table"]
 
 # The predictions, and the rivals that they must beat.
 OWN, _RIVALS = ("archard", "mat"), ("pressure", "uniform", "truncation")
-# Of ``wear.csv``, ``wear_profile.csv`` and ``wear_summary.csv``.
-COLUMNS = (
-    [
-        "patch",
-        "model",
-        "predicted_volume_um3",
-        "measured_volume_um3",
-        "predicted_depth_um",
-        "measured_depth_um",
-        "rms_difference_um",
-        "rms_out_of_contact_um",
-    ],
-    ["patch", "by", "band", "model", "loss_um"],
-    ["model", "statistic", "value", "low", "high", "p_value", "n", "against"],
-)
 # Bands of equally many points, beginning with the highest points, or the smallest gap.
 _BANDS = 4
 # A mat is detected if its error out of contact is below this share of the bare stone's.
@@ -119,7 +105,8 @@ def wear_table(
                 for band, points in enumerate(order, start=1)
                 for model, depth in compared.items()
             ]
-    return pd.DataFrame(rows, columns=COLUMNS[0]), pd.DataFrame(bands, columns=COLUMNS[1])
+    table = pd.DataFrame(rows, columns=columns_of("wear"))
+    return table, pd.DataFrame(bands, columns=columns_of("wear_profile"))
 
 
 def _mean_um(depth: np.ndarray) -> float:
@@ -230,5 +217,7 @@ def wear_summary(
         for model in (*own, *_RIVALS)
         if model != "uniform"
     ]
-    found = pd.concat([pd.DataFrame(rows, columns=COLUMNS[2]), *ranked], ignore_index=True)
-    return found[COLUMNS[2]]
+    columns = columns_of("wear_summary")
+    return pd.concat([pd.DataFrame(rows, columns=columns), *ranked], ignore_index=True)[
+        columns
+    ]

@@ -8,10 +8,10 @@ import xarray as xr
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.randomness import self_affine_field, smooth_field
 from gstlib.surface import make_surface
-from gstlib.validation.change import height_change
+from gstlib.validation.change import height_change, wear_summary
 from gstlib.validation.nulls import _wrap_around_factors
 from gstlib.validation.scores import SCORES
-from gstlib.validation.scoring import patch_tables, score_patch
+from gstlib.validation.scoring import patch_tables, score_patch, score_table
 
 SETTINGS = {
     "rim": 0.0,
@@ -155,8 +155,11 @@ def test_tables_have_the_same_columns_with_and_without_patches(patch):
     for name, rows in {"patches": 2, "gains": 2 * len(SCORES)}.items():
         assert (len(tables[name]), len(empty[name])) == (rows, 0)
         assert list(empty[name]) == list(tables[name])
-    assert set(tables["patches"]) == set(found[0].scores)  # nothing of the rows is lost
     assert tables["patches"].notna().all(axis=None)
+    # nothing of the rows is lost but what registration.csv states
+    told = {*wear_summary(patch[1])} - {"loss_per_area_um"}
+    assert {*tables["patches"], *told} == {*found[0].scores}
+    assert {*score_table(found)} - {*tables["patches"]} == {"loss_fraction"}
 
 
 def measured_twice(rng, worn=0.0):
