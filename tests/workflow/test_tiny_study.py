@@ -554,7 +554,7 @@ def test_scores_are_those_of_the_stored_masks(results, table, config):
         masks = {
             "": predicted,
             "highest_": heights >= lowest,
-            "rigid_": heights > heights.max() - float(contact.displacement[-1]),
+            "rigid_": heights > heights.max() - float(contact.displacement),
         }
         for front, mask in masks.items():
             hits = (mask & loss).sum()
