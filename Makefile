@@ -8,11 +8,11 @@ BIN     := .venv/bin
 READY   := .venv/ready
 # a config of the user's own, if one is given
 SWEPT   := $(if $(filter file,$(origin CONFIG)),config/sweep.yaml,$(CONFIG))
-# on a cluster the profile says how many cores
+# on a cluster, the profile sets the number of cores
 STUDY   := $(BIN)/gst study $(if $(filter default,$(PROFILE)),--cores $(CORES),--profile $(PROFILE))
-# one thread: on two cores the small matrix products of a test only wait for each other
+# one thread: with two, the small matrix products of a test only wait for each other
 PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --durations=15
-# tests of one file share what they prepare, so they run in one process
+# tests in one file share their fixtures, so they run in one process
 PARALLEL := -n $(CORES) --dist loadfile
 
 .DEFAULT_GOAL := help
@@ -48,10 +48,10 @@ plan: $(READY) ## show what a study would run, without running it
 diff: $(READY) ## compare two result folders: make diff A=results B=other/results
 	@$(BIN)/gst diff $(A) $(B)
 
-test: style types ## style, types and all tests that take minutes in total
+test: style types ## check style and types, and run the quick tests (minutes)
 	$(PYTEST) $(PARALLEL) -m "not slow and not slurm and not browser"
 
-test-all: test ## the rest too: whole studies, browser, site, Slurm, faults (an hour)
+test-all: test ## run all tests: also whole studies, browser, site, Slurm, faults (an hour)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[record]'
 	$(PYTEST) $(PARALLEL) -m "slow and not slurm"
 	$(MAKE) test-browser site
@@ -73,7 +73,7 @@ test-browser: $(READY) ## open the pages in Chromium, if it is installed (minute
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[browser]'
 	$(PYTEST) -m browser tests/workflow
 
-test-slurm: $(READY) ## the tiny study through a real Slurm; installs one with apt-get if need be (root)
+test-slurm: $(READY) ## run the tiny study through a real Slurm; installs one with apt-get if needed (root)
 	tests/slurm/start_slurm.sh --install
 	$(PYTEST) -m slurm
 
@@ -86,26 +86,26 @@ hooks: $(READY) ## check the style of each commit before it is made
 bench: $(READY) ## measure the contact solver against other codes (half an hour)
 	$(BIN)/python benchmarks/run.py
 
-margin: $(READY) ## how much tables differ, beyond their printed digits, between cores and processors (10 minutes)
+margin: $(READY) ## measure how much unrounded tables differ between cores and processors (10 minutes)
 	$(BIN)/python benchmarks/margin.py --config "$(CONFIG)"
 
-power: $(READY) ## how often the study finds a relation, real or absent (half an hour)
+power: $(READY) ## measure how often the study finds a relation that is there, or not there (half an hour)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/power.py --processes $(CORES)
 
-baseline: $(READY) ## renew the tables that the tests compare the default study with
+baseline: $(READY) ## renew the tables with which the tests compare the default study
 	@$(STUDY) config/config.yaml
 	rm -rf tests/baseline && mkdir -p tests/baseline
 	cp -r results/tables tests/baseline/
 
-sweep: $(READY) ## what moves the results most: a one-at-a-time sensitivity analysis (a quarter of an hour)
+sweep: $(READY) ## find what changes the results most: one-at-a-time sensitivity (a quarter of an hour)
 	@$(STUDY) --goal sweep "$(SWEPT)"
 
 docs: $(READY) ## renew the parts of the documents that are generated from the code
 	$(BIN)/python workflow/document.py
 
-site: $(READY) ## make a site of the documents and the API in build/site, to be read without a network; strict
+site: $(READY) ## make an offline site of the documents and the API in build/site; any warning is an error
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[docs]'
-	@# -E: a page that did not change may quote what did
+	@# -E: an unchanged page may quote a changed one
 	$(BIN)/python -m sphinx -W --keep-going -E -q -c docs -d build/doctrees . build/site
 	@! grep -rE '<(script|link|img)[^>]+https?://' build/site --include='*.html'
 	@echo "Done. Open build/site/index.html"

@@ -35,7 +35,8 @@ import pandas as pd
 import yaml
 
 from gst.difference import compare_results
-from gstlib.io.tables import ALL_DIGITS, FEWER_DIGITS, SIGNIFICANT_DIGITS, printed
+from gstlib.io.results import Column
+from gstlib.io.tables import ALL_DIGITS, printed
 
 ROOT = Path(__file__).parents[1]
 RUNS = {"2 cores": 2, "1 core": 1, "older processor": 1}
@@ -84,7 +85,7 @@ def margins(before: Path, after: Path) -> Iterator[dict[str, object]]:
         numbers = of_table.dropna(subset="relative")
         moved, changed = [], len(of_table) - len(numbers)
         for change in numbers.itertuples():
-            digits = FEWER_DIGITS.get(change.column, SIGNIFICANT_DIGITS)
+            digits = Column(change.column, "").digits
             one, other = float(change.before), float(change.after)
             moved.append(abs(other - one) / last_unit(max(one, other, key=abs), digits))
             changed += printed(one, digits) != printed(other, digits)

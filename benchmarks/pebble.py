@@ -3,8 +3,8 @@
 The map is found on the mesh, cut into six patches, and the patches go through the study as scans of
 their own. Their true relative planes are known: the map is one frame. The reference is one contact
 of the whole square at 10 µm, over draws of what was not scanned. It is solved with the planes
-of the mesh, which tells what the coupling costs, and with those of the map, which tells what the
-mesh's planes cost besides. Tables are printed; pictures go to build/pebble.png and
+of the mesh, which shows what the coupling costs, and with those of the map, which shows what the
+mesh's planes cost in addition. Tables are printed; pictures go to build/pebble.png and
 build/pebble_contact.png.
 """
 
@@ -161,7 +161,7 @@ def refined(
 
 
 def find_map(surface: xr.DataArray, stored: xr.DataArray) -> tuple[xr.DataArray, Place]:
-    """The map, turned over if need be, and where it lies; prints what chance alone would find."""
+    """The map, turned over if necessary, and its position; prints what chance alone would find."""
     rows = []
     looks = {
         "as stored": stored,

@@ -30,7 +30,7 @@ from gstlib.specimen.generate import make_specimens
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.stone import WEAR_LAWS, WEAR_PLACEMENTS
 from gstlib.study import Study
-from gstlib.validation.scoring import patch_tables
+from gstlib.validation.scoring import patch_tables, score_table
 from gstlib.validation.summary import (
     believed,
     mean_gains,
@@ -144,11 +144,11 @@ def p_values(study: Study, *, seed: Sequence[int]) -> tuple[pd.DataFrame, pd.Dat
         study.scores(seed=seed, shifts=shifts, resamples=_RESAMPLES),
         study.selected(),
     )
-    tables = patch_tables(found)
     table = places[["patch", "x_mm", "y_mm", "pressure_MPa"]].merge(
-        tables["patches"], on="patch"
+        score_table(found), on="patch"
     )
-    of_patch = tables["gains"][tables["gains"].score.isin(SCORES)]
+    gains = patch_tables(found)["gains"]
+    of_patch = gains[gains.score.isin(SCORES)]
     rows = [(row.score, np.nan, 1, row.p_value) for row in of_patch.itertuples()]
     found, every, table = believed(found), table, table[table.believed.astype(bool)]
     if table.empty:
@@ -178,7 +178,7 @@ def p_values(study: Study, *, seed: Sequence[int]) -> tuple[pd.DataFrame, pd.Dat
 def law_p_values(study: Study, *, seed: int) -> pd.DataFrame:
     """P-values of the claim that a law of wear is at work on a specimen.
 
-    ``test, drawn, patches, p_value`` as of `p_values`; the tests are ``law(archard)`` and, where
+    ``test, drawn, patches, p_value`` as in `p_values`; the tests are ``law(archard)`` and, where
     the config has a mat, ``law(mat)``. A law is claimed where its maps of loss err less than those
     of every rival; a mat must beat the bare stone out of contact, too (`wear_summary` of
     `gstlib.validation.wear_scores`). The p-value, one-sided, is the largest.

@@ -76,8 +76,7 @@ def trial(
         )
         for patch in worn.losers
     )
-    measured = worn.path.measured.sel(patch=worn.losers).to_series()
-    table, _ = wear_table(maps, measured, study.pressures())
+    table, _ = wear_table(maps, worn.path)
     if fitted is not None:
         ratios = fitted.mat_ratio.to_series().rename("mat_ratio")
         table = table.merge(ratios, left_on="patch", right_index=True)

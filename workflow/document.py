@@ -1,5 +1,6 @@
 """Write the parts of the documents that are generated from the code.
 
+README.md: the tables of results, from `gstlib.io.results`; workflow/report/tables: their captions.
 config/README.md: the tables of keys, from the JSON schemas. docs/assumptions.md: the modelling
 choices marked ``# ASSUME:`` in the code. docs/reference.md: what `gst --help` says. With --check,
 write nothing, and end with exit code 1 if the documents are out of date.
@@ -7,6 +8,7 @@ write nothing, and end with exit code 1 if the documents are out of date.
 
 import argparse
 import re
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +17,7 @@ import yaml
 
 from gst.cli import main as gst
 from gst.config import resolved
+from gstlib.io.results import TABLES, Column, Table
 
 ROOT = Path(__file__).parents[1]
 # A comment that begins with ASSUME, and the comment lines that continue it.
@@ -102,6 +105,31 @@ def commands() -> Iterator[str]:
         yield command.get_help(click.Context(command, info_name=name, parent=group))
 
 
+def results() -> Iterator[str]:
+    """The tables of results, a row each."""
+    yield "| in `results/tables/` | what it holds |\n|---|---|"
+    for name, listed in TABLES.items():
+        if listed.folder == "tables":
+            only = f" ({listed.only})" if listed.only else ""
+            yield f"| `{name}.csv` | {listed.title}{only} |"
+
+
+def caption(listed: Table) -> str:
+    """The caption of a table of results, with a line for each column; for Snakemake's report."""
+    text = textwrap.fill(
+        " ".join(listed.caption.split()), 110, break_long_words=False, break_on_hyphens=False
+    )
+    columns = "\n".join(map(described, listed.columns))
+    source = "{# made by `make docs` from src/gstlib/io/results.py #}"
+    return f"{source}\n{{% set config = snakemake.config %}}\n{text}\n\n{columns}\n"
+
+
+def described(column: Column) -> str:
+    """What is said of a column under its table."""
+    unit = f" ({column.unit})" if column.unit else ""
+    return f"- ``{column.name}``{unit}: {column.meaning}."
+
+
 def filled(document: str, parts: dict[str, str]) -> str:
     """The document with each part between its marks replaced."""
     for name, content in parts.items():
@@ -121,20 +149,26 @@ def main() -> None:
         for name in ("config", "patches")
     )
     documents = {
+        "README.md": {"results": "\n".join(results())},
         "config/README.md": {"config": config_table(config), "patches": table(patches)},
         "docs/assumptions.md": {"assumptions": "\n".join(assumptions())},
         "docs/reference.md": {
             "commands": "\n\n".join(f"```\n{text}\n```" for text in commands())
         },
     }
-    stale = []
+    captions = ROOT / "workflow/report/tables"
+    files = {captions / f"{name}.rst": caption(listed) for name, listed in TABLES.items()}
     for name, parts in documents.items():
-        old = (ROOT / name).read_text(encoding="utf-8")
-        new = filled(old, parts)
-        if new != old:
-            stale.append(name)
+        files[ROOT / name] = filled((ROOT / name).read_text(encoding="utf-8"), parts)
+    stale = []
+    for file, new in files.items():
+        if not file.exists() or file.read_text(encoding="utf-8") != new:
+            stale.append(file.relative_to(ROOT).as_posix())
             if not check:
-                (ROOT / name).write_text(new, encoding="utf-8")
+                file.parent.mkdir(exist_ok=True)
+                file.write_text(new, encoding="utf-8")
+    for file in sorted({*captions.glob("*.rst")} - {*files}):
+        stale.append(f"{file.relative_to(ROOT).as_posix()} (to be deleted)")
     if check and stale:
         raise SystemExit(f"out of date: {', '.join(stale)}; run `make docs`")
 

@@ -24,7 +24,7 @@ c = a * (1 - ratio) ** (1 / 3)
 stick = np.sqrt(int(slip.stick.sum()) * (side / n) ** 2 / np.pi)
 force = float(slip.traction.sum()) / (friction * float(contact.pressure.sum()))
 print(f"radius that sticks: {stick:.4f} mm, Cattaneo and Mindlin {c:.4f} mm")
-print(f"tangential force: {force:.3f} of that which slides, asked {ratio:.3f}")
+print(f"tangential force: {force:.3f} of the force to slide, given {ratio:.3f}")
 
 figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
 axes.plot(x, friction * contact.pressure[n // 2], "--", label="friction × pressure")

@@ -18,7 +18,7 @@ __all__ = ["check_study"]
 
 
 def _summary(config: dict, patches: pd.DataFrame, found: Inputs | None) -> str:
-    """What a run would do, and the sizes by which one sees that units were read as meant."""
+    """What a run would do, and the sizes, which show whether units were read as intended."""
     macroscale, material = config["macroscale"], config["material"]
     elements, (modulus, standard) = macroscale["grid"], contact_moduli(material)
     lines = {
@@ -26,7 +26,7 @@ def _summary(config: dict, patches: pd.DataFrame, found: Inputs | None) -> str:
         "macroscale": f"{config['square']['size_mm']:g} mm square, {elements} × {elements} "
         f"elements, {macroscale['steps']} steps to {macroscale['target_pressure_MPa']:g} MPa",
         "stiffness": f"E* = {modulus:.5g} MPa"
-        + (f", as given; {standard:.5g} MPa by the elastic constants" if standard else ""),
+        + (f", as given; {standard:.5g} MPa from the elastic constants" if standard else ""),
         "patches": f"{len(patches)} of {config['scans']['size_mm']:g} mm, "
         f"{config['microscale']['steps']} steps each; {(patches.t1 != '').sum()} with a scan after "
         "use",
@@ -56,7 +56,7 @@ def _range(values: Iterable[float]) -> str:
 def check_study(path: Path) -> None:
     """Read config, patch table and every measured file of a study, and print what a run would do.
 
-    Where mesh and square can be read, ``check.png`` in the results folder shows them.
+    If mesh and square can be read, ``check.png`` in the results folder shows them.
 
     Raises
     ------

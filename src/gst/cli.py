@@ -1,4 +1,4 @@
-"""The command `gst`: everything that a user does with a study from the shell."""
+"""The command `gst`: everything that a user can do with a study from the shell."""
 
 import sys
 from pathlib import Path
@@ -29,7 +29,7 @@ class _Commands(click.Group):
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(gstlib.__version__, prog_name="gst")
 def main() -> None:
-    """Where does a ground stone tool wear? Lay out, check and run a study; look at its files."""
+    """Where does a ground stone tool wear? Set up, check and run a study; inspect its files."""
 
 
 @main.command()
@@ -39,11 +39,11 @@ def main() -> None:
     type=click.Choice(sorted(file.stem for file in (gst.ROOT / "config").glob("*.yaml"))),
     default="own",
     show_default=True,
-    help="The shipped config to begin with, such as config, the generated specimen, or tiny, the "
-    "same in seconds.",
+    help="The shipped config to start from, such as config (the generated specimen) or tiny (the "
+    "same in seconds).",
 )
 def new(folder, like) -> None:
-    """Lay out a study: a config, the tables that it names, and a description of every key."""
+    """Set up a study: a config, the tables that it names, and a description of every key."""
     from gst.running import lay_out
 
     for copy in lay_out(folder, like):
@@ -56,7 +56,7 @@ def new(folder, like) -> None:
 def check(config) -> None:
     """Check CONFIG, patch table, mesh and scans, and say what a run would do.
 
-    Everything that is wrong is listed at once; the exit code is 0 if nothing is, else 2.
+    All problems are listed at once; the exit code is 0 if there are none, else 2.
     """
     from gst.checking import check_study
 
@@ -66,19 +66,19 @@ def check(config) -> None:
 @main.command(context_settings={"ignore_unknown_options": True})
 @_CONFIG
 @click.argument("options", metavar="[SNAKEMAKE OPTIONS]...", nargs=-1, type=click.UNPROCESSED)
-@click.option("--cores", help="Jobs at a time; by default those of the profile, which are 2.")
+@click.option("--cores", help="Jobs at a time; by default as in the profile, which has 2.")
 @click.option(
     "--profile",
     default="default",
     show_default=True,
-    help="default, slurm, or a folder of your own in profiles.",
+    help="default, slurm, or your own folder in profiles.",
 )
 @click.option(
     "--goal",
     type=click.Choice(["study", "sweep"]),
     default="study",
     show_default=True,
-    help="The study, or what moves its results most.",
+    help="The study; what changes its results most.",
 )
 @click.option("--plan", is_flag=True, help="Only show what would run.")
 def study(config, options, cores, profile, goal, plan) -> None:
@@ -95,9 +95,9 @@ def study(config, options, cores, profile, goal, plan) -> None:
 @main.command()
 @_CONFIG
 def clean(config) -> None:
-    """Remove the results of CONFIG's study, after a question.
+    """Remove the results of CONFIG's study; asks first.
 
-    Whole folders go, such as tables; other files in the folder of the results stay.
+    Whole folders such as tables are removed; other files in the results folder stay.
     """
     from gst.running import remove_results
 
@@ -115,9 +115,9 @@ def clean(config) -> None:
     "--spacing-um", type=float, help="Point spacing (µm) of text files that do not state it."
 )
 def inspect(files, unit, spacing_um) -> None:
-    """Show what scans and meshes hold: size, spacing, units, unmeasured share, Sq.
+    """Show what scans and meshes contain: size, spacing, units, unmeasured share, Sq.
 
-    The exit code is 1 if any file cannot be read; the others are shown all the same.
+    The exit code is 1 if any file cannot be read; the others are still shown.
     """
     from gst.inputs import inspect_file
 
@@ -141,7 +141,7 @@ def inspect(files, unit, spacing_um) -> None:
 @click.option(
     "--unit",
     type=click.Choice(["m", "cm", "mm", "um", "in"]),
-    help="Unit of the mesh; mm by default, of GLB m.",
+    help="Unit of the mesh; by default mm, or m for GLB.",
 )
 @click.option(
     "--size",
@@ -150,7 +150,7 @@ def inspect(files, unit, spacing_um) -> None:
     show_default=True,
     help="Side of the square (mm).",
 )
-@click.option("--patches", type=_PATH, help="A patch table, to be drawn on the square.")
+@click.option("--patches", type=_PATH, help="A patch table to draw on the square.")
 @click.option(
     "--patch-size",
     type=click.FloatRange(0, 50, min_open=True),
@@ -162,7 +162,7 @@ def inspect(files, unit, spacing_um) -> None:
     "--output", type=_PATH, default="pick.html", show_default=True, help="The page."
 )
 def pick(mesh, unit, size, patches, patch_size, output) -> None:
-    """Write a page on which the square is picked: turn the stone, click, copy the config."""
+    """Write a page to pick the square on: turn the stone, click, copy the config."""
     from gst.patches import read_patches
     from gst.pick import pick_page
     from gstlib.io.files import write_whole
@@ -203,9 +203,9 @@ def diff(before, after, tolerance) -> None:
 
 @main.command()
 @click.argument("results", type=_PATH)
-@click.option("--output", type=_PATH, help="The zip; by default the folder's name with .zip.")
+@click.option("--output", type=_PATH, help="The zip; by default the folder's name and .zip.")
 @click.option(
-    "--author", "authors", multiple=True, help="Who made the study; can be repeated."
+    "--author", "authors", multiple=True, help="Author of the study; may be repeated."
 )
 @click.option(
     "--license", "licence", help="Licence of the results, such as CC-BY-4.0 (SPDX)."

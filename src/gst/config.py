@@ -1,8 +1,8 @@
 """The study's configuration, completed and checked as a whole before anything runs.
 
-What a config leaves out takes its default from `workflow/schemas/config.schema.yaml`. The whole is
-held against that schema and then against the rules that a schema cannot express. Every problem is
-reported at once, with its key, its value and the remedy.
+Omitted keys take their defaults from `workflow/schemas/config.schema.yaml`. The completed
+config is checked against that schema, and then against the rules that a schema cannot
+express. All problems are reported at once, each with its key, its value and the remedy.
 """
 
 import copy
@@ -46,18 +46,18 @@ def refuse_config(problems: Iterable[str], source: str) -> None:
 
 
 def complete(config: Mapping) -> dict:
-    """A config with the defaults of all keys that it leaves out; `config` is not altered.
+    """A config with the defaults of all omitted keys; `config` is not altered.
 
-    A section given in part keeps the defaults of its other keys. What is given as null stays
-    null, and a list takes the place of a default list. Nothing is checked: unknown keys stay, and
-    so do values of a wrong type.
+    In a section given in part, the other keys take their defaults. A null stays null, and a
+    list replaces a default list. Nothing is checked: unknown keys and values of a wrong type
+    stay.
     """
     whole = _validator().schema
     return _completed(config, whole, whole)
 
 
 def _completed(value: Any, rule: Mapping, schema: Mapping) -> Any:
-    """A value, completed where its rule is that of a section."""
+    """A value, completed if its rule describes a section."""
     rules = [resolved(part, schema) for part in (rule, *rule.get("oneOf", ()))]
     keys = next((part["properties"] for part in rules if "properties" in part), None)
     if keys is None or not isinstance(value, Mapping):
@@ -70,7 +70,7 @@ def _completed(value: Any, rule: Mapping, schema: Mapping) -> Any:
 
 
 def resolved(rule: Mapping, schema: Mapping) -> dict:
-    """A rule of the schema with that of its ``$defs`` which it refers to, if any."""
+    """A rule of the schema, merged with the one in ``$defs`` that it refers to, if any."""
     name = rule.get("$ref", "").removeprefix("#/$defs/")
     return {**schema["$defs"][name], **rule} if name else dict(rule)
 
@@ -105,7 +105,7 @@ def read_study(config: Mapping, source: str) -> "pd.DataFrame":
 def config_problems(config: Mapping) -> list[str]:
     """Everything that is wrong with a whole config, one sentence each; empty if it can be used."""
     explained = map(_explain, _leaves(_validator().iter_errors(config)))
-    # The contradictions rely on the types being right. Branches of `oneOf` may say the same.
+    # The contradictions rely on correct types. Branches of `oneOf` may give the same message.
     return list(dict.fromkeys(explained)) or list(_contradictions(config))
 
 
@@ -151,12 +151,12 @@ def check_files(config: Mapping, patches: "pd.DataFrame", source: str) -> None:
 
 
 def _path_problem(path: str, named: Iterable[str] = ()) -> str | None:
-    """What is wrong with the path of a file, if anything; files are `named` besides it."""
+    """What is wrong with the path of a file, if anything; `named` are all files of the config."""
     if set("{}") & set(path):
         return f"{path} contains braces, which Snakemake reads as a placeholder"
     if Path(path).is_file():
         return None
-    # Names in another case come first; a file that is named elsewhere is not the one meant.
+    # Names that differ only in case come first; a file that is named elsewhere is not meant.
     folder, taken = Path(path).parent, {Path(other) for other in named}
     there = folder.iterdir() if folder.is_dir() else ()
     free = {file.name.casefold(): file.name for file in there if file not in taken}
@@ -167,7 +167,7 @@ def _path_problem(path: str, named: Iterable[str] = ()) -> str | None:
 
 
 def _leaves(errors: Iterable[ValidationError]) -> Iterator[ValidationError]:
-    """The errors themselves, in place of the `oneOf` [null, what is meant] that hides them."""
+    """The errors themselves, in place of the `oneOf` [null, the real rule] that hides them."""
     for error in sorted(
         errors, key=lambda error: [str(part) for part in error.absolute_path]
     ):
@@ -192,12 +192,12 @@ def _explain(error: ValidationError) -> str:
         return f"{place} unknown keys {unknown}: {remedy}"
     if error.validator == "required":
         return f"'{key}' lacks {sorted(set(error.validator_value) - set(error.instance))}: add them"
-    # what `oneOf` [null, what is meant] asks for is said beside it
+    # the description of a `oneOf` [null, the real rule] stands beside it
     asked = [error.schema, error.parent.schema if error.parent else {}]
     description = next((rule["description"] for rule in asked if "description" in rule), "")
     wish = f" [{description}]" if description else ""
     if error.validator == "type" and isinstance(error.instance, str):
-        wish = f" (YAML reads a number without quotes, such as 20 or 1.0e-9){wish}"
+        wish = f" (write a number without quotes, such as 20 or 1.0e-9){wish}"
     return f"'{key}' is {error.instance!r}: {error.message}{wish}"
 
 
@@ -209,7 +209,7 @@ def _contradictions(config: Mapping) -> Iterator[str]:
         )
     if (inside := _inputs_in_results(config)) is not None:
         yield (
-            f"'results' is {config['results']!r}, a folder that holds {inside}: name one that is "
+            f"'results' is {config['results']!r}, a folder that contains {inside}: name a folder "
             "for the results alone"
         )
     square = config["square"]
@@ -226,18 +226,18 @@ def _contradictions(config: Mapping) -> Iterator[str]:
     if config["hardness"] is not None and config["hardness"] <= target:
         yield (
             f"'hardness' is {config['hardness']} MPa, not above macroscale.target_pressure_MPa of "
-            f"{target}: no contact carries more than its hardness; raise it, or set it to null"
+            f"{target}: no contact bears more than its hardness; raise it, or set it to null"
         )
     mat, stones = (
         config["mat"],
         [config["material"][f"young_{stone}_MPa"] for stone in (1, 2)],
     )
     if mat is not None and config["wear_steps"] is None:
-        yield "'mat' has no effect while wear_steps is null: give their number, or set mat to null"
+        yield "'mat' has no effect while wear_steps is null: set wear_steps, or set mat to null"
     if mat is not None and mat["young_MPa"] >= min(stones):
         yield (
             f"'mat.young_MPa' is {mat['young_MPa']:g}, not below the stones' {min(stones):g} MPa: "
-            "what is as stiff as a stone is a stone; lower it, or set mat to null"
+            "a mat must be softer than the stones; lower it, or set mat to null"
         )
     if mat is not None and config["specimen"] is not None:
         spacing_um = config["specimen"]["scan_spacing_um"]
@@ -248,7 +248,7 @@ def _contradictions(config: Mapping) -> Iterator[str]:
     if config["gesture"] is not None:
         if second is None:
             yield (
-                "'gesture' moves a second stone, of which there is no mesh: give counterface.mesh, "
+                "'gesture' moves a second stone, but that has no mesh: give counterface.mesh, "
                 "or set gesture to null"
             )
         if len(config["gesture"]) != 2 - ("table" in config["gesture"]):
@@ -258,7 +258,7 @@ def _contradictions(config: Mapping) -> Iterator[str]:
     short, long = config["texture"]["s_filter_um"], config["texture"]["l_filter_um"]
     if long is not None and long <= short:
         yield (
-            f"'texture.l_filter_um' is {long}, not above texture.s_filter_um of {short}: no wave "
+            f"'texture.l_filter_um' is {long}, not above texture.s_filter_um, {short}: no wave "
             "passes both filters; raise it, or set it to null"
         )
     for name in ("patches", "published"):
@@ -267,9 +267,10 @@ def _contradictions(config: Mapping) -> Iterator[str]:
 
 
 def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
-    """The active stone: its ``mesh``, ``mesh_unit`` and ``pose``; None where it is flat.
+    """The active stone: its ``mesh``, ``mesh_unit`` and ``pose``; None if it is flat.
 
-    `specimen` is the folder of the generated one, whose square is laid on the other's.
+    `specimen` is the folder of a generated active stone, whose square is laid on the passive
+    one's.
     """
     generated = config["specimen"] is not None
     if generated and config["specimen"]["counterface_seed"] is not None:
@@ -278,20 +279,20 @@ def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
     given = config["counterface"] or {}
     if "mesh" not in given:
         return None
-    # not `complete`d where a sweep brings it in
+    # not `complete`d if a sweep adds it
     return {"mesh_unit": "mm"} | {name: of for name, of in given.items() if name != "scan"}
 
 
 def thinner_than_a_point(thickness_um: float, spacing_um: float) -> str:
-    """What is wrong with a mat that is thinner than the scans' points are apart."""
+    """What is wrong with a mat that is thinner than the spacing of the scans' points."""
     return (
         f"{thickness_um:g} µm is less than the {spacing_um:.3g} µm between two points of a scan: "
-        "so thin a mat acts on nothing that is measured"
+        "so thin a mat has no measurable effect"
     )
 
 
 def _inputs_in_results(config: Mapping) -> str | None:
-    """What of the study's inputs, or of this project, lies in the folder of the results."""
+    """An input of the study, or the working folder, that lies in the folder of the results."""
     folder = Path(config["results"]).resolve()
     files = {"the working folder": ".", "the patch table": config["patches"]}
     files["the published figures"] = config["published"]

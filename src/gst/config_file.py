@@ -10,7 +10,7 @@ __all__ = ["read_config_file"]
 
 
 def read_config_file(path: str | Path) -> dict:
-    """The keys and values of a YAML file in UTF-8, as nested as the file is, without the defaults.
+    """The keys and values of a YAML file in UTF-8, nested as in the file, without defaults.
 
     Raises
     ------
@@ -20,18 +20,18 @@ def read_config_file(path: str | Path) -> dict:
     try:
         config = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        remedy = "Correct its path, or lay one out with `gst new`."
+        remedy = "Correct its path, or make one with `gst new`."
         raise ConfigError(path, f"cannot be opened ({error.strerror})", remedy) from None
     except (UnicodeDecodeError, yaml.YAMLError) as error:
         raise ConfigError(
             path,
             f"is not YAML in UTF-8: {' '.join(str(error).split())}",
-            "Correct that line, or the one before it: text with a colon in it stands in quotes, "
-            "and lines are indented with spaces, not tabs.",
+            "Correct that line, or the one before it: put text with a colon in quotes, "
+            "and indent lines with spaces, not tabs.",
         ) from None
     if not isinstance(config, dict):
         problem = f"holds {config!r:.40}, not keys with values"
         raise ConfigError(
-            path, problem, "Write one 'key: value' a line, as in config/config.yaml."
+            path, problem, "Write one 'key: value' per line, as in config/config.yaml."
         )
     return config

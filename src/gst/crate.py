@@ -1,8 +1,8 @@
 """A finished study as one zip, for an archive or a paper: a Workflow Run RO-Crate.
 
-The profile (w3id.org/ro/wfrun/workflow/0.5, on RO-Crate 1.1) tells of a run as an action: the
+The profile (w3id.org/ro/wfrun/workflow/0.5, on RO-Crate 1.1) describes a run as an action: the
 workflow, with a config and inputs, made the results. Metadata are a flat list of entities, and are
-written here as such. No date of the packing gets into them: the same results give the same bytes.
+written here as such. The date of packing does not enter them: the same results give the same bytes.
 """
 
 import hashlib
@@ -36,22 +36,22 @@ _FORMATS |= {".csv": "text/csv", ".html": "text/html", ".png": "image/png"}
 _FORMATS |= {".json": "application/json"}
 _RECORDS = "provenance.json", "contents.json"  # of what a study was made, and what it made
 _GENERATED = (
-    "The specimen is generated: a program made the stone, its scans and its wear, and nothing here "
+    "The specimen is generated: a program made the stone, its scans and its wear. Nothing here "
     "says anything about a real tool. "
 )
 _Reference = dict[str, str]
 
 
 class _Crate:
-    """The files of the zip, by their places in it, and the entities that describe it."""
+    """The files of the zip, by their paths in it, and the entities that describe it."""
 
     def __init__(self) -> None:
         self.files: dict[str, bytes] = {}
-        # That of the metadata and that of the whole come first, and are filled in last.
+        # The entities of the metadata and of the whole come first, and are filled in last.
         self.entities: dict[str, dict[str, Any]] = {"ro-crate-metadata.json": {}, "./": {}}
 
     def add(self, place: str, kind: str | list[str], /, **properties: Any) -> _Reference:
-        """Describe something; an empty list says nothing, and a list of one value is the value."""
+        """Describe something; an empty list is left out, a list of one value becomes that value."""
         entity = self.entities[place] = {"@id": place, "@type": kind}
         for name, value in properties.items():
             if value != []:
@@ -69,7 +69,7 @@ class _Crate:
         return self.add(quote(place), kind, **properties)
 
     def add_author(self, author: Mapping[str, str]) -> _Reference:
-        """A person, or with ``name`` a group, as `CITATION.cff` has them."""
+        """A person, or a group if it has a ``name``, as in `CITATION.cff`."""
         kind = "Organization" if "name" in author else "Person"
         name = author.get("name") or f"{author['given-names']} {author['family-names']}"
         return self.add(f"#{quote(name)}", kind, name=name)
@@ -103,8 +103,8 @@ def pack_study(
 ) -> int:
     """Pack a finished study: page, tables, figures, config, patch table, workflow and metadata.
 
-    Fields (HDF5), logs and measured inputs stay out; the metadata name them, the inputs with their
-    SHA-256. The date of the run is that of its newest result.
+    Fields (HDF5), logs and measured inputs are left out; the metadata name them, the inputs with
+    their SHA-256. The date of the run is that of its newest result.
 
     Parameters
     ----------
@@ -113,20 +113,20 @@ def pack_study(
     target : path
         The zip to write.
     authors : iterable of str
-        Who made the study; the workflow has authors of its own.
+        Authors of the study; the workflow has its own.
     licence : str, optional
         Of the results, by its SPDX identifier, such as CC-BY-4.0.
 
     Returns
     -------
     int
-        How many files are in the zip.
+        Number of files in the zip.
 
     Raises
     ------
     InputError
-        No study has run to its end in `results`, a result or an input has changed since, a table of
-        the study is not there, or the program is not the one that made the results.
+        `results` has no finished study, a result or an input has changed since, a table of the
+        study is missing, or another version of the program made the results.
     OutputError
         `target` cannot be written.
     """
@@ -149,7 +149,7 @@ def pack_study(
         "name": f"Where a {stone} wears: {config['title']}",
         "description": f"{warning}Results of the study “{config['title']}”, by multi-scale contact "
         "mechanics. Open results/index.html. config/study.yaml is the config as it was run. Left "
-        "out, since the workflow makes it again from the inputs: other files of "
+        "out, because the workflow can make them again from the inputs: other files of "
         f"{', '.join(left_out)}.",
     }
     readme = f"# {about['name']}\n\n{about['description']}\n"
@@ -160,7 +160,7 @@ def pack_study(
         "#study",
         "CreateAction",
         name=f"The study “{config['title']}”",
-        description="Its end is the time at which the newest of the packed results was written.",
+        description="It ended when the newest of the packed results was written.",
         instrument=workflow,
         object=used,
         result=made,
@@ -197,7 +197,7 @@ def pack_study(
 def _add_results(
     crate: _Crate, results: Path, contents: list[dict[str, str]]
 ) -> list[_Reference]:
-    """The page and what is on it, as it was when the study ended."""
+    """The page and its contents, as they were when the study ended."""
     from lxml.html import fromstring
 
     said = {"name": "Provenance", "description": "Config, SHA-256 of every input, versions."}
@@ -212,7 +212,7 @@ def _add_results(
 
 
 def _add_inputs(crate: _Crate, record: Mapping[str, Any]) -> list[_Reference]:
-    """The config and the study's own tables, as files; what was measured, by its SHA-256."""
+    """The config and the study's own tables, as files; measured inputs, by their SHA-256."""
     config = record["config"]
     text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
     said = {"name": "The config as it was run", "description": "Defaults included."}
@@ -223,7 +223,7 @@ def _add_inputs(crate: _Crate, record: Mapping[str, Any]) -> list[_Reference]:
         if path in tables:
             if content is None:
                 remedy = "Pack the study in the folder where it ran."
-                raise InputError(path, "a table of the study, is not there", remedy)
+                raise InputError(path, "this table of the study is missing", remedy)
             inside = not Path(path).is_absolute() and ".." not in Path(path).parts
             place = path if inside else f"inputs/{Path(path).name}"
             said = {"name": path, "description": "A table that the config names."}
@@ -246,19 +246,19 @@ def _add_inputs(crate: _Crate, record: Mapping[str, Any]) -> list[_Reference]:
 def _add_workflow(
     crate: _Crate, root: Path, cff: Mapping[str, Any], software: Mapping[str, Any]
 ) -> _Reference:
-    """The workflow, which must be the one that made the results; what it needs; its paper."""
+    """The workflow, which must be the one that made the results; its requirements; its paper."""
     if software["program"] != program_hash():
         was = f"gstlib {software['gstlib']}, commit {software['commit']}"
-        problem = f"the program is not the one that made the results ({was})"
+        problem = f"another version of the program made the results ({was})"
         raise InputError(
-            root, problem, "Run the study again: only what has changed is redone."
+            root, problem, "Run the study again: only steps that have changed are redone."
         )
     whose = {
         "author": [crate.add_author(author) for author in cff["authors"]],
         "license": crate.add_licence(cff["license"]),
     }
     parts = [file for file in sorted((root / "workflow").rglob("[!.]*.*")) if file.is_file()]
-    # Beside the workflow's parts, not on top: the results have authors and a licence of their own.
+    # Among the workflow's parts, not at the root: the results have their own authors and licence.
     files = {f"workflow/{name}": root / name for name in ("CITATION.cff", "LICENSE")}
     files |= {
         file.relative_to(root).as_posix(): file for file in parts if file.suffix != ".pyc"
@@ -310,7 +310,7 @@ def _read(file: Path) -> Any:
     try:
         return json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        problem = "cannot be read: no study has run to its end there"
+        problem = "cannot be read: this folder has no finished study"
         raise InputError(file, problem, "Run the study, then pack it.") from error
 
 
@@ -318,6 +318,6 @@ def _unchanged(file: Path, digest: str) -> bytes:
     """The content of a file, which must be the one that the study recorded."""
     content = file.read_bytes() if file.is_file() else b""
     if hashlib.sha256(content).hexdigest() != digest:
-        problem = "is missing, or is not the file that the study recorded when it ended"
+        problem = "is missing, or has changed since the study ended"
         raise InputError(file, problem, "Run the study again, then pack it.")
     return content

@@ -1,7 +1,7 @@
-"""What changed between two result folders: tables by row and column, and where results come from.
+"""What changed between two result folders: tables by row and column, and their provenance.
 
-A row is identified by its leading columns: the fewest that are unique in both tables. Tables from
-another config may therefore have additional or missing rows, and the rest is still compared.
+A row is identified by its leading columns, as few as make it unique in both tables. Tables
+from another config may therefore have additional or missing rows; the rest is still compared.
 """
 
 import json
@@ -31,9 +31,9 @@ def compare_results(
     -------
     pandas.DataFrame
         One line per change: ``table`` (or "provenance"), ``row`` (as in ``patch=5, epoch=T0``) and
-        ``column``, both empty where one side has no such table; ``before`` and ``after``, as
-        written in the files, empty where absent; ``relative``, abs(after - before) over the larger
-        magnitude, NaN for text.
+        ``        column``, both empty if one side has no such table; ``before`` and
+        ``after``, as written in the files, empty where absent; ``relative``, abs(after -
+        before) over the larger magnitude, NaN for text.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def compare_results(
 
 
 def describe_changes(changes: pd.DataFrame, at_most: int = 20) -> str:
-    """The changes for a person: one line each, of each table the `at_most` largest."""
+    """The changes for a reader: one line each, at most the `at_most` largest per table."""
     lines = []
     for table, found in changes.groupby("table", sort=False):
         lines.append(f"{table}: {len(found)} change{'s' if len(found) > 1 else ''}")

@@ -1,7 +1,7 @@
-"""Reads the files of a study before any work: what each holds, and all that is wrong with them.
+"""Reads the files of a study before any work: what each contains, and what is wrong with it.
 
-A study of hours must not end at its last scan. A fault in one file does not keep the others from
-being checked, so that all can be put right at once.
+A study of hours must not fail at its last scan. After a fault in one file the others are still
+checked, so all can be corrected at once.
 """
 
 import logging
@@ -25,6 +25,7 @@ from gstlib.counterface import grid_counterface
 from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.geometry import Frame, Place, find_frame, on_patch, spline_of
 from gstlib.io.meshes import is_mesh, read_mesh
+from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
@@ -39,26 +40,24 @@ __all__ = ["Inputs", "check_inputs", "inspect_file"]
 _log = logging.getLogger(__name__)
 
 _MM_TO_UM = 1e3
-_FACTS = (
-    "points_x", "points_y", "spacing_x_um", "spacing_y_um", "unmeasured", "Sq_um", "tilt_x_mrad",
-    "tilt_y_mrad", "instrument", "objective",
-)  # fmt: skip
-# Spacings of T0 and T1 that differ by more than this share are of two magnifications.
+# Of a scan, besides patch, epoch and file.
+_FACTS = columns_of("inputs")[3:]
+# If spacings of T0 and T1 differ by more than this share, the magnifications differ.
 _SAME_SPACING = 1e-3
-# Bytes that the contact of the whole square takes for each point, at its peak (measured at 3012²).
+# Peak memory of the contact of the whole square, bytes per point (measured at 3012²).
 _BYTES = 170
 # ASSUME: heights of one stone that differ by this factor, between two scans of a patch or, in the
 # waves that both see, between scans and mesh, are in different units.
 _UNIT_FACTOR = 10.0
-# Blocks along a side of a patch, at least, for that comparison: two leave one number without plane.
+# Fewest blocks along a patch's side: 2 × 2 blocks leave one degree of freedom after levelling.
 _FEWEST_BLOCKS = 2
-# A triangular net of points of edge a holds waves down to √3 a, twice the distance of its rows.
+# A triangular net of edge a resolves waves down to √3 a, twice the distance between its rows.
 _SHORTEST_PER_EDGE = math.sqrt(3)
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """What was found.
+    """The contents of a study's files, and their faults.
 
     Attributes
     ----------
@@ -71,7 +70,7 @@ class Inputs:
     frame : Frame or None
         Where the square lies on it; None if there is no mesh, or if the config gives no frame.
     square : (ny, nx) xarray.DataArray or None
-        Heights of the analysed square (mm), its plane removed; None if it cannot be had.
+        Heights of the analysed square (mm), its plane removed; None if it cannot be found.
     problems : list of GstError
         Everything that would stop the study.
     """
@@ -84,7 +83,7 @@ class Inputs:
 
 
 class _Piece(NamedTuple):
-    """What comparisons need of a scan, or of the piece that is cut from it."""
+    """What comparisons need to know about a scan, or the piece cut from it."""
 
     path: Path
     grid: tuple[tuple[int, ...], tuple[float, float]]  # (ny, nx), and (dy, dx) in mm
@@ -114,14 +113,14 @@ def check_inputs(
     Parameters
     ----------
     mesh, mesh_unit
-        As in `read_mesh`; a mesh of None is not looked at.
+        As in `read_mesh`; if the mesh is None, it is not checked.
     scans : iterable of ScanFile
     square, macroscale, scan_settings : mapping
         The sections ``square``, ``macroscale`` and ``scans`` of the config.
     maximum_unmeasured : float
         Largest share (0 to 1) of unmeasured points in a patch.
     placed : bool
-        Whether the scans are laid on the mesh: both must then see the same stone.
+        Whether the scans are laid on the mesh: both must then show the same stone.
     reference : bool
         Whether the whole square is pressed at the scans' resolution, which takes memory.
     mat : mapping or None
@@ -131,7 +130,7 @@ def check_inputs(
 
     Notes
     -----
-    What is odd and yet may be right is logged as a warning.
+    What is odd but may be right is logged as a warning.
     """
     problems: list[GstError] = []
     stone = frame = heights = None
@@ -146,7 +145,7 @@ def check_inputs(
                 size_mm=size_mm,
                 shape=(macroscale["grid"], macroscale["grid"]),
                 margin_mm=macroscale["margin_mm"],
-                interpolation="linear",  # the fastest: it is to be looked at
+                interpolation="linear",  # the fastest: only for the picture
                 source=str(mesh),
             )
             heights = remove_plane(gridded.height)[0]
@@ -206,12 +205,12 @@ def check_inputs(
             problems.append(fault)
         else:
             _log.warning("%s", fault)
-    table = pd.DataFrame(rows, columns=["patch", "epoch", "file", *_FACTS, "range_um"])
+    table = pd.DataFrame(rows, columns=[*columns_of("inputs"), "range_um"])
     return Inputs(table, stone, frame, heights, problems)
 
 
 def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
-    """Refuse epochs of a patch that cannot be compared: unequal spacings, or equal heights."""
+    """Refuse epochs of a patch that cannot be compared: different spacings, or equal heights."""
     for patch in [
         patch for patch, epoch in pieces if epoch == "T1" and (patch, "T0") in pieces
     ]:
@@ -230,7 +229,7 @@ def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
                 second.path,
                 f"its heights vary {second.spread / first.spread:.3g} times as much as those of "
                 f"{first.path}: one of the two is in another unit",
-                "Export both epochs of a patch in one unit; scans.unit is that of all files.",
+                "Export both epochs of a patch in one unit; scans.unit applies to all files.",
             )
         # Two scans never have the same noise: one of them was copied, and would show no wear.
         if first.content == second.content:
@@ -242,7 +241,7 @@ def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
 
 
 def _unlike_counterface(face: _Piece | None, at_t0: Mapping[str, _Piece]) -> list[GstError]:
-    """The counterface does not fit one of the patches; the first is enough."""
+    """The first patch that the counterface does not fit, if any."""
     if face is not None:
         try:
             for piece in at_t0.values():
@@ -279,7 +278,7 @@ def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[Gst
 
 
 def _spread(scan: xr.DataArray) -> float:
-    """How much heights vary over an eighth of a scan (mm), whatever its tilt and its spikes."""
+    """How much heights vary over an eighth of a scan (mm), regardless of tilt and spikes."""
     apart = max(1, scan.shape[1] // 8)
     steps = scan.values[:, apart:] - scan.values[:, :-apart]
     return float(np.subtract(*np.nanpercentile(steps, [75, 25])))
@@ -290,7 +289,7 @@ def _common_waves(
 ) -> list[tuple[float, float]]:
     """R.m.s. heights of a scan and of the mesh under it, in waves that the mesh's edges resolve.
 
-    None where these are longer than the scan.
+    None if these are longer than the scan.
     """
     side = min(n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
     blocks = int(2 * side / (_SHORTEST_PER_EDGE * square.attrs["mesh_edge_mm"]))
@@ -321,13 +320,13 @@ def _other_unit(waves: list[tuple[float, float]]) -> Iterator[InputError]:
 def inspect_file(
     path: str | Path, *, unit: str | None = None, spacing_um: float | None = None
 ) -> tuple[dict[str, Any], "xr.DataArray | trimesh.Trimesh"]:
-    """Facts about a scan or a mesh, and what to draw of it; errors as of their readers.
+    """Facts about a scan or a mesh, and its content to draw; errors as in their readers.
 
     Parameters
     ----------
     path : str or Path
     unit : str, optional
-        Unit of a file that does not state it; of meshes, mm by default, of GLB m.
+        Unit of a file that does not state it; for meshes, by default mm, or m for GLB.
     spacing_um : float, optional
         Spacing of the points of a scan that does not state it (text).
 
@@ -335,7 +334,7 @@ def inspect_file(
     -------
     facts : dict
         ``unit`` (and who states it); points, spacing, size and heights of a scan, and what it
-        tells of its instrument; vertices, faces, size and state of a mesh.
+        says about its instrument; vertices, faces, size and state of a mesh.
     content : (ny, nx) xarray.DataArray or trimesh.Trimesh
         mm: the scan without its plane, or the mesh.
     """
@@ -347,12 +346,12 @@ def inspect_file(
     except InputError:
         if unit is None:
             raise
-        scan, said = read_scan(path, unit=unit, spacing_um=spacing_um), f"{unit}, as told"
+        scan, said = read_scan(path, unit=unit, spacing_um=spacing_um), f"{unit}, as given"
     return {"unit": said} | _scan_facts(scan), remove_plane(scan)[0]
 
 
 def _scan_facts(scan: xr.DataArray) -> dict[str, Any]:
-    """What a scan (mm) holds as it was read; Sq is about the least-squares plane."""
+    """Facts about a scan (mm) as it was read; Sq is about the least-squares plane."""
     dy, dx = spacing_of(scan)
     ny, nx = scan.shape
     level, plane = remove_plane(scan)

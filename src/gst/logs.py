@@ -15,8 +15,8 @@ from gstlib.io.files import cannot_write
 
 __all__ = ["FILE_ONLY", "job_log", "logged", "patch_by_patch", "run_script"]
 
-# Environment variable, set by the workflow's display of progress, which shows what is in the log:
-# a job then keeps off the screen, unless its log cannot be written.
+# Environment variable, set by the workflow's display of progress, which shows the log's
+# messages itself: a job then writes nothing to the screen, unless its log cannot be written.
 FILE_ONLY = "GSTLIB_LOG_FILE_ONLY"
 # Of the application, and of the library.
 _LOGGERS = "gst", "gstlib"
@@ -24,7 +24,7 @@ _RECORD = re.compile(r"^(\w+) (.*?)(?=^(?:INFO|WARNING|ERROR) |\Z)", re.MULTILIN
 
 
 class _LogFile(logging.FileHandler):
-    """A log file; what a full disk does not take goes to the screen instead."""
+    """A log file; if the disk is full, warnings go to the screen instead."""
 
     def __init__(self, path: str | Path, screen: logging.Handler):
         super().__init__(path, mode="w", encoding="utf-8")
@@ -35,7 +35,7 @@ class _LogFile(logging.FileHandler):
         self._screen.setLevel(logging.WARNING)
 
     def close(self) -> None:
-        with suppress(OSError):  # what could not be written before cannot be flushed now
+        with suppress(OSError):  # if it could not be written, it cannot be flushed either
             super().close()
 
 
@@ -43,8 +43,8 @@ class _LogFile(logging.FileHandler):
 def job_log(path: str | Path) -> Iterator[logging.Logger]:
     """Log to `path` and to stderr (see `FILE_ONLY`) while the block runs.
 
-    An error that is meant for the user (`GstError`) ends the process with its message and exit
-    code 1. Any other error is a fault of the program and keeps its traceback.
+    An error meant for the user (`GstError`) ends the process with its message and exit code
+    1. Any other error is a bug in the program and keeps its traceback.
     """
     screen = logging.StreamHandler(sys.stderr)
     screen.setFormatter(logging.Formatter("%(levelname)s: %(message)s"))
@@ -69,7 +69,7 @@ def job_log(path: str | Path) -> Iterator[logging.Logger]:
         log.error("%s", error)
         raise SystemExit(1) from None
     except Exception:
-        log.exception("unexpected error: this is a fault of the program, please report it")
+        log.exception("unexpected error: this is a bug in the program, please report it")
         raise SystemExit(1) from None
     finally:
         for handler in (file, screen):
@@ -79,7 +79,7 @@ def job_log(path: str | Path) -> Iterator[logging.Logger]:
 
 
 def logged(log: Path, level: str) -> list[str]:
-    """Records of a level in a log of `job_log`; of a traceback, the last three lines."""
+    """Records of a level in a log of `job_log`; a traceback is cut to its last three lines."""
     text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
     records = [match[2].strip() for match in _RECORD.finditer(text) if match[1] == level]
     parts = [record.partition("\nTraceback (most recent call last):\n") for record in records]
@@ -87,7 +87,7 @@ def logged(log: Path, level: str) -> list[str]:
 
 
 def patch_by_patch(patches: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Items of a mapping by patch; each is named in the log, so that it shows how far a job is."""
+    """Items of a mapping by patch; each is named in the log, to show the job's progress."""
     for number, (patch, value) in enumerate(patches.items(), start=1):
         logging.getLogger("gst").info("patch %s, %d of %d", patch, number, len(patches))
         yield patch, value
@@ -99,9 +99,9 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
     Parameters
     ----------
     snakemake : object
-        What Snakemake puts into a script. Files become paths, or lists of paths; an empty list
-        stands for an input that the study does not have. The param ``code`` is left out: it only
-        tells Snakemake that the library has changed.
+        The object that Snakemake puts into a script. Files become paths, or lists of paths;
+        an empty list stands for an input that the study does not have. The param ``code`` is
+        left out: it only shows Snakemake that the library has changed.
     main : callable
     """
     files = {

@@ -1,6 +1,6 @@
 "use strict";
 
-// --- cards of the patches: a link to one opens it, wherever the link stands
+// --- cards of the patches: any link to a card opens it
 
 function openCard(name) {
   const card = name.startsWith("#patch-") && document.getElementById(decodeURI(name.slice(1)));

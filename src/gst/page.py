@@ -1,8 +1,9 @@
-"""One page that answers: what a person opens after a study, `index.html`.
+"""The page to open after a study, `index.html`.
 
-It is one file without requests to anywhere, made from stored results alone. Beside this module,
-`page.html` is its template, into which `page.css` and `page.js` are put; `page.verdict.html` is the
-answer alone, `page.report.html` the first page of the report. Needs the extra ``workflow``.
+It is a single file, makes no network requests, and is made from stored results alone. Beside
+this module, `page.html` is its template, which takes in `page.css` and `page.js`;
+`page.verdict.html` is the answer alone, `page.report.html` the first page of the report.
+Needs the extra ``workflow``.
 """
 
 import base64
@@ -32,14 +33,14 @@ if TYPE_CHECKING:
 __all__ = ["Shown", "by_category", "caption_html", "embedded", "patch_records", "render"]
 __all__ += ["tool_scene", "warned"]
 
-# Faces of a second stone, which stands transparent over the first.
+# Faces of a second stone, which is drawn transparent over the first.
 _SECOND_FACES = 20_000
-_COLOURS = 256  # as many as a PNG of one byte a pixel can have
+_COLOURS = 256  # the most that a PNG with one byte per pixel can have
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A figure (PNG) or a table (CSV), with what stands over and under it."""
+    """A figure (PNG) or a table (CSV), with its category, title and caption."""
 
     file: Path
     category: str
@@ -56,7 +57,7 @@ class Shown:
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        # as it is printed: no digit is added or lost
+        # as printed: no digit is added or lost
         return pd.read_csv(self.file, dtype=str, keep_default_na=False)
 
 
@@ -73,25 +74,28 @@ def embedded(png: bytes) -> str:
 
 
 def caption_html(template: str, **names: Any) -> str:
-    """A caption of the report, Jinja in reStructuredText, as HTML; `names` as `snakemake` has."""
+    """A caption of the report (reStructuredText with Jinja) as HTML; `names` as in `snakemake`."""
     import jinja2
     from docutils.core import publish_parts
 
-    text = jinja2.Template(template).render(snakemake=SimpleNamespace(**names))
+    filled = jinja2.Template(template, undefined=jinja2.StrictUndefined)
+    text = filled.render(snakemake=SimpleNamespace(**names))
     quiet = {"raw_enabled": False, "file_insertion_enabled": False, "report_level": 3}
     return publish_parts(text, writer="html5", settings_overrides=quiet)["body"]
 
 
 def warned(logs: Sequence[Path]) -> list[dict[str, Any]]:
-    """The warnings of a run's steps, each once: ``text``, ``steps``, and the ``patch`` it names.
+    """The warnings of a run's steps, each once: ``text``, ``steps``, and the ``patch`` it
+    names.
 
-    `logs` are those of the steps, in their order; a log that is not there warns of nothing.
+    `logs` are those of the steps, in their order; a missing log counts as one without
+    warnings.
     """
     steps: dict[str, list[str]] = {}
     for log in logs:
         step = re.sub(r"_\d+$", "", log.stem).replace(
             "_", " "
-        )  # a batch is no step of its own
+        )  # a batch is not a separate step
         for text in logged(log, "WARNING"):
             if step not in (known := steps.setdefault(text, [])):
                 known.append(step)
@@ -107,7 +111,8 @@ def warned(logs: Sequence[Path]) -> list[dict[str, Any]]:
 
 
 def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dict[str, Any]]:
-    """What the study says of each patch: its rows of the tables, or an empty dict, and a picture.
+    """What the study says about each patch: its rows of the tables (or empty dicts), and a
+    picture.
 
     `tables` are the study's, by the names of their files; `pictures` is the folder with those of
     single patches, which are given as data URLs.
@@ -128,7 +133,7 @@ def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dic
             table = read_table(tables[source]).astype(object)
             if name == "gain":
                 table = table[table["score"] == SCORE]
-            if name == "wear":  # the study's own prediction: with the mat, where there is one
+            if name == "wear":  # the study's own prediction: with the mat, if there is one
                 own = "mat" if (table["model"] == "mat").any() else "archard"
                 table = table[table["model"] == own]
             rows[name] = {row["patch"]: row.dropna().to_dict() for _, row in table.iterrows()}
@@ -154,13 +159,13 @@ def tool_scene(
     Parameters
     ----------
     mesh, frame, pressure
-        As of `gst.figures.tool.coloured_tool`.
+        As in `gst.figures.tool.coloured_tool`.
     places : mapping
         ``patch, x_mm, y_mm, rotation_deg``: a list each.
     patch_mm : float
         Side of a patch.
     second : trimesh.Trimesh, optional
-        The active stone where it is posed, in the tool's coordinates.
+        The active stone in its pose, in the tool's coordinates.
 
     Returns
     -------
@@ -258,7 +263,7 @@ def _breakable(column: str) -> "markupsafe.Markup":
 
 
 def _number(value: Any, digits: int = 3) -> str:
-    """A number as a reader wants it; a dash for none."""
+    """A number for a reader; a dash if there is none."""
     if value is None or pd.isna(value):
         return "–"
     rounded = float(f"{value:.{digits}g}")

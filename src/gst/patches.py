@@ -1,11 +1,11 @@
-"""The patch table: where on the square each scan was taken, and in which files it is.
+"""The patch table: where on the square each scan was taken, and which files hold it.
 
 Text as spreadsheets write it, one row per patch. Tabs, commas or semicolons separate the cells, as
-in the line of column names; except between commas, numbers may have decimal commas. ``#`` begins a
-comment line. Columns: ``patch`` (id), ``x_mm``, ``y_mm`` (centre of the scan in the square's
-frame), ``rotation_deg`` (about the normal, x towards y), ``t0``, ``t1`` (file names in the scan
-folder), ``crop_x_mm``, ``crop_y_mm`` (centre of the piece to cut from the scan, from the scan's
-centre), ``note``.
+in the line of column names; unless commas separate them, numbers may have decimal commas. ``#``
+begins a comment line. Columns: ``patch`` (id), ``x_mm``, ``y_mm`` (centre of the scan in the
+square's frame), ``rotation_deg`` (about the normal, x towards y), ``t0``, ``t1`` (file names in the
+scan folder), ``crop_x_mm``, ``crop_y_mm`` (centre of the piece to cut from the scan, from the
+scan's centre), ``note``.
 """
 
 import csv
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 
 __all__ = ["COUNTERFACE", "ScanFile", "read_patches", "scan_files"]
 
-# A row's numbers are numbers for it, and empty cells absent.
+# Cells are converted, and empty ones dropped, before validation.
 _SCHEMA = ROOT / "workflow/schemas/patches.schema.yaml"
 COUNTERFACE = "counterface"  # in place of a patch's name
-# A footprint may touch the square's edge; this much (mm) beyond it is rounding.
+# A footprint may touch the square's edge; up to this much (mm) beyond it is rounding.
 _ROUNDING = 1e-9
 # First bytes of .xlsx and .ods, and of .xls.
 _SPREADSHEETS = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
@@ -45,7 +45,7 @@ def read_patches(
     patch_size_mm: float,
     scan_folder: str | Path | None = None,
 ) -> pd.DataFrame:
-    """Read and check the patch table; `workflow/schemas/patches.schema.yaml` says what a row has.
+    """Read and check the patch table; `workflow/schemas/patches.schema.yaml` describes a row.
 
     Parameters
     ----------
@@ -54,13 +54,13 @@ def read_patches(
     size_mm, patch_size_mm : float
         Sides of the square and of a patch: every footprint must lie within [0, size]².
     scan_folder : path, optional
-        Folder of the scans. Their names come back with accents composed as in the folder.
+        Folder of the scans. Their names are returned with accents composed as in the folder.
 
     Returns
     -------
     pandas.DataFrame
         One row per patch, in natural order of ids ("2" before "10"), with every column of the
-        schema: text "" and numbers NaN where not given, unless the schema has a default.
+        schema: missing text is "" and missing numbers are NaN, unless the schema has a default.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def read_patches(
     if scan_folder is not None:
         for name in ("t0", "t1"):
             table[name] = [_as_in_folder(value, Path(scan_folder)) for value in table[name]]
-    # natural order: numbers within a name are padded to one length
+    # natural order: numbers within a name are padded to equal length
     return table.sort_values(
         "patch",
         key=lambda ids: ids.str.replace(r"\d+", lambda found: found[0].zfill(20), regex=True),
@@ -127,7 +127,7 @@ class ScanFile(NamedTuple):
 def scan_files(
     patches: pd.DataFrame, folder: str | Path, counterface: str | Path | None
 ) -> list[ScanFile]:
-    """Every scan that the `patches` of `read_patches` name in `folder`, and the counterface's."""
+    """Every scan in `folder` that the table of `read_patches` names, and the counterface's."""
     scans = []
     for row in patches.itertuples():
         crop = None if math.isnan(row.crop_x_mm) else (row.crop_y_mm, row.crop_x_mm)
@@ -153,12 +153,12 @@ def _as_in_folder(name: str, folder: Path) -> str:
 def _read_rows(
     path: Path, schema: Mapping
 ) -> tuple[dict[int, dict[str, Any]], list[tuple[int, str]]]:
-    """By line number, each row's cells by column; and what is wrong, with its line number."""
+    """Each row's cells by column, by line number; and all problems, each with its line number."""
     from jsonschema import Draft202012Validator
 
     (_, header), *lines = _read_lines(path)
     delimiter = separator_of(header) or ","
-    # A spreadsheet ends every line with as many empty cells as its widest row has.
+    # A spreadsheet fills every line with empty cells, up to the length of its widest row.
     columns = _cells(header.rstrip(f" {delimiter}"), delimiter)
     known = schema["properties"]
     missing = [name for name in schema["required"] if name not in columns]
@@ -183,7 +183,7 @@ def _read_rows(
         problems += [(number, _explain(error)) for error in validator.iter_errors(row)]
         if any(cells[len(columns) :]):
             problems.append((number, f"{len(cells)} cells in {len(columns)} columns"))
-        # Case does not count, because some file systems ignore it.
+        # Case is ignored, as some file systems do.
         first = first_line.setdefault(str(row.get("patch", number)).lower(), number)
         if first != number:
             problems.append((number, f"same id as in line {first}"))
@@ -222,7 +222,7 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def _number(cell: str, delimiter: str) -> float | str:
-    """The number in a cell; the cell itself if it holds none, or one that is not finite."""
+    """The number in a cell; the cell itself if it is not a finite number."""
     try:
         value = float(cell if delimiter == "," else cell.replace(",", "."))
     except ValueError:
@@ -245,7 +245,7 @@ def _explain(error: "ValidationError") -> str:
 
 
 def _overlapping(rows: Mapping[int, Mapping], patch_size: float) -> Iterator[tuple[int, str]]:
-    """Patches whose centres are nearer to each other than half of a side."""
+    """Patches whose centres are less than half a side apart."""
     for (first, one), (line, other) in itertools.combinations(rows.items(), 2):
         apart = math.dist(_numbers(one)[:2], _numbers(other)[:2])
         if apart < patch_size / 2:
@@ -278,6 +278,6 @@ def _out_of_square(
 
 
 def _numbers(row: Mapping) -> list[float]:
-    """x, y and rotation of a row; NaN, which nothing is beyond, where it has no number."""
+    """x, y and rotation of a row; where it has no number, NaN, which no comparison exceeds."""
     cells = (row.get("x_mm"), row.get("y_mm"), row.get("rotation_deg", 0.0))
     return [cell if isinstance(cell, float) else math.nan for cell in cells]

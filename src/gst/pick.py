@@ -1,4 +1,4 @@
-"""The page on which the square is picked: one file, which asks nothing of any network.
+"""The page on which the square is picked: one file, which works offline.
 
 The page is `pick.html`, beside this file, with the stone and the scripts of `gst.viewer` in it.
 It finds the frame of three points as `gstlib.geometry.frame_from_points` does.
@@ -67,7 +67,7 @@ def pick_page(
     if shown is not mesh:
         most, largest = _deviation(shown, mesh)
         note = (
-            f"Of {len(mesh.faces):,} triangles {len(shown.faces):,} are shown: what you click lies "
+            f"{len(shown.faces):,} of {len(mesh.faces):,} triangles are shown: what you click lies "
             f"within {most:.2g} mm of the mesh (95 %), {largest:.2g} mm at most."
         )
     page = (importlib.resources.files("gst") / "pick.html").read_text(encoding="utf-8")
@@ -84,7 +84,7 @@ def pick_page(
 
 
 def _deviation(shown: "trimesh.Trimesh", mesh: "trimesh.Trimesh") -> tuple[float, float]:
-    """How far (mm) faces lie off a mesh: 95 % of them at most, and the farthest."""
+    """How far (mm) faces lie off a mesh: the 95th percentile, and the maximum."""
     middles = np.asarray(shown.triangles_center)
     _, nearest = KDTree(mesh.vertices).query(middles)
     off = ((middles - mesh.vertices[nearest]) * mesh.vertex_normals[nearest]).sum(axis=1)

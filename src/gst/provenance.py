@@ -25,10 +25,10 @@ __all__ = [
 
 # Of the packages that gstlib names, those that a study runs on.
 _EXTRAS = "formats", "texture", "workflow"
-# What records a result and does not make it: a script that imports no more of `gst` depends on the
-# library alone.
+# Modules that record a result but do not shape it: a script that imports nothing else of `gst`
+# depends on the library alone.
 _RECORDING = {"logs", "provenance"}
-# What no script imports: the command, and the workflow itself.
+# Modules that no script imports: the command, and the workflow itself.
 _AROUND = {"checking", "cli", "crate", "difference", "pick", "running", "shipped"}
 
 
@@ -52,9 +52,9 @@ def study_provenance(
     commit: str | None,
     program: str,
 ) -> dict[str, object]:
-    """Where all results of a study come from; the same on every machine.
+    """The provenance of all results of a study; the same on every machine.
 
-    `config` is whole, defaults included; `inputs` are the measured files and tables; `commit` and
+    `config` is complete, with defaults; `inputs` are the measured files and tables; `commit` and
     `program` (`program_hash`) are those of the program. The result has ``config``; ``inputs``
     (SHA-256 by path); ``software``: gstlib, its commit and hash, Python, and the version of every
     package that gstlib requires.
@@ -93,7 +93,7 @@ def _packages() -> dict[str, str]:
 @functools.cache
 def commit(folder: str | Path) -> str | None:
     """Commit checked out in `folder`, followed by "+" if files differ; None without git."""
-    # An installed gstlib may lie within a folder that is under somebody else's version control.
+    # An installed gstlib may lie in a folder under somebody else's version control.
     if not (Path(folder) / ".git").exists():
         return None
     describe = ["git", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"]
@@ -108,15 +108,15 @@ def commit(folder: str | Path) -> str | None:
 
 @functools.cache
 def program_hash() -> str:
-    """Hash of the library and the workflow; the same in a clone and where gstlib is installed."""
+    """Hash of the library and the workflow; the same for a clone and an installed gstlib."""
     library, application = _hash_of(_folder(gstlib)), _hash_of(_folder(gst), {"shipped"})
     return library + application + _hash_of(gst.ROOT / "workflow")
 
 
 def source_hash(script: str | Path) -> str:
-    """Hash of the code that `script` runs on: the library, and `gst` if it does more than record.
+    """Hash of the code that `script` uses: the library, and `gst` if it does more than record.
 
-    A rule takes it as a parameter, so that it runs again when that code has changed.
+    A rule takes this hash as a parameter, so it runs again when that code has changed.
     """
     text = Path(script).read_text(encoding="utf-8")
     imports = set(re.findall(r"\bgst(?:\.| import )(\w+)", text))
@@ -134,7 +134,7 @@ def _folder(package: ModuleType) -> Path:
 
 
 def _hash_of(folder: Path, aside: Collection[str] = ()) -> str:
-    """Hash of all files in a folder, but for parts of these names and Python's caches."""
+    """Hash of all files in a folder, except parts with these names and Python's caches."""
     digest = hashlib.sha256()
     for file in sorted(folder.rglob("*.*")):
         name = file.relative_to(folder)

@@ -1,7 +1,7 @@
 """A study from its config to its page: what `gst study` does around Snakemake.
 
-Snakemake locks a folder while it runs there. A run that was killed leaves its lock; it is removed
-here if nothing of that run is still alive.
+Snakemake locks a folder while it runs there. A killed run leaves its lock behind; this module
+removes it if no process of that run is still alive.
 """
 
 import importlib.util
@@ -22,7 +22,7 @@ from gstlib.io.files import check_writable, write_whole
 
 __all__ = ["is_report_current", "lay_out", "remove_results", "run_study"]
 
-# What a study makes in its folder, besides hidden parts of files.
+# What a study makes in its folder, except hidden parts of files.
 MADE = (
     "benchmarks",
     "coupling",
@@ -45,12 +45,22 @@ MADE = (
     "report.html",
     "verdict.html",
 )
+# What studies of earlier versions made, too, folders first; no step makes or reads it any more.
+_EARLIER = (
+    "hardness",
+    "slip",
+    "power",
+    "tables/hardness.csv",
+    "tables/sensitivity.csv",
+    "tables/slip.csv",
+    "tables/pose_shifts.csv",
+)
 LOCKS = Path(".snakemake/locks")
-HOST = Path(".snakemake/host")  # the machine that the last run was started on
+HOST = Path(".snakemake/host")  # the machine on which the last run was started
 _PLANNING = {"-n", "--dry-run", "--dryrun"}
-_REFUSED = {"--config", "-C", "--configfile", "--configfiles"}  # for gst reads CONFIG, too,
+_REFUSED = {"--config", "-C", "--configfile", "--configfiles"}  # gst reads CONFIG, too,
 _REFUSED |= {"--directory", "-d", "--snakefile", "-s"}  # and looks for the results here
-# What the report shows, and the logs of the steps, which tell when they ran.
+# What the report shows, and the logs of the steps, whose dates show when they ran.
 SHOWN = (
     "provenance.json",
     "verdict.html",
@@ -84,7 +94,7 @@ def run_study(
     plan : bool
         Only show what would run.
     options : sequence of str
-        What else Snakemake is told, but where it works and with what config.
+        Further Snakemake options, except folder and config.
 
     Returns
     -------
@@ -95,13 +105,14 @@ def run_study(
     ------
     InputError
         The config cannot be used, or lacks the section; there is no such profile; an option is
-        refused; Snakemake is not installed; a run is, or may be, alive in this folder.
+        refused; Snakemake is not installed; the results are those of an earlier version; a run is,
+        or may be, active in this folder.
     """
     read = _checked(config)
     if refused := sorted({option.partition("=")[0] for option in options} & _REFUSED):
         problem = f"{refused[0]} would make Snakemake look elsewhere than gst"
         raise InputError(
-            "gst study", problem, "Give it another CONFIG, or start it elsewhere."
+            "gst study", problem, "Give gst another CONFIG, or start it elsewhere."
         )
     plan = plan or not _PLANNING.isdisjoint(options)
     if goal != "study" and not read.get(goal):
@@ -118,6 +129,7 @@ def run_study(
     if folder is None:
         raise InputError("--profile", f"there is no folder {here}", "See docs/cluster.md.")
     results = Path(read["results"])
+    _refuse_earlier(results, config)
     if not plan:
         check_writable(results)
         claim_folder(config)
@@ -137,7 +149,7 @@ def run_study(
     if not page.is_file():  # the options asked for less
         return 0
     if not is_report_current(results):
-        # Half a report, newer than everything that it shows, would pass for a whole one.
+        # Half a report is newer than everything that it shows, and would count as whole.
         part = report.with_name(".report.part.html")
         if code := _snakemake("--report", part, "--configfile", config, is_shown=False):
             return code
@@ -145,6 +157,17 @@ def run_study(
     print(f"Done. Open {page} in a browser.")
     print(f"The archive of the study: {report}; its tables: {results / 'tables'}")
     return 0
+
+
+def _refuse_earlier(results: Path, config: Path) -> None:
+    """Refuse a folder with results of an earlier version, which would stand beside the new ones."""
+    if left := [name for name in _EARLIER if (results / name).exists()]:
+        raise InputError(
+            results,
+            f"holds results of an earlier version of the program ({', '.join(left)})",
+            f"Keep them elsewhere, or remove them with `gst clean {config}`; or give `results` "
+            "another name in the config.",
+        )
 
 
 def _checked(config: Path) -> dict:
@@ -155,7 +178,7 @@ def _checked(config: Path) -> dict:
 
 
 def _snakemake(*arguments: object, is_shown: bool = True) -> int:
-    """Run Snakemake, and give its exit code. If it is not shown, what it says of a failure is."""
+    """Run Snakemake, and return its exit code. If not shown, its output appears only on failure."""
     command = [
         sys.executable,
         "-m",
@@ -171,7 +194,7 @@ def _snakemake(*arguments: object, is_shown: bool = True) -> int:
             while process.returncode is None:
                 with suppress(
                     KeyboardInterrupt
-                ):  # Snakemake has it, too, and ends its jobs itself
+                ):  # Snakemake gets it, too, and ends its jobs itself
                     process.wait()
         if process.returncode:
             kept.seek(0)
@@ -180,7 +203,7 @@ def _snakemake(*arguments: object, is_shown: bool = True) -> int:
 
 
 def is_report_current(results: Path) -> bool:
-    """Whether the report exists and is no older than what it shows."""
+    """Whether the report exists and is no older than its contents."""
     report = results / "report.html"
     dates = [file.stat().st_mtime_ns for pattern in SHOWN for file in results.glob(pattern)]
     return report.is_file() and report.stat().st_mtime_ns >= max(dates, default=0)
@@ -201,7 +224,7 @@ def alive() -> list[int]:
 
 
 def claim_folder(config: Path) -> None:
-    """Remove the lock of a killed run; raise an `InputError` if a run is, or may be, alive."""
+    """Remove the lock of a killed run; raise an `InputError` if a run is, or may be, active."""
     check_writable(".snakemake")
     if any(LOCKS.glob("*")):
         host = HOST.read_text(encoding="utf-8") if HOST.is_file() else platform.node()
@@ -221,10 +244,10 @@ def claim_folder(config: Path) -> None:
 def remove_results(config: Path) -> None:
     """Ask, and remove what a study made in its folder; the folder too, if nothing else is in it."""
     folder = Path(_checked(config)["results"])
-    made = [folder / name for name in MADE if (folder / name).exists()]
+    made = [folder / name for name in (*MADE, *_EARLIER[:3]) if (folder / name).exists()]
     made += folder.glob(".*.part*")
     if not made:
-        print(f"Nothing of a study is in {folder}.")
+        print(f"{folder} contains no results of a study.")
         return
     names = ", ".join(path.name for path in made)
     if input(f"Remove from {folder}: {names}? [y/N] ") != "y":
@@ -241,7 +264,7 @@ def lay_out(folder: Path, name: str) -> list[Path]:
     Parameters
     ----------
     folder : Path
-        Of the new study; made if need be.
+        Of the new study; made if it does not exist.
     name : str
         Of the config, such as ``own``.
 
@@ -253,7 +276,7 @@ def lay_out(folder: Path, name: str) -> list[Path]:
     Raises
     ------
     InputError
-        One of the copies is there already, and has been changed.
+        One of the files exists already, with other content.
     """
     config = read_config(ROOT / f"config/{name}.yaml")
     tables = [config["patches"], config["published"]]

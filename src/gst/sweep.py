@@ -1,7 +1,7 @@
-"""One-at-a-time sensitivity: what comes out of a study when one value of its config is changed?
+"""One-at-a-time sensitivity: how do the results of a study change with one value of its config?
 
-A sweep names factors. Each has some values: pieces of config that replace the study's own. For each
-value the study runs in memory (`gstlib.study.Study`).
+A sweep names factors. Each factor has values: pieces of config that replace the study's own. For
+each value the study runs in memory (`gstlib.study.Study`).
 """
 
 import math
@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+
+from gstlib.io.results import columns_of
 
 if TYPE_CHECKING:
     from gstlib.study import Study
@@ -34,9 +36,9 @@ class Setting(NamedTuple):
     Attributes
     ----------
     name : str
-        For file names; `STUDY` where nothing is changed.
+        For file names; `STUDY` if nothing is changed.
     factor, value : str
-        In words, for tables and figures; empty where nothing is changed.
+        In words, for tables and figures; empty if nothing is changed.
     changes : mapping
         What differs from the study's config.
     """
@@ -85,9 +87,9 @@ def merged(config: Mapping, changes: Mapping) -> dict:
 def sweep_problems(
     config: Mapping, problems_of: Callable[[Mapping], Iterable[str]]
 ) -> list[str]:
-    """All that is wrong with the sweep of a whole config, in sentences.
+    """All problems with the sweep of a complete config, in sentences.
 
-    `problems_of` gives what is wrong with a whole config, whatever its sweep.
+    `problems_of` gives the problems of a complete config, regardless of its sweep.
     """
     return [
         f"'sweep.{factor}', value {number}: {problem}"
@@ -98,18 +100,18 @@ def sweep_problems(
 
 
 def outcomes(study: "Study") -> pd.DataFrame:
-    """What comes out of a study: patch pressures, scores and the change of texture.
+    """The outcomes of a study: patch pressures, scores and the change of texture.
 
     Returns
     -------
     pandas.DataFrame
         ``output, patch, result, low, high``: the pressure of every patch; ``studied``, the number
         of patches in the study; mean scores, mean gains over the best rival and the rank
-        correlation of pressure with loss, as in ``validation_summary.csv``; the mean change of Sq
+        correlation of pressure with loss, as over the patches of a study; the mean change of Sq
         from T0 to T1, µm. 95 % intervals where there are any.
     """
     from gstlib.validation.scores import SCORES
-    from gstlib.validation.scoring import patch_tables
+    from gstlib.validation.scoring import score_table
     from gstlib.validation.summary import believed, mean_gains, rank_correlation
     from gstlib.validation.texture import measure_texture
 
@@ -119,7 +121,7 @@ def outcomes(study: "Study") -> pd.DataFrame:
     rows = [(_PRESSURE, row.patch, row.pressure_MPa, *none) for row in selected.itertuples()]
     rows.append(("studied", "", int(selected.in_study.sum()), *none))
     if found:
-        scores = patch_tables(found)["patches"].merge(selected[["patch", _PRESSURE]])
+        scores = score_table(found).merge(selected[["patch", _PRESSURE]])
         chance: dict[str, Any] = {"resamples": study.config["validation"]["resamples"]}
         chance["generator"] = np.random.default_rng(study.config["seed"])
         gains = mean_gains(scores, **chance)
@@ -146,7 +148,7 @@ def sweep_table(
 ) -> pd.DataFrame:
     """One row for each outcome of each setting.
 
-    `found` are `outcomes` by the setting's name, the study's own among them. The result has
+    `found` has the `outcomes` of each setting by name, including the study's own. The result has
     ``factor, value, output, patch, result, change, low, high``; ``factor`` and ``value`` are empty
     for the study itself, ``change`` is the result less the study's. Each setting has one more row:
     the sum of the absolute changes of the patches' pressures over their sum.
@@ -161,5 +163,4 @@ def sweep_table(
         summed = {"output": [_CHANGE], "patch": "", "result": share, "change": share}
         table = pd.concat([table, pd.DataFrame(summed)])
         tables.append(table.assign(factor=setting.factor, value=setting.value))
-    columns = ["factor", "value", *keys, "result", "change", "low", "high"]
-    return pd.concat(tables, ignore_index=True)[columns]
+    return pd.concat(tables, ignore_index=True)[columns_of("sweep")]

@@ -1,7 +1,7 @@
 """The answer of a study in a few sentences, computed from its tables.
 
-Which patches carry the load, whether predicted contact beats chance on them, and whether it beats
-the best rival that needs no mechanics: in the words that the numbers allow, and no stronger ones.
+Which patches carry the load, whether predicted contact beats chance on them, and whether it
+beats the best rival that needs no mechanics. No sentence claims more than its numbers allow.
 """
 
 import math
@@ -12,8 +12,8 @@ import pandas as pd
 __all__ = ["LEVEL", "SCORE", "against_chance", "against_rival", "verdict"]
 
 LEVEL = 0.05  # the usual one
-SCORE = "mcc"  # of the scores of masks, one that a larger area does not raise
-# More names than these tell a reader nothing.
+SCORE = "mcc"  # a score of masks that a larger area does not raise
+# A longer list of names does not help a reader.
 _MOST_NAMED = 5
 _RIVALS = {"highest": "the highest points", "rigid": "rigid interpenetration"}
 
@@ -42,16 +42,16 @@ def verdict(
     if not pressures["in_study"].any():
         return [
             *sentences,
-            "No patch enters the study: the table of pressures gives the reasons.",
+            "No patch is in the study: the table of pressures gives the reasons.",
         ]
     if gains is None or variants is None:
         compared = (
-            "No patch has a scan after use (T1): the prediction is not compared with wear."
+            "No patch has a scan after use (T1), so the prediction is not compared with wear."
         )
         return [*sentences, compared]
     if gains.empty:
         compared = (
-            "No patch in the study has a usable scan after use (T1): nothing is compared."
+            "No patch in the study has a usable scan after use (T1), so nothing is compared."
         )
         return [*sentences, compared]
     own = next(variants[variants["score"] == SCORE].itertuples(index=False))
@@ -59,7 +59,7 @@ def verdict(
 
 
 def _load(pressures: pd.DataFrame, intervals: pd.DataFrame, square_force_N: float) -> str:
-    """Who carries the load, and how well its highest pressure is known."""
+    """Which patches carry the load, and how well the highest pressure is known."""
     total, count = float(pressures["force_N"].sum()), len(pressures)
     if not total > 0:
         return "At the target pressure, no scanned patch touches."
@@ -106,10 +106,10 @@ def against_chance(gains: pd.DataFrame) -> str:
 
 
 def against_rival(row: Any) -> str:
-    """Whether contact predicts the loss better than its best rival, or cannot be told from it.
+    """Whether contact predicts the loss better or worse than its best rival, or neither.
 
-    `row` has the columns of ``validation_variants.csv``. Both the interval and the test must tell
-    the two apart.
+    `row` has the columns of ``validation_variants.csv``. A difference must show in both the
+    interval and the test.
     """
     if math.isnan(row.contact):
         return f"Contact has no {SCORE.upper()} to compare with a rival's."
@@ -123,6 +123,6 @@ def against_rival(row: Any) -> str:
     elif sign < 0:
         said, first, second = f"T{rival[1:]}, predicts the loss better", second, first
     else:
-        said = f"It cannot be told whether contact or {rival}, predicts the loss better"
+        said = f"The data do not show whether contact or {rival}, predicts the loss better"
     numbers = f"mean {SCORE.upper()} {first} against {second} over {patches}{test}"
     return f"{said} ({numbers}).".replace("-", "−")

@@ -1,4 +1,4 @@
-/* A stone that can be turned, drawn by three.js with WebGL. It draws only when something changes.
+/* A stone that can be turned, drawn by three.js with WebGL, only when something changes.
 
    const viewer = stoneViewer(element, stone, {colour, background, label, lift})
      element     an HTML element with a size; a canvas fills it
@@ -6,17 +6,17 @@
      options     colour "#aaa397" of a stone without colours, background "#ffffff",
                  label: the name that a screen reader says, lift: mm of stone through which lines
                  and labels show, 2 % of its radius by default
-     returns     null, and says so in the element, where the browser has no WebGL
+     returns     null, with a message in the element, if the browser has no WebGL
 
    Points, normals and sizes are in the mesh's own coordinates, in mm, as arrays [x, y, z].
 
      setColours(rgb)        colours of the vertices: base64 or Uint8Array of 3 bytes each, or null
      rake(azimuth, altitude)  where light comes from, in degrees: clockwise from the top of the
                             view, and above the plane of the view (90: from behind the viewer)
-     addStone(stone, opacity)  another stone, seen through: {shift(vector), remove()}, which moves
-                            it by so many mm from where it is
-     addLines(points, colour, closed, width)  a line of so many pixels; returns {remove()}
-     addLabel(point, text)  HTML at a point, hidden while the stone is before it: the returned
+     addStone(stone, opacity)  another, transparent stone; returns {shift(vector), remove()}; shift
+                            moves it by a vector (mm) from its original place
+     addLines(points, colour, closed, width)  a line, width in pixels; returns {remove()}
+     addLabel(point, text)  HTML at a point, hidden while the stone covers it: the returned
                             {element, remove()} can be styled, and listened to once its
                             pointer-events are set to auto
      pick(clientX, clientY) {point, normal} of the surface there, or in the middle of the view
@@ -25,9 +25,9 @@
      fit(point, normal, up, size)  look at a point from along a normal, size mm across; without
                             arguments, at the whole stone, along its shortest axis
      snapshot()             the view without labels, as a data URL of a PNG
-     onclick                function(hit, event), called when the stone or what is beside it is
-                            clicked, not dragged, and when Enter clicks the middle of the view;
-                            hit as of pick
+     onclick                function(hit, event), called when the view is clicked (not dragged),
+                            on or beside the stone, and when Enter clicks its middle;
+                            hit as in pick
      onrender               function(), called after each drawing
 
    Drag, or the arrow keys, turn; the wheel, two fingers, + and - zoom; the right button, two
@@ -41,7 +41,7 @@ function stoneViewer(element, stone, options = {}) {
   const wanted = { antialias: true, alpha: false };
   const context = canvas.getContext("webgl2", wanted) || canvas.getContext("webgl", wanted);
   if (!context) {
-    element.textContent = "This browser draws no 3D: switch on WebGL, or use another browser.";
+    element.textContent = "This browser cannot draw in 3D: switch on WebGL, or use another browser.";
     return null;
   }
   const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));

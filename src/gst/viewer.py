@@ -1,8 +1,8 @@
-"""A stone in a web page, to be turned: scripts and data, with no request to anywhere.
+"""A stone that can be turned in a web page: scripts and data, without network requests.
 
-`viewer.js`, beside this file, draws the stone; its head describes its interface. A page holds
+`viewer.js`, beside this file, draws the stone; its head describes its interface. A page contains
 `three_js` and `viewer_js` as inline scripts, and `stone_data` as JSON (`to_script`). three.js is
-the copy that trimesh carries for its own viewer.
+the copy that trimesh ships for its own viewer.
 """
 
 import base64
@@ -32,7 +32,7 @@ def three_js() -> str:
     Raises
     ------
     InputError
-        The installed trimesh carries it in another form.
+        The installed trimesh ships it in another form.
     """
     template = importlib.resources.files("trimesh") / _TEMPLATE
     try:
@@ -40,8 +40,8 @@ def three_js() -> str:
             page = archive.read("viewer.html.template").decode()
         return page[page.index(_BEGIN) + len(_BEGIN) : page.index(_END)]
     except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
-        problem = "does not hold three.js where gstlib looks for it"
-        remedy = "Install the version of trimesh that requirements.lock names."
+        problem = "does not contain three.js where gst looks for it"
+        remedy = "Install the version of trimesh given in requirements.lock."
         raise InputError(str(template), problem, remedy) from error
 
 
@@ -51,17 +51,17 @@ def viewer_js() -> str:
 
 
 def to_script(value: Any) -> str:
-    """JSON that may stand within a script of a page."""
+    """JSON that is safe inside a script of a page."""
     return json.dumps(value, ensure_ascii=False).replace("</", "<\\/")
 
 
 def coarsen(
     mesh: "trimesh.Trimesh", *, faces: int = 120_000, keep: np.ndarray | None = None
 ) -> "trimesh.Trimesh":
-    """A mesh of fewer faces: the vertices in each cell of a grid become their mean.
+    """A mesh with fewer faces: the vertices in each cell of a grid become their mean.
 
-    A mesh of no more than so many `faces` is returned as it is; a page holds about 24 bytes of
-    each. The vertices that `keep` (n,) marks stay as they are. After Rossignac & Borrel (1993),
+    A mesh with no more than `faces` faces is returned as it is; each takes about 24 bytes in a
+    page. The vertices that `keep` (n,) marks stay as they are. After Rossignac & Borrel (1993),
     Multi-resolution 3D approximations for rendering complex scenes, in Modeling in Computer
     Graphics, Springer, 455-465.
     """
@@ -74,7 +74,7 @@ def coarsen(
     cell = np.sqrt(2 * mesh.area / faces)
     while True:
         cells = np.floor((points - mesh.bounds[0]) / cell).astype(np.int64)
-        # A kept vertex has a cell of its own.
+        # A kept vertex has its own cell.
         cells = np.column_stack([cells, np.where(kept, np.arange(1, len(points) + 1), 0)])
         _, cluster = np.unique(cells, axis=0, return_inverse=True)
         new = np.sort(cluster[triangles], axis=1)
@@ -86,7 +86,7 @@ def coarsen(
     count = np.bincount(cluster)
     means = np.column_stack([np.bincount(cluster, points[:, k]) / count for k in range(3)])
     coarse = cluster[triangles][whole][np.sort(first)]
-    # Where a cell holds a fold, a face may have been turned over: it would be drawn dark.
+    # Where a cell contains a fold, a face may have been turned over, and would be drawn dark.
     outwards = mesh.vertex_normals[triangles].sum(axis=1)[whole][np.sort(first)]
     edges = np.diff(means[coarse], axis=1)
     over = (np.cross(edges[:, 0], edges[:, 1]) * outwards).sum(axis=1) < 0
@@ -95,7 +95,7 @@ def coarsen(
 
 
 def stone_data(mesh: "trimesh.Trimesh", colours: np.ndarray | None = None) -> dict[str, Any]:
-    """What `stoneViewer` draws, ready for JSON.
+    """The data that `stoneViewer` draws, ready for JSON.
 
     `mesh` is the stone (mm), as `coarsen` returns it; `colours` (n, 3) are red, green and blue of
     its vertices. The result has ``vertices`` (float32, about ``centre``), ``faces`` (uint32) and,

@@ -18,6 +18,7 @@ from gstlib.bem import solve_contact
 from gstlib.contact import Loading, contact_at_pressure, solved
 from gstlib.coupling import patch_pressures
 from gstlib.errors import ConfigError
+from gstlib.io.results import columns_of
 
 __all__ = [
     "case_table",
@@ -45,7 +46,6 @@ __all__ = [
 
 # The cases, in the order of the table. The first is the study itself.
 _STUDY, _MODULUS, _GRINDING, _CEILING = "study", "other modulus", "grinding", "ceiling"
-_COLUMNS = ["case", "patch", "quantity", "unit", "value"]
 _SQUARE = ""  # stands for a patch where a row is of the whole square, or of all patches
 # Unit and long name of what a case consists of.
 _VARIABLES = {
@@ -265,7 +265,7 @@ def case_table(rows: Iterable[Row]) -> pd.DataFrame:
     cases = [_STUDY, _MODULUS, _GRINDING, _CEILING]
     # stable: within a case the rows keep their order
     ordered = sorted(rows, key=lambda row: cases.index(row[0]))
-    return pd.DataFrame(ordered, columns=_COLUMNS)
+    return pd.DataFrame(ordered, columns=columns_of("cases"))
 
 
 def check_ceiling(pressures: pd.DataFrame, hardness_MPa: float) -> None:

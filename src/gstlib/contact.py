@@ -18,6 +18,7 @@ import xarray as xr
 
 from gstlib.bem import ContactError, ContactState, contact_modulus, load_path, solve_contact
 from gstlib.errors import InputError
+from gstlib.io.results import columns_of
 from gstlib.preprocess.leveling import Plane
 from gstlib.surface import spacing_of
 
@@ -47,8 +48,8 @@ _SAME_SPACING = 1e-6
 
 _log = logging.getLogger(__name__)
 
-# Contact fraction above which the inputs are suspect: rough stones touch on a few per cent, and
-# where nearly all touches, how heights differ no longer matters.
+# Contact fraction above which the inputs are suspect: rough stones touch on a few per cent, and in
+# nearly full contact the heights hardly matter.
 _FULL = 0.95
 # Unit and long name of what a contact consists of.
 _VARIABLES = {
@@ -291,25 +292,7 @@ def microscale_tables(
     rounded up to a power of ten: its digits are rounding, which differs from processor to
     processor.
     """
-    path = [
-        "patch",
-        "step",
-        "displacement_um",
-        "mean_pressure_MPa",
-        "contact_fraction",
-        "stiffness_MPa_per_um",
-        "interface_stiffness_MPa_per_um",
-    ]
-    state = [
-        "patch",
-        "target_pressure_MPa",
-        "mean_pressure_MPa",
-        "displacement_um",
-        "contact_fraction",
-        "stiffness_MPa_per_um",
-        "interface_stiffness_MPa_per_um",
-        "residual",
-    ]
+    path, state = columns_of("microscale_paths"), columns_of("microscale_summary")
     states, paths = [], [pd.DataFrame(columns=path)]
     for patch, contact in contacts.items():
         alone = contact.path_interface_stiffness.values * 1e-3

@@ -38,7 +38,7 @@ __all__ = [
 
 # Variables of a square that hold its frame.
 FRAME = "origin", "x_axis", "normal"
-# Three points that enclose a smaller angle (its sine) give no direction.
+# If three points enclose a smaller angle (its sine), they define no direction.
 _IN_LINE = 0.1
 
 
@@ -168,7 +168,7 @@ class Frame:
 
     @property
     def axes(self) -> np.ndarray:
-        """Unit vectors (3, 3) along x, y = normal × x, and the normal, a row each.
+        """Unit vectors (3, 3) along x, y = normal × x, and the normal, one per row.
 
         Points in the frame times these, plus the origin, are points of the mesh.
         """
@@ -188,7 +188,7 @@ def frame_from_points(points: Sequence[Sequence[float]]) -> Frame:
     ----------
     points : (3, 3) array_like
         The reference corner, a point along the square's x edge, and one on the side to which its y
-        edge runs, mm. With x to the right, y runs up as one looks at the stone: the three turn
+        edge runs, mm. Seen from outside the stone, y runs up if x runs to the right: the three go
         anticlockwise.
 
     Raises
@@ -207,7 +207,7 @@ def frame_from_points(points: Sequence[Sequence[float]]) -> Frame:
     if not np.linalg.norm(normal) > _IN_LINE * np.linalg.norm(first) * np.linalg.norm(second):
         raise ConfigError(
             "square.points_mm",
-            f"the points {corners.tolist()} are in line, or two of them are one",
+            f"the points {corners.tolist()} are in line, or two of them are the same",
             "Give the reference corner and the two corners beside it.",
         )
     axes = Frame(corners[0], first, normal).axes.tolist()
@@ -247,7 +247,7 @@ def find_frame(
     Raises
     ------
     ConfigError
-        The points make no frame, or one is farther from the stone than the square is wide.
+        The points define no frame, or one is farther from the stone than the square is wide.
     """
     vertices = np.asarray(mesh.vertices)
     for number, point in enumerate(points_mm, 1):

@@ -18,6 +18,7 @@ from scipy.ndimage import map_coordinates
 from gstlib.composite import compose
 from gstlib.contact import Loading, contact_at_pressure, faces_of, laid_height
 from gstlib.geometry import Place, places_of, spline_of
+from gstlib.io.results import columns_of
 from gstlib.placement import ALL
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import Plane, remove_plane
@@ -182,17 +183,10 @@ def two_scales_table(
                 own = pressure if name == variant else np.nan
                 _, predicted, touching, points = each
                 scores = scores_of_sums(list(each), 3 * [np.nan], None)
-                shown = (
-                    float(scores[score]) for score in ("precision", "recall", "f1", "iou")
+                precision, recall, f1 = (
+                    float(scores[score]) for score in ("precision", "recall", "f1")
                 )
                 areas = predicted / points, touching / points
+                shown = precision, recall, f1, f1 / (2 - f1)
                 rows.append((patch, name, own, true_pressure, *areas, *shown))
-    columns = [
-        "patch",
-        "variant",
-        "pressure_MPa",
-        "reference_pressure_MPa",
-        "contact_fraction",
-    ]
-    columns += ["reference_contact_fraction", "precision", "recall", "f1", "iou"]
-    return pd.DataFrame(rows, columns=columns)
+    return pd.DataFrame(rows, columns=columns_of("two_scales"))

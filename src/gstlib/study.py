@@ -64,6 +64,7 @@ from gstlib.coupling import couple_scales, place_patch, prepare_faces
 from gstlib.errors import InputError
 from gstlib.geometry import Place, find_frame, frame_variables
 from gstlib.gesture import Gesture
+from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
@@ -71,8 +72,7 @@ from gstlib.preprocess.scan import prepare_scan
 from gstlib.validation.change import register_patch
 from gstlib.validation.scoring import PatchScores, patch_tables, score_patch
 from gstlib.validation.selection import registration_table, select_patches
-from gstlib.validation.summary import compare_variants, summarise
-from gstlib.validation.wear_scores import COLUMNS as WEAR_COLUMNS
+from gstlib.validation.summary import summarise
 from gstlib.validation.wear_scores import wear_summary, wear_table
 from gstlib.wear import WornSquare, fit_mat, wear_patches, wear_square
 
@@ -319,10 +319,7 @@ def score_patches(
     for one in found:
         if one.warning:
             _log.warning("%s", one.warning)
-    summary = summarise(
-        found, predicted, seed=seed, resamples=resamples, expected_worst=worst
-    )
-    variants = compare_variants(by_variant, seed=seed, resamples=resamples)
+    summary, variants = summarise(by_variant, predicted, expected_worst=worst, **chance)
     return patch_tables(found) | {"summary": summary, "variants": variants}
 
 
@@ -384,7 +381,6 @@ def score_wear(
     losses: Mapping[str, xr.Dataset],
     worn: WornSquare,
     mat: xr.Dataset | None,
-    pressures: pd.DataFrame,
     *,
     seed: int,
     resamples: int,
@@ -395,11 +391,10 @@ def score_wear(
     `mat` from `gstlib.wear.fit_mat`, None without one. The tables are those of
     `gstlib.validation.wear_scores.wear_table` and `gstlib.validation.wear_scores.wear_summary`.
     """
-    measured = worn.path.measured.sel(patch=worn.losers).to_series()
     patches = (
         (patch, contacts[patch], changes[patch], loss) for patch, loss in losses.items()
     )
-    table, profile = wear_table(patches, measured, pressures)
+    table, profile = wear_table(patches, worn.path)
     summary = wear_summary(table, profile, mat, seed=seed, resamples=resamples)
     return table, profile, summary
 
@@ -602,10 +597,11 @@ class Study:
     def wear(self, *, seed: int, resamples: int) -> tuple[pd.DataFrame, ...]:
         """Tables of `score_wear`, empty where no wear is predicted."""
         if (worn := self.worn_square()) is None:
-            return tuple(pd.DataFrame(columns=columns) for columns in WEAR_COLUMNS)
+            names = ("wear", "wear_profile", "wear_summary")
+            return tuple(pd.DataFrame(columns=columns_of(name)) for name in names)
         contacts = {patch: self.patch_contact(patch) for patch in worn.losers}
         changes = {patch: self.change(patch) for patch in worn.losers}
         mat = fit_mat(worn, contacts, changes) if worn.mat else None
         losses = dict(wear_patches(worn, mat, contacts))
         chance = {"seed": seed, "resamples": resamples}
-        return score_wear(contacts, changes, losses, worn, mat, self.pressures(), **chance)
+        return score_wear(contacts, changes, losses, worn, mat, **chance)

@@ -34,7 +34,7 @@ def make_surface(
     spacing : float or (dy, dx)
         Element size in mm.
     long_name : str
-        What it is in words; further attributes may follow.
+        Its description; further attributes may follow.
     """
     heights = np.asarray(heights, dtype=float)
     if heights.ndim != 2:

@@ -1,4 +1,4 @@
-"""Intervals of each patch's pressure: the square is pressed many times, each slightly perturbed.
+"""Intervals of each patch's pressure: the square pressed many times, each time slightly perturbed.
 
 In each draw the mesh errs by what its vertices mispredict of each other, every patch lies a little
 elsewhere, the detail between the scans is drawn anew, and so are the elastic constants. The

@@ -9,7 +9,7 @@ Valleys wear too where something soft is between the stones: plants, hide, wood.
 layer that takes turns with the bare stone, stands for it. How its coefficient compares with that of
 the bare stone is fitted as κ is, to the maps of loss of the other patches (`fit_mat`).
 
-What the predictions are worth is told in `gstlib.validation.wear_scores`.
+`gstlib.validation.wear_scores` says how good the predictions are.
 """
 
 # ASSUME: κ is one number for the whole stone and all of its use; the active stone does not wear,
@@ -54,13 +54,14 @@ _REACHES = 1.5, 3.0, 6.0
 _RATIOS = 0.0, 0.1, 0.3, 1.0, 3.0
 _BODIES = "stone", "mat"
 
-_PLACE = "x_mm", "y_mm", "rotation_deg"
+_OF_PATCHES = "pressure_MPa", "x_mm", "y_mm", "rotation_deg"
 _DESCRIBED = {
     "kappa": ("mm/MPa", "wear coefficient × sliding"),
     "pressed": ("mm", "mean depth that one body alone would remove"),
     "fitted": ("mm/MPa", "κ of other patches"),
     "kappa_of_all": ("mm/MPa", "κ of all patches"),
     "measured": ("mm", "measured mean depth lost"),
+    "pressure_MPa": ("MPa", "pressure before use"),
     "patch_mm": ("mm", "side of a patch"),
     "x_mm": ("mm", "centre of the patch along x"),
     "y_mm": ("mm", "centre of the patch along y"),
@@ -92,8 +93,8 @@ class WornSquare(NamedTuple):
         (ratio, step), both bodies' together, mm/MPa, from 0 on; ``pressed`` (ratio, body, step,
         patch): mean depth that one body alone would remove, mm. ``fitted`` (patch): κ of the bare
         stone from the measured losses of all other patches; ``kappa_of_all``: from all.
-        ``measured`` (patch), mm, NaN where κ is not fitted to a patch; ``x_mm, y_mm,
-        rotation_deg`` (patch); ``patch_mm``.
+        ``measured`` (patch), mm, NaN where κ is not fitted to a patch; ``pressure_MPa`` before use
+        and ``x_mm, y_mm, rotation_deg`` (patch); ``patch_mm``.
     mat : Mat or None
     """
 
@@ -176,7 +177,7 @@ def wear_square(
         measured=("patch", measured.reindex(table.index)),
         patch_mm=patch_mm,
     )
-    path = path.assign({name: ("patch", table[name]) for name in _PLACE})
+    path = path.assign({name: ("patch", table[name]) for name in _OF_PATCHES})
     for name, (units, long_name) in _DESCRIBED.items():
         path[name].attrs.update(units=units, long_name=long_name)
     return WornSquare(path, None if mat is None else Mat(mat, _under_mat(contact, mat)))

@@ -1,7 +1,7 @@
-"""Snakemake's logger plugin of this project (`logger: gst` in the profile): how far a run is.
+"""Snakemake's logger plugin of this project (`logger: gst` in the profile): shows progress.
 
-A line for each step that begins and for each tenth of the steps that is done. What a step warned
-of, and why it failed, comes from its log. Where Snakemake is not asked for a plain run (a dry run,
+It prints a line when a step begins, and when another tenth of the steps is done. A step's warnings
+and errors come from its log. If Snakemake is asked for anything but a plain run (a dry run,
 --verbose, --quiet, ...), its own display is used.
 """
 
@@ -25,7 +25,7 @@ _SILENT = (
     "the step ended without an error message. It may have been stopped: by a person, at its time "
     "limit, or for lack of memory."
 )
-# Snakemake's own messages: what this display says itself, and what is worth a line in a run.
+# Snakemake's own messages: those that this display replaces, and those worth a line in a run.
 _REPLACED = (
     "At least one job did not complete successfully",
     "Exiting because a job execution",
@@ -54,7 +54,7 @@ class LogHandler(LogHandlerBase):
             getattr(self.common_settings, name) for name in others
         )
         self.start, self.total, self.done = time.monotonic(), 0, 0
-        self.steps: dict[int, tuple[str, Path]] = {}  # what each does, and its log
+        self.steps: dict[int, tuple[str, Path]] = {}  # the message of each, and its log
         if self.writes_to_stream:
             os.environ[FILE_ONLY] = "1"  # for the steps, which inherit it
 
@@ -68,7 +68,7 @@ class LogHandler(LogHandlerBase):
     def close(self) -> None:
         if self.done < self.total:
             how = f"Stopped with {self.done} of {self.total} steps done, after {self._elapsed()}."
-            self._say(f"{how} Repeat the same command to go on from there.")
+            self._say(f"{how} Repeat the same command to continue from there.")
         elif self.total:
             self._say(f"All {self.done} steps are done, after {self._elapsed()}.")
         self.total = 0  # Snakemake closes its handlers more than once
@@ -81,7 +81,7 @@ class LogHandler(LogHandlerBase):
                 self._say(f"{self.total} steps to do.")
             case LogEvent.JOB_INFO if record.output:  # not a rule that only names others
                 what, log = record.rule_msg or record.rule_name, Path(record.log[0])
-                log.unlink(missing_ok=True)  # what an earlier run left
+                log.unlink(missing_ok=True)  # of an earlier run
                 self.steps[record.jobid] = what, log
                 self._say(f"{self._elapsed()}  {what}")
             case LogEvent.JOB_FINISHED if record.job_id in self.steps:

@@ -291,7 +291,7 @@ def test_text_asks_for_what_it_does_not_state(tmp_path):
     result = inspect("--unit", "um", "--spacing-um", "2", tmp_path / "a.txt")
     assert result.exit_code == 0, result.output
     assert "spacing_x_um  2\n" in result.output
-    assert "um, as told" in result.output
+    assert "um, as given" in result.output
 
 
 def test_a_reference_that_the_memory_cannot_hold_is_a_problem(folder, monkeypatch):

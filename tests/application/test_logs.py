@@ -15,7 +15,7 @@ from snakemake_logger_plugin_gst import _SILENT, LogHandler
 EMPTY = InputError("scan.plu", "is empty", "Copy it again.")
 
 
-def test_an_error_of_the_user_is_one_line_and_a_fault_of_the_program_a_traceback(tmp_path, capsys):
+def test_an_error_of_the_user_is_one_line_and_a_bug_in_the_program_a_traceback(tmp_path, capsys):
     log = tmp_path / "logs/job.log"
     with pytest.raises(SystemExit) as ended, job_log(log):
         raise EMPTY
@@ -27,7 +27,7 @@ def test_an_error_of_the_user_is_one_line_and_a_fault_of_the_program_a_traceback
     assert "Traceback" in capsys.readouterr().err
     (shown,) = logged(log, "ERROR")
     assert "Traceback" not in shown
-    for words in ("fault of the program", "test_logs.py", "ZeroDivisionError: oops"):
+    for words in ("bug in the program", "test_logs.py", "ZeroDivisionError: oops"):
         assert words in shown
 
 

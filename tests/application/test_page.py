@@ -5,13 +5,16 @@ import io
 import json
 import re
 
+import jinja2
 import numpy as np
 import pytest
 import trimesh
-from gst import page
+from gst import ROOT, page
+from gst.config import read_config
 from gst.figures.style import STONE
 from gst.figures.tool import coloured_tool
 from gstlib.geometry import Frame
+from gstlib.io.results import TABLES
 from gstlib.surface import make_surface
 from matplotlib import colormaps
 from PIL import Image
@@ -107,6 +110,22 @@ def test_a_caption_is_that_of_the_report():
     template += "``a_b``, *so* & <so>{% endif %}."
     html = page.caption_html(template, config={"hardness": 2.0})
     assert re.sub(r"<[^>]+>", "", html).strip() == "At 2.0 MPa: a_b, so &amp; &lt;so&gt;."
+
+
+@pytest.mark.parametrize("name", TABLES)
+@pytest.mark.parametrize("study", ["config", "mat", "two_stones", "m12"])
+def test_the_caption_of_a_table_explains_its_columns_with_any_config(name, study):
+    config = read_config(ROOT / f"config/{study}.yaml")
+    template = (ROOT / f"workflow/report/tables/{name}.rst").read_text(encoding="utf-8")
+    text = re.sub(r"<[^>]+>", "", page.caption_html(template, config=config))
+    assert not re.search(r"[{}`]|None|made by", text)
+    for column in TABLES[name].columns:
+        assert f"{column.name}{column.unit and f' ({column.unit})'}: " in text
+
+
+def test_a_caption_that_quotes_what_is_not_there_fails():
+    with pytest.raises(jinja2.UndefinedError, match="no attribute 'mat'"):
+        page.caption_html("{% if snakemake.config.mat %}a mat{% endif %}", config={})
 
 
 def test_a_patch_has_what_its_tables_have(tmp_path):

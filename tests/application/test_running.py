@@ -5,7 +5,7 @@ import shutil
 
 import gst
 import pytest
-from gst.running import is_report_current, lay_out, run_study
+from gst.running import is_report_current, lay_out, remove_results, run_study
 from gstlib.errors import InputError
 
 
@@ -64,3 +64,20 @@ def test_a_study_that_cannot_begin_leaves_nothing(tmp_path, monkeypatch, asked, 
     with pytest.raises(InputError, match=said):
         run_study(**usual | asked, plan=False, options=())
     assert {file.name for file in tmp_path.iterdir()} == {"bad.yaml", "config", "mine.yaml"}
+
+
+def test_results_of_an_earlier_version_are_refused_and_can_be_removed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(gst.ROOT / "config", tmp_path / "config")
+    config = tmp_path / "config/tiny.yaml"
+    old = tmp_path / "results-tiny/tables/slip.csv"
+    old.parent.mkdir(parents=True)
+    old.write_text("patch\n")
+    (tmp_path / "results-tiny/slip").mkdir()
+    options = {"goal": "study", "cores": None, "profile": "default", "plan": True, "options": ()}
+    with pytest.raises(InputError, match=r"earlier version.*slip\.csv.*gst clean"):
+        run_study(config, **options)
+    assert old.exists()
+    monkeypatch.setattr("builtins.input", lambda _: "y")
+    remove_results(config)
+    assert not (tmp_path / "results-tiny").exists()

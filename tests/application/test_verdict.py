@@ -63,14 +63,14 @@ def test_patches_that_nothing_touches():
             "The best rival that needs no mechanics, the highest points, predicts the loss better",
             "0.40 against 0.30",
         ),
-        ({"low": -0.1}, "It cannot be told", "0.50 against 0.40"),
-        ({"p_value": 0.06}, "It cannot be told", "p = 0.06"),
+        ({"low": -0.1}, "The data do not show", "0.50 against 0.40"),
+        ({"p_value": 0.06}, "The data do not show", "p = 0.06"),
         (
             {"low": math.nan, "high": math.nan, "p_value": math.nan},
-            "It cannot be told",
+            "The data do not show",
             "4 patches)",
         ),
-        ({"contact": -0.1, "low": -0.2, "high": 0.1}, "It cannot be told", "MCC −0.10 against"),
+        ({"contact": -0.1, "low": -0.2, "high": 0.1}, "The data do not show", "MCC −0.10 against"),
     ],
 )
 def test_contact_against_its_best_rival(row, words, numbers):
@@ -98,6 +98,6 @@ def test_a_study_says_only_what_it_can():
     assert len(load) == 2
     assert "not compared with wear" in load[-1]
     (_, none) = verdict(*tables([1.0, 2.0], studied=False), *compared())
-    assert "No patch enters the study" in none
+    assert "No patch is in the study" in none
     gains, variants = compared()
     assert "nothing is compared" in verdict(*tables([1.0, 2.0]), gains[:0], variants)[-1]

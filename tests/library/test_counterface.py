@@ -225,7 +225,7 @@ def moved_by(x, y, z):
         (moved_by(0, 0, -5.0), "in the passive one"),
         (moved_by(50.0, 0, 0), "no part of the mesh lies over the square"),
         (moved_by(4.0, 0, 0), "sticks out of the mesh"),
-        ({"points_mm": CORNERS.tolist()}, "look against the frame's normal"),
+        ({"points_mm": CORNERS.tolist()}, "point against the frame's normal"),
     ],
 )
 def test_stones_that_do_not_meet_are_refused(block, pose, named):

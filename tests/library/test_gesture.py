@@ -1,4 +1,4 @@
-"""Many poses of a stone on another: sums that must come out, and tables of poses."""
+"""Many poses of a stone on another: known sums, and tables of poses."""
 
 import numpy as np
 import pandas as pd

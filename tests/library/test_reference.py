@@ -1,4 +1,4 @@
-"""One contact of the whole square, and the patches of two scales held against it."""
+"""One contact of the whole square, and the patches of two scales compared with it."""
 
 import numpy as np
 import pytest

@@ -89,7 +89,7 @@ def test_constants_alone_give_the_pressures_of_their_solutions(intervals):
 
 
 def test_places_alone_give_the_pressures_at_those_places(intervals):
-    """Each draw has a generator of its own, which gives the shifts along x, then along y."""
+    """Each draw has its own generator, which gives the shifts along x, then along y."""
     found = intervals(np.ones(30), placement_um=60.0)
     field, drawn = pressed(mesh().height).pressure, []
     for draw in range(30):
@@ -147,7 +147,7 @@ def test_moduli_vary_as_their_stones_do():
 
 
 def test_a_second_stone_adds_the_error_of_its_pose(intervals):
-    """Flat, it adds nothing; rough, the more the less its place is known."""
+    """A flat face adds nothing; a rough one adds more, the less certain its position."""
     at = axis_coordinates(3 * COUNT, SPACING) - COUNT * SPACING
     widths = []
     for rough, pose_um in ((0.0, 200.0), (1.0, 0.0), (1.0, 50.0), (1.0, 200.0)):

@@ -1,4 +1,4 @@
-"""How much wears: as the square does, and by a fit that a patch's own loss does not enter."""
+"""How much wears: as on the square, and by a fit without the patch's own loss."""
 
 import numpy as np
 import pandas as pd
@@ -9,9 +9,10 @@ from gstlib.bem import Layer
 from gstlib.coupling import patch_pressures
 from gstlib.errors import InputError
 from gstlib.gesture import Gesture, stroke_poses
+from gstlib.io.results import columns_of
 from gstlib.study import score_wear, wear_stone
 from gstlib.surface import make_surface
-from gstlib.validation.wear_scores import COLUMNS, wear_summary, wear_table
+from gstlib.validation.wear_scores import wear_summary, wear_table
 from gstlib.wear import fit_mat, wear_map, wear_patch, wear_patches, wear_square
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
@@ -44,7 +45,7 @@ def worn(square, pressures, losses_um):
 
 
 def lost(found):
-    """What the bare stone takes off each patch, mm, along the path."""
+    """The depth (mm) that the bare stone removes from each patch, along the path."""
     return found.path.pressed.sel(ratio=0, body="stone")
 
 
@@ -127,14 +128,15 @@ def tables():
         lost = contact.height.to_dataset(name="height").assign(depth=(FIELD, depth[None]))
         lost = lost.assign_coords(model=["archard"])
         rows.append((patch, contact, changed(contact, depth if number < 2 else depth / 2), lost))
-    measured = pd.Series({patch: -float(change.change.mean()) for patch, _, change, _ in rows})
-    return wear_table(rows, measured, pressure)
+    measured = [-float(change.change.mean()) for _, _, change, _ in rows]
+    square = pressure.assign(measured=measured).set_index("patch").to_xarray()
+    return wear_table(rows, square)
 
 
 def test_models_are_what_they_say(tables):
     table = tables[0]
     by = table.set_index(["patch", "model"])
-    assert list(table.columns) == COLUMNS[0]
+    assert list(table.columns) == columns_of("wear")
     right = by.xs("archard", level="model")
     np.testing.assert_allclose(
         right.predicted_volume_um3 / right.measured_volume_um3, [1, 1, 2], rtol=1e-9
@@ -144,7 +146,7 @@ def test_models_are_what_they_say(tables):
     )
     assert right.rms_difference_um[:2].max() < 1e-12
     assert right.rms_difference_um["c"] > 0.01
-    # It misses nothing where it takes nothing, and a uniform loss is all error there.
+    # Where it removes nothing, it makes no error, and all of a uniform loss is error.
     assert right.rms_out_of_contact_um.max() < 1e-12
     uniform_um = 1e3 * by.xs("uniform", level="model").predicted_volume_um3 / (32**2 * 1e5)
     np.testing.assert_allclose(
@@ -163,13 +165,13 @@ def test_models_are_what_they_say(tables):
 def test_skill_is_the_share_of_the_rivals_error_that_is_saved(tables):
     table, profile = tables
     summary = wear_summary(table, profile, None, seed=1, resamples=99)
-    assert list(summary.columns) == COLUMNS[2]
+    assert list(summary.columns) == columns_of("wear_summary")
     by = table.assign(error=(table.predicted_volume_um3 - table.measured_volume_um3).abs())
     errors = by.groupby("model").error.sum()
     found = summary[summary.statistic == "skill(volume)"].set_index("against").value
     for rival in ("pressure", "uniform", "truncation"):
         assert found[rival] == pytest.approx(1 - errors["archard"] / errors[rival])
-    # Only a cut tells a depth; the same loss everywhere does not.
+    # Only a cut predicts a depth; the same loss everywhere does not.
     assert summary[summary.statistic == "skill(depth)"].against.tolist() == ["truncation"]
     exact, heights = (of[of.patch != "c"] for of in (table, profile))
     summary = wear_summary(exact, heights, None, seed=1, resamples=99)
@@ -178,7 +180,7 @@ def test_skill_is_the_share_of_the_rivals_error_that_is_saved(tables):
 
 def test_the_profile_is_the_mean_loss_of_quarters_of_the_points(tables):
     table, profile = tables
-    assert list(profile.columns) == COLUMNS[1]
+    assert list(profile.columns) == columns_of("wear_profile")
     heights = profile[profile.by == "height"].pivot(
         index=["patch", "model"], columns="band", values="loss_um"
     )
@@ -216,19 +218,17 @@ def worn_by_both():
         changes[patch] = changed(unworn, depth - np.median(depth))
     seen = {patch: 1e3 * float((-of.change).clip(0).mean()) for patch, of in changes.items()}
     worn = wear_square(contact, by_patch, seen, patch_mm=1.0, steps=6, mat=mat)
-    return worn, contacts, changes, by_patch
+    return worn, contacts, changes
 
 
 def test_a_mat_is_found_by_its_traces_with_both_coefficients(worn_by_both):
-    worn, contacts, changes, by_patch = worn_by_both
+    worn, contacts, changes = worn_by_both
     fitted = fit_mat(worn, contacts, changes)
     assert fitted.ratio_of_all == 1.0
     np.testing.assert_array_equal(fitted.mat_ratio, 1.0)
     np.testing.assert_allclose(fitted.mat_kappa, 2e-5, rtol=0.05)
     losses = dict(wear_patches(worn, fitted, contacts))
-    _, profile, summary = score_wear(
-        contacts, changes, losses, worn, fitted, by_patch, seed=1, resamples=99
-    )
+    _, profile, summary = score_wear(contacts, changes, losses, worn, fitted, seed=1, resamples=99)
     skill = summary[summary.statistic == "skill(map)"].set_index(["model", "against"]).value
     assert skill["mat", "archard"] > 0.5
     assert (skill["mat"] > 0.5).all()
@@ -242,7 +242,7 @@ def test_a_mat_is_found_by_its_traces_with_both_coefficients(worn_by_both):
 
 
 def test_a_mat_that_saves_a_hundredth_of_the_error_is_not_told(tables):
-    """Errors of measurement let it gain as much on stones that never saw one."""
+    """Errors of measurement let a mat gain as much on stones that never saw one."""
     table, profile = tables
     bare = table[table.model == "archard"].assign(rms_difference_um=1.0, rms_out_of_contact_um=1.0)
     for of in ("volume_um3", "depth_um"):

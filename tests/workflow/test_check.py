@@ -26,7 +26,7 @@ def missing(said, *words):
 def test_good_files(measured):
     code, said = check(measured)
     assert code == 0, said
-    words = ("E* = 12820 MPa, as given; 10346 MPa by the elastic constants", "No problems found")
+    words = ("E* = 12820 MPa, as given; 10346 MPa from the elastic constants", "No problems found")
     facts = ("up to 64 × 64 points; Sq ", " mm along its x, y, z; mean edge length ")
     assert missing(said, *words, *facts) == []
     assert "WARNING" not in said

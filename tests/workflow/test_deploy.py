@@ -51,7 +51,7 @@ def test_the_catalogue_is_told_what_holds():
 
 @pytest.mark.parametrize("path", ["Snakefile", "workflow/Snakefile"])
 def test_a_study_is_planned_with_all_rules_from_github(study, tmp_path, path):
-    """As snakedeploy 0.17 sets it up; git is told that GitHub is a folder here."""
+    """As snakedeploy 0.17 sets it up; git is made to take a folder here for GitHub."""
     repository = tmp_path / "github/owner/gst"
     shutil.copytree(ROOT / "workflow", repository / "workflow")
     shutil.copy(ROOT / "Snakefile", repository)

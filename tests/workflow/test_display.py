@@ -14,7 +14,7 @@ def test_a_failed_step_shows_its_own_error_and_nothing_else(tiny):
         assert said.count(words) == 1, said
     assert "step: Pressing the square" in said
     assert "log:  results-tiny/logs/solve_macroscale.log" in said
-    assert "Repeat the same command to go on from there." in said
+    assert "Repeat the same command to continue from there." in said
     assert not [word for word in NOT_FOR_USERS if word in said], said
     assert len(said.splitlines()) <= 8
     assert not (tiny.results / "macroscale/contact.h5").exists()

@@ -9,6 +9,7 @@ from gst.poses import poses_of, reach_of
 from gst.patches import scan_files
 from gst.provenance import commit, program_hash, source_hash
 from gstlib.contact import contact_moduli, study_poisson
+from gstlib.io.results import TABLES
 from gstlib.study import STUDY_SECTIONS
 from gst.sweep import sweep_settings
 
@@ -118,17 +119,16 @@ SCANS = sorted({str(use.path) for use in SCAN_USES})
 SHOWN = {}
 
 
-def table(name, category, what):
-    """A table, with its place on the page and in the report; a figure of the same name has a caption of its own."""
-    own = f"{name}_table.rst"
-    caption = own if (CAPTIONS / own).exists() else f"{name}.rst"
+def table(name, category):
+    """A table of `gstlib.io.results`, with its place on the page and in the report."""
+    caption, title = f"tables/{name}.rst", TABLES[name].title
     file = f"{RESULTS}/tables/{name}.csv"
-    SHOWN[file] = str(CAPTIONS / caption), category, what
+    SHOWN[file] = str(CAPTIONS / caption), category, title
     place = {"caption": f"../report/{caption}", "category": category}
-    return report(file, labels={"what": f"table: {what}"}, **place)
+    return report(file, labels={"what": f"table: {title}"}, **place)
 
 
-# Not only what is shown: what was damaged, and was deleted, is made again.
+# Not only the results shown: deleted intermediate files are rebuilt.
 TARGETS = [
     name
     for name, wanted in {

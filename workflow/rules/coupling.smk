@@ -9,7 +9,7 @@ rule place_patches:
         square=f"{RESULTS}/macroscale/surface.h5",
         t0=surfaces("T0", ALL_PATCHES),
     output:
-        table=table("placement", "3 Coupling", "where the patches lie"),
+        table=table("placement", "3 Coupling"),
     log:
         f"{RESULTS}/logs/place_patches.log",
     benchmark:
@@ -52,12 +52,8 @@ rule select_patches:
         pressures=f"{RESULTS}/coupling/pressures.csv",
         registered=registered(WORN_PATCHES),
     output:
-        **(
-            {"registration": table("registration", "5 Validation", "how T1 matches T0")}
-            if WORN_PATCHES
-            else {}
-        ),
-        table=table("patch_pressures", "3 Coupling", "pressure of every patch"),
+        **({"registration": table("registration", "5 Validation")} if WORN_PATCHES else {}),
+        table=table("patch_pressures", "3 Coupling"),
     log:
         f"{RESULTS}/logs/select_patches.log",
     benchmark:
@@ -79,7 +75,7 @@ rule bound_pressures:
         face=FACE,
         pressures=f"{RESULTS}/coupling/pressures.csv",
     output:
-        table=table("patch_intervals", "3 Coupling", "interval of every patch's pressure"),
+        table=table("patch_intervals", "3 Coupling"),
     log:
         f"{RESULTS}/logs/bound_pressures.log",
     benchmark:
@@ -105,7 +101,7 @@ if config["published"] is not None:
             path=f"{RESULTS}/tables/macroscale_path.csv",
             pressures=f"{RESULTS}/coupling/pressures.csv",
         output:
-            table=table("published", "3 Coupling", "published against computed"),
+            table=table("published", "3 Coupling"),
         log:
             f"{RESULTS}/logs/compare_published.log",
         params:
@@ -150,7 +146,7 @@ if REFERENCE:
             contacts=contacts(ALL_PATCHES),
             others=other_contacts(ALL_PATCHES),
         output:
-            table=table("two_scales", "3 Coupling", "what two scales cost"),
+            table=table("two_scales", "3 Coupling"),
         log:
             f"{RESULTS}/logs/compare_scales.log",
         benchmark:

@@ -1,16 +1,17 @@
 # Pictures, from stored results only.
-# Takes: HDF5 and tables of every stage. Gives: a PNG of each figure, for curves an SVG besides, and folders
-# with a PNG for each patch. One job draws several figures: it takes longer to start than to draw one.
+# Takes: HDF5 and tables of every stage. Gives: a PNG of each figure, an SVG of curves too, and
+# folders with a PNG for each patch. One job draws several figures: starting a job takes longer than
+# drawing one.
 
-# A figure of a generated stone must not pass for one of a real tool.
+# Nobody must take a figure of a generated stone for one of a real tool.
 SOURCE_NOTE = "generated specimen" if GENERATED else None
-# With a folder of their own: one picture per patch.
+# One picture per patch, in a folder.
 BY_PATCH = ("preparation", "patch")
 VECTOR = ("load_curves", "validation", "texture", "wear", "sweep")
 
 CONTACT = f"{RESULTS}/macroscale/contact.h5"
 PRESSURES = f"{RESULTS}/tables/patch_pressures.csv"
-# The category and the title of every figure, by the job that draws it; and what that job reads.
+# By job: the category and title of each figure that it draws, and the files that it reads.
 DRAWINGS = {
     "draw_inputs": (
         {
@@ -38,7 +39,7 @@ DRAWINGS = {
         {
             "overview": ("0 Overview", "the study at a glance"),
             "microscale_maps": ("4 Microscale", "contact of every patch"),
-            "load_curves": ("4 Microscale", "area and pressure curves of both scales"),
+            "load_curves": ("4 Microscale", "area and pressure curves at both scales"),
         },
         {
             "mesh": MESH,
@@ -73,6 +74,7 @@ if WORN_PATCHES:
         "registered": registered(WORN_PATCHES),
         "pressures": PRESSURES,
         "scores": f"{RESULTS}/tables/validation_patches.csv",
+        "registration": f"{RESULTS}/tables/registration.csv",
         "texture": f"{RESULTS}/tables/texture.csv",
     }
     for name in ("gains", "summary", "variants"):
@@ -91,16 +93,16 @@ TARGETS += [
 ]
 if config["sweep"] is not None:  # on request
     DRAWINGS["draw_sweep"] = (
-        {"sweep": ("9 Sweep", "what moves the results most")},
+        {"sweep": ("9 Sweep", "what changes the results most")},
         {"sweep": f"{RESULTS}/tables/sweep.csv"},
     )
 
 
 def picture(name, category, title):
-    """The PNG of a figure, or the folder of those of the patches, with its place in the report."""
+    """The PNG of a figure, or the folder with one PNG per patch, with its place in the report."""
     place = {"caption": f"../report/{name}.rst", "category": category}
-    # Kind and content are one label: of a second one with two values, each for half of a category,
-    # Snakemake's report makes a switch, and fails where not every content is of both kinds.
+    # Kind and content share one label. From a second label with two values, Snakemake's report
+    # would make a switch, and fail where a content does not have both kinds.
     if name not in BY_PATCH:
         file = f"{RESULTS}/figures/{name}.png"
         SHOWN[file] = str(CAPTIONS / f"{name}.rst"), category, title

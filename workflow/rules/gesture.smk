@@ -56,7 +56,7 @@ if POSE_BATCHES:
             pressures=f"{RESULTS}/coupling/pressures.csv",
         output:
             fields=f"{RESULTS}/gesture/exposure.h5",
-            table=table("exposure", "3 Coupling", "each patch over the gesture"),
+            table=table("exposure", "3 Coupling"),
         log:
             f"{RESULTS}/logs/gather_exposure.log",
         params:

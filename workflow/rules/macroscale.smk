@@ -1,18 +1,18 @@
 # The inputs, and the whole square against a flat.
-# Takes: the mesh and every scan. Gives: what they hold, the square's heights on a grid, and its contact at
-# every load step.
+# Takes: the mesh and every scan. Gives: a summary of their contents, the square's heights on a
+# grid, and its contact at every load step.
 
 
-# All that is wrong with the files is said at once, before any work. No rule takes the output, which would
-# make all of them rerun with it: this one goes first by its priority, and alone, for it asks for more cores
-# than there are; if it fails, no other rule starts.
+# Reports everything wrong with the files at once, before any work. No rule takes its output as
+# input, or all would rerun with it. It goes first by its priority, and alone because it asks for
+# more cores than there are; if it fails, no other rule starts.
 rule check_inputs:
     input:
         mesh=MESH,
         counterface=COUNTERFACE_MESH,
         scans=SCANS,
     output:
-        table=table("inputs", "1 Inputs", "what every scan holds"),
+        table=table("inputs", "1 Inputs"),
     log:
         f"{RESULTS}/logs/check_inputs.log",
     benchmark:
@@ -44,7 +44,7 @@ rule grid_macroscale:
     output:
         **({"face": FACE} if FACE else {}),
         square=f"{RESULTS}/macroscale/surface.h5",
-        table=table("gridding", "2 Macroscale", "interpolation of the mesh"),
+        table=table("gridding", "2 Macroscale"),
     log:
         f"{RESULTS}/logs/grid_macroscale.log",
     benchmark:
@@ -91,7 +91,7 @@ rule solve_macroscale:
         square=SQUARE,
     output:
         contact=f"{RESULTS}/macroscale/contact.h5",
-        path=table("macroscale_path", "2 Macroscale", "load path"),
+        path=table("macroscale_path", "2 Macroscale"),
     log:
         f"{RESULTS}/logs/solve_macroscale.log",
     benchmark:

@@ -59,7 +59,7 @@ rule tabulate_preprocessing:
         t0=surfaces("T0", ALL_PATCHES),
         t1=surfaces("T1", WORN_PATCHES),
     output:
-        table=table("preprocessing", "1 Inputs", "what was done to each scan"),
+        table=table("preprocessing", "1 Inputs"),
     log:
         f"{RESULTS}/logs/tabulate_preprocessing.log",
     params:
@@ -132,7 +132,7 @@ rule tabulate_microscale:
         contacts=contacts(ALL_PATCHES),
         pressures=f"{RESULTS}/tables/patch_pressures.csv",
     output:
-        summary=table("microscale_summary", "4 Microscale", "state at each patch's pressure"),
+        summary=table("microscale_summary", "4 Microscale"),
         paths=f"{RESULTS}/tables/microscale_paths.csv",
     log:
         f"{RESULTS}/logs/tabulate_microscale.log",
@@ -153,7 +153,7 @@ if CASES:
             contacts=contacts(ALL_PATCHES),
             pressures=f"{RESULTS}/tables/patch_pressures.csv",
         output:
-            table=table("cases", "4 Microscale", "cases beside the study"),
+            table=table("cases", "4 Microscale"),
         log:
             f"{RESULTS}/logs/solve_cases.log",
         benchmark:

@@ -1,23 +1,27 @@
 # The page that a person opens after a study.
-# Takes: every figure and table of the study, and the tool with the pressure on its square. Gives: index.html, and the
-# answer alone for the report; last, a record of what all this was made from, and of what was made.
+# Takes: every figure and table of the study, and the tool with the pressure on its square. Gives:
+# index.html, and the answer alone for the report; last, a record of all inputs and results.
 
 
-# Logs of the study's own steps, for their warnings: what other configs left in the folder, or other studies of
-# the same run, is not read.
+# Logs of the study's own steps, for their warnings. Logs that other configs left in the folder, or
+# of other studies in the same run, are not read.
 LOGS = [
     str(log)
     for one in workflow.rules
     for log in one.log
     if "{" not in log and log.startswith(f"{RESULTS}/")
 ]
-# Not the sweep, which is asked for by itself.
+# Without the sweep, which runs only on request.
 STUDIED = {file: place for file, place in SHOWN.items() if place[1] < "9"}
-# What `gst package` packs: also the numbers of a figure, which would be too many for the page.
-LOAD_PATHS = f"{CAPTIONS}/load_curves.rst", "4 Microscale", "load paths of every patch"
+# What `gst package` packs: also the numbers behind a figure, which are too many for the page.
+LOAD_PATHS = (
+    f"{CAPTIONS}/tables/microscale_paths.rst",
+    "4 Microscale",
+    TABLES["microscale_paths"].title,
+)
 PACKED = STUDIED | {f"{RESULTS}/tables/microscale_paths.csv": LOAD_PATHS}
-# What captions quote: another key's change leaves the page as it is.
-QUOTED = "counterface coupling gesture grinding hardness macroscale material specimen square texture title uncertainty validation"
+# Keys that captions quote: only a change to one of these makes the page anew.
+QUOTED = "counterface coupling gesture grinding hardness macroscale mat material specimen square texture title uncertainty validation"
 
 
 rule write_page:
@@ -51,7 +55,7 @@ rule write_page:
         "../scripts/write_page.py"
 
 
-# The last job: where this record stands, the study has run to its end.
+# The last job: if this record exists, the study is complete.
 rule record_provenance:
     input:
         files=[config["patches"], *filter(None, [config["published"]])]

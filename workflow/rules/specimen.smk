@@ -1,4 +1,4 @@
-# The generated specimen, where the config asks for one.
+# The generated specimen, if the config asks for one.
 # Takes: the patch table. Gives: a mesh, scans before and after use, and the truth about them.
 
 if GENERATED:
@@ -45,7 +45,7 @@ if GENERATED:
             registered=registered(WORN_PATCHES),
             two_scales=f"{RESULTS}/tables/two_scales.csv" if REFERENCE else [],
         output:
-            table=table("truth", "7 Against the truth", "every stage"),
+            table=table("truth", "7 Against the truth"),
         log:
             f"{RESULTS}/logs/score_truth.log",
         benchmark:

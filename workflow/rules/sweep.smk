@@ -40,7 +40,7 @@ if config["sweep"] is not None:
         input:
             outcomes=[f"{RESULTS}/sweep/{setting}.csv" for setting in SETTINGS],
         output:
-            table=table("sweep", "9 Sweep", "results with one value changed"),
+            table=table("sweep", "9 Sweep"),
         log:
             f"{RESULTS}/logs/tabulate_sweep.log",
         params:

@@ -1,7 +1,7 @@
 # Was the prediction right?
-# Takes: predicted contact, and T1 registered to T0. Gives: scores per patch and over the patches, each against
-# chance and against rivals that need no mechanics; how much each patch wears by Archard's law; the texture of each
-# patch before and after use.
+# Takes: predicted contact, and T1 registered to T0. Gives: scores per patch and over the patches,
+# each compared with chance and with rivals that need no mechanics; how much each patch wears by
+# Archard's law; the texture of each patch before and after use.
 
 EXPECTED_WORST = config["validation"]["expected_worst"]
 
@@ -17,10 +17,10 @@ if WORN_PATCHES:
             microscale=f"{RESULTS}/tables/microscale_summary.csv",
             exposure=f"{RESULTS}/tables/exposure.csv" if POSES is not None else [],
         output:
-            patches=table("validation_patches", "5 Validation", "scores of each patch"),
-            gains=table("validation_gains", "5 Validation", "scores against chance and best rival"),
-            summary=table("validation_summary", "5 Validation", "over all patches"),
-            variants=table("validation_variants", "5 Validation", "by variant of the coupling"),
+            patches=table("validation_patches", "5 Validation"),
+            gains=table("validation_gains", "5 Validation"),
+            summary=table("validation_summary", "5 Validation"),
+            variants=table("validation_variants", "5 Validation"),
         log:
             f"{RESULTS}/logs/score_patches.log",
         benchmark:
@@ -33,7 +33,7 @@ if WORN_PATCHES:
                 for key, value in config["validation"].items()
                 if key != "expected_worst"
             },
-            # a claim about other patches is none about these
+            # a claim about other patches says nothing about these
             worst=EXPECTED_WORST if set(EXPECTED_WORST) <= set(ALL_PATCHES) else [],
             seed=config["seed"],
             code=code("score_patches.py"),
@@ -54,9 +54,9 @@ if WORN_PATCHES:
                 scores=f"{RESULTS}/tables/validation_patches.csv",
             output:
                 folder=directory(f"{RESULTS}/wear"),
-                table=table("wear", "6 Wear", "predicted and measured loss"),
-                profile=table("wear_profile", "6 Wear", "loss by height and by gap"),
-                summary=table("wear_summary", "6 Wear", "what the prediction is worth"),
+                table=table("wear", "6 Wear"),
+                profile=table("wear_profile", "6 Wear"),
+                summary=table("wear_summary", "6 Wear"),
             log:
                 f"{RESULTS}/logs/predict_wear.log",
             benchmark:
@@ -76,20 +76,13 @@ if WORN_PATCHES:
                 "../scripts/predict_wear.py"
 
 
-# All patches in one job: the library of texture parameters takes as long to start as five patches.
+# All patches in one job: loading the library of texture parameters takes as long as five patches.
 rule tabulate_texture:
     input:
         t0=surfaces("T0", ALL_PATCHES),
         registered=registered(WORN_PATCHES),
     output:
-        table=table(
-            "texture",
-            *(
-                ("5 Validation", "surface texture before and after use")
-                if WORN_PATCHES
-                else ("1 Inputs", "surface texture")
-            ),
-        ),
+        table=table("texture", "5 Validation" if WORN_PATCHES else "1 Inputs"),
     log:
         f"{RESULTS}/logs/tabulate_texture.log",
     benchmark:

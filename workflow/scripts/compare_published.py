@@ -6,6 +6,7 @@ import pandas as pd
 
 from gst.logs import run_script
 from gstlib.errors import InputError
+from gstlib.io.results import columns_of
 from gstlib.io.tables import read_pressures, read_table, write_table
 
 
@@ -36,8 +37,7 @@ def main(published: Path, path: Path, pressures: Path, table: Path) -> None:
         )
     values = [float(computed[key]) for key in keys]
     given = given.rename(columns={"value": "published"}).astype({"published": float})
-    columns = ["quantity", "patch", "unit", "published"]
-    write_table(table, given[columns].assign(computed=values))
+    write_table(table, given.assign(computed=values)[columns_of("published")])
 
 
 if "snakemake" in globals():

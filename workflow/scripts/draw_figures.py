@@ -147,9 +147,9 @@ def figure_of(name: str, study: Study) -> Figure:
             return tables.wear_figure(*parts, study.table("intervals"))
         case "validation":
             pressures = study.pressures[["patch", "pressure_MPa"]]
-            scores = study.table("scores", "patch", "loss_fraction").merge(
-                pressures, on="patch"
-            )
+            losses = study.table("registration", "patch", "loss_fraction")
+            scores = study.table("scores", "patch").merge(pressures, on="patch")
+            scores = scores.merge(losses[["patch", "loss_fraction"]], on="patch")
             others = (study.table(table) for table in ("gains", "summary", "variants"))
             return tables.validation_figure(scores, *others)
         case _:  # texture, sweep

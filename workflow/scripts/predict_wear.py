@@ -7,10 +7,10 @@ import pandas as pd
 from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.gesture import Gesture
+from gstlib.io.results import columns_of
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.io.tables import read_pressures, read_table, write_table
 from gstlib.study import score_wear, wear_stone
-from gstlib.validation.wear_scores import COLUMNS
 from gstlib.wear import fit_mat, wear_patches
 
 
@@ -42,8 +42,8 @@ def main(
         read_dataset(contact), by_patch, read_table(scores), gesture=gesture, **settings
     )
     if path is None:
-        for file, columns in zip((table, profile, summary), COLUMNS, strict=True):
-            write_table(file, pd.DataFrame(columns=columns))
+        for file in (table, profile, summary):
+            write_table(file, pd.DataFrame(columns=columns_of(file.stem)))
         return
     # no patch has an underscore in its name
     made = provenance([contact, pressures, scores], settings)
@@ -60,7 +60,7 @@ def main(
     for patch, loss in wear_patches(path, fitted, before):
         write_dataset(files[patch], loss, made)
     losses, chance = Stored(files), {"seed": seed, "resamples": resamples}
-    tables = score_wear(before, changes, losses, path, fitted, by_patch, **chance)
+    tables = score_wear(before, changes, losses, path, fitted, **chance)
     for file, content in zip((table, profile, summary), tables, strict=True):
         write_table(file, content)
 

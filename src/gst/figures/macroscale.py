@@ -44,8 +44,8 @@ def input_figure(
 def contact_steps_figure(contact: xr.Dataset, *, steps: int = 8) -> Figure:
     """Contact as the far-field displacement grows (Fig. 5); last, beside a rigid flat's (Fig. 6).
 
-    `contact` is the square's, with the pressure at every step; so many steps are shown, evenly
-    spread, the last among them.
+    `contact` is the square's, with the pressure at every step; at most `steps` of them are shown,
+    evenly spaced, with the last.
     """
     shown = np.unique(np.linspace(0, contact.sizes["step"] - 1, steps).round().astype(int))
     height, touching, drawn = contact["height"], contact["path_pressure"].values > 0, []
@@ -70,7 +70,7 @@ def contact_steps_figure(contact: xr.Dataset, *, steps: int = 8) -> Figure:
 def exposure_figure(
     exposure: xr.Dataset, contact: xr.Dataset, patches: pd.DataFrame, *, patch_size_mm: float
 ) -> Figure:
-    """What a gesture leaves on the square beside its single pose, and some of its poses.
+    """What a gesture leaves on the square, beside the single pose, and some of its poses.
 
     `exposure` is from `gstlib.gesture.exposure`; `contact` is the square's in the single pose.
     """

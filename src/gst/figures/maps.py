@@ -1,8 +1,8 @@
 """Maps: heights, forces and marked elements, with a scale bar and a colour bar.
 
-Maps are drawn as one looks at the stone, in the square's own axes: x runs to the right and y
-upwards from the reference corner, at the lower left. A pixel of a panel has the mean colour of the
-elements under it: marks cover as much of the picture as of the surface.
+Maps show the stone from outside, in the square's own axes: x runs to the right and y upwards from
+the reference corner, at the lower left. A pixel of a panel has the mean colour of the elements
+under it, so marks cover the same share of the picture as of the surface.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,13 +36,13 @@ __all__ += [
     "scale_bar",
 ]
 
-# Few levels make small files; these are enough that the eye sees no steps.
+# Few levels make small files; with these, the eye sees no steps.
 HEIGHT_MAP = colormaps["cividis"].resampled(64)
 HEIGHTS = {"cmap": HEIGHT_MAP, "bar": "height (µm)"}
 CHANGE_MAP = colormaps["RdBu"].resampled(65)
-# Light from end to end: black and the class colours stand out even over valleys.
+# Light throughout: black and the class colours stand out even over valleys.
 RELIEF_MAP = LinearSegmentedColormap.from_list("relief", ["#c4c4c4", "#fafafa"], N=40)
-# White at zero: no force is bare paper.
+# White at zero: bare paper means no force.
 FORCE_MAP = LinearSegmentedColormap.from_list(
     "force", ["#ffffff", *colormaps["magma_r"](np.linspace(0.1, 0.95, 12))]
 )
@@ -76,17 +76,17 @@ def draw_map(
     Parameters
     ----------
     axes : matplotlib Axes
-        A panel of the final size: the picture has its pixels.
+        A panel of the final size: the picture is drawn at its resolution.
     field : (y, x) xarray.DataArray
         The grid; heights in mm, drawn in µm unless there are `values`.
     values : (ny, nx) ndarray, optional
-        What to draw in place of heights. NaN stays pale.
+        Drawn in place of heights. NaN stays pale.
     cmap, norm
-        Colours, by default a pale relief between the limits of the heights.
+        Colours; by default, a pale relief between the limits of the heights.
     marks : mapping of colour to (ny, nx) mask, optional
         Elements to paint over; the masks exclude each other.
     bar : str
-        What the colours stand for: text of a colour bar under the map.
+        Text of a colour bar under the map: what the colours mean.
     ticks : bool
         Draw axes in mm; without them, add a `scale_bar`.
     """
@@ -129,9 +129,9 @@ def draw_maps(
     *,
     head: float = 0.25,
 ) -> Figure:
-    """Small multiples: of each map its title, its field and what else `draw_map` takes.
+    """Small multiples: for each map its title, its field and further arguments of `draw_map`.
 
-    `side` is that of a map (inches); `columns`, `room` and `head` are as of `style.panels`.
+    `side` is that of a map (inches); `columns`, `room` and `head` are as in `style.panels`.
     """
     figure, axes = panels(len(maps), columns, (side, side), room, head=head)
     for panel, (title, field, look) in zip(axes, maps, strict=True):
@@ -160,7 +160,7 @@ def scale_bar(axes: Axes) -> None:
 
 
 def mark_corner(axes: Axes) -> None:
-    """Mark the reference corner, from which the patch table counts."""
+    """Mark the reference corner, from which the patch table measures."""
     low, high = axes.get_xlim()
     side = 0.05 * (high - low)
     corner = np.add([[0, 0], [side, 0], [0, side]], (low, axes.get_ylim()[0]))
@@ -171,7 +171,7 @@ def mark_corner(axes: Axes) -> None:
 def draw_footprints(
     axes: Axes, patches: pd.DataFrame, patch_size_mm: float, *, colour: str
 ) -> None:
-    """Outline and name the patches: solid in the study, dashed out of it.
+    """Outline and name the patches: solid if in the study, else dashed.
 
     `patches` has ``patch, x_mm, y_mm, rotation_deg`` and optionally ``in_study``.
     """

@@ -1,4 +1,4 @@
-"""The patches: prepared, pressed, and compared with what use did (Figs. 7 and 9 to 11).
+"""The patches: prepared, pressed, and compared with wear by use (Figs. 7 and 9 to 11).
 
 Parameters that the figures share:
 
@@ -85,7 +85,7 @@ def two_scales_figure(
 ) -> Figure:
     """Contact within patches, levelled and placed, beside that of the whole square.
 
-    `contacts` are those of each variant; `reference` (ny, nx) is where the single-scale contact
+    `contacts` are those of each variant; `reference` (ny, nx) marks where the single-scale contact
     touches each patch; `scores` is ``two_scales.csv``.
     """
     f1, drawn = scores.set_index(["variant", "patch"]).f1, []
@@ -114,14 +114,14 @@ def two_scales_figure(
 def patch_figure(
     contact: xr.Dataset, change: xr.Dataset, worn: xr.Dataset | None, *, patch: str
 ) -> Figure:
-    """One patch before and after use, its change and what was predicted of it (Fig. 11).
+    """One patch before and after use, its change and the predictions (Fig. 11).
 
     `contact` and `change` are those of `patch` among ``contacts`` and ``changes``; `worn`, if its
     wear is predicted, has ``depth`` (model, y, x), mm, of which the last is drawn.
     """
     t0, t1, values = contact["height"], change["t1"], change["change"].values * MM_TO_UM
     heights = maps.HEIGHTS | {"norm": maps.height_norm(t0, t1)}
-    # changes that noise can explain are drawn as none
+    # changes that noise can explain are drawn as no change
     loss, unknown = change["loss"].values, np.isnan(values)
     shown = np.where(loss | change["gain"].values, values, 0.0 * values)
     limit = change.attrs["level_of_detection_um"]  # NaN where no change is known
@@ -138,7 +138,7 @@ def patch_figure(
         ("T1, after use", t1, heights),
         ("no change is known" if unknown.all() else lost, t0, changes | measured),
     ]
-    if worn is not None:  # as scans see it: from its median on
+    if worn is not None:  # as scans show it: counted from its median
         depth = worn["depth"].values[-1] * MM_TO_UM
         seen = -np.maximum(depth - np.median(depth), 0)
         law = "Archard's law" + (" with a mat" if worn["model"].values[-1] == "mat" else "")

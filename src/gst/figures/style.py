@@ -1,4 +1,4 @@
-"""How every figure looks, how its panels are laid out, and how it is written.
+"""The look of every figure, the layout of its panels, and its files.
 
 Panels are placed by hand, in inches: an automatic layout costs more time than the drawing. Colours
 are safe for colour-blind readers: Okabe and Ito's for classes, perceptually uniform maps for
@@ -24,7 +24,7 @@ __all__ += ["panels", "save_figure", "styled", "write_beside"]
 
 MM_TO_UM = 1e3
 DPI = 120
-LEGIBLE = 40  # this many patches can be named beside each other
+LEGIBLE = 40  # so many patches can be named side by side
 
 BLACK, GREY, PALE = "#000000", "#7a7a7a", "#e4e4e4"
 BLUE, VERMILION, AMBER, GREEN = "#0072B2", "#D55E00", "#E69F00", "#009E73"
@@ -41,7 +41,7 @@ _STYLE = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same glyphs everywhere
     "font.size": 8,
     "axes.titlesize": 8,
-    "axes.titley": 1.0,  # looking for the best place takes longer than drawing
+    "axes.titley": 1.0,  # searching for the best place takes longer than drawing
     "axes.labelsize": 8,
     "xtick.labelsize": 7,
     "ytick.labelsize": 7,
@@ -61,7 +61,7 @@ _STYLE = {
 }
 
 
-# Decorates a drawing function: the house style, whatever the user's matplotlibrc says.
+# Decorates a drawing function: applies the house style, whatever the user's matplotlibrc says.
 styled = matplotlib.style.context(["default", _STYLE])
 
 
@@ -69,14 +69,14 @@ styled = matplotlib.style.context(["default", _STYLE])
 def save_figure(
     figure: Figure, png: Path, svg: Path | None = None, *, source_note: str | None = None
 ) -> None:
-    """Write a figure as PNG and, if asked, as SVG; the same figure gives the same bytes.
+    """Write a figure as PNG and, if requested, as SVG; the same figure gives the same bytes.
 
     The files hold no date and no version of matplotlib, and each is complete or absent.
 
     Parameters
     ----------
     source_note : str, optional
-        Small print in the corner: a generated specimen's pictures say that they are.
+        Small print in the corner, which marks pictures of a generated specimen as such.
     """
     if source_note:
         look: dict[str, Any] = {
@@ -111,7 +111,7 @@ def panels(
     Parameters
     ----------
     count, columns : int
-        Number of panels, and of panels in a row at most.
+        Number of panels, and the most panels in a row.
     size : (width, height)
         Size of a panel.
     room : (left, right, top, bottom)
@@ -135,7 +135,7 @@ def panels(
 
 
 def colour_legend(parent: Figure | Axes, colours: Mapping[str, str], **place: Any) -> None:
-    """A legend in one row that names the `colours`; at the top of a figure unless placed."""
+    """A legend in one row that names the `colours`; at the top of a figure by default."""
     handles = [Patch(color=colour, label=label) for label, colour in colours.items()]
     place = {"loc": "upper center", "ncols": len(handles), "columnspacing": 1} | place
     parent.legend(handles=handles, **place)
@@ -154,7 +154,7 @@ def write_beside(
 
 
 def name_patches(axes: Axes, names: Sequence[str]) -> None:
-    """Name the patches along x, one at each whole number; of many, some at even steps."""
+    """Name the patches along x, one at each whole number; if there are many, every nth."""
     step = -(-len(names) // LEGIBLE) or 1
     axes.set_xticks(np.arange(0, len(names), step), list(names)[::step], fontsize=5.5)
     axes.set_xlabel("patch" if step == 1 else f"patch (every {step}th is named)")

@@ -39,8 +39,8 @@ def validation_figure(
 ) -> Figure:
     """Gains over the best rivals, and loss against pressure.
 
-    `scores` is ``validation_patches.csv`` with the column ``pressure_MPa``, the others are
-    ``validation_gains.csv`` and so on.
+    `scores` is ``validation_patches.csv`` with the columns ``pressure_MPa`` and ``loss_fraction``;
+    the others are ``validation_gains.csv`` and so on.
     """
     figure, (gain, extent) = style.panels(
         2,
@@ -55,15 +55,16 @@ def validation_figure(
     ]
     figure.suptitle("\n".join([*headlines, against_chance(gains)]), fontsize=7)
     # the mean gain of each score over its best rival, in colour where it differs from 0
-    means = summary[summary["statistic"].str.startswith("gain(")].dropna(subset="value")
+    of_own = variants[variants["variant"] == variants["variant"].iloc[0]]
+    means = of_own.dropna(subset="gain")
     gain.axvline(0, color=GREY, lw=0.8)
     for place, row in enumerate(means.itertuples()):
-        # both the interval and the test must tell the gain from 0
+        # both the interval and the test must distinguish the gain from 0
         sign = (int(row.low > 0) - int(row.high < 0)) * int(row.p_value <= LEVEL)
         colour = {1: BLUE, -1: VERMILION, 0: GREY}[sign]
         gain.plot([row.low, row.high], [place, place], color=colour)
-        gain.plot(row.value, place, "o", color=colour)
-    names = means["statistic"].str[5:-1].str.replace("_", "-") + "\nvs " + means["against"]
+        gain.plot(row.gain, place, "o", color=colour)
+    names = means["score"].str.replace("_", "-") + "\nvs " + means["best_rival"]
     gain.set_yticks(range(len(means)), names, fontsize=6)
     gain.invert_yaxis()
     gain.set_xlabel("gain: score of contact − score of the best rival")
@@ -134,7 +135,7 @@ def wear_figure(table: pd.DataFrame, profile: pd.DataFrame, limits: pd.DataFrame
     """Predicted against measured volume of every patch, and loss by height.
 
     `table` is ``wear.csv``, `profile` is ``wear_profile.csv``; `limits` is ``patch_intervals.csv``:
-    a volume is in proportion to the pressure, and so is its interval.
+    a volume and its interval are proportional to the pressure.
     """
     figure, (volumes, heights) = style.panels(2, 2, (2.6, 2.6), (0.7, *CHARTS[1:]), head=0.4)
     units = 1e5  # µm³

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["check_figure", "coloured_tool", "draw_square", "draw_stone", "draw_tool"]
 __all__ += ["outline_on", "tool_view"]
 
-# Where the tool is seen from, in the square's axes: aslant, so that its shape shows.
+# Direction from which the tool is seen, in the square's axes: oblique, to show its shape.
 _VIEW = np.array([-0.35, -0.55, 1.0])
 _FACES = (
     60_000  # each is a pixel or two: more would not be seen; a page takes 24 bytes of each
@@ -40,7 +40,7 @@ _UNIT = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
 
 
 def tool_view(mesh: "trimesh.Trimesh", frame: Frame) -> Frame:
-    """How the whole tool (mm) is looked at: its middle is that of the picture."""
+    """The view of the whole tool (mm), with its middle in the middle of the picture."""
     towards = _VIEW @ frame.axes
     view = Frame((0.0, 0.0, 0.0), np.cross(frame.axes[1], towards), towards)
     seen = view.to_frame(mesh.vertices)
@@ -51,7 +51,7 @@ def tool_view(mesh: "trimesh.Trimesh", frame: Frame) -> Frame:
 def coloured_tool(
     mesh: "trimesh.Trimesh", frame: Frame, pressure: xr.DataArray, *, faces: int = _FACES
 ) -> tuple["trimesh.Trimesh", np.ndarray]:
-    """A mesh of fewer faces, but for the square, whose faces are cut as fine as its grid.
+    """A mesh with fewer faces, except in the square, whose faces are cut as fine as its grid.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def coloured_tool(
     pressure : (y, x) xarray.DataArray
         On the grid of the square, MPa.
     faces : int
-        About as many faces are left beside the square.
+        About this many faces remain outside the square.
 
     Returns
     -------
@@ -108,7 +108,7 @@ def _over_square(
     faces_out = mesh.vertex_normals @ np.array(frame.normal) > 0
     is_over = ((places[:, :2] >= -margin) & (places[:, :2] <= size + margin)).all(axis=1)
     over = np.flatnonzero(is_over & faces_out)
-    # Of an arm of the stone above or below it, the square is the side nearest to its plane.
+    # If an arm of the stone lies above or below, the square is on the side nearest its plane.
     nearest = places[over[np.argmin(np.abs(places[over, 2]))], 2]
     return places, is_over & faces_out & (np.abs(places[:, 2] - nearest) < size)
 
@@ -118,7 +118,8 @@ def outline_on(
 ) -> np.ndarray:
     """A closed outline laid on the tool: (n, 3) points in the mesh's coordinates.
 
-    `corners` are (k, 2), in the square's frame; between them a point every twentieth of `size`.
+    `corners` are (k, 2), in the square's frame; points between them are a twentieth of `size`
+    apart.
     """
     from scipy.spatial import KDTree
 
@@ -137,14 +138,14 @@ def outline_on(
 def draw_stone(
     axes: Axes, mesh: "trimesh.Trimesh", view: Frame, *, colours: np.ndarray | None = None
 ) -> None:
-    """Draw a stone as it is seen from afar, shaded, with a scale bar.
+    """Draw a stone as seen from afar, shaded, with a scale bar.
 
-    `mesh` is the stone (mm), coarse enough to be drawn: see `coarsen`. The normal of the `view`
-    looks at the eye, its origin (mm) lies in the middle of the picture. `colours` (n, 3), uint8,
-    are those of the vertices.
+    `mesh` is the stone (mm), coarse enough to draw: see `coarsen`. The normal of the `view` points
+    to the eye; its origin (mm) lies in the middle of the picture. `colours` (n, 3), uint8, are
+    those of the vertices.
     """
     corners = view.to_frame(mesh.triangles.reshape(-1, 3)).reshape(-1, 3, 3)
-    # Of the surface around a face: those of slivers are anything.
+    # Normals of the surface around a face: those of slivers are arbitrary.
     normals = mesh.vertex_normals[mesh.faces].mean(axis=1) @ view.axes.T
     front = np.flatnonzero(normals[:, 2] > 0)
     # Painted from the farthest to the nearest.
@@ -196,7 +197,7 @@ def check_figure(
 ) -> Figure:
     """Where the square lies on the stone, in two views, and where the patches lie in the square.
 
-    `mesh` is the stone (mm), `frame` and `size_mm` are those of the square; the others as of
+    `mesh` is the stone (mm), `frame` and `size_mm` are those of the square; the others as in
     `gst.figures.macroscale.input_figure`. Without a height the square is left out.
     """
     figure, panels = style.panels(

@@ -4,7 +4,7 @@
     state.pressure, state.gap, state.displacement, state.contact_fraction, state.residual
 
 `solve_contact` presses a map of heights against a flat; `load_path` does so step by step, and
-`wear_path` wears the surface by Archard's law, where a compliant `Layer` is between the bodies too.
+`wear_path` wears the surface by Archard's law, also with a compliant `Layer` between the bodies.
 Units: mm, N, MPa. This package knows nothing of stones, files or workflows.
 """
 

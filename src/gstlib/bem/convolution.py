@@ -6,10 +6,10 @@ Phys. 369 (1921) 253),
 
     K(r) = [K(r) − erf(r/σ)/(πE*r)] + erf(r/σ)/(πE*r).
 
-The first part ends after a few σ, so that a margin of that width is enough padding. The second part
-is smooth, so that a coarse grid holds it, on which padding costs little. Load gets to the coarse
-grid and displacement back by the longest waves of the fine grid's own transform. A Gaussian smooths
-them each way, so that neither rings far; the coarse kernel is freed of both Gaussians in advance.
+The first part ends after a few σ, so a margin of that width is enough padding. The second part is
+smooth, so a coarse grid can represent it, and padding that costs little. The longest waves of the
+fine grid's own transform carry load to the coarse grid and displacement back. A Gaussian smooths
+them each way, so neither rings far; both Gaussians are divided out of the coarse kernel in advance.
 """
 
 import math
@@ -33,7 +33,7 @@ _BLOCK = 256
 # Numbers added to each line of a buffer: lines a power of two apart share cache sets (measured:
 # transforms of 1024 numbers in single precision take 2.6 times as long).
 _OFFSET = 8
-# Measured together for an error of 2e-6 of the largest displacement, on noise (smooth loads: 1e-6).
+# Measured together, for an error of 2e-6 of the largest displacement on noise (smooth loads: 1e-6).
 # Elements per coarse element; σ over the coarse spacing; width of the margin over σ.
 _COARSENING, _SIGMA, _MARGIN = 5, 2.5, 5.0
 # The coarse kernel fades out over this share of its length.
@@ -63,12 +63,12 @@ class EvenConvolution:
         self._shape, self._padded = shape, (my, mx)
         wave = np.result_type(dtype, np.complex64)
         # Transposed like the spectrum of the field below, and mirrored to all wave numbers along y.
-        # Made complex, products take half the time in single precision (measured; none is saved in
+        # As complex numbers, products take half the time in single precision (measured; no less in
         # double).
         half, stored = spectrum.T, np.complex64 if dtype == np.float32 else dtype
         self._spectrum = np.concatenate((half, half[:, -2:0:-1]), axis=1, dtype=stored)
         # Memory is kept from call to call: fresh pages are slow to touch. The transform is
-        # transposed, so that transforms along y run along contiguous memory.
+        # transposed, so transforms along y run along contiguous memory.
         self._lines = _BLOCK // np.dtype(dtype).itemsize
         self._transform = np.empty((mx // 2 + 1, shape[0]), wave)
         self._rows = np.empty((self._lines, mx + _OFFSET), dtype)[:, :mx]
@@ -136,8 +136,8 @@ class EvenConvolution:
 class SplitConvolution:
     """Displacement (mm) of a pressure field (MPa), shape (ny, nx), in single precision.
 
-    `kernel` gives a quadrant of the kernel, shape (my, mx) (mm/MPa): Love's of a half-space of this
-    `contact_modulus` (MPa), and what reaches less far than the margin besides.
+    `kernel` gives a quadrant of the kernel, shape (my, mx) (mm/MPa): Love's for a half-space with
+    this `contact_modulus` (MPa), plus any part that reaches less far than the margin.
     """
 
     def __init__(self, shape, spacing, contact_modulus, kernel):
@@ -205,7 +205,7 @@ def love_kernel(
     """Displacement at element centres from unit pressure on the element at the origin.
 
     Entry [i, j] is the displacement (mm/MPa, positive into the half-space) at (y, x) =
-    (i·dy, j·dx). The kernel is even in x and in y, so one quadrant holds all of it. Source:
+    (i·dy, j·dx). The kernel is even in x and in y, so one quadrant contains all of it. Source:
     A. E. H. Love, Phil. Trans. A 228 (1929) 377; Johnson, *Contact Mechanics* (1985), eq. 3.25.
     """
     dy, dx = spacing
@@ -233,7 +233,7 @@ def kernel_spectrum(padded, kernel):
     """Spectrum of a kernel, wrapped to the nearest image on a grid of even size `padded`.
 
     `kernel` gives a quadrant of it. At wave numbers from 0 on, shape (my // 2 + 1, mx // 2 + 1):
-    the kernel is even in y and x, and so is its spectrum, which is real besides.
+    the kernel is even in y and x, so its spectrum is even and real.
     """
     return _even_spectrum(kernel(tuple(m // 2 + 1 for m in padded)))
 
@@ -271,7 +271,7 @@ def _far_field(quadrant, spacing, sigma):
 
 def _coarse_kernel(coarse, spacing, sigma):
     """Quadrant of erf(r/σ)/r, freed of the smoothing before and after the convolution."""
-    # Beyond its needed length it fades out: an end would have short waves, which now grow.
+    # It fades out beyond its needed length: a sharp end has short waves, which would grow here.
     long = tuple(math.ceil((1 + _FADE) * m) for m in coarse)
     fades, growths = [], []
     for m, n, step in zip(coarse, long, spacing, strict=True):

@@ -15,14 +15,14 @@ MAX_ITERATIONS = 500
 _LARGE_CUT = 0.3
 # Least share of the largest lift, so that every free element can take part in balancing the load.
 _LEAST_LIFT = 1e-3
-# A line search does not raise or lower the pressure as a whole by more than this share.
+# A line search changes the pressure as a whole by no more than this share.
 _LARGE_LEVEL = 0.5
 # Iterations of the projected gradient, slow but sure, after an iteration that raised the energy.
 _CAUTIOUS = 10
 # Two directions are dependent when rounding may have left this of their Gram determinant.
 _DEPENDENT = 1e-10
-# Within so many iterations the residual is to be halved, or as many cautious ones follow: needed on
-# elements sixty times as long as wide under a pressure limit (measured: fewer help less).
+# If so many iterations do not halve the residual, as many cautious ones follow: needed for elements
+# sixty times as long as wide under a pressure limit (measured: fewer help less).
 _PATIENCE = 80
 # The field is computed again, exactly, when its error may be this share of the residual.
 _LARGE_ERROR = 0.3
@@ -32,8 +32,8 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
     """Improve a pressure until the residual of the recurrence is below the tolerance.
 
     Each iteration adds a change whose displacement is computed approximately; errors thus scale
-    with the changes, which shrink, and what has come together, at the start too, is swept out by an
-    exact convolution now and then.
+    with the changes, which shrink. An exact convolution removes the accumulated error now and then,
+    also at the start.
 
     All vectors are of the window's n elements: `relief` is h − h_max (mm), `pressure` (MPa, ≥ 0)
     that to start from, and `field` its displacement (mm), known up to `error`, or None; where it is
@@ -104,7 +104,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
         error += APPROXIMATION_ERROR * np.abs(change_field).max()
         curvature = dot(change, change_field)
         if not curvature > 0:
-            break  # stuck at rounding; the recomputed residual will tell
+            break  # stuck at rounding; the recomputed residual will show it
         # The exact line search along the change alone...
         scale = dot(penetration, change) / curvature
         if cautious:
@@ -149,7 +149,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
 def _energy_weights(pairs, right):
     """Weights w that solve Σⱼ (vᵢᵀKvⱼ) wⱼ = rightᵢ, from one or two pairs (v, Kv).
 
-    The second has no weight where it says nothing that the first does not.
+    The second has no weight if it depends on the first.
     """
     (first, image), *others = pairs
     energy = dot(first, image)

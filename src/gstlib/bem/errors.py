@@ -1,4 +1,4 @@
-"""The errors of the contact solver, and the checks of what callers pass in."""
+"""The errors of the contact solver, and the checks of its arguments."""
 
 import math
 
@@ -19,7 +19,7 @@ class ContactError(Exception):
 
 
 class InvalidContactInput(ContactError, ValueError):  # noqa: N818 - named like ValueError
-    """The problem as stated has no meaning: a wrong shape, NaN, a negative load and so on."""
+    """The problem makes no sense as stated: a wrong shape, NaN, a negative load and so on."""
 
 
 class ConvergenceError(ContactError):
@@ -27,7 +27,7 @@ class ConvergenceError(ContactError):
 
 
 def checked_number(name: str, value: object, unit: str, *, positive: bool = False) -> float:
-    """A finite number that is not negative or, where asked, positive."""
+    """A finite number that is not negative or, if required, positive."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
@@ -58,7 +58,7 @@ def checked_steps(steps: object) -> int:
 
 
 def checked_array(name: str, values, shape: tuple[int, int] | None = None) -> np.ndarray:
-    """An (ny, nx) array of finite real numbers, of the given shape if there is one."""
+    """An (ny, nx) array of finite real numbers, with the given shape if there is one."""
     if np.ma.is_masked(values) or np.iscomplexobj(values):
         kind = "complex" if np.iscomplexobj(values) else "masked"
         raise InvalidContactInput(

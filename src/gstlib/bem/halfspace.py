@@ -25,14 +25,14 @@ from .layer import Layer
 
 __all__ = ["APPROXIMATION_ERROR", "HalfSpace", "contact_modulus", "inverse_padding"]
 
-# Relative error of an approximate displacement, of the largest (measured: below it on grids of
-# 33 x 70 to 1024 x 1024, for noise, for sparse contact and for uniform pressure; it only says when
-# to look again, exactly).
+# Error of an approximate displacement, relative to the largest (measured: smaller on grids of
+# 33 x 70 to 1024 x 1024, for noise, for sparse contact and for uniform pressure; it only decides
+# when to recompute exactly).
 APPROXIMATION_ERROR = 3e-6
 # The approximate inverse needs no exact convolution: padding by a tenth is enough that opposite
 # borders do not affect each other (measured: wider padding saves no iteration).
 _INVERSE_PADDING = 1.1
-# A half-space of its own is made for a box of less than this share of the elements.
+# A separate half-space is made for a box with less than this share of the elements.
 _WORTH_A_BOX = 0.7
 
 
@@ -51,7 +51,7 @@ def contact_modulus(
     Returns
     -------
     float
-        Contact modulus, in the unit of the Young's moduli (MPa).
+        Contact modulus (MPa, as the Young's moduli).
 
     Raises
     ------
@@ -91,11 +91,11 @@ class HalfSpace:
     workers : int
         Has no effect: one thread does the work.
     springs : float
-        Compliance of a bed of independent springs in front of the half-space (mm/MPa), as of
-        Winkler; none by default.
+        Compliance of a (Winkler) bed of independent springs in front of the half-space (mm/MPa);
+        none by default.
     layer : Layer, optional
-        A compliant layer in front of the half-space. Their displacements add up, which takes what
-        is behind the layer as rigid for it.
+        A compliant layer in front of the half-space. Their displacements add up, as if the body
+        behind the layer were rigid.
 
     Attributes
     ----------
@@ -192,7 +192,7 @@ class HalfSpace:
         return self._double(pressure)
 
     def approximate_displacement(self, pressure: np.ndarray) -> np.ndarray:
-        """The same within `APPROXIMATION_ERROR`, in float32, at a third of the time.
+        """The same within `APPROXIMATION_ERROR`, in float32, in a third of the time.
 
         The kernel is split, and precision is single. The error, 2e-6 of the largest displacement,
         does no harm to a correction that is added to a field known exactly. Stripes of alternating
@@ -211,7 +211,7 @@ class HalfSpace:
         return self._inverse(displacement)
 
     def box(self, shape: tuple[int, int]) -> "HalfSpace":
-        """The half-space on a part of the grid that holds `shape` elements, or more."""
+        """The half-space on a part of the grid with at least `shape` elements."""
         for known in (self, self._box):
             if (
                 known is not None

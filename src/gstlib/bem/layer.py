@@ -1,4 +1,4 @@
-"""A compliant layer bonded to a rigid body: what grinds between two stones, as an operator.
+"""A compliant layer bonded to a rigid body: soft material between two stones, as an operator.
 
 Under a point force F, with the layer's E*ₘ = E/(1 − ν²) and thickness t, the surface sinks at the
 distance r by
@@ -8,8 +8,8 @@ distance r by
     f(ζ) = [(3 − 4ν) sinh 2ζ − 2ζ] / [(3 − 4ν) cosh 2ζ + 2ζ² + 5 − 12ν + 8ν²].
 
 So a wave q meets the stiffness E*ₘq/(2 f(qt)) (Carbone & Mangialardi, J. Mech. Phys. Solids 56
-(2008) 684). The first term is a half-space's; the second is smooth, and takes away all that reaches
-further than the layer is thick.
+(2008) 684). The first term is that of a half-space; the second is smooth, and removes everything
+that reaches farther than the layer's thickness.
 """
 
 import math
@@ -23,8 +23,8 @@ from .errors import InvalidContactInput, checked_number
 
 __all__ = ["Layer"]
 
-# In thicknesses: what is neglected beyond is below 1e-6 of a half-space's displacement there, even
-# where the layer is incompressible.
+# In thicknesses: beyond this, the neglected displacement is below 1e-6 of a half-space's, even for
+# an incompressible layer.
 _REACH = 20.0
 # 1 − f falls as ζ² exp(−2ζ). The nodes resolve J₀ out to the reach to 1e-11.
 _LARGEST_WAVE, _WAVES = 30.0, 600
@@ -64,7 +64,7 @@ class Layer:
 
     @property
     def modulus(self) -> float:
-        """E*ₘ = E/(1 − ν²) (MPa), as of a half-space of it."""
+        """E*ₘ = E/(1 − ν²) (MPa), that of a half-space of the layer's material."""
         return self.young / (1 - self.poisson**2)
 
     @property
@@ -79,7 +79,7 @@ class Layer:
 
     def _share(self, zeta):
         """f(ζ): displacement of a wave over that of a half-space."""
-        nu, zeta = self.poisson, np.minimum(zeta, 100.0)  # it is 1 long before sinh overflows
+        nu, zeta = self.poisson, np.minimum(zeta, 100.0)  # f is 1 long before sinh overflows
         above = (3 - 4 * nu) * np.sinh(2 * zeta) - 2 * zeta
         return above / (
             (3 - 4 * nu) * np.cosh(2 * zeta) + 2 * zeta**2 + 5 - 12 * nu + 8 * nu**2
@@ -87,7 +87,7 @@ class Layer:
 
     @cached_property
     def _behind(self):
-        """g(ρ), what the body behind the layer takes away; 1/ρ beyond the reach."""
+        """g(ρ), the reduction due to the body behind the layer; 1/ρ beyond the reach."""
         # here: SciPy takes longer to import than all of gstlib.bem, and only a layer needs it
         from scipy.interpolate import CubicSpline
         from scipy.special import j0
@@ -100,7 +100,7 @@ class Layer:
     def kernel(self, shape: tuple[int, int], spacing: tuple[float, float]) -> np.ndarray:
         """Displacement of a quadrant of elements under unit pressure on its corner (mm/MPa).
 
-        As of `HalfSpace.kernel`.
+        As in `HalfSpace.kernel`.
         """
         ny, nx = (
             min(n, math.ceil(self.reach / step) + 1)

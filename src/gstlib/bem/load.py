@@ -1,4 +1,4 @@
-"""What holds a contact: a displacement or a force, and a ceiling on the pressure."""
+"""The load of a contact: a displacement or a force, and a ceiling on the pressure."""
 
 import math
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ __all__ = ["Load"]
 
 @dataclass(frozen=True)
 class Load:
-    """Displacement or force control; one of the two is None.
+    """Displacement or force control; the other is None.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Load:
     pressure_limit: float = math.inf
 
     def coarser(self) -> "Load":
-        """The same load on elements of twice the length."""
+        """The same load on elements twice as long."""
         return self if self.force is None else replace(self, force=self.force / 4)
 
     def displacement_at(self, pressure: np.ndarray, opening: np.ndarray) -> float:
@@ -85,7 +85,7 @@ class Load:
         return bool(np.count_nonzero(pressure) * self.pressure_limit > self.force)
 
     def scaled(self, pressure: np.ndarray) -> np.ndarray:
-        """A pressure ≥ 0 scaled to the force, but for what is at the limit; maybe itself."""
+        """A pressure ≥ 0 scaled to the force, except where it is at the limit; may be unchanged."""
         lift = pressure
         if self.pressure_limit < math.inf:
             pressure = np.minimum(pressure, self.pressure_limit)

@@ -18,13 +18,13 @@ from .window import Window, dot
 
 __all__ = ["LoadPath", "load_path"]
 
-# Tolerance of states that are not kept: they give points of a curve, and no field (measured on 13
-# rough patches: all of 1040 numbers have the five digits, four for the stiffness, that 1e-9 gives).
+# Tolerance of states that are not kept: they give points of a curve, not a field (measured on 13
+# rough patches: all 1040 numbers agree with those at 1e-9 in five digits, the stiffness in four).
 _CURVE_TOLERANCE = 1e-6
 # Largest relative error of the unit displacement on the contact under the response's pressure; that
 # of the stiffness is of second order in it.
 _RESPONSE_TOLERANCE = 3e-3
-# What a path has of each of its states.
+# The properties of each state that a path has.
 _OF_STATE = "mean_pressure", "contact_fraction", "iterations", "convolutions", "residual"
 
 
@@ -37,15 +37,15 @@ class LoadPath:
     displacement : ndarray, shape (steps,)
         Far-field displacement from first touch (mm), in equal steps from displacement/steps on.
     mean_pressure, contact_fraction, iterations, convolutions, residual : ndarray, shape (steps,)
-        Of each state, see `ContactState`. What the stiffness costs is not counted in.
+        Of each state, see `ContactState`. The cost of the stiffness is not included.
     stiffness : ndarray, shape (steps,)
         Contact stiffness d(mean pressure)/d(displacement) (MPa/mm): exact, by one linear solve
         on the fixed contact set of each state (its relative error is of the order of 1e-6; up to
-        1e-4 where the contact is a few long elements).
+        1e-4 if the contact is a few long elements).
     final : ContactState
         The state at the target pressure.
     states : tuple of ContactState
-        All states in order of displacement, if asked for; else empty.
+        All states in order of displacement, if requested; else empty.
     """
 
     displacement: np.ndarray
@@ -75,14 +75,14 @@ def load_path(
     Parameters
     ----------
     heights, spacing, contact_modulus, workers
-        As of `solve_contact`.
+        As in `solve_contact`.
     target_pressure : float
         Mean pressure of the last state (MPa), ≥ 0; met to rounding. At 0 nothing touches: all
         values of the path are 0, the stiffness too.
     steps : int
         Number of states.
     tolerance : float
-        As of `solve_contact`, for the last state and those that are kept; for the others 1e-6 if
+        As in `solve_contact`, for the last state and those that are kept; for the others 1e-6 if
         that is larger.
     keep_states : bool
         Keep the fields of every step, not of the last one only.
@@ -111,8 +111,8 @@ def load_path(
             descent = displacement[index + 1] - displacement[index]
             squared = pressure * (pressure - 2 * descent * response)
             opening = (state.gap + problem.relief).reshape(-1)[window.elements]
-            # On the way down elements leave the contact; what joins it after all, against the
-            # continuum's rule, is added by the solver's final check.
+            # On the way down elements leave the contact; any that join it nevertheless, against the
+            # continuum's rule, are added by the solver's final check.
             state = problem.solve(
                 Load(displacement=displacement[index]),
                 tolerance,

@@ -11,14 +11,14 @@ Vollebregt, J. Optim. Theory Appl. 162 (2014) 936) with these additions:
 - the preconditioner is an approximate inverse of K on the elements in contact (Vollebregt), and
   corrects it for islands of contact that sink together (:mod:`gstlib.bem.window`);
 - grids are nested: each starts from the solution on elements twice as long;
-- one convolution an iteration. Where an iteration ends at p < 0, the pressure is cut to zero, and
-  the displacement of that small cut is not computed on its own but with the next direction;
+- one convolution per iteration. Where an iteration ends at p < 0, the pressure is cut to zero, and
+  the displacement of that small cut is not computed separately but with the next direction;
 - changes are convolved approximately (:mod:`gstlib.bem.convolution`), and only on the elements that
-  may come into contact; the error that gathers is swept out by an exact convolution
+  may come into contact; an exact convolution removes the accumulated error
   (:mod:`gstlib.bem.descent`).
 
-What is returned never rests on that recurrence: pressure, gap and residual are recomputed by a
-convolution of their own, in double precision and on every element.
+Results never rest on that recurrence: pressure, gap and residual are recomputed by a separate
+convolution, in double precision and on every element.
 """
 
 import copy
@@ -42,7 +42,7 @@ from .window import Window
 
 __all__ = ["ContactProblem", "ContactState", "solve_contact"]
 
-# ASSUME: a stone's strength, where `pressure_limit` gives one, acts as a ceiling on the pressure.
+# ASSUME: a stone's strength, if `pressure_limit` gives one, acts as a ceiling on the pressure.
 
 # Longest side of the coarsest grid, where a cold start costs next to nothing.
 _COARSEST = 64
@@ -53,11 +53,11 @@ _COARSE_TOLERANCE = 1e-2
 # (measured on ten rough patches: up to 7 % less time than 0.05; from 0.015 down some contact is
 # missed at first, and the iterations begin again).
 _CANDIDATE_GAP = 0.03
-# Up to so many elements are followed alone where no others can touch.
+# Up to so many elements are followed alone if no others can touch.
 _FEW = 64
-# The recurrence goes on to this share of the tolerance, so that the recomputed residual meets it.
+# The recurrence continues to this share of the tolerance, so the recomputed residual meets it.
 _INNER_SHARE = 0.7
-# Elements this many times higher than they are long come from a wrong unit, and overflow sums.
+# Elements this many times higher than long come from a wrong unit, and overflow sums.
 _STEEPEST = 1e9
 
 
@@ -83,8 +83,8 @@ class ContactState:
     residual : float
         Largest of abs(gap) where p > 0 and of −gap where p = 0, divided by `displacement`.
     pressure_limit : float
-        The ceiling asked for (MPa). Where the pressure is at it, −gap is the depth by which the
-        surface has yielded, and no violation.
+        The requested ceiling (MPa). Where the pressure reaches it, −gap is the depth by which the
+        surface has yielded, not a violation.
     """
 
     pressure: np.ndarray
@@ -135,17 +135,17 @@ def solve_contact(
     displacement : float, optional
         Far-field displacement from first touch at the highest summit (mm), ≥ 0.
     mean_pressure : float, optional
-        Force over nominal area (MPa), ≥ 0. Exactly one of the two is to be given.
+        Force over nominal area (MPa), ≥ 0. Give exactly one of the two.
     initial_pressure : array_like, shape (ny, nx), optional
         Start from this pressure (MPa) on the finest grid; by default, from coarser grids.
         Changes the cost, not the solution.
     pressure_limit : float
-        Ceiling on the pressure, as a hardness (MPa): the elastic, perfectly plastic contact
+        Ceiling on the pressure, such as a hardness (MPa): the elastic, perfectly plastic contact
         p ≤ H of Almqvist et al. (Tribol. Int. 40 (2007) 574). Infinite by default.
     layer : Layer, optional
         A compliant layer between the surface and the half-space.
     tolerance : float
-        Asked of `residual`, see `ContactState`. About 1e-12 is the floor of float64.
+        Largest `residual`, see `ContactState`. About 1e-12 is the floor of float64.
     workers : int
         Has no effect: one thread does the work.
 
@@ -159,7 +159,7 @@ def solve_contact(
 
     Examples
     --------
-    A flat surface is in contact as a whole:
+    A flat surface is in contact everywhere:
 
     >>> import numpy as np
     >>> solve_contact(np.zeros((8, 8)), 0.1, 1e4, mean_pressure=10.0).contact_fraction
@@ -196,7 +196,7 @@ def solve_contact(
 
 
 class ContactProblem:
-    """One surface and one half-space, to be solved at several loads.
+    """One surface and one half-space, to solve at several loads.
 
     Attributes
     ----------
@@ -218,7 +218,7 @@ class ContactProblem:
             )
 
     def lowered(self, depth):
-        """The problem of the surface less a depth (mm), and by how much its summit sank (mm)."""
+        """The problem of the surface minus a depth (mm), and how far its summit sank (mm)."""
         problem = copy.copy(self)
         problem.__dict__.pop("_coarser", None)
         problem.relief = self.relief - depth
@@ -227,7 +227,7 @@ class ContactProblem:
         return problem, -top
 
     def solve(self, load, tolerance, initial_pressure=None, window=None, known=None):
-        """Solve at one load; arguments as of :func:`solve_contact`, already checked.
+        """Solve at one load; arguments as in :func:`solve_contact`, already checked.
 
         `window` : the elements to follow first; `initial_pressure`, shape (n,), is theirs then.
         `known` : a pressure on the window near the initial one, and its displacement (mm).
@@ -248,15 +248,15 @@ class ContactProblem:
         elif window is None:
             initial_pressure = np.array(initial_pressure, order="C")
             if load.force and not 0.1 < initial_pressure.sum() / load.force < 10:
-                # So far from the force, rounding would leave nothing of it.
+                # So far from the force, it would be lost to rounding.
                 initial_pressure /= initial_pressure.max()
                 initial_pressure *= load.force / initial_pressure.sum()
         return self._iterate(load, tolerance, initial_pressure, window, known)
 
     def _only_candidates(self, load):
-        """The elements that alone can touch, where so small a load leaves only a few; else none.
+        """The only elements that can touch, if so small a load leaves only a few; else none.
 
-        Among all the others its pressure would be lost to rounding.
+        Among all the others, their pressure would be lost to rounding.
         """
         few = np.array([], dtype=np.intp)
         if load.force is None or load.force >= load.pressure_limit:
@@ -334,7 +334,7 @@ class ContactProblem:
                 if iterations >= MAX_ITERATIONS:
                     raise ConvergenceError(
                         f"contact not converged: residual {state.residual:.3g} after {iterations} "
-                        f"iterations, tolerance {tolerance:.3g} asked. Ask a tolerance above the "
+                        f"iterations, tolerance {tolerance:.3g}. Set a tolerance above the "
                         "rounding floor of about 1e-12, or check the heights for spikes."
                     )
                 near = state.gap < _CANDIDATE_GAP * state.displacement
@@ -358,7 +358,7 @@ class ContactProblem:
             window = None
 
     def _recompute(self, load, pressure, respond, iterations, before):
-        """State of a pressure field by a convolution of its own, and its displacement.
+        """State of a pressure field by a separate convolution, and its displacement.
 
         The pressure is scaled to the load, in place; the next convolution overwrites the
         displacement.
@@ -371,7 +371,7 @@ class ContactProblem:
         gap = field - self.relief
         displacement = load.displacement_at(loaded, gap.reshape(-1)[contact])
         gap -= displacement
-        # Either the gap is open where there is pressure, or closed where there could be more.
+        # Either the gap is open where there is pressure, or negative where there could be more.
         opened = gap.reshape(-1)[contact]
         below = (
             gap if load.pressure_limit == math.inf else gap[pressure < load.pressure_limit]

@@ -5,11 +5,11 @@ J. Appl. Phys. 24 (1953) 981). In a step of the sliding s, and with κ = k s (mm
 after the step is h − κ p, and p is the pressure under which *that* surface is in contact
 (backward Euler): Kp − w = −κ p where p > 0. So a step is one contact with the operator K + κI, a
 half-space behind a bed of springs. The step is stable however long it is, and its error is of
-first order in κ. What is lost is exactly κ times the force.
+first order in κ. The lost volume is exactly κ times the force.
 
-Where a compliant third body is between the stones for a share of the sliding, it wears the surface
-too, by its own pressure: the rate is v (k_s p_s + k_m p_m) with a coefficient for the bare stone
-and one for the third body. The two take turns in each step.
+If a compliant third body is between the stones for a share of the sliding, it wears the surface
+too, with its own pressure: the rate is v (k_s p_s + k_m p_m), with one coefficient for the bare
+stone and one for the third body. The two take turns in each step.
 """
 
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ _OF_STATE = "contact_fraction", "displacement", "mean_pressure", "iterations", "
 
 @dataclass(frozen=True, eq=False)
 class ThirdBody:
-    """What is between the stones for a share of the wear.
+    """A body between the stones for a share of the wear.
 
     Attributes
     ----------
@@ -42,10 +42,10 @@ class ThirdBody:
     share : float
         k_m/(k_s + k_m), from 0 to 1.
     mean_pressure : float or array_like, shape (steps,)
-        On it (MPa), as that of the bare stone.
+        On it (MPa), like that of the bare stone.
     lowered : array_like, shape (ny, nx), or float
-        How far the surface lies deeper for it than for the bare stone (mm): loads beyond the grid
-        displace a layer less far.
+        How much deeper the surface lies for it than for the bare stone (mm): loads beyond the grid
+        displace a layer less.
     """
 
     layer: Layer
@@ -71,10 +71,10 @@ class WearPath:
     final : ContactState
         The last of these contacts.
     states : tuple of tuple of ContactState
-        For each step the contact of the bare stone and that of the third body, without one whose
-        share is 0; empty unless asked for.
+        For each step the contacts of the bare stone and of the third body, except one whose share
+        is 0; empty unless requested.
     depths : tuple of ndarray
-        `depth` after each step; empty unless asked for.
+        `depth` after each step; empty unless requested.
     """
 
     depth: np.ndarray
@@ -108,9 +108,9 @@ def wear_path(
     Parameters
     ----------
     heights, spacing, contact_modulus, workers
-        As of `solve_contact`.
+        As in `solve_contact`.
     mean_pressure : float or array_like, shape (steps,)
-        Force over nominal area (MPa), ≥ 0, in all steps or in each, not zero in all. The sliding
+        Force over nominal area (MPa), ≥ 0, one value or one per step, not zero in all. The sliding
         is the same in all steps.
     mean_loss : float
         Mean depth over the grid in the end (mm), ≥ 0. It sets κ, wear coefficient × sliding, that
@@ -119,23 +119,23 @@ def wear_path(
     steps : int
         Number of implicit steps.
     third_body : ThirdBody, optional
-        What is between the surface and the elastic body for a share of the wear.
+        A body between the surface and the elastic body for a share of the wear.
     tolerance : float
-        As of `solve_contact`, for each step.
+        As in `solve_contact`, for each step.
     keep_states, keep_depths : bool
         Keep contacts and depths of every step, not of the last one only.
 
     Raises
     ------
     InvalidContactInput
-        A mean loss deeper than the relief of the surface, no steps, pressures of another number
-        than the steps, and whatever `solve_contact` refuses.
+        A mean loss deeper than the relief of the surface, no steps, another number of pressures
+        than of steps, and whatever `solve_contact` refuses.
     ConvergenceError
         A step did not reach the tolerance.
 
     Examples
     --------
-    What is lost is wear coefficient × sliding × force, however the contact grows:
+    The lost volume is wear coefficient × sliding × force, however the contact grows:
 
     >>> import numpy as np
     >>> wave = 1e-3 * np.cos(np.linspace(0, 8 * np.pi, 64)) * np.ones((64, 1))
@@ -165,7 +165,7 @@ def wear_path(
     if mean_loss > relief:
         raise InvalidContactInput(
             f"mean_loss {mean_loss:g} mm is more than the relief of the surface, {relief:g} mm: "
-            "nothing of it would be left"
+            "nothing would be left of it"
         )
     # The same sliding in each step, and so the same operators.
     rates = [part * mean_loss / total for part, *_ in bodies]

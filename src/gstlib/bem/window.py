@@ -1,7 +1,7 @@
-"""Some elements of a grid: the half-space as they alone feel it, and its approximate inverse.
+"""Some elements of a grid: the half-space restricted to them, and its approximate inverse.
 
-NumPy's own loops, not BLAS: BLAS starts threads that nobody asked for, which spin when the machine
-is busy, and the last bits of its sums depend on their number.
+NumPy's own loops, not BLAS: BLAS starts unwanted threads, which spin when the machine is busy, and
+the last bits of its sums depend on their number.
 """
 
 import math
@@ -15,12 +15,12 @@ from .halfspace import HalfSpace, inverse_padding
 __all__ = ["Preconditioner", "Window", "dot"]
 
 # Where the elements fill less than this share of their bounding box, the short-range inverse is
-# kept at the nearest offsets only (in elements; from the inverse on a grid of its own): an eighth
-# of the time for as many iterations. Where they are compact, that would take half as many again.
+# kept at the nearest offsets only (in elements; from the inverse on a separate grid): an eighth of
+# the time for as many iterations. If they are compact, it would take half as many again.
 _SPARSE, _REACH, _INVERSE_GRID = 0.3, 2, 64
 # Elements along the side of a cell of the coarse grid, a power of two (measured: 16 does as well).
 _BLOCK = 8
-# T takes the density for this share of what the contact sees around it (measured: 0.3 to 0.6 do).
+# T assumes this share of the density that the contact sees around it (measured: 0.3 to 0.6 work).
 _DENSITY = 0.5
 # α starts here, and grows until a uniform displacement keeps this share of the pressure that M
 # gives it (measured: 0.33 to 0.4; with less, definiteness goes, and with it the gain).
@@ -37,7 +37,7 @@ def dot(one: np.ndarray, two: np.ndarray) -> float:
 class Window:
     """Operators between vectors of values on chosen elements; the others have no pressure.
 
-    They work on the elements' bounding box, which costs less where contact is confined.
+    They work on the elements' bounding box, which costs less if contact is confined.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Window:
 
     @cached_property
     def preconditioner(self) -> "Preconditioner":
-        """The approximate inverse, prepared for all elements or for the last set asked of it."""
+        """The approximate inverse, prepared for all elements or for the last requested set."""
         return Preconditioner(self)
 
     def exact_displacement(self, pressure: np.ndarray) -> np.ndarray:
@@ -82,11 +82,11 @@ class Preconditioner:
     """Pressure on the free elements of a window that nearly has a given displacement there.
 
     At short range it is the half-space's approximate inverse M, restricted to the free elements
-    (Vollebregt, J. Optim. Theory Appl. 162 (2014) 936). M sees each island of contact, but not that
-    they all sink together: the pressure φ r, with φ = M·1, is to displace its own surroundings by a
-    smooth r, and does so about α times, but besides displaces by Kφ̄r from afar, with φ̄ the mean
-    density of φ. So φ r is to be divided by α + φ̄K; what is too much is φ T φ r with
-    T = (α K⁻¹ + φ̄)⁻¹. It is smooth but for φ, and is computed on a coarse grid. We know of no
+    (Vollebregt, J. Optim. Theory Appl. 162 (2014) 936). M accounts for each island of contact, but
+    not for all of them sinking together: the pressure φ r, with φ = M·1, should displace its
+    surroundings by a smooth r. It displaces them by about α r, and also by Kφ̄r from afar, with φ̄
+    the mean density of φ. So φ r must be divided by α + φ̄K; the excess is φ T φ r with
+    T = (α K⁻¹ + φ̄)⁻¹. Except for φ it is smooth, and is computed on a coarse grid. We know of no
     source for it.
 
     Measured (rough surfaces, contact of 3 %, residual 1e-8 and 3e-10): a quarter to two fifths
@@ -106,7 +106,7 @@ class Preconditioner:
         if window.elements.size < _SPARSE * ny * nx:
             spectrum = 1 / kernel_spectrum((_INVERSE_GRID, _INVERSE_GRID), kernel)
             inverse = np.fft.irfft2(np.concatenate((spectrum, spectrum[-2:0:-1])))
-            # Fields have a margin, so that each neighbour of an element has a place.
+            # Fields have a margin, to give each neighbour of an element a place.
             width = nx + 2 * _REACH
             self._field = np.zeros((ny + 2 * _REACH) * width)
             self._places = window.rows * width + window.columns
@@ -127,7 +127,7 @@ class Preconditioner:
         self._free: np.ndarray | None = None
 
     def fit(self, free: np.ndarray) -> None:
-        """Prepare for a set of free elements (bool, shape (n,)), unless the last was nearly it."""
+        """Prepare for a set of free elements (bool, shape (n,)), unless the last was similar."""
         if self._free is not None and np.count_nonzero(
             free != self._free
         ) <= _STALE * np.count_nonzero(free):
@@ -140,7 +140,7 @@ class Preconditioner:
             spectrum = self._spectrum / (self._local + density * self._spectrum)
             self._far = EvenConvolution(self._shape, spectrum, np.float64)
             self.uniform = profile - self._from_afar(free)
-            # What is not a number ends the search too; the solver's residual then tells.
+            # NaN ends the search, too; the solver's residual then shows it.
             if not self.uniform.sum() < _KEPT * profile.sum():
                 return
             self._local *= _LOCAL_GROWTH
@@ -165,6 +165,6 @@ class Preconditioner:
         return self._profile * far.reshape(-1)[self._cells]
 
     def _mean(self, values):
-        """Mean over the elements of each cell; those that are not in the window count as zero."""
+        """Mean over the elements of each cell; those outside the window count as zero."""
         sums = np.bincount(self._cells, values, minlength=math.prod(self._shape))
         return sums.reshape(self._shape) / _BLOCK**2

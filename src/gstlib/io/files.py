@@ -1,7 +1,7 @@
-"""Writes result files that are whole or absent, even if the program is killed meanwhile.
+"""Writes result files that are whole or absent, even if the program is killed while writing.
 
-A file is written next to its place under a hidden name (``.NAME.PID.part``), which nothing reads,
-and renamed once all of it is on the disk.
+A file is written next to its final place under a hidden name (``.NAME.PID.part``), which nothing
+reads, and renamed once all of it is on the disk.
 """
 
 import errno
@@ -35,7 +35,7 @@ def cannot_write(path: str | Path, error: OSError) -> OutputError:
 
 
 def check_writable(folder: str | Path) -> None:
-    """Make `folder` if need be, and try to make a file in it.
+    """Make `folder` if it does not exist, and try to make a file in it.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def check_writable(folder: str | Path) -> None:
 def write_whole(path: str | Path, content: bytes | memoryview) -> None:
     """Write `content` to `path`; an old file is replaced once the new one is whole.
 
-    The file's folder is made if need be, and remains of an earlier, killed attempt are removed.
+    The file's folder is made if it does not exist, and remains of a killed attempt are removed.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def write_whole(path: str | Path, content: bytes | memoryview) -> None:
             with temporary.open("wb") as file:
                 file.write(content)
                 file.flush()
-                # else a power cut could leave the name with nothing behind it
+                # otherwise a power cut could leave the name with no content
                 os.fsync(file.fileno())
             os.replace(temporary, path)
         except BaseException:

@@ -1,7 +1,7 @@
 """Triangle meshes of stones (STL, PLY, OBJ, OFF, GLB, 3MF), read through trimesh, in mm.
 
 trimesh reads a damaged file without complaint and returns the part that it understood. A cut file
-must never pass for a smaller stone, so its faces are counted against those that it announces.
+must never pass for a smaller stone, so the number of its faces is compared with the stated one.
 """
 
 import io
@@ -23,7 +23,7 @@ __all__ = ["is_mesh", "read_mesh"]
 _log = logging.getLogger(__name__)
 
 _READ = (".stl", ".ply", ".obj", ".off", ".glb", ".3mf")
-# Other formats of meshes: what trimesh reads of them needs further packages, or is not checked.
+# Other formats of meshes: trimesh needs further packages for them, or reads them unchecked.
 _NOT_READ = (".gltf", ".fbx", ".dae", ".wrl", ".x3d", ".usd", ".usdz", ".nxs", ".nxz", ".ctm")
 # The units that trimesh finds: GLB prescribes metres, 3MF states its own.
 _STATED = {"meters": "m", "meter": "m", "millimeters": "mm", "millimeter": "mm"}
@@ -32,7 +32,7 @@ _STATED |= {"centimeter": "cm", "micron": "um", "inch": "in"}
 _UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4}
 # Largest extent (mm) of a stone that a hand could grind with; outside it the unit is wrong.
 _SMALLEST_STONE, _LARGEST_STONE = 1.0, 1000.0
-# A mesh whose area vectors cancel to this share is closed, but for pin-holes: scanners leave some.
+# A mesh whose area vectors cancel to this share is closed, except for pin-holes from the scanner.
 _CLOSED = 0.01
 _EXPORT_AGAIN = "Export the mesh again as triangles (binary STL or PLY)."
 
@@ -43,12 +43,11 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     Parameters
     ----------
     path : str or Path
-        STL (binary or ASCII), PLY, OBJ, OFF, 3MF or GLB; the parts of a scene are put where it has
-        them.
+        STL (binary or ASCII), PLY, OBJ, OFF, 3MF or GLB; the parts of a scene keep their places.
     unit : {"mm", "cm", "m", "um", "in"}, optional
         Unit of the file's coordinates; None for the one that the file states, or else mm. 3MF
-        states it: another is refused. GLB prescribes metres: another unit is taken, as exporters
-        write others, with a warning. The other formats do not state one.
+        states it: another is refused. GLB prescribes metres: because exporters write other units,
+        another is accepted, with a warning. The other formats do not state one.
 
     Returns
     -------
@@ -79,7 +78,7 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     if announced not in (None, len(faces)):
         raise InputError(
             path,
-            f"{len(faces)} triangles can be read, but the file announces {announced}: it is cut or "
+            f"{len(faces)} triangles can be read, but the file states {announced}: it is cut or "
             "damaged, or its faces are not triangles",
             _EXPORT_AGAIN,
         )
@@ -89,7 +88,7 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
         )
     if faces.min() < 0 or faces.max() >= len(vertices):
         problem = (
-            f"a face has a vertex that is none of its {len(vertices)}: it is cut or damaged"
+            f"a face refers to a vertex outside its {len(vertices)}: it is cut or damaged"
         )
         raise InputError(path, problem, _EXPORT_AGAIN)
     bad = int((~np.isfinite(vertices)).any(axis=1).sum())
@@ -103,14 +102,14 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
         raise InputError(path, problem, f"Set mesh_unit: {stated}.")
     _check_size(path, float(np.ptp(vertices, axis=0).max()), unit)
     if stated not in (None, unit):
-        message = "%s: GLB is in %s by its specification, and is read in %s, as told"
+        message = "%s: GLB is in %s by its specification, but is read in %s, as given"
         _log.warning(message, path, stated, unit)
     metadata = {"file_unit": unit}
     mesh = trimesh.Trimesh(vertices * _UNITS[unit], faces, process=False, metadata=metadata)
     mesh.merge_vertices()
     areas = mesh.triangles_cross
     closed = np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum()
-    # from its middle, so that pin-holes far from the origin count little
+    # measured from its middle, so pin-holes far from the origin matter little
     if closed and ((mesh.triangles_center - mesh.bounds.mean(axis=0)) * areas).sum() < 0:
         _log.warning("the mesh is inside out (its volume is negative): its faces were turned")
         mesh.invert()
@@ -123,7 +122,7 @@ def is_mesh(path: str | Path) -> bool:
 
 
 def _announced_faces(path: Path, content: bytes) -> int | None:
-    """Faces that the file says it has, None where the format does not say."""
+    """Number of faces that the file states, None if the format states none."""
     kind = path.suffix.lower()
     if kind == ".stl":
         # Some binary files begin with "solid" too, but no text has zero bytes.
@@ -144,7 +143,7 @@ def _announced_faces(path: Path, content: bytes) -> int | None:
         found = re.match(rb"(?:\s|#.*\n)*C?OFF(?:\s|#.*\n)*\d+\s+(\d+)\s", content)
     elif re.search(rb"^f\b[^\n]*\s(?:-|0[\s/])", content, re.MULTILINE):
         # trimesh would take other vertices for these.
-        problem = "has a face that does not count its vertices from the first one on"
+        problem = "has a face with vertex numbers below 1"
         raise InputError(path, problem, _EXPORT_AGAIN)
     else:
         return None
@@ -167,7 +166,7 @@ def _load(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray, str | Non
     }
     try:
         with warnings.catch_warnings():
-            # NumPy stops at a word that is no number, and only warns of it.
+            # NumPy stops at a word that is not a number, and only warns.
             warnings.filterwarnings("error", message="string or file could not be read")
             # From memory, so that trimesh cannot look for other files beside this one.
             file = io.BytesIO(content)

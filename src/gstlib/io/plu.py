@@ -63,7 +63,7 @@ def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[s
     if kind != _TYPE_TOPOGRAPHY or not (0 < ny < _LARGEST_SIDE and 0 < nx < _LARGEST_SIDE):
         raise InputError(
             path,
-            f"announces a measurement of type {kind} with {ny} × {nx} points: not a .plu "
+            f"states a measurement of type {kind} with {ny} × {nx} points: not a .plu "
             f"topography (type {_TYPE_TOPOGRAPHY})",
             "Export the whole topography, or correct the file's ending.",
         )
@@ -83,7 +83,7 @@ def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[s
         "vendor": "Sensofar",
         "objective": _OBJECTIVES.get(objective, f"no. {objective}"),
     }
-    # Older and later versions keep something else in the place of the instrument.
+    # Older and later versions keep something else in place of the instrument.
     if 0 < version <= _VERSION_2012 and instrument in _INSTRUMENTS:
         attrs = {"instrument": _INSTRUMENTS[instrument], **attrs}
     date = content[:128].split(b"\0")[0].decode("latin-1").strip()
@@ -107,14 +107,14 @@ def write_plu(
     Parameters
     ----------
     path : str or Path
-        Target file; its folder is made if need be.
+        Target file; its folder is made if it does not exist.
     heights : (ny, nx) array_like
         Heights in mm; NaN where unmeasured. Row i of the file is row i of the array, and heights
         are stored as float32 in µm.
     spacing : float or (dy, dx)
         Distance of points in mm.
     comment : str
-        Up to 255 characters that the format holds beside the heights.
+        Up to 255 characters, stored beside the heights.
     """
     values = (np.asarray(heights, dtype=float) * 1e3).astype("<f4")
     stored = np.where(np.isnan(values), np.float32(PLU_UNMEASURED_UM), values).astype("<f4")

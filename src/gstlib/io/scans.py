@@ -1,9 +1,9 @@
 """Height maps as the instrument wrote them, as surfaces in mm.
 
-docs/formats.md lists the formats and what has been checked of each. `read_scan` returns a plausible
-surface, or says why it cannot. Each format has a reader that returns the heights (ny, nx) in the
-file's unit, NaN where unmeasured; the spacing (dy, dx) in that unit, None if the file does not
-state it; the length of the unit in mm, None likewise; and what the file tells of the instrument.
+docs/formats.md lists the formats and how each was checked. `read_scan` returns a plausible surface,
+or says why it cannot. Each format has a reader that returns the heights (ny, nx) in the file's
+unit, NaN where unmeasured; the spacing (dy, dx) in that unit, None if the file does not state it;
+the length of the unit in mm, None likewise; and what the file says about the instrument.
 """
 
 import io
@@ -27,24 +27,24 @@ __all__ = ["cut_scan", "read_scan"]
 
 _log = logging.getLogger(__name__)
 
-# Formats of SurfaceTopography that are not left to it: we read text more strictly, and `hgt` and
-# `nms` have no mark of their own and take any bytes for heights.
+# Formats that SurfaceTopography does not read for us: we read text more strictly, and its `hgt` and
+# `nms` readers check no signature and take any bytes for heights.
 _NOT_LEFT = {"asc", "hgt", "nms", "plu", "xyz"}
-# Objects of Digital Surf files that hold no heights: binary, intensity and colour images, spectra.
+# Objects in Digital Surf files without heights: binary, intensity and colour images, spectra.
 _SUR_NO_HEIGHTS = {3, 10, 12, 20, 21}
-# What a profilometer of any kind can have measured (mm); outside it the unit is wrong.
+# What any profilometer can have measured (mm); outside this range the unit is wrong.
 _LARGEST_FIELD, _LARGEST_RANGE = 50.0, 10.0
 _SMALLEST_SPACING, _LARGEST_SPACING = 1e-6, 0.5
-# Heights (mm) beyond it are the largest numbers of a format, in whatever unit.
+# Heights (mm) beyond this are the largest numbers of a format, in whatever unit.
 _LARGEST_NUMBER = 1e20
 # ASSUME: a height that ten points or more share, five interquartile ranges of the distinct heights
 # from their median, was written where nothing was measured.
 _FEWEST_HELD, _FAR = 10, 5
-# A nearer one that more than this share of the points has, and ten times as many as any other, may
-# have been: of heights measured in few steps, each is about as frequent as the next.
+# A less distant height may be one too, if more than this share of the points has it, and ten times
+# as many as any other: heights measured in few steps are about equally frequent.
 _HELD_SHARE, _HELD_TIMES = 1e-3, 10
 # A scan may differ from the study's size by this share: pixel sizes are rounded (512 × 1.66 µm is
-# 849.92 µm), and a row more or less does no harm.
+# 849.92 µm), and one row more or less does not matter.
 _SIZE_TOLERANCE = 0.01
 # Spacings come from float32 numbers or text; digits beyond these are noise.
 _SPACING_DIGITS = 7
@@ -65,27 +65,27 @@ def read_scan(
         SurfaceTopography reads); a matrix of heights in text, a row of the map a line (.csv, .txt,
         .asc); or points on a grid in text (.xyz: columns x, y, z).
     unit : {"m", "mm", "um", "nm"}, optional
-        Unit of files that do not state theirs; of no effect on the others.
+        Unit of files that do not state theirs; no effect on others.
     spacing_um : float, optional
-        Distance (µm) of the points in files that do not state it; of no effect on the others.
+        Distance (µm) of the points in files that do not state it; no effect on others.
 
     Returns
     -------
     (ny, nx) xarray.DataArray
         Surface in mm with rows and columns as in the file, NaN where unmeasured, beginning at
-        (0, 0); attributes (text): ``file`` and what the file tells of the instrument.
+        (0, 0); attributes (text): ``file`` and what the file says about the instrument.
 
     Raises
     ------
     InputError
-        The file is missing, truncated, unreadable or no map; its unit or spacing is not
-        known; its size is absurd; or nothing in it is measured.
+        The file is missing, truncated, unreadable or not a map; its unit or spacing is
+        unknown; its size is absurd; or no point is measured.
 
     Notes
     -----
-    Of a file with several height maps the first is read, and a warning logged. A warning also says
-    where many points share a height; where it is far from all others, they are taken as unmeasured;
-    and where the spacing seems to be that of one point too few.
+    If a file has several height maps, the first is read, with a warning. There is also a warning if
+    many points share a height (if that is far from all others, they count as unmeasured), and if
+    the spacing seems to be computed with one point too few.
     """
     path = Path(path)
     if unit is not None and unit not in SCAN_UNITS:
@@ -107,7 +107,7 @@ def read_scan(
         if unit is None:
             raise InputError(
                 path,
-                "the file does not say its unit of length",
+                "the file does not state its unit of length",
                 f"Set scans.unit in the config to one of {list(SCAN_UNITS)}.",
             )
         length = SCAN_UNITS[unit]
@@ -118,12 +118,12 @@ def read_scan(
     else:
         raise InputError(
             path,
-            "the file does not say the spacing of its points",
-            "Set scans.spacing_um in the config, or export the scan in a format that says it "
+            "the file does not state the spacing of its points",
+            "Set scans.spacing_um in the config, or export the scan in a format that states it "
             "(.plu, .plux, .sur, .x3p, .al3d, ...).",
         )
     spacing = tuple(float(f"{step:.{_SPACING_DIGITS}g}") for step in steps)
-    with np.errstate(all="ignore"):  # what overflows is refused below
+    with np.errstate(all="ignore"):  # overflows are refused below
         heights = raw * length
     # Some exports mark unmeasured points with infinity, or the largest number there is.
     heights[np.abs(heights) > _LARGEST_NUMBER] = np.nan
@@ -141,7 +141,7 @@ def read_scan(
 def _mind_step_too_few(
     path: Path, shape: tuple[int, ...], spacing: tuple[float, ...]
 ) -> None:
-    """Warn of points that are square once n points of a length are n steps of it, not n - 1."""
+    """Warn if the points would be square with the length divided by n points, not n - 1."""
     (dy, dx), (ny, nx) = spacing, shape
     if min(shape) > 1:
         true_y, true_x = dy * (ny - 1) / ny, dx * (nx - 1) / nx
@@ -160,8 +160,8 @@ def _mind_step_too_few(
 def _read_instrument_file(path: Path) -> _Raw:
     """Read the first height map of a file through SurfaceTopography.
 
-    It has heights as [ix, iy], in a unit that differs per file (Röttger et al. 2022, Surf. Topogr.:
-    Metrol. Prop. 10:035032).
+    It returns heights as [ix, iy], in a unit that differs between files (Röttger et al. 2022, Surf.
+    Topogr.: Metrol. Prop. 10:035032).
     """
     try:  # here, for its import takes a second or two
         from SurfaceTopography.IO import open_topography, readers
@@ -184,13 +184,13 @@ def _read_instrument_file(path: Path) -> _Raw:
         "Export the scan in the instrument's own format (.plu, .plux, .al3d, .sur, ...)."
     )
     if path.suffix.lower() not in formats:
-        problem = f"cannot be read as a height map: '{path.suffix}' is no ending known here"
+        problem = f"cannot be read as a height map: the ending '{path.suffix}' is unknown"
         raise InputError(path, problem, own_format)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter(
                 "ignore"
-            )  # of odd dates and numbers; what matters is checked
+            )  # about odd dates and numbers; what matters is checked
             reader = open_topography(_unwrapped(path), format=formats[path.suffix.lower()])
             maps = [c for c in reader.channels if c.dim == 2 and c.is_height_channel]
             kind = reader.metadata["header"]["type"] if reader.format() == "sur" else None
@@ -216,11 +216,11 @@ def _read_instrument_file(path: Path) -> _Raw:
     except Exception as error:  # the readers raise whatever their parsers raise
         reason = _plain_text(f"{type(error).__name__}: {error} {error.__cause__ or ''}")
         problem = (
-            f"cannot be read as a height map ({reason}): it is damaged or of another format"
+            f"cannot be read as a height map ({reason}): it is damaged or in another format"
         )
         raise InputError(path, problem, own_format) from error
     instrument = topography.info.get("instrument") or {}
-    told = {
+    known = {
         "instrument": instrument.get("name"),
         "vendor": instrument.get("vendor"),
         "acquired": topography.info.get("acquisition_time"),
@@ -228,15 +228,15 @@ def _read_instrument_file(path: Path) -> _Raw:
         if maps[1:]
         else None,
     }
-    attrs = {name: str(value) for name, value in told.items() if value is not None}
+    attrs = {name: str(value) for name, value in known.items() if value is not None}
     return heights, spacing, length, attrs
 
 
 def _unwrapped(path: Path) -> str | io.BytesIO:
-    """A file as SurfaceTopography takes it: `.sur` not compressed, `.x3p` as the standard zips it.
+    """A file in the form that SurfaceTopography reads: `.sur` uncompressed, `.x3p` by the standard.
 
-    Others zip the folder around the `.x3p`'s members, or write its revision with a dash of their
-    own; the later revision has the same members.
+    Some programs zip the folder around the `.x3p`'s members, or write its revision with another
+    dash; the later revision has the same members.
     """
     content = io.BytesIO()
     with path.open("rb") as file:
@@ -315,7 +315,7 @@ def cut_scan(
     slices, beyond = [], 0.0
     for length, step, middle in zip(scan.shape, spacing_of(scan), centre, strict=True):
         count = round(size_mm / step)
-        # Half an element is rounded up always, so that pieces side by side stay side by side.
+        # Half an element is always rounded up, so adjacent pieces stay adjacent.
         first = math.floor(length / 2 + middle / step - count / 2 + 0.5 + 1e-9)
         beyond = max(beyond, -first * step, (first + count - length) * step)
         slices.append(slice(first, first + count))
@@ -324,16 +324,16 @@ def cut_scan(
             source,
             f"a piece of {size_mm:g} mm around x = {centre[1]:g}, y = {centre[0]:g} mm sticks out "
             f"by {beyond:.4g} mm of the scan of {width:.4g} × {height:.4g} mm",
-            "Correct crop_x_mm and crop_y_mm in the patch table: they count from its centre.",
+            "Correct crop_x_mm and crop_y_mm in the patch table: they are relative to its centre.",
         )
     return make_surface(scan.values[tuple(slices)], spacing_of(scan)).assign_attrs(scan.attrs)
 
 
 def _mind_held(path: Path, heights: np.ndarray) -> None:
-    """Warn of a height that was written, not measured: 0 in unmeasured points, or another number.
+    """Warn of a height that stands for unmeasured points: 0, or another number.
 
-    Far from all others it surely was, and becomes NaN. Pits and spikes are as far, but seldom
-    equally high.
+    If it is far from all others, this is certain, and it becomes NaN. Pits and spikes are as far
+    away, but seldom equally high.
     """
     distinct, counts = np.unique(heights[np.isfinite(heights)], return_counts=True)
     if not distinct.size:
@@ -360,7 +360,7 @@ def _mind_held(path: Path, heights: np.ndarray) -> None:
 
 
 def _check_plausible(path: Path, heights: np.ndarray, spacing: Sequence[float]) -> None:
-    """Refuse what no profilometer can have measured."""
+    """Refuse a map that no profilometer can have measured."""
     (ny, nx), (dy, dx) = heights.shape, spacing
     if min(ny, nx) < 2:
         raise InputError(
@@ -377,7 +377,7 @@ def _check_plausible(path: Path, heights: np.ndarray, spacing: Sequence[float]) 
         raise InputError(
             path,
             f"{nx} × {ny} points every {dx:.4g} × {dy:.4g} mm, whose heights range over "
-            f"{extent:.4g} mm, are no surface scan: its unit is wrong, or unmeasured points are "
+            f"{extent:.4g} mm, are not a surface scan: its unit is wrong, or unmeasured points are "
             "stored as a number",
             "Check scans.unit in the config, and the instrument's export.",
         )

@@ -18,7 +18,7 @@ __all__ = ["Stored", "read_attributes", "read_dataset", "write_dataset"]
 
 _log = logging.getLogger(__name__)
 
-# Below this many values compression only adds overhead.
+# Below this many values, compression only adds overhead.
 _COMPRESS_FROM = 1024
 
 
@@ -28,7 +28,7 @@ def write_dataset(
     """Write `dataset` to `path`; an old file is replaced once the new one is whole.
 
     Every data variable must carry ``units`` and ``long_name``. `attrs` are added to the attributes
-    of the dataset (see `gst.provenance`). Raises as `gstlib.io.files.write_whole`.
+    of the dataset (see `gst.provenance`). Errors as in `gstlib.io.files.write_whole`.
     """
     for name, variable in dataset.data_vars.items():
         if missing := {"units", "long_name"} - set(variable.attrs):
@@ -64,21 +64,21 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
     Raises
     ------
     InputError
-        The file is missing, damaged or no HDF5 file, or lacks a variable.
+        The file is missing, damaged or not HDF5, or lacks a variable.
     """
     try:
         with xr.open_dataset(path, engine="h5netcdf") as dataset:
             return (dataset if only is None else dataset[list(only)]).load()
     except MemoryError:  # not the file's fault
         raise
-    except Exception as error:  # a damaged file makes HDF5 fail in any of its own ways
+    except Exception as error:  # a damaged file can make HDF5 fail in many ways
         raise InputError(
             path, f"cannot be read as HDF5 ({error})", "Delete it and run the study again."
         ) from error
 
 
 def read_attributes(path: str | Path) -> dict[str, object]:
-    """The attributes of a file, without its fields; raises as `read_dataset`."""
+    """The attributes of a file, without its fields; errors as in `read_dataset`."""
     return read_dataset(path, only=()).attrs
 
 

@@ -10,11 +10,10 @@ import pandas as pd
 
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
+from gstlib.io.results import SIGNIFICANT_DIGITS, TABLES, Column
 
 __all__ = [
     "ALL_DIGITS",
-    "FEWER_DIGITS",
-    "SIGNIFICANT_DIGITS",
     "printed",
     "read_pressures",
     "read_table",
@@ -22,15 +21,11 @@ __all__ = [
     "write_table",
 ]
 
-# Results are solved to a relative residual of 1e-6 or better; five digits stay above that noise.
-SIGNIFICANT_DIGITS = 5
-# Columns with fewer digits: a stiffness is converged to about 1e-6.
-FEWER_DIGITS = {"stiffness_MPa_per_um": 4, "interface_stiffness_MPa_per_um": 4}
-# Differences beyond these digits are taken for rounding.
+# Differences beyond these digits count as rounding.
 _KNOWN_DIGITS = 10
-# What the stages take from the table of patch pressures.
+# Columns that the stages take from the table of patch pressures.
 _PRESSURES = ("patch", "x_mm", "y_mm", "rotation_deg", "pressure_MPa", "mesh_pressure_MPa")
-# This variable, set to 1, prints every digit, to show how much two runs differ below the printed.
+# If this variable is 1, tables print every digit, to show differences below the printed ones.
 ALL_DIGITS = "GSTLIB_ALL_DIGITS"
 
 
@@ -58,18 +53,39 @@ def _format(value: Any, digits: int) -> str:
 
 
 def write_table(path: str | Path, table: pd.DataFrame) -> None:
-    """Write `table` as CSV: floats with `SIGNIFICANT_DIGITS` or `FEWER_DIGITS`, booleans as yes/no,
-    NaN as empty.
+    """Write `table` as CSV: floats with their column's digits, booleans as yes/no, NaN as empty.
 
     The file is complete or absent; row order is the table's own.
+
+    Raises
+    ------
+    ValueError
+        `gstlib.io.results` lists the table with other columns.
     """
+    path = Path(path)
+    _check_columns(path, list(table))
 
     def words(column: pd.Series) -> pd.Series:
-        digits = FEWER_DIGITS.get(str(column.name), SIGNIFICANT_DIGITS)
+        digits = Column(str(column.name), "").digits
         return column.map(lambda value: _format(value, digits))
 
     text = table.astype(object).apply(words)
     write_whole(path, text.to_csv(index=False, lineterminator="\n").encode())
+
+
+def _check_columns(path: Path, columns: list[str]) -> None:
+    """Refuse other columns, or another order, than those of a table of results."""
+    listed = TABLES.get(path.stem)
+    if listed is None or path.parent.name != listed.folder:
+        return
+    expected = [
+        name for name in listed.meanings if name in columns or name not in listed.optional
+    ]
+    if columns != expected:
+        raise ValueError(
+            f"{path} would have the columns {', '.join(columns)}; gstlib.io.results lists "
+            f"{', '.join(expected)}"
+        )
 
 
 def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
@@ -85,7 +101,7 @@ def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:
     Raises
     ------
     InputError
-        The file is missing or is no table, or lacks a column.
+        The file is missing or not a table, or lacks a column.
     """
     try:
         # NA, nan or None may be the name of a patch
@@ -112,7 +128,7 @@ def read_pressures(path: str | Path) -> pd.DataFrame:
 def studied_files(
     pressures: str | Path, patches: Sequence[str], files: Sequence[Path]
 ) -> dict[str, Path]:
-    """By patch, those `files`, one for each of `patches`, whose patches are in the study.
+    """The `files` of patches in the study, by patch; there is one file for each of `patches`.
 
     `pressures` is ``patch_pressures.csv``.
     """

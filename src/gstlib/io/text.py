@@ -18,11 +18,11 @@ __all__ = ["SCAN_UNITS", "decoded", "read_matrix", "read_points", "separator_of"
 # Length of each unit in mm.
 SCAN_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
 
-# Cells that stand for an unmeasured point, besides empty ones and NaN, which NumPy knows.
+# Cells that stand for an unmeasured point, except empty ones and NaN, which NumPy knows.
 _UNMEASURED = re.compile(r"\bbad\b|---", re.IGNORECASE)
 # Coordinates in text are rounded: a point belongs to a grid if within this share of a step.
 _GRID_TOLERANCE = 0.05
-# Points that fill a smaller share of their grid are scattered, or one of them is far off.
+# If points fill a smaller share of their grid, they are scattered, or one of them is far off.
 _LEAST_FILLED = 0.25
 _LARGEST_SIDE = 1 << 16
 
@@ -56,7 +56,7 @@ def read_matrix(
 def read_points(path: Path) -> tuple[np.ndarray, tuple[float, float], None, dict[str, str]]:
     """Read points on a grid, as a reader of `gstlib.io.scans`."""
     points = _read_rows(path, columns=range(3))[1]
-    # A point without x or y is nowhere; one without z is unmeasured.
+    # A point without x or y has no place; one without z is unmeasured.
     points = points[np.isfinite(points[:, :2]).all(axis=1)]
     columns, dx = _grid_lines(path, points[:, 0])
     rows, dy = _grid_lines(path, points[:, 1])
@@ -78,7 +78,7 @@ def separator_of(line: str) -> str | None:
 
 
 def decoded(content: bytes) -> str:
-    """Text in UTF-16, if it begins with its mark, or in UTF-8."""
+    """Text in UTF-16, if it begins with its byte order mark, else in UTF-8."""
     is_utf_16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
     return content.decode("utf-16" if is_utf_16 else "utf-8-sig")
 
@@ -91,7 +91,7 @@ def _read_rows(path: Path, columns: Sequence[int] | None = None) -> tuple[str, n
     except UnicodeError:
         text = content.decode("latin-1")
     if "\0" in text:
-        raise InputError(path, "is no text, though its name says so", "Correct its ending.")
+        raise InputError(path, "is not text, though its name says so", "Correct its ending.")
     lines = text.splitlines()
     rows = [line.partition("#")[0].strip(" ") for line in lines]
     first = next((n for n, row in enumerate(rows) if _begins_with_numbers(row)), None)
@@ -101,13 +101,13 @@ def _read_rows(path: Path, columns: Sequence[int] | None = None) -> tuple[str, n
         )
     rows = list(filter(None, rows[first:]))
     mark = separator_of(rows[0])
-    if mark and all(row.endswith(mark) for row in rows):  # which makes one empty cell more
+    if mark and all(row.endswith(mark) for row in rows):  # which adds one empty cell
         rows = [row[:-1] for row in rows] if columns is None else rows
     try:
         return "\n".join(lines[:first]), _numbers(rows, mark, columns)
     except ValueError as error:
         problem = (
-            f"from line {first + 1} on, is no table of numbers: {str(error).split(';')[0]}"
+            f"from line {first + 1} on, is not a table of numbers: {str(error).split(';')[0]}"
         )
         remedy = (
             "Unmeasured points are empty cells, NaN, BAD or ---; comments begin with '#'."
@@ -116,7 +116,7 @@ def _read_rows(path: Path, columns: Sequence[int] | None = None) -> tuple[str, n
 
 
 def _begins_with_numbers(row: str) -> bool:
-    """Whether a line is a row of numbers, and no header, by its first cells."""
+    """Whether a line is a row of numbers, not a header, judged by its first cells."""
     mark = separator_of(row)
     cells = row.split(mark)[:20]
     try:

@@ -1,1 +1,1 @@
-"""From what an instrument wrote to a surface that contact can be solved on."""
+"""From an instrument's file to a surface on which contact can be solved."""

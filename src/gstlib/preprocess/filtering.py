@@ -12,14 +12,14 @@ __all__ = ["low_pass", "s_filtered"]
 
 
 def s_filtered(height: xr.DataArray, nesting_um: float | None) -> xr.DataArray:
-    """Heights (y, x) without waves shorter than the nesting index; as they are for None."""
+    """Heights (y, x) without waves shorter than the nesting index; unchanged if that is None."""
     if nesting_um is None:
         return height
     return height.copy(data=low_pass(height.values, spacing_of(height), nesting_um * 1e-3))
 
 
 def low_pass(heights: np.ndarray, spacing: Sequence[float], nesting: float) -> np.ndarray:
-    """Gaussian low-pass: of a wave as long as the nesting index, half of the height passes.
+    """Gaussian low-pass: half the height of a wave as long as the nesting index passes.
 
     Parameters
     ----------
@@ -36,11 +36,11 @@ def low_pass(heights: np.ndarray, spacing: Sequence[float], nesting: float) -> n
         In the unit of `heights`.
     """
     # ASSUME: beyond its edges the map continues point-symmetrically (ISO 16610-28), a hill as a
-    # dale, so that slopes stay slopes and nothing of a small map has to be cut off. Up to half a
-    # nesting index of the L-filter from an edge, heights are less certain all the same. Against
-    # larger maps, self-affine ones of 830 µm (L-filter 250 µm) have an Sq 2 % low, and r.m.s.
-    # errors of 1.4 % in Sal, 2.4 % in Svk, 3.8 % in Spk. surfalize's own filter, which mirrors
-    # hills, has 5.7, 6.5 and 8.7 %.
+    # dale, so slopes continue and nothing of a small map has to be cut off. Heights are still less
+    # accurate up to half a nesting index of the L-filter from an edge. Compared with larger maps,
+    # self-affine maps of 830 µm (L-filter 250 µm) have an Sq 2 % low, and r.m.s. errors of 1.4 % in
+    # Sal, 2.4 % in Svk, 3.8 % in Spk. surfalize's own filter, which mirrors hills, has 5.7, 6.5 and
+    # 8.7 %.
     for axis, step in enumerate(spacing):
         heights = np.moveaxis(heights, axis, 0)
         count = len(heights)

@@ -2,9 +2,9 @@
 
 The cloud of vertices is cropped larger than the square and interpolated in the square's plane; then
 the square is cut out. The paper interpolates linearly over the Delaunay triangulation (as MATLAB's
-scatteredInterpolant does). Smoother interpolations stand beside that, and left-out vertices tell
-which one predicts the stone best. Before that, the use-face is told from the rest of the stone: the
-normal through a point of the square meets a closed mesh twice, a hollow or damaged one more often.
+scatteredInterpolant does). Smoother interpolations are also tried, and left-out vertices show which
+one predicts the stone best. First, the use-face is separated from the rest of the stone: the normal
+through a point of the square meets a closed mesh twice, a hollow or damaged one more often.
 """
 
 import logging
@@ -30,18 +30,18 @@ _log = logging.getLogger(__name__)
 _BRIDGED_SHARE = 1e-2
 # ASSUME: overhangs up to this share of the square are specks of the scanner and are accepted.
 _FOLDED_SHARE = 1e-3
-# Heights of one element that differ by less (mm) are one: the element lies on an edge.
+# Heights of one element that differ by less (mm) count as one: the element lies on an edge.
 _SAME_HEIGHT = 1e-6
 # A face seen edge-on (area in mm²) covers nothing.
 _EDGE_ON = 1e-12
 # From the simplest to the smoothest.
 _INTERPOLATIONS = ("linear", "clough-tocher", "cubic")
-# Vertices that the cubic radial basis takes around a point.
+# Nearest vertices that the cubic radial basis uses for a point.
 _NEIGHBOURS = 50
-# Vertices in the square: fewer tell little about the errors between them.
+# Fewest vertices in the square: fewer say little about the errors between them.
 _FEWEST = 30
-# The vertices in the square are left out in so many random groups, one group at a time. Of more
-# vertices than this, which take a second for every few thousand, every second or third and so on.
+# The vertices in the square are left out in so many random groups, one group at a time. If there
+# are more vertices than this, every second or third is left out: a few thousand take a second.
 _GROUPS, _SEED, _MOST_LEFT_OUT = 8, 1, 5000
 # ASSUME: of the interpolations whose r.m.s. error on left-out vertices is within this share of the
 # smallest, the simplest is the best.
@@ -60,13 +60,13 @@ def grid_mesh(
 ) -> xr.Dataset:
     """Heights of the use-face over the analysed square, and how well vertices predict each other.
 
-    The faces near the square fall into bodies that hang together, each with an upper and a lower
-    side. Of the sides that cover most of the square, the use-face is the nearest to its plane.
+    The faces near the square form connected bodies, each with an upper and a lower side. Of the
+    sides that cover most of the square, the use-face is the one nearest to its plane.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh
-        The stone, mm, its equal vertices merged and its faces looking outwards, as from
+        The stone, mm, with equal vertices merged and faces pointing outwards, as from
         `gstlib.io.meshes.read_mesh`.
     frame : Frame
         The square's frame. Its origin need not touch the surface.
@@ -89,13 +89,13 @@ def grid_mesh(
         [0, size]²; its attributes ``mesh_points`` (number interpolated), ``mesh_edge_mm`` (mean
         edge length in the crop) and ``interpolation``. ``vertex_y, vertex_x`` (vertex), mm, of the
         vertices left out, and ``left_out_error`` (vertex), mm: height less its prediction from the
-        others. ``left_out_rms`` (candidate), mm, of each interpolation.
+        others. ``left_out_rms`` (candidate), mm: the r.m.s. of these errors for each interpolation.
 
     Raises
     ------
     InputError
-        The square misses the stone or sticks out of it, or holds fewer than 30 vertices; the mesh
-        folds over within the square, or its faces look into the stone.
+        The square misses the stone or sticks out of it, or contains fewer than 30 vertices; the
+        mesh folds over within the square, or its faces point into the stone.
     """
     from trimesh.graph import connected_component_labels
 
@@ -131,9 +131,9 @@ def grid_mesh(
     if use_face % 2 == 0:
         raise InputError(
             source,
-            "the mesh's faces over the square look against the frame's normal",
-            "Exchange points 2 and 3 of square.points_mm if they do not turn anticlockwise as one "
-            "looks at the stone; if they do, turn the mesh's faces.",
+            "the mesh's faces over the square point against the frame's normal",
+            "Exchange points 2 and 3 of square.points_mm if they do not go anticlockwise as you "
+            "look at the stone; if they do, turn the mesh's faces.",
         )
     place, height = place[hit == use_face], height[hit == use_face]
     lowest, highest = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -145,7 +145,7 @@ def grid_mesh(
             source,
             f"the mesh folds over within the square: {_describe(folded, x, y)} has two heights, "
             f"up to {np.nanmax(highest - lowest):.3g} mm apart",
-            "Move square.points_mm so that the square looks at the use-face squarely, or repair "
+            "Move square.points_mm so that the square faces the use-face squarely, or repair "
             "the mesh.",
         )
     triangles = points[faces[side == use_face]]
@@ -176,7 +176,7 @@ def grid_mesh(
     rms = np.sqrt((errors**2).mean(axis=1))
     best = int(np.argmax(rms <= (1 + _TIE) * rms.min()))
     chosen = best if interpolation == "best" else _INTERPOLATIONS.index(interpolation)
-    if chosen:  # the linear heights are there
+    if chosen:  # the linear heights exist already
         heights = _predicted(_INTERPOLATIONS[chosen], cloud, places)
     surface = make_surface(
         heights,
@@ -242,7 +242,7 @@ def _predicted(interpolation: str, cloud: np.ndarray, places: np.ndarray) -> np.
 
 
 def _left_out(cloud: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers (n,) of vertices left out, and each interpolation's errors (3, n) on them, mm."""
+    """Indices (n,) of vertices left out, and each interpolation's errors (3, n) on them, mm."""
     inside = inside[:: 1 + len(inside) // _MOST_LEFT_OUT]
     group = np.random.default_rng(_SEED).permutation(len(inside)) % _GROUPS
     errors = np.empty((len(_INTERPOLATIONS), len(inside)))
@@ -258,7 +258,7 @@ def _ray_heights(
     points: np.ndarray, faces: np.ndarray, seen: np.ndarray, x: np.ndarray, y: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Where normals through (x, y) meet the faces `seen`: place, face and z (mm) of each hit."""
-    # trimesh's rays miss hits on shared edges or count them twice, and need packages of their own.
+    # trimesh's rays miss hits on shared edges or count them twice, and need further packages.
     import shapely
 
     x, y, numbers = x.ravel(), y.ravel(), np.flatnonzero(seen)
@@ -272,7 +272,7 @@ def _ray_heights(
 
 
 def _describe(mask: np.ndarray, x: np.ndarray, y: np.ndarray) -> str:
-    """How much of the square a mask is, and where."""
+    """How much of the square a mask covers, and where."""
     return (
         f"{100 * mask.mean():.3g} % of the square (x {x[mask].min():.3g} to {x[mask].max():.3g}, "
         f"y {y[mask].min():.3g} to {y[mask].max():.3g} mm)"

@@ -44,17 +44,17 @@ class Plane:
 
 
 def remove_plane(surface: xr.DataArray) -> tuple[xr.DataArray, Plane]:
-    """Take the least-squares plane of the measured heights out of a surface.
+    """Remove the least-squares plane of the measured heights from a surface.
 
     Parameters
     ----------
     surface : (ny, nx) xarray.DataArray
-        Heights, mm; NaN are left out.
+        Heights, mm; NaN are ignored.
 
     Returns
     -------
     level : (ny, nx) xarray.DataArray
-        The surface less its plane.
+        The surface minus its plane.
     plane : Plane
 
     Raises

@@ -4,15 +4,15 @@ Both look at the (2r + 1)² points of a square window, ±r points around each po
 
 ``window`` is the paper's (Marulli, Sorrentino & Paggi 2024, section 2.2): a point is an outlier
 where |z - Z_ave| > kσ, with Z_ave and σ the mean and the r.m.s. deviation of its window. k is set
-so that at most a given share of the points is replaced. The rule therefore takes that share of
-every scan, spikes or none. The point is in its own window, so |z - Z_ave|/σ cannot exceed √(n - 1)
-for n points in the window, nor √((n - m)/m) for a cluster of m equal spikes: a window finds
-clusters of up to about an eighth of its points (ratio 2.6), which bounds r from below.
+so that at most a given share of the points is replaced. The rule therefore replaces that share of
+every scan, with or without spikes. The point is in its own window, so |z - Z_ave|/σ cannot exceed
+√(n - 1) for n points in the window, nor √((n - m)/m) for a cluster of m equal spikes: a window
+finds clusters of up to about an eighth of its points (ratio 2.6), which bounds r from below.
 
 ``median`` is the Hampel identifier (Davies & Gather 1993): a point is an outlier where
 |z - M| > tS, with M the median of the window and S = 1.4826 median |z - M| over the window. S is
-the standard deviation of normal noise, and spikes do not raise it. t is given, so a scan without
-spikes loses next to nothing. Clusters are found up to nearly half of the window's points.
+the standard deviation of normal noise, and spikes do not raise it. t is fixed, so a scan without
+spikes loses next to nothing. Clusters of up to nearly half of the window's points are found.
 """
 
 import numpy as np
@@ -44,7 +44,7 @@ def window_outliers(
     half_width : int
         r, points on each side of the window's centre.
     share : float
-        Largest share (0 to 1) of the measured points that may be called outliers.
+        Largest share (0 to 1) of the measured points that may count as outliers.
     measured : (ny, nx) ndarray of bool
         The points that may be outliers. Filled points cannot.
 
@@ -54,8 +54,8 @@ def window_outliers(
     k : float
         The smallest threshold that keeps to `share`.
     """
-    # ASSUME: σ is that of the level surface. The tilt is the placement's, not the stone's, and on
-    # a smooth surface σ would measure nothing else.
+    # ASSUME: σ is that of the levelled surface. The tilt comes from the placement, not the stone,
+    # and on a smooth surface σ would measure nothing else.
     heights = remove_plane(surface)[0].values
     # The variance is a difference of sums: a large common height would swamp it.
     heights = heights - heights.mean()
@@ -67,7 +67,7 @@ def window_outliers(
     rms = np.sqrt(np.maximum(square - mean**2, 0.0))
     rough = measured & (rms > _ROUNDING * np.abs(heights).max())
     ratio = np.where(rough, np.abs(heights - mean) / np.where(rough, rms, 1.0), 0.0)
-    # The paper bisects for k. The threshold that it closes in on is a ratio of the map itself.
+    # The paper bisects for k. The threshold to which it converges is a ratio in the map itself.
     allowed = min(int(share * np.count_nonzero(measured)), ratio.size - 1)
     k = float(np.partition(ratio, -1 - allowed, axis=None)[-1 - allowed])
     return ratio > k, k
@@ -76,9 +76,9 @@ def window_outliers(
 def median_outliers(
     surface: xr.DataArray, *, half_width: int, threshold: float
 ) -> tuple[np.ndarray, float]:
-    """Outliers by the robust rule: every point further off than a given threshold.
+    """Outliers by the robust rule: every point farther off than a given threshold.
 
-    Unmeasured points are in no window. Filled, they would hide the spikes they were filled from.
+    Unmeasured points are in no window. If filled, they would hide the spikes next to them.
 
     Parameters
     ----------
@@ -98,13 +98,13 @@ def median_outliers(
     heights = remove_plane(surface)[0].values
     window = 2 * half_width + 1
     measured = np.isfinite(heights)
-    # As many unmeasured points above everything as below it leave the median of the others.
+    # With half the unmeasured points above everything and half below, the median is the others'.
     above = np.indices(heights.shape).sum(axis=0) % 2 == 1
     entered = np.where(measured, heights, np.where(above, np.inf, -np.inf))
     # The map is mirrored about its outermost points themselves: a spike there is not doubled.
     off = np.abs(heights - median_filter(entered, window, mode="mirror"))
-    # ASSUME: S is no less than that of the whole map. Without this bound, the small unevenness of
-    # a spot much smoother than the rest would be outliers.
+    # ASSUME: S is no less than that of the whole map. Without this bound, a spot much smoother than
+    # the rest would have its small unevenness marked as outliers.
     scale = max(
         _NORMAL * float(np.median(off[measured])),
         _DOUBLE_ROUNDING * float(np.nanmax(np.abs(surface.values))),

@@ -1,4 +1,4 @@
-"""From a scan as measured to a surface ready for contact, the same way at both epochs."""
+"""From a scan as measured to a surface ready for contact, in the same way at both epochs."""
 
 from collections.abc import Mapping
 
@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation
 from scipy.spatial import QhullError
 
 from gstlib.errors import InputError
+from gstlib.io.results import columns_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.outliers import median_outliers, window_outliers
 
@@ -45,7 +46,7 @@ def prepare_scan(
     mould_invert : bool
         Whether to change the sign of the heights: a mould is a negative.
     mould_flip : {"x", "y", None}
-        Axis along which the map is mirrored, for a mould is seen from the other side.
+        Axis along which the map is mirrored, because a mould is seen from the other side.
     maximum_unmeasured : float
         Largest share (0 to 1) of unmeasured points accepted.
     outlier_rule : {"window", "median"}
@@ -78,8 +79,8 @@ def prepare_scan(
     unmeasured = ~np.isfinite(stone.values)
     of_rule = {}
     if outlier_rule == "window":
-        # The paper's windows are full. A spike beside a hole spreads into what is filled here, so
-        # the filling is made anew from the good points once the outliers are known. (Of the
+        # The paper's windows are full. A spike beside a hole spreads into the points filled here,
+        # so these are filled again from the good points once the outliers are known. (Of the
         # generated specimen's 131 050 filled points, 852 were more than 3 robust standard
         # deviations too high without this, 5 with it.)
         outlier, threshold = window_outliers(
@@ -128,22 +129,13 @@ def prepare_scan(
 
 def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFrame:
     """What was done to each scan, from the attributes of its dataset, by patch and epoch."""
-    columns = [
-        "unmeasured",
-        "filled",
-        "outliers",
-        "outlier_k",
-        "tilt_x_mrad",
-        "tilt_y_mrad",
-        "Sq_before_um",
-        "Sq_after_um",
-    ]
-    rows = [(*scan, *(attrs[name] for name in columns)) for scan, attrs in scans.items()]
-    return pd.DataFrame(rows, columns=["patch", "epoch", *columns])
+    columns = columns_of("preprocessing")
+    rows = [(*scan, *(attrs[name] for name in columns[2:])) for scan, attrs in scans.items()]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def check_unmeasured(surface: xr.DataArray, maximum_share: float) -> None:
-    """Refuse a surface of which more than a share (0 to 1), or all, is NaN.
+    """Refuse a surface if more than a share (0 to 1) of it, or all of it, is NaN.
 
     Raises
     ------
@@ -161,7 +153,7 @@ def check_unmeasured(surface: xr.DataArray, maximum_share: float) -> None:
 
 
 def interpolate_holes(heights: np.ndarray, holes: np.ndarray) -> np.ndarray:
-    """Replace heights linearly from the points around each hole, in corners by the nearest point.
+    """Fill holes linearly from the points around each; in corners, with the nearest point.
 
     The points that touch a hole fence it. Neighbours a grid step apart are joined in any Delaunay
     triangulation of lattice points, so every triangle over a hole has its corners on that hole's

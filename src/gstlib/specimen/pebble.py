@@ -1,9 +1,9 @@
-"""The pebble: its smooth shape, and a closed mesh of it with even edges.
+"""The pebble: its smooth shape, and a closed mesh of it with edges of similar length.
 
 The shape is an egg in plan, rounded below; its upper side, the use-face, is nearly flat and
 slightly dished. With rho the distance from the centre, 1 at the rim, the upper side is
 ``rise (1 - rho^6)^q - concavity (1 - rho^2)^2`` and the lower ``-depth (1 - rho^2)^q``. The
-exponent q gives a pebble's rim, between a cylinder's (0) and a lens's (1).
+exponent q sets the rim, between that of a cylinder (0) and that of a lens (1).
 
 Mesh vertices lie on a spiral of the golden angle, spread so that each has the same area of stone.
 The convex hull of their images on a sphere joins them. The map to the sphere keeps angles for the
@@ -76,7 +76,7 @@ def surface_points(colatitude: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
 
 
 def even_triangulation(edge_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Triangles of one size all over the pebble.
+    """Triangles of equal size all over the pebble.
 
     Vertices (n, 3), mm, with a mean edge length of `edge_mm`; faces (m, 3), anticlockwise as seen
     from outside; and whether a vertex is on the use-face's side of the rim.
@@ -102,7 +102,7 @@ def _even_spiral(area: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Colatitude and azimuth of `count` points with equal shares of `area`.
 
     The spiral of the golden angle keeps its points well apart whatever the stretch along the
-    meridian (Vogel 1979, Math. Biosci. 44:179), so that equal areas also mean even edges.
+    meridian (Vogel 1979, Math. Biosci. 44:179), so equal areas also mean equal edges.
     """
     rows, columns = area.shape
     by_row = np.concatenate([[0.0], np.cumsum(area.sum(axis=1))])

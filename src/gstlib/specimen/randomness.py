@@ -17,7 +17,7 @@ __all__ = ["SpecimenParameters", "self_affine_field", "smooth_field", "stream"]
 
 # ASSUME: above this wavelength the spectrum is flat; half the square holds only a few longer waves.
 ROLL_OFF_MM = 2.5
-# Shortest wavelength in scan points: a scan resolves it, with one point to spare per half wave.
+# Shortest wavelength, in scan points: a scan resolves it with one spare point per half wave.
 _SHORTEST_POINTS = 4.0
 
 
@@ -113,9 +113,9 @@ class SpecimenParameters:
 
 
 def stream(seed: int, *names: str) -> np.random.Generator:
-    """Random generator called `names`, independent of all others and of the order of use.
+    """Random generator with this name, independent of all others and of the order of use.
 
-    Another patch in the table therefore changes neither the surface nor the other patches.
+    Adding a patch to the table therefore changes neither the surface nor the other patches.
     """
     key = tuple(zlib.crc32(name.encode("utf-8")) for name in names)
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
@@ -135,8 +135,8 @@ def self_affine_field(
 
     The two-dimensional power spectral density is C (f/f_r)^(-2-2H) above the roll-off frequency
     f_r = 1/roll_off and C = roll_off² below it. C does not depend on count and spacing: fields of
-    different grids and bands add up to one spectrum. All lengths have one unit, any, and the
-    heights (count, count), float32, that in which the density at roll-off is roll_off².
+    different grids and bands add up to one spectrum. All lengths have the same, arbitrary unit; the
+    heights (count, count), float32, have the unit in which the density at roll-off is roll_off².
     """
     # white noise of unit variance has the density spacing²
     spectrum = scipy.fft.rfft2(_white_noise(generator, count))
@@ -169,5 +169,5 @@ def _radial_frequency(count: int, spacing: float) -> np.ndarray:
 
 
 def _white_noise(generator: np.random.Generator, count: int) -> np.ndarray:
-    """Normal numbers, drawn in single precision in half the time."""
+    """Normal random numbers, drawn in single precision to halve the time."""
     return generator.standard_normal((count, count), dtype=np.float32).astype(float)

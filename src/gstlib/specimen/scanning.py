@@ -1,4 +1,4 @@
-"""Scanning the generated stone: where a scan is placed, and what the instrument makes of it.
+"""Scanning the generated stone: where a scan is placed, and what the instrument records.
 
 A placement has its centre in the square's frame; the scan's columns run along +x, its rows along +y
 of a frame turned with it. The instrument measures a mould: heights are inverted, the map is flipped
@@ -18,25 +18,25 @@ from gstlib.surface import make_surface
 
 __all__ = ["place_scans", "poor_overlaps", "relocation", "sample", "take_scan"]
 
-# ASSUME: all errors of placing and measuring are independent and normal, spikes and unmeasured
-# points fall anywhere; the paper gives no figures for them.
+# ASSUME: all errors of placing and measuring are independent and normal; spikes and unmeasured
+# points occur anywhere; the paper gives no figures for them.
 
 # R.m.s. rotation of a scan about its nominal one, and tilt of a mould along each axis: what a
 # careful hand achieves.
 _ROTATION_ERROR_DEG, _TILT_MRAD = 0.05, 3.0
-# Share of the patches whose T1 scan is badly misplaced, so that registration meets hard cases,
-# and the share of the T0 scan's area that such a scan misses.
+# Share of the patches whose T1 scan is badly misplaced, to give registration hard cases, and the
+# share of the T0 scan's area that such a scan misses.
 _POOR_SHARE, _POOR_MISSED = 0.2, (0.4, 0.7)
-# Points around a scan that the interpolation looks at.
+# Points around a scan that the interpolation uses.
 _REACH = 16
 # A spike is a point or a small blot: probability of 1, 2, ... points along its side. It is higher
-# than any wave of the detail; its sign is chance.
+# than any wave of the detail; its sign is random.
 _SPIKE_SIDES, _SPIKE_HEIGHT_UM = (0.7, 0.2, 0.1), (15.0, 60.0)
 _UNMEASURED_SHARE = 0.01
 
 
 def poor_overlaps(patches: list[str], seed: int) -> set[str]:
-    """The patches whose T1 scan is badly misplaced: a fixed share of them, drawn by chance."""
+    """The patches whose T1 scan is badly misplaced: a fixed share, drawn at random."""
     names = sorted(patches)
     chosen = stream(seed, "poor overlap").permutation(len(names))
     return {names[i] for i in chosen[: round(_POOR_SHARE * len(names))]}
@@ -85,8 +85,8 @@ def sample(
 ) -> np.ndarray:
     """A field on the grid of ``stone.detail``, at the (points, points) of a scan.
 
-    The interpolating spline's `order` is 3 for heights, and 1 for what must not overshoot. A scan
-    that sticks out of the grid is an `InputError`.
+    The interpolating spline's `order` is 3 for heights, and 1 for fields that must not overshoot. A
+    scan that sticks out of the grid raises an `InputError`.
     """
     steps = np.arange(points) - (points - 1) / 2
     start, end = stone.grid[[0, -1]]
@@ -114,7 +114,7 @@ def take_scan(
 ) -> tuple[xr.DataArray, dict[str, object]]:
     """Scan a mould of the true heights (n, n), mm.
 
-    The scan is as read from its file, mm, NaN where unmeasured. The truth is the angles
+    The scan is as read from its file, mm, NaN where unmeasured. The truth has the angles
     ``plane_x_mrad, plane_y_mrad`` and the masks ``outlier, unmeasured``, as on the stone.
     """
     p = parameters

@@ -13,17 +13,18 @@ import scipy.ndimage
 import xarray as xr
 
 from gstlib.geometry import Place
+from gstlib.io.results import columns_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.scanning import relocation
 from gstlib.surface import make_surface
 
 __all__ = ["score_truth"]
 
-# Significant digits, of the larger one, that are kept in the difference of two numbers.
+# Significant digits of the larger number that are kept in the difference of two.
 _ERROR_DIGITS = 7
 _UM = 1e3
 # A missed spike is compared with the points up to this far from it. The counterface touches it
-# before them where it stands so many robust standard deviations above them.
+# first if it stands so many robust standard deviations above them.
 _AROUND, _STANDS_OUT = 5, 3.0
 
 # quantity, unit, true, recovered
@@ -53,8 +54,8 @@ def score_truth(
         ``height`` (y, x) mm on the analysis grid.
     surfaces, registered : iterable of pairs
         Prepared scans by (patch, epoch), and height changes by patch, as from
-        `gstlib.study.prepare_scan` and `register_patch`. Each is used once, so that they may be
-        read one by one.
+        `gstlib.study.prepare_scan` and `register_patch`. Each is used once, so they can be read one
+        by one.
     placement, pressures, two_scales : pandas.DataFrame
         ``placement.csv``, ``patch_pressures.csv`` and, if there is one, ``two_scales.csv``, which
         has the true pressures.
@@ -62,7 +63,7 @@ def score_truth(
     Returns
     -------
     pandas.DataFrame
-        ``truth.csv``; ``patch`` is empty for the macroscale and the shift that all patches share.
+        ``truth.csv``; ``patch`` is empty for the macroscale and the shift common to all patches.
     """
     rows: list[tuple] = []
 
@@ -95,8 +96,7 @@ def score_truth(
                 row.patch,
                 [("pressure", "MPa", known[row.patch], row.pressure_MPa)],
             )
-    columns = ["stage", "quantity", "patch", "unit", "true", "recovered", "error"]
-    return pd.DataFrame(rows, columns=columns)
+    return pd.DataFrame(rows, columns=columns_of("truth"))
 
 
 def _surface(truth: xr.Dataset) -> xr.DataArray:
@@ -105,7 +105,7 @@ def _surface(truth: xr.Dataset) -> xr.DataArray:
 
 
 def _error(true: float, recovered: float) -> float:
-    """Difference, without the digits that are only rounding of two nearly equal numbers."""
+    """Difference of two numbers, without the digits that are only rounding."""
     scale = max(abs(true), abs(recovered))
     if not 0 < scale < math.inf:
         return recovered - true
@@ -118,7 +118,7 @@ def _level(heights: xr.DataArray) -> np.ndarray:
 
 
 def _height_scores(epoch: str, true: np.ndarray, found: np.ndarray) -> Iterator[_Row]:
-    """Level heights (µm) against the true ones."""
+    """Levelled heights (µm) against the true ones."""
     yield f"{epoch}Sq", "um", true.std(), found.std()
     yield f"{epoch}highest", "um", true.max(), found.max()
     yield f"{epoch}height_rms_error", "um", 0, (found - true).std()
@@ -145,7 +145,7 @@ def _preparation_scores(at: xr.Dataset, epoch: str, surface: xr.Dataset) -> Iter
     scale_um = surface.attrs.get("outlier_scale_um", math.nan)
     if math.isnan(scale_um):  # the window rule has no scale of the surroundings
         return
-    # missed spikes that stand above what is measured well around them, so that they touch first
+    # missed spikes that stand above the well-measured points around them, and so touch first
     heights, high = surface["measured"].values, np.zeros_like(outlier)
     for row, column in np.argwhere(outlier & ~found):
         around = tuple(slice(max(i - _AROUND, 0), i + _AROUND + 1) for i in (row, column))
@@ -158,7 +158,7 @@ def _preparation_scores(at: xr.Dataset, epoch: str, surface: xr.Dataset) -> Iter
 
 
 def _registration_scores(at: xr.Dataset, found: dict) -> Iterator[_Row]:
-    """Where T1 was found to lie, along the axes of the T0 scan."""
+    """The position found for T1, along the axes of the T0 scan."""
     t0, t1 = (
         Place(*(float(at[name].sel(epoch=epoch)) for name in Place._fields))
         for epoch in ("T0", "T1")
@@ -173,8 +173,8 @@ def _registration_scores(at: xr.Dataset, found: dict) -> Iterator[_Row]:
 def _wear_scores(at: xr.Dataset, registered: xr.Dataset) -> Iterator[_Row]:
     """The measured height change, where it is known.
 
-    Wear shallower than the threshold need not be found, and is no false loss where it is found:
-    precision is against all wear, recall against the deeper wear.
+    Wear shallower than the threshold need not be found; if found, it is not a false loss. Precision
+    counts all wear, recall only the deeper wear.
     """
     threshold_um = at.attrs["wear_threshold_um"]
     change = registered["change"].values * _UM

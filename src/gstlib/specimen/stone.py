@@ -5,10 +5,10 @@ The surface has two parts. The *macroscale surface* holds the wavelengths above 
 smooth shape of the use-face; it exists all over the pebble. The *detail* holds the wavelengths
 below the cut-off; it exists on the square and a margin, at the spacing of the scans.
 
-Use does three things. It flattens summits, more so where the macroscale surface is high, but with
-chance. Chips break out, more of them in the same regions. Grit between the stones removes material
-anywhere, in valleys as on summits. Where these overlap, the deepest counts. To test the study, wear
-can follow something else instead, or a law: Archard's, with the bare stone or with a mat.
+Use does three things. It flattens summits, more so where the macroscale surface is high, but partly
+at random. Chips break out, more of them in the same regions. Grit between the stones removes
+material anywhere, in valleys as on summits. Where these overlap, the deepest counts. To test the
+study, wear can instead follow something else, or a law: Archard's, with the bare stone or a mat.
 """
 
 import numpy as np
@@ -38,7 +38,7 @@ __all__ = ["MARGIN_MM", "WEAR_LAWS", "WEAR_PLACEMENTS", "Stone"]
 WEAR_PLACEMENTS = ("summits", "random", "waves")
 WEAR_LAWS = ("archard", "mat")
 
-# How far the detail reaches beyond the square: for scans at its edge that are misplaced.
+# How far the detail reaches beyond the square: for misplaced scans at its edge.
 MARGIN_MM = 0.25
 # Points per shortest wavelength on the grid of the macroscale part: a cubic spline through so many
 # is right to about 1e-3 of the shortest waves' height.
@@ -46,26 +46,26 @@ _POINTS_PER_WAVE = 6
 # Points of the macroscale grid beyond the crop on which it is interpolated: the spline's end
 # conditions die out before the crop.
 _SPLINE_PAD = 16
-# Grid (points a side) on which the r.m.s. of the macroscale part over the square is taken.
+# Grid (points per side) on which the r.m.s. of the macroscale part over the square is computed.
 _CALIBRATION_POINTS = 200
 # Points a side over which the true macroscale surface is averaged in an element.
 _SUBSAMPLES = 5
 # The mesh's waves die out between these distances from the centre (1 is the rim): at the rim the
-# surface turns over, and a height over the use-face's plane has no meaning.
+# surface turns over, and a height above the use-face's plane has no meaning.
 _FADE_FROM, _FADE_TO = 0.8, 0.97
 
-# ASSUME: the three rules of wear and their sizes; the paper shows traces and does not measure them.
-# They know nothing of contact: scoring its prediction against them is no tautology.
+# ASSUME: the three rules of wear and their sizes; the paper shows traces but does not measure them.
+# The rules do not use contact, so scoring predicted contact against them is not circular.
 
-# R.m.s. of the chance added to the macroscale height to decide where wear is severe (a good third
-# of the height's own), and the length over which the chance varies.
+# R.m.s. of the noise added to the macroscale height to decide where wear is severe (a good third
+# of the height's own), and the length over which the noise varies.
 _CHANCE_UM, _CHANCE_LENGTH_UM = 5.0, 250.0
 # Points of the coarse grid per length over which the severity varies.
 _POINTS_PER_LENGTH = 8
-# Severity falls from 3/4 to 1/4 over about twice this share of the spread of what decides it.
+# Severity falls from 3/4 to 1/4 over about twice this share of that sum's spread.
 _SOFTNESS = 0.25
-# Summits stand out of the stone smoothed by a Gaussian of this standard deviation. They are cut
-# at so many r.m.s. heights above it: at full severity, and at none (hardly ever).
+# Summits stand out of the stone smoothed by a Gaussian with this standard deviation. They are cut
+# at so many r.m.s. heights above it: at full severity, and at none (then hardly ever).
 _REFERENCE_LENGTH_UM = 250.0
 _FULL_SIGMA, _UNWORN_SIGMA = 1.0, 3.5
 # Chips: number per area at full severity, median radius, depth over radius; spread of the radii
@@ -74,9 +74,9 @@ _CHIPS_PER_MM2, _CHIP_RADIUS_UM, _CHIP_DEPTH_SHARE = 40.0, 15.0, 0.15
 _CHIP_SPREAD, _CHIP_LARGEST = 0.4, 3.0
 # Loss at any height: share of the area, greatest depth, length over which it varies.
 _VALLEY_SHARE, _VALLEY_DEPTH_MM, _VALLEY_SIZE_MM = 0.02, 2e-3, 40e-3
-# ASSUME: wear made by a law, to tell whether the study finds the law again, has these elastic
+# ASSUME: wear made by a law, to test whether the study finds the law again, has these elastic
 # constants and pressures; the mat is as stiff as hide or wood, and does half of the wear. A gain on
-# wear made by the law that predicts it is a check of the code, and no evidence.
+# wear made by the law that predicts it is a check of the code, not evidence.
 _CONTACT_MODULUS_MPA, _PRESSURE_MPA, _WEAR_STEPS = 1e4, 20.0, 4
 _MAT, _MAT_SHARE = Layer(young=300.0, poisson=0.3, thickness=0.3), 0.5
 
@@ -128,7 +128,7 @@ class Stone:
             **self._spectrum,
         )
 
-        # One factor scales waves and detail alike: the waves get the r.m.s. asked for on the
+        # One factor scales waves and detail alike: the waves get the requested r.m.s. on the
         # square, and the spectrum has no step at the cut-off.
         self._spline = scipy.ndimage.spline_filter(waves, order=3, mode="grid-wrap")
         step = square_mm / _CALIBRATION_POINTS
@@ -181,7 +181,7 @@ class Stone:
         """Closed mesh of the stone, as photogrammetry would have made it.
 
         Vertices (n, 3), mm, and faces (m, 3), anticlockwise as seen from outside. The use-face
-        looks along +z, and the square is centred on x = y = 0.
+        points along +z, and the square is centred on x = y = 0.
         """
         p = self._parameters
         vertices, faces, upper = even_triangulation(p.mesh_edge_mm)
@@ -189,7 +189,7 @@ class Stone:
         rim_distance = np.sqrt(rim_distance_squared(x, y))
         along = np.clip((_FADE_TO - rim_distance) / (_FADE_TO - _FADE_FROM), 0, 1)
         fade = along**2 * (3 - 2 * along)
-        # The underside has the waves half a period away, and its heights look down.
+        # The underside has the waves half a period away, and its heights point down.
         offset = np.where(upper, 0.0, len(self.waviness) * self.waviness_spacing / 2)
         waves = self.waves(self.square_mm / 2 - y + offset, self.square_mm / 2 - x + offset)
         # ASSUME: photogrammetry is a sharp low-pass at the cut-off, plus white noise in height.
@@ -201,10 +201,10 @@ class Stone:
     def wear_depth(self, placement: str) -> np.ndarray:
         """Depth of the material lost between T0 and T1, mm, float32, on the grid of `detail`.
 
-        `placement` is one of `WEAR_PLACEMENTS` or `WEAR_LAWS`. The wear placed at random has the
-        same amount, shapes and clusters as that on summits. That in waves has its mean depth all
-        over a share of the stone (``wear_share``), in waves longer than a patch. Neither knows the
-        heights. That by a law has the mean depth of that on summits.
+        `placement` is one of `WEAR_PLACEMENTS` or `WEAR_LAWS`. Wear placed at random has the same
+        amount, shapes and clusters as wear on summits. Wear in waves has the mean depth of that
+        everywhere on a share of the stone (``wear_share``), in waves longer than a patch. Neither
+        depends on the heights. Wear by a law has the mean depth of wear on summits.
         """
         p, points = self._parameters, len(self.grid)
         step = max(1, int(_CHANCE_LENGTH_UM / _POINTS_PER_LENGTH / p.scan_spacing_um))
@@ -213,14 +213,14 @@ class Stone:
         level, _ = remove_plane(make_surface(self.macroscale(coarse, coarse), spacing))
         height = level.values
 
-        # high places are likelier to be worn, no more
+        # high places are only likelier to be worn
         generator = stream(p.seed, "wear", "severity")
         chance = smooth_field(generator, len(height), spacing, _CHANCE_LENGTH_UM * 1e-3)
         decides = height + chance * _CHANCE_UM * 1e-3
         threshold = np.quantile(decides, 1 - p.wear_share)
         severity = 1 / (1 + np.exp(-(decides - threshold) / (_SOFTNESS * decides.std())))
 
-        # a summit stands out of the smoothed stone; the more severe the wear, the deeper its cut
+        # a summit stands out of the smoothed stone; the more severe the wear, the deeper the cut
         smoothing = _REFERENCE_LENGTH_UM * 1e-3 / spacing
         waves = height - scipy.ndimage.gaussian_filter(height, smoothing, mode="nearest")
         sigma = float(np.hypot(waves.std(), self.detail.std()))
@@ -245,8 +245,9 @@ class Stone:
             shift = stream(p.seed, "wear", "placement").integers(0, points, 2)
             depth = np.roll(depth, shift, axis=(0, 1))
         if placement == "waves":
-            # ASSUME: wear that follows something else than heights, such as the hand's grip, varies
-            # over lengths like the stone's. It has one depth, so that it is found wherever it lies.
+            # ASSUME: wear that follows something other than heights, such as the hand's grip,
+            # varies over lengths like the stone's. It has one depth, so it is detected wherever it
+            # lies.
             field = self_affine_field(
                 stream(p.seed, "wear", "waves"), points, self.spacing, **self._spectrum
             )
@@ -270,7 +271,7 @@ class Stone:
         return depth
 
     def _break_chips(self, depth: np.ndarray, severity: np.ndarray, step: int) -> None:
-        """Deepen `depth` by paraboloid pits; their number follows the severity, of every `step`."""
+        """Deepen `depth` by paraboloid pits; their number follows the severity, every `step`."""
         generator = stream(self._parameters.seed, "wear", "chips")
         extent = len(depth) * self.spacing
         tried = generator.poisson(_CHIPS_PER_MM2 * extent**2)

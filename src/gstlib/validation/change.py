@@ -1,15 +1,15 @@
-"""What did use take away? The height change between two aligned measurements of one patch.
+"""What did use remove? The height change between two aligned measurements of one patch.
 
-Every measurement has its own zero and its own tilt, so a change is only defined against what did
-not change: the plane of the difference is fitted to the largest population of points that agree
+Every measurement has its own zero and its own tilt, so a change is only defined relative to what
+did not change: the plane of the difference is fitted to the largest population of points that agree
 with each other. A change counts where it exceeds the level of detection, as in the comparison of
 repeat surveys (Brasington et al. 2003, Geomorphology 53:299; Wheaton et al. 2010, Earth Surf.
 Process. Landf. 35:136), and where enough adjacent points do.
 
-The error of a point is that of both heights and, on a slope, that of its place: its variance is
-fitted to the unchanged part as a + b s², s being the slope (as Hugonnet et al. 2022, IEEE J. Sel.
-Top. Appl. Earth Obs. 15:6456, do for repeat surveys); √b is the lateral distance by which the two
-measurements miss each other. Points whose height was not measured at both epochs (filled holes,
+The error of a point comes from both heights and, on a slope, from its position: its variance is
+fitted to the unchanged part as a + b s², where s is the slope (as Hugonnet et al. 2022, IEEE J.
+Sel. Top. Appl. Earth Obs. 15:6456, do for repeat surveys); √b is the lateral distance by which the
+two measurements miss each other. Points whose height was not measured at both epochs (filled holes,
 outliers) are unknown: no change is stated there.
 """
 
@@ -40,20 +40,20 @@ _log = logging.getLogger(__name__)
 # 2.5 % of unchanged points exceed it on either side.
 _LEVEL_OF_DETECTION = 1.96
 # ASSUME: two measurements differ no finer than instruments store heights: in single precision, 1e-7
-# of their variation. Below that is rounding, which would make traces of a scan given twice.
+# of their variation. Smaller differences are rounding, and would give traces of a scan given twice.
 _RESOLUTION = 1e-7
-# Points further than this from the plane, in standard deviations, are left out of the fit.
+# Points farther than this from the plane, in standard deviations, are left out of the fit.
 _TRIM = 3.0
 _MAD_TO_SIGMA = 1.4826
-# The trimmed set settles in a few rounds, or soon alternates; the bound only guards against more.
+# The trimmed set settles in a few rounds, or soon alternates; this bound is only a safeguard.
 _ROUNDS = 50
 # The variance is fitted to this many groups of points of similar slope, this many times.
 _SLOPE_GROUPS, _SLOPE_ROUNDS = 20, 3
-# A group's variance is good to about a tenth; fewer groups than this cannot be fitted.
+# A group's variance is accurate to about a tenth; fewer groups than this cannot be fitted.
 _GROUP_SIZE, _LEAST_GROUPS = 250, 4
-# Weights take fitted variances below this share of the largest one for that much.
+# In the weights, fitted variances are at least this share of the largest one.
 _SMALLEST = 1e-6
-# Slopes are those of heights smoothed over this many points: that of a single point is noise.
+# Slopes are taken from heights smoothed over this many points: a single point's slope is noise.
 _SLOPE_SMOOTHING = 1.0
 _LEAST_POINTS = 100
 # How much deeper, or shallower, the dales of T1 may be than those of T0 before a warning. Wear of a
@@ -67,8 +67,8 @@ def measured_change(
     """Register T1 to T0 and take the height change.
 
     `before` and `after` are prepared scans (`gstlib.preprocess.scan.prepare_scan`): ``height``,
-    ``filled``, ``outlier``. Other parameters as of `register` and `height_change`, whose results
-    are returned. All change is unknown where the registration is not believed.
+    ``filled``, ``outlier``. Other parameters as in `register` and `height_change`, whose results
+    are returned. All change is unknown if the registration is not believed.
     """
     registration = register(before.height, after.height, maximum_shift_mm=maximum_shift_mm)
     replaced0, replaced1 = (
@@ -142,7 +142,7 @@ def height_change(
     known : (y, x) ndarray of bool, optional
         Where both heights were measured; everywhere by default.
     minimum_points : int
-        Least number of adjacent points (corners count) that make a loss or a gain.
+        Fewest adjacent points (corners count) that make a loss or a gain.
 
     Returns
     -------
@@ -150,11 +150,11 @@ def height_change(
         ``t1``: heights after use (mm), shifted and tilted to agree with T0 where nothing changed,
         NaN outside the overlap; ``change``: T1 - T0 (mm), negative where material was lost, NaN
         where it is unknown; ``level_of_detection`` (mm), NaN there, too; ``loss``, ``gain``: where
-        the change exceeds the level of detection, down or up, in spots of `minimum_points` at
-        least. Attributes: ``level_of_detection_um`` (median over the points), ``change_sigma_um``
-        (robust standard deviation of the unchanged part), ``lateral_sigma_um`` (lateral distance by
-        which the measurements miss each other), ``known_share`` (of T0's area). With fewer than 100
-        known points, all heights are NaN and nothing is known.
+        the change exceeds the level of detection, down or up, in spots of at least
+        `minimum_points`. Attributes: ``level_of_detection_um`` (median over the points),
+        ``change_sigma_um`` (robust standard deviation of the unchanged part), ``lateral_sigma_um``
+        (lateral distance by which the measurements miss each other), ``known_share`` (of T0's
+        area). With fewer than 100 known points, all heights are NaN and nothing is known.
     """
     before, after = t0.values, t1_on_t0.values
     difference = after - before
@@ -170,7 +170,7 @@ def height_change(
         planes = np.stack([np.ones(t0.shape), *np.meshgrid(*places, indexing="ij")])
         plane, sigma, kept = _unchanged_plane(planes[:, inside], difference[inside])
         datum = np.einsum("i,ijk->jk", plane, planes)
-        # square of the slope of smoothed heights, free of a point's own noise
+        # squared slope of smoothed heights, free of single points' noise
         steepness = sum(
             (scipy.ndimage.gaussian_filter(before, _SLOPE_SMOOTHING, order=order) / step) ** 2
             for order, step in zip(((1, 0), (0, 1)), spacing_of(t0), strict=True)
@@ -210,12 +210,12 @@ def height_change(
 
 
 def wear_summary(registered: xr.Dataset) -> dict[str, float]:
-    """How far the traces extend on one patch: a dataset as from `height_change`.
+    """The extent of the traces on one patch, given a dataset as from `height_change`.
 
     ``loss_fraction`` and ``gain_fraction``: shares of the known points that lost and gained height
-    (noise alone makes both alike); ``loss_area_mm2``; ``loss_volume_um3``; ``loss_depth_um``: mean
+    (equal for noise alone); ``loss_area_mm2``; ``loss_volume_um3``; ``loss_depth_um``: mean
     depth where lost (NaN without loss); ``loss_per_area_um``: volume over the known area,
-    comparable between patches of different overlap.
+    comparable between patches with different overlap.
     """
     dy, dx = spacing_of(registered)
     change = registered["change"].values
@@ -234,7 +234,7 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
 
 
 def _spots(beyond: np.ndarray, minimum_points: int) -> np.ndarray:
-    """The points of `beyond` in spots of at least `minimum_points`; corners connect."""
+    """The points of `beyond` in spots of at least `minimum_points`; corners count as adjacent."""
     # ASSUME: use leaves spots of several points; single points beyond the level of detection are
     # noise, though some may be true.
     spot, _ = scipy.ndimage.label(beyond, np.ones((3, 3)))
@@ -264,14 +264,14 @@ def _variance_by_slope(
         if len(found) < _LEAST_GROUPS or not variances.any():
             break
         scale = float(slopes.max()) or 1.0
-        # the error of a variance is proportional to it: to the fitted one, because the measured
-        # one would favour those that came out small
+        # the error of a variance is proportional to it; the fitted variance is used, because the
+        # measured one would favour groups that came out small
         weight = 1 / np.maximum(level + lateral * slopes, _SMALLEST * variances.max())
         (level, lateral), _ = scipy.optimize.nnls(
             np.stack([weight, weight * slopes / scale], axis=1), weight * variances
         )
         lateral /= scale
-        # steep points may be off by more than the fit of the plane allowed
+        # steep points may be off by more than the fit of the plane allows
         kept = np.abs(change) <= _TRIM * np.sqrt(level + lateral * steepness)
     return float(level), float(lateral)
 
@@ -279,7 +279,7 @@ def _variance_by_slope(
 def _unchanged_plane(
     design: np.ndarray, values: np.ndarray
 ) -> tuple[np.ndarray, float, np.ndarray]:
-    """Plane through the unchanged points, their robust spread, and which they are."""
+    """Plane through the unchanged points, their robust spread, and a mask of them."""
     # ASSUME: the unchanged part is the largest population of height differences: the fit starts
     # from the shortest half of them, so wear of nearly half of the area, all on one side, does not
     # pull the datum down as a least-squares plane would.
@@ -299,7 +299,7 @@ def _unchanged_plane(
             break
         before, kept = kept, now
         plane = least_squares(design[:, kept], values[kept])
-    # the shortest half is wide where much has worn; the kept points give the spread of the rest
+    # the shortest half is wide if much has worn; the kept points give the spread of the rest
     for _ in range(_ROUNDS):
         left = values - np.einsum("i,ij->j", plane, design)
         sigma = _MAD_TO_SIGMA * float(np.median(np.abs(left[kept] - np.median(left[kept]))))

@@ -16,8 +16,8 @@ from gstlib.validation.scores import Comparison, Prediction, rank_levels, scores
 __all__ = ["FEWEST_BLOCKS", "label_blocks", "percentile_interval", "resampled_scores"]
 
 _CONFIDENCE = 0.95
-# The resamples of n units range between the smallest and the largest of them, which enclose the
-# truth in 1 - 2 / 2ⁿ of cases: with fewer units there is no interval at this confidence.
+# Resamples of n units lie between the smallest and the largest unit, which enclose the truth in
+# 1 - 2 / 2ⁿ of cases: fewer units than this allow no interval at this confidence.
 _FEWEST_UNITS = 6
 # Fewer blocks than this do not show their own spread.
 FEWEST_BLOCKS = 9
@@ -29,10 +29,10 @@ _LEVELS = 64
 def label_blocks(
     valid: np.ndarray, spacing: Sequence[float], length: float
 ) -> tuple[np.ndarray, int]:
-    """Number of the block of each valid point, -1 elsewhere, and how many blocks hold a point.
+    """Number of the block of each valid point, -1 elsewhere; and the number of blocks with a point.
 
     Blocks are at least `length` (mm) long, if that is a number. They divide the patch (ny, nx)
-    evenly, so that no narrow block is left at its end.
+    evenly, so no narrow block is left at its end.
     """
     rows, columns = (
         min(n, _MOST_ALONG_A_SIDE, max(1, int(n * step / length)) if length > 0 else n)
@@ -52,9 +52,9 @@ def resampled_scores(
 ) -> dict[str, np.ndarray]:
     """Every score of a prediction in every resample of the blocks: arrays (1 + resamples,).
 
-    `drawn` (resamples, blocks) tells how often each block is in each resample; the first value of
-    each score has every block once. Ranks are taken in levels, so that rank scores differ a little
-    from exact ones.
+    `drawn` (resamples, blocks) is how often each block is in each resample; the first value of
+    each score has every block once. Ranks are taken in levels, so rank scores differ slightly from
+    exact ones.
     """
     valid = labels >= 0
     block, loss, mask = labels[valid], comparison.loss[valid], prediction.mask[valid]
@@ -67,7 +67,7 @@ def resampled_scores(
         table = (weights @ found.reshape(blocks, -1)).reshape(len(weights), kinds, 2)
         return np.moveaxis(table, -1, 0)
 
-    # of the masks: out of it and in it, without and with loss
+    # counts out of the mask and in it, without and with loss
     (correct, false), (missed, hits) = np.moveaxis(counts(mask, 2), -1, 1)
     p, o = prediction.shares[valid], comparison.loss_shares[valid]
     levels = None

@@ -1,20 +1,20 @@
 """How well would a prediction agree by chance? The same map, shifted over the patch.
 
-Wear and contact both come in clusters, so points are no independent trials, and a test that takes
+Wear and contact both come in clusters, so points are not independent trials, and a test that treats
 them as such finds significance everywhere. The null model keeps both textures and breaks only
 their alignment: the prediction is shifted over the patch as over a torus, and scored where T1
 covers T0 (the torus-translation test of ecology: Harms et al. 2001, J. Ecol. 89:947). Sums over
 the points for all shifts at once are circular cross-correlations, computed by FFT.
 
-What leaves the patch at one edge re-enters at the opposite one, which breaks waves as long as the
-patch: they agree less, in either direction, than they can in place. The variance of the agreement
-of two unrelated fields follows from their autocorrelations (Clifford, Richardson and Hémon 1989,
-Biometrics 45:123). Taken with and without the wrap-around, it gives the factor by which the scores
-of the shifts spread too little.
+A map that leaves the patch at one edge re-enters at the opposite edge. This breaks waves as long as
+the patch: they agree less, in either direction, than they can in place. The variance of the
+agreement of two unrelated fields follows from their autocorrelations (Clifford, Richardson and
+Hémon 1989, Biometrics 45:123). Taken with and without the wrap-around, it gives the factor by which
+the scores of the shifts spread too little.
 
 Limits: both maps are assumed to have the same statistics all over the patch, which a ramp of wear
-from one side to the other would break; and a patch only a few correlation lengths wide has few
-shifts that differ. Where the loss correlates further than `LONGEST`, shifts claim too much.
+from one side to the other would violate; and a patch only a few correlation lengths wide has few
+independent shifts. If the loss correlates farther than `LONGEST`, shifts claim too much.
 """
 
 import math
@@ -32,11 +32,11 @@ __all__ = ["LONGEST", "correlation_length", "null_scores", "p_value"]
 # correlation length, tests with them reject as often as their level says.
 _DECAYED = math.exp(-1)
 # ASSUME: autocorrelations are used up to half the patch's shorter side: few pairs of points are
-# further apart, and their products are hardly known.
+# farther apart, and their mean product is uncertain.
 _FARTHEST = 0.5
-# ASSUME: a loss that correlates further than this share of the patch's shorter side is not tested
-# by shifts. Measured on 3300 pairs of unrelated, levelled self-affine maps, F1 and ROC-AUC at the
-# level of 5 % claim a relation in 5.3 % and 5.5 % of those up to it, in 9 % and 10 % beyond it.
+# ASSUME: a loss that correlates farther than this share of the patch's shorter side is not tested
+# by shifts. On 3300 pairs of unrelated, levelled self-affine maps, F1 and ROC-AUC at the level of
+# 5 % claim a relation in 5.3 % and 5.5 % of the pairs up to it, in 9 % and 10 % beyond it.
 LONGEST = 0.08
 _LEVELS = 32
 # Scores of the same counts may differ by rounding; they are ties.
@@ -48,11 +48,11 @@ def null_scores(
 ) -> dict[str, np.ndarray]:
     """Every score of the contact, shifted over the patch: arrays (1 + shifts,).
 
-    The shifts, none twice, are longer than `beyond_mm`, the correlation length of the loss (any for
-    NaN, without loss); fewer on a patch that has not so many. The first value belongs to no shift.
-    The others, where above their mean, are stretched from it by the wrap-around factor. Those below
-    stay: where most shifts hit nothing at all, a patch that hits nothing either would otherwise be
-    better than they are. Ranks are taken in levels, so that rank scores differ a little from exact
+    The shifts are all different and longer than `beyond_mm`, the correlation length of the loss (if
+    NaN, without loss, any length); a small patch may have fewer. The first value is without a
+    shift. The others, if above their mean, are stretched away from it by the wrap-around factor.
+    Those below stay: if most shifts hit nothing, a patch that also hits nothing would otherwise
+    seem better than they are. Ranks are taken in levels, so rank scores differ slightly from exact
     ones.
     """
     contact, loss, valid = comparison.predictions[CONTACT], comparison.loss, comparison.valid
@@ -92,7 +92,7 @@ def null_scores(
         (product, squares, np.square(shares).sum()),
         (events, points - events),
     )
-    # ASSUME: the wrap-around narrows every score as it does the sum of products it is made of.
+    # ASSUME: the wrap-around narrows every score as it narrows the sum of products behind it.
     of_mask, of_ranks = _wrap_around_factors([contact.mask, levels], loss, valid)
     for name, values in scores.items():
         factor = of_ranks if name in ("roc_auc", "pr_auc") else of_mask
@@ -107,8 +107,8 @@ def correlation_length(
 ) -> float:
     """Distance (mm) at which the autocorrelation of a field, over all directions, falls to 1/e.
 
-    Linearly interpolated; infinite if it never falls so low within half of the field (ny, nx), NaN
-    for a constant field.
+    Linearly interpolated; infinite if it does not fall so low within half of the field (ny, nx),
+    NaN for a constant field.
     """
     centred = _centred(field, valid)
     if not centred.any():
@@ -130,9 +130,9 @@ def correlation_length(
 
 
 def p_value(value: float, null: np.ndarray) -> float:
-    """Share of the null's scores that reach the value, which counts as one of them.
+    """Share of the null's scores that reach the value, which itself counts as one of them.
 
-    NaN without a value or a null; shifts at which the score is not defined are left out.
+    NaN without a value or a null; shifts without a defined score are left out.
     """
     null = null[np.isfinite(null)]
     if math.isnan(value) or not null.size:
@@ -145,8 +145,8 @@ def _wrap_around_factors(
 ) -> list[float]:
     """By how much wrap-around narrows the sums of products of shifted fields with a fixed one.
 
-    For each of the `moved` fields, known everywhere, the standard deviation of the sum of products
-    with `fixed`, known where valid, without wrap-around over that with it; at least 1.
+    For each of the `moved` fields (known everywhere) and `fixed` (known where valid): the standard
+    deviation of the sum of products without wrap-around over that with it; at least 1.
     """
     fixed = _centred(fixed, valid)
     if not fixed.any():
@@ -170,7 +170,7 @@ def _wrap_around_factors(
 
 
 def _centred(field: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    """The field less its mean over the valid points; 0 where it is not known."""
+    """The field minus its mean over the valid points; 0 where it is unknown."""
     return (
         np.where(valid, field - field[valid].mean(), 0)
         if valid.any()

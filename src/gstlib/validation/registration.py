@@ -1,7 +1,7 @@
 """Registration: how is the second measurement of a patch shifted and turned against the first?
 
-A new mould and a new scan make T1 shifted against T0 by up to a good part of the field, turned a
-little, tilted, noisy, and worn. Coarse step: the shift is the peak of the normalised
+With a new mould and a new scan, T1 is shifted against T0 by up to a good part of the field, turned
+slightly, tilted, noisy, and worn. Coarse step: the shift is the peak of the normalised
 cross-correlation over the overlap (scikit-image, after Padfield 2012, IEEE Trans. Image Process.
 21:2706) of band-passed heights. The longest waves dominate a self-affine surface and match
 anywhere within a field, so they are removed first. Fine step: Gauss-Newton least squares of the
@@ -31,27 +31,26 @@ from gstlib.surface import spacing_of
 
 __all__ = ["Registration", "apply_registration", "least_squares", "register"]
 
-# The search runs on a grid of at most this many elements a side: its peak is good to a fraction of
-# a coarse element, which the refinement can repair.
+# The search runs on a grid of at most this many elements a side: its peak is accurate to a fraction
+# of a coarse element, which the refinement corrects.
 _SEARCH_SIZE = 256
 # Band of the heights for the search: noise below this many elements is smoothed away, waves longer
 # than this share of the field are removed.
 _NOISE_ELEMENTS = 1.5
 _LONGEST_SHARE = 1 / 24
-# The smaller the overlap, the more matches by chance: less than this is not searched.
+# The smaller the overlap, the more chance matches: smaller overlaps than this are not searched.
 _LEAST_OVERLAP = 0.25
 # Rotations (degrees) that the refinement may start from.
 _TURNS = 0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0
 # ASSUME: a registration is believed if the band-passed heights correlate by 0.5, and by 0.35 over
-# the root of the overlap: surfaces that have nothing in common reach 0.2 over that root by chance,
-# seldom 0.3.
+# the square root of the overlap: unrelated surfaces reach 0.2 over that root by chance, seldom 0.3.
 _LEAST_CORRELATION = 0.5
 _BEYOND_CHANCE = 0.35
 # ASSUME: no wear makes the dales of a patch half or twice as deep.
 _OTHER_HEIGHTS = 2.0
 # Smoothing (standard deviation, elements) and stride of the levels of the refinement.
 _LEVELS = (6.0, 4), (3.0, 3), (1.0, 2)
-# Gauss-Newton steps below this many elements change nothing that can be measured.
+# Gauss-Newton steps below this many elements change nothing measurable.
 _SMALLEST_STEP = 0.005
 _STEPS_PER_LEVEL = 12
 _LEAST_POINTS = 100
@@ -67,7 +66,7 @@ class Registration:
     """Transformation of the moving surface onto the reference, and its quality.
 
     A point X (mm) of the moving surface is at c + R(rotation) (X - c) + shift on the reference,
-    c being the centre of the moving grid.
+    where c is the centre of the moving grid.
     """
 
     shift_x_mm: float  # to add to the coordinates of the moving surface
@@ -98,15 +97,15 @@ def register(
 ) -> Registration:
     """Register `moving` (T1) to `reference` (T0).
 
-    Both are levelled heights (y, x) in mm, of the same spacing and without NaN; their shapes may
-    differ. Shifts are found up to `maximum_shift_mm` along each axis, as long as a quarter of the
-    field overlaps, rotations up to a few degrees. The result is the best registration there is; its
-    `found` tells whether to believe it.
+    Both are levelled heights (y, x) in mm, with the same spacing and without NaN; their shapes may
+    differ. Shifts are found up to `maximum_shift_mm` along each axis, if at least a quarter of the
+    field overlaps, and rotations up to a few degrees. The result is the best registration; its
+    `found` says whether to believe it.
 
     Raises
     ------
     InputError
-        The spacings differ, or the heights of what matches by a factor of two.
+        The spacings differ, or matching heights differ by a factor of two.
     """
     spacing = spacing_of(reference)
     if not np.allclose(spacing, spacing_of(moving), rtol=1e-3):
@@ -123,11 +122,11 @@ def register(
     least = max(_LEAST_OVERLAP, float(np.prod(np.maximum(left, 0))))
     start = _search(detail0, detail1, least)
     quality, height_scale = _compare_details(detail0, detail1, start)
-    # the refinement, which takes heights for comparable, would only lead away
+    # the refinement assumes comparable heights, and would only lead away
     if quality >= _LEAST_CORRELATION and max(height_scale, 1 / height_scale) > _OTHER_HEIGHTS:
         raise InputError(
             "T1",
-            f"its dales match those of T0, and are {height_scale:.3g} times as deep: no wear does "
+            f"its dales match those of T0, but are {height_scale:.3g} times as deep: no wear does "
             "that",
             "Give both scans in one unit and with one height calibration, or leave t1 empty.",
         )
@@ -160,8 +159,8 @@ def apply_registration(
 ) -> tuple[xr.DataArray, np.ndarray]:
     """The moving surface, and its marked points, on the grid of the reference (`like`).
 
-    Heights (mm) by cubic interpolation, NaN outside the overlap; a point is marked where one of the
-    four surrounding points of `marked`, such as filled ones, is.
+    Heights (mm) by cubic interpolation, NaN outside the overlap; a point is marked if any of its
+    four neighbours in `marked` (filled points, for example) is.
     """
     shift = np.array([registration.shift_y_mm, registration.shift_x_mm])
     elements = (_corner_offset(like, moving) + shift) / spacing_of(like)
@@ -183,7 +182,7 @@ def least_squares(
 
 
 def _corner_offset(reference: xr.DataArray, moving: xr.DataArray) -> np.ndarray:
-    """First coordinates (y, x) of the moving grid less those of the reference, mm."""
+    """First coordinates (y, x) of the moving grid minus those of the reference, mm."""
     return np.array([float(moving[axis][0]) - float(reference[axis][0]) for axis in "yx"])
 
 
@@ -217,7 +216,7 @@ def _search(a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
 
 
 def _spline(heights: np.ndarray) -> np.ndarray:
-    """Cubic spline coefficients, so that sampling many times filters once."""
+    """Cubic spline coefficients: computed once for many samplings."""
     return scipy.ndimage.spline_filter(heights, order=3, mode="mirror")
 
 

@@ -6,22 +6,22 @@ make other sums, thousands at once, for `scores_of_sums`.
 
 - ``precision``: share of the predicted that is observed; NaN if nothing is predicted.
 - ``recall``: share of the observed that is predicted; NaN if nothing is observed.
-- ``f1`` (their harmonic mean, the Dice coefficient) and ``iou`` (intersection over union): NaN if
-  both masks are empty, 0 if only one is.
+- ``f1``: their harmonic mean, the Dice coefficient; NaN if both masks are empty, 0 if only one is.
+  The intersection over union says the same: it is f1 / (2 - f1).
 - ``mcc``: Matthews' correlation coefficient, 0 at chance whatever the areas; NaN if a mask is empty
   or full.
 - ``fss``: fractions skill score (Roberts and Lean 2008, Mon. Weather Rev. 136:78). It compares the
-  shares p and o of a window that are predicted and observed, so that a miss by less than the window
-  is forgiven: 1 - Σ(p - o)² / Σ(p² + o²). A window of one element gives F1. At most 2 a / (1 + a²)
-  where the areas' ratio is a; NaN if both are empty.
+  shares p and o of a window that are predicted and observed, and so forgives a miss by less than
+  the window: 1 - Σ(p - o)² / Σ(p² + o²). A window of one element gives F1. At most 2 a / (1 + a²)
+  for areas in the ratio a; NaN if both are empty.
 - ``roc_auc``: probability that a random point with loss ranks above a random other one, ties
   counting half (area under the receiver operating characteristic).
 - ``pr_auc``: average precision, the mean over the points with loss of the precision at each one's
   rank (area under the precision-recall curve without interpolation); at chance the prevalence.
   Both NaN if loss is nowhere or everywhere.
 
-The contact solution earns its cost only by what it adds to a look at the surface. The rivals know
-the heights before use and, to make the comparison fair, how large the contact is.
+The contact solution is worth its cost only for what it adds to a look at the surface. The rivals
+know the heights before use and, to make the comparison fair, the size of the contact.
 """
 
 from collections.abc import Sequence
@@ -47,7 +47,7 @@ __all__ = [
     "window_shares",
 ]
 
-SCORES = "precision", "recall", "f1", "iou", "mcc", "fss", "roc_auc", "pr_auc"
+SCORES = "precision", "recall", "f1", "mcc", "fss", "roc_auc", "pr_auc"
 
 CONTACT = "contact"  # the prediction under test
 RIVALS = "highest", "rigid"
@@ -83,14 +83,14 @@ def compare(
     neighbourhood_um: float,
     rim: float = 0.0,
 ) -> Comparison:
-    """Put the contact solution of a patch and its rivals beside the loss.
+    """Compare the contact solution of a patch and its rivals with the loss.
 
-    ``contact``: p > 0, ranked by the pressure and, out of contact, by the gap, so that a point that
-    nearly touches ranks above one far from it. ``highest``: the highest of the valid points, as
-    many as are in contact (of equal ones the first in row order), ranked by height. ``rigid``: what
-    a rigid flat at the same displacement, from first touch, cuts off; it ranks by height, too.
-    Rigid interpenetration at the *area* of the contact is the highest points, so it is no third
-    rival. Parameters as of `gstlib.validation.scoring.score_patch`.
+    ``contact``: p > 0, ranked by the pressure and, out of contact, by the gap, so a point that
+    nearly touches ranks above one far from contact. ``highest``: the highest of the valid points,
+    as many as are in contact (of equal ones the first in row order), ranked by height. ``rigid``:
+    what a rigid flat at the same displacement, from first touch, cuts off; it ranks by height, too.
+    Rigid interpenetration at the *area* of the contact equals the highest points, so it is no third
+    rival. Parameters as in `gstlib.validation.scoring.score_patch`.
     """
     pressure, z = contact["pressure"].values, heights.values
     valid = np.isfinite(change["change"].values) & inside_rim(z.shape, rim)
@@ -184,7 +184,6 @@ def scores_of_sums(
         "precision": _ratio(hits, predicted),
         "recall": _ratio(hits, observed),
         "f1": _ratio(2 * hits, predicted + observed),
-        "iou": _ratio(hits, predicted + observed - hits),
         "mcc": _ratio(hits * measured - predicted * observed, np.sqrt(np.maximum(spread, 0))),
         "fss": _ratio(2 * product, of_p + of_o),
     }

@@ -1,13 +1,13 @@
-"""What is a patch's prediction worth? Its scores against chance and against the best rival.
+"""How good is a patch's prediction? Its scores against chance and against the best rival.
 
-The gain is the score less that of the best rival: what the contact solution adds to a look at the
-surface. The best rival is the one that did best on this very patch. It is chosen by its luck, so
+The gain is the score minus that of the best rival: what the contact solution adds to a look at the
+surface. The best rival is the one that did best on this patch. It is selected on the same data, so
 the gain can only look smaller than it is.
 
 Noise mimics agreement: a point that noise raises at T0 is predicted to touch, and looks worn at
-T1. No shift tells that from wear, but noise rises as often as it falls. Where so much rose that it
-may explain the loss, chance is not tested. Nor is it where the loss correlates over so large a
-share of the patch that shifts claim too much (`gstlib.validation.nulls.LONGEST`).
+T1. No shift can distinguish that from wear, but noise raises as often as it lowers. If so much rose
+that noise may explain the loss, chance is not tested. Nor is it tested if the loss correlates over
+so large a share of the patch that shifts claim too much (`gstlib.validation.nulls.LONGEST`).
 """
 
 import math
@@ -20,6 +20,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.contact import laid_height
+from gstlib.io.results import columns_of
 from gstlib.validation.change import wear_summary
 from gstlib.validation.intervals import (
     FEWEST_BLOCKS,
@@ -30,65 +31,24 @@ from gstlib.validation.intervals import (
 from gstlib.validation.nulls import LONGEST, correlation_length, null_scores, p_value
 from gstlib.validation.scores import CONTACT, RIVALS, SCORES, compare, scores_of
 
-__all__ = ["PatchScores", "patch_tables", "score_patch"]
+__all__ = ["PatchScores", "patch_tables", "score_patch", "score_table"]
 
 _NULL_RANGE = 0.025, 0.975
-# Below this, the value 0 shows the transforms' rounding.
+# Beyond these decimals, a value of 0 shows the rounding of the transforms.
 _DECIMALS = 9
-# Noise rises as often as it falls: where this many times as much rose as fell, something is wrong.
+# Noise raises as often as it lowers: if this many times as much rose as fell, something is wrong.
 _BEYOND_NOISE = 2
-
-_COLUMNS = {
-    "patches": [
-        "patch",
-        "contact_fraction",
-        "valid_contact_fraction",
-        "loss_fraction",
-        "loss_area_mm2",
-        "loss_volume_um3",
-        "loss_depth_um",
-        "loss_per_area_um",
-        "gain_fraction",
-        "noise_share",
-        "believed",
-        "correlation_length_um",
-        "rigid_fraction",
-        *SCORES,
-        *(f"highest_{score}" for score in SCORES),
-        *(f"rigid_{score}" for score in SCORES if not score.endswith("auc")),
-    ],
-    "gains": [
-        "patch",
-        "score",
-        "value",
-        "null_mean",
-        "null_low",
-        "null_high",
-        "effect_size",
-        "p_value",
-        "untested",
-        "shifts",
-        "best_rival",
-        "best_rival_value",
-        "gain",
-        "gain_low",
-        "gain_high",
-        "blocks",
-    ],
-}
 
 
 @dataclass(frozen=True)
 class PatchScores:
-    """All that the tables of the validation state about one patch."""
+    """All results about one patch in the validation tables."""
 
     scores: dict[
         str, Any
-    ]  # row of validation_patches.csv, see workflow/report for its columns
-    gains: list[
-        dict[str, Any]
-    ]  # rows of validation_gains.csv; none where chance was not tested
-    null: dict[str, np.ndarray]  # as of `null_scores`; empty where chance was not tested
+    ]  # row of validation_patches.csv, and what `wear_summary` says of the loss
+    gains: list[dict[str, Any]]  # rows of validation_gains.csv; none if chance was not tested
+    null: dict[str, np.ndarray]  # as from `null_scores`; empty where chance was not tested
     warning: (
         str | None
     )  # what to look into if too much rose, or if waves are too long to test
@@ -111,20 +71,20 @@ def score_patch(
     Parameters
     ----------
     patch : str
-        Its id. With the seed it determines the random numbers, so that a patch gives the same
-        whichever others are in the study.
+        Its id. With the seed it determines the random numbers, so a patch's results do not depend
+        on the other patches in the study.
     contact : xarray.Dataset
-        ``gap`` (y, x) in mm, ``pressure`` (y, x) in MPa, ``displacement`` in mm; and the
-        heights at T0, of which the rivals see those as the patch lies on the stone
+        ``gap`` (y, x) in mm, ``pressure`` (y, x) in MPa, ``displacement`` in mm;
+        and the heights at T0, which the rivals see as the patch lies on the stone
         (`gstlib.contact.laid_height`). The contact may be empty.
     change : xarray.Dataset
         As from `gstlib.validation.change.height_change`.
     neighbourhood_um, rim, most_noise
-        As the config says in its section ``validation``.
+        As in the config's section ``validation``.
     seed : int or sequence of int
         Seed of the random numbers.
     shifts, resamples : int
-        Of the null model (0 leaves out chance and the gains with it), and of the block bootstrap.
+        Numbers for the null model (0 leaves out chance and gains) and for the block bootstrap.
     """
     heights = laid_height(contact)
     comparison = compare(heights, contact, change, neighbourhood_um=neighbourhood_um, rim=rim)
@@ -185,19 +145,23 @@ def score_patch(
 
 
 def patch_tables(found: Sequence[PatchScores]) -> dict[str, pd.DataFrame]:
-    """The tables ``patches`` and ``gains``; without patches they have no rows."""
-    rows = {
-        "patches": [one.scores for one in found],
-        "gains": [row for one in found for row in one.gains],
-    }
+    """The tables ``patches`` and ``gains``; empty without patches."""
+    gains = [row for one in found for row in one.gains]
     return {
-        name: pd.DataFrame(rows[name], columns=columns) for name, columns in _COLUMNS.items()
+        "patches": score_table(found)[columns_of("validation_patches")],
+        "gains": pd.DataFrame(gains, columns=columns_of("validation_gains")),
     }
+
+
+def score_table(found: Sequence[PatchScores]) -> pd.DataFrame:
+    """The table ``patches``, and ``loss_fraction``, which ``registration.csv`` states."""
+    columns = [*columns_of("validation_patches"), "loss_fraction"]
+    return pd.DataFrame([one.scores for one in found], columns=columns)
 
 
 def _against_chance(value: float, scores: np.ndarray) -> dict[str, Any]:
     """Where a score stands among those of the shifts, of which the first is in place."""
-    # the value in place is taken in levels, as the null is
+    # the value in place is computed with levels, as the null is
     null = scores[1:][np.isfinite(scores[1:])] + (value - scores[0])
     mean, low, high, spread = (math.nan,) * 4
     if null.size > 1:
@@ -220,7 +184,7 @@ def _against_rivals(
     resampled: dict[str, dict[str, np.ndarray]],
     blocks: int,
 ) -> dict[str, Any]:
-    """Score less that of the best rival, with its interval."""
+    """The score minus that of the best rival, with its interval."""
     value = scores[CONTACT][score]
     rivals = {name: scores[name].get(score, math.nan) for name in RIVALS}
     # none where the score of the contact is NaN
@@ -232,7 +196,7 @@ def _against_rivals(
     low = high = math.nan
     if resampled and best:
         samples = resampled[CONTACT][score] - resampled[best][score]
-        # the first is the patch itself: exact ranks for ranks in levels
+        # the first is the patch itself: exact ranks replace ranks in levels
         low, high = percentile_interval(samples[1:] + (gain - samples[0]), blocks)
     return {
         "best_rival": best,
@@ -256,20 +220,20 @@ def _warning(row: dict[str, Any], most_noise: float, longest: float) -> str | No
     if rose > _BEYOND_NOISE * fell:
         return (
             f"patch {row['patch']}: far more rose than fell ({rose:.2g} % and {fell:.2g} % of the "
-            "area), but use only removes material. If all patches are so, check "
-            "scans.mould.invert; if some are, whether t0 and t1 are exchanged in the patch table, "
-            "or residue was left on the stone."
+            "area), but use only removes material. If this is so on all patches, check "
+            "scans.mould.invert; if on some, check for t0 and t1 exchanged in the patch table, "
+            "or for residue on the stone."
         )
     if noise > 100 * most_noise:
         return (
             f"patch {row['patch']}: {noise:.0f} % as much rose as fell, so the loss may be noise, "
-            "which mimics agreement with contact: not tested against chance, and left out of the "
-            "statistics over patches. A larger traces.minimum_points removes noise."
+            "which mimics agreement with contact. It is not tested against chance, and left out of "
+            "the statistics over patches. A larger traces.minimum_points removes noise."
         )
     if (length := row["correlation_length_um"]) > 1e3 * longest:
         return (
             f"patch {row['patch']}: the loss correlates over {length:.3g} µm. Above "
-            f"{1e3 * longest:.3g} µm, unrelated maps of this size agree too often: not tested "
-            "against chance. Larger scans can be tested."
+            f"{1e3 * longest:.3g} µm, unrelated maps of this size agree too often. It is not "
+            "tested against chance. Larger scans can be tested."
         )
     return None

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import pandas as pd
 import xarray as xr
 
+from gstlib.io.results import columns_of
 from gstlib.validation.change import wear_summary
 
 __all__ = ["registration_table", "select_patches"]
@@ -17,30 +18,12 @@ def registration_table(
 
     `changes` are the height changes by patch; each is looked up once.
     """
-    quality = [
-        "shift_x_um",
-        "shift_y_um",
-        "rotation_deg",
-        "overlap",
-        "correlation",
-        "detail_correlation",
-        "height_scale",
-        "residual_um",
-        "change_sigma_um",
-        "lateral_sigma_um",
-        "level_of_detection_um",
-        "known_share",
-    ]
-    wear = ["loss_fraction", "gain_fraction", "loss_volume_um3", "loss_depth_um"]
     rows = []
     for patch, change in changes.items():
-        worn = wear_summary(change)
-        rows.append(
-            {"patch": patch, "found": bool(change.attrs["registration_found"])}
-            | {name: change.attrs[name] for name in quality}
-            | {name: worn[name] for name in wear}
-        )
-    table = pd.DataFrame(rows, columns=["patch", "found", *quality, *wear])
+        found = bool(change.attrs["registration_found"])
+        rows.append({**change.attrs, **wear_summary(change), "patch": patch, "found": found})
+    # what is excluded, and why, follows from the rest
+    table = pd.DataFrame(rows, columns=columns_of("registration")[:-2])
     # the pressures have a table of their own: here all pass
     rules = {**selection, "minimum_pressure_MPa": 0.0}
     judged = select_patches(table.assign(pressure_MPa=1.0), table, rules)

@@ -1,12 +1,12 @@
-"""Over the patches of a stone: do harder pressed ones wear more, and is the prediction worth it?
+"""Over the patches of a stone: do harder pressed ones wear more, and how good is the prediction?
 
 Patches are the units here: intervals resample patches, tests permute them. Every row of the
 summary is a statistic with its interval, its p-value, the number of patches, and what it is
 compared with.
 
-Permuting patches takes each as an independent trial. Where two numbers vary smoothly over the
-stone, adjacent patches repeat each other, and such a test finds relations that do not exist more
-often than its level says. Dutilleul (1993, Biometrics 49:305) tests a correlation with as many
+Permuting patches treats each as an independent trial. If two numbers vary smoothly over the stone,
+adjacent patches repeat each other, and such a test finds non-existent relations more often than its
+level says. Dutilleul (1993, Biometrics 49:305) tests a correlation with as many
 trials as the two autocorrelations leave, after Clifford, Richardson and Hémon (1989, Biometrics
 45:123).
 """
@@ -20,14 +20,14 @@ import pandas as pd
 from scipy.spatial.distance import pdist, squareform
 from scipy.stats import hypergeom, permutation_test, rankdata, t
 
+from gstlib.io.results import columns_of
 from gstlib.validation.intervals import percentile_interval
 from gstlib.validation.nulls import p_value
 from gstlib.validation.scores import RIVALS, SCORES
-from gstlib.validation.scoring import PatchScores, patch_tables
+from gstlib.validation.scoring import PatchScores, score_table
 
 __all__ = [
     "believed",
-    "compare_variants",
     "exchange_p_value",
     "mean_gains",
     "mean_scores",
@@ -36,7 +36,7 @@ __all__ = [
     "summarise",
 ]
 
-_COLUMNS = ["statistic", "value", "low", "high", "p_value", "n", "against"]
+_COLUMNS = columns_of("validation_summary")
 _PREDICTORS = "pressure_MPa", "contact_fraction", "stiffness_MPa_per_um", "exposure_N_per_mm"
 # Area and volume of the traces, both over the area measured: patches overlap to different shares.
 _EXTENTS = "loss_fraction", "loss_per_area_um"
@@ -44,104 +44,111 @@ _EXTENTS = "loss_fraction", "loss_per_area_um"
 # all signs of a difference up to 13 (2¹³ = 8192).
 _EXACT_UP_TO = 8
 _RANDOM = 9999
+# The intersection over union, which F1 says already, once stood after it. As many random numbers
+# are passed over, so that the intervals of the other scores stay what they were.
+_ONCE_BEFORE_ANOTHER = "f1"
 # Student's t needs a degree of freedom.
 _FEWEST_EFFECTIVE = 3.0
 
 
 def summarise(
-    found: Sequence[PatchScores],
+    by_variant: Mapping[str, Sequence[PatchScores]],
     predicted: pd.DataFrame,
     *,
     seed: int,
     resamples: int,
     expected_worst: Sequence[str] = (),
-) -> pd.DataFrame:
-    """The table ``validation_summary.csv``.
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The tables ``validation_summary.csv`` and ``validation_variants.csv``.
 
     Parameters
     ----------
-    found : sequence of PatchScores
-        With their nulls; those whose loss may be noise are left out of every row. None gives a
-        table without rows.
+    by_variant : mapping of str to sequence of PatchScores
+        The scores of the same patches in each variant of the coupling; those of the first, the
+        study's own, with their nulls. Patches whose loss may be noise are left out of every row.
     predicted : pandas.DataFrame
         For each of these patches ``patch, x_mm, y_mm, pressure_MPa, stiffness_MPa_per_um`` and, of
         a gesture, ``exposure_N_per_mm``.
     seed, resamples : int
         Of the intervals and permutations; bootstrap samples of patches.
     expected_worst : sequence of str
-        Patches that were said beforehand to be the worst worn.
+        Patches stated beforehand to be the worst worn.
 
     Returns
     -------
-    pandas.DataFrame
-        The rows of `mean_gains`, `mean_scores` and `rank_correlation`, with 95 % intervals; and
-        ``expected_worst(5+8, column)``, the share of these patches among as many largest of each
-        column (a tie counts against it), with the p-value of a random ranking.
+    summary : pandas.DataFrame
+        Of the study's own variant the rows of `mean_scores` and `rank_correlation`, with 95 %
+        intervals; and ``expected_worst(5+8, column)``, the share of these patches among the equally
+        many largest of each column (a tie counts against it), with the p-value of a random ranking.
+        No rows without patches.
+    variants : pandas.DataFrame
+        Means over patches of each score and of its gain, as in `mean_gains`, by variant.
     """
-    found = believed(found)
-    if not found:
-        return pd.DataFrame(columns=_COLUMNS)
-    tables = patch_tables(found)
-    every = tables["patches"].merge(predicted, on="patch")
-    chance: dict[str, Any] = {
-        "generator": np.random.default_rng(seed),
-        "resamples": resamples,
-    }
-    parts = [
-        mean_gains(tables["patches"], **chance),
-        mean_scores(found, **chance),
-        *(
-            rank_correlation(every, predictor, extent, places=("x_mm", "y_mm"), **chance)
-            for predictor in _PREDICTORS
-            if predictor in every
-            for extent in _EXTENTS
-        ),
-    ]
+    rows: list[tuple] = []
+    parts = [pd.DataFrame(columns=_COLUMNS)]
+    for number, (variant, of_all) in enumerate(by_variant.items()):
+        found = believed(of_all)
+        # the same random numbers for each variant; the summary of the first goes on with its own
+        chance = {"generator": np.random.default_rng(seed), "resamples": resamples}
+        rows += _variant_rows(variant, found, chance)
+        if number == 0 and found:
+            parts = _own_parts(found, predicted, expected_worst, chance)
+    variants = pd.DataFrame(rows, columns=columns_of("validation_variants"))
+    return pd.concat(parts, ignore_index=True), variants
+
+
+def _own_parts(
+    found: Sequence[PatchScores],
+    predicted: pd.DataFrame,
+    expected_worst: Sequence[str],
+    chance: dict[str, Any],
+) -> list[pd.DataFrame]:
+    """The parts of ``validation_summary.csv``."""
+    every = score_table(found).merge(predicted, on="patch")
+    parts = [mean_scores(found, **chance)]
+    for predictor in (name for name in _PREDICTORS if name in every):
+        for extent in _EXTENTS:
+            parts.append(
+                rank_correlation(every, predictor, extent, places=("x_mm", "y_mm"), **chance)
+            )
     if expected_worst:
         columns = [*_EXTENTS, "pressure_MPa", "contact_fraction"]
         rows = [_worst(every, expected_worst, column) for column in columns]
         parts.append(pd.DataFrame(rows, columns=_COLUMNS))
-    return pd.concat(parts, ignore_index=True)
+    return parts
+
+
+def _variant_rows(
+    variant: str, found: Sequence[PatchScores], chance: dict[str, Any]
+) -> list[tuple]:
+    """The rows of one variant in ``validation_variants.csv``."""
+    table, rows = score_table(found), []
+    gains = mean_gains(table, **chance)
+    for score, gain in zip(SCORES, gains.itertuples(index=False), strict=True):
+        # of the patches that both have a score on
+        names = [score, f"{gain.against}_{score}"] if gain.against else [score, score]
+        contact, rival = table[names].dropna().mean() if gain.n else (math.nan, math.nan)
+        row = contact, rival, gain.against, gain.value, gain.low, gain.high, gain.p_value
+        rows.append((variant, score, *row, gain.n))
+    return rows
 
 
 def believed(found: Sequence[PatchScores]) -> list[PatchScores]:
-    """The patches whose loss is more than noise: only these enter statistics over patches."""
+    """The patches whose loss exceeds noise: only these enter statistics over patches."""
     return [one for one in found if one.scores["believed"]]
-
-
-def compare_variants(
-    by_variant: Mapping[str, Sequence[PatchScores]], *, seed: int, resamples: int
-) -> pd.DataFrame:
-    """The table ``validation_variants.csv``: means over patches, and gains as of `mean_gains`.
-
-    `by_variant` has the scores of the same patches in each variant of the coupling.
-    """
-    rows = []
-    for variant, found in by_variant.items():
-        table = patch_tables(believed(found))["patches"]
-        gains = mean_gains(table, generator=np.random.default_rng(seed), resamples=resamples)
-        for score, gain in zip(SCORES, gains.itertuples(index=False), strict=True):
-            # of the patches that both have a score on
-            names = [score, f"{gain.against}_{score}"] if gain.against else [score, score]
-            contact, rival = table[names].dropna().mean() if gain.n else (math.nan, math.nan)
-            row = contact, rival, gain.against, gain.value, gain.low, gain.high, gain.p_value
-            rows.append((variant, score, *row, gain.n))
-    columns = ["variant", "score", "contact", "rival", "best_rival", "gain", "low", "high"]
-    return pd.DataFrame(rows, columns=[*columns, "p_value", "n"])
 
 
 def mean_gains(
     scores: pd.DataFrame, *, generator: np.random.Generator, resamples: int
 ) -> pd.DataFrame:
-    """Mean over patches of each score less that of the rival with the best mean.
+    """Mean over patches of each score minus that of the rival with the best mean.
 
-    One rival stands for all patches, as one would have to choose it beforehand. It is chosen on
-    these patches, so the gain can only look smaller than it is. Precision, recall, F1, IoU and
-    the fractions skill depend on how much is marked, also by chance: against ``rigid``, whose area
-    is not that of the contact, their gain compares areas as well as places. MCC and the rank scores
-    do not.
+    One rival serves all patches, as if chosen beforehand. It is selected on the same patches, so
+    the gain can only look smaller than it is. Precision, recall, F1 and the fractions skill
+    depend on how much is marked, also by chance: against ``rigid``, whose area is not that of the
+    contact, their gain compares areas as well as places. MCC and the rank scores do not.
 
-    `scores` is the table ``patches`` of `patch_tables`. Rows ``gain(score)``, with a bootstrap
+    `scores` is of `gstlib.validation.scoring.score_table`. Rows ``gain(score)``, with a bootstrap
     interval over patches and a two-sided test that exchanges model and rival patch by patch;
     ``against`` names the rival.
     """
@@ -156,6 +163,9 @@ def mean_gains(
         gain = (known[score] - known[best]).to_numpy(dtype=float)
         row = _mean(gain, generator, resamples)
         p = exchange_p_value(gain, generator)
+        if score == _ONCE_BEFORE_ANOTHER:
+            _mean(gain, generator, resamples)
+            exchange_p_value(gain, generator)
         against = best.removesuffix(f"_{score}")
         rows.append((f"gain({score})", *row, p, len(gain), against))
     return pd.DataFrame(rows, columns=_COLUMNS)
@@ -164,7 +174,7 @@ def mean_gains(
 def exchange_p_value(gain: np.ndarray, generator: np.random.Generator) -> float:
     """Two-sided test of a mean gain, shape (patches,): model and rival exchanged patch by patch.
 
-    NaN for a single patch, or where no patch gains or loses.
+    NaN for a single patch, or if no patch gains or loses.
     """
     if gain.size < 2 or not gain.any():
         return math.nan
@@ -184,9 +194,9 @@ def mean_scores(
 ) -> pd.DataFrame:
     """Mean over patches of each score, against the means of shifted predictions, one-sided.
 
-    Rows ``mean(score)``, with a bootstrap interval over patches. The shifts of a patch are its own,
-    so the i-th of all patches together are one draw. The p-value is that of the patches on which
-    chance can be tested; ``against`` says how many these are.
+    Rows ``mean(score)``, with a bootstrap interval over patches. Each patch has its own shifts, so
+    the i-th shifts of all patches together are one draw. The p-value is that of the patches on
+    which chance can be tested; ``against`` gives their number.
     """
     rows: list[tuple] = []
     for score in SCORES:
@@ -200,11 +210,13 @@ def mean_scores(
         ]
         p = math.nan
         if tested:
-            # a patch of few elements has fewer shifts than the others: no more draws than it has
+            # a patch with few elements has fewer shifts than the others, and limits the draws
             length = min(len(null) for null in tested)
             means = np.mean([null[:length] for null in tested], axis=0)
             p = p_value(float(means[0]), means[1:])
         row = *_mean(values, generator, resamples), p, values.size
+        if score == _ONCE_BEFORE_ANOTHER:
+            _mean(values, generator, resamples)
         rows.append((f"mean({score})", *row, f"shifts, on {len(tested)} patches"))
     return pd.DataFrame(rows, columns=_COLUMNS)
 
@@ -218,7 +230,7 @@ def rank_correlation(
     resamples: int,
     places: Sequence[str] = (),
 ) -> pd.DataFrame:
-    """Spearman's correlation over patches of a predictor with an extent of the traces.
+    """Spearman's correlation over patches between a predictor and an extent of the traces.
 
     `table` has a row for each patch; those with a missing value are left out. The result is one
     row, ``spearman(predictor, extent)``: 95 % bootstrap over patches, two-sided permutation test
@@ -240,7 +252,7 @@ def rank_correlation(
             rng=generator,
         ).pvalue
         drawn = generator.integers(0, x.size, (resamples, x.size))
-        # a draw of one patch over and over has no correlation
+        # a draw that repeats a single patch has no correlation
         low, high = percentile_interval(_spearman(x[drawn], y[drawn]), x.size)
     against = "other pairings"
     if where:
@@ -257,9 +269,9 @@ def spatial_p_value(
     """P-value of Spearman's correlation over patches that allows for spatial autocorrelation.
 
     `permuted` is the p-value of the permutation test, exact for unrelated patches. Dutilleul's test
-    rests on Student's t, which is too sure of few ranks, so it may only weaken the evidence: the
-    larger p-value counts. It is two-sided, and NaN with fewer than 4 patches or a constant number.
-    `places` (n, 2) are the patches' coordinates, in any unit.
+    rests on Student's t, which is overconfident with few ranks, so it may only weaken the evidence:
+    the larger p-value counts. It is two-sided, and NaN with fewer than 4 patches or constant
+    values. `places` (n, 2) are the patches' coordinates, in any unit.
     """
     x, y = rankdata(x), rankdata(y)
     if x.size < 4 or np.ptp(x) == 0 or np.ptp(y) == 0:
@@ -272,9 +284,9 @@ def spatial_p_value(
 
 
 def _effective_patches(x: np.ndarray, y: np.ndarray, places: np.ndarray) -> float:
-    """Number of independent patches for which a correlation varies as much as for these.
+    """Number of independent patches whose correlation would vary as much as that of these.
 
-    At most as many as there are: neighbours that differ more than others are no further evidence.
+    At most the actual number: neighbours that differ more than others are no additional evidence.
     """
     distance = squareform(pdist(np.asarray(places, dtype=float)))
     count = len(distance)
@@ -290,7 +302,7 @@ def _covariance(values: np.ndarray, distance: np.ndarray) -> np.ndarray:
     # the largest distance, as is usual for variograms; beyond it patches count as unrelated.
     apart = np.where(np.eye(len(distance), dtype=bool), np.inf, distance)
     step = float(np.median(apart.min(axis=1)))
-    # rounded: on a lattice distances fall on the edges of classes, and the unit must not matter
+    # rounded: on a lattice, distances fall on the edges of classes, and the unit must not matter
     steps = np.round(distance / step, 9)
     number = np.maximum(np.rint(steps), 1)
     number[(number + 0.5 > steps.max() / 2) | np.isinf(apart)] = 0
@@ -322,7 +334,7 @@ def _mean(
 
 
 def _worst(table: pd.DataFrame, expected: Sequence[str], column: str) -> tuple:
-    """Share of the expected patches among as many largest; NaN if one of them has no value."""
+    """Share of the expected patches among the equally many largest; NaN if one has no value."""
     known = table.set_index("patch")[column].dropna()
     share = p = math.nan
     if known.index.isin(expected).sum() == len(expected):

@@ -1,7 +1,7 @@
 """How rough is a patch, and did use smooth or roughen it? Areal surface texture, ISO 25178-2.
 
 Most parameters are those of surfalize (Schell, Zwahr & Lasagni 2024, Nanomaterials 14:1076). They
-mean something only with their filters (ISO 25178-3): the F-operator removes the least-squares
+have a meaning only with their filters (ISO 25178-3): the F-operator removes the least-squares
 plane, the S-filter removes waves shorter and the L-filter waves longer than its nesting index, both
 Gaussian (ISO 16610-61).
 """
@@ -40,9 +40,9 @@ _MM_TO_UM = 1e3
 _PEAKS, _DALES = 10.0, 80.0
 # The equivalent line is that of the flattest part of the material ratio curve, this wide (%).
 _LINE_WIDTH = 40.0
-# Classes of the material ratio curve: with so many, the line is good to 1e-4.
+# Classes of the material ratio curve: with so many, the line is accurate to 1e-4.
 _CLASSES = 2001
-# A whole number of points short by less than this is one.
+# A number of points within this of a whole number counts as whole.
 _ROUNDING = 1e-6
 
 
@@ -90,23 +90,23 @@ def texture_rows(
     registered : xarray.Dataset or None
         As from `gstlib.study.register_patch`; None without a T1.
     s_filter_um, l_filter_um : float
-        Nesting indices of the filters: of a wave as long, half of the height passes. None for no
+        Nesting indices of the filters: half the height of a wave of this length passes. None for no
         L-filter (an S-F surface in place of an S-L surface).
 
     Returns
     -------
     list of dict
         ``epoch`` (``T0``, ``T1``, ``change``: T1 less T0), ``size_x_mm`` and ``size_y_mm`` of the
-        evaluated rectangle, and the parameters from ``Sa_um`` to ``Vvv_um3_per_um2``. Sal is NaN
-        where the autocorrelation decays nowhere within the map, Str where it does not decay in
-        every direction. T0 alone, over its whole area, without a T1 that was found on it and covers
-        a rectangle as long and as wide as the longest nesting index.
+        evaluated rectangle, and the parameters from ``Sa_um`` to ``Vvv_um3_per_um2``. Sal is NaN if
+        the autocorrelation decays nowhere within the map, Str if it does not decay in every
+        direction. T0 alone, over its whole area, unless a T1 was found on it that covers a
+        rectangle as long and as wide as the longest nesting index.
     """
     spacing = spacing_of(t0)
     epochs = {"T0": t0}
     if registered is not None and registered.attrs["registration_found"]:
         window = _measured_rectangle(np.isfinite(registered["t1"].values))
-        # the standard's evaluation area is at least one nesting index of the L-filter a side
+        # the standard's evaluation area has sides of at least one nesting index of the L-filter
         least = (l_filter_um or s_filter_um) / _MM_TO_UM
         if (np.multiply(t0[window].shape, spacing) >= least).all():
             epochs = {"T0": t0[window], "T1": registered["t1"][window]}
@@ -139,14 +139,14 @@ def _parameters(
         ) from error
 
     dy, dx = (step * _MM_TO_UM for step in spacing)
-    # What passes the S-filter varies over its nesting index: two points in that length give the
+    # Waves that pass the S-filter vary over its nesting index: two points in that length give the
     # same autocorrelation as all, at a fraction of the cost.
     every_y, every_x = (
         max(1, int(s_filter_um / (2 * step) + _ROUNDING)) for step in (dy, dx)
     )
     values = _material_ratio(heights)
     with warnings.catch_warnings(action="ignore"):
-        # of steps that differ in x and y, which cost these parameters nothing; and of NaN, where
+        # about different steps in x and y, which do not harm these parameters; and about NaN, if
         # the autocorrelation does not decay within the map
         evaluated = Surface(heights, dx, dy)
         sparse = Surface(heights[::every_y, ::every_x], every_x * dx, every_y * dy)
@@ -159,9 +159,9 @@ def _parameters(
 def _material_ratio(heights: np.ndarray) -> dict[str, float]:
     """Sk family and volumes, from the material ratio curve (ISO 25178-2, annex B).
 
-    Not surfalize's, which sums up areas class by class: with its 10,000 classes it agrees within
-    0.3 %, but doubles the cost of all parameters; with 2001, Svk is 12 % high where a few points
-    are deep. Over the heights themselves, these areas are plain means.
+    Not surfalize's, which sums areas class by class: with its 10,000 classes it agrees within
+    0.3 %, but doubles the cost of all parameters; with 2001 classes, Svk is 12 % high where a few
+    points are deep. Over the heights themselves, these areas are plain means.
     """
     ratio = np.linspace(0, 100, _CLASSES)
     curve = np.quantile(heights, 1 - ratio / 100)
@@ -193,7 +193,7 @@ def _material_ratio(heights: np.ndarray) -> dict[str, float]:
 def _scale_limited(
     surface: xr.DataArray, s_filter_um: float, l_filter_um: float | None
 ) -> np.ndarray:
-    """Heights (µm) without their plane and without waves shorter and longer than the filters'."""
+    """Heights (µm) without their plane, and without the waves that the filters remove."""
     spacing = [_MM_TO_UM * step for step in spacing_of(surface)]
     heights = low_pass(remove_plane(surface)[0].values * _MM_TO_UM, spacing, s_filter_um)
     if l_filter_um is not None:
@@ -202,7 +202,7 @@ def _scale_limited(
 
 
 def _measured_rectangle(measured: np.ndarray) -> tuple[slice, slice]:
-    """Rows and columns of a rectangle in which every point is measured; empty if none is.
+    """Rows and columns of a rectangle in which every point is measured; empty if there is none.
 
     The measured region (ny, nx) is convex, such as the overlap of two scans. The side of the
     rectangle with the most unmeasured points is removed until none is left.

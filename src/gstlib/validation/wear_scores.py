@@ -1,13 +1,13 @@
-"""Predicted against measured loss of the patches, and what the predictions are worth.
+"""Predicted against measured loss of the patches, and how good the predictions are.
 
 The rivals know less than Archard's law: the same depth on every patch, a depth in proportion to the
-pressure before use, and each patch cut off flat over the area that did wear (`wear_table`).
+pressure before use, and each patch cut off flat over its measured worn area (`wear_table`).
 """
 
-# ASSUME: a mat is told from the bare stone where the bare stone takes off less than is detected,
-# and only by an error there that is 2 % smaller. Errors of heights and loads let a mat gain a
-# little on stones that never saw one: up to 1.8 % on 19 generated specimens, 3 to 14 % on 17 of 18
-# worn with one (seeds 6001 to 6109, which are not those of `make power`).
+# ASSUME: the mat is tested only where the bare stone's loss is below detection, and its error there
+# must be 2 % smaller. Errors of heights and loads let a mat gain a little on stones that never saw
+# one: up to 1.8 % on 19 generated specimens, but 3 to 14 % on 17 of 18 worn with one (seeds 6001 to
+# 6109, which are not those of `make power`).
 
 import math
 from collections.abc import Iterable
@@ -17,44 +17,29 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.contact import laid_height
+from gstlib.io.results import columns_of
 from gstlib.surface import spacing_of
 from gstlib.validation.intervals import percentile_interval
 from gstlib.validation.summary import exchange_p_value, rank_correlation
 
-__all__ = ["COLUMNS", "OWN", "seen_depth", "wear_summary", "wear_table"]
+__all__ = ["OWN", "seen_depth", "wear_summary", "wear_table"]
 
-# The predictions, and what they are to beat.
+# The predictions, and the rivals that they must beat.
 OWN, _RIVALS = ("archard", "mat"), ("pressure", "uniform", "truncation")
-# Of ``wear.csv``, ``wear_profile.csv`` and ``wear_summary.csv``.
-COLUMNS = (
-    [
-        "patch",
-        "model",
-        "predicted_volume_um3",
-        "measured_volume_um3",
-        "predicted_depth_um",
-        "measured_depth_um",
-        "rms_difference_um",
-        "rms_out_of_contact_um",
-    ],
-    ["patch", "by", "band", "model", "loss_um"],
-    ["model", "statistic", "value", "low", "high", "p_value", "n", "against"],
-)
-# Bands of as many points each, from the highest points, or the smallest gap, on.
+# Bands of equally many points, beginning with the highest points, or the smallest gap.
 _BANDS = 4
-# Share of the bare stone's error out of contact below which a mat is told.
+# A mat is detected if its error out of contact is below this share of the bare stone's.
 _ERROR_TO_BEAT = 0.98
 
 
 def seen_depth(depth: np.ndarray) -> np.ndarray:
-    """What two scans can tell of a depth lost."""
+    """The part of a lost depth that two scans can show."""
     return depth - np.median(depth)
 
 
 def wear_table(
     patches: Iterable[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]],
-    losses: pd.Series,
-    pressures: pd.DataFrame,
+    square: xr.Dataset,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Predicted against measured loss of each patch: the tables ``wear`` and ``wear_profile``.
 
@@ -62,26 +47,25 @@ def wear_table(
     ----------
     patches : iterable of (patch, xarray.Dataset, xarray.Dataset, xarray.Dataset)
         Contact before use, height change, and loss from `gstlib.wear.wear_map`; each is used once.
-    losses : pandas.Series
-        Mean depth lost by each patch, mm, by patch.
-    pressures : pandas.DataFrame
-        ``patch, pressure_MPa`` before use.
+    square : xarray.Dataset
+        The path of a `gstlib.wear.WornSquare`: ``measured`` and ``pressure_MPa`` before use.
 
     Returns
     -------
     wear : pandas.DataFrame
         ``patch, model``; predicted and measured ``volume_um3`` over the points whose change is
-        known, as far as scans see it, and ``depth_um``, the mean depth over the points that lost
+        known, as far as scans show it, and ``depth_um``, the mean depth over the points that lost
         more than their level of detection (NaN where none did); ``rms_difference_um`` of predicted
-        depth and measured loss, point by point, and ``rms_out_of_contact_um``, over the points from
-        which ``archard`` takes less than that level. No model but ``truncation``, which takes the
+        depth and measured loss, point by point, and ``rms_out_of_contact_um``, over the points
+        where ``archard`` predicts less than that level. Only ``truncation``, which takes the
         patch's own worn area, has seen the patch's own wear.
     profile : pandas.DataFrame
         ``patch, by, band, model, loss_um``: mean loss of the highest quarter of a patch's points
         (``by`` ``height``, ``band`` 1) to the lowest (4), and of those with the smallest ``gap`` in
         contact to the largest; ``model`` is ``measured`` or a prediction.
     """
-    of = pressures.set_index("patch").pressure_MPa
+    of = square.pressure_MPa.to_series()
+    losses = square.measured.to_series().dropna()
     rows: list[tuple] = []
     bands: list[tuple] = []
     for patch, contact, change, worn in patches:
@@ -121,16 +105,17 @@ def wear_table(
                 for band, points in enumerate(order, start=1)
                 for model, depth in compared.items()
             ]
-    return pd.DataFrame(rows, columns=COLUMNS[0]), pd.DataFrame(bands, columns=COLUMNS[1])
+    table = pd.DataFrame(rows, columns=columns_of("wear"))
+    return table, pd.DataFrame(bands, columns=columns_of("wear_profile"))
 
 
 def _mean_um(depth: np.ndarray) -> float:
-    """Mean of depths in mm, µm; NaN of none."""
+    """Mean (µm) of depths in mm; NaN if there are none."""
     return 1e3 * float(depth.mean()) if depth.size else math.nan
 
 
 def _rms_um(depth: np.ndarray) -> float:
-    """R.m.s. of depths in mm, µm; NaN of none."""
+    """R.m.s. (µm) of depths in mm; NaN if there are none."""
     return 1e3 * float(np.sqrt(np.mean(depth**2))) if depth.size else math.nan
 
 
@@ -142,7 +127,7 @@ def wear_summary(
     seed: int,
     resamples: int,
 ) -> pd.DataFrame:
-    """What the predictions are worth, over the patches: the table ``wear_summary.csv``.
+    """How good the predictions are, over the patches: the table ``wear_summary.csv``.
 
     Parameters
     ----------
@@ -157,16 +142,16 @@ def wear_summary(
     -------
     pandas.DataFrame
         ``model, statistic, value, low, high, p_value, n, against``, with 95 % intervals.
-        ``skill(volume)`` is one less the summed absolute error of a prediction over that of a
-        rival: 1 if it errs nowhere, 0 if both err alike, negative if the rival errs less; its
-        two-sided test exchanges the two patch by patch. ``skill(map)`` is that of r.m.s.
-        differences, ``skill(depth)`` that of mean depths, against ``truncation`` alone: the other
-        rivals spread a loss evenly and tell no depth. A mat is tested against the bare stone by
-        ``skill(out_of_contact)`` alone: of the r.m.s. differences there, over 98 % of those of the
-        bare stone. ``spearman(model, measured volume)`` is a
-        rank correlation of volumes; ``lower_half`` the share of the loss that the lower half of the
-        points have, also as ``measured``; ``mat_ratio``, with a mat, its coefficient over that of
-        the bare stone, from all patches.
+        ``skill(volume)`` is one minus the ratio of a prediction's summed absolute error to a
+        rival's: 1 without error, 0 if both err alike, negative if the rival errs less; its
+        two-sided test exchanges the two patch by patch. ``skill(map)`` is the skill of r.m.s.
+        differences; ``skill(depth)`` that of mean depths, against ``truncation`` alone, because the
+        other rivals spread a loss evenly and predict no depth. A mat is tested against the bare
+        stone by ``skill(out_of_contact)`` alone: its r.m.s. differences there over 98 % of those of
+        the bare stone. ``spearman(model, measured volume)`` is a rank correlation of volumes;
+        ``lower_half`` is the share of the loss on the lower half of the points, also as
+        ``measured``; ``mat_ratio``, with a mat, is its coefficient over that of the bare stone,
+        from all patches.
     """
     errors = {
         "volume": (table.predicted_volume_um3 - table.measured_volume_um3).abs(),
@@ -184,7 +169,7 @@ def wear_summary(
     rows: list[tuple] = []
 
     def row(model: str, statistic: str, counts: np.ndarray, *more: object) -> None:
-        """One for the ratio of the sums over patches of two counts, shape (patches, 2)."""
+        """Add a row for the ratio of the sums over patches of two counts, shape (patches, 2)."""
         samples, total = counts[drawn].sum(axis=1), counts.sum(axis=0)
         low, high = percentile_interval(samples[:, 0] / samples[:, 1], len(patches))
         rows.append((model, statistic, total[0] / total[1], low, high, *more))
@@ -232,5 +217,7 @@ def wear_summary(
         for model in (*own, *_RIVALS)
         if model != "uniform"
     ]
-    found = pd.concat([pd.DataFrame(rows, columns=COLUMNS[2]), *ranked], ignore_index=True)
-    return found[COLUMNS[2]]
+    columns = columns_of("wear_summary")
+    return pd.concat([pd.DataFrame(rows, columns=columns), *ranked], ignore_index=True)[
+        columns
+    ]

@@ -108,7 +108,7 @@ SOFT = Layer(20.0, 0.2, 0.3)
 
 
 def test_stone_and_third_body_take_what_their_coefficients_and_forces_say():
-    """Of κ, the third body has its share; its pressure need not be that of the bare stone."""
+    """The third body has its share of κ; its pressure may differ from the bare stone's."""
     bare, soft = np.array([76.0, 50.0, 60.0]), np.array([20.0, 30.0, 25.0])
     body = ThirdBody(SOFT, 0.25, soft)
     options = {"mean_pressure": bare, "mean_loss": 3e-4, "steps": 3, "keep_depths": True}

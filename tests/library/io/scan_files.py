@@ -139,7 +139,7 @@ def write_gwyddion_text(path, heights, spacing):
 
 @dataclass(frozen=True)
 class Format:
-    """How to write a sample, and what `read_scan` has to be told of it."""
+    """How to write a sample, and what `read_scan` must be given to read it."""
 
     ending: str
     write: Callable

@@ -114,7 +114,7 @@ def test_absurd_sizes(tmp_path, heights, spacing, factor):
     path = tmp_path / "a.plu"
     tiled = np.tile(heights * factor, (20, 20))  # 140 points along x
     write_plu(path, tiled, spacing)
-    _refused(path, "are no surface scan: its unit is wrong")
+    _refused(path, "its unit is wrong")
 
 
 def test_a_profile_is_no_map(tmp_path, heights):
@@ -132,7 +132,7 @@ def test_unknown_content(tmp_path, name):
     _refused(tmp_path / name, "cannot be read as a height map", unit="um", spacing_um=1.0)
 
 
-# 32-bit words that mean trouble: extremes of integers, and floats that are none
+# 32-bit words that mean trouble: extreme integers, infinity and NaN
 WORDS = [struct.pack("<I", n) for n in (0, 1, 2**16, 2**31 - 1, 2**31, 2**32 - 1)] + [
     struct.pack("<f", value) for value in (math.nan, math.inf, -1.0, 1e-40, 1e30)
 ]

@@ -168,7 +168,7 @@ def test_cut_files_are_refused(write, name):
             length = content.rindex(b"\n", 0, length) - 1
         with pytest.raises(InputError, match=name):
             read_mesh(write(name, content[:length]))
-    if name != "ascii.stl" and "windows" not in name:  # whose last byte tells nothing
+    if name != "ascii.stl" and "windows" not in name:  # whose last byte means nothing
         refused(write(name, content[: len(content) - 1]), "cut|truncated|unexpected length")
 
 
@@ -177,17 +177,17 @@ def test_cut_files_are_refused(write, name):
     [
         # trimesh reads each of these as a part of the stone, or as another one
         ("ascii.stl", b"vertex", b"vortex", "cannot be read as STL"),
-        ("ascii.stl", b"endfacet", b"", "48 triangles can be read.*announces 47"),
+        ("ascii.stl", b"endfacet", b"", "48 triangles can be read.*states 47"),
         ("plain.obj", b"\nv ", b"\nw ", "cannot be read as OBJ"),
-        ("plain.obj", b"\nf 1 ", b"\nf 0 ", "does not count its vertices from the first"),
-        ("quads.obj", b" 7/1/1 ", b" -1/1/1 ", "does not count its vertices from the first"),
-        ("ascii.ply", b"5 3 0 ", b"5 3 77 ", "a face has a vertex that is none of its 26"),
+        ("plain.obj", b"\nf 1 ", b"\nf 0 ", "vertex numbers below 1"),
+        ("quads.obj", b" 7/1/1 ", b" -1/1/1 ", "vertex numbers below 1"),
+        ("ascii.ply", b"5 3 0 ", b"5 3 77 ", "a face refers to a vertex outside its 26"),
         ("ascii.ply", b"-20 ", b"-2O ", "could not be read"),
-        ("ascii.ply", b"face 48", b"face 49", "48 triangles .* announces 49"),
-        ("little.ply", struct.pack("<2Bi", 5, 3, 0), struct.pack("<2Bi", 5, 3, -1), "none of its"),
+        ("ascii.ply", b"face 48", b"face 49", "48 triangles .* states 49"),
+        ("little.ply", struct.pack("<2Bi", 5, 3, 0), struct.pack("<2Bi", 5, 3, -1), "outside its"),
         ("little.ply", b"float y", b"float w", "cannot be read as PLY"),
         ("little.ply", b"face 48", b"face 100000000000", "cannot be read as PLY"),
-        ("text.off", b"26 48", b"26 49", "48 triangles .* announces 49"),
+        ("text.off", b"26 48", b"26 49", "48 triangles .* states 49"),
         ("binary.stl", FILES["binary.stl"], FILES["binary.stl"] + b"more", "0 triangles .* 48"),
         ("binary.stl", FILES["binary.stl"], bytes(84), "no faces"),
         ("plain.obj", FILES["plain.obj"], b"v 0 0 0\nv 9 0 0\nv 0 9 0\n", "no faces"),

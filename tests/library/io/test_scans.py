@@ -66,7 +66,7 @@ def test_plu_as_the_project_writes_it_needs_no_large_library(tmp_path, heights):
     [
         ((1.8515e-3 * 60 / 59, 1.8515e-3 * 96 / 95), True),
         ((1.8515e-3, 1.8515e-3), False),
-        ((1.8515e-3 * 60 / 59, 1.8515e-3 * 60 / 59), False),  # cannot be told
+        ((1.8515e-3 * 60 / 59, 1.8515e-3 * 60 / 59), False),  # not detectable
         ((1.8e-3, 1.7e-3), False),
         ((1.801e-3, 1.8e-3), False),
     ],
@@ -117,7 +117,7 @@ class TestHeldHeights:
         return read_scan(tmp_path / "a.csv", unit="um", spacing_um=1.0).values * 1e3
 
     def rough(self):
-        """As of a scan in `.frt`: at 73 to 82 µm, with lone spikes."""
+        """Like a scan in `.frt`: at 73 to 82 µm, with lone spikes."""
         heights = 77 + np.random.default_rng(1).normal(size=(60, 50))
         heights[7, 8], heights[20, 30], heights[21, 30] = -0.3, 16.0, 305.0
         return heights
@@ -192,9 +192,9 @@ class TestPoints:
         ("text", "match"),
         [
             ("x y z\n1 2 three\n", "no row of numbers"),
-            ("# x y z\n1 2 3\n1 2 three\n", "from line 2 on, is no table of numbers.*'three'"),
+            ("# x y z\n1 2 3\n1 2 three\n", "from line 2 on, is not a table of numbers.*'three'"),
             ("0,5 1,5 2,5\n" * 9, "no row of numbers"),
-            ("1 2\n" * 9, "is no table of numbers"),
+            ("1 2\n" * 9, "is not a table of numbers"),
             ("1 2 3\n1 3 3\n", "2 points are scattered, or on one line"),
         ],
     )
@@ -210,7 +210,7 @@ class TestMatrices:
 
     def test_unit_and_spacing_come_from_the_config(self, tmp_path):
         path = self.write(tmp_path, "1,,3,nan\n5,BAD,---,8\n9,1,2,Bad\n")
-        _refused(path, "does not say its unit.*scans.unit", spacing_um=1.0)
+        _refused(path, "does not state its unit.*scans.unit", spacing_um=1.0)
         _refused(path, "spacing of its points.*scans.spacing_um", unit="um")
         scan = read_scan(path, unit="um", spacing_um=1.66)
         expected = [[1, 0, 3, 0], [5, 0, 0, 8], [9, 1, 2, 0]]
@@ -250,7 +250,7 @@ class TestMatrices:
             ("x,y,z\n" + "0,0,1\n" * 9, "3 columns and 9 rows.*xyz"),
             ("".join(f"{i} {i % 3}\n" for i in range(20)), "2 columns and 20 rows, as profiles"),
             ("no number at all\n" * 3, "no row of numbers"),
-            ("1,2,3,4\0\n" * 3, "is no text"),
+            ("1,2,3,4\0\n" * 3, "is not text"),
         ],
     )
     def test_that_are_none(self, tmp_path, text, match):

@@ -1,4 +1,4 @@
-"""The S-filter: what passes it, and what it does at the edges."""
+"""The S-filter: which waves pass, and what happens at the edges."""
 
 import numpy as np
 from gstlib.preprocess.filtering import s_filtered

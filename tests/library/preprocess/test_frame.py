@@ -56,7 +56,7 @@ def test_points_that_turn_clockwise_are_refused():
     ("points", "match"),
     [
         ([[0, 0, 20], [1, 0, 20], [3, 0.01, 20]], "in line"),
-        ([[0, 0, 20], [0, 0, 20], [0, 3, 20]], "in line, or two of them are one"),
+        ([[0, 0, 20], [0, 0, 20], [0, 3, 20]], "in line, or two of them are the same"),
         (
             [[0, 0, 20], [3, 0, 20], [0, 300, 20]],
             r"point 3, \[0, 300, 20\], is 280.* of stone.stl, which spans .* to \[.*20.0\] mm",

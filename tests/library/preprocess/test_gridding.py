@@ -115,7 +115,7 @@ def test_a_pin_hole_or_a_face_turned_over_is_bridged(turned, caplog):
 
 
 def without(faces):
-    """A plane without the faces of which a function of the mesh tells."""
+    """A plane without the faces that a function of the mesh selects."""
     plane = sheet(lambda x, y: 0 * x)
     plane.update_faces(~faces(plane))
     return plane
@@ -174,8 +174,8 @@ def at(x, y=0.0, normal=1.0):
             UP,
         ),
         ("faces turned inside out", turned_over, UP),
-        ("look against the frame's normal.*points 2 and 3", lambda: sheet(hills), at(0, 5, -1)),
-        ("look against the frame's normal.*turn the mesh's faces", inverted, UP),
+        ("point against the frame's normal.*points 2 and 3", lambda: sheet(hills), at(0, 5, -1)),
+        ("point against the frame's normal.*turn the mesh's faces", inverted, UP),
         (r"folds over within the square: .* % of the square .* two heights", breaking_wave, UP),
         (r"has 1\d vertices .* 30 .*finer mesh", lambda: sheet(hills, edge=1.3), UP),
     ],

@@ -1,4 +1,4 @@
-"""Planes: exact on planes, least squares elsewhere, and what is left has none."""
+"""Planes: exact on planes, least squares elsewhere, and no plane is left."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Outliers: each rule as it is written, spikes are found, and what no rule should take is left."""
+"""Outliers: each rule works as defined, spikes are found, and good points are left alone."""
 
 import numpy as np
 import pytest
@@ -75,7 +75,7 @@ def test_window_rule_takes_the_share_of_the_measured_points_and_no_others(
     outlier, k = window_outliers(surface, half_width=half_width, share=share, measured=measured)
     allowed = share * measured.sum()
     assert outlier.sum() <= allowed
-    assert outlier.sum() > allowed - 2  # and no fewer than need be
+    assert outlier.sum() > allowed - 2  # and no fewer than necessary
     assert not (outlier & ~measured).any()
     assert k >= 0
 

@@ -55,7 +55,7 @@ def remeasure():
 
 @pytest.fixture
 def scans():
-    """Make T0 and T1 of a small stone of its own: worn, with spikes, noise and another tilt."""
+    """Make T0 and T1 of a small stone: worn, with spikes, noise and another tilt."""
 
     def make(seed, shift=(0.0, 0.0), turn_deg=0.0, size=128):
         rng = np.random.default_rng(seed)

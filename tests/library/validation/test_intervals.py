@@ -1,4 +1,4 @@
-"""Intervals hold the truth about as often as they say, within a patch and over patches."""
+"""Intervals contain the truth about as often as they claim, within a patch and over patches."""
 
 import numpy as np
 import pytest
@@ -124,6 +124,6 @@ def test_interval_of_a_mean_of_few_holds_it_as_often_as_it_says(units):
 
 
 def test_no_interval_of_a_few_or_of_nothing():
-    """Three patches that all gain a little prove nothing: by chance one study in four has them."""
+    """Three patches that all gain slightly prove nothing: so does one study in four by chance."""
     assert np.isnan(percentile_interval(np.array([0.1, 0.2, 0.3]), 5)).all()
     assert np.isnan(percentile_interval(np.array([np.nan, np.nan]), 9)).all()

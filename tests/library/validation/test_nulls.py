@@ -54,7 +54,7 @@ def nulls(at, shifts=999, seed=0):
 
 @pytest.mark.parametrize("factor", [1.0, 1.5])
 def test_scores_of_shifts_are_those_of_the_rolled_prediction(monkeypatch, factor):
-    """Over all shifts beyond the correlation length; those above their mean stretched from it.
+    """Over all shifts beyond the correlation length; those above their mean are stretched from it.
 
     Where most shifts hit nothing, a patch that hits nothing either is no better.
     """

@@ -35,7 +35,7 @@ def test_scores_by_hand():
     predicted = np.array([[1, 1, 1, 0, 0, 0, 0, 1]], dtype=bool)
     observed = np.array([[1, 1, 0, 1, 1, 0, 0, 1]], dtype=bool)
     valid = np.array([[1, 1, 1, 1, 1, 1, 1, 0]], dtype=bool)
-    expected = {"precision": 2 / 3, "recall": 2 / 4, "f1": 4 / 7, "iou": 2 / 5, "fss": 4 / 7}
+    expected = {"precision": 2 / 3, "recall": 2 / 4, "f1": 4 / 7, "fss": 4 / 7}
     expected["mcc"] = (2 * 2 - 1 * 2) / math.sqrt(3 * 4 * 3 * 4)
     assert scores(predicted, observed, valid) == pytest.approx(expected)
 
@@ -46,8 +46,8 @@ def test_empty_masks():
         assert all(math.isnan(value) for value in empty.values())
     silent, alarm = scores(none, some), scores(some, none)
     assert math.isnan(silent["precision"] + silent["mcc"] + alarm["recall"])
-    assert (silent["recall"], silent["f1"], silent["iou"]) == (0, 0, 0)
-    assert (alarm["precision"], alarm["f1"], alarm["iou"]) == (0, 0, 0)
+    assert (silent["recall"], silent["f1"]) == (0, 0)
+    assert (alarm["precision"], alarm["f1"]) == (0, 0)
 
 
 @settings(deadline=None)
@@ -55,7 +55,7 @@ def test_empty_masks():
 def test_masks_may_be_swapped_and_mcc_is_their_correlation(predicted, observed, valid):
     one, other = scores(predicted, observed, valid), scores(observed & valid, predicted, valid)
     np.testing.assert_equal(one["precision"], other["recall"])
-    for name in ("f1", "iou", "mcc"):
+    for name in ("f1", "mcc"):
         np.testing.assert_allclose(one[name], other[name])
     # fractions skill of one element is F1
     assert one["fss"] == pytest.approx(one["f1"], nan_ok=True)

@@ -9,10 +9,10 @@ from contacts import contact_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.randomness import self_affine_field, smooth_field
 from gstlib.surface import make_surface
-from gstlib.validation.change import height_change
+from gstlib.validation.change import height_change, wear_summary
 from gstlib.validation.nulls import _wrap_around_factors
 from gstlib.validation.scores import SCORES
-from gstlib.validation.scoring import patch_tables, score_patch
+from gstlib.validation.scoring import patch_tables, score_patch, score_table
 
 SETTINGS = {
     "rim": 0.0,
@@ -148,8 +148,11 @@ def test_tables_have_the_same_columns_with_and_without_patches(patch):
     for name, rows in {"patches": 2, "gains": 2 * len(SCORES)}.items():
         assert (len(tables[name]), len(empty[name])) == (rows, 0)
         assert list(empty[name]) == list(tables[name])
-    assert set(tables["patches"]) == set(found[0].scores)  # nothing of the rows is lost
     assert tables["patches"].notna().all(axis=None)
+    # nothing of the rows is lost but what registration.csv states
+    told = {*wear_summary(patch[1])} - {"loss_per_area_um"}
+    assert {*tables["patches"], *told} == {*found[0].scores}
+    assert {*score_table(found)} - {*tables["patches"]} == {"loss_fraction"}
 
 
 def measured_twice(rng, worn=0.0):
@@ -198,7 +201,7 @@ def test_a_patch_that_rose_is_reported_once(patch, rose, fell, words):
 
 
 def test_a_mould_undone_wrongly_is_asked_after_first():
-    """Heights of both epochs change sign: what use took away looks added."""
+    """Heights of both epochs change sign: material removed by use looks added."""
     contact, change = measured_twice(np.random.default_rng(5), worn=0.05)
     t0, t1 = -contact.height, -(contact.height + change.change)
     found = scored((contact.assign(height=t0), height_change(t0, t1, minimum_points=8)))
@@ -206,7 +209,7 @@ def test_a_mould_undone_wrongly_is_asked_after_first():
 
 
 def test_one_spot_that_misses_is_no_better_than_chance(patch):
-    """Nearly all shifts hit nothing either."""
+    """Nearly all shifts hit nothing, too."""
     contact, change = patch
     pressure = np.zeros(contact.height.shape)
     pressure[:6, :6] = 1.0

@@ -9,7 +9,6 @@ import pytest
 from gstlib.validation.scores import SCORES
 from gstlib.validation.scoring import PatchScores
 from gstlib.validation.summary import (
-    compare_variants,
     mean_gains,
     mean_scores,
     rank_correlation,
@@ -178,14 +177,15 @@ def summary(order="85123467", worst=("5", "8"), loss=None):
         one.scores["loss_fraction"] = value
     # patches may come in any order
     predicted = predicted[::-1].reset_index(drop=True)
-    rows = summarise(found, predicted, seed=1, resamples=99, expected_worst=worst)
+    chance = {"seed": 1, "resamples": 99}
+    rows, _ = summarise({"placed": found}, predicted, expected_worst=worst, **chance)
     return rows.set_index("statistic")
 
 
 def test_summary_of_a_study():
     found = summary(worst=())
     kinds = found.index.str.partition("(").get_level_values(0).value_counts().to_dict()
-    assert kinds == {"gain": 8, "mean": 8, "spearman": 6}
+    assert kinds == {"mean": 7, "spearman": 6}
     pair = found.loc["spearman(pressure_MPa, loss_fraction)"]
     assert pair["value"] == pytest.approx(1)
     assert pair["against"] == "other pairings, neighbours alike"
@@ -193,19 +193,35 @@ def test_summary_of_a_study():
     assert "spearman(exposure_N_per_mm, loss_fraction)" not in found.index  # there is no gesture
     assert found.loc["mean(f1)", "p_value"] < 0.01
     # without patches the table has its columns and no rows
-    empty = summarise([], study()[1], seed=1, resamples=99, expected_worst=["5"])
+    chance = {"seed": 1, "resamples": 99}
+    empty, variants = summarise({"placed": []}, study()[1], expected_worst=["5"], **chance)
     assert (list(empty), len(empty)) == ([*found.reset_index()], 0)
+    assert set(variants.n) == {0}
+
+
+def test_the_variants_are_scored_alike():
+    """Each as if it were alone; the summary is that of the first."""
+    found, predicted = study()
+    chance = {"seed": 1, "resamples": 99}
+    for number, one in enumerate(found):
+        one.scores["highest_f1"] = number / 10
+    other = found[:6]
+    both, rows = summarise({"placed": found, "levelled": other}, predicted, **chance)
+    alone, own = summarise({"placed": found}, predicted, **chance)
+    _, rest = summarise({"levelled": other}, predicted, **chance)
+    pd.testing.assert_frame_equal(both, alone)
+    pd.testing.assert_frame_equal(rows, pd.concat([own, rest], ignore_index=True))
 
 
 def test_a_patch_whose_loss_may_be_noise_counts_nowhere():
     """One number of patches in the whole table, and in that of the variants."""
     found, predicted = study()
     found[2].scores["believed"] = False
-    rows = summarise(found, predicted, seed=1, resamples=99)
+    chance = {"seed": 1, "resamples": 99}
+    rows, variants = summarise({"placed": found}, predicted, **chance)
     assert set(rows.n[rows.value.notna()]) == {7}
-    variants = compare_variants({"placed": found}, seed=1, resamples=99)
     assert set(variants.n[variants.gain.notna()]) == {7}
-    assert len(summarise(found[2:3], predicted, seed=1, resamples=99)) == 0
+    assert len(summarise({"placed": found[2:3]}, predicted, **chance)[0]) == 0
 
 
 def test_the_papers_claim_is_exact():

@@ -1,0 +1,629 @@
+"""The tables of results: what each is called, what it says, and what its columns mean.
+
+This is the only place that lists them. The functions that make a table take the names of its
+columns from here, and `gstlib.io.tables.write_table` the digits. The captions of the page and of
+the report, the list in README.md and the tests are made from it, too (`make docs`).
+
+To add a column, add its name and its meaning to the table here, and its values where the table is
+made. A name ends with the unit, if there is one. Captions are reStructuredText, and Jinja where
+they quote the config of a study: whoever shows them fills that in.
+"""
+
+from dataclasses import dataclass
+
+__all__ = ["SIGNIFICANT_DIGITS", "TABLES", "Column", "Table", "columns_of"]
+
+# Results are solved to a relative residual of 1e-6 or better; five digits stay above that noise.
+SIGNIFICANT_DIGITS = 5
+# A stiffness is converged to about 1e-6.
+_FEWER_DIGITS = {"stiffness_MPa_per_um": 4, "interface_stiffness_MPa_per_um": 4}
+# Units as names of columns end with them; those that end like another one come first.
+_UNITS = {
+    "MPa_per_um": "MPa/µm",
+    "um3_per_um2": "µm³/µm²",
+    "N_per_mm": "N/mm",
+    "MPa": "MPa",
+    "N": "N",
+    "mm": "mm",
+    "um": "µm",
+    "um3": "µm³",
+    "deg": "°",
+    "mrad": "mrad",
+    "percent": "%",
+}
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table."""
+
+    name: str
+    meaning: str
+
+    @property
+    def unit(self) -> str:
+        """The unit that the name ends with, as it is printed; empty without one."""
+        endings = (unit for end, unit in _UNITS.items() if self.name.endswith(f"_{end}"))
+        return next(endings, "")
+
+    @property
+    def digits(self) -> int:
+        """How many significant digits are printed."""
+        return _FEWER_DIGITS.get(self.name, SIGNIFICANT_DIGITS)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of results: a CSV file, by the name that it has in `TABLES`."""
+
+    title: str
+    caption: str
+    meanings: dict[str, str]  # of the columns, by their names and in their order
+    only: str = ""  # when a study has the table, if not always
+    optional: tuple[str, ...] = ()  # columns that are not always there
+    folder: str = "tables"  # in that of the results
+
+    @property
+    def columns(self) -> list[Column]:
+        return [Column(*of_column) for of_column in self.meanings.items()]
+
+
+def columns_of(table: str) -> list[str]:
+    """The names of a table's columns, in their order."""
+    return list(TABLES[table].meanings)
+
+
+# --- Columns of several tables ----------------------------------------------------------------
+
+_PATCH = "name of the patch"
+_PATCH_OR_SQUARE = "name of the patch; empty for the square"
+_EPOCH = "before use (T0) or after use (T1)"
+_PRESSURE = "pressure of the patch: force on it over its area"
+_STUDIED = "number of patches"
+_INTERVAL = {
+    "low": "lower end of the 95 % interval",
+    "high": "upper end of the 95 % interval",
+}
+_PRESSED = {
+    "patch": _PATCH,
+    "x_mm": "centre of the patch in the square, from its lower left corner",
+    "y_mm": "the same along y",
+    "rotation_deg": "rotation of the patch, from x towards y",
+    "force_N": "force on the patch",
+    "pressure_MPa": _PRESSURE,
+    "peak_pressure_MPa": "highest pressure of an element of the square in the patch",
+    "mesh_pressure_MPa": "pressure of the patch where the mesh alone is pressed",
+}
+_LOADED = {
+    "step": "number of the load step",
+    "displacement_um": "displacement from first touch",
+    "mean_pressure_MPa": "force over nominal area",
+    "contact_fraction": "share of the area in contact",
+    "stiffness_MPa_per_um": "change of mean pressure with displacement",
+}
+_INTERFACE = {
+    "interface_stiffness_MPa_per_um": (
+        "the same without the compliance of the half-space under the patch"
+    ),
+}
+_SCORES = {
+    "precision": "share of the predicted area that lost height",
+    "recall": "share of the area with loss that was predicted",
+    "f1": "harmonic mean of precision and recall",
+    "mcc": "Matthews' correlation coefficient: 0 at chance, 1 if all agrees",
+    "fss": "fractions skill score, which forgives near misses",
+    "roc_auc": "probability that a point with loss ranks above one without",
+    "pr_auc": "mean precision over the points with loss, by rank",
+}
+
+
+def _of_rival(rival: str, words: str, *scores: str) -> dict[str, str]:
+    """The scores of a rival, whose name stands in front of theirs."""
+    return {f"{rival}_{score}": f"{score} of {words}" for score in scores}
+
+
+# --- The tables, in the order of the study ----------------------------------------------------
+
+TABLES = {
+    "inputs": Table(
+        "what every scan holds",
+        """
+        What each scan holds as read, before any cleaning. Where a piece is cut from a larger
+        scan, the values describe that piece.
+        """,
+        {
+            "patch": _PATCH,
+            "epoch": _EPOCH,
+            "file": "name of the file",
+            "points_x": "number of points along x",
+            "points_y": "number of points along y",
+            "spacing_x_um": "distance of the points along x",
+            "spacing_y_um": "distance of the points along y",
+            "unmeasured": "share of unmeasured points; preprocessing.csv has their number",
+            "Sq_um": "r.m.s. height about the best-fit plane",
+            "tilt_x_mrad": "slope of that plane along x",
+            "tilt_y_mrad": "slope of that plane along y",
+            "instrument": "instrument, as the file states it",
+            "objective": "objective, as the file states it",
+        },
+    ),
+    "preprocessing": Table(
+        "how each scan was cleaned",
+        "How each scan was cleaned, filled and levelled.",
+        {
+            "patch": _PATCH,
+            "epoch": _EPOCH,
+            "unmeasured": "number of unmeasured points; inputs.csv has their share",
+            "filled": "number of points filled",
+            "outliers": "number of points replaced as outliers",
+            "outlier_k": "threshold: found by the paper's rule, given by the robust one",
+            "tilt_x_mrad": "slope removed along x",
+            "tilt_y_mrad": "slope removed along y",
+            "Sq_before_um": "r.m.s. height of the measured points about their mean",
+            "Sq_after_um": "r.m.s. height of the cleaned scan",
+        },
+    ),
+    "gridding": Table(
+        "how well each interpolation of the mesh predicts vertices left out",
+        """
+        The mesh is interpolated on the grid of the square in one of three ways. Each predicts the
+        vertices in the square from the others, in eight groups. The grid is made from all
+        vertices, so its own error is smaller. ``macroscale.interpolation`` in the config says
+        which way is taken; ``best`` takes the one with the smallest error.
+        """,
+        {
+            "interpolation": "way of interpolation",
+            "left_out_rms_um": "r.m.s. error at the vertices left out",
+            "chosen": "whether the grid is made this way",
+        },
+    ),
+    "macroscale_path": Table(
+        "load path of the square",
+        "The load path of the square: a row for each step.",
+        _LOADED,
+    ),
+    "placement": Table(
+        "whether the scans fit the mesh where the patch table puts them",
+        """
+        Do the patches lie where the patch table says? The heights of each scan are correlated
+        with those of the macroscale surface under it, both without their planes. *agrees*: they
+        correlate. *elsewhere*: they do not; half of the patches that lie in a wrong place
+        correlate by chance, and are not noticed. *cannot tell*: there are fewer than four
+        patches, or the patches together correlate by less than 0.5. The last row has the shift
+        that all patches share (true less stated position, along the square's axes): *shifted* if
+        it differs from 0 at a level of 1 %; the correlations are then those after the shift.
+        Correct such a shift in the patch table.
+        """,
+        {
+            "patch": "name of the patch; all patches in the last row",
+            "correlation": "correlation of scan and square",
+            "shift_x_um": "shift that all patches share, along x",
+            "shift_y_um": "shift that all patches share, along y",
+            "shift_x_error_um": "its standard error along x",
+            "shift_y_error_um": "its standard error along y",
+            "verdict": "agrees, elsewhere, shifted or cannot tell",
+            "looks": (
+                "orientation that fits clearly best, if one does; other than as given, check "
+                "scans.mould in the config"
+            ),
+        },
+    ),
+    "pressures": Table(
+        "pressure of every patch, before the patches are selected",
+        "As ``patch_pressures.csv``, for the stages between.",
+        _PRESSED,
+        folder="coupling",
+    ),
+    "patch_pressures": Table(
+        "pressure of every patch (the paper's Table 1), and whether it is in the study",
+        "The pressure of every scanned patch: the force on it over its nominal area.",
+        {
+            **_PRESSED,
+            "in_study": "whether the patch is in the microscale study",
+            "reason": "if not, why",
+        },
+    ),
+    "patch_intervals": Table(
+        "95 % interval of every patch's pressure",
+        """
+        The square was pressed 100 times: with the mesh in error as its left-out vertices show,
+        with a standard deviation of {{ config.uncertainty.placement_um }} µm in each patch's
+        position along each axis, of {{ "%.0f" | format(100 * config.uncertainty.young_share) }} %
+        in each stone's Young's modulus and of {{ config.uncertainty.poisson }} in each Poisson's
+        ratio{% if config.coupling == "placed" %}, and with other detail between the scans{% endif
+        %}. Where the scans are not laid on the mesh (``coupling: levelled``), the last three
+        columns are missing.
+        """,
+        {
+            "patch": _PATCH,
+            "pressure_MPa": _PRESSURE,
+            "low_MPa": "lower end of the 95 % interval",
+            "high_MPa": "upper end of the 95 % interval",
+            "tilt_mrad": "tilt of the mesh's plane under the patch",
+            "tilt_error_mrad": "its standard error along each axis",
+            "plane": (
+                "mesh: the patch keeps that plane; levelled: the mesh does not know it well enough"
+            ),
+        },
+        optional=("tilt_mrad", "tilt_error_mrad", "plane"),
+    ),
+    "exposure": Table(
+        "what a gesture leaves on each patch",
+        "Each patch over the poses of the gesture, beside the single pose.",
+        {
+            "patch": _PATCH,
+            "pressure_MPa": "pressure of the patch in the single pose",
+            "mean_pressure_MPa": "mean over the poses",
+            "lowest_pressure_MPa": "lowest of the poses",
+            "highest_pressure_MPa": "highest of the poses",
+            "touched": "share of the poses that touch the patch",
+            "exposure_N_per_mm": (
+                "pressure times sliding, summed over the poses: what wears by Archard's law"
+            ),
+        },
+        only="with `gesture`",
+    ),
+    "two_scales": Table(
+        "what two scales cost: each patch beside one contact of the whole square",
+        """
+        Each patch, pressed by itself, beside one contact of the whole square at the scans'
+        resolution, the reference. The scores compare the two contacts point by point. The outer
+        {{ "%.0f" | format(100 * config.validation.rim) }} % of the patch's side along each edge
+        are left out.
+        """,
+        {
+            "patch": "name of the patch; all: the points of all patches together",
+            "variant": (
+                "variant of the coupling; highest_VARIANT is a rival without mechanics: as many of "
+                "the surface's highest points as touch in the reference"
+            ),
+            "pressure_MPa": _PRESSURE,
+            "reference_pressure_MPa": "pressure of the patch in the reference",
+            "contact_fraction": "share of the area in contact",
+            "reference_contact_fraction": "the same in the reference",
+            "precision": "share of the contact that also touches in the reference",
+            "recall": "share of the reference's contact that is found",
+            "f1": "harmonic mean of precision and recall",
+            "iou": "intersection over union of the two contacts",
+        },
+        only="with `coupling: placed`",
+    ),
+    "published": Table(
+        "published values beside the computed ones",
+        "Published values beside those computed here.",
+        {
+            "quantity": "what is compared",
+            "patch": _PATCH_OR_SQUARE,
+            "unit": "unit of both values",
+            "published": "value of the publication",
+            "computed": "value of this study",
+        },
+        only="with `published`",
+    ),
+    "microscale_summary": Table(
+        "each patch at its own pressure: displacement, contact area, stiffness",
+        "Each patch at the pressure that it carries in the square.",
+        {
+            "patch": _PATCH,
+            "target_pressure_MPa": "pressure that the patch carries in the square",
+            "mean_pressure_MPa": "pressure that the solution reached",
+            "displacement_um": "displacement from first touch",
+            "contact_fraction": "share of the area in contact",
+            "stiffness_MPa_per_um": "change of mean pressure with displacement",
+            **_INTERFACE,
+            "residual": (
+                "largest violation of the contact conditions over the largest rigid "
+                "interpenetration, rounded up to a power of ten"
+            ),
+        },
+    ),
+    "microscale_paths": Table(
+        "load path of every patch",
+        "The load path of each patch: a row for each step.",
+        {
+            "patch": _PATCH,
+            **_LOADED,
+            **_INTERFACE,
+        },
+    ),
+    "cases": Table(
+        "further cases: another contact modulus, a grinding force, a ceiling on the pressure",
+        """
+        What would change, had the study been asked otherwise? ``study`` is the study's own value
+        where a case has another.{% if config.material.contact_modulus_MPa %} ``other modulus``:
+        the square at the same mean pressure with the contact modulus that follows from the
+        elastic constants by the standard definition, with (1 - ν²) where the paper prints (1 -
+        ν).{% endif %}{% if config.grinding %} ``grinding``: each patch of the study under a
+        tangential load of {{ config.grinding.tangential_ratio }} times the force that would make
+        it slide, with Coulomb friction {{ config.grinding.friction }} (Ciavarella 1998; Jäger
+        1998). Slip begins at the edges of each contact spot; the cores of the summits stick.
+        ``slip share`` is the share of the contact that slips; the rest sticks. ``mean traction``
+        is the tangential force over the patch's nominal area, ``tangential displacement`` how far
+        the two solids move against each other, far from the contact.{% endif %}{% if
+        config.hardness %} ``ceiling``: each patch of the study at the same mean pressure, but no
+        element bears more than {{ config.hardness }} MPa. In a purely elastic solution the
+        asperities bear far more than the strength of any stone; this case shows how much of the
+        predicted contact depends on that. ``share at the ceiling`` is of the contact, ``iou`` the
+        overlap of the contact with the study's own, ``deepest yield`` how far the surface gives
+        way at the ceiling.{% endif %}
+        """,
+        {
+            "case": "study, other modulus, grinding or ceiling",
+            "patch": _PATCH_OR_SQUARE,
+            "quantity": "what the value is of",
+            "unit": "unit of the value",
+            "value": "value in this case",
+        },
+        only="with `material.contact_modulus_MPa`, `grinding` or `hardness`",
+    ),
+    "registration": Table(
+        "how well T1 is aligned with T0, and what was lost",
+        """
+        How well the scan after use (T1) is aligned with that before (T0) on each patch, and what
+        the two show of the wear. A patch is excluded from the study where T1 covers too little of
+        T0 or correlates too little with it. Without an alignment, or with fewer than 100 points
+        measured at both epochs, the columns of change are empty.
+        """,
+        {
+            "patch": _PATCH,
+            "found": "whether an alignment was found",
+            "shift_x_um": "shift of T1 along x",
+            "shift_y_um": "shift of T1 along y",
+            "rotation_deg": "rotation of T1, from x towards y",
+            "overlap": "share of T0 that T1 covers",
+            "correlation": "correlation of the heights",
+            "detail_correlation": "correlation of their detail, without long waves",
+            "height_scale": "depth of the dales at T1 over that at T0",
+            "residual_um": "robust standard deviation of the difference over all points",
+            "change_sigma_um": "the same over the unchanged points",
+            "lateral_sigma_um": "lateral error, estimated from the slopes",
+            "level_of_detection_um": "smallest change that is detected, median over the points",
+            "known_share": "share of T0 where both heights are known",
+            "loss_fraction": "share of the known area that lost height",
+            "gain_fraction": "share of the known area that gained height",
+            "loss_volume_um3": "volume lost",
+            "loss_depth_um": "mean depth where height was lost",
+            "excluded": "whether this excludes the patch from the study",
+            "reason": "if so, why",
+        },
+        only="with scans after use",
+    ),
+    "texture": Table(
+        "surface texture of each patch, before and after use (ISO 25178-2)",
+        """
+        Both epochs are measured on the rectangle that both scans cover. A patch without a usable
+        T1 has T0 only, on the whole scan. The plane is removed, then waves shorter than {{
+        config.texture.s_filter_um }} µm (S-filter){% if config.texture.l_filter_um %} and longer
+        than {{ config.texture.l_filter_um }} µm (L-filter){% endif %}, by Gaussian filters (ISO
+        16610-61); beyond its edges the map is continued point-symmetrically. Sz, Ssk, Sku, Sdq
+        and Sdr follow single points, such as an outlier in one scan: a change in them alone is no
+        sign of use.
+        """,
+        {
+            "patch": _PATCH,
+            "epoch": "T0, T1, or change: T1 less T0",
+            "size_x_mm": "width of the rectangle",
+            "size_y_mm": "height of the rectangle",
+            "Sa_um": "mean roughness",
+            "Sq_um": "r.m.s. roughness",
+            "Sz_um": "highest to lowest point",
+            "Ssk": "skewness; below 0: more dales than summits",
+            "Sku": "kurtosis; 3: normal",
+            "Sdq": "r.m.s. slope",
+            "Sdr_percent": "area in excess of the flat one",
+            "Sal_um": "autocorrelation length: the grain of the texture",
+            "Str": "1: isotropic; near 0: striated",
+            "Sk_um": "height of the core",
+            "Spk_um": "height of the summits above the core",
+            "Svk_um": "depth of the dales below the core",
+            "Smr1_percent": "share of the area in summits",
+            "Smr2_percent": "share of the area in all but the dales",
+            "Vmp_um3_per_um2": "material volume of the summits",
+            "Vmc_um3_per_um2": "material volume of the core",
+            "Vvc_um3_per_um2": "void volume of the core",
+            "Vvv_um3_per_um2": "void volume of the dales",
+        },
+    ),
+    "validation_patches": Table(
+        "scores of predicted contact on each patch",
+        """
+        How well predicted contact agrees with the measured loss, where the change is known:
+        scores of the contact (no prefix), of the highest points at the contact's area
+        (``highest_``), and of rigid interpenetration at the contact's displacement (``rigid_``).
+        Rigid interpenetration ranks points by height, as the highest points do, so it has no
+        ROC-AUC and PR-AUC of its own. ``fss`` accepts misses by less than {{
+        config.validation.neighbourhood_um }} µm. Where ``noise_share`` exceeds {{
+        config.validation.most_noise }}, ``believed`` is no. ``registration.csv`` has area, volume
+        and depth of the loss.
+        """,
+        {
+            "patch": _PATCH,
+            "contact_fraction": "share of the patch in predicted contact",
+            "valid_contact_fraction": "the same where the change is known",
+            "loss_per_area_um": (
+                "volume lost over the known area, comparable between patches of different overlap"
+            ),
+            "noise_share": (
+                "area that rose over area that fell: noise raises as often as it lowers, so this "
+                "is the share of the loss that it would explain"
+            ),
+            "believed": "whether the patch counts in statistics over patches",
+            "correlation_length_um": (
+                "distance at which the autocorrelation of the loss has fallen to 1/e"
+            ),
+            "rigid_fraction": "share of the known area that rigid interpenetration marks",
+            **_SCORES,
+            **_of_rival("highest", "the highest points", *_SCORES),
+            **_of_rival("rigid", "rigid interpenetration", *list(_SCORES)[:5]),
+        },
+        only="with scans after use",
+    ),
+    "validation_gains": Table(
+        "each score of each patch, against chance and against the best rival",
+        """
+        Chance: the prediction is shifted over the patch as over a torus, beyond the correlation
+        length of the loss. *noise*: ``noise_share`` exceeds {{ config.validation.most_noise }},
+        and noise mimics agreement, since a point that it raises at T0 is predicted to touch and
+        looks worn at T1. *long waves*: the loss correlates over more than 8 % of the patch's
+        side, where shifts claim too much. *undefined*: there is no loss, or the score has no
+        value. The interval is that of a bootstrap over blocks at least twice as long as the
+        correlation length.
+        """,
+        {
+            "patch": _PATCH,
+            "score": "name of the score",
+            "value": "score of predicted contact",
+            "null_mean": "mean score of the shifted predictions",
+            "null_low": "lower end of the range of 95 % of their scores",
+            "null_high": "upper end of that range",
+            "effect_size": "value less that mean, over their standard deviation",
+            "p_value": "one-sided test against the shifted predictions",
+            "untested": "why there is no p-value: noise, long waves or undefined",
+            "shifts": "number of shifts",
+            "best_rival": "rival with the best score on this patch",
+            "best_rival_value": "score of that rival",
+            "gain": "value less that of the best rival",
+            "gain_low": "lower end of its 95 % interval; empty with fewer than 9 blocks",
+            "gain_high": "upper end of its 95 % interval",
+            "blocks": "number of blocks",
+        },
+        only="with scans after use",
+    ),
+    "validation_summary": Table(
+        "mean scores and rank correlations over all patches",
+        """
+        Over the patches in the study, except those whose loss may be noise and, row by row, those
+        where its numbers are not defined. ``mean(score)``: mean score of predicted contact,
+        compared with shifted predictions, one-sided, over the patches where that can be tested.
+        ``spearman(...)``: rank correlation of a patch's predicted values{% if config.gesture %},
+        over the gesture also its exposure,{% endif %} with the area and volume of its loss (per
+        area seen); two-sided, exact up to 8 patches, allowing for spatial autocorrelation
+        (Dutilleul 1993).{% if config.validation.expected_worst %} ``expected_worst(...)``: share
+        of the patches stated beforehand as the worst worn that are among as many worst worn
+        ones; the p-value is the exact probability that a random ranking does as well.{% endif %}
+        The gains over the best rival are in ``validation_variants.csv``.
+        """,
+        {
+            "statistic": "name of the statistic",
+            "value": "its value",
+            **_INTERVAL,
+            "p_value": "p-value of the test",
+            "n": _STUDIED,
+            "against": "what the value is tested against",
+        },
+        only="with scans after use",
+    ),
+    "validation_variants": Table(
+        "mean scores and gains over the best rival, by variant of the coupling",
+        """
+        The mean over patches of each score, by variant of the coupling, the study's own first.
+        The rivals see the same surface: with ``placed``, they too have the patch's plane.
+        """,
+        {
+            "variant": "variant of the coupling",
+            "score": "name of the score",
+            "contact": "mean score of predicted contact",
+            "rival": "mean score of the best rival",
+            "best_rival": "rival with the best mean",
+            "gain": "mean gain of contact over it",
+            **_INTERVAL,
+            "p_value": "two-sided test that exchanges contact and rival on random patches",
+            "n": _STUDIED,
+        },
+        only="with scans after use",
+    ),
+    "wear": Table(
+        "loss of each patch, measured and predicted",
+        """
+        Loss of each patch by model: ``archard``{% if config.mat %}, ``mat`` (a soft layer takes
+        turns with the bare stone){% endif %}, ``pressure`` (in proportion to the pressure before
+        use), ``uniform`` (the same on every patch), ``truncation`` (cut off flat over the worn
+        area, which it knows). Only points whose change is known count.
+        """,
+        {
+            "patch": _PATCH,
+            "model": "model that predicts the loss",
+            "predicted_volume_um3": "predicted volume, as far as two scans can see it",
+            "measured_volume_um3": "measured volume",
+            "predicted_depth_um": (
+                "mean over the points predicted to lose more than is detected; empty without any"
+            ),
+            "measured_depth_um": "mean over the points that lost more than is detected",
+            "rms_difference_um": "r.m.s. of predicted less measured loss, point by point",
+            "rms_out_of_contact_um": "the same where archard takes off less than is detected",
+        },
+        only="with scans after use",
+    ),
+    "wear_profile": Table(
+        "loss by height and by gap, measured and predicted",
+        """
+        Each patch's points in four bands of as many points each. A flat takes nothing off
+        valleys; what they lost was taken by something soft, or broke out.
+        """,
+        {
+            "patch": _PATCH,
+            "by": "height: from the highest points on; gap: from the contact on",
+            "band": "1 to 4: to the lowest, or to the most open points",
+            "model": "measured, or the model that predicts the loss",
+            "loss_um": "mean loss of the band",
+        },
+        only="with scans after use",
+    ),
+    "wear_summary": Table(
+        "what the prediction of the loss is worth",
+        """
+        What Archard's law, ``archard``{% if config.mat %}, and with a mat, ``mat``,{% endif %} is
+        worth, over the patches whose loss is believed. ``skill(volume)``: 1 less the ratio of its
+        summed absolute error to that of the rival. 1: no error; 0: it errs as much; negative: the
+        rival errs less. ``skill(depth)``: of the mean depth where lost, against ``truncation``
+        alone, since the other rivals spread a loss evenly over the patch; ``skill(map)``: of the
+        r.m.s. difference point by point. ``spearman(...)``: rank correlation with the measured
+        volume. ``lower_half``: share of the loss that the lower half of the points have, also as
+        measured.{% if config.mat %} ``mat_ratio``: coefficient of the mat over that of the bare
+        stone, which fits all patches best. ``skill(out_of_contact)`` tests whether a mat was
+        there: where the bare stone takes off less than is detected, against 98 % of its error.{%
+        endif %} Intervals are those of a bootstrap over patches.
+        """,
+        {
+            "model": "model that predicts the loss",
+            "statistic": "name of the statistic",
+            "value": "its value",
+            **_INTERVAL,
+            "p_value": "two-sided test that exchanges prediction and rival on random patches",
+            "n": _STUDIED,
+            "against": "rival, or what the value is tested against",
+        },
+        only="with scans after use",
+    ),
+    "truth": Table(
+        "every stage compared with the truth",
+        "What each stage recovered of the generated specimen, beside what is true.",
+        {
+            "stage": "stage of the study",
+            "quantity": "what is compared",
+            "patch": _PATCH_OR_SQUARE,
+            "unit": "unit of the values",
+            "true": "true value",
+            "recovered": "value that the stage recovered",
+            "error": "recovered less true value",
+        },
+        only="generated specimen only",
+    ),
+    "sweep": Table(
+        "results with one value changed at a time",
+        """
+        One-at-a-time sensitivity of the study. ``relative_change(pressure_MPa)`` is the sum over
+        the patches of the absolute change of pressure, over the sum of the pressures.
+        """,
+        {
+            "factor": "key that is changed, as the config names it; empty: the study itself",
+            "value": "its value",
+            "output": "which result",
+            "patch": "name of the patch; empty for all",
+            "result": "value of the result",
+            "change": "result less the study's",
+            **_INTERVAL,
+        },
+        only="after `make sweep`",
+    ),
+}
