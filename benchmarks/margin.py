@@ -81,10 +81,10 @@ def margins(before: Path, after: Path) -> Iterator[dict[str, object]]:
     """A row for each table of two result folders."""
     changes = compare_results(before, after)
     for file in sorted((before / "tables").glob("*.csv")):
-        of_table = [change for change in changes if change.where == file.name]
-        numbers = [change for change in of_table if change.relative is not None]
+        of_table = changes[changes.table == file.name]
+        numbers = of_table.dropna(subset="relative")
         moved, changed = [], len(of_table) - len(numbers)
-        for change in numbers:
+        for change in numbers.itertuples():
             digits = Column(change.column, "").digits
             one, other = float(change.before), float(change.after)
             moved.append(abs(other - one) / last_unit(max(one, other, key=abs), digits))
@@ -93,7 +93,7 @@ def margins(before: Path, after: Path) -> Iterator[dict[str, object]]:
             "table": file.name,
             "values": count_values(file),
             "different": len(numbers),
-            "largest_relative": max((change.relative for change in numbers), default=0.0),
+            "largest_relative": numbers.relative.max() if len(numbers) else 0.0,
             "margin": 0.5 / max(moved) if moved else math.inf,
             "expected_changes": sum(moved),
             "changes": changed,

@@ -23,20 +23,19 @@ from scipy.optimize import minimize
 from scipy.signal import fftconvolve
 
 from gstlib.bem import contact_modulus
-from gstlib.composite import plane_under
-from gstlib.contact import contact_at_pressure
+from gstlib.composite import compose_surface, plane_under
+from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.coupling import couple_scales, place_patch, prepare_faces
 from gstlib.geometry import Place, places_of, spline_of
+from gstlib.placement import place_patches
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.reference import composite_heights, patches_of_reference, two_scales_table
-from gstlib.study import (
-    compose_surface,
-    couple_scales,
-    grid_macroscale,
-    levelled_patch,
-    place_patch,
-    place_patches,
-    solve_reference,
+from gstlib.reference import (
+    composite_heights,
+    patches_of_reference,
+    press_whole,
+    two_scales_table,
 )
+from gstlib.study import grid_macroscale
 from gstlib.surface import make_surface
 
 ROOT = Path(__file__).parents[1]
@@ -89,14 +88,16 @@ def square_of(
     """The mesh's surface over a square about a centre."""
     origin = centre - size_mm / 2 * (x + np.cross(normal, x))
     points = [origin, origin + size_mm * x, origin + size_mm * np.cross(normal, x)]
-    return grid_macroscale(
+    square, _ = grid_macroscale(
         mesh,
-        square={"size_mm": size_mm, "points_mm": points},
+        points_mm=points,
+        size_mm=size_mm,
         grid=GRID,
         margin_mm=0.5,
         interpolation="best",
         source=MESH,
     )
+    return square
 
 
 def correlations(
@@ -107,7 +108,7 @@ def correlations(
     half = [smooth.sizes[axis] * SPACING_MM / 2 for axis in "yx"]
     reach = int(np.hypot(*half) / step) + 1
     y, x = np.meshgrid(*2 * (np.arange(-reach, reach + 1) * step,), indexing="ij")
-    v, u = Place(0, 0, -turn).points(y, x)
+    v, u = Place(0, 0, turn).seen(y, x)
     inside = (abs(v) <= half[0]) & (abs(u) <= half[1])
     at = [(axis + side) / SPACING_MM - 0.5 for axis, side in zip((v, u), half, strict=True)]
     map_ = map_coordinates(smooth.values, at, order=1, mode="nearest") * inside
@@ -218,9 +219,7 @@ def planes_table(
     whole = heights - beyond.heights(heights)
     rows = []
     for patch, at in places_of(patches).items():
-        v, u = Place(0, 0, -place.rotation_deg).points(
-            at.y_mm - place.y_mm, at.x_mm - place.x_mm
-        )
+        v, u = place.seen(at.y_mm, at.x_mm)
         own, mesh = remove_plane(scans[patch])[1], plane_under(spline, at, PATCH_MM)
         offset = own.offset - beyond.offset - beyond.slope_y * v - beyond.slope_x * u
         slopes = own.slope_y - beyond.slope_y, own.slope_x - beyond.slope_x
@@ -252,27 +251,13 @@ def planes_agree(planes: pd.DataFrame, composite: xr.Dataset) -> None:
     )
 
 
-def pressed(faces: xr.Dataset, modulus: float, pressure: float) -> xr.Dataset:
-    """Contact of a patch at a pressure, which may be none."""
-    if pressure > 0:
-        return contact_at_pressure(
-            faces,
-            source="patch",
-            contact_modulus_MPa=modulus,
-            target_pressure_MPa=pressure,
-            tolerance=1e-6,
-        )
-    return faces.assign(pressure=0 * faces.height, mean_pressure=0.0)
-
-
 def scored(
     solved: dict[str, dict[str, xr.Dataset]], against: xr.Dataset, rim: float
 ) -> pd.DataFrame:
     """Contact against the reference, and the lowest and highest F1 among its draws."""
 
     def table(draws: slice) -> pd.DataFrame:
-        of_variant = {variant: each.items() for variant, each in solved.items()}
-        return two_scales_table(of_variant, against.isel(draw=draws), rim=rim)
+        return two_scales_table(solved, against.isel(draw=draws), rim=rim)
 
     each = np.array(
         [table(slice(draw, draw + 1)).f1 for draw in range(against.sizes["draw"])]
@@ -332,7 +317,7 @@ def main() -> None:
     constants = ("young_1_MPa", "poisson_1", "young_2_MPa", "poisson_2")
     modulus = contact_modulus(*(config["material"][name] for name in constants))
     target = config["macroscale"]["target_pressure_MPa"]
-    load = {"contact_modulus_MPa": modulus, "target_pressure_MPa": target}
+    loading = Loading(modulus, target, tolerance=1e-9)
     s_filter, seed = config["microscale"]["s_filter_um"], config["seed"]
 
     mesh = trimesh.load_mesh(options.data / MESH)
@@ -361,12 +346,15 @@ def main() -> None:
 
     scans, patches = cut(heights, place)
     whole, planes = planes_table(surface.height, heights, place, scans, patches)
-    level = {patch: remove_plane(scan)[0] for patch, scan in scans.items()}
+    level = {
+        patch: remove_plane(scan)[0].to_dataset(name="height")
+        for patch, scan in scans.items()
+    }
     composites = [
         compose_surface(
             surface,
             patches,
-            level.items(),
+            level,
             s_filter_um=s_filter,
             placement_um=config["uncertainty"]["placement_um"],
             seed=seed + draw,
@@ -385,13 +373,13 @@ def main() -> None:
     )
     planes_agree(planes, composite)
     print(
-        place_patches(surface, patches, level, patch_mm=PATCH_MM)
+        place_patches(surface.height, patches, level, patch_mm=PATCH_MM)
         .round(2)
         .to_string(index=False)
     )
 
     by_mesh, *contacts = (
-        contact_at_pressure(each[["height"]], source="square", tolerance=1e-9, **load)
+        contact_at_pressure(faces_of(each.height), loading, source="square")
         for each in (surface, *composites)
     )
     pressures = couple_scales(contacts[0], by_mesh, patches, patch_mm=PATCH_MM).set_index(
@@ -410,14 +398,22 @@ def main() -> None:
     variants = {"mesh's planes": composite, "map's planes": composite.assign(by_map)}
     reference = {}
     for name, of in variants.items():
-        solved = (
-            solve_reference(
-                composite_heights(surface, of, level.values(), seed=seed, draw=draw), **load
-            ).pressure
-            for draw in range(options.draws)
-        )
-        scan = next(iter(level.values()))
-        reference[name] = patches_of_reference(solved, places_of(patches), scan)
+        drawn = []
+        for draw in range(options.draws):
+            heights_ = composite_heights(
+                surface, of, level, s_filter_um=None, seed=seed, draw=draw
+            )
+            whole_contact = press_whole(
+                heights_,
+                surface.counterface,
+                contact_modulus_MPa=modulus,
+                target_pressure_MPa=target,
+            )
+            scan = level[patches.patch[0]].height
+            drawn.append(
+                patches_of_reference(whole_contact.pressure, places_of(patches), scan)
+            )
+        reference[name] = xr.concat(drawn, "draw")
         each = reference[name].pressure
         for statistic in ("mean", "min", "max"):
             pressures[f"reference on {name}, {statistic}"] = getattr(each, statistic)(
@@ -435,13 +431,14 @@ def main() -> None:
         for which, by_variant in (("own", at_own), ("reference", at_reference)):
             solved = {"levelled": {}, "placed": {}}
             for patch, scan in level.items():
-                faces = levelled_patch(
-                    scan.to_dataset(name="height"), None, s_filter_um=s_filter
+                height, _ = prepare_faces(
+                    scan.height, None, s_filter_um=s_filter, source="map"
                 )
-                placed = place_patch(faces, composite, contacts[0], patch)
-                for variant, each in (("levelled", faces), ("placed", placed)):
-                    solved[variant][patch] = pressed(
-                        each, modulus, by_variant[variant][patch]
+                placed = place_patch(height, None, composite, contacts[0], patch)
+                for variant, faces in (("levelled", faces_of(height)), ("placed", placed)):
+                    pressure = float(by_variant[variant][patch])
+                    solved[variant][patch] = contact_at_pressure(
+                        faces, Loading(modulus, pressure, tolerance=1e-6), source=patch
                     )
             for rim in (config["validation"]["rim"], 0.0):
                 table = scored(solved, against, rim)

@@ -114,7 +114,6 @@ def specimen_studies(
             patches,
             read_mesh=lambda specimen=specimen: specimen.mesh,  # type: ignore[misc]
             read_scan=lambda *of, specimen=specimen: specimen.scans[of],  # type: ignore[misc]
-            worn=list(patches.patch),
             kept=kept,
         )
         yield wear, study

@@ -31,7 +31,7 @@ import yaml
 
 from gst.patches import read_patches
 from gstlib.specimen import pebble, scanning
-from gstlib.specimen.generate import generate_specimen
+from gstlib.specimen.generate import make_specimen, write_specimen
 from gstlib.specimen.randomness import SpecimenParameters
 
 ROOT = Path(__file__).parents[1]
@@ -74,19 +74,16 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
     if scans:
         # flat, as the face of a larger stone is over a few mm, and no scan lost: all can be studied
         pebble._CONCAVITY_MM = scanning._POOR_SHARE = 0.0
-        generate_specimen(
-            read_patches(
-                table,
-                size_mm=side,
-                patch_size_mm=default["scans"]["size_mm"],
-            ),
+        places = read_patches(table, size_mm=side, patch_size_mm=default["scans"]["size_mm"])
+        specimen = make_specimen(
+            places, SpecimenParameters(**made), square_mm=float(side), grid=GRID * side
+        )
+        write_specimen(
+            specimen,
             mesh=folder / "data/mesh.stl",
             scan_folder=folder / "data/scans",
             truth=folder / "data/truth.h5",
             surface=folder / "data/surface.h5",
-            square_mm=float(side),
-            grid=GRID * side,
-            parameters=SpecimenParameters(**made),
         )
         return
     (folder / "data/mesh.stl").touch()

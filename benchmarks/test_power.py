@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import xarray as xr
 import yaml
+from contacts import contact_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from power import (
@@ -101,14 +101,14 @@ def claims(wear="summits", moved=()):
         change = height_change(
             height, height - 1e-3 * lost + rng.normal(0, 1e-5, height.shape)
         )
-        contact = xr.Dataset(fields | {"displacement": float(depth.max())})
+        contact = contact_of(**fields, displacement=float(depth.max()))
         made |= {("patch_contact", name): contact, ("change", name): change}
     return p_values_of(places, made)
 
 
 def p_values_of(places, made):
-    files = {"read_mesh": None, "read_scan": None, "worn": list(places.patch)}
-    return p_values(Study(CONFIG, places, **files, kept=made), seed=SEED)
+    study = Study(CONFIG, places.assign(t1="t1"), read_mesh=None, read_scan=None, kept=made)
+    return p_values(study, seed=SEED)
 
 
 def test_a_relation_is_found_and_no_other(monkeypatch):

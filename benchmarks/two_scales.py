@@ -7,7 +7,6 @@ holds already are not computed again. A specimen takes about 3 minutes of CPU an
 """
 
 import argparse
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,16 +18,17 @@ import yaml
 
 from gst.patches import read_patches
 from gstlib.contact import contact_moduli
-from gstlib.geometry import places_of
+from gstlib.geometry import Place, places_of
 from gstlib.placement import ALL
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.reference import patches_of_reference, two_scales_table
+from gstlib.reference import patches_of_reference, press_whole, two_scales_table
 from gstlib.specimen.generate import within_square
 from gstlib.specimen.randomness import SpecimenParameters
-from gstlib.specimen.scanning import Placement, place_scans, sample, take_scan
+from gstlib.specimen.scanning import place_scans, sample, take_scan
 from gstlib.specimen.stone import Stone
-from gstlib.study import Study, bound_pressures, solve_reference
+from gstlib.study import LEVELLED, PLACED, Study
 from gstlib.surface import make_surface
+from gstlib.uncertainty import Errors, Macroscale, pressure_intervals
 
 ROOT = Path(__file__).parents[1]
 # What each trial changes in the config; the first has all errors as they are.
@@ -43,6 +43,7 @@ TRIALS: dict[str, dict] = {
     "S-filter 10 µm": {"microscale": {"s_filter_um": 10.0}},
     "linear gridding": {"macroscale": {"interpolation": "linear"}},
 }
+FLAT = make_surface(np.zeros((2, 2)), 1.0)
 CAN_BE_KNOWN = {"young_share": 0.0, "poisson": 0.0}  # the specimen's constants are
 
 
@@ -52,7 +53,7 @@ def scanned(
     """Scans before use, their true places and their true slopes."""
     scans, places, slopes = {}, [], {}
     for row in patches.itertuples():
-        nominal = Placement(row.x_mm, row.y_mm, row.rotation_deg)
+        nominal = Place(row.y_mm, row.x_mm, row.rotation_deg)
         place, _ = place_scans(
             row.patch, nominal, parameters, square_mm=stone.square_mm, poor_overlap=False
         )
@@ -76,7 +77,7 @@ def trial(
     }
     parameters = SpecimenParameters(**config["specimen"])
     stone._parameters = parameters  # the surface depends on none of the errors
-    patches = config["patches"]
+    patches = config["patches"].assign(t1="")  # they are scanned before use alone
     scans, places, slopes = scanned(stone, surface, patches, parameters)
     vertices, faces = stone.mesh()
     study = Study(
@@ -84,33 +85,29 @@ def trial(
         patches,
         read_mesh=lambda: trimesh.Trimesh(vertices, faces, process=False),
         read_scan=lambda patch, epoch: scans[patch],
-        worn=[],
     )
-    reference = patches_of_reference(
-        [pressure], places_of(places), next(iter(scans.values()))
+    places = places_of(places)
+    reference = patches_of_reference(pressure, places, next(iter(scans.values())))
+    contacts = {
+        variant: {patch: study.patch_contact(patch, variant) for patch in places}
+        for variant in (PLACED, LEVELLED)
+    }
+    table = two_scales_table(
+        contacts, reference.expand_dims("draw"), rim=config["validation"]["rim"]
     )
-
-    def pressed(variant: str) -> Iterator[tuple[str, xr.Dataset]]:
-        for patch in patches.patch:
-            yield patch, study.patch_contact(patch, variant)
-
-    contacts = {variant: pressed(variant) for variant in ("placed", "levelled")}
-    table = two_scales_table(contacts, reference, rim=config["validation"]["rim"])
     composite = study.composite()
     true = pd.DataFrame(slopes, index=["true_slope_y", "true_slope_x"]).T.rename_axis("patch")
     found = composite[["slope_y", "slope_x", "tilt_error_mrad", "known"]].to_dataframe()
     table = table.merge(found.join(true).reset_index(), on="patch", how="left")
     if name == "default":
-        limits = bound_pressures(
-            study.surface(),
-            composite,
+        limits = pressure_intervals(
+            Macroscale(study.square(), composite, None),
             study.pressures(),
-            material=config["material"],
-            uncertainty=config["uncertainty"] | CAN_BE_KNOWN,
+            config["material"],
+            Errors(**config["uncertainty"] | CAN_BE_KNOWN),
+            target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
             patch_mm=config["scans"]["size_mm"],
             seed=config["seed"],
-            contact_modulus_MPa=contact_moduli(config["material"])[0],
-            target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
         )
         columns = ["patch", "low_MPa", "high_MPa"]
         table = table.merge(limits[columns], on="patch", how="left")
@@ -123,8 +120,10 @@ def specimen(base: dict, seed: int, trials: list[str]) -> pd.DataFrame:
     parameters = SpecimenParameters(**base["specimen"])
     stone = Stone(replace(parameters), base["square"]["size_mm"])
     surface = (stone.macroscale(stone.grid, stone.grid) + stone.detail).astype(np.float32)
-    pressed = solve_reference(
-        within_square(surface, stone).astype(float),
+    heights = within_square(surface, stone).astype(float)
+    pressed = press_whole(
+        heights,
+        FLAT,
         contact_modulus_MPa=contact_moduli(base["material"])[0],
         target_pressure_MPa=base["macroscale"]["target_pressure_MPa"],
     )

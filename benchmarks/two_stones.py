@@ -13,10 +13,12 @@ import yaml
 from gst.figures.macroscale import exposure_figure
 from gst.figures.style import save_figure
 from gst.patches import read_patches
-from gstlib.contact import contact_at_pressure, faces_of
-from gstlib.gesture import exposure, exposure_table, press_poses, stroke_poses
+from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.counterface import SecondStone
+from gstlib.coupling import couple_scales
+from gstlib.gesture import Gesture, exposure, exposure_table, press_poses, stroke_poses
 from gstlib.io.meshes import read_mesh
-from gstlib.study import couple_scales, grid_macroscale
+from gstlib.study import grid_macroscale
 
 ROOT = Path(__file__).parents[1]
 ROCK = "../shared/data/grasselli-mit/example_surface.stl"
@@ -32,36 +34,36 @@ def main() -> None:
     )
     x, y, _ = rock.bounds.mean(axis=0) - size / 2
     corners = [[x, y, 0.0], [x + size, y, 0.0], [x, y + size, 0.0]]
-    surface = grid_macroscale(
+    square, face = grid_macroscale(
         pebble,
-        square=config["square"],
+        **config["square"],
         grid=100,
         margin_mm=1.0,
         interpolation="linear",
         source="pebble",
-        counterface={
-            "mesh": rock,
-            "pose": {"points_mm": corners},
-            "reach_mm": 3.0,
-            "source": ROCK,
-        },
+        second_stone=SecondStone(rock, {"points_mm": corners}, 3.0, ROCK),
     )
     poses = stroke_poses(stroke_mm=6.0, poses=100, pressure_MPa=PRESSURE_MPA)
-    settings = {"contact_modulus_MPa": MODULUS_MPA, "tolerance": 1e-9}
+    loading = Loading(MODULUS_MPA, PRESSURE_MPA, tolerance=1e-9)
     begun = time.process_time()
     batch = press_poses(
-        surface, poses, patches, patch_mm=PATCH_MM, shown=[0, 33, 66, 99], **settings
+        square.height,
+        Gesture(face, poses),
+        patches,
+        contact_modulus_MPa=loading.contact_modulus_MPa,
+        tolerance=loading.tolerance,
+        patch_mm=PATCH_MM,
+        shown=[0, 33, 66, 99],
     )
     cost = (time.process_time() - begun) / len(poses)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"{1e3 * cost:.1f} ms of CPU a pose at 100²; peak {peak:.0f} MB, both meshes read")
-    load = settings | {"target_pressure_MPa": PRESSURE_MPA}
-    single = contact_at_pressure(faces_of(surface), source="pebble", **load)
+    faces = faces_of(square.height, square.counterface)
+    single = contact_at_pressure(faces, loading, source="pebble")
     pressures = couple_scales(single, single, patches, patch_mm=PATCH_MM)
     found = exposure([batch])
     print(exposure_table(found, pressures).round(3).to_string(index=False))
-    contact = single.assign(pressure=single.pressure.expand_dims("step"))
-    figure = exposure_figure(found, contact, patches, patch_size_mm=PATCH_MM)
+    figure = exposure_figure(found, single, patches, patch_size_mm=PATCH_MM)
     picture = Path("build/two_stones.png")
     picture.parent.mkdir(exist_ok=True)
     save_figure(figure, picture)

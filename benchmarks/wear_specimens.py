@@ -16,8 +16,9 @@ from power import CONFIG, specimen_config, specimen_studies
 from gst.patches import read_patches
 from gst.sweep import merged
 from gstlib.specimen.stone import WEAR_LAWS
-from gstlib.study import Study, fit_mat, predict_wear
+from gstlib.study import Study
 from gstlib.validation.wear_scores import wear_table
+from gstlib.wear import fit_mat, wear_map
 
 ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "benchmarks/results/wear_specimens.csv"
@@ -54,25 +55,29 @@ def trial(
         patches,
         read_mesh=study.read_mesh,
         read_scan=study.read_scan,
-        worn=study.worn,
         kept=known,
     )
-    square = study.worn_square()
-    if square is None:
+    worn = study.worn_square()
+    if worn is None:
         raise SystemExit(f"seed {seed}, {name}: no wear is predicted")
-    worn = {
-        patch: (study.patch_contact(patch), study.change(patch))
-        for patch in square.measured.dropna("patch").patch.values.tolist()
-    }
-    pairs = ((patch, *of) for patch, of in worn.items())
-    if "ratio" in config:
-        alone = fit_mat(square.sel(ratio=[config["ratio"]]), pairs)
-        fitted = square.assign({of: alone[of] for of in ("mat_ratio", "mat_kappa")})
-    else:
-        fitted = fit_mat(square, pairs)
-    maps = ((patch, *of, predict_wear(of[0], fitted, patch)) for patch, of in worn.items())
-    table, _ = wear_table(maps, fitted, study.pressures())
-    if "mat_ratio" in fitted:
+    contacts = {patch: study.patch_contact(patch) for patch in worn.losers}
+    changes = {patch: study.change(patch) for patch in worn.losers}
+    fitted = None
+    if worn.mat is not None:
+        ratios = [config["ratio"]] if "ratio" in config else worn.path.ratio.values
+        at_ratios = worn._replace(path=worn.path.sel(ratio=ratios))
+        fitted = fit_mat(at_ratios, contacts, changes)
+    maps = (
+        (
+            patch,
+            contacts[patch],
+            changes[patch],
+            wear_map(contacts[patch], worn, fitted, patch),
+        )
+        for patch in worn.losers
+    )
+    table, _ = wear_table(maps, worn.path)
+    if fitted is not None:
         ratios = fitted.mat_ratio.to_series().rename("mat_ratio")
         table = table.merge(ratios, left_on="patch", right_index=True)
     kept.update(study.kept)

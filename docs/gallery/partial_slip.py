@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from gstlib.cases import solve_slip
-from gstlib.contact import contact_path
+from gstlib.contact import Loading, contact_at_pressure, faces_of
 from gstlib.surface import make_surface
 
 radius, modulus, mean_pressure = 10.0, 10345.0, 50.0  # mm, MPa, MPa
@@ -13,16 +13,9 @@ friction, ratio = 0.5, 0.6  # of the force that makes the sphere slide, 60 % pus
 
 x = ((np.arange(n) + 0.5) / n - 0.5) * side
 distance = np.hypot(x, x[:, None])
-sphere = make_surface(-(distance**2) / (2 * radius), side / n).to_dataset(name="height")
-contact = contact_path(
-    sphere,
-    source="sphere",
-    contact_modulus_MPa=modulus,
-    target_pressure_MPa=mean_pressure,
-    steps=1,
-    tolerance=1e-9,
-    maximum_displacement_um=100.0,
-)
+sphere = make_surface(-(distance**2) / (2 * radius), side / n)
+loading = Loading(modulus, mean_pressure, tolerance=1e-9)
+contact = contact_at_pressure(faces_of(sphere), loading, source="sphere")
 slip = solve_slip(contact, friction=friction, tangential_ratio=ratio, poisson=0.24)
 
 # the contact sticks within c = a (1 − Q/μP)^⅓ (Johnson, Contact Mechanics, eq. 7.44)

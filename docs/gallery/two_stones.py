@@ -4,12 +4,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from gstlib.bem import contact_modulus
-from gstlib.contact import contact_at_pressure, turned_over
+from gstlib.contact import Loading, contact_at_pressure, faces_of, turned_over
 from gstlib.specimen.randomness import self_affine_field
 from gstlib.surface import make_surface
 
 spacing, points = 0.85 / 256, 256  # mm
 modulus = contact_modulus(19500, 0.24, 60000, 0.17)  # MPa: sandstone and a harder stone
+loading = Loading(modulus, target_pressure_MPa=22.0, tolerance=1e-9)
 
 
 def rough(seed, rms):
@@ -21,10 +22,8 @@ def rough(seed, rms):
 
 def pressed(lower, upper):
     """Pressures (MPa) on the lower stone; the upper one is turned over onto it."""
-    faces = lower.to_dataset(name="height")
-    faces["counterface"] = turned_over(upper, lower, source="upper", patch_source="lower")
-    load = {"contact_modulus_MPa": modulus, "target_pressure_MPa": 22.0, "tolerance": 1e-9}
-    return contact_at_pressure(faces, source="two stones", **load).pressure.values
+    faces = faces_of(lower, turned_over(upper, lower, source="upper", patch_source="lower"))
+    return contact_at_pressure(faces, loading, source="two stones").pressure.values
 
 
 slab, handstone, flat = rough(1, 0.002), rough(2, 0.003), rough(2, 0.0)

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 import trimesh
 import xarray as xr
+from contacts import contact_of
 from gst.figures import macroscale, maps, microscale, style, tables
 from gstlib.errors import InputError
 from gstlib.geometry import Frame
@@ -45,20 +46,22 @@ ALONE["sweep"] = table("""factor value output result change low high
     NA NA mean(f1) 0.5 0 0.4 0.6; load a mean(f1) 0.4 -0.1 NA NA; load b mean(f1) 0.7 0.2 NA NA""")
 
 
-def contact_of(heights, load):
-    """Made-up contact where the surface is high, and a load path to it."""
+def contact_at(heights, load):
+    """Made-up contact where the surface is high, and a load path of four steps to it."""
     pressure = np.clip(heights - np.quantile(heights, 0.95), 0, None) * 1e4 * load
     path = xr.DataArray(np.arange(1, 5) / 4, dims="step")
-    contact = {"displacement": 0.02 * path, "mean_pressure": 40 * path * load}
-    contact |= {"contact_fraction": 0.05 * path, "stiffness": 2e3 * path, "height": heights}
-    return xr.Dataset(contact | {"pressure": pressure}, attrs={"contact_modulus_MPa": 12820.0})
+    along = {"displacement": 0.02 * path, "mean_pressure": 40 * path * load}
+    along |= {"contact_fraction": 0.05 * path, "stiffness": 2e3 * path, "pressure": path * pressure}
+    found = contact_of(heights, pressure, displacement=0.02)
+    found = found.assign(mean_pressure=40.0 * load, contact_modulus=12820.0)
+    return found.assign({f"path_{name}": values for name, values in along.items()})
 
 
 RNG = np.random.default_rng(0)
 SQUARE = make_surface(RNG.normal(0, 5e-3, (20, 20)), 0.25)
-SQUARE = contact_of(SQUARE, xr.DataArray([1, 2, 3, 4], dims="step")).transpose("step", "y", "x")
+SQUARE = contact_at(SQUARE, 4)
 HEIGHTS = {patch: make_surface(RNG.normal(0, 2e-3, (60, 60)), 0.014) for patch in "123"}
-CONTACTS = {patch: contact_of(height, 1 / int(patch)) for patch, height in HEIGHTS.items()}
+CONTACTS = {patch: contact_at(height, 1 / int(patch)) for patch, height in HEIGHTS.items()}
 T0, PRESSURE = CONTACTS["1"]["height"], CONTACTS["1"]["pressure"]
 LOST = T0.copy(data=RNG.normal(0, 1e-4, T0.shape) - 1e-3 * (T0.values > 3e-3))
 LOST[:, :6] = np.nan
@@ -88,7 +91,7 @@ FROM["two_scales"] = (({"levelled": CONTACTS, "placed": CONTACTS}, TOUCHED, TWO_
 ALONE |= {"contact_steps": SQUARE, "microscale_maps": CONTACTS}
 FROM |= {name: ((found,), {}) for name, found in ALONE.items()}
 MASKS = [
-    ("contact_steps", -1, style.BLACK, SQUARE["pressure"][-1] > 0),
+    ("contact_steps", -1, style.BLACK, SQUARE["pressure"] > 0),
     ("preparation", 0, style.VERMILION, PREPARED["outlier"]),
     ("patch", -1, style.BLUE, CHANGE["loss"] & (PRESSURE > 0)),
     ("patch", -1, style.AMBER, CHANGE["loss"] & (PRESSURE == 0)),
@@ -160,7 +163,7 @@ def test_maps_show_their_classes_where_they_are(name, panel, colour, mask):
 
 def test_forces_and_pressures_are_those_of_the_contact():
     square, bars = draw("force").axes
-    assert picture_of(square).sum(axis=-1).argmin() == SQUARE["pressure"].values[-1].argmax()
+    assert picture_of(square).sum(axis=-1).argmin() == SQUARE["pressure"].values.argmax()
     most = float(SQUARE["pressure"].max()) * 0.25**2
     assert square.child_axes[0].get_xticks() == pytest.approx([0, most])
     assert sorted(bar.get_height() for bar in bars.patches) == [4.0, 20.0, 40.0]

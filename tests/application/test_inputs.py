@@ -10,6 +10,7 @@ from gst.cli import main
 from gst.inputs import check_inputs, inspect_file
 from gst.patches import ScanFile
 from gstlib.errors import InputsError
+from gstlib.geometry import Place
 from gstlib.io.plu import write_plu
 
 SPACING = 0.01
@@ -136,7 +137,7 @@ def test_a_scan_is_read_once_for_all_its_pieces(folder, monkeypatch):
     heights = 1e-3 * np.random.default_rng(1).random((120, 120))
     heights[40, 90] = 5e-3  # in the piece 1 alone
     write_plu(large, heights, SPACING)
-    pieces = [ScanFile(large, str(k), "T0", (0.3 * k, 0.0)) for k in (-1, 0, 1, 2)]
+    pieces = [ScanFile(large, str(k), "T0", (0.0, 0.3 * k)) for k in (-1, 0, 1, 2)]
     found = check_inputs(folder / "stone.stl", pieces, **SETTINGS)
     assert read == [large]
     assert list(found.scans.patch) == ["-1", "0", "1"]
@@ -185,9 +186,9 @@ def test_scans_and_mesh_in_different_units(folder, caplog, halvings):
     box = stone(halvings)
     box.vertices[:, 2] = np.where(box.vertices[:, 2] > 4.9, height(box.vertices[:, 0]), -5)
     box.export(folder / "stone.stl")
-    place, spacing = (2.0, 1.5, 0.0), 0.04
+    place, spacing = Place(2.0, 1.5), 0.04
     settings = SETTINGS | {"scan_settings": SETTINGS["scan_settings"] | {"size_mm": 2.0}}
-    at = 3.0 + place[1] - 1.0 + spacing * (np.arange(50) + 0.5)
+    at = 3.0 + place.x_mm - 1.0 + spacing * (np.arange(50) + 0.5)
     for factor, wrong in ((1.0, 0), (1e3, 1), (1e-3, 1)):
         waves = factor * np.tile(height(at) - 5, (50, 1))
         write_plu(folder / "1_T0.plu", waves, spacing)

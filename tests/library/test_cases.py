@@ -3,7 +3,6 @@
 import numpy as np
 import pandas as pd
 import pytest
-import xarray as xr
 from gstlib.cases import (
     case_table,
     ceiling_rows,
@@ -14,18 +13,12 @@ from gstlib.cases import (
     solve_ceiling,
     solve_slip,
 )
-from gstlib.contact import contact_at_pressure, contact_path, pressed_height
+from gstlib.contact import Loading, contact_at_pressure, faces_of, pressed_height
 from gstlib.errors import ConfigError
 from gstlib.surface import make_surface
 
-SETTINGS = {
-    "source": "surface.h5",
-    "contact_modulus_MPa": 12820.0,
-    "target_pressure_MPa": 50.0,
-    "tolerance": 1e-9,
-    "steps": 4,
-    "maximum_displacement_um": 50.0,
-}
+LOADING = Loading(contact_modulus_MPa=12820.0, target_pressure_MPa=50.0, tolerance=1e-9)
+SOURCE = {"source": "surface.h5"}
 GRINDING = {"friction": 0.4, "tangential_ratio": 0.5, "poisson": 0.3}
 HARDNESS = 2000.0
 
@@ -35,12 +28,12 @@ def rough(seed):
     return make_surface(0.002 * generator.standard_normal((24, 32)), 0.01)
 
 
-FACES = rough(5).to_dataset(name="height")
+FACES = faces_of(rough(5))
 
 
 @pytest.fixture(scope="module")
 def contact():
-    return contact_path(FACES, **SETTINGS)
+    return contact_at_pressure(FACES, LOADING, **SOURCE)
 
 
 def values(rows):
@@ -58,9 +51,7 @@ RADIUS, SPACING, MODULUS, POISSON = 1.0, 0.004, 10000.0, GRINDING["poisson"]
 def sphere():
     centres = (np.arange(96) - 47.5) * SPACING
     height = make_surface(-(centres[:, None] ** 2 + centres**2) / (2 * RADIUS), SPACING)
-    changes = {"contact_modulus_MPa": MODULUS, "target_pressure_MPa": 30.0, "steps": 1}
-    settings = SETTINGS | changes | {"maximum_displacement_um": 100.0}
-    return contact_path(height.to_dataset(name="height"), **settings)
+    return contact_at_pressure(faces_of(height), Loading(MODULUS, 30.0, 1e-9), **SOURCE)
 
 
 @pytest.mark.parametrize("ratio", [0.3, 0.6, 0.9])
@@ -126,7 +117,7 @@ def test_a_ceiling_holds_and_its_rows_agree_with_the_fields(contact):
     assert float(limited.pressure.mean()) == pytest.approx(50.0, rel=1e-9)
     assert study["peak pressure"] == contact.pressure.max()
     assert study["contact fraction"] == elastic.mean()
-    assert study["displacement"] == 1e3 * float(contact.displacement[-1])
+    assert study["displacement"] == 1e3 * float(contact.displacement)
     assert ceiling["share at the ceiling"] == pytest.approx(at_ceiling.sum() / plastic.sum())
     assert ceiling["contact fraction"] == plastic.mean() > study["contact fraction"]
     assert ceiling["displacement"] > study["displacement"]
@@ -148,8 +139,8 @@ def test_a_ceiling_below_a_mean_pressure_is_refused():
 
 def test_slip_and_ceiling_of_two_rough_faces_are_those_of_their_sum():
     lower, upper = rough(1), rough(2)
-    both = contact_path(xr.Dataset({"height": lower, "counterface": upper}), **SETTINGS)
-    alone = contact_path(pressed_height(both).to_dataset(name="height"), **SETTINGS)
+    both = contact_at_pressure(faces_of(lower, upper), LOADING, **SOURCE)
+    alone = contact_at_pressure(faces_of(pressed_height(both)), LOADING, **SOURCE)
     for solve, options in ((solve_slip, GRINDING), (solve_ceiling, {"hardness_MPa": HARDNESS})):
         one, other = (solve(contact, **options) for contact in (both, alone))
         for name, variable in one.data_vars.items():
@@ -157,8 +148,8 @@ def test_slip_and_ceiling_of_two_rough_faces_are_those_of_their_sum():
 
 
 def test_without_pressure_nothing_slips_and_nothing_yields():
-    empty = contact_path(FACES, **SETTINGS | {"target_pressure_MPa": 0.0})
-    found = values(patch_rows([("7", empty)], grinding=GRINDING, hardness_MPa=HARDNESS))
+    empty = contact_at_pressure(FACES, LOADING._replace(target_pressure_MPa=0.0), **SOURCE)
+    found = values(patch_rows({"7": empty}, grinding=GRINDING, hardness_MPa=HARDNESS))
     assert found["grinding"].drop(["friction", "tangential ratio"]).fillna(-1).to_dict() == {
         "mean traction": 0,
         "slip share": -1,  # of no contact
@@ -174,7 +165,7 @@ def test_without_pressure_nothing_slips_and_nothing_yields():
 
 def test_the_cases_asked_for_are_those_that_are_solved(contact):
     """The study's own values stand first, and only where a case has others."""
-    patches = [("7", contact), ("5", contact)]
+    patches = {"7": contact, "5": contact}
     for grinding, hardness, cases in (
         (None, None, []),
         (GRINDING, None, ["grinding"]),
@@ -194,18 +185,14 @@ def test_the_cases_asked_for_are_those_that_are_solved(contact):
 
 def test_the_other_modulus_presses_the_whole_square():
     """A stone half as stiff yields more; patches that tile the square carry its mean pressure."""
-    one = {
-        name: SETTINGS[name]
-        for name in SETTINGS
-        if name not in ("steps", "maximum_displacement_um")
-    }
-    square = contact_at_pressure(rough(5)[:, :24].to_dataset(name="height"), **one)
+    square = contact_at_pressure(faces_of(rough(5)[:, :24]), LOADING, **SOURCE)
     places = pd.DataFrame({"patch": list("abcd"), "x_mm": [0.06, 0.18] * 2, "rotation_deg": 0.0})
     places = places.assign(y_mm=[0.06, 0.06, 0.18, 0.18])
     rows = list(modulus_rows(square, places, other_modulus_MPa=6410.0, patch_mm=0.12))
     found = values([row for row in rows if row[1] == ""])
     assert found[["study", "other modulus"]][:, "contact modulus"].tolist() == [12820, 6410]
-    soft = contact_at_pressure(square[["height"]], **one | {"contact_modulus_MPa": 6410.0})
+    half = LOADING._replace(contact_modulus_MPa=6410.0)
+    soft = contact_at_pressure(faces_of(square.height), half, **SOURCE)
     assert found["study", "displacement"] == 1e3 * float(square.displacement)
     assert found["other modulus", "displacement"] == 1e3 * float(soft.displacement)
     assert found["other modulus", "contact fraction"] > found["study", "contact fraction"]

@@ -37,23 +37,26 @@ def mesh_surface(error: float = 1e-4) -> xr.Dataset:
     vertices = generator.uniform(0, SIDE, (2, 400))
     errors = error * generator.standard_normal(400)
     numbers = {"vertex_y": vertices[0], "vertex_x": vertices[1], "left_out_error": errors}
-    return xr.Dataset({"height": height} | {n: ("vertex", v) for n, v in numbers.items()})
+    faces = {"height": height, "counterface": 0 * height}
+    return xr.Dataset(faces | {n: ("vertex", v) for n, v in numbers.items()})
 
 
-def scans(detail: float = 1e-3):
+def scans(detail: float = 1e-3) -> dict[str, xr.Dataset]:
     """Levelled scans of the stone, with detail that the mesh lacks."""
-    generator = np.random.default_rng(2)
+    generator, found = np.random.default_rng(2), {}
     along = axis_coordinates(POINTS, PATCH / POINTS) - PATCH / 2
     for patch, place in places_of(PLACES).items():
         noise = make_surface(generator.standard_normal((POINTS, POINTS)), PATCH / POINTS)
         rough = s_filtered(noise, 60.0).values
         heights = waves(*place.points(along[:, None], along)) + detail * rough / rough.std()
-        yield patch, remove_plane(make_surface(heights, PATCH / POINTS))[0]
+        level, _ = remove_plane(make_surface(heights, PATCH / POINTS))
+        found[patch] = level.to_dataset(name="height")
+    return found
 
 
-def composed(heights=None, *, error=1e-4, seed=1) -> xr.Dataset:
-    settings = {"patch_mm": PATCH, "placement_um": 10.0, "seed": seed}
-    return compose_surface(mesh_surface(error), PLACES, heights or scans(), **settings)
+def composed(of=None, *, error=1e-4, seed=1) -> xr.Dataset:
+    settings = {"patch_mm": PATCH, "s_filter_um": None, "placement_um": 10.0, "seed": seed}
+    return compose_surface(mesh_surface(error), PLACES, of or scans(), **settings)
 
 
 def test_a_scan_gets_back_the_plane_that_levelling_took():
@@ -103,13 +106,12 @@ def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
 
 def test_a_scan_of_rectangular_points_is_laid_as_one_of_squares():
     """The composite of the same patch, scanned with half as many points along x."""
-
-    def narrower():
-        for patch, scan in scans(detail=0.0):
-            halved = scan.values.reshape(POINTS, POINTS // 2, 2).mean(axis=2)
-            yield patch, make_surface(halved, (PATCH / POINTS, 2 * PATCH / POINTS))
-
-    squares, found = composed(scans(detail=0.0)), composed(narrower())
+    narrower = {}
+    for patch, scan in scans(detail=0.0).items():
+        halved = scan.height.values.reshape(POINTS, POINTS // 2, 2).mean(axis=2)
+        halved = make_surface(halved, (PATCH / POINTS, 2 * PATCH / POINTS))
+        narrower[patch] = halved.to_dataset(name="height")
+    squares, found = composed(scans(detail=0.0)), composed(narrower)
     np.testing.assert_allclose(found.height, squares.height, atol=2e-4)
 
 

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
-import xarray as xr
+from gstlib.bem import load_path
 from gstlib.contact import (
+    Loading,
     contact_at_pressure,
     contact_path,
+    faces_of,
     interface_stiffness,
     laid_height,
     load_path_table,
@@ -15,13 +17,9 @@ from gstlib.contact import (
 from gstlib.errors import InputError
 from gstlib.surface import make_surface
 
-ALONE = {
-    "source": "surface.h5",
-    "contact_modulus_MPa": 12820.0,
-    "target_pressure_MPa": 50.0,
-    "tolerance": 1e-9,
-}
-SETTINGS = ALONE | {"steps": 4, "maximum_displacement_um": 50.0}
+LOADING = Loading(contact_modulus_MPa=12820.0, target_pressure_MPa=50.0, tolerance=1e-9)
+SOURCE = {"source": "surface.h5"}
+PATH = SOURCE | {"steps": 4, "maximum_displacement_um": 50.0}
 
 
 def rough(seed, shape=(24, 32), spacing=0.01):
@@ -29,79 +27,141 @@ def rough(seed, shape=(24, 32), spacing=0.01):
 
 
 HEIGHT = rough(5)
-FACES = HEIGHT.to_dataset(name="height")
+FACES = faces_of(HEIGHT)
 
 
 @pytest.fixture(scope="module")
 def contact():
-    return contact_path(FACES, **SETTINGS)
+    return contact_path(FACES, LOADING, **PATH)
+
+
+FACE_UNITS = {
+    "height": "mm",
+    "counterface": "mm",
+    "surroundings": "mm",
+    "slope_y": "1",
+    "slope_x": "1",
+    "placed": "1",
+}
+STATE_UNITS = {
+    "pressure": "MPa",
+    "gap": "mm",
+    "displacement": "mm",
+    "mean_pressure": "MPa",
+    "contact_fraction": "1",
+    "residual": "1",
+    "contact_modulus": "MPa",
+    "target_pressure": "MPa",
+    "tolerance": "1",
+}
+PATH_UNITS = {
+    "path_displacement": "mm",
+    "path_mean_pressure": "MPa",
+    "path_contact_fraction": "1",
+    "path_residual": "1",
+    "path_stiffness": "MPa/mm",
+}
+EVERY_STEP_UNITS = {"path_pressure": "MPa", "path_gap": "mm"}
+
+
+def units_of(dataset):
+    return {name: variable.attrs["units"] for name, variable in dataset.data_vars.items()}
 
 
 def test_fields_units_and_settings_of_a_path(contact):
-    every = contact_path(FACES, every_step=True, **SETTINGS)
-    assert every.pressure.dims == every.gap.dims == ("step", "y", "x")
-    assert {name: v.attrs["units"] for name, v in every.data_vars.items()} == {
-        "height": "mm",
-        "pressure": "MPa",
-        "gap": "mm",
-        "displacement": "mm",
-        "mean_pressure": "MPa",
-        "contact_fraction": "1",
-        "stiffness": "MPa/mm",
-        "residual": "1",
-    }
-    np.testing.assert_allclose(every.pressure.mean(("y", "x")), every.mean_pressure, rtol=1e-12)
-    np.testing.assert_array_equal((every.pressure > 0).mean(("y", "x")), every.contact_fraction)
-    assert (contact.pressure == every.pressure[-1]).all()
-    assert (contact.gap == every.gap[-1]).all()
-    assert contact.attrs == {name: v for name, v in ALONE.items() if name != "source"}
+    every = contact_path(FACES, LOADING, every_step=True, **PATH)
+    assert units_of(contact) == FACE_UNITS | STATE_UNITS | PATH_UNITS
+    assert units_of(every) == FACE_UNITS | STATE_UNITS | PATH_UNITS | EVERY_STEP_UNITS
+    pressure, gap = every.path_pressure, every.path_gap
+    assert pressure.dims == gap.dims == ("step", "y", "x")
+    np.testing.assert_allclose(pressure.mean(("y", "x")), every.path_mean_pressure, rtol=1e-12)
+    np.testing.assert_array_equal((pressure > 0).mean(("y", "x")), every.path_contact_fraction)
+    for found in (contact, every):
+        assert (found.pressure == pressure[-1]).all()
+        assert (found.gap == gap[-1]).all()
+        for name in ("displacement", "mean_pressure", "contact_fraction", "residual"):
+            assert found[name].dims == ()
+            assert found[name] == every[f"path_{name}"][-1]
+        assert Loading.of(found) == LOADING
+        assert found.attrs == {}
+
+
+@pytest.mark.parametrize(
+    "faces",
+    [
+        FACES,
+        faces_of(HEIGHT, rough(6)),
+        faces_of(HEIGHT, slopes=(0.01, -0.02), surroundings=np.full(HEIGHT.shape, 1e-3)),
+        faces_of(HEIGHT, rough(6), slopes=(0.01, 0.0), surroundings=np.zeros(HEIGHT.shape)),
+    ],
+    ids=["levelled on a flat", "scanned face", "placed", "placed with a scanned face"],
+)
+def test_the_variables_of_a_contact_are_the_same_in_every_case(faces):
+    assert units_of(faces) == FACE_UNITS
+    found = contact_at_pressure(faces, LOADING, **SOURCE)
+    assert units_of(found) == FACE_UNITS | STATE_UNITS
+    alike = contact_at_pressure(FACES, LOADING, **SOURCE)
+    for name, variable in found.variables.items():
+        assert variable.dims == alike[name].dims, name
+        assert variable.dtype == alike[name].dtype, name
+        assert variable.attrs == alike[name].attrs, name
+
+
+def test_a_patch_is_placed_even_where_its_surroundings_press_nothing():
+    assert not FACES.placed
+    assert faces_of(HEIGHT, surroundings=np.zeros(HEIGHT.shape)).placed
 
 
 def test_table_converts_to_micrometres(contact):
+    """Against the solver's own path."""
+    path = load_path(HEIGHT.values, 0.01, 12820.0, target_pressure=50.0, steps=4, tolerance=1e-9)
     table = load_path_table(contact)
     assert table.step.tolist() == [1, 2, 3, 4]
-    np.testing.assert_allclose(table.displacement_um, contact.displacement * 1000)
-    np.testing.assert_allclose(table.stiffness_MPa_per_um, contact.stiffness / 1000)
-    np.testing.assert_array_equal(table.mean_pressure_MPa, contact.mean_pressure)
-    np.testing.assert_array_equal(table.contact_fraction, contact.contact_fraction)
+    np.testing.assert_allclose(table.displacement_um, path.displacement * 1000)
+    np.testing.assert_allclose(table.stiffness_MPa_per_um, path.stiffness / 1000)
+    np.testing.assert_allclose(table.mean_pressure_MPa, path.mean_pressure)
+    np.testing.assert_array_equal(table.contact_fraction, path.contact_fraction)
 
 
 def test_a_pressure_alone_is_the_end_of_the_path(contact):
-    alone = contact_at_pressure(FACES, **ALONE)
-    assert float(alone.displacement) == pytest.approx(float(contact.displacement[-1]), rel=1e-9)
+    alone = contact_at_pressure(FACES, LOADING, **SOURCE)
+    assert float(alone.displacement) == pytest.approx(float(contact.displacement), rel=1e-9)
     np.testing.assert_allclose(alone.pressure, contact.pressure, atol=1e-6)
     np.testing.assert_allclose(alone.gap, contact.gap, atol=1e-9)
     assert float(alone.contact_fraction) == float((alone.pressure > 0).mean())
     assert float(alone.residual) <= 1e-9
-    assert alone.height.identical(HEIGHT)
+    np.testing.assert_array_equal(alone.height, HEIGHT)
 
 
 def test_errors_of_the_solver_name_the_file_and_the_remedy():
-    low = SETTINGS | {"target_pressure_MPa": 5e3, "maximum_displacement_um": 1.0}
+    high, little = LOADING._replace(target_pressure_MPa=5e3), {"maximum_displacement_um": 1.0}
     with pytest.raises(InputError, match=r"surface\.h5.*5000 MPa cannot be reached.*Lower"):
-        contact_path(FACES, **low)
+        contact_path(FACES, high, **PATH | little)
     holed = HEIGHT.copy()
     holed[3, 3] = np.nan
     with pytest.raises(InputError, match=r"surface\.h5: its contact could not be solved"):
-        contact_at_pressure(holed.to_dataset(name="height"), **ALONE)
+        contact_at_pressure(faces_of(holed), LOADING, **SOURCE)
 
 
 def test_full_contact_is_warned_of(caplog):
     """Heights a thousandth of the true ones, in nm for µm, are flat to the solver."""
-    contact_path(FACES, **SETTINGS)
+    contact_path(FACES, LOADING, **PATH)
     assert caplog.messages == []
-    contact_path(1e-3 * FACES, **SETTINGS)
+    contact_path(faces_of(1e-3 * HEIGHT), LOADING, **PATH)
     (warning,) = caplog.messages
     assert "surface.h5: 100 %" in warning
 
 
 def test_without_pressure_the_contact_is_empty():
-    empty = contact_path(FACES, **SETTINGS | {"target_pressure_MPa": 0.0})
-    for name in ("displacement", "mean_pressure", "contact_fraction", "stiffness", "residual"):
+    nothing = LOADING._replace(target_pressure_MPa=0.0)
+    empty = contact_path(FACES, nothing, **PATH)
+    for name in PATH_UNITS:
         assert empty[name].values.tolist() == [0, 0, 0, 0]
+    for name in ("displacement", "mean_pressure", "contact_fraction", "residual"):
+        assert empty[name] == 0
     assert not empty.pressure.any()
     np.testing.assert_array_equal(empty.gap, HEIGHT.max() - HEIGHT)
-    assert not contact_at_pressure(FACES, **ALONE | {"target_pressure_MPa": 0.0}).pressure.any()
+    assert not contact_at_pressure(FACES, nothing, **SOURCE).pressure.any()
 
 
 # A patch as it lies on the stone.
@@ -110,25 +170,26 @@ def test_without_pressure_the_contact_is_empty():
 def test_a_plane_and_the_surroundings_enter_the_contact_and_not_the_stored_height():
     y, x = (axis - axis.mean() for axis in (HEIGHT.y, HEIGHT.x))
     plane, sunk = 0.02 * y - 0.05 * x, 1e-3 * (x / x.max()) ** 2 + 0 * y
-    laid = FACES.assign(surroundings=sunk.transpose("y", "x"))
-    laid = laid.assign_attrs(slope_y=0.02, slope_x=-0.05)
+    sunk = sunk.transpose("y", "x").values
+    laid = faces_of(HEIGHT, slopes=(0.02, -0.05), surroundings=sunk)
     heights = (HEIGHT + plane).transpose("y", "x")
     np.testing.assert_allclose(laid_height(laid), heights, atol=1e-12)
-    np.testing.assert_allclose(pressed_height(laid), heights - laid.surroundings, atol=1e-12)
-    found = contact_at_pressure(laid, **ALONE)
-    summed = heights - laid.surroundings
-    alone = contact_at_pressure(HEIGHT.copy(data=summed).to_dataset(name="height"), **ALONE)
+    np.testing.assert_allclose(pressed_height(laid), heights - sunk, atol=1e-12)
+    found = contact_at_pressure(laid, LOADING, **SOURCE)
+    summed = faces_of(HEIGHT.copy(data=heights - sunk))
+    alone = contact_at_pressure(summed, LOADING, **SOURCE)
     np.testing.assert_allclose(found.pressure, alone.pressure, atol=1e-6)
-    assert found.height.identical(HEIGHT)
-    level = contact_at_pressure(FACES, **ALONE)
+    assert found.height.equals(HEIGHT)
+    level = contact_at_pressure(FACES, LOADING, **SOURCE)
     assert abs(found.pressure - level.pressure).max() > 10
 
 
-def test_the_stiffness_of_the_interface_leaves_out_that_of_a_flat_punch(contact):
+def test_the_stiffness_of_the_interface_leaves_out_that_of_a_flat_punch():
     """1.1516 E*/side for a square punch (Borodachev 1976); compliances add."""
-    square = contact_path(rough(3, (64, 64)).to_dataset(name="height"), **SETTINGS)
+    square = contact_path(faces_of(rough(3, (64, 64))), LOADING, **PATH)
     punch = 1.1516 * 12820.0 / 0.64
-    whole, alone = square.stiffness.values, interface_stiffness(square).values
+    whole = square.path_stiffness.values
+    alone = interface_stiffness(square).path_interface_stiffness.values
     np.testing.assert_allclose(1 / whole - 1 / alone, 1 / punch, rtol=6e-3)  # 64 elements a side
     assert (alone > whole).all()
 
@@ -136,16 +197,16 @@ def test_the_stiffness_of_the_interface_leaves_out_that_of_a_flat_punch(contact)
 # Two rough faces.
 
 FILES = {"source": "counterface.h5", "patch_source": "7_T0.h5"}
-
-
-def pressed(lower, upper):
-    """Contact where `upper` is turned over onto `lower`."""
-    settings = ALONE | {"target_pressure_MPa": 40.0, "tolerance": 1e-10}
-    return contact_at_pressure(faced(lower, upper), **settings)
+LIGHT = LOADING._replace(target_pressure_MPa=40.0, tolerance=1e-10)
 
 
 def faced(lower, upper):
-    return xr.Dataset({"height": lower, "counterface": turned_over(upper, lower, **FILES)})
+    """The two, where `upper` is turned over onto `lower`."""
+    return faces_of(lower, turned_over(upper, lower, **FILES))
+
+
+def pressed(lower, upper):
+    return contact_at_pressure(faced(lower, upper), LIGHT, **SOURCE)
 
 
 def test_who_presses_whom_does_not_matter():
@@ -157,9 +218,9 @@ def test_who_presses_whom_does_not_matter():
         onto_a.pressure, onto_b.pressure.values[:, ::-1], atol=1e-6 * float(onto_a.pressure.max())
     )
     np.testing.assert_array_equal(pressed_height(onto_a), a.values + b.values[:, ::-1])
-    path = contact_path(faced(a, b), **SETTINGS | {"target_pressure_MPa": 40.0})
+    path = contact_path(faced(a, b), LOADING._replace(target_pressure_MPa=40.0), **PATH)
     np.testing.assert_allclose(path.pressure, onto_a.pressure, atol=1e-4)
-    assert path.height.identical(a)
+    assert path.height.equals(a)
     assert path.counterface.identical(onto_a.counterface)
 
 

@@ -3,8 +3,14 @@
 import numpy as np
 import pytest
 import trimesh
-from gstlib.contact import contact_at_pressure, faces_of
-from gstlib.counterface import face_in_pose, grid_counterface, pose_frame, posed_mesh
+from contacts import pressed as press
+from gstlib.counterface import (
+    SecondStone,
+    face_in_pose,
+    grid_counterface,
+    pose_frame,
+    posed_mesh,
+)
 from gstlib.errors import ConfigError, InputError
 from gstlib.geometry import Place, frame_from_points
 from gstlib.specimen.randomness import smooth_field
@@ -49,22 +55,20 @@ def at(points, matrix):
     return trimesh.transform_points(np.asarray(points, float), matrix)
 
 
-def pressed(passive, active=None, pose=None, corners=CORNERS, reach_mm=0.0):
+def pressed(passive, active=None, pose=None, corners=CORNERS):
     """The square with the active stone on it, and its contact."""
-    counterface = None
-    if active is not None:
-        counterface = {"mesh": active, "pose": pose, "source": "active.ply"}
-        counterface["reach_mm"] = reach_mm
-    surface = grid_macroscale(
+    stone = None if active is None else SecondStone(active, pose, 0.0, "active.ply")
+    square, _ = grid_macroscale(
         passive,
-        square={"size_mm": SIDE, "points_mm": np.asarray(corners).tolist()},
+        points_mm=np.asarray(corners).tolist(),
+        size_mm=SIDE,
         grid=COUNT,
+        second_stone=stone,
         source="passive.ply",
         margin_mm=1.0,
         interpolation="linear",
-        counterface=counterface,
     )
-    return surface, contact_at_pressure(faces_of(surface), source="square", **SETTINGS)
+    return square, press(square.height, square.counterface, **SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -91,18 +95,16 @@ def test_halves_of_a_block_fit(block, way):
     assert np.ptp(surface.height.values) > 0.01
     np.testing.assert_allclose(surface.height + surface.counterface, 0, atol=1e-9)
     assert float(contact.contact_fraction) == 1
-    flat = surface.assign(height=0 * surface.height).drop_vars("counterface")
-    punch = contact_at_pressure(faces_of(flat), source="square", **SETTINGS)
+    punch = press(0 * surface.height, **SETTINGS)
     np.testing.assert_allclose(contact.pressure, punch.pressure, rtol=1e-4)
 
 
 @pytest.mark.parametrize("way", ["points_mm", "matrix"])
-def test_the_posed_mesh_is_back_in_its_place(block, tmp_path, way):
+def test_the_posed_mesh_is_back_in_its_place(block, way):
     lower, upper, away = block
-    upper.export(tmp_path / "upper.ply")
-    second = {"mesh": tmp_path / "upper.ply", "mesh_unit": "mm", "pose": {way: poses(away)[way]}}
-    back = posed_mesh(second, frame_from_points(CORNERS), size_mm=SIDE)
-    np.testing.assert_allclose(back.bounds, lower.bounds, atol=1e-5)  # PLY has single precision
+    stone = SecondStone(upper, {way: poses(away)[way]}, 0.0, "upper.ply")
+    back = posed_mesh(stone, frame_from_points(CORNERS), size_mm=SIDE)
+    np.testing.assert_allclose(back.vertices, lower.vertices, atol=1e-9)
 
 
 def test_contact_falls_as_the_correlation_of_heights_when_the_halves_are_shifted(block):
@@ -123,19 +125,16 @@ def test_a_moved_face_is_that_of_a_moved_stone(block):
     back = np.linalg.inv(away)
     frame = frame_from_points(CORNERS)
     surface, _ = pressed(lower)
-    options = {"margin_mm": 1.0, "interpolation": "cubic", "source": "active.ply"}
-    wide = grid_counterface(
-        upper, surface.height, frame, pose={"matrix": back}, reach_mm=1.5, **options
-    )
+    options = {"margin_mm": 1.0, "interpolation": "cubic"}
+    stone = SecondStone(upper, {"matrix": back}, 1.5, "active.ply")
+    wide = grid_counterface(stone, surface.height, frame, **options)
     middle = (SIDE / 2, SIDE / 2, 0)
     turn = trimesh.transformations.rotation_matrix(np.radians(10), (0, 0, 1), middle)
     for place, turned in ((Place(0.25, -0.5, 0.0), np.eye(4)), (Place(0.1, 0.3, 10.0), turn)):
         there = turned.copy()
         there[:2, 3] += place.x_mm, place.y_mm
-        pose = {"matrix": there @ back}
-        expected = grid_counterface(
-            upper, surface.height, frame, pose=pose, reach_mm=0.0, **options
-        )
+        moved = stone._replace(pose={"matrix": there @ back}, reach_mm=0.0)
+        expected = grid_counterface(moved, surface.height, frame, **options)
         found = face_in_pose(wide, surface.height, place)
         # what lies between the grid's points is interpolated
         misfit = float(np.sqrt(((found - expected) ** 2).mean()))

@@ -6,8 +6,8 @@ import pytest
 from gstlib.bem import HalfSpace, Layer
 from gstlib.coupling import patch_pressures, surroundings
 from gstlib.geometry import Place, footprint_weights, moved
-from gstlib.study import select_patches
 from gstlib.surface import make_surface
+from gstlib.validation.selection import select_patches
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -99,7 +99,7 @@ def test_moved_patches_stay_on_the_square():
         {"patch": list("123"), "x_mm": [1.0, 4.36, 2.0], "y_mm": [2.0, 3.0, 4.5]}
     )
     square = make_surface(np.zeros((48, 48)), 0.1)
-    found = moved(patches.assign(rotation_deg=[0.0, 0.0, 45.0]), (0.03, -0.02), square, 0.85)
+    found = moved(patches.assign(rotation_deg=[0.0, 0.0, 45.0]), (-0.02, 0.03), square, 0.85)
     np.testing.assert_allclose(found.x_mm, [1.03, 4.8 - 0.425, 2.03], rtol=1e-12)
     # the turned one reaches half a diagonal from its centre
     np.testing.assert_allclose(found.y_mm, [1.98, 2.98, 4.8 - 0.425 * np.sqrt(2)], rtol=1e-12)

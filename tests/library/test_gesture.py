@@ -3,11 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
-import xarray as xr
+from contacts import pressed as press
 from gst.poses import reach_of
-from gstlib.contact import contact_at_pressure, faces_of
 from gstlib.errors import ConfigError
 from gstlib.gesture import (
+    Gesture,
     exposure,
     exposure_table,
     press_poses,
@@ -33,14 +33,14 @@ def field(seed, count):
     return 3e-3 * rough.astype(float)
 
 
-def square(flat=False):
-    """A rough square, and another face around it."""
-    wide = make_surface(
-        0 * field(2, COUNT + 2 * AROUND) if flat else field(2, COUNT + 2 * AROUND), SPACING
-    )
-    wide = wide.assign_coords({a: wide[a].copy(data=wide[a] - AROUND * SPACING) for a in "yx"})
-    height = make_surface(field(1, COUNT), SPACING)
-    return xr.Dataset({"height": height, "face": wide.rename(y="face_y", x="face_x")})
+HEIGHT = make_surface(field(1, COUNT), SPACING)
+
+
+def face(flat=False):
+    """Another face, over the square and around it."""
+    rough = field(2, COUNT + 2 * AROUND)
+    wide = make_surface(0 * rough if flat else rough, SPACING)
+    return wide.assign_coords({a: wide[a].copy(data=wide[a] - AROUND * SPACING) for a in "yx"})
 
 
 def stroke(**more):
@@ -50,20 +50,18 @@ def stroke(**more):
 @pytest.fixture(scope="module")
 def pressed():
     poses = stroke(weight=[1.0, 2.0, 0.0, 1.0, 1.0], pressure_MPa=[10.0, 20, 30, 20, 10])
-    return poses, press_poses(square(), poses, PATCHES, **OF_PATCHES)
+    return poses, press_poses(HEIGHT, Gesture(face(), poses), PATCHES, **OF_PATCHES)
 
 
 def test_a_pose_is_a_contact_with_the_shifted_face():
     """A shift by whole elements takes the face from beside the square, without interpolation."""
-    surface = square()
+    wide = face()
     pose = stroke().iloc[:1].assign(x_mm=3 * SPACING, y_mm=-2 * SPACING)
-    found = press_poses(surface, pose, PATCHES, **OF_PATCHES)
+    found = press_poses(HEIGHT, Gesture(wide, pose), PATCHES, **OF_PATCHES)
     rows, columns = (slice(AROUND + by, AROUND + by + COUNT) for by in (2, -3))
-    face = surface.height.copy(data=surface.face.values[rows, columns])
-    faces = surface[["height"]].assign(counterface=face)
     # Its plane is taken out, as a hand lets it settle.
-    faces["counterface"] = remove_plane(face)[0]
-    alone = contact_at_pressure(faces_of(faces), source="", target_pressure_MPa=20.0, **SETTINGS)
+    over, _ = remove_plane(HEIGHT.copy(data=wide.values[rows, columns]))
+    alone = press(HEIGHT, over, target_pressure_MPa=20.0, **SETTINGS)
     np.testing.assert_allclose(found.pressure_sum, alone.pressure, rtol=1e-4, atol=1e-3)
     assert float(found.displacement[0]) == pytest.approx(float(alone.displacement), rel=1e-6)
 
@@ -84,7 +82,7 @@ def test_forces_are_kept(pressed):
 def test_batches_add_up_to_the_whole(pressed):
     poses, batch = pressed
     parts = [
-        press_poses(square(), poses[part], PATCHES, shown=[0, 4], **OF_PATCHES)
+        press_poses(HEIGHT, Gesture(face(), poses[part]), PATCHES, shown=[0, 4], **OF_PATCHES)
         for part in (slice(2), slice(2, 3), slice(3, 5))
     ]
     whole, found = exposure([batch]), exposure(parts)
@@ -99,7 +97,7 @@ def test_batches_add_up_to_the_whole(pressed):
 
 def test_a_pose_without_weight_leaves_nothing(pressed):
     poses, batch = pressed
-    without = press_poses(square(), poses[poses.weight > 0], PATCHES, **OF_PATCHES)
+    without = press_poses(HEIGHT, Gesture(face(), poses[poses.weight > 0]), PATCHES, **OF_PATCHES)
     for name in ("pressure_sum", "highest_pressure", "touched_sum", "exposure"):
         scale = float(abs(batch[name]).max())
         np.testing.assert_allclose(without[name], batch[name], atol=1e-3 * scale, err_msg=name)
@@ -120,7 +118,7 @@ def test_the_table_has_each_patch_over_the_poses(pressed):
 
 def test_a_turn_slides_farther_out():
     turn = stroke(x_mm=0.0, sliding_mm=0.0, turning_deg=10.0).iloc[:1]
-    found = press_poses(square(flat=True), turn, PATCHES, **OF_PATCHES)
+    found = press_poses(HEIGHT, Gesture(face(flat=True), turn), PATCHES, **OF_PATCHES)
     y, x = (found[axis].values - SIDE / 2 for axis in "yx")
     far = np.hypot(y[:, None], x)
     np.testing.assert_allclose(found.exposure, found.pressure_sum * np.radians(10) * far, rtol=1e-9)
@@ -128,9 +126,10 @@ def test_a_turn_slides_farther_out():
 
 def test_on_a_flat_every_pose_is_alike():
     poses = stroke(y_mm=[0.0, 0.1, 0.5, 0.0, 0.0], rotation_deg=[0.0, 0, 0, 20.0, 0])
-    pressures = press_poses(square(flat=True), poses, PATCHES, **OF_PATCHES).patch_pressure
+    pressures = press_poses(HEIGHT, Gesture(face(flat=True), poses), PATCHES, **OF_PATCHES)
+    pressures = pressures.patch_pressure
     np.testing.assert_allclose(pressures, pressures[[0] * 5], rtol=1e-4)
-    pressures = press_poses(square(), poses, PATCHES, **OF_PATCHES).patch_pressure
+    pressures = press_poses(HEIGHT, Gesture(face(), poses), PATCHES, **OF_PATCHES).patch_pressure
     assert float(abs(pressures - pressures[0]).max()) > 1
 
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import yaml
 from gst.patches import read_patches
-from gstlib.contact import contact_at_pressure
+from gstlib.contact import Loading, contact_at_pressure, faces_of
 from gstlib.geometry import frame_from_points, spline_of
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.study import prepare_scan
+from gstlib.study import prepare_patch
 from gstlib.surface import make_surface, spacing_of
 from scipy.ndimage import gaussian_filter
 
@@ -33,7 +33,7 @@ ALICONA = DATA / "surfacetopography-mit/al3d-1.al3d"
 
 
 def prepared(scan, size_mm):
-    return prepare_scan(
+    return prepare_patch(
         scan,
         crop=(0, 0),
         scans={"size_mm": size_mm, "mould": {"invert": False, "flip": None}},
@@ -83,13 +83,8 @@ def test_flat_machined_surface_and_leica_grooves():
 )
 def test_contact_of_measured_patches(path, unit, size, pressure):
     height = prepared(read_scan(path, unit=unit), size).height
-    contact = contact_at_pressure(
-        height.to_dataset(name="height"),
-        source=path,
-        contact_modulus_MPa=12820.0,
-        target_pressure_MPa=pressure,
-        tolerance=1e-8,
-    )
+    loading = Loading(12820.0, pressure, tolerance=1e-8)
+    contact = contact_at_pressure(faces_of(height), loading, source=path)
     assert float(contact.pressure.mean()) == pytest.approx(pressure, rel=1e-3)
     assert float(contact.residual) <= 1e-6
     assert 0.001 < float(contact.contact_fraction) < 1

@@ -42,8 +42,11 @@ def place(square, heights, places=NINE, rotation_deg=0.0):
     y, x = np.transpose(places)
     patches = pd.DataFrame({"patch": [str(number) for number in range(1, len(places) + 1)]})
     patches = patches.assign(x_mm=x, y_mm=y, rotation_deg=rotation_deg)
-    heights = dict(zip(patches.patch, heights, strict=True))
-    return place_patches(square, patches, heights, size_mm=SIZE).set_index("patch")
+    scans = {
+        patch: height.to_dataset(name="height")
+        for patch, height in zip(patches.patch, heights, strict=True)
+    }
+    return place_patches(square, patches, scans, patch_mm=SIZE).set_index("patch")
 
 
 @pytest.mark.parametrize("rotation", [0.0, -7.0, 90.0])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from contacts import contact_of
 from gstlib.geometry import Place
 from gstlib.placement import ALL
 from gstlib.reference import patches_of_reference, two_scales_table
@@ -20,17 +21,9 @@ def scan(rows, columns=None) -> xr.DataArray:
     return make_surface(np.zeros((rows, columns)), (0.01, 0.01 * rows / columns))
 
 
-def contact(pressure, **attrs) -> xr.Dataset:
-    grid = make_surface(np.zeros((POINTS, POINTS)), 0.01)
+def contact(pressure, **slopes) -> xr.Dataset:
     heights = np.arange(POINTS**2, dtype=float).reshape(POINTS, POINTS) * 1e-6
-    return xr.Dataset(
-        {
-            "height": grid.copy(data=heights),
-            "pressure": grid.copy(data=np.asarray(pressure, float)),
-            "mean_pressure": float(np.mean(pressure)),
-        },
-        attrs=attrs,
-    )
+    return contact_of(make_surface(heights, 0.01), pressure, **slopes)
 
 
 def reference_of(masks) -> xr.Dataset:
@@ -50,21 +43,21 @@ def test_a_scan_reads_the_reference_where_it_lies():
     pressure[120, 80] = 5.0  # y 1.205, x 0.805
     for rotation in (0.0, 30.0):
         place = Place(1.205, 0.805, rotation)
-        found = patches_of_reference([square(pressure)], {"a": place}, scan(33))
-        at = np.argwhere(found.contact.values[0, 0])
+        found = patches_of_reference(square(pressure), {"a": place}, scan(33))
+        at = np.argwhere(found.contact.values[0])
         np.testing.assert_array_equal(at, [[16, 16]])
     # a scan of squares, and one of rectangles
     for grid, along_x, column in ((scan(33), 0.05, 21), (scan(33, 11), 0.03, 6)):
         beside = Place(1.205 - 0.1, 0.805 - along_x, 0.0)
-        found = patches_of_reference([square(pressure)], {"a": beside}, grid)
-        np.testing.assert_array_equal(np.argwhere(found.contact.values[0, 0]), [[26, column]])
-        assert float(found.pressure[0, 0]) == pytest.approx(5.0 / grid.size)
+        found = patches_of_reference(square(pressure), {"a": beside}, grid)
+        np.testing.assert_array_equal(np.argwhere(found.contact.values[0]), [[26, column]])
+        assert float(found.pressure[0]) == pytest.approx(5.0 / grid.size)
 
 
 def test_points_outside_the_square_are_not_in_contact():
     place = Place(0.1, 0.1, 0.0)
-    found = patches_of_reference([square(np.ones((SQUARE, SQUARE)))], {"a": place}, scan(32))
-    inside = found.contact.values[0, 0]
+    found = patches_of_reference(square(np.ones((SQUARE, SQUARE))), {"a": place}, scan(32))
+    inside = found.contact.values[0]
     assert inside.any()
     assert not inside.all()
     assert not inside[:5].any()
@@ -74,7 +67,7 @@ def test_points_outside_the_square_are_not_in_contact():
 
 def table_of(reference, rim=0.0, **contacts):
     """The table by variant and patch; of each variant the contact of patch a."""
-    of_patches = {name: [("a", one)] for name, one in contacts.items()}
+    of_patches = {name: {"a": one} for name, one in contacts.items()}
     return two_scales_table(of_patches, reference, rim=rim).set_index(["variant", "patch"])
 
 
@@ -103,7 +96,7 @@ def test_the_rival_marks_the_highest_points_of_the_laid_surface():
     true = np.zeros((POINTS, POINTS), bool)
     true[20:24, 5:9] = True
     none = np.zeros((POINTS, POINTS))
-    contacts = {"levelled": contact(none), "placed": contact(none, slope_y=-1.0, slope_x=0.0)}
+    contacts = {"levelled": contact(none), "placed": contact(none, slopes=(-1.0, 0.0))}
     table = table_of(reference_of([true]), **contacts)
     # levelled, the last rows are the highest; on the plane, the first
     assert table.f1["highest_levelled", "a"] == 0

@@ -4,21 +4,22 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from contacts import pressed as press
 from gstlib.composite import compose_surface
-from gstlib.contact import contact_at_pressure
 from gstlib.counterface import face_in_pose
 from gstlib.coupling import patch_pressures
 from gstlib.geometry import Place, places_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import axis_coordinates, make_surface
-from gstlib.uncertainty import draw_contact_moduli, pressure_intervals
+from gstlib.uncertainty import Errors, Macroscale, draw_contact_moduli, pressure_intervals
 
 COUNT, SPACING, PATCH = 24, 0.1, 0.6  # the square is 2.4 mm wide
 STONES = {"young_1_MPa": 20000.0, "poisson_1": 0.25, "young_2_MPa": 20000.0, "poisson_2": 0.25}
 PLACES = pd.DataFrame(
     {"patch": ["1", "2"], "x_mm": [0.8, 1.5], "y_mm": [0.9, 1.4], "rotation_deg": [0.0, 12.0]}
 )
-LOAD = {"contact_modulus_MPa": 10000.0, "target_pressure_MPa": 15.0, "source": "mesh"}
+MODULUS, TARGET = 10000.0, 15.0  # MPa
+NO_ERRORS = Errors(young_share=0.0, poisson=0.0, placement_um=0.0, pose_um=0.0)
 
 
 def stone(y, x):
@@ -32,26 +33,40 @@ def mesh(error=0.0):
     vertices = np.random.default_rng(4).uniform(0, COUNT * SPACING, (2, 200))
     errors = error * np.random.default_rng(5).standard_normal(200)
     numbers = {"vertex_y": vertices[0], "vertex_x": vertices[1], "left_out_error": errors}
-    return xr.Dataset({"height": height} | {n: ("vertex", v) for n, v in numbers.items()})
+    faces = {"height": height, "counterface": 0 * height}
+    return xr.Dataset(faces | {n: ("vertex", v) for n, v in numbers.items()})
 
 
 def pressed(height, share=1.0):
-    settings = LOAD | {"contact_modulus_MPa": share * LOAD["contact_modulus_MPa"]}
-    return contact_at_pressure(height.to_dataset(name="height"), tolerance=1e-8, **settings)
+    loading = {"contact_modulus_MPa": share * MODULUS, "target_pressure_MPa": TARGET}
+    return press(height, tolerance=1e-8, **loading)
 
 
 def stated():
     return patch_pressures(pressed(mesh().height).pressure, PLACES, size_mm=PATCH)
 
 
-def intervals(shares, *, error=0.0, placement_um=0.0, composite=None, seed=1):
-    settings = {"patch_mm": PATCH, "placement_um": placement_um, "pose_um": 100.0, "seed": seed}
-    return pressure_intervals(
-        mesh(error), composite, stated(), np.asarray(shares), **settings, **LOAD
-    )
+@pytest.fixture
+def intervals(monkeypatch):
+    """Intervals where the contact moduli of the draws, over that of the study, are given."""
+
+    def intervals(shares, *, error=0.0, composite=None, square=None, face=None, **errors):
+        drawn = np.asarray(shares)
+        monkeypatch.setattr("gstlib.uncertainty.draw_contact_moduli", lambda *_, **__: drawn)
+        return pressure_intervals(
+            Macroscale(square or mesh(error), composite, face),
+            stated(),
+            STONES | {"contact_modulus_MPa": MODULUS},
+            NO_ERRORS._replace(**errors),
+            target_pressure_MPa=TARGET,
+            patch_mm=PATCH,
+            seed=1,
+        )
+
+    return intervals
 
 
-def test_without_errors_the_interval_is_the_pressure():
+def test_without_errors_the_interval_is_the_pressure(intervals):
     found = intervals(np.ones(3))
     assert list(found.columns) == ["patch", "pressure_MPa", "low_MPa", "high_MPa"]
     assert (found.pressure_MPa > 1).all()
@@ -67,13 +82,13 @@ def assert_ends(found, drawn):
     np.testing.assert_allclose(found.high_MPa, high, rtol=1e-4)
 
 
-def test_constants_alone_give_the_pressures_of_their_solutions():
+def test_constants_alone_give_the_pressures_of_their_solutions(intervals):
     fields = [pressed(mesh().height, share).pressure for share in (0.5, 2.0)]
     drawn = [patch_pressures(field, PLACES, size_mm=PATCH).pressure_MPa for field in fields]
     assert_ends(intervals([0.5, 2.0]), drawn)
 
 
-def test_places_alone_give_the_pressures_at_those_places():
+def test_places_alone_give_the_pressures_at_those_places(intervals):
     """Each draw has its own generator, which gives the shifts along x, then along y."""
     found = intervals(np.ones(30), placement_um=60.0)
     field, drawn = pressed(mesh().height).pressure, []
@@ -85,24 +100,24 @@ def test_places_alone_give_the_pressures_at_those_places():
     assert_ends(found, drawn)
 
 
-def test_a_mesh_that_errs_more_makes_wider_intervals():
+def test_a_mesh_that_errs_more_makes_wider_intervals(intervals):
     small, large = (intervals(np.ones(40), error=error) for error in (1e-4, 1e-3))
     width = [one.high_MPa - one.low_MPa for one in (small, large)]
     assert (width[0] > 0.05).all()
     assert (width[1] > 2 * width[0]).all()
 
 
-def test_detail_between_the_scans_is_drawn_anew_and_planes_are_told():
+def test_detail_between_the_scans_is_drawn_anew_and_planes_are_told(intervals):
     points = 32
     along = axis_coordinates(points, PATCH / points) - PATCH / 2
-    heights = []
+    scans = {}
     for patch, place in places_of(PLACES).items():
         rough = 5e-4 * np.random.default_rng(3).standard_normal((points, points))
         whole = stone(*place.points(along[:, None], along)) + rough
-        heights.append((patch, remove_plane(make_surface(whole, PATCH / points))[0]))
-    composite = compose_surface(
-        mesh(1e-5), PLACES, heights, patch_mm=PATCH, placement_um=0.0, seed=1
-    )
+        level, _ = remove_plane(make_surface(whole, PATCH / points))
+        scans[patch] = level.to_dataset(name="height")
+    settings = {"patch_mm": PATCH, "s_filter_um": None, "placement_um": 0.0, "seed": 1}
+    composite = compose_surface(mesh(1e-5), PLACES, scans, **settings)
     found = intervals(np.ones(8), composite=composite)
     assert (found.high_MPa - found.low_MPa > 1e-3).all()
     np.testing.assert_allclose(found.tilt_error_mrad, composite.tilt_error_mrad)
@@ -115,8 +130,7 @@ def test_moduli_vary_as_their_stones_do():
     def draw(young_share, poisson, stones=STONES):
         return draw_contact_moduli(
             stones,
-            young_share=young_share,
-            poisson=poisson,
+            NO_ERRORS._replace(young_share=young_share, poisson=poisson),
             draws=20000,
             generator=np.random.default_rng(3),
         )
@@ -132,7 +146,7 @@ def test_moduli_vary_as_their_stones_do():
     assert draw(0.0, 0.02).std() == pytest.approx(0.02 * 0.5 / 0.9375 / np.sqrt(2), rel=0.03)
 
 
-def test_a_second_stone_adds_the_error_of_its_pose():
+def test_a_second_stone_adds_the_error_of_its_pose(intervals):
     """A flat face adds nothing; a rough one adds more, the less certain its position."""
     at = axis_coordinates(3 * COUNT, SPACING) - COUNT * SPACING
     widths = []
@@ -140,8 +154,7 @@ def test_a_second_stone_adds_the_error_of_its_pose():
         face = make_surface(rough * stone(3 * at[:, None], 2 * at), SPACING)
         face = face.assign_coords({axis: face[axis].copy(data=at) for axis in "yx"})
         over = face_in_pose(face, mesh().height, Place(0.0, 0.0, 0.0))
-        surface = mesh().assign(counterface=over, face=face.rename(y="face_y", x="face_x"))
-        settings = {"patch_mm": PATCH, "placement_um": 0.0, "pose_um": pose_um, "seed": 1}
-        found = pressure_intervals(surface, None, stated(), np.ones(8), **settings, **LOAD)
+        square = mesh().assign(counterface=over)
+        found = intervals(np.ones(8), square=square, face=face, pose_um=pose_um)
         widths.append(float((found.high_MPa - found.low_MPa).max()))
     assert max(widths[:2]) < 1e-3 < widths[2] < widths[3]

@@ -4,18 +4,19 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from gstlib import study
+from contacts import pressed
 from gstlib.bem import Layer
-from gstlib.contact import contact_at_pressure
 from gstlib.coupling import patch_pressures
 from gstlib.errors import InputError
-from gstlib.gesture import make_poses
+from gstlib.gesture import Gesture, stroke_poses
 from gstlib.io.results import columns_of
+from gstlib.study import score_wear, wear_stone
 from gstlib.surface import make_surface
 from gstlib.validation.wear_scores import wear_summary, wear_table
-from gstlib.wear import wear_map, wear_patch, wear_square
+from gstlib.wear import fit_mat, wear_map, wear_patch, wear_patches, wear_square
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
+SETTINGS = {"contact_modulus_MPa": 1e4, "tolerance": 1e-9}
 # Four patches that tile the square, and one that nothing touches.
 PLACES = pd.DataFrame(
     {
@@ -31,13 +32,7 @@ PLACES = pd.DataFrame(
 def square():
     generator = np.random.default_rng(3)
     rough = make_surface(0.004 * generator.standard_normal((COUNT, COUNT)), SIDE / COUNT)
-    return contact_at_pressure(
-        rough.to_dataset(name="height"),
-        source="square",
-        contact_modulus_MPa=1e4,
-        target_pressure_MPa=20.0,
-        tolerance=1e-9,
-    )
+    return pressed(rough, target_pressure_MPa=20.0, **SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -46,70 +41,65 @@ def pressures(square):
 
 
 def worn(square, pressures, losses_um):
-    return wear_square(square, pressures, losses_um, patch_mm=1.0, steps=8, source="square")
+    return wear_square(square, pressures, losses_um, patch_mm=1.0, steps=8)
 
 
-def lost(path):
+def lost(found):
     """The depth (mm) that the bare stone removes from each patch, along the path."""
-    return path.pressed.sel(ratio=0, body="stone")
+    return found.path.pressed.sel(ratio=0, body="stone")
 
 
 def test_patches_that_tile_the_square_lose_what_it_loses(square, pressures):
-    path = worn(square, pressures, dict.fromkeys("abcd", 0.4))
-    kappa = path.kappa.sel(ratio=0)
-    np.testing.assert_allclose(lost(path).mean("patch"), 20.0 * kappa, rtol=1e-6)
-    assert (lost(path).diff("step") >= 0).all()
-    assert path.attrs["kappa"] == pytest.approx(0.4e-3 / 20.0, rel=1e-6)
+    found = worn(square, pressures, dict.fromkeys("abcd", 0.4))
+    kappa = found.path.kappa.sel(ratio=0)
+    np.testing.assert_allclose(lost(found).mean("patch"), 20.0 * kappa, rtol=1e-6)
+    assert (lost(found).diff("step") >= 0).all()
+    assert found.losers == list("abcd")
+    assert float(found.path.kappa_of_all) == pytest.approx(0.4e-3 / 20.0, rel=1e-6)
     # Pressures even out as the patches that bear most sink.
-    rates = lost(path).diff("step") / kappa.diff("step")
+    rates = lost(found).diff("step") / kappa.diff("step")
     assert float(rates[-1].std("patch")) < float(rates[0].std("patch"))
 
 
 def test_the_coefficient_behind_the_losses_is_found_without_a_patch_of_its_own(square, pressures):
-    path = worn(square, pressures, dict.fromkeys("abcd", 0.4))
-    kappas = path.kappa.sel(ratio=0)
+    found = worn(square, pressures, dict.fromkeys("abcd", 0.4))
+    kappas = found.path.kappa.sel(ratio=0)
     kappa = 0.6 * float(kappas[-1])
-    true = lost(path).interp(step=np.interp(kappa, kappas, np.arange(9)))
+    true = lost(found).interp(step=np.interp(kappa, kappas, np.arange(9)))
     losses = {patch: 1e3 * float(true.sel(patch=patch)) for patch in "abcd"}
     again = worn(square, pressures, losses)
-    np.testing.assert_allclose(again.fitted, kappa, rtol=2e-3)
+    np.testing.assert_allclose(again.path.fitted, kappa, rtol=2e-3)
     # Whatever happened on a patch, its own prediction does not see it.
     other = worn(square, pressures, losses | {"b": 2 * losses["b"]})
-    assert float(other.fitted.sel(patch="b")) == pytest.approx(kappa, rel=2e-3)
-    assert float(other.fitted.sel(patch="a")) > 1.1 * kappa
+    assert float(other.path.fitted.sel(patch="b")) == pytest.approx(kappa, rel=2e-3)
+    assert float(other.path.fitted.sel(patch="a")) > 1.1 * kappa
 
 
 def test_losses_that_the_square_cannot_give_are_refused(square, pressures):
-    with pytest.raises(InputError, match="square: its contact could not be solved: mean_loss"):
+    with pytest.raises(InputError, match="macroscale: its contact could not be solved: mean_loss"):
         worn(square, pressures, {"a": 1e5, "b": 1e5})
 
 
 def patch_of(pressure_MPa, seed=0):
     generator = np.random.default_rng(seed)
     rough = make_surface(0.001 * generator.standard_normal((32, 32)), 0.01)
-    return contact_at_pressure(
-        rough.to_dataset(name="height"),
-        source="patch",
-        contact_modulus_MPa=1e4,
-        target_pressure_MPa=pressure_MPa,
-        tolerance=1e-9,
-    )
+    return pressed(rough, target_pressure_MPa=pressure_MPa, **SETTINGS)
 
 
 def test_a_patch_loses_what_the_square_takes_off_it(square, pressures):
-    path = worn(square, pressures, dict.fromkeys("abcd", 0.4))
-    contact = patch_of(float(pressures.pressure_MPa[0]))
-    depth = wear_patch(contact, path, "a")
+    found = worn(square, pressures, dict.fromkeys("abcd", 0.4))
+    contact, path = patch_of(float(pressures.pressure_MPa[0])), found.path
+    depth = wear_patch(contact, found, "a")
     kappa = float(path.fitted.sel(patch="a"))
-    expected = np.interp(kappa, path.kappa[0], lost(path).sel(patch="a"))
+    expected = np.interp(kappa, path.kappa[0], lost(found).sel(patch="a"))
     assert float(depth.mean()) == pytest.approx(expected, rel=1e-9)
     assert float(depth.min()) == 0
     # It wears where it touches; on a grid, summits alone.
     assert float(contact.height.where(depth > 0).mean()) > float(contact.height.mean())
-    after = wear_map(contact, path, "a").sel(model="archard")
+    after = wear_map(contact, found, None, "a").sel(model="archard")
     np.testing.assert_allclose(after.t1, contact.height - depth, atol=1e-15)
-    path["pressed"] = path.pressed.where(path.patch != "a", 0.0)
-    assert float(wear_patch(contact, path, "a").max()) == 0
+    spared = found._replace(path=path.assign(pressed=path.pressed.where(path.patch != "a", 0.0)))
+    assert float(wear_patch(contact, spared, "a").max()) == 0
 
 
 def changed(contact, depth_mm, level_mm=1e-6):
@@ -138,9 +128,9 @@ def tables():
         lost = contact.height.to_dataset(name="height").assign(depth=(FIELD, depth[None]))
         lost = lost.assign_coords(model=["archard"])
         rows.append((patch, contact, changed(contact, depth if number < 2 else depth / 2), lost))
-    measured = {patch: -float(change.change.mean()) for patch, _, change, _ in rows}
-    square = pd.Series(measured).rename_axis("patch").to_frame("measured").to_xarray()
-    return *wear_table(rows, square, pressure), square
+    measured = [-float(change.change.mean()) for _, _, change, _ in rows]
+    square = pressure.assign(measured=measured).set_index("patch").to_xarray()
+    return wear_table(rows, square)
 
 
 def test_models_are_what_they_say(tables):
@@ -173,8 +163,8 @@ def test_models_are_what_they_say(tables):
 
 
 def test_skill_is_the_share_of_the_rivals_error_that_is_saved(tables):
-    table, profile, square = tables
-    summary = wear_summary(table, profile, square, seed=1, resamples=99)
+    table, profile = tables
+    summary = wear_summary(table, profile, None, seed=1, resamples=99)
     assert list(summary.columns) == columns_of("wear_summary")
     by = table.assign(error=(table.predicted_volume_um3 - table.measured_volume_um3).abs())
     errors = by.groupby("model").error.sum()
@@ -184,12 +174,12 @@ def test_skill_is_the_share_of_the_rivals_error_that_is_saved(tables):
     # Only a cut predicts a depth; the same loss everywhere does not.
     assert summary[summary.statistic == "skill(depth)"].against.tolist() == ["truncation"]
     exact, heights = (of[of.patch != "c"] for of in (table, profile))
-    summary = wear_summary(exact, heights, square, seed=1, resamples=99)
+    summary = wear_summary(exact, heights, None, seed=1, resamples=99)
     assert summary[summary.statistic == "skill(map)"].value.tolist() == pytest.approx([1, 1, 1])
 
 
 def test_the_profile_is_the_mean_loss_of_quarters_of_the_points(tables):
-    table, profile, square = tables
+    table, profile = tables
     assert list(profile.columns) == columns_of("wear_profile")
     heights = profile[profile.by == "height"].pivot(
         index=["patch", "model"], columns="band", values="loss_um"
@@ -200,7 +190,7 @@ def test_the_profile_is_the_mean_loss_of_quarters_of_the_points(tables):
         volume = by[f"{'measured' if model == 'measured' else 'predicted'}_volume_um3"][patch]
         assert bands.mean() == pytest.approx(volume / (32**2 * element_um2), rel=1e-9)
         assert bands[1] > 0 == bands[3] == bands[4]  # only what is above 1 µm was cut
-    summary = wear_summary(table, profile, square, seed=1, resamples=99)
+    summary = wear_summary(table, profile, None, seed=1, resamples=99)
     assert summary[summary.statistic == "lower_half"].value.tolist() == [0, 0]
 
 
@@ -210,12 +200,11 @@ def worn_by_both():
     mat = Layer(300.0, 0.3, 0.2)
     generator = np.random.default_rng(6)
     rough = make_surface(0.003 * generator.standard_normal((COUNT, COUNT)), SIDE / COUNT)
-    settings = {"contact_modulus_MPa": 1e4, "target_pressure_MPa": 20.0, "tolerance": 1e-9}
-    pressed = contact_at_pressure(rough.to_dataset(name="height"), source="square", **settings)
+    contact = pressed(rough, target_pressure_MPa=20.0, **SETTINGS)
     places = pd.concat([PLACES, PLACES.iloc[:2].assign(patch=["e", "f"], y_mm=1.0)])
-    by_patch = patch_pressures(pressed.pressure, places, size_mm=1.0)
+    by_patch = patch_pressures(contact.pressure, places, size_mm=1.0)
     guess = wear_square(
-        pressed, by_patch, dict.fromkeys("abcdef", 0.4), patch_mm=1.0, steps=6, mat=mat
+        contact, by_patch, dict.fromkeys("abcdef", 0.4), patch_mm=1.0, steps=6, mat=mat
     )
     contacts = {
         patch: patch_of(pressure, seed=number)
@@ -224,26 +213,22 @@ def worn_by_both():
         )
     }
     changes = {}
-    for patch, contact in contacts.items():
-        depth = wear_patch(contact, guess, patch, ratio=1.0, kappa=2e-5)
-        changes[patch] = changed(contact, depth - np.median(depth))
+    for patch, unworn in contacts.items():
+        depth = wear_patch(unworn, guess, patch, ratio=1.0, kappa=2e-5)
+        changes[patch] = changed(unworn, depth - np.median(depth))
     seen = {patch: 1e3 * float((-of.change).clip(0).mean()) for patch, of in changes.items()}
-    square = wear_square(pressed, by_patch, seen, patch_mm=1.0, steps=6, mat=mat)
-    return square, contacts, changes, by_patch
+    worn = wear_square(contact, by_patch, seen, patch_mm=1.0, steps=6, mat=mat)
+    return worn, contacts, changes
 
 
 def test_a_mat_is_found_by_its_traces_with_both_coefficients(worn_by_both):
-    square, contacts, changes, by_patch = worn_by_both
-    rows = ((patch, contacts[patch], changes[patch]) for patch in contacts)
-    fitted = study.fit_mat(square, rows)
-    assert fitted.attrs["mat_ratio"] == 1.0
+    worn, contacts, changes = worn_by_both
+    fitted = fit_mat(worn, contacts, changes)
+    assert fitted.ratio_of_all == 1.0
     np.testing.assert_array_equal(fitted.mat_ratio, 1.0)
     np.testing.assert_allclose(fitted.mat_kappa, 2e-5, rtol=0.05)
-    rows = (
-        (patch, contacts[patch], changes[patch], study.predict_wear(contacts[patch], fitted, patch))
-        for patch in contacts
-    )
-    _, profile, summary = study.score_wear(rows, fitted, by_patch, seed=1, resamples=99)
+    losses = dict(wear_patches(worn, fitted, contacts))
+    _, profile, summary = score_wear(contacts, changes, losses, worn, fitted, seed=1, resamples=99)
     skill = summary[summary.statistic == "skill(map)"].set_index(["model", "against"]).value
     assert skill["mat", "archard"] > 0.5
     assert (skill["mat"] > 0.5).all()
@@ -258,7 +243,7 @@ def test_a_mat_is_found_by_its_traces_with_both_coefficients(worn_by_both):
 
 def test_a_mat_that_saves_a_hundredth_of_the_error_is_not_told(tables):
     """Errors of measurement let a mat gain as much on stones that never saw one."""
-    table, profile, square = tables
+    table, profile = tables
     bare = table[table.model == "archard"].assign(rms_difference_um=1.0, rms_out_of_contact_um=1.0)
     for of in ("volume_um3", "depth_um"):
         bare[f"predicted_{of}"] = 1.1 * bare[f"measured_{of}"]
@@ -267,7 +252,7 @@ def test_a_mat_that_saves_a_hundredth_of_the_error_is_not_told(tables):
     both = pd.concat([bare, mat, rivals], ignore_index=True)
     heights = pd.concat([profile, profile[profile.model == "archard"].assign(model="mat")])
     heights = heights.reset_index(drop=True)
-    summary = wear_summary(both, heights, square, seed=1, resamples=99)
+    summary = wear_summary(both, heights, None, seed=1, resamples=99)
     told = summary[summary.statistic == "skill(out_of_contact)"].iloc[0]
     assert told.value == pytest.approx(1 - 0.99 / 0.98)
     nested = summary[(summary.model == "mat") & (summary.against == "archard")]
@@ -275,12 +260,17 @@ def test_a_mat_that_saves_a_hundredth_of_the_error_is_not_told(tables):
 
 
 def test_what_surrounds_the_bare_stone_does_not_lower_the_patch_under_the_mat(worn_by_both):
-    square, contacts, *_ = worn_by_both
-    mat_alone = square.assign(pressed=square.pressed.where(square.body == "mat", 0.0))
+    worn, contacts, *_ = worn_by_both
+    path = worn.path
+    mat_alone = worn._replace(path=path.assign(pressed=path.pressed.where(path.body == "mat", 0.0)))
     flat = contacts["a"].height * 0
     depths = [
         wear_patch(
-            contacts["a"].assign(surroundings=lowered), mat_alone, "a", ratio=1.0, kappa=2e-5
+            contacts["a"].assign(surroundings=lowered, placed=True),
+            mat_alone,
+            "a",
+            ratio=1.0,
+            kappa=2e-5,
         )
         for lowered in (flat, flat + 0.05 * flat.x)
     ]
@@ -297,28 +287,27 @@ def test_without_two_worn_patches_there_is_a_sentence(square, pressures, caplog)
         }
     )
     options = {"patch_mm": 1.0, "steps": 2}
-    assert study.wear_square(square, pressures, scores, **options) is None
+    assert wear_stone(square, pressures, scores, **options) is None
     assert "wear is not predicted: fewer than two patches" in caplog.text
     scores["believed"] = True
     scores["loss_per_area_um"] = [0.4, np.nan, 0.4]  # the change of b is not known
-    path = study.wear_square(square, pressures, scores, **options)
-    assert path.measured.dropna("patch").patch.values.tolist() == ["a", "c"]
-    assert path.measured.sel(patch="c") == pytest.approx(0.4e-3)
-    assert float(path.fitted.sel(patch="a")) > 0
+    worn = wear_stone(square, pressures, scores, **options)
+    assert worn.losers == ["a", "c"]
+    assert worn.path.measured.sel(patch="c") == pytest.approx(0.4e-3)
+    assert float(worn.path.fitted.sel(patch="a")) > 0
 
 
 def test_a_gesture_of_one_pose_on_a_flat_wears_as_the_single_pose_does(square, pressures):
     """Its explicit steps differ from the implicit ones by less and less."""
     wide = make_surface(np.zeros((COUNT + 40, COUNT + 40)), SIDE / COUNT)
     wide = wide.assign_coords({axis: wide[axis].copy(data=wide[axis] - 1.0) for axis in "yx"})
-    face = wide.rename(y="face_y", x="face_x")
-    poses = make_poses({"poses": 1, "stroke_mm": 1.0}, pressure_MPa=20.0, seed=0)
+    gesture = Gesture(wide, stroke_poses(stroke_mm=1.0, poses=1, pressure_MPa=20.0))
     losses = dict.fromkeys("abcd", 0.2)
     errors = []
     for steps in (8, 16):
-        options = {"patch_mm": 1.0, "steps": steps, "source": "square"}
+        options = {"patch_mm": 1.0, "steps": steps}
         one = wear_square(square, pressures, losses, **options)
-        many = wear_square(square, pressures, losses, face=face, poses=poses, **options)
-        np.testing.assert_allclose(lost(many).mean("patch"), 20.0 * many.kappa[0], rtol=1e-6)
+        many = wear_square(square, pressures, losses, gesture=gesture, **options)
+        np.testing.assert_allclose(lost(many).mean("patch"), 20.0 * many.path.kappa[0], rtol=1e-6)
         errors.append(float(abs(lost(many) - lost(one)).max() / lost(one).max()))
     assert errors[1] < 0.7 * errors[0] < 0.05

@@ -217,7 +217,7 @@ def force_share(pressure, x, y, size, fine=20):
 
 def test_patch_pressures_are_the_forces_of_the_last_step(results, table, config):
     contact = read_dataset(results / "macroscale/contact.h5")
-    last = contact.pressure.isel(step=-1)
+    last = contact.pressure
     assert float(last.mean()) == pytest.approx(config["macroscale"]["target_pressure_MPa"], 1e-6)
     rows = table("patch_pressures")
     places = pd.read_csv(results.parent / config["patches"], sep="\t", comment="#", dtype=str)
@@ -290,7 +290,7 @@ def test_every_patch_is_solved_at_its_own_pressure(results, table, config):
     for row in table("patch_pressures").itertuples():
         contact = contact_of(results, row.patch)
         assert float(contact.pressure.mean()) == pytest.approx(row.pressure_MPa, rel=1e-4)
-        assert contact.attrs["contact_modulus_MPa"] == config["material"]["contact_modulus_MPa"]
+        assert contact.contact_modulus == config["material"]["contact_modulus_MPa"]
         surface = read_dataset(results / f"surfaces/{row.patch}_T0.h5")
         pressed = s_filtered(surface.height, config["microscale"]["s_filter_um"])
         np.testing.assert_array_equal(contact.height, pressed)
@@ -337,27 +337,26 @@ def recomputed_residual(height, pressure, displacement, spacing, modulus):
 def laid_heights(contact):
     """Heights on the patch's plane, from the slopes that the file states."""
     y, x = (contact[axis].values - contact[axis].values.mean() for axis in "yx")
-    slope_y, slope_x = (contact.attrs.get(f"slope_{axis}", 0.0) for axis in "yx")
+    slope_y, slope_x = (float(contact[f"slope_{axis}"]) for axis in "yx")
     return contact.height.values + slope_y * y[:, None] + slope_x * x
 
 
 def pressed_heights(contact):
-    heights = laid_heights(contact)
-    return heights - contact.surroundings.values if "surroundings" in contact else heights
+    return laid_heights(contact) + (contact.counterface - contact.surroundings).values
 
 
 def test_patches_lie_on_the_mesh_and_sink_with_their_surroundings(results, table):
     """The plane is that of the mesh under the outline; far forces sink a patch as Love says."""
     mesh = read_dataset(results / "macroscale/surface.h5").height
-    square = read_dataset(results / "macroscale/contact.h5").isel(step=-1)
+    square = read_dataset(results / "macroscale/contact.h5")
     pressures = table("patch_pressures").set_index("patch")
     intervals = table("patch_intervals").set_index("patch")
-    modulus = square.attrs["contact_modulus_MPa"]
+    modulus = float(square.contact_modulus)
     on_mesh = 0
     for file in sorted(results.glob("microscale/*.h5")):
         contact, row = read_dataset(file), pressures.loc[file.stem]
         half = contact.sizes["x"] * spacing_of(contact)[1] / 2
-        slopes = contact.attrs["slope_y"], contact.attrs["slope_x"]
+        slopes = contact.slope_y, contact.slope_x
         if intervals.plane[file.stem] == "levelled":
             assert slopes == (0, 0)
         else:
@@ -429,9 +428,11 @@ def test_every_stored_state_fulfils_the_contact_conditions(results):
     assert len(files) > 2
     for file in files:
         contact = read_dataset(file)
-        pressure = contact.pressure.values.reshape(-1, *contact.height.shape)
-        displacement = contact.displacement.values[-len(pressure) :]
-        for field, delta in zip(pressure, displacement, strict=True):
+        states = [(contact.pressure.values, float(contact.displacement))]
+        if "path_pressure" in contact:  # of the square every step is kept
+            along = contact.path_pressure.values, contact.path_displacement.values
+            states += zip(*along, strict=True)
+        for field, delta in states:
             if not field.any():  # a patch without pressure
                 assert delta == 0
                 continue
@@ -440,7 +441,7 @@ def test_every_stored_state_fulfils_the_contact_conditions(results):
                 field,
                 delta,
                 spacing_of(contact),
-                contact.attrs["contact_modulus_MPa"],
+                float(contact.contact_modulus),
             )
             assert residual <= 1e-6, file
 
@@ -528,7 +529,7 @@ def test_scores_are_those_of_the_stored_masks(results, table, config):
         masks = {
             "": predicted,
             "highest_": heights >= lowest,
-            "rigid_": heights > heights.max() - float(contact.displacement[-1]),
+            "rigid_": heights > heights.max() - float(contact.displacement),
         }
         for front, mask in masks.items():
             hits = (mask & loss).sum()

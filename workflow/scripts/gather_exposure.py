@@ -4,18 +4,16 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.gesture import exposure as gathered
-from gstlib.gesture import exposure_table
+from gstlib.gesture import exposure, exposure_table
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_table, write_table
 
 
-def main(batches: list[Path], pressures: Path, exposure: Path, table: Path) -> None:
-    found = gathered(read_dataset(batch) for batch in batches)
-    write_dataset(exposure, found, provenance(batches, {}))
-    write_table(
-        table, exposure_table(found, read_table(pressures, ["patch", "pressure_MPa"]))
-    )
+def main(batches: list[Path], pressures: Path, fields: Path, table: Path) -> None:
+    found = exposure(read_dataset(batch) for batch in batches)
+    write_dataset(fields, found, provenance(batches, {}))
+    by_patch = read_table(pressures, ["patch", "pressure_MPa"])
+    write_table(table, exposure_table(found, by_patch))
 
 
 if "snakemake" in globals():

@@ -101,6 +101,9 @@ class Stored(Mapping):
         _log.info("%s: %s", name, self._files[name])
         return read_dataset(self._files[name], self._only)
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._files  # a Mapping's own would read the file
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._files)
 

@@ -66,7 +66,7 @@ def measured_change(
 ) -> tuple[Registration, xr.Dataset]:
     """Register T1 to T0 and take the height change.
 
-    `before` and `after` are prepared scans (`gstlib.preprocess.scan.clean_scan`): ``height``,
+    `before` and `after` are prepared scans (`gstlib.preprocess.scan.prepare_scan`): ``height``,
     ``filled``, ``outlier``. Other parameters as in `register` and `height_change`, whose results
     are returned. All change is unknown if the registration is not believed.
     """

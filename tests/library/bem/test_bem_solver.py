@@ -259,5 +259,5 @@ def test_elements_sixty_times_as_long_as_wide_under_a_pressure_limit():
 
 
 def test_what_does_not_converge_raises_with_residual_and_remedy():
-    with pytest.raises(ConvergenceError, match=r"residual .*e-1.* after 500 .* Ask a tolerance"):
+    with pytest.raises(ConvergenceError, match=r"residual .*e-1.* after 500 .* Set a tolerance"):
         solve_contact(self_affine(40), 0.01, MODULUS, mean_pressure=500.0, tolerance=1e-18)

@@ -268,7 +268,7 @@ class TestCut:
 
     @pytest.mark.parametrize(
         ("centre", "size", "rows", "columns"),
-        [((1.0, -0.5), 1.0, (5, 15), (25, 35)), ((0, 0), 2.0, (5, 25), (10, 30))],
+        [((-0.5, 1.0), 1.0, (5, 15), (25, 35)), ((0, 0), 2.0, (5, 25), (10, 30))],
     )
     def test_piece_is_where_it_should_be(self, centre, size, rows, columns):
         piece = cut_scan(self.scan, centre=centre, size_mm=size)
@@ -277,13 +277,13 @@ class TestCut:
         assert piece.attrs["file"] == "map.plu"
 
     def test_pieces_side_by_side_share_nothing_and_leave_nothing(self):
-        left, right = (cut_scan(self.scan, (x, 0), 1.5) for x in (-0.75, 0.75))
+        left, right = (cut_scan(self.scan, (0, x), 1.5) for x in (-0.75, 0.75))
         together = np.hstack([left.values, right.values])
         np.testing.assert_array_equal(together, self.scan.values[8:23, 5:35])
 
     def test_piece_that_sticks_out(self):
-        with pytest.raises(InputError, match=r"map\.plu: .*sticks out by 0\.4 mm"):
-            cut_scan(self.scan, centre=(0, 1.4), size_mm=1.0)
+        with pytest.raises(InputError, match=r"map\.plu: .*x = 0, y = 1\.4 mm sticks out by 0\.4"):
+            cut_scan(self.scan, centre=(1.4, 0), size_mm=1.0)
 
 
 def test_size_of_a_scan():

@@ -6,7 +6,8 @@ import pandas as pd
 import pytest
 import xarray as xr
 from gstlib.errors import InputError
-from gstlib.io.store import read_dataset, write_dataset
+from gstlib.io import store
+from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.io.tables import printed, read_table, write_table
 from gstlib.surface import make_surface
 from hypothesis import given
@@ -31,6 +32,38 @@ def test_units_are_required(tmp_path):
     with pytest.raises(ValueError, match="'height' lacks units"):
         write_dataset(tmp_path / "a.h5", bare)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_constant_field_is_stored_small_and_comes_back_exactly(tmp_path):
+    """So that a face which is a flat, or no surroundings, cost no disk."""
+    heights = dataset().height
+    for value in (0.0, 0.1):
+        flat = heights.copy(data=np.full(heights.shape, value)).to_dataset()
+        write_dataset(tmp_path / "flat.h5", flat)
+        xr.testing.assert_identical(read_dataset(tmp_path / "flat.h5"), flat)
+        with h5py.File(tmp_path / "flat.h5") as file:
+            assert file["height"].id.get_storage_size() < heights.nbytes / 50
+    write_dataset(tmp_path / "rough.h5", dataset())
+    with h5py.File(tmp_path / "rough.h5") as file:
+        assert file["height"].compression is None
+
+
+def test_datasets_by_name_are_read_when_they_are_looked_up_and_only_then(tmp_path, monkeypatch):
+    read, whole = [], store.read_dataset
+    monkeypatch.setattr(store, "read_dataset", lambda *of: read.append(of[0].stem) or whole(*of))
+    both = dataset().assign(gap=dataset().height)
+    files = {patch: tmp_path / f"{patch}.h5" for patch in ("b", "a")}
+    write_dataset(files["a"], both)
+    write_dataset(files["b"], both.assign(height=both.height.copy(data=2 * both.height.values)))
+    stored = Stored(files, ["height"])
+    assert (list(stored), len(stored), "a" in stored) == (["b", "a"], 2, True)
+    assert read == []
+    assert list(stored["a"]) == ["height"]
+    assert read == ["a"]
+    assert [float(of.height[0, 0] / both.height[0, 0]) for of in stored.values()] == [2, 1]
+    assert read == ["a", "b", "a"]  # nothing is kept
+    with pytest.raises(KeyError):
+        stored["c"]
 
 
 @pytest.mark.parametrize("content", [b"", b"not HDF5 at all", bytes(4000), None])

@@ -13,7 +13,7 @@ SIZE = 5.0
 
 
 def ask(mesh, points):
-    return find_frame({"size_mm": SIZE, "points_mm": points}, mesh, source="stone.stl")
+    return find_frame(points, mesh, size_mm=SIZE, source="stone.stl")
 
 
 def square_on_ball(seed):

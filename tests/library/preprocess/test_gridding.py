@@ -7,8 +7,8 @@ import trimesh
 from gstlib.errors import InputError
 from gstlib.geometry import Frame
 from gstlib.preprocess import gridding
-from gstlib.preprocess.gridding import grid_mesh
-from gstlib.study import grid_macroscale, gridding_table
+from gstlib.preprocess.gridding import grid_mesh, gridding_table
+from gstlib.study import grid_macroscale
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import LinearNDInterpolator
@@ -261,7 +261,8 @@ def test_what_the_square_is_stored_with():
     square = {"size_mm": 5.0, "points_mm": [[0, 0, 0], [5, 0, 0], [0, 5, 0]]}
     settings = {"grid": 20, "margin_mm": 1.0, "source": "stone.stl"}
     mesh = sheet(lambda x, y: smooth(x, y) + 0.1 * x)
-    surface = grid_macroscale(mesh, square=square, interpolation="linear", **settings)
+    surface, face = grid_macroscale(mesh, **square, interpolation="linear", **settings)
+    assert face is None
     assert abs(np.polyfit(surface.x, surface.height.mean("y"), 1)[0]) < 1e-9  # level
     table = gridding_table(surface)
     assert list(table.interpolation) == KINDS

@@ -88,12 +88,12 @@ def test_a_patch_is_cut_out_of_a_scan_before_it_is_prepared(case):
 
     def prepare(crop, size_mm, invert=True, flip="x"):
         scans = {"size_mm": size_mm, "mould": {"invert": invert, "flip": flip}}
-        return study.prepare_scan(raw, crop=crop, scans=scans, preprocessing=PREPROCESSING)
+        return study.prepare_patch(raw, crop=crop, scans=scans, preprocessing=PREPROCESSING)
 
     assert prepare(None, 0.128).identical(prepare_scan(raw, **SETTINGS))
     # in the scan as measured, whose columns are the stone's reversed
     piece = -raw.values[16:80, 64:128][:, ::-1]
-    np.testing.assert_array_equal(prepare((0.032, -0.016), 0.064).measured, piece)
+    np.testing.assert_array_equal(prepare((-0.016, 0.032), 0.064).measured, piece)
     np.testing.assert_array_equal(prepare(None, 0.128, False, "y").measured, raw.values[::-1])
     np.testing.assert_array_equal(prepare(None, 0.128, False, None).measured, raw.values)
     with pytest.raises(InputError, match=r"a\.plu: the scan is 0\.128 × 0\.128 mm"):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import yaml
-from gstlib.specimen.generate import generate_specimen, make_specimens
+from gstlib.specimen.generate import make_specimen, make_specimens, write_specimen
 from gstlib.specimen.randomness import SpecimenParameters
 
 CONFIG = Path(__file__).parents[3] / "config"
@@ -49,15 +49,13 @@ def write(tmp_path_factory, parameters):
 
     def write(patches, **changes):
         folder = tmp_path_factory.mktemp("specimen")
-        generate_specimen(
-            patches,
+        changed = dataclasses.replace(parameters, **changes)
+        write_specimen(
+            make_specimen(patches, changed, square_mm=5.0, grid=50),
             mesh=folder / "mesh.stl",
             scan_folder=folder / "scans",
             truth=folder / "truth.h5",
             surface=folder / "surface.h5",
-            square_mm=5.0,
-            grid=50,
-            parameters=dataclasses.replace(parameters, **changes),
         )
         return folder
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import scipy.interpolate
 from gstlib.errors import ConfigError, InputError
+from gstlib.geometry import Place
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.specimen.scanning import Placement, place_scans, relocation, sample
+from gstlib.specimen.scanning import place_scans, relocation, sample
 from gstlib.specimen.stone import Stone
 from gstlib.surface import make_surface, spacing_of
 from scipy.ndimage import gaussian_filter
@@ -21,8 +22,8 @@ def bytes_of(folder):
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
-def placement_of(at):
-    return Placement(*(at[name].item() for name in Placement._fields))
+def place_of(at):
+    return Place(*(at[name].item() for name in Place._fields))
 
 
 def as_on_stone(scan, at, spacing):
@@ -89,7 +90,7 @@ def test_mesh_and_scans_agree_where_they_overlap(make, patches, parameters):
     for patch in patches.patch:
         at = made.truth.sel(patch=patch, epoch="T0")
         heights = as_on_stone(made.scans[patch, "T0"], at, 0.01328)
-        place, steps = placement_of(at), (np.arange(64) - 31.5) * 0.01328
+        place, steps = place_of(at), (np.arange(64) - 31.5) * 0.01328
         turned = np.exp(1j * np.deg2rad(place.rotation_deg)) * (steps + 1j * steps[:, None])
         true = mesh_height(place.x_mm + turned.real, place.y_mm + turned.imag)
         true = remove_plane(make_surface(true, 0.01328))[0].values
@@ -123,7 +124,7 @@ def test_t1_is_the_worn_stone(specimen, truth, parameters):
     wear = stone.wear_depth("summits")
     t0, t1 = (truth.sel(patch="13", epoch=epoch) for epoch in ("T0", "T1"))
     fresh, lost = (
-        sample(field, stone, placement_of(t1), 64, order=order, patch="13")
+        sample(field, stone, place_of(t1), 64, order=order, patch="13")
         for field, order in ((surface, 3), (wear, 1))
     )
     assert lost.max() > 1e-3
@@ -131,7 +132,7 @@ def test_t1_is_the_worn_stone(specimen, truth, parameters):
     left = as_on_stone(specimen.scans["13", "T1"], t1, 0.01328) - true
     left = (left - np.nanmedian(left))[~(t1.outlier | t1.unmeasured).values]
     assert np.abs(left).max() * 1e3 < 6 * parameters.noise_um
-    at_t0 = sample(wear, stone, placement_of(t0), 64, order=1, patch="13")
+    at_t0 = sample(wear, stone, place_of(t0), 64, order=1, patch="13")
     np.testing.assert_allclose(t0.wear_depth, at_t0, rtol=0, atol=1e-6)
 
 
@@ -149,7 +150,7 @@ def test_scans_lie_about_their_nominal_places(truth, patches, parameters):
     )
     x, y = (np.abs(steps - moved[f"{axis}_mm"].item()) < 32 * 0.01328 for axis in "xy")
     assert truth.overlap.sel(patch="13") == pytest.approx(x.mean() * y.mean(), abs=0.02)
-    nominal = Placement(2.0, 3.0, 0.0)
+    nominal = Place(3.0, 2.0, 0.0)
     for error, same in (("relocation", [False, True]), ("placement", [True, False])):
         exact = dataclasses.replace(parameters, **{f"{error}_error_um": 0.0})
         t0, t1 = place_scans("a", nominal, exact, square_mm=5.0, poor_overlap=False)
@@ -159,12 +160,12 @@ def test_scans_lie_about_their_nominal_places(truth, patches, parameters):
 def test_rotated_patch_is_sampled_rotated(parameters):
     stone = Stone(parameters, 5.0)
     field = np.add.outer(3 * stone.grid, stone.grid)  # 3 y + x
-    heights = sample(field, stone, Placement(2.0, 3.0, 90.0), 5, order=1, patch="a")
+    heights = sample(field, stone, Place(3.0, 2.0, 90.0), 5, order=1, patch="a")
     # turned by 90 degrees the scan's x runs along the square's y, its y along minus the square's x
     steps = (np.arange(5) - 2) * stone.spacing
     np.testing.assert_allclose(heights, 11 + 3 * steps[None, :] - steps[:, None], atol=1e-9)
-    moved = relocation(Placement(2.0, 3.0, 90.0), Placement(2.0, 3.1, 85.0))
-    assert moved == pytest.approx((0.1, 0.0))
+    moved = relocation(Place(3.0, 2.0, 90.0), Place(3.1, 2.0, 85.0))
+    assert moved == pytest.approx((0.0, 0.1))  # y, x
 
 
 def test_what_cannot_be_made_is_refused(make, patches, parameters):

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
+from contacts import contact_of
 from gstlib.surface import make_surface
 from gstlib.validation.scores import (
     Comparison,
@@ -119,12 +120,9 @@ def test_fractions_skill_forgives_a_miss_by_less_than_the_window():
 def compared(heights, pressure, gap, displacement, valid=None, *, neighbourhood_um=0.0):
     heights = make_surface(heights, 1e-3)
     change = np.where(True if valid is None else valid, 0.0, np.nan)
-    fields = {"pressure": pressure, "gap": gap}
     return compare(
         heights,
-        xr.Dataset({name: (("y", "x"), values) for name, values in fields.items()}).assign(
-            displacement=("step", [0.0, displacement])
-        ),
+        contact_of(heights, pressure, gap, displacement),
         xr.Dataset({"change": heights * 0 + change, "loss": heights < np.inf}),
         neighbourhood_um=neighbourhood_um,
     )

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
+from contacts import contact_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.randomness import self_affine_field, smooth_field
 from gstlib.surface import make_surface
@@ -32,15 +33,7 @@ def patch():
     t0 = make_surface(heights, 1e-3)
     t1 = t0 - 5e-3 * (pressure > 0) + rng.normal(0, 1e-5, heights.shape)
     t1[:, 60:] = np.nan
-    contact = xr.Dataset(
-        {
-            "height": t0,
-            "pressure": (("y", "x"), pressure),
-            "gap": (("y", "x"), 1e-3 * (pressure == 0)),
-            "displacement": ("step", [1e-4, 1e-3]),
-        }
-    )
-    return contact, height_change(t0, t1)
+    return contact_of(t0, pressure, displacement=1e-3), height_change(t0, t1)
 
 
 def scored(patch, name="7", **changed):
@@ -62,7 +55,7 @@ def test_perfect_prediction_of_one_patch(patch):
     touching = (contact.pressure > 0).values
     assert row["contact_fraction"] == pytest.approx(touching.mean())
     assert row["valid_contact_fraction"] == pytest.approx(touching[:, :60].mean())
-    high = contact.height > contact.height.max() - 1e-3  # the displacement of the last step
+    high = contact.height > contact.height.max() - 1e-3
     assert row["rigid_fraction"] == pytest.approx(float(high[:, :60].mean()))
     assert row["noise_share"] == pytest.approx(float(change.gain.sum() / change.loss.sum()))
     assert row["correlation_length_um"] < 1
@@ -168,9 +161,7 @@ def measured_twice(rng, worn=0.0):
     t0, t1 = (make_surface(stone + 1e-4 * smooth_field(rng, 256, 1.0, 3.0), 1e-3) for _ in "01")
     touching = t0.values > np.quantile(t0.values, 0.96)
     t1 -= 1e-3 * (t0.values > np.quantile(t0.values, 1 - worn))
-    fields = {"pressure": 5.0 * touching, "gap": 1e-3 * ~touching}
-    contact = xr.Dataset({name: (("y", "x"), values) for name, values in fields.items()})
-    contact = contact.assign(height=t0, displacement=1e-4)
+    contact = contact_of(t0, 5.0 * touching, displacement=1e-4)
     return contact, height_change(t0, t1, minimum_points=8)
 
 
@@ -242,10 +233,10 @@ def test_loss_in_waves_as_long_as_the_patch_is_not_tested_against_chance(roll_of
 
     z, other = levelled(), levelled()
     depth = z - z.quantile(0.85)
-    contact = xr.Dataset({"height": z, "pressure": depth.clip(0), "gap": (-depth).clip(0)})
+    contact = contact_of(z, depth.clip(0), (-depth).clip(0), float(depth.max()))
     loss = other > other.quantile(0.75)
     change = xr.Dataset({"change": other, "loss": loss, "gain": loss & False})
-    found = scored((contact.assign(displacement=float(depth.max())), change))
+    found = scored((contact, change))
     assert {row["untested"] for row in found.gains} == {untested}
     assert {math.isnan(row["p_value"]) for row in found.gains} == {bool(untested)}
     assert bool(found.warning) == bool(untested)

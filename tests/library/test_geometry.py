@@ -1,0 +1,36 @@
+"""Places on the square: to a scan's points and back, with the shape that is asked for."""
+
+import numpy as np
+import pandas as pd
+from gstlib.geometry import Place, on_patch, places_of, spline_of
+from gstlib.surface import make_surface
+from hypothesis import given
+from hypothesis import strategies as st
+
+LENGTHS, TURNS = st.floats(-10, 10), st.floats(-360, 360)
+
+
+@given(LENGTHS, LENGTHS, TURNS, LENGTHS, LENGTHS)
+def test_what_a_scan_sees_lies_where_its_points_are(y, x, turn, v, u):
+    place = Place(y, x, turn)
+    np.testing.assert_allclose(place.seen(*place.points(v, u)), (v, u), atol=1e-12)
+    np.testing.assert_allclose(place.points(*place.seen(v, u)), (v, u), atol=1e-12)
+
+
+def test_a_turn_is_from_x_towards_y():
+    np.testing.assert_allclose(Place(1.0, 2.0, 90.0).points(0.0, 0.5), (1.5, 2.0), atol=1e-12)
+    np.testing.assert_allclose(Place(1.0, 2.0, 90.0).points(0.5, 0.0), (1.0, 1.5), atol=1e-12)
+
+
+def test_places_are_those_of_the_table_y_first():
+    table = pd.DataFrame({"patch": ["7"], "x_mm": [1.0], "y_mm": [2.0], "rotation_deg": [3.0]})
+    assert places_of(table) == {"7": Place(y_mm=2.0, x_mm=1.0, rotation_deg=3.0)}
+
+
+def test_a_field_on_a_patch_is_alike_with_and_without_the_short_cut():
+    """Not turned, splines are evaluated on a grid: the same as point by point."""
+    along = (np.arange(40) + 0.5) * 0.1
+    field = spline_of(make_surface(np.sin(along[:, None]) + np.cos(2 * along), 0.1))
+    level, turned = (on_patch(field, Place(1.7, 2.2, r), (8, 12), 0.9) for r in (0.0, 1e-12))
+    assert level.shape == (8, 12)
+    np.testing.assert_allclose(level, turned, atol=1e-9)

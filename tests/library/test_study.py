@@ -1,0 +1,87 @@
+"""Loops over patches: in order, each scan looked up once, and each patch as it was asked for."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from contacts import pressed
+from gstlib.contact import pressed_height
+from gstlib.io.store import Stored
+from gstlib.study import LEVELLED, PLACED, Microscale, solve_patches
+from gstlib.surface import make_surface
+
+SETTINGS = Microscale(
+    contact_modulus_MPa=1e4,
+    tolerance=1e-8,
+    s_filter_um=None,
+    steps=None,
+    maximum_displacement_um=50.0,
+)
+PRESSURES = pd.DataFrame(
+    {"patch": list("abc"), "pressure_MPa": [5.0, 9.0, 0.0], "mesh_pressure_MPa": [6.0, 8.0, 7.0]}
+)
+
+
+def rough(seed):
+    heights = 1e-3 * np.random.default_rng(seed).standard_normal((16, 16))
+    return make_surface(heights, 0.05).to_dataset(name="height")
+
+
+class Read(Stored):
+    """Scans that say when they are looked up."""
+
+    def __init__(self, scans):
+        super().__init__(scans)
+        self.scans, self.looked_up = scans, []
+
+    def __getitem__(self, patch):
+        self.looked_up.append(patch)
+        return self.scans[patch]
+
+
+@pytest.fixture
+def scans():
+    return Read({"c": rough(3), "a": rough(1)})
+
+
+@pytest.fixture(scope="module")
+def stone():
+    """A square with the places and planes of its patches, and its contact."""
+    square = rough(9).assign(counterface=0 * rough(9).height, patch_mm=0.3)
+    planes = {"y_mm": 0.4, "x_mm": 0.4, "rotation_deg": 0.0, "slope_y": 0.01, "slope_x": 0.0}
+    square = square.assign({name: ("patch", [of] * 3) for name, of in planes.items()})
+    loading = {"contact_modulus_MPa": 1e4, "target_pressure_MPa": 5.0, "tolerance": 1e-8}
+    square = square.assign_coords(patch=list("abc"))
+    return {"square": square, "contact": pressed(square.height, **loading)}
+
+
+def test_patches_are_solved_in_order_and_each_scan_is_read_once(scans, stone):
+    found = solve_patches(scans, PRESSURES, SETTINGS, variants=[PLACED, LEVELLED], **stone)
+    assert scans.looked_up == []
+    order = []
+    for patch, variant, contact in found:
+        assert scans.looked_up == (["c"] if patch == "c" else ["c", "a"])
+        order.append((patch, variant))
+        assert bool(contact.placed) == (variant == PLACED)
+        name = "pressure_MPa" if variant == PLACED else "mesh_pressure_MPa"
+        target = PRESSURES.set_index("patch")[name][patch]
+        assert contact.target_pressure == target
+        assert float(contact.pressure.mean()) == pytest.approx(target, rel=1e-6)
+        np.testing.assert_array_equal(contact.height, scans.scans[patch].height)
+        assert (contact.slope_y == 0.01) == (variant == PLACED)
+    assert order == [("c", PLACED), ("c", LEVELLED), ("a", PLACED), ("a", LEVELLED)]
+
+
+def test_the_studys_own_variant_has_a_path_and_the_other_has_none(scans, stone):
+    settings = SETTINGS._replace(steps=3)
+    found = solve_patches(scans, PRESSURES, settings, variants=[LEVELLED, PLACED], **stone)
+    for _, variant, contact in found:
+        assert ("path_interface_stiffness" in contact) == (variant == LEVELLED)
+
+
+def test_the_face_of_the_active_stone_is_turned_over_onto_every_patch(scans):
+    face = rough(5).height
+    for patch, _, contact in solve_patches(
+        scans, PRESSURES, SETTINGS, variants=[LEVELLED], face=face
+    ):
+        expected = scans.scans[patch].height.values + face.values[:, ::-1]
+        np.testing.assert_allclose(pressed_height(contact), expected, atol=1e-15)
