@@ -8,6 +8,8 @@ import io
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import h5py
+import numpy as np
 import xarray as xr
 
 from gstlib.errors import InputError
@@ -17,6 +19,10 @@ __all__ = ["read_attributes", "read_dataset", "write_dataset"]
 
 # Below this many values compression only adds overhead.
 _COMPRESS_FROM = 1024
+# How netCDF, as xarray writes it, marks dimensions and missing values in HDF5.
+_OF_THE_FORMAT = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "_FillValue"}
+_OF_THE_FORMAT |= {"_Netcdf4Coordinates", "_Netcdf4Dimid", "_NCProperties"}
+_NO_COORDINATES = b"This is a netCDF dimension but not a netCDF variable."
 
 
 def write_dataset(
@@ -55,7 +61,10 @@ def _encoding(variable: xr.Variable) -> dict[str, object]:
 
 
 def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Dataset:
-    """Read a file, or `only` some of its variables, into memory and close it.
+    """Read a file of `write_dataset`, or `only` some of its variables, into memory.
+
+    It is what `xarray.open_dataset` gives, which takes ten times as long to find its way through a
+    file as to read it: 40 ms, 600 times in a study.
 
     Raises
     ------
@@ -63,8 +72,17 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
         The file is missing, damaged or no HDF5 file, or lacks a variable.
     """
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as dataset:
-            return (dataset if only is None else dataset[list(only)]).load()
+        with h5py.File(path) as file:
+            fields = {name: file[name] for name in (file if only is None else only)}
+            dims = {dim for field in fields.values() for dim in _dimensions(field)}
+            fields |= {name: file[name] for name in file if name in dims}
+            found = {
+                name: _variable(field)
+                for name, field in fields.items()
+                if not field.attrs.get("NAME", b"").startswith(_NO_COORDINATES)
+            }
+            coords = {name: found.pop(name) for name in list(found) if name in dims}
+            return xr.Dataset(found, coords, _attributes(file))
     except MemoryError:  # not the file's fault
         raise
     except Exception as error:  # a damaged file makes HDF5 fail in any of its own ways
@@ -76,3 +94,27 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
 def read_attributes(path: str | Path) -> dict[str, object]:
     """The attributes of a file, without its fields; raises as `read_dataset`."""
     return read_dataset(path, only=()).attrs
+
+
+def _dimensions(field: h5py.Dataset) -> list[str]:
+    """Names of a field's dimensions; a coordinate is its own."""
+    if "DIMENSION_LIST" in field.attrs:
+        return [Path(dimension[0].name).name for dimension in field.dims]
+    return [Path(field.name).name] if field.shape else []
+
+
+def _variable(field: h5py.Dataset) -> xr.Variable:
+    values, attrs = field[()], _attributes(field)
+    if h5py.check_string_dtype(field.dtype):
+        values = field.asstr()[()].astype(str)
+    if attrs.pop("dtype", "") == "bool":  # HDF5 knows none: they are stored as integers
+        values = values.astype(bool)
+    return xr.Variable(_dimensions(field), values, attrs)
+
+
+def _attributes(place: h5py.Dataset | h5py.File) -> dict[str, object]:
+    """The attributes that are the dataset's own, not the format's; a single number as such."""
+    own = {name: place.attrs[name] for name in place.attrs if name not in _OF_THE_FORMAT}
+    return {
+        name: value[0] if np.shape(value) == (1,) else value for name, value in own.items()
+    }
