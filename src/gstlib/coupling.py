@@ -8,15 +8,17 @@ share out its force without loss, wherever they lie.
 # ASSUME: the x and y of a patch are those of its centre; the paper gives the place by its x and y.
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from scipy.interpolate import RectBivariateSpline
 
 from gstlib.bem import HalfSpace, Layer
 from gstlib.surface import axis_coordinates, spacing_of
+
+if TYPE_CHECKING:
+    from scipy.interpolate import RectBivariateSpline
 
 __all__ = [
     "Place",
@@ -52,13 +54,15 @@ def places_of(patches: pd.DataFrame) -> dict[str, Place]:
     return {patch: Place(*map(float, place)) for patch, *place in rows}
 
 
-def spline_of(field: xr.DataArray) -> RectBivariateSpline:
+def spline_of(field: xr.DataArray) -> "RectBivariateSpline":
     """Cubic spline of a field (y, x) through its element centres; it is constant beyond them."""
+    from scipy.interpolate import RectBivariateSpline  # half a second, and rarely needed
+
     return RectBivariateSpline(field.y.values, field.x.values, field.values)
 
 
 def on_patch(
-    spline: RectBivariateSpline, place: Place, shape: tuple[int, ...], size_mm: float
+    spline: "RectBivariateSpline", place: Place, shape: tuple[int, ...], size_mm: float
 ) -> np.ndarray:
     """A field of the square at the points, of this `shape`, of the scan that lies at a place."""
     v, u = (axis_coordinates(count, size_mm / count) - size_mm / 2 for count in shape)

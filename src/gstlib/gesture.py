@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from scipy.stats import spearmanr
 
 from gstlib.bem import solve_contact
 from gstlib.contact import faces_of, solved
@@ -345,4 +344,6 @@ def pose_shifts(
 
 def _ranked_alike(one: np.ndarray, other: np.ndarray) -> float:
     """Spearman's correlation; NaN where all of one are equal."""
+    from scipy.stats import spearmanr  # takes longer to import than all else here
+
     return float(spearmanr(one, other).statistic) if np.ptp(one) and np.ptp(other) else np.nan
