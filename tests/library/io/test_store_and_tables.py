@@ -83,7 +83,7 @@ def test_round_trip_of_maps_empty_arrays_and_scalars(tmp_path):
     assert read_dataset(tmp_path / "a.h5").equals(odd)
 
 
-def test_what_is_read_is_what_xarray_reads(tmp_path):
+def test_xarray_reads_what_was_written_and_it_is_read_as_xarray_does(tmp_path):
     """Masks, texts, counts, a dimension without coordinates, attributes of each kind."""
     named = {"units": "1", "long_name": "n"}
     kinds = xr.Dataset(
@@ -103,6 +103,7 @@ def test_what_is_read_is_what_xarray_reads(tmp_path):
             expected = opened.load() if only is None else opened[only].load()
             found = read_dataset(tmp_path / "a.h5", only)
             xr.testing.assert_identical(found, expected)
+            xr.testing.assert_identical(found, kinds if only is None else kinds[only])
             assert dict(found.dtypes) == dict(expected.dtypes)
             assert list(found) == list(expected)
 
