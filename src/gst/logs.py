@@ -1,5 +1,6 @@
 """The log of a job: one file and the screen, uncaught errors included."""
 
+import gc
 import logging
 import os
 import re
@@ -109,6 +110,9 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
         for names in (snakemake.input, snakemake.output)
         for name, file in names.items()
     }
+    # What was imported stays: to look for garbage among it, the last time when the interpreter
+    # ends, takes a quarter of a second.
+    gc.freeze()
     with job_log(snakemake.log[0]):
         main(
             **files,

@@ -26,8 +26,8 @@ from scipy.ndimage import map_coordinates
 
 from gstlib.geometry import Place, half_extent, on_patch, places_of, spline_of
 from gstlib.preprocess.filtering import s_filtered
-from gstlib.preprocess.leveling import Plane, remove_plane
-from gstlib.surface import axis_coordinates, make_surface, spacing_of
+from gstlib.preprocess.leveling import Plane, fit_plane, remove_plane
+from gstlib.surface import axis_coordinates, spacing_of
 
 __all__ = ["compose", "compose_grid", "compose_surface", "draw_mesh_errors", "plane_under"]
 
@@ -43,7 +43,8 @@ _TILT_PATCHES = 24
 def plane_under(spline: RectBivariateSpline, place: Place, patch_mm: float) -> Plane:
     """Least-squares plane of a surface under an outline, along the axes of the scan there."""
     heights = on_patch(spline, place, 2 * (_PLANE_POINTS,), patch_mm)
-    return remove_plane(make_surface(heights, patch_mm / _PLANE_POINTS))[1]
+    along = (np.arange(_PLANE_POINTS) + 0.5) / _PLANE_POINTS - 0.5
+    return fit_plane(heights, patch_mm * along, patch_mm * along)
 
 
 def compose_surface(

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 import xarray as xr
+from scipy.special import fdtrc, stdtrit
 
 from gstlib.geometry import moved, on_patch, places_of, spline_of
 
@@ -166,8 +167,6 @@ def _shared_shift(
 
     The errors are those of the jackknife over the patches, the test is Hotelling's.
     """
-    from scipy.stats import f as f_distribution
-
     number, total = len(maps), maps.sum(axis=0)
     shift = _peak(total, steps)
     covariance = (number - 1) * np.cov(
@@ -177,7 +176,7 @@ def _shared_shift(
     if not errors.all() or np.isnan(errors).any():
         return shift, errors, np.nan
     ratio = shift @ np.linalg.solve(covariance, shift) / 2 * (number - 2) / (number - 1)
-    return shift, errors, float(f_distribution.sf(ratio, 2, number - 2))
+    return shift, errors, float(fdtrc(2, number - 2, ratio))
 
 
 def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
@@ -195,10 +194,10 @@ def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
 
 def _looks(maps: np.ndarray) -> str:
     """Which of `_LOOKS` maps (patches, looks, k, k) fit clearly best; empty if none does."""
-    from scipy.stats import ttest_rel
-
     tops = [np.unravel_index(one.argmax(), one.shape) for one in maps.mean(axis=0)]
     values = np.array([maps[:, look, *top] for look, top in enumerate(tops)])
     second, best = np.argsort(values.mean(axis=1))[-2:]
-    clear = ttest_rel(values[best], values[second], alternative="greater").pvalue
-    return _LOOKS[best] if clear < _SIGNIFICANCE else ""
+    lead = values[best] - values[second]
+    error = lead.std(ddof=1) / np.sqrt(lead.size)
+    clear = lead.mean() > stdtrit(lead.size - 1, 1 - _SIGNIFICANCE) * error
+    return _LOOKS[best] if clear else ""

@@ -6,7 +6,6 @@ the patches, those with a T1, their places and size, how many are drawn one by o
 source.
 """
 
-import gc
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -179,7 +178,6 @@ def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
 
 
 def main(*, figures: list[str], note: str | None, **named: Any) -> None:
-    gc.freeze()  # what was imported stays: collecting garbage among it takes a tenth of the time
     settings = {name: named.pop(name) for name in Study.__annotations__ if name != "files"}
     study = Study(named, **settings)
     for name in figures:

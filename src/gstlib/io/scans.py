@@ -336,7 +336,7 @@ def _mind_held(path: Path, heights: np.ndarray) -> None:
     away, but seldom equally high.
     """
     distinct, counts = np.unique(heights[np.isfinite(heights)], return_counts=True)
-    if not distinct.size:
+    if not distinct.size or counts.max() < _FEWEST_HELD:
         return
     low, middle, high = np.quantile(distinct, (0.25, 0.5, 0.75))
     far = np.where(np.abs(distinct - middle) > _FAR * (high - low), counts, 0)

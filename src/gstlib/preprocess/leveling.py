@@ -8,7 +8,7 @@ import xarray as xr
 
 from gstlib.errors import InputError
 
-__all__ = ["Plane", "remove_plane"]
+__all__ = ["Plane", "fit_plane", "remove_plane"]
 
 
 @dataclass(frozen=True)
@@ -62,30 +62,41 @@ def remove_plane(surface: xr.DataArray) -> tuple[xr.DataArray, Plane]:
     InputError
         Fewer than three points are measured, or they are all on one line.
     """
-    used = np.isfinite(surface.values)
-    y, x = _centred(surface)
+    heights, (y, x) = surface.values, _centred(surface)
+    plane = fit_plane(heights, y, x, source=surface.attrs.get("file", "surface"))
+    return surface.copy(data=heights - plane.heights(surface)), plane
+
+
+def fit_plane(
+    heights: np.ndarray, y: np.ndarray, x: np.ndarray, *, source: str = ""
+) -> Plane:
+    """The least-squares plane of the measured heights (ny, nx), mm.
+
+    `y` (ny,) and `x` (nx,) are counted from the centre of the grid, mm; `source` is named if no
+    plane can be fitted. See `remove_plane`.
+    """
+    used = np.isfinite(heights)
     count = int(used.sum())
     # Sums along rows and columns avoid a matrix of all the points. Centring on the fitted points
     # separates the two slopes from the offset, and keeps the sums free of cancellation.
     per_row, per_column = used.sum(axis=1), used.sum(axis=0)
     y_mean, x_mean = _dot(per_row, y) / max(count, 1), _dot(per_column, x) / max(count, 1)
     dy, dx = y - y_mean, x - x_mean
-    z_mean = surface.values[used].mean() if count else math.nan
-    z = np.where(used, surface.values - z_mean, 0.0)
+    z_mean = heights[used].mean() if count else math.nan
+    z = np.where(used, heights - z_mean, 0.0)
     yy, xx = _dot(per_row, dy**2), _dot(per_column, dx**2)
     xy = _dot(dy, np.where(used, dx, 0.0).sum(axis=1))
     determinant = yy * xx - xy**2
     if not determinant > 1e-12 * (yy + xx) ** 2:
         raise InputError(
-            surface.attrs.get("file", "surface"),
+            source,
             f"a plane cannot be fitted to {count} measured points on one line",
             "Measure the patch again.",
         )
     zy, zx = _dot(dy, z.sum(axis=1)), _dot(dx, z.sum(axis=0))
     slope_y, slope_x = (xx * zy - xy * zx) / determinant, (yy * zx - xy * zy) / determinant
     offset = z_mean - slope_y * y_mean - slope_x * x_mean
-    plane = Plane(float(offset), float(slope_y), float(slope_x))
-    return surface.copy(data=surface.values - plane.heights(surface)), plane
+    return Plane(float(offset), float(slope_y), float(slope_x))
 
 
 def _dot(one: np.ndarray, other: np.ndarray) -> float:

@@ -146,10 +146,12 @@ def take_scan(
 def _blots(generator: np.random.Generator, points: int, p: SpecimenParameters) -> np.ndarray:
     """Unmeasured points, clustered in blots: the highest of a smooth field."""
     field = smooth_field(generator, points, p.scan_spacing_um, p.unmeasured_size_um)
-    unmeasured = np.zeros(field.size, dtype=bool)
+    heights, count = field.ravel(), round(_UNMEASURED_SHARE * field.size)
+    lowest = np.partition(heights, heights.size - count)[heights.size - count]
+    unmeasured = heights > lowest
     # of equally high points, the last ones
-    order = np.argsort(field, axis=None, kind="stable")
-    unmeasured[order[len(order) - round(_UNMEASURED_SHARE * len(order)) :]] = True
+    equal = np.flatnonzero(heights == lowest)
+    unmeasured[equal[len(equal) - (count - np.count_nonzero(unmeasured)) :]] = True
     return unmeasured.reshape(field.shape)
 
 

@@ -116,6 +116,31 @@ def test_round_trip_of_maps_empty_arrays_and_scalars(tmp_path):
     assert read_dataset(tmp_path / "a.h5").equals(odd)
 
 
+def test_xarray_reads_what_was_written_and_it_is_read_as_xarray_does(tmp_path):
+    """Masks, texts, counts, a dimension without coordinates, attributes of each kind."""
+    named = {"units": "1", "long_name": "n"}
+    kinds = xr.Dataset(
+        {
+            "mask": (("patch", "y"), [[True, False, True]], named),
+            "word": (("k",), ["loss", "gain"], named),
+            "count": (("patch",), [3], named | {"step": 0.5, "sides": [1.0, 2.0]}),
+            "ratio": ((), np.float32(1.5), named | {"file": "1_T0.plu"}),
+            "gap": (("y",), [1.0, np.nan, 3.0], named),
+        },
+        {"patch": ["01"], "y": ("y", [0.5, 1.5, 2.5], {"spacing": 1.0})},
+        {"steps": 10, "axis": [0.0, 0.0, 1.0], "title": "t"},
+    )
+    write_dataset(tmp_path / "a.h5", kinds)
+    with xr.open_dataset(tmp_path / "a.h5", engine="h5netcdf") as opened:
+        for only in (None, ["mask"], ["word", "ratio"], []):
+            expected = opened.load() if only is None else opened[only].load()
+            found = read_dataset(tmp_path / "a.h5", only)
+            xr.testing.assert_identical(found, expected)
+            xr.testing.assert_identical(found, kinds if only is None else kinds[only])
+            assert dict(found.dtypes) == dict(expected.dtypes)
+            assert list(found) == list(expected)
+
+
 def test_table_digits_and_words(tmp_path):
     table = pd.DataFrame(
         {
