@@ -30,7 +30,7 @@ from gstlib.specimen.generate import make_specimens
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.stone import WEAR_LAWS, WEAR_PLACEMENTS
 from gstlib.study import Study
-from gstlib.validation.scoring import patch_tables, score_table
+from gstlib.validation.scoring import Chance, patch_tables, score_table
 from gstlib.validation.summary import (
     believed,
     mean_gains,
@@ -141,7 +141,7 @@ def p_values(study: Study, *, seed: Sequence[int]) -> tuple[pd.DataFrame, pd.Dat
     """
     shifts = study.config["validation"]["shifts"]
     found, places = (
-        study.scores(seed=seed, shifts=shifts, resamples=_RESAMPLES),
+        study.scores(Chance(seed, shifts, _RESAMPLES)),
         study.selected(),
     )
     table = places[["patch", "x_mm", "y_mm", "pressure_MPa"]].merge(

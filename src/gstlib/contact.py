@@ -29,7 +29,6 @@ __all__ = [
     "contact_moduli",
     "contact_path",
     "faces_of",
-    "interface_stiffness",
     "laid_height",
     "load_path_table",
     "microscale_tables",
@@ -37,6 +36,7 @@ __all__ = [
     "solved",
     "study_poisson",
     "turned_over",
+    "with_interface_stiffness",
 ]
 
 # Spacings come from the instruments' files: up to this relative difference they are the same.
@@ -237,7 +237,7 @@ def _contact(faces: xr.Dataset, loading: Loading, state: ContactState) -> xr.Dat
     return faces.assign(_variables(values))
 
 
-def interface_stiffness(contact: xr.Dataset) -> xr.Dataset:
+def with_interface_stiffness(contact: xr.Dataset) -> xr.Dataset:
     """A contact with the stiffness of the rough interface alone along its path.
 
     A patch is cut out of the stone. Its displacement under a mean pressure has two parts: that of

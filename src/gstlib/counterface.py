@@ -144,11 +144,11 @@ def grid_counterface(
         The active stone misses the square or looks away from it; the stones are apart, or in each
         other, by more than their relief; or as in `grid_mesh` and `pose_frame`.
     """
-    mesh, pose, reach_mm, source = stone
+    mesh, pose, source = stone.mesh, stone.pose, stone.source
     dx = spacing_of(surface)[1]
     size = dx * surface.sizes["x"]
     own = pose_frame(pose, frame, mesh, size_mm=size, source=source)
-    around = int(np.ceil(reach_mm / dx))
+    around = int(np.ceil(stone.reach_mm / dx))
     reach = around * dx
     origin = np.array(own.origin) - reach * own.axes[:2].sum(axis=0)
     wide = Frame(origin.tolist(), own.x_axis, own.normal)

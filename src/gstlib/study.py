@@ -57,7 +57,7 @@ from gstlib.contact import (
     contact_moduli,
     contact_path,
     faces_of,
-    interface_stiffness,
+    with_interface_stiffness,
 )
 from gstlib.counterface import SecondStone, face_in_pose, grid_counterface
 from gstlib.coupling import couple_scales, place_patch, prepare_faces
@@ -70,7 +70,14 @@ from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.scan import prepare_scan
 from gstlib.validation.change import register_patch
-from gstlib.validation.scoring import PatchScores, patch_tables, score_patch
+from gstlib.validation.scoring import (
+    NO_CHANCE,
+    Chance,
+    PatchScores,
+    Scoring,
+    patch_tables,
+    score_patch,
+)
 from gstlib.validation.selection import registration_table, select_patches
 from gstlib.validation.summary import summarise
 from gstlib.validation.wear_scores import wear_summary, wear_table
@@ -248,9 +255,11 @@ def solve_patches(
     patch, variant : str
     contact : xarray.Dataset
         Of the first variant that of `gstlib.contact.contact_path` with its
-        `gstlib.contact.interface_stiffness`, of the other that of
+        `gstlib.contact.with_interface_stiffness`, of the other that of
         `gstlib.contact.contact_at_pressure`.
     """
+    if PLACED in variants and (square is None or contact is None):
+        raise ValueError("to be placed, patches need the square and its contact")
     of = pressures.set_index("patch")
     for patch in scans:
         source = f"patch {patch}"
@@ -273,7 +282,7 @@ def solve_patches(
                 steps=settings.steps,
                 maximum_displacement_um=settings.maximum_displacement_um,
             )
-            yield patch, variant, interface_stiffness(path)
+            yield patch, variant, with_interface_stiffness(path)
 
 
 # --- Was the prediction right? ----------------------------------------------------------------
@@ -283,11 +292,10 @@ def score_patches(
     contacts: Mapping[str, Mapping[str, xr.Dataset]],
     changes: Mapping[str, xr.Dataset],
     predicted: pd.DataFrame,
+    scoring: Scoring,
+    chance: Chance,
     *,
     worst: Sequence[str],
-    seed: int,
-    resamples: int,
-    **settings: Any,
 ) -> dict[str, pd.DataFrame]:
     """Score predicted contact against measured loss, patch by patch and over the patches.
 
@@ -298,10 +306,11 @@ def score_patches(
     changes : mapping of str to xarray.Dataset
     predicted : pandas.DataFrame
         As in `gstlib.validation.summary.summarise`.
+    scoring : Scoring
+    chance : Chance
+        That of the study's own variant.
     worst : sequence of str
         Patches that were said beforehand to be the worst worn.
-    seed, resamples, **settings
-        As in `gstlib.validation.scoring.score_patch`.
 
     Returns
     -------
@@ -309,26 +318,34 @@ def score_patches(
         ``patches``, ``gains`` and ``summary`` of the study's own variant, and
         ``variants``, the mean scores of all.
     """
-    chance: dict[str, Any] = {"seed": seed, "resamples": resamples}
     by_variant: dict[str, list[PatchScores]] = {}
     for variant, of_variant in contacts.items():
-        if by_variant:  # chance is that of the study's own variant
-            settings = settings | {"shifts": 0}
-        by_variant[variant] = _scored(of_variant, changes, **chance, **settings)
+        drawn = chance._replace(shifts=0) if by_variant else chance
+        by_variant[variant] = _scored(of_variant, changes, scoring, drawn)
     found = next(iter(by_variant.values()))
     for one in found:
         if one.warning:
             _log.warning("%s", one.warning)
-    summary, variants = summarise(by_variant, predicted, expected_worst=worst, **chance)
+    summary, variants = summarise(
+        by_variant,
+        predicted,
+        expected_worst=worst,
+        seed=chance.seed,
+        resamples=chance.resamples,
+    )
     return patch_tables(found) | {"summary": summary, "variants": variants}
 
 
 def _scored(
-    contacts: Mapping[str, xr.Dataset], changes: Mapping[str, xr.Dataset], **settings: Any
+    contacts: Mapping[str, xr.Dataset],
+    changes: Mapping[str, xr.Dataset],
+    scoring: Scoring,
+    chance: Chance,
 ) -> list[PatchScores]:
     """Scores of each patch that has a contact."""
     return [
-        score_patch(patch, contacts[patch], changes[patch], **settings) for patch in contacts
+        score_patch(patch, contacts[patch], changes[patch], scoring, chance)
+        for patch in contacts
     ]
 
 
@@ -548,10 +565,12 @@ class Study:
         quality = registration_table(changes, self.config["selection"])
         return select_patches(self.pressures(), quality, self.config["selection"])
 
-    @_stage
     def patch_contact(self, patch: str, variant: str = "") -> xr.Dataset:
         """Contact of a patch at its own pressure, in the study's own variant unless named."""
-        variant = variant or self.config["coupling"]
+        return self._solved(patch, variant or self.config["coupling"])
+
+    @_stage
+    def _solved(self, patch: str, variant: str) -> xr.Dataset:
         stone = {}
         if variant == PLACED:
             stone = {"square": self.composite(), "contact": self.contact()}
@@ -574,13 +593,12 @@ class Study:
         selected = self.selected()
         return [p for p in selected.patch[selected.in_study] if p in self.worn]
 
-    def scores(self, **chance: Any) -> list[PatchScores]:
-        """Scores of these patches; `chance` as in `gstlib.validation.scoring.score_patch`."""
-        names = ("neighbourhood_um", "most_noise", "rim")
-        settings = {name: self.config["validation"][name] for name in names}
+    def scores(self, chance: Chance = NO_CHANCE) -> list[PatchScores]:
+        """Scores of these patches."""
+        scoring = Scoring(*(self.config["validation"][name] for name in Scoring._fields))
         contacts = {patch: self.patch_contact(patch) for patch in self.scored()}
         changes = {patch: self.change(patch) for patch in contacts}
-        return _scored(contacts, changes, **settings, **chance)
+        return _scored(contacts, changes, scoring, chance)
 
     @_stage
     def worn_square(self) -> WornSquare | None:

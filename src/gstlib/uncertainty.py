@@ -137,6 +137,7 @@ def pressure_intervals(
     drawn = []
     for draw, (modulus, mesh_error) in enumerate(zip(moduli_MPa, mesh_errors, strict=True)):
         generator = np.random.default_rng([seed, 1, draw])
+        # drawn along x first
         x, y = errors.placement_um * 1e-3 * generator.standard_normal((2, len(pressures)))
         height = square.height + mesh_error
         places = moved(pressures, (y, x), square.height, patch_mm)

@@ -8,11 +8,11 @@ from gstlib.contact import (
     contact_at_pressure,
     contact_path,
     faces_of,
-    interface_stiffness,
     laid_height,
     load_path_table,
     pressed_height,
     turned_over,
+    with_interface_stiffness,
 )
 from gstlib.errors import InputError
 from gstlib.surface import make_surface
@@ -189,7 +189,7 @@ def test_the_stiffness_of_the_interface_leaves_out_that_of_a_flat_punch():
     square = contact_path(faces_of(rough(3, (64, 64))), LOADING, **PATH)
     punch = 1.1516 * 12820.0 / 0.64
     whole = square.path_stiffness.values
-    alone = interface_stiffness(square).path_interface_stiffness.values
+    alone = with_interface_stiffness(square).path_interface_stiffness.values
     np.testing.assert_allclose(1 / whole - 1 / alone, 1 / punch, rtol=6e-3)  # 64 elements a side
     assert (alone > whole).all()
 

@@ -38,29 +38,30 @@ def main(
     by_patch = read_pressures(pressures)
     settings = {"patch_mm": patch_mm, "steps": steps, "mat": mat}
     gesture = Gesture(read_dataset(face).face, pd.DataFrame(poses)) if poses else None
-    path = wear_stone(
+    square = wear_stone(
         read_dataset(contact), by_patch, read_table(scores), gesture=gesture, **settings
     )
-    if path is None:
+    if square is None:
         for file in (table, profile, summary):
             write_table(file, pd.DataFrame(columns=columns_of(file.stem)))
         return
     # no patch has an underscore in its name
     made = provenance([contact, pressures, scores], settings)
-    write_dataset(folder / "whole_square.h5", path.path, made)
+    write_dataset(folder / "whole_square.h5", square.path, made)
     before = Stored(dict(zip(worn, contacts, strict=True)))
-    changes = Stored(dict(zip(worn, registered, strict=True)))
+    known = ["change", "loss", "level_of_detection"]
+    changes = Stored(dict(zip(worn, registered, strict=True)), known)
     fitted = None
-    if path.mat:
-        fitted = fit_mat(path, before, changes)
+    if square.mat:
+        fitted = fit_mat(square, before, changes)
         write_dataset(
-            folder / "whole_mat.h5", fitted.assign(pressure=path.mat.pressure), made
+            folder / "whole_mat.h5", fitted.assign(pressure=square.mat.pressure), made
         )
-    files = {patch: folder / f"{patch}.h5" for patch in path.losers}
-    for patch, loss in wear_patches(path, fitted, before):
+    files = {patch: folder / f"{patch}.h5" for patch in square.losers}
+    for patch, loss in wear_patches(square, fitted, before):
         write_dataset(files[patch], loss, made)
     losses, chance = Stored(files), {"seed": seed, "resamples": resamples}
-    tables = score_wear(before, changes, losses, path, fitted, **chance)
+    tables = score_wear(before, changes, losses, square, fitted, **chance)
     for file, content in zip((table, profile, summary), tables, strict=True):
         write_table(file, content)
 

@@ -6,6 +6,7 @@ from gst.logs import run_script
 from gstlib.io.store import Stored
 from gstlib.io.tables import read_pressures, read_table, studied_files, write_table
 from gstlib.study import score_patches
+from gstlib.validation.scoring import Chance, Scoring
 
 
 def main(
@@ -22,7 +23,7 @@ def main(
     *,
     worn: list[str],
     compared: list[str],
-    validation: dict,
+    validation: dict[str, float],
     worst: list[str],
     seed: int,
 ) -> None:
@@ -40,9 +41,9 @@ def main(
     if exposure:
         left = ["patch", "exposure_N_per_mm"]
         predicted = predicted.merge(read_table(exposure, left)[left], on="patch")
-    tables = score_patches(
-        by_variant, changes, predicted, worst=worst, seed=seed, **validation
-    )
+    scoring = Scoring(*(validation[name] for name in Scoring._fields))
+    chance = Chance(seed, validation["shifts"], validation["resamples"])
+    tables = score_patches(by_variant, changes, predicted, scoring, chance, worst=worst)
     files = {"patches": patches, "gains": gains, "summary": summary, "variants": variants}
     for name, file in files.items():
         write_table(file, tables[name])

@@ -13,7 +13,7 @@ so large a share of the patch that shifts claim too much (`gstlib.validation.nul
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -31,7 +31,8 @@ from gstlib.validation.intervals import (
 from gstlib.validation.nulls import LONGEST, correlation_length, null_scores, p_value
 from gstlib.validation.scores import CONTACT, RIVALS, SCORES, compare, scores_of
 
-__all__ = ["PatchScores", "patch_tables", "score_patch", "score_table"]
+__all__ = ["NO_CHANCE", "Chance", "PatchScores", "Scoring", "patch_tables", "score_patch"]
+__all__ += ["score_table"]
 
 _NULL_RANGE = 0.025, 0.975
 # Beyond these decimals, a value of 0 shows the rounding of the transforms.
@@ -54,17 +55,51 @@ class PatchScores:
     )  # what to look into if too much rose, or if waves are too long to test
 
 
+class Scoring(NamedTuple):
+    """How patches are scored, as in the section ``validation`` of the config.
+
+    Attributes
+    ----------
+    neighbourhood_um : float
+        Window of the fractions skill score.
+    rim : float
+        Share of a side along each edge that is not scored.
+    most_noise : float
+        Largest area that rose, over the area that fell, with which a patch is tested.
+    """
+
+    neighbourhood_um: float
+    rim: float
+    most_noise: float
+
+
+class Chance(NamedTuple):
+    """What chance is drawn with.
+
+    Attributes
+    ----------
+    seed : int or sequence of int
+        Of the random numbers.
+    shifts : int
+        Of the null model; 0 leaves out chance and gains.
+    resamples : int
+        Of the block bootstrap.
+    """
+
+    seed: int | Sequence[int] = 0
+    shifts: int = 0
+    resamples: int = 0
+
+
+NO_CHANCE = Chance()
+
+
 def score_patch(
     patch: str,
     contact: xr.Dataset,
     change: xr.Dataset,
-    *,
-    neighbourhood_um: float,
-    rim: float,
-    most_noise: float,
-    seed: int | Sequence[int] = 0,
-    shifts: int = 0,
-    resamples: int = 0,
+    scoring: Scoring,
+    chance: Chance = NO_CHANCE,
 ) -> PatchScores:
     """Score the predicted contact of one patch against its measured loss.
 
@@ -79,13 +114,12 @@ def score_patch(
         (`gstlib.contact.laid_height`). The contact may be empty.
     change : xarray.Dataset
         As from `gstlib.validation.change.height_change`.
-    neighbourhood_um, rim, most_noise
-        As in the config's section ``validation``.
-    seed : int or sequence of int
-        Seed of the random numbers.
-    shifts, resamples : int
-        Numbers for the null model (0 leaves out chance and gains) and for the block bootstrap.
+    scoring : Scoring
+    chance : Chance
+        By default chance is left out.
     """
+    neighbourhood_um, rim, most_noise = scoring
+    seed, shifts, resamples = chance
     heights = laid_height(contact)
     comparison = compare(heights, contact, change, neighbourhood_um=neighbourhood_um, rim=rim)
     loss, valid = comparison.loss, comparison.valid

@@ -55,7 +55,7 @@ def summarise(
     by_variant: Mapping[str, Sequence[PatchScores]],
     predicted: pd.DataFrame,
     *,
-    seed: int,
+    seed: int | Sequence[int],
     resamples: int,
     expected_worst: Sequence[str] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:

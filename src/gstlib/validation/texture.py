@@ -55,8 +55,8 @@ def measure_texture(
 ) -> pd.DataFrame:
     """Areal texture of each patch before and after use, and the change (ISO 25178-2).
 
-    `scans` are those at T0, `changes` those of the patches with a T1. The filters are None or
-    nesting indices. The rows are those of `texture_rows`.
+    `scans` are those at T0, `changes` those of the patches with a T1. The filters are their
+    nesting indices; without an L-filter, None. The rows are those of `texture_rows`.
     """
     rows = []
     for patch in scans:

@@ -12,7 +12,7 @@ from gstlib.surface import make_surface
 from gstlib.validation.change import height_change, wear_summary
 from gstlib.validation.nulls import _wrap_around_factors
 from gstlib.validation.scores import SCORES
-from gstlib.validation.scoring import patch_tables, score_patch, score_table
+from gstlib.validation.scoring import Chance, Scoring, patch_tables, score_patch, score_table
 
 SETTINGS = {
     "rim": 0.0,
@@ -38,7 +38,11 @@ def patch():
 
 def scored(patch, name="7", **changed):
     contact, change = patch
-    return score_patch(name, contact, change, **(SETTINGS | changed))
+    given = SETTINGS | changed
+    scoring, chance = (
+        kind(*(given[field] for field in kind._fields)) for kind in (Scoring, Chance)
+    )
+    return score_patch(name, contact, change, scoring, chance)
 
 
 def by_score(found):
