@@ -43,8 +43,9 @@ _TILT_PATCHES = 24
 def plane_under(spline: RectBivariateSpline, place: Place, patch_mm: float) -> Plane:
     """Least-squares plane of a surface under an outline, along the axes of the scan there."""
     heights = on_patch(spline, place, 2 * (_PLANE_POINTS,), patch_mm)
-    along = (np.arange(_PLANE_POINTS) + 0.5) / _PLANE_POINTS - 0.5
-    return fit_plane(heights, patch_mm * along, patch_mm * along)
+    along = axis_coordinates(_PLANE_POINTS, patch_mm / _PLANE_POINTS)
+    along -= (along[0] + along[-1]) / 2
+    return fit_plane(heights, along, along)
 
 
 def compose_surface(
