@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from gst.config import check_files, counterface_mesh, read_config, read_study
-from gst.inputs import Inputs, check_inputs
+from gst.inputs import Asked, Inputs, check_inputs
 from gst.patches import scan_files
 from gst.poses import reach_of
 from gstlib.contact import contact_moduli
@@ -93,20 +93,19 @@ def check_study(path: Path) -> None:
             (config["counterface"] or {}).get("scan"),
         )
         scans = [scan for scan in scan_files(patches, folder, face) if scan.path.is_file()]
-        found = check_inputs(
-            mesh if mesh.is_file() else None,
-            scans,
+        placed = config["coupling"] == "placed"
+        asked = Asked(
             mesh_unit=config["inputs"]["mesh_unit"],
             square=config["square"],
             macroscale=config["macroscale"],
             scan_settings=config["scans"],
             maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
-            placed=config["coupling"] == "placed",
-            reference=config["coupling"] == "placed"
-            and config["reference_draws"] is not None,
+            placed=placed,
+            reference=placed and config["reference_draws"] is not None,
             mat=config["mat"],
             second_stone=second,
         )
+        found = check_inputs(mesh if mesh.is_file() else None, scans, asked)
         problems += found.problems
     print(f"{path}: {_summary(config, patches, found)}")
     if writable and found is not None and found.stone is not None and found.frame is not None:

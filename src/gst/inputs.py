@@ -35,7 +35,7 @@ from gstlib.surface import make_surface, spacing_of
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Inputs", "check_inputs", "inspect_file"]
+__all__ = ["Asked", "Inputs", "check_inputs", "inspect_file"]
 
 _log = logging.getLogger(__name__)
 
@@ -94,39 +94,45 @@ class _Piece(NamedTuple):
 _Pieces = dict[tuple[str, str], _Piece]  # by patch and epoch
 
 
-def check_inputs(
-    mesh: str | Path | None,
-    scans: Iterable[ScanFile],
-    *,
-    mesh_unit: str,
-    square: Mapping,
-    macroscale: Mapping,
-    scan_settings: Mapping,
-    maximum_unmeasured: float,
-    placed: bool,
-    reference: bool,
-    mat: Mapping | None,
-    second_stone: Mapping | None,
-) -> Inputs:
-    """Read the mesh and every scan of a study.
+@dataclass(frozen=True)
+class Asked:
+    """What the config asks of the files.
 
-    Parameters
+    Attributes
     ----------
-    mesh, mesh_unit
-        As in `read_mesh`; if the mesh is None, it is not checked.
-    scans : iterable of ScanFile
+    mesh_unit : str
+        As in `gstlib.io.meshes.read_mesh`.
     square, macroscale, scan_settings : mapping
         The sections ``square``, ``macroscale`` and ``scans`` of the config.
     maximum_unmeasured : float
         Largest share (0 to 1) of unmeasured points in a patch.
     placed : bool
-        Whether the scans are laid on the mesh: both must then show the same stone.
+        Whether the scans are laid on the mesh: both must then see the same stone.
     reference : bool
         Whether the whole square is pressed at the scans' resolution, which takes memory.
     mat : mapping or None
         The section ``mat`` of the config.
     second_stone : mapping or None
         As in `gst.poses.read_second_stone`; None for a flat.
+    """
+
+    mesh_unit: str
+    square: Mapping
+    macroscale: Mapping
+    scan_settings: Mapping
+    maximum_unmeasured: float
+    placed: bool
+    reference: bool
+    mat: Mapping | None
+    second_stone: Mapping | None
+
+
+def check_inputs(
+    mesh: str | Path | None, scans: Iterable[ScanFile], asked: Asked
+) -> Inputs:
+    """Read the mesh and every scan of a study.
+
+    If the mesh is None, it is not checked.
 
     Notes
     -----
@@ -136,27 +142,10 @@ def check_inputs(
     stone = frame = heights = None
     try:
         if mesh is not None:
-            stone = read_mesh(mesh, unit=mesh_unit)
-            size_mm = square["size_mm"]
-            frame = find_frame(square["points_mm"], stone, size_mm=size_mm, source=str(mesh))
-            gridded = grid_mesh(
-                stone,
-                frame,
-                size_mm=size_mm,
-                shape=(macroscale["grid"], macroscale["grid"]),
-                margin_mm=macroscale["margin_mm"],
-                interpolation="linear",  # the fastest: only for the picture
-                source=str(mesh),
-            )
-            heights = remove_plane(gridded.height)[0]
-            if second_stone is not None:
-                grid_counterface(
-                    read_second_stone(second_stone),
-                    gridded.height,
-                    frame,
-                    margin_mm=macroscale["margin_mm"],
-                    interpolation="linear",
-                )
+            stone = read_mesh(mesh, unit=asked.mesh_unit)
+            points_mm, size_mm = asked.square["points_mm"], asked.square["size_mm"]
+            frame = find_frame(points_mm, stone, size_mm=size_mm, source=str(mesh))
+            heights = _gridded(stone, frame, asked, source=str(mesh))
     except GstError as error:
         problems.append(error)
     rows: list[dict[str, Any]] = []
@@ -167,15 +156,15 @@ def check_inputs(
         by_file.setdefault(scan.path, []).append(scan)
     for path, uses in by_file.items():
         try:
-            unit, spacing_um = scan_settings["unit"], scan_settings["spacing_um"]
+            unit, spacing_um = asked.scan_settings["unit"], asked.scan_settings["spacing_um"]
             whole = read_scan(path, unit=unit, spacing_um=spacing_um)
         except GstError as error:
             problems.append(error)
             continue
         for use in uses:
             try:
-                piece = cut_scan(whole, use.crop, scan_settings["size_mm"])
-                check_unmeasured(piece, maximum_unmeasured)
+                piece = cut_scan(whole, use.crop, asked.scan_settings["size_mm"])
+                check_unmeasured(piece, asked.maximum_unmeasured)
             except InputError as error:
                 named = f"{path} (patch {use.patch} at {use.epoch})" if use.epoch else path
                 problems.append(InputError(named, error.problem, error.remedy))
@@ -193,20 +182,38 @@ def check_inputs(
     problems += _unlike_epochs(pieces)
     at_t0 = {patch: piece for (patch, epoch), piece in pieces.items() if epoch == "T0"}
     problems += _unlike_counterface(pieces.get((COUNTERFACE, "")), at_t0)
-    if reference:
-        problems += _no_reference(at_t0, square["size_mm"])
+    if asked.reference:
+        problems += _no_reference(at_t0, asked.square["size_mm"])
     coarsest = max((row[f"spacing_{axis}_um"] for row in rows for axis in "xy"), default=0.0)
-    if mat is not None and mat["thickness_um"] < coarsest:
-        thin = thinner_than_a_point(mat["thickness_um"], coarsest)
+    if asked.mat is not None and asked.mat["thickness_um"] < coarsest:
+        thin = thinner_than_a_point(asked.mat["thickness_um"], coarsest)
         remedy = "Make it thicker, or set mat to null."
         problems.append(ConfigError("mat.thickness_um", thin, remedy))
     for fault in _other_unit(waves):
-        if placed:
+        if asked.placed:
             problems.append(fault)
         else:
             _log.warning("%s", fault)
     table = pd.DataFrame(rows, columns=[*columns_of("inputs"), "range_um"])
     return Inputs(table, stone, frame, heights, problems)
+
+
+def _gridded(
+    stone: "trimesh.Trimesh", frame: Frame, asked: Asked, *, source: str
+) -> xr.DataArray:
+    """Heights of the square, its plane removed; errors also where the second stone misses it."""
+    grid, margin_mm = asked.macroscale["grid"], asked.macroscale["margin_mm"]
+    # the fastest: only for the picture
+    fast = {"margin_mm": margin_mm, "interpolation": "linear"}
+    size_mm = asked.square["size_mm"]
+    gridded = grid_mesh(
+        stone, frame, size_mm=size_mm, shape=(grid, grid), source=source, **fast
+    )
+    if asked.second_stone is not None:
+        grid_counterface(
+            read_second_stone(asked.second_stone), gridded.height, frame, **fast
+        )
+    return remove_plane(gridded.height)[0]
 
 
 def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:

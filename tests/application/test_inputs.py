@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from click.testing import CliRunner
 from gst.cli import main
-from gst.inputs import check_inputs, inspect_file
+from gst.inputs import Asked, check_inputs, inspect_file
 from gst.patches import ScanFile
 from gstlib.errors import InputsError
 from gstlib.geometry import Place
@@ -60,7 +60,7 @@ def scans(folder):
 
 
 def test_good_files_are_described(folder):
-    found = check_inputs(folder / "stone.stl", scans(folder), **SETTINGS)
+    found = check_inputs(folder / "stone.stl", scans(folder), Asked(**SETTINGS))
     assert found.problems == []
     assert found.square.shape == (20, 20)
     assert float(found.square.mean()) == pytest.approx(0, abs=1e-9)  # level
@@ -77,10 +77,10 @@ def test_a_second_stone_that_misses_the_first_is_a_problem(folder):
     still = np.eye(4)
     second = {"mesh": folder / "other.stl", "mesh_unit": "mm", "reach_mm": 1.0}
     settings = SETTINGS | {"second_stone": second | {"pose": {"matrix": still.tolist()}}}
-    assert check_inputs(folder / "stone.stl", scans(folder), **settings).problems == []
+    assert check_inputs(folder / "stone.stl", scans(folder), Asked(**settings)).problems == []
     still[2, 3] = 1.0
     settings = SETTINGS | {"second_stone": second | {"pose": {"matrix": still.tolist()}}}
-    (problem,) = check_inputs(folder / "stone.stl", scans(folder), **settings).problems
+    (problem,) = check_inputs(folder / "stone.stl", scans(folder), Asked(**settings)).problems
     assert "1 mm away from the passive one" in str(problem)
 
 
@@ -91,7 +91,7 @@ def test_every_problem_is_named_once(folder):
     holes = 1e-3 * np.random.default_rng(1).random((50, 50))
     holes[:10] = np.nan
     write_plu(folder / "2_T0.plu", holes, SPACING)
-    found = check_inputs(folder / "stone.stl", scans(folder), **SETTINGS)
+    found = check_inputs(folder / "stone.stl", scans(folder), Asked(**SETTINGS))
     assert found.square is None
     assert list(found.scans.patch + found.scans.epoch) == ["2T1"]
     message = str(InputsError(found.problems))
@@ -109,16 +109,16 @@ def test_every_problem_is_named_once(folder):
 def test_a_mat_thinner_than_a_scan_point_is_refused(folder):
     mat = {"young_MPa": 20.0, "poisson": 0.2, "thickness_um": 9.0}
     files = folder / "stone.stl", scans(folder)
-    (problem,) = check_inputs(*files, **SETTINGS | {"mat": mat}).problems
+    (problem,) = check_inputs(*files, Asked(**SETTINGS | {"mat": mat})).problems
     assert "mat.thickness_um: 9 µm is less than the 10 µm between two points" in str(problem)
-    assert not check_inputs(*files, **SETTINGS | {"mat": mat | {"thickness_um": 10.0}}).problems
+    assert not check_inputs(*files, Asked(**SETTINGS | {"mat": mat | {"thickness_um": 10.0}})).problems
 
 
 def test_a_mesh_too_coarse_for_the_square_and_a_scan_that_is_missing(folder):
     stone(halvings=3).export(folder / "stone.stl")
     (folder / "1_T0.plu").unlink()
     coarse, missing = map(
-        str, check_inputs(folder / "stone.stl", scans(folder), **SETTINGS).problems
+        str, check_inputs(folder / "stone.stl", scans(folder), Asked(**SETTINGS)).problems
     )
     assert f"{folder}/stone.stl: the mesh has" in coarse
     assert "vertices in the square of 4 mm" in coarse
@@ -138,7 +138,7 @@ def test_a_scan_is_read_once_for_all_its_pieces(folder, monkeypatch):
     heights[40, 90] = 5e-3  # in the piece 1 alone
     write_plu(large, heights, SPACING)
     pieces = [ScanFile(large, str(k), "T0", (0.0, 0.3 * k)) for k in (-1, 0, 1, 2)]
-    found = check_inputs(folder / "stone.stl", pieces, **SETTINGS)
+    found = check_inputs(folder / "stone.stl", pieces, Asked(**SETTINGS))
     assert read == [large]
     assert list(found.scans.patch) == ["-1", "0", "1"]
     assert (found.scans.points_x == 50).all()
@@ -149,7 +149,7 @@ def test_a_scan_is_read_once_for_all_its_pieces(folder, monkeypatch):
 
 def test_both_epochs_need_one_spacing(folder):
     write_plu(folder / "1_T1.plu", 1e-3 * np.random.default_rng(1).random((100, 100)), SPACING / 2)
-    (problem,) = check_inputs(folder / "stone.stl", scans(folder), **SETTINGS).problems
+    (problem,) = check_inputs(folder / "stone.stl", scans(folder), Asked(**SETTINGS)).problems
     assert "1_T1.plu" in str(problem)
     assert "5 µm apart" in str(problem)
     assert "10 µm" in str(problem)
@@ -160,7 +160,7 @@ def test_a_counterface_needs_the_points_of_the_patches(folder):
         face = ScanFile(folder / f"face{points}.plu", "counterface", "")
         heights = 1e-3 * np.random.default_rng(9).standard_normal((points, points))
         write_plu(face.path, heights, 0.5 / points)
-        problems = check_inputs(folder / "stone.stl", [*scans(folder), face], **SETTINGS).problems
+        problems = check_inputs(folder / "stone.stl", [*scans(folder), face], Asked(**SETTINGS)).problems
         assert len(problems) == count
     assert "face49.plu: the counterface has 49 × 49 points" in str(problems[0])
     assert "1_T0.plu has 50 × 50 points" in str(problems[0])
@@ -171,7 +171,7 @@ def test_epochs_in_different_units_are_refused(folder, factor):
     heights = 1e-3 * np.random.default_rng(8).standard_normal((50, 50))
     for of_patch, scale in (("1", factor), ("2", 3.0)):  # use and another calibration may do three
         write_plu(folder / f"{of_patch}_T1.plu", scale * heights, SPACING)
-    (problem,) = check_inputs(None, scans(folder), **SETTINGS).problems
+    (problem,) = check_inputs(None, scans(folder), Asked(**SETTINGS)).problems
     assert "1_T1.plu" in str(problem)
     assert "scans.unit" in str(problem)
 
@@ -193,19 +193,19 @@ def test_scans_and_mesh_in_different_units(folder, caplog, halvings):
         waves = factor * np.tile(height(at) - 5, (50, 1))
         write_plu(folder / "1_T0.plu", waves, spacing)
         use = [ScanFile(folder / "1_T0.plu", "1", "T0", None, place)]
-        problems = check_inputs(folder / "stone.stl", use, **settings).problems
+        problems = check_inputs(folder / "stone.stl", use, Asked(**settings)).problems
         assert len(problems) == wrong
         assert all("scans.unit" in str(problem) for problem in problems)
     caplog.clear()
     levelled = settings | {"placed": False}
-    assert check_inputs(folder / "stone.stl", use, **levelled).problems == []
+    assert check_inputs(folder / "stone.stl", use, Asked(**levelled)).problems == []
     assert "scans.unit" in caplog.text
 
 
 def test_both_epochs_with_the_same_heights_are_refused(folder):
     (folder / "1_T1.plu").write_bytes((folder / "1_T0.plu").read_bytes())
     uses = [*scans(folder)[:3], ScanFile(folder / "2_T0.plu", "2", "T1")]
-    first, second = map(str, check_inputs(folder / "stone.stl", uses, **SETTINGS).problems)
+    first, second = map(str, check_inputs(folder / "stone.stl", uses, Asked(**SETTINGS)).problems)
     assert "1_T1.plu: patch 1 has the same heights at T1 as at T0 (" in first
     assert "1_T0.plu)" in first
     assert "2_T0.plu: patch 2 has the same heights at T1 as at T0" in second
@@ -296,16 +296,16 @@ def test_text_asks_for_what_it_does_not_state(tmp_path):
 
 def test_a_reference_that_the_memory_cannot_hold_is_a_problem(folder, monkeypatch):
     settings = SETTINGS | {"reference": True}
-    assert check_inputs(None, scans(folder), **settings).problems == []
+    assert check_inputs(None, scans(folder), Asked(**settings)).problems == []
     monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 4096, "SC_PHYS_PAGES": 10}.__getitem__)
-    (problem,) = check_inputs(None, scans(folder), **settings).problems
+    (problem,) = check_inputs(None, scans(folder), Asked(**settings)).problems
     assert "reference_draws" in str(problem)
 
 
 def test_a_reference_needs_scans_of_one_grid(folder):
     coarse = 1e-3 * np.random.default_rng(9).standard_normal((25, 25))
     write_plu(folder / "2_T0.plu", coarse, 2 * SPACING)
-    found = check_inputs(None, scans(folder), **SETTINGS | {"reference": True})
+    found = check_inputs(None, scans(folder), Asked(**SETTINGS | {"reference": True}))
     assert any("reference_draws" in str(problem) for problem in found.problems)
-    found = check_inputs(None, scans(folder), **SETTINGS)
+    found = check_inputs(None, scans(folder), Asked(**SETTINGS))
     assert not any("reference_draws" in str(problem) for problem in found.problems)

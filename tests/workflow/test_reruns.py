@@ -74,16 +74,17 @@ def test_a_changed_value(tiny, change, reruns, stays):
 @pytest.mark.parametrize(
     ("module", "reruns", "stays"),
     [
-        ("bem/halfspace.py", {"solve_macroscale", "write_page"}, set()),
-        ("page.css", {"write_page"}, {"solve_macroscale", "score_patches"}),
+        ("gstlib/bem/halfspace.py", {"solve_macroscale", "write_page"}, set()),
+        ("gst/page.css", {"write_page"}, {"solve_macroscale", "score_patches"}),
     ],
 )
 def test_a_changed_library_file(tiny, tmp_path, module, reruns, stays):
     library = tmp_path / "clone/src"
-    shutil.copytree(ROOT / "src/gstlib", library / "gstlib")
+    for package in ("gst", "gstlib"):
+        shutil.copytree(ROOT / "src" / package, library / package)
     for part in ("config", "workflow"):
         (tmp_path / "clone" / part).symlink_to(ROOT / part)
-    with (library / "gstlib" / module).open("a") as file:
+    with (library / module).open("a") as file:
         file.write("\n/* a change */\n" if module.endswith("css") else "\n# a change\n")
     tiny.environment = {"PYTHONPATH": str(library)}
     planned = tiny.planned()

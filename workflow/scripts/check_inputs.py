@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gst.inputs import check_inputs
+from gst.inputs import Asked, check_inputs
 from gst.logs import run_script
 from gst.patches import ScanFile
 from gstlib.errors import InputsError
@@ -19,7 +19,7 @@ def main(
     **settings: object,
 ) -> None:
     """`uses` are those of the `scans`; the file of the `counterface` is named in the settings."""
-    found = check_inputs(mesh, uses, **settings)
+    found = check_inputs(mesh, uses, Asked(**settings))
     if found.problems:
         raise InputsError(found.problems)
     write_table(table, found.scans.drop(columns="range_um"))
