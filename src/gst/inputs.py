@@ -127,9 +127,7 @@ class Asked:
     second_stone: Mapping | None
 
 
-def check_inputs(
-    mesh: str | Path | None, scans: Iterable[ScanFile], asked: Asked
-) -> Inputs:
+def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Asked) -> Inputs:
     """Read the mesh and every scan of a study.
 
     If the mesh is None, it is not checked.
@@ -210,9 +208,7 @@ def _gridded(
         stone, frame, size_mm=size_mm, shape=(grid, grid), source=source, **fast
     )
     if asked.second_stone is not None:
-        grid_counterface(
-            read_second_stone(asked.second_stone), gridded.height, frame, **fast
-        )
+        grid_counterface(read_second_stone(asked.second_stone), gridded.height, frame, **fast)
     return remove_plane(gridded.height)[0]
 
 

@@ -111,7 +111,8 @@ def test_a_mat_thinner_than_a_scan_point_is_refused(folder):
     files = folder / "stone.stl", scans(folder)
     (problem,) = check_inputs(*files, Asked(**SETTINGS | {"mat": mat})).problems
     assert "mat.thickness_um: 9 µm is less than the 10 µm between two points" in str(problem)
-    assert not check_inputs(*files, Asked(**SETTINGS | {"mat": mat | {"thickness_um": 10.0}})).problems
+    thicker = SETTINGS | {"mat": mat | {"thickness_um": 10.0}}
+    assert not check_inputs(*files, Asked(**thicker)).problems
 
 
 def test_a_mesh_too_coarse_for_the_square_and_a_scan_that_is_missing(folder):
@@ -160,7 +161,8 @@ def test_a_counterface_needs_the_points_of_the_patches(folder):
         face = ScanFile(folder / f"face{points}.plu", "counterface", "")
         heights = 1e-3 * np.random.default_rng(9).standard_normal((points, points))
         write_plu(face.path, heights, 0.5 / points)
-        problems = check_inputs(folder / "stone.stl", [*scans(folder), face], Asked(**SETTINGS)).problems
+        uses = [*scans(folder), face]
+        problems = check_inputs(folder / "stone.stl", uses, Asked(**SETTINGS)).problems
         assert len(problems) == count
     assert "face49.plu: the counterface has 49 × 49 points" in str(problems[0])
     assert "1_T0.plu has 50 × 50 points" in str(problems[0])
