@@ -24,6 +24,7 @@ import argparse
 import json
 import os
 import platform
+import re
 import shutil
 import statistics
 import subprocess
@@ -115,11 +116,12 @@ def run_study(config: str, cores: int, folder: Path) -> tuple[float, Path, dict[
 
 
 def job_walls(results: Path) -> dict[str, list[float]]:
-    """Wall times (s) of the jobs of each rule, from Snakemake's benchmark files."""
+    """Wall times (s) of the jobs of each rule, from their logs."""
     walls = defaultdict(list)
-    for file in sorted((results / "benchmarks").rglob("*.tsv")):
-        rule = file.relative_to(results / "benchmarks").parts[0].removesuffix(".tsv")
-        walls[rule] += pd.read_csv(file, sep="\t").s.tolist()
+    for file in sorted((results / "logs").rglob("*.log")):
+        rule = file.relative_to(results / "logs").parts[0].removesuffix(".log")
+        took = re.findall(r"^INFO took ([0-9.]+) s,", file.read_text("utf-8"), re.MULTILINE)
+        walls[rule] += [float(wall) for wall in took]
     return walls
 
 

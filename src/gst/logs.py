@@ -4,7 +4,9 @@ import gc
 import logging
 import os
 import re
+import resource
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -19,6 +21,8 @@ __all__ = ["FILE_ONLY", "job_log", "logged", "patch_by_patch", "run_script"]
 # Environment variable, set by the workflow's display of progress, which shows the log's
 # messages itself: a job then writes nothing to the screen, unless its log cannot be written.
 FILE_ONLY = "GSTLIB_LOG_FILE_ONLY"
+# Soon after a process began, for scripts import this early.
+_START = time.perf_counter()
 # Of the application, and of the library.
 _LOGGERS = "gst", "gstlib"
 _RECORD = re.compile(r"^(\w+) (.*?)(?=^(?:INFO|WARNING|ERROR) |\Z)", re.MULTILINE | re.DOTALL)
@@ -113,8 +117,17 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
     # What was imported stays: to look for garbage among it, the last time when the interpreter
     # ends, takes a quarter of a second.
     gc.freeze()
-    with job_log(snakemake.log[0]):
-        main(
-            **files,
-            **{name: value for name, value in snakemake.params.items() if name != "code"},
-        )
+    settings = {name: value for name, value in snakemake.params.items() if name != "code"}
+    with job_log(snakemake.log[0]) as log:
+        main(**files, **settings)
+        log.info("%s", _used())
+
+
+def _used() -> str:
+    """What this process has used so far, exactly; Snakemake's `benchmark` samples it, at a cost."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    wall_s, cpu_s = time.perf_counter() - _START, used.ru_utime + used.ru_stime
+    status, memory_mb = Path("/proc/self/status"), used.ru_maxrss / 1e6  # bytes on macOS
+    if status.is_file():  # Linux: what is above counts the process that started this one, too
+        memory_mb = int(re.findall(r"VmHWM:\s+(\d+)", status.read_text())[0]) * 1024 / 1e6
+    return f"took {wall_s:.2f} s, {cpu_s:.2f} s of CPU, {memory_mb:.0f} MB of memory"

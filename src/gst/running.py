@@ -24,7 +24,6 @@ __all__ = ["is_report_current", "lay_out", "remove_results", "run_study"]
 
 # What a study makes in its folder, except hidden parts of files.
 MADE = (
-    "benchmarks",
     "coupling",
     "figures",
     "gesture",
@@ -47,6 +46,7 @@ MADE = (
 )
 # What studies of earlier versions made, too, folders first; no step makes or reads it any more.
 _EARLIER = (
+    "benchmarks",
     "hardness",
     "slip",
     "power",
@@ -244,7 +244,7 @@ def claim_folder(config: Path) -> None:
 def remove_results(config: Path) -> None:
     """Ask, and remove what a study made in its folder; the folder too, if nothing else is in it."""
     folder = Path(_checked(config)["results"])
-    made = [folder / name for name in (*MADE, *_EARLIER[:3]) if (folder / name).exists()]
+    made = [folder / name for name in (*MADE, *_EARLIER[:4]) if (folder / name).exists()]
     made += folder.glob(".*.part*")
     if not made:
         print(f"{folder} contains no results of a study.")

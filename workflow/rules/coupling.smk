@@ -12,8 +12,6 @@ rule place_patches:
         table=table("placement", "3 Coupling"),
     log:
         f"{RESULTS}/logs/place_patches.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/place_patches.tsv"
     params:
         patches=PATCHES.to_dict("list"),
         patch_mm=PATCH_MM,
@@ -32,8 +30,6 @@ rule couple_scales:
         pressures=f"{RESULTS}/coupling/pressures.csv",
     log:
         f"{RESULTS}/logs/couple_scales.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/couple_scales.tsv"
     params:
         patches=PATCHES.to_dict("list"),
         patch_mm=PATCH_MM,
@@ -56,8 +52,6 @@ rule select_patches:
         table=table("patch_pressures", "3 Coupling"),
     log:
         f"{RESULTS}/logs/select_patches.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/select_patches.tsv"
     params:
         worn=WORN_PATCHES,
         selection=config["selection"],
@@ -78,8 +72,6 @@ rule bound_pressures:
         table=table("patch_intervals", "3 Coupling"),
     log:
         f"{RESULTS}/logs/bound_pressures.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/bound_pressures.tsv"
     params:
         material=config["material"],
         target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
@@ -126,8 +118,6 @@ if REFERENCE:
             patches=f"{RESULTS}/reference/patches.h5",
         log:
             f"{RESULTS}/logs/solve_reference.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/solve_reference.tsv"
         params:
             draws=config["reference_draws"],
             s_filter_um=config["microscale"]["s_filter_um"],
@@ -149,8 +139,6 @@ if REFERENCE:
             table=table("two_scales", "3 Coupling"),
         log:
             f"{RESULTS}/logs/compare_scales.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/compare_scales.tsv"
         params:
             patches=ALL_PATCHES,
             variants=VARIANTS,

@@ -129,8 +129,6 @@ for job, (figures, read) in DRAWINGS.items():
             **{f"{name}_svg": f"{RESULTS}/figures/{name}.svg" for name in figures if name in VECTOR},
         log:
             f"{RESULTS}/logs/{job}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/{job}.tsv"
         params:
             figures=list(figures),
             patches=ALL_PATCHES,

@@ -31,8 +31,6 @@ for batch, poses in POSE_BATCHES.items():
             batch=batch,
         log:
             f"{RESULTS}/logs/press_{Path(batch).stem}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/press_{Path(batch).stem}.tsv"
         params:
             **PRESSED,
             poses=poses.to_dict(),

@@ -15,8 +15,6 @@ rule check_inputs:
         table=table("inputs", "1 Inputs"),
     log:
         f"{RESULTS}/logs/check_inputs.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/check_inputs.tsv"
     priority: 100
     threads: 64
     params:
@@ -47,8 +45,6 @@ rule grid_macroscale:
         table=table("gridding", "2 Macroscale"),
     log:
         f"{RESULTS}/logs/grid_macroscale.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/grid_macroscale.tsv"
     params:
         **{name: config["macroscale"][name] for name in ("grid", "margin_mm", "interpolation")},
         **config["square"],
@@ -71,8 +67,6 @@ if COMPOSITE:
             composite=COMPOSITE,
         log:
             f"{RESULTS}/logs/compose_surface.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/compose_surface.tsv"
         params:
             patches=PATCHES.to_dict("list"),
             patch_mm=PATCH_MM,
@@ -94,8 +88,6 @@ rule solve_macroscale:
         path=table("macroscale_path", "2 Macroscale"),
     log:
         f"{RESULTS}/logs/solve_macroscale.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/solve_macroscale.tsv"
     params:
         **{
             name: config["macroscale"][name]

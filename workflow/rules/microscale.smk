@@ -21,8 +21,6 @@ for job, (epoch, patches) in PREPARATIONS.items():
             surfaces=surfaces(epoch, patches),
         log:
             f"{RESULTS}/logs/prepare_{job}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/prepare_{job}.tsv"
         params:
             crops=crops_of(patches),
             settings=config["scans"],
@@ -84,8 +82,6 @@ for part, patches in batches(WORN_PATCHES).items():
             registered=registered(patches),
         log:
             f"{RESULTS}/logs/register_patches{part}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/register_patches{part}.tsv"
         params:
             patches=patches,
             maximum_shift_mm=config["registration"]["maximum_shift_mm"],
@@ -113,8 +109,6 @@ for part, patches in batches(ALL_PATCHES).items():
             others=other_contacts(patches),
         log:
             f"{RESULTS}/logs/solve_patches{part}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/solve_patches{part}.tsv"
         params:
             **config["microscale"],
             patches=patches,
@@ -156,8 +150,6 @@ if CASES:
             table=table("cases", "4 Microscale"),
         log:
             f"{RESULTS}/logs/solve_cases.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/solve_cases.tsv"
         params:
             **CASES,
             patches=ALL_PATCHES,

@@ -38,8 +38,6 @@ rule write_page:
         report=f"{RESULTS}/verdict.html",
     log:
         f"{RESULTS}/logs/write_page.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/write_page.tsv"
     params:
         titles=[[category, title] for _, category, title in STUDIED.values()],
         logs=LOGS,

@@ -21,8 +21,6 @@ if GENERATED:
             surface=f"{RESULTS}/specimen/surface.h5",
         log:
             f"{RESULTS}/logs/generate_specimen.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/generate_specimen.tsv"
         params:
             patches=PATCHES.to_dict("list"),
             specimen=config["specimen"],
@@ -48,8 +46,6 @@ if GENERATED:
             table=table("truth", "7 Against the truth"),
         log:
             f"{RESULTS}/logs/score_truth.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/score_truth.tsv"
         params:
             patches=ALL_PATCHES,
             worn=WORN_PATCHES,

@@ -23,8 +23,6 @@ if WORN_PATCHES:
             variants=table("validation_variants", "5 Validation"),
         log:
             f"{RESULTS}/logs/score_patches.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/score_patches.tsv"
         params:
             worn=WORN_PATCHES,
             compared=VARIANTS,
@@ -59,8 +57,6 @@ if WORN_PATCHES:
                 summary=table("wear_summary", "6 Wear"),
             log:
                 f"{RESULTS}/logs/predict_wear.log",
-            benchmark:
-                f"{RESULTS}/benchmarks/predict_wear.tsv"
             params:
                 worn=WORN_PATCHES,
                 patch_mm=PATCH_MM,
@@ -85,8 +81,6 @@ rule tabulate_texture:
         table=table("texture", "5 Validation" if WORN_PATCHES else "1 Inputs"),
     log:
         f"{RESULTS}/logs/tabulate_texture.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/tabulate_texture.tsv"
     params:
         patches=ALL_PATCHES,
         worn=WORN_PATCHES,
