@@ -100,22 +100,14 @@ _PATH = (
     "aspher, FFT warm",
     "slippy, BCCG",
 )
-_PATH_MORE = (
-    "aspher native, FFT warm",
-    "ContactMechanics, CCG",
-    "Tamaas, Polonsky–Keer–Rey",
-)
+_PATH_MORE = ("aspher native, FFT warm", "ContactMechanics, CCG", "Tamaas, Polonsky–Keer–Rey")
 _P2 = Surface("rough", 512)
 
 CASES = {
     case.name: case
     for case in (
-        Case(
-            "rough-76", "Rough 512² at 76 MPa, cold, one thread", _P2, 76.0, _SINGLE, _NATIVE
-        ),
-        Case(
-            "rough-22", "Rough 512² at 22 MPa, cold, one thread", _P2, 22.0, _SINGLE, _NATIVE
-        ),
+        Case("rough-76", "Rough 512² at 76 MPa, cold, one thread", _P2, 76.0, _SINGLE, _NATIVE),
+        Case("rough-22", "Rough 512² at 22 MPa, cold, one thread", _P2, 22.0, _SINGLE, _NATIVE),
         Case(
             "hertz-256",
             "Smooth sphere 256², cold, one thread",

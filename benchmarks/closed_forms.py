@@ -89,10 +89,7 @@ class Ellipsoid:
         curvature = 1 / (2 * max(self.radius_x, self.radius_y))
         difference = ellipk(e * e) - ellipe(e * e)
         cube = (
-            1.5
-            * self.force
-            * difference
-            / (math.pi * self.contact_modulus * e * e * curvature)
+            1.5 * self.force * difference / (math.pi * self.contact_modulus * e * e * curvature)
         )
         long = cube ** (1 / 3)
         return long, long * math.sqrt(1 - e * e)

@@ -115,9 +115,7 @@ def _growth(axis, rows, key, title):
         ]
         style = {"color": _colour(label)}
         axis.plot(sizes, means, "o-", ms=3.5, linewidth=1.4, label=label, **style)
-        axis.plot(
-            [row["size"] for row in own], [row[key] for row in own], "o", ms=3.5, **style
-        )
+        axis.plot([row["size"] for row in own], [row[key] for row in own], "o", ms=3.5, **style)
     if rows:
         axis.legend(fontsize=8.5, frameon=False, loc="upper left")
     sizes = sorted({row["size"] for row in rows})

@@ -72,9 +72,7 @@ def run(code: Code, surface: Surface, levels: dict, tolerance: float) -> Run:
             "record": f"{folder}/record.json",
         }
         Path(folder, "task.json").write_text(json.dumps(task), encoding="utf-8")
-        one = dict.fromkeys(
-            ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
-        )
+        one = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
         try:
             done = subprocess.run(
                 [python, CODES_FOLDER / f"{code.script}.py", f"{folder}/task.json"],
@@ -169,9 +167,7 @@ class Calibration:
             while not best.reached and len(tried) <= MOST_RUNGS:
                 tolerance, best = tolerance / RUNG, attempt(tolerance / RUNG)
                 tried.append((tolerance, best))
-                stuck = (
-                    len(tried) > 2 and best.gap_error > LEAST_GAIN * tried[-3][1].gap_error
-                )
+                stuck = len(tried) > 2 and best.gap_error > LEAST_GAIN * tried[-3][1].gap_error
                 if stuck and not best.reached:
                     tolerance, best = tried[-3]
                     break
@@ -187,9 +183,7 @@ class Calibration:
         self.path.write_text(text, encoding="utf-8")
 
 
-def measure_case(
-    case: Case, labels, calibration: Calibration, most_repeats: int
-) -> list[dict]:
+def measure_case(case: Case, labels, calibration: Calibration, most_repeats: int) -> list[dict]:
     """Rows of the case's table, one for each code."""
     levels = levels_of(case.surface, case.pressure, case.steps)
     entries = []

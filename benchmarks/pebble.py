@@ -79,11 +79,7 @@ def marked_region(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def square_of(
-    mesh: trimesh.Trimesh,
-    centre: np.ndarray,
-    x: np.ndarray,
-    normal: np.ndarray,
-    size_mm: float,
+    mesh: trimesh.Trimesh, centre: np.ndarray, x: np.ndarray, normal: np.ndarray, size_mm: float
 ) -> xr.Dataset:
     """The mesh's surface over a square about a centre."""
     origin = centre - size_mm / 2 * (x + np.cross(normal, x))
@@ -121,9 +117,7 @@ def correlations(
 
     energy = summed(inside * 1.0, surface.values**2)
     energy -= sum(summed(plane, surface.values) ** 2 for plane in planes)
-    found = summed(map_, surface.values) / np.sqrt(
-        (map_**2).sum() * np.maximum(energy, 1e-12)
-    )
+    found = summed(map_, surface.values) / np.sqrt((map_**2).sum() * np.maximum(energy, 1e-12))
     row, column = np.unravel_index(found.argmax(), found.shape)
     centre = surface.y.values[row + reach], surface.x.values[column + reach]
     return float(found.max()), Place(*map(float, centre), turn)
@@ -140,9 +134,7 @@ def under(spline: RectBivariateSpline, place: Place, shape: tuple[int, ...]) -> 
     return spline.ev(*place.points(v[:, None], u))
 
 
-def refined(
-    surface: xr.DataArray, heights: xr.DataArray, start: Place
-) -> tuple[float, Place]:
+def refined(surface: xr.DataArray, heights: xr.DataArray, start: Place) -> tuple[float, Place]:
     """The same at any place and turn, from a good start."""
     spline, level = spline_of(surface), remove_plane(smoothed(heights))[0]
 
@@ -259,9 +251,7 @@ def scored(
     def table(draws: slice) -> pd.DataFrame:
         return two_scales_table(solved, against.isel(draw=draws), rim=rim)
 
-    each = np.array(
-        [table(slice(draw, draw + 1)).f1 for draw in range(against.sizes["draw"])]
-    )
+    each = np.array([table(slice(draw, draw + 1)).f1 for draw in range(against.sizes["draw"])])
     pooled = table(slice(None))
     return pooled.assign(lowest=np.fmin.reduce(each), highest=np.fmax.reduce(each))
 
@@ -337,8 +327,7 @@ def main() -> None:
     correlation, place = refined(surface.height, heights, start)
     print(f"refined: r = {correlation:.4f}, {place}")
     sq, error = (
-        1e3 * float(np.sqrt((of**2).mean()))
-        for of in (surface.height, surface.left_out_error)
+        1e3 * float(np.sqrt((of**2).mean())) for of in (surface.height, surface.left_out_error)
     )
     print(
         f"square: Sq {sq:.1f} µm, {surface.height.attrs}, vertices left out err by {error:.1f} µm"
@@ -347,8 +336,7 @@ def main() -> None:
     scans, patches = cut(heights, place)
     whole, planes = planes_table(surface.height, heights, place, scans, patches)
     level = {
-        patch: remove_plane(scan)[0].to_dataset(name="height")
-        for patch, scan in scans.items()
+        patch: remove_plane(scan)[0].to_dataset(name="height") for patch, scan in scans.items()
     }
     composites = [
         compose_surface(
@@ -410,9 +398,7 @@ def main() -> None:
                 target_pressure_MPa=target,
             )
             scan = level[patches.patch[0]].height
-            drawn.append(
-                patches_of_reference(whole_contact.pressure, places_of(patches), scan)
-            )
+            drawn.append(patches_of_reference(whole_contact.pressure, places_of(patches), scan))
         reference[name] = xr.concat(drawn, "draw")
         each = reference[name].pressure
         for statistic in ("mean", "min", "max"):
@@ -431,9 +417,7 @@ def main() -> None:
         for which, by_variant in (("own", at_own), ("reference", at_reference)):
             solved = {"levelled": {}, "placed": {}}
             for patch, scan in level.items():
-                height, _ = prepare_faces(
-                    scan.height, None, s_filter_um=s_filter, source="map"
-                )
+                height, _ = prepare_faces(scan.height, None, s_filter_um=s_filter, source="map")
                 placed = place_patch(height, None, composite, contacts[0], patch)
                 for variant, faces in (("levelled", faces_of(height)), ("placed", placed)):
                     pressure = float(by_variant[variant][patch])

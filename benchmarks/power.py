@@ -140,10 +140,7 @@ def p_values(study: Study, *, seed: Sequence[int]) -> tuple[pd.DataFrame, pd.Dat
         ``patch, x_mm, y_mm, pressure_MPa`` and the scores of each patch.
     """
     shifts = study.config["validation"]["shifts"]
-    found, places = (
-        study.scores(Chance(seed, shifts, _RESAMPLES)),
-        study.selected(),
-    )
+    found, places = (study.scores(Chance(seed, shifts, _RESAMPLES)), study.selected())
     table = places[["patch", "x_mm", "y_mm", "pressure_MPa"]].merge(
         score_table(found), on="patch"
     )
@@ -188,9 +185,7 @@ def law_p_values(study: Study, *, seed: int) -> pd.DataFrame:
     skill = summary[named].dropna(subset="p_value")
     p = np.where(skill.value > 0, skill.p_value / 2, 1 - skill.p_value / 2)
     rows = (
-        skill.assign(p_value=p)
-        .groupby("model", sort=False)
-        .agg({"p_value": "max", "n": "max"})
+        skill.assign(p_value=p).groupby("model", sort=False).agg({"p_value": "max", "n": "max"})
     )
     rows = rows.rename(columns={"n": "patches"}).reset_index()
     return rows.assign(test="law(" + rows.model + ")", drawn=np.nan)[_TESTS]

@@ -213,9 +213,7 @@ def ecc(t0, t1):
         else:
             a, b, mask = detail(t0) * 1e3, detail(t1) * 1e3, np.ones(t1.shape, dtype=np.uint8)
         a, b = a.astype(np.float32), b.astype(np.float32)
-        _, warp = cv2.findTransformECC(
-            a, b, warp, cv2.MOTION_EUCLIDEAN, stop, mask, smoothing
-        )
+        _, warp = cv2.findTransformECC(a, b, warp, cv2.MOTION_EUCLIDEAN, stop, mask, smoothing)
         pose = from_matrix(np.vstack([warp, [0, 0, 1]]).astype(float), centre)
     return pose
 

@@ -9,9 +9,7 @@ import yaml
 from contacts import contact_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from power import (
-    CONFIG as OF_SPECIMENS,
-)
+from power import CONFIG as OF_SPECIMENS
 from power import (
     LEVELS,
     law_p_values,
@@ -34,9 +32,7 @@ from gstlib.surface import make_surface
 from gstlib.validation.change import height_change
 
 FOLDER, SEED = Path(__file__).parents[1] / "config", [1, 5]
-DEFAULT, TINY = (
-    yaml.safe_load((FOLDER / f"{n}.yaml").read_text()) for n in ("config", "tiny")
-)
+DEFAULT, TINY = (yaml.safe_load((FOLDER / f"{n}.yaml").read_text()) for n in ("config", "tiny"))
 CONFIG = merged(merged(DEFAULT, TINY), {"validation": {"shifts": 199}})
 
 
@@ -65,9 +61,7 @@ def test_trials_that_repeat_each_other_count_once_and_independent_ones_each():
     drawn = np.random.default_rng(2).random((30, 1))
     once, tenfold = (rates_of(np.repeat(drawn, times, axis=1)).loc[0.3] for times in (1, 10))
     assert tenfold.rate == once.rate
-    assert tenfold[["low", "high"]].to_list() == pytest.approx(
-        [once.low, once.high], abs=0.01
-    )
+    assert tenfold[["low", "high"]].to_list() == pytest.approx([once.low, once.high], abs=0.01)
     row = rates_of(np.random.default_rng(3).random((200, 10))).loc[0.3]
     exact = binomtest(int(row.claims), 2000).proportion_ci(method="exact")
     assert row.high - row.low == pytest.approx(exact.high - exact.low, rel=0.1)
@@ -98,9 +92,7 @@ def claims(wear="summits", moved=()):
         lost = height.values > np.quantile(height, 0.9 - 0.01 * more)
         if wear == "random":
             lost = np.roll(lost, (19, 23), (0, 1))
-        change = height_change(
-            height, height - 1e-3 * lost + rng.normal(0, 1e-5, height.shape)
-        )
+        change = height_change(height, height - 1e-3 * lost + rng.normal(0, 1e-5, height.shape))
         contact = contact_of(**fields, displacement=float(depth.max()))
         made |= {("patch_contact", name): contact, ("change", name): change}
     return p_values_of(places, made)
@@ -176,14 +168,7 @@ def test_a_specimen_without_patches_claims_nothing():
 
 
 def test_the_later_studies_share_what_precedes_use_and_nothing_else():
-    row = {
-        "patch": ["a"],
-        "x_mm": 2.5,
-        "y_mm": 2.5,
-        "rotation_deg": 0.0,
-        "t0": "a",
-        "t1": "b",
-    }
+    row = {"patch": ["a"], "x_mm": 2.5, "y_mm": 2.5, "rotation_deg": 0.0, "t0": "a", "t1": "b"}
     patches = pd.DataFrame(row | {"crop_x_mm": np.nan, "crop_y_mm": np.nan})
     found = {}
     for wear, study in specimen_studies(CONFIG, patches, 3):
@@ -212,9 +197,7 @@ def test_the_specimens_are_those_of_a_study_that_can_be_run():
 @pytest.mark.parametrize("laws", [False, True])
 def test_laws_are_asked_only_of_the_specimens_that_wear_by_them(monkeypatch, laws):
     row = pd.DataFrame({"drawn": [np.nan], "p_value": 0.5})
-    monkeypatch.setattr(
-        "power.specimen_studies", lambda *of: ((wear, None) for wear in of[-1])
-    )
+    monkeypatch.setattr("power.specimen_studies", lambda *of: ((wear, None) for wear in of[-1]))
     monkeypatch.setattr("power.p_values", lambda *_, seed: (row.assign(test=str(seed)), None))
     monkeypatch.setattr("power.law_p_values", lambda *_, seed: row.assign(test="law"))
     table = specimen_p_values({"seed": 1}, row, 2005, laws=laws)

@@ -70,9 +70,7 @@ def trial(
 ) -> pd.DataFrame:
     """Every patch of one specimen with one set of errors, by variant."""
     config = {
-        key: base[key] | TRIALS[name].get(key, {})
-        if isinstance(base[key], dict)
-        else base[key]
+        key: base[key] | TRIALS[name].get(key, {}) if isinstance(base[key], dict) else base[key]
         for key in base
     }
     parameters = SpecimenParameters(**config["specimen"])
@@ -142,9 +140,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
         patches = group[group.patch != ALL]
         size = patches.groupby("seed")
         hits = (
-            (patches.contact_fraction * patches.precision.fillna(0))
-            .groupby(patches.seed)
-            .sum()
+            (patches.contact_fraction * patches.precision.fillna(0)).groupby(patches.seed).sum()
         )
         marked = size.contact_fraction.sum() + size.reference_contact_fraction.sum()
         counts = np.stack([2 * hits, marked], axis=1)
@@ -171,9 +167,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
             errors = [known[f"slope_{axis}"] - known[f"true_slope_{axis}"] for axis in "yx"]
             row["tilt_error_mrad"] = 1e3 * np.sqrt(np.mean(np.square(errors)))
             row["stated_tilt_error_mrad"] = np.sqrt((known.tilt_error_mrad**2).mean())
-            limited = (
-                patches.dropna(subset="low_MPa") if "low_MPa" in patches else patches[:0]
-            )
+            limited = patches.dropna(subset="low_MPa") if "low_MPa" in patches else patches[:0]
             if len(limited):
                 true = limited.reference_pressure_MPa
                 row["held"] = true.between(limited.low_MPa, limited.high_MPa).mean()

@@ -51,11 +51,7 @@ def trial(
     ((_, study),) = specimen_studies(config, patches, seed, ["summits"])
     known = {of: found for of, found in kept.items() if of[0] in ("prepared", "change")}
     study = Study(
-        config,
-        patches,
-        read_mesh=study.read_mesh,
-        read_scan=study.read_scan,
-        kept=known,
+        config, patches, read_mesh=study.read_mesh, read_scan=study.read_scan, kept=known
     )
     worn = study.worn_square()
     if worn is None:
@@ -68,12 +64,7 @@ def trial(
         at_ratios = worn._replace(path=worn.path.sel(ratio=ratios))
         fitted = fit_mat(at_ratios, contacts, changes)
     maps = (
-        (
-            patch,
-            contacts[patch],
-            changes[patch],
-            wear_map(contacts[patch], worn, fitted, patch),
-        )
+        (patch, contacts[patch], changes[patch], wear_map(contacts[patch], worn, fitted, patch))
         for patch in worn.losers
     )
     table, _ = wear_table(maps, worn.path)

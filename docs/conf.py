@@ -17,9 +17,7 @@ exclude_patterns = [".*", "build", "results*"]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 myst_heading_anchors = 3
 highlight_language = "none"  # equations stand in blocks of plain text
-default_role = (
-    "py:obj"  # names in the docstrings' single backticks are links; those that begin
-)
+default_role = "py:obj"  # names in the docstrings' single backticks are links; those that begin
 nitpicky = True  # with gstlib have to lead somewhere
 nitpick_ignore_regex = [("py:class", ".*"), ("py:.*", r"(?!gstlib\.).*")]
 numpydoc_show_class_members = False

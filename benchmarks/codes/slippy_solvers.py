@@ -7,12 +7,7 @@ Called one level below its ContactModel, whose default kernel (made in the frequ
 import numpy as np
 import slippy
 from common import Counted, main
-from slippy.core import (
-    bccg,
-    elastic_influence_matrix_spatial,
-    plan_convolve,
-    polonsky_and_keer,
-)
+from slippy.core import bccg, elastic_influence_matrix_spatial, plan_convolve, polonsky_and_keer
 
 MAX_ITERATIONS = 3000
 
@@ -22,11 +17,7 @@ def solve(problem, task):
     heights, spacing = problem.heights, problem.spacing
     # (1 − ν)/(2πG) is 1/(πE*) for ν = 0 and G = E*/2.
     kernel = elastic_influence_matrix_spatial(
-        "zz",
-        tuple(2 * n for n in heights.shape),
-        (spacing, spacing),
-        problem.modulus / 2,
-        0.0,
+        "zz", tuple(2 * n for n in heights.shape), (spacing, spacing), problem.modulus / 2, 0.0
     )
     relief = heights.max() - heights
     run = {"load": by_load, "displacement": by_displacement}[task.control]

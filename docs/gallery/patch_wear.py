@@ -26,9 +26,7 @@ print(f"contact: {100 * new.contact_fraction:.1f} % new, {touching:.1f} % worn")
 print(f"highest pressure: {new.pressure.max():.0f} MPa new, {peak:.0f} MPa worn")
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-image = left.imshow(
-    1e3 * worn.depth, cmap="inferno", origin="lower", extent=(0, side, 0, side)
-)
+image = left.imshow(1e3 * worn.depth, cmap="inferno", origin="lower", extent=(0, side, 0, side))
 figure.colorbar(image, label="height lost (µm)")
 left.set(xlabel="x (mm)", ylabel="y (mm)")
 row, x = worn.depth.max(axis=1).argmax(), (np.arange(n) + 0.5) * side / n

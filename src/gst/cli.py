@@ -158,9 +158,7 @@ def inspect(files, unit, spacing_um) -> None:
     show_default=True,
     help="Side of a patch (mm).",
 )
-@click.option(
-    "--output", type=_PATH, default="pick.html", show_default=True, help="The page."
-)
+@click.option("--output", type=_PATH, default="pick.html", show_default=True, help="The page.")
 def pick(mesh, unit, size, patches, patch_size, output) -> None:
     """Write a page to pick the square on: turn the stone, click, copy the config."""
     from gst.patches import read_patches
@@ -207,9 +205,7 @@ def diff(before, after, tolerance) -> None:
 @click.option(
     "--author", "authors", multiple=True, help="Author of the study; may be repeated."
 )
-@click.option(
-    "--license", "licence", help="Licence of the results, such as CC-BY-4.0 (SPDX)."
-)
+@click.option("--license", "licence", help="Licence of the results, such as CC-BY-4.0 (SPDX).")
 def package(results, output, authors, licence) -> None:
     """Pack a finished study into one zip for an archive or a paper (a Workflow Run RO-Crate)."""
     from gst.crate import pack_study

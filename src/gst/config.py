@@ -161,16 +161,12 @@ def _path_problem(path: str, named: Iterable[str] = ()) -> str | None:
     there = folder.iterdir() if folder.is_dir() else ()
     free = {file.name.casefold(): file.name for file in there if file not in taken}
     near = difflib.get_close_matches(Path(path).name.casefold(), free, n=1)
-    return f"{path} does not exist" + "".join(
-        f" (did you mean {free[name]}?)" for name in near
-    )
+    return f"{path} does not exist" + "".join(f" (did you mean {free[name]}?)" for name in near)
 
 
 def _leaves(errors: Iterable[ValidationError]) -> Iterator[ValidationError]:
     """The errors themselves, in place of the `oneOf` [null, the real rule] that hides them."""
-    for error in sorted(
-        errors, key=lambda error: [str(part) for part in error.absolute_path]
-    ):
+    for error in sorted(errors, key=lambda error: [str(part) for part in error.absolute_path]):
         if error.validator == "oneOf":
             yield from _leaves(e for e in error.context or [] if e.validator_value != "null")
         else:
@@ -184,9 +180,7 @@ def _explain(error: ValidationError) -> str:
         unknown = sorted(set(error.instance) - set(known))
         place = f"'{key}' has" if key else "there are"
         near = {key: difflib.get_close_matches(key, known, n=1) for key in map(str, unknown)}
-        meant = ", ".join(
-            f"{name} for {key}" for key, names in near.items() for name in names
-        )
+        meant = ", ".join(f"{name} for {key}" for key, names in near.items() for name in names)
         hint = f"did you mean {meant}? " if meant else ""
         remedy = f"remove or correct them ({hint}known: {sorted(known)})"
         return f"{place} unknown keys {unknown}: {remedy}"

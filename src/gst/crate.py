@@ -83,10 +83,7 @@ class _Crate:
         text = json.dumps(metadata, indent=1, ensure_ascii=False) + "\n"
         content = io.BytesIO()
         with zipfile.ZipFile(content, "w") as archive:
-            for place, data in {
-                "ro-crate-metadata.json": text.encode(),
-                **self.files,
-            }.items():
+            for place, data in {"ro-crate-metadata.json": text.encode(), **self.files}.items():
                 info = zipfile.ZipInfo(place)  # dated 1980
                 info.compress_type, info.create_system = zipfile.ZIP_DEFLATED, 3
                 info.external_attr = (0o755 if place.endswith("/") else 0o644) << 16
@@ -231,9 +228,7 @@ def _add_inputs(crate: _Crate, record: Mapping[str, Any]) -> list[_Reference]:
         else:
             said = {"name": path, "description": "An input, not packed.", "sha256": digest}
             size = [] if content is None else str(len(content))
-            used.append(
-                crate.add(f"#{quote(path)}", "CreativeWork", **said, contentSize=size)
-            )
+            used.append(crate.add(f"#{quote(path)}", "CreativeWork", **said, contentSize=size))
     if config["specimen"] is not None:
         said = {
             "name": "Generated specimen",
@@ -283,9 +278,7 @@ def _add_workflow(
         version=f"{software['gstlib']} (commit {software['commit']})"
         if software["commit"]
         else software["gstlib"],
-        conformsTo={
-            "@id": "https://bioschemas.org/profiles/ComputationalWorkflow/1.0-RELEASE"
-        },
+        conformsTo={"@id": "https://bioschemas.org/profiles/ComputationalWorkflow/1.0-RELEASE"},
         programmingLanguage=crate.add(
             "https://w3id.org/workflowhub/workflow-ro-crate#snakemake",
             "ComputerLanguage",

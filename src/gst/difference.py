@@ -90,9 +90,7 @@ def _read_tables(folder: Path) -> dict[str, pd.DataFrame]:
         }
         content = json.loads(record.read_text(encoding="utf-8")) if record.is_file() else {}
     except ValueError as error:
-        raise InputError(
-            folder, f"cannot be read: {error}", "Run the study again."
-        ) from error
+        raise InputError(folder, f"cannot be read: {error}", "Run the study again.") from error
     if content:
         values = pd.json_normalize(content).iloc[0].map(str).items()
         tables["provenance"] = pd.DataFrame(values, columns=["key", "value"])

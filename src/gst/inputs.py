@@ -359,9 +359,7 @@ def _scan_facts(scan: xr.DataArray) -> dict[str, Any]:
     ny, nx = scan.shape
     level, plane = remove_plane(scan)
     own = {
-        name: value
-        for name, value in scan.attrs.items()
-        if name not in ("units", "long_name")
+        name: value for name, value in scan.attrs.items() if name not in ("units", "long_name")
     }
     return {
         "points_x": nx,

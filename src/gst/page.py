@@ -101,11 +101,7 @@ def warned(logs: Sequence[Path]) -> list[dict[str, Any]]:
                 known.append(step)
     named = {text: re.match(r"patch ([\w-]+)", text) for text in steps}
     return [
-        {
-            "text": text,
-            "steps": of_text,
-            "patch": match[1] if (match := named[text]) else None,
-        }
+        {"text": text, "steps": of_text, "patch": match[1] if (match := named[text]) else None}
         for text, of_text in steps.items()
     ]
 

@@ -210,9 +210,7 @@ def _read_lines(path: Path) -> list[tuple[int, str]]:
     ]
     if len(lines) < 2:
         raise ConfigError(
-            path,
-            "the table has no rows",
-            "Give a line of column names and one line per patch.",
+            path, "the table has no rows", "Give a line of column names and one line per patch."
         )
     return lines
 

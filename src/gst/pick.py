@@ -51,9 +51,7 @@ def pick_page(
     """
     shown = coarsen(mesh)
     rows = (
-        []
-        if patches is None
-        else patches[["patch", "x_mm", "y_mm", "rotation_deg"]].to_numpy()
+        [] if patches is None else patches[["patch", "x_mm", "y_mm", "rotation_deg"]].to_numpy()
     )
     data = {
         "stone": stone_data(shown),

@@ -14,14 +14,7 @@ from types import ModuleType
 import gst
 import gstlib
 
-__all__ = [
-    "commit",
-    "program_hash",
-    "provenance",
-    "sha256",
-    "source_hash",
-    "study_provenance",
-]
+__all__ = ["commit", "program_hash", "provenance", "sha256", "source_hash", "study_provenance"]
 
 # Of the packages that gstlib names, those that a study runs on.
 _EXTRAS = "formats", "texture", "workflow"
@@ -32,9 +25,7 @@ _RECORDING = {"logs", "provenance"}
 _AROUND = {"checking", "cli", "crate", "difference", "pick", "running", "shipped"}
 
 
-def provenance(
-    inputs: Iterable[str | Path], settings: Mapping[str, object]
-) -> dict[str, str]:
+def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> dict[str, str]:
     """Attributes of a result file: hashes of its inputs by name, settings, versions and commit."""
     hashes = {Path(path).name: sha256(path) for path in inputs}
     return {
@@ -47,10 +38,7 @@ def provenance(
 
 
 def study_provenance(
-    config: Mapping[str, object],
-    inputs: Iterable[str | Path],
-    commit: str | None,
-    program: str,
+    config: Mapping[str, object], inputs: Iterable[str | Path], commit: str | None, program: str
 ) -> dict[str, object]:
     """The provenance of all results of a study; the same on every machine.
 
@@ -98,9 +86,7 @@ def commit(folder: str | Path) -> str | None:
         return None
     describe = ["git", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"]
     try:
-        said = subprocess.run(
-            describe, cwd=folder, capture_output=True, text=True, check=True
-        )
+        said = subprocess.run(describe, cwd=folder, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
         return None
     return said.stdout.strip()

@@ -61,13 +61,7 @@ _PLANNING = {"-n", "--dry-run", "--dryrun"}
 _REFUSED = {"--config", "-C", "--configfile", "--configfiles"}  # gst reads CONFIG, too,
 _REFUSED |= {"--directory", "-d", "--snakefile", "-s"}  # and looks for the results here
 # What the report shows, and the logs of the steps, whose dates show when they ran.
-SHOWN = (
-    "provenance.json",
-    "verdict.html",
-    "tables/*.csv",
-    "figures/**/*.png",
-    "logs/**/*.log",
-)
+SHOWN = ("provenance.json", "verdict.html", "tables/*.csv", "figures/**/*.png", "logs/**/*.log")
 
 
 def run_study(
@@ -179,14 +173,7 @@ def _checked(config: Path) -> dict:
 
 def _snakemake(*arguments: object, is_shown: bool = True) -> int:
     """Run Snakemake, and return its exit code. If not shown, its output appears only on failure."""
-    command = [
-        sys.executable,
-        "-m",
-        "snakemake",
-        "--snakefile",
-        ROOT / "Snakefile",
-        *arguments,
-    ]
+    command = [sys.executable, "-m", "snakemake", "--snakefile", ROOT / "Snakefile", *arguments]
     with tempfile.TemporaryFile("w+") as kept:
         said = None if is_shown else kept
         with subprocess.Popen(list(map(str, command)), stdout=said, stderr=said) as process:

@@ -16,14 +16,7 @@ from gstlib.io.results import columns_of
 if TYPE_CHECKING:
     from gstlib.study import Study
 
-__all__ = [
-    "STUDY",
-    "merged",
-    "outcomes",
-    "sweep_problems",
-    "sweep_settings",
-    "sweep_table",
-]
+__all__ = ["STUDY", "merged", "outcomes", "sweep_problems", "sweep_settings", "sweep_table"]
 
 STUDY = "study"  # name of the setting that changes nothing
 
@@ -63,9 +56,7 @@ def sweep_settings(sweep: Mapping[str, Sequence[Mapping]]) -> list[Setting]:
 
 def _in_words(changes: Mapping) -> str:
     """The new values, each once."""
-    sections = (
-        part if isinstance(part, Mapping) else {"": part} for part in changes.values()
-    )
+    sections = (part if isinstance(part, Mapping) else {"": part} for part in changes.values())
     values = [value for section in sections for value in section.values()]
     # a table would read "null" as a missing value
     words = (
@@ -143,9 +134,7 @@ def outcomes(study: "Study") -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns).dropna(subset="result", ignore_index=True)
 
 
-def sweep_table(
-    settings: Sequence[Setting], found: Mapping[str, pd.DataFrame]
-) -> pd.DataFrame:
+def sweep_table(settings: Sequence[Setting], found: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """One row for each outcome of each setting.
 
     `found` has the `outcomes` of each setting by name, including the study's own. The result has

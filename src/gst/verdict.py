@@ -68,17 +68,13 @@ def _load(pressures: pd.DataFrame, intervals: pd.DataFrame, square_force_N: floa
     pressure = _two_digits(known.pressure_MPa)
     top = f"patch {highest['patch']} bears the highest pressure, {pressure} MPa"
     if pd.notna(known.low_MPa):
-        top += (
-            f" (95 % interval {_two_digits(known.low_MPa)} to {_two_digits(known.high_MPa)})"
-        )
+        top += f" (95 % interval {_two_digits(known.low_MPa)} to {_two_digits(known.high_MPa)})"
     if count == 1:
         return f"P{top[1:]}."
     ordered = pressures.sort_values("force_N", ascending=False, kind="stable")
     shares = ordered["force_N"].cumsum() / total
     *others, last = list(ordered["patch"])[: int((shares <= 0.5).sum()) + 1]
-    who = (
-        f"Patches {', '.join(others)} and {last} carry" if others else f"Patch {last} carries"
-    )
+    who = f"Patches {', '.join(others)} and {last} carry" if others else f"Patch {last} carries"
     if len(others) >= _MOST_NAMED:
         who = f"The load is spread: {len(others) + 1} patches carry"
     share = f"{100 * shares.iloc[len(others)]:.0f} % of the load on the {count} patches"

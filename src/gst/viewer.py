@@ -123,6 +123,4 @@ def stone_data(mesh: "trimesh.Trimesh", colours: np.ndarray | None = None) -> di
 
 
 def _base64(values: np.ndarray, kind: str) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode(
-        "ascii"
-    )
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")

@@ -124,11 +124,7 @@ def solve_slip(
         "slip": (pressure > 0) & ~stick,
         "tangential_displacement": friction * compliance_ratio * descent,
     }
-    settings = {
-        "friction": friction,
-        "tangential_ratio": tangential_ratio,
-        "poisson": poisson,
-    }
+    settings = {"friction": friction, "tangential_ratio": tangential_ratio, "poisson": poisson}
     return _on_grid_of(contact, found, settings)
 
 
@@ -296,9 +292,7 @@ def _on_grid_of(contact: xr.Dataset, found: Mapping, settings: Mapping) -> xr.Da
         units, long_name = _VARIABLES[name]
         dims = ("y", "x") if np.ndim(value) else ()
         variables[name] = (dims, value, {"units": units, "long_name": long_name})
-    return xr.Dataset(
-        variables, coords={"y": contact.y, "x": contact.x}, attrs=dict(settings)
-    )
+    return xr.Dataset(variables, coords={"y": contact.y, "x": contact.x}, attrs=dict(settings))
 
 
 def _share(part: int, whole: int) -> float:

@@ -69,10 +69,7 @@ _VARIABLES = {
     "contact_fraction": ("1", "real over nominal contact area"),
     "residual": ("1", "largest violation of contact conditions"),
     "stiffness": ("MPa/mm", "contact stiffness"),
-    "interface_stiffness": (
-        "MPa/mm",
-        "contact stiffness without the cut-out's own compliance",
-    ),
+    "interface_stiffness": ("MPa/mm", "contact stiffness without the cut-out's own compliance"),
 }
 _DIMS: tuple[tuple[str, ...], ...] = ((), ("step",), ("y", "x"), ("step", "y", "x"))
 _FIELDS = "pressure", "gap"
@@ -283,9 +280,7 @@ def load_path_table(contact: xr.Dataset) -> pd.DataFrame:
     )
 
 
-def microscale_tables(
-    contacts: Mapping[str, xr.Dataset],
-) -> tuple[pd.DataFrame, pd.DataFrame]:
+def microscale_tables(contacts: Mapping[str, xr.Dataset]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The state of each patch at its own pressure, and its load path.
 
     `contacts` are those of `gstlib.study.solve_patches` by patch, with their paths. The residual is
@@ -308,9 +303,7 @@ def microscale_tables(
             }
         )
         paths.append(steps[path])
-    return pd.DataFrame(states, columns=state), pd.concat(
-        paths[1:] or paths, ignore_index=True
-    )
+    return pd.DataFrame(states, columns=state), pd.concat(paths[1:] or paths, ignore_index=True)
 
 
 def laid_height(faces: xr.Dataset) -> xr.DataArray:
@@ -383,21 +376,15 @@ def check_grid(
         )
 
 
-def solved(
-    solve: Callable, faces: xr.Dataset, loading: Loading, source: str | Path, **options
-):
+def solved(solve: Callable, faces: xr.Dataset, loading: Loading, source: str | Path, **options):
     """What a solver of `gstlib.bem` finds for two faces; an `InputError` where it gives up."""
     height = pressed_height(faces)
     options["tolerance"] = loading.tolerance
     try:
-        found = solve(
-            height.values, spacing_of(height), loading.contact_modulus_MPa, **options
-        )
+        found = solve(height.values, spacing_of(height), loading.contact_modulus_MPa, **options)
     except ContactError as error:
         raise InputError(
-            source,
-            f"its contact could not be solved: {error}",
-            "Look at the surface's figure.",
+            source, f"its contact could not be solved: {error}", "Look at the surface's figure."
         ) from error
     state = getattr(found, "final", found)
     _log.info(

@@ -24,14 +24,7 @@ from gstlib.errors import ConfigError
 from gstlib.geometry import Place, footprint_weights, places_of
 from gstlib.surface import spacing_of
 
-__all__ = [
-    "Gesture",
-    "exposure",
-    "exposure_table",
-    "press_poses",
-    "read_poses",
-    "stroke_poses",
-]
+__all__ = ["Gesture", "exposure", "exposure_table", "press_poses", "read_poses", "stroke_poses"]
 
 # Columns of a gesture: the least number that each takes, and what stands for an absent one.
 _COLUMNS: dict[str, tuple[float, float | None]] = {
@@ -87,13 +80,9 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
         There are no poses, a column is unknown or missing, or a cell is no number in its range.
     """
     try:
-        table = pd.read_csv(
-            path, sep=None, engine="python", comment="#", skipinitialspace=True
-        )
+        table = pd.read_csv(path, sep=None, engine="python", comment="#", skipinitialspace=True)
     except (OSError, ValueError) as error:
-        raise ConfigError(
-            path, f"cannot be read ({error})", "Save it as UTF-8 CSV."
-        ) from error
+        raise ConfigError(path, f"cannot be read ({error})", "Save it as UTF-8 CSV.") from error
     if "pressure_MPa" not in table and "force_N" in table:
         forces = pd.to_numeric(table["force_N"], errors="coerce")
         table = table.assign(pressure_MPa=forces / size_mm**2).drop(columns="force_N")
@@ -254,9 +243,7 @@ def exposure(batches: Iterable[xr.Dataset]) -> xr.Dataset:
         "touched": sum(part.touched_sum for part in parts) / total,
         "exposure": sum(part.exposure for part in parts),
     }
-    found = of_poses.assign(
-        {name: (("y", "x"), np.asarray(of)) for name, of in fields.items()}
-    )
+    found = of_poses.assign({name: (("y", "x"), np.asarray(of)) for name, of in fields.items()})
     found = found.assign_coords(y=parts[0].y, x=parts[0].x)
     found["pressure"] = xr.concat([part.pressure for part in parts], "shown")
     return _named(found)

@@ -143,9 +143,7 @@ def _correlations(
     found = np.empty((*looks.shape[:2], len(steps), len(steps)))
     for row, column in np.ndindex(found.shape[2:]):
         places = places_of(moved(patches, (steps[row], steps[column]), surface, patch_mm))
-        under = [
-            on_patch(spline, place, 2 * (_POINTS,), patch_mm) for place in places.values()
-        ]
+        under = [on_patch(spline, place, 2 * (_POINTS,), patch_mm) for place in places.values()]
         found[:, :, row, column] = np.einsum("pln,pn->pl", looks, _level(np.array(under)))
     return np.concatenate([found, -found], axis=1)
 
@@ -160,9 +158,7 @@ def _level(heights: np.ndarray) -> np.ndarray:
     return flat / np.where(length > 0, length, 1.0)
 
 
-def _shared_shift(
-    maps: np.ndarray, steps: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
+def _shared_shift(maps: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Shift (y, x) at the peak of the mean of maps (patches, k, k); its errors, mm; its p-value.
 
     The errors are those of the jackknife over the patches, the test is Hotelling's.

@@ -132,10 +132,7 @@ def patches_of_reference(
 
 
 def two_scales_table(
-    contacts: Mapping[str, Mapping[str, xr.Dataset]],
-    reference: xr.Dataset,
-    *,
-    rim: float,
+    contacts: Mapping[str, Mapping[str, xr.Dataset]], reference: xr.Dataset, *, rim: float
 ) -> pd.DataFrame:
     """Contact of the patches against the single-scale contact, by variant.
 

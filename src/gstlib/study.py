@@ -181,11 +181,7 @@ def grid_macroscale(
 
 
 def prepare_patch(
-    raw: xr.DataArray,
-    *,
-    crop: Sequence[float] | None,
-    scans: Mapping,
-    preprocessing: Mapping,
+    raw: xr.DataArray, *, crop: Sequence[float] | None, scans: Mapping, preprocessing: Mapping
 ) -> xr.Dataset:
     """Cut the patch out of a scan, undo the mould, replace outliers, fill and level (section 2.2).
 
@@ -366,9 +362,7 @@ def wear_stone(
     parameters and the result are those of `gstlib.wear.wear_square`; None, with a warning, where
     there is no fit.
     """
-    layer = (
-        Layer(mat["young_MPa"], mat["poisson"], mat["thickness_um"] * 1e-3) if mat else None
-    )
+    layer = Layer(mat["young_MPa"], mat["poisson"], mat["thickness_um"] * 1e-3) if mat else None
     lost = scores[scores.believed.astype(bool)].set_index("patch").loss_per_area_um.dropna()
     under_load = pressures.set_index("patch").pressure_MPa[lost.index] > 0
     if ((lost > 0) & under_load).sum() < 2:
@@ -408,9 +402,7 @@ def score_wear(
     `mat` from `gstlib.wear.fit_mat`, None without one. The tables are those of
     `gstlib.validation.wear_scores.wear_table` and `gstlib.validation.wear_scores.wear_summary`.
     """
-    patches = (
-        (patch, contacts[patch], changes[patch], loss) for patch, loss in losses.items()
-    )
+    patches = ((patch, contacts[patch], changes[patch], loss) for patch, loss in losses.items())
     table, profile = wear_table(patches, worn.path)
     summary = wear_summary(table, profile, mat, seed=seed, resamples=resamples)
     return table, profile, summary

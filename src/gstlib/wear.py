@@ -155,9 +155,7 @@ def wear_square(
                 for ratio in (_RATIOS if mat else _RATIOS[:1])
             ]
         else:
-            paths = [
-                _pressed_in_poses(contact, gesture, table, reach * most, patch_mm, steps)
-            ]
+            paths = [_pressed_in_poses(contact, gesture, table, reach * most, patch_mm, steps)]
         bare = paths[0]
         loss = bare.pressed.sel(body="stone")
         others = (measured.index.drop(patch, errors="ignore") for patch in table.patch)
@@ -246,9 +244,7 @@ def _pressed_in_poses(
         )
         found = exposure([batch])
         lost = kappa / steps * target / float(found.exposure.mean())
-        pressed[0, step + 1] = (
-            pressed[0, step] + lost * found.patch_exposure.sum("pose").values
-        )
+        pressed[0, step + 1] = pressed[0, step] + lost * found.patch_exposure.sum("pose").values
         height = height.copy(data=height.values - lost * found.exposure.values)
     return _path(np.linspace(0, kappa, steps + 1), pressed, table)
 
@@ -433,10 +429,7 @@ def fit_mat(
         kappas.append(kappa[best])
     best = int(all_misfits.sum(axis=1).argmin())
     misfit_of = {"units": "mm2", "long_name": "sum of squared differences of loss"}
-    ratio_of = {
-        "units": "1",
-        "long_name": "coefficient of the mat over that of the bare stone",
-    }
+    ratio_of = {"units": "1", "long_name": "coefficient of the mat over that of the bare stone"}
     kappa_of = {"units": "mm/MPa", "long_name": "κ of other patches, with the mat"}
     return xr.Dataset(
         {

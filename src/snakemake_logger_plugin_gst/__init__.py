@@ -30,16 +30,8 @@ _REPLACED = (
     "At least one job did not complete successfully",
     "Exiting because a job execution",
 )
-_WANTED = (
-    "Terminating",
-    "Will exit",
-    "Nothing to be",
-    "Trying to restart",
-    "Waiting at most",
-)
-_PLACE = re.compile(
-    r'^(?:\w+ in (?:rule .*)?file ".*", line \d+:|  File ".*)\n?', re.MULTILINE
-)
+_WANTED = ("Terminating", "Will exit", "Nothing to be", "Trying to restart", "Waiting at most")
+_PLACE = re.compile(r'^(?:\w+ in (?:rule .*)?file ".*", line \d+:|  File ".*)\n?', re.MULTILINE)
 
 
 class LogHandler(LogHandlerBase):
@@ -50,9 +42,7 @@ class LogHandler(LogHandlerBase):
 
     def __post_init__(self) -> None:
         others = ("dryrun", "quiet", "verbose", "debug_dag", "printshellcmds")
-        self.writes_to_stream = not any(
-            getattr(self.common_settings, name) for name in others
-        )
+        self.writes_to_stream = not any(getattr(self.common_settings, name) for name in others)
         self.start, self.total, self.done = time.monotonic(), 0, 0
         self.steps: dict[int, tuple[str, Path]] = {}  # the message of each, and its log
         if self.writes_to_stream:
@@ -67,7 +57,9 @@ class LogHandler(LogHandlerBase):
 
     def close(self) -> None:
         if self.done < self.total:
-            how = f"Stopped with {self.done} of {self.total} steps done, after {self._elapsed()}."
+            how = (
+                f"Stopped with {self.done} of {self.total} steps done, after {self._elapsed()}."
+            )
             self._say(f"{how} Repeat the same command to continue from there.")
         elif self.total:
             self._say(f"All {self.done} steps are done, after {self._elapsed()}.")
@@ -90,9 +82,7 @@ class LogHandler(LogHandlerBase):
                     self._say(f"WARNING: {text}\n  step: {what}\n  log:  {log}")
             case LogEvent.PROGRESS:
                 if 10 * record.done // record.total > 10 * self.done // record.total:
-                    self._say(
-                        f"{self._elapsed()}  {record.done} of {record.total} steps done"
-                    )
+                    self._say(f"{self._elapsed()}  {record.done} of {record.total} steps done")
                 self.done = record.done
             case LogEvent.JOB_ERROR:
                 self._fail(record.jobid, record.rule_msg or _SILENT)

@@ -8,13 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from gst.config import (
-    check_files,
-    complete,
-    config_problems,
-    refuse_config,
-    resolved,
-)
+from gst.config import check_files, complete, config_problems, refuse_config, resolved
 from gst.patches import read_patches
 from gstlib.contact import contact_moduli, study_poisson
 from gstlib.errors import ConfigError
@@ -239,11 +233,9 @@ def test_a_mat_needs_steps_of_wear(config):
 
 
 def test_files_that_cannot_be_used_are_listed(config, tmp_path):
-    patches = read_patches(
-        ROOT / "config/patches_tiny.tsv",
-        size_mm=5.0,
-        patch_size_mm=0.85,
-    ).head(2)
+    patches = read_patches(ROOT / "config/patches_tiny.tsv", size_mm=5.0, patch_size_mm=0.85).head(
+        2
+    )
     names = [*patches.t0, *patches.t1, "mesh.stl", "face.plu"]
     for name in names:
         (tmp_path / name).touch()

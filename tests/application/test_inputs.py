@@ -16,10 +16,7 @@ from gstlib.io.plu import write_plu
 SPACING = 0.01
 SETTINGS = {
     "mesh_unit": "mm",
-    "square": {
-        "size_mm": 4.0,
-        "points_mm": [[3.0, 3.0, 4.9], [7.0, 3.0, 4.9], [3.0, 7.0, 4.9]],
-    },
+    "square": {"size_mm": 4.0, "points_mm": [[3.0, 3.0, 4.9], [7.0, 3.0, 4.9], [3.0, 7.0, 4.9]]},
     "macroscale": {"grid": 20, "margin_mm": 0.5},
     "scan_settings": {
         "size_mm": 0.5,

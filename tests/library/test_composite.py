@@ -4,13 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from gstlib.composite import (
-    compose,
-    compose_grid,
-    compose_surface,
-    draw_mesh_errors,
-    plane_under,
-)
+from gstlib.composite import compose, compose_grid, compose_surface, draw_mesh_errors, plane_under
 from gstlib.geometry import Place, places_of, spline_of
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import Plane, remove_plane

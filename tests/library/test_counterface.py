@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from contacts import pressed as press
-from gstlib.counterface import (
-    SecondStone,
-    face_in_pose,
-    grid_counterface,
-    pose_frame,
-    posed_mesh,
-)
+from gstlib.counterface import SecondStone, face_in_pose, grid_counterface, pose_frame, posed_mesh
 from gstlib.errors import ConfigError, InputError
 from gstlib.geometry import Place, frame_from_points
 from gstlib.specimen.randomness import smooth_field
@@ -82,10 +76,7 @@ def block():
 def poses(away):
     """The pose that puts the upper half back, in two ways."""
     corners = np.array([(SIDE, 0, 0), (0.0, 0, 0), (SIDE, SIDE, 0)])
-    return {
-        "points_mm": at(corners, away).tolist(),
-        "matrix": np.linalg.inv(away).tolist(),
-    }
+    return {"points_mm": at(corners, away).tolist(), "matrix": np.linalg.inv(away).tolist()}
 
 
 @pytest.mark.parametrize("way", ["points_mm", "matrix"])

@@ -5,14 +5,7 @@ import pandas as pd
 import pytest
 from contacts import pressed as press
 from gstlib.errors import ConfigError
-from gstlib.gesture import (
-    Gesture,
-    exposure,
-    exposure_table,
-    press_poses,
-    read_poses,
-    stroke_poses,
-)
+from gstlib.gesture import Gesture, exposure, exposure_table, press_poses, read_poses, stroke_poses
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.randomness import smooth_field
 from gstlib.surface import make_surface

@@ -37,11 +37,7 @@ def prepared(scan, size_mm):
         scan,
         crop=(0, 0),
         scans={"size_mm": size_mm, "mould": {"invert": False, "flip": None}},
-        preprocessing={
-            "maximum_unmeasured": 0.05,
-            "outlier_rule": "window",
-            "outlier_share": 0.01,
-        },
+        preprocessing={"maximum_unmeasured": 0.05, "outlier_rule": "window", "outlier_share": 0.01},
     )
 
 
@@ -113,11 +109,7 @@ def test_map_is_where_the_patch_table_says():
         shape=(100, 100),
         margin_mm=1.0,
     ).height
-    patches = read_patches(
-        ROOT / "config/patches_pebble.tsv",
-        size_mm=5.0,
-        patch_size_mm=0.85,
-    )
+    patches = read_patches(ROOT / "config/patches_pebble.tsv", size_mm=5.0, patch_size_mm=0.85)
     _, plane = remove_plane(use_face)
     assert abs(plane.offset) < 0.05  # the origin lies on the surface
     assert max(abs(plane.tilt_x_mrad), abs(plane.tilt_y_mrad)) < 50

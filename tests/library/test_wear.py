@@ -280,11 +280,7 @@ def test_what_surrounds_the_bare_stone_does_not_lower_the_patch_under_the_mat(wo
 
 def test_without_two_worn_patches_there_is_a_sentence(square, pressures, caplog):
     scores = pd.DataFrame(
-        {
-            "patch": list("abc"),
-            "believed": [True, True, False],
-            "loss_per_area_um": [0.4, 0.0, 0.4],
-        }
+        {"patch": list("abc"), "believed": [True, True, False], "loss_per_area_um": [0.4, 0.0, 0.4]}
     )
     options = {"patch_mm": 1.0, "steps": 2}
     assert wear_stone(square, pressures, scores, **options) is None

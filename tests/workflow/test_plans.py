@@ -23,11 +23,7 @@ def test_a_shipped_config_plans_a_study(study, name):
     study.config = f"config/{name}"
     config = yaml.safe_load((study.folder / study.config).read_text())
     if inputs := config.get("inputs"):
-        patches = read_patches(
-            study.folder / config["patches"],
-            size_mm=5.0,
-            patch_size_mm=0.85,
-        )
+        patches = read_patches(study.folder / config["patches"], size_mm=5.0, patch_size_mm=0.85)
         scans = {*patches.t0, *patches.t1} - {""}
         for file in (inputs["mesh"], *(f"{inputs['scan_folder']}/{scan}" for scan in scans)):
             (study.folder / file).parent.mkdir(parents=True, exist_ok=True)

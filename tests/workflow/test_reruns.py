@@ -42,11 +42,7 @@ def test_nothing_is_left_to_do(tiny):
             {"score_patches", "draw_validation", "record_provenance", "write_page", "predict_wear"},
             None,
         ),
-        (
-            {"grinding": {"friction": 0.5}},
-            {"solve_cases", "record_provenance", "write_page"},
-            None,
-        ),
+        ({"grinding": {"friction": 0.5}}, {"solve_cases", "record_provenance", "write_page"}, None),
         (
             {"counterface": {"scan": "face.plu"}},
             {"prepare_counterface", "solve_patches", "solve_cases"},

@@ -51,9 +51,7 @@ class Study:
     def data(self, name: str, *only: str) -> xr.Dataset:
         return read_dataset(self.files[name], only or None)
 
-    def by_patch(
-        self, name: str, patches: Iterable[str], *only: str
-    ) -> dict[str, xr.Dataset]:
+    def by_patch(self, name: str, patches: Iterable[str], *only: str) -> dict[str, xr.Dataset]:
         """Datasets of the patches: in a folder, or in a list with the files of all patches."""
         files = self.files.get(name)
         if isinstance(files, list):
@@ -87,9 +85,7 @@ class Study:
     def contacts(self) -> dict[str, xr.Dataset]:
         path = "displacement", "mean_pressure", "contact_fraction", "stiffness"
         drawn = "height", "pressure", "mean_pressure", "contact_modulus"
-        return self.by_patch(
-            "contacts", self.drawn, *drawn, *(f"path_{name}" for name in path)
-        )
+        return self.by_patch("contacts", self.drawn, *drawn, *(f"path_{name}" for name in path))
 
     @cached_property
     def predicted(self) -> set[str]:
@@ -159,9 +155,7 @@ def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
     """`preparation` or `patch`: a figure for each of the patches."""
     if name == "patch":
         for patch, change in study.changes.items():
-            worn = study.by_patch("worn_patches", {patch} & study.predicted, "depth").get(
-                patch
-            )
+            worn = study.by_patch("worn_patches", {patch} & study.predicted, "depth").get(patch)
             yield (
                 patch,
                 microscale.patch_figure(study.contacts[patch], change, worn, patch=patch),
@@ -187,13 +181,9 @@ def main(*, figures: list[str], note: str | None, **named: Any) -> None:
         elif name == "patch" and not study.changes:
             empty = message_figure("No patch with a T1 is in the microscale study.")
         elif name == "wear" and not study.predicted:
-            empty = message_figure(
-                "No wear is predicted: fewer than two patches lost height."
-            )
+            empty = message_figure("No wear is predicted: fewer than two patches lost height.")
         if name in ("preparation", "patch"):
-            for patch, figure in (
-                [("none", empty)] if empty else figures_by_patch(name, study)
-            ):
+            for patch, figure in [("none", empty)] if empty else figures_by_patch(name, study):
                 save_figure(figure, png / f"{patch}.png", source_note=note)
         else:
             save_figure(empty or figure_of(name, study), png, svg, source_note=note)

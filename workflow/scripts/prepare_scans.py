@@ -11,12 +11,7 @@ from gstlib.study import prepare_patch
 
 
 def main(
-    scans: list[Path],
-    surfaces: list[Path],
-    *,
-    crops: list,
-    settings: dict,
-    preprocessing: dict,
+    scans: list[Path], surfaces: list[Path], *, crops: list, settings: dict, preprocessing: dict
 ) -> None:
     read = None
     for scan, surface, crop in zip(scans, surfaces, crops, strict=True):

@@ -19,8 +19,7 @@ def main(
     files = dict(zip(patches, zip(t0, t1, registered, strict=True), strict=True))
     for patch, (before, after, change) in patch_by_patch(files):
         epochs = [
-            read_dataset(file, only=["height", "filled", "outlier"])
-            for file in (before, after)
+            read_dataset(file, only=["height", "filled", "outlier"]) for file in (before, after)
         ]
         found = register_patch(*epochs, patch=patch, **settings)
         write_dataset(change, found, provenance([before, after], settings))

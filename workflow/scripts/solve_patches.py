@@ -30,9 +30,7 @@ def main(
         stone = {"square": read_dataset(composite), "contact": read_dataset(contact)}
     scans = dict(zip(patches, t0, strict=True))
     of_variants = zip(variants, [contacts, others], strict=False)
-    files = {
-        variant: dict(zip(patches, given, strict=True)) for variant, given in of_variants
-    }
+    files = {variant: dict(zip(patches, given, strict=True)) for variant, given in of_variants}
     around = [file for file in (counterface, composite, contact) if file]
     solved = solve_patches(
         Stored(scans, ["height"]),

@@ -14,9 +14,7 @@ def main(
     done = {
         (patch, "T0"): read_attributes(file) for patch, file in zip(patches, t0, strict=True)
     }
-    done |= {
-        (patch, "T1"): read_attributes(file) for patch, file in zip(worn, t1, strict=True)
-    }
+    done |= {(patch, "T1"): read_attributes(file) for patch, file in zip(worn, t1, strict=True)}
     order = {patch: place for place, patch in enumerate(patches)}
     scans = sorted(done, key=lambda scan: (order[scan[0]], scan[1]))
     write_table(table, preprocessing_table({scan: done[scan] for scan in scans}))

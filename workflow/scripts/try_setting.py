@@ -39,9 +39,7 @@ def main(
         pd.DataFrame(patches),
         read_mesh=lambda: read_mesh(mesh, unit=mesh_unit),
         read_scan=lambda *of: read_scan(scans[of], **known),
-        read_face=(lambda: read_scan(counterface_scan, **known))
-        if counterface_scan
-        else None,
+        read_face=(lambda: read_scan(counterface_scan, **known)) if counterface_scan else None,
         second_stone=read_second_stone(second_stone) if counterface else None,
     )
     write_table(outcome, outcomes(study))

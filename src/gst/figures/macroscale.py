@@ -117,12 +117,8 @@ def force_figure(
     places, values = np.arange(len(pressures)), pressures["pressure_MPa"]
     studied = pressures["in_study"]
     bars.bar(places[studied], values[studied], color=BLUE, label="in the study")
-    bars.bar(
-        places[~studied], values[~studied], color="none", edgecolor=GREY, label="left out"
-    )
-    bars.vlines(
-        places, pressures["low_MPa"], pressures["high_MPa"], color=BLACK, linewidth=0.7
-    )
+    bars.bar(places[~studied], values[~studied], color="none", edgecolor=GREY, label="left out")
+    bars.vlines(places, pressures["low_MPa"], pressures["high_MPa"], color=BLACK, linewidth=0.7)
     style.name_patches(bars, list(pressures["patch"]))
     bars.set_ylabel("pressure (MPa), 95 % interval")
     bars.set_title("pressure of every patch")

@@ -110,11 +110,7 @@ def draw_map(
     if bar:
         below = 0.13 if ticks else 0.04  # in heights of the map
         strip = axes.inset_axes((0.2, -below - 0.035, 0.6, 0.035))
-        look = {
-            "orientation": "horizontal",
-            "ticks": [norm.vmin, norm.vmax],
-            "format": "%.3g",
-        }
+        look = {"orientation": "horizontal", "ticks": [norm.vmin, norm.vmax], "format": "%.3g"}
         colours = axes.figure.colorbar(ScalarMappable(norm, cmap), cax=strip, **look)
         colours.outline.set_visible(False)
         strip.tick_params(length=0, labelsize=6.5, pad=1)
@@ -141,9 +137,7 @@ def draw_maps(
     return figure
 
 
-def draw_forces(
-    axes: Axes, contact: xr.Dataset, *, bar: str = "", ticks: bool = False
-) -> None:
+def draw_forces(axes: Axes, contact: xr.Dataset, *, bar: str = "", ticks: bool = False) -> None:
     """Force (N) on each element at the last step, in colours on a square-root scale."""
     force = contact["pressure"].values * np.prod(spacing_of(contact))
     look = {"cmap": FORCE_MAP, "norm": force_norm(force), "bar": bar, "ticks": ticks}

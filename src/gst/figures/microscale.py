@@ -104,9 +104,7 @@ def two_scales_figure(
         f"share of agreement (F1), all patches: {pooled}; 1 would be perfect"
     )
     names = {"found": BLUE, "missed": AMBER, "not in the whole square's contact": BLACK}
-    style.colour_legend(
-        figure, names, bbox_to_anchor=(0.5, 1 - 0.45 / figure.get_figheight())
-    )
+    style.colour_legend(figure, names, bbox_to_anchor=(0.5, 1 - 0.45 / figure.get_figheight()))
     return figure
 
 

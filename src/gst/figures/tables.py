@@ -43,11 +43,7 @@ def validation_figure(
     the others are ``validation_gains.csv`` and so on.
     """
     figure, (gain, extent) = style.panels(
-        2,
-        2,
-        (3.2, 2.2),
-        (0.75, 0.1, 0.35, 0.45),
-        head=0.3 + 0.15 * variants.variant.nunique(),
+        2, 2, (3.2, 2.2), (0.75, 0.1, 0.35, 0.45), head=0.3 + 0.15 * variants.variant.nunique()
     )
     headlines = [
         f"{row.variant}: {against_rival(row)}"

@@ -30,9 +30,7 @@ __all__ += ["outline_on", "tool_view"]
 
 # Direction from which the tool is seen, in the square's axes: oblique, to show its shape.
 _VIEW = np.array([-0.35, -0.55, 1.0])
-_FACES = (
-    60_000  # each is a pixel or two: more would not be seen; a page takes 24 bytes of each
-)
+_FACES = 60_000  # each is a pixel or two: more would not be seen; a page takes 24 bytes of each
 _LIGHT = np.array([-1.0, 1.0, 1.4]) / 2  # from the upper left
 _PANEL = (3.6, 3.6)
 # Corners of a square of side 1, in order.
@@ -200,9 +198,7 @@ def check_figure(
     `mesh` is the stone (mm), `frame` and `size_mm` are those of the square; the others as in
     `gst.figures.macroscale.input_figure`. Without a height the square is left out.
     """
-    figure, panels = style.panels(
-        2 + (height is not None), 3, _PANEL, (0.55, 0.25, 0.3, 0.85)
-    )
+    figure, panels = style.panels(2 + (height is not None), 3, _PANEL, (0.55, 0.25, 0.3, 0.85))
     mesh = coarsen(mesh, faces=_FACES)
     views = {
         "along the square's normal": frame.axes[2],

@@ -251,8 +251,7 @@ def _margin_padding(shape, spacing):
     """Size of the grid on which the near part is convolved."""
     margin = _MARGIN * _sigma(spacing)
     return tuple(
-        even_size(n + math.ceil(margin / step))
-        for n, step in zip(shape, spacing, strict=True)
+        even_size(n + math.ceil(margin / step)) for n, step in zip(shape, spacing, strict=True)
     )
 
 

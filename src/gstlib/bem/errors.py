@@ -31,9 +31,7 @@ def checked_number(name: str, value: object, unit: str, *, positive: bool = Fals
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
-        raise InvalidContactInput(
-            f"{name} must be a number ({unit}), got {value!r}"
-        ) from None
+        raise InvalidContactInput(f"{name} must be a number ({unit}), got {value!r}") from None
     if not 0 <= number < math.inf or (positive and number == 0):
         wanted = "positive and finite" if positive else "finite and not negative"
         raise InvalidContactInput(f"{name} must be {wanted} ({unit}), got {value}")

@@ -154,9 +154,7 @@ class HalfSpace:
     def _single(self):
         reach = self.layer.reach if self.layer else 0.0
         if SplitConvolution.saves(self.shape, self.spacing, reach):
-            return SplitConvolution(
-                self.shape, self.spacing, self.contact_modulus, self.kernel
-            )
+            return SplitConvolution(self.shape, self.spacing, self.contact_modulus, self.kernel)
         return self._exact(np.float32)
 
     @cached_property

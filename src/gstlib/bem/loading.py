@@ -167,7 +167,5 @@ def _unit_response(window, start):
         solution = solution + scale * direction
         residual = residual - scale * image
     # The energy 2·Σp' − p'ᵀKp', stationary at the solution where it equals Σp'.
-    stiffness = (solution.sum() + dot(residual, solution)) / math.prod(
-        window.half_space.shape
-    )
+    stiffness = (solution.sum() + dot(residual, solution)) / math.prod(window.half_space.shape)
     return solution, float(stiffness)

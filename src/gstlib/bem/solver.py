@@ -171,9 +171,7 @@ def solve_contact(
             "give exactly one of displacement (mm) and mean_pressure (MPa)"
         )
     if pressure_limit != math.inf:
-        pressure_limit = checked_number(
-            "pressure_limit", pressure_limit, "MPa", positive=True
-        )
+        pressure_limit = checked_number("pressure_limit", pressure_limit, "MPa", positive=True)
     force = None
     if mean_pressure is None:
         displacement = checked_number("displacement", displacement, "mm")
@@ -373,9 +371,7 @@ class ContactProblem:
         gap -= displacement
         # Either the gap is open where there is pressure, or negative where there could be more.
         opened = gap.reshape(-1)[contact]
-        below = (
-            gap if load.pressure_limit == math.inf else gap[pressure < load.pressure_limit]
-        )
+        below = gap if load.pressure_limit == math.inf else gap[pressure < load.pressure_limit]
         violation = max(opened.max(initial=0.0), -below.min(initial=0.0))
         state = ContactState(
             pressure=pressure,

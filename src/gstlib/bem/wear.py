@@ -188,18 +188,14 @@ def wear_path(
             if sunk := lowered[body][1]:
                 top = state.displacement - sunk
                 state = replace(
-                    state,
-                    displacement=top,
-                    residual=state.residual * state.displacement / top,
+                    state, displacement=top, residual=state.residual * state.displacement / top
                 )
             reached.append(state)
         if keep_states:
             states.append(tuple(reached))
         if keep_depths:
             depths.append(depth.copy())
-        curve.append(
-            [float(depth.mean())] + [getattr(reached[0], name) for name in _OF_STATE]
-        )
+        curve.append([float(depth.mean())] + [getattr(reached[0], name) for name in _OF_STATE])
     names = ("mean_loss", *_OF_STATE)
     values = (np.array(column) for column in zip(*curve, strict=True))
     return WearPath(

@@ -83,13 +83,9 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
             _EXPORT_AGAIN,
         )
     if len(faces) == 0:
-        raise InputError(
-            path, "the mesh has no faces", "Export it again, with its triangles."
-        )
+        raise InputError(path, "the mesh has no faces", "Export it again, with its triangles.")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        problem = (
-            f"a face refers to a vertex outside its {len(vertices)}: it is cut or damaged"
-        )
+        problem = f"a face refers to a vertex outside its {len(vertices)}: it is cut or damaged"
         raise InputError(path, problem, _EXPORT_AGAIN)
     bad = int((~np.isfinite(vertices)).any(axis=1).sum())
     if bad:
@@ -190,9 +186,7 @@ def _check_size(path: Path, extent: float, unit: str) -> None:
     if _SMALLEST_STONE <= extent * _UNITS[unit] <= _LARGEST_STONE:
         return
     # Scanning software writes metres or millimetres: suggest them first.
-    fitting = [
-        name for name in ("m", "mm", "um", "in") if 10 <= extent * _UNITS[name] <= 1000
-    ]
+    fitting = [name for name in ("m", "mm", "um", "in") if 10 <= extent * _UNITS[name] <= 1000]
     remedy = f"Scale the mesh to one of the units {list(_UNITS)} and set mesh_unit."
     if fitting:
         remedy = f"It looks as if its unit were {fitting[0]}: set mesh_unit: {fitting[0]}."

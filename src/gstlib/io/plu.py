@@ -79,10 +79,7 @@ def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[s
     dx, dy = struct.unpack_from("<2f", content, 404)
     (objective,) = struct.unpack_from("<I", content, 440)
     layers, version, instrument = content[489:492]
-    attrs = {
-        "vendor": "Sensofar",
-        "objective": _OBJECTIVES.get(objective, f"no. {objective}"),
-    }
+    attrs = {"vendor": "Sensofar", "objective": _OBJECTIVES.get(objective, f"no. {objective}")}
     # Older and later versions keep something else in place of the instrument.
     if 0 < version <= _VERSION_2012 and instrument in _INSTRUMENTS:
         attrs = {"instrument": _INSTRUMENTS[instrument], **attrs}

@@ -80,10 +80,7 @@ _PATCH_OR_SQUARE = "name of the patch; empty for the square"
 _EPOCH = "before use (T0) or after use (T1)"
 _PRESSURE = "pressure of the patch: force on it over its area"
 _STUDIED = "number of patches"
-_INTERVAL = {
-    "low": "lower end of the 95 % interval",
-    "high": "upper end of the 95 % interval",
-}
+_INTERVAL = {"low": "lower end of the 95 % interval", "high": "upper end of the 95 % interval"}
 _PRESSED = {
     "patch": _PATCH,
     "x_mm": "centre of the patch in the square, from its lower left corner",
@@ -104,7 +101,7 @@ _LOADED = {
 _INTERFACE = {
     "interface_stiffness_MPa_per_um": (
         "the same without the compliance of the half-space under the patch"
-    ),
+    )
 }
 _SCORES = {
     "precision": "share of the predicted area that lost height",
@@ -178,9 +175,7 @@ TABLES = {
         },
     ),
     "macroscale_path": Table(
-        "load path of the square",
-        "The load path of the square: a row for each step.",
-        _LOADED,
+        "load path of the square", "The load path of the square: a row for each step.", _LOADED
     ),
     "placement": Table(
         "whether the scans fit the mesh where the patch table puts them",
@@ -320,11 +315,7 @@ TABLES = {
     "microscale_paths": Table(
         "load path of every patch",
         "The load path of each patch: a row for each step.",
-        {
-            "patch": _PATCH,
-            **_LOADED,
-            **_INTERFACE,
-        },
+        {"patch": _PATCH, **_LOADED, **_INTERFACE},
     ),
     "cases": Table(
         "further cases: another contact modulus, a grinding force, a ceiling on the pressure",

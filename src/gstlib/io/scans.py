@@ -89,9 +89,7 @@ def read_scan(
     """
     path = Path(path)
     if unit is not None and unit not in SCAN_UNITS:
-        raise InputError(
-            path, f"unknown scan unit {unit!r}", f"Use one of {list(SCAN_UNITS)}."
-        )
+        raise InputError(path, f"unknown scan unit {unit!r}", f"Use one of {list(SCAN_UNITS)}.")
     if not path.is_file():
         raise InputError(
             path, "no such file", "Correct the name in the patch table, or the folder."
@@ -138,9 +136,7 @@ def read_scan(
     )
 
 
-def _mind_step_too_few(
-    path: Path, shape: tuple[int, ...], spacing: tuple[float, ...]
-) -> None:
+def _mind_step_too_few(path: Path, shape: tuple[int, ...], spacing: tuple[float, ...]) -> None:
     """Warn if the points would be square with the length divided by n points, not n - 1."""
     (dy, dx), (ny, nx) = spacing, shape
     if min(shape) > 1:
@@ -167,12 +163,8 @@ def _read_instrument_file(path: Path) -> _Raw:
         from SurfaceTopography.IO import open_topography, readers
         from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
     except ImportError as error:
-        problem = (
-            "cannot be read: SurfaceTopography, which reads its format, is not installed"
-        )
-        raise InputError(
-            path, problem, "Install it: pip install 'gstlib[formats]'"
-        ) from error
+        problem = "cannot be read: SurfaceTopography, which reads its format, is not installed"
+        raise InputError(path, problem, "Install it: pip install 'gstlib[formats]'") from error
 
     formats = {
         f".{ending}": reader.format()
@@ -198,15 +190,11 @@ def _read_instrument_file(path: Path) -> _Raw:
                 raise ValueError("it holds no map of heights")
             channel = maps[0]
             stated = channel.physical_sizes is not None
-            topography = channel.topography(
-                **{} if stated else {"physical_sizes": (1.0, 1.0)}
-            )
+            topography = channel.topography(**{} if stated else {"physical_sizes": (1.0, 1.0)})
             masked: np.ma.MaskedArray = np.ma.asarray(topography.heights(), dtype=float)
             heights: np.ndarray = masked.filled(np.nan).T
             if heights.shape != tuple(channel.nb_grid_pts)[::-1]:
-                raise ValueError(
-                    f"{heights.shape} points for {channel.nb_grid_pts} announced"
-                )
+                raise ValueError(f"{heights.shape} points for {channel.nb_grid_pts} announced")
             unit, (size_x, size_y) = topography.unit, topography.physical_sizes
             length = None if unit is None else get_unit_conversion_factor(unit, "mm")
             ny, nx = heights.shape
@@ -224,9 +212,7 @@ def _read_instrument_file(path: Path) -> _Raw:
         "instrument": instrument.get("name"),
         "vendor": instrument.get("vendor"),
         "acquired": topography.info.get("acquisition_time"),
-        "layer": f"{channel.name}, the first of {len(maps)} height maps"
-        if maps[1:]
-        else None,
+        "layer": f"{channel.name}, the first of {len(maps)} height maps" if maps[1:] else None,
     }
     attrs = {name: str(value) for name, value in known.items() if value is not None}
     return heights, spacing, length, attrs
@@ -243,9 +229,7 @@ def _unwrapped(path: Path) -> str | io.BytesIO:
         mark = file.read(12)
         if path.suffix.lower() == ".x3p":
             with zipfile.ZipFile(file) as given, zipfile.ZipFile(content, "w") as plain:
-                names = [
-                    name for name in given.namelist() if f"/{name}".endswith("/main.xml")
-                ]
+                names = [name for name in given.namelist() if f"/{name}".endswith("/main.xml")]
                 folder = min(names, key=len, default="").removesuffix("main.xml")
                 for name in given.namelist():
                     member = given.read(name)
@@ -363,9 +347,7 @@ def _check_plausible(path: Path, heights: np.ndarray, spacing: Sequence[float]) 
     """Refuse a map that no profilometer can have measured."""
     (ny, nx), (dy, dx) = heights.shape, spacing
     if min(ny, nx) < 2:
-        raise InputError(
-            path, f"holds {ny} × {nx} points, not a map", "Export the whole map."
-        )
+        raise InputError(path, f"holds {ny} × {nx} points, not a map", "Export the whole map.")
     if not np.isfinite(heights).any():
         raise InputError(path, "not one point is measured", "Measure the patch again.")
     extent = float(np.nanmax(heights) - np.nanmin(heights))

@@ -137,9 +137,7 @@ def _variable(field: h5py.Dataset) -> xr.Variable:
 def _attributes(place: h5py.Dataset | h5py.File) -> dict[str, object]:
     """The attributes that are the dataset's own, not the format's; a single number as such."""
     own = {name: place.attrs[name] for name in place.attrs if name not in _OF_THE_FORMAT}
-    return {
-        name: value[0] if np.shape(value) == (1,) else value for name, value in own.items()
-    }
+    return {name: value[0] if np.shape(value) == (1,) else value for name, value in own.items()}
 
 
 class Stored(Mapping):

@@ -46,9 +46,7 @@ def _format(value: Any, digits: int) -> str:
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return (
-            f"{value:.17g}" if os.environ.get(ALL_DIGITS) == "1" else printed(value, digits)
-        )
+        return f"{value:.17g}" if os.environ.get(ALL_DIGITS) == "1" else printed(value, digits)
     return str(value)
 
 
@@ -134,6 +132,4 @@ def studied_files(
     """
     table = read_table(pressures, ["patch", "in_study"])
     studied = set(table.patch[table.in_study])
-    return {
-        patch: file for patch, file in zip(patches, files, strict=True) if patch in studied
-    }
+    return {patch: file for patch, file in zip(patches, files, strict=True) if patch in studied}

@@ -96,9 +96,7 @@ def _read_rows(path: Path, columns: Sequence[int] | None = None) -> tuple[str, n
     rows = [line.partition("#")[0].strip(" ") for line in lines]
     first = next((n for n, row in enumerate(rows) if _begins_with_numbers(row)), None)
     if first is None:
-        raise InputError(
-            path, "has no row of numbers", "Export the whole topography as text."
-        )
+        raise InputError(path, "has no row of numbers", "Export the whole topography as text.")
     rows = list(filter(None, rows[first:]))
     mark = separator_of(rows[0])
     if mark and all(row.endswith(mark) for row in rows):  # which adds one empty cell
@@ -109,9 +107,7 @@ def _read_rows(path: Path, columns: Sequence[int] | None = None) -> tuple[str, n
         problem = (
             f"from line {first + 1} on, is not a table of numbers: {str(error).split(';')[0]}"
         )
-        remedy = (
-            "Unmeasured points are empty cells, NaN, BAD or ---; comments begin with '#'."
-        )
+        remedy = "Unmeasured points are empty cells, NaN, BAD or ---; comments begin with '#'."
         raise InputError(path, problem, f"Export or copy the file again. {remedy}") from error
 
 

@@ -191,11 +191,7 @@ def grid_mesh(
             "height": surface,
             "vertex_y": ("vertex", cloud[vertex, 1], _in_mm("y of a left-out vertex")),
             "vertex_x": ("vertex", cloud[vertex, 0], _in_mm("x of a left-out vertex")),
-            "left_out_error": (
-                "vertex",
-                errors[chosen],
-                _in_mm("height less its prediction"),
-            ),
+            "left_out_error": ("vertex", errors[chosen], _in_mm("height less its prediction")),
             "left_out_rms": ("candidate", rms, _in_mm("r.m.s. error on left-out vertices")),
         },
         coords={"candidate": list(_INTERPOLATIONS)},

@@ -24,13 +24,7 @@ from gstlib.io.store import write_dataset
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.pebble import OUTER_SIZE_MM
 from gstlib.specimen.randomness import SpecimenParameters
-from gstlib.specimen.scanning import (
-    place_scans,
-    poor_overlaps,
-    relocation,
-    sample,
-    take_scan,
-)
+from gstlib.specimen.scanning import place_scans, poor_overlaps, relocation, sample, take_scan
 from gstlib.specimen.stone import MARGIN_MM, Stone
 from gstlib.surface import axis_coordinates, make_surface, spacing_of
 
@@ -51,14 +45,8 @@ _TRUTH = {
     "x_mm": ("mm", "true centre of the scan along x"),
     "y_mm": ("mm", "true centre of the scan along y"),
     "rotation_deg": ("degree", "true turn of the scan, x towards y"),
-    "plane_x_mrad": (
-        "mrad",
-        "angle along x of the tilted true surface: what levelling takes",
-    ),
-    "plane_y_mrad": (
-        "mrad",
-        "angle along y of the tilted true surface: what levelling takes",
-    ),
+    "plane_x_mrad": ("mrad", "angle along x of the tilted true surface: what levelling takes"),
+    "plane_y_mrad": ("mrad", "angle along y of the tilted true surface: what levelling takes"),
     "outlier": ("1", "spike at a measured point"),
     "unmeasured": ("1", "point without a value"),
     "nominal_x_mm": ("mm", "nominal centre along x"),
@@ -178,10 +166,7 @@ def make_specimens(
         for placement, depth in wear.items():
             after = unworn - at_points(depth, place=t1, order=1)
             scan_after, true_after = take_scan(after, row.patch, "T1", p)
-            for epoch, scan, file in (
-                ("T0", scan_before, row.t0),
-                ("T1", scan_after, row.t1),
-            ):
+            for epoch, scan, file in (("T0", scan_before, row.t0), ("T1", scan_after, row.t1)):
                 if file:
                     scans[placement][row.patch, epoch] = scan.assign_attrs(file=file)
             of_epochs = t0._asdict() | true_before, t1._asdict() | true_after
@@ -209,9 +194,7 @@ def within_square(surface: np.ndarray, stone: Stone) -> xr.DataArray:
     first = int(np.searchsorted(stone.grid, 0.0))
     count = int(stone.square_mm / stone.spacing)
     part = slice(first, first + count)
-    found = make_surface(
-        surface[part, part], stone.spacing, long_name="true height before use"
-    )
+    found = make_surface(surface[part, part], stone.spacing, long_name="true height before use")
     along = stone.grid[part]
     return found.assign_coords({axis: found[axis].copy(data=along) for axis in "yx"})
 
@@ -256,9 +239,7 @@ def _rounded(heights: np.ndarray) -> np.ndarray:
 
 def _overlap(t0: Place, t1: Place, size_mm: float) -> float:
     """Share of the T0 scan's area inside the T1 scan; their relative turn is neglected."""
-    return float(
-        np.prod([max(0.0, 1 - abs(shift) / size_mm) for shift in relocation(t0, t1)])
-    )
+    return float(np.prod([max(0.0, 1 - abs(shift) / size_mm) for shift in relocation(t0, t1)]))
 
 
 def _truth(

@@ -75,13 +75,7 @@ def relocation(t0: Place, t1: Place) -> tuple[float, float]:
 
 
 def sample(
-    field: np.ndarray,
-    stone: Stone,
-    place: Place,
-    points: int,
-    *,
-    order: int,
-    patch: str,
+    field: np.ndarray, stone: Stone, place: Place, points: int, *, order: int, patch: str
 ) -> np.ndarray:
     """A field on the grid of ``stone.detail``, at the (points, points) of a scan.
 
@@ -163,9 +157,7 @@ def _spikes(generator: np.random.Generator, points: int, p: SpecimenParameters) 
     count = generator.poisson(p.spike_share * points**2 / mean_area)
     rows, columns = generator.integers(0, points, (2, count))
     chosen = generator.choice(sides, count, p=_SPIKE_SIDES)
-    values = generator.uniform(*_SPIKE_HEIGHT_UM, count) * generator.choice(
-        [-1.0, 1.0], count
-    )
+    values = generator.uniform(*_SPIKE_HEIGHT_UM, count) * generator.choice([-1.0, 1.0], count)
     for row, column, side, value in zip(rows, columns, chosen, values * 1e-3, strict=True):
         heights[row : row + side, column : column + side] = value
     return heights

@@ -92,9 +92,7 @@ def score_truth(
         known = two_scales.drop_duplicates("patch").set_index("patch").reference_pressure_MPa
         for row in pressures.itertuples():
             add(
-                "coupling",
-                row.patch,
-                [("pressure", "MPa", known[row.patch], row.pressure_MPa)],
+                "coupling", row.patch, [("pressure", "MPa", known[row.patch], row.pressure_MPa)]
             )
     return pd.DataFrame(rows, columns=columns_of("truth"))
 

@@ -39,8 +39,7 @@ def label_blocks(
         for n, step in zip(valid.shape, spacing, strict=True)
     )
     row, column = (
-        np.arange(n) * count // n
-        for n, count in zip(valid.shape, (rows, columns), strict=True)
+        np.arange(n) * count // n for n, count in zip(valid.shape, (rows, columns), strict=True)
     )
     labels = row[:, None] * columns + column
     held = np.bincount(labels[valid], minlength=rows * columns) > 0

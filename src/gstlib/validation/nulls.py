@@ -98,9 +98,7 @@ def null_scores(
     return scores
 
 
-def correlation_length(
-    field: np.ndarray, valid: np.ndarray, spacing: Sequence[float]
-) -> float:
+def correlation_length(field: np.ndarray, valid: np.ndarray, spacing: Sequence[float]) -> float:
     """Distance (mm) at which the autocorrelation of a field, over all directions, falls to 1/e.
 
     Linearly interpolated; infinite if it does not fall so low within half of the field (ny, nx),

@@ -77,9 +77,7 @@ class Registration:
     detail_correlation: (
         float  # of band-passed heights, free of the long waves that match by chance
     )
-    height_scale: (
-        float  # depth of the moving surface's dales over the reference's, band-passed
-    )
+    height_scale: float  # depth of the moving surface's dales over the reference's, band-passed
     residual_mm: float  # robust standard deviation of the levelled height difference
     found: bool  # whether the detail correlates well enough to believe the registration
 
@@ -137,9 +135,7 @@ def register(
     flat0, flat1 = (
         remove_plane(h.where(inside))[0].values[inside] for h in (reference, on_grid)
     )
-    beyond_chance = (
-        quality * math.sqrt(inside.sum() / min(h0.size, h1.size)) >= _BEYOND_CHANCE
-    )
+    beyond_chance = quality * math.sqrt(inside.sum() / min(h0.size, h1.size)) >= _BEYOND_CHANCE
     shift_y, shift_x = pose[:2] * spacing - _corner_offset(reference, moving)
     return Registration(
         shift_x_mm=float(shift_x),
@@ -190,9 +186,7 @@ def _detail(heights: np.ndarray, factor: int) -> np.ndarray:
     """Band-passed heights on every `factor`-th element, clipped so that no spike dominates."""
     fine = scipy.ndimage.gaussian_filter(heights, max(_NOISE_ELEMENTS, factor / 2))
     coarse = fine[::factor, ::factor]
-    detail = coarse - scipy.ndimage.gaussian_filter(
-        coarse, max(coarse.shape) * _LONGEST_SHARE
-    )
+    detail = coarse - scipy.ndimage.gaussian_filter(coarse, max(coarse.shape) * _LONGEST_SHARE)
     bound = 3 * _robust_sigma(detail)
     return np.clip(detail, -bound, bound)
 

@@ -59,9 +59,7 @@ class Prediction:
 
     mask: np.ndarray  # where wear is expected
     shares: np.ndarray  # share of the window around each point that the mask marks
-    ranking: (
-        np.ndarray | None
-    )  # larger where wear is likelier; None if another ranks the same
+    ranking: np.ndarray | None  # larger where wear is likelier; None if another ranks the same
 
 
 @dataclass(frozen=True)
@@ -144,9 +142,7 @@ def window_shares(mask: np.ndarray, size: int, valid: np.ndarray) -> np.ndarray:
     share is 0 where the window holds no valid point.
     """
     marked, there = (
-        np.rint(
-            scipy.ndimage.uniform_filter(m.astype(float), size, mode="constant") * size**2
-        )
+        np.rint(scipy.ndimage.uniform_filter(m.astype(float), size, mode="constant") * size**2)
         for m in (mask & valid, valid)
     )
     return np.divide(marked, there, out=np.zeros_like(marked), where=there > 0)

@@ -50,9 +50,7 @@ class PatchScores:
     ]  # row of validation_patches.csv, and what `wear_summary` says of the loss
     gains: list[dict[str, Any]]  # rows of validation_gains.csv; none if chance was not tested
     null: dict[str, np.ndarray]  # as from `null_scores`; empty where chance was not tested
-    warning: (
-        str | None
-    )  # what to look into if too much rose, or if waves are too long to test
+    warning: str | None  # what to look into if too much rose, or if waves are too long to test
 
 
 class Scoring(NamedTuple):
@@ -124,12 +122,8 @@ def score_patch(
     comparison = compare(heights, contact, change, neighbourhood_um=neighbourhood_um, rim=rim)
     loss, valid = comparison.loss, comparison.valid
     length = correlation_length(loss, valid, comparison.spacing)
-    longest = LONGEST * min(
-        n * d for n, d in zip(valid.shape, comparison.spacing, strict=True)
-    )
-    scores = {
-        name: scores_of(one, comparison) for name, one in comparison.predictions.items()
-    }
+    longest = LONGEST * min(n * d for n, d in zip(valid.shape, comparison.spacing, strict=True))
+    scores = {name: scores_of(one, comparison) for name, one in comparison.predictions.items()}
     touching, rigid = (comparison.predictions[name].mask for name in (CONTACT, "rigid"))
     gain = change["gain"].values.astype(bool) & valid
     noise_share = float(gain.sum() / loss.sum()) if loss.any() else math.nan
@@ -222,9 +216,7 @@ def _against_rivals(
     value = scores[CONTACT][score]
     rivals = {name: scores[name].get(score, math.nan) for name in RIVALS}
     # none where the score of the contact is NaN
-    rivals = {
-        name: of_one for name, of_one in rivals.items() if math.isfinite(value - of_one)
-    }
+    rivals = {name: of_one for name, of_one in rivals.items() if math.isfinite(value - of_one)}
     best = max(rivals, key=lambda name: rivals[name], default="")
     gain = value - rivals.get(best, math.nan)
     low = high = math.nan

@@ -49,9 +49,7 @@ def select_patches(
             found.append(f"pressure {row.pressure_MPa:.3g} below {pressure_MPa:g} MPa")
         match = known.get(row.patch, {"found": True})
         values = {"overlap": match.get("overlap")}
-        if match[
-            "found"
-        ]:  # of the detail: the long waves of a stone match wherever T1 is laid
+        if match["found"]:  # of the detail: the long waves of a stone match wherever T1 is laid
             values["correlation"] = match.get("detail_correlation")
         else:
             found.append("T1 was not found on T0")

@@ -141,9 +141,7 @@ def _parameters(
     dy, dx = (step * _MM_TO_UM for step in spacing)
     # Waves that pass the S-filter vary over its nesting index: two points in that length give the
     # same autocorrelation as all, at a fraction of the cost.
-    every_y, every_x = (
-        max(1, int(s_filter_um / (2 * step) + _ROUNDING)) for step in (dy, dx)
-    )
+    every_y, every_x = (max(1, int(s_filter_um / (2 * step) + _ROUNDING)) for step in (dy, dx))
     values = _material_ratio(heights)
     with warnings.catch_warnings(action="ignore"):
         # about different steps in x and y, which do not harm these parameters; and about NaN, if
@@ -167,9 +165,7 @@ def _material_ratio(heights: np.ndarray) -> dict[str, float]:
     curve = np.quantile(heights, 1 - ratio / 100)
     starts = ratio[ratio <= 100 - _LINE_WIDTH]
     # the secant of the smallest gradient; the curve falls
-    first = int(
-        np.argmax(np.interp(starts + _LINE_WIDTH, ratio, curve) - curve[: starts.size])
-    )
+    first = int(np.argmax(np.interp(starts + _LINE_WIDTH, ratio, curve) - curve[: starts.size]))
     last = np.searchsorted(ratio, starts[first] + _LINE_WIDTH, side="right")
     slope, top = np.polyfit(ratio[first:last], curve[first:last], 1)
     smr1, smr2 = np.interp([top, top + 100 * slope], curve[::-1], ratio[::-1])

@@ -38,8 +38,7 @@ def seen_depth(depth: np.ndarray) -> np.ndarray:
 
 
 def wear_table(
-    patches: Iterable[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]],
-    square: xr.Dataset,
+    patches: Iterable[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]], square: xr.Dataset
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Predicted against measured loss of each patch: the tables ``wear`` and ``wear_profile``.
 
@@ -77,9 +76,7 @@ def wear_table(
         own = {str(of.model.values): seen_depth(of.values[known]) for of in worn.depth}
         out_of_contact = own["archard"] < level
         depths = own | {
-            "pressure": np.full(
-                lost.shape, of[patch] * others.sum() / of[others.index].sum()
-            ),
+            "pressure": np.full(lost.shape, of[patch] * others.sum() / of[others.index].sum()),
             "uniform": np.full(lost.shape, others.mean()),
             "truncation": np.maximum(height - np.quantile(height, 1 - loss.mean()), 0),
         }
@@ -155,9 +152,7 @@ def wear_summary(
     """
     errors = {
         "volume": (table.predicted_volume_um3 - table.measured_volume_um3).abs(),
-        "depth": (
-            table.predicted_depth_um.fillna(0) - table.measured_depth_um.fillna(0)
-        ).abs(),
+        "depth": (table.predicted_depth_um.fillna(0) - table.measured_depth_um.fillna(0)).abs(),
         "map": table.rms_difference_um,
         "out_of_contact": table.rms_out_of_contact_um.fillna(0),
     }
@@ -186,11 +181,7 @@ def wear_summary(
                 told = quantity == "out_of_contact"
                 rival_error = wide[rival].to_numpy() * (_ERROR_TO_BEAT if told else 1.0)
                 gain = rival_error - wide[model].to_numpy()
-                p = (
-                    exchange_p_value(gain, generator)
-                    if told or rival not in bare
-                    else math.nan
-                )
+                p = exchange_p_value(gain, generator) if told or rival not in bare else math.nan
                 counts = np.stack([gain, rival_error], axis=1)
                 row(model, f"skill({quantity})", counts, p, len(patches), rival)
     halves = profile[profile.by == "height"].assign(low=profile.band > _BANDS // 2)
@@ -218,6 +209,4 @@ def wear_summary(
         if model != "uniform"
     ]
     columns = columns_of("wear_summary")
-    return pd.concat([pd.DataFrame(rows, columns=columns), *ranked], ignore_index=True)[
-        columns
-    ]
+    return pd.concat([pd.DataFrame(rows, columns=columns), *ranked], ignore_index=True)[columns]

@@ -21,10 +21,7 @@ def compliance(wave, layer, young, poisson):
         shear, kappa = e / 2 / (1 + nu), 3 - 4 * nu
         lame = 2 * shear * nu / (1 - 2 * nu)
         rows = []
-        for u, du, w, dw in (
-            (1, 0, -sign, 0),
-            (z, 1, -sign * z + kappa / q, -sign),
-        ):
+        for u, du, w, dw in ((1, 0, -sign, 0), (z, 1, -sign * z + kappa / q, -sign)):
             growth = np.exp(sign * q * z)
             u, du = u * growth, (du + sign * q * u) * growth
             w, dw = w * growth, (dw + sign * q * w) * growth

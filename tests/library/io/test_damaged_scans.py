@@ -103,11 +103,7 @@ def test_single_row_or_column(tmp_path, heights, name, axis):
 
 @pytest.mark.parametrize(
     ("spacing", "factor"),
-    [
-        *((step, 1.0) for step in (10.0, 1e-7, -1e-3, 0.0, math.nan, 1e30)),
-        (1e-3, 1e4),
-        (0.4, 1.0),
-    ],
+    [*((step, 1.0) for step in (10.0, 1e-7, -1e-3, 0.0, math.nan, 1e30)), (1e-3, 1e4), (0.4, 1.0)],
 )
 def test_absurd_sizes(tmp_path, heights, spacing, factor):
     """A field of 50 mm, points 1 nm or 0.5 mm apart, heights over 10 mm: the unit is wrong."""

@@ -20,10 +20,7 @@ def failing(code):
 
 @pytest.mark.parametrize(
     ("code", "words"),
-    [
-        (errno.ENOSPC, "the disk is full. Make room"),
-        (errno.EIO, "Input/output error. Mend that"),
-    ],
+    [(errno.ENOSPC, "the disk is full. Make room"), (errno.EIO, "Input/output error. Mend that")],
 )
 @pytest.mark.parametrize("step", ["os.fsync", "os.replace"])
 def test_a_disk_that_fails_is_told_and_leaves_the_old_file(

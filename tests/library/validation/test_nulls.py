@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 import scipy.ndimage
 from gstlib.specimen.randomness import smooth_field
-from gstlib.validation.nulls import (
-    _wrap_around_factors,
-    correlation_length,
-    null_scores,
-    p_value,
-)
+from gstlib.validation.nulls import _wrap_around_factors, correlation_length, null_scores, p_value
 from gstlib.validation.scores import (
     SCORES,
     Comparison,
