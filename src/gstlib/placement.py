@@ -2,7 +2,7 @@
 
 The mesh and a scan show the same stone, so their heights must correlate where the patch truly lies.
 On the generated specimen this finds the place of one patch to some 45 µm, more than its patches are
-misplaced: a small shift of one patch cannot be told. Three faults can: a shift that all patches
+misplaced: a small shift of one patch cannot be detected. Three faults can: a shift that all patches
 share, moulds that were undone wrongly, and, half of the time, a patch that lies somewhere else.
 """
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gst.logs import run_script
-from gstlib.io.store import read_dataset
+from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_pressures, read_table, write_table
 from gstlib.specimen.score import score_truth
 
@@ -22,14 +22,13 @@ def main(
     patches: list[str],
     worn: list[str],
 ) -> None:
-    surfaces = {(patch, "T0"): file for patch, file in zip(patches, t0, strict=True)}
-    surfaces |= {(patch, "T1"): file for patch, file in zip(worn, t1, strict=True)}
-    changes = dict(zip(worn, registered, strict=True))
+    scans = {(patch, "T0"): file for patch, file in zip(patches, t0, strict=True)}
+    scans |= {(patch, "T1"): file for patch, file in zip(worn, t1, strict=True)}
     scores = score_truth(
         read_dataset(truth),
-        macroscale=read_dataset(surface),
-        surfaces=((scan, read_dataset(file)) for scan, file in surfaces.items()),
-        registered=((patch, read_dataset(file)) for patch, file in changes.items()),
+        square=read_dataset(surface, only=["height"]),
+        scans=Stored(scans),
+        changes=Stored(dict(zip(worn, registered, strict=True))),
         placement=read_table(placement),
         pressures=read_pressures(pressures),
         two_scales=read_table(two_scales) if two_scales else None,

@@ -10,6 +10,7 @@ import io
 import logging
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -147,22 +148,23 @@ class Stored(Mapping):
 
     Parameters
     ----------
-    files : mapping of str to path
+    files : mapping to path
+        By name, such as a patch's, or by several names.
     only : iterable of str, optional
         Variables to read; all by default.
     """
 
-    def __init__(self, files: Mapping[str, str | Path], only: Iterable[str] | None = None):
+    def __init__(self, files: Mapping[Any, str | Path], only: Iterable[str] | None = None):
         self._files, self._only = dict(files), None if only is None else list(only)
 
-    def __getitem__(self, name: str) -> xr.Dataset:
+    def __getitem__(self, name: Any) -> xr.Dataset:
         _log.info("%s: %s", name, self._files[name])
         return read_dataset(self._files[name], self._only)
 
     def __contains__(self, name: object) -> bool:
         return name in self._files  # a Mapping's own would read the file
 
-    def __iter__(self) -> Iterator[str]:
+    def __iter__(self) -> Iterator[Any]:
         return iter(self._files)
 
     def __len__(self) -> int:

@@ -5,7 +5,7 @@ have 1 as their true value; biases and r.m.s. errors have 0.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 import pandas as pd
@@ -34,9 +34,9 @@ _Row = tuple[str, str, float, float]
 def score_truth(
     truth: xr.Dataset,
     *,
-    macroscale: xr.Dataset,
-    surfaces: Iterable[tuple[tuple[str, str], xr.Dataset]],
-    registered: Iterable[tuple[str, xr.Dataset]],
+    square: xr.Dataset,
+    scans: Mapping[tuple[str, str], xr.Dataset],
+    changes: Mapping[str, xr.Dataset],
     placement: pd.DataFrame,
     pressures: pd.DataFrame,
     two_scales: pd.DataFrame | None,
@@ -50,12 +50,10 @@ def score_truth(
     ----------
     truth : xarray.Dataset
         Of `gstlib.specimen.generate.make_specimens`.
-    macroscale : xarray.Dataset
+    square : xarray.Dataset
         ``height`` (y, x) mm on the analysis grid.
-    surfaces, registered : iterable of pairs
-        Prepared scans by (patch, epoch), and height changes by patch, as from
-        `gstlib.study.prepare_scan` and `register_patch`. Each is used once, so they can be read one
-        by one.
+    scans, changes : mapping to xarray.Dataset
+        Prepared scans by patch and epoch, and height changes by patch; each is looked up once.
     placement, pressures, two_scales : pandas.DataFrame
         ``placement.csv``, ``patch_pressures.csv`` and, if there is one, ``two_scales.csv``, which
         has the true pressures.
@@ -72,14 +70,14 @@ def score_truth(
             pair = float(true), float(recovered)
             rows.append((stage, quantity, patch, unit, *pair, _error(*pair)))
 
-    add("macroscale", "", _macroscale_scores(_surface(truth), macroscale["height"]))
-    for (patch, epoch), prepared in surfaces:
+    add("macroscale", "", _macroscale_scores(_surface(truth), square["height"]))
+    for (patch, epoch), prepared in scans.items():
         at = truth.sel(patch=patch)
         add("preprocessing", patch, _preparation_scores(at.sel(epoch=epoch), epoch, prepared))
         if epoch == "T0":
             true, height = _level(at.height), _level(prepared["height"])
             add("microscale input", patch, _height_scores("T0 ", true, height))
-    for patch, change in registered:
+    for patch, change in changes.items():
         at = truth.sel(patch=patch)
         add("registration", patch, _registration_scores(at, change.attrs))
         add("wear", patch, _wear_scores(at, change))
@@ -131,20 +129,20 @@ def _macroscale_scores(surface: xr.DataArray, found: xr.DataArray) -> Iterator[_
     yield "height_correlation", "1", 1, correlation
 
 
-def _preparation_scores(at: xr.Dataset, epoch: str, surface: xr.Dataset) -> Iterator[_Row]:
+def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterator[_Row]:
     """A prepared scan: the tilt removed, the points filled, the outliers found."""
     outlier, unmeasured = at.outlier.values, at.unmeasured.values
-    found = surface["outlier"].values.astype(bool)
-    yield f"{epoch} tilt_x", "mrad", at.plane_x_mrad, surface.attrs["tilt_x_mrad"]
-    yield f"{epoch} tilt_y", "mrad", at.plane_y_mrad, surface.attrs["tilt_y_mrad"]
-    yield f"{epoch} filled", "1", unmeasured.sum(), surface["filled"].values.sum()
+    found = scan["outlier"].values.astype(bool)
+    yield f"{epoch} tilt_x", "mrad", at.plane_x_mrad, scan.attrs["tilt_x_mrad"]
+    yield f"{epoch} tilt_y", "mrad", at.plane_y_mrad, scan.attrs["tilt_y_mrad"]
+    yield f"{epoch} filled", "1", unmeasured.sum(), scan["filled"].values.sum()
     yield f"{epoch} outlier_precision", "1", 1, _mean(outlier[found])
     yield f"{epoch} outlier_recall", "1", 1, _mean(found[outlier])
-    scale_um = surface.attrs.get("outlier_scale_um", math.nan)
+    scale_um = scan.attrs.get("outlier_scale_um", math.nan)
     if math.isnan(scale_um):  # the window rule has no scale of the surroundings
         return
     # missed spikes that stand above the well-measured points around them, and so touch first
-    heights, high = surface["measured"].values, np.zeros_like(outlier)
+    heights, high = scan["measured"].values, np.zeros_like(outlier)
     for row, column in np.argwhere(outlier & ~found):
         around = tuple(slice(max(i - _AROUND, 0), i + _AROUND + 1) for i in (row, column))
         good = heights[around][~(outlier | unmeasured)[around]]

@@ -14,7 +14,7 @@ CONTACT = {"contact_modulus_MPa": 4e4, "target_pressure_MPa": 5.0, "tolerance": 
 @pytest.fixture
 def results(truth):
     """What perfect stages would have left behind, by patch where there are several."""
-    surfaces, registered, before = {}, {}, truth.sel(epoch="T0")
+    scans, changes, before = {}, {}, truth.sel(epoch="T0")
     for patch in truth.patch.values:
         at = truth.sel(patch=patch)
         for epoch in ("T0", "T1"):
@@ -22,12 +22,12 @@ def results(truth):
             attrs = {f"tilt_{axis}_mrad": one[f"plane_{axis}_mrad"].item() for axis in "xy"}
             prepared = {"height": at.height.astype(float), "filled": one.unmeasured}
             prepared |= {"outlier": one.outlier, "measured": at.height + 0.03 * one.outlier}
-            surfaces[patch, epoch] = xr.Dataset(prepared, attrs=attrs | {"outlier_scale_um": 0.2})
+            scans[patch, epoch] = xr.Dataset(prepared, attrs=attrs | {"outlier_scale_um": 0.2})
         dx, dy, turn = (at[name].diff("epoch").item() for name in ("x_mm", "y_mm", "rotation_deg"))
         turned = np.exp(-1j * np.deg2rad(before.rotation_deg.sel(patch=patch).item()))
         shift = turned * complex(dx, dy) * 1e3
         attrs = {"rotation_deg": turn, "shift_x_um": shift.real, "shift_y_um": shift.imag}
-        registered[patch] = xr.Dataset(
+        changes[patch] = xr.Dataset(
             {"change": -at.wear_depth.astype(float), "loss": at.wear_depth > 0},
             attrs=attrs | {"overlap": at.overlap.item()},
         )
@@ -40,9 +40,9 @@ def results(truth):
     pressures = pressures.assign(**stated)
     twice = pd.concat(2 * [pressures.rename(columns={"pressure_MPa": "reference_pressure_MPa"})])
     return {
-        "macroscale": make_surface(truth.macroscale_height.values, 0.1).to_dataset(name="height"),
-        "surfaces": surfaces,
-        "registered": registered,
+        "square": make_surface(truth.macroscale_height.values, 0.1).to_dataset(name="height"),
+        "scans": scans,
+        "changes": changes,
         "placement": pd.DataFrame([{"patch": names[0]}, {"patch": "all", **together}]),
         "pressures": pressures,
         "two_scales": twice.assign(variant=len(names) * ["placed"] + len(names) * ["levelled"]),
@@ -51,8 +51,7 @@ def results(truth):
 
 def scored(truth, results):
     """The table, its results given one by one as the study reads them."""
-    once = {name: iter(results[name].items()) for name in ("surfaces", "registered")}
-    return score_truth(truth, **results | once)
+    return score_truth(truth, **results)
 
 
 def errors(table, quantity, patch="10", stage=None):
@@ -72,20 +71,20 @@ def test_truth_against_itself_has_no_error(truth, results):
 
 def test_every_perturbed_stage_shows(truth, results):
     rng = np.random.default_rng(1)
-    surface = results["surfaces"]["5", "T0"]
+    surface = results["scans"]["5", "T0"]
     surface.attrs["tilt_x_mrad"] += 1
     surface["outlier"] = surface.outlier.copy(data=np.roll(surface.outlier.values, 7, axis=1))
     surface["filled"] = surface.filled | (np.arange(surface.sizes["x"]) == 0)
     surface["height"] = surface.height + 1e-4 * rng.standard_normal(surface.height.shape)
-    registered = results["registered"]["7"]
+    registered = results["changes"]["7"]
     registered.attrs["shift_y_um"] += 5
     registered.attrs["rotation_deg"] -= 0.25
     registered["loss"] = registered.loss.copy(data=np.roll(registered.loss.values, 30, axis=0))
     results["placement"].loc[1, "shift_x_um"] += 7
     results["pressures"].loc[1, "pressure_MPa"] += 3
-    square = results["macroscale"]  # its plane is no error, but its noise is
+    square = results["square"]  # its plane is no error, but its noise is
     noise = 1e-3 * rng.standard_normal(square.height.shape)
-    results["macroscale"] = square + 0.01 * square.x - 0.02 * square.y + 3 + noise
+    results["square"] = square + 0.01 * square.x - 0.02 * square.y + 3 + noise
     table = scored(truth, results)
     assert errors(table, "T0 tilt_x", "5") == 1
     assert errors(table, "T1 tilt_x", "5") == 0
@@ -101,7 +100,7 @@ def test_every_perturbed_stage_shows(truth, results):
 
 
 def test_left_over_spikes_are_counted_once_each_where_they_stand_up(truth, results):
-    surface = results["surfaces"]["5", "T1"]
+    surface = results["scans"]["5", "T1"]
     outlier = surface.outlier.values
     surface["outlier"] = surface.outlier & False
     down = np.arange(outlier.shape[1]) < 20
@@ -117,7 +116,7 @@ def test_left_over_spikes_are_counted_once_each_where_they_stand_up(truth, resul
 
 
 def test_shallow_traces_are_neither_false_nor_missed_and_only_the_overlap_counts(truth, results):
-    registered = results["registered"]["10"]
+    registered = results["changes"]["10"]
     deep = truth.sel(patch="10").wear_depth > truth.attrs["wear_threshold_um"] * 1e-3
     assert registered.loss.sum() > deep.sum()
     registered["loss"] = deep
