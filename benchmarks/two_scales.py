@@ -87,7 +87,7 @@ def trial(
     places = places_of(places)
     reference = patches_of_reference(pressure, places, next(iter(scans.values())))
     contacts = {
-        variant: {patch: study.patch_contact(patch, variant) for patch in places}
+        variant: {patch: study.contact_in(variant, patch) for patch in places}
         for variant in (PLACED, LEVELLED)
     }
     table = two_scales_table(

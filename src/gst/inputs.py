@@ -19,9 +19,8 @@ from skimage.transform import resize_local_mean
 
 from gst.config import thinner_than_a_point
 from gst.patches import COUNTERFACE, ScanFile
-from gst.poses import read_second_stone
 from gstlib.contact import check_grid
-from gstlib.counterface import grid_counterface
+from gstlib.counterface import SecondStone, grid_counterface
 from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.geometry import Frame, Place, find_frame, on_patch, spline_of
 from gstlib.io.meshes import is_mesh, read_mesh
@@ -113,7 +112,7 @@ class Asked:
     mat : mapping or None
         The section ``mat`` of the config.
     second_stone : mapping or None
-        As in `gst.poses.read_second_stone`; None for a flat.
+        As in `gstlib.counterface.SecondStone.read`; None for a flat.
     """
 
     mesh_unit: str
@@ -208,7 +207,7 @@ def _gridded(
         stone, frame, size_mm=size_mm, shape=(grid, grid), source=source, **fast
     )
     if asked.second_stone is not None:
-        grid_counterface(read_second_stone(asked.second_stone), gridded.height, frame, **fast)
+        grid_counterface(SecondStone.read(**asked.second_stone), gridded.height, frame, **fast)
     return remove_plane(gridded.height)[0]
 
 

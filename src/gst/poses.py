@@ -1,4 +1,4 @@
-"""The active stone and its poses, as a config asks for them."""
+"""The poses of the active stone that a config asks for, and how far they reach."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,11 +6,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gstlib.counterface import SecondStone
 from gstlib.gesture import read_poses, stroke_poses
-from gstlib.io.meshes import read_mesh
 
-__all__ = ["poses_of", "reach_of", "read_second_stone"]
+__all__ = ["poses_of", "reach_of"]
 
 
 def poses_of(config: Mapping[str, Any]) -> pd.DataFrame | None:
@@ -36,10 +34,3 @@ def reach_of(config: Mapping[str, Any]) -> float:
     corners = config["square"]["size_mm"] / 2 * (np.cos(turn) + np.sin(turn) - 1)
     # turned back, a shift has at most its length along either axis
     return max(reach, float((np.hypot(poses.x_mm, poses.y_mm) + corners).max()))
-
-
-def read_second_stone(second_stone: Mapping[str, Any]) -> SecondStone:
-    """The active stone, its mesh read, from its ``mesh``, ``mesh_unit``, ``pose``, ``reach_mm``."""
-    file = second_stone["mesh"]
-    mesh = read_mesh(file, unit=second_stone["mesh_unit"])
-    return SecondStone(mesh, second_stone["pose"], second_stone["reach_mm"], str(file))

@@ -13,6 +13,7 @@ the passive one turned over about the square's y axis, so that its x runs agains
 # active face over the square is taken out, as that of the passive face is.
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ import xarray as xr
 
 from gstlib.errors import ConfigError, InputError
 from gstlib.geometry import Frame, Place, find_frame, spline_of
+from gstlib.io.meshes import read_mesh
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import make_surface, spacing_of
@@ -53,6 +55,13 @@ class SecondStone(NamedTuple):
     pose: Mapping
     reach_mm: float
     source: str
+
+    @classmethod
+    def read(
+        cls, mesh: str | Path, *, mesh_unit: str, pose: Mapping, reach_mm: float
+    ) -> "SecondStone":
+        """The stone of a mesh's file, as in `gstlib.io.meshes.read_mesh`."""
+        return cls(read_mesh(mesh, unit=mesh_unit), pose, reach_mm, str(mesh))
 
 
 def pose_frame(

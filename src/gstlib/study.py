@@ -557,12 +557,13 @@ class Study:
         quality = registration_table(changes, self.config["selection"])
         return select_patches(self.pressures(), quality, self.config["selection"])
 
-    def patch_contact(self, patch: str, variant: str = "") -> xr.Dataset:
-        """Contact of a patch at its own pressure, in the study's own variant unless named."""
-        return self._solved(patch, variant or self.config["coupling"])
-
     @_stage
-    def _solved(self, patch: str, variant: str) -> xr.Dataset:
+    def patch_contact(self, patch: str) -> xr.Dataset:
+        """Contact of a patch at its own pressure, in the study's own variant."""
+        return self.contact_in(self.config["coupling"], patch)
+
+    def contact_in(self, variant: str, patch: str) -> xr.Dataset:
+        """Contact of a patch at its own pressure in a variant of the coupling."""
         stone = {}
         if variant == PLACED:
             stone = {"square": self.composite(), "contact": self.contact()}

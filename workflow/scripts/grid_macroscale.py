@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from gst.logs import run_script
-from gst.poses import read_second_stone
 from gst.provenance import provenance
+from gstlib.counterface import SecondStone
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
 from gstlib.io.tables import write_table
@@ -24,7 +24,7 @@ def main(
     **settings,
 ) -> None:
     stone = read_mesh(mesh, unit=mesh_unit)
-    other = read_second_stone(second_stone) if second_stone else None
+    other = SecondStone.read(**second_stone) if second_stone else None
     gridded, of_other = grid_macroscale(stone, source=mesh, second_stone=other, **settings)
     inputs = [mesh, *([counterface] if other else [])]
     made = provenance(inputs, {"mesh_unit": mesh_unit} | settings)

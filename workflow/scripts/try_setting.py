@@ -5,8 +5,8 @@ from pathlib import Path
 import pandas as pd
 
 from gst.logs import run_script
-from gst.poses import read_second_stone
 from gst.sweep import merged, outcomes
+from gstlib.counterface import SecondStone
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.tables import write_table
@@ -40,7 +40,7 @@ def main(
         read_mesh=lambda: read_mesh(mesh, unit=mesh_unit),
         read_scan=lambda *of: read_scan(scans[of], **known),
         read_face=(lambda: read_scan(counterface_scan, **known)) if counterface_scan else None,
-        second_stone=read_second_stone(second_stone) if counterface else None,
+        second_stone=SecondStone.read(**second_stone) if counterface else None,
     )
     write_table(outcome, outcomes(study))
 

@@ -20,9 +20,8 @@ from gst.page import (
     tool_scene,
     warned,
 )
-from gst.poses import read_second_stone
 from gst.verdict import SCORE, verdict
-from gstlib.counterface import posed_mesh
+from gstlib.counterface import SecondStone, posed_mesh
 from gstlib.geometry import FRAME, stored_frame
 from gstlib.io.files import write_whole
 from gstlib.io.meshes import read_mesh
@@ -68,7 +67,7 @@ def main(
 
     other, size = None, config["square"]["size_mm"]
     if counterface:
-        other = posed_mesh(read_second_stone(second_stone), frame, size_mm=size)
+        other = posed_mesh(SecondStone.read(**second_stone), frame, size_mm=size)
     tool = read_mesh(mesh, unit=mesh_unit)
     scene = tool_scene(tool, frame, pressure, places, patch_mm, other)
     entries = [

@@ -181,7 +181,11 @@ def wear_summary(
                 tested = quantity == "out_of_contact"
                 rival_error = wide[rival].to_numpy() * (_ERROR_TO_BEAT if tested else 1.0)
                 gain = rival_error - wide[model].to_numpy()
-                p = exchange_p_value(gain, generator) if tested or rival not in bare else math.nan
+                p = (
+                    exchange_p_value(gain, generator)
+                    if tested or rival not in bare
+                    else math.nan
+                )
                 counts = np.stack([gain, rival_error], axis=1)
                 row(model, f"skill({quantity})", counts, p, len(patches), rival)
     halves = profile[profile.by == "height"].assign(low=profile.band > _BANDS // 2)
