@@ -44,7 +44,7 @@ _FACTS = columns_of("inputs")[3:]
 # If spacings of T0 and T1 differ by more than this share, the magnifications differ.
 _SAME_SPACING = 1e-3
 # Peak memory of the contact of the whole square, bytes per point (measured at 3012²).
-_BYTES = 170
+_BYTES = 180
 # ASSUME: heights of one stone that differ by this factor, between two scans of a patch or, in the
 # waves that both see, between scans and mesh, are in different units.
 _UNIT_FACTOR = 10.0
