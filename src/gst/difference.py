@@ -41,15 +41,13 @@ def compare_results(
         A folder has no tables, or a file in it cannot be read.
     """
     old, new = (_read_tables(Path(folder)) for folder in (before, after))
-    changes = [
-        (name, *change)
-        for name in sorted({*old, *new})
-        for change in (
-            _changes(old[name], new[name])
-            if name in old and name in new
-            else [("", "", *("present" if name in side else "" for side in (old, new)))]
-        )
-    ]
+    changes: list[tuple] = []
+    for name in sorted({*old, *new}):
+        if name in old and name in new:
+            changes += [(name, *change) for change in _changes(old[name], new[name])]
+        else:
+            there = ("present" if name in side else "" for side in (old, new))
+            changes.append((name, "", "", *there))
     found = pd.DataFrame(
         changes, columns=["table", "row", "column", "before", "after"], dtype=str
     )
@@ -106,12 +104,11 @@ def _changes(old: pd.DataFrame, new: pd.DataFrame) -> list[tuple[str, str, str, 
     )
     cells = []
     for table in (old, new):
-        rows = [
-            ", ".join(f"{name}={row[name]}" for name in key if row[name])
-            if key
-            else f"row {number}"
-            for number, row in enumerate(table.to_dict("records"), start=1)
-        ]
+        rows = [f"row {number}" for number in range(1, len(table) + 1)]
+        if key:
+            rows = []
+            for row in table.to_dict("records"):
+                rows.append(", ".join(f"{name}={row[name]}" for name in key if row[name]))
         cells.append(table.set_axis(rows).stack())
     both = pd.concat(cells, axis=1).fillna("")
     return [(*place, *texts) for place, *texts in both.itertuples() if texts[0] != texts[1]]

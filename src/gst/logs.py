@@ -109,11 +109,10 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
         left out: it only shows Snakemake that the library has changed.
     main : callable
     """
-    files = {
-        name: Path(file) if isinstance(file, str) else [Path(each) for each in file]
-        for names in (snakemake.input, snakemake.output)
-        for name, file in names.items()
-    }
+    files: dict[str, Path | list[Path]] = {}
+    for names in (snakemake.input, snakemake.output):
+        for name, file in names.items():
+            files[name] = Path(file) if isinstance(file, str) else [Path(one) for one in file]
     # What was imported stays: to look for garbage among it, the last time when the interpreter
     # ends, takes a quarter of a second.
     gc.freeze()

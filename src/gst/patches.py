@@ -72,11 +72,10 @@ def read_patches(
     problems += _out_of_square(rows, size_mm, patch_size_mm)
     problems += _overlapping(rows, patch_size_mm)
     if problems:
-        named = [
-            f"\n  - line {line}{f' (patch {name})' if name else ''}: {text}"
-            for line, text in sorted(problems, key=lambda problem: problem[0])
-            for name in [rows[line].get("patch")]
-        ]
+        named = []
+        for line, text in sorted(problems, key=lambda problem: problem[0]):
+            patch = rows[line].get("patch")
+            named.append(f"\n  - line {line}{f' (patch {patch})' if patch else ''}: {text}")
         raise ConfigError(
             path,
             f"{len(problems)} problem{'s' if len(problems) > 1 else ''} in the patch table"

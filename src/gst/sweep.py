@@ -47,32 +47,33 @@ def sweep_settings(sweep: Mapping[str, Sequence[Mapping]]) -> list[Setting]:
 
     `sweep` is the config's section: for each factor a list of pieces of config.
     """
-    return [Setting(STUDY, "", "", {})] + [
-        Setting(f"{factor.replace(' ', '_')}-{number}", factor, _in_words(changes), changes)
-        for factor, values in sweep.items()
-        for number, changes in enumerate(values, start=1)
-    ]
+    settings = [Setting(STUDY, "", "", {})]
+    for factor, values in sweep.items():
+        for number, changes in enumerate(values, start=1):
+            name = f"{factor.replace(' ', '_')}-{number}"
+            settings.append(Setting(name, factor, _in_words(changes), changes))
+    return settings
 
 
 def _in_words(changes: Mapping) -> str:
     """The new values, each once."""
-    sections = (part if isinstance(part, Mapping) else {"": part} for part in changes.values())
-    values = [value for section in sections for value in section.values()]
-    # a table would read "null" as a missing value
-    words = (
-        "unset" if v is None else f"{v:g}" if isinstance(v, float) else f"{v}" for v in values
-    )
+    words = []
+    for part in changes.values():
+        for value in part.values() if isinstance(part, Mapping) else [part]:
+            if value is None:
+                words.append("unset")  # a table would read "null" as a missing value
+            else:
+                words.append(f"{value:g}" if isinstance(value, float) else f"{value}")
     return ", ".join(dict.fromkeys(words))
 
 
 def merged(config: Mapping, changes: Mapping) -> dict:
     """The config with some of its values replaced; neither of the two is altered."""
-    return dict(config) | {
-        key: merged(config[key], value)
-        if isinstance(value, Mapping) and isinstance(config.get(key), Mapping)
-        else value
-        for key, value in changes.items()
-    }
+    result = dict(config)
+    for key, value in changes.items():
+        is_section = isinstance(value, Mapping) and isinstance(config.get(key), Mapping)
+        result[key] = merged(config[key], value) if is_section else value
+    return result
 
 
 def sweep_problems(
@@ -82,12 +83,12 @@ def sweep_problems(
 
     `problems_of` gives the problems of a complete config, regardless of its sweep.
     """
-    return [
-        f"'sweep.{factor}', value {number}: {problem}"
-        for factor, values in (config["sweep"] or {}).items()
-        for number, changes in enumerate(values, start=1)
-        for problem in problems_of(merged(config, changes))
-    ]
+    problems = []
+    for factor, values in (config["sweep"] or {}).items():
+        for number, changes in enumerate(values, start=1):
+            for problem in problems_of(merged(config, changes)):
+                problems.append(f"'sweep.{factor}', value {number}: {problem}")
+    return problems
 
 
 def outcomes(study: "Study") -> pd.DataFrame:

@@ -1,8 +1,8 @@
 """The method: the stages of the study that join several rooms, in the order of the paper.
 
 Read it from top to bottom. It follows section 2 of Marulli, Sorrentino & Paggi (2024, J. Archaeol.
-Sci. Rep. 104939) and goes on where the paper stops. What is a call of one room
-is found there.
+Sci. Rep. 104939) and goes on where the paper stops. A stage that takes one room stands in that
+room, and is named here.
 
 1. The square of the tool's mesh becomes heights on a grid (`grid_macroscale`). The scans, cleaned
    (`prepare_patch`), are laid on it where they were taken (`composite.compose_surface`). The whole

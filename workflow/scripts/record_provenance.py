@@ -34,18 +34,12 @@ def main(
     program: str,
 ) -> None:
     said = [caption_html(caption.read_text("utf-8"), config=config) for caption in captions]
-    entries = [
-        {
-            "file": file.relative_to(contents.parent).as_posix(),
-            "category": category,
-            "title": title,
-            "caption": caption,
-            "sha256": sha256(file),
-        }
-        for file, (category, title), caption in zip(
-            [page, *packed], [PAGE, *titles], [WHAT, *said], strict=True
-        )
-    ]
+    files_of = zip([page, *packed], [PAGE, *titles], [WHAT, *said], strict=True)
+    entries = []
+    for file, (category, title), caption in files_of:
+        name = file.relative_to(contents.parent).as_posix()
+        entry = {"file": name, "category": category, "title": title, "caption": caption}
+        entries.append(entry | {"sha256": sha256(file)})
     made_from = study_provenance(config, files, commit, program)
     for target, content in ((record, made_from), (contents, entries)):
         text = json.dumps(content, indent=1, ensure_ascii=False)

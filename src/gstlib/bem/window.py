@@ -111,13 +111,12 @@ class Preconditioner:
             self._field = np.zeros((ny + 2 * _REACH) * width)
             self._places = window.rows * width + window.columns
             self._centre = _REACH * width + _REACH
-            offsets = range(-_REACH, _REACH + 1)
-            self._stencil = [
-                (self._centre + i * width + j, float(inverse[i, j]))
-                for i in offsets
-                for j in offsets
-                if i * i + j * j <= _REACH**2 + 1
-            ]
+            self._stencil = []
+            for i in range(-_REACH, _REACH + 1):
+                for j in range(-_REACH, _REACH + 1):
+                    if i * i + j * j <= _REACH**2 + 1:
+                        place = self._centre + i * width + j
+                        self._stencil.append((place, float(inverse[i, j])))
         # T, on cells of several elements: Love's kernel grows in proportion to its elements.
         self._shape = -(-ny // _BLOCK), -(-nx // _BLOCK)
         self._cells = window.rows // _BLOCK * self._shape[1] + window.columns // _BLOCK

@@ -202,12 +202,11 @@ def mean_scores(
     for score in SCORES:
         values = np.array([one.scores[score] for one in found], dtype=float)
         values = values[np.isfinite(values)]
-        tested = [
-            one.null[score]
-            for one in found
-            for row in one.gains
-            if row["score"] == score and not math.isnan(row["p_value"])
-        ]
+        tested = []
+        for one in found:
+            for gain in one.gains:
+                if gain["score"] == score and not math.isnan(gain["p_value"]):
+                    tested.append(one.null[score])
         p = math.nan
         if tested:
             # a patch with few elements has fewer shifts than the others, and limits the draws

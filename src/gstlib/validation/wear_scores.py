@@ -97,11 +97,10 @@ def wear_table(
         compared = {"measured": np.where(loss, lost, 0.0)} | own
         for by, deepest in (("height", -height), ("gap", contact.gap.values[known])):
             order = np.array_split(np.argsort(deepest, kind="stable"), _BANDS)
-            bands += [
-                (patch, by, band, model, _mean_um(depth.clip(0)[points]))
-                for band, points in enumerate(order, start=1)
-                for model, depth in compared.items()
-            ]
+            for band, points in enumerate(order, start=1):
+                for model, depth in compared.items():
+                    mean_um = _mean_um(depth.clip(0)[points])
+                    bands.append((patch, by, band, model, mean_um))
     table = pd.DataFrame(rows, columns=columns_of("wear"))
     return table, pd.DataFrame(bands, columns=columns_of("wear_profile"))
 
