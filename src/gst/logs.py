@@ -8,7 +8,7 @@ import resource
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 from gstlib.errors import GstError
 from gstlib.io.files import cannot_write
 
-__all__ = ["FILE_ONLY", "job_log", "logged", "patch_by_patch", "run_script"]
+__all__ = ["FILE_ONLY", "job_log", "logged", "run_script"]
 
 # Environment variable, set by the workflow's display of progress, which shows the log's
 # messages itself: a job then writes nothing to the screen, unless its log cannot be written.
@@ -89,13 +89,6 @@ def logged(log: Path, level: str) -> list[str]:
     records = [match[2].strip() for match in _RECORD.finditer(text) if match[1] == level]
     parts = [record.partition("\nTraceback (most recent call last):\n") for record in records]
     return ["\n  ".join([said, *trace.splitlines()[-3:]]) for said, _, trace in parts]
-
-
-def patch_by_patch(patches: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Items of a mapping by patch; each is named in the log, to show the job's progress."""
-    for number, (patch, value) in enumerate(patches.items(), start=1):
-        logging.getLogger("gst").info("patch %s, %d of %d", patch, number, len(patches))
-        yield patch, value
 
 
 def run_script(snakemake: Any, main: Callable[..., None]) -> None:

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from gst.figures import macroscale, microscale, tables
 from gst.figures.style import message_figure, save_figure
-from gst.logs import patch_by_patch, run_script
+from gst.logs import run_script
 from gstlib.errors import InputError
 from gstlib.geometry import FRAME, stored_frame
 from gstlib.io.meshes import read_mesh
@@ -162,7 +162,7 @@ def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
             )
         return
     shown = evenly(study.patches, study.most_drawn_patches)
-    for patch, _ in patch_by_patch(dict.fromkeys(shown)):
+    for patch in shown:
         epochs = ["T0", "T1"] if patch in study.worn else ["T0"]
         only = "measured", "filled", "outlier"
         scans = {

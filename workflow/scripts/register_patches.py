@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from gst.logs import patch_by_patch, run_script
+from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.io.store import read_dataset, write_dataset
+from gstlib.io.store import Stored, write_dataset
 from gstlib.validation.change import register_patch
 
 
@@ -16,13 +16,12 @@ def main(
     patches: list[str],
     **settings: float,
 ) -> None:
-    files = dict(zip(patches, zip(t0, t1, registered, strict=True), strict=True))
-    for patch, (before, after, change) in patch_by_patch(files):
-        epochs = [
-            read_dataset(file, only=["height", "filled", "outlier"]) for file in (before, after)
-        ]
-        found = register_patch(*epochs, patch=patch, **settings)
-        write_dataset(change, found, provenance([before, after], settings))
+    names = "height", "filled", "outlier"
+    before = Stored(dict(zip(patches, t0, strict=True)), names)
+    after = Stored(dict(zip(patches, t1, strict=True)), names)
+    for patch, first, second, change in zip(patches, t0, t1, registered, strict=True):
+        found = register_patch(before[patch], after[patch], patch=patch, **settings)
+        write_dataset(change, found, provenance([first, second], settings))
 
 
 if "snakemake" in globals():
