@@ -18,7 +18,7 @@ from gst.sweep import merged
 from gstlib.specimen.stone import WEAR_LAWS
 from gstlib.study import Study
 from gstlib.validation.wear_scores import wear_table
-from gstlib.wear import fit_mat, wear_map
+from gstlib.wear import fit_mat, wear_patches
 
 ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "benchmarks/results/wear_specimens.csv"
@@ -63,11 +63,8 @@ def trial(
         ratios = [config["ratio"]] if "ratio" in config else worn.path.ratio.values
         at_ratios = worn._replace(path=worn.path.sel(ratio=ratios))
         fitted = fit_mat(at_ratios, contacts, changes)
-    maps = (
-        (patch, contacts[patch], changes[patch], wear_map(contacts[patch], worn, fitted, patch))
-        for patch in worn.losers
-    )
-    table, _ = wear_table(maps, worn.path)
+    losses = dict(wear_patches(worn, fitted, contacts))
+    table, _ = wear_table(contacts, changes, losses, worn.path)
     if fitted is not None:
         ratios = fitted.mat_ratio.to_series().rename("mat_ratio")
         table = table.merge(ratios, left_on="patch", right_index=True)

@@ -402,8 +402,7 @@ def score_wear(
     `mat` from `gstlib.wear.fit_mat`, None without one. The tables are those of
     `gstlib.validation.wear_scores.wear_table` and `gstlib.validation.wear_scores.wear_summary`.
     """
-    patches = ((patch, contacts[patch], changes[patch], loss) for patch, loss in losses.items())
-    table, profile = wear_table(patches, worn.path)
+    table, profile = wear_table(contacts, changes, losses, worn.path)
     summary = wear_summary(table, profile, mat, seed=seed, resamples=resamples)
     return table, profile, summary
 

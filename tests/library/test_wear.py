@@ -120,17 +120,17 @@ FIELD = "model", "y", "x"
 @pytest.fixture(scope="module")
 def tables():
     """Archard's law holds on patches a and b; c lost half of what it predicts."""
-    rows = []
+    contacts, changes, losses = {}, {}, {}
     pressure = pd.DataFrame({"patch": list("abc"), "pressure_MPa": [10.0, 20.0, 30.0]})
     for number, patch in enumerate("abc"):
-        contact = patch_of(10.0, seed=number)
+        contact = contacts[patch] = patch_of(10.0, seed=number)
         depth = np.maximum(contact.height.values - 0.001, 0) * (number + 1)
+        changes[patch] = changed(contact, depth if number < 2 else depth / 2)
         lost = contact.height.to_dataset(name="height").assign(depth=(FIELD, depth[None]))
-        lost = lost.assign_coords(model=["archard"])
-        rows.append((patch, contact, changed(contact, depth if number < 2 else depth / 2), lost))
-    measured = [-float(change.change.mean()) for _, _, change, _ in rows]
+        losses[patch] = lost.assign_coords(model=["archard"])
+    measured = [-float(change.change.mean()) for change in changes.values()]
     square = pressure.assign(measured=measured).set_index("patch").to_xarray()
-    return wear_table(rows, square)
+    return wear_table(contacts, changes, losses, square)
 
 
 def test_models_are_what_they_say(tables):

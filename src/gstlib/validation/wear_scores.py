@@ -10,7 +10,7 @@ pressure before use, and each patch cut off flat over its measured worn area (`w
 # 6109, which are not those of `make power`).
 
 import math
-from collections.abc import Iterable
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -38,14 +38,18 @@ def seen_depth(depth: np.ndarray) -> np.ndarray:
 
 
 def wear_table(
-    patches: Iterable[tuple[str, xr.Dataset, xr.Dataset, xr.Dataset]], square: xr.Dataset
+    contacts: Mapping[str, xr.Dataset],
+    changes: Mapping[str, xr.Dataset],
+    losses: Mapping[str, xr.Dataset],
+    square: xr.Dataset,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Predicted against measured loss of each patch: the tables ``wear`` and ``wear_profile``.
 
     Parameters
     ----------
-    patches : iterable of (patch, xarray.Dataset, xarray.Dataset, xarray.Dataset)
-        Contact before use, height change, and loss from `gstlib.wear.wear_map`; each is used once.
+    contacts, changes, losses : mapping of str to xarray.Dataset
+        Contact before use, height change, and loss from `gstlib.wear.wear_map`, by patch; each of
+        those with a loss is looked up once.
     square : xarray.Dataset
         The path of a `gstlib.wear.WornSquare`: ``measured`` and ``pressure_MPa`` before use.
 
@@ -64,15 +68,16 @@ def wear_table(
         contact to the largest; ``model`` is ``measured`` or a prediction.
     """
     of = square.pressure_MPa.to_series()
-    losses = square.measured.to_series().dropna()
+    measured = square.measured.to_series().dropna()
     rows: list[tuple] = []
     bands: list[tuple] = []
-    for patch, contact, change, worn in patches:
+    for patch, worn in losses.items():
+        contact, change = contacts[patch], changes[patch]
         known = np.isfinite(change.change.values)
         lost, loss = -change.change.values[known], change.loss.values.astype(bool)[known]
         level = change.level_of_detection.values[known]
         height = laid_height(contact).values[known]
-        others = losses.drop(patch)
+        others = measured.drop(patch)
         own = {str(of.model.values): seen_depth(of.values[known]) for of in worn.depth}
         out_of_contact = own["archard"] < level
         depths = own | {
