@@ -60,7 +60,7 @@ def test_installed_without_the_repository(built, version, finished_tiny, tmp_pat
         ROOT / "requirements.lock",
         f"gstlib[workflow] @ {wheel.as_uri()}",
     )
-    said = run(installed / "python", "-c", "import gstlib; print(gst.ROOT)", cwd=tmp_path)
+    said = run(installed / "python", "-c", "import gst; print(gst.ROOT)", cwd=tmp_path)
     assert Path(said.strip()).is_relative_to(tmp_path / "venv")
     gst = installed / "gst"
     said = run(gst, "new", "stone", "--like", "tiny", cwd=tmp_path)

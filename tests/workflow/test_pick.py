@@ -77,7 +77,7 @@ def frame_of(page, stone):
     config["square"]["size_mm"] = square["size_mm"]
     config["square"]["points_mm"] = square["points_mm"]
     assert config_problems(config) == []
-    frame = find_frame(config["square"], stone)
+    frame = find_frame(square["points_mm"], stone, size_mm=square["size_mm"])
     drawn = page.evaluate("frameOf(points())")
     for name, own in zip(("x", "y", "normal"), frame.axes, strict=True):
         assert drawn[name] == pytest.approx(own, abs=1e-3)
