@@ -54,6 +54,7 @@ _VARIABLES = {
     "displacement": ("mm", "far-field displacement from first touch"),
     "ceiling_share": ("1", "share of the contact at the ceiling"),
     "residual": ("1", "largest violation of contact conditions"),
+    "hardness": ("MPa", "ceiling on the pressure"),
     "traction": ("MPa", "tangential traction along the load"),
     "stick": ("1", "in contact, sticking"),
     "slip": ("1", "in contact, slipping"),
@@ -124,8 +125,7 @@ def solve_slip(
         "slip": (pressure > 0) & ~stick,
         "tangential_displacement": friction * compliance_ratio * descent,
     }
-    settings = {"friction": friction, "tangential_ratio": tangential_ratio, "poisson": poisson}
-    return _on_grid_of(contact, found, settings)
+    return _on_grid_of(contact, found)
 
 
 def solve_ceiling(
@@ -142,7 +142,8 @@ def solve_ceiling(
     -------
     xarray.Dataset
         ``pressure`` (y, x) MPa; ``gap`` (y, x) mm, where the pressure is at the ceiling minus the
-        depth of the yield; ``displacement`` mm, ``ceiling_share`` (of the contact), ``residual``.
+        depth of the yield; ``displacement`` mm, ``ceiling_share`` (of the contact), ``residual``
+        and ``hardness`` MPa.
     """
     loading = Loading.of(contact)
     state = solved(
@@ -155,7 +156,7 @@ def solve_ceiling(
     )
     names = "pressure", "gap", "displacement", "ceiling_share", "residual"
     found = {name: getattr(state, name) for name in names}
-    return _on_grid_of(contact, found, {"hardness_MPa": hardness_MPa})
+    return _on_grid_of(contact, found | {"hardness": hardness_MPa})
 
 
 def modulus_rows(
@@ -244,7 +245,7 @@ def ceiling_rows(patch: str, contact: xr.Dataset, limited: xr.Dataset) -> Iterat
     """
     elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
     both, either = int((elastic & plastic).sum()), int((elastic | plastic).sum())
-    at_ceiling = limited.pressure.values >= limited.attrs["hardness_MPa"]
+    at_ceiling = limited.pressure.values >= float(limited.hardness)
     deepest = float(np.max(-limited.gap.values[at_ceiling], initial=0.0))
     yield _STUDY, patch, "displacement", "um", float(contact.displacement) * 1e3
     yield _STUDY, patch, "contact fraction", "1", float(elastic.mean())
@@ -285,14 +286,14 @@ def check_ceiling(pressures: pd.DataFrame, hardness_MPa: float) -> None:
         )
 
 
-def _on_grid_of(contact: xr.Dataset, found: Mapping, settings: Mapping) -> xr.Dataset:
+def _on_grid_of(contact: xr.Dataset, found: Mapping) -> xr.Dataset:
     """Fields (y, x) and numbers of a case, with their units."""
     variables = {}
     for name, value in found.items():
         units, long_name = _VARIABLES[name]
         dims = ("y", "x") if np.ndim(value) else ()
         variables[name] = (dims, value, {"units": units, "long_name": long_name})
-    return xr.Dataset(variables, coords={"y": contact.y, "x": contact.x}, attrs=dict(settings))
+    return xr.Dataset(variables, coords={"y": contact.y, "x": contact.x})
 
 
 def _share(part: int, whole: int) -> float:
