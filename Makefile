@@ -61,7 +61,8 @@ test-all: test ## run all tests: also whole studies, browser, site, Slurm, fault
 style: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/lint-imports --no-logo
+	@# --verbose: its moving display fails beside other versions of rich
+	$(BIN)/lint-imports --no-logo --verbose
 	$(BIN)/snakefmt --check Snakefile workflow/Snakefile workflow/rules
 	$(BIN)/codespell
 	$(BIN)/python workflow/document.py --check

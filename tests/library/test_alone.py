@@ -7,6 +7,7 @@ import sys
 import sysconfig
 from pathlib import Path
 
+import gst
 import gstlib
 import pytest
 from gst.config import read_config
@@ -54,11 +55,8 @@ def packages(tmp_path):
     folder.mkdir()
     (folder / "gstlib").symlink_to(Path(gstlib.__file__).parent)
     for package in Path(sysconfig.get_paths()["purelib"]).iterdir():
-        if (
-            package.suffix != ".pth"
-            and package.name != "gstlib"
-            and package.stem.split("-")[0] not in ABSENT
-        ):
+        name = package.stem.split("-")[0]
+        if package.suffix != ".pth" and name not in (*ABSENT, "gst", "gstlib"):
             (folder / package.name).symlink_to(package)
     return folder
 
@@ -83,3 +81,16 @@ def test_the_library_runs_without_the_packages_of_the_application(packages, tmp_
     assert "scan.sur" in formats
     assert "gstlib[formats]" in formats
     assert "gstlib[texture]" in texture
+
+
+def test_the_command_says_which_extra_it_needs(packages):
+    (packages / "gst").symlink_to(Path(gst.__file__).parent)
+    done = subprocess.run(
+        [sys.executable, "-S", "-m", "gst", "--help"],
+        env=os.environ | {"PYTHONPATH": str(packages)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("ERROR: gst: click is not installed.")
+    assert "gstlib[workflow]" in done.stderr
