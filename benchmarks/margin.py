@@ -25,7 +25,6 @@ import math
 import os
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -33,6 +32,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import yaml
+from commands import snakemake_command
 
 from gst.difference import compare_results
 from gstlib.io.results import Column
@@ -51,21 +51,7 @@ def older_processor() -> dict[str, str]:
 def run_study(config: str, cores: int, folder: Path, environment: dict[str, str]) -> Path:
     """Run the study in `folder`; return its results."""
     shutil.copytree(ROOT / "config", folder / "config")
-    command = [
-        sys.executable,
-        "-m",
-        "snakemake",
-        "--snakefile",
-        str(ROOT / "Snakefile"),
-        "--directory",
-        str(folder),
-        "--cores",
-        str(cores),
-        "--quiet",
-        "all",
-        "--configfile",
-        str(folder / config),
-    ]
+    command = snakemake_command(folder, config, "--cores", str(cores), "--quiet", "all")
     subprocess.run(
         command, cwd=folder, env=os.environ | environment | {ALL_DIGITS: "1"}, check=True
     )

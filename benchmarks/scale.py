@@ -20,7 +20,6 @@ import math
 import re
 import resource
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -28,6 +27,7 @@ from pathlib import Path
 
 import pandas as pd
 import yaml
+from commands import snakemake_command
 
 from gst.patches import read_patches
 from gstlib.specimen import pebble, scanning
@@ -94,18 +94,7 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
 
 def snakemake(folder: Path, *arguments: str) -> tuple[dict[str, float], str]:
     """Run Snakemake there; how it went (wall and CPU s, peak MB), and what it said."""
-    command = [
-        sys.executable,
-        "-m",
-        "snakemake",
-        "--snakefile",
-        str(ROOT / "Snakefile"),
-        "--directory",
-        str(folder),
-        *arguments,
-        "--configfile",
-        str(folder / CONFIG),
-    ]
+    command = snakemake_command(folder, CONFIG, *arguments)
     start, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     process = subprocess.Popen(
         command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True

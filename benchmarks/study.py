@@ -38,6 +38,7 @@ from pathlib import Path
 
 import pandas as pd
 import yaml
+from commands import snakemake_command
 
 ROOT = Path(__file__).parents[1]
 
@@ -83,21 +84,7 @@ def run_study(config: str, cores: int, folder: Path) -> tuple[float, Path, dict[
         made.mkdir()
     (hook / "sitecustomize.py").write_text(NOTE_USE)
     path = os.pathsep.join(filter(None, [str(hook), os.environ.get("PYTHONPATH")]))
-    command = [
-        sys.executable,
-        "-m",
-        "snakemake",
-        "--snakefile",
-        str(ROOT / "Snakefile"),
-        "--directory",
-        str(folder),
-        "--cores",
-        str(cores),
-        "--quiet",
-        "all",
-        "--configfile",
-        str(folder / config),
-    ]
+    command = snakemake_command(folder, config, "--cores", str(cores), "--quiet", "all")
     start = time.perf_counter()
     subprocess.run(
         command,

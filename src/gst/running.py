@@ -44,17 +44,9 @@ MADE = (
     "report.html",
     "verdict.html",
 )
-# What studies of earlier versions made, too, folders first; no step makes or reads it any more.
-_EARLIER = (
-    "benchmarks",
-    "hardness",
-    "slip",
-    "power",
-    "tables/hardness.csv",
-    "tables/sensitivity.csv",
-    "tables/slip.csv",
-    "tables/pose_shifts.csv",
-)
+# What studies of earlier versions made, too; no step makes or reads it any more.
+_EARLIER_FOLDERS = "benchmarks", "hardness", "power", "slip"
+_EARLIER_TABLES = "hardness", "pose_shifts", "sensitivity", "slip"
 LOCKS = Path(".snakemake/locks")
 HOST = Path(".snakemake/host")  # the machine on which the last run was started
 _PLANNING = {"-n", "--dry-run", "--dryrun"}
@@ -155,7 +147,8 @@ def run_study(
 
 def _refuse_earlier(results: Path, config: Path) -> None:
     """Refuse a folder with results of an earlier version, which would stand beside the new ones."""
-    if left := [name for name in _EARLIER if (results / name).exists()]:
+    names = [*_EARLIER_FOLDERS, *(f"tables/{name}.csv" for name in _EARLIER_TABLES)]
+    if left := [name for name in names if (results / name).exists()]:
         raise InputError(
             results,
             f"holds results of an earlier version of the program ({', '.join(left)})",
@@ -231,7 +224,7 @@ def claim_folder(config: Path) -> None:
 def remove_results(config: Path) -> None:
     """Ask, and remove what a study made in its folder; the folder too, if nothing else is in it."""
     folder = Path(_checked(config)["results"])
-    made = [folder / name for name in (*MADE, *_EARLIER[:4]) if (folder / name).exists()]
+    made = [folder / name for name in (*MADE, *_EARLIER_FOLDERS) if (folder / name).exists()]
     made += folder.glob(".*.part*")
     if not made:
         print(f"{folder} contains no results of a study.")

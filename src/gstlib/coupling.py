@@ -138,7 +138,7 @@ def place_patch(
         ``counterface``; a scan of that face lies on its plane.
     """
     at, patch_mm = square.sel(patch=patch), float(square.patch_mm)
-    place = Place(float(at.y_mm), float(at.x_mm), float(at.rotation_deg))
+    place = Place.of(at)
     ny, nx = height.shape
     displaced = surroundings(
         contact.pressure,

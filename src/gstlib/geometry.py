@@ -55,6 +55,11 @@ class Place(NamedTuple):
     x_mm: float
     rotation_deg: float = 0.0
 
+    @classmethod
+    def of(cls, at: xr.Dataset) -> "Place":
+        """The place of one patch, from its ``y_mm, x_mm, rotation_deg``."""
+        return cls(*(float(at[name]) for name in cls._fields))
+
     def points(self, v: Any, u: Any) -> tuple[Any, Any]:
         """Places (y, x) on the square of points (v, u) from the scan's centre, mm."""
         dy, dx = rotated(v, u, self.rotation_deg)

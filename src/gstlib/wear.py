@@ -318,7 +318,7 @@ def _lowered(contact: xr.Dataset, at: xr.Dataset, mat: Mat) -> np.ndarray | floa
         return 0.0
     under_mat = surroundings(
         mat.pressure,
-        Place(float(at.y_mm), float(at.x_mm), float(at.rotation_deg)),
+        Place.of(at),
         contact.height.shape,
         size_mm=float(at.patch_mm),
         contact_modulus_MPa=float(contact.contact_modulus),

@@ -7,6 +7,7 @@ from gstlib.io.store import Stored
 from gstlib.io.tables import read_pressures, read_table, studied_files, write_table
 from gstlib.study import score_patches
 from gstlib.validation.scoring import Chance, Scoring
+from gstlib.validation.summary import predictors
 
 
 def main(
@@ -32,15 +33,11 @@ def main(
         for variant, files in zip(compared, [contacts, others], strict=False)
     }
     changes = Stored(dict(zip(worn, registered, strict=True)))
-    states = ["patch", "mean_pressure_MPa", "stiffness_MPa_per_um"]
-    predicted = read_table(microscale, states)[states].rename(
-        columns={"mean_pressure_MPa": "pressure_MPa"}
+    predicted = predictors(
+        read_table(microscale, ["patch", "mean_pressure_MPa", "stiffness_MPa_per_um"]),
+        read_pressures(pressures),
+        read_table(exposure, ["patch", "exposure_N_per_mm"]) if exposure else None,
     )
-    places = read_pressures(pressures)[["patch", "x_mm", "y_mm"]]
-    predicted = predicted.merge(places, on="patch")
-    if exposure:
-        left = ["patch", "exposure_N_per_mm"]
-        predicted = predicted.merge(read_table(exposure, left)[left], on="patch")
     scoring = Scoring(*(validation[name] for name in Scoring._fields))
     chance = Chance(seed, validation["shifts"], validation["resamples"])
     tables = score_patches(by_variant, changes, predicted, scoring, chance, worst=worst)

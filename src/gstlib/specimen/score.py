@@ -155,10 +155,7 @@ def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterato
 
 def _registration_scores(at: xr.Dataset, found: dict) -> Iterator[_Row]:
     """The position found for T1, along the axes of the T0 scan."""
-    t0, t1 = (
-        Place(*(float(at[name].sel(epoch=epoch)) for name in Place._fields))
-        for epoch in ("T0", "T1")
-    )
+    t0, t1 = (Place.of(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
     shift_y, shift_x = relocation(t0, t1)
     for axis, shift in (("x", shift_x), ("y", shift_y)):
         yield f"shift_{axis}", "um", shift * _UM, found[f"shift_{axis}_um"]

@@ -31,6 +31,7 @@ __all__ = [
     "exchange_p_value",
     "mean_gains",
     "mean_scores",
+    "predictors",
     "rank_correlation",
     "spatial_p_value",
     "summarise",
@@ -131,6 +132,21 @@ def _variant_rows(
         row = contact, rival, gain.against, gain.value, gain.low, gain.high, gain.p_value
         rows.append((variant, score, *row, gain.n))
     return rows
+
+
+def predictors(
+    microscale: pd.DataFrame, pressures: pd.DataFrame, exposure: pd.DataFrame | None
+) -> pd.DataFrame:
+    """What is predicted of each patch, as `summarise` takes it.
+
+    The tables are ``microscale_summary``, ``patch_pressures`` and, of a gesture, ``exposure``.
+    """
+    states = microscale[["patch", "mean_pressure_MPa", "stiffness_MPa_per_um"]]
+    predicted = states.rename(columns={"mean_pressure_MPa": "pressure_MPa"})
+    predicted = predicted.merge(pressures[["patch", "x_mm", "y_mm"]], on="patch")
+    if exposure is None:
+        return predicted
+    return predicted.merge(exposure[["patch", "exposure_N_per_mm"]], on="patch")
 
 
 def believed(found: Sequence[PatchScores]) -> list[PatchScores]:
