@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from scipy.spatial import KDTree
+import scipy
 
 from gst.viewer import coarsen, stone_data, three_js, to_script, viewer_js
 
@@ -84,6 +84,6 @@ def pick_page(
 def _deviation(shown: "trimesh.Trimesh", mesh: "trimesh.Trimesh") -> tuple[float, float]:
     """How far (mm) faces lie off a mesh: the 95th percentile, and the maximum."""
     middles = np.asarray(shown.triangles_center)
-    _, nearest = KDTree(mesh.vertices).query(middles)
+    _, nearest = scipy.spatial.KDTree(mesh.vertices).query(middles)
     off = ((middles - mesh.vertices[nearest]) * mesh.vertex_normals[nearest]).sum(axis=1)
     return float(np.percentile(np.abs(off), 95)), float(np.abs(off).max())

@@ -19,10 +19,8 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pandas as pd
-import scipy.fft
+import scipy
 import xarray as xr
-from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator, RectBivariateSpline
-from scipy.ndimage import map_coordinates
 
 from gstlib.geometry import Place, half_extent, on_patch, places_of, spline_of
 from gstlib.preprocess.filtering import s_filtered
@@ -40,7 +38,9 @@ _PLANE_DRAWS = 50
 _TILT_PATCHES = 24
 
 
-def plane_under(spline: RectBivariateSpline, place: Place, patch_mm: float) -> Plane:
+def plane_under(
+    spline: "scipy.interpolate.RectBivariateSpline", place: Place, patch_mm: float
+) -> Plane:
     """Least-squares plane of a surface under an outline, along the axes of the scan there."""
     heights = on_patch(spline, place, 2 * (_PLANE_POINTS,), patch_mm)
     along = axis_coordinates(_PLANE_POINTS, patch_mm / _PLANE_POINTS)
@@ -150,7 +150,7 @@ def compose_surface(
 
 
 def compose(
-    spline: RectBivariateSpline,
+    spline: "scipy.interpolate.RectBivariateSpline",
     scans: Iterable[tuple[Place, Plane, np.ndarray]],
     patch_mm: float,
     shape: tuple[int, ...],
@@ -179,7 +179,7 @@ def compose(
             (axis / patch_mm + 0.5) * points - 0.5
             for axis, points in zip(np.broadcast_arrays(v, u), scan.shape, strict=True)
         ]
-        values = map_coordinates(scan, at, order=1, mode="nearest")
+        values = scipy.ndimage.map_coordinates(scan, at, order=1, mode="nearest")
         values += plane.offset + plane.slope_y * v + plane.slope_x * u
         laid[rows, columns] += np.where(inside, values, 0)
         count[rows, columns] += inside
@@ -215,9 +215,9 @@ def draw_mesh_errors(
         (len(vertices), draws)
     )
     at = np.stack(np.meshgrid(square.y.values, square.x.values, indexing="ij"), axis=-1)
-    found = LinearNDInterpolator(vertices, errors)(at)
+    found = scipy.interpolate.LinearNDInterpolator(vertices, errors)(at)
     outside = np.isnan(found[..., 0])
-    found[outside] = NearestNDInterpolator(vertices, errors)(at[outside])
+    found[outside] = scipy.interpolate.NearestNDInterpolator(vertices, errors)(at[outside])
     return np.moveaxis(found, -1, 0)
 
 

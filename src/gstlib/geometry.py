@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
 
 from gstlib.errors import ConfigError
@@ -16,7 +17,6 @@ from gstlib.surface import axis_coordinates, spacing_of
 
 if TYPE_CHECKING:
     import trimesh
-    from scipy.interpolate import RectBivariateSpline
 
 __all__ = [
     "FRAME",
@@ -76,15 +76,16 @@ def places_of(patches: pd.DataFrame) -> dict[str, Place]:
     return {patch: Place(*map(float, place)) for patch, *place in rows}
 
 
-def spline_of(field: xr.DataArray) -> "RectBivariateSpline":
+def spline_of(field: xr.DataArray) -> "scipy.interpolate.RectBivariateSpline":
     """Cubic spline of a field (y, x) through its element centres; it is constant beyond them."""
-    from scipy.interpolate import RectBivariateSpline
-
-    return RectBivariateSpline(field.y.values, field.x.values, field.values)
+    return scipy.interpolate.RectBivariateSpline(field.y.values, field.x.values, field.values)
 
 
 def on_patch(
-    spline: "RectBivariateSpline", place: Place, shape: tuple[int, ...], size_mm: float
+    spline: "scipy.interpolate.RectBivariateSpline",
+    place: Place,
+    shape: tuple[int, ...],
+    size_mm: float,
 ) -> np.ndarray:
     """A field of the square at the points, of this `shape`, of the scan that lies at a place."""
     v, u = (axis_coordinates(count, size_mm / count) - size_mm / 2 for count in shape)

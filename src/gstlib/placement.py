@@ -11,8 +11,8 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
-from scipy.special import fdtrc, stdtrit
 
 from gstlib.geometry import moved, on_patch, places_of, spline_of
 
@@ -172,7 +172,7 @@ def _shared_shift(maps: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.n
     if not errors.all() or np.isnan(errors).any():
         return shift, errors, np.nan
     ratio = shift @ np.linalg.solve(covariance, shift) / 2 * (number - 2) / (number - 1)
-    return shift, errors, float(fdtrc(2, number - 2, ratio))
+    return shift, errors, float(scipy.special.fdtrc(2, number - 2, ratio))
 
 
 def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
@@ -195,5 +195,5 @@ def _looks(maps: np.ndarray) -> str:
     second, best = np.argsort(values.mean(axis=1))[-2:]
     lead = values[best] - values[second]
     error = lead.std(ddof=1) / np.sqrt(lead.size)
-    clear = lead.mean() > stdtrit(lead.size - 1, 1 - _SIGNIFICANCE) * error
+    clear = lead.mean() > scipy.special.stdtrit(lead.size - 1, 1 - _SIGNIFICANCE) * error
     return _LOOKS[best] if clear else ""

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
-from scipy.ndimage import map_coordinates
 
 from gstlib.composite import compose
 from gstlib.contact import Loading, contact_at_pressure, faces_of, laid_height
@@ -118,7 +118,9 @@ def patches_of_reference(
             for points, axis in zip(place.points(v[:, None], u), "yx", strict=True)
         ]
         nearest = {"order": 0, "mode": "grid-constant", "cval": 0}  # of the square's points
-        values = map_coordinates(pressure.values, np.broadcast_arrays(*at), **nearest)
+        values = scipy.ndimage.map_coordinates(
+            pressure.values, np.broadcast_arrays(*at), **nearest
+        )
         touching.append(values > 0)
         mean.append(values.mean())
     there = "in the single-scale contact"

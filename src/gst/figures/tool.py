@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -119,8 +120,6 @@ def outline_on(
     `corners` are (k, 2), in the square's frame; points between them are a twentieth of `size`
     apart.
     """
-    from scipy.spatial import KDTree
-
     places, is_over = _over_square(mesh, frame, size, 0.1 * size)
     sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
     along = [
@@ -128,7 +127,7 @@ def outline_on(
         for start, end in sides
     ]
     flat = np.concatenate(along)
-    _, nearest = KDTree(places[is_over, :2]).query(flat)
+    _, nearest = scipy.spatial.KDTree(places[is_over, :2]).query(flat)
     heights = places[is_over, 2][nearest]
     return np.column_stack([flat, heights]) @ frame.axes + np.array(frame.origin)
 

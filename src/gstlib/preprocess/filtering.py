@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.fft
+import scipy
 import xarray as xr
 
 from gstlib.surface import spacing_of

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
 
 from gstlib.errors import InputError
@@ -221,14 +222,12 @@ def _predicted(interpolation: str, cloud: np.ndarray, places: np.ndarray) -> np.
 
     Outside the cloud, all but the cubic are NaN.
     """
-    from scipy import interpolate
-
     points, heights = cloud[:, :2], cloud[:, 2]
     if interpolation == "linear":
-        return interpolate.LinearNDInterpolator(points, heights)(places)
+        return scipy.interpolate.LinearNDInterpolator(points, heights)(places)
     if interpolation == "clough-tocher":
-        return interpolate.CloughTocher2DInterpolator(points, heights)(places)
-    spline = interpolate.RBFInterpolator(
+        return scipy.interpolate.CloughTocher2DInterpolator(points, heights)(places)
+    spline = scipy.interpolate.RBFInterpolator(
         points, heights, neighbors=min(_NEIGHBOURS, len(cloud)), kernel="cubic", degree=2
     )
     try:

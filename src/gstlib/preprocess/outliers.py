@@ -16,9 +16,9 @@ spikes loses next to nothing. Clusters of up to nearly half of the window's poin
 """
 
 import numpy as np
+import scipy
 import xarray as xr
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import median_filter, uniform_filter
 
 from gstlib.preprocess.leveling import remove_plane
 
@@ -61,7 +61,7 @@ def window_outliers(
     heights = heights - heights.mean()
     # ASSUME: the window includes its centre, and is mirrored at the edges of the map.
     mean, square = (
-        uniform_filter(values, 2 * half_width + 1, mode="reflect")
+        scipy.ndimage.uniform_filter(values, 2 * half_width + 1, mode="reflect")
         for values in (heights, heights**2)
     )
     rms = np.sqrt(np.maximum(square - mean**2, 0.0))
@@ -102,7 +102,7 @@ def median_outliers(
     above = np.indices(heights.shape).sum(axis=0) % 2 == 1
     entered = np.where(measured, heights, np.where(above, np.inf, -np.inf))
     # The map is mirrored about its outermost points themselves: a spike there is not doubled.
-    off = np.abs(heights - median_filter(entered, window, mode="mirror"))
+    off = np.abs(heights - scipy.ndimage.median_filter(entered, window, mode="mirror"))
     # ASSUME: S is no less than that of the whole map. Without this bound, a spot much smoother than
     # the rest would have its small unevenness marked as outliers.
     scale = max(

@@ -4,10 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
+import scipy
 import xarray as xr
-from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
-from scipy.ndimage import binary_dilation
-from scipy.spatial import QhullError
 
 from gstlib.errors import InputError
 from gstlib.io.results import columns_of
@@ -160,13 +158,13 @@ def interpolate_holes(heights: np.ndarray, holes: np.ndarray) -> np.ndarray:
     own fence, and only the fences have to be triangulated.
     """
     result = heights.copy()
-    fence = np.argwhere(binary_dilation(holes, np.ones((3, 3))) & ~holes)
+    fence = np.argwhere(scipy.ndimage.binary_dilation(holes, np.ones((3, 3))) & ~holes)
     known = heights[tuple(fence.T)]
     try:
-        result[holes] = LinearNDInterpolator(fence, known)(np.argwhere(holes))
-    except (QhullError, ValueError):  # no points, or all on one line
+        result[holes] = scipy.interpolate.LinearNDInterpolator(fence, known)(np.argwhere(holes))
+    except (scipy.spatial.QhullError, ValueError):  # no points, or all on one line
         result[holes] = np.nan
     rest = np.isnan(result)
     if rest.any():
-        result[rest] = NearestNDInterpolator(fence, known)(np.argwhere(rest))
+        result[rest] = scipy.interpolate.NearestNDInterpolator(fence, known)(np.argwhere(rest))
     return result

@@ -11,8 +11,7 @@ body of revolution closest to the pebble, so the triangles stay well shaped.
 """
 
 import numpy as np
-import scipy.ndimage
-from scipy.spatial import ConvexHull
+import scipy
 
 __all__ = [
     "OUTER_SIZE_MM",
@@ -91,7 +90,7 @@ def even_triangulation(edge_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarr
     count = round(area.sum() / (_AREA_PER_EDGE_SQUARED * edge_mm**2))
     colatitude, azimuth = _even_spiral(area, count)
     sphere = _on_sphere(colatitude, azimuth, nodes)
-    faces = ConvexHull(sphere).simplices
+    faces = scipy.spatial.ConvexHull(sphere).simplices
     a, b, c = (sphere[faces[:, corner]] for corner in range(3))
     inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c) < 0
     faces[inward] = faces[inward][:, ::-1]

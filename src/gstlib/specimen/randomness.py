@@ -9,7 +9,7 @@ import zlib
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.fft
+import scipy
 
 from gstlib.errors import ConfigError
 

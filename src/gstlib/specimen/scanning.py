@@ -6,7 +6,7 @@ along x. Truths are kept as they lie on the stone, before the mould flips them.
 """
 
 import numpy as np
-import scipy.ndimage
+import scipy
 import xarray as xr
 
 from gstlib.errors import InputError

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 import pandas as pd
-import scipy.ndimage
+import scipy
 import xarray as xr
 
 from gstlib.geometry import Place

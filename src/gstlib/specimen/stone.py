@@ -12,9 +12,7 @@ study, wear can instead follow something else, or a law: Archard's, with the bar
 """
 
 import numpy as np
-import scipy.fft
-import scipy.interpolate
-import scipy.ndimage
+import scipy
 
 from gstlib.bem import Layer, ThirdBody, wear_path
 from gstlib.preprocess.leveling import remove_plane

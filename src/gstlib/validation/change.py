@@ -18,8 +18,7 @@ import math
 
 import numpy as np
 import pandas as pd
-import scipy.ndimage
-import scipy.optimize
+import scipy
 import xarray as xr
 
 from gstlib.errors import InputError

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import ndtr, stdtrit
+import scipy
 
 from gstlib.validation.scores import Comparison, Prediction, rank_levels, scores_of_sums
 
@@ -95,6 +95,8 @@ def percentile_interval(samples: np.ndarray, units: int) -> tuple[float, float]:
     samples = samples[np.isfinite(samples)]
     if units < _FEWEST_UNITS or not samples.size:
         return math.nan, math.nan
-    tail = ndtr(stdtrit(units - 1, (1 - _CONFIDENCE) / 2) * math.sqrt(units / (units - 1)))
+    tail = scipy.special.ndtr(
+        scipy.special.stdtrit(units - 1, (1 - _CONFIDENCE) / 2) * math.sqrt(units / (units - 1))
+    )
     low, high = np.quantile(samples, [tail, 1 - tail])
     return float(low), float(high)

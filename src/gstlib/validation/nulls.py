@@ -21,7 +21,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.fft
+import scipy
 
 from gstlib.validation.scores import CONTACT, Comparison, rank_levels, scores_of_sums
 

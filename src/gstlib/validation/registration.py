@@ -22,7 +22,7 @@ import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
-import scipy.ndimage
+import scipy
 import xarray as xr
 
 from gstlib.errors import InputError

@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.spatial.distance import pdist, squareform
-from scipy.stats import hypergeom, permutation_test, rankdata, t
+import scipy
 
 from gstlib.io.results import columns_of
 from gstlib.validation.intervals import percentile_interval
@@ -194,7 +193,7 @@ def exchange_p_value(gain: np.ndarray, generator: np.random.Generator) -> float:
     """
     if gain.size < 2 or not gain.any():
         return math.nan
-    found = permutation_test(
+    found = scipy.stats.permutation_test(
         (gain, np.zeros_like(gain)),
         lambda a, b, axis: (a - b).mean(axis=axis),
         permutation_type="samples",
@@ -258,7 +257,7 @@ def rank_correlation(
     value = low = high = p = math.nan
     if x.size >= 3 and np.ptp(x) > 0 and np.ptp(y) > 0:
         value = float(_spearman(x, y))
-        p = permutation_test(
+        p = scipy.stats.permutation_test(
             (x,),
             lambda shuffled, axis: _spearman(shuffled, y),
             permutation_type="pairings",
@@ -288,13 +287,15 @@ def spatial_p_value(
     the larger p-value counts. It is two-sided, and NaN with fewer than 4 patches or constant
     values. `places` (n, 2) are the patches' coordinates, in any unit.
     """
-    x, y = rankdata(x), rankdata(y)
+    x, y = scipy.stats.rankdata(x), scipy.stats.rankdata(y)
     if x.size < 4 or np.ptp(x) == 0 or np.ptp(y) == 0:
         return math.nan
     freedom = max(_effective_patches(x, y, places), _FEWEST_EFFECTIVE) - 2
     correlation = float(np.clip(np.corrcoef(x, y)[0, 1], -1, 1))
     spread = math.sqrt((1 - correlation**2) / freedom)
-    spatial = float(2 * t.sf(abs(correlation) / spread, freedom)) if spread > 0 else 0.0
+    spatial = (
+        float(2 * scipy.stats.t.sf(abs(correlation) / spread, freedom)) if spread > 0 else 0.0
+    )
     return max(permuted, spatial)
 
 
@@ -303,7 +304,9 @@ def _effective_patches(x: np.ndarray, y: np.ndarray, places: np.ndarray) -> floa
 
     At most the actual number: neighbours that differ more than others are no additional evidence.
     """
-    distance = squareform(pdist(np.asarray(places, dtype=float)))
+    distance = scipy.spatial.distance.squareform(
+        scipy.spatial.distance.pdist(np.asarray(places, dtype=float))
+    )
     count = len(distance)
     centring = np.eye(count) - 1 / count
     of_x, of_y = (centring @ _covariance(values, distance) @ centring for values in (x, y))
@@ -331,7 +334,9 @@ def _covariance(values: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 def _spearman(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Spearman's correlation along the last axis; NaN where one of them is constant."""
-    a, b = (rankdata(values, axis=-1) - (values.shape[-1] + 1) / 2 for values in (x, y))
+    a, b = (
+        scipy.stats.rankdata(values, axis=-1) - (values.shape[-1] + 1) / 2 for values in (x, y)
+    )
     scale = np.sqrt((a * a).sum(axis=-1) * (b * b).sum(axis=-1))
     product = (a * b).sum(axis=-1)
     return np.divide(product, scale, out=np.full(np.shape(product), np.nan), where=scale > 0)
@@ -353,9 +358,11 @@ def _worst(table: pd.DataFrame, expected: Sequence[str], column: str) -> tuple:
     known = table.set_index("patch")[column].dropna()
     share = p = math.nan
     if known.index.isin(expected).sum() == len(expected):
-        ranks = rankdata(-known.to_numpy(dtype=float), method="max")
+        ranks = scipy.stats.rankdata(-known.to_numpy(dtype=float), method="max")
         within = int((ranks[known.index.isin(expected)] <= len(expected)).sum())
         share = within / len(expected)
-        p = float(hypergeom.sf(within - 1, len(known), len(expected), len(expected)))
+        p = float(
+            scipy.stats.hypergeom.sf(within - 1, len(known), len(expected), len(expected))
+        )
     name = f"expected_worst({'+'.join(expected)}, {column})"
     return name, share, math.nan, math.nan, p, len(known), "random ranking"
