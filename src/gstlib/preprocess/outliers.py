@@ -96,13 +96,11 @@ def median_outliers(
         Robust standard deviation (mm) of all points from the medians of their windows.
     """
     heights = remove_plane(surface)[0].values
-    window = 2 * half_width + 1
     measured = np.isfinite(heights)
     # With half the unmeasured points above everything and half below, the median is the others'.
     above = np.indices(heights.shape).sum(axis=0) % 2 == 1
     entered = np.where(measured, heights, np.where(above, np.inf, -np.inf))
-    # The map is mirrored about its outermost points themselves: a spike there is not doubled.
-    off = np.abs(heights - scipy.ndimage.median_filter(entered, window, mode="mirror"))
+    off = np.abs(heights - _medians(_windows(entered, half_width)))
     # ASSUME: S is no less than that of the whole map. Without this bound, a spot much smoother than
     # the rest would have its small unevenness marked as outliers.
     scale = max(
@@ -111,10 +109,29 @@ def median_outliers(
     )
     # Because of that bound only these points can be outliers: few enough to gather their windows.
     at = np.nonzero(off > threshold * scale)
-    padded = np.pad(heights, half_width, mode="reflect")
-    around = sliding_window_view(padded, (window, window))[at].reshape(-1, window**2)
+    around = _windows(heights, half_width)[at].reshape(-1, (2 * half_width + 1) ** 2)
     median = np.nanmedian(around, axis=1)
     local = _NORMAL * np.nanmedian(np.abs(around - median[:, None]), axis=1)
     outlier = np.zeros(heights.shape, dtype=bool)
     outlier[at] = np.abs(heights[at] - median) > threshold * np.maximum(local, scale)
     return outlier, scale
+
+
+def _windows(heights: np.ndarray, half_width: int) -> np.ndarray:
+    """The window around each point: a view (ny, nx, 2r + 1, 2r + 1)."""
+    # The map is mirrored about its outermost points themselves: a spike there is not doubled.
+    padded = np.pad(heights, half_width, mode="reflect")
+    return sliding_window_view(padded, 2 * (2 * half_width + 1,))
+
+
+def _medians(windows: np.ndarray) -> np.ndarray:
+    """Median (ny, nx) of each window, of which none has NaN.
+
+    It takes half the time of `scipy.ndimage.median_filter`, row by row, which stay in cache.
+    """
+    medians = np.empty(windows.shape[:2])
+    for of_row, row in zip(medians, windows, strict=True):
+        points = row.reshape(len(row), -1)
+        middle = points.shape[1] // 2
+        of_row[:] = np.partition(points, middle)[:, middle]
+    return medians
