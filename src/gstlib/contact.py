@@ -23,6 +23,8 @@ from gstlib.preprocess.leveling import Plane
 from gstlib.surface import spacing_of
 
 __all__ = [
+    "LAID",
+    "LOAD_PATHS",
     "Loading",
     "check_grid",
     "contact_at_pressure",
@@ -76,6 +78,17 @@ _FIELDS = "pressure", "gap"
 _NUMBERS = "displacement", "mean_pressure", "contact_fraction", "residual"
 # Of a variable along a load path, beside that of the state at its end.
 _PATH = "path_"
+# Variables of a contact that `laid_height` takes, and those that `microscale_tables` takes.
+LAID = "height", "slope_y", "slope_x", "counterface"
+LOAD_PATHS = (
+    "target_pressure",
+    "residual",
+    "path_displacement",
+    "path_mean_pressure",
+    "path_contact_fraction",
+    "path_stiffness",
+    "path_interface_stiffness",
+)
 
 
 class Loading(NamedTuple):

@@ -107,17 +107,17 @@ def footprint_weights(grid: xr.DataArray, place: Place, size_mm: float) -> np.nd
     `grid` is any field on the grid, dims (..., y, x); `size_mm` is the footprint's side.
     """
     dy, dx = spacing_of(grid)
+    y, x, half = grid.y.values, grid.x.values, size_mm / 2
     if place.rotation_deg == 0:  # as exact, and a hundred times as fast
         overlap = []
-        for at, step, centre in (("y", dy, place.y_mm), ("x", dx, place.x_mm)):
-            low, high = grid[at].values - step / 2, grid[at].values + step / 2
-            half = size_mm / 2
+        for at, step, centre in ((y, dy, place.y_mm), (x, dx, place.x_mm)):
+            low, high = at - step / 2, at + step / 2
             inside = np.minimum(high, centre + half) - np.maximum(low, centre - half)
             overlap.append(np.clip(inside, 0, None))
         return np.outer(*overlap) / (dy * dx)
     import shapely
 
-    y, x = np.meshgrid(grid.y.values, grid.x.values, indexing="ij")
+    y, x = np.meshgrid(y, x, indexing="ij")
     near = (abs(y - place.y_mm) < size_mm + dy) & (abs(x - place.x_mm) < size_mm + dx)
     y, x, weights = y[near], x[near], np.zeros(near.shape)
     elements = shapely.box(x - dx / 2, y - dy / 2, x + dx / 2, y + dy / 2)
@@ -126,7 +126,7 @@ def footprint_weights(grid: xr.DataArray, place: Place, size_mm: float) -> np.nd
     return weights
 
 
-def half_extent(size_mm: float, rotation_deg: float | pd.Series) -> float | pd.Series:
+def half_extent(size_mm: float, rotation_deg: Any) -> Any:
     """How far a rotated footprint reaches from its centre along x and y, mm."""
     angle = np.radians(rotation_deg)
     return size_mm / 2 * (abs(np.cos(angle)) + abs(np.sin(angle)))
@@ -142,10 +142,13 @@ def moved(
 
     `square` is any field on it; `size_mm` is the side of a patch.
     """
-    half = half_extent(size_mm, patches.rotation_deg)
+    half = half_extent(size_mm, patches.rotation_deg.to_numpy())
     last = spacing_of(square)[0] * square.sizes["y"] - half
-    y, x = (patches[name] + by for name, by in zip(("y_mm", "x_mm"), shift_mm, strict=True))
-    return patches.assign(x_mm=x.clip(half, last), y_mm=y.clip(half, last))
+    y, x = (
+        np.clip(patches[name].to_numpy() + by, half, last)
+        for name, by in zip(("y_mm", "x_mm"), shift_mm, strict=True)
+    )
+    return patches.assign(x_mm=x, y_mm=y)
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,12 @@
 from pathlib import Path
 
 from gst.logs import run_script
+from gstlib.contact import LAID
 from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import write_table
 from gstlib.reference import two_scales_table
+
+READ = *LAID, "pressure", "mean_pressure"
 
 
 def main(
@@ -19,7 +22,7 @@ def main(
     rim: float,
 ) -> None:
     by_variant = {
-        variant: Stored(dict(zip(patches, files, strict=True)))
+        variant: Stored(dict(zip(patches, files, strict=True)), READ)
         for variant, files in zip(variants, [contacts, others], strict=False)
     }
     write_table(table, two_scales_table(by_variant, read_dataset(reference), rim=rim))

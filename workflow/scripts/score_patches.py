@@ -3,11 +3,14 @@
 from pathlib import Path
 
 from gst.logs import run_script
+from gstlib.contact import LAID
 from gstlib.io.store import Stored
 from gstlib.io.tables import read_pressures, read_table, studied_files, write_table
 from gstlib.study import score_patches
 from gstlib.validation.scoring import Chance, Scoring
 from gstlib.validation.summary import predictors
+
+READ = *LAID, "pressure", "gap", "displacement"
 
 
 def main(
@@ -29,10 +32,10 @@ def main(
     seed: int,
 ) -> None:
     by_variant = {
-        variant: Stored(studied_files(pressures, worn, files))
+        variant: Stored(studied_files(pressures, worn, files), READ)
         for variant, files in zip(compared, [contacts, others], strict=False)
     }
-    changes = Stored(dict(zip(worn, registered, strict=True)))
+    changes = Stored(dict(zip(worn, registered, strict=True)), ["change", "loss", "gain"])
     predicted = predictors(
         read_table(microscale, ["patch", "mean_pressure_MPa", "stiffness_MPa_per_um"]),
         read_pressures(pressures),

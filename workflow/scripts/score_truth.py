@@ -28,7 +28,7 @@ def main(
         read_dataset(truth),
         square=read_dataset(surface, only=["height"]),
         scans=Stored(scans),
-        changes=Stored(dict(zip(worn, registered, strict=True))),
+        changes=Stored(dict(zip(worn, registered, strict=True)), ["change", "loss"]),
         placement=read_table(placement),
         pressures=read_pressures(pressures),
         two_scales=read_table(two_scales) if two_scales else None,

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gst.logs import run_script
-from gstlib.contact import microscale_tables
+from gstlib.contact import LOAD_PATHS, microscale_tables
 from gstlib.io.store import Stored
 from gstlib.io.tables import studied_files, write_table
 
@@ -12,7 +12,7 @@ def main(
     contacts: list[Path], pressures: Path, summary: Path, paths: Path, *, patches: list[str]
 ) -> None:
     studied = studied_files(pressures, patches, contacts)
-    states, steps = microscale_tables(Stored(studied))
+    states, steps = microscale_tables(Stored(studied, LOAD_PATHS))
     write_table(summary, states)
     write_table(paths, steps)
 

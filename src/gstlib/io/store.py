@@ -97,10 +97,13 @@ def read_dataset(path: str | Path, only: Iterable[str] | None = None) -> xr.Data
     try:
         with h5py.File(path) as file:
             fields = {name: file[name] for name in (file if only is None else only)}
-            dims = {dim for field in fields.values() for dim in _dimensions(field)}
-            fields |= {name: file[name] for name in file if name in dims}
+            dims_of = {name: _dimensions(field) for name, field in fields.items()}
+            dims = {dim for of_field in dims_of.values() for dim in of_field}
+            for name in file:
+                if name in dims and name not in fields:
+                    fields[name], dims_of[name] = file[name], [name]
             found = {
-                name: _variable(field)
+                name: _variable(field, dims_of[name])
                 for name, field in fields.items()
                 if not field.attrs.get("NAME", b"").startswith(_NO_COORDINATES.encode())
             }
@@ -126,13 +129,13 @@ def _dimensions(field: h5py.Dataset) -> list[str]:
     return [Path(field.name).name] if field.shape else []
 
 
-def _variable(field: h5py.Dataset) -> xr.Variable:
+def _variable(field: h5py.Dataset, dims: list[str]) -> xr.Variable:
     values, attrs = field[()], _attributes(field)
     if h5py.check_string_dtype(field.dtype):
         values = field.asstr()[()].astype(str)
     if attrs.pop("dtype", "") == "bool":  # HDF5 knows none: they are stored as integers
         values = values.astype(bool)
-    return xr.Variable(_dimensions(field), values, attrs)
+    return xr.Variable(dims, values, attrs)
 
 
 def _attributes(place: h5py.Dataset | h5py.File) -> dict[str, object]:
