@@ -7,7 +7,7 @@ import pytest
 import yaml
 from conftest import ROOT
 
-DRAW = {"draw_inputs", "draw_macroscale", "draw_microscale", "draw_validation"}
+DRAW = {"draw_inputs", "draw_contact", "draw_validation"}
 
 
 def test_nothing_is_left_to_do(tiny):
@@ -39,10 +39,10 @@ def test_nothing_is_left_to_do(tiny):
         ),
         (
             {"validation": {"resamples": 299}},
-            {"score_patches", "draw_validation", "record_provenance", "write_page", "predict_wear"},
+            {"score_patches", "draw_validation", "write_page", "predict_wear"},
             None,
         ),
-        ({"grinding": {"friction": 0.5}}, {"solve_cases", "record_provenance", "write_page"}, None),
+        ({"grinding": {"friction": 0.5}}, {"solve_cases", "write_page"}, None),
         (
             {"counterface": {"scan": "face.plu"}},
             {"prepare_counterface", "solve_patches", "solve_cases"},

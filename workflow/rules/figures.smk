@@ -24,20 +24,11 @@ DRAWINGS = {
             "t1": surfaces("T1", WORN_PATCHES),
         },
     ),
-    "draw_macroscale": (
-        {
-            "contact_steps": ("2 Macroscale", "contact as the load grows"),
-            "forces": ("3 Coupling", "contact forces and pressures of the patches"),
-        },
-        {
-            "contact": CONTACT,
-            "pressures": PRESSURES,
-            "intervals": f"{RESULTS}/tables/patch_intervals.csv",
-        },
-    ),
-    "draw_microscale": (
+    "draw_contact": (
         {
             "overview": ("0 Overview", "the study at a glance"),
+            "contact_steps": ("2 Macroscale", "contact as the load grows"),
+            "forces": ("3 Coupling", "contact forces and pressures of the patches"),
             "microscale_maps": ("4 Microscale", "contact of every patch"),
             "load_curves": ("4 Microscale", "area and pressure curves at both scales"),
         },
@@ -46,17 +37,18 @@ DRAWINGS = {
             "surface": f"{RESULTS}/macroscale/surface.h5",
             "contact": CONTACT,
             "pressures": PRESSURES,
+            "intervals": f"{RESULTS}/tables/patch_intervals.csv",
             "contacts": contacts(ALL_PATCHES),
             "registered": registered(WORN_PATCHES),
         },
     ),
 }
 if POSES is not None:
-    figures, read = DRAWINGS["draw_macroscale"]
+    figures, read = DRAWINGS["draw_contact"]
     figures["exposure"] = ("3 Coupling", "what a gesture leaves on the square")
     read["exposure"] = f"{RESULTS}/gesture/exposure.h5"
 if REFERENCE:
-    figures, read = DRAWINGS["draw_microscale"]
+    figures, read = DRAWINGS["draw_contact"]
     figures["two_scales"] = ("3 Coupling", "what two scales cost")
     read |= {
         "others": other_contacts(ALL_PATCHES),

@@ -1,12 +1,15 @@
 """Write the page of the study: the answer, the tool in 3D, every patch, figure and table.
 
-Inputs: the tool's mesh, its square and contact; every figure and table that is shown, and the
-captions of both; the folder with the pictures of single patches, if there is one. Outputs: the
-page, and the answer alone for the report. Settings: the category and the title of each figure and
-table; the logs of the run's steps, for their warnings; the patches' places and size; the config,
-which captions quote.
+Inputs: the tool's mesh, its square and contact; every figure and table that is shown, the table
+that is packed with them, and the captions of all; the folder with the pictures of single patches,
+if there is one; every file that the study was made from. Outputs: the page, and the answer alone
+for the report; the record of where the results come from; the contents: of the page and each of the
+others file, category, title, caption (HTML) and SHA-256. Settings: the category and the title of
+each figure and table; the logs of the run's steps, for their warnings; the patches' places and
+size; the whole config, which captions quote; the commit and the hash of the program.
 """
 
+import json
 from pathlib import Path
 
 from gst.logs import run_script
@@ -20,6 +23,7 @@ from gst.page import (
     tool_scene,
     warned,
 )
+from gst.provenance import sha256, study_provenance
 from gst.verdict import SCORE, verdict
 from gstlib.counterface import SecondStone, posed_mesh
 from gstlib.geometry import FRAME, stored_frame
@@ -28,6 +32,11 @@ from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
 
+PAGE = "0 Overview", "the page of the study"
+WHAT = (
+    "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
+)
+
 
 def main(
     mesh: Path,
@@ -35,10 +44,14 @@ def main(
     surface: Path,
     contact: Path,
     shown: list[Path],
+    behind: Path,
     captions: list[Path],
     by_patch: Path | list,
+    made_from: list[Path],
     page: Path,
     report: Path,
+    record: Path,
+    contents: Path,
     *,
     titles: list[list[str]],
     logs: list[str],
@@ -47,6 +60,8 @@ def main(
     mesh_unit: str,
     second_stone: dict | None,
     config: dict,
+    commit: str | None,
+    program: str,
 ) -> None:
     tables = {file.stem: file for file in shown if file.suffix == ".csv"}
     pictures = {file.stem: file for file in shown if file.suffix == ".png"}
@@ -72,7 +87,9 @@ def main(
     scene = tool_scene(tool, frame, pressure, places, patch_mm, other)
     entries = [
         Shown(file, category, title, caption_html(caption.read_text("utf-8"), config=config))
-        for file, caption, (category, title) in zip(shown, captions, titles, strict=True)
+        for file, caption, (category, title) in zip(
+            [*shown, behind], captions, titles, strict=True
+        )
     ]
     records = patch_records(tables, by_patch or None)
     content = {
@@ -82,11 +99,32 @@ def main(
         "size": scene["frame"]["size"],
         "records": {record["patch"]: record for record in records},
         "warnings": warned([Path(log) for log in logs]),
-        "shown": by_category(entries),
+        "shown": by_category(entries[:-1]),
         "compared": "validation_gains" in tables,
         "score": SCORE,
     }
     write_whole(page, render("page.html", **said, **content).encode())
+    write_json(contents, listed([Shown(page, *PAGE, WHAT), *entries], contents.parent))
+    write_json(record, study_provenance(config, made_from, commit, program))
+
+
+def listed(entries: list[Shown], results: Path) -> list[dict[str, str]]:
+    """What the results are, file by file."""
+    return [
+        {
+            "file": one.file.relative_to(results).as_posix(),
+            "category": one.category,
+            "title": one.title,
+            "caption": one.caption,
+            "sha256": sha256(one.file),
+        }
+        for one in entries
+    ]
+
+
+def write_json(file: Path, content: object) -> None:
+    text = json.dumps(content, indent=1, ensure_ascii=False)
+    write_whole(file, f"{text}\n".encode())
 
 
 if "snakemake" in globals():
