@@ -5,6 +5,7 @@ removes it if no process of that run is still alive.
 """
 
 import importlib.util
+import os
 import platform
 import shutil
 import signal
@@ -49,6 +50,9 @@ _EARLIER_FOLDERS = "benchmarks", "hardness", "power", "slip"
 _EARLIER_TABLES = "hardness", "pose_shifts", "sensitivity", "slip"
 LOCKS = Path(".snakemake/locks")
 HOST = Path(".snakemake/host")  # the machine on which the last run was started
+# By default glibc takes new pages from the kernel for each large array, which clears them first,
+# and returns them at once. Here arrays of up to 32 MB use freed memory again.
+_REUSE_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**30)}
 _PLANNING = {"-n", "--dry-run", "--dryrun"}
 _REFUSED = {"--config", "-C", "--configfile", "--configfiles"}  # gst reads CONFIG, too,
 _REFUSED |= {"--directory", "-d", "--snakefile", "-s"}  # and looks for the results here
@@ -169,7 +173,8 @@ def _snakemake(*arguments: object, is_shown: bool = True) -> int:
     command = [sys.executable, "-m", "snakemake", "--snakefile", ROOT / "Snakefile", *arguments]
     with tempfile.TemporaryFile("w+") as kept:
         said = None if is_shown else kept
-        with subprocess.Popen(list(map(str, command)), stdout=said, stderr=said) as process:
+        words, environment = list(map(str, command)), _REUSE_MEMORY | os.environ
+        with subprocess.Popen(words, stdout=said, stderr=said, env=environment) as process:
             signal.signal(signal.SIGTERM, lambda *_: process.terminate())
             while process.returncode is None:
                 with suppress(
