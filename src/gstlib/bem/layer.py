@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy
 
 from .convolution import love_kernel
 from .errors import InvalidContactInput, checked_number
@@ -89,12 +88,14 @@ class Layer:
     @cached_property
     def _behind(self):
         """g(ρ), the reduction due to the body behind the layer; 1/ρ beyond the reach."""
+        # here: SciPy takes longer to import than all of gstlib.bem, and only a layer needs it
+        from scipy.interpolate import CubicSpline
+        from scipy.special import j0
+
         nodes, weights = np.polynomial.legendre.leggauss(_WAVES)
         zeta = _LARGEST_WAVE / 2 * (nodes + 1)
         weights = _LARGEST_WAVE / 2 * weights * (1 - self._share(zeta))
-        return scipy.interpolate.CubicSpline(
-            _TABLE, scipy.special.j0(np.outer(_TABLE, zeta)) @ weights
-        )
+        return CubicSpline(_TABLE, j0(np.outer(_TABLE, zeta)) @ weights)
 
     def kernel(self, shape: tuple[int, int], spacing: tuple[float, float]) -> np.ndarray:
         """Displacement of a quadrant of elements under unit pressure on its corner (mm/MPa).
