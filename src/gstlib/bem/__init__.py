@@ -3,12 +3,13 @@
     state = solve_contact(heights, spacing, contact_modulus(E1, nu1, E2, nu2), mean_pressure=22.0)
     state.pressure, state.gap, state.displacement, state.contact_fraction, state.residual
 
-`solve_contact` presses a map of heights against a flat; `load_path` does so step by step, and
+`solve_contact` presses a map of heights against a flat, in a fixed direction or, `through` a point,
+until the body is at rest; `load_path` does so step by step, and
 `wear_path` wears the surface by Archard's law, also with a compliant `Layer` between the bodies.
 Units: mm, N, MPa. This package knows nothing of stones, files or workflows.
 """
 
-from .errors import ContactError, ConvergenceError, InvalidContactInput
+from .errors import ContactError, ConvergenceError, InvalidContactInput, TipsOver
 from .halfspace import HalfSpace, contact_modulus
 from .layer import Layer
 from .loading import LoadPath, load_path
@@ -24,6 +25,7 @@ __all__ = [
     "Layer",
     "LoadPath",
     "ThirdBody",
+    "TipsOver",
     "WearPath",
     "contact_modulus",
     "load_path",

@@ -53,8 +53,8 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
     halved, reached = iterations, math.inf
     while iterations < MAX_ITERATIONS:
         opening = field - relief
-        displacement = load.displacement_at(pressure, opening)
-        penetration = displacement - opening
+        rigid = load.rigid(load.freedoms(pressure, opening))
+        penetration = rigid - opening
         free = np.where(penetration > 0, pressure < load.pressure_limit, pressure > 0)
         residual = penetration * free
         violation = np.abs(residual).max()
@@ -65,7 +65,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
             convolved, field, error = pressure, window.exact_displacement(pressure), 0.0
             continue
         iterations += 1
-        relative = violation / displacement
+        relative = violation / load.deepest(rigid, relief)
         if relative <= tolerance:
             break
         if relative < 0.5 * reached:
@@ -80,7 +80,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
             lift = preconditioner.uniform
             # Positive but for grids of a few elements; where it carries load it must be.
             lift = np.maximum(lift, _LEAST_LIFT * lift.max()) * free
-            direction -= lift * (direction.sum() / lift.sum())
+            direction = load.balanced(direction, lift)
         preconditioned = direction
         # Directions whose displacement is known already: the last change and, unless load or
         # limit hold it, the pressure itself, which sets the level of the whole.
@@ -91,7 +91,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
             weights = _energy_weights(known, [dot(direction, image) for _, image in known])
             direction = preconditioned - _combination(weights, [v for v, _ in known]) * free
             if load.force is not None:
-                direction -= lift * (direction.sum() / lift.sum())
+                direction = load.balanced(direction, lift)
             if dot(direction, penetration) <= 0:
                 direction = preconditioned
         trial = load.admissible(pressure + step * direction, lift)
@@ -139,7 +139,8 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
                 continue
             convolved, field, error = pressure, window.exact_displacement(pressure), 0.0
             # Bold steps alone may go round in circles.
-            energy = dot(pressure, 0.5 * field - relief - displacement * (load.force is None))
+            given = rigid if load.force is None else 0.0
+            energy = dot(pressure, 0.5 * field - relief - given)
             if energy >= lowest_energy:
                 cautious = _CAUTIOUS
             lowest_energy = min(energy, lowest_energy)

@@ -8,6 +8,7 @@ __all__ = [
     "ContactError",
     "ConvergenceError",
     "InvalidContactInput",
+    "TipsOver",
     "checked_array",
     "checked_number",
     "checked_tolerance",
@@ -20,6 +21,10 @@ class ContactError(Exception):
 
 class InvalidContactInput(ContactError, ValueError):  # noqa: N818 - named like ValueError
     """The problem makes no sense as stated: a wrong shape, NaN, a negative load and so on."""
+
+
+class TipsOver(InvalidContactInput):
+    """A force acts through a point that nothing can hold."""
 
 
 class ConvergenceError(ContactError):
@@ -55,8 +60,13 @@ def checked_steps(steps: object) -> int:
     return int(steps)
 
 
-def checked_array(name: str, values, shape: tuple[int, int] | None = None) -> np.ndarray:
-    """An (ny, nx) array of finite real numbers, with the given shape if there is one."""
+def checked_array(
+    name: str, values, shape: tuple[int, int] | None = None, *, holes: bool = False
+) -> np.ndarray:
+    """An (ny, nx) array of finite real numbers, with the given shape if there is one.
+
+    With `holes`, −inf may stand where there is nothing, but not everywhere.
+    """
     if np.ma.is_masked(values) or np.iscomplexobj(values):
         kind = "complex" if np.iscomplexobj(values) else "masked"
         raise InvalidContactInput(
@@ -70,9 +80,12 @@ def checked_array(name: str, values, shape: tuple[int, int] | None = None) -> np
         raise InvalidContactInput(f"{name} must be a (ny, nx) array, got shape {array.shape}")
     if shape is not None and array.shape != shape:
         raise InvalidContactInput(f"{name} has shape {array.shape}, the surface {shape}")
-    bad = np.count_nonzero(~np.isfinite(array))
+    missing = np.isneginf(array) if holes else np.zeros(array.shape, bool)
+    bad = np.count_nonzero(~(np.isfinite(array) | missing))
     if bad:
         raise InvalidContactInput(
             f"{name} has {bad} values that are NaN or infinite: fill unmeasured points first"
         )
+    if missing.all():
+        raise InvalidContactInput(f"{name} are −inf everywhere: there is no surface to touch")
     return array

@@ -28,11 +28,15 @@ class Load:
     force: float | None = None
     pressure_limit: float = math.inf
 
-    def coarser(self) -> "Load":
-        """The same load on elements twice as long."""
+    def coarser(self, relief: np.ndarray) -> "Load":
+        """The same load on elements twice as long, with their relief (mm)."""
         return self if self.force is None else replace(self, force=self.force / 4)
 
-    def displacement_at(self, pressure: np.ndarray, opening: np.ndarray) -> float:
+    def at(self, elements: np.ndarray) -> "Load":
+        """The load as elements of these flat indices know it: the vectors below are theirs."""
+        return self
+
+    def freedoms(self, pressure: np.ndarray, opening: np.ndarray):
         """Displacement that closes the contact, from the opening Kp + (h_max − h)."""
         if self.displacement is not None:
             return self.displacement
@@ -44,6 +48,38 @@ class Load:
             return dot(elastic, opening) / force
         # All contact is at the limit: any displacement from here to the next touch would do.
         return float(opening[pressure > 0].max())
+
+    def followed(self) -> np.ndarray:
+        """Flat indices of elements to follow however far they are from contact."""
+        return np.zeros(0, np.intp)
+
+    def decided_by(self, pressure: np.ndarray) -> bool:
+        """Whether this pressure, without what is out of contact, decides the freedoms."""
+        return True
+
+    def rigid(self, freedoms):
+        """Displacement of the rigid surface at the elements (mm)."""
+        return freedoms
+
+    def plane(self, freedoms, shape: tuple[int, int]):
+        """The same on the whole grid."""
+        return freedoms
+
+    def tilt(self, freedoms) -> np.ndarray:
+        """Slopes (y, x) that they stand for."""
+        return np.zeros(2)
+
+    def eccentricity(self, pressure: np.ndarray) -> float:
+        """How far the pressure's resultant is from where it must be, over the grid's side."""
+        return 0.0
+
+    def deepest(self, rigid, relief: np.ndarray) -> float:
+        """Largest rigid interpenetration of the elements (mm)."""
+        return rigid
+
+    def balanced(self, direction: np.ndarray, lift: np.ndarray) -> np.ndarray:
+        """A direction that keeps the load, by a share of `lift` ≥ 0."""
+        return direction - lift * (direction.sum() / lift.sum())
 
     def admissible(self, trial: np.ndarray, lift: np.ndarray | None) -> np.ndarray:
         """The pressure nearest to `trial` within its bounds, raised along `lift` ≥ 0 to the force.

@@ -110,7 +110,8 @@ def load_path(
             # p² is smooth where p is not (on Hertz's sphere p² is linear in δ).
             descent = displacement[index + 1] - displacement[index]
             squared = pressure * (pressure - 2 * descent * response)
-            opening = (state.gap + problem.relief).reshape(-1)[window.elements]
+            opening = state.gap.reshape(-1)[window.elements]
+            opening = opening + problem.relief.reshape(-1)[window.elements]
             # On the way down elements leave the contact; any that join it nevertheless, against the
             # continuum's rule, are added by the solver's final check.
             state = problem.solve(

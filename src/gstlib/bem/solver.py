@@ -32,12 +32,14 @@ from .descent import MAX_ITERATIONS, descend
 from .errors import (
     ConvergenceError,
     InvalidContactInput,
+    TipsOver,
     checked_array,
     checked_number,
     checked_tolerance,
 )
 from .halfspace import APPROXIMATION_ERROR, HalfSpace
 from .load import Load
+from .rest import checked_point, resting, tilted_too_far, tipping
 from .window import Window
 
 __all__ = ["ContactProblem", "ContactState", "solve_contact"]
@@ -70,7 +72,8 @@ class ContactState:
     pressure : ndarray, shape (ny, nx)
         Contact pressure (MPa), ≥ 0; zero out of contact.
     gap : ndarray, shape (ny, nx)
-        Kp − w (mm): zero in contact and positive elsewhere, within `residual` × `displacement`.
+        Kp − w (mm): zero in contact and positive elsewhere, within `residual` × `displacement`;
+        inf where there is no surface.
     displacement : float
         Far-field displacement δ from first touch at the highest summit (mm); the largest rigid
         interpenetration.
@@ -85,6 +88,14 @@ class ContactState:
     pressure_limit : float
         The requested ceiling (MPa). Where the pressure reaches it, −gap is the depth by which the
         surface has yielded, not a violation.
+    tilt : (float, float)
+        Slopes (y, x) by which the surface has tilted: this is the contact of
+        heights + tilt·(r − through), from the highest summit of which `displacement` is counted.
+        Zero unless the force acts `through` a point; without force, the tilt of the rigid rest.
+    moment_residual : float
+        Distance between the pressure's centre Σ p r/Σ p and `through`, over the longer side of the
+        grid, from the final pressure in double precision; at most the tolerance. Zero without such
+        a point.
     """
 
     pressure: np.ndarray
@@ -96,6 +107,8 @@ class ContactState:
     convolutions: int
     residual: float
     pressure_limit: float = math.inf
+    tilt: tuple[float, float] = (0.0, 0.0)
+    moment_residual: float = 0.0
 
     @property
     def ceiling_share(self) -> float:
@@ -116,18 +129,20 @@ def solve_contact(
     *,
     displacement=None,
     mean_pressure=None,
+    through=None,
     initial_pressure=None,
     pressure_limit=math.inf,
     layer=None,
     tolerance=1e-6,
     workers=1,
 ) -> ContactState:
-    """Contact at a given displacement or under a given mean pressure.
+    """Contact at a given displacement, under a given mean pressure, or at rest under a force.
 
     Parameters
     ----------
     heights : array_like, shape (ny, nx)
-        Heights of the rigid surface (mm), up towards the elastic body.
+        Heights of the rigid surface (mm), up towards the elastic body. −inf where there is no
+        surface: nothing touches there.
     spacing : float or (float, float)
         Side of the square elements, or (dy, dx) (mm).
     contact_modulus : float
@@ -135,13 +150,20 @@ def solve_contact(
     displacement : float, optional
         Far-field displacement from first touch at the highest summit (mm), ≥ 0.
     mean_pressure : float, optional
-        Force over nominal area (MPa), ≥ 0. Give exactly one of the two.
+        Force over nominal area (MPa), that of the whole grid, ≥ 0. Give exactly one of the two.
+    through : (float, float), optional
+        The body is free to tilt, and the force acts through this point (y, x), from the grid's
+        corner (mm): the centre of element (0, 0) is at half a spacing. Needs a mean pressure. The
+        point must lie in the convex hull of the elements' centres, or the stone tips over. By
+        default the body cannot tilt.
     initial_pressure : array_like, shape (ny, nx), optional
         Start from this pressure (MPa) on the finest grid; by default, from coarser grids.
-        Changes the cost, not the solution.
+        Changes the cost, not the solution. It holds the tilt, too: a neighbour's pressure is all
+        that a start near rest needs.
     pressure_limit : float
         Ceiling on the pressure, such as a hardness (MPa): the elastic, perfectly plastic contact
-        p ≤ H of Almqvist et al. (Tribol. Int. 40 (2007) 574). Infinite by default.
+        p ≤ H of Almqvist et al. (Tribol. Int. 40 (2007) 574). Infinite by default; not with
+        `through`.
     layer : Layer, optional
         A compliant layer between the surface and the half-space.
     tolerance : float
@@ -152,8 +174,8 @@ def solve_contact(
     Raises
     ------
     InvalidContactInput
-        Heights with holes or not two-dimensional, a negative or missing load, a wrong shape, a
-        mean pressure not below the limit...
+        Heights with NaN or not two-dimensional, a negative or missing load, a wrong shape, a
+        mean pressure not below the limit, a stone that tips over...
     ConvergenceError
         The tolerance was not reached.
 
@@ -164,6 +186,12 @@ def solve_contact(
     >>> import numpy as np
     >>> solve_contact(np.zeros((8, 8)), 0.1, 1e4, mean_pressure=10.0).contact_fraction
     1.0
+
+    A flat surface carries the force off its middle by tilting:
+
+    >>> state = solve_contact(np.zeros((8, 8)), 0.1, 1e4, mean_pressure=10.0, through=(0.4, 0.45))
+    >>> [round(1e4 * slope) for slope in state.tilt]
+    [0, 3]
     """
     problem = ContactProblem(heights, spacing, contact_modulus, layer=layer)
     if (displacement is None) == (mean_pressure is None):
@@ -189,8 +217,20 @@ def solve_contact(
         )
         if initial_pressure.min() < 0:
             raise InvalidContactInput("initial_pressure must not be negative (MPa)")
+        initial_pressure = np.where(problem.relief > -math.inf, initial_pressure, 0.0)
     load = Load(displacement, force, pressure_limit)
-    return problem.solve(load, checked_tolerance(tolerance), initial_pressure)
+    if through is not None:
+        if force is None or pressure_limit < math.inf:
+            raise InvalidContactInput(
+                "a force through a point needs mean_pressure (MPa), not displacement, and no "
+                "pressure_limit: solve at rest without it, add the plane of `tilt` to the heights "
+                "and press these on a fixed plane"
+            )
+        problem, load = problem.at_rest(force, checked_point(through))
+    state = problem.solve(load, checked_tolerance(tolerance), initial_pressure)
+    if tilted_too_far(state.tilt):
+        raise TipsOver(tipping(through, "would tilt it by more than 45°"))
+    return state
 
 
 class ContactProblem:
@@ -200,20 +240,32 @@ class ContactProblem:
     ----------
     half_space : HalfSpace
     relief : ndarray, shape (ny, nx)
-        h − h_max (mm), ≤ 0.
+        h − h_max (mm), ≤ 0; −inf where there is no surface.
+    tilt : ndarray, shape (2,)
+        Slopes (y, x) that have been added to the heights.
     """
 
     def __init__(self, heights, spacing, contact_modulus, springs=0.0, layer=None):
-        heights = checked_array("heights", heights)
+        heights = checked_array("heights", heights, holes=True)
         self.half_space = HalfSpace(
             heights.shape, spacing, contact_modulus, springs=springs, layer=layer
         )
-        self.relief = heights - heights.max()
-        height = -float(self.relief.min())
+        self.relief, self.tilt = heights - heights.max(), np.zeros(2)
+        height = -float(self.relief.min(where=self.relief > -math.inf, initial=0.0))
         if height > _STEEPEST * min(self.half_space.spacing):
             raise InvalidContactInput(
                 f"heights range over {height:g} mm on elements of {spacing} mm: are both in mm?"
             )
+
+    def at_rest(self, force, through):
+        """The problem of the surface as it lies at rest if all is rigid, and its load.
+
+        The force (MPa, sum of the elements' pressures) acts through a point (y, x) (mm).
+        """
+        load, tilt = resting(self.relief, self.half_space, force, through)
+        problem, _ = self.lowered(-load.plane([0.0, *(tilt * load.length)], self.relief.shape))
+        problem.tilt = tilt
+        return problem, load
 
     def lowered(self, depth):
         """The problem of the surface minus a depth (mm), and how far its summit sank (mm)."""
@@ -231,9 +283,9 @@ class ContactProblem:
         `known` : a pressure on the window near the initial one, and its displacement (mm).
         """
         if load.displacement == 0 or load.force == 0:
-            nothing = np.zeros_like(self.relief)
+            nothing, tilt = np.zeros_like(self.relief), tuple(self.tilt.tolist())
             return ContactState(
-                nothing, -self.relief, 0.0, 0.0, 0.0, 0, 0, 0.0, load.pressure_limit
+                nothing, -self.relief, 0.0, 0.0, 0.0, 0, 0, 0.0, load.pressure_limit, tilt
             )
         few = self._only_candidates(load)
         if few.size:
@@ -241,7 +293,7 @@ class ContactProblem:
                 np.full(few.size, load.force),
                 Window(self.half_space, few),
             )
-        elif initial_pressure is None or not load.carried_by(initial_pressure):
+        elif initial_pressure is None or not _carried(load, initial_pressure):
             initial_pressure, window = self._start(load)
         elif window is None:
             initial_pressure = np.array(initial_pressure, order="C")
@@ -261,7 +313,9 @@ class ContactProblem:
             return few
         # One element that carries all the load sinks deepest.
         near = self.relief >= -self.half_space.self_influence * load.force
-        return np.flatnonzero(near) if np.count_nonzero(near) <= _FEW else few
+        if np.count_nonzero(near) > _FEW:
+            return few
+        return np.union1d(np.flatnonzero(near), load.followed())
 
     @cached_property
     def _coarser(self):
@@ -269,9 +323,7 @@ class ContactProblem:
         ny, nx = self.relief.shape
         # An odd grid is lengthened by a copy of its border; the solution there is a start only.
         relief = np.pad(self.relief, ((0, ny % 2), (0, nx % 2)), mode="edge")
-        relief = 0.25 * (
-            relief[::2, ::2] + relief[1::2, ::2] + relief[::2, 1::2] + relief[1::2, 1::2]
-        )
+        relief = _mean_of_four(relief)
         spacing = tuple(2 * side for side in self.half_space.spacing)
         half_space = self.half_space
         coarse = ContactProblem(
@@ -285,22 +337,24 @@ class ContactProblem:
         """Pressure to start from, and the window to follow: from the next coarser grid."""
         shape = self.relief.shape
         uniform = np.full(shape, 0.0 if load.force is None else load.force / math.prod(shape))
+        uniform[np.isneginf(self.relief)] = 0.0
         if max(shape) <= _COARSEST:
             return uniform, None
-        half = load.coarser()
+        half = load.coarser(self._coarser.relief)
         start = self._coarser._start(half)
         coarse = self._coarser._iterate(half, _COARSE_TOLERANCE, *start, certified=False)
 
         # Candidates under the same elastic displacement: where the finer relief comes near it.
-        depth = coarse.gap + self._coarser.relief - _CANDIDATE_GAP * coarse.displacement
+        with np.errstate(invalid="ignore"):  # no surface: not a number, and no candidate
+            depth = coarse.gap + self._coarser.relief - _CANDIDATE_GAP * coarse.displacement
         depth[coarse.contact] = -math.inf
         depth = np.repeat(np.repeat(depth, 2, axis=0), 2, axis=1)[: shape[0], : shape[1]]
-        candidates = np.flatnonzero(self.relief > depth)
+        candidates = np.union1d(np.flatnonzero(self.relief > depth), load.followed())
         rows, columns = np.divmod(candidates, shape[1])
         pressure = coarse.pressure[rows // 2, columns // 2]
         # No element at all is near under a spike that the coarse grid misses; those near carry too
         # little where the border of an odd grid was cut off.
-        if not (candidates.size and load.carried_by(pressure)):
+        if not (candidates.size and load.at(candidates).carried_by(pressure)):
             return uniform, None
         return pressure, Window(self.half_space, candidates)
 
@@ -327,11 +381,12 @@ class ContactProblem:
         while True:
             if window is None:
                 state, field = self._recompute(load, pressure, respond, iterations, before)
-                if state.residual <= tolerance:
+                if max(state.residual, state.moment_residual) <= tolerance:
                     return state
                 if iterations >= MAX_ITERATIONS:
+                    reached = max(state.residual, state.moment_residual)
                     raise ConvergenceError(
-                        f"contact not converged: residual {state.residual:.3g} after {iterations} "
+                        f"contact not converged: residual {reached:.3g} after {iterations} "
                         f"iterations, tolerance {tolerance:.3g}. Set a tolerance above the "
                         "rounding floor of about 1e-12, or check the heights for spikes."
                     )
@@ -343,7 +398,7 @@ class ContactProblem:
             relief = self.relief.reshape(-1)[window.elements]
             values, iterations = descend(
                 window,
-                load,
+                load.at(window.elements),
                 relief,
                 pressure,
                 field,
@@ -362,13 +417,21 @@ class ContactProblem:
         displacement.
         """
         contact = np.flatnonzero(pressure > 0)
-        loaded = load.scaled(pressure.reshape(-1)[contact])
+        own = load.at(contact)
+        loaded = own.scaled(pressure.reshape(-1)[contact])
         pressure.reshape(-1)[contact] = loaded
         force = float(loaded.sum())
         field = respond(pressure) if force > 0 else np.zeros_like(pressure)
         gap = field - self.relief
-        displacement = load.displacement_at(loaded, gap.reshape(-1)[contact])
-        gap -= displacement
+        deciding = contact
+        if not own.decided_by(loaded):
+            deciding = np.flatnonzero(self.relief > -math.inf)
+        freedoms = load.at(deciding).freedoms(
+            pressure.reshape(-1)[deciding], gap.reshape(-1)[deciding]
+        )
+        rigid = load.plane(freedoms, gap.shape)
+        displacement = load.deepest(rigid, self.relief)
+        gap -= rigid
         # Either the gap is open where there is pressure, or negative where there could be more.
         opened = gap.reshape(-1)[contact]
         below = gap if load.pressure_limit == math.inf else gap[pressure < load.pressure_limit]
@@ -383,5 +446,25 @@ class ContactProblem:
             convolutions=self.half_space.convolutions - before,
             residual=float(violation / displacement),
             pressure_limit=load.pressure_limit,
+            tilt=tuple((self.tilt + load.tilt(freedoms)).tolist()),
+            moment_residual=own.eccentricity(loaded),
         )
         return state, field
+
+
+def _carried(load, pressure):
+    """Whether elements with pressure, on the grid or a window, can carry the load."""
+    elements = np.flatnonzero(pressure)
+    return load.at(elements).carried_by(pressure.reshape(-1)[elements])
+
+
+def _mean_of_four(relief):
+    """Mean of each two by two elements, of those with surface; −inf if none has."""
+    quarters = [relief[i::2, j::2] for i in (0, 1) for j in (0, 1)]
+    total = quarters[0] + quarters[2] + quarters[1] + quarters[3]
+    if np.isfinite(total).all():
+        return 0.25 * total
+    there = [np.isfinite(part) for part in quarters]
+    total = sum(np.where(known, part, 0.0) for known, part in zip(there, quarters, strict=True))
+    count = sum(known.astype(int) for known in there)
+    return np.where(count > 0, total / np.maximum(count, 1), -math.inf)

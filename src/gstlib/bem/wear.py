@@ -12,6 +12,7 @@ too, with its own pressure: the rate is v (k_s p_s + k_m p_m), with one coeffici
 stone and one for the third body. The two take turns in each step.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -143,7 +144,7 @@ def wear_path(
     >>> path.mean_loss
     array([5.0e-05, 1.0e-04, 1.5e-04, 2.0e-04])
     """
-    heights = checked_array("heights", heights)
+    heights = checked_array("heights", heights, holes=True)
     steps, tolerance = checked_steps(steps), checked_tolerance(tolerance)
     share = third_body.share if third_body else 0.0
     if not 0 <= share <= 1:
@@ -161,7 +162,7 @@ def wear_path(
     if not total > 0:
         raise InvalidContactInput("mean_pressure must be positive in one step at least (MPa)")
     mean_loss = checked_number("mean_loss", mean_loss, "mm")
-    relief = float(np.ptp(heights))
+    relief = float(np.ptp(heights[heights > -math.inf]))
     if mean_loss > relief:
         raise InvalidContactInput(
             f"mean_loss {mean_loss:g} mm is more than the relief of the surface, {relief:g} mm: "

@@ -1,0 +1,363 @@
+"""Contact at rest: closed forms, an independent quadratic programme, and what tips over."""
+
+import math
+
+import numpy as np
+import pytest
+from bem_reference import MODULUS, dense_matrix, self_affine, sphere
+from gstlib.bem import InvalidContactInput, Layer, load_path, solve_contact
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import nnls
+
+
+def places(shape, spacing):
+    """(y, x) of the elements' centres, from the grid's corner; each of the grid's shape."""
+    dy, dx = np.broadcast_to(spacing, 2)
+    y, x = (np.arange(shape[0]) + 0.5) * dy, (np.arange(shape[1]) + 0.5) * dx
+    return np.meshgrid(y, x, indexing="ij")
+
+
+def plane(shape, spacing, slopes, point):
+    y, x = places(shape, spacing)
+    return slopes[0] * (y - point[0]) + slopes[1] * (x - point[1])
+
+
+def centre_of(pressure, spacing):
+    y, x = places(pressure.shape, spacing)
+    return np.array([(pressure * y).sum(), (pressure * x).sum()]) / pressure.sum()
+
+
+def resting(heights, spacing, force, through, **options):
+    mean = force / (heights.size * np.prod(np.broadcast_to(spacing, 2)))
+    options = {"tolerance": 1e-9} | options
+    return solve_contact(heights, spacing, MODULUS, mean_pressure=mean, through=through, **options)
+
+
+# --- closed forms
+
+
+@pytest.mark.parametrize("elements", [(0, 5), (-7, 3)])
+def test_a_paraboloid_rolls_under_a_force_off_its_summit(elements):
+    n, spacing, radius, force = 90, 0.02, 15.0, 20.0
+    heights, middle = sphere(n, spacing, radius), n * spacing / 2
+    straight = resting(heights, spacing, force, (middle, middle))
+    off = np.array(elements) * spacing
+    rolled = resting(heights, spacing, force, middle + off)
+    np.testing.assert_allclose(straight.tilt, 0, atol=1e-9)
+    # The slope down to where the force is, e/R, is tilted up.
+    np.testing.assert_allclose(rolled.tilt, off / radius, atol=1e-8)
+    moved = np.roll(straight.pressure, elements, axis=(0, 1))
+    np.testing.assert_allclose(rolled.pressure, moved, atol=1e-6 * moved.max())
+    assert rolled.displacement == pytest.approx(straight.displacement, rel=1e-7)
+
+
+@pytest.mark.parametrize("slopes", [(0.0, 0.0), (0.05, -0.2)])
+def test_three_caps_share_the_force_as_levers_do(slopes):
+    shape, spacing, force, point = (120, 150), 0.05, 60.0, np.array([2.9, 3.3])
+    y, x = places(shape, spacing)
+    tops = [(1.0, 1.2, 4.0, 0.0), (5.0, 2.6, 9.0, 0.012), (2.4, 6.3, 2.0, -0.02)]
+    caps = [h - ((y - v) ** 2 + (x - u) ** 2) / (2 * radius) for v, u, radius, h in tops]
+    heights = np.max(caps, axis=0) + plane(shape, spacing, slopes, point)
+    state = resting(heights, spacing, force, point)
+    loads = [np.where(np.argmax(caps, axis=0) == cap, state.pressure, 0) for cap in range(3)]
+    centres = np.array([centre_of(load, spacing) for load in loads])
+    system = np.vstack((np.ones(3), centres.T))
+    shares = np.linalg.solve(system, [1.0, *point])
+    found = [load.sum() * spacing**2 / force for load in loads]
+    np.testing.assert_allclose(found, shares, rtol=1e-8)
+    assert min(shares) > 0.1
+
+
+def test_a_round_punch_tilts_as_johnson_says():
+    # K. L. Johnson, Contact Mechanics (1985), sect. 5.8 and eq. 5.36 in its rigid limit:
+    # θ = 3M/(4E*a³), with a that of a disc of the elements' area. First order in the element.
+    force, radius, off = 100.0, 1.0, 0.2
+    errors = []
+    for n in (32, 64, 128):
+        spacing = 2 * radius / n
+        y, x = places((n, n), spacing)
+        disc = np.hypot(y - radius, x - radius) <= radius
+        state = resting(np.where(disc, 0.0, -np.inf), spacing, force, (radius, radius + off))
+        assert np.array_equal(state.contact, disc)
+        assert np.all(np.isposinf(state.gap[~disc]))
+        cube = (disc.sum() * spacing**2 / math.pi) ** 1.5
+        errors.append(state.tilt[1] / (3 * force * off / (4 * MODULUS * cube)) - 1)
+        assert abs(state.tilt[0]) < 1e-6 * state.tilt[1]
+    assert 0 < errors[-1] < 6e-3
+    assert np.all(np.abs(np.log2(np.divide(errors[:-1], errors[1:])) - 1) < 0.15)
+
+
+def test_a_rounded_stone_on_a_concave_face_touches_as_hertz_says():
+    """1/R = 1/R₁ + 1/R₂, off the middle of the face, where it is steep."""
+    n, spacing, force, point = 128, 0.02, 30.0, np.array([1.11, 1.43])
+    y, x = places((n, n), spacing)
+    concave, rounded = -60.0, 20.0
+    face = -((y - 1.28) ** 2 + (x - 1.28) ** 2) / (2 * concave)
+    stone = ((y - point[0]) ** 2 + (x - point[1]) ** 2) / (2 * rounded)
+    state = resting(face - stone, spacing, force, point)
+    radius = 1 / (1 / concave + 1 / rounded)
+    peak = (6 * force * MODULUS**2 / (math.pi**3 * radius**2)) ** (1 / 3)
+    contact_radius = (0.75 * force * radius / MODULUS) ** (1 / 3)
+    distance = np.hypot(y - point[0], x - point[1]) / contact_radius
+    hertz = peak * np.sqrt(np.maximum(1 - distance**2, 0))
+    assert np.abs(state.pressure - hertz).sum() < 0.01 * hertz.sum()
+    assert state.pressure.max() == pytest.approx(peak, rel=2e-3)
+    # The paraboloid of both has its summit elsewhere, and rolls onto the point.
+    np.testing.assert_allclose(state.tilt, (point - 1.28) / concave, rtol=1e-3)
+
+
+# --- planes
+
+
+@pytest.mark.parametrize("slopes", [(0.0, 0.0), (0.003, -0.001)])
+def test_the_contact_on_a_given_plane_comes_back(slopes):
+    spacing, force = (0.01, 0.012), 10.0
+    heights = self_affine(80, seed=4) + plane((80, 80), spacing, slopes, (0.4, 0.4))
+    mean = force / (heights.size * math.prod(spacing))
+    fixed = solve_contact(heights, spacing, MODULUS, mean_pressure=mean, tolerance=1e-11)
+    point = centre_of(fixed.pressure, spacing)
+    state = resting(heights, spacing, force, point, tolerance=1e-11)
+    np.testing.assert_allclose(state.pressure, fixed.pressure, atol=1e-7 * fixed.pressure.max())
+    np.testing.assert_allclose(state.tilt, 0, atol=1e-10)
+    assert state.displacement == pytest.approx(fixed.displacement, rel=1e-9)
+    assert fixed.tilt == (0.0, 0.0)
+    assert fixed.moment_residual == 0.0
+
+
+@pytest.mark.parametrize("added", [(0.02, -0.01), (-0.2, 0.15)])
+def test_a_plane_added_to_the_heights_is_taken_out_again(added):
+    spacing, point = 0.01, (0.9, 0.5)
+    heights = self_affine(130, seed=6, length=1.3)
+    before = resting(heights, spacing, 8.0, point, tolerance=1e-8)
+    more = heights + plane(heights.shape, spacing, added, point)
+    after = resting(more, spacing, 8.0, point, tolerance=1e-8)
+    np.testing.assert_allclose(np.add(after.tilt, added), before.tilt, atol=1e-9)
+    assert np.abs(after.pressure - before.pressure).max() < 1e-5 * before.pressure.max()
+    assert after.displacement == pytest.approx(before.displacement, rel=1e-7)
+    assert after.iterations <= before.iterations + 2  # far from rest costs no more
+
+
+def test_gap_and_displacement_are_those_of_the_tilted_heights():
+    spacing, point = 0.01, (0.31, 0.66)
+    heights = self_affine(90, seed=7, length=0.9)
+    state = resting(heights, spacing, 5.0, point)
+    tilted = heights + plane(heights.shape, spacing, state.tilt, point)
+    mean = {"mean_pressure": state.mean_pressure, "tolerance": 1e-9}
+    fixed = solve_contact(tilted, spacing, MODULUS, **mean)
+    assert fixed.displacement == pytest.approx(state.displacement, rel=1e-8)
+    np.testing.assert_allclose(fixed.gap, state.gap, atol=1e-8 * state.displacement)
+    away = np.hypot(*(centre_of(state.pressure, spacing) - point)) / 0.9
+    assert away < 1e-9
+    assert state.moment_residual <= 1e-9
+
+
+# --- an independent solution
+
+
+def by_quadratic_programme(heights, spacing, force, point):
+    """Pressures (of elements with surface) and tilt from a dense matrix.
+
+    Least squares with p ≥ 0 finds the contact, with force and moments as heavily weighted rows; the
+    linear equations of that contact then give the solution, whose conditions are checked.
+    """
+    surface = np.isfinite(heights)
+    matrix = dense_matrix(heights.shape, spacing)[np.ix_(surface.ravel(), surface.ravel())]
+    y, x = (at[surface] for at in places(heights.shape, spacing))
+    rules = np.stack((np.ones(y.size), y - point[0], x - point[1]))
+    wanted = np.array([force / np.prod(np.broadcast_to(spacing, 2)), 0, 0])
+    factor, high = np.linalg.cholesky(matrix), heights[surface]
+    weight = 1e4 * np.abs(factor).max()
+    found, _ = nnls(
+        np.vstack((factor.T, weight * rules)),
+        np.concatenate((np.linalg.solve(factor, high), weight * wanted)),
+        maxiter=10000,
+    )
+    contact = found > 0
+    for _ in range(20):
+        rows = rules[:, contact]
+        corner = np.zeros((3, 3))
+        system = np.block([[matrix[np.ix_(contact, contact)], rows.T], [rows, corner]])
+        solution = np.linalg.solve(system, np.concatenate((high[contact], wanted)))
+        found = np.zeros(y.size)
+        found[contact], freedoms = solution[:-3], -solution[-3:]
+        gap = matrix @ found - high - freedoms @ rules
+        if found.min() >= 0 and gap.min() > -1e-12:
+            pressure = np.zeros(heights.shape)
+            pressure[surface] = found
+            return pressure, freedoms[1:]
+        contact = np.where(contact, found > 0, gap < 0)
+    raise AssertionError("the reference found no contact")
+
+
+@pytest.mark.parametrize("shape", [(12, 12), (16, 13)])
+@pytest.mark.parametrize("spacing", [0.01, (0.01, 0.017)])
+@pytest.mark.parametrize("holed", [False, True])
+@pytest.mark.parametrize("force", [0.02, 3.0])
+def test_agrees_with_a_dense_quadratic_programme(shape, spacing, holed, force):
+    rng = np.random.default_rng(5)
+    heights = 0.002 * rng.standard_normal(shape) + plane(shape, spacing, (0.1, -0.05), (0, 0))
+    if holed:
+        heights[rng.random(shape) < 0.3] = -np.inf
+    for share in ((0.5, 0.5), (0.62, 0.31), (0.2, 0.7)):
+        point = np.array(share) * shape * np.broadcast_to(spacing, 2)
+        state = resting(heights, spacing, force, point, tolerance=1e-11)
+        expected, tilt = by_quadratic_programme(heights, spacing, force, point)
+        np.testing.assert_allclose(state.pressure, expected, atol=1e-8 * expected.max())
+        np.testing.assert_allclose(state.tilt, tilt, atol=1e-8 * np.abs(tilt).max())
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 24), st.integers(1, 24), st.floats(1e-7, 1.0))
+def test_any_surface_comes_to_rest_under_a_force_within_it(seed, ny, nx, mean_pressure):
+    rng = np.random.default_rng(seed)
+    heights, spacing = 1e-4 * rng.standard_normal((ny, nx)), rng.uniform(0.01, 0.1, 2)
+    heights[rng.random((ny, nx)) < rng.uniform(0, 0.9)] = -np.inf
+    heights[rng.integers(ny), rng.integers(nx)] = 0.0
+    heights += plane((ny, nx), spacing, rng.uniform(-0.2, 0.2, 2), (0, 0))
+    surface = np.isfinite(heights)
+    weights = np.where(surface, rng.exponential(size=(ny, nx)) ** 4, 0)
+    point = centre_of(weights, spacing)
+    state = solve_contact(
+        heights, spacing, MODULUS, mean_pressure=mean_pressure, through=point, tolerance=1e-8
+    )
+    assert max(state.residual, state.moment_residual) <= 1e-8
+    assert state.iterations <= 40
+    assert state.pressure.min() == 0 or surface.all()
+    assert not state.pressure[~surface].any()
+    distance = np.hypot(*(centre_of(state.pressure, spacing) - point))
+    assert distance <= 1.1e-8 * max(ny * spacing[0], nx * spacing[1])
+
+
+# --- few contacts, borders and starts
+
+
+def test_one_summit_and_two_carry_what_acts_on_them():
+    heights = np.full((9, 9), -1e-3)
+    heights[4, 2] = heights[4, 6] = 0.0
+    one = resting(heights, 0.1, 1e-3, (0.45, 0.25))
+    assert one.pressure[4, 2] == pytest.approx(one.pressure.sum(), rel=1e-12)
+    two = resting(heights, 0.1, 1e-3, (0.45, 0.55))
+    assert two.pressure[4, 6] == pytest.approx(3 * two.pressure[4, 2], rel=1e-9)
+    assert two.pressure[4, [2, 6]].sum() == pytest.approx(two.pressure.sum(), rel=1e-12)
+
+
+def test_a_single_element_and_a_line_of_them():
+    alone = np.full((3, 3), -np.inf)
+    alone[1, 2] = 5.0
+    state = resting(alone, 0.1, 1.0, (0.15, 0.25))
+    assert state.pressure[1, 2] == pytest.approx(100.0)
+    own = 4 * np.arcsinh(1) * 0.1 / (np.pi * MODULUS)
+    assert state.displacement == pytest.approx(own * 100.0)
+    line = resting(np.array([[0.0, 0.01, 0.0, -0.02, 0.03]]), 0.1, 1.0, (0.05, 0.3))
+    assert centre_of(line.pressure, 0.1) == pytest.approx([0.05, 0.3])
+
+
+@pytest.mark.parametrize("through", [(0.012, 1.0), (1.9, 1.92), (1.0, 1.0)])
+def test_a_force_near_the_border_of_a_large_grid(through):
+    """Coarser grids end before it, and start from the nearest point that they have."""
+    heights = self_affine(200, seed=8, length=2.0)
+    state = resting(heights, 0.01, 5.0, through, tolerance=1e-7)
+    assert max(state.residual, state.moment_residual) <= 1e-7
+    assert state.convolutions <= 30
+
+
+def test_a_neighbours_pressure_saves_most_of_the_work():
+    heights = self_affine(256, seed=9, length=2.56) + sphere(256, 0.01, 100.0)
+    start = resting(heights, 0.01, 10.0, (1.2, 1.3), tolerance=1e-6).pressure
+    cold = resting(heights, 0.01, 10.0, (1.22, 1.3), tolerance=1e-6)
+    warm = resting(heights, 0.01, 10.0, (1.22, 1.3), initial_pressure=start, tolerance=1e-6)
+    np.testing.assert_allclose(warm.pressure, cold.pressure, atol=1e-4 * cold.pressure.max())
+    np.testing.assert_allclose(warm.tilt, cold.tilt, atol=1e-8)
+    assert warm.iterations <= cold.iterations
+    again = resting(
+        heights, 0.01, 10.0, (1.22, 1.3), initial_pressure=warm.pressure, tolerance=1e-5
+    )
+    assert again.iterations == 0
+    # A start that cannot carry the force there is no start.
+    elsewhere = np.zeros(heights.shape)
+    elsewhere[:9, :9] = 1.0
+    lost = resting(heights, 0.01, 10.0, (1.22, 1.3), initial_pressure=elsewhere, tolerance=1e-6)
+    assert lost.iterations == cold.iterations
+
+
+def test_rest_costs_few_convolutions_more():
+    heights = self_affine(512, seed=1) + sphere(512, 0.85 / 512, 20.0)
+    mean = {"mean_pressure": 76.0, "tolerance": 1e-8}
+    fixed = solve_contact(heights, 0.85 / 512, MODULUS, **mean)
+    rest = solve_contact(heights, 0.85 / 512, MODULUS, through=(0.4, 0.45), **mean)
+    assert rest.convolutions <= fixed.convolutions + 5
+
+
+def test_a_layer_at_rest():
+    heights, layer = self_affine(60, seed=3, length=0.6), Layer(100.0, 0.4, 0.05)
+    state = resting(heights, 0.01, 1.0, (0.25, 0.34), layer=layer, tolerance=1e-7)
+    tilted = heights + plane(heights.shape, 0.01, state.tilt, (0.25, 0.34))
+    mean = {"mean_pressure": state.mean_pressure, "tolerance": 1e-7}
+    fixed = solve_contact(tilted, 0.01, MODULUS, layer=layer, **mean)
+    np.testing.assert_allclose(state.pressure, fixed.pressure, atol=1e-4 * fixed.pressure.max())
+
+
+# --- no surface
+
+
+def test_where_there_is_no_surface_nothing_touches():
+    """As if it lay far below; in coarser grids and load paths too."""
+    heights = self_affine(150, seed=2, length=1.5)
+    y, x = places(heights.shape, 0.01)
+    gone = np.hypot(y - 0.7, x - 0.8) > 0.6
+    holed, deep = np.where(gone, -np.inf, heights), np.where(gone, -10.0, heights)
+    for load in ({"displacement": 0.002}, {"mean_pressure": 20.0}):
+        found, expected = (
+            solve_contact(given, 0.01, MODULUS, tolerance=1e-9, **load) for given in (holed, deep)
+        )
+        peak = expected.pressure.max()
+        np.testing.assert_allclose(found.pressure, expected.pressure, atol=1e-6 * peak)
+        np.testing.assert_allclose(found.gap[~gone], expected.gap[~gone], atol=1e-11)
+        assert np.all(np.isposinf(found.gap[gone]))
+    path = load_path(holed, 0.01, MODULUS, target_pressure=20.0, steps=3)
+    assert np.all(np.isfinite(path.stiffness))
+    start = np.ones(heights.shape)
+    warm = solve_contact(holed, 0.01, MODULUS, mean_pressure=20.0, initial_pressure=start)
+    assert not warm.pressure[gone].any()
+
+
+def test_no_force_leaves_the_rigid_rest():
+    heights = np.full((9, 9), -1.0)
+    tops = {(1, 1): 0.0, (7, 1): 0.03, (1, 7): 0.06}
+    for place, top in tops.items():
+        heights[place] = top
+    state = resting(heights, 0.1, 0.0, (0.35, 0.35))
+    np.testing.assert_allclose(state.tilt, (-0.05, -0.1), atol=1e-12)
+    np.testing.assert_allclose([state.gap[place] for place in tops], 0, atol=1e-15)
+    assert not state.contact.any()
+
+
+# --- bad input
+
+RIM = np.zeros((10, 10))
+RIM[:, 6:] = -np.inf
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"through": (0.5, 0.7)}, r"tips over: .*\(0.5, 0.7\) mm lies outside .* Move it"),
+        ({"through": (0.01, 0.3)}, "tips over"),
+        ({"through": (-3.0, 0.3)}, "tips over"),
+        ({"through": (0.5, np.nan)}, r"through must be a point \(y, x\)"),
+        ({"through": 0.5}, r"through must be a point \(y, x\)"),
+        ({"through": ("a", "b")}, r"through must be a point \(y, x\)"),
+        ({"mean_pressure": None, "displacement": 1e-3}, "needs mean_pressure"),
+        ({"pressure_limit": 100.0}, "no pressure_limit"),
+        ({"heights": np.full((3, 3), -np.inf)}, "no surface"),
+        ({"heights": np.where(np.eye(10) > 0, np.inf, 0)}, "10 values that are NaN or infinite"),
+        ({"heights": np.where(np.eye(10) > 0, np.nan, 0)}, "10 values that are NaN or infinite"),
+        ({"heights": np.diag([5.0] + [0.0] * 9)}, "tilt it by more than 45°"),
+    ],
+)
+def test_what_cannot_rest_is_refused_in_a_sentence(change, message):
+    arguments = {"heights": RIM, "mean_pressure": 1.0, "through": (0.5, 0.3)} | change
+    heights = arguments.pop("heights")
+    with pytest.raises(InvalidContactInput, match=message):
+        solve_contact(heights, 0.1, MODULUS, **arguments)
