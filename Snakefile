@@ -17,13 +17,23 @@ report: "workflow/report/study.rst"
 include: "workflow/rules/common.smk"
 include: "workflow/rules/specimen.smk"
 include: "workflow/rules/macroscale.smk"
-include: "workflow/rules/coupling.smk"
 include: "workflow/rules/gesture.smk"
-include: "workflow/rules/microscale.smk"
-include: "workflow/rules/validation.smk"
+
+
+if SCANNED:
+
+    include: "workflow/rules/coupling.smk"
+    include: "workflow/rules/microscale.smk"
+    include: "workflow/rules/validation.smk"
+    include: "workflow/rules/sweep.smk"
+
+else:
+
+    include: "workflow/rules/places.smk"
+
+
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/page.smk"
-include: "workflow/rules/sweep.smk"
 
 
 rule all:

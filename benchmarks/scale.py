@@ -64,8 +64,11 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
         "specimen": None,
         "inputs": {"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"},
         "square": {"size_mm": float(side), "points_mm": corners},
+        # a flat on the whole square, so that all patches bear load
+        "counterface": None,
+        "load": {"pressure_MPa": 22.0},
         "macroscale": tiny["macroscale"]
-        | {"grid": GRID * side, "maximum_displacement_um": 2000.0},
+        | {"grid": GRID * side, "face_mm": float(side), "maximum_displacement_um": 2000.0},
         "selection": {"minimum_pressure_MPa": 0.01, "minimum_overlap": 0.1},
         "hardness": 5000.0,
     }

@@ -1,24 +1,39 @@
-"""What two scales cost, over many generated specimens: the figures of docs/two_scales.md.
+"""What the study's two shortcuts cost, over many generated specimens: docs/two_scales.md.
 
-Each specimen is scanned and meshed with all the errors of the default config, or with one of them
-changed, and taken through the study up to the contact of its patches. One contact of its whole true
-surface at the scans' resolution is the reference. Rows go to a CSV as they are found; those that it
-holds already are not computed again. A specimen takes about 3 minutes of CPU and 1.7 GB.
+    python benchmarks/two_scales.py [--plan forms errors detail] [--seeds 3001 ...]
+
+The study presses a coarse face and small patches, and the paper a square alone. Both are held
+against the stone at rest: the true face under the true force, and in it one contact of the true
+square at the scans' resolution. A *case* is a set of errors (`TRIALS`), a form of the active stone
+and how far, in mm along each axis, the true point of force lies from the middle, where the study
+takes it to be. Every case gives a row for each variant, written as soon as it is found; a case that
+the rows hold already is not computed again. Then the tables of the seeds are printed.
+
+- ``forms``: three forms and three distances, scans of 6.64 µm (50 s of CPU a specimen);
+- ``errors``: one error changed at a time, 200 mm, likewise (1 minute);
+- ``detail``: the default study's own scans of 1.66 µm, 200 mm, with trials of the S-filter
+  (2 minutes, 2 GB).
 """
 
 import argparse
-from dataclasses import replace
+from collections.abc import Iterator
+from itertools import groupby, product
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 import trimesh
 import xarray as xr
-import yaml
+from power import specimen_config
 
 from gst.patches import read_patches
-from gstlib.contact import contact_moduli
-from gstlib.geometry import Place, places_of
+from gst.sweep import merged
+from gstlib.bem import wear_path
+from gstlib.contact import Loading, contact_at_pressure, contact_moduli, faces_of, solved
+from gstlib.counterface import rounded_counterface
+from gstlib.coupling import patch_pressures
+from gstlib.geometry import Place, footprint_weights, places_of, square_of
 from gstlib.placement import ALL
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.reference import patches_of_reference, press_whole, two_scales_table
@@ -27,10 +42,11 @@ from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import place_scans, sample, take_scan
 from gstlib.specimen.stone import Stone
 from gstlib.study import LEVELLED, PLACED, Study
-from gstlib.surface import make_surface
-from gstlib.uncertainty import Errors, Macroscale, pressure_intervals
+from gstlib.surface import make_surface, spacing_of
+from gstlib.uncertainty import Errors, Macroscale, draw_point, pressure_intervals
 
 ROOT = Path(__file__).parents[1]
+ROWS = ROOT / "benchmarks/results/two_scales.csv"
 # What each trial changes in the config; the first has all errors as they are.
 TRIALS: dict[str, dict] = {
     "default": {},
@@ -39,19 +55,81 @@ TRIALS: dict[str, dict] = {
     "mesh noise 10 µm": {"specimen": {"mesh_noise_um": 10.0}},
     "placement 0 µm": {"specimen": {"placement_error_um": 0.0}},
     "placement 100 µm": {"specimen": {"placement_error_um": 100.0}},
+    "linear gridding": {"macroscale": {"interpolation": "linear"}},
     "S-filter none": {"microscale": {"s_filter_um": None}},
     "S-filter 10 µm": {"microscale": {"s_filter_um": 10.0}},
-    "linear gridding": {"macroscale": {"interpolation": "linear"}},
 }
-FLAT = make_surface(np.zeros((2, 2)), 1.0)
+# The pebble's dish has about 1000 mm: that active stone fits it, so that the gap is flat but for
+# 3 µm (r.m.s. over the face). A flat would rest on the rim, and the square would not touch.
+RADII_MM = 60.0, 200.0, 1000.0
+DISTANCES_MM = 0.0, 1.0, 3.0
+COARSE = {"specimen": {"scan_points": 128, "scan_spacing_um": 6.64}}
 CAN_BE_KNOWN = {"young_share": 0.0, "poisson": 0.0}  # the specimen's constants are
+EDGE = 0.02  # share of a side
+TRUE = "true face"
+SEEDS = list(range(3001, 3021))
+RESAMPLES = 9999
+LOADED_MPA = 1.0
+# Stages that do not depend on the form of the active stone.
+FORMLESS = "prepared", "square_contact"
+# The face loses as much as the default specimen's square does, by Archard's law.
+LOST_MM, WEAR_STEPS = 0.25e-3, 4
+
+
+class Case(NamedTuple):
+    trial: str
+    radius_mm: float
+    distance_mm: float
+
+
+class Plan(NamedTuple):
+    """Cases with what they all change in the config; of some the intervals are computed, too."""
+
+    changes: dict
+    cases: list[Case]
+    bounded: list[Case]
+
+
+def cases_of(trials: list[str]) -> list[Case]:
+    """The default form, with the point of force known."""
+    return [Case(trial, 200.0, 0.0) for trial in trials]
+
+
+_, *ERRORS, NO_FILTER, WIDE_FILTER = TRIALS
+PLANS = {
+    "forms": Plan(
+        COARSE,
+        [Case("default", *of) for of in product(RADII_MM, DISTANCES_MM)],
+        bounded=[Case("default", 200.0, 1.0)],
+    ),
+    "errors": Plan(COARSE, cases_of(ERRORS), bounded=[]),
+    "detail": Plan(
+        {}, cases_of(["default", NO_FILTER, WIDE_FILTER]), bounded=cases_of(["default"])
+    ),
+}
+KEY = ["scan_points", "seed", *Case._fields]
+OF_ROW = ["scan_points", *Case._fields, "variant", "specimens"]
+SCORES = ["contact_fraction", "reference_contact_fraction", "precision"]
+OF_FORCE = ["misplaced", "misplaced_of_all"]
+OF_LOAD = ["square_N", "edge_of_square", "edge_of_face", "volume_error"]
+OF_TILT = ["tilt_error_mrad", "stated_tilt_error_mrad"]
+MEANS = OF_FORCE + OF_LOAD + OF_TILT
+TABLES = ([*OF_FORCE, "f1", "area_ratio"], OF_LOAD, [*OF_TILT, "held", "loaded_held"])
+
+
+class Truth(NamedTuple):
+    """The stone at rest: contact of its face, of its square in detail, and what it loses there."""
+
+    contact: xr.Dataset
+    pressure: xr.DataArray
+    lost: xr.DataArray
 
 
 def scanned(
     stone: Stone, surface: np.ndarray, patches: pd.DataFrame, parameters: SpecimenParameters
-) -> tuple[dict[str, xr.DataArray], pd.DataFrame, dict[str, tuple[float, float]]]:
-    """Scans before use, their true places and their true slopes."""
-    scans, places, slopes = {}, [], {}
+) -> tuple[dict[str, xr.DataArray], pd.DataFrame]:
+    """Scans before use; their true places and slopes."""
+    scans, places = {}, []
     for row in patches.itertuples():
         nominal = Place(row.y_mm, row.x_mm, row.rotation_deg)
         place, _ = place_scans(
@@ -59,24 +137,19 @@ def scanned(
         )
         true = sample(surface, stone, place, parameters.scan_points, order=3, patch=row.patch)
         plane = remove_plane(make_surface(true, parameters.scan_spacing_mm))[1]
-        slopes[row.patch] = plane.slope_y, plane.slope_x
         scans[row.patch], _ = take_scan(true, row.patch, "T0", parameters)
-        places.append({"patch": row.patch} | place._asdict())
-    return scans, pd.DataFrame(places), slopes
+        slopes = {"true_slope_y": plane.slope_y, "true_slope_x": plane.slope_x}
+        places.append({"patch": row.patch} | place._asdict() | slopes)
+    return scans, pd.DataFrame(places)
 
 
-def trial(
-    name: str, base: dict, stone: Stone, surface: np.ndarray, pressure: xr.DataArray
-) -> pd.DataFrame:
-    """Every patch of one specimen with one set of errors, by variant."""
-    config = {
-        key: base[key] | TRIALS[name].get(key, {}) if isinstance(base[key], dict) else base[key]
-        for key in base
-    }
+def study_of(
+    config: dict[str, Any], surface: np.ndarray, patches: pd.DataFrame
+) -> tuple[Study, pd.DataFrame]:
+    """The study of a stone that is measured with the config's errors; the truth about its scans."""
     parameters = SpecimenParameters(**config["specimen"])
-    stone._parameters = parameters  # the surface depends on none of the errors
-    patches = config["patches"].assign(t1="")  # they are scanned before use alone
-    scans, places, slopes = scanned(stone, surface, patches, parameters)
+    stone = Stone(parameters, config["square"]["size_mm"])
+    scans, places = scanned(stone, surface, patches, parameters)
     vertices, faces = stone.mesh()
     study = Study(
         config,
@@ -84,124 +157,326 @@ def trial(
         read_mesh=lambda: trimesh.Trimesh(vertices, faces, process=False),
         read_scan=lambda patch, epoch: scans[patch],
     )
-    places = places_of(places)
-    reference = patches_of_reference(pressure, places, next(iter(scans.values())))
-    contacts = {
-        variant: {patch: study.contact_in(variant, patch) for patch in places}
-        for variant in (PLACED, LEVELLED)
+    return study, places
+
+
+def under(study: Study, radius_mm: float) -> Study:
+    """The same study, with an active stone of another radius."""
+    middle = 2 * (study.config["square"]["size_mm"] / 2,)
+    over = rounded_counterface(study.face().height, radius_mm, middle)
+    formed = {
+        ("face",): study.face().assign(counterface=over),
+        ("composite",): study.composite().assign(counterface=over),
     }
-    table = two_scales_table(
-        contacts, reference.expand_dims("draw"), rim=config["validation"]["rim"]
+    alike = {of: found for of, found in study.kept.items() if of[0] in FORMLESS}
+    return Study(
+        merged(study.config, {"counterface": {"radius_mm": radius_mm}}),
+        study.patches,
+        read_mesh=study.read_mesh,
+        read_scan=study.read_scan,
+        kept=alike | formed,
     )
-    composite = study.composite()
-    true = pd.DataFrame(slopes, index=["true_slope_y", "true_slope_x"]).T.rename_axis("patch")
-    found = composite[["slope_y", "slope_x", "tilt_error_mrad", "known"]].to_dataframe()
-    table = table.merge(found.join(true).reset_index(), on="patch", how="left")
-    if name == "default":
-        limits = pressure_intervals(
-            Macroscale(study.square(), composite, None),
-            study.pressures(),
-            config["material"],
-            Errors(**config["uncertainty"] | CAN_BE_KNOWN),
-            target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
-            patch_mm=config["scans"]["size_mm"],
-            seed=config["seed"],
-        )
-        columns = ["patch", "low_MPa", "high_MPa"]
-        table = table.merge(limits[columns], on="patch", how="left")
-    return table.assign(trial=name, seed=parameters.seed)
 
 
-def specimen(base: dict, seed: int, trials: list[str]) -> pd.DataFrame:
-    """All trials of one specimen."""
-    base = base | {"specimen": base["specimen"] | {"seed": seed}}
-    parameters = SpecimenParameters(**base["specimen"])
-    stone = Stone(replace(parameters), base["square"]["size_mm"])
-    surface = (stone.macroscale(stone.grid, stone.grid) + stone.detail).astype(np.float32)
+def truth_of(
+    study: Study, stone: Stone, surface: np.ndarray, radius_mm: float, distance_mm: float
+) -> Truth:
+    """The true stone at rest under the true force, which acts so far from the middle."""
+    config, size_mm = study.config, stone.square_mm
+    grid = config["macroscale"]["grid"]
+    measured = study.face().height
+    around = (measured.sizes["x"] - grid) // 2
+    height = measured.copy(data=stone.face_means(grid, around))
+    middle = size_mm / 2, size_mm / 2
+    generator = np.random.default_rng([config["specimen"]["seed"], 6])
+    loading = Loading.by_force(
+        config["load"]["force_N"],
+        draw_point(height, middle, distance_mm, generator),
+        height,
+        contact_modulus_MPa=contact_moduli(config["material"])[0],
+        tolerance=config["macroscale"]["tolerance"],
+    )
+    faces = faces_of(height, rounded_counterface(height, radius_mm, middle))
+    contact = contact_at_pressure(faces, loading, source="true face")
     heights = within_square(surface, stone).astype(float)
-    pressed = press_whole(
-        heights,
-        FLAT,
-        contact_modulus_MPa=contact_moduli(base["material"])[0],
-        target_pressure_MPa=base["macroscale"]["target_pressure_MPa"],
+    pressed = press_whole(heights, contact)
+    face_mm2 = height.size * np.prod(spacing_of(height))
+    wear = solved(
+        wear_path,
+        contact,
+        loading,
+        "true face",
+        mean_pressure=loading.target_pressure_MPa,
+        mean_loss=LOST_MM * size_mm**2 / face_mm2,
+        steps=WEAR_STEPS,
     )
-    return pd.concat([trial(name, base, stone, surface, pressed.pressure) for name in trials])
+    return Truth(contact, pressed.pressure, height.copy(data=wear.depth))
+
+
+def ratio(part: Any, whole: float) -> Any:
+    """NaN where there is no whole: in the square there may be no contact."""
+    return part / whole if whole > 0 else np.nan * part
+
+
+def edge_share(pressure: xr.DataArray) -> float:
+    """Share of the load within 2 % of the side from the edges."""
+    cut = round(EDGE * pressure.sizes["x"])
+    rim = pressure.values.copy()
+    rim[cut:-cut, cut:-cut] = 0
+    return ratio(rim.sum(), pressure.values.sum())
+
+
+def volume_error(pressures: np.ndarray, lost: np.ndarray) -> float:
+    """Summed error of the patches' losses over their sum, each predicted from the others'.
+
+    A patch loses in proportion to its pressure, by a coefficient from the other patches.
+    """
+    others = pressures.sum() - pressures
+    if not ((others > 0).all() and lost.any()):
+        return np.nan  # at most one patch alone is loaded, or wears
+    kappa = (lost.sum() - lost) / others
+    return float(abs(kappa * pressures - lost).sum() / lost.sum())
+
+
+class Predicted(NamedTuple):
+    """What a study says of a stone under one active stone, and what is true of its scans."""
+
+    study: Study
+    places: pd.DataFrame
+    contacts: dict[str, dict[str, xr.Dataset]]
+
+    @classmethod
+    def by(cls, study: Study, places: pd.DataFrame) -> "Predicted":
+        contacts = {
+            variant: {patch: study.contact_in(variant, patch) for patch in places.patch}
+            for variant in (PLACED, LEVELLED)
+        }
+        return cls(study, places, contacts)
+
+    @property
+    def size_mm(self) -> float:
+        return self.study.config["square"]["size_mm"]
+
+    @property
+    def patch_mm(self) -> float:
+        return self.study.config["scans"]["size_mm"]
+
+    @property
+    def force(self) -> float:
+        return self.study.config["load"]["force_N"]
+
+    def reference(self, truth: Truth) -> xr.Dataset:
+        """The true contact of every scan."""
+        scan = self.study.prepared(self.places.patch[0], "T0").height
+        return patches_of_reference(truth.pressure, places_of(self.places), scan)
+
+
+def rows_of(predicted: Predicted, truth: Truth) -> dict[str, dict]:
+    """How far each variant is from the truth."""
+    study, places, contacts = predicted
+    reference = predicted.reference(truth)
+    true = reference.pressure.values
+    lost = losses(truth, places, predicted.patch_mm)
+    rows = {}
+    for variant, (of_patches, field) in pressures_by_variant(predicted, truth).items():
+        of_patch = of_patches.to_numpy()
+        square = square_of(field, predicted.size_mm)
+        rows[variant] = misplaced(of_patch, true, predicted) | {
+            "square_N": float(square.sum() * np.prod(spacing_of(field))),
+            "peak_MPa": float(square.max()),
+            "edge_of_square": edge_share(square),
+            "edge_of_face": edge_share(field) if variant != LEVELLED else np.nan,
+            "volume_error": volume_error(of_patch, lost),
+        }
+    rim = study.config["validation"]["rim"]
+    table = two_scales_table(contacts, reference.expand_dims("draw"), rim=rim)
+    pooled = table[table.patch == ALL].set_index("variant")
+    for variant, scores in pooled[SCORES].iterrows():
+        rows.setdefault(variant, {}).update(scores)
+    rows[PLACED] |= tilt_errors(study.composite(), places)
+    rows[PLACED] |= {"patches": len(true), "loaded": (true > LOADED_MPA).sum()}
+    return rows
+
+
+def losses(truth: Truth, places: pd.DataFrame, patch_mm: float) -> np.ndarray:
+    """True mean loss of each patch, mm."""
+    found = []
+    for place in places_of(places).values():
+        weights = footprint_weights(truth.lost, place, patch_mm)
+        found.append(np.average(truth.lost.values, weights=weights))
+    return np.array(found)
+
+
+def pressures_by_variant(
+    predicted: Predicted, truth: Truth
+) -> dict[str, tuple[pd.Series, xr.DataArray]]:
+    """The pressures of the patches, and the field that they are taken from."""
+    study, field = predicted.study, truth.contact.pressure
+    given = study.pressures()
+    true = patch_pressures(field, predicted.places, size_mm=predicted.patch_mm)
+    return {
+        PLACED: (given.pressure_MPa, study.contact().pressure),
+        LEVELLED: (given.square_pressure_MPa, study.square_contact().pressure),
+        TRUE: (true.pressure_MPa, field),
+    }
+
+
+def misplaced(found: np.ndarray, true: np.ndarray, predicted: Predicted) -> dict[str, float]:
+    """Share of the force on the wrong patch: of that on patches, and of all."""
+    shares = ratio(found, found.sum()) - ratio(true, true.sum())
+    patch_mm2 = predicted.patch_mm**2
+    errors_N = (found - true) * patch_mm2
+    elsewhere_N = -errors_N.sum()
+    all_N = abs(errors_N).sum() + abs(elsewhere_N)
+    return {
+        "misplaced": abs(shares).sum() / 2,
+        "misplaced_of_all": all_N / 2 / predicted.force,
+        "true_N": true.sum() * patch_mm2,
+    }
+
+
+def tilt_errors(composite: xr.Dataset, places: pd.DataFrame) -> dict[str, float]:
+    """Errors of the planes that are known, r.m.s. along each axis, and the stated ones."""
+    known = composite.known.values
+    stated = composite.tilt_error_mrad.values[known]
+    errors = []
+    for axis in "yx":
+        slopes = composite[f"slope_{axis}"].values
+        errors.append(slopes - places[f"true_slope_{axis}"].values)
+    mean_square = np.mean(np.square(errors)[:, known])
+    return {
+        "tilt_error_mrad": 1e3 * float(np.sqrt(mean_square)),
+        "stated_tilt_error_mrad": float(np.sqrt(np.mean(stated**2))),
+    }
+
+
+def held_by_intervals(predicted: Predicted, truth: Truth, error_mm: float) -> dict[str, float]:
+    """How many true pressures lie in their intervals, of all patches and of those under load.
+
+    The study knows the point of force up to `error_mm` along each axis.
+    """
+    study, size_mm = predicted.study, predicted.size_mm
+    errors = study.config["uncertainty"] | CAN_BE_KNOWN
+    limits = pressure_intervals(
+        Macroscale(study.face(), study.composite(), None),
+        study.pressures(),
+        study.config["material"],
+        Errors(**errors)._replace(force_point_mm=error_mm),
+        force_N=predicted.force,
+        through=(size_mm / 2, size_mm / 2),
+        patch_mm=predicted.patch_mm,
+        seed=study.config["seed"],
+    )
+    true = predicted.reference(truth).pressure.values
+    held = (limits.low_MPa <= true) & (true <= limits.high_MPa)
+    return {"held": held.sum(), "loaded_held": held[true > LOADED_MPA].sum()}
+
+
+def specimen(
+    base: dict[str, Any], seed: int, cases: list[Case], bounded: list[Case]
+) -> Iterator[pd.DataFrame]:
+    """The rows of each case of one specimen."""
+    patches = read_patches(
+        ROOT / base["patches"],
+        size_mm=base["square"]["size_mm"],
+        patch_size_mm=base["scans"]["size_mm"],
+    ).assign(t1="")  # they are scanned before use alone
+    base = merged(base, {"specimen": {"seed": seed}})
+    parameters = SpecimenParameters(**base["specimen"])
+    stone = Stone(parameters, base["square"]["size_mm"])
+    surface = stone.macroscale(stone.grid, stone.grid) + stone.detail
+    surface = surface.astype(np.float32)
+    truths: dict[tuple[float, float], Truth] = {}
+    for trial, of_trial in groupby(cases, lambda case: case.trial):
+        config = merged(base, TRIALS[trial])
+        study, places = study_of(config, surface, patches)
+        for radius_mm, of_form in groupby(of_trial, lambda case: case.radius_mm):
+            predicted = Predicted.by(under(study, radius_mm), places)
+            for case in of_form:
+                of = radius_mm, case.distance_mm
+                if of not in truths:
+                    truths[of] = truth_of(study, stone, surface, *of)
+                rows = rows_of(predicted, truths[of])
+                if case in bounded:
+                    held = held_by_intervals(predicted, truths[of], case.distance_mm)
+                    rows[PLACED] |= held
+                table = pd.DataFrame.from_dict(rows, orient="index")
+                yield identified(table, parameters, case)
+
+
+def identified(table: pd.DataFrame, parameters: SpecimenParameters, case: Case) -> pd.DataFrame:
+    """Rows with what they are of."""
+    table = table.rename_axis("variant").reset_index()
+    of = [parameters.scan_points, parameters.seed, *case]
+    for column, (name, value) in enumerate(zip(KEY, of, strict=True)):
+        table.insert(column, name, value)
+    return table
+
+
+def interval(part: pd.Series, whole: pd.Series) -> str:
+    """Ratio of two sums over specimens, with a 95 % bootstrap interval."""
+    pairs = np.stack([part, whole], axis=1)
+    pairs = pairs[np.isfinite(pairs).all(axis=1)]
+    if not len(pairs):
+        return ""
+    generator = np.random.default_rng(1)
+    drawn = generator.integers(0, len(pairs), (RESAMPLES, len(pairs)))
+    parts, wholes = pairs[drawn].sum(axis=1).T
+    value = np.divide(*pairs.sum(axis=0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high = np.nanpercentile(parts / wholes, [2.5, 97.5])
+    return f"{value:.3f} [{low:.3f}, {high:.3f}]"
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
-    """By trial and variant: pooled F1 with a 95 % bootstrap interval over specimens, and more.
-
-    ``misplaced``: share of the force that is on the wrong patch, half the sum of the differences of
-    the patches' shares. ``held``: share of the patches whose true pressure is in its interval.
-    """
-    generator = np.random.default_rng(1)
+    """By case and variant: means over specimens, scores pooled, with 95 % bootstrap intervals."""
+    names = ["scan_points", *Case._fields, "variant"]
     found = []
-    for (trial_name, variant), group in rows.groupby(["trial", "variant"], sort=False):
-        patches = group[group.patch != ALL]
-        size = patches.groupby("seed")
-        hits = (
-            (patches.contact_fraction * patches.precision.fillna(0)).groupby(patches.seed).sum()
-        )
-        marked = size.contact_fraction.sum() + size.reference_contact_fraction.sum()
-        counts = np.stack([2 * hits, marked], axis=1)
-        drawn = counts[generator.integers(0, len(counts), (9999, len(counts)))].sum(axis=1)
-        low, high = np.percentile(drawn[:, 0] / drawn[:, 1], [2.5, 97.5])
-        row = {
-            "trial": trial_name,
-            "variant": variant,
-            "specimens": len(counts),
-            "f1": counts[:, 0].sum() / counts[:, 1].sum(),
-            "low": low,
-            "high": high,
-            "area_ratio": size.contact_fraction.sum().sum()
-            / size.reference_contact_fraction.sum().sum(),
-        }
-        if patches.pressure_MPa.notna().all():
-            shares = [
-                patches[name] / size[name].transform("sum")
-                for name in ("pressure_MPa", "reference_pressure_MPa")
-            ]
-            row["misplaced"] = (shares[0] - shares[1]).abs().sum() / 2 / len(counts)
-        if variant == "placed":
-            known = patches[patches.known.astype(bool)]
-            errors = [known[f"slope_{axis}"] - known[f"true_slope_{axis}"] for axis in "yx"]
-            row["tilt_error_mrad"] = 1e3 * np.sqrt(np.mean(np.square(errors)))
-            row["stated_tilt_error_mrad"] = np.sqrt((known.tilt_error_mrad**2).mean())
-            limited = patches.dropna(subset="low_MPa") if "low_MPa" in patches else patches[:0]
-            if len(limited):
-                true = limited.reference_pressure_MPa
-                row["held"] = true.between(limited.low_MPa, limited.high_MPa).mean()
+    for of, group in rows.groupby(names, sort=False):
+        row = dict(zip(names, of, strict=True))
+        row["specimens"] = len(group)
+        one = pd.Series(1.0, index=group.index)
+        for name in MEANS:
+            row[name] = interval(group[name], one)
+        touching, true = group.contact_fraction, group.reference_contact_fraction
+        hits = touching * group.precision.fillna(0)
+        row["f1"] = interval(2 * hits, touching + true)
+        row["area_ratio"] = interval(touching, true)
+        row["held"] = interval(group.held, group.patches)
+        row["loaded_held"] = interval(group.loaded_held, group.loaded)
         found.append(row)
     return pd.DataFrame(found)
 
 
+def known_cases(rows: pd.DataFrame, seed: int, scan_points: int) -> set[tuple]:
+    """Cases of a specimen that the rows hold."""
+    of = rows[(rows.seed == seed) & (rows.scan_points == scan_points)]
+    return set(of[list(Case._fields)].itertuples(index=False, name=None))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, nargs="+", default=list(range(3001, 3021)))
-    parser.add_argument("--trials", nargs="+", choices=TRIALS, default=list(TRIALS))
-    parser.add_argument("--rows", type=Path, default=Path("build/two_scales.csv"))
+    parser.add_argument("--plan", nargs="*", choices=PLANS, default=[])
+    parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
+    parser.add_argument("--rows", type=Path, default=ROWS)
     options = parser.parse_args()
-    config = yaml.safe_load((ROOT / "config/config.yaml").read_text())
-    config["microscale"]["tolerance"] = 1e-6  # no point of contact changes
-    config["patches"] = read_patches(
-        ROOT / config["patches"],
-        size_mm=config["square"]["size_mm"],
-        patch_size_mm=config["scans"]["size_mm"],
-    )
-    options.rows.parent.mkdir(parents=True, exist_ok=True)
-    known = pd.DataFrame({"seed": [], "trial": []})
+    rows = pd.DataFrame(columns=[*KEY, "held", "loaded_held"])
     if options.rows.exists():
-        known = pd.read_csv(options.rows, dtype={"patch": str})
-    for seed in options.seeds:
-        there = set(known.trial[known.seed == seed])
-        if not (missing := [name for name in options.trials if name not in there]):
-            continue
-        known = pd.concat([known, specimen(config, seed, missing)], ignore_index=True)
-        known.to_csv(options.rows, index=False)
-        print(f"seed {seed} done", flush=True)
-    table = summary(known).round(4)
-    print(table.to_string(index=False))
-    table.to_csv(ROOT / "benchmarks/results/two_scales.csv", index=False)
+        rows = pd.read_csv(options.rows)
+    for plan in options.plan:
+        changes, cases, bounded = PLANS[plan]
+        config = merged(specimen_config(), changes)
+        config["microscale"]["tolerance"] = 1e-6  # no point of contact changes
+        for seed in options.seeds:
+            known = known_cases(rows, seed, config["specimen"]["scan_points"])
+            missing = [case for case in cases if case not in known]
+            for found in specimen(config, seed, missing, bounded):
+                rows = pd.concat([rows, found], ignore_index=True)
+                rows.to_csv(options.rows, index=False, float_format="%.5g")
+            print(f"{plan}, seed {seed}: done", flush=True)
+    table = summary(rows[rows.seed.isin(options.seeds)])
+    for columns in TABLES:
+        print(table[OF_ROW + columns].to_string(index=False))
 
 
 if __name__ == "__main__":

@@ -16,13 +16,15 @@ from gst.patches import read_patches
 from gstlib.contact import Loading, contact_at_pressure, faces_of
 from gstlib.counterface import SecondStone
 from gstlib.coupling import couple_scales
+from gstlib.face import grid_macroscale
+from gstlib.geometry import square_of
 from gstlib.gesture import Gesture, exposure, exposure_table, press_poses, stroke_poses
 from gstlib.io.meshes import read_mesh
-from gstlib.study import grid_macroscale
 
 ROOT = Path(__file__).parents[1]
 ROCK = "../shared/data/grasselli-mit/example_surface.stl"
-MODULUS_MPA, PRESSURE_MPA, PATCH_MM = 10346.0, 22.0, 0.85
+PRESSED = {"contact_modulus_MPa": 10346.0, "tolerance": 1e-9}
+FORCE_N, FACE_MM, PATCH_MM = 550.0, 15.0, 0.85
 
 
 def main() -> None:
@@ -34,36 +36,34 @@ def main() -> None:
     )
     x, y, _ = rock.bounds.mean(axis=0) - size / 2
     corners = [[x, y, 0.0], [x + size, y, 0.0], [x, y + size, 0.0]]
-    square, face = grid_macroscale(
+    face, counterface = grid_macroscale(
         pebble,
         **config["square"],
         grid=100,
-        margin_mm=1.0,
+        face_mm=FACE_MM,
         interpolation="linear",
         source="pebble",
         second_stone=SecondStone(rock, {"points_mm": corners}, 3.0, ROCK),
     )
-    poses = stroke_poses(stroke_mm=6.0, poses=100, pressure_MPa=PRESSURE_MPA)
-    loading = Loading(MODULUS_MPA, PRESSURE_MPA, tolerance=1e-9)
+    poses = stroke_poses(stroke_mm=6.0, poses=100, force_N=FORCE_N)
+    through = size / 2, size / 2
+    gesture = Gesture(counterface, is_mesh=True, size_mm=size, through=through, poses=poses)
+    shown = [0, 33, 66, 99]
     begun = time.process_time()
     batch = press_poses(
-        square.height,
-        Gesture(face, poses),
-        patches,
-        contact_modulus_MPa=loading.contact_modulus_MPa,
-        tolerance=loading.tolerance,
-        patch_mm=PATCH_MM,
-        shown=[0, 33, 66, 99],
+        face.height, gesture, patches, patch_mm=PATCH_MM, shown=shown, **PRESSED
     )
     cost = (time.process_time() - begun) / len(poses)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"{1e3 * cost:.1f} ms of CPU a pose at 100²; peak {peak:.0f} MB, both meshes read")
-    faces = faces_of(square.height, square.counterface)
+    print(f"{1e3 * cost:.1f} ms of CPU a pose at 300²; peak {peak:.0f} MB, both meshes read")
+    loading = Loading.by_force(FORCE_N, through, face.height, **PRESSED)
+    faces = faces_of(face.height, face.counterface)
     single = contact_at_pressure(faces, loading, source="pebble")
     pressures = couple_scales(single, single, patches, patch_mm=PATCH_MM)
     found = exposure([batch])
     print(exposure_table(found, pressures).round(3).to_string(index=False))
-    figure = exposure_figure(found, single, patches, patch_size_mm=PATCH_MM)
+    on_square = (square_of(of, size) for of in (found, single))
+    figure = exposure_figure(*on_square, patches, patch_size_mm=PATCH_MM)
     picture = Path("build/two_stones.png")
     picture.parent.mkdir(exist_ok=True)
     save_figure(figure, picture)

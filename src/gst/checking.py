@@ -4,34 +4,81 @@ import logging
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+import xarray as xr
 
 from gst.config import check_files, counterface_mesh, read_config, read_study
 from gst.inputs import Asked, Inputs, check_inputs
 from gst.patches import scan_files
 from gst.poses import reach_of
-from gstlib.contact import contact_moduli
+from gstlib.contact import (
+    Loading,
+    contact_at_pressure,
+    contact_moduli,
+    faces_of,
+    load_force,
+    load_point,
+)
+from gstlib.doubts import contact_doubts
 from gstlib.errors import GstError, InputsError
+from gstlib.geometry import square_of
 from gstlib.io.files import check_writable
+from gstlib.places import CONTROL, COUNTS, EXPOSED
+from gstlib.surface import coarser
 
 __all__ = ["check_study"]
 
+_log = logging.getLogger(__name__)
 
-def _summary(config: dict, patches: pd.DataFrame, found: Inputs | None) -> str:
+
+def _at_rest(config: dict, face: xr.Dataset) -> xr.Dataset:
+    """Contact of the mesh alone, on elements twice as long as the study's."""
+    height, over = (coarser(face[name], 2) for name in ("height", "counterface"))
+    size_mm, placed = config["square"]["size_mm"], config["coupling"] == "placed"
+    loading = Loading.by_force(
+        load_force(config["load"], size_mm),
+        load_point(config["load"], size_mm) if placed else None,
+        height,
+        contact_modulus_MPa=contact_moduli(config["material"])[0],
+        tolerance=config["macroscale"]["tolerance"],
+    )
+    return contact_at_pressure(faces_of(height, over), loading, source="the stone at rest")
+
+
+def _rest(contact: xr.Dataset, size_mm: float) -> str:
+    """Where the mesh alone comes to rest, in a line."""
+    tilt = 1e3 * float(np.hypot(contact.slope_y, contact.slope_x))
+    inside = square_of(contact.pressure, size_mm)
+    share = float(inside.sum() / contact.pressure.sum())
+    touched = 100 * float((inside > 0).mean())
+    return (
+        f"of the mesh alone: tilted by {tilt:.2g} mrad against the square's mean plane; "
+        f"{100 * share:.0f} % of the force lies in the square, and touches {touched:.2g} % of it"
+    )
+
+
+def _summary(
+    config: dict, patches: pd.DataFrame, found: Inputs | None, rest: xr.Dataset | None
+) -> str:
     """What a run would do, and the sizes, which show whether units were read as intended."""
     macroscale, material = config["macroscale"], config["material"]
-    elements, (modulus, standard) = macroscale["grid"], contact_moduli(material)
+    size_mm, (modulus, standard) = config["square"]["size_mm"], contact_moduli(material)
+    force_N = load_force(config["load"], size_mm)
     lines = {
         "stone": config["inputs"]["mesh"] if config["inputs"] else "to be generated",
-        "macroscale": f"{config['square']['size_mm']:g} mm square, {elements} × {elements} "
-        f"elements, {macroscale['steps']} steps to {macroscale['target_pressure_MPa']:g} MPa",
+        "macroscale": _pressed(config),
+        "load": f"{force_N:.4g} N, {force_N / size_mm**2:.4g} MPa on the square, in "
+        f"{macroscale['steps']} steps",
         "stiffness": f"E* = {modulus:.5g} MPa"
         + (f", as given; {standard:.5g} MPa from the elastic constants" if standard else ""),
-        "patches": f"{len(patches)} of {config['scans']['size_mm']:g} mm, "
-        f"{config['microscale']['steps']} steps each; {(patches.t1 != '').sum()} with a scan after "
-        "use",
+        "patches": _patches(config, patches),
         "results in": config["results"],
     }
+    if rest is not None:
+        lines["at rest"] = _rest(rest, size_mm)
+        for doubt in contact_doubts(rest, size_mm=size_mm):
+            _log.warning("%s", doubt)
     if found is not None and found.stone is not None:
         size = " × ".join(f"{extent:.4g}" for extent in found.stone.extents)
         edge = found.stone.edges_unique_length.mean()
@@ -45,6 +92,39 @@ def _summary(config: dict, patches: pd.DataFrame, found: Inputs | None) -> str:
         )
     return f"{config['title']}\n" + "\n".join(
         f"  {name:<11} {text}" for name, text in lines.items()
+    )
+
+
+def _patches(config: dict, patches: pd.DataFrame) -> str:
+    """How many patches are solved; or, without any, what the study proposes."""
+    size_mm = config["scans"]["size_mm"]
+    if config["patches"] is not None:
+        return (
+            f"{len(patches)} of {size_mm:g} mm, {config['microscale']['steps']} steps each; "
+            f"{(patches.t1 != '').sum()} with a scan after use"
+        )
+    return (
+        f"none yet: the face alone is pressed in the poses of the gesture, and {COUNTS[EXPOSED]} "
+        f"places of {size_mm:g} mm are proposed for scanning, with {COUNTS[CONTROL]} controls that "
+        "no pose touches"
+    )
+
+
+def _pressed(config: dict) -> str:
+    """What is pressed on what."""
+    size_mm, macroscale = config["square"]["size_mm"], config["macroscale"]
+    element_um = 1e3 * size_mm / macroscale["grid"]
+    square = f"{size_mm:g} mm square, elements of {element_um:g} µm"
+    if config["coupling"] == "levelled":
+        return f"{square}, alone on its mean plane, under a flat"
+    y, x = load_point(config["load"], size_mm)
+    form = config["counterface"] or {}
+    other = f"a stone of {form['radius_mm']:g} mm radius" if form.get("radius_mm") else "a flat"
+    if counterface_mesh(config, "") is not None:
+        other = "a second stone"
+    return (
+        f"{square}, in a face of {macroscale['face_mm']:g} mm at rest under {other}; force "
+        f"through x {x:g}, y {y:g} mm"
     )
 
 
@@ -80,7 +160,9 @@ def check_study(path: Path) -> None:
         problems.append(error)
     if config["inputs"] is not None:
         try:
-            check_files(config, patches, f"{path}, {config['patches']}")
+            check_files(
+                config, patches, ", ".join(filter(None, [str(path), config["patches"]]))
+            )
         except GstError as error:
             problems.append(error)
         second = counterface_mesh(config, "")
@@ -97,7 +179,11 @@ def check_study(path: Path) -> None:
         asked = Asked(
             mesh_unit=config["inputs"]["mesh_unit"],
             square=config["square"],
-            macroscale=config["macroscale"],
+            grid={
+                "grid": config["macroscale"]["grid"],
+                "face_mm": config["macroscale"]["face_mm"] if placed else None,
+                "radius_mm": (config["counterface"] or {}).get("radius_mm") if placed else None,
+            },
             scan_settings=config["scans"],
             maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
             placed=placed,
@@ -107,7 +193,14 @@ def check_study(path: Path) -> None:
         )
         found = check_inputs(mesh if mesh.is_file() else None, scans, asked)
         problems += found.problems
-    print(f"{path}: {_summary(config, patches, found)}")
+    rest = None
+    if found is not None and found.face is not None and not found.problems:
+        try:
+            rest = _at_rest(config, found.face)
+        except GstError as error:
+            problems.append(error)
+    print(f"{path}: {_summary(config, patches, found, rest)}")
+    size_mm = config["square"]["size_mm"]
     if writable and found is not None and found.stone is not None and found.frame is not None:
         from gst.figures.style import save_figure
         from gst.figures.tool import check_figure
@@ -116,9 +209,9 @@ def check_study(path: Path) -> None:
         figure = check_figure(
             found.stone,
             found.frame,
-            found.square,
+            found.face and square_of(found.face.height, size_mm),
             patches,
-            size_mm=config["square"]["size_mm"],
+            size_mm=size_mm,
             patch_size_mm=config["scans"]["size_mm"],
         )
         save_figure(figure, picture)

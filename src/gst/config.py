@@ -18,6 +18,7 @@ from jsonschema.exceptions import ValidationError
 
 from gst import ROOT
 from gst.config_file import read_config_file
+from gstlib.contact import load_force, load_point
 from gstlib.errors import ConfigError
 from gstlib.geometry import frame_from_points
 
@@ -89,11 +90,17 @@ def read_study(config: Mapping, source: str) -> "pd.DataFrame":
     ------
     ConfigError
         Its message lists all that is wrong with the config, or with the table.
+
+    Notes
+    -----
+    Without a patch table, the table has no rows.
     """
-    from gst.patches import read_patches
+    from gst.patches import no_patches, read_patches
     from gst.sweep import sweep_problems
 
     refuse_config(config_problems(config) or sweep_problems(config, config_problems), source)
+    if config["patches"] is None:
+        return no_patches()
     return read_patches(
         config["patches"],
         size_mm=config["square"]["size_mm"],
@@ -211,17 +218,13 @@ def _contradictions(config: Mapping) -> Iterator[str]:
         frame_from_points(square["points_mm"])
     except ConfigError as error:
         yield str(error)
+    yield from _patches_problems(config)
     if config["scans"]["size_mm"] > square["size_mm"]:
         yield (
             f"'scans.size_mm' is {config['scans']['size_mm']}, more than the square's "
             f"{square['size_mm']} mm: a patch must fit in the square"
         )
-    target = config["macroscale"]["target_pressure_MPa"]
-    if config["hardness"] is not None and config["hardness"] <= target:
-        yield (
-            f"'hardness' is {config['hardness']} MPa, not above macroscale.target_pressure_MPa of "
-            f"{target}: no contact bears more than its hardness; raise it, or set it to null"
-        )
+    yield from _load_problems(config)
     mat, stones = (
         config["mat"],
         [config["material"][f"young_{stone}_MPa"] for stone in (1, 2)],
@@ -238,15 +241,17 @@ def _contradictions(config: Mapping) -> Iterator[str]:
         if mat["thickness_um"] < spacing_um:
             fault = thinner_than_a_point(mat["thickness_um"], spacing_um)
             yield f"'mat.thickness_um': {fault}; make it thicker, or set mat to null"
-    second = counterface_mesh(config, "")
     if config["gesture"] is not None:
-        if second is None:
-            yield (
-                "'gesture' moves a second stone, but that has no mesh: give counterface.mesh, "
-                "or set gesture to null"
-            )
         if len(config["gesture"]) != 2 - ("table" in config["gesture"]):
-            yield f"'gesture' is {config['gesture']}: give a table, or stroke_mm and poses"
+            yield (
+                f"'gesture' is {config['gesture']}: give a table, or poses with stroke_mm or "
+                "wander_mm"
+            )
+        if config["coupling"] == "levelled":
+            yield (
+                "'gesture' needs a stone at rest, and coupling is levelled: set coupling to "
+                "placed, or gesture to null"
+            )
         if mat is not None:
             yield "'gesture' and 'mat' cannot wear a stone together: set one of them to null"
     short, long = config["texture"]["s_filter_um"], config["texture"]["l_filter_um"]
@@ -258,6 +263,65 @@ def _contradictions(config: Mapping) -> Iterator[str]:
     for name in ("patches", "published"):
         if config[name] is not None and (problem := _path_problem(config[name])):
             yield f"'{name}': {problem}: correct the path"
+
+
+def _patches_problems(config: Mapping) -> Iterator[str]:
+    """What is wrong with the patches, or with a study that has none."""
+    inputs = config["inputs"]
+    if config["patches"] is not None:
+        if inputs is not None and inputs["scan_folder"] is None:
+            yield "'inputs' lacks ['scan_folder'], where the scans of the patch table are: add it"
+        return
+    if config["gesture"] is None:
+        yield (
+            "'patches' and 'gesture' are null: where to scan depends on how the hand wanders; set "
+            "gesture, such as {wander_mm: 1, poses: 60}, or give a patch table"
+        )
+    idle = [name for name in ("published", "sweep", "mat") if config[name] is not None]
+    idle += ["counterface.scan"] if "scan" in (config["counterface"] or {}) else []
+    if idle:
+        yield (
+            f"'patches' is null, and {' and '.join(idle)} need{'s' * (len(idle) == 1)} scanned "
+            "patches: take out what needs them, or give a patch table"
+        )
+
+
+def _load_problems(config: Mapping) -> Iterator[str]:
+    """What is wrong with the load, with what bears it, and with what presses."""
+    load, size_mm = config["load"], config["square"]["size_mm"]
+    if (load["force_N"] is None) == (load["pressure_MPa"] is None):
+        both = "both" if load["force_N"] is not None else "neither"
+        yield f"'load' has {both} of force_N and pressure_MPa: give one, and set the other to null"
+        return
+    pressure = load_force(load, size_mm) / size_mm**2
+    if config["hardness"] is not None and config["hardness"] <= pressure:
+        yield (
+            f"'hardness' is {config['hardness']} MPa, not above the mean pressure on the square, "
+            f"{pressure:.4g} MPa: no contact bears more than its hardness; raise it, or set it to "
+            "null"
+        )
+    form = config["counterface"] or {}
+    if form.get("radius_mm") and "mesh" in form:
+        yield "'counterface' has a radius and a mesh: give one of them"
+    if config["coupling"] == "levelled":
+        if counterface_mesh(config, "") is not None:
+            yield (
+                "'counterface.mesh' (or specimen.counterface_seed) needs a stone at rest, and "
+                "coupling is levelled, which presses a flat: set coupling to placed"
+            )
+        return
+    face_mm = config["macroscale"]["face_mm"]
+    if face_mm < size_mm:
+        yield (
+            f"'macroscale.face_mm' is {face_mm:g}, less than the square's {size_mm:g} mm: the face "
+            "contains the square; make it larger"
+        )
+    low, high = (size_mm - face_mm) / 2, (size_mm + face_mm) / 2
+    if not all(low < along < high for along in load_point(load, size_mm)):
+        yield (
+            f"'load.at_mm' is {load['at_mm']}, outside the face, which reaches from {low:g} to "
+            f"{high:g} mm: the stone would tip over; move it inside"
+        )
 
 
 def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
@@ -273,7 +337,7 @@ def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
     given = config["counterface"] or {}
     if "mesh" not in given:
         return None
-    # not `complete`d if a sweep adds it
+    # no default of the schema, which a stone without a mesh would get, too
     return {"mesh_unit": "mm"} | {name: of for name, of in given.items() if name != "scan"}
 
 

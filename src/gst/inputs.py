@@ -20,13 +20,13 @@ from skimage.transform import resize_local_mean
 from gst.config import thinner_than_a_point
 from gst.patches import COUNTERFACE, ScanFile
 from gstlib.contact import check_grid
-from gstlib.counterface import SecondStone, grid_counterface
+from gstlib.counterface import SecondStone
 from gstlib.errors import ConfigError, GstError, InputError
-from gstlib.geometry import Frame, Place, find_frame, on_patch, spline_of
+from gstlib.face import grid_macroscale
+from gstlib.geometry import Frame, Place, find_frame, on_patch, spline_of, square_of
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan, read_scan
-from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.scan import check_unmeasured
 from gstlib.surface import make_surface, spacing_of
@@ -44,7 +44,7 @@ _FACTS = columns_of("inputs")[3:]
 # If spacings of T0 and T1 differ by more than this share, the magnifications differ.
 _SAME_SPACING = 1e-3
 # Peak memory of the contact of the whole square, bytes per point (measured at 3012²).
-_BYTES = 180
+_BYTES = 200
 # ASSUME: heights of one stone that differ by this factor, between two scans of a patch or, in the
 # waves that both see, between scans and mesh, are in different units.
 _UNIT_FACTOR = 10.0
@@ -68,8 +68,9 @@ class Inputs:
         The mesh, mm; None if it cannot be read.
     frame : Frame or None
         Where the square lies on it; None if there is no mesh, or if the config gives no frame.
-    square : (ny, nx) xarray.DataArray or None
-        Heights of the analysed square (mm), its plane removed; None if it cannot be found.
+    face : xarray.Dataset or None
+        The square and the face around it, from `gstlib.face.grid_macroscale`; None if they cannot
+        be found.
     problems : list of GstError
         Everything that would stop the study.
     """
@@ -77,7 +78,7 @@ class Inputs:
     scans: pd.DataFrame
     stone: "trimesh.Trimesh | None"
     frame: Frame | None
-    square: xr.DataArray | None
+    face: xr.Dataset | None
     problems: list[GstError]
 
 
@@ -101,8 +102,10 @@ class Asked:
     ----------
     mesh_unit : str
         As in `gstlib.io.meshes.read_mesh`.
-    square, macroscale, scan_settings : mapping
-        The sections ``square``, ``macroscale`` and ``scans`` of the config.
+    square, scan_settings : mapping
+        The sections ``square`` and ``scans`` of the config.
+    grid : mapping
+        ``grid``, ``face_mm`` and ``radius_mm``, as in `gstlib.face.grid_macroscale`.
     maximum_unmeasured : float
         Largest share (0 to 1) of unmeasured points in a patch.
     placed : bool
@@ -117,7 +120,7 @@ class Asked:
 
     mesh_unit: str
     square: Mapping
-    macroscale: Mapping
+    grid: Mapping
     scan_settings: Mapping
     maximum_unmeasured: float
     placed: bool
@@ -136,13 +139,14 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
     What is odd but may be right is logged as a warning.
     """
     problems: list[GstError] = []
-    stone = frame = heights = None
+    stone = frame = face = heights = None
     try:
         if mesh is not None:
             stone = read_mesh(mesh, unit=asked.mesh_unit)
             points_mm, size_mm = asked.square["points_mm"], asked.square["size_mm"]
             frame = find_frame(points_mm, stone, size_mm=size_mm, source=str(mesh))
-            heights = _gridded(stone, frame, asked, source=str(mesh))
+            face = _gridded(stone, asked, source=str(mesh))
+            heights = square_of(face.height, size_mm)
     except GstError as error:
         problems.append(error)
     rows: list[dict[str, Any]] = []
@@ -192,23 +196,23 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
         else:
             _log.warning("%s", fault)
     table = pd.DataFrame(rows, columns=[*columns_of("inputs"), "range_um"])
-    return Inputs(table, stone, frame, heights, problems)
+    return Inputs(table, stone, frame, face, problems)
 
 
-def _gridded(
-    stone: "trimesh.Trimesh", frame: Frame, asked: Asked, *, source: str
-) -> xr.DataArray:
-    """Heights of the square, its plane removed; errors also where the second stone misses it."""
-    grid, margin_mm = asked.macroscale["grid"], asked.macroscale["margin_mm"]
-    # the fastest: only for the picture
-    fast = {"margin_mm": margin_mm, "interpolation": "linear"}
-    size_mm = asked.square["size_mm"]
-    gridded = grid_mesh(
-        stone, frame, size_mm=size_mm, shape=(grid, grid), source=source, **fast
+def _gridded(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> xr.Dataset:
+    """The face; errors also where the second stone misses it."""
+    second = asked.second_stone
+    face, _ = grid_macroscale(
+        stone,
+        **asked.square,
+        grid=asked.grid["grid"],
+        face_mm=asked.grid["face_mm"],
+        radius_mm=asked.grid["radius_mm"],
+        second_stone=SecondStone.read(**second) if second is not None else None,
+        interpolation="linear",  # the fastest: only for the picture
+        source=source,
     )
-    if asked.second_stone is not None:
-        grid_counterface(SecondStone.read(**asked.second_stone), gridded.height, frame, **fast)
-    return remove_plane(gridded.height)[0]
+    return face
 
 
 def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:

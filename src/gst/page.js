@@ -52,6 +52,15 @@ function showTool(scene) {
   const element = document.getElementById("viewer");
   element.replaceChildren();
   const viewer = stoneViewer(element, scene.stone, { label: "The tool in 3D" });
+  const show = (chosen) => {
+    const parts = (of) => document.querySelectorAll(of);
+    parts("#map image").forEach((map, k) => map.setAttribute("display", k === chosen ? "inline" : "none"));
+    parts(".scale.field").forEach((scale, k) => { scale.hidden = k !== chosen; });
+    if (viewer) viewer.setColours(scene.fields[chosen].colours);
+  };
+  for (const choice of document.querySelectorAll("input[name=field]"))
+    choice.addEventListener("change", () => show(Number(choice.value)));
+  show(0);
   if (!viewer) return;
   const { origin, axes, size } = scene.frame;
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

@@ -145,21 +145,22 @@ def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dic
 def tool_scene(
     mesh: "trimesh.Trimesh",
     frame: "Frame",
-    pressure: xr.DataArray,
+    fields: Sequence[xr.DataArray],
     places: Mapping[str, Sequence],
-    patch_mm: float,
+    sizes_mm: tuple[float, float],
     second: "trimesh.Trimesh | None" = None,
 ) -> dict[str, Any]:
-    """The tool for the viewer, its square and its patches, and the square's map.
+    """The tool for the viewer, its square and its patches, and maps of what lies on it.
 
     Parameters
     ----------
-    mesh, frame, pressure
-        As in `gst.figures.tool.coloured_tool`.
+    mesh, frame, fields
+        As in `gst.figures.tool.coloured_tool`; a field's attributes ``title`` and ``units`` say
+        what it is.
     places : mapping
         ``patch, x_mm, y_mm, rotation_deg``: a list each.
-    patch_mm : float
-        Side of a patch.
+    sizes_mm : (float, float)
+        Sides of the square and of a patch.
     second : trimesh.Trimesh, optional
         The active stone in its pose, in the tool's coordinates.
 
@@ -169,19 +170,21 @@ def tool_scene(
         ``stone`` and ``second``, or None, for `gst.viewer`; ``frame``; ``view``, where to look
         from, with ``middle`` and ``extent``, the tool's middle, width and height from there;
         ``square`` and ``patches``: outlines on the tool (mesh's coordinates) and in the square;
-        ``map``: a data URL; ``scale``: colours from no pressure to ``highest`` (MPa), on a
-        square-root scale.
+        ``fields``: of each ``title`` and ``units``, ``colours`` on the stone, ``map`` (a data URL)
+        and ``highest``; ``low`` and ``side`` (mm) of the maps; ``scale``: colours from 0 to the
+        highest, on a square-root scale.
     """
     from matplotlib.colors import to_hex
     from matplotlib.image import imsave
 
     from gst.figures.maps import FORCE_MAP, force_norm
     from gst.figures.tool import coloured_tool, outline_on, tool_view
-    from gst.viewer import coarsen, stone_data
+    from gst.viewer import coarsen, packed, stone_data
     from gstlib.geometry import Place, outline, places_of
+    from gstlib.surface import spacing_of
 
-    stone, colours = coloured_tool(mesh, frame, pressure)
-    size = float(pressure.x[-1] + pressure.x[0])
+    stone, *colours = coloured_tool(mesh, frame, *fields)
+    size, patch_mm = sizes_mm
 
     def outlined(place: Place, side: float) -> dict[str, list]:
         flat = outline(place, side)
@@ -189,11 +192,17 @@ def tool_scene(
         return {"flat": np.round(flat, 4).tolist(), "outline": np.round(on_tool, 4).tolist()}
 
     view = tool_view(stone, frame)
-    content = io.BytesIO()
-    shown = force_norm(pressure.values)
-    imsave(content, FORCE_MAP(shown(pressure.values))[::-1], metadata={"Software": None})
+
+    def mapped(field: xr.DataArray, of_stone: np.ndarray) -> dict[str, Any]:
+        content, shown = io.BytesIO(), force_norm(field.values)
+        imsave(content, FORCE_MAP(shown(field.values))[::-1], metadata={"Software": None})
+        said = {name: field.attrs[name] for name in ("title", "units")}
+        drawn = {"map": embedded(content.getvalue()), "colours": packed(of_stone, "u1")}
+        return said | drawn | {"highest": shown.vmax}
+
+    half = spacing_of(fields[0])[0] / 2
     return {
-        "stone": stone_data(stone, colours),
+        "stone": stone_data(stone),
         "second": stone_data(coarsen(second, faces=_SECOND_FACES)) if second else None,
         "frame": {"origin": list(frame.origin), "axes": frame.axes.tolist(), "size": size},
         "view": view.axes[2].tolist(),
@@ -204,8 +213,9 @@ def tool_scene(
             {"patch": patch} | outlined(place, patch_mm)
             for patch, place in places_of(pd.DataFrame(places)).items()
         ],
-        "map": embedded(content.getvalue()),
-        "highest": shown.vmax,
+        "fields": [mapped(*of) for of in zip(fields, colours, strict=True)],
+        "low": round(float(fields[0].x[0]) - half, 6),  # without the rounding of coordinates
+        "side": float(fields[0].x[-1] - fields[0].x[0]) + 2 * half,
         "scale": [to_hex(FORCE_MAP(share)) for share in np.linspace(0, 1, 13)],
     }
 

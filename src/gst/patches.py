@@ -6,13 +6,17 @@ begins a comment line. Columns: ``patch`` (id), ``x_mm``, ``y_mm`` (centre of th
 square's frame), ``rotation_deg`` (about the normal, x towards y), ``t0``, ``t1`` (file names in the
 scan folder), ``crop_x_mm``, ``crop_y_mm`` (centre of the piece to cut from the scan, from the
 scan's centre), ``note``.
+
+The table of proposed places (``places.csv``) is a patch table, too: ``place`` stands for ``patch``,
+and its other columns are for readers. In a table without ``t0`` and ``t1``, a patch's scans are
+those named after it and the epoch: ``E1_T0.plux`` and, if it is there, ``E1_T1.plux``.
 """
 
 import csv
 import itertools
 import math
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,16 +26,19 @@ import yaml
 from gst import ROOT
 from gstlib.errors import ConfigError
 from gstlib.geometry import Place
+from gstlib.io.results import columns_of
 from gstlib.io.text import decoded, separator_of
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
 
-__all__ = ["COUNTERFACE", "ScanFile", "read_patches", "scan_files"]
+__all__ = ["COUNTERFACE", "ScanFile", "no_patches", "read_patches", "scan_files"]
 
 # Cells are converted, and empty ones dropped, before validation.
 _SCHEMA = ROOT / "workflow/schemas/patches.schema.yaml"
 COUNTERFACE = "counterface"  # in place of a patch's name
+# What the scans of a generated specimen are.
+_GENERATED = ".plu"
 # A footprint may touch the square's edge; up to this much (mm) beyond it is rounding.
 _ROUNDING = 1e-9
 # First bytes of .xlsx and .ods, and of .xls.
@@ -68,7 +75,8 @@ def read_patches(
         Its message lists all that is wrong, with line numbers.
     """
     row_schema = yaml.safe_load(_SCHEMA.read_text(encoding="utf-8"))
-    rows, problems = _read_rows(Path(path), row_schema)
+    folder = None if scan_folder is None else Path(scan_folder)
+    rows, problems = _read_rows(Path(path), row_schema, folder)
     problems += _out_of_square(rows, size_mm, patch_size_mm)
     problems += _overlapping(rows, patch_size_mm)
     if problems:
@@ -82,15 +90,10 @@ def read_patches(
             f"{''.join(named)}\n ",
             "Correct these rows; the columns are described in config/README.md.",
         )
-    table = pd.DataFrame()
-    for name, rule in row_schema["properties"].items():
-        is_text = rule["type"] == "string"
-        empty = rule.get("default", "" if is_text else math.nan)
-        values = [row.get(name, empty) for row in rows.values()]
-        table[name] = values if is_text else [float(value) for value in values]
-    if scan_folder is not None:
+    table = _table(rows.values(), row_schema)
+    if folder is not None:
         for name in ("t0", "t1"):
-            table[name] = [_as_in_folder(value, Path(scan_folder)) for value in table[name]]
+            table[name] = [_as_in_folder(value, folder) for value in table[name]]
     # natural order: numbers within a name are padded to equal length
     return table.sort_values(
         "patch",
@@ -98,6 +101,22 @@ def read_patches(
         kind="stable",
         ignore_index=True,
     )
+
+
+def no_patches() -> pd.DataFrame:
+    """The patch table of a study before anything is scanned: no rows."""
+    return _table([], yaml.safe_load(_SCHEMA.read_text(encoding="utf-8")))
+
+
+def _table(rows: Collection[Mapping], schema: Mapping) -> pd.DataFrame:
+    """Every column of the schema, filled where a row has no cell."""
+    table = pd.DataFrame()
+    for name, rule in schema["properties"].items():
+        is_text = rule["type"] == "string"
+        empty = rule.get("default", "" if is_text else math.nan)
+        values = [row.get(name, empty) for row in rows]
+        table[name] = pd.Series(values, dtype=str if is_text else float)
+    return table
 
 
 class ScanFile(NamedTuple):
@@ -150,7 +169,7 @@ def _as_in_folder(name: str, folder: Path) -> str:
 
 
 def _read_rows(
-    path: Path, schema: Mapping
+    path: Path, schema: Mapping, folder: Path | None
 ) -> tuple[dict[int, dict[str, Any]], list[tuple[int, str]]]:
     """Each row's cells by column, by line number; and all problems, each with its line number."""
     from jsonschema import Draft202012Validator
@@ -160,8 +179,14 @@ def _read_rows(
     # A spreadsheet fills every line with empty cells, up to the length of its widest row.
     columns = _cells(header.rstrip(f" {delimiter}"), delimiter)
     known = schema["properties"]
+    for_readers: set[str] = set()
+    if "place" in columns and "patch" not in columns:
+        columns[columns.index("place")] = "patch"
+        for_readers = set(columns_of("places")) - set(known)
+    named = {"t0", "t1"}.isdisjoint(columns)  # after the patch
     missing = [name for name in schema["required"] if name not in columns]
-    unknown = [name for name in columns if name not in known]
+    missing = [name for name in missing if not (named and name == "t0")]
+    unknown = [name for name in columns if name not in known and name not in for_readers]
     if missing or unknown:
         raise ConfigError(
             path,
@@ -177,8 +202,14 @@ def _read_rows(
         row = rows[number] = {
             name: cell if known[name]["type"] == "string" else _number(cell, delimiter)
             for name, cell in zip(columns, cells, strict=False)
-            if cell
+            if cell and name in known
         }
+        if named and "patch" in row:
+            try:
+                row |= _scans_named(row["patch"], folder)
+            except ConfigError as error:
+                problems.append((number, f"{error.problem}: {error.remedy}"))
+                continue
         problems += [(number, _explain(error)) for error in validator.iter_errors(row)]
         if any(cells[len(columns) :]):
             problems.append((number, f"{len(cells)} cells in {len(columns)} columns"))
@@ -187,6 +218,24 @@ def _read_rows(
         if first != number:
             problems.append((number, f"same id as in line {first}"))
     return rows, problems
+
+
+def _scans_named(patch: str, folder: Path | None) -> dict[str, str]:
+    """The scans named after a patch, by epoch; those of a specimen where there is no folder."""
+    found = {}
+    for epoch in ("T0", "T1"):
+        name = f"{patch}_{epoch}"
+        there = [f"{name}{_GENERATED}"]
+        if folder is not None:
+            files = folder.iterdir() if folder.is_dir() else ()
+            there = sorted(file.name for file in files if file.stem.lower() == name.lower())
+        if len(there) > 1 or (epoch == "T0" and not there):
+            problem = f"{', '.join(there) or 'no file'} in {folder} is named {name}"
+            remedy = "name its one scan so, or add the columns t0 and t1"
+            raise ConfigError(str(folder), problem, remedy)
+        if there:
+            found[epoch.lower()] = there[0]
+    return found
 
 
 def _read_lines(path: Path) -> list[tuple[int, str]]:

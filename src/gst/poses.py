@@ -6,23 +6,26 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gstlib.gesture import read_poses, stroke_poses
+from gstlib.contact import load_force
+from gstlib.gesture import read_poses, stroke_poses, wander_poses
 
 __all__ = ["poses_of", "reach_of"]
 
 
 def poses_of(config: Mapping[str, Any]) -> pd.DataFrame | None:
-    """The poses that a config asks for, from its table or of its stroke; None without gesture."""
+    """The poses that a config asks for; None without gesture."""
     if (gesture := config["gesture"]) is None:
         return None
     if "table" in gesture:
         return read_poses(gesture["table"], size_mm=config["square"]["size_mm"])
-    pressure = config["macroscale"]["target_pressure_MPa"]
-    return stroke_poses(**gesture, pressure_MPa=pressure)
+    force_N = load_force(config["load"], config["square"]["size_mm"])
+    if "wander_mm" in gesture:
+        return wander_poses(**gesture, force_N=force_N, seed=config["seed"])
+    return stroke_poses(**gesture, force_N=force_N)
 
 
 def reach_of(config: Mapping[str, Any]) -> float:
-    """How far around the square (mm) the active stone's face is needed.
+    """How far around the passive face (mm) the active stone's own is needed.
 
     That is for the poses of the gesture, if there is one, and for errors of the pose of five
     standard deviations.
@@ -31,6 +34,6 @@ def reach_of(config: Mapping[str, Any]) -> float:
     if (poses := poses_of(config)) is None:
         return reach
     turn = np.radians(poses.rotation_deg.abs().clip(upper=45))
-    corners = config["square"]["size_mm"] / 2 * (np.cos(turn) + np.sin(turn) - 1)
+    corners = config["macroscale"]["face_mm"] / 2 * (np.cos(turn) + np.sin(turn) - 1)
     # turned back, a shift has at most its length along either axis
     return max(reach, float((np.hypot(poses.x_mm, poses.y_mm) + corners).max()))

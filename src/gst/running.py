@@ -43,6 +43,7 @@ MADE = (
     "index.html",
     "provenance.json",
     "report.html",
+    "tool.ply",
     "verdict.html",
 )
 # What studies of earlier versions made, too; no step makes or reads it any more.

@@ -9,7 +9,9 @@ from typing import Any
 
 import pandas as pd
 
-__all__ = ["LEVEL", "SCORE", "against_chance", "against_rival", "verdict"]
+from gstlib.places import CONTROL, EXPOSED, Concentration
+
+__all__ = ["LEVEL", "SCORE", "against_chance", "against_rival", "verdict", "where_to_scan"]
 
 LEVEL = 0.05  # the usual one
 SCORE = "mcc"  # a score of masks that a larger area does not raise
@@ -24,7 +26,7 @@ def verdict(
     gains: pd.DataFrame | None = None,
     variants: pd.DataFrame | None = None,
     *,
-    square_force_N: float,
+    force_N: float,
 ) -> list[str]:
     """What the study found, in sentences: the load first, then the prediction against the wear.
 
@@ -35,10 +37,10 @@ def verdict(
     gains, variants : pandas.DataFrame, optional
         ``validation_gains.csv`` and ``validation_variants.csv``, its first variant the study's own;
         None for a study without T1.
-    square_force_N : float
-        On the whole square, at the target pressure.
+    force_N : float
+        The whole load.
     """
-    sentences = [_load(pressures, intervals, square_force_N)]
+    sentences = [_load(pressures, intervals, force_N)]
     if not pressures["in_study"].any():
         return [
             *sentences,
@@ -58,11 +60,11 @@ def verdict(
     return [*sentences, against_chance(gains), against_rival(own)]
 
 
-def _load(pressures: pd.DataFrame, intervals: pd.DataFrame, square_force_N: float) -> str:
+def _load(pressures: pd.DataFrame, intervals: pd.DataFrame, force_N: float) -> str:
     """Which patches carry the load, and how well the highest pressure is known."""
     total, count = float(pressures["force_N"].sum()), len(pressures)
     if not total > 0:
-        return "At the target pressure, no scanned patch touches."
+        return "Under this load, no scanned patch touches."
     highest = pressures.loc[pressures["pressure_MPa"].idxmax()]
     known = intervals.set_index("patch").loc[highest["patch"]]
     pressure = _two_digits(known.pressure_MPa)
@@ -78,8 +80,44 @@ def _load(pressures: pd.DataFrame, intervals: pd.DataFrame, square_force_N: floa
     if len(others) >= _MOST_NAMED:
         who = f"The load is spread: {len(others) + 1} patches carry"
     share = f"{100 * shares.iloc[len(others)]:.0f} % of the load on the {count} patches"
-    share += f", which bear {100 * total / square_force_N:.0f} % of the square's"
+    share += f", which bear {100 * total / force_N:.0f} % of the force"
     return f"{who} {share}; {top}."
+
+
+def where_to_scan(places: pd.DataFrame, held: Concentration, *, force_N: float) -> list[str]:
+    """Where pressure and exposure concentrate, and which places to scan, in sentences.
+
+    Parameters
+    ----------
+    places : pandas.DataFrame
+        ``places.csv``.
+    held : Concentration
+        Its own.
+    force_N : float
+        The whole load.
+    """
+    exposed, controls = (places[places.kind == kind] for kind in (EXPOSED, CONTROL))
+    spread = (
+        f"Under {force_N:g} N, wherever the hand pushes, {100 * held.in_square:.0f} % of the "
+        f"exposure lies in the square, half of it on {_two_digits(100 * held.half_area)} % of its "
+        "area."
+    )
+    if exposed.empty:
+        return ["No pose touches the square, so there is nothing to scan in it."]
+    first = exposed.iloc[0]
+    scan = (
+        f"Scan {_from_to(exposed)}: of the square's exposure, {100 * held.in_places:.0f} % lies "
+        f"there, on {100 * held.places_area:.0f} % of its area; most in {first.place}, "
+        f"{first.x_mm:g} mm along x and {first.y_mm:g} mm along y from the reference corner."
+    )
+    if controls.empty:
+        return [spread, scan, "No place is free of contact, so there is no control."]
+    return [spread, scan, f"No pose touches {_from_to(controls)}: scan them as controls."]
+
+
+def _from_to(places: pd.DataFrame) -> str:
+    first, last = places.place.iloc[0], places.place.iloc[-1]
+    return first if len(places) == 1 else f"{first} to {last}"
 
 
 def _two_digits(value: float) -> str:

@@ -19,7 +19,7 @@ from gstlib.errors import InputError
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["coarsen", "stone_data", "three_js", "to_script", "viewer_js"]
+__all__ = ["coarsen", "packed", "stone_data", "three_js", "to_script", "viewer_js"]
 
 # trimesh's page has one script: three.js, its controls and loaders, then trimesh's own code.
 _TEMPLATE = "resources/templates/viewer.zip"
@@ -113,14 +113,15 @@ def stone_data(mesh: "trimesh.Trimesh", colours: np.ndarray | None = None) -> di
     # the signs that eigh gives are arbitrary
     axes = axes * np.sign([axis[np.abs(axis).argmax()] for axis in axes])[:, np.newaxis]
     data = {
-        "vertices": _base64(mesh.vertices - centre, "<f4"),
-        "faces": _base64(mesh.faces, "<u4"),
+        "vertices": packed(mesh.vertices - centre, "<f4"),
+        "faces": packed(mesh.faces, "<u4"),
         "centre": centre.tolist(),
         "bounds": [low.tolist(), high.tolist()],
         "axes": axes.tolist(),
     }
-    return data if colours is None else data | {"colours": _base64(colours, "u1")}
+    return data if colours is None else data | {"colours": packed(colours, "u1")}
 
 
-def _base64(values: np.ndarray, kind: str) -> str:
+def packed(values: np.ndarray, kind: str) -> str:
+    """Numbers as base64 of their bytes, row by row; `kind` is that of NumPy."""
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")

@@ -9,7 +9,7 @@ Measured against one contact of the whole square at the scans' resolution, these
 prediction inside a patch needs most (docs/two_scales.md).
 """
 
-# ASSUME: detail that was not scanned is Gaussian, isotropic and alike all over the square. Waves
+# ASSUME: detail that was not scanned is Gaussian, isotropic and alike all over the face. Waves
 # longer than a patch have the density of those as long as one.
 # ASSUME: the mesh errs at each vertex by about as much as its other vertices mispredict it,
 # independently from vertex to vertex.
@@ -22,10 +22,10 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.geometry import Place, half_extent, on_patch, places_of, spline_of
+from gstlib.geometry import Place, half_extent, on_patch, places_of, spline_of, square_of
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import Plane, fit_plane, remove_plane
-from gstlib.surface import axis_coordinates, spacing_of
+from gstlib.surface import axis_coordinates, make_surface, spacing_of
 
 __all__ = ["compose", "compose_grid", "compose_surface", "draw_mesh_errors", "plane_under"]
 
@@ -49,7 +49,7 @@ def plane_under(
 
 
 def compose_surface(
-    square: xr.Dataset,
+    face: xr.Dataset,
     patches: pd.DataFrame,
     scans: Mapping[str, xr.Dataset],
     *,
@@ -62,9 +62,9 @@ def compose_surface(
 
     Parameters
     ----------
-    square : xarray.Dataset
+    face : xarray.Dataset
         The mesh's ``height`` (y, x), mm, and its left-out errors, from
-        `gstlib.study.grid_macroscale`.
+        `gstlib.face.grid_macroscale`.
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``.
     scans : mapping of str to xarray.Dataset
@@ -81,7 +81,7 @@ def compose_surface(
     Returns
     -------
     xarray.Dataset
-        ``height`` (y, x) mm, its plane removed; ``counterface``, that of `square`; by patch
+        ``height`` (y, x) mm; ``counterface`` and ``size_mm``, those of `face`; by patch
         ``x_mm, y_mm, rotation_deg``; ``offset`` (mm), ``slope_y, slope_x``, the plane that the
         patch is laid on, along its own axes; ``tilt_mrad``, that of the mesh's plane;
         ``tilt_error_mrad``, the standard error along each axis; ``known``, whether the plane is
@@ -91,8 +91,8 @@ def compose_surface(
     """
     from skimage.transform import resize_local_mean
 
-    places, spline = places_of(patches), spline_of(square.height)
-    element = max(spacing_of(square.height))
+    places, spline = places_of(patches), spline_of(face.height)
+    element = max(spacing_of(face.height))
     points = int(np.ceil(patch_mm * _PER_ELEMENT / element))
     coarse, densities, shape = [], [], None
     for patch, place in places.items():
@@ -111,7 +111,7 @@ def compose_surface(
     )
     generator = np.random.default_rng([seed, 0])
     planes = [plane_under(spline, place, patch_mm) for place in places.values()]
-    error = _plane_errors(square, places, spectrum, patch_mm, placement_um, generator)
+    error = _plane_errors(face, places, spectrum, patch_mm, placement_um, generator)
     tilt = 1e3 * np.array([np.hypot(plane.slope_y, plane.slope_x) for plane in planes])
     known = tilt > np.sqrt(2) * error
     planes = [
@@ -119,7 +119,7 @@ def compose_surface(
         for plane, sure in zip(planes, known, strict=True)
     ]
     laid = zip(places.values(), planes, coarse, strict=True)
-    level = remove_plane(compose_grid(square.height, laid, patch_mm, spectrum, seed))[0]
+    level = compose_grid(face.height, laid, patch_mm, spectrum, seed)
     numbers = {
         "x_mm": ("mm", "centre along x", [place.x_mm for place in places.values()]),
         "y_mm": ("mm", "centre along y", [place.y_mm for place in places.values()]),
@@ -138,7 +138,8 @@ def compose_surface(
             "height": level,
             "density": spectrum,
             "scan": (("patch", "v", "u"), np.array(coarse), described),
-            "counterface": square.counterface,
+            "counterface": face.counterface,
+            "size_mm": face.size_mm,
             "patch_mm": ((), patch_mm, {"units": "mm", "long_name": "side of a patch"}),
         }
         | {
@@ -153,22 +154,22 @@ def compose(
     spline: "scipy.interpolate.RectBivariateSpline",
     scans: Iterable[tuple[Place, Plane, np.ndarray]],
     patch_mm: float,
-    shape: tuple[int, ...],
-    spacing: float,
+    grid: xr.DataArray,
     density: xr.DataArray,
     seed: int | np.random.Generator,
-) -> np.ndarray:
-    """Heights (ny, nx), mm, of the composite surface at any spacing (mm).
+) -> xr.DataArray:
+    """Heights (y, x), mm, of the composite surface on the points of any `grid`.
 
     Inside an outline, the scan on its plane; elsewhere the surface of `spline` with random detail
     of the given `density`.
     """
-    y, x = (axis_coordinates(count, spacing) for count in shape)
+    y, x = grid.y.values, grid.x.values
     height = spline(y, x)
-    height += _random_field(density, shape, spacing, np.random.default_rng(seed))
+    generator = np.random.default_rng(seed)
+    height += _random_field(density, height.shape, max(spacing_of(grid)), generator)
     laid, count = np.zeros_like(height), np.zeros(height.shape, np.uint8)
     for place, plane, scan in scans:
-        reach = half_extent(patch_mm, place.rotation_deg)
+        reach = float(half_extent(patch_mm, place.rotation_deg))
         rows, columns = (
             slice(*np.searchsorted(axis, [centre - reach, centre + reach]))
             for axis, centre in ((y, place.y_mm), (x, place.x_mm))
@@ -184,7 +185,7 @@ def compose(
         laid[rows, columns] += np.where(inside, values, 0)
         count[rows, columns] += inside
     np.divide(laid, count, out=height, where=count > 0)
-    return height
+    return grid.copy(data=height)
 
 
 def compose_grid(
@@ -194,27 +195,43 @@ def compose_grid(
     density: xr.DataArray,
     seed: int | np.random.Generator,
 ) -> xr.DataArray:
-    """`compose` on the mesh's surface, averaged over each element of the grid of `height`."""
-    shape = tuple(_PER_ELEMENT * count for count in height.shape)
-    spacing = max(spacing_of(height)) / _PER_ELEMENT
-    fine = compose(spline_of(height), scans, patch_mm, shape, spacing, density, seed)
+    """`compose` on the mesh's surface, averaged over each element of the grid of `height`.
+
+    It is NaN where `height` is.
+    """
     ny, nx = height.shape
-    means = fine.reshape(ny, _PER_ELEMENT, nx, _PER_ELEMENT).mean(axis=(1, 3))
-    return height.copy(data=means)
+    fine = refined(height, _PER_ELEMENT)
+    heights = compose(spline_of(height), scans, patch_mm, fine, density, seed).values
+    means = heights.reshape(ny, _PER_ELEMENT, nx, _PER_ELEMENT).mean(axis=(1, 3))
+    return height.copy(data=np.where(np.isnan(height.values), np.nan, means))
+
+
+def refined(surface: xr.DataArray, parts: int) -> xr.DataArray:
+    """A surface of zeros whose elements are those of a `surface`, each in so many parts a side."""
+    shape = tuple(parts * count for count in surface.shape)
+    steps = tuple(step / parts for step in spacing_of(surface))
+    fine = make_surface(np.zeros(shape), steps)
+    corner = {
+        axis: float(surface[axis][0]) - step / 2
+        for axis, step in zip("yx", spacing_of(surface), strict=True)
+    }
+    return fine.assign_coords(
+        {axis: fine[axis].copy(data=fine[axis].values + at) for axis, at in corner.items()}
+    )
 
 
 def draw_mesh_errors(
-    square: xr.Dataset, draws: int, generator: np.random.Generator
+    face: xr.Dataset, grid: xr.DataArray, draws: int, generator: np.random.Generator
 ) -> np.ndarray:
-    """Errors (draws, ny, nx), mm, that the mesh's surface may have.
+    """Errors (draws, ny, nx), mm, that the mesh's surface may have at the points of a `grid`.
 
-    At each vertex its left-out error times a normal number, linear between vertices.
+    At each vertex of the `face` its left-out error times a normal number, linear between vertices.
     """
-    vertices = np.stack([square.vertex_y.values, square.vertex_x.values], axis=1)
-    errors = square.left_out_error.values[:, None] * generator.standard_normal(
+    vertices = np.stack([face.vertex_y.values, face.vertex_x.values], axis=1)
+    errors = face.left_out_error.values[:, None] * generator.standard_normal(
         (len(vertices), draws)
     )
-    at = np.stack(np.meshgrid(square.y.values, square.x.values, indexing="ij"), axis=-1)
+    at = np.stack(np.meshgrid(grid.y.values, grid.x.values, indexing="ij"), axis=-1)
     found = scipy.interpolate.LinearNDInterpolator(vertices, errors)(at)
     outside = np.isnan(found[..., 0])
     found[outside] = scipy.interpolate.NearestNDInterpolator(vertices, errors)(at[outside])
@@ -222,7 +239,7 @@ def draw_mesh_errors(
 
 
 def _plane_errors(
-    square: xr.Dataset,
+    face: xr.Dataset,
     places: Mapping[str, Place],
     density: xr.DataArray,
     patch_mm: float,
@@ -231,8 +248,9 @@ def _plane_errors(
 ) -> np.ndarray:
     """Standard error (mrad) of each patch's tilt: of the mesh, the place, and unseen waves."""
     slopes = np.empty((_PLANE_DRAWS, len(places), 2))
-    for draw, error in enumerate(draw_mesh_errors(square, _PLANE_DRAWS, generator)):
-        spline = spline_of(square.height + error)
+    height = square_of(face.height, float(face.size_mm))
+    for draw, error in enumerate(draw_mesh_errors(face, height, _PLANE_DRAWS, generator)):
+        spline = spline_of(height + error)
         shifts = placement_um * 1e-3 * generator.standard_normal((len(places), 2))
         for number, (place, shift) in enumerate(zip(places.values(), shifts, strict=True)):
             moved = place._replace(y_mm=place.y_mm + shift[0], x_mm=place.x_mm + shift[1])

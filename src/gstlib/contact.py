@@ -10,13 +10,20 @@ import math
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import ContactError, ContactState, contact_modulus, load_path, solve_contact
+from gstlib.bem import (
+    ContactError,
+    ContactState,
+    TipsOver,
+    contact_modulus,
+    load_path,
+    solve_contact,
+)
 from gstlib.errors import InputError
 from gstlib.io.results import columns_of
 from gstlib.preprocess.leveling import Plane
@@ -31,12 +38,17 @@ __all__ = [
     "contact_moduli",
     "contact_path",
     "faces_of",
+    "from_corner",
     "laid_height",
+    "load_force",
     "load_path_table",
+    "load_point",
+    "macroscale_table",
     "microscale_tables",
     "pressed_height",
     "solved",
     "study_poisson",
+    "tilted",
     "turned_over",
     "with_interface_stiffness",
 ]
@@ -45,8 +57,8 @@ __all__ = [
 _SAME_SPACING = 1e-6
 
 # ASSUME: the counterface is turned over about the patch's y axis, so that its scan's columns run
-# against the patch's x; the same piece of it, neither shifted nor worn, is pressed on every patch;
-# at the macroscale the active stone stays flat. The paper's active stone is flat at both scales.
+# against the patch's x; the same piece of it, neither shifted nor worn, is pressed on every patch.
+# The paper's active stone is flat at both scales.
 
 _log = logging.getLogger(__name__)
 
@@ -57,13 +69,21 @@ _FULL = 0.95
 _VARIABLES = {
     "height": ("mm", "height of the surface, level"),
     "counterface": ("mm", "height of the face pressed on it, 0 of a flat"),
-    "slope_y": ("1", "slope along y of the plane that the surface is laid on"),
-    "slope_x": ("1", "slope along x of the plane that the surface is laid on"),
+    "slope_y": ("1", "slope along y of the plane that the surface lies on"),
+    "slope_x": ("1", "slope along x of the plane that the surface lies on"),
     "surroundings": ("mm", "displacement by the macroscale pressures outside the patch"),
     "placed": ("1", "whether it is pressed among its surroundings, or alone"),
     "contact_modulus": ("MPa", "contact modulus"),
     "target_pressure": ("MPa", "mean pressure asked for"),
     "tolerance": ("1", "largest residual asked for"),
+    "through_y": (
+        "mm",
+        "y of the point of force of a body free to tilt, NaN of one that is not",
+    ),
+    "through_x": (
+        "mm",
+        "x of the point of force of a body free to tilt, NaN of one that is not",
+    ),
     "pressure": ("MPa", "contact pressure"),
     "gap": ("mm", "gap between the bodies"),
     "displacement": ("mm", "far-field displacement from first touch"),
@@ -100,19 +120,39 @@ class Loading(NamedTuple):
         E* and the mean pressure to reach.
     tolerance : float
         Largest residual, as in `gstlib.bem.solve_contact`.
+    through : (float, float) or None
+        Place (y, x), mm, on the surface, through which the force acts on a body that is free to
+        tilt; without one its plane stays as it is.
     """
 
     contact_modulus_MPa: float
     target_pressure_MPa: float
     tolerance: float
+    through: tuple[float, float] | None = None
+
+    @classmethod
+    def by_force(
+        cls,
+        force_N: float,
+        through: tuple[float, float] | None,
+        surface: xr.DataArray,
+        *,
+        contact_modulus_MPa: float,
+        tolerance: float,
+    ) -> "Loading":
+        """A force (N) on a surface, through a place (y, x), mm, of it if it is free to tilt."""
+        area = surface.size * float(np.prod(spacing_of(surface)))
+        return cls(contact_modulus_MPa, force_N / area, tolerance, through)
 
     @classmethod
     def of(cls, contact: xr.Dataset) -> "Loading":
         """How a contact was pressed."""
+        through = float(contact.through_y), float(contact.through_x)
         return cls(
             float(contact.contact_modulus),
             float(contact.target_pressure),
             float(contact.tolerance),
+            None if math.isnan(through[0]) else through,
         )
 
 
@@ -128,9 +168,10 @@ def faces_of(
     Parameters
     ----------
     height : (y, x) xarray.DataArray
-        A surface, level, mm.
+        A surface, level, mm; NaN where there is none.
     counterface : (y, x) xarray.DataArray, optional
-        What is pressed on it, mm, positive towards it, as from `turned_over`; by default a flat.
+        What is pressed on it, mm, positive towards it, as from `turned_over`; NaN where there is
+        none; by default a flat.
     slopes : (float, float)
         Of the plane that the surface is laid on, along y and x.
     surroundings : (ny, nx) ndarray, optional
@@ -196,6 +237,10 @@ def contact_path(
         "steps": steps,
         "keep_states": every_step,
     }
+    if loading.through is not None:
+        # ASSUME: on the way to the target load a body has the tilt that it has in the end.
+        rest = contact_at_pressure(faces, loading, source=source)
+        faces = faces.assign({name: rest[name] for name in ("slope_y", "slope_x")})
     path = solved(load_path, faces, loading, source, **options)
     needed_um = path.final.displacement * 1e3
     if needed_um > maximum_displacement_um:
@@ -203,7 +248,7 @@ def contact_path(
             source,
             f"the target pressure of {loading.target_pressure_MPa:g} MPa cannot be reached within "
             f"{maximum_displacement_um:g} µm of displacement: it takes {needed_um:.4g} µm",
-            "Lower target_pressure_MPa or raise maximum_displacement_um in the config.",
+            "Lower the load or raise maximum_displacement_um in the config.",
         )
     if (touching := float(path.final.contact_fraction)) > _FULL:
         logging.getLogger("gstlib").warning(
@@ -215,7 +260,7 @@ def contact_path(
     along = {name: getattr(path, name) for name in (*_NUMBERS, "stiffness")}
     if every_step:
         for name in _FIELDS:
-            along[name] = np.stack([getattr(state, name) for state in path.states])
+            along[name] = np.stack([_finite(getattr(state, name)) for state in path.states])
     contact = _contact(faces, loading, path.final)
     contact = contact.assign_coords(step=np.arange(1, steps + 1))
     return contact.assign(_variables(along, _PATH))
@@ -231,20 +276,51 @@ def contact_at_pressure(
     Returns
     -------
     xarray.Dataset
-        `faces`; ``pressure`` MPa and ``gap`` mm (y, x); ``displacement`` mm, ``mean_pressure`` MPa,
+        `faces`, of a body that is free to tilt on the plane at which it rests; ``pressure`` MPa and
+        ``gap`` mm (y, x), NaN where a face is missing; ``displacement`` mm, ``mean_pressure`` MPa,
         ``contact_fraction`` and ``residual``; and the loading: ``contact_modulus`` and
-        ``target_pressure``, MPa, and ``tolerance``.
+        ``target_pressure``, MPa, ``tolerance``, ``through_y`` and ``through_x``, mm.
     """
-    pressure = loading.target_pressure_MPa
-    state = solved(solve_contact, faces, loading, source, mean_pressure=pressure)
+    options: dict[str, Any] = {"mean_pressure": loading.target_pressure_MPa}
+    if loading.through is not None:
+        options["through"] = from_corner(loading.through, faces.height)
+    state = solved(solve_contact, faces, loading, source, **options)
+    if loading.through is not None:
+        faces = tilted(faces, state.tilt)
     return _contact(faces, loading, state)
+
+
+def tilted(faces: xr.Dataset, tilt: tuple[float, float]) -> xr.Dataset:
+    """Faces of which the surface is tilted further, by slopes along y and x."""
+    slopes = {
+        name: float(faces[name]) + by
+        for name, by in zip(("slope_y", "slope_x"), tilt, strict=True)
+    }
+    return faces.assign(_variables(slopes))
+
+
+def from_corner(place: tuple[float, float], surface: xr.DataArray) -> tuple[float, float]:
+    """A place (y, x), mm, on a surface, counted from the corner of its grid."""
+    y, x = (
+        of - (float(surface[axis][0]) - step / 2)
+        for of, axis, step in zip(place, "yx", spacing_of(surface), strict=True)
+    )
+    return y, x
 
 
 def _contact(faces: xr.Dataset, loading: Loading, state: ContactState) -> xr.Dataset:
     """Faces with how they were pressed, and with what came of it."""
-    values = {name: getattr(state, name) for name in (*_FIELDS, *_NUMBERS)}
-    values["contact_modulus"], values["target_pressure"], values["tolerance"] = loading
+    values = {name: getattr(state, name) for name in _NUMBERS}
+    values |= {name: _finite(getattr(state, name)) for name in _FIELDS}
+    modulus, pressure, tolerance, through = loading
+    values |= {"contact_modulus": modulus, "target_pressure": pressure, "tolerance": tolerance}
+    values["through_y"], values["through_x"] = through or (math.nan, math.nan)
     return faces.assign(_variables(values))
+
+
+def _finite(field: np.ndarray) -> np.ndarray:
+    """A field (ny, nx) of a contact, NaN in place of infinite where a face is missing."""
+    return np.where(np.isinf(field), np.nan, field)
 
 
 def with_interface_stiffness(contact: xr.Dataset) -> xr.Dataset:
@@ -280,8 +356,16 @@ def _punch_stiffness(
     return punch.mean_pressure / depth
 
 
+def macroscale_table(contact: xr.Dataset) -> pd.DataFrame:
+    """Load path of the face, one row per step (`macroscale_path.csv`)."""
+    table = load_path_table(contact)
+    area = contact.height.size * float(np.prod(spacing_of(contact)))
+    table.insert(1, "force_N", table.mean_pressure_MPa * area)
+    return table
+
+
 def load_path_table(contact: xr.Dataset) -> pd.DataFrame:
-    """Load path of a contact of `contact_path`, one row per step (`macroscale_path.csv`)."""
+    """Load path of a contact of `contact_path`, one row per step."""
     return pd.DataFrame(
         {
             "step": contact.step.values,
@@ -393,8 +477,18 @@ def solved(solve: Callable, faces: xr.Dataset, loading: Loading, source: str | P
     """What a solver of `gstlib.bem` finds for two faces; an `InputError` where it gives up."""
     height = pressed_height(faces)
     options["tolerance"] = loading.tolerance
+    # where a face is missing, nothing ever touches
+    heights = np.where(np.isnan(height.values), -np.inf, height.values)
     try:
-        found = solve(height.values, spacing_of(height), loading.contact_modulus_MPa, **options)
+        found = solve(heights, spacing_of(height), loading.contact_modulus_MPa, **options)
+    except TipsOver as error:
+        y, x = loading.through or (math.nan, math.nan)
+        raise InputError(
+            source,
+            f"the stone tips over: its force acts through x {x:g}, y {y:g} mm of the square's "
+            "axes, where nothing that touches can hold it",
+            "Move load.at_mm to a place between summits of the face, or check macroscale.face_mm.",
+        ) from error
     except ContactError as error:
         raise InputError(
             source, f"its contact could not be solved: {error}", "Look at the surface's figure."
@@ -445,3 +539,16 @@ def study_poisson(material: Mapping) -> float:
     young = [material["young_1_MPa"], material["young_2_MPa"]]
     weights = [(1 + ratio) / modulus for ratio, modulus in zip(poisson, young, strict=True)]
     return float(np.average(poisson, weights=weights))
+
+
+def load_force(load: Mapping[str, Any], size_mm: float) -> float:
+    """The force (N) of the section ``load`` of the config, on a square of this side."""
+    if (force := load["force_N"]) is not None:
+        return float(force)
+    return float(load["pressure_MPa"]) * size_mm**2
+
+
+def load_point(load: Mapping[str, Any], size_mm: float) -> tuple[float, float]:
+    """Where (y, x), mm, the force acts: where the section says, or in the middle of the square."""
+    x, y = load["at_mm"] or 2 * [size_mm / 2]
+    return float(y), float(x)

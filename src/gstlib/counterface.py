@@ -9,8 +9,9 @@ down to a frame of the active mesh: that of the square as seen on the active fac
 the passive one turned over about the square's y axis, so that its x runs against the other's.
 """
 
-# ASSUME: a stone that is held in a hand tilts until its face follows the other's: the plane of the
-# active face over the square is taken out, as that of the passive face is.
+# ASSUME: an active stone that is not a mesh is round, a paraboloid of one radius, or flat. Its
+# summit may be anywhere: to move it is to tilt the stone, and at rest the stone finds its tilt
+# itself.
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,16 +21,23 @@ import numpy as np
 import xarray as xr
 
 from gstlib.errors import ConfigError, InputError
-from gstlib.geometry import Frame, Place, find_frame, spline_of
+from gstlib.geometry import Frame, Place, find_frame, spline_of, square_of
 from gstlib.io.meshes import read_mesh
 from gstlib.preprocess.gridding import grid_mesh
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.surface import make_surface, spacing_of
+from gstlib.surface import spacing_of
 
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["SecondStone", "face_in_pose", "grid_counterface", "pose_frame", "posed_mesh"]
+__all__ = [
+    "SecondStone",
+    "face_in_pose",
+    "grid_counterface",
+    "pose_frame",
+    "posed_mesh",
+    "rounded_counterface",
+]
 
 _KEY = "counterface.pose"
 # A pose moves the stone and neither stretches nor mirrors it; typed digits deviate by less.
@@ -46,7 +54,7 @@ class SecondStone(NamedTuple):
     pose : mapping
         As in `pose_frame`.
     reach_mm : float
-        How far around the square its face is wanted.
+        How far around the passive face its own is wanted.
     source : str
         Name of the mesh's file, for messages.
     """
@@ -121,31 +129,46 @@ def posed_mesh(stone: SecondStone, frame: Frame, *, size_mm: float) -> "trimesh.
     return moved
 
 
+def rounded_counterface(
+    height: xr.DataArray, radius_mm: float | None, middle: tuple[float, float]
+) -> xr.DataArray:
+    """The face of an active stone of a radius over a surface (y, x), mm; 0 of a flat (None).
+
+    `middle` (y, x), mm, is where its summit lies.
+    """
+    y, x = (height[axis].values - at for axis, at in zip("yx", middle, strict=True))
+    curvature = 0.0 if radius_mm is None else 1 / radius_mm
+    over = -0.5 * curvature * (y[:, None] ** 2 + x**2)
+    return height.copy(data=over).assign_attrs(long_name="height of the counterface")
+
+
 def grid_counterface(
     stone: SecondStone,
     surface: xr.DataArray,
     frame: Frame,
     *,
-    margin_mm: float,
+    size_mm: float,
     interpolation: str,
 ) -> xr.DataArray:
-    """Heights of the active stone's face over the square, and around it as far as it moves.
+    """Heights of the active stone's face over the passive one's, and as far as it moves.
 
     Parameters
     ----------
     stone : SecondStone
     surface : (ny, nx) xarray.DataArray
-        Heights of the passive stone over the square, mm above `frame`, its plane not removed.
+        Heights of the passive stone over the square and the face around it, mm above `frame`.
     frame : Frame
         Of the square on the passive stone.
-    margin_mm, interpolation
+    size_mm : float
+        Side of the square.
+    interpolation : str
         As in `gstlib.preprocess.gridding.grid_mesh`.
 
     Returns
     -------
     (my, mx) xarray.DataArray
         Heights towards the passive stone, mm, in the square's coordinates, less the plane of those
-        over the square.
+        over the square; NaN where there is no stone.
 
     Raises
     ------
@@ -155,19 +178,16 @@ def grid_counterface(
     """
     mesh, pose, source = stone.mesh, stone.pose, stone.source
     dx = spacing_of(surface)[1]
-    size = dx * surface.sizes["x"]
-    own = pose_frame(pose, frame, mesh, size_mm=size, source=source)
-    around = int(np.ceil(stone.reach_mm / dx))
-    reach = around * dx
-    origin = np.array(own.origin) - reach * own.axes[:2].sum(axis=0)
-    wide = Frame(origin.tolist(), own.x_axis, own.normal)
+    grid = round(size_mm / dx)
+    own = pose_frame(pose, frame, mesh, size_mm=size_mm, source=source)
+    around = (surface.sizes["x"] - grid) // 2 + int(np.ceil(stone.reach_mm / dx))
     try:
         gridded = grid_mesh(
             mesh,
-            wide,
-            size_mm=size + 2 * reach,
-            shape=(surface.sizes["y"] + 2 * around, surface.sizes["x"] + 2 * around),
-            margin_mm=margin_mm,
+            own,
+            size_mm=size_mm,
+            grid=grid,
+            around=around,
             interpolation=interpolation,
             source=source,
         ).height
@@ -175,18 +195,16 @@ def grid_counterface(
         raise InputError(
             source,
             f"the active stone, as it is posed: {error.problem}",
-            f"Check {_KEY} and counterface.mesh_unit in the config"
-            + (f", and how far the gesture moves it ({reach:.3g} mm)." if reach else "."),
+            f"Check {_KEY} and counterface.mesh_unit in the config.",
         ) from error
-    face = make_surface(gridded.values[:, ::-1], dx, long_name="height of the counterface")
-    face = face.assign_coords(
-        {axis: face[axis].copy(data=face[axis].values - reach) for axis in "yx"}
+    face = gridded.copy(data=gridded.values[:, ::-1]).assign_attrs(
+        long_name="height of the counterface"
     )
-    over = face[around : around + surface.sizes["y"], around : around + surface.sizes["x"]]
+    over, below = (square_of(of, size_mm) for of in (face, surface))
     _, plane = remove_plane(over)
     if "points_mm" not in pose:
-        gap = -float((surface.values + over.values).max())
-        relief = sum(float(np.ptp(of.values)) for of in (surface, over))
+        gap = -float((below.values + over.values).max())
+        relief = sum(float(np.ptp(of.values)) for of in (below, over))
         if abs(gap) > relief:
             where = "in" if gap < 0 else "away from"
             raise InputError(
@@ -195,29 +213,30 @@ def grid_counterface(
                 f"more than the {relief:.3g} mm between the summits and dales of both faces",
                 f"Check {_KEY}: the two must touch.",
             )
-    y, x = (face[axis].values - float(over[axis].mean()) for axis in "yx")
-    tilted = plane.offset + plane.slope_y * y[:, None] + plane.slope_x * x
-    return face.copy(data=face.values - tilted)
+    return face.copy(data=face.values - plane.heights(face))
 
 
-def face_in_pose(face: xr.DataArray, square: xr.DataArray, pose: Place) -> xr.DataArray:
-    """The active face over the square, its plane removed, after the stone was moved.
+def face_in_pose(
+    face: xr.DataArray, height: xr.DataArray, pose: Place, *, size_mm: float
+) -> xr.DataArray:
+    """The active face over the passive one after the stone was moved.
 
-    `face` is from `grid_counterface`; `square` (ny, nx) gives the grid. The stone turns about the
-    middle of the square, from x towards y, and is then shifted by ``y_mm, x_mm`` of `pose`.
+    `face` is from `grid_counterface`; `height` (ny, nx) gives the grid, and `size_mm` is the side
+    of the square. The stone turns about the middle of the square, from x towards y, and is then
+    shifted by ``y_mm, x_mm`` of `pose`. Where there is no active stone, the result is NaN.
 
     Raises
     ------
     InputError
         The face does not reach so far.
     """
-    middle = [float(square[axis].mean()) for axis in "yx"]
-    moved = Place(middle[0] + pose.y_mm, middle[1] + pose.x_mm, pose.rotation_deg)
-    y, x = np.meshgrid(square.y.values, square.x.values, indexing="ij")
+    middle = size_mm / 2
+    moved = Place(middle + pose.y_mm, middle + pose.x_mm, pose.rotation_deg)
+    y, x = np.meshgrid(height.y.values, height.x.values, indexing="ij")
     v, u = moved.seen(y, x)
-    at = [v + middle[0], u + middle[1]]
+    at = [v + middle, u + middle]
     for where, axis in zip(at, "yx", strict=True):
-        half = spacing_of(square)[0] / 2
+        half = spacing_of(height)[0] / 2
         low, high = face[axis].values[[0, -1]]
         if where.min() < low - half or where.max() > high + half:
             raise InputError(
@@ -226,6 +245,12 @@ def face_in_pose(face: xr.DataArray, square: xr.DataArray, pose: Place) -> xr.Da
                 f"{pose.rotation_deg:g}°, farther than its face is known",
                 "Move it less.",
             )
-    spline = spline_of(face)
-    values = spline(at[0][:, 0], at[1][0]) if pose.rotation_deg == 0 else spline.ev(*at)
-    return remove_plane(square.copy(data=values).assign_attrs(face.attrs))[0]
+
+    def over(field: xr.DataArray) -> np.ndarray:
+        spline = spline_of(field)
+        return spline(at[0][:, 0], at[1][0]) if pose.rotation_deg == 0 else spline.ev(*at)
+
+    values, absent = over(face), np.isnan(face.values)
+    if absent.any():
+        values[over(face.copy(data=absent.astype(float))) > 0.5] = np.nan
+    return height.copy(data=values).assign_attrs(face.attrs)

@@ -3,7 +3,8 @@
 The force on a patch is the sum of the macroscale contact forces in its footprint; elements cut by
 the footprint's edge count by the share of their area inside. Footprints that tile a region thus
 share out its force without loss, wherever they lie. The forces outside the footprint press the
-patch down with its surroundings.
+patch down with its surroundings, and it tilts as the stone does. So does the whole square at the
+scans' resolution in the face around it (`placed_faces` serves both).
 """
 
 # ASSUME: the x and y of a patch are those of its centre; the paper gives the place by its x and y.
@@ -16,12 +17,19 @@ import xarray as xr
 
 from gstlib.bem import HalfSpace, Layer
 from gstlib.contact import faces_of, turned_over
-from gstlib.geometry import Place, footprint_weights, on_patch, places_of, spline_of
+from gstlib.geometry import Place, footprint_weights, on_patch, places_of, rotated, spline_of
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import spacing_of
 
-__all__ = ["couple_scales", "patch_pressures", "place_patch", "prepare_faces", "surroundings"]
+__all__ = [
+    "couple_scales",
+    "patch_pressures",
+    "place_patch",
+    "placed_faces",
+    "prepare_faces",
+    "surroundings",
+]
 
 
 def patch_pressures(
@@ -32,7 +40,7 @@ def patch_pressures(
     Parameters
     ----------
     pressure : (ny, nx) xarray.DataArray
-        Contact pressure at the target, MPa, in the square's frame (mm).
+        Contact pressure at the target, MPa, in the square's frame (mm); the face may go beyond it.
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``.
     size_mm : float
@@ -57,17 +65,17 @@ def patch_pressures(
 
 
 def couple_scales(
-    contact: xr.Dataset, mesh_contact: xr.Dataset, patches: pd.DataFrame, *, patch_mm: float
+    contact: xr.Dataset, square_contact: xr.Dataset, patches: pd.DataFrame, *, patch_mm: float
 ) -> pd.DataFrame:
     """Pressure of each patch: the macroscale forces in its outline over its area (section 2.3).
 
-    `contact` is the square's at the target pressure, `mesh_contact` that of the mesh alone, and
-    `patch_mm` the side of a patch. The result is that of `patch_pressures` with
-    ``mesh_pressure_MPa``, the pressure by the mesh alone.
+    `contact` is that of the stone at rest, `square_contact` that of the square alone on its mean
+    plane, the paper's, and `patch_mm` the side of a patch. The result is that of `patch_pressures`
+    with ``square_pressure_MPa``, the pressure by the square alone.
     """
     pressures = patch_pressures(contact.pressure, patches, size_mm=patch_mm)
-    by_mesh = patch_pressures(mesh_contact.pressure, patches, size_mm=patch_mm)
-    return pressures.assign(mesh_pressure_MPa=by_mesh.pressure_MPa)
+    alone = patch_pressures(square_contact.pressure, patches, size_mm=patch_mm)
+    return pressures.assign(square_pressure_MPa=alone.pressure_MPa)
 
 
 def surroundings(
@@ -114,42 +122,79 @@ def prepare_faces(
 def place_patch(
     height: xr.DataArray,
     face: xr.DataArray | None,
-    square: xr.Dataset,
+    composite: xr.Dataset,
     contact: xr.Dataset,
     patch: str,
 ) -> xr.Dataset:
-    """A patch as it lies on the stone, among the pressures around it.
+    """A patch as it lies on the stone at rest, among the pressures around it.
 
     Parameters
     ----------
     height, face
         From `prepare_faces`.
-    square : xarray.Dataset
+    composite : xarray.Dataset
         The surface with the places and planes of its patches, from
         `gstlib.composite.compose_surface`.
     contact : xarray.Dataset
-        The square's at the target pressure.
+        Its contact at the target pressure.
     patch : str
 
     Returns
     -------
     xarray.Dataset
-        That of `gstlib.contact.faces_of`. A posed second stone has its face over the patch in
-        ``counterface``; a scan of that face lies on its plane.
+        That of `placed_faces`.
     """
-    at, patch_mm = square.sel(patch=patch), float(square.patch_mm)
-    place = Place.of(at)
+    at = composite.sel(patch=patch)
+    slopes = float(at.slope_y), float(at.slope_x)
+    size_mm = float(composite.patch_mm)
+    return placed_faces(height, face, contact, Place.of(at), size_mm=size_mm, slopes=slopes)
+
+
+def placed_faces(
+    height: xr.DataArray,
+    face: xr.DataArray | None,
+    contact: xr.Dataset,
+    place: Place,
+    *,
+    size_mm: float,
+    slopes: tuple[float, float] = (0.0, 0.0),
+) -> xr.Dataset:
+    """A finer surface as it lies in the contact of a larger one that contains it.
+
+    Parameters
+    ----------
+    height : (y, x) xarray.DataArray
+        The finer surface, mm.
+    face : (y, x) xarray.DataArray, optional
+        A scan of what is pressed on it, mm, turned over.
+    contact : xarray.Dataset
+        Of the larger one.
+    place : Place
+        Where the finer one lies on it.
+    size_mm : float
+        Its side.
+    slopes : (float, float)
+        Of its plane on the larger surface, along its own axes.
+
+    Returns
+    -------
+    xarray.Dataset
+        That of `gstlib.contact.faces_of`: the plane tilted as the larger surface is at rest; in
+        ``counterface`` the face that is pressed on the larger one there (a scan of that face lies
+        on its plane); ``surroundings``, what the pressures around it displace.
+    """
     ny, nx = height.shape
     displaced = surroundings(
         contact.pressure,
         place,
         (ny, nx),
-        size_mm=patch_mm,
+        size_mm=size_mm,
         contact_modulus_MPa=float(contact.contact_modulus),
     )
-    if square.counterface.values.any():
-        over = on_patch(spline_of(square.counterface), place, (ny, nx), patch_mm)
+    if contact.counterface.values.any():
+        over = on_patch(spline_of(contact.counterface), place, (ny, nx), size_mm)
         posed = height.copy(data=over)
         face = posed if face is None else face + (posed - remove_plane(posed)[0])
-    slopes = float(at.slope_y), float(at.slope_x)
-    return faces_of(height, face, slopes=slopes, surroundings=displaced)
+    tilt = rotated(float(contact.slope_y), float(contact.slope_x), -place.rotation_deg)
+    lies = slopes[0] + tilt[0], slopes[1] + tilt[1]
+    return faces_of(height, face, slopes=lies, surroundings=displaced)

@@ -28,11 +28,14 @@ __all__ = [
     "frame_variables",
     "half_extent",
     "moved",
+    "on_mesh",
     "on_patch",
     "outline",
+    "over_face",
     "places_of",
     "rotated",
     "spline_of",
+    "square_of",
     "stored_frame",
 ]
 
@@ -77,8 +80,28 @@ def places_of(patches: pd.DataFrame) -> dict[str, Place]:
 
 
 def spline_of(field: xr.DataArray) -> "scipy.interpolate.RectBivariateSpline":
-    """Cubic spline of a field (y, x) through its element centres; it is constant beyond them."""
-    return scipy.interpolate.RectBivariateSpline(field.y.values, field.x.values, field.values)
+    """Cubic spline of a field (y, x) through its element centres; it is constant beyond them.
+
+    Where the field is NaN, it takes the nearest value.
+    """
+    values = _filled(field.values)
+    return scipy.interpolate.RectBivariateSpline(field.y.values, field.x.values, values)
+
+
+def _filled(values: np.ndarray) -> np.ndarray:
+    """Values (ny, nx), NaN replaced by the nearest ones."""
+    if not (absent := np.isnan(values)).any():
+        return values
+    nearest = scipy.ndimage.distance_transform_edt(
+        absent, return_distances=False, return_indices=True
+    )
+    return values[tuple(nearest)]
+
+
+def square_of(field: xr.DataArray | xr.Dataset, size_mm: float) -> Any:
+    """The part of a field (..., y, x) of the face that lies in the square of this side."""
+    inside = {axis: (field[axis].values > 0) & (field[axis].values < size_mm) for axis in "yx"}
+    return field.isel({axis: np.flatnonzero(of) for axis, of in inside.items()})
 
 
 def on_patch(
@@ -135,20 +158,22 @@ def half_extent(size_mm: float, rotation_deg: Any) -> Any:
 def moved(
     patches: pd.DataFrame,
     shift_mm: Sequence[float | np.ndarray] | np.ndarray,
-    square: xr.DataArray,
+    face: xr.DataArray,
     size_mm: float,
 ) -> pd.DataFrame:
-    """The patches moved along y and x, all alike or each by itself; none leaves the square.
+    """The patches moved along y and x, all alike or each by itself; none leaves the face.
 
-    `square` is any field on it; `size_mm` is the side of a patch.
+    `face` is any field on it; `size_mm` is the side of a patch.
     """
     half = half_extent(size_mm, patches.rotation_deg.to_numpy())
-    last = spacing_of(square)[0] * square.sizes["y"] - half
-    y, x = (
-        np.clip(patches[name].to_numpy() + by, half, last)
-        for name, by in zip(("y_mm", "x_mm"), shift_mm, strict=True)
-    )
-    return patches.assign(x_mm=x, y_mm=y)
+    found = {}
+    for name, by, axis, step in zip(
+        ("y_mm", "x_mm"), shift_mm, "yx", spacing_of(face), strict=True
+    ):
+        along = face[axis].values
+        first, last = along[0] - step / 2 + half, along[-1] + step / 2 - half
+        found[name] = np.clip(patches[name].to_numpy() + by, first, last)
+    return patches.assign(**found)
 
 
 @dataclass(frozen=True)
@@ -270,3 +295,53 @@ def find_frame(
                 "Give its coordinates in mm, as gst pick does, whatever the unit of the mesh.",
             )
     return frame_from_points(points_mm)
+
+
+def over_face(
+    mesh: "trimesh.Trimesh", frame: Frame, face: xr.DataArray, margin: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices of a mesh in the square's frame, and which of them lie over the face on its side.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        The stone, mm.
+    frame : Frame
+        Of the square.
+    face : (y, x) xarray.DataArray
+        Any field on the square, or on the face around it.
+    margin : float
+        How far beyond it a vertex may lie (mm).
+
+    Returns
+    -------
+    places : (n, 3) ndarray
+    is_over : (n,) ndarray of bool
+    """
+    places = frame.to_frame(mesh.vertices)
+    low, high = (
+        np.array([face[axis].values[end] for axis in "xy"]) + side * spacing_of(face)[0]
+        for end, side in ((0, -0.5), (-1, 0.5))
+    )
+    faces_out = mesh.vertex_normals @ np.array(frame.normal) > 0
+    is_over = ((places[:, :2] >= low - margin) & (places[:, :2] <= high + margin)).all(axis=1)
+    over = np.flatnonzero(is_over & faces_out)
+    # If an arm of the stone lies above or below, the face is on the side nearest to its plane.
+    nearest = places[over[np.argmin(np.abs(places[over, 2]))], 2]
+    near = np.abs(places[:, 2] - nearest) < (high - low).max()
+    return places, is_over & faces_out & near
+
+
+def on_mesh(field: xr.DataArray, mesh: "trimesh.Trimesh", frame: Frame) -> np.ndarray:
+    """A field (y, x) of the face at each vertex of a mesh: that of its element, 0 elsewhere."""
+    places, is_over = over_face(mesh, frame, field)
+    row, column = (
+        np.clip(((places[is_over, axis] - at[0]) / step + 0.5).astype(int), 0, len(at) - 1)
+        for axis, at, step in (
+            (1, field.y.values, spacing_of(field)[0]),
+            (0, field.x.values, spacing_of(field)[1]),
+        )
+    )
+    found = np.zeros(len(places))
+    found[is_over] = np.nan_to_num(field.values[row, column])
+    return found

@@ -1,37 +1,49 @@
-"""A gesture: many poses of the active stone, and what their contacts leave on the square together.
+"""A gesture: many poses of the active stone, and what their contacts leave on the face together.
 
-Each pose is a contact of its own. Kept of all are, on each element and each patch, the mean and the
-highest pressure, how often it is touched, and the exposure: pressure times sliding, summed over the
-poses, which is what Archard's law takes. Poses that follow each other are alike, so that each
-contact starts from the one before.
+A second stone slides and turns on the first. A hand also wanders: the point through which it pushes
+is never quite the same, and the stone comes to rest elsewhere. Each pose is a contact of its own,
+at rest. Kept of all are, on each element and each patch, the mean and the highest pressure, how
+often it is touched, and the exposure: pressure times sliding, summed over the poses, which is what
+Archard's law takes. Poses that follow each other are alike, so that each contact starts from the
+one before.
 """
 
-# ASSUME: each pose is a contact at rest under its own mean pressure; from one to the next the
-# stones slide by the distance that the pose states.
+# ASSUME: each pose is a contact at rest under its own force, whose point moves with the active
+# stone; from one to the next the stones slide by the distance that the pose states.
+# ASSUME: a hand wanders about the stated point of force normally, alike along both axes, and slides
+# by the same distance wherever it pushes.
 
 from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from gstlib.bem import solve_contact
-from gstlib.contact import Loading, faces_of, solved
+from gstlib.contact import Loading, faces_of, from_corner, solved
 from gstlib.counterface import face_in_pose
 from gstlib.errors import ConfigError
 from gstlib.geometry import Place, footprint_weights, places_of
 from gstlib.surface import spacing_of
 
-__all__ = ["Gesture", "exposure", "exposure_table", "press_poses", "read_poses", "stroke_poses"]
+__all__ = [
+    "Gesture",
+    "exposure",
+    "exposure_table",
+    "press_poses",
+    "read_poses",
+    "stroke_poses",
+    "wander_poses",
+]
 
 # Columns of a gesture: the least number that each takes, and what stands for an absent one.
 _COLUMNS: dict[str, tuple[float, float | None]] = {
     "x_mm": (-np.inf, None),
     "y_mm": (-np.inf, None),
     "rotation_deg": (-np.inf, 0.0),
-    "pressure_MPa": (0.0, None),
+    "force_N": (0.0, None),
     "sliding_mm": (0.0, None),
     "turning_deg": (0.0, 0.0),
     "weight": (0.0, None),
@@ -57,22 +69,38 @@ class Gesture(NamedTuple):
 
     Attributes
     ----------
-    face : (my, mx) xarray.DataArray
-        From `gstlib.counterface.grid_counterface`.
+    counterface : (my, mx) xarray.DataArray
+        From `gstlib.counterface.grid_counterface`; or of a flat or rounded stone its heights over
+        the face, for to move it is to move the point of force.
+    is_mesh : bool
+        Which of the two it is.
+    size_mm : float
+        Side of the square, about whose middle a stone turns.
+    through : (float, float)
+        Where (y, x), mm, the force acts in the pose at (0, 0).
     poses : pandas.DataFrame
-        From `stroke_poses` or `read_poses`; the index numbers them.
+        From `stroke_poses`, `wander_poses` or `read_poses`; the index numbers them.
     """
 
-    face: xr.DataArray
+    counterface: xr.DataArray
+    is_mesh: bool
+    size_mm: float
+    through: tuple[float, float]
     poses: pd.DataFrame
+
+    def over(self, height: xr.DataArray, place: Place) -> xr.DataArray:
+        """The active stone over a face (y, x), mm, in a pose."""
+        if not self.is_mesh:
+            return self.counterface
+        return face_in_pose(self.counterface, height, place, size_mm=self.size_mm)
 
 
 def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
     """The poses of a gesture from a table, a row each, with the columns of `stroke_poses`.
 
     The file is text, its cells are separated by tabs, commas or semicolons; a line that begins with
-    # is a comment. Without ``rotation_deg`` or ``turning_deg`` they are 0. In place of
-    ``pressure_MPa`` there may be ``force_N``, on the square of side `size_mm`.
+    # is a comment. Without ``rotation_deg`` or ``turning_deg`` they are 0. In place of ``force_N``
+    there may be ``pressure_MPa``, on the square of side `size_mm`.
 
     Raises
     ------
@@ -83,9 +111,9 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
         table = pd.read_csv(path, sep=None, engine="python", comment="#", skipinitialspace=True)
     except (OSError, ValueError) as error:
         raise ConfigError(path, f"cannot be read ({error})", "Save it as UTF-8 CSV.") from error
-    if "pressure_MPa" not in table and "force_N" in table:
-        forces = pd.to_numeric(table["force_N"], errors="coerce")
-        table = table.assign(pressure_MPa=forces / size_mm**2).drop(columns="force_N")
+    if "force_N" not in table and "pressure_MPa" in table:
+        pressures = pd.to_numeric(table["pressure_MPa"], errors="coerce")
+        table = table.assign(force_N=pressures * size_mm**2).drop(columns="pressure_MPa")
     unknown = [name for name in table if name not in _COLUMNS]
     missing = [name for name, (_, of) in _COLUMNS.items() if of is None and name not in table]
     if unknown or missing or table.empty:
@@ -104,13 +132,13 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
                 "Give a number" + (f" from {least:g} on." if np.isfinite(least) else "."),
             )
         table[name] = numbers
-    if not ((table.weight > 0).any() and (table.pressure_MPa > 0).all()):
-        problem = "no pose has a weight, or one has no pressure"
-        raise ConfigError(path, problem, "Give weights and pressures above 0.")
+    if not ((table.weight > 0).any() and (table.force_N > 0).all()):
+        problem = "no pose has a weight, or one has no force"
+        raise ConfigError(path, problem, "Give weights and forces above 0.")
     return table[list(_COLUMNS)]
 
 
-def stroke_poses(*, stroke_mm: float, poses: int, pressure_MPa: float) -> pd.DataFrame:
+def stroke_poses(*, stroke_mm: float, poses: int, force_N: float) -> pd.DataFrame:
     """The poses of a stroke along x, with its middle where the active stone is posed.
 
     Parameters
@@ -119,22 +147,37 @@ def stroke_poses(*, stroke_mm: float, poses: int, pressure_MPa: float) -> pd.Dat
         Its length.
     poses : int
         Their number, in even steps.
-    pressure_MPa : float
-        Mean pressure of every pose.
+    force_N : float
+        Of every pose.
 
     Returns
     -------
     pandas.DataFrame
         ``x_mm, y_mm`` (shift of the active stone along the square's axes), ``rotation_deg`` (its
-        turn about the middle of the square, from x towards y), ``pressure_MPa``, ``sliding_mm`` and
+        turn about the middle of the square, from x towards y), ``force_N``, ``sliding_mm`` and
         ``turning_deg`` (how far it slides and turns in the pose) and ``weight``.
     """
     table = pd.DataFrame(0.0, index=range(poses), columns=list(_COLUMNS))
     return table.assign(
-        x_mm=stroke_mm * np.linspace(-0.5, 0.5, poses),
-        pressure_MPa=pressure_MPa,
+        x_mm=stroke_mm * (np.linspace(-0.5, 0.5, poses) if poses > 1 else 0.0),
+        force_N=force_N,
         sliding_mm=stroke_mm / poses,
         weight=1.0,
+    )
+
+
+def wander_poses(*, wander_mm: float, poses: int, force_N: float, seed: int) -> pd.DataFrame:
+    """The poses of a hand that wanders, a point of force each, as from `stroke_poses`.
+
+    `wander_mm` is the standard deviation of the point along each axis. Every pose slides by 1 mm,
+    so that exposures are for so many mm of sliding as there are poses.
+    """
+    y, x = wander_mm * np.random.default_rng([seed, 5]).standard_normal((2, poses))
+    table = pd.DataFrame(0.0, index=range(poses), columns=list(_COLUMNS))
+    # neighbours follow each other, and start from each other's contact
+    order = np.argsort(np.arctan2(y, x))
+    return table.assign(
+        x_mm=x[order], y_mm=y[order], force_N=force_N, sliding_mm=1.0, weight=1.0
     )
 
 
@@ -148,12 +191,12 @@ def press_poses(
     patch_mm: float,
     shown: Collection[int] = (),
 ) -> xr.Dataset:
-    """Press the square in one pose after the other.
+    """Press the face in one pose after the other.
 
     Parameters
     ----------
     height : (y, x) xarray.DataArray
-        The square's, mm.
+        The face's, mm.
     gesture : Gesture
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``.
@@ -174,23 +217,27 @@ def press_poses(
     """
     poses = gesture.poses
     outlines = [footprint_weights(height, at, patch_mm) for at in places_of(patches).values()]
-    share = np.stack(outlines) * (np.prod(spacing_of(height)) / patch_mm**2)
-    y, x = (height[axis].values - float(height[axis].mean()) for axis in "yx")
+    share = np.reshape(outlines, (-1, *height.shape))  # there may be no patches
+    share = share * (np.prod(spacing_of(height)) / patch_mm**2)
+    y, x = (height[axis].values - gesture.size_mm / 2 for axis in "yx")
     far = np.hypot(y[:, None], x)
     names = "pressure_sum", "highest_pressure", "touched_sum", "exposure"
     found = {name: np.zeros(height.shape) for name in names}
     rows: list[tuple] = []
     kept: dict[int, np.ndarray] = {}
-    start = None
+    start: dict[str, Any] = {}
+    area = height.size * float(np.prod(spacing_of(height)))
     for pose in poses.itertuples():
         place = Place(pose.y_mm, pose.x_mm, pose.rotation_deg)
-        faces = faces_of(height, face_in_pose(gesture.face, height, place))
-        loading = Loading(contact_modulus_MPa, pose.pressure_MPa, tolerance)
-        load = {"mean_pressure": pose.pressure_MPa, "initial_pressure": start}
-        state = solved(solve_contact, faces, loading, "gesture", **load)
-        start = state.pressure
+        faces = faces_of(height, gesture.over(height, place))
+        pressure = pose.force_N / area
+        through = gesture.through[0] + pose.y_mm, gesture.through[1] + pose.x_mm
+        loading = Loading(contact_modulus_MPa, pressure, tolerance, through)
+        load = {"mean_pressure": pressure, "through": from_corner(through, height)}
+        state = solved(solve_contact, faces, loading, "gesture", **load, **start)
+        start = {"initial_pressure": state.pressure}
         if pose.Index in shown:
-            kept[pose.Index] = start
+            kept[pose.Index] = state.pressure
         work = state.pressure * np.hypot(pose.sliding_mm, np.radians(pose.turning_deg) * far)
         found["pressure_sum"] += pose.weight * state.pressure
         found["touched_sum"] += pose.weight * state.contact

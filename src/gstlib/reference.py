@@ -1,6 +1,6 @@
 """What two scales cost: one contact of the whole square at the scans' resolution, and the patches'.
 
-The study presses the square on a coarse grid and each patch by itself. Both are shortcuts. One
+The study presses the face on a coarse grid and each patch by itself. Both are shortcuts. One
 contact of the whole square with all its detail needs neither: on a generated specimen it is the
 contact of the true surface, against which everything is counted (mesh, places, noise, coupling). On
 a measured stone it is that of the composite surface, and tells what the coupling alone costs and,
@@ -16,8 +16,9 @@ import scipy
 import xarray as xr
 
 from gstlib.composite import compose
-from gstlib.contact import Loading, contact_at_pressure, faces_of, laid_height
-from gstlib.geometry import Place, places_of, spline_of
+from gstlib.contact import Loading, contact_at_pressure, faces_of, laid_height, pressed_height
+from gstlib.coupling import placed_faces
+from gstlib.geometry import Place, footprint_weights, places_of, spline_of
 from gstlib.io.results import columns_of
 from gstlib.placement import ALL
 from gstlib.preprocess.filtering import s_filtered
@@ -32,7 +33,7 @@ _TOLERANCE = 1e-4
 
 
 def composite_heights(
-    square: xr.Dataset,
+    face: xr.Dataset,
     composite: xr.Dataset,
     scans: Mapping[str, xr.Dataset],
     *,
@@ -40,55 +41,52 @@ def composite_heights(
     seed: int,
     draw: int,
 ) -> xr.DataArray:
-    """The composite surface (y, x), mm, at the scans' resolution.
+    """The composite surface (y, x), mm, of the square at the scans' resolution.
 
-    `square` and `scans` are those of which `gstlib.composite.compose_surface` made the `composite`
+    `face` and `scans` are those of which `gstlib.composite.compose_surface` made the `composite`
     on the macroscale grid. Detail between the scans is drawn from `seed` and `draw`.
     """
     table = composite[["x_mm", "y_mm", "rotation_deg", "offset", "slope_y", "slope_x"]]
     table = table.to_dataframe().reset_index()
     planes = table[["offset", "slope_y", "slope_x"]].itertuples(index=False)
-    length = spacing_of(square)[0] * len(square.y)
-    first = scans[table.patch[0]].height
-    count = round(length / spacing_of(first)[0])
+    first, size_mm = scans[table.patch[0]].height, float(face.size_mm)
+    count = round(size_mm / spacing_of(first)[0])
     laid = (
         (place, Plane(*plane), s_filtered(scans[patch].height, s_filter_um).values)
         for (patch, place), plane in zip(places_of(table).items(), planes, strict=True)
     )
-    heights = compose(
-        spline_of(square.height),
+    return compose(
+        spline_of(face.height),
         laid,
         float(composite.patch_mm),
-        (count, count),
-        length / count,
+        make_surface(np.zeros((count, count)), size_mm / count),
         composite.density,
         np.random.default_rng([seed, 3, draw]),
     )
-    return make_surface(heights, length / count)
 
 
 def press_whole(
-    heights: xr.DataArray,
-    counterface: xr.DataArray,
-    *,
-    contact_modulus_MPa: float,
-    target_pressure_MPa: float,
-    source: str | Path = "reference",
+    heights: xr.DataArray, contact: xr.Dataset, *, source: str | Path = "reference"
 ) -> xr.Dataset:
-    """One contact of the whole square at the scans' resolution, at the target pressure.
+    """One contact of the whole square at the scans' resolution, in the stone at rest.
 
-    `heights` (y, x) are those of the square, mm, and `counterface` (y, x) is the face pressed on it
-    on the macroscale grid. The result has ``height`` mm and ``pressure`` MPa (y, x), in single
-    precision.
+    `heights` (y, x) are those of the square, mm, and `contact` is that of the face around it, in
+    whose coordinates the square begins at (0, 0): the square lies on the face's plane, yields to
+    the pressures outside, and bears its share of the force. The result has ``height`` mm, without
+    its plane, and ``pressure`` MPa (y, x), in single precision.
     """
+    element = spacing_of(heights)[0]
+    size = element * heights.sizes["y"]
+    # a generated surface begins at its own first element, less than one from the corner
+    middle = Place(*(float(heights[axis].mean()) for axis in "yx"))
+    # one map in place of four: of so many points each takes memory
+    faces = faces_of(pressed_height(placed_faces(heights, None, contact, middle, size_mm=size)))
+    inside = footprint_weights(contact.pressure, middle, size)
+    force = float((contact.pressure.values * inside).sum() * np.prod(spacing_of(contact)))
+    loading = Loading(float(contact.contact_modulus), force / size**2, _TOLERANCE)
+    found = contact_at_pressure(faces, loading, source=source)
     level = remove_plane(heights)[0].assign_attrs(heights.attrs)
-    face = None
-    if counterface.values.any():
-        over = spline_of(counterface)(heights.y.values, heights.x.values)
-        face = level.copy(data=over)
-    loading = Loading(contact_modulus_MPa, target_pressure_MPa, _TOLERANCE)
-    contact = contact_at_pressure(faces_of(level, face), loading, source=source)
-    return contact[["height", "pressure"]].astype(np.float32)
+    return found.assign(height=level)[["height", "pressure"]].astype(np.float32)
 
 
 def patches_of_reference(

@@ -4,10 +4,11 @@ Read it from top to bottom. It follows section 2 of Marulli, Sorrentino & Paggi 
 Sci. Rep. 104939) and goes on where the paper stops. A stage that takes one room stands in that
 room, and is named here.
 
-1. The square of the tool's mesh becomes heights on a grid (`grid_macroscale`). The scans, cleaned
-   (`prepare_patch`), are laid on it where they were taken (`composite.compose_surface`). The whole
-   is pressed against a flat up to the target pressure (`contact.contact_path`), or against a second
-   stone, whose mesh was posed on it; in other poses, too (`gesture.press_poses`).
+1. The use-face of the tool's mesh, over the square and around it, becomes heights on a grid
+   (`face.grid_macroscale`). The scans, cleaned (`prepare_patch`), are laid on it where they were
+   taken (`composite.compose_surface`). A rounded active stone, or a second mesh that was posed on
+   it, is pressed on the whole by the force of use, and both come to rest
+   (`contact.contact_path`); the hand wanders, and the stone moves (`gesture.press_poses`).
 2. Each scanned patch carries the macroscale forces in its outline (`coupling.couple_scales`): a
    pressure with an interval (`uncertainty.pressure_intervals`). `placement.place_patches` checks
    where the patches lie.
@@ -21,10 +22,12 @@ room, and is named here.
    patch from the loss of the others (`wear.wear_patches`) is compared with the measured one
    (`score_wear`).
 
-Two variants of the coupling exist. In the paper's, `LEVELLED`, the mesh alone makes the square, and
-a patch is pressed as its scan was levelled. In `PLACED`, the scans enter the square, and a patch
-keeps its plane in the stone and yields to the pressures around it. Both are held against one
-contact of the whole square at the scans' resolution (`reference.press_whole`).
+Two variants of the coupling exist. In the paper's, `LEVELLED`, the square is cut out of the mesh,
+pressed flat on its mean plane up to a mean pressure, and a patch is pressed as its scan was
+levelled. In `PLACED`, the stone lies where its forces balance, the scans enter its face, and a
+patch keeps its plane in it and yields to the pressures around it. Both are held against one contact
+of the whole square at the scans' resolution, which is placed in the face likewise
+(`reference.press_whole`).
 
 The functions take and return datasets and tables, and read and write no file of results: the
 workflow's scripts do, one stage each. `Study` runs the same stages in memory, for sweeps over
@@ -33,7 +36,8 @@ settings and for many generated specimens.
 Lengths are in mm and pressures in MPa unless a name says otherwise. Words mean the same everywhere:
 
 - a *surface* is heights on a grid, an array (y, x) in mm (`gstlib.surface`);
-- the *square* is the dataset of `grid_macroscale`;
+- the *face* is the dataset of `gstlib.face.grid_macroscale`, the square and what is around it; the
+  *counterface* is what is pressed on it;
 - *patches* is the patch table, *pressures* that table with the pressure of each patch;
 - *scans*, *contacts* and *changes* are prepared scans, contacts and height changes, each a dataset,
   by patch; such a mapping may read them when they are looked up (`gstlib.io.store.Stored`);
@@ -43,7 +47,6 @@ Lengths are in mm and pressures in MPa unless a name says otherwise. Words mean 
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import wraps
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 import pandas as pd
@@ -57,17 +60,17 @@ from gstlib.contact import (
     contact_moduli,
     contact_path,
     faces_of,
+    load_force,
+    load_point,
     with_interface_stiffness,
 )
-from gstlib.counterface import SecondStone, face_in_pose, grid_counterface
+from gstlib.counterface import SecondStone
 from gstlib.coupling import couple_scales, place_patch, prepare_faces
 from gstlib.errors import InputError
-from gstlib.geometry import Place, find_frame, frame_variables
+from gstlib.face import grid_macroscale, square_alone
 from gstlib.gesture import Gesture
 from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan
-from gstlib.preprocess.gridding import grid_mesh
-from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.scan import prepare_scan
 from gstlib.validation.change import register_patch
 from gstlib.validation.scoring import (
@@ -92,7 +95,6 @@ __all__ = [
     "STUDY_SECTIONS",
     "Microscale",
     "Study",
-    "grid_macroscale",
     "prepare_patch",
     "score_patches",
     "score_wear",
@@ -104,12 +106,14 @@ _log = logging.getLogger(__name__)
 
 # The variants of the coupling, and the pressure of a patch that each takes, from `couple_scales`.
 PLACED, LEVELLED = "placed", "levelled"
-_PRESSURES = {PLACED: "pressure_MPa", LEVELLED: "mesh_pressure_MPa"}
+_PRESSURES = {PLACED: "pressure_MPa", LEVELLED: "square_pressure_MPa"}
 # The sections of the config that the stages of `Study` depend on, besides `seed`.
 STUDY_SECTIONS = (
     "coupling",
     "square",
     "material",
+    "counterface",
+    "load",
     "macroscale",
     "scans",
     "preprocessing",
@@ -123,59 +127,6 @@ STUDY_SECTIONS = (
     "wear_steps",
     "mat",
 )
-
-# --- The square -------------------------------------------------------------------------------
-
-
-def grid_macroscale(
-    mesh: "trimesh.Trimesh",
-    *,
-    points_mm: Sequence[Sequence[float]],
-    size_mm: float,
-    grid: int,
-    second_stone: SecondStone | None = None,
-    source: str | Path = "mesh",
-    **settings: Any,
-) -> tuple[xr.Dataset, xr.DataArray | None]:
-    """Heights of the use-face over the analysed square, its plane removed (section 2.1).
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The passive stone, mm.
-    points_mm : (3, 3) array_like
-        The square's corner and two points, as in `gstlib.geometry.frame_from_points`.
-    size_mm, grid
-        Side of the square, and elements along it.
-    second_stone : SecondStone, optional
-        The active stone; by default a flat.
-    source : path
-        The mesh's file, for messages.
-    **settings
-        ``margin_mm`` and ``interpolation`` of `gstlib.preprocess.gridding.grid_mesh`.
-
-    Returns
-    -------
-    square : xarray.Dataset
-        That of `gstlib.preprocess.gridding.grid_mesh`, ``height`` without its plane; its frame, as
-        of `gstlib.geometry.stored_frame`; ``counterface`` (y, x), mm, the face of the active stone
-        over the square, 0 of a flat.
-    face : (y, x) xarray.DataArray or None
-        That face as far as it moves, from `gstlib.counterface.grid_counterface`.
-    """
-    frame = find_frame(points_mm, mesh, size_mm=size_mm, source=str(source))
-    square = grid_mesh(
-        mesh, frame, size_mm=size_mm, shape=(grid, grid), source=str(source), **settings
-    )
-    face, over = None, xr.zeros_like(square.height)
-    if second_stone is not None:
-        face = grid_counterface(second_stone, square.height, frame, **settings)
-        over = face_in_pose(face, square.height, Place(0.0, 0.0))
-    over.attrs = {"units": "mm", "long_name": "height of the counterface, 0 of a flat"}
-    level, _ = remove_plane(square.height)
-    found = {"height": level, "counterface": over} | frame_variables(frame)
-    return square.assign(found), face
-
 
 # --- The scans --------------------------------------------------------------------------------
 
@@ -226,9 +177,9 @@ def solve_patches(
     settings: Microscale,
     *,
     variants: Sequence[str],
-    square: xr.Dataset | None = None,
+    composite: xr.Dataset | None = None,
     contact: xr.Dataset | None = None,
-    face: xr.DataArray | None = None,
+    counterface: xr.DataArray | None = None,
 ) -> Iterator[tuple[str, str, xr.Dataset]]:
     """Press patches up to their own pressures, in each variant of the coupling (section 2.4).
 
@@ -241,9 +192,9 @@ def solve_patches(
     settings : Microscale
     variants : sequence of str
         `PLACED`, `LEVELLED` or both, the study's own first.
-    square, contact : xarray.Dataset
-        The composite and its contact, as in `gstlib.coupling.place_patch`; for `PLACED`.
-    face : (y, x) xarray.DataArray, optional
+    composite, contact : xarray.Dataset
+        As in `gstlib.coupling.place_patch`; for `PLACED`.
+    counterface : (y, x) xarray.DataArray, optional
         The prepared scan of the active stone's own face.
 
     Yields
@@ -254,18 +205,18 @@ def solve_patches(
         `gstlib.contact.with_interface_stiffness`, of the other that of
         `gstlib.contact.contact_at_pressure`.
     """
-    if PLACED in variants and (square is None or contact is None):
-        raise ValueError("to be placed, patches need the square and its contact")
+    if PLACED in variants and (composite is None or contact is None):
+        raise ValueError("to be placed, patches need the composite surface and its contact")
     of = pressures.set_index("patch")
     for patch in scans:
         source = f"patch {patch}"
         height, pressed = prepare_faces(
-            scans[patch].height, face, s_filter_um=settings.s_filter_um, source=source
+            scans[patch].height, counterface, s_filter_um=settings.s_filter_um, source=source
         )
         for variant in variants:
             faces = faces_of(height, pressed)
-            if variant == PLACED and square is not None and contact is not None:
-                faces = place_patch(height, pressed, square, contact, patch)
+            if variant == PLACED and composite is not None and contact is not None:
+                faces = place_patch(height, pressed, composite, contact, patch)
             target = float(of[_PRESSURES[variant]][patch])
             loading = Loading(settings.contact_modulus_MPa, target, settings.tolerance)
             if settings.steps is None or variant != variants[0]:
@@ -355,9 +306,9 @@ def wear_stone(
     mat: Mapping[str, float] | None = None,
     gesture: Gesture | None = None,
 ) -> WornSquare | None:
-    """Wear the square by Archard's law, and fit its coefficient to the measured losses.
+    """Wear the face by Archard's law, and fit its coefficient to the measured losses.
 
-    `contact` is the square's at the target pressure; `scores` is the table ``patches`` of
+    `contact` is the face's at the target load; `scores` is the table ``patches`` of
     `score_patches`, whose believed losses count; `mat` is that section of the config. Other
     parameters and the result are those of `gstlib.wear.wear_square`; None, with a warning, where
     there is no fit.
@@ -468,17 +419,20 @@ class Study:
         self._modulus, _ = contact_moduli(config["material"])
 
     @_stage
-    def square(self) -> xr.Dataset:
-        """The square, from `grid_macroscale`."""
-        names = ("grid", "margin_mm", "interpolation")
-        settings = {name: self.config["macroscale"][name] for name in names}
-        square, _ = grid_macroscale(
+    def face(self) -> xr.Dataset:
+        """The face, from `grid_macroscale`; the paper's is the square, under a flat."""
+        macroscale, form = self.config["macroscale"], self.config["counterface"] or {}
+        around: dict[str, Any] = {}
+        if self._is_placed:
+            around = {"face_mm": macroscale["face_mm"], "radius_mm": form.get("radius_mm")}
+            around["second_stone"] = self.second_stone
+        face, _ = grid_macroscale(
             self.read_mesh(),
             **self.config["square"],
-            **settings,
-            second_stone=self.second_stone,
+            **{name: macroscale[name] for name in ("grid", "interpolation")},
+            **around,
         )
-        return square
+        return face
 
     @property
     def _patch_mm(self) -> float:
@@ -492,7 +446,7 @@ class Study:
     def composite(self) -> xr.Dataset:
         """The scans laid on the mesh's surface, from `gstlib.composite.compose_surface`."""
         return compose_surface(
-            self.square(),
+            self.face(),
             self.patches,
             {patch: self.prepared(patch, "T0") for patch in self.patches.patch},
             patch_mm=self._patch_mm,
@@ -503,27 +457,32 @@ class Study:
 
     @_stage
     def contact(self) -> xr.Dataset:
-        """Contact of the square at the target pressure."""
-        return self._pressed(self.composite()) if self._is_placed else self.mesh_contact()
+        """Contact of the stone at rest under its load; the paper's of the square alone."""
+        if not self._is_placed:
+            return self.square_contact()
+        whole, load = self.composite(), self.config["load"]
+        loading = Loading.by_force(
+            load_force(load, self.config["square"]["size_mm"]),
+            load_point(load, self.config["square"]["size_mm"]),
+            whole.height,
+            contact_modulus_MPa=self._modulus,
+            tolerance=self.config["macroscale"]["tolerance"],
+        )
+        faces = faces_of(whole.height, whole.counterface)
+        return contact_at_pressure(faces, loading, source="macroscale")
 
     @_stage
-    def mesh_contact(self) -> xr.Dataset:
-        """Contact of the mesh alone at the target pressure."""
-        return self._pressed(self.square())
-
-    def _pressed(self, square: xr.Dataset) -> xr.Dataset:
-        macroscale = self.config["macroscale"]
-        target, tolerance = macroscale["target_pressure_MPa"], macroscale["tolerance"]
-        return contact_at_pressure(
-            faces_of(square.height, square.counterface),
-            Loading(self._modulus, target, tolerance),
-            source="macroscale",
-        )
+    def square_contact(self) -> xr.Dataset:
+        """Contact of the square alone at the mean pressure."""
+        size_mm = self.config["square"]["size_mm"]
+        pressure = load_force(self.config["load"], size_mm) / size_mm**2
+        loading = Loading(self._modulus, pressure, self.config["macroscale"]["tolerance"])
+        return contact_at_pressure(square_alone(self.face()), loading, source="macroscale")
 
     @_stage
     def pressures(self) -> pd.DataFrame:
         """Pressure of every patch, from `gstlib.coupling.couple_scales`."""
-        contacts = self.contact(), self.mesh_contact()
+        contacts = self.contact(), self.square_contact()
         return couple_scales(*contacts, self.patches, patch_mm=self._patch_mm)
 
     @_stage
@@ -538,7 +497,7 @@ class Study:
         return prepare_patch(raw, crop=crop, **sections)[["height", "filled", "outlier"]]
 
     @_stage
-    def face(self) -> xr.DataArray | None:
+    def counterface(self) -> xr.DataArray | None:
         """The clean scan of the active stone's own face."""
         return self._clean(self.read_face(), None).height if self.read_face else None
 
@@ -565,7 +524,7 @@ class Study:
         """Contact of a patch at its own pressure in a variant of the coupling."""
         stone = {}
         if variant == PLACED:
-            stone = {"square": self.composite(), "contact": self.contact()}
+            stone = {"composite": self.composite(), "contact": self.contact()}
         settings = self.config["microscale"] | {
             "contact_modulus_MPa": self._modulus,
             "steps": None,
@@ -575,7 +534,7 @@ class Study:
             self.pressures(),
             Microscale(**settings),
             variants=[variant],
-            face=self.face(),
+            counterface=self.counterface(),
             **stone,
         )
         return contact

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-__all__ = ["axis_coordinates", "make_surface", "spacing_of"]
+__all__ = ["axis_coordinates", "coarser", "make_surface", "spacing_of"]
 
 
 def axis_coordinates(count: int, spacing: float) -> np.ndarray:
@@ -60,3 +60,12 @@ def make_surface(
 def spacing_of(surface: xr.DataArray | xr.Dataset) -> tuple[float, float]:
     """Element size (dy, dx) in mm, as it was given: free of the rounding of the coordinates."""
     return float(surface.y.attrs["spacing"]), float(surface.x.attrs["spacing"])
+
+
+def coarser(surface: xr.DataArray, times: int) -> xr.DataArray:
+    """A surface on elements so many times as long; each is the mean of those that are known."""
+    found = surface.coarsen(y=times, x=times, boundary="trim").mean()
+    for axis in ("y", "x"):
+        step = surface[axis].attrs["spacing"]
+        found[axis].attrs = surface[axis].attrs | {"spacing": times * step}
+    return found.assign_attrs(surface.attrs)

@@ -1,13 +1,17 @@
-"""Intervals of each patch's pressure: the square pressed many times, each time slightly perturbed.
+"""Intervals of each patch's pressure: the stone pressed many times, each time slightly perturbed.
 
 In each draw the mesh errs by what its vertices mispredict of each other, every patch lies a little
-elsewhere, the detail between the scans is drawn anew, and so are the elastic constants. The
-pressures of all draws together are what the measurements allow. The error of summing macroscale
-forces in place of forces at the scans' resolution is small beside them (docs/two_scales.md).
+elsewhere, the detail between the scans is drawn anew, and so are the elastic constants and the
+point through which the force acts; the stone comes to rest again. The pressures of all draws
+together are what the measurements allow. Draws are pressed on elements twice as long as the
+study's. The error of summing macroscale forces in place of forces at the scans' resolution is small
+beside them (docs/two_scales.md).
 """
 
 # ASSUME: errors of place are normal, alike along both axes and independent from patch to patch; a
-# patch that would leave the square stays at its edge.
+# patch that would leave the face stays at its edge.
+# ASSUME: the point of force, too, errs normally and alike along both axes, but not to where there
+# is no stone: it would tip over in the hand; the force is known.
 # ASSUME: Young's moduli of both stones vary independently (lognormal), and so do their Poisson's
 # ratios (normal); which of the two readings of E* is right is not drawn.
 
@@ -25,13 +29,17 @@ from gstlib.counterface import face_in_pose
 from gstlib.coupling import patch_pressures
 from gstlib.geometry import Place, moved, places_of, spline_of
 from gstlib.preprocess.leveling import remove_plane
+from gstlib.surface import coarser, spacing_of
 
-__all__ = ["Errors", "Macroscale", "draw_contact_moduli", "pressure_intervals"]
+__all__ = ["Errors", "Macroscale", "draw_contact_moduli", "draw_point", "pressure_intervals"]
 
 _DRAWS = 100
+# Draws of a point of force until one has stone under it.
+_TRIES = 100
 _PERCENTILES = (2.5, 97.5)
 # Of the contact in a draw; the printed digits of an interval depend on it no more.
 _TOLERANCE = 1e-7
+_COARSER = 2
 
 
 class Errors(NamedTuple):
@@ -47,12 +55,15 @@ class Errors(NamedTuple):
         Of a patch's place along each axis.
     pose_um : float
         Of the place of a second stone.
+    force_point_mm : float
+        Of the point through which the force acts, along each axis.
     """
 
     young_share: float
     poisson: float
     placement_um: float
     pose_um: float
+    force_point_mm: float
 
 
 class Macroscale(NamedTuple):
@@ -60,17 +71,17 @@ class Macroscale(NamedTuple):
 
     Attributes
     ----------
-    square : xarray.Dataset
-        The mesh's surface, from `gstlib.study.grid_macroscale`.
+    face : xarray.Dataset
+        The mesh's surface, from `gstlib.face.grid_macroscale`.
     composite : xarray.Dataset or None
         From `gstlib.composite.compose_surface`; None where the mesh alone is pressed.
-    face : (y, x) xarray.DataArray or None
-        A second stone's, from `gstlib.counterface.grid_counterface`; None for a flat.
+    counterface : (y, x) xarray.DataArray or None
+        A second stone's, from `gstlib.counterface.grid_counterface`; None without one.
     """
 
-    square: xr.Dataset
+    face: xr.Dataset
     composite: xr.Dataset | None
-    face: xr.DataArray | None
+    counterface: xr.DataArray | None
 
 
 def draw_contact_moduli(
@@ -96,13 +107,33 @@ def draw_contact_moduli(
     return np.array(moduli) / contact_modulus(*nominal)
 
 
+def draw_point(
+    surface: xr.DataArray,
+    through: tuple[float, float],
+    error_mm: float,
+    generator: np.random.Generator,
+) -> tuple[float, float]:
+    """Where (y, x), mm, the force on a surface may act, if it is to act through a point.
+
+    `error_mm` is the standard deviation along each axis. Of several draws the first with stone
+    under it counts.
+    """
+    y, x = np.transpose(through + error_mm * generator.standard_normal((_TRIES, 2)))
+    under = surface.interp(
+        y=xr.DataArray(y, dims="try"), x=xr.DataArray(x, dims="try"), method="nearest"
+    )
+    first = int(np.isfinite(under.values).argmax())
+    return float(y[first]), float(x[first])
+
+
 def pressure_intervals(
     macroscale: Macroscale,
     pressures: pd.DataFrame,
     material: Mapping[str, float],
     errors: Errors,
     *,
-    target_pressure_MPa: float,
+    force_N: float,
+    through: tuple[float, float] | None,
     patch_mm: float,
     seed: int,
 ) -> pd.DataFrame:
@@ -117,8 +148,11 @@ def pressure_intervals(
         The elastic constants of both stones, and the contact modulus, as in
         `gstlib.contact.contact_moduli`.
     errors : Errors
-    target_pressure_MPa : float
-        Mean pressure on the square.
+    force_N : float
+        On the face.
+    through : (float, float) or None
+        Where (y, x), mm, it acts on a stone that is free to tilt; None for the square alone on its
+        mean plane.
     patch_mm : float
         Side of a patch.
     seed : int
@@ -129,34 +163,41 @@ def pressure_intervals(
         ``patch, pressure_MPa, low_MPa, high_MPa``; with a composite also ``tilt_mrad``,
         ``tilt_error_mrad`` and ``plane``, "mesh" or, where it is not known, "levelled".
     """
-    square, composite, face = macroscale
+    face, composite, counterface = macroscale
     modulus, _ = contact_moduli(material)
     generator = np.random.default_rng(seed)
     moduli_MPa = modulus * draw_contact_moduli(material, errors, generator=generator)
-    mesh_errors = draw_mesh_errors(square, len(moduli_MPa), np.random.default_rng([seed, 2]))
+    mesh = coarser(face.height, _COARSER)
+    nominal = coarser(face.counterface, _COARSER)
+    mesh_errors = draw_mesh_errors(
+        face, mesh, len(moduli_MPa), np.random.default_rng([seed, 2])
+    )
+    area = mesh.size * float(np.prod(spacing_of(mesh)))
     drawn = []
     for draw, (modulus, mesh_error) in enumerate(zip(moduli_MPa, mesh_errors, strict=True)):
         generator = np.random.default_rng([seed, 1, draw])
         # drawn along x first
         x, y = errors.placement_um * 1e-3 * generator.standard_normal((2, len(pressures)))
-        height = square.height + mesh_error
-        places = moved(pressures, (y, x), square.height, patch_mm)
+        height = mesh + mesh_error
+        places = moved(pressures, (y, x), mesh, patch_mm)
         if composite is not None:
             spline, at = spline_of(height), places_of(places).values()
             planes = [plane_under(spline, place, patch_mm) for place in at]
             laid = zip(at, planes, composite.scan.values, strict=True)
             # the generator goes on: another detail in each draw
             height = compose_grid(height, laid, patch_mm, composite.density, generator)
-        over = square.counterface
-        if face is not None:
-            pose = np.random.default_rng([seed, 4, draw])
+        over, point = nominal, through
+        pose = np.random.default_rng([seed, 4, draw])
+        if counterface is not None:
             y, x = errors.pose_um * 1e-3 * pose.standard_normal(2)
-            over = face_in_pose(face, square.height, Place(y, x))
-        contact = contact_at_pressure(
-            faces_of(remove_plane(height)[0], over),
-            Loading(float(modulus), target_pressure_MPa, _TOLERANCE),
-            source="macroscale",
-        )
+            size_mm = float(face.size_mm)
+            over = face_in_pose(counterface, mesh, Place(y, x), size_mm=size_mm)
+        if through is not None:
+            point = draw_point(mesh, through, errors.force_point_mm, pose)
+        else:
+            height = remove_plane(height)[0]
+        loading = Loading(float(modulus), force_N / area, _TOLERANCE, point)
+        contact = contact_at_pressure(faces_of(height, over), loading, source="macroscale")
         by_patch = patch_pressures(contact.pressure, places, size_mm=patch_mm)
         drawn.append(by_patch.pressure_MPa)
     low, high = np.percentile(drawn, _PERCENTILES, axis=0)

@@ -14,6 +14,7 @@ the bare stone is fitted as κ is, to the maps of loss of the other patches (`fi
 
 # ASSUME: κ is one number for the whole stone and all of its use; the active stone does not wear,
 # and patches are pressed as before use by what surrounds them, at the pressure of each step.
+# ASSUME: while it wears, the stone keeps the tilt that it rests with before use.
 # ASSUME: κ makes the predicted and the measured loss of the patches equal in sum: a few deep
 # traces count more than many shallow ones. The measured loss is that beyond its level of detection.
 # ASSUME: a mat carries the same force over the square as the bare stone does, and is as thick
@@ -122,7 +123,7 @@ def wear_square(
     Parameters
     ----------
     contact : xarray.Dataset
-        The square's at the target pressure.
+        The face's at the target load.
     pressures : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg`` of every patch, and ``pressure_MPa`` before use.
     losses_um : mapping

@@ -8,7 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from gst.config import check_files, complete, config_problems, refuse_config, resolved
+from gst.config import (
+    check_files,
+    complete,
+    config_problems,
+    counterface_mesh,
+    refuse_config,
+    resolved,
+)
 from gst.patches import read_patches
 from gstlib.contact import contact_moduli, study_poisson
 from gstlib.errors import ConfigError
@@ -97,7 +104,7 @@ def test_defaults_come_in_as_snakemake_merges_the_template(config, file):
     before = copy.deepcopy(given)
     whole = complete(given)
     update_config(config, given)
-    assert whole == config
+    assert whole == complete(config)
     assert given == before
 
 
@@ -116,7 +123,10 @@ def test_what_is_given_takes_the_place_of_a_default():
     assert whole["specimen"] is None
     assert whole["inputs"] == INPUTS
     assert whole["grinding"] == {"friction": 0.3, "tangential_ratio": 0.5}
-    assert whole["counterface"] == SECOND | {"mesh_unit": "mm"}
+    assert whole["counterface"] == SECOND
+    assert counterface_mesh(whole, "") == SECOND | {"mesh_unit": "mm"}
+    assert whole["load"] == {"force_N": 550.0, "pressure_MPa": None, "at_mm": None}
+    assert complete({"load": {"pressure_MPa": 22.0}})["load"]["force_N"] is None
     assert whole["scans"]["mould"] == {"invert": False, "flip": "x"}
     assert whole["scans"]["size_mm"] == 0.85
     assert whole["hardness"] is None
@@ -157,17 +167,29 @@ def test_all_problems_are_told_at_once(config):
         ("results", "config", "contains the patch table (config/patches.tsv)"),
         ("patches", "nowhere.tsv", "'patches': nowhere.tsv does not exist: correct the path"),
         ("patches", "{nowhere}.tsv", "contains braces"),
-        ("hardness", 22.0, "not above macroscale.target_pressure_MPa of 22"),
+        ("hardness", 22.0, "not above the mean pressure on the square, 22 MPa"),
         ("hardness", -5.0, "'hardness' is -5.0"),
         ("texture.l_filter_um", 8.0, "no wave passes both filters"),
         ("validation.shifts", 99, "validation.shifts"),
         ("mat", MAT | {"young_MPa": 19500.0}, "'mat.young_MPa' is 19500, not below the stones'"),
         ("mat", MAT | {"thickness_um": 1.5}, "'mat.thickness_um': 1.5 µm is less than the 1.66 µm"),
         ("mat", MAT | {"poisson": 0.6}, "'mat.poisson' is 0.6"),
-        ("counterface", {"mesh_unit": "mm"}, "[The active stone's own face"),
+        ("counterface", {"mesh_unit": "mm"}, "'mesh' is a dependency of 'mesh_unit'"),
+        ("counterface", {}, "'counterface' is {}"),
         ("counterface", {"mesh": "b.ply"}, "'pose' is a dependency of 'mesh'"),
         ("counterface", SECOND | {"pose": {}}, "'counterface.pose' is {}"),
-        ("gesture", {"stroke_mm": 2.0, "poses": 5}, "that has no mesh"),
+        ("counterface", SECOND | {"radius_mm": 200.0}, "a radius and a mesh: give one of them"),
+        ("counterface", {"radius_mm": 0.0}, "'counterface.radius_mm' is 0.0"),
+        ("load.pressure_MPa", 22.0, "'load' has both of force_N and pressure_MPa"),
+        ("load.force_N", None, "'load' has neither of force_N and pressure_MPa"),
+        ("load.force_N", 5e6, "'load.force_N' is 5000000.0"),  # 5 MN
+        ("load.force_N", 5e-3, "'load.force_N' is 0.005"),  # 5 mN
+        ("load.force_N", 0.0, "'load.force_N' is 0.0"),
+        ("load.pressure_MPa", 0.0, "'load.pressure_MPa' is 0.0"),
+        ("load.at_mm", [10.1, 2.5], "outside the face, which reaches from -5 to 10 mm"),
+        ("load.at_mm", [2.5, -5.0], "'load.at_mm' is [2.5, -5.0], outside the face"),
+        ("load.at_mm", [2.5], "'load.at_mm' is [2.5]"),
+        ("macroscale.face_mm", 4.0, "'macroscale.face_mm' is 4, less than the square's 5 mm"),
         ("grinding", {"friction": 0.6, "tangential_ratio": 1.5}, "grinding.tangential_ratio"),
         ("grinding", {"friction": 0, "tangential_ratio": 0.5}, "grinding.friction"),
         # YAML takes for text a number with an exponent but no point, or with a decimal comma
@@ -186,7 +208,12 @@ def test_a_value_that_cannot_be_used(config, path, value, words):
         ("square.points_mm", POINTS),
         ("grinding", None),
         ("hardness", None),
+        ("load", {"force_N": None, "pressure_MPa": 22.0, "at_mm": None}),
+        ("load.at_mm", [9.9, -4.9]),
+        ("macroscale.face_mm", 5.0),
+        ("counterface", None),
         ("counterface", {"scan": "a.plu"}),
+        ("counterface", {"scan": "a.plu", "radius_mm": 50.0}),
         ("counterface", SECOND | {"scan": "a.plu", "mesh_unit": "cm"}),
         ("mat", MAT),
         ("published", None),
@@ -202,15 +229,33 @@ def test_a_config_that_can_be_used(config, path, value):
     ("gesture", "words"),
     [
         ({"stroke_mm": 2.0, "poses": 5}, None),
+        ({"wander_mm": 1.0, "poses": 5}, None),
         ({"table": "poses.tsv"}, None),
-        ({"table": "poses.tsv", "poses": 5}, "give a table, or stroke_mm and poses"),
+        ({"table": "poses.tsv", "poses": 5}, "give a table, or poses with stroke_mm or"),
+        ({"stroke_mm": 2.0, "wander_mm": 1.0, "poses": 5}, "too many properties"),
         ({"stroke_mm": 2.0}, "'poses' is a dependency of 'stroke_mm'"),
-        ({"poses": 5}, "give a table, or stroke_mm and poses"),
+        ({"wander_mm": 2.0}, "'poses' is a dependency of 'wander_mm'"),
+        ({"poses": 5}, "give a table, or poses with stroke_mm or"),
     ],
 )
-def test_a_gesture_is_a_table_or_a_stroke(config, gesture, words):
-    found = config_problems(config | {"counterface": SECOND, "gesture": gesture})
+@pytest.mark.parametrize("counterface", [SECOND, {"radius_mm": 200.0}, None])
+def test_a_gesture_is_a_table_a_stroke_or_a_wandering_hand(config, counterface, gesture, words):
+    found = config_problems(config | {"counterface": counterface, "gesture": gesture})
     assert found == [] if words is None else words in "".join(found)
+
+
+def test_the_square_alone_knows_no_second_stone_and_no_gesture(config):
+    """Nor does it care for the face, and where in it the force acts."""
+    alone = config | {"coupling": "levelled"}
+    assert config_problems(alone) == []
+    (second,) = config_problems(alone | {"counterface": SECOND})
+    assert "'counterface.mesh' (or specimen.counterface_seed) needs a stone at rest" in second
+    made = alone["specimen"] | {"counterface_seed": 8}
+    assert config_problems(alone | {"specimen": made}) == [second]
+    (moved,) = config_problems(alone | {"gesture": {"wander_mm": 1.0, "poses": 5}})
+    assert "'gesture' needs a stone at rest" in moved
+    small = changed(changed(alone, "macroscale.face_mm", 4.0), "load.at_mm", [50.0, 0.0])
+    assert config_problems(small) == []
 
 
 def test_a_gesture_and_a_mat_do_not_go_together(config):
@@ -302,3 +347,34 @@ def test_poisson_stands_for_the_compliances_of_both_stones(first, second):
         normal += (1 - poisson) / (2 * shear)
     one = study_poisson(material)
     assert (2 - one) / (2 * (1 - one)) == pytest.approx(tangential / normal)
+
+
+MESH_ONLY = {"patches": None, "gesture": {"wander_mm": 1.0, "poses": 60}}
+
+
+def test_without_patches_a_mesh_is_enough(config):
+    assert config_problems(config | MESH_ONLY) == []
+    mesh = {"specimen": None, "inputs": {"mesh": "a", "mesh_unit": "mm"}}
+    assert config_problems(complete(config | MESH_ONLY | mesh)) == []
+    (problem,) = config_problems(complete(config | mesh))
+    assert "'inputs' lacks ['scan_folder']" in problem
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"gesture": None}, "'patches' and 'gesture' are null: where to scan depends on"),
+        (
+            {"published": "config/published_m12.csv"},
+            "'patches' is null, and published needs scanned patches",
+        ),
+        ({"counterface": {"scan": "b.plu"}}, "and counterface.scan needs scanned patches"),
+        (
+            {"published": "config/published_m12.csv", "sweep": {"seed": [{"seed": 2}]}},
+            "published and sweep need scanned patches",
+        ),
+    ],
+)
+def test_what_needs_patches_is_told_where_there_are_none(config, change, words):
+    (problem,) = config_problems(config | MESH_ONLY | change)
+    assert words in problem

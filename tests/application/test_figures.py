@@ -83,12 +83,16 @@ FROM = {
     "preparation": (({"T0": PREPARED, "T1": PREPARED},), PATCH),
     "load_curves": ((SQUARE, CONTACTS), {}),
     "patch": ((CONTACTS["1"], CHANGE, WORN), PATCH),
-    "overview": ((SQUARE, PRESSURES, CONTACTS["1"], CHANGE, TOOL), SIZE | PATCH),
+    "overview": (
+        (SQUARE, PRESSURES, CONTACTS["1"], CHANGE, TOOL),
+        SIZE | PATCH | {"force_N": 550.0},
+    ),
+    "contact_steps": ((SQUARE,), {"size_mm": 3.0}),
     "validation": ((SCORES, GAINS, SUMMARY, VARIANTS), {}),
 }
 TOUCHED = {patch: CONTACTS[patch].pressure.values > 30 for patch in "13"}
 FROM["two_scales"] = (({"levelled": CONTACTS, "placed": CONTACTS}, TOUCHED, TWO_SCALES), {})
-ALONE |= {"contact_steps": SQUARE, "microscale_maps": CONTACTS}
+ALONE["microscale_maps"] = CONTACTS
 FROM |= {name: ((found,), {}) for name, found in ALONE.items()}
 MASKS = [
     ("contact_steps", -1, style.BLACK, SQUARE["pressure"] > 0),
@@ -100,6 +104,7 @@ MASKS = [
     ("two_scales", 0, style.BLUE, PRESSURE > 30),
     ("two_scales", 1, style.BLACK, (PRESSURE > 0) & (PRESSURE <= 30)),
 ]
+VECTORS = {"overview": "pdf"}  # of the others, SVG
 SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "workflow/scripts/draw_figures.py"))
 CASES = [("13", {}), ("1", {"most": 1}), (["none"], {"in_study": False})]
 CASES += [("3", {"pressure_MPa": [2.0, 9.0, 4.0], "in_study": True})]
@@ -121,7 +126,8 @@ def picture_of(axes):
 
 @pytest.mark.parametrize("name", FROM)
 def test_figure_has_the_same_bytes_each_time_and_leaves_its_input_alone(tmp_path, name):
-    before, contents, files = copy.deepcopy(FROM[name][0]), [], (tmp_path / "png", tmp_path / "svg")
+    before, contents = copy.deepcopy(FROM[name][0]), []
+    files = [tmp_path / f"figure.{kind}" for kind in ("png", VECTORS.get(name, "svg"))]
     for size in (10, 20):
         with matplotlib.rc_context({"font.size": size, "savefig.dpi": size}):
             figure = draw(name)
@@ -234,6 +240,7 @@ def run(folder, *names, most=2, **columns):
     files |= {f"{name}_png": folder / f"{name}.png" for name in names}
     files |= {"patch_png": folder / "patch", "load_curves_svg": folder / "load_curves.svg"}
     settings = {"patches": list("123"), "worn": list("13"), "places": {}, "patch_mm": 0.85}
+    settings |= {"size_mm": 5.0, "force_N": 550.0}
     settings |= {"most_drawn_patches": most, "figures": names, "note": None, "mesh_unit": "mm"}
     SCRIPT["main"](**settings, **files)
 

@@ -10,14 +10,14 @@ from gst.cli import main
 from gst.inputs import Asked, check_inputs, inspect_file
 from gst.patches import ScanFile
 from gstlib.errors import InputsError
-from gstlib.geometry import Place
+from gstlib.geometry import Place, square_of
 from gstlib.io.plu import write_plu
 
 SPACING = 0.01
 SETTINGS = {
     "mesh_unit": "mm",
     "square": {"size_mm": 4.0, "points_mm": [[3.0, 3.0, 4.9], [7.0, 3.0, 4.9], [3.0, 7.0, 4.9]]},
-    "macroscale": {"grid": 20, "margin_mm": 0.5},
+    "grid": {"grid": 20, "face_mm": 6.0, "radius_mm": 50.0},
     "scan_settings": {
         "size_mm": 0.5,
         "unit": None,
@@ -59,8 +59,11 @@ def scans(folder):
 def test_good_files_are_described(folder):
     found = check_inputs(folder / "stone.stl", scans(folder), Asked(**SETTINGS))
     assert found.problems == []
-    assert found.square.shape == (20, 20)
-    assert float(found.square.mean()) == pytest.approx(0, abs=1e-9)  # level
+    assert found.face.height.shape == (30, 30)
+    square = square_of(found.face.height, 4.0)
+    assert square.shape == (20, 20)
+    assert float(square.mean()) == pytest.approx(0, abs=1e-9)  # level
+    assert float(found.face.counterface[0, 0]) == pytest.approx(-2 * 2.9**2 / (2 * 50.0))
     assert list(found.scans.patch + found.scans.epoch) == ["1T0", "1T1", "2T0", "2T1"]
     assert (found.scans.points_x == 50).all()
     assert found.scans.spacing_x_um.to_numpy() == pytest.approx(10)
@@ -89,7 +92,7 @@ def test_every_problem_is_named_once(folder):
     holes[:10] = np.nan
     write_plu(folder / "2_T0.plu", holes, SPACING)
     found = check_inputs(folder / "stone.stl", scans(folder), Asked(**SETTINGS))
-    assert found.square is None
+    assert found.face is None
     assert list(found.scans.patch + found.scans.epoch) == ["2T1"]
     message = str(InputsError(found.problems))
     assert message.startswith("4 problems\n  - ")

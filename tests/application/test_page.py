@@ -53,7 +53,11 @@ def test_the_square_is_coloured_where_it_is_pressed(stone):
 def test_the_scene_has_its_patches_where_the_table_puts_them(stone):
     places = {"patch": ["a"], "x_mm": [3.0], "y_mm": [1.0], "rotation_deg": [90.0]}
     mesh, pressure = stone
-    scene = page.tool_scene(mesh, FRAME, pressure, places, 1.0)
+    fields = [
+        field.assign_attrs(title=title, units="MPa")
+        for title, field in (("pressure", pressure), ("half of it", pressure / 2))
+    ]
+    scene = page.tool_scene(mesh, FRAME, fields, places, (4.0, 1.0))
     (patch,) = scene["patches"]
     # turned by a quarter: the first corner is now at the lower right
     np.testing.assert_allclose(patch["flat"][0], [3.5, 0.5])
@@ -61,10 +65,10 @@ def test_the_scene_has_its_patches_where_the_table_puts_them(stone):
     assert outline.min(axis=0) == pytest.approx([0.5, -1.5, 1.5])
     assert outline.max(axis=0) == pytest.approx([1.5, -0.5, 1.5])
     # y upwards: the pressed quarter, of small y, is at the picture's lower right
-    picture = np.array(opened(scene["map"]).convert("L"))
+    picture = np.array(opened(scene["fields"][0]["map"]).convert("L"))
     assert picture[15:, 15:].max() < 60
     assert picture[:9].min() == 255
-    again = page.tool_scene(mesh, FRAME, pressure, places, 1.0)
+    again = page.tool_scene(mesh, FRAME, fields, places, (4.0, 1.0))
     assert json.dumps(scene) == json.dumps(again)
 
 

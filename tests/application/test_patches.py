@@ -185,3 +185,44 @@ def test_files_that_are_no_table(table, tmp_path):
     (tmp_path / "latin.csv").write_bytes("patch,x_mm,y_mm,t0,note\n1,1,1,a,Höhe".encode("latin-1"))
     refused(tmp_path / "latin.csv", "save it as UTF-8")
     refused(table(",,,\n,,,\n", "commas.csv"), "no rows")
+
+
+PROPOSED = """place,kind,x_mm,y_mm,exposure_N_per_mm,touched
+E1,exposed,1.55,2.1,14742,1
+C1,control,4.1,1.5,0,0
+"""
+
+
+def test_proposed_places_are_a_patch_table_as_they_stand(table, tmp_path):
+    """Scans are named after their place, whatever their format; without T1 there is none."""
+    path = table(PROPOSED, "places.csv")
+    for name in ("E1_T0.plux", "e1_t1.sur", "C1_T0.plux", "E1_T0_notes"):
+        (tmp_path / name).touch()
+    patches = read(path, scan_folder=tmp_path)
+    assert patches.patch.tolist() == ["C1", "E1"]
+    assert patches.t0.tolist() == ["C1_T0.plux", "E1_T0.plux"]
+    assert patches.t1.tolist() == ["", "e1_t1.sur"]
+    assert patches.x_mm.tolist() == [4.1, 1.55]
+    generated = read(path)
+    assert generated.t1.tolist() == ["C1_T1.plu", "E1_T1.plu"]
+
+
+def test_a_place_without_its_scan_or_with_two_is_told(table, tmp_path):
+    path = table(PROPOSED, "places.csv")
+    for name in ("E1_T0.plux", "E1_T0.sur"):
+        (tmp_path / name).touch()
+    with pytest.raises(ConfigError) as caught:
+        read(path, scan_folder=tmp_path)
+    message = str(caught.value)
+    assert f"line 2 (patch E1): E1_T0.plux, E1_T0.sur in {tmp_path} is named E1_T0" in message
+    assert f"line 3 (patch C1): no file in {tmp_path} is named C1_T0" in message
+    assert "add the columns t0 and t1" in message
+
+
+def test_places_take_columns_of_files_and_no_others(table):
+    wide = PROPOSED.replace("touched\n", "touched,t0,t1\n")
+    wide = wide.replace(",1\n", ",1,a.plu,b.plu\n").replace(",0\n", ",0,c.plu,\n")
+    patches = read(table(wide, "places.csv"))
+    assert patches.t0.tolist() == ["c.plu", "a.plu"]
+    assert patches.t1.tolist() == ["", "b.plu"]
+    refused(table("patch,kind,x_mm,y_mm,t0\n1,a,1,1,b\n"), "unknown columns ['kind']")

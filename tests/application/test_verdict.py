@@ -5,10 +5,12 @@ import math
 import pandas as pd
 import pytest
 from gst.verdict import verdict as verdict_of
+from gst.verdict import where_to_scan
+from gstlib.places import Concentration
 
 
 def verdict(*tables):
-    return verdict_of(*tables, square_force_N=200.0)
+    return verdict_of(*tables, force_N=200.0)
 
 
 def tables(forces, *, studied=True):
@@ -31,18 +33,18 @@ def compared(p_values=(0.01, 0.2, 0.3, math.nan), **row):
 
 
 @pytest.mark.parametrize(
-    ("forces", "named", "share", "of_square"),
+    ("forces", "named", "share", "of_force"),
     [
         ([1.0, 30.0, 31.0, 8.0], "c and b carry", "87 %", "35 %"),
         ([60.0, 1.0, 1.0], "Patch a carries", "97 %", "31 %"),
         ([10.0] * 16, "spread: 9 patches", "56 %", "80 %"),
     ],
 )
-def test_the_fewest_patches_that_carry_most_of_the_load(forces, named, share, of_square):
+def test_the_fewest_patches_that_carry_most_of_the_load(forces, named, share, of_force):
     first = verdict(*tables(forces))[0]
     assert named in first
     assert f"{share} of the load on the {len(forces)} patches" in first
-    assert f"bear {of_square} of the square's" in first
+    assert f"bear {of_force} of the force" in first
     assert f"{2 * max(forces):g} MPa (95 % interval 1 to 120)" in first
 
 
@@ -101,3 +103,24 @@ def test_a_study_says_only_what_it_can():
     assert "No patch is in the study" in none
     gains, variants = compared()
     assert "nothing is compared" in verdict(*tables([1.0, 2.0]), gains[:0], variants)[-1]
+
+
+def test_where_to_scan_is_said_with_its_numbers():
+    places = pd.DataFrame(
+        {
+            "place": ["E1", "E2", "C1"],
+            "kind": ["exposed", "exposed", "control"],
+            "x_mm": [1.55, 2.0, 4.0],
+            "y_mm": [2.1, 4.0, 4.0],
+        }
+    )
+    held = Concentration(0.824, 0.0153, 0.94, 0.0578)
+    spread, scan, controls = where_to_scan(places, held, force_N=550.0)
+    assert spread.startswith("Under 550 N, wherever the hand pushes, 82 % of the exposure")
+    assert "half of it on 1.5 % of its area" in spread
+    assert scan.startswith("Scan E1 to E2: of the square's exposure, 94 % lies there, on 6 %")
+    assert "most in E1, 1.55 mm along x and 2.1 mm along y" in scan
+    assert controls == "No pose touches C1: scan them as controls."
+    assert "no control" in where_to_scan(places[:2], held, force_N=550.0)[-1]
+    (nothing,) = where_to_scan(places[2:], held, force_N=550.0)
+    assert nothing.startswith("No pose touches the square")

@@ -29,4 +29,6 @@ def contact_of(height, pressure, gap=None, displacement=0.0, slopes=(0.0, 0.0)):
         contact_modulus=1e4,
         target_pressure=mean,
         tolerance=1e-9,
+        through_y=np.nan,
+        through_x=np.nan,
     )

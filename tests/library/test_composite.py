@@ -4,7 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from gstlib.composite import compose, compose_grid, compose_surface, draw_mesh_errors, plane_under
+from gstlib.composite import (
+    compose,
+    compose_grid,
+    compose_surface,
+    draw_mesh_errors,
+    plane_under,
+    refined,
+)
 from gstlib.geometry import Place, places_of, spline_of
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import Plane, remove_plane
@@ -32,7 +39,8 @@ def mesh_surface(error: float = 1e-4) -> xr.Dataset:
     errors = error * generator.standard_normal(400)
     numbers = {"vertex_y": vertices[0], "vertex_x": vertices[1], "left_out_error": errors}
     faces = {"height": height, "counterface": 0 * height}
-    return xr.Dataset(faces | {n: ("vertex", v) for n, v in numbers.items()})
+    vertices_of = {n: ("vertex", v) for n, v in numbers.items()}
+    return xr.Dataset(faces | vertices_of | {"size_mm": SIDE})
 
 
 def scans(detail: float = 1e-3) -> dict[str, xr.Dataset]:
@@ -73,17 +81,10 @@ def test_the_composite_is_the_scan_inside_its_outline_and_the_mesh_outside():
     place = Place(2.0, 1.5, 30.0)
     bump = np.zeros((POINTS, POINTS))
     bump[40, 20] = 1.0  # v > 0, u < 0
-    fine = 8 * COUNT
-    found = compose(
-        spline,
-        [(place, Plane(0.5, 0.1, -0.2), bump)],
-        PATCH,
-        (fine, fine),
-        SIDE / fine,
-        NO_DETAIL,
-        0,
-    )
-    at = axis_coordinates(fine, SIDE / fine)
+    grid = refined(mesh_surface().height, 8)
+    laid = [(place, Plane(0.5, 0.1, -0.2), bump)]
+    found = compose(spline, laid, PATCH, grid, NO_DETAIL, 0).values
+    at = grid.x.values
     dy, dx = at[:, None] - place.y_mm, at - place.x_mm
     turn = np.radians(place.rotation_deg)
     u, v = np.cos(turn) * dx + np.sin(turn) * dy, np.cos(turn) * dy - np.sin(turn) * dx
@@ -113,8 +114,8 @@ def test_where_outlines_overlap_their_mean_counts():
     spline = spline_of(mesh_surface().height)
     flat = np.zeros((POINTS, POINTS))
     both = [(Place(2.0, x, 0.0), Plane(h, 0, 0), flat) for x, h in ((1.5, 1.0), (1.9, 3.0))]
-    found = compose(spline, both, PATCH, (COUNT, COUNT), SIDE / COUNT, NO_DETAIL, 0)
-    row = found[COUNT // 2]
+    found = compose(spline, both, PATCH, mesh_surface().height, NO_DETAIL, 0)
+    row = found.values[COUNT // 2]
     assert set(np.round(row[(row > 0.5)], 9)) == {1.0, 2.0, 3.0}
 
 
@@ -127,15 +128,13 @@ def test_the_composite_on_the_grid_is_the_mean_over_each_element():
 
 def test_detail_between_the_scans_has_their_spectrum():
     found = composed()
-    fine = 4 * COUNT
-    spline = spline_of(mesh_surface().height)
-    field = compose(spline, [], PATCH, (fine, fine), SIDE / fine, found.density, 3)
-    at = axis_coordinates(fine, SIDE / fine)
-    detail = field - spline(at, at)
+    fine, spline = refined(mesh_surface().height, 4), spline_of(mesh_surface().height)
+    smooth = spline(fine.y, fine.x)
+    detail = (compose(spline, [], PATCH, fine, found.density, 3) - smooth).values
     # 1 µm of detail; what lies beyond the fine grid's Nyquist frequency is left out
     assert detail.std() == pytest.approx(1e-3, rel=0.25)
-    again = compose(spline, [], PATCH, (fine, fine), SIDE / fine, found.density, 4)
-    assert abs(np.corrcoef((again - spline(at, at)).ravel(), detail.ravel())[0, 1]) < 0.2
+    again = (compose(spline, [], PATCH, fine, found.density, 4) - smooth).values
+    assert abs(np.corrcoef(again.ravel(), detail.ravel())[0, 1]) < 0.2
 
 
 def test_the_same_seed_gives_the_same_surface_and_another_one_another():
@@ -151,7 +150,8 @@ def test_the_same_seed_gives_the_same_surface_and_another_one_another():
 
 
 def test_the_mesh_errors_have_the_size_of_the_left_out_errors():
-    drawn = draw_mesh_errors(mesh_surface(error=2e-3), 50, np.random.default_rng(0))
+    face = mesh_surface(error=2e-3)
+    drawn = draw_mesh_errors(face, face.height, 50, np.random.default_rng(0))
     assert drawn.shape == (50, COUNT, COUNT)
     # each is the mean of about three vertices' errors
     assert 0.5 * 2e-3 < drawn.std() < 1.0 * 2e-3

@@ -53,6 +53,8 @@ STATE_UNITS = {
     "contact_modulus": "MPa",
     "target_pressure": "MPa",
     "tolerance": "1",
+    "through_y": "mm",
+    "through_x": "mm",
 }
 PATH_UNITS = {
     "path_displacement": "mm",
@@ -137,10 +139,15 @@ def test_errors_of_the_solver_name_the_file_and_the_remedy():
     high, little = LOADING._replace(target_pressure_MPa=5e3), {"maximum_displacement_um": 1.0}
     with pytest.raises(InputError, match=r"surface\.h5.*5000 MPa cannot be reached.*Lower"):
         contact_path(FACES, high, **PATH | little)
-    holed = HEIGHT.copy()
-    holed[3, 3] = np.nan
+    beside = LOADING._replace(through=(0.12, 0.33))
+    with pytest.raises(
+        InputError, match=r"surface\.h5: the stone tips over.*x 0\.33, y 0\.12 mm.*at_mm"
+    ):
+        contact_at_pressure(FACES, beside, **SOURCE)
+    spike = HEIGHT.copy()
+    spike[3, 3] = np.inf
     with pytest.raises(InputError, match=r"surface\.h5: its contact could not be solved"):
-        contact_at_pressure(faces_of(holed), LOADING, **SOURCE)
+        contact_at_pressure(faces_of(spike), LOADING, **SOURCE)
 
 
 def test_full_contact_is_warned_of(caplog):

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pandas as pd
-from gstlib.geometry import Place, on_patch, places_of, spline_of
+import trimesh
+from gstlib.geometry import Frame, Place, on_mesh, on_patch, places_of, spline_of
 from gstlib.surface import make_surface
 from hypothesis import given
 from hypothesis import strategies as st
@@ -34,3 +35,19 @@ def test_a_field_on_a_patch_is_alike_with_and_without_the_short_cut():
     level, turned = (on_patch(field, Place(1.7, 2.2, r), (8, 12), 0.9) for r in (0.0, 1e-12))
     assert level.shape == (8, 12)
     np.testing.assert_allclose(level, turned, atol=1e-9)
+
+
+def test_a_field_lies_on_the_vertices_over_it():
+    """On the side that the square looks from, in the element over the vertex; 0 beyond the face."""
+    slab = trimesh.creation.box((20, 20, 3)).subdivide_to_size(1.0)
+    frame = Frame(origin=(1.0, 2.0, 1.5), x_axis=(0, 1, 0), normal=(0, 0, 1))  # x up the mesh's y
+    field = make_surface(np.arange(64.0).reshape(8, 8), 0.5)
+    field = field.assign_coords({axis: field[axis].copy(data=field[axis] - 1.0) for axis in "yx"})
+    values = on_mesh(field, slab, frame)
+    x, y = slab.vertices[:, 1] - 2.0, 1.0 - slab.vertices[:, 0]
+    inside = (slab.vertices[:, 2] > 0) & (abs(x - 1) < 1.999) & (abs(y - 1) < 1.999)
+    row, column = (((of[inside] + 1) / 0.5).astype(int) for of in (y, x))
+    assert inside.sum() > 20
+    np.testing.assert_array_equal(values[inside], 8 * row + column)
+    outside = (slab.vertices[:, 2] < 0) | (abs(x - 1) > 2.001) | (abs(y - 1) > 2.001)
+    assert (values[outside] == 0).all()

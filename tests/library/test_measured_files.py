@@ -106,8 +106,7 @@ def test_map_is_where_the_patch_table_says():
         read_mesh(DATA / "pebble-mesh-3dhop/lithic_tool_model_full.ply"),
         frame_from_points(config["square"]["points_mm"]),
         size_mm=5.0,
-        shape=(100, 100),
-        margin_mm=1.0,
+        grid=100,
     ).height
     patches = read_patches(ROOT / "config/patches_pebble.tsv", size_mm=5.0, patch_size_mm=0.85)
     _, plane = remove_plane(use_face)

@@ -17,7 +17,7 @@ SETTINGS = Microscale(
     maximum_displacement_um=50.0,
 )
 PRESSURES = pd.DataFrame(
-    {"patch": list("abc"), "pressure_MPa": [5.0, 9.0, 0.0], "mesh_pressure_MPa": [6.0, 8.0, 7.0]}
+    {"patch": list("abc"), "pressure_MPa": [5.0, 9.0, 0.0], "square_pressure_MPa": [6.0, 8.0, 7.0]}
 )
 
 
@@ -45,13 +45,13 @@ def scans():
 
 @pytest.fixture(scope="module")
 def stone():
-    """A square with the places and planes of its patches, and its contact."""
+    """A composite with the places and planes of its patches, and its contact."""
     square = rough(9).assign(counterface=0 * rough(9).height, patch_mm=0.3)
     planes = {"y_mm": 0.4, "x_mm": 0.4, "rotation_deg": 0.0, "slope_y": 0.01, "slope_x": 0.0}
     square = square.assign({name: ("patch", [of] * 3) for name, of in planes.items()})
     loading = {"contact_modulus_MPa": 1e4, "target_pressure_MPa": 5.0, "tolerance": 1e-8}
     square = square.assign_coords(patch=list("abc"))
-    return {"square": square, "contact": pressed(square.height, **loading)}
+    return {"composite": square, "contact": pressed(square.height, **loading)}
 
 
 def test_patches_are_solved_in_order_and_each_scan_is_read_once(scans, stone):
@@ -62,7 +62,7 @@ def test_patches_are_solved_in_order_and_each_scan_is_read_once(scans, stone):
         assert scans.looked_up == (["c"] if patch == "c" else ["c", "a"])
         order.append((patch, variant))
         assert bool(contact.placed) == (variant == PLACED)
-        name = "pressure_MPa" if variant == PLACED else "mesh_pressure_MPa"
+        name = "pressure_MPa" if variant == PLACED else "square_pressure_MPa"
         target = PRESSURES.set_index("patch")[name][patch]
         assert contact.target_pressure == target
         assert float(contact.pressure.mean()) == pytest.approx(target, rel=1e-6)
@@ -78,10 +78,10 @@ def test_the_studys_own_variant_has_a_path_and_the_other_has_none(scans, stone):
         assert ("path_interface_stiffness" in contact) == (variant == LEVELLED)
 
 
-def test_the_face_of_the_active_stone_is_turned_over_onto_every_patch(scans):
+def test_the_scan_of_the_active_stone_is_turned_over_onto_every_patch(scans):
     face = rough(5).height
     for patch, _, contact in solve_patches(
-        scans, PRESSURES, SETTINGS, variants=[LEVELLED], face=face
+        scans, PRESSURES, SETTINGS, variants=[LEVELLED], counterface=face
     ):
         expected = scans.scans[patch].height.values + face.values[:, ::-1]
         np.testing.assert_allclose(pressed_height(contact), expected, atol=1e-15)

@@ -10,8 +10,14 @@ from gstlib.counterface import face_in_pose
 from gstlib.coupling import patch_pressures
 from gstlib.geometry import Place, places_of
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.surface import axis_coordinates, make_surface
-from gstlib.uncertainty import Errors, Macroscale, draw_contact_moduli, pressure_intervals
+from gstlib.surface import axis_coordinates, coarser, make_surface
+from gstlib.uncertainty import (
+    Errors,
+    Macroscale,
+    draw_contact_moduli,
+    draw_point,
+    pressure_intervals,
+)
 
 COUNT, SPACING, PATCH = 24, 0.1, 0.6  # the square is 2.4 mm wide
 STONES = {"young_1_MPa": 20000.0, "poisson_1": 0.25, "young_2_MPa": 20000.0, "poisson_2": 0.25}
@@ -19,7 +25,9 @@ PLACES = pd.DataFrame(
     {"patch": ["1", "2"], "x_mm": [0.8, 1.5], "y_mm": [0.9, 1.4], "rotation_deg": [0.0, 12.0]}
 )
 MODULUS, TARGET = 10000.0, 15.0  # MPa
-NO_ERRORS = Errors(young_share=0.0, poisson=0.0, placement_um=0.0, pose_um=0.0)
+FORCE = TARGET * (COUNT * SPACING) ** 2
+MIDDLE = (COUNT * SPACING / 2, COUNT * SPACING / 2)
+NO_ERRORS = Errors(young_share=0.0, poisson=0.0, placement_um=0.0, pose_um=0.0, force_point_mm=0.0)
 
 
 def stone(y, x):
@@ -34,12 +42,14 @@ def mesh(error=0.0):
     errors = error * np.random.default_rng(5).standard_normal(200)
     numbers = {"vertex_y": vertices[0], "vertex_x": vertices[1], "left_out_error": errors}
     faces = {"height": height, "counterface": 0 * height}
-    return xr.Dataset(faces | {n: ("vertex", v) for n, v in numbers.items()})
+    errors = {n: ("vertex", v) for n, v in numbers.items()}
+    return xr.Dataset(faces | errors | {"size_mm": COUNT * SPACING})
 
 
-def pressed(height, share=1.0):
+def pressed(height, share=1.0, through=MIDDLE):
+    """At rest, on elements as wide as those of the draws."""
     loading = {"contact_modulus_MPa": share * MODULUS, "target_pressure_MPa": TARGET}
-    return press(height, tolerance=1e-8, **loading)
+    return press(coarser(height, 2), tolerance=1e-8, through=through, **loading)
 
 
 def stated():
@@ -50,15 +60,18 @@ def stated():
 def intervals(monkeypatch):
     """Intervals where the contact moduli of the draws, over that of the study, are given."""
 
-    def intervals(shares, *, error=0.0, composite=None, square=None, face=None, **errors):
+    def intervals(
+        shares, *, error=0.0, composite=None, whole=None, counterface=None, through=MIDDLE, **errors
+    ):
         drawn = np.asarray(shares)
         monkeypatch.setattr("gstlib.uncertainty.draw_contact_moduli", lambda *_, **__: drawn)
         return pressure_intervals(
-            Macroscale(square or mesh(error), composite, face),
+            Macroscale(whole or mesh(error), composite, counterface),
             stated(),
             STONES | {"contact_modulus_MPa": MODULUS},
             NO_ERRORS._replace(**errors),
-            target_pressure_MPa=TARGET,
+            force_N=FORCE,
+            through=through,
             patch_mm=PATCH,
             seed=1,
         )
@@ -72,6 +85,34 @@ def test_without_errors_the_interval_is_the_pressure(intervals):
     assert (found.pressure_MPa > 1).all()
     for end in ("low_MPa", "high_MPa"):
         np.testing.assert_allclose(found[end], found.pressure_MPa, rtol=1e-4)
+
+
+def test_the_square_alone_is_pressed_on_its_mean_plane(intervals):
+    """Where no point of force is given, the stone does not tilt."""
+    found = intervals(np.ones(2), through=None)
+    alone = pressed(remove_plane(mesh().height)[0], through=None)
+    expected = patch_pressures(alone.pressure, PLACES, size_mm=PATCH).pressure_MPa
+    np.testing.assert_allclose(found.low_MPa, expected, rtol=1e-3)
+    assert abs(found.low_MPa - found.pressure_MPa).max() > 0.5
+
+
+def test_the_point_of_force_alone_gives_the_pressures_at_rest_under_it(intervals):
+    found, drawn = intervals(np.ones(20), force_point_mm=0.1), []
+    for draw in range(20):
+        y, x = 0.1 * np.random.default_rng([1, 4, draw]).standard_normal(2)
+        field = pressed(mesh().height, through=(MIDDLE[0] + y, MIDDLE[1] + x)).pressure
+        drawn.append(patch_pressures(field, PLACES, size_mm=PATCH).pressure_MPa)
+    assert_ends(found, drawn)
+
+
+def test_the_less_is_known_of_the_hand_the_wider_are_the_intervals(intervals):
+    width = []
+    for force_point_mm in (0.0, 0.05, 0.15):
+        found = intervals(np.ones(20), force_point_mm=force_point_mm)
+        width.append(found.high_MPa - found.low_MPa)
+    assert (width[0] < 1e-2).all()
+    assert (width[1] > 0.1).all()
+    assert (width[2] > 1.5 * width[1]).all()
 
 
 def assert_ends(found, drawn):
@@ -153,8 +194,18 @@ def test_a_second_stone_adds_the_error_of_its_pose(intervals):
     for rough, pose_um in ((0.0, 200.0), (1.0, 0.0), (1.0, 50.0), (1.0, 200.0)):
         face = make_surface(rough * stone(3 * at[:, None], 2 * at), SPACING)
         face = face.assign_coords({axis: face[axis].copy(data=at) for axis in "yx"})
-        over = face_in_pose(face, mesh().height, Place(0.0, 0.0, 0.0))
-        square = mesh().assign(counterface=over)
-        found = intervals(np.ones(8), square=square, face=face, pose_um=pose_um)
+        place = Place(0.0, 0.0, 0.0)
+        over = face_in_pose(face, mesh().height, place, size_mm=COUNT * SPACING)
+        whole = mesh().assign(counterface=over)
+        found = intervals(np.ones(8), whole=whole, counterface=face, pose_um=pose_um)
         widths.append(float((found.high_MPa - found.low_MPa).max()))
     assert max(widths[:2]) < 1e-3 < widths[2] < widths[3]
+
+
+def test_the_force_is_not_drawn_to_where_there_is_no_stone():
+    ends = np.where(axis_coordinates(COUNT, SPACING) < 1.5, np.zeros((COUNT, 1)), np.nan)
+    face, middle = make_surface(ends, SPACING), (1.2, 1.2)
+    drawn = [draw_point(face, middle, 2.0, np.random.default_rng(seed)) for seed in range(50)]
+    assert (np.array(drawn) > 0).all()
+    assert max(x for _, x in drawn) < 1.5 < max(y for y, _ in drawn) < COUNT * SPACING
+    assert draw_point(face, middle, 0.0, np.random.default_rng(1)) == middle

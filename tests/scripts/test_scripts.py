@@ -20,7 +20,7 @@ def script_of(rule):
 def test_a_ceiling_below_a_pressure_is_refused_before_anything_is_solved(tmp_path):
     script = script_of("solve_cases")
     pressures = tmp_path / "pressures.csv"
-    columns = "patch,x_mm,y_mm,rotation_deg,pressure_MPa,mesh_pressure_MPa,in_study"
+    columns = "patch,x_mm,y_mm,rotation_deg,pressure_MPa,square_pressure_MPa,in_study"
     pressures.write_text(f"{columns}\n3,1,1,0,12,9,yes\n5,2,1,0,50,9,no\n7,3,1,0,40,9,yes\n")
     for hardness, error in ((40.0, ConfigError), (40.1, InputError)):
         with pytest.raises(error) as raised:
@@ -42,7 +42,7 @@ def test_a_ceiling_below_a_pressure_is_refused_before_anything_is_solved(tmp_pat
 def test_published_values_of_patches_whatever_their_names(tmp_path):
     path, pressures, published = (tmp_path / name for name in ("path", "pressures", "published"))
     path.write_text("displacement_um,mean_pressure_MPa,contact_fraction\n9,22,0.1\n")
-    columns = "patch,x_mm,y_mm,rotation_deg,pressure_MPa,mesh_pressure_MPa"
+    columns = "patch,x_mm,y_mm,rotation_deg,pressure_MPa,square_pressure_MPa"
     pressures.write_text(f"{columns}\nNA,1,1,0,12,9\n007,2,1,0,13,9\n")
     published.write_text(
         "quantity,patch,unit,value\n# of the paper\npatch pressure,NA,MPa,11\n"

@@ -31,6 +31,17 @@ def test_a_shipped_config_plans_a_study(study, name):
     assert {"solve_macroscale", "couple_scales", "tabulate_preprocessing"} <= study.planned()
 
 
+def test_a_mesh_alone_plans_places_and_nothing_of_scans(study):
+    study.config = "config/mesh_only.yaml"
+    config = yaml.safe_load((study.folder / study.config).read_text())
+    mesh = study.folder / config["inputs"]["mesh"]
+    mesh.parent.mkdir(parents=True, exist_ok=True)
+    mesh.touch()
+    first = {"check_inputs", "grid_macroscale", "solve_macroscale", "press_poses_1"}
+    then = {"gather_exposure", "propose_places", "colour_tool", "draw_contact", "write_page"}
+    assert study.planned() == first | then
+
+
 def test_without_a_config_that_of_the_folder_is_taken(study):
     """And what it leaves out has the schema's default."""
     (study.folder / "config/config.yaml").write_text("results: elsewhere\n")

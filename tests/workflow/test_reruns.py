@@ -18,9 +18,24 @@ def test_nothing_is_left_to_do(tiny):
     ("change", "reruns", "stays"),
     [
         (
-            {"macroscale": {"target_pressure_MPa": 20.0}},
+            {"load": {"force_N": 500.0}},
             {"solve_macroscale", "couple_scales", "solve_patches", "score_patches"},
             {"generate_specimen", "grid_macroscale", "prepare_T0_scans", "register_patches"},
+        ),
+        (
+            {"load": {"force_N": 550.0, "at_mm": [2.0, 3.0]}},
+            {"solve_macroscale", "couple_scales", "bound_pressures", "solve_reference"},
+            {"grid_macroscale", "compose_surface", "place_patches"},
+        ),
+        (
+            {"counterface": {"radius_mm": 100.0}},
+            {"grid_macroscale", "solve_macroscale", "couple_scales", "solve_reference"},
+            {"generate_specimen", "prepare_T0_scans", "register_patches"},
+        ),
+        (
+            {"uncertainty": {"force_point_mm": 2.0}},
+            {"bound_pressures", "draw_contact"},
+            {"solve_macroscale", "compose_surface", "solve_patches"},
         ),
         (
             {"preprocessing": {"outlier_median_threshold": 6.0}},
@@ -29,8 +44,8 @@ def test_nothing_is_left_to_do(tiny):
         ),
         (
             {"coupling": "levelled"},
-            {"solve_macroscale", "couple_scales", "solve_patches", "score_patches"},
-            {"grid_macroscale", "prepare_T0_scans", "compose_surface", "solve_reference"},
+            {"grid_macroscale", "solve_macroscale", "couple_scales", "solve_patches"},
+            {"prepare_T0_scans", "compose_surface", "solve_reference"},
         ),
         (
             {"microscale": {"s_filter_um": 60.0}},
@@ -44,7 +59,7 @@ def test_nothing_is_left_to_do(tiny):
         ),
         ({"grinding": {"friction": 0.5}}, {"solve_cases", "write_page"}, None),
         (
-            {"counterface": {"scan": "face.plu"}},
+            {"counterface": {"scan": "face.plu", "radius_mm": 200.0}},
             {"prepare_counterface", "solve_patches", "solve_cases"},
             {"prepare_T0_scans", "solve_macroscale", "couple_scales", "register_patches"},
         ),

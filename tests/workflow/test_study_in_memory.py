@@ -44,7 +44,7 @@ def own(study_of, config):
 
 def test_its_pressures_are_the_stored_ones(own, finished_tiny):
     stored = read_table(finished_tiny.results / "tables/patch_pressures.csv")
-    for name in ("pressure_MPa", "mesh_pressure_MPa"):
+    for name in ("pressure_MPa", "square_pressure_MPa"):
         np.testing.assert_allclose(own.selected()[name], stored[name], rtol=1e-4)
     assert list(own.selected().in_study) == list(stored.in_study)
 

@@ -14,6 +14,7 @@ def two_stones(tmp_path_factory):
     study = fresh(tmp_path_factory.mktemp("two_stones"))
     study.change(
         specimen={"counterface_seed": 8},
+        counterface=None,
         gesture={"stroke_mm": 1.0, "poses": 5},
         reference_draws=None,
         grinding=None,
@@ -46,7 +47,9 @@ def test_a_patch_is_pressed_by_the_face_over_it(two_stones):
     places = read_table(two_stones.results / "tables/patch_pressures.csv").set_index("patch")
     for file in sorted(two_stones.results.glob("microscale/*.h5")):
         contact, place = read_dataset(file), places.loc[file.stem]
-        row, column = (int(place[of] / spacing) for of in ("y_mm", "x_mm"))
+        row, column = (
+            int((place[f"{of}_mm"] - float(square[of][0])) / spacing + 0.5) for of in "yx"
+        )
         near = square.counterface.values[row - 1 : row + 2, column - 1 : column + 2]
         middle = float(contact.counterface.values[30:34, 30:34].mean())
         assert near.min() - 1e-3 < middle < near.max() + 1e-3
@@ -60,8 +63,15 @@ def test_the_pose_in_the_middle_of_a_stroke_is_the_single_one(two_stones):
         found.patch_pressure[2], pressures.pressure_MPa, rtol=1e-4, atol=1e-6
     )
     assert float(abs(found.patch_pressure[0] - found.patch_pressure[2]).max()) > 1
-    np.testing.assert_allclose(found.mean_pressure.mean(), 22.0, rtol=1e-6)
-    np.testing.assert_allclose(found.exposure.mean(), 22.0, rtol=1e-6)  # over a stroke of 1 mm
+    # 550 N on a face of 10 mm, over a stroke of 1 mm
+    np.testing.assert_allclose(found.mean_pressure.mean(), 5.5, rtol=1e-6)
+    np.testing.assert_allclose(found.exposure.mean(), 5.5, rtol=1e-6)
+    # each pose is at rest under a force that moves with the stone
+    for pose, pressure in zip(found.shown.values, found.pressure, strict=True):
+        total = float(pressure.sum())
+        assert float((pressure * pressure.y).sum()) / total == pytest.approx(2.5, abs=1e-4)
+        centre = 2.5 - 0.5 + 0.25 * pose
+        assert float((pressure * pressure.x).sum()) / total == pytest.approx(centre, abs=1e-4)
     table = read_table(two_stones.results / "tables/exposure.csv").set_index("patch")
     np.testing.assert_allclose(
         table.mean_pressure_MPa, found.patch_pressure.mean("pose"), rtol=1e-4, atol=1e-6

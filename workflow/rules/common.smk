@@ -1,5 +1,6 @@
 # What every stage shares: the checked configuration, the patch table, names of files.
 
+import math
 import os
 from pathlib import Path
 
@@ -8,8 +9,9 @@ from gst.config import check_files, complete, counterface_mesh, read_study
 from gst.poses import poses_of, reach_of
 from gst.patches import scan_files
 from gst.provenance import commit, program_hash, source_hash
-from gstlib.contact import contact_moduli, study_poisson
+from gstlib.contact import contact_moduli, load_force, load_point, study_poisson
 from gstlib.io.results import TABLES
+from gstlib.preprocess.gridding import elements_around
 from gstlib.study import STUDY_SECTIONS
 from gst.sweep import sweep_settings
 
@@ -20,6 +22,8 @@ CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles
 config.update(complete(config))
 PATCHES = read_study(config, CONFIG_FILES)
 PATCHES = PATCHES.set_index("patch", drop=False)
+# Without a patch table, the study says where to scan, and what follows from scans is left out.
+SCANNED = config["patches"] is not None
 RESULTS = config["results"].rstrip("/")
 SQUARE_MM = config["square"]["size_mm"]
 PATCH_MM = config["scans"]["size_mm"]
@@ -47,16 +51,32 @@ COUNTERFACE_SCAN = (config["counterface"] or {}).get("scan", [])
 SECOND_STONE = counterface_mesh(config, f"{RESULTS}/specimen")
 COUNTERFACE_MESH = SECOND_STONE["mesh"] if SECOND_STONE else []
 POSES = poses_of(config)
-FACE = f"{RESULTS}/macroscale/face.h5" if SECOND_STONE else []
+SECOND = f"{RESULTS}/macroscale/second_stone.h5" if SECOND_STONE else []
 if SECOND_STONE:
     SECOND_STONE["reach_mm"] = reach_of(config)
 # What is pressed at the macroscale: the mesh alone, or the scans laid on it.
-COMPOSITE = f"{RESULTS}/macroscale/composite.h5" if config["coupling"] == "placed" else []
-SQUARE = COMPOSITE or f"{RESULTS}/macroscale/surface.h5"
+PLACED = config["coupling"] == "placed"
+COMPOSITE = f"{RESULTS}/macroscale/composite.h5" if PLACED and SCANNED else []
+FACE = f"{RESULTS}/macroscale/surface.h5"
+PRESSED_FACE = COMPOSITE or FACE
+# The paper's square stays on its mean plane, and a flat presses it.
+LOAD = {
+    "force_N": load_force(config["load"], SQUARE_MM),
+    "through": load_point(config["load"], SQUARE_MM) if PLACED else None,
+}
+# The hand errs about its point of force, and wanders around it.
+FORCE_POINT_MM = math.hypot(
+    config["uncertainty"]["force_point_mm"], (config["gesture"] or {}).get("wander_mm", 0.0)
+)
+GRID = {
+    "grid": config["macroscale"]["grid"],
+    "face_mm": config["macroscale"]["face_mm"] if PLACED else None,
+    "radius_mm": (config["counterface"] or {}).get("radius_mm") if PLACED else None,
+}
 REFERENCE = bool(COMPOSITE) and config["reference_draws"] is not None
 COUNTERFACE = f"{RESULTS}/surfaces/counterface.h5" if COUNTERFACE_SCAN else []
 if not GENERATED:
-    check_files(config, PATCHES, source=f"{CONFIG_FILES}, {config['patches']}")
+    check_files(config, PATCHES, ", ".join(filter(None, [CONFIG_FILES, config["patches"]])))
 
 
 wildcard_constraints:
@@ -134,26 +154,28 @@ TARGETS = [
     for name, wanted in {
         "macroscale/surface.h5": True,
         "macroscale/contact.h5": True,
-        "coupling/pressures.csv": True,
+        "coupling/pressures.csv": SCANNED,
         "index.html": True,
         "provenance.json": True,
         "tables/inputs.csv": True,
-        "tables/preprocessing.csv": True,
+        "tables/preprocessing.csv": SCANNED,
         "tables/gridding.csv": True,
         "tables/macroscale_path.csv": True,
-        "tables/placement.csv": True,
-        "tables/patch_pressures.csv": True,
-        "tables/patch_intervals.csv": True,
-        "tables/exposure.csv": POSES is not None,
+        "tables/placement.csv": SCANNED,
+        "tables/patch_pressures.csv": SCANNED,
+        "tables/patch_intervals.csv": SCANNED,
+        "tables/exposure.csv": SCANNED and POSES is not None,
         "tables/published.csv": config["published"] is not None,
-        "tables/microscale_summary.csv": True,
+        "tables/microscale_summary.csv": SCANNED,
         "tables/two_scales.csv": REFERENCE,
-        "tables/cases.csv": bool(CASES),
+        "tables/cases.csv": SCANNED and bool(CASES),
         "tables/registration.csv": bool(WORN_PATCHES),
         "tables/validation_summary.csv": bool(WORN_PATCHES),
         "tables/wear.csv": bool(WORN_PATCHES) and config["wear_steps"] is not None,
-        "tables/texture.csv": True,
-        "tables/truth.csv": GENERATED,
+        "tables/texture.csv": SCANNED,
+        "tables/truth.csv": SCANNED and GENERATED,
+        "tables/places.csv": not SCANNED,
+        "tool.ply": not SCANNED,
     }.items()
     if wanted
 ]

@@ -6,7 +6,7 @@
 
 rule place_patches:
     input:
-        square=f"{RESULTS}/macroscale/surface.h5",
+        face=FACE,
         t0=surfaces("T0", ALL_PATCHES),
     output:
         table=table("placement", "3 Coupling"),
@@ -24,7 +24,7 @@ rule place_patches:
 
 rule couple_scales:
     input:
-        square=f"{RESULTS}/macroscale/surface.h5",
+        face=FACE,
         contact=f"{RESULTS}/macroscale/contact.h5",
     output:
         pressures=f"{RESULTS}/coupling/pressures.csv",
@@ -33,8 +33,8 @@ rule couple_scales:
     params:
         patches=PATCHES.to_dict("list"),
         patch_mm=PATCH_MM,
+        force_N=LOAD["force_N"],
         contact_modulus_MPa=CONTACT_MODULUS_MPA,
-        target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
         tolerance=config["macroscale"]["tolerance"],
         code=code("couple_scales.py"),
     message:
@@ -64,23 +64,23 @@ rule select_patches:
 
 rule bound_pressures:
     input:
-        square=f"{RESULTS}/macroscale/surface.h5",
-        composite=COMPOSITE,
         face=FACE,
+        composite=COMPOSITE,
+        second=SECOND,
         pressures=f"{RESULTS}/coupling/pressures.csv",
     output:
         table=table("patch_intervals", "3 Coupling"),
     log:
         f"{RESULTS}/logs/bound_pressures.log",
     params:
+        **LOAD,
         material=config["material"],
-        target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
         patch_mm=PATCH_MM,
-        uncertainty=config["uncertainty"],
+        uncertainty=config["uncertainty"] | {"force_point_mm": FORCE_POINT_MM},
         seed=config["seed"],
         code=code("bound_pressures.py"),
     message:
-        "Pressing the square again and again for the intervals of the patches' pressures"
+        "Pressing the stone again and again for the intervals of the patches' pressures"
     script:
         "../scripts/bound_pressures.py"
 
@@ -108,8 +108,9 @@ if REFERENCE:
 
     rule solve_reference:
         input:
-            square=f"{RESULTS}/macroscale/surface.h5",
+            face=FACE,
             composite=COMPOSITE,
+            macroscale=f"{RESULTS}/macroscale/contact.h5",
             t0=surfaces("T0", ALL_PATCHES),
             true_surface=f"{RESULTS}/specimen/surface.h5" if GENERATED else [],
             truth=f"{RESULTS}/specimen/truth.h5" if GENERATED else [],
@@ -121,8 +122,6 @@ if REFERENCE:
         params:
             draws=config["reference_draws"],
             s_filter_um=config["microscale"]["s_filter_um"],
-            contact_modulus_MPa=CONTACT_MODULUS_MPA,
-            target_pressure_MPa=config["macroscale"]["target_pressure_MPa"],
             seed=config["seed"],
             code=code("solve_reference.py"),
         message:

@@ -7,7 +7,8 @@
 SOURCE_NOTE = "generated specimen" if GENERATED else None
 # One picture per patch, in a folder.
 BY_PATCH = ("preparation", "patch")
-VECTOR = ("load_curves", "validation", "texture", "wear", "sweep")
+VECTOR = dict.fromkeys(("load_curves", "validation", "texture", "wear", "sweep"), "svg")
+VECTOR["places"] = "pdf"  # to be printed
 
 CONTACT = f"{RESULTS}/macroscale/contact.h5"
 PRESSURES = f"{RESULTS}/tables/patch_pressures.csv"
@@ -43,9 +44,27 @@ DRAWINGS = {
         },
     ),
 }
+if not SCANNED:
+    DRAWINGS = {
+        "draw_contact": (
+            {
+                "places": ("0 Overview", "where to scan: a sheet to print"),
+                "contact_steps": ("2 Macroscale", "contact as the load grows"),
+            },
+            {
+                "mesh": MESH,
+                "surface": f"{RESULTS}/macroscale/surface.h5",
+                "contact": CONTACT,
+                "proposed": f"{RESULTS}/tables/places.csv",
+            },
+        )
+    }
 if POSES is not None:
     figures, read = DRAWINGS["draw_contact"]
-    figures["exposure"] = ("3 Coupling", "what a gesture leaves on the square")
+    figures["exposure"] = (
+        "3 Coupling" if SCANNED else "2 Macroscale",
+        f"what a gesture leaves on the {'square' if SCANNED else 'face'}",
+    )
     read["exposure"] = f"{RESULTS}/gesture/exposure.h5"
 if REFERENCE:
     figures, read = DRAWINGS["draw_contact"]
@@ -118,7 +137,11 @@ for job, (figures, read) in DRAWINGS.items():
             **read,
         output:
             **{f"{name}_png": picture(name, *place) for name, place in figures.items()},
-            **{f"{name}_svg": f"{RESULTS}/figures/{name}.svg" for name in figures if name in VECTOR},
+            **{
+                f"{name}_{VECTOR[name]}": f"{RESULTS}/figures/{name}.{VECTOR[name]}"
+                for name in figures
+                if name in VECTOR
+            },
         log:
             f"{RESULTS}/logs/{job}.log",
         params:
@@ -126,6 +149,8 @@ for job, (figures, read) in DRAWINGS.items():
             patches=ALL_PATCHES,
             worn=WORN_PATCHES,
             places=PATCHES[["patch", "x_mm", "y_mm", "rotation_deg"]].to_dict("list"),
+            size_mm=SQUARE_MM,
+            force_N=LOAD["force_N"],
             patch_mm=PATCH_MM,
             mesh_unit=MESH_UNIT,
             most_drawn_patches=config["most_drawn_patches"],

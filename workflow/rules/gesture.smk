@@ -1,5 +1,5 @@
-# A second stone on the first: its poses. Only where the config names a mesh of it (`counterface`).
-# Takes: the square with the face of the active stone. Gives: the exposure that all poses of a gesture leave.
+# A gesture: the poses of a second stone, or of the hand that wanders.
+# Takes: the face, and a second stone where there is one. Gives: the exposure that all poses of a gesture leave.
 # Poses are jobs of their own, many in each: a job takes as long to start as a hundred poses to press.
 
 import numpy as np
@@ -9,6 +9,8 @@ PRESSED = {
     "contact_modulus_MPa": CONTACT_MODULUS_MPA,
     "tolerance": config["macroscale"]["tolerance"],
     "patch_mm": PATCH_MM,
+    "size_mm": SQUARE_MM,
+    "through": LOAD["through"],
 }
 POSE_BATCHES = {
     f"{RESULTS}/gesture/poses_{number}.h5": POSES[start : start + POSES_PER_JOB]
@@ -25,8 +27,8 @@ for batch, poses in POSE_BATCHES.items():
         name:
             f"press_{Path(batch).stem}"
         input:
-            square=SQUARE,
-            face=FACE,
+            face=PRESSED_FACE,
+            second=SECOND,
         output:
             batch=batch,
         log:
@@ -41,7 +43,7 @@ for batch, poses in POSE_BATCHES.items():
             ],
             code=code("press_poses.py"),
         message:
-            f"Pressing the square in {len(poses)} poses"
+            f"Pressing the stone in {len(poses)} poses"
         script:
             "../scripts/press_poses.py"
 
@@ -51,10 +53,10 @@ if POSE_BATCHES:
     rule gather_exposure:
         input:
             batches=list(POSE_BATCHES),
-            pressures=f"{RESULTS}/coupling/pressures.csv",
+            pressures=f"{RESULTS}/coupling/pressures.csv" if SCANNED else [],
         output:
+            **({"table": table("exposure", "3 Coupling")} if SCANNED else {}),
             fields=f"{RESULTS}/gesture/exposure.h5",
-            table=table("exposure", "3 Coupling"),
         log:
             f"{RESULTS}/logs/gather_exposure.log",
         params:

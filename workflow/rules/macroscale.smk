@@ -1,6 +1,6 @@
-# The inputs, and the whole square against a flat.
-# Takes: the mesh and every scan. Gives: a summary of their contents, the square's heights on a
-# grid, and its contact at every load step.
+# The inputs, and the stone at rest under its load.
+# Takes: the mesh and every scan. Gives: a summary of their contents, the heights of the use-face on
+# a grid, and its contact at every load step.
 
 
 # Reports everything wrong with the files at once, before any work. No rule takes its output as
@@ -12,7 +12,7 @@ rule check_inputs:
         counterface=COUNTERFACE_MESH,
         scans=SCANS,
     output:
-        table=table("inputs", "1 Inputs"),
+        table=table("inputs", "1 Inputs") if SCANNED else f"{RESULTS}/tables/inputs.csv",
     log:
         f"{RESULTS}/logs/check_inputs.log",
     priority: 100
@@ -21,7 +21,7 @@ rule check_inputs:
         uses=SCAN_USES,
         mesh_unit=MESH_UNIT,
         square=config["square"],
-        macroscale={name: config["macroscale"][name] for name in ("grid", "margin_mm")},
+        grid=GRID,
         scan_settings=config["scans"],
         maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
         placed=bool(COMPOSITE),
@@ -40,19 +40,20 @@ rule grid_macroscale:
         mesh=MESH,
         counterface=COUNTERFACE_MESH,
     output:
-        **({"face": FACE} if FACE else {}),
-        square=f"{RESULTS}/macroscale/surface.h5",
+        **({"second": SECOND} if SECOND else {}),
+        face=FACE,
         table=table("gridding", "2 Macroscale"),
     log:
         f"{RESULTS}/logs/grid_macroscale.log",
     params:
-        **{name: config["macroscale"][name] for name in ("grid", "margin_mm", "interpolation")},
+        **GRID,
         **config["square"],
+        interpolation=config["macroscale"]["interpolation"],
         mesh_unit=MESH_UNIT,
         second_stone=SECOND_STONE,
         code=code("grid_macroscale.py"),
     message:
-        "Interpolating {input.mesh} on the analysed square"
+        "Interpolating {input.mesh} on the square and the face around it"
     script:
         "../scripts/grid_macroscale.py"
 
@@ -61,7 +62,7 @@ if COMPOSITE:
 
     rule compose_surface:
         input:
-            square=f"{RESULTS}/macroscale/surface.h5",
+            face=FACE,
             t0=surfaces("T0", ALL_PATCHES),
         output:
             composite=COMPOSITE,
@@ -82,7 +83,7 @@ if COMPOSITE:
 
 rule solve_macroscale:
     input:
-        square=SQUARE,
+        face=PRESSED_FACE,
     output:
         contact=f"{RESULTS}/macroscale/contact.h5",
         path=table("macroscale_path", "2 Macroscale"),
@@ -91,11 +92,13 @@ rule solve_macroscale:
     params:
         **{
             name: config["macroscale"][name]
-            for name in ("target_pressure_MPa", "steps", "tolerance", "maximum_displacement_um")
+            for name in ("steps", "tolerance", "maximum_displacement_um")
         },
+        **LOAD,
+        patch_mm=PATCH_MM,
         contact_modulus_MPa=CONTACT_MODULUS_MPA,
         code=code("solve_macroscale.py"),
     message:
-        "Pressing the square up to {params.target_pressure_MPa} MPa"
+        "Pressing the stone with {params.force_N} N"
     script:
         "../scripts/solve_macroscale.py"

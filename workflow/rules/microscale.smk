@@ -143,7 +143,7 @@ if CASES:
 
     rule solve_cases:
         input:
-            square=f"{RESULTS}/macroscale/contact.h5",
+            macroscale=f"{RESULTS}/macroscale/contact.h5",
             contacts=contacts(ALL_PATCHES),
             pressures=f"{RESULTS}/tables/patch_pressures.csv",
         output:

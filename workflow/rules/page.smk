@@ -16,13 +16,13 @@ STUDIED = {file: place for file, place in SHOWN.items() if place[1] < "9"}
 # Captions of the tables and figures on the page and, last, of the numbers behind a figure, which are
 # too many for it: `gst package` packs these, too.
 LOAD_PATHS = f"{RESULTS}/tables/microscale_paths.csv"
-CAPTIONED = STUDIED | {
-    LOAD_PATHS: (
+CAPTIONED = dict(STUDIED)
+if SCANNED:
+    CAPTIONED[LOAD_PATHS] = (
         f"{CAPTIONS}/tables/microscale_paths.rst",
         "4 Microscale",
         TABLES["microscale_paths"].title,
     )
-}
 
 
 # The last job: if its record exists, the study is complete.
@@ -33,10 +33,11 @@ rule write_page:
         surface=f"{RESULTS}/macroscale/surface.h5",
         contact=CONTACT,
         shown=list(STUDIED),
-        behind=LOAD_PATHS,
+        exposure=f"{RESULTS}/gesture/exposure.h5" if POSES is not None else [],
+        behind=LOAD_PATHS if SCANNED else [],
         captions=[caption for caption, _, _ in CAPTIONED.values()],
         by_patch=f"{RESULTS}/figures/patch" if WORN_PATCHES else [],
-        made_from=[config["patches"], *filter(None, [config["published"]])]
+        made_from=[*filter(None, [config["patches"], config["published"]])]
         + [
             (config["counterface"] or {}).get("mesh", []),
             (config["gesture"] or {}).get("table", []),

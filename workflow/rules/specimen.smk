@@ -1,15 +1,21 @@
 # The generated specimen, if the config asks for one.
-# Takes: the patch table. Gives: a mesh, scans before and after use, and the truth about them.
+# Takes: the patch table. Gives: a mesh, scans before and after use, and the truth about them; without
+# patches the mesh alone.
 
 if GENERATED:
 
     rule generate_specimen:
         input:
-            table=config["patches"],
+            table=config["patches"] or [],
         output:
             **(
                 {"counterface": COUNTERFACE_MESH}
                 if config["specimen"]["counterface_seed"] is not None
+                else {}
+            ),
+            **(
+                {name: f"{RESULTS}/specimen/{name}.h5" for name in ("truth", "surface")}
+                if SCANNED
                 else {}
             ),
             mesh=MESH,
@@ -17,24 +23,29 @@ if GENERATED:
                 f"{SCAN_FOLDER}/{name}"
                 for name in sorted({*PATCHES.t0, *PATCHES.t1[WORN_PATCHES]})
             ],
-            truth=f"{RESULTS}/specimen/truth.h5",
-            surface=f"{RESULTS}/specimen/surface.h5",
         log:
             f"{RESULTS}/logs/generate_specimen.log",
         params:
             patches=PATCHES.to_dict("list"),
             specimen=config["specimen"],
             square_mm=SQUARE_MM,
-            grid=config["macroscale"]["grid"],
+            grid=GRID["grid"],
+            # with either coupling: the specimen stays the same
+            around=elements_around(SQUARE_MM, GRID["grid"], config["macroscale"]["face_mm"]),
             code=code("generate_specimen.py"),
         message:
             "Making the specimen: a mesh, and {input.table} scanned before and after use"
+            if SCANNED
+            else "Making the specimen's mesh"
         script:
             "../scripts/generate_specimen.py"
 
+
+if GENERATED and SCANNED:
+
     rule score_truth:
         input:
-            truth=rules.generate_specimen.output.truth,
+            truth=f"{RESULTS}/specimen/truth.h5",
             surface=f"{RESULTS}/macroscale/surface.h5",
             placement=f"{RESULTS}/tables/placement.csv",
             pressures=f"{RESULTS}/tables/patch_pressures.csv",

@@ -45,7 +45,7 @@ if WORN_PATCHES:
         rule predict_wear:
             input:
                 contact=f"{RESULTS}/macroscale/contact.h5",
-                face=FACE if POSES is not None else [],
+                second=SECOND if POSES is not None else [],
                 contacts=contacts(WORN_PATCHES),
                 registered=registered(WORN_PATCHES),
                 pressures=f"{RESULTS}/tables/patch_pressures.csv",
@@ -63,6 +63,7 @@ if WORN_PATCHES:
                 steps=config["wear_steps"],
                 mat=config["mat"],
                 poses=None if POSES is None else POSES.to_dict("list"),
+                size_mm=SQUARE_MM,
                 seed=config["seed"],
                 resamples=config["validation"]["resamples"],
                 code=code("predict_wear.py"),

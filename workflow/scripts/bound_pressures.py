@@ -9,9 +9,9 @@ from gstlib.uncertainty import Errors, Macroscale, pressure_intervals
 
 
 def main(
-    square: Path,
-    composite: Path,
     face: Path,
+    composite: Path,
+    second: Path,
     pressures: Path,
     table: Path,
     *,
@@ -19,9 +19,9 @@ def main(
     **settings,
 ) -> None:
     macroscale = Macroscale(
-        read_dataset(square),
+        read_dataset(face),
         read_dataset(composite) if composite else None,
-        read_dataset(face).face if face else None,
+        read_dataset(second).face if second else None,
     )
     errors = Errors(**uncertainty)
     limits = pressure_intervals(

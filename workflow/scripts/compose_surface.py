@@ -11,11 +11,11 @@ from gstlib.io.store import Stored, read_dataset, write_dataset
 
 
 def main(
-    square: Path, t0: list[Path], composite: Path, *, patches: dict[str, list], **settings
+    face: Path, t0: list[Path], composite: Path, *, patches: dict[str, list], **settings
 ) -> None:
     scans = Stored(dict(zip(patches["patch"], t0, strict=True)), ["height"])
-    composed = compose_surface(read_dataset(square), pd.DataFrame(patches), scans, **settings)
-    write_dataset(composite, composed, provenance([square, *t0], settings))
+    composed = compose_surface(read_dataset(face), pd.DataFrame(patches), scans, **settings)
+    write_dataset(composite, composed, provenance([face, *t0], settings))
 
 
 if "snakemake" in globals():

@@ -5,24 +5,26 @@ from pathlib import Path
 import pandas as pd
 
 from gst.logs import run_script
-from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.contact import Loading, contact_at_pressure
 from gstlib.coupling import couple_scales
+from gstlib.face import square_alone
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
 
 
 def main(
-    square: Path,
+    face: Path,
     contact: Path,
     pressures: Path,
     *,
     patches: dict[str, list],
     patch_mm: float,
-    **loading: float,
+    force_N: float,
+    **pressed: float,
 ) -> None:
-    mesh = read_dataset(square, only=["height", "counterface"])
-    faces = faces_of(mesh.height, mesh.counterface)
-    alone = contact_at_pressure(faces, Loading(**loading), source=square)
+    square = square_alone(read_dataset(face, only=["height", "size_mm"]))
+    loading = Loading.by_force(force_N, None, square.height, **pressed)
+    alone = contact_at_pressure(square, loading, source=face)
     whole = read_dataset(contact, only=["pressure"])
     table = couple_scales(whole, alone, pd.DataFrame(patches), patch_mm=patch_mm)
     write_table(pressures, table)

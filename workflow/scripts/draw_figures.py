@@ -1,28 +1,31 @@
 """Draw figures of the study from stored results: those that `figures` names.
 
 Inputs: the files that the figures show. Outputs: a PNG for each figure (`NAME_png`), and an SVG
-(`NAME_svg`) for some; for `preparation` and `patch` a folder with a PNG for each patch. Settings:
-the patches, those with a T1, their places and size, how many are drawn one by one, a note on the
-source.
+(`NAME_svg`) or a PDF to print (`NAME_pdf`) for some; for `preparation` and `patch` a folder with a
+PNG for each patch. Settings: the patches, those with a T1, their places and size, how many are
+drawn one by one, a note on the source.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
-from gst.figures import macroscale, microscale, tables
+from gst.figures import macroscale, microscale, places, tables
 from gst.figures.style import message_figure, save_figure
 from gst.logs import run_script
 from gstlib.errors import InputError
-from gstlib.geometry import FRAME, stored_frame
+from gstlib.geometry import FRAME, Frame, square_of, stored_frame
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
+
+if TYPE_CHECKING:
+    import trimesh
 
 # Figures of patches in the study.
 OF_STUDIED = {"microscale_maps", "overview", "two_scales"}
@@ -44,12 +47,18 @@ class Study:
     patches: list[str]
     worn: list[str]
     places: dict[str, list]
+    size_mm: float
+    force_N: float
     patch_mm: float
     mesh_unit: str
     most_drawn_patches: int
 
     def data(self, name: str, *only: str) -> xr.Dataset:
         return read_dataset(self.files[name], only or None)
+
+    def square(self, name: str, *only: str) -> xr.Dataset:
+        """The part of a face that lies in the square."""
+        return square_of(self.data(name, *only), self.size_mm)
 
     def by_patch(self, name: str, patches: Iterable[str], *only: str) -> dict[str, xr.Dataset]:
         """Datasets of the patches: in a folder, or in a list with the files of all patches."""
@@ -88,6 +97,12 @@ class Study:
         return self.by_patch("contacts", self.drawn, *drawn, *(f"path_{name}" for name in path))
 
     @cached_property
+    def tool(self) -> "tuple[trimesh.Trimesh, Frame]":
+        """The mesh, and the frame of its square."""
+        mesh = read_mesh(self.files["mesh"], unit=self.mesh_unit)
+        return mesh, stored_frame(self.data("surface", *FRAME))
+
+    @cached_property
     def predicted(self) -> set[str]:
         """The patches whose wear is predicted."""
         return set(self.table("wear", "patch").patch) if "wear" in self.files else set()
@@ -103,29 +118,43 @@ def figure_of(name: str, study: Study) -> Figure:
     size = {"patch_size_mm": study.patch_mm}
     match name:
         case "inputs":
-            height = study.data("surface", "height")["height"]
+            height = study.square("surface", "height")["height"]
             return macroscale.input_figure(height, pd.DataFrame(study.places), **size)
         case "contact_steps":
-            return macroscale.contact_steps_figure(study.data("contact"))
+            return macroscale.contact_steps_figure(study.data("contact"), size_mm=study.size_mm)
         case "forces":
             limits = study.table("intervals", "patch", "low_MPa", "high_MPa")
             pressures = study.pressures.merge(
                 limits[["patch", "low_MPa", "high_MPa"]], on="patch"
             )
-            return macroscale.force_figure(study.data("contact"), pressures, **size)
+            return macroscale.force_figure(study.square("contact"), pressures, **size)
         case "exposure":
-            found = study.data("exposure"), study.data("contact"), study.pressures
+            if "proposed" in study.files:  # nothing is scanned: the square in the face
+                middle = {"patch": "", "x_mm": study.size_mm / 2, "y_mm": study.size_mm / 2}
+                square = pd.DataFrame([middle | {"rotation_deg": 0.0}])
+                fields = study.data("exposure"), study.data("contact")
+                return macroscale.exposure_figure(*fields, square, patch_size_mm=study.size_mm)
+            found = study.square("exposure"), study.square("contact"), study.pressures
             return macroscale.exposure_figure(*found, **size)
+        case "places":
+            fields = study.data("exposure", "exposure", "touched")
+            proposed = study.table("proposed")
+            return places.places_figure(
+                *study.tool, fields, proposed, size_mm=study.size_mm, **size
+            )
         case "overview":
             patch = study.drawn[0]
             parts = study.pressures, study.contacts[patch], study.changes.get(patch)
-            mesh = read_mesh(study.files["mesh"], unit=study.mesh_unit)
-            tool = mesh, stored_frame(study.data("surface", *FRAME))
             return microscale.overview_figure(
-                study.data("contact"), *parts, tool, patch=patch, **size
+                study.square("contact"),
+                *parts,
+                study.tool,
+                patch=patch,
+                force_N=study.force_N,
+                **size,
             )
         case "load_curves":
-            return microscale.load_curves_figure(study.data("contact"), study.contacts)
+            return microscale.load_curves_figure(study.square("contact"), study.contacts)
         case "microscale_maps":
             return microscale.microscale_maps_figure(study.contacts)
         case "two_scales":
@@ -175,7 +204,8 @@ def main(*, figures: list[str], note: str | None, **named: Any) -> None:
     settings = {name: named.pop(name) for name in Study.__annotations__ if name != "files"}
     study = Study(named, **settings)
     for name in figures:
-        png, svg, empty = named[f"{name}_png"], named.get(f"{name}_svg"), None
+        png, empty = named[f"{name}_png"], None
+        vector = named.get(f"{name}_svg") or named.get(f"{name}_pdf")
         if name in OF_STUDIED and not study.drawn:
             empty = message_figure("No patch is in the microscale study.")
         elif name == "patch" and not study.changes:
@@ -186,7 +216,7 @@ def main(*, figures: list[str], note: str | None, **named: Any) -> None:
             for patch, figure in [("none", empty)] if empty else figures_by_patch(name, study):
                 save_figure(figure, png / f"{patch}.png", source_note=note)
         else:
-            save_figure(empty or figure_of(name, study), png, svg, source_note=note)
+            save_figure(empty or figure_of(name, study), png, vector, source_note=note)
 
 
 if "snakemake" in globals():

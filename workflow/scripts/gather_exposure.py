@@ -1,4 +1,4 @@
-"""Put the poses of a gesture together: their exposure, and that of each patch."""
+"""Put the poses of a gesture together: their exposure, and that of each patch, if there are any."""
 
 from pathlib import Path
 
@@ -9,11 +9,14 @@ from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_table, write_table
 
 
-def main(batches: list[Path], pressures: Path, fields: Path, table: Path) -> None:
+def main(
+    batches: list[Path], pressures: Path | list, fields: Path, table: Path | None = None
+) -> None:
     found = exposure(read_dataset(batch) for batch in batches)
     write_dataset(fields, found, provenance(batches, {}))
-    by_patch = read_table(pressures, ["patch", "pressure_MPa"])
-    write_table(table, exposure_table(found, by_patch))
+    if table is not None:
+        by_patch = read_table(pressures, ["patch", "pressure_MPa"])
+        write_table(table, exposure_table(found, by_patch))
 
 
 if "snakemake" in globals():

@@ -1,4 +1,7 @@
-"""Make the generated specimen: its mesh, its scans before and after use, and the truth."""
+"""Make the generated specimen: its mesh, its scans before and after use, and the truth.
+
+Without patches, its mesh alone.
+"""
 
 from pathlib import Path
 
@@ -6,27 +9,32 @@ import pandas as pd
 
 from gst.logs import run_script
 from gstlib.io.files import write_whole
-from gstlib.specimen.generate import counterface_stl, make_specimen, write_specimen
+from gstlib.specimen.generate import counterface_stl, make_specimen, stone_stl, write_specimen
 from gstlib.specimen.randomness import SpecimenParameters
 
 
 def main(
-    table: Path,
+    table: Path | list,
     mesh: Path,
     scans: list[Path],
-    truth: Path,
-    surface: Path,
+    truth: Path | None = None,
+    surface: Path | None = None,
     counterface: Path | None = None,
     *,
     patches: dict[str, list],
     specimen: dict,
     square_mm: float,
     grid: int,
+    around: int,
 ) -> None:
     parameters = SpecimenParameters(**specimen)
     if counterface is not None:
         write_whole(counterface, counterface_stl(parameters, square_mm))
-    made = make_specimen(pd.DataFrame(patches), parameters, square_mm=square_mm, grid=grid)
+    grids = {"grid": grid, "around": around}
+    if truth is None:
+        write_whole(mesh, stone_stl(parameters, square_mm))
+        return
+    made = make_specimen(pd.DataFrame(patches), parameters, square_mm=square_mm, **grids)
     write_specimen(made, mesh=mesh, scan_folder=scans[0].parent, truth=truth, surface=surface)
 
 

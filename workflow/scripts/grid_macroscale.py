@@ -1,23 +1,23 @@
-"""Interpolate the mesh, and that of a second stone, on the analysed square and remove the plane."""
+"""Interpolate the mesh, and that of a second stone, on the square and the face around it."""
 
 from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.counterface import SecondStone
+from gstlib.face import grid_macroscale
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
 from gstlib.io.tables import write_table
 from gstlib.preprocess.gridding import gridding_table
-from gstlib.study import grid_macroscale
 
 
 def main(
     mesh: Path,
     counterface: Path,
-    square: Path,
+    face: Path,
     table: Path,
-    face: Path | None = None,
+    second: Path | None = None,
     *,
     mesh_unit: str,
     second_stone: dict | None,
@@ -28,9 +28,9 @@ def main(
     gridded, of_other = grid_macroscale(stone, source=mesh, second_stone=other, **settings)
     inputs = [mesh, *([counterface] if other else [])]
     made = provenance(inputs, {"mesh_unit": mesh_unit} | settings)
-    write_dataset(square, gridded, made)
-    if face is not None:
-        write_dataset(face, of_other.to_dataset(name="face"), made)
+    write_dataset(face, gridded, made)
+    if second is not None:
+        write_dataset(second, of_other.to_dataset(name="face"), made)
     write_table(table, gridding_table(gridded))
 
 

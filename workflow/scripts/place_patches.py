@@ -11,10 +11,10 @@ from gstlib.placement import place_patches
 
 
 def main(
-    square: Path, t0: list[Path], table: Path, *, patches: dict[str, list], patch_mm: float
+    face: Path, t0: list[Path], table: Path, *, patches: dict[str, list], patch_mm: float
 ) -> None:
     scans = Stored(dict(zip(patches["patch"], t0, strict=True)), ["height"])
-    surface = read_dataset(square, only=["height"]).height
+    surface = read_dataset(face, only=["height"]).height
     places = place_patches(surface, pd.DataFrame(patches), scans, patch_mm=patch_mm)
     write_table(table, places)
 

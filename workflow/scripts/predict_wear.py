@@ -6,6 +6,7 @@ import pandas as pd
 
 from gst.logs import run_script
 from gst.provenance import provenance
+from gstlib.contact import Loading
 from gstlib.gesture import Gesture
 from gstlib.io.results import columns_of
 from gstlib.io.store import Stored, read_dataset, write_dataset
@@ -16,7 +17,7 @@ from gstlib.wear import fit_mat, wear_patches
 
 def main(
     contact: Path,
-    face: Path,
+    second: Path,
     contacts: list[Path],
     registered: list[Path],
     pressures: Path,
@@ -31,16 +32,19 @@ def main(
     steps: int,
     mat: dict[str, float] | None,
     poses: dict | None,
+    size_mm: float,
     seed: int,
     resamples: int,
 ) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     by_patch = read_pressures(pressures)
     settings = {"patch_mm": patch_mm, "steps": steps, "mat": mat}
-    gesture = Gesture(read_dataset(face).face, pd.DataFrame(poses)) if poses else None
-    square = wear_stone(
-        read_dataset(contact), by_patch, read_table(scores), gesture=gesture, **settings
-    )
+    pressed, gesture = read_dataset(contact), None
+    if poses:
+        counterface = read_dataset(second).face if second else pressed.counterface
+        through = Loading.of(pressed).through
+        gesture = Gesture(counterface, bool(second), size_mm, through, pd.DataFrame(poses))
+    square = wear_stone(pressed, by_patch, read_table(scores), gesture=gesture, **settings)
     if square is None:
         for file in (table, profile, summary):
             write_table(file, pd.DataFrame(columns=columns_of(file.stem)))

@@ -1,4 +1,4 @@
-"""Press the square in some poses of the active stone, one after the other."""
+"""Press the face in some poses of the active stone, one after the other."""
 
 from pathlib import Path
 
@@ -11,12 +11,21 @@ from gstlib.io.store import read_dataset, write_dataset
 
 
 def main(
-    square: Path, face: Path, batch: Path, *, poses: dict, patches: dict, **settings
+    face: Path,
+    second: Path,
+    batch: Path,
+    *,
+    size_mm: float,
+    through: tuple[float, float],
+    poses: dict,
+    patches: dict,
+    **settings,
 ) -> None:
-    height = read_dataset(square, only=["height"]).height
-    gesture = Gesture(read_dataset(face).face, pd.DataFrame(poses))
-    found = press_poses(height, gesture, pd.DataFrame(patches), **settings)
-    write_dataset(batch, found, provenance([square, face], settings))
+    whole = read_dataset(face, only=["height", "counterface"])
+    counterface = read_dataset(second).face if second else whole.counterface
+    gesture = Gesture(counterface, bool(second), size_mm, through, pd.DataFrame(poses))
+    found = press_poses(whole.height, gesture, pd.DataFrame(patches), **settings)
+    write_dataset(batch, found, provenance([face], settings))
 
 
 if "snakemake" in globals():

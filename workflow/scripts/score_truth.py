@@ -26,7 +26,7 @@ def main(
     scans |= {(patch, "T1"): file for patch, file in zip(worn, t1, strict=True)}
     scores = score_truth(
         read_dataset(truth),
-        square=read_dataset(surface, only=["height"]),
+        face=read_dataset(surface, only=["height"]),
         scans=Stored(scans),
         changes=Stored(dict(zip(worn, registered, strict=True)), ["change", "loss"]),
         placement=read_table(placement),

@@ -10,7 +10,7 @@ from gstlib.io.tables import read_pressures, studied_files, write_table
 
 
 def main(
-    square: Path,
+    macroscale: Path,
     contacts: list[Path],
     pressures: Path,
     table: Path,
@@ -27,9 +27,9 @@ def main(
         check_ceiling(by_patch[by_patch.patch.isin(studied)], hardness_MPa)
     rows = []
     if other_modulus_MPa is not None:
-        pressed = read_dataset(square)
+        pressed = read_dataset(macroscale)
         settings = {"other_modulus_MPa": other_modulus_MPa, "patch_mm": patch_mm}
-        rows += modulus_rows(pressed, by_patch, source=square, **settings)
+        rows += modulus_rows(pressed, by_patch, source=macroscale, **settings)
     rows += patch_rows(Stored(studied), grinding=grinding, hardness_MPa=hardness_MPa)
     write_table(table, case_table(rows))
 

@@ -1,30 +1,40 @@
-"""Press the square against a flat, or a second stone, step by step up to the target pressure."""
+"""Press the stone step by step up to its load: the face at rest, or the paper's square alone."""
 
+import logging
 from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.contact import Loading, contact_path, faces_of, load_path_table
+from gstlib.contact import Loading, contact_path, faces_of, macroscale_table
+from gstlib.doubts import contact_doubts
+from gstlib.face import square_alone
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import write_table
 
 
 def main(
-    square: Path,
+    face: Path,
     contact: Path,
     path: Path,
     *,
+    force_N: float,
+    through: tuple[float, float] | None,
     contact_modulus_MPa: float,
-    target_pressure_MPa: float,
     tolerance: float,
+    patch_mm: float,
     **settings: float,
 ) -> None:
-    whole = read_dataset(square, only=["height", "counterface"])
-    loading = Loading(contact_modulus_MPa, target_pressure_MPa, tolerance)
-    faces = faces_of(whole.height, whole.counterface)
-    solved = contact_path(faces, loading, source=square, every_step=True, **settings)
-    write_dataset(contact, solved, provenance([square], loading._asdict() | settings))
-    write_table(path, load_path_table(solved))
+    whole = read_dataset(face, only=["height", "counterface", "size_mm"])
+    pressed = {"contact_modulus_MPa": contact_modulus_MPa, "tolerance": tolerance}
+    faces = (
+        square_alone(whole) if through is None else faces_of(whole.height, whole.counterface)
+    )
+    loading = Loading.by_force(force_N, through, faces.height, **pressed)
+    solved = contact_path(faces, loading, source=face, every_step=True, **settings)
+    write_dataset(contact, solved, provenance([face], loading._asdict() | settings))
+    write_table(path, macroscale_table(solved))
+    for doubt in contact_doubts(solved, size_mm=float(whole.size_mm), patch_mm=patch_mm):
+        logging.getLogger("gstlib").warning("%s", doubt)
 
 
 if "snakemake" in globals():

@@ -27,7 +27,7 @@ def main(
 ) -> None:
     stone = {}
     if composite:
-        stone = {"square": read_dataset(composite), "contact": read_dataset(contact)}
+        stone = {"composite": read_dataset(composite), "contact": read_dataset(contact)}
     scans = dict(zip(patches, t0, strict=True))
     of_variants = zip(variants, [contacts, others], strict=False)
     files = {variant: dict(zip(patches, given, strict=True)) for variant, given in of_variants}
@@ -37,7 +37,7 @@ def main(
         read_pressures(pressures),
         Microscale(**settings),
         variants=variants,
-        face=read_dataset(counterface).height if counterface else None,
+        counterface=read_dataset(counterface).height if counterface else None,
         **stone,
     )
     for patch, variant, found in solved:

@@ -1,6 +1,6 @@
 """Press the whole square at the scans' resolution, once for each draw of what was not scanned.
 
-On a generated specimen it is the true surface, of which there is one.
+On a generated specimen it is the true surface, of which there is one, in the true face at rest.
 """
 
 from collections.abc import Iterator
@@ -10,14 +10,17 @@ import xarray as xr
 
 from gst.logs import run_script
 from gst.provenance import provenance
+from gstlib.contact import Loading, contact_at_pressure, faces_of
 from gstlib.geometry import places_of
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.reference import composite_heights, patches_of_reference, press_whole
+from gstlib.specimen.score import true_face
 
 
 def main(
-    square: Path,
+    face: Path,
     composite: Path,
+    macroscale: Path,
     t0: list[Path],
     true_surface: Path,
     truth: Path,
@@ -27,13 +30,15 @@ def main(
     draws: int,
     s_filter_um: float | None,
     seed: int,
-    **settings: float,
 ) -> None:
-    mesh = read_dataset(square)
-    inputs = [true_surface, truth] if truth else [square, composite, *t0]
+    mesh, around = read_dataset(face), read_dataset(macroscale)
+    inputs = [true_surface, truth] if truth else [face, composite, *t0]
     lying = read_dataset(truth).sel(epoch="T0") if truth else read_dataset(composite)
     table = lying[["x_mm", "y_mm", "rotation_deg"]].to_dataframe().reset_index()
     scan = read_dataset(t0[0], only=["height"]).height
+    if truth:
+        faces = faces_of(true_face(lying), mesh.counterface)
+        around = contact_at_pressure(faces, Loading.of(around), source=truth)
 
     def surfaces() -> Iterator[xr.DataArray]:
         if truth:
@@ -47,8 +52,9 @@ def main(
             )
 
     found = []
+    settings = {"s_filter_um": s_filter_um, "seed": seed}
     for heights in surfaces():
-        solved = press_whole(heights, mesh.counterface, source=inputs[0], **settings)
+        solved = press_whole(heights, around, source=inputs[0])
         if not found:
             write_dataset(contact, solved, provenance(inputs, settings))
         found.append(patches_of_reference(solved.pressure, places_of(table), scan))

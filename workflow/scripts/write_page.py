@@ -24,13 +24,15 @@ from gst.page import (
     warned,
 )
 from gst.provenance import sha256, study_provenance
-from gst.verdict import SCORE, verdict
+from gst.verdict import SCORE, verdict, where_to_scan
+from gstlib.contact import load_force
 from gstlib.counterface import SecondStone, posed_mesh
-from gstlib.geometry import FRAME, stored_frame
+from gstlib.geometry import FRAME, square_of, stored_frame
 from gstlib.io.files import write_whole
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
+from gstlib.places import concentration
 
 PAGE = "0 Overview", "the page of the study"
 WHAT = (
@@ -43,8 +45,9 @@ def main(
     counterface: Path,
     surface: Path,
     contact: Path,
+    exposure: Path | list,
     shown: list[Path],
-    behind: Path,
+    behind: Path | list,
     captions: list[Path],
     by_patch: Path | list,
     made_from: list[Path],
@@ -66,40 +69,54 @@ def main(
     tables = {file.stem: file for file in shown if file.suffix == ".csv"}
     pictures = {file.stem: file for file in shown if file.suffix == ".png"}
     frame = stored_frame(read_dataset(surface, only=FRAME))
-    pressure = read_dataset(contact, only=["pressure"])["pressure"]
-    answer = verdict(
-        read_pressures(tables["patch_pressures"]),
-        read_table(tables["patch_intervals"]),
-        *(
-            read_table(tables[name]) if name in tables else None
-            for name in ("validation_gains", "validation_variants")
-        ),
-        square_force_N=float(pressure.mean()) * config["square"]["size_mm"] ** 2,
-    )
+    size = config["square"]["size_mm"]
+    fields = [read_dataset(contact, only=["pressure"]).pressure]
+    fields[0].attrs["title"] = "pressure"
+    if exposure:
+        found = read_dataset(exposure, only=["exposure", "touched"])
+        fields.append(found.exposure.assign_attrs(title="exposure"))
+    force_N, proposed = load_force(config["load"], size), None
+    if "places" in tables:
+        proposed = read_table(tables["places"])
+        held = concentration(found, proposed, size_mm=size, patch_mm=patch_mm)
+        answer = where_to_scan(proposed, held, force_N=force_N)
+        places = proposed.rename(columns={"place": "patch"}).assign(rotation_deg=0.0)
+    else:
+        fields = [square_of(field, size) for field in fields]
+        answer = verdict(
+            read_pressures(tables["patch_pressures"]),
+            read_table(tables["patch_intervals"]),
+            *(
+                read_table(tables[name]) if name in tables else None
+                for name in ("validation_gains", "validation_variants")
+            ),
+            force_N=force_N,
+        )
     said = {"verdict": answer, "generated": config["specimen"] is not None}
-    overview = embedded(pictures["overview"].read_bytes())
+    overview = embedded(pictures["overview" if proposed is None else "places"].read_bytes())
     write_whole(report, render("page.report.html", **said, overview=overview).encode())
 
-    other, size = None, config["square"]["size_mm"]
+    other = None
     if counterface:
         other = posed_mesh(SecondStone.read(**second_stone), frame, size_mm=size)
     tool = read_mesh(mesh, unit=mesh_unit)
-    scene = tool_scene(tool, frame, pressure, places, patch_mm, other)
+    scene = tool_scene(tool, frame, fields, places, (size, patch_mm), other)
     entries = [
         Shown(file, category, title, caption_html(caption.read_text("utf-8"), config=config))
         for file, caption, (category, title) in zip(
-            [*shown, behind], captions, titles, strict=True
+            [*shown, *([behind] if behind else [])], captions, titles, strict=True
         )
     ]
-    records = patch_records(tables, by_patch or None)
+    records = patch_records(tables, by_patch or None) if proposed is None else []
     content = {
         "title": config["title"],
-        "target": config["macroscale"]["target_pressure_MPa"],
+        "force": force_N,
+        "proposed": [] if proposed is None else proposed.to_dict("records"),
         "scene": scene,
         "size": scene["frame"]["size"],
         "records": {record["patch"]: record for record in records},
         "warnings": warned([Path(log) for log in logs]),
-        "shown": by_category(entries[:-1]),
+        "shown": by_category(entries[: len(shown)]),
         "compared": "validation_gains" in tables,
         "score": SCORE,
     }

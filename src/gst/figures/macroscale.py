@@ -1,7 +1,7 @@
-"""The square: its heights, how it is pressed, and the forces under the patches (Figs. 3 to 8).
+"""The face: the square's heights, how the stone is pressed, and the forces under the patches.
 
-The square's contact holds ``height`` (y, x), mm, ``pressure`` (step, y, x), MPa, and the load path
-(step): ``displacement``, ``mean_pressure``, ``contact_fraction``. Figures are those of the paper.
+The contact holds ``height`` (y, x), mm, ``path_pressure`` (step, y, x), MPa, and the load path
+(step). Figures are those of the paper (3 to 8).
 """
 
 import numpy as np
@@ -9,10 +9,13 @@ import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 
 from gst.figures import maps, style
-from gst.figures.style import AMBER, BLACK, BLUE, GREY, MM_TO_UM, styled
+from gst.figures.style import AMBER, BLACK, BLUE, GREY, MM_TO_UM, VERMILION, styled
 from gstlib.contact import laid_height
+from gstlib.geometry import Place, outline
+from gstlib.surface import spacing_of
 
 __all__ = ["contact_steps_figure", "draw_places", "exposure_figure", "force_figure"]
 __all__ += ["input_figure"]
@@ -41,29 +44,34 @@ def input_figure(
 
 
 @styled
-def contact_steps_figure(contact: xr.Dataset, *, steps: int = 8) -> Figure:
-    """Contact as the far-field displacement grows (Fig. 5); last, beside a rigid flat's (Fig. 6).
+def contact_steps_figure(contact: xr.Dataset, *, size_mm: float, steps: int = 8) -> Figure:
+    """Contact as the far-field displacement grows (Fig. 5); last, beside a rigid body's (Fig. 6).
 
-    `contact` is the square's, with the pressure at every step; at most `steps` of them are shown,
-    evenly spaced, with the last.
+    `contact` is the face's, with the pressure at every step; at most `steps` of them are shown,
+    evenly spaced, with the last. The square, of side `size_mm`, is outlined.
     """
     shown = np.unique(np.linspace(0, contact.sizes["step"] - 1, steps).round().astype(int))
     height, touching, drawn = contact["height"], contact["path_pressure"].values > 0, []
+    area = height.size * float(np.prod(spacing_of(height)))
     for step in shown:
         state = contact.isel(step=step)
         title = (
             f"displacement {float(state.path_displacement) * MM_TO_UM:.1f} µm\n"
-            f"{float(state.path_mean_pressure):.3g} MPa, "
-            f"contact {float(state.path_contact_fraction):.1%}"
+            f"{float(state.path_mean_pressure) * area:.3g} N, "
+            f"contact {float(state.path_contact_fraction):.2%}"
         )
         drawn.append((title, height, {"marks": {BLACK: touching[step]}}))
     faces, elastic = laid_height(contact), contact["pressure"].values > 0
     rigid = (faces > faces.max() - contact["displacement"]).values
     title = (
-        f"last step: contact {elastic.mean():.1%}\nrigid interpenetration {rigid.mean():.1%}"
+        f"last step: contact {elastic.mean():.2%}\nrigid interpenetration {rigid.mean():.1%}"
     )
     drawn.append((title, height, {"marks": {BLACK: elastic, AMBER: rigid & ~elastic}}))
-    return maps.draw_maps(drawn, 3, 2.3, style.MAPS, head=0)
+    figure = maps.draw_maps(drawn, 3, 2.3, style.MAPS, head=0)
+    square = outline(Place(size_mm / 2, size_mm / 2), size_mm)
+    for panel in figure.axes:
+        panel.add_patch(Polygon(square, fill=False, edgecolor=VERMILION, linewidth=0.7))
+    return figure
 
 
 @styled

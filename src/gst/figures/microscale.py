@@ -24,6 +24,7 @@ from gst.figures import maps, style
 from gst.figures.style import AMBER, BLACK, BLUE, MM_TO_UM, VERMILION, styled
 from gst.figures.tool import draw_tool
 from gstlib.geometry import Frame
+from gstlib.surface import spacing_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -162,12 +163,13 @@ def overview_figure(
     *,
     patch: str,
     patch_size_mm: float,
+    force_N: float,
 ) -> Figure:
     """The study at a glance: the tool, forces on its square, one patch's contact, measured loss.
 
-    `square` is the contact of the square, `pressures` is ``patch_pressures.csv``; `contact` and
-    `change` are those of `patch` (without a T1 the last panel is left out); `tool` is the mesh, mm,
-    and the frame of its square.
+    `square` is the contact of the square under its part of `force_N`; `pressures` is
+    ``patch_pressures.csv``; `contact` and `change` are those of `patch` (without a T1 the last
+    panel is left out); `tool` is the mesh, mm, and the frame of its square.
     """
     count = 3 if change is None else 4
     figure, (whole, *axes) = style.panels(count, count, (2.6, 2.6), (0.05, 0.05, 0.4, 0.2))
@@ -175,8 +177,8 @@ def overview_figure(
     whole.set_title("1  the tool and its square\npressures on it in colour")
     maps.draw_forces(axes[0], square)
     maps.draw_footprints(axes[0], pressures, patch_size_mm, colour=BLUE)
-    mean_pressure = float(square["mean_pressure"])
-    axes[0].set_title(f"2  contact forces on the square\n{mean_pressure:.3g} MPa on average")
+    force = float(square["pressure"].sum()) * float(np.prod(spacing_of(square)))
+    axes[0].set_title(f"2  contact forces on the square\n{force:.3g} of {force_N:.3g} N")
     touching = contact["pressure"].values > 0
     pressure = float(contact["mean_pressure"])
     maps.draw_map(axes[1], contact["height"], marks={BLACK: touching})

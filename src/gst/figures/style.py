@@ -67,9 +67,9 @@ styled = matplotlib.style.context(["default", _STYLE])
 
 @styled
 def save_figure(
-    figure: Figure, png: Path, svg: Path | None = None, *, source_note: str | None = None
+    figure: Figure, png: Path, vector: Path | None = None, *, source_note: str | None = None
 ) -> None:
-    """Write a figure as PNG and, if requested, as SVG; the same figure gives the same bytes.
+    """Write a figure as PNG and, if requested, as SVG or PDF; the same figure gives the same bytes.
 
     The files hold no date and no version of matplotlib, and each is complete or absent.
 
@@ -90,10 +90,11 @@ def save_figure(
     options: dict[str, dict[str, Any]] = {
         "png": {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": 2}},
         "svg": {"metadata": {"Date": None, "Creator": None}},
+        "pdf": {"metadata": {"CreationDate": None, "Creator": None, "Producer": None}},
     }
-    for path, kind in ((png, "png"), (svg, "svg")):
+    for path in (png, vector):
         if path is not None:
-            content = io.BytesIO()
+            content, kind = io.BytesIO(), path.suffix[1:]
             figure.savefig(content, format=kind, **options[kind])
             write_whole(path, content.getvalue())
 

@@ -4,7 +4,7 @@ A view is a `Frame`: x to the right, y up, the normal towards the eye, as in the
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -20,20 +20,22 @@ from gst.figures import maps, style
 from gst.figures.macroscale import draw_places
 from gst.figures.style import STONE, VERMILION, styled
 from gst.viewer import coarsen
-from gstlib.geometry import Frame
-from gstlib.surface import spacing_of
+from gstlib.geometry import Frame, on_mesh, over_face
+from gstlib.surface import make_surface, spacing_of
 
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["check_figure", "coloured_tool", "draw_square", "draw_stone", "draw_tool"]
-__all__ += ["outline_on", "tool_view"]
+__all__ = ["check_figure", "coloured_tool", "cut_tool", "draw_square", "draw_stone"]
+__all__ += ["draw_tool", "outline_on", "tool_view"]
 
 # Direction from which the tool is seen, in the square's axes: oblique, to show its shape.
 _VIEW = np.array([-0.35, -0.55, 1.0])
 _FACES = 60_000  # each is a pixel or two: more would not be seen; a page takes 24 bytes of each
 _LIGHT = np.array([-1.0, 1.0, 1.4]) / 2  # from the upper left
 _PANEL = (3.6, 3.6)
+# Edges over a wider face are no shorter than this share of it.
+_ELEMENTS = 100
 # Corners of a square of side 1, in order.
 _UNIT = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
 
@@ -47,10 +49,34 @@ def tool_view(mesh: "trimesh.Trimesh", frame: Frame) -> Frame:
     return Frame(middle, view.x_axis, view.normal)
 
 
+def cut_tool(
+    mesh: "trimesh.Trimesh", frame: Frame, field: xr.DataArray, *, edge_mm: float, faces: int
+) -> "trimesh.Trimesh":
+    """A mesh with at most about so many faces, except over a field, where its edges are short.
+
+    `frame` is the square's, `field` (y, x) lies on its grid, or on that of the face around it, and
+    `edge_mm` is the longest edge there.
+    """
+    import trimesh
+    from trimesh.remesh import subdivide_to_size
+
+    margin = 3 * float(np.median(mesh.edges_unique_length))
+    keep = over_face(mesh, frame, field, margin)[1]
+    mesh = coarsen(mesh, faces=faces, keep=keep if keep.sum() < faces / 2 else None)
+    on_face = over_face(mesh, frame, field, margin)[1][mesh.faces].all(axis=1)
+    points, cut = subdivide_to_size(mesh.vertices, mesh.faces[on_face], edge_mm, 30)
+    triangles = [mesh.faces[~on_face], cut + len(mesh.vertices)]
+    whole = trimesh.Trimesh(
+        np.concatenate([mesh.vertices, points]), np.concatenate(triangles), process=False
+    )
+    whole.merge_vertices()
+    return whole
+
+
 def coloured_tool(
-    mesh: "trimesh.Trimesh", frame: Frame, pressure: xr.DataArray, *, faces: int = _FACES
-) -> tuple["trimesh.Trimesh", np.ndarray]:
-    """A mesh with fewer faces, except in the square, whose faces are cut as fine as its grid.
+    mesh: "trimesh.Trimesh", frame: Frame, *fields: xr.DataArray, faces: int = _FACES
+) -> tuple[Any, ...]:
+    """A mesh with fewer faces, except over the fields, whose faces are cut as fine as their grid.
 
     Parameters
     ----------
@@ -58,58 +84,43 @@ def coloured_tool(
         The tool, mm.
     frame : Frame
         The square's frame.
-    pressure : (y, x) xarray.DataArray
-        On the grid of the square, MPa.
+    *fields : (y, x) xarray.DataArray
+        Pressures, exposures and the like, all on the grid of the square, or of the face around it.
     faces : int
-        About this many faces remain outside the square.
+        About this many faces remain elsewhere.
 
     Returns
     -------
-    trimesh.Trimesh, (n, 3) ndarray of uint8
-        The mesh, and the colour of each vertex: that of the pressure in the square, else `STONE`.
+    mesh : trimesh.Trimesh
+    *colours : (n, 3) ndarray of uint8
+        The colours of its vertices by each field; `STONE` elsewhere.
     """
-    import trimesh
-    from trimesh.remesh import subdivide_to_size
+    first, element = fields[0], max(spacing_of(fields[0]))
+    edge_mm = element * max(1.5, len(first.x) / _ELEMENTS)
+    whole = cut_tool(mesh, frame, first, edge_mm=edge_mm, faces=faces)
+    _, is_over = over_face(whole, frame, first)
+    return whole, *(_colours(field, whole, frame, is_over, edge_mm) for field in fields)
 
-    size, spacing = _size_of(pressure), spacing_of(pressure)
-    margin = 3 * float(np.median(mesh.edges_unique_length))
-    keep = _over_square(mesh, frame, size, margin)[1]
-    mesh = coarsen(mesh, faces=faces, keep=keep if keep.sum() < faces / 2 else None)
-    on_square = _over_square(mesh, frame, size, margin)[1][mesh.faces].all(axis=1)
-    points, cut = subdivide_to_size(
-        mesh.vertices, mesh.faces[on_square], 1.5 * max(spacing), 30
-    )
-    triangles = [mesh.faces[~on_square], cut + len(mesh.vertices)]
-    whole = trimesh.Trimesh(
-        np.concatenate([mesh.vertices, points]), np.concatenate(triangles), process=False
-    )
-    whole.merge_vertices()
-    places, is_over = _over_square(whole, frame, size, 0.0)
-    colours = np.tile(np.array(to_rgb(STONE)), (len(whole.vertices), 1))
-    row, column = (
-        np.clip((places[is_over, axis] / step).astype(int), 0, count - 1)
-        for axis, step, count in zip((1, 0), spacing, pressure.shape, strict=True)
-    )
-    shown = maps.force_norm(pressure.values)(pressure.values[row, column])
+
+def _colours(
+    field: xr.DataArray,
+    mesh: "trimesh.Trimesh",
+    frame: Frame,
+    is_over: np.ndarray,
+    edge_mm: float,
+) -> np.ndarray:
+    """The colours of a mesh's vertices by a field: the highest within an edge, to lose none."""
+    reach = round(edge_mm / spacing_of(field)[0] / 1.5)
+    highest = field.copy(data=scipy.ndimage.maximum_filter(field.values, reach))
+    values = on_mesh(highest, mesh, frame)
+    colours = np.tile(np.array(to_rgb(STONE)), (len(values), 1))
+    shown = maps.force_norm(field.values)(values[is_over])
     colours[is_over] = maps.FORCE_MAP(shown)[:, :3]
-    return whole, np.round(255 * colours).astype(np.uint8)
+    return np.round(255 * colours).astype(np.uint8)
 
 
 def _size_of(pressure: xr.DataArray) -> float:
     return float(pressure.x[-1] + pressure.x[0])
-
-
-def _over_square(
-    mesh: "trimesh.Trimesh", frame: Frame, size: float, margin: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices in the square's frame, and which of them lie over the square on its side."""
-    places = frame.to_frame(mesh.vertices)
-    faces_out = mesh.vertex_normals @ np.array(frame.normal) > 0
-    is_over = ((places[:, :2] >= -margin) & (places[:, :2] <= size + margin)).all(axis=1)
-    over = np.flatnonzero(is_over & faces_out)
-    # If an arm of the stone lies above or below, the square is on the side nearest its plane.
-    nearest = places[over[np.argmin(np.abs(places[over, 2]))], 2]
-    return places, is_over & faces_out & (np.abs(places[:, 2] - nearest) < size)
 
 
 def outline_on(
@@ -120,7 +131,8 @@ def outline_on(
     `corners` are (k, 2), in the square's frame; points between them are a twentieth of `size`
     apart.
     """
-    places, is_over = _over_square(mesh, frame, size, 0.1 * size)
+    square = make_surface(np.zeros((1, 1)), size)
+    places, is_over = over_face(mesh, frame, square, 0.1 * size)
     sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
     along = [
         np.linspace(start, end, max(2, round(20 * np.linalg.norm(end - start) / size)), False)

@@ -8,6 +8,7 @@ import io
 import logging
 import re
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ from gstlib.errors import InputError
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["is_mesh", "read_mesh"]
+__all__ = ["is_mesh", "ply_with", "read_mesh"]
 
 _log = logging.getLogger(__name__)
 
@@ -110,6 +111,21 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
         _log.warning("the mesh is inside out (its volume is negative): its faces were turned")
         mesh.invert()
     return mesh
+
+
+def ply_with(mesh: "trimesh.Trimesh", scalars: Mapping[str, np.ndarray], *, unit: str) -> bytes:
+    """A binary PLY of a mesh (mm), in its file's own unit, with numbers (n,) at its vertices.
+
+    Each is a property of its own. CloudCompare takes properties for scalar fields by the prefix
+    ``scalar_``, which it does not show; MeshLab and Blender read properties of any name.
+    """
+    import trimesh
+
+    numbers: Any = {f"scalar_{name}": of.astype(np.float32) for name, of in scalars.items()}
+    vertices = np.asarray(mesh.vertices) / _UNITS[unit]
+    whole = trimesh.Trimesh(vertices, mesh.faces, process=False, vertex_attributes=numbers)
+    ply: Any = whole.export(file_type="ply", vertex_normal=False)
+    return ply
 
 
 def is_mesh(path: str | Path) -> bool:

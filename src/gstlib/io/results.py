@@ -88,8 +88,10 @@ _PRESSED = {
     "rotation_deg": "rotation of the patch, from x towards y",
     "force_N": "force on the patch",
     "pressure_MPa": _PRESSURE,
-    "peak_pressure_MPa": "highest pressure of an element of the square in the patch",
-    "mesh_pressure_MPa": "pressure of the patch where the mesh alone is pressed",
+    "peak_pressure_MPa": "highest pressure of a macroscale element in the patch",
+    "square_pressure_MPa": (
+        "pressure of the patch where the square is pressed alone on its mean plane (levelled)"
+    ),
 }
 _LOADED = {
     "step": "number of the load step",
@@ -175,7 +177,13 @@ TABLES = {
         },
     ),
     "macroscale_path": Table(
-        "load path of the square", "The load path of the square: a row for each step.", _LOADED
+        "load path of the stone",
+        """
+        The load path of the stone at rest: a row for each step. On the way it keeps the tilt that
+        it has in the end. The nominal area is that of the face that is pressed, or of the square
+        where that is pressed alone.
+        """,
+        {"step": _LOADED["step"], "force_N": "force on the stone", **_LOADED},
     ),
     "placement": Table(
         "whether the scans fit the mesh where the patch table puts them",
@@ -257,6 +265,27 @@ TABLES = {
             ),
         },
         only="with `gesture`",
+    ),
+    "places": Table(
+        "where to scan: the places with the most exposure, and some that nothing touches",
+        """
+        Places of a patch's size in the square, {{ config.scans.size_mm }} mm wide, that do not
+        overlap. *exposed*: each has the most exposure of what the earlier ones left. *control*: no
+        pose touches it; each lies as far as possible from what is touched, and from the earlier
+        ones. It is a patch table: name the scans of a place after it (E1_T0.plux before use,
+        E1_T1.plux after it), and give this file as ``patches``.
+        """,
+        {
+            "place": "name of the place",
+            "kind": "exposed or control",
+            "x_mm": "centre of the place in the square, from the reference corner along x",
+            "y_mm": "the same along y",
+            "exposure_N_per_mm": (
+                "mean over the place of pressure times sliding, summed over the poses"
+            ),
+            "touched": "share of the poses that touch the most often touched element of the place",
+        },
+        only="with `patches: null`",
     ),
     "two_scales": Table(
         "what two scales cost: each patch beside one contact of the whole square",

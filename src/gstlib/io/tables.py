@@ -24,7 +24,7 @@ __all__ = [
 # Differences beyond these digits count as rounding.
 _KNOWN_DIGITS = 10
 # Columns that the stages take from the table of patch pressures.
-_PRESSURES = ("patch", "x_mm", "y_mm", "rotation_deg", "pressure_MPa", "mesh_pressure_MPa")
+_PRESSURES = ("patch", "x_mm", "y_mm", "rotation_deg", "pressure_MPa", "square_pressure_MPa")
 # If this variable is 1, tables print every digit, to show differences below the printed ones.
 ALL_DIGITS = "GSTLIB_ALL_DIGITS"
 

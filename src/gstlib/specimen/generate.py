@@ -6,6 +6,7 @@ the dims ``(macroscale_y, macroscale_x)``.
 """
 
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -31,7 +32,7 @@ from gstlib.surface import axis_coordinates, make_surface, spacing_of
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Specimen", "counterface_stl", "make_specimen", "make_specimens"]
+__all__ = ["Specimen", "counterface_stl", "make_specimen", "make_specimens", "stone_stl"]
 __all__ += ["within_square", "write_specimen"]
 
 # Depth (µm) from which a point counts as worn: what preparation can distinguish from noise.
@@ -39,6 +40,9 @@ _WEAR_THRESHOLD_UM = 0.5
 # True heights are kept to about 1 nm: a tenth or less of any error they are compared with, and
 # they compress twice as well.
 _HEIGHT_STEP_MM = 2.0**-20
+
+# ASSUME: the generated second stone is as round as the default study's active stone.
+_ACTIVE_RADIUS_MM = 200.0
 
 # What is true of a patch: units and meaning.
 _TRUTH = {
@@ -91,12 +95,25 @@ class Specimen(NamedTuple):
 
 
 def counterface_stl(parameters: SpecimenParameters, square_mm: float) -> bytes:
-    """Binary STL of the second stone: of the same kind, use-face up, from ``counterface_seed``."""
+    """Binary STL of the second stone: of the same kind, use-face up, from ``counterface_seed``.
+
+    It is bent to a round one: two dished stones would only touch at their rims.
+    """
+    assert parameters.counterface_seed is not None
+    own = replace(parameters, seed=parameters.counterface_seed)
+    return stone_stl(own, square_mm, radius_mm=_ACTIVE_RADIUS_MM)
+
+
+def stone_stl(
+    parameters: SpecimenParameters, square_mm: float, *, radius_mm: float = math.inf
+) -> bytes:
+    """Binary STL of a specimen's mesh alone, as in `make_specimens`, bent to a radius."""
     import trimesh
 
-    assert parameters.counterface_seed is not None
-    stone = Stone(replace(parameters, seed=parameters.counterface_seed), square_mm)
-    stl: Any = trimesh.Trimesh(*stone.mesh(), process=False).export(file_type="stl")
+    stone = Stone(parameters, square_mm)
+    vertices, faces = stone.mesh()
+    vertices[:, 2] -= (vertices[:, :2] ** 2).sum(axis=1) / (2 * radius_mm)
+    stl: Any = trimesh.Trimesh(vertices, faces, process=False).export(file_type="stl")
     return stl
 
 
@@ -106,6 +123,7 @@ def make_specimens(
     *,
     square_mm: float,
     grid: int,
+    around: int = 0,
     wear_placements: Sequence[str],
 ) -> dict[str, Specimen]:
     """Make specimens of one stone that differ only in where wear lies.
@@ -125,6 +143,8 @@ def make_specimens(
         mesh, its x axis along -x and its y axis along -y.
     grid : int
         Elements along each side of the grid on which the true macroscale surface is kept.
+    around : int
+        Elements of the face on every side of the square.
     wear_placements : sequence of str
         Of `gstlib.specimen.stone.WEAR_PLACEMENTS` and ``WEAR_LAWS``; they name the specimens.
 
@@ -183,7 +203,7 @@ def make_specimens(
     square = within_square(surface, stone)
     return {
         placement: Specimen(
-            stl, scans[placement], _truth(patches, stone, p, grid, truths), square
+            stl, scans[placement], _truth(patches, stone, p, (grid, around), truths), square
         )
         for placement, truths in known.items()
     }
@@ -200,12 +220,12 @@ def within_square(surface: np.ndarray, stone: Stone) -> xr.DataArray:
 
 
 def make_specimen(
-    patches: pd.DataFrame, parameters: SpecimenParameters, *, square_mm: float, grid: int
+    patches: pd.DataFrame, parameters: SpecimenParameters, *, square_mm: float, **grids: int
 ) -> Specimen:
     """The specimen that the parameters ask for; arguments and errors are as in `make_specimens`."""
     placements = [parameters.wear_placement]
     (made,) = make_specimens(
-        patches, parameters, square_mm=square_mm, grid=grid, wear_placements=placements
+        patches, parameters, square_mm=square_mm, wear_placements=placements, **grids
     ).values()
     return made
 
@@ -243,11 +263,17 @@ def _overlap(t0: Place, t1: Place, size_mm: float) -> float:
 
 
 def _truth(
-    patches: pd.DataFrame, stone: Stone, p: SpecimenParameters, grid: int, known: list[dict]
+    patches: pd.DataFrame,
+    stone: Stone,
+    p: SpecimenParameters,
+    grids: tuple[int, int],
+    known: list[dict],
 ) -> xr.Dataset:
     """The truth about a specimen, from what is `known` about each patch."""
+    grid, around = grids
     spacing = stone.square_mm / grid
     along_square = axis_coordinates(grid, spacing)
+    along_face = axis_coordinates(grid + 2 * around, spacing) - around * spacing
     along_scan = axis_coordinates(p.scan_points, p.scan_spacing_mm)
     meaning = (
         "mean over each element of the surface without wavelengths below the cut-off, plane not "
@@ -258,7 +284,12 @@ def _truth(
             ("macroscale_y", "macroscale_x"),
             stone.macroscale_means(grid),
             {"units": "mm", "long_name": meaning, "spacing": spacing},
-        )
+        ),
+        "face_height": (
+            ("face_y", "face_x"),
+            stone.face_means(grid, around),
+            {"units": "mm", "long_name": "mean over each element of the face before use"},
+        ),
     }
     for name, (units, long_name) in _TRUTH.items():
         values = np.stack([at.pop(name) for at in known])  # popped: the maps are large
@@ -269,6 +300,8 @@ def _truth(
         "epoch": ["T0", "T1"],
         "macroscale_y": ("macroscale_y", along_square, {"units": "mm"}),
         "macroscale_x": ("macroscale_x", along_square, {"units": "mm"}),
+        "face_y": ("face_y", along_face, {"units": "mm", "spacing": spacing}),
+        "face_x": ("face_x", along_face, {"units": "mm", "spacing": spacing}),
         "y": ("y", along_scan, {"units": "mm", "spacing": p.scan_spacing_mm}),
         "x": ("x", along_scan, {"units": "mm", "spacing": p.scan_spacing_mm}),
     }

@@ -12,13 +12,13 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.geometry import Place
+from gstlib.geometry import Place, square_of
 from gstlib.io.results import columns_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.scanning import relocation
-from gstlib.surface import make_surface
+from gstlib.surface import make_surface, spacing_of
 
-__all__ = ["score_truth"]
+__all__ = ["score_truth", "true_face"]
 
 # Significant digits of the larger number that are kept in the difference of two.
 _ERROR_DIGITS = 7
@@ -34,7 +34,7 @@ _Row = tuple[str, str, float, float]
 def score_truth(
     truth: xr.Dataset,
     *,
-    square: xr.Dataset,
+    face: xr.Dataset,
     scans: Mapping[tuple[str, str], xr.Dataset],
     changes: Mapping[str, xr.Dataset],
     placement: pd.DataFrame,
@@ -50,8 +50,8 @@ def score_truth(
     ----------
     truth : xarray.Dataset
         Of `gstlib.specimen.generate.make_specimens`.
-    square : xarray.Dataset
-        ``height`` (y, x) mm on the analysis grid.
+    face : xarray.Dataset
+        ``height`` (y, x) mm on the analysis grid, of the square and around it.
     scans, changes : mapping to xarray.Dataset
         Prepared scans by patch and epoch, and height changes by patch; each is looked up once.
     placement, pressures, two_scales : pandas.DataFrame
@@ -70,7 +70,9 @@ def score_truth(
             pair = float(true), float(recovered)
             rows.append((stage, quantity, patch, unit, *pair, _error(*pair)))
 
-    add("macroscale", "", _macroscale_scores(_surface(truth), square["height"]))
+    surface = _surface(truth)
+    square = square_of(face["height"], spacing_of(surface)[0] * len(surface.y))
+    add("macroscale", "", _macroscale_scores(surface, square))
     for (patch, epoch), prepared in scans.items():
         at = truth.sel(patch=patch)
         add("preprocessing", patch, _preparation_scores(at.sel(epoch=epoch), epoch, prepared))
@@ -93,6 +95,12 @@ def score_truth(
                 "coupling", row.patch, [("pressure", "MPa", known[row.patch], row.pressure_MPa)]
             )
     return pd.DataFrame(rows, columns=columns_of("truth"))
+
+
+def true_face(truth: xr.Dataset) -> xr.DataArray:
+    """The true heights of the face before use (y, x), mm, from a specimen's truth."""
+    height = truth.face_height.rename(face_y="y", face_x="x")
+    return height.drop_vars([name for name in height.coords if name not in height.dims])
 
 
 def _surface(truth: xr.Dataset) -> xr.DataArray:

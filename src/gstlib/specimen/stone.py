@@ -136,6 +136,7 @@ class Stone:
         self.waviness = waves * factor
         self._spline *= factor
         self.detail *= np.float32(factor)
+        self._factor = factor
 
     def waves(self, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Waves above the cut-off (mm) at any places (y, x) in mm, without the pebble's shape."""
@@ -174,6 +175,43 @@ class Stone:
         places = (np.arange(fine) + 0.5) * (self.square_mm / fine)
         heights = self.macroscale(places, places)
         return heights.reshape(count, _SUBSAMPLES, count, _SUBSAMPLES).mean(axis=(1, 3))
+
+    def face_means(self, count: int, around: int) -> np.ndarray:
+        """The true surface (mm), all waves, averaged over the elements of the face.
+
+        The square has (count, count) elements, and the face `around` more on each side. Beyond the
+        square's margin the detail is a field of its own, with the waves that two points hold.
+        """
+        # ASSUME: waves shorter than two fifths of an element do not matter to what lies outside
+        # the square.
+        element = self.square_mm / count
+        total = count + 2 * around
+        step = element / _SUBSAMPLES
+        places = (np.arange(total * _SUBSAMPLES) + 0.5) * step - around * element
+        points = scipy.fft.next_fast_len(len(places), real=True)
+        detail = self._factor * self_affine_field(
+            stream(self._parameters.seed, "stone", "face"),
+            points,
+            step,
+            longest=self._parameters.cut_off_wavelength_mm,
+            shortest=2 * step,
+            **self._spectrum,
+        )
+        heights = self.macroscale(places, places) + detail[: len(places), : len(places)]
+        split = (total, _SUBSAMPLES, total, _SUBSAMPLES)
+        face = heights.reshape(split).mean(axis=(1, 3))
+        inside = slice(around, around + count)
+        face[inside, inside] = self.macroscale_means(count) + self._detail_means(count)
+        return face
+
+    def _detail_means(self, count: int) -> np.ndarray:
+        """The detail (mm) averaged over each of (count, count) elements of the square."""
+        edges = np.searchsorted(self.grid, np.arange(count + 1) * self.square_mm / count)
+        points = np.diff(edges)
+        inside = self.detail[edges[0] : edges[-1], edges[0] : edges[-1]].astype(float)
+        rows = np.add.reduceat(inside, edges[:-1] - edges[0], axis=0)
+        sums = np.add.reduceat(rows, edges[:-1] - edges[0], axis=1)
+        return sums / np.outer(points, points)
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
         """Closed mesh of the stone, as photogrammetry would have made it.

@@ -121,7 +121,8 @@ def score_patch(
     heights = laid_height(contact)
     comparison = compare(heights, contact, change, neighbourhood_um=neighbourhood_um, rim=rim)
     loss, valid = comparison.loss, comparison.valid
-    length = correlation_length(loss, valid, comparison.spacing)
+    # only tests against chance need it, and it takes longer than all scores
+    length = correlation_length(loss, valid, comparison.spacing) if shifts else math.nan
     longest = LONGEST * min(n * d for n, d in zip(valid.shape, comparison.spacing, strict=True))
     scores = {name: scores_of(one, comparison) for name, one in comparison.predictions.items()}
     touching, rigid = (comparison.predictions[name].mask for name in (CONTACT, "rigid"))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from gstlib.errors import InputError
-from gstlib.io.meshes import read_mesh
+from gstlib.io.meshes import ply_with, read_mesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -247,3 +247,32 @@ def test_a_closed_mesh_inside_out_is_turned(tmp_path, caplog):
     sheet = trimesh.Trimesh([[0, 0, 0], [0, 20, 0], [30, 0, 0]], [[0, 1, 2]])
     sheet.export(tmp_path / "sheet.stl")
     assert read_mesh(tmp_path / "sheet.stl").face_normals[0, 2] == -1
+
+
+def vertices_of(content):
+    """The vertices of a binary PLY with all their properties, by the format's own description."""
+    header, _, rest = content.partition(b"end_header\n")
+    lines = [line.split() for line in header.decode("ascii").splitlines()]
+    assert lines[:2] == [["ply"], ["format", "binary_little_endian", "1.0"]]
+    count = next(int(line[2]) for line in lines if line[:2] == ["element", "vertex"])
+    first = lines.index(["element", "vertex", str(count)])
+    face = next(i for i, line in enumerate(lines) if line[:2] == ["element", "face"])
+    kinds = {"float": "<f4", "float32": "<f4", "double": "<f8", "uchar": "u1"}
+    properties = [(line[2], kinds[line[1]]) for line in lines[first + 1 : face]]
+    return np.frombuffer(rest, properties, count)
+
+
+@pytest.mark.parametrize(("unit", "length"), [("mm", 1.0), ("m", 1000.0)])
+def test_a_ply_has_numbers_at_its_vertices_in_the_files_own_unit(tmp_path, unit, length):
+    mesh = stone()
+    scalars = {"pressure_MPa": mesh.vertices[:, 0] ** 2, "exposure_N_per_mm": mesh.vertices[:, 1]}
+    content = ply_with(mesh, scalars, unit=unit)
+    read = vertices_of(content)
+    assert read.dtype.names == ("x", "y", "z", "scalar_pressure_MPa", "scalar_exposure_N_per_mm")
+    for axis, places in zip("xyz", mesh.vertices.T / length, strict=True):
+        np.testing.assert_allclose(read[axis], places, rtol=1e-6)
+    for name, values in scalars.items():
+        np.testing.assert_allclose(read[f"scalar_{name}"], values, rtol=1e-6)
+    (tmp_path / "tool.ply").write_bytes(content)
+    again = read_mesh(tmp_path / "tool.ply", unit=unit)
+    np.testing.assert_allclose(again.volume, mesh.volume, rtol=1e-5)

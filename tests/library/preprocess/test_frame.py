@@ -45,7 +45,7 @@ def test_coordinates_are_along_the_right_handed_axes_of_the_points(seed, places)
 
 def test_points_that_turn_clockwise_are_refused():
     origin, axes, mesh = square_on_ball(1)
-    grid = {"size_mm": SIZE, "shape": (20, 20), "margin_mm": 1.0}
+    grid = {"size_mm": SIZE, "grid": 20}
     points = origin + SIZE * np.vstack([[0, 0, 0], axes[:2]])
     assert -0.5 < float(grid_mesh(mesh, ask(mesh, points), **grid).height.mean()) < 0
     with pytest.raises(InputError, match=r"Exchange points 2 and 3.*anticlockwise"):

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 import trimesh
 from gstlib.errors import InputError
-from gstlib.geometry import Frame
+from gstlib.face import grid_macroscale
+from gstlib.geometry import Frame, square_of
 from gstlib.preprocess import gridding
 from gstlib.preprocess.gridding import grid_mesh, gridding_table
-from gstlib.study import grid_macroscale
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import LinearNDInterpolator
@@ -33,7 +33,7 @@ def sheet(function, edge=0.25, low=-1.5, high=6.5, seed=0):
 
 
 def gridded(mesh, frame=UP, **other):
-    settings = {"size_mm": 5.0, "shape": (40, 50), "margin_mm": 1.0, "source": "stone.stl"}
+    settings = {"size_mm": 5.0, "grid": 40, "source": "stone.stl"}
     return grid_mesh(mesh, frame, **settings | other)
 
 
@@ -52,11 +52,11 @@ def test_plane_is_exact(slope_x, slope_y, offset, seed):
 
 def test_grid_is_the_square():
     surface = grid(sheet(lambda x, y: 0 * x))
-    assert surface.shape == (40, 50)
+    assert surface.shape == (40, 40)
     assert 29**2 <= surface.attrs["mesh_points"] < 33**2  # the crop's, of 33² vertices
     assert surface.y.attrs["spacing"] == 5 / 40
-    assert surface.x.attrs["spacing"] == 5 / 50
-    assert surface.x.values[0] == pytest.approx(0.05)
+    assert surface.x.attrs["spacing"] == 5 / 40
+    assert surface.x.values[0] == pytest.approx(0.0625)
     assert surface.attrs["mesh_edge_mm"] == pytest.approx(0.28, rel=0.1)
 
 
@@ -67,7 +67,7 @@ def hills(x, y):
 def test_converges_at_second_order():
     errors = []
     for edge in (0.5, 0.25, 0.125):
-        surface = grid(sheet(hills, edge=edge))
+        surface = grid(sheet(hills, edge=edge), grid=47)  # elements at all places between vertices
         exact = hills(*np.meshgrid(surface.x, surface.y))
         errors.append(np.sqrt(np.mean((surface.values - exact) ** 2)))
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -82,7 +82,7 @@ def on_top(radius):
 @pytest.mark.parametrize("radius", [20.0, 4.0])  # the small one is in the crop with both its sides
 def test_ball_gives_the_side_that_the_normal_leaves(radius):
     ball = trimesh.creation.icosphere(subdivisions=5, radius=radius)
-    surface = grid(ball, on_top(radius), margin_mm=2.0)
+    surface = grid(ball, on_top(radius))
     x, y = np.meshgrid(surface.x - 2.5, surface.y - 2.5)
     exact = np.sqrt(radius**2 - x**2 - y**2) - radius - 0.2
     np.testing.assert_allclose(surface.values, exact, atol=0.02)
@@ -110,7 +110,7 @@ def test_a_pin_hole_or_a_face_turned_over_is_bridged(turned, caplog):
     else:
         plane.update_faces(~one)
     surface = grid(plane)
-    np.testing.assert_allclose(surface.values, 0.1 * np.broadcast_to(surface.x, (40, 50)))
+    np.testing.assert_allclose(surface.values, 0.1 * np.broadcast_to(surface.x, (40, 40)))
     assert "holes of the mesh were bridged" in caplog.text
 
 
@@ -157,7 +157,7 @@ def at(x, y=0.0, normal=1.0):
         ),
         ("no part of the mesh", lambda: sheet(hills, high=-0.5), UP),  # in the crop alone
         (
-            r"sticks out.*20 % of the square \(x 4\.05 to 4\.95, y 0\.\d+ to 4\.9\d* mm\)",
+            r"sticks out.*20 % of the square \(x 4\.06 to 4\.94, y 0\.\d+ to 4\.9\d* mm\)",
             lambda: sheet(lambda x, y: 0 * x, low=-2.0, high=9.0),
             at(5.0),
         ),
@@ -206,7 +206,7 @@ def test_on_a_smooth_surface_a_smooth_interpolation_is_best():
     rms, chosen = rms_of(best), best.height.attrs["interpolation"]
     assert max(rms["clough-tocher"], rms["cubic"]) < 0.8 * rms["linear"]
     assert chosen == min(KINDS[1:], key=rms.get)
-    exact = smooth(*(axis.ravel() for axis in np.meshgrid(best.x, best.y))).reshape(40, 50)
+    exact = smooth(*(axis.ravel() for axis in np.meshgrid(best.x, best.y))).reshape(40, 40)
     errors = {kind: np.std(grid(mesh, interpolation=kind) - exact) for kind in KINDS}
     assert errors[chosen] < 0.5 * errors["linear"]
     np.testing.assert_array_equal(best.height, grid(mesh, interpolation=chosen))
@@ -223,16 +223,17 @@ def test_on_a_smooth_surface_a_smooth_interpolation_is_best():
 )
 def test_a_tie_goes_to_the_simpler(rms, chosen, monkeypatch):
     errors = 1e-3 * np.array(rms)[:, None] * [1.0, -1.0]
-    monkeypatch.setattr(gridding, "_left_out", lambda cloud, inside: (inside[:2], errors))
+    monkeypatch.setattr(gridding, "_left_out", lambda cloud, inside, tried: (inside[:2], errors))
     surface = gridded(sheet(smooth, edge=0.5))
     assert surface.height.attrs["interpolation"] == chosen
     np.testing.assert_allclose(surface.left_out_rms, 1e-3 * np.array(rms))
     np.testing.assert_array_equal(surface.left_out_error, errors[KINDS.index(chosen)])
 
 
-def test_errors_are_those_of_a_group_left_out():
+def test_errors_are_those_of_a_group_left_out(monkeypatch):
     mesh = sheet(smooth)
-    surface = gridded(mesh, interpolation="linear", margin_mm=9.0)  # the cloud is the whole sheet
+    monkeypatch.setattr(gridding, "_MARGIN_MM", 9.0)  # the cloud is the whole sheet
+    surface = gridded(mesh, interpolation="linear")
     x, y, z = mesh.vertices.T
     inside = np.flatnonzero((np.abs(x - 2.5) <= 2.5) & (np.abs(y - 2.5) <= 2.5))
     np.testing.assert_array_equal(surface.vertex_x, x[inside])
@@ -252,20 +253,92 @@ def test_vertices_in_lines_allow_no_cubic():
     mesh = trimesh.Trimesh(
         np.c_[points, smooth(*points.T)], Delaunay(points).simplices, process=False
     )
-    best = gridded(mesh, margin_mm=0.5)
+    best = gridded(mesh)
     assert rms_of(best)["cubic"] == np.inf
     assert best.height.attrs["interpolation"] != "cubic"
 
 
 def test_what_the_square_is_stored_with():
     square = {"size_mm": 5.0, "points_mm": [[0, 0, 0], [5, 0, 0], [0, 5, 0]]}
-    settings = {"grid": 20, "margin_mm": 1.0, "source": "stone.stl"}
+    settings = {"grid": 20, "source": "stone.stl"}
     mesh = sheet(lambda x, y: smooth(x, y) + 0.1 * x)
-    surface, face = grid_macroscale(mesh, **square, interpolation="linear", **settings)
-    assert face is None
+    surface, second = grid_macroscale(mesh, **square, interpolation="best", **settings)
+    assert second is None
     assert abs(np.polyfit(surface.x, surface.height.mean("y"), 1)[0]) < 1e-9  # level
     table = gridding_table(surface)
     assert list(table.interpolation) == KINDS
-    assert list(table.chosen) == [True, False, False]
-    direct = gridded(mesh, interpolation="linear")
+    assert table.chosen.sum() == 1
+    direct = gridded(mesh)
     np.testing.assert_array_equal(table.left_out_rms_um, 1e3 * direct.left_out_rms)
+    linear, _ = grid_macroscale(mesh, **square, interpolation="linear", **settings)
+    assert gridding_table(linear).interpolation.tolist() == ["linear"]
+    assert list(gridding_table(linear).chosen) == [True]
+
+
+# --- The face around the square ----------------------------------------------------------------
+
+
+def test_the_face_continues_the_square():
+    """The same heights in the square, the mesh's around it, the square's corner at (0, 0)."""
+    mesh, exact = sheet(hills, low=-5.0, high=10.0), {}
+    square, face = (grid(mesh, around=around) for around in (0, 16))
+    assert face.shape == (72, 72)
+    np.testing.assert_allclose(face.x.values, (np.arange(72) - 15.5) * 0.125, atol=1e-12)
+    assert face.y.attrs["spacing"] == 0.125
+    np.testing.assert_allclose(square_of(face, 5.0), square, atol=1e-12)
+    exact = hills(*np.meshgrid(face.x, face.y))
+    np.testing.assert_allclose(face, exact, atol=0.01)
+
+
+def test_a_cubic_on_nodes_is_that_on_every_element(monkeypatch):
+    """Where elements are much smaller than the mesh's edges, nodes hold the cubic."""
+    mesh = sheet(smooth, edge=0.4)
+    found = grid(mesh, interpolation="cubic")
+    monkeypatch.setattr(gridding, "_POINTS_PER_EDGE", 1e3)
+    on_all = grid(mesh, interpolation="cubic")
+    exact = smooth(*(axis.ravel() for axis in np.meshgrid(found.x, found.y))).reshape(40, 40)
+    misfit, error = (float(np.sqrt((of**2).mean())) for of in (found - on_all, on_all - exact))
+    assert 0 < misfit < 0.2 * error
+
+
+def macroscale(mesh, face_mm, **more):
+    points = [[0, 0, 0], [5, 0, 0], [0, 5, 0]]
+    settings = {"size_mm": 5.0, "grid": 20, "interpolation": "linear", "source": "stone.stl"}
+    return grid_macroscale(mesh, points_mm=points, face_mm=face_mm, **settings | more)[0]
+
+
+def test_an_edge_of_the_mesh_in_the_face_is_no_stone_and_is_warned_of(caplog):
+    sound = macroscale(sheet(hills, low=-4.0, high=9.0), 10.0)
+    assert sound.height.shape == (40, 40)
+    assert sound.size_mm == 5
+    assert not np.isnan(sound.height).any()
+    assert caplog.messages == []
+    cut = macroscale(sheet(lambda x, y: hills(x, y), low=-4.0, high=6.5), 10.0)
+    absent = np.isnan(cut.height)
+    (warning,) = caplog.messages
+    assert "stone.stl" in warning
+    assert f"{100 * float(absent.mean()):.2g} % of the face of 10 mm has no stone" in warning
+    assert "face_mm smaller" in warning
+    beyond = (cut.x > 6.5) | (cut.y > 6.5)
+    np.testing.assert_array_equal(absent, beyond.transpose("y", "x"))
+    # planes are those of the square
+    np.testing.assert_allclose(cut.height, sound.height.where(~absent), atol=0.01)
+
+
+def test_a_face_that_turns_away_ends_there(caplog):
+    """Beside the square, a wall hangs over: two heights, of which neither is the use-face."""
+    flat = sheet(lambda x, y: 0 * x, edge=0.1, low=-4.0, high=9.0)
+    x, y, _ = flat.vertices.T
+    crest = np.exp(-(((x - 6.3) / 0.4) ** 2))
+    flat.vertices = np.c_[x + 1.0 * crest, y, 0.5 * crest]
+    found = macroscale(flat, 10.0)
+    absent = np.isnan(found.height).any("y")
+    assert "has no stone" in caplog.text
+    assert not absent.where(found.x < 6.0, False).any()
+    assert absent.any()
+    assert not np.isnan(square_of(found.height, 5.0)).any()
+
+
+def test_a_face_mostly_beyond_the_stone_is_refused():
+    with pytest.raises(InputError, match=r"6\d % of the face of 13 mm lies beyond the stone"):
+        macroscale(sheet(hills), 13.0)

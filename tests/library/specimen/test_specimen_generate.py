@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 import scipy.interpolate
 from gstlib.errors import ConfigError, InputError
-from gstlib.geometry import Place
+from gstlib.geometry import Place, spline_of, square_of
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.preprocess.leveling import remove_plane
+from gstlib.specimen.generate import make_specimen
 from gstlib.specimen.scanning import place_scans, relocation, sample
+from gstlib.specimen.score import true_face
 from gstlib.specimen.stone import Stone
 from gstlib.surface import make_surface, spacing_of
 from scipy.ndimage import gaussian_filter
@@ -175,3 +177,20 @@ def test_what_cannot_be_made_is_refused(make, patches, parameters):
         make(patches, parameters, square_mm=41.0)
     with pytest.raises(ConfigError, match=r"scan_spacing_um.*400.0 µm"):
         dataclasses.replace(parameters, scan_spacing_um=400.0)
+
+
+def test_the_reference_lies_in_its_true_face(made, patches, parameters):
+    """The true surface of the square at the scans' points, and the true face around it, fit."""
+    found = make_specimen(patches, parameters, square_mm=5.0, grid=50, around=20)
+    face = true_face(found.truth)
+    assert face.shape == (90, 90)
+    np.testing.assert_allclose(face.x.values[[0, -1]], [-1.95, 6.95])
+    assert spacing_of(face) == (0.1, 0.1)
+    inside = square_of(face, 5.0)
+    np.testing.assert_allclose(inside.x, found.truth.macroscale_x, atol=1e-12)
+    over = spline_of(found.surface)(inside.y, inside.x)
+    assert np.sqrt(((inside.values - over) ** 2).mean()) < 2e-3
+    assert abs(float((inside - over).mean())) < 1e-4
+    # wear and the patches are none of its business
+    alone = true_face(made["summits"].truth)
+    np.testing.assert_allclose(alone, inside, atol=1e-12)

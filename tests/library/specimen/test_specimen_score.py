@@ -40,7 +40,7 @@ def results(truth):
     pressures = pressures.assign(**stated)
     twice = pd.concat(2 * [pressures.rename(columns={"pressure_MPa": "reference_pressure_MPa"})])
     return {
-        "square": make_surface(truth.macroscale_height.values, 0.1).to_dataset(name="height"),
+        "face": make_surface(truth.macroscale_height.values, 0.1).to_dataset(name="height"),
         "scans": scans,
         "changes": changes,
         "placement": pd.DataFrame([{"patch": names[0]}, {"patch": "all", **together}]),
@@ -82,9 +82,9 @@ def test_every_perturbed_stage_shows(truth, results):
     registered["loss"] = registered.loss.copy(data=np.roll(registered.loss.values, 30, axis=0))
     results["placement"].loc[1, "shift_x_um"] += 7
     results["pressures"].loc[1, "pressure_MPa"] += 3
-    square = results["square"]  # its plane is no error, but its noise is
-    noise = 1e-3 * rng.standard_normal(square.height.shape)
-    results["square"] = square + 0.01 * square.x - 0.02 * square.y + 3 + noise
+    face = results["face"]  # its plane is no error, but its noise is
+    noise = 1e-3 * rng.standard_normal(face.height.shape)
+    results["face"] = face + 0.01 * face.x - 0.02 * face.y + 3 + noise
     table = scored(truth, results)
     assert errors(table, "T0 tilt_x", "5") == 1
     assert errors(table, "T1 tilt_x", "5") == 0

@@ -78,6 +78,32 @@ def test_grid_points_and_element_means_are_of_one_macroscale_surface(stone):
     np.testing.assert_allclose(stone.macroscale_means(10), means, atol=3e-4, rtol=0)
 
 
+def test_means_over_the_face_are_those_of_the_true_surface_in_the_square(stone, made):
+    """With all its waves: the surface of the reference, over each element; and the waves around."""
+    grid, around = 50, 40
+    face = stone.face_means(grid, around)
+    inside = slice(around, around + grid)
+    true = made["summits"].surface
+    # each point of the reference to the element in which it lies
+    element = (true.x.values / 0.1).astype(int)
+    sums = np.zeros((grid, grid))
+    np.add.at(sums, (element[:, None], element), true.values)
+    means = sums / np.outer(*2 * [np.bincount(element, minlength=grid)])
+    detail = face[inside, inside] - stone.macroscale_means(grid)
+    # the points in an element are not quite in its middle
+    assert (face[inside, inside] - means).std() < 0.1 * detail.std()
+    # around it, the waves go on, and detail as rough as within
+    places = (np.arange(grid + 2 * around) - around + 0.5) * 0.1
+    beyond = face - stone.macroscale(places, places)
+    outside = np.ones(face.shape, bool)
+    outside[inside, inside] = False
+    assert beyond[outside].std() == pytest.approx(detail.std(), rel=0.15)
+    assert np.abs(beyond[outside].mean()) < 1e-4
+    # at the square's edge no step but that of the detail
+    along = face[around - 1 : around + 1, inside]
+    assert np.abs(np.diff(along, axis=0)).max() < 8 * detail.std()
+
+
 def test_spectrum_goes_on_across_the_cut_off(stone, parameters):
     """Densities just above and below the cut-off fit one power law."""
     cut = 1 / parameters.cut_off_wavelength_mm

@@ -1,0 +1,111 @@
+"""What a macroscale contact should make its reader doubt: each a sentence with number and remedy.
+
+None of it stops a study. All of it has stood behind numbers that looked right.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import scipy
+import xarray as xr
+
+from gstlib.geometry import square_of
+from gstlib.surface import spacing_of
+
+__all__ = ["contact_doubts"]
+
+# Along an edge, so wide a strip (over the side) is told apart. Of a sound contact it bears next to
+# nothing; a square cut out of a stone, pressed alone, bears 15 to 50 % of its load there.
+_EDGE, _MOST_AT_EDGE = 0.02, 0.05
+# Quartz, the hardest mineral of common stones, indents at 11 to 12 GPa.
+_STRONGEST_MPA = 12_000.0
+# Less of the force in the square, and its patches say nothing about the use of the stone.
+_LEAST_IN_SQUARE = 0.1
+# Beyond this slope, heights along the normal are 2 % shorter than across the surface.
+_STEEP = 0.2
+# A patch's pressure is the sum over its elements: with fewer along a side, their edges decide it.
+_FEWEST_ELEMENTS = 5
+# A point of force so close to the outline of what touches (over the side) is about to cross it.
+_NEAR = 0.02
+
+
+def contact_doubts(
+    contact: xr.Dataset, *, size_mm: float, patch_mm: float | None = None
+) -> Iterator[str]:
+    """Sentences about a contact at the macroscale, from `gstlib.contact`; none if it is sound.
+
+    `size_mm` is the side of the square; `patch_mm` is that of a patch, if there are any.
+    """
+    pressure = contact.pressure.values
+    side = spacing_of(contact)[0] * len(contact.y)
+    if (total := pressure.sum()) > 0:
+        share = float(pressure[_along_edge(contact)].sum() / total)
+        if share > _MOST_AT_EDGE:
+            yield (
+                f"{100 * share:.0f} % of the force lies within {100 * _EDGE:.0f} % of the side of "
+                f"the edge of what is pressed ({side:.4g} mm): the stone goes on there, or ends; "
+                "make macroscale.face_mm larger, or give counterface.radius_mm"
+            )
+        inside = float(square_of(contact.pressure, size_mm).sum() / total)
+        if inside < _LEAST_IN_SQUARE:
+            yield (
+                f"only {100 * inside:.2g} % of the force lies in the square: the stone rests "
+                "elsewhere; check load.at_mm, the form of the active stone (counterface), and "
+                "square.points_mm"
+            )
+    if (tilt := float(np.hypot(contact.slope_y, contact.slope_x))) > _STEEP:
+        yield (
+            f"the stone rests tilted by {1e3 * tilt:.3g} mrad against the mean plane of the "
+            "square, whose normal the heights and the force follow: pick square.points_mm again so "
+            "that the square lies as the stone rests, or check load.at_mm"
+        )
+    if (peak := float(pressure.max(initial=0.0))) > _STRONGEST_MPA:
+        yield (
+            f"the highest pressure on an element is {peak:.3g} MPa, more than any stone bears "
+            f"({_STRONGEST_MPA:g} MPa): check the mesh for spikes there, the load, and units"
+        )
+    distance = _inside_outline(contact)
+    if distance is not None and math.isnan(distance):
+        yield (
+            "the stones touch in a single place, or along a line, so that nothing holds their "
+            "tilt: check the mesh for a spike, the pose, and the load"
+        )
+    if distance is not None and distance < _NEAR * side:
+        yield (
+            f"the force acts only {distance:.2g} mm inside the outline of what touches, so that a "
+            "small shift makes the stone roll or tip onto other places: check load.at_mm, and read "
+            "the intervals"
+        )
+    element = max(spacing_of(contact))
+    if patch_mm is not None and patch_mm < _FEWEST_ELEMENTS * element:
+        yield (
+            f"a patch of {patch_mm:g} mm is {patch_mm / element:.1f} elements wide, and "
+            f"{_FEWEST_ELEMENTS} are needed for its pressure: raise macroscale.grid"
+        )
+
+
+def _along_edge(contact: xr.Dataset) -> np.ndarray:
+    """Mask (ny, nx) of the elements near the edge of the grid, or of what there is of the stone."""
+    reach = max(1, round(_EDGE * len(contact.y)))
+    there = np.isfinite(contact.height.values + contact.counterface.values)
+    inner = scipy.ndimage.binary_erosion(np.pad(there, 1), np.ones((3, 3)), iterations=reach)
+    return ~inner[1:-1, 1:-1]
+
+
+def _inside_outline(contact: xr.Dataset) -> float | None:
+    """How far (mm) the point of force lies inside the convex outline of what touches.
+
+    None for a contact on a fixed plane; NaN for one whose outline has no width.
+    """
+    place = np.array([float(contact.through_y), float(contact.through_x)])
+    if np.isnan(place).any():
+        return None
+    rows, columns = np.nonzero(contact.pressure.values > 0)
+    touching = np.column_stack([contact.y.values[rows], contact.x.values[columns]])
+    try:
+        hull = scipy.spatial.ConvexHull(touching)
+    except (scipy.spatial.QhullError, ValueError):
+        return math.nan
+    normals, offsets = hull.equations[:, :2], hull.equations[:, 2]
+    return float(-(normals @ place + offsets).max())

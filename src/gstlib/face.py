@@ -1,0 +1,134 @@
+"""The use-face of a stone on a grid, and what is pressed on it.
+
+The *face* is the square and what is around it, as far as there is stone. The paper's square is cut
+out of it and pressed alone (`square_alone`).
+"""
+
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from gstlib.contact import faces_of
+from gstlib.counterface import SecondStone, face_in_pose, grid_counterface, rounded_counterface
+from gstlib.errors import InputError
+from gstlib.geometry import Place, find_frame, frame_variables, square_of
+from gstlib.preprocess.gridding import elements_around, grid_mesh
+from gstlib.preprocess.leveling import remove_plane
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["grid_macroscale", "square_alone"]
+
+_log = logging.getLogger(__name__)
+
+# Largest share of the face that may have no stone.
+_MOST_ABSENT = 0.5
+
+
+def grid_macroscale(
+    mesh: "trimesh.Trimesh",
+    *,
+    points_mm: Sequence[Sequence[float]],
+    size_mm: float,
+    grid: int,
+    face_mm: float | None = None,
+    radius_mm: float | None = None,
+    second_stone: SecondStone | None = None,
+    interpolation: str = "best",
+    source: str | Path = "mesh",
+) -> tuple[xr.Dataset, xr.DataArray | None]:
+    """Heights of the use-face over the square and around it, and what is pressed on it.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        The passive stone, mm.
+    points_mm : (3, 3) array_like
+        The square's corner and two points, as in `gstlib.geometry.frame_from_points`.
+    size_mm, grid
+        Side of the square, and elements along it.
+    face_mm : float, optional
+        Side of the face, with the square in its middle; by default the square alone. It is made
+        of whole elements.
+    radius_mm : float, optional
+        Of the active stone; by default it is flat.
+    second_stone : SecondStone, optional
+        The active stone, in place of a radius.
+    interpolation : str
+        As in `gstlib.preprocess.gridding.grid_mesh`.
+    source : path
+        The mesh's file, for messages.
+
+    Returns
+    -------
+    face : xarray.Dataset
+        That of `gstlib.preprocess.gridding.grid_mesh`, ``height`` without the plane of the square;
+        its frame, as in `gstlib.geometry.stored_frame`; ``counterface`` (y, x), mm, the active
+        stone over it, 0 of a flat; ``size_mm``, the side of the square.
+    counterface : (y, x) xarray.DataArray or None
+        A second stone as far as it moves, from `gstlib.counterface.grid_counterface`.
+
+    Raises
+    ------
+    InputError
+        Most of the face has no stone, or as in `grid_mesh` and `grid_counterface`.
+    """
+    frame = find_frame(points_mm, mesh, size_mm=size_mm, source=str(source))
+    gridded = grid_mesh(
+        mesh,
+        frame,
+        size_mm=size_mm,
+        grid=grid,
+        around=elements_around(size_mm, grid, face_mm),
+        interpolation=interpolation,
+        source=str(source),
+    )
+    height = gridded.height
+    if (absent := float(np.isnan(height.values).mean())) > _MOST_ABSENT:
+        raise InputError(
+            source,
+            f"{100 * absent:.0f} % of the face of {face_mm:g} mm lies beyond the stone",
+            "Make macroscale.face_mm smaller.",
+        )
+    if absent:
+        _log.warning(
+            "%s: %.2g %% of the face of %g mm has no stone, as the mesh ends or turns away there; "
+            "if the stone itself goes on, make macroscale.face_mm smaller",
+            source,
+            100 * absent,
+            face_mm,
+        )
+    if (thickness := gridded.height.attrs["thickness_mm"]) < (face_mm or size_mm):
+        _log.warning(
+            "%s: the stone is %.3g mm thick under the square, less than the %g mm of its face: it "
+            "bends, and the contact of half-spaces that is solved does not; take a smaller face",
+            source,
+            thickness,
+            face_mm or size_mm,
+        )
+    counterface = None
+    over = rounded_counterface(height, radius_mm, (size_mm / 2, size_mm / 2))
+    if second_stone is not None:
+        counterface = grid_counterface(
+            second_stone, height, frame, size_mm=size_mm, interpolation=interpolation
+        )
+        over = face_in_pose(counterface, height, Place(0.0, 0.0), size_mm=size_mm)
+    over.attrs = {"units": "mm", "long_name": "height of the counterface, 0 of a flat"}
+    _, plane = remove_plane(square_of(height, size_mm))
+    found = {"height": height.copy(data=height.values - plane.heights(height))}
+    found |= {"counterface": over} | frame_variables(frame)
+    found["size_mm"] = (), size_mm, {"units": "mm", "long_name": "side of the square"}
+    return gridded.assign(found), counterface
+
+
+def square_alone(face: xr.Dataset) -> xr.Dataset:
+    """The paper's square: cut out of the face, on its mean plane, against a flat.
+
+    `face` is from `grid_macroscale`, the result that of `gstlib.contact.faces_of`.
+    """
+    return faces_of(remove_plane(square_of(face.height, float(face.size_mm)))[0])

@@ -1,0 +1,197 @@
+"""Where to scan, before anything is scanned: places with the most exposure, and some with none.
+
+T0 has to be moulded before use, when the mesh is all there is. A gesture on the mesh says where the
+stones will rub; from its exposure come places of a patch's size, and controls beside them.
+"""
+
+# ASSUME: places are taken one after the other, each the most exposed that overlaps no earlier one,
+# upright in the square, with centres at whole elements. Others may hold a little more together.
+# ASSUME: what a finite number of poses does not touch counts as never touched.
+
+import logging
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+import xarray as xr
+
+from gstlib.geometry import square_of
+from gstlib.io.results import columns_of
+from gstlib.surface import spacing_of
+
+__all__ = ["CONTROL", "COUNTS", "EXPOSED", "Concentration", "concentration", "propose_places"]
+
+_log = logging.getLogger(__name__)
+
+EXPOSED, CONTROL = "exposed", "control"
+# As many scans as a day at a microscope allows; a third of them controls.
+COUNTS = {EXPOSED: 8, CONTROL: 4}
+# Centres may differ from whole elements by rounding (mm).
+_ROUNDING = 1e-9
+# With a smaller share of the exposure inside, the square lies beside where the stones rub.
+_LEAST_INSIDE = 0.5
+
+
+def propose_places(found: xr.Dataset, *, size_mm: float, patch_mm: float) -> pd.DataFrame:
+    """Places to scan in the square, with a warning where there are too few of a kind.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        ``exposure`` (N/mm) and ``touched`` (share of the poses) by element (y, x) of the face, from
+        `gstlib.gesture.exposure`.
+    size_mm, patch_mm : float
+        Sides of the square and of a patch.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table ``places.csv``: ``place, kind, x_mm, y_mm, exposure_N_per_mm`` (mean over the
+        place) and ``touched`` (its highest value in the place). E1 is the most exposed; C1 lies
+        farthest from what is touched.
+    """
+    candidates = _candidates(found, size_mm, patch_mm)
+    left = {EXPOSED: candidates.exposure.copy(), CONTROL: candidates.away.copy()}
+    rows = []
+    for kind, count in COUNTS.items():
+        for number in range(1, count + 1):
+            at = np.unravel_index(left[kind].argmax(), left[kind].shape)
+            if left[kind][at] <= 0:
+                _warn_of_few(kind, number - 1, count)
+                break
+            row, column = map(int, at)
+            gaps = candidates.gaps(row, column, patch_mm)
+            left[EXPOSED][gaps < 0] = 0
+            left[CONTROL] = np.minimum(left[CONTROL], gaps)
+            rows.append(
+                {
+                    "place": f"{kind[0].upper()}{number}",
+                    "kind": kind,
+                    "x_mm": float(candidates.centres[column]),
+                    "y_mm": float(candidates.centres[row]),
+                    "exposure_N_per_mm": candidates.exposure[row, column],
+                    "touched": candidates.touched[row, column],
+                }
+            )
+    return pd.DataFrame(rows, columns=columns_of("places"))
+
+
+class _Candidates(NamedTuple):
+    """All places of a patch's size in the square, (n, n) by their centres along y and x.
+
+    Attributes
+    ----------
+    centres : (n,) ndarray
+        Along either axis, mm.
+    exposure : (n, n) ndarray
+        Mean over the place, N/mm.
+    touched : (n, n) ndarray
+        Highest value in the place.
+    away : (n, n) ndarray
+        How far (mm) the place lies from what is touched; 0 if it is touched itself.
+    """
+
+    centres: np.ndarray
+    exposure: np.ndarray
+    touched: np.ndarray
+    away: np.ndarray
+
+    def gaps(self, row: int, column: int, patch_mm: float) -> np.ndarray:
+        """How far (mm) one place lies from all others; below 0 where they overlap."""
+        apart_y = np.abs(self.centres - self.centres[row])
+        apart_x = np.abs(self.centres - self.centres[column])
+        return np.maximum.outer(apart_y, apart_x) - patch_mm + _ROUNDING
+
+
+def _candidates(found: xr.Dataset, size_mm: float, patch_mm: float) -> _Candidates:
+    element = spacing_of(found)[0]
+    centres = _centres(element, size_mm, patch_mm)
+    share_y = _shares(found.y, centres, patch_mm)
+    share_x = _shares(found.x, centres, patch_mm)
+    exposure = share_y @ found.exposure.values @ share_x.T
+    within = share_y > 0, share_x > 0
+    touched = _highest(found.touched.values, *within)
+    untouched = found.touched.values == 0
+    steps = scipy.ndimage.distance_transform_cdt(untouched, "chessboard")
+    away = -element * _highest(-steps, *within)
+    return _Candidates(centres, exposure, touched, np.where(touched > 0, 0.0, away))
+
+
+def _centres(element: float, size_mm: float, patch_mm: float) -> np.ndarray:
+    """Centres (mm), along either axis, of the places that fit in the square."""
+    first, last = patch_mm / 2 - _ROUNDING, size_mm - patch_mm / 2 + _ROUNDING
+    whole = np.arange(np.ceil(first / element), np.floor(last / element) + 1) * element
+    # of a patch as wide as the square there is one place only
+    return whole if len(whole) else np.array([size_mm / 2])
+
+
+def _shares(along: xr.DataArray, centres: np.ndarray, patch_mm: float) -> np.ndarray:
+    """Share (places, elements) of a place's side that lies in each element of an axis."""
+    half = along.attrs["spacing"] / 2
+    ends = (
+        np.minimum(along.values + half, centres[:, None] + patch_mm / 2),
+        np.maximum(along.values - half, centres[:, None] - patch_mm / 2),
+    )
+    shares = (ends[0] - ends[1]) / patch_mm
+    return np.where(shares > _ROUNDING, shares, 0)
+
+
+def _highest(values: np.ndarray, along_y: np.ndarray, along_x: np.ndarray) -> np.ndarray:
+    """Highest of the values (ny, nx) in each place, from the elements in it along both axes."""
+    rows = np.stack([values[of].max(axis=0) for of in along_y])
+    return np.stack([rows[:, of].max(axis=1) for of in along_x], axis=1)
+
+
+def _warn_of_few(kind: str, there: int, asked: int) -> None:
+    reason = {EXPOSED: "the rest of the square is not touched", CONTROL: "all else is touched"}
+    _log.warning(
+        "%d of %d %s places fit in the square, as %s: make square.size_mm larger or scans.size_mm "
+        "smaller for more",
+        there,
+        asked,
+        kind,
+        reason[kind],
+    )
+
+
+class Concentration(NamedTuple):
+    """How the exposure is spread.
+
+    Attributes
+    ----------
+    in_square : float
+        Share of the face's exposure that lies in the square.
+    half_area : float
+        Smallest share of the square's area that holds half of the square's exposure.
+    in_places, places_area : float
+        Share of the square's exposure, and of its area, in the exposed places.
+    """
+
+    in_square: float
+    half_area: float
+    in_places: float
+    places_area: float
+
+
+def concentration(
+    found: xr.Dataset, places: pd.DataFrame, *, size_mm: float, patch_mm: float
+) -> Concentration:
+    """How the exposure is spread over face, square and places, from `propose_places`.
+
+    Warns if most of it lies beside the square.
+    """
+    inside = square_of(found.exposure, size_mm).values
+    in_square = float(inside.sum() / found.exposure.sum())
+    if in_square < _LEAST_INSIDE:
+        _log.warning(
+            "%.0f %% of the exposure lies outside the square, where no place is proposed: move "
+            "square.points_mm there, or make square.size_mm larger",
+            100 * (1 - in_square),
+        )
+    falling = np.sort(inside, axis=None)[::-1].cumsum()
+    half = int(np.searchsorted(falling, falling[-1] / 2)) + 1
+    proposed = places.exposure_N_per_mm[places.kind == EXPOSED]
+    area = patch_mm**2 / size_mm**2
+    of_places = float(proposed.sum() * area / inside.mean())
+    return Concentration(in_square, half / inside.size, of_places, len(proposed) * area)

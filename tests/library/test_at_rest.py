@@ -1,0 +1,326 @@
+"""The stone at rest: force and moments balance, and no plane of a frame or a mesh decides anything.
+
+Each level lies in the one above as a patch lies in the face: at its resolution, it is the same
+contact again.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gst.config import complete, read_config
+from gst.patches import read_patches
+from gstlib.composite import plane_under
+from gstlib.contact import (
+    Loading,
+    contact_at_pressure,
+    contact_path,
+    faces_of,
+    load_force,
+    load_point,
+)
+from gstlib.counterface import rounded_counterface
+from gstlib.coupling import placed_faces
+from gstlib.geometry import Place, on_patch, spline_of, square_of
+from gstlib.preprocess.leveling import Plane, remove_plane
+from gstlib.reference import press_whole
+from gstlib.specimen.generate import make_specimen
+from gstlib.specimen.randomness import SpecimenParameters, smooth_field
+from gstlib.study import Study
+from gstlib.surface import make_surface, spacing_of
+from scipy.spatial.transform import Rotation
+
+CONFIG = Path(__file__).parents[2] / "config"
+MODULUS = 1e4
+# A face of 6 mm around a square of 3 mm, whose corner is at (0, 0).
+SIZE, ELEMENT, COUNT, AROUND = 3.0, 0.1, 60, 15
+SOURCE = {"source": "face"}
+
+
+def around_square(heights):
+    """A face (y, x) in the coordinates of its square."""
+    face = make_surface(heights, ELEMENT)
+    shift = AROUND * ELEMENT
+    return face.assign_coords({axis: face[axis].copy(data=face[axis] - shift) for axis in "yx"})
+
+
+def rough(seed=1):
+    waves = smooth_field(np.random.default_rng(seed), COUNT, ELEMENT, 0.4)
+    return around_square(2e-3 * waves.astype(float))
+
+
+def plane(face, slope_y, slope_x):
+    heights = slope_y * face.y.values[:, None] + slope_x * face.x.values
+    return face.copy(data=face.values + heights)
+
+
+def at_rest(face, counterface=None, *, force_N=300.0, through=(1.6, 1.3), tolerance=1e-9):
+    given = {"contact_modulus_MPa": MODULUS, "tolerance": tolerance}
+    loading = Loading.by_force(force_N, through, face, **given)
+    return contact_at_pressure(faces_of(face, counterface), loading, **SOURCE)
+
+
+def force_and_centre(contact):
+    """Force (N) and the place (y, x), mm, through which the pressures act."""
+    forces = contact.pressure * np.prod(spacing_of(contact))
+    force = float(forces.sum())
+    return force, [float((forces * contact[axis]).sum()) / force for axis in "yx"]
+
+
+# --- A study -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def study():
+    """Studies of the tiny specimen, its mesh turned and the config changed."""
+    given = read_config(CONFIG / "tiny.yaml")
+    patches = read_patches(CONFIG / "patches_tiny.tsv", size_mm=5.0, patch_size_mm=0.85)
+    made = make_specimen(patches, SpecimenParameters(**given["specimen"]), square_mm=5.0, grid=40)
+    prepared = {}
+
+    def study(turn_mrad=(0.0, 0.0), **sections):
+        mesh = made.mesh.copy()
+        _, first, last = np.array(given["square"]["points_mm"])
+        middle, axes = (first + last) / 2, Rotation.from_rotvec([*(1e-3 * np.array(turn_mrad)), 0])
+        mesh.vertices = axes.apply(mesh.vertices - middle) + middle
+        options = {"read_mesh": lambda: mesh, "read_scan": lambda *of: made.scans[of]}
+        found = Study(complete(given | sections), patches, **options, kept=prepared)
+        for patch in patches.patch:
+            key = ("prepared", patch, "T0")
+            prepared.setdefault(key, found.prepared(patch, "T0"))
+        return found
+
+    return study
+
+
+@pytest.mark.parametrize("coupling", ["placed", "levelled"])
+def test_a_mesh_that_lies_askew_in_its_frame_has_the_same_pressures(study, coupling):
+    """By some mrad, which would move the contact to the edge of the face if the frame decided."""
+    straight, askew = (study(turn, coupling=coupling) for turn in ((0, 0), (4.0, -3.0)))
+    pressures = [one.pressures().pressure_MPa for one in (straight, askew)]
+    assert (pressures[0] > 1).sum() >= 3
+    # where vertices lie, and what is drawn between scans, changes a little
+    np.testing.assert_allclose(pressures[1], pressures[0], atol=0.03 * pressures[0].max())
+    for slope in ("slope_y", "slope_x"):
+        assert abs(float(askew.contact()[slope]) - float(straight.contact()[slope])) < 2e-4
+
+
+@pytest.mark.parametrize(
+    ("load", "force_N", "point"),
+    [
+        ({"force_N": 400.0, "at_mm": [3.2, 2.1]}, 400.0, (2.1, 3.2)),
+        ({"pressure_MPa": 20.0}, 500.0, (2.5, 2.5)),
+    ],
+    ids=["N", "MPa"],
+)
+def test_the_forces_of_the_face_are_the_load_and_act_at_its_point(study, load, force_N, point):
+    found = study(load=load)
+    contact, load = found.contact(), found.config["load"]
+    force, centre = force_and_centre(contact)
+    assert force == pytest.approx(force_N, rel=1e-9)
+    np.testing.assert_allclose(centre, point, atol=1e-6)
+    assert load_force(load, 5.0) == force_N
+    assert load_point(load, 5.0) == Loading.of(contact).through == point
+
+
+def test_the_papers_square_stays_on_its_plane_under_a_flat(study):
+    found = study(coupling="levelled")
+    contact = found.contact()
+    assert contact.pressure.shape == (40, 40)
+    assert float(contact.slope_y) == float(contact.slope_x) == 0
+    assert not contact.counterface.any()
+    assert abs(float(contact.height.mean())) < 1e-9
+    assert float(contact.pressure.mean()) == pytest.approx(22.0, rel=1e-9)
+    beside = study().square_contact()
+    np.testing.assert_allclose(beside.pressure.mean(), 22.0)
+
+
+# --- Planes and points of force ------------------------------------------------------------------
+
+
+def test_a_plane_changes_the_tilt_by_itself_and_nothing_else():
+    face = rough()
+    over = rounded_counterface(face, 80.0, (1.5, 1.5))
+    straight, askew = at_rest(face, over), at_rest(plane(face, 5e-3, -8e-3), over)
+    scale = float(straight.pressure.max())
+    np.testing.assert_allclose(askew.pressure, straight.pressure, atol=1e-5 * scale)
+    for slope, by in (("slope_y", 5e-3), ("slope_x", -8e-3)):
+        assert float(askew[slope]) == pytest.approx(float(straight[slope]) - by, abs=1e-9)
+    force, centre = force_and_centre(straight)
+    assert force == pytest.approx(300.0, rel=1e-9)
+    np.testing.assert_allclose(centre, (1.6, 1.3), atol=1e-6)
+    fixed = faces_of(face, over)
+    fixed = contact_at_pressure(fixed, Loading.of(straight)._replace(through=None), **SOURCE)
+    assert abs(fixed.pressure - straight.pressure).max() > 0.1 * scale
+
+
+def test_the_load_path_of_a_face_at_rest_ends_at_its_contact():
+    face = plane(rough(), 3e-3, 2e-3)
+    contact = at_rest(face)
+    settings = {"steps": 5, "maximum_displacement_um": 100.0, "every_step": True}
+    path = contact_path(faces_of(face), Loading.of(contact), **SOURCE, **settings)
+    scale = float(contact.pressure.max())
+    np.testing.assert_allclose(path.pressure, contact.pressure, atol=1e-5 * scale)
+    assert float(path.displacement) == pytest.approx(float(contact.displacement), rel=1e-6)
+    for name in ("slope_y", "slope_x", "through_y", "through_x", "target_pressure"):
+        assert float(path[name]) == pytest.approx(float(contact[name]), abs=1e-9), name
+    np.testing.assert_array_equal(path.height, face)
+    assert (path.path_mean_pressure.diff("step") > 0).all()
+    assert float(path.path_mean_pressure[-1]) == pytest.approx(300 / (COUNT * ELEMENT) ** 2)
+
+
+def test_a_force_through_the_air_tips_the_stone_over():
+    face = rough()
+    face[:, 20:] = np.nan
+    with pytest.raises(Exception, match="tips over") as caught:
+        at_rest(face, through=(1.5, 1.5))
+    assert type(caught.value).__name__ == "InputError"
+
+
+# --- What meets the face -------------------------------------------------------------------------
+
+
+def hertz(face, radius, force_N, centre):
+    """Pressure (ny, nx), MPa, of a sphere on a flat."""
+    half_width = (3 * force_N * radius / (4 * MODULUS)) ** (1 / 3)
+    peak = 3 * force_N / (2 * np.pi * half_width**2)
+    y, x = (face[axis].values - at for axis, at in zip("yx", centre, strict=True))
+    within = 1 - (y[:, None] ** 2 + x**2) / half_width**2
+    return peak * np.sqrt(np.clip(within, 0, None)), peak
+
+
+@pytest.mark.parametrize("own_radius", [None, -120.0, 60.0])
+def test_a_rounded_stone_touches_as_hertz_says(own_radius):
+    """A flat, a hollow and a round face: 1/R = 1/R₁ + 1/R₂, below the point of force."""
+    radius, through = 40.0, (1.7, 1.3)
+    face = around_square(np.zeros((COUNT, COUNT)))
+    if own_radius is not None:
+        face = rounded_counterface(face, own_radius, (1.5, 1.5))
+    contact = at_rest(face, rounded_counterface(face, radius, (1.5, 1.5)), through=through)
+    both = 1 / (1 / radius + (0 if own_radius is None else 1 / own_radius))
+    expected, peak = hertz(face, both, 300.0, through)
+    assert np.sqrt(np.mean((contact.pressure.values - expected) ** 2)) < 0.01 * peak
+    assert float(contact.pressure.max()) == pytest.approx(peak, rel=0.02)
+    # it rolls until its summit faces the force
+    for slope, at in (("slope_y", through[0]), ("slope_x", through[1])):
+        assert float(contact[slope]) == pytest.approx((at - 1.5) / both, abs=1e-6)
+
+
+def test_where_the_summit_of_a_round_stone_lies_changes_nothing_at_rest():
+    face = rough()
+    here, there = (
+        at_rest(face, rounded_counterface(face, 50.0, middle))
+        for middle in ((1.5, 1.5), (2.2, 0.9))
+    )
+    scale = float(here.pressure.max())
+    np.testing.assert_allclose(there.pressure, here.pressure, atol=1e-5 * scale)
+    by = float(there.slope_y - here.slope_y), float(there.slope_x - here.slope_x)
+    np.testing.assert_allclose(by, (-0.7 / 50, 0.6 / 50), atol=1e-8)
+
+
+def test_where_there_is_no_stone_nothing_is_borne():
+    """As if the face fell away there, for the contact and for the planes under patches."""
+    face = rough()
+    cut = face.copy()
+    cut[:4], cut[:, -7:] = np.nan, np.nan
+    absent = np.isnan(cut.values)
+    contact = at_rest(cut)
+    assert not contact.pressure.values[absent].any()
+    assert np.isnan(contact.gap.values[absent]).all()
+    pit = at_rest(cut.fillna(-1.0))
+    scale = float(pit.pressure.max())
+    np.testing.assert_allclose(contact.pressure, pit.pressure, atol=1e-5 * scale)
+    force, centre = force_and_centre(contact)
+    assert force == pytest.approx(300.0, rel=1e-9)
+    np.testing.assert_allclose(centre, (1.6, 1.3), atol=1e-6)
+    # a missing active stone bears as little as a missing passive one
+    over = 0 * face.where(~absent)
+    other = at_rest(face, over)
+    np.testing.assert_allclose(other.pressure, contact.pressure, atol=1e-5 * scale)
+    for place in (Place(1.5, 1.5, 0.0), Place(1.2, 1.4, 25.0)):
+        found = plane_under(spline_of(cut), place, 0.8)
+        whole = plane_under(spline_of(face), place, 0.8)
+        assert abs(found.offset - whole.offset) < 1e-6
+        np.testing.assert_allclose(
+            (found.slope_y, found.slope_x), (whole.slope_y, whole.slope_x), atol=1e-6
+        )
+
+
+# --- A level within the one above ----------------------------------------------------------------
+
+
+@pytest.fixture(scope="module", params=[None, 60.0], ids=["flat", "round"])
+def larger(request):
+    """The contact of the face at rest, askew, so that its tilt matters."""
+    face = plane(rough(), 6e-3, -4e-3)
+    return at_rest(face, rounded_counterface(face, request.param, (1.5, 1.5)), force_N=900.0)
+
+
+def placed(larger, place, size, *, laid=True):
+    """The contact of a piece that is cut out of a larger one and placed in it, at its force."""
+    count = round(size / ELEMENT)
+    piece = make_surface(on_patch(spline_of(larger.height), place, (count, count), size), ELEMENT)
+    own = Plane(0.0, 0.0, 0.0)
+    if laid:  # as a scan, level, on a plane of its own
+        piece, own = remove_plane(piece)
+    slopes = own.slope_y, own.slope_x
+    faces = placed_faces(piece, None, larger, place, size_mm=size, slopes=slopes)
+    expected = on_patch(spline_of(larger.pressure), place, (count, count), size)
+    loading = Loading(MODULUS, float(expected.mean()), 1e-9)
+    return contact_at_pressure(faces, loading, **SOURCE), expected
+
+
+@pytest.mark.parametrize("laid", [False, True], ids=["as it is", "levelled"])
+@pytest.mark.parametrize("rotation", [0.0, 90.0, -90.0, 180.0])
+def test_a_square_placed_in_a_larger_contact_has_its_pressures(larger, rotation, laid):
+    place = Place(2.2, 2.0, rotation)
+    contact, expected = placed(larger, place, 1.2, laid=laid)
+    scale = float(larger.pressure.max())
+    assert (expected > 0.2 * scale).sum() > 5
+    assert 0.05 < (expected > 1e-9).mean() < 0.97
+    np.testing.assert_allclose(contact.pressure, expected, atol=1e-3 * scale)
+
+
+def test_the_tilt_of_the_larger_one_and_what_presses_around_are_needed(larger):
+    """A square that is levelled, or alone, or turned against the tilt, is another contact."""
+    place = Place(2.2, 2.0, 90.0)
+    contact, expected = placed(larger, place, 1.2)
+    scale = float(larger.pressure.max())
+    loading = Loading.of(contact)
+    for change in (
+        {"slope_y": -contact.slope_y},
+        {"slope_x": 0 * contact.slope_x},
+        {"surroundings": 0 * contact.surroundings},
+    ):
+        faces = contact.assign(change)[["height", "counterface", "surroundings", "placed"]]
+        faces = faces.assign({s: contact.assign(change)[s] for s in ("slope_y", "slope_x")})
+        other = contact_at_pressure(faces, loading, **SOURCE)
+        assert np.abs(other.pressure - expected).max() > 0.02 * scale, change
+
+
+def test_a_scan_turned_by_any_angle_lies_on_the_turned_plane(larger):
+    """Its plane (mm) at its own points is that of the larger one, where they lie on it."""
+    piece = make_surface(np.zeros((12, 12)), 0.1)
+    place = Place(1.6, 1.4, 33.0)
+    faces = placed_faces(piece, None, larger, place, size_mm=1.2)
+    at = (np.arange(12) - 5.5) * 0.1
+    v, u = at[:, None], at
+    y, x = place.points(v, u)
+    laid = float(faces.slope_y) * v + float(faces.slope_x) * u
+    tilt = float(larger.slope_y), float(larger.slope_x)
+    expected = tilt[0] * (y - place.y_mm) + tilt[1] * (x - place.x_mm)
+    np.testing.assert_allclose(laid, expected, atol=1e-12)
+    assert np.ptp(expected) > 1e-3
+
+
+def test_the_square_at_the_faces_resolution_is_the_face_again(larger):
+    """The reference, placed in the face: its plane, its surroundings, its share of the force."""
+    found = press_whole(square_of(larger.height, SIZE), larger)
+    inside = square_of(larger.pressure, SIZE)
+    scale = float(inside.max())
+    assert 0.1 < float(inside.sum() / larger.pressure.sum()) < 0.995
+    np.testing.assert_allclose(found.pressure, inside, atol=0.01 * scale)
+    assert float(found.pressure.sum()) == pytest.approx(float(inside.sum()), rel=1e-4)
+    np.testing.assert_allclose(
+        found.height, remove_plane(square_of(larger.height, SIZE))[0], atol=1e-7
+    )

@@ -1,0 +1,97 @@
+"""Doubts about a contact: each is raised by what it names, and by nothing else."""
+
+import numpy as np
+import pytest
+from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.doubts import contact_doubts
+from gstlib.surface import make_surface
+
+SIDE, COUNT = 6.0, 60  # mm, elements
+
+
+def pressed(height, *, force=200.0, through=(3.0, 3.0), element=SIDE / COUNT):
+    surface = make_surface(height, element)
+    pressed = {"contact_modulus_MPa": 1e4, "tolerance": 1e-6}
+    loading = Loading.by_force(force, through, surface, **pressed)
+    return contact_at_pressure(faces_of(surface), loading, source="test")
+
+
+def places():
+    along = (np.arange(COUNT) + 0.5) * SIDE / COUNT - SIDE / 2
+    return np.meshgrid(along, along, indexing="ij")
+
+
+def domes(*middles, radius=20.0):
+    """Heights of domes about some middles (y, x), from the middle of the surface."""
+    y, x = places()
+    of = [-((y - b) ** 2 + (x - a) ** 2) / (2 * radius) for b, a in middles]
+    return np.max(of, axis=0)
+
+
+TRIANGLE = (-1.2, -1.2), (-1.2, 1.2), (1.4, 0.0)
+
+
+def said(contact, **settings):
+    return list(contact_doubts(contact, **{"size_mm": SIDE, "patch_mm": 0.8} | settings))
+
+
+def test_a_sound_contact_raises_no_doubt():
+    assert said(pressed(domes(*TRIANGLE))) == []
+
+
+def test_load_at_the_edge_of_what_is_pressed():
+    flat = np.zeros((COUNT, COUNT))
+    (doubt,) = said(pressed(flat, through=None))
+    # a flat punch bears far more at its edges than their share of the area
+    share = float(doubt.split(" % of the force")[0])
+    assert share > 100 * (1 - 0.96**2)
+
+
+def test_load_at_the_edge_of_the_stone_within_the_face():
+    y, x = places()
+    ends = np.where(abs(x) < 1.5, 0.0, np.nan) + 0 * y
+    cut = said(pressed(ends, through=None))
+    assert any("the stone goes on there, or ends" in doubt for doubt in cut)
+
+
+def test_a_pressure_that_no_stone_bears():
+    height = domes(*TRIANGLE)
+    height[30, 30] += 0.2
+    doubts = said(pressed(height, force=900.0))
+    assert any("more than any stone bears" in doubt for doubt in doubts)
+
+
+def test_a_force_near_the_outline_of_what_touches():
+    contact = pressed(domes(*TRIANGLE), force=0.5, through=(1.83, 3.0))
+    (doubt,) = said(contact)
+    distance = float(doubt.split("only ")[1].split(" mm inside")[0])
+    assert 0 <= distance < 0.02 * SIDE
+
+
+def test_stones_that_touch_in_a_single_place():
+    height = np.full((COUNT, COUNT), -1.0)
+    height[30, 30] = 0.0
+    middle = 30.5 * SIDE / COUNT
+    doubts = said(pressed(height, force=1.0, through=(middle, middle)))
+    assert any("in a single place" in doubt for doubt in doubts)
+
+
+@pytest.mark.parametrize(("patch_mm", "count"), [(0.8, 0), (0.49, 1), (None, 0)])
+def test_elements_too_coarse_for_a_patch(patch_mm, count):
+    doubts = said(pressed(domes(*TRIANGLE)), patch_mm=patch_mm)
+    assert len(doubts) == count
+    assert all(f"{patch_mm:g} mm is {patch_mm / 0.1:.1f} elements" in doubt for doubt in doubts)
+
+
+def test_a_square_that_bears_little_of_the_force():
+    far = tuple((y + 1.0, x + 1.0) for y, x in TRIANGLE)
+    contact = pressed(domes(*far), through=(4.0, 4.0))
+    doubts = said(contact, size_mm=1.0)
+    assert any(doubt.startswith("only") and "in the square" in doubt for doubt in doubts)
+
+
+def test_a_stone_that_rests_steeply():
+    _, x = places()
+    contact = pressed(domes(*TRIANGLE) + 0.25 * x)
+    (doubt,) = said(contact)
+    assert float(doubt.split("tilted by ")[1].split(" mrad")[0]) == pytest.approx(250, rel=0.05)

@@ -1,0 +1,102 @@
+"""Places to scan, on fields of which the best places are known."""
+
+import logging
+
+import numpy as np
+import pytest
+import xarray as xr
+from gstlib.places import CONTROL, COUNTS, EXPOSED, concentration, propose_places
+from gstlib.surface import make_surface
+
+SIZES = {"size_mm": 5.0, "patch_mm": 0.8}
+ELEMENT, AROUND = 0.1, 20
+
+
+@pytest.fixture
+def found():
+    """A face of 9 mm around a square of 5; nothing touches."""
+    field = make_surface(np.zeros((90, 90)), ELEMENT)
+    shifted = {axis: field[axis].copy(data=field[axis].values - 2.0) for axis in "yx"}
+    field = field.assign_coords(shifted)
+    return xr.Dataset({"exposure": field, "touched": field.copy()})
+
+
+def rub(found, y_mm, x_mm, size_mm, exposure):
+    """Expose a square spot about a place, from corner to corner of elements."""
+    at = (abs(found.y - y_mm) < size_mm / 2) & (abs(found.x - x_mm) < size_mm / 2)
+    found["exposure"] += exposure * at
+    found["touched"] = found.touched.where(~at, 0.5)
+    return found
+
+
+def gaps(places):
+    """How far (mm) the outlines of any two places lie apart along the axis on which they do."""
+    x, y = (places[axis].to_numpy() for axis in ("x_mm", "y_mm"))
+    apart = np.maximum(abs(x[:, None] - x), abs(y[:, None] - y)) - SIZES["patch_mm"]
+    return apart[~np.eye(len(places), dtype=bool)]
+
+
+def test_spots_are_found_in_the_order_of_their_exposure(found):
+    rub(found, 1.0, 4.0, 0.8, 10.0)
+    rub(found, 3.0, 2.0, 0.8, 40.0)
+    rub(found, 4.6, 0.4, 0.4, 40.0)  # half as wide: a quarter of the mean, touching the corner
+    rub(found, -1.0, 2.0, 0.8, 90.0)  # outside the square
+    places = propose_places(found, **SIZES)
+    exposed = places[places.kind == EXPOSED]
+    np.testing.assert_allclose(exposed.exposure_N_per_mm, [40, 10, 10], rtol=1e-12)
+    np.testing.assert_allclose(exposed.iloc[0][["x_mm", "y_mm"]].astype(float), [2.0, 3.0])
+    assert places.place.tolist()[:4] == ["E1", "E2", "E3", "C1"]
+    assert (exposed.touched == 0.5).all()
+
+
+def test_places_do_not_overlap_and_lie_in_the_square(found):
+    noise = np.random.default_rng(3).exponential(size=found.exposure.shape)
+    found["exposure"] += noise * (found.x.values < 2.5)
+    found["touched"] += 1.0 * (found.x < 2.5)
+    places = propose_places(found, **SIZES)
+    assert places.kind.value_counts().to_dict() == COUNTS
+    assert gaps(places).min() > -1e-9
+    for axis in ("x_mm", "y_mm"):
+        assert places[axis].between(0.4 - 1e-9, 4.6 + 1e-9).all()
+    falling = places.exposure_N_per_mm[places.kind == EXPOSED]
+    assert falling.is_monotonic_decreasing
+
+
+def test_controls_are_never_touched_and_lie_far_from_what_is(found, caplog):
+    rub(found, 2.5, 0.5, 1.0, 5.0)
+    found["touched"][45, 30] = (
+        1e-3  # one element of one pose: exposure so small that it rounds to 0
+    )
+    places = propose_places(found, **SIZES)
+    controls = places[places.kind == CONTROL]
+    assert len(controls) == COUNTS[CONTROL]
+    assert (controls.touched == 0).all()
+    assert (controls.exposure_N_per_mm == 0).all()
+    np.testing.assert_allclose(controls.iloc[0].x_mm, 4.6)  # the far side
+    touched = found.y[45].item(), found.x[30].item()
+    away = np.maximum(abs(controls.y_mm - touched[0]), abs(controls.x_mm - touched[1]))
+    assert (away > 0.4).all()
+    assert "exposed places fit" in caplog.text  # the one spot holds fewer than are asked for
+
+
+def test_patches_of_broken_elements_are_summed_exactly(found):
+    """Elements at the edge count by the share of their area inside."""
+    found["exposure"] += 7.0
+    found["touched"] += 1.0
+    places = propose_places(found, size_mm=5.0, patch_mm=0.85)
+    np.testing.assert_allclose(places.exposure_N_per_mm, 7.0, rtol=1e-12)
+    (whole,) = propose_places(found, size_mm=5.0, patch_mm=5.0).itertuples()
+    assert (whole.x_mm, whole.y_mm) == (2.5, 2.5)
+
+
+def test_what_lies_beside_the_square_is_said(found, caplog):
+    rub(found, 2.5, 2.5, 0.8, 1.0)
+    rub(found, -1.0, 2.5, 0.8, 3.0)
+    places = propose_places(found, **SIZES)
+    with caplog.at_level(logging.WARNING):
+        held = concentration(found, places, **SIZES)
+    assert "75 % of the exposure lies outside the square" in caplog.text
+    assert held.in_square == pytest.approx(0.25)
+    assert held.half_area == pytest.approx(0.5 * 0.8**2 / 25, rel=0.05)
+    assert held.in_places == pytest.approx(1.0)
+    assert held.places_area == pytest.approx(0.8**2 / 25)

@@ -1,0 +1,103 @@
+"""Before anything is scanned: a tiny study of a mesh alone, and one of the proposed places."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from conftest import fresh
+from gstlib.geometry import FRAME, stored_frame
+from gstlib.io.meshes import read_mesh
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import read_table
+
+GESTURE = {"wander_mm": 0.5, "poses": 6}
+
+
+@pytest.fixture(scope="module")
+def where(tmp_path_factory):
+    study = fresh(tmp_path_factory.mktemp("mesh_only"))
+    study.change(results="results-where", patches=None, gesture=GESTURE)
+    study.succeed()
+    return study
+
+
+def test_what_needs_scans_is_left_out(where):
+    tables = {"inputs", "gridding", "macroscale_path", "places"}
+    assert {name.removesuffix(".csv") for name in where.tables()} == tables
+    assert not list(where.results.glob("specimen/scans/*"))
+    assert where.planned() == set()
+
+
+def test_places_hold_the_exposure_of_their_footprints(where):
+    places = read_table(where.results / "tables/places.csv")
+    found = read_dataset(where.results / "gesture/exposure.h5", only=["exposure", "touched"])
+    for place in places.itertuples():
+        # whole elements well inside, and all that the place reaches
+        inner, outer = (
+            found.where(
+                (abs(found.x - place.x_mm) < half) & (abs(found.y - place.y_mm) < half), drop=True
+            )
+            for half in (0.3, 0.5)
+        )
+        low, high = (float(of.exposure.sum()) * 0.125**2 / 0.85**2 for of in (inner, outer))
+        assert low <= place.exposure_N_per_mm * (1 + 1e-4) <= high * (1 + 1e-3) + 1e-9
+        assert float(inner.touched.max()) <= place.touched + 1e-4
+    assert (places.touched[places.kind == "control"] == 0).all()
+    assert places.exposure_N_per_mm[0] > 5 * places.exposure_N_per_mm[7]
+
+
+def vertices_of(file):
+    """Coordinates and numbers of a binary PLY, read without a library."""
+    header, _, rest = file.read_bytes().partition(b"end_header\n")
+    lines = header.decode("ascii").splitlines()
+    count = int(next(line.split()[2] for line in lines if line.startswith("element vertex")))
+    names = [line.split()[-1] for line in lines if line.startswith("property float")]
+    numbers = np.frombuffer(rest, "<f4", count * len(names)).reshape(count, -1)
+    return dict(zip(names, numbers.T, strict=True))
+
+
+def test_the_tool_keeps_its_coordinates_and_has_the_fields(where):
+    read = vertices_of(where.results / "tool.ply")
+    mesh = read_mesh(where.results / "specimen/mesh.stl", unit="mm")
+    points = np.column_stack([read[axis] for axis in "xyz"])
+    ours = {tuple(point) for point in points}
+    assert all(tuple(vertex) in ours for vertex in mesh.vertices.astype(np.float32))
+    contact = read_dataset(where.results / "macroscale/contact.h5", only=["pressure"])
+    gesture = read_dataset(where.results / "gesture/exposure.h5", only=["exposure"])
+    frame = stored_frame(read_dataset(where.results / "macroscale/surface.h5", only=FRAME))
+    x, y, z = frame.to_frame(points).T
+    middle = (abs(x - 2.5) < 4) & (abs(y - 2.5) < 4) & (abs(z) < 1)
+    at = {axis: xr.DataArray(of[middle], dims="p") for axis, of in (("x", x), ("y", y))}
+    fields = {"pressure_MPa": contact.pressure, "exposure_N_per_mm": gesture.exposure}
+    for name, field in fields.items():
+        expected = field.sel(at, method="nearest").values
+        same = np.isclose(read[f"scalar_{name}"][middle], expected, rtol=1e-5)
+        assert same.mean() > 0.99  # on the line between two elements, either is right
+        assert read[f"scalar_{name}"].max() > 0
+        assert (read[f"scalar_{name}"][z < -2] == 0).all()
+
+
+def test_the_page_says_where_to_scan(where):
+    page = (where.results / "index.html").read_text(encoding="utf-8")
+    assert "Scan E1 to E8" in page
+    assert page.index("Scan E1") < page.index('id="viewer"') < page.index("Where to scan</h2>")
+    assert "N/mm</span>" in page
+    assert "where does it wear" not in page
+    assert (where.results / "figures/places.pdf").read_bytes().startswith(b"%PDF")
+    assert (where.results / "figures/places.png").stat().st_size > 20_000
+    where.succeed("--report", str(where.folder / "report.html"))
+
+
+def test_check_says_what_will_be_proposed(where):
+    said = where.gst("check", where.config)
+    assert said.returncode == 0, said.stderr
+    assert "8 places of 0.85 mm are proposed for scanning" in said.stdout
+
+
+def test_the_proposed_places_are_a_patch_table(where):
+    """The specimen's scans are taken there; what was proposed as exposed bears the load."""
+    where.change(results="results-then", patches="results-where/tables/places.csv", gesture=None)
+    where.succeed("results-then/tables/patch_pressures.csv", "results-then/tables/registration.csv")
+    pressures = read_table(where.results / "tables/patch_pressures.csv").set_index("patch")
+    assert pressures.force_N["E1"] > 0
+    assert pressures.force_N.filter(regex="^C").sum() < 0.05 * pressures.force_N.sum()
+    assert (where.results / "specimen/scans/E1_T1.plu").exists()

@@ -1,0 +1,17 @@
+"""Propose places to scan: the most exposed ones, and some that nothing touches."""
+
+from pathlib import Path
+
+from gst.logs import run_script
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import write_table
+from gstlib.places import propose_places
+
+
+def main(exposure: Path, table: Path, *, size_mm: float, patch_mm: float) -> None:
+    found = read_dataset(exposure, only=["exposure", "touched"])
+    write_table(table, propose_places(found, size_mm=size_mm, patch_mm=patch_mm))
+
+
+if "snakemake" in globals():
+    run_script(snakemake, main)
