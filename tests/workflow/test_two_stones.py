@@ -120,6 +120,8 @@ def test_a_flat_second_stone_changes_no_digit(tiny):
     flat = trimesh.creation.box((12, 12, 1), trimesh.transformations.translation_matrix((7, 1, 2)))
     flat.subdivide_to_size(0.4).export(tiny.folder / "flat.stl")
     corners = [[4.5, -1.5, 2.5], [9.5, -1.5, 2.5], [4.5, 3.5, 2.5]]
+    tiny.change(counterface=None)
+    tiny.succeed()
     before = tiny.tables()
     tiny.change(counterface={"mesh": "flat.stl", "pose": {"points_mm": corners}})
     tiny.succeed()

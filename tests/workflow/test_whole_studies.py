@@ -124,7 +124,8 @@ def test_measured_files_without_t1(measured):
     assert "published.csv" in tables
     assert not {name for name in tables if name.startswith(("validation", "registr", "truth"))}
     published = read_table(measured.results / "tables/published.csv").set_index("quantity")
-    assert published.computed["mean pressure"] == pytest.approx(22, rel=1e-3)
+    # 550 N on the face of 10 mm
+    assert published.computed["mean pressure"] == pytest.approx(5.5, rel=1e-3)
     pressures = read_table(measured.results / "tables/patch_pressures.csv").set_index("patch")
     assert published.computed["patch pressure"] == pressures.pressure_MPa["13"]
     # a patch with a poor T0/T1 overlap counts when there is no T1
@@ -140,9 +141,11 @@ def test_measured_files_without_t1(measured):
 
 def test_a_rough_counterface(tiny):
     """One of the specimen's own scans: the microscale follows, all before it stays."""
+    tiny.change(counterface=None)
+    tiny.succeed()
+    flat = tiny.tables()
     shutil.copy2(tiny.results / "specimen/scans/5_T0.plu", tiny.folder / "face.plu")
     tiny.change(counterface={"scan": "face.plu"})
-    flat = tiny.tables()
     tiny.succeed()
     rough = tiny.tables()
     assert rough["microscale_summary.csv"] != flat["microscale_summary.csv"]
@@ -181,7 +184,7 @@ def test_a_study_that_no_patch_enters(tiny):
 
 def test_a_setting_of_a_sweep_is_the_study_with_that_config(tiny):
     factors = {
-        "target pressure": [{"macroscale": {"target_pressure_MPa": 26.4}}],
+        "force": [{"load": {"force_N": 660.0}}],
         "size of traces": [{"traces": {"minimum_points": 6}}],
     }
     tiny.change(sweep=factors)
@@ -190,11 +193,11 @@ def test_a_setting_of_a_sweep_is_the_study_with_that_config(tiny):
     assert (tiny.results / "figures/sweep.png").stat().st_size > 0
     assert set(table.factor.dropna()) == set(factors)
     moved = table[table.change.abs() > 1e-9].groupby("factor").output.unique()
-    assert "pressure_MPa" in moved["target pressure"]
+    assert "pressure_MPa" in moved["force"]
     assert "pressure_MPa" not in moved["size of traces"]
     assert "mean(f1)" in moved["size of traces"]
-    swept = table[(table.factor == "target pressure") & (table.output == "pressure_MPa")]
-    tiny.change(macroscale={"target_pressure_MPa": 26.4})
+    swept = table[(table.factor == "force") & (table.output == "pressure_MPa")]
+    tiny.change(load={"force_N": 660.0})
     tiny.succeed("results-tiny/tables/patch_pressures.csv", "results-tiny/tables/cases.csv")
     study = read_table(tiny.results / "tables/patch_pressures.csv")
     np.testing.assert_allclose(swept.result, study.pressure_MPa)
