@@ -188,14 +188,15 @@ def pressure_intervals(
             height = compose_grid(height, laid, patch_mm, composite.density, generator)
         over, point = nominal, through
         pose = np.random.default_rng([seed, 4, draw])
-        if counterface is not None:
-            y, x = errors.pose_um * 1e-3 * pose.standard_normal(2)
-            size_mm = float(face.size_mm)
-            over = face_in_pose(counterface, mesh, Place(y, x), size_mm=size_mm)
+        # first, so that it is the same with a second stone and without
         if through is not None:
             point = draw_point(mesh, through, errors.force_point_mm, pose)
         else:
             height = remove_plane(height)[0]
+        if counterface is not None:
+            y, x = errors.pose_um * 1e-3 * pose.standard_normal(2)
+            size_mm = float(face.size_mm)
+            over = face_in_pose(counterface, mesh, Place(y, x), size_mm=size_mm)
         loading = Loading(float(modulus), force_N / area, _TOLERANCE, point)
         contact = contact_at_pressure(faces_of(height, over), loading, source="macroscale")
         by_patch = patch_pressures(contact.pressure, places, size_mm=patch_mm)
