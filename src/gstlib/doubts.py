@@ -16,7 +16,8 @@ from gstlib.surface import spacing_of
 __all__ = ["contact_doubts"]
 
 # Along an edge, so wide a strip (over the side) is told apart. Of a sound contact it bears next to
-# nothing; a square cut out of a stone, pressed alone, bears 15 to 50 % of its load there.
+# nothing; a square cut out of a stone and pressed alone bears a quarter of its load there
+# (docs/two_scales.md).
 _EDGE, _MOST_AT_EDGE = 0.02, 0.05
 # Quartz, the hardest mineral of common stones, indents at 11 to 12 GPa.
 _STRONGEST_MPA = 12_000.0
