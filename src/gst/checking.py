@@ -99,9 +99,11 @@ def _patches(config: dict, patches: pd.DataFrame) -> str:
     """How many patches are solved; or, without any, what the study proposes."""
     size_mm = config["scans"]["size_mm"]
     if config["patches"] is not None:
+        repeats = (patches["repeat"] != "").sum()
         return (
             f"{len(patches)} of {size_mm:g} mm, {config['microscale']['steps']} steps each; "
             f"{(patches.t1 != '').sum()} with a scan after use"
+            + (f", {repeats} scanned twice without use" if repeats else "")
         )
     return (
         f"none yet: the face alone is pressed in the poses of the gesture, and {COUNTS[EXPOSED]} "

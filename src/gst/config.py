@@ -139,15 +139,16 @@ def check_files(config: Mapping, patches: "pd.DataFrame", source: str) -> None:
     ConfigError
         Its message lists every such file.
     """
+    from gst.patches import EPOCHS, at_epoch
+
     files = {"mesh": config["inputs"]["mesh"]}
     second = config["counterface"] or {}
     files |= {f"counterface's {of}": second[of] for of in ("mesh", "scan") if of in second}
     for row in patches.itertuples():
-        for epoch, name in (("T0", row.t0), ("T1", row.t1)):
-            if name:
-                files[f"patch {row.patch} at {epoch}"] = (
-                    f"{config['inputs']['scan_folder']}/{name}"
-                )
+        for column, epoch in EPOCHS.items():
+            if name := getattr(row, column):
+                what = at_epoch(row.patch, epoch)
+                files[what] = f"{config['inputs']['scan_folder']}/{name}"
     found = {what: _path_problem(path, files.values()) for what, path in files.items()}
     if faults := [f"\n  - {what}: {problem}" for what, problem in found.items() if problem]:
         raise ConfigError(

@@ -18,7 +18,7 @@ import xarray as xr
 from skimage.transform import resize_local_mean
 
 from gst.config import thinner_than_a_point
-from gst.patches import COUNTERFACE, ScanFile
+from gst.patches import COUNTERFACE, REPEAT, ScanFile, at_epoch
 from gstlib.contact import check_grid
 from gstlib.counterface import SecondStone
 from gstlib.errors import ConfigError, GstError, InputError
@@ -43,6 +43,17 @@ _MM_TO_UM = 1e3
 _FACTS = columns_of("inputs")[3:]
 # If spacings of T0 and T1 differ by more than this share, the magnifications differ.
 _SAME_SPACING = 1e-3
+# What to do where a scan of a patch has the very heights of another of its scans.
+_COPIED = {
+    "T1": {
+        "T0": "Give the scan that was made after use, or leave t1 empty in the patch table."
+    },
+    REPEAT: {
+        "T0": "Give the second scan without use, or leave repeat empty in the patch table.",
+        "T1": "Leave repeat empty if the patch was used in between, otherwise t1.",
+    },
+}
+_AT = {"T1": "at T1", REPEAT: "in its repeat"}
 # Peak memory of the contact of the whole square, bytes per point (measured at 3012²).
 _BYTES = 200
 # ASSUME: heights of one stone that differ by this factor, between two scans of a patch or, in the
@@ -167,7 +178,7 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
                 piece = cut_scan(whole, use.crop, asked.scan_settings["size_mm"])
                 check_unmeasured(piece, asked.maximum_unmeasured)
             except InputError as error:
-                named = f"{path} (patch {use.patch} at {use.epoch})" if use.epoch else path
+                named = f"{path} ({at_epoch(use.patch, use.epoch)})" if use.epoch else path
                 problems.append(InputError(named, error.problem, error.remedy))
                 continue
             facts, grid = _scan_facts(piece), (piece.shape, spacing_of(piece))
@@ -216,34 +227,44 @@ def _gridded(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> xr.Datas
 
 
 def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
-    """Refuse epochs of a patch that cannot be compared: different spacings, or equal heights."""
-    for patch in [
-        patch for patch, epoch in pieces if epoch == "T1" and (patch, "T0") in pieces
-    ]:
-        first, second = pieces[patch, "T0"], pieces[patch, "T1"]
-        (_, spacing_0), (_, spacing_1) = first.grid, second.grid
-        if not np.allclose(spacing_1, spacing_0, rtol=_SAME_SPACING, atol=0):
-            yield InputError(
-                second.path,
-                f"its points are {spacing_1[1] * _MM_TO_UM:.5g} µm apart, those of {first.path} "
-                f"{spacing_0[1] * _MM_TO_UM:.5g} µm",
-                "Scan both epochs of a patch with the same objective, or resample one.",
-            )
-        low, high = sorted((first.spread, second.spread))
-        if low and high > _UNIT_FACTOR * low:
-            yield InputError(
-                second.path,
-                f"its heights vary {second.spread / first.spread:.3g} times as much as those of "
-                f"{first.path}: one of the two is in another unit",
-                "Export both epochs of a patch in one unit; scans.unit applies to all files.",
-            )
-        # Two scans never have the same noise: one of them was copied, and would show no wear.
-        if first.content == second.content:
-            yield InputError(
-                second.path,
-                f"patch {patch} has the same heights at T1 as at T0 ({first.path})",
-                "Give the scan that was made after use, or leave t1 empty in the patch table.",
-            )
+    """Refuse scans of a patch that cannot be compared: different spacings, or equal heights."""
+    for patch, epoch in pieces:
+        if epoch in _COPIED and (patch, "T0") in pieces:
+            yield from _unlike(pieces[patch, "T0"], pieces[patch, epoch])
+            for other in _COPIED[epoch]:
+                if (patch, other) in pieces:
+                    yield from _copied(pieces, patch, epoch, other)
+
+
+def _unlike(first: _Piece, second: _Piece) -> Iterator[GstError]:
+    """Two scans of a patch that differ in spacing, or in the unit of their heights."""
+    (_, spacing_0), (_, spacing_1) = first.grid, second.grid
+    if not np.allclose(spacing_1, spacing_0, rtol=_SAME_SPACING, atol=0):
+        yield InputError(
+            second.path,
+            f"its points are {spacing_1[1] * _MM_TO_UM:.5g} µm apart, those of {first.path} "
+            f"{spacing_0[1] * _MM_TO_UM:.5g} µm",
+            "Scan both epochs of a patch with the same objective, or resample one.",
+        )
+    low, high = sorted((first.spread, second.spread))
+    if low and high > _UNIT_FACTOR * low:
+        yield InputError(
+            second.path,
+            f"its heights vary {second.spread / first.spread:.3g} times as much as those of "
+            f"{first.path}: one of the two is in another unit",
+            "Export both epochs of a patch in one unit; scans.unit applies to all files.",
+        )
+
+
+def _copied(pieces: _Pieces, patch: str, epoch: str, other: str) -> Iterator[GstError]:
+    """Two scans never have the same noise: one was copied, and would show no wear, or no error."""
+    first, second = pieces[patch, other], pieces[patch, epoch]
+    if first.content == second.content:
+        yield InputError(
+            second.path,
+            f"patch {patch} has the same heights {_AT[epoch]} as at {other} ({first.path})",
+            _COPIED[epoch][other],
+        )
 
 
 def _unlike_counterface(face: _Piece | None, at_t0: Mapping[str, _Piece]) -> list[GstError]:

@@ -3,13 +3,14 @@
 Text as spreadsheets write it, one row per patch. Tabs, commas or semicolons separate the cells, as
 in the line of column names; unless commas separate them, numbers may have decimal commas. ``#``
 begins a comment line. Columns: ``patch`` (id), ``x_mm``, ``y_mm`` (centre of the scan in the
-square's frame), ``rotation_deg`` (about the normal, x towards y), ``t0``, ``t1`` (file names in the
-scan folder), ``crop_x_mm``, ``crop_y_mm`` (centre of the piece to cut from the scan, from the
-scan's centre), ``note``.
+square's frame), ``rotation_deg`` (about the normal, x towards y), ``t0``, ``t1``, ``repeat`` (file
+names in the scan folder), ``crop_x_mm``, ``crop_y_mm`` (centre of the piece to cut from the scans,
+from their centre), ``note``.
 
 The table of proposed places (``places.csv``) is a patch table, too: ``place`` stands for ``patch``,
 and its other columns are for readers. In a table without ``t0`` and ``t1``, a patch's scans are
-those named after it and the epoch: ``E1_T0.plux`` and, if it is there, ``E1_T1.plux``.
+those named after it and the epoch: ``E1_T0.plux`` and, if they are there, ``E1_T1.plux`` and
+``E1_repeat.plux``.
 """
 
 import csv
@@ -32,11 +33,23 @@ from gstlib.io.text import decoded, separator_of
 if TYPE_CHECKING:
     from jsonschema import ValidationError
 
-__all__ = ["COUNTERFACE", "ScanFile", "no_patches", "read_patches", "scan_files"]
+__all__ = [
+    "COUNTERFACE",
+    "EPOCHS",
+    "REPEAT",
+    "ScanFile",
+    "at_epoch",
+    "no_patches",
+    "read_patches",
+    "scan_files",
+]
 
 # Cells are converted, and empty ones dropped, before validation.
 _SCHEMA = ROOT / "workflow/schemas/patches.schema.yaml"
 COUNTERFACE = "counterface"  # in place of a patch's name
+# Epochs of a patch's scans, by their columns of the table. The repeat is a second scan without use.
+REPEAT = "repeat"
+EPOCHS = {"t0": "T0", "t1": "T1", "repeat": REPEAT}
 # What the scans of a generated specimen are.
 _GENERATED = ".plu"
 # A footprint may touch the square's edge; up to this much (mm) beyond it is rounding.
@@ -92,7 +105,7 @@ def read_patches(
         )
     table = _table(rows.values(), row_schema)
     if folder is not None:
-        for name in ("t0", "t1"):
+        for name in EPOCHS:
             table[name] = [_as_in_folder(value, folder) for value in table[name]]
     # natural order: numbers within a name are padded to equal length
     return table.sort_values(
@@ -128,7 +141,7 @@ class ScanFile(NamedTuple):
     patch : str
         Patch, or `COUNTERFACE`.
     epoch : str
-        T0, T1, or empty.
+        T0, T1, repeat, or empty.
     crop : (y, x) or None
         Centre (mm) of the piece to cut, from the scan's centre; None for the whole scan.
     place : Place or None
@@ -150,10 +163,15 @@ def scan_files(
     for row in patches.itertuples():
         crop = None if math.isnan(row.crop_x_mm) else (row.crop_y_mm, row.crop_x_mm)
         place = Place(row.y_mm, row.x_mm, row.rotation_deg)
-        for epoch, name in (("T0", row.t0), ("T1", row.t1)):
-            if name:
+        for column, epoch in EPOCHS.items():
+            if name := getattr(row, column):
                 scans.append(ScanFile(Path(folder) / name, row.patch, epoch, crop, place))
     return scans + ([ScanFile(Path(counterface), COUNTERFACE, "")] if counterface else [])
+
+
+def at_epoch(patch: str, epoch: str) -> str:
+    """A patch's scan in words."""
+    return f"repeat of patch {patch}" if epoch == REPEAT else f"patch {patch} at {epoch}"
 
 
 def _as_in_folder(name: str, folder: Path) -> str:
@@ -206,7 +224,7 @@ def _read_rows(
         }
         if named and "patch" in row:
             try:
-                row |= _scans_named(row["patch"], folder)
+                row |= _scans_named(row["patch"], folder) | row  # named files come first
             except ConfigError as error:
                 problems.append((number, f"{error.problem}: {error.remedy}"))
                 continue
@@ -223,7 +241,9 @@ def _read_rows(
 def _scans_named(patch: str, folder: Path | None) -> dict[str, str]:
     """The scans named after a patch, by epoch; those of a specimen where there is no folder."""
     found = {}
-    for epoch in ("T0", "T1"):
+    for column, epoch in EPOCHS.items():
+        if folder is None and epoch == REPEAT:
+            continue  # a specimen has those that its table names
         name = f"{patch}_{epoch}"
         there = [f"{name}{_GENERATED}"]
         if folder is not None:
@@ -234,7 +254,7 @@ def _scans_named(patch: str, folder: Path | None) -> dict[str, str]:
             remedy = "name its one scan so, or add the columns t0 and t1"
             raise ConfigError(str(folder), problem, remedy)
         if there:
-            found[epoch.lower()] = there[0]
+            found[column] = there[0]
     return found
 
 
@@ -279,8 +299,8 @@ def _number(cell: str, delimiter: str) -> float | str:
 def _explain(error: "ValidationError") -> str:
     if not error.absolute_path:  # a cell is absent, which the message names first
         name, *given = error.message.split("'")[1::2]
-        if name == "t0" and "t1" in error.instance:
-            given = ["t1"]
+        if name == "t0":
+            given = [column for column in EPOCHS if column in error.instance]
         return f"{name} is empty" + (f", but {given[0]} is given" if given else "")
     name = error.absolute_path[-1]
     if error.validator == "type":

@@ -72,7 +72,7 @@ from gstlib.gesture import Gesture
 from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan
 from gstlib.preprocess.scan import prepare_scan
-from gstlib.validation.change import register_patch
+from gstlib.validation.change import Detection, measure_detection, register_patch
 from gstlib.validation.scoring import (
     NO_CHANCE,
     Chance,
@@ -386,11 +386,12 @@ class Study:
     config : mapping
         ``seed`` and the sections `STUDY_SECTIONS`.
     patches : pandas.DataFrame
-        The patch table, with ``t1``, empty where there is none.
+        The patch table, with ``t1``, empty where there is none; ``repeat``, likewise, may be
+        missing.
     read_mesh : callable
         Gives the stone's mesh, mm.
     read_scan : callable
-        Gives the raw scan (y, x) of a patch at an epoch, ``("5", "T0")``.
+        Gives the raw scan (y, x) of a patch at an epoch, ``("5", "T0")``; a repeat is an epoch.
     read_face : callable, optional
         Gives the raw scan of the active stone's own face.
     second_stone : SecondStone, optional
@@ -413,6 +414,8 @@ class Study:
     ):
         self.config, self.patches = config, patches
         self.worn = patches.patch[patches.t1 != ""].tolist()
+        twice = patches[patches["repeat"] != ""] if "repeat" in patches else patches[:0]
+        self.repeated = twice.patch.tolist()
         self.read_mesh, self.read_scan, self.read_face = read_mesh, read_scan, read_face
         self.second_stone = second_stone
         self.kept = dict(kept or {})
@@ -506,7 +509,17 @@ class Study:
         """Height change of a patch, from `register_patch`."""
         epochs = (self.prepared(patch, epoch) for epoch in ("T0", "T1"))
         settings = self.config["registration"] | self.config["traces"]
-        return register_patch(*epochs, patch=patch, **settings)
+        return register_patch(*epochs, patch=patch, detection=self.detection(), **settings)
+
+    @_stage
+    def detection(self) -> Detection | None:
+        """The error of a height change, from `measure_detection`; None without repeats."""
+        epochs = (
+            {patch: self.prepared(patch, epoch) for patch in self.repeated}
+            for epoch in ("T0", "repeat")
+        )
+        settings = self.config["registration"] | self.config["traces"]
+        return measure_detection(*epochs, **settings)
 
     @_stage
     def selected(self) -> pd.DataFrame:

@@ -312,8 +312,12 @@ def test_a_file_that_is_missing_is_asked_after_by_a_like_name(config, tmp_path):
         (folder / name).touch()
     config["inputs"] = {"mesh": f"{tmp_path}/mesh.stl", "scan_folder": f"{folder}/"}
     patches = pd.DataFrame(
-        [("5", "S5_T0.PLU", ""), ("6", "S6_T1.plu", "S5_T1.plu"), ("7", "s7_T0.plu", "gone.xyz")],
-        columns=["patch", "t0", "t1"],
+        [
+            ("5", "S5_T0.PLU", "", "S5_again.plu"),
+            ("6", "S6_T1.plu", "S5_T1.plu", ""),
+            ("7", "s7_T0.plu", "gone.xyz", ""),
+        ],
+        columns=["patch", "t0", "t1", "repeat"],
     )
     with pytest.raises(ConfigError) as raised:
         check_files(config, patches, source="m.yaml")
@@ -322,6 +326,7 @@ def test_a_file_that_is_missing_is_asked_after_by_a_like_name(config, tmp_path):
     assert "S5_T1" not in listed["patch 6 at T0"]  # it is patch 6 at T1
     assert "did you mean s7-T0.plu?" in listed["patch 7 at T0"]
     assert listed["patch 7 at T1"].endswith("gone.xyz does not exist")
+    assert "S5_again.plu does not exist" in listed["repeat of patch 5"]
 
 
 def test_contact_moduli_of_the_paper():

@@ -214,6 +214,30 @@ def test_both_epochs_with_the_same_heights_are_refused(folder):
     assert "leave t1 empty" in second
 
 
+def test_a_repeat_is_compared_with_both_epochs(folder):
+    """As a repeat, T0 itself would show no error; and T1 of a patch was used in between."""
+    again = ScanFile(folder / "again.plu", "1", "repeat")
+    uses = [*scans(folder)[:2], again]
+    heights = 1e-3 * np.random.default_rng(9).standard_normal((50, 50))
+    write_plu(again.path, heights, SPACING)
+    found = check_inputs(folder / "stone.stl", uses, Asked(**SETTINGS))
+    assert found.problems == []
+    assert found.scans.epoch.tolist() == ["T0", "T1", "repeat"]
+    for epoch, remedy in (("T0", "leave repeat empty"), ("T1", "if the patch was used in")):
+        again.path.write_bytes((folder / f"1_{epoch}.plu").read_bytes())
+        (problem,) = check_inputs(folder / "stone.stl", uses, Asked(**SETTINGS)).problems
+        said = f"again.plu: patch 1 has the same heights in its repeat as at {epoch} ("
+        assert said in str(problem)
+        assert remedy in str(problem)
+    write_plu(again.path, 1e3 * heights, SPACING)
+    (problem,) = check_inputs(folder / "stone.stl", uses, Asked(**SETTINGS)).problems
+    assert "another unit" in str(problem)
+    heights[:10] = np.nan
+    write_plu(again.path, heights, SPACING)
+    (problem,) = check_inputs(folder / "stone.stl", uses, Asked(**SETTINGS)).problems
+    assert "again.plu (repeat of patch 1): 20 % of the points are unmeasured" in str(problem)
+
+
 # --- gst inspect ------------------------------------------------------------------------------
 
 TILT_X, TILT_Y = 2e-3, -1e-3

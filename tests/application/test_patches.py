@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gst.patches import read_patches
+from gst.patches import read_patches, scan_files
 from gstlib.errors import ConfigError
 from gstlib.io.tables import read_table, write_table
 
@@ -108,6 +108,26 @@ def test_spreadsheet_tables_keep_their_line_numbers(table):
 
 def test_a_scan_after_use_needs_one_before(table):
     refused(table("patch,x_mm,y_mm,t0,t1\n1,1,1,,a\n"), "t0 is empty, but t1 is given")
+    repeated = "patch,x_mm,y_mm,t0,repeat\n1,1,1,,a\n"
+    refused(table(repeated), "t0 is empty, but repeat is given")
+
+
+def test_a_repeat_is_a_scan_of_the_same_piece(table, tmp_path):
+    (tmp_path / "b.plu").touch()
+    path = table(
+        "patch,x_mm,y_mm,t0,t1,repeat,crop_x_mm,crop_y_mm\n"
+        "1,1,1,a.plu,,b.plu,0.2,-0.1\n2,3,1,c.plu,d.plu,,,\n"
+    )
+    patches = read(path, scan_folder=tmp_path)
+    assert patches["repeat"].tolist() == ["b.plu", ""]
+    first, again, *others = scan_files(patches, tmp_path, None)
+    assert again == first._replace(path=tmp_path / "b.plu", epoch="repeat")
+    assert [scan.epoch for scan in others] == ["T0", "T1"]
+    refused(
+        table("patch,x_mm,y_mm,t0,repeat\n1,1,1,a,/b.plu\n"),
+        "line 2 (patch 1): repeat is '/b.plu' [",
+    )
+    assert read(table("patch,x_mm,y_mm,t0\n1,1,1,a\n"))["repeat"].tolist() == [""]
 
 
 def test_all_problems_at_once(table):
@@ -202,9 +222,13 @@ def test_proposed_places_are_a_patch_table_as_they_stand(table, tmp_path):
     assert patches.patch.tolist() == ["C1", "E1"]
     assert patches.t0.tolist() == ["C1_T0.plux", "E1_T0.plux"]
     assert patches.t1.tolist() == ["", "e1_t1.sur"]
+    assert patches["repeat"].tolist() == ["", ""]
     assert patches.x_mm.tolist() == [4.1, 1.55]
     generated = read(path)
     assert generated.t1.tolist() == ["C1_T1.plu", "E1_T1.plu"]
+    assert generated["repeat"].tolist() == ["", ""]
+    (tmp_path / "C1_repeat.plux").touch()
+    assert read(path, scan_folder=tmp_path)["repeat"].tolist() == ["C1_repeat.plux", ""]
 
 
 def test_a_place_without_its_scan_or_with_two_is_told(table, tmp_path):

@@ -43,6 +43,7 @@ if not any(CASES.values()):
 
 ALL_PATCHES = list(PATCHES.index)
 WORN_PATCHES = [patch for patch in ALL_PATCHES if PATCHES.t1[patch]]
+REPEATED_PATCHES = [patch for patch in ALL_PATCHES if PATCHES["repeat"][patch]]
 MESH = f"{RESULTS}/specimen/mesh.stl" if GENERATED else config["inputs"]["mesh"]
 MESH_UNIT = "mm" if GENERATED else config["inputs"]["mesh_unit"]
 SCAN_FOLDER = f"{RESULTS}/specimen/scans" if GENERATED else config["inputs"]["scan_folder"]
@@ -75,6 +76,8 @@ GRID = {
 }
 REFERENCE = bool(COMPOSITE) and config["reference_draws"] is not None
 COUNTERFACE = f"{RESULTS}/surfaces/counterface.h5" if COUNTERFACE_SCAN else []
+# No patch has an underscore in its name.
+DETECTION = f"{RESULTS}/registered/of_repeats.h5" if REPEATED_PATCHES else []
 if not GENERATED:
     check_files(config, PATCHES, ", ".join(filter(None, [CONFIG_FILES, config["patches"]])))
 
@@ -89,12 +92,12 @@ def code(script):
 
 
 def scans_at(epoch, patches):
-    """The scans of the patches at `epoch` ("t0" or "t1")."""
+    """The scans of the patches at `epoch` ("t0", "t1" or "repeat")."""
     return [f"{SCAN_FOLDER}/{PATCHES[epoch][patch]}" for patch in patches]
 
 
 def surfaces(epoch, patches):
-    """The prepared scans of the patches at `epoch` ("T0" or "T1")."""
+    """The prepared scans of the patches at `epoch` ("T0", "T1" or "repeat")."""
     return [f"{RESULTS}/surfaces/{patch}_{epoch}.h5" for patch in patches]
 
 

@@ -1,12 +1,12 @@
 # Each patch against a flat, or against a counterface where the config names one.
-# Takes: the scans and the patches' pressures. Gives: clean surfaces, T1 registered to T0, the contact of
-# every patch up to its own pressure, and the cases that the config asks for: another contact modulus, stick and
+# Takes: the scans and the patches' pressures. Gives: clean surfaces, T1 registered to T0, the error of a
+# height change where patches were scanned twice, the contact of every patch up to its own pressure, and the cases that the config asks for: another contact modulus, stick and
 # slip under a tangential load (`grinding`), a ceiling on the pressure (`hardness`).
 # Several patches share a job: a job takes longer to start than to clean a scan or to solve a contact.
 
 PREPARATIONS = {
     f"{epoch}_scans{part}": (epoch, patches)
-    for epoch, ids in [("T0", ALL_PATCHES), ("T1", WORN_PATCHES)]
+    for epoch, ids in [("T0", ALL_PATCHES), ("T1", WORN_PATCHES), ("repeat", REPEATED_PATCHES)]
     for part, patches in batches(ids).items()
 }
 
@@ -56,6 +56,7 @@ rule tabulate_preprocessing:
     input:
         t0=surfaces("T0", ALL_PATCHES),
         t1=surfaces("T1", WORN_PATCHES),
+        repeats=surfaces("repeat", REPEATED_PATCHES),
     output:
         table=table("preprocessing", "1 Inputs"),
     log:
@@ -63,11 +64,33 @@ rule tabulate_preprocessing:
     params:
         patches=ALL_PATCHES,
         worn=WORN_PATCHES,
+        repeated=REPEATED_PATCHES,
         code=code("tabulate_preprocessing.py"),
     message:
         "Tabulating what was done to each scan"
     script:
         "../scripts/tabulate_preprocessing.py"
+
+
+if REPEATED_PATCHES:
+
+    rule measure_detection:
+        input:
+            t0=surfaces("T0", REPEATED_PATCHES),
+            repeats=surfaces("repeat", REPEATED_PATCHES),
+        output:
+            detection=DETECTION,
+        log:
+            f"{RESULTS}/logs/measure_detection.log",
+        params:
+            patches=REPEATED_PATCHES,
+            maximum_shift_mm=config["registration"]["maximum_shift_mm"],
+            minimum_points=config["traces"]["minimum_points"],
+            code=code("measure_detection.py"),
+        message:
+            f"Measuring the error of a height change on repeated scans: {listed(REPEATED_PATCHES)}"
+        script:
+            "../scripts/measure_detection.py"
 
 
 for part, patches in batches(WORN_PATCHES).items():
@@ -78,6 +101,7 @@ for part, patches in batches(WORN_PATCHES).items():
         input:
             t0=surfaces("T0", patches),
             t1=surfaces("T1", patches),
+            detection=DETECTION,
         output:
             registered=registered(patches),
         log:

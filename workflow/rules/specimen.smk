@@ -21,7 +21,7 @@ if GENERATED:
             mesh=MESH,
             scans=[
                 f"{SCAN_FOLDER}/{name}"
-                for name in sorted({*PATCHES.t0, *PATCHES.t1[WORN_PATCHES]})
+                for name in sorted({*PATCHES.t0, *PATCHES.t1, *PATCHES["repeat"]} - {""})
             ],
         log:
             f"{RESULTS}/logs/generate_specimen.log",

@@ -17,6 +17,7 @@ if config["sweep"] is not None:
             mesh=MESH,
             t0_scans=scans_at("t0", ALL_PATCHES),
             t1_scans=scans_at("t1", WORN_PATCHES),
+            repeat_scans=scans_at("repeat", REPEATED_PATCHES),
             counterface_scan=COUNTERFACE_SCAN,
             counterface=COUNTERFACE_MESH,
         output:
@@ -26,6 +27,7 @@ if config["sweep"] is not None:
         params:
             patches=PATCHES.to_dict("list"),
             worn=WORN_PATCHES,
+            repeated=REPEATED_PATCHES,
             mesh_unit=MESH_UNIT,
             second_stone=SECOND_STONE,
             config={name: config[name] for name in ("seed", *STUDY_SECTIONS)},

@@ -4,13 +4,14 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.io.store import Stored, write_dataset
-from gstlib.validation.change import register_patch
+from gstlib.io.store import Stored, read_attributes, write_dataset
+from gstlib.validation.change import Detection, register_patch
 
 
 def main(
     t0: list[Path],
     t1: list[Path],
+    detection: Path | list,
     registered: list[Path],
     *,
     patches: list[str],
@@ -19,9 +20,13 @@ def main(
     names = "height", "filled", "outlier"
     before = Stored(dict(zip(patches, t0, strict=True)), names)
     after = Stored(dict(zip(patches, t1, strict=True)), names)
+    measured = Detection.of(read_attributes(detection)) if detection else None
+    further = [detection] if detection else []
     for patch, first, second, change in zip(patches, t0, t1, registered, strict=True):
-        found = register_patch(before[patch], after[patch], patch=patch, **settings)
-        write_dataset(change, found, provenance([first, second], settings))
+        found = register_patch(
+            before[patch], after[patch], patch=patch, detection=measured, **settings
+        )
+        write_dataset(change, found, provenance([first, second, *further], settings))
 
 
 if "snakemake" in globals():

@@ -9,12 +9,21 @@ from gstlib.preprocess.scan import preprocessing_table
 
 
 def main(
-    t0: list[Path], t1: list[Path], table: Path, *, patches: list[str], worn: list[str]
+    t0: list[Path],
+    t1: list[Path],
+    repeats: list[Path],
+    table: Path,
+    *,
+    patches: list[str],
+    worn: list[str],
+    repeated: list[str],
 ) -> None:
+    of_epochs = {"T0": (patches, t0), "T1": (worn, t1), "repeat": (repeated, repeats)}
     done = {
-        (patch, "T0"): read_attributes(file) for patch, file in zip(patches, t0, strict=True)
+        (patch, epoch): read_attributes(file)
+        for epoch, (scanned, files) in of_epochs.items()
+        for patch, file in zip(scanned, files, strict=True)
     }
-    done |= {(patch, "T1"): read_attributes(file) for patch, file in zip(worn, t1, strict=True)}
     order = {patch: place for place, patch in enumerate(patches)}
     scans = sorted(done, key=lambda scan: (order[scan[0]], scan[1]))
     write_table(table, preprocessing_table({scan: done[scan] for scan in scans}))

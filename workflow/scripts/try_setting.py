@@ -17,12 +17,14 @@ def main(
     mesh: Path,
     t0_scans: list[Path],
     t1_scans: list[Path],
+    repeat_scans: list[Path],
     counterface_scan: Path,
     counterface: Path,
     outcome: Path,
     *,
     patches: dict[str, list],
     worn: list[str],
+    repeated: list[str],
     mesh_unit: str,
     second_stone: dict | None,
     config: dict,
@@ -34,6 +36,9 @@ def main(
         (patch, "T0"): file for patch, file in zip(patches["patch"], t0_scans, strict=True)
     }
     scans |= {(patch, "T1"): file for patch, file in zip(worn, t1_scans, strict=True)}
+    scans |= {
+        (patch, "repeat"): file for patch, file in zip(repeated, repeat_scans, strict=True)
+    }
     study = Study(
         changed,
         pd.DataFrame(patches),

@@ -77,7 +77,7 @@ def columns_of(table: str) -> list[str]:
 
 _PATCH = "name of the patch"
 _PATCH_OR_SQUARE = "name of the patch; empty for the square"
-_EPOCH = "before use (T0) or after use (T1)"
+_EPOCH = "before use (T0), after use (T1), or scanned again without use (repeat)"
 _PRESSURE = "pressure of the patch: force on it over its area"
 _STUDIED = "number of patches"
 _INTERVAL = {"low": "lower end of the 95 % interval", "high": "upper end of the 95 % interval"}
@@ -398,6 +398,10 @@ TABLES = {
             "change_sigma_um": "the same over the unchanged points",
             "lateral_sigma_um": "lateral error, estimated from the slopes",
             "level_of_detection_um": "smallest change that is detected, median over the points",
+            "detection": (
+                "where that and the lateral error come from: repeated scans (repeat), or the "
+                "patch's own unchanged part (own)"
+            ),
             "known_share": "share of T0 where both heights are known",
             "loss_fraction": "share of the known area that lost height",
             "gain_fraction": "share of the known area that gained height",

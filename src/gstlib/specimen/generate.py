@@ -25,7 +25,14 @@ from gstlib.io.store import write_dataset
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.pebble import OUTER_SIZE_MM
 from gstlib.specimen.randomness import SpecimenParameters
-from gstlib.specimen.scanning import place_scans, poor_overlaps, relocation, sample, take_scan
+from gstlib.specimen.scanning import (
+    place_again,
+    place_scans,
+    poor_overlaps,
+    relocation,
+    sample,
+    take_scan,
+)
 from gstlib.specimen.stone import MARGIN_MM, Stone
 from gstlib.surface import axis_coordinates, make_surface, spacing_of
 
@@ -72,7 +79,8 @@ class Specimen(NamedTuple):
         Binary STL of the mesh: mm, use-face up (+z), the square centred on x = y = 0.
     scans : dict of (patch, epoch) to (n, n) xarray.DataArray
         Moulds as measured, mm, NaN where unmeasured; as from `gstlib.io.scans.read_scan`. A patch
-        that was not scanned after use has no ``"T1"``.
+        that was not scanned after use has no ``"T1"``; one scanned twice before use has a
+        ``"repeat"``.
     truth : xarray.Dataset
         The truth about both.
     surface : (n, n) xarray.DataArray
@@ -135,7 +143,8 @@ def make_specimens(
     Parameters
     ----------
     patches : pandas.DataFrame
-        The patch table; an empty ``t1`` means not scanned after use.
+        The patch table; an empty ``t1`` means not scanned after use, an empty or missing ``repeat``
+        not scanned again before it.
     parameters : SpecimenParameters
         Its ``wear_placement`` is not used.
     square_mm : float
@@ -183,12 +192,18 @@ def make_specimens(
         unworn = at_points(surface, place=t1, order=3)
         level, _ = remove_plane(make_surface(before, p.scan_spacing_mm))
         scan_before, true_before = take_scan(before, row.patch, "T0", p)
+        again = {}
+        if file := getattr(row, "repeat", ""):
+            anew = at_points(surface, place=place_again(row.patch, t0, p), order=3)
+            scan, _ = take_scan(anew, row.patch, "repeat", p)
+            again = {(row.patch, "repeat"): scan.assign_attrs(file=file)}
         for placement, depth in wear.items():
             after = unworn - at_points(depth, place=t1, order=1)
             scan_after, true_after = take_scan(after, row.patch, "T1", p)
             for epoch, scan, file in (("T0", scan_before, row.t0), ("T1", scan_after, row.t1)):
                 if file:
                     scans[placement][row.patch, epoch] = scan.assign_attrs(file=file)
+            scans[placement] |= again
             of_epochs = t0._asdict() | true_before, t1._asdict() | true_after
             known[placement].append(
                 {name: np.stack([of[name] for of in of_epochs]) for name in of_epochs[0]}

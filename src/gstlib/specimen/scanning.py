@@ -16,7 +16,7 @@ from gstlib.specimen.randomness import SpecimenParameters, smooth_field, stream
 from gstlib.specimen.stone import Stone
 from gstlib.surface import make_surface
 
-__all__ = ["place_scans", "poor_overlaps", "relocation", "sample", "take_scan"]
+__all__ = ["place_again", "place_scans", "poor_overlaps", "relocation", "sample", "take_scan"]
 
 # ASSUME: all errors of placing and measuring are independent and normal; spikes and unmeasured
 # points occur anywhere; the paper gives no figures for them.
@@ -67,6 +67,14 @@ def place_scans(
         inwards = np.sign(square_mm / 2 - (t0.x_mm, t0.y_mm)[axis])
         move[axis] = (inwards or 1.0) * missed * p.scan_size_mm
     return t0, Place(t0.y_mm + move[1], t0.x_mm + move[0], turns[1])
+
+
+def place_again(patch: str, t0: Place, parameters: SpecimenParameters) -> Place:
+    """True place of a second scan of a patch, off that of its T0 scan as a good T1 is."""
+    generator = stream(parameters.seed, "repeat", patch)
+    move_y, move_x = generator.normal(0.0, parameters.relocation_error_um * 1e-3, 2)
+    turn = generator.normal(0.0, _ROTATION_ERROR_DEG)
+    return Place(t0.y_mm + move_y, t0.x_mm + move_x, t0.rotation_deg + turn)
 
 
 def relocation(t0: Place, t1: Place) -> tuple[float, float]:

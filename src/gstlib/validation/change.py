@@ -11,10 +11,15 @@ fitted to the unchanged part as a + b s², where s is the slope (as Hugonnet et 
 Sel. Top. Appl. Earth Obs. 15:6456, do for repeat surveys); √b is the lateral distance by which the
 two measurements miss each other. Points whose height was not measured at both epochs (filled holes,
 outliers) are unknown: no change is stated there.
+
+A patch that was scanned twice without use between shows the same error with no wear in it. Where
+there are such repeats, they give a and b for all patches, and no patch judges its own.
 """
 
 import logging
 import math
+from collections.abc import Mapping
+from typing import NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -30,7 +35,14 @@ from gstlib.validation.registration import (
     register,
 )
 
-__all__ = ["height_change", "measured_change", "register_patch", "wear_summary"]
+__all__ = [
+    "Detection",
+    "height_change",
+    "measure_detection",
+    "measured_change",
+    "register_patch",
+    "wear_summary",
+]
 
 _log = logging.getLogger(__name__)
 
@@ -58,10 +70,122 @@ _LEAST_POINTS = 100
 # How much deeper, or shallower, the dales of T1 may be than those of T0 before a warning. Wear of a
 # quarter of a patch makes them a tenth shallower (generated specimen).
 _ODD_HEIGHTS = 1.25
+# ASSUME: a repeat shows an unworn surface if at most this share of it lost, and gained, height in
+# spots beyond its own level of detection. Where neighbours err alike, noise alone marks 2.5 %.
+_MOST_CHANGED = 0.05
+# How much more the unchanged part of a patch may scatter than repeats do before a warning.
+_ODD_SCATTER = 2.0
+
+
+class Detection(NamedTuple):
+    """The error of a height change as repeated scans show it: at slope s its variance is a + b s².
+
+    Attributes
+    ----------
+    level_mm2 : float
+        a: the variance on level ground, mm².
+    lateral_mm2 : float
+        b: its growth with the squared slope, mm².
+    """
+
+    level_mm2: float
+    lateral_mm2: float
+
+    @classmethod
+    def of(cls, attrs: Mapping) -> Self | None:
+        """From the attributes of a file; None if they lack it, because no repeat served."""
+        if not attrs.keys() >= set(cls._fields):
+            return None
+        return cls(*(float(attrs[name]) for name in cls._fields))
+
+
+def measure_detection(
+    before: Mapping[str, xr.Dataset],
+    again: Mapping[str, xr.Dataset],
+    *,
+    maximum_shift_mm: float,
+    minimum_points: int,
+) -> Detection | None:
+    """The error of a height change, from patches that were scanned twice without use between.
+
+    Each second scan is registered to the first as T1 is to T0. All that then differs is error; its
+    variance is fitted to the points of all patches together.
+
+    Parameters
+    ----------
+    before, again : mapping of str to xarray.Dataset
+        The two prepared scans by patch, as in `measured_change`; each is looked up once. The
+        patches are those of `again`.
+    maximum_shift_mm, minimum_points
+        As in `measured_change`.
+
+    Returns
+    -------
+    Detection or None
+        None if no pair serves. A pair that does not is left out, with a warning: where the second
+        scan is not found on the first, or where the surface changed between them.
+    """
+    changes, slopes = [], []
+    for patch in again:
+        first, second = before[patch], again[patch]
+        try:
+            registration, change = measured_change(
+                first, second, maximum_shift_mm=maximum_shift_mm, minimum_points=minimum_points
+            )
+            fault = _no_repeat(registration, change)
+        except InputError as error:
+            fault = error.problem
+        if fault is not None:
+            _log.warning(
+                "patch %s: its repeat is not used: %s. Give a second scan of the surface that t0 "
+                "shows, or leave repeat empty in the patch table.",
+                patch,
+                fault,
+            )
+            continue
+        known = np.isfinite(change["change"].values)
+        changes.append(change["change"].values[known])
+        slopes.append(_steepness(first.height)[known])
+    if not changes:
+        return None
+    pooled, steepness = np.concatenate(changes), np.concatenate(slopes)
+    # ASSUME: a repeat errs as T1 does: taken off, put back, and scanned with the same settings. All
+    # of it is unchanged; points off by more than three standard deviations are outliers.
+    found = Detection(*_variance_by_slope(pooled, steepness, np.ones(pooled.size, dtype=bool)))
+    _log.info(
+        "%d repeats: standard deviation %.3g µm on level ground, lateral error %.3g µm",
+        len(changes),
+        math.sqrt(found.level_mm2) * 1e3,
+        math.sqrt(found.lateral_mm2) * 1e3,
+    )
+    return found
+
+
+def _no_repeat(registration: Registration, change: xr.Dataset) -> str | None:
+    """Why a second scan does not show the error of the first, if it does not."""
+    if not registration.found:
+        return "it was not found on t0"
+    if not change.attrs["known_share"]:
+        return "hardly any point has a height of its own in both scans"
+    scale = registration.height_scale
+    if max(scale, 1 / scale) > _ODD_HEIGHTS:
+        return f"its dales are {scale:.3g} times as deep as those of t0"
+    lost, gained = (wear_summary(change)[f"{of}_fraction"] for of in ("loss", "gain"))
+    if max(lost, gained) > _MOST_CHANGED:
+        return (
+            f"{100 * lost:.2g} % of it lost height and {100 * gained:.2g} % gained, so the surface "
+            "was not the same"
+        )
+    return None
 
 
 def measured_change(
-    before: xr.Dataset, after: xr.Dataset, *, maximum_shift_mm: float, minimum_points: int
+    before: xr.Dataset,
+    after: xr.Dataset,
+    *,
+    maximum_shift_mm: float,
+    minimum_points: int,
+    detection: Detection | None = None,
 ) -> tuple[Registration, xr.Dataset]:
     """Register T1 to T0 and take the height change.
 
@@ -79,7 +203,7 @@ def measured_change(
     )
     known = ~(replaced0 | replaced) & registration.found
     return registration, height_change(
-        before.height, on_t0, known, minimum_points=minimum_points
+        before.height, on_t0, known, minimum_points=minimum_points, detection=detection
     )
 
 
@@ -90,6 +214,7 @@ def register_patch(
     patch: str,
     maximum_shift_mm: float,
     minimum_points: int,
+    detection: Detection | None = None,
 ) -> xr.Dataset:
     """Register T1 to T0 and take the height change.
 
@@ -98,7 +223,11 @@ def register_patch(
     """
     try:
         registration, change = measured_change(
-            before, after, maximum_shift_mm=maximum_shift_mm, minimum_points=minimum_points
+            before,
+            after,
+            maximum_shift_mm=maximum_shift_mm,
+            minimum_points=minimum_points,
+            detection=detection,
         )
     except InputError as error:  # it names the epoch, but not the patch
         source = f"patch {patch}, {error.source}"
@@ -122,6 +251,17 @@ def register_patch(
             100 * (after.filled | after.outlier).values.mean(),
             100 * registration.overlap,
         )
+    if detection is not None and change.attrs["known_share"]:
+        expected = change.attrs["level_of_detection_um"] / _LEVEL_OF_DETECTION
+        scatter = change.attrs["change_sigma_um"] / expected
+        if scatter > _ODD_SCATTER:
+            _log.warning(
+                "patch %s: its least changed part differs between T0 and T1 by %.3g times the "
+                "error of repeated scans. If that is not wear all over the patch, T1 was scanned "
+                "otherwise than the repeats, and much of its loss and gain is error",
+                patch,
+                scatter,
+            )
     return change.assign_attrs(registration.as_attrs())
 
 
@@ -131,6 +271,7 @@ def height_change(
     known: np.ndarray | None = None,
     *,
     minimum_points: int = 1,
+    detection: Detection | None = None,
 ) -> xr.Dataset:
     """Height change from T0 to T1, levelled on the unchanged part.
 
@@ -142,6 +283,9 @@ def height_change(
         Where both heights were measured; everywhere by default.
     minimum_points : int
         Fewest adjacent points (corners count) that make a loss or a gain.
+    detection : Detection, optional
+        The error of a change as measured on repeated scans, from `measure_detection`; by default it
+        is fitted to the unchanged part.
 
     Returns
     -------
@@ -153,7 +297,8 @@ def height_change(
         `minimum_points`. Attributes: ``level_of_detection_um`` (median over the points),
         ``change_sigma_um`` (robust standard deviation of the unchanged part), ``lateral_sigma_um``
         (lateral distance by which the measurements miss each other), ``known_share`` (of T0's
-        area). With fewer than 100 known points, all heights are NaN and nothing is known.
+        area), ``detection`` (where the level of detection comes from: ``repeat``, ``own``, or
+        empty). With fewer than 100 known points, all heights are NaN and nothing is known.
     """
     before, after = t0.values, t1_on_t0.values
     difference = after - before
@@ -164,19 +309,21 @@ def height_change(
         inside[:] = False
     datum, limit = np.full((2, *t0.shape), np.nan)
     sigma = lateral = typical = math.nan
+    source = ""
     if inside.any():
         places = [np.linspace(-0.5, 0.5, count, endpoint=False) for count in t0.shape]
         planes = np.stack([np.ones(t0.shape), *np.meshgrid(*places, indexing="ij")])
         plane, sigma, kept = _unchanged_plane(planes[:, inside], difference[inside])
         datum = np.einsum("i,ijk->jk", plane, planes)
-        # squared slope of smoothed heights, free of single points' noise
-        steepness = sum(
-            (scipy.ndimage.gaussian_filter(before, _SLOPE_SMOOTHING, order=order) / step) ** 2
-            for order, step in zip(((1, 0), (0, 1)), spacing_of(t0), strict=True)
-        )
-        level, lateral = _variance_by_slope(
-            (difference - datum)[inside], steepness[inside], kept
-        )
+        steepness = _steepness(t0)
+        if detection is None:
+            source = "own"
+            level, lateral = _variance_by_slope(
+                (difference - datum)[inside], steepness[inside], kept
+            )
+        else:
+            source = "repeat"
+            level, lateral = detection
         resolution = _RESOLUTION * before[inside].std()
         variance = np.maximum(level + lateral * steepness, resolution**2)
         limit = np.where(inside, _LEVEL_OF_DETECTION * np.sqrt(variance), np.nan)
@@ -204,6 +351,7 @@ def height_change(
             "change_sigma_um": float(sigma * 1e3),
             "lateral_sigma_um": float(np.sqrt(lateral) * 1e3),
             "known_share": float(inside.mean()),
+            "detection": source,
         },
     )
 
@@ -240,6 +388,16 @@ def _spots(beyond: np.ndarray, minimum_points: int) -> np.ndarray:
     large = np.bincount(spot.ravel()) >= minimum_points
     large[0] = False
     return large[spot]
+
+
+def _steepness(surface: xr.DataArray) -> np.ndarray:
+    """Squared slope of smoothed heights, free of single points' noise."""
+    squares = [
+        (scipy.ndimage.gaussian_filter(surface.values, _SLOPE_SMOOTHING, order=order) / step)
+        ** 2
+        for order, step in zip(((1, 0), (0, 1)), spacing_of(surface), strict=True)
+    ]
+    return squares[0] + squares[1]
 
 
 def _variance_by_slope(

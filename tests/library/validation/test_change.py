@@ -7,7 +7,13 @@ import xarray as xr
 from gstlib.errors import InputError
 from gstlib.study import register_patch
 from gstlib.surface import make_surface
-from gstlib.validation.change import height_change, measured_change, wear_summary
+from gstlib.validation.change import (
+    Detection,
+    height_change,
+    measure_detection,
+    measured_change,
+    wear_summary,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -227,3 +233,147 @@ def test_heights_of_another_scale_are_told_from_wear(remeasure, caplog, factor, 
     assert len(found) == refused
     assert sum("calibrated" in message for message in caplog.messages) == warned
     assert all("patch 7" in message for message in [*found, *caplog.messages])
+
+
+# --- The level of detection as repeated scans give it ------------------------------------------
+
+SEARCH = {"maximum_shift_mm": 0.1, "minimum_points": 8}
+
+
+def scanned_twice(relief, *, noise=0.1e-3, wander=0.5, size=200, seed=0, loss=0.0, shift=(7, -4)):
+    """Two prepared scans of a stone with an r.m.s. `relief` (mm), the second laid elsewhere.
+
+    Each point of the second lies off its place by `wander` (r.m.s. along each axis, points), as
+    instruments distort; no shift of the whole map makes up for it.
+    """
+    rng = np.random.default_rng(seed)
+
+    def smooth(scale):
+        field = scipy.ndimage.gaussian_filter(rng.standard_normal((2 * size,) * 2), scale)
+        return field / field.std()
+
+    stone, off = relief * smooth(5), [wander * smooth(4) for _ in range(2)]
+    places = np.indices((size, size)) + size // 2
+    once = stone[tuple(places)]
+    moved = places - np.reshape(shift, (2, 1, 1))
+    again = scipy.ndimage.map_coordinates(
+        stone - loss * (stone > 0.8 * relief),
+        [axis + of[tuple(moved)] for axis, of in zip(moved, off, strict=True)],
+    )
+    nothing = np.zeros((size, size), dtype=bool)
+    return [
+        prepared(make_surface(h + noise * rng.standard_normal(h.shape), SPACING), nothing)
+        for h in (once, again)
+    ]
+
+
+def split(pairs):
+    """The first scans and the second ones, by patch."""
+    return [{patch: pair[i] for patch, pair in pairs.items()} for i in (0, 1)]
+
+
+@pytest.mark.parametrize(("noise", "wander"), [(0.1e-3, 0.5), (0.2e-3, 0.3), (0.1e-3, 0.0)])
+def test_repeats_give_the_noise_and_the_lateral_error(noise, wander):
+    pairs = {
+        name: scanned_twice(relief, noise=noise, wander=wander, seed=seed)
+        for seed, (name, relief) in enumerate({"smooth": 1.5e-3, "rough": 8e-3}.items())
+    }
+    found = measure_detection(*split(pairs), **SEARCH)
+    assert found.level_mm2**0.5 == pytest.approx(2**0.5 * noise, rel=0.05)
+    assert found.lateral_mm2**0.5 == pytest.approx(wander * SPACING, rel=0.1, abs=0.05 * SPACING)
+
+
+def test_one_in_twenty_points_of_an_unworn_patch_exceeds_a_measured_level():
+    """A patch too small to tell slopes apart finds wear on slopes that it merely misses."""
+    pairs = {str(seed): scanned_twice(5e-3, seed=seed) for seed in (1, 2)}
+    found = measure_detection(*split(pairs), **SEARCH)
+    shares = {}
+    for source, detection in {"own": None, "repeat": found}.items():
+        beyond = []
+        for seed in range(10, 16):
+            once, again = scanned_twice(5e-3, seed=seed, size=30, shift=(0, 0))
+            change = height_change(once.height, again.height, detection=detection)
+            assert change.attrs["detection"] == source
+            dy, dx = np.gradient(once.height.values)
+            slope = np.hypot(dy, dx)
+            far = np.abs(change["change"].values) > change["level_of_detection"].values
+            beyond += [far.mean(), far[slope > np.quantile(slope, 0.75)].mean()]
+        shares[source] = np.mean(beyond[::2]), np.mean(beyond[1::2])
+    assert shares["repeat"] == pytest.approx((0.05, 0.05), abs=0.02)
+    assert shares["own"][1] > 0.10
+
+
+def test_wear_all_over_a_patch_does_not_hide_itself_from_repeats():
+    rng = np.random.default_rng(3)
+    t0 = scanned_twice(5e-3)[0].height
+    depth = np.abs(scipy.ndimage.gaussian_filter(rng.standard_normal(t0.shape), 6))
+    t1 = t0 - 2e-3 * depth / depth.max() + 0.14e-3 * rng.standard_normal(t0.shape)
+    found = Detection(level_mm2=(0.14e-3) ** 2, lateral_mm2=0.0)
+    own, repeat = (height_change(t0, t1, detection=given) for given in (None, found))
+    # one datum, whatever the level of detection
+    np.testing.assert_array_equal(own["change"], repeat["change"])
+    assert repeat.attrs["change_sigma_um"] == own.attrs["change_sigma_um"]
+    assert repeat.attrs["level_of_detection_um"] == pytest.approx(1.96 * 0.14)
+    assert own.attrs["level_of_detection_um"] > 1.5 * 1.96 * 0.14
+    assert wear_summary(repeat)["loss_fraction"] > 2 * wear_summary(own)["loss_fraction"]
+
+
+@pytest.mark.parametrize(("noise", "warned"), [(0.1e-3, 0), (0.15e-3, 0), (0.4e-3, 1)])
+def test_a_scan_that_errs_more_than_the_repeats_is_told(caplog, noise, warned):
+    found = Detection(level_mm2=2 * (0.1e-3) ** 2, lateral_mm2=0.0)
+    epochs = scanned_twice(5e-3, noise=noise, wander=0.0)
+    register_patch(*epochs, patch="7", detection=found, **SEARCH)
+    assert sum("error of repeated scans" in message for message in caplog.messages) == warned
+    register_patch(*epochs, patch="7", **SEARCH)
+    assert len(caplog.messages) == warned
+
+
+def test_a_measured_level_grows_with_the_slope():
+    once, again = scanned_twice(5e-3)
+    found = Detection(level_mm2=1e-8, lateral_mm2=4e-6)
+    change = register_patch(once, again, patch="7", detection=found, **SEARCH)
+    variance = (change["level_of_detection"].values / 1.96) ** 2
+    dy, dx = (
+        scipy.ndimage.gaussian_filter(once.height.values, 1.0, order=order) / SPACING
+        for order in ((1, 0), (0, 1))
+    )
+    known = np.isfinite(variance)
+    np.testing.assert_allclose(variance[known], (1e-8 + 4e-6 * (dy**2 + dx**2))[known])
+    assert change.attrs["lateral_sigma_um"] == pytest.approx(2.0)
+    assert change.attrs["detection"] == "repeat"
+
+
+def test_a_repeat_that_shows_another_surface_is_not_used(caplog):
+    good = scanned_twice(5e-3, seed=1)
+    once, again = scanned_twice(5e-3, seed=2)
+    lacks = again.copy(deep=True)
+    lacks["filled"][:] = True
+    bad = {
+        "other": (once, good[1]),
+        "worn": scanned_twice(5e-3, seed=2, loss=2e-3),
+        "deeper": (once, again.assign(height=1.4 * again.height)),
+        "deep": (once, again.assign(height=3 * again.height)),
+        "lacks": (once, lacks),
+    }
+    alone = measure_detection(*split({"good": good}), **SEARCH)
+    assert caplog.messages == []
+    assert measure_detection(*split(bad | {"good": good}), **SEARCH) == alone
+    said = dict(zip(bad, caplog.messages, strict=True))
+    for patch, part in {
+        "other": "it was not found on t0",
+        "worn": "gained, so the surface was not the same",
+        "deeper": "its dales are 1.4 times as deep",
+        "deep": "its dales match those of T0, but are",
+        "lacks": "hardly any point",
+    }.items():
+        assert said[patch].startswith(f"patch {patch}: its repeat is not used: ")
+        assert part in said[patch]
+        assert "leave repeat empty" in said[patch]
+    assert measure_detection(*split(bad), **SEARCH) is None
+    assert measure_detection({}, {}, **SEARCH) is None
+
+
+def test_a_measured_error_is_read_from_what_was_stored():
+    found = Detection(1.25e-8, 3e-9)
+    assert Detection.of(found._asdict() | {"settings": "{}"}) == found
+    assert Detection.of({"settings": "{}"}) is None
