@@ -249,13 +249,11 @@ def planes_agree(planes: pd.DataFrame, composite: xr.Dataset) -> None:
     )
 
 
-def scored(
-    solved: dict[str, dict[str, xr.Dataset]], against: xr.Dataset, rim: float
-) -> pd.DataFrame:
+def scored(solved: dict[str, dict[str, xr.Dataset]], against: xr.Dataset) -> pd.DataFrame:
     """Contact against the reference, and the lowest and highest F1 among its draws."""
 
     def table(draws: slice) -> pd.DataFrame:
-        return two_scales_table(solved, against.isel(draw=draws), rim=rim)
+        return two_scales_table(solved, against.isel(draw=draws))
 
     each = np.array([table(slice(draw, draw + 1)).f1 for draw in range(against.sizes["draw"])])
     pooled = table(slice(None))
@@ -441,11 +439,9 @@ def main() -> None:
                     solved[variant][patch] = contact_at_pressure(
                         faces, Loading(modulus, pressure, tolerance=1e-6), source=patch
                     )
-            for rim in (config["validation"]["rim"], 0.0):
-                table = scored(solved, against, rim)
-                scores.append(table.assign(planes=name, pressure=which, rim=rim))
+            scores.append(scored(solved, against).assign(planes=name, pressure=which))
     table = pd.concat(scores)
-    columns = ["planes", "pressure", "rim", "patch", "variant", "contact_fraction"]
+    columns = ["planes", "pressure", "patch", "variant", "contact_fraction"]
     columns += ["reference_contact_fraction", "f1", "lowest", "highest"]
     shown = table[columns][table.reference_contact_fraction > 0].round(3)
     print("contact against the reference, draws pooled, and lowest and highest F1 of a draw:")

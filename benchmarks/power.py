@@ -1,17 +1,18 @@
 """How often does the study find a relation that is there, and one that is not?
 
-    python benchmarks/power.py [--first-seed 2001] [--specimens 100] [--laws 30] [--config FILE ...]
+    python benchmarks/power.py [--first-seed 2001] [--specimens 100] [--mats 20] [--tables]
 
 Many specimens are generated, each with its wear on summits, with the same wear placed at random,
-and with wear in waves longer than a patch; some also with wear by Archard's law, without and with a
-mat. `p_values` takes the tests of the study on one of them, `law_p_values` those of the law.
-A claim is a p-value at or below a level. Without a relation, claims must come as often as the level
-says; with one, their rate is the power (`rejection_rates`), which goes to
-benchmarks/results/power.csv. On two cores that takes half an hour.
+with wear in waves longer than a patch, and with wear by Archard's law; some are also worn with a
+mat, and studied with one. `p_values` takes the tests of the study on one of them; its rows go to
+benchmarks/results/power.csv. A claim is a p-value at or below a level. Without a relation, claims
+must come as often as the level says; with one, their rate is the power (`rejection_rates`).
+`--tables` prints the rates from the rows alone.
 """
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -25,34 +26,40 @@ from scipy.stats import beta
 from gst.config import complete, read_study
 from gst.config_file import read_config_file
 from gst.sweep import merged
-from gstlib.io.tables import write_table
+from gstlib.errors import InputError
+from gstlib.io.tables import read_table, write_table
 from gstlib.specimen.generate import make_specimens
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.stone import WEAR_LAWS, WEAR_PLACEMENTS
 from gstlib.study import Study
-from gstlib.validation.scoring import Chance, patch_tables, score_table
-from gstlib.validation.summary import (
-    believed,
-    mean_gains,
-    mean_scores,
-    rank_correlation,
-    spatial_p_value,
-)
+from gstlib.validation.inference import Draws, rank_correlation
+from gstlib.validation.scoring import Chance, own_model
+from gstlib.validation.summary import patch_statistics
 
-__all__ = ["LEVELS", "law_p_values", "p_values", "rejection_rates"]
-__all__ += ["specimen_config", "specimen_p_values", "specimen_studies"]
+__all__ = [
+    "LEVELS",
+    "asked",
+    "p_values",
+    "rejection_rates",
+    "specimen_config",
+    "specimen_p_values",
+]
+__all__ += ["specimen_studies", "worn_patches"]
 
 ROOT = Path(__file__).parents[1]
 CONFIG, RESULT = ROOT / "benchmarks/power.yaml", ROOT / "benchmarks/results/power.csv"
+# How specimens wear for the study of the bare stone, and for that with a mat.
+OF_BARE, OF_MAT = (*WEAR_PLACEMENTS, WEAR_LAWS[0]), (WEAR_PLACEMENTS[0], *WEAR_LAWS)
+WITH_MAT = ", with a mat"
 LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5)
-SCORES = ("f1", "roc_auc")  # the one of areas, the other of rankings
+SHOWN = 0.05  # the level whose rates are printed
 _TAIL = 0.025  # on either side of a 95 % interval
 _PREDICTOR, _EXTENT = "pressure_MPa", "loss_fraction"
 _PAIR = f"spearman({_PREDICTOR}, {_EXTENT})"
 # ASSUME: what can be had with fewer patches is that of so many drawn at random from a specimen's.
 _PATCH_COUNTS = (4, 6, 8, 10, 12)
 _RESAMPLES = 99  # for intervals, which are not used here
-_OF_USE = "change", "selected", "worn_square"  # stages that scans after use enter
+_OF_USE = "change", "registration", "selected", "worn_square"  # scans after use enter these
 _TESTS = ["test", "drawn", "patches", "p_value"]
 
 
@@ -66,23 +73,29 @@ def specimen_config(*files: Path) -> dict[str, Any]:
     return config
 
 
+def worn_patches(config: Mapping[str, Any]) -> pd.DataFrame:
+    """The patches of a config that have a T1."""
+    patches = read_study(config, "config")
+    return patches[patches.t1 != ""].reset_index(drop=True)
+
+
 def specimen_p_values(
-    config: Mapping[str, Any], patches: pd.DataFrame, specimen_seed: int, *, laws: bool
+    config: Mapping[str, Any], patches: pd.DataFrame, specimen_seed: int, *, mat: bool
 ) -> pd.DataFrame:
     """P-values of every test on one specimen, with each of its kinds of wear.
 
-    `config`, `patches` and `specimen_seed` are as in `specimen_studies`. With `laws` the specimen
-    also wears by each law, and it is asked of every kind whether a law is at work. The result has
-    ``seed, test, drawn, wear, p_value``.
+    `config`, `patches` and `specimen_seed` are as in `specimen_studies`. Without `mat`, the study
+    knows nothing of the config's mat. With it, the specimen wears by rule and by each law, and the
+    names of the tests end with `WITH_MAT`. The result has ``seed, test, drawn, wear, p_value``.
     """
-    seed = [config["seed"], specimen_seed]
-    kinds = (*WEAR_PLACEMENTS, *(WEAR_LAWS if laws else ()))
+    if not mat:
+        config = {**config, "mat": None}
     found = []
-    for wear, study in specimen_studies(config, patches, specimen_seed, kinds):
-        if wear in WEAR_PLACEMENTS:
-            found.append(p_values(study, seed=seed)[0].assign(wear=wear))
-        if laws:
-            found.append(law_p_values(study, seed=config["seed"]).assign(wear=wear))
+    for wear, study in specimen_studies(
+        config, patches, specimen_seed, OF_MAT if mat else OF_BARE
+    ):
+        table = p_values(study, seed=[config["seed"], specimen_seed])
+        found.append(table.assign(wear=wear, test=table.test + WITH_MAT * mat))
     table = pd.concat(found, ignore_index=True).assign(seed=specimen_seed)
     return table[["seed", "test", "drawn", "wear", "p_value"]]
 
@@ -124,71 +137,52 @@ def specimen_studies(
         }
 
 
-def p_values(study: Study, *, seed: Sequence[int]) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """P-values of every test of the study on one specimen with one placement of its wear.
+def asked(ask: Callable[[Study], Any], study: Study) -> Any:
+    """What `ask` finds on a study without the T1 that it refuses, as its message advises."""
+    while True:
+        try:
+            return ask(study)
+        except InputError as error:
+            refused = re.match(r"patch (\w+), T1", str(error.source))
+            if refused is None:
+                raise
+            study.worn.remove(refused[1])
 
-    Nulls and permutations are drawn from `seed`.
 
-    Returns
-    -------
-    tests : pandas.DataFrame
-        ``test, drawn, patches, p_value``. Tests of one patch have their score's name, ``f1``; those
-        over the patches, all or so many ``drawn`` at random, that of ``validation_summary.csv``.
-        Beside the permutation of patches stands the test that allows for spatial autocorrelation
-        (`spatial_p_value`). The p-value of a gain is one-sided: small where contact is better.
-    patches : pandas.DataFrame
-        ``patch, x_mm, y_mm, pressure_MPa`` and the scores of each patch.
+def p_values(study: Study, *, seed: Sequence[int]) -> pd.DataFrame:
+    """P-values of every test of the study on one specimen with one kind of wear.
+
+    Nulls and permutations are drawn from `seed`. The result has ``test, drawn, patches, p_value``.
+    ``mcc`` is the test of a patch against chance; the others have the names of
+    ``validation_summary.csv``, of the study's own prediction. A gain over a rival or no loss is
+    claimed by ``better(...)`` and ``worse(...)``, one-sided: of the study's two-sided test, half
+    its p-value on the side where the difference lies. The rank correlation of pressure and loss is
+    also taken over so many patches ``drawn`` at random.
     """
     shifts = study.config["validation"]["shifts"]
-    found, places = (study.scores(Chance(seed, shifts, _RESAMPLES)), study.selected())
-    table = places[["patch", "x_mm", "y_mm", "pressure_MPa"]].merge(
-        score_table(found), on="patch"
-    )
-    gains = patch_tables(found)["gains"]
-    of_patch = gains[gains.score.isin(SCORES)]
-    rows = [(row.score, np.nan, 1, row.p_value) for row in of_patch.itertuples()]
-    found, every, table = believed(found), table, table[table.believed.astype(bool)]
-    if table.empty:
-        return pd.DataFrame(rows, columns=_TESTS), every
-    generator = np.random.default_rng(seed)
-    chance: dict[str, Any] = {"generator": generator, "resamples": _RESAMPLES}
-    gains = mean_gains(table, **chance)
-    # the study claims a difference either way; here only that contact is better
-    gains["p_value"] = np.where(gains.value > 0, gains.p_value / 2, 1 - gains.p_value / 2)
-    wanted = [f"{kind}({score})" for kind in ("mean", "gain") for score in SCORES]
-    summary = pd.concat([mean_scores(found, **chance), gains]).set_index("statistic")
-    rows += [
-        (row.Index, np.nan, row.n, row.p_value) for row in summary.loc[wanted].itertuples()
-    ]
-    order = generator.permutation(len(table))
-    for drawn in (np.nan, *(count for count in _PATCH_COUNTS if count <= len(table))):
-        chosen = table if np.isnan(drawn) else table.iloc[np.sort(order[:drawn])]
-        pair = rank_correlation(chosen, _PREDICTOR, _EXTENT, **chance).iloc[0]
-        pressure, loss = chosen[[_PREDICTOR, _EXTENT]].to_numpy(float).T
-        positions = chosen[["x_mm", "y_mm"]].to_numpy()
-        spatial = spatial_p_value(pressure, loss, positions, permuted=pair.p_value)
+    chance = Chance(seed, shifts)
+    tables = asked(lambda study: study.judged(chance, resamples=_RESAMPLES), study)
+    patches, summary = tables["patches"], tables["summary"]
+    rows = [("mcc", np.nan, 1, p) for p in patches.p_value]
+    own = own_model(list(summary.model))
+    for row in summary[summary.model.isin(["", own])].itertuples():
+        name = row.statistic
+        if name.startswith(("gain", "relative")):
+            better = row.value > 0 if name.startswith("gain") else row.value < 1
+            for side, there in (("better", better), ("worse", not better)):
+                p = row.p_value / 2 if there else 1 - row.p_value / 2
+                rows.append((f"{side}: {name}", np.nan, row.n, p))
+        elif name.startswith(("tested", "spearman")):
+            rows.append((name, np.nan, row.n, row.p_value))
+    generator, places = np.random.default_rng(seed), study.selected()
+    known = patch_statistics(patches, study.registration(), places, None)
+    known = known[known.counted]
+    order = generator.permutation(len(known))
+    for drawn in (count for count in _PATCH_COUNTS if count <= len(known)):
+        chosen = known.iloc[np.sort(order[:drawn])]
+        pair = rank_correlation(chosen, _PREDICTOR, _EXTENT, Draws(generator, _RESAMPLES))
         rows.append((_PAIR, drawn, pair.n, pair.p_value))
-        rows.append((f"{_PAIR}, neighbours allowed for", drawn, pair.n, spatial))
-    return pd.DataFrame(rows, columns=_TESTS), every
-
-
-def law_p_values(study: Study, *, seed: int) -> pd.DataFrame:
-    """P-values of the claim that a law of wear is at work on a specimen.
-
-    ``test, drawn, patches, p_value`` as in `p_values`; the tests are ``law(archard)`` and, where
-    the config has a mat, ``law(mat)``. A law is claimed where its maps of loss err less than those
-    of every rival; a mat must beat the bare stone out of contact, too (`wear_summary` of
-    `gstlib.validation.wear_scores`). The p-value, one-sided, is the largest.
-    """
-    summary = study.wear(seed=seed, resamples=_RESAMPLES)[-1]
-    named = summary.statistic.isin(["skill(map)", "skill(out_of_contact)"])
-    skill = summary[named].dropna(subset="p_value")
-    p = np.where(skill.value > 0, skill.p_value / 2, 1 - skill.p_value / 2)
-    rows = (
-        skill.assign(p_value=p).groupby("model", sort=False).agg({"p_value": "max", "n": "max"})
-    )
-    rows = rows.rename(columns={"n": "patches"}).reset_index()
-    return rows.assign(test="law(" + rows.model + ")", drawn=np.nan)[_TESTS]
+    return pd.DataFrame(rows, columns=_TESTS)
 
 
 def rejection_rates(p_values: pd.DataFrame) -> pd.DataFrame:
@@ -231,32 +225,36 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--first-seed", type=int, default=2001)
     parser.add_argument("--specimens", type=int, default=100)
     parser.add_argument(
-        "--laws", type=int, default=30, help="of these, how many wear by laws, too"
+        "--mats", type=int, default=20, help="of these, how many are studied with a mat"
     )
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--output", type=Path, default=RESULT)
+    parser.add_argument("--tables", action="store_true", help="from the rows alone")
     options = parser.parse_args(arguments)
-    config = specimen_config(*options.config)
-    patches = read_study(config, " + ".join(map(str, options.config)))
-    patches = patches[patches.t1 != ""].reset_index(drop=True)
-    found = []
-    # not forked: the transforms' threads would not come along
-    with ProcessPoolExecutor(options.processes, mp_context=get_context("spawn")) as processes:
-        jobs = [
-            processes.submit(
-                specimen_p_values,
-                config,
-                patches,
-                options.first_seed + number,
-                laws=number < options.laws,
-            )
-            for number in range(options.specimens)
-        ]
-        for number, job in enumerate(jobs, start=1):
-            found.append(job.result())
-            print(f"{number} of {options.specimens} specimens", flush=True)
-    write_table(options.output, rejection_rates(pd.concat(found, ignore_index=True)))
-    print(options.output)
+    if not options.tables:
+        config = specimen_config(*options.config)
+        patches = worn_patches(config)
+        found = []
+        # not forked: the transforms' threads would not come along
+        context = get_context("spawn")
+        with ProcessPoolExecutor(options.processes, mp_context=context) as processes:
+            jobs = [
+                processes.submit(
+                    specimen_p_values, config, patches, options.first_seed + number, mat=mat
+                )
+                for mat, count in ((False, options.specimens), (True, options.mats))
+                for number in range(count)
+            ]
+            for number, job in enumerate(jobs, start=1):
+                found.append(job.result())
+                write_table(options.output, pd.concat(found, ignore_index=True))
+                print(f"{number} of {len(jobs)} studies", flush=True)
+    rates = rejection_rates(read_table(options.output))
+    shown = rates[(rates.level == SHOWN) & rates.drawn.isna()].round(3)
+    columns = ["test", "wear", "claims", "of", "specimens", "rate", "low", "high"]
+    print(shown[columns].to_string(index=False))
+    few = rates[(rates.level == SHOWN) & rates.drawn.notna() & (rates.wear == "summits")]
+    print(few[["test", "drawn", "rate", "low", "high"]].round(3).to_string(index=False))
 
 
 if __name__ == "__main__":

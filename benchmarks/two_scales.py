@@ -288,8 +288,7 @@ def rows_of(predicted: Predicted, truth: Truth) -> dict[str, dict]:
             "edge_of_face": edge_share(field) if variant != LEVELLED else np.nan,
             "volume_error": volume_error(of_patch, lost),
         }
-    rim = study.config["validation"]["rim"]
-    table = two_scales_table(contacts, reference.expand_dims("draw"), rim=rim)
+    table = two_scales_table(contacts, reference.expand_dims("draw"))
     pooled = table[table.patch == ALL].set_index("variant")
     for variant, scores in pooled[SCORES].iterrows():
         rows.setdefault(variant, {}).update(scores)

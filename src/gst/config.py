@@ -230,8 +230,6 @@ def _contradictions(config: Mapping) -> Iterator[str]:
         config["mat"],
         [config["material"][f"young_{stone}_MPa"] for stone in (1, 2)],
     )
-    if mat is not None and config["wear_steps"] is None:
-        yield "'mat' has no effect while wear_steps is null: set wear_steps, or set mat to null"
     if mat is not None and mat["young_MPa"] >= min(stones):
         yield (
             f"'mat.young_MPa' is {mat['young_MPa']:g}, not below the stones' {min(stones):g} MPa: "

@@ -21,8 +21,10 @@ import pandas as pd
 import xarray as xr
 
 from gst.logs import logged
-from gst.verdict import SCORE
+from gst.verdict import MODELS
 from gstlib.io.tables import read_table
+from gstlib.validation.rivals import CEILING, RIVALS
+from gstlib.validation.scoring import YIELDING, own_model
 
 if TYPE_CHECKING:
     import markupsafe
@@ -110,6 +112,9 @@ def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dic
     """What the study says about each patch: its rows of the tables (or empty dicts), and a
     picture.
 
+    ``wear`` is the row of the study's own prediction, ``mcc`` the score of every other model by the
+    model's name in words.
+
     `tables` are the study's, by the names of their files; `pictures` is the folder with those of
     single patches, which are given as data URLs.
     """
@@ -118,26 +123,30 @@ def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dic
         "interval": "patch_intervals",
         "microscale": "microscale_summary",
         "scores": "validation_patches",
-        "gain": "validation_gains",
         "registration": "registration",
         "placement": "placement",
-        "wear": "wear",
     }
     rows: dict[str, dict[str, dict]] = {name: {} for name in sources}
     for name, source in sources.items():
         if source in tables:
             table = read_table(tables[source]).astype(object)
-            if name == "gain":
-                table = table[table["score"] == SCORE]
-            if name == "wear":  # the study's own prediction: with the mat, if there is one
-                own = "mat" if (table["model"] == "mat").any() else "archard"
-                table = table[table["model"] == own]
             rows[name] = {row["patch"]: row.dropna().to_dict() for _, row in table.iterrows()}
+    models: dict[str, dict[str, dict]] = {}
+    if "wear" in tables:
+        for row in read_table(tables["wear"]).to_dict("records"):
+            models.setdefault(row["patch"], {})[row["model"]] = row
     records = []
     for patch in rows["pressure"]:
         picture = pictures and pictures / f"{patch}.png"
         shown = embedded(picture.read_bytes()) if picture and picture.exists() else None
         of_tables = {name: of.get(patch, {}) for name, of in rows.items()}
+        of_models = models.get(patch, {})
+        of_tables["wear"] = of_models.get(own_model(list(of_models)), {})
+        of_tables["mcc"] = {
+            MODELS[name]: of_models[name]["mcc"]
+            for name in (YIELDING, *RIVALS, CEILING)
+            if name in of_models
+        }
         records.append({"patch": patch, "picture": shown} | of_tables)
     return records
 

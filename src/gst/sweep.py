@@ -6,9 +6,8 @@ each value the study runs in memory (`gstlib.study.Study`).
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
 import pandas as pd
 
 from gstlib.io.results import columns_of
@@ -21,6 +20,9 @@ __all__ = ["STUDY", "merged", "outcomes", "sweep_problems", "sweep_settings", "s
 STUDY = "study"  # name of the setting that changes nothing
 
 _PRESSURE, _CHANGE = "pressure_MPa", "relative_change(pressure_MPa)"
+# Rows of ``validation_summary.csv``.
+_OF_PREDICTION = ["mean(mcc)", "gain(mcc)", "relative(map_error)"]
+_OF_PREDICTION += ["spearman(pressure_MPa, loss_fraction)"]
 
 
 class Setting(NamedTuple):
@@ -92,37 +94,28 @@ def sweep_problems(
 
 
 def outcomes(study: "Study") -> pd.DataFrame:
-    """The outcomes of a study: patch pressures, scores and the change of texture.
+    """The outcomes of a study: patch pressures, how right its prediction is, change of texture.
 
     Returns
     -------
     pandas.DataFrame
         ``output, patch, result, low, high``: the pressure of every patch; ``studied``, the number
-        of patches in the study; mean scores, mean gains over the best rival and the rank
-        correlation of pressure with loss, as over the patches of a study; the mean change of Sq
-        from T0 to T1, µm. 95 % intervals where there are any.
+        of patches in the study; of the predicted loss the mean MCC, its gain over the best rival
+        and the error of its maps over that of no loss; the rank correlation of pressure with loss;
+        the mean change of Sq from T0 to T1, µm. 95 % intervals where there are any.
     """
-    from gstlib.validation.scores import SCORES
-    from gstlib.validation.scoring import score_table
-    from gstlib.validation.summary import believed, mean_gains, rank_correlation
+    from gstlib.validation.scoring import own_model
     from gstlib.validation.texture import measure_texture
 
     selected = study.selected()
-    found = believed(study.scores())
     none = math.nan, math.nan
     rows = [(_PRESSURE, row.patch, row.pressure_MPa, *none) for row in selected.itertuples()]
     rows.append(("studied", "", int(selected.in_study.sum()), *none))
-    if found:
-        scores = score_table(found).merge(selected[["patch", _PRESSURE]])
-        chance: dict[str, Any] = {"resamples": study.config["validation"]["resamples"]}
-        chance["generator"] = np.random.default_rng(study.config["seed"])
-        gains = mean_gains(scores, **chance)
-        pair = rank_correlation(scores, _PRESSURE, "loss_fraction", **chance)
-        summary = pd.concat([gains, pair])
-        rows += [(f"mean({score})", "", scores[score].mean(), *none) for score in SCORES]
-        rows += [
-            (row.statistic, "", row.value, row.low, row.high) for row in summary.itertuples()
-        ]
+    if study.worn:
+        summary = study.judged(resamples=study.config["validation"]["resamples"])["summary"]
+        own = summary[summary.model.isin(["", own_model(list(summary.model))])]
+        for row in own[own.statistic.isin(_OF_PREDICTION)].itertuples():
+            rows.append((row.statistic, "", row.value, row.low, row.high))
     texture = measure_texture(
         {patch: study.prepared(patch, "T0") for patch in study.worn},
         {patch: study.change(patch) for patch in study.worn},

@@ -1,63 +1,98 @@
 """The answer of a study in a few sentences, computed from its tables.
 
-Which patches carry the load, whether predicted contact beats chance on them, and whether it
-beats the best rival that needs no mechanics. No sentence claims more than its numbers allow.
+Which patches carry the load; whether the loss that the other patches foretell of each is right, and
+better than rivals that know as much; whether patches that nothing touches wear less. No sentence
+claims more than its numbers allow: a difference must show in an interval and in a test.
 """
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import pandas as pd
 
 from gstlib.places import CONTROL, EXPOSED, Concentration
+from gstlib.validation.rivals import CEILING
+from gstlib.validation.scoring import BARE, MAT, YIELDING, own_model
 
-__all__ = ["LEVEL", "SCORE", "against_chance", "against_rival", "verdict", "where_to_scan"]
+__all__ = ["LEVEL", "MODELS", "sign_of", "verdict", "where_to_scan"]
 
 LEVEL = 0.05  # the usual one
-SCORE = "mcc"  # a score of masks that a larger area does not raise
+# The predictions, their rivals and the ceiling, in words.
+MODELS = {
+    BARE: "Archard's law",
+    MAT: "Archard's law with a mat",
+    YIELDING: "the same with a ceiling on the pressure",
+    "none": "no loss",
+    "mean_volume": "a plane that cuts off the others' mean volume",
+    "pressure_volume": "a plane that cuts off a volume in proportion to pressure",
+    "pressure_share": "a plane that wears a share in proportion to pressure",
+    "rigid": "a rigid flat sunk equally deep into every patch",
+    CEILING: "a plane that wears the patch's own share",
+}
+TOUCHED = "spearman(touched, loss_per_area_um)"
 # A longer list of names does not help a reader.
 _MOST_NAMED = 5
-_RIVALS = {"highest": "the highest points", "rigid": "rigid interpenetration"}
 
 
 def verdict(
-    pressures: pd.DataFrame,
-    intervals: pd.DataFrame,
-    gains: pd.DataFrame | None = None,
-    variants: pd.DataFrame | None = None,
+    tables: Mapping[str, pd.DataFrame],
     *,
     force_N: float,
+    mat: Mapping[str, float] | None = None,
+    hardness_MPa: float | None = None,
+    poses: int | None = None,
 ) -> list[str]:
-    """What the study found, in sentences: the load first, then the prediction against the wear.
+    """What the study found, in sentences: the load first, then the predicted loss.
 
     Parameters
     ----------
-    pressures, intervals : pandas.DataFrame
-        ``patch_pressures.csv`` and ``patch_intervals.csv``.
-    gains, variants : pandas.DataFrame, optional
-        ``validation_gains.csv`` and ``validation_variants.csv``, its first variant the study's own;
-        None for a study without T1.
+    tables : mapping of str to pandas.DataFrame
+        By name: ``patch_pressures``, ``patch_intervals`` and, of a study with scans after use,
+        ``registration``, ``validation_patches`` and ``validation_summary``.
     force_N : float
         The whole load.
+    mat, hardness_MPa
+        The sections ``mat`` and ``hardness`` of the config.
+    poses : int, optional
+        Of the gesture, if there is one.
     """
-    sentences = [_load(pressures, intervals, force_N)]
+    pressures = tables["patch_pressures"]
+    load = _load(pressures, tables["patch_intervals"], force_N)
     if not pressures["in_study"].any():
+        return [load, "No patch is in the study: the table of pressures gives the reasons."]
+    if "validation_summary" not in tables:
         return [
-            *sentences,
-            "No patch is in the study: the table of pressures gives the reasons.",
+            load,
+            "No patch has a scan after use (T1), so no prediction is compared with wear.",
         ]
-    if gains is None or variants is None:
-        compared = (
-            "No patch has a scan after use (T1), so the prediction is not compared with wear."
-        )
-        return [*sentences, compared]
-    if gains.empty:
-        compared = (
-            "No patch in the study has a usable scan after use (T1), so nothing is compared."
-        )
-        return [*sentences, compared]
-    own = next(variants[variants["score"] == SCORE].itertuples(index=False))
-    return [*sentences, against_chance(gains), against_rival(own)]
+    summary = tables["validation_summary"].fillna({"model": ""})
+    summary = summary.set_index(["model", "statistic"]).sort_index()
+    models = set(summary.index.unique("model")) & {BARE, MAT}
+    if not models:
+        return [
+            load,
+            "Nothing is compared with wear: no loss of a patch could be predicted from those of "
+            "the others.",
+        ]
+    own = own_model(list(models))
+    law = "Archard's law"
+    if poses is not None:
+        law += f" over a gesture of {poses} poses"
+    if own == MAT and mat is not None:
+        law += f" with a mat of {mat['young_MPa']:g} MPa, {mat['thickness_um']:g} µm thick,"
+    judged = [_where(summary, own, law), _how_much(summary, own, hardness_MPa)]
+    untouched = _untouched(summary, pressures, tables["registration"])
+    chance = _against_chance(summary, own, tables["validation_patches"])
+    return [sentence for sentence in (load, *judged, untouched, chance) if sentence]
+
+
+def sign_of(row: Any) -> int:
+    """Whether an estimate is above 0 (1) or below it (-1); 0 where neither shows.
+
+    `row` has ``low, high, p_value``. The difference must show in both the interval and the test.
+    """
+    return (int(row.low > 0) - int(row.high < 0)) * int(row.p_value <= LEVEL)
 
 
 def _load(pressures: pd.DataFrame, intervals: pd.DataFrame, force_N: float) -> str:
@@ -124,39 +159,88 @@ def _two_digits(value: float) -> str:
     return f"{float(f'{value:.2g}'):g}"
 
 
-def against_chance(gains: pd.DataFrame) -> str:
-    """On how many patches contact beats chance at predicting loss (``validation_gains.csv``)."""
-    p_values = gains.loc[gains["score"] == SCORE, "p_value"]
-    tested, all_patches = int(p_values.notna().sum()), len(p_values)
-    if not tested:
-        return f"None of the {all_patches} patches compared with wear can be tested against chance."
-    better = int((p_values <= LEVEL).sum())
+def _where(summary: pd.DataFrame, own: str, law: str) -> str:
+    """Was the place of the loss predicted, and better than by the best rival?"""
+    mean, gain = (summary.loc[(own, f"{name}(mcc)")] for name in ("mean", "gain"))
+    if not mean.n:
+        return (
+            f"{law} predicts a loss, but no patch in the study lost enough to be compared with."
+        )
+    reached = summary.value[own, "mean(attainable_mcc)"]
+    rival = summary.value[gain.against, "mean(mcc)"]
+    interval = ""
+    if math.isfinite(mean.low):
+        interval = f"95 % interval {mean.low:.2f} to {mean.high:.2f}; "
+    compared = {1: "better than", -1: "worse than", 0: "not shown to be better or worse than"}[
+        sign_of(gain)
+    ]
+    patches = "1 patch" if mean.n == 1 else f"{mean.n} patches"
     sentence = (
-        f"On {better} of the {tested} patches that can be tested, contact predicts the loss better "
-        f"than chance ({SCORE.upper()}, p ≤ {LEVEL})"
+        f"From the wear of the other patches, {law} predicts where each patch lost height with a "
+        f"mean MCC of {mean.value:.2f} ({interval}a mask of its area could reach {reached:.2f}) "
+        f"over {patches}: {compared} the best rival that knows as much, {MODELS[gain.against]} "
+        f"({rival:.2f}, {_p(gain)})."
     )
-    rest = all_patches - tested
-    return sentence + (f"; {rest} cannot be tested." if rest else ".")
+    return sentence.replace("-", "−")
 
 
-def against_rival(row: Any) -> str:
-    """Whether contact predicts the loss better or worse than its best rival, or neither.
+def _how_much(summary: pd.DataFrame, own: str, hardness_MPa: float | None) -> str:
+    """The errors of map and volume beside those of rivals, and the mask where stone yields."""
+    depth, volume = (summary.loc[(own, f"relative({of}_error)")] for of in ("map", "volume"))
+    if not (math.isfinite(depth.value) and math.isfinite(volume.value)):
+        return ""
+    sentence = (
+        f"Its maps err {_two_digits(depth.value)} times as much as no loss would ({_p(depth)}), "
+        f"its volumes {_two_digits(volume.value)} times as much as the best rival's ({_p(volume)})"
+    )
+    if (YIELDING, "mean(mcc)") in summary.index and hardness_MPa is not None:
+        mcc = summary.value[YIELDING, "mean(mcc)"]
+        sentence += (
+            f"; if no element bears more than {hardness_MPa:g} MPa, the mean MCC is {mcc:.2f}"
+        )
+    return sentence.replace("-", "−") + "."
 
-    `row` has the columns of ``validation_variants.csv``. A difference must show in both the
-    interval and the test.
-    """
-    if math.isnan(row.contact):
-        return f"Contact has no {SCORE.upper()} to compare with a rival's."
-    rival = f"the best rival that needs no mechanics, {_RIVALS[row.best_rival]}"
-    first, second = f"{row.contact:.2f}", f"{row.rival:.2f}"
-    test = f", p = {row.p_value:.2g}" if math.isfinite(row.p_value) else ""
-    patches = f"{row.n} patch{'es' * (row.n > 1)}"
-    sign = (int(row.low > 0) - int(row.high < 0)) * int(row.p_value <= LEVEL)
-    if sign > 0:
-        said = f"Contact predicts the loss better than {rival}"
-    elif sign < 0:
-        said, first, second = f"T{rival[1:]}, predicts the loss better", second, first
-    else:
-        said = f"The data do not show whether contact or {rival}, predicts the loss better"
-    numbers = f"mean {SCORE.upper()} {first} against {second} over {patches}{test}"
-    return f"{said} ({numbers}).".replace("-", "−")
+
+def _untouched(
+    summary: pd.DataFrame, pressures: pd.DataFrame, registration: pd.DataFrame
+) -> str:
+    """Do patches that nothing touches wear less than those that are touched?"""
+    known = pressures[["patch", "pressure_MPa"]].merge(registration, on="patch")
+    known = known[known.believed.astype(bool)].dropna(subset="loss_per_area_um")
+    is_touched = known.pressure_MPa > 0
+    untouched, touched = (known.loss_per_area_um[is_touched == side] for side in (False, True))
+    if untouched.empty or touched.empty:
+        return ""
+    row = summary.loc[("", TOUCHED)]
+    said = {
+        1: "untouched patches wear less",
+        -1: "untouched patches wear more",
+        0: "this does not show that untouched patches wear less",
+    }[sign_of(row)]
+    who = "patch" if len(untouched) == 1 else f"{len(untouched)} patches"
+    means = [_two_digits(losses.mean()) for losses in (untouched, touched)]
+    return (
+        f"The {who} that nothing touches lost {means[0]} µm on average, the "
+        f"{len(touched)} touched {means[1]} µm: {said} ({_p(row)})."
+    )
+
+
+def _against_chance(summary: pd.DataFrame, own: str, patches: pd.DataFrame) -> str:
+    """On how many of the counted patches the places of the loss are better than chance."""
+    p_values = patches.p_value[patches.counted.astype(bool)]
+    tested, untested = int(p_values.notna().sum()), int(p_values.isna().sum())
+    if not tested:
+        return "No patch can be tested against chance."
+    better = int((p_values <= LEVEL).sum())
+    together = ""
+    if tested > 1:
+        together = f"; together {_p(summary.loc[(own, 'tested_mean(mcc)')])}"
+    sentence = (
+        f"On {better} of the {tested} patches that can be tested, the places are predicted better "
+        f"than by chance (p ≤ {LEVEL}{together})"
+    )
+    return sentence + (f"; {untested} cannot be tested." if untested else ".")
+
+
+def _p(row: Any) -> str:
+    return f"p = {row.p_value:.2g}" if math.isfinite(row.p_value) else "not tested"

@@ -41,8 +41,9 @@ __all__ = [
 # large across it.
 
 # ASSUME: one hardness for every element. The default study's 2 GPa is an order of magnitude: quartz
-# indents at 11 to 12 GPa, quartzite as a whole is crushed at a few hundred MPa, and the strength of
-# an element as small as a scan's point is in between. The paper has none.
+# indents at 11 to 12 GPa (Broz, Cook & Whitney 2006, Am. Mineral. 91:135), quartzite as a whole is
+# crushed at 150 to 300 MPa, and the strength of an element as small as a scan's point is in
+# between. The paper has none.
 
 # The cases, in the order of the table. The first is the study itself.
 _STUDY, _MODULUS, _GRINDING, _CEILING = "study", "other modulus", "grinding", "ceiling"

@@ -24,9 +24,15 @@ from gstlib.placement import ALL
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import Plane, remove_plane
 from gstlib.surface import make_surface, spacing_of
-from gstlib.validation.scores import inside_rim, scores_of_sums
+from gstlib.validation.agreement import mask_scores
 
-__all__ = ["composite_heights", "patches_of_reference", "press_whole", "two_scales_table"]
+__all__ = [
+    "composite_heights",
+    "patches_of_reference",
+    "placed_whole",
+    "press_whole",
+    "two_scales_table",
+]
 
 # Of the contact of the whole square. Tables count its points, and one of them shows in the digits.
 # Measured on the default specimen: at 1e-4, 102 of 155,424 points in contact are others than at
@@ -35,6 +41,9 @@ __all__ = ["composite_heights", "patches_of_reference", "press_whole", "two_scal
 # so near to the other side. 1e-9 takes 5 s more CPU than 1e-4. (Started at the pressure of the
 # draw before, a draw takes three times as long as from coarser grids.)
 _TOLERANCE = 1e-9
+# Share of a patch's side along each edge that is not compared: a levelled patch is pressed there
+# without its neighbours.
+_RIM = 0.1
 
 
 def composite_heights(
@@ -80,18 +89,28 @@ def press_whole(
     the pressures outside, and bears its share of the force. The result has ``height`` mm, without
     its plane, and ``pressure`` MPa (y, x), in single precision.
     """
-    element = spacing_of(heights)[0]
-    size = element * heights.sizes["y"]
+    pressed, pressure_MPa = placed_whole(heights, contact)
+    loading = Loading(float(contact.contact_modulus), pressure_MPa, _TOLERANCE)
+    found = contact_at_pressure(faces_of(pressed), loading, source=source)
+    level = remove_plane(heights)[0].assign_attrs(heights.attrs)
+    return found.assign(height=level)[["height", "pressure"]].astype(np.float32)
+
+
+def placed_whole(heights: xr.DataArray, contact: xr.Dataset) -> tuple[xr.DataArray, float]:
+    """The square as it lies in the stone at rest, and its share of the force.
+
+    Parameters as in `press_whole`. The result is the surface (y, x), mm, to press on a flat: on the
+    face's plane, less the counterface, displaced by what the pressures outside displace; and the
+    mean pressure on it, MPa.
+    """
+    size = spacing_of(heights)[0] * heights.sizes["y"]
     # a generated surface begins at its own first element, less than one from the corner
     middle = Place(*(float(heights[axis].mean()) for axis in "yx"))
     # one map in place of four: of so many points each takes memory
-    faces = faces_of(pressed_height(placed_faces(heights, None, contact, middle, size_mm=size)))
+    pressed = pressed_height(placed_faces(heights, None, contact, middle, size_mm=size))
     inside = footprint_weights(contact.pressure, middle, size)
     force = float((contact.pressure.values * inside).sum() * np.prod(spacing_of(contact)))
-    loading = Loading(float(contact.contact_modulus), force / size**2, _TOLERANCE)
-    found = contact_at_pressure(faces, loading, source=source)
-    level = remove_plane(heights)[0].assign_attrs(heights.attrs)
-    return found.assign(height=level)[["height", "pressure"]].astype(np.float32)
+    return pressed, force / size**2
 
 
 def patches_of_reference(
@@ -137,7 +156,7 @@ def patches_of_reference(
 
 
 def two_scales_table(
-    contacts: Mapping[str, Mapping[str, xr.Dataset]], reference: xr.Dataset, *, rim: float
+    contacts: Mapping[str, Mapping[str, xr.Dataset]], reference: xr.Dataset
 ) -> pd.DataFrame:
     """Contact of the patches against the single-scale contact, by variant.
 
@@ -147,8 +166,6 @@ def two_scales_table(
         By variant, the patches' contacts; each is looked up once.
     reference : xarray.Dataset
         From `patches_of_reference`, by ``draw``.
-    rim : float
-        Share of a side along each edge that is not scored.
 
     Returns
     -------
@@ -160,7 +177,7 @@ def two_scales_table(
         reference are pooled, and its pressure is their mean.
     """
     rows = []
-    scored = inside_rim(reference.contact.shape[-2:], rim)
+    scored = _inside_rim(reference.contact.shape[-2:])
     for variant, of_patches in contacts.items():
         counts: dict[str, list[np.ndarray]] = {variant: [], f"highest_{variant}": []}
         known = []
@@ -184,7 +201,7 @@ def two_scales_table(
             for (patch, pressure, true_pressure), each in zip(known, pooled, strict=True):
                 own = pressure if name == variant else np.nan
                 _, predicted, touching, points = each
-                scores = scores_of_sums(list(each), 3 * [np.nan], None)
+                scores = mask_scores(*each)
                 precision, recall, f1 = (
                     float(scores[score]) for score in ("precision", "recall", "f1")
                 )
@@ -192,3 +209,9 @@ def two_scales_table(
                 shown = precision, recall, f1, f1 / (2 - f1)
                 rows.append((patch, name, own, true_pressure, *areas, *shown))
     return pd.DataFrame(rows, columns=columns_of("two_scales"))
+
+
+def _inside_rim(shape: tuple[int, int]) -> np.ndarray:
+    """Points (ny, nx) off the rim."""
+    rows, columns = (abs((np.arange(n) + 0.5) / n - 0.5) <= 0.5 - _RIM for n in shape)
+    return rows[:, None] & columns

@@ -12,15 +12,15 @@ room, and is named here.
 2. Each scanned patch carries the macroscale forces in its outline (`coupling.couple_scales`): a
    pressure with an interval (`uncertainty.pressure_intervals`). `placement.place_patches` checks
    where the patches lie.
-3. T1 is registered to T0, which gives the height that use took away (`validation.change`).
-   `validation.selection` says which patches enter the study.
+3. T1 is registered to T0, which gives the height that use took away (`validation.change`), and the
+   texture is measured before and after use (`validation.texture`). `validation.selection` says
+   which patches enter the study.
 4. Each patch, as it lies on the stone, is pressed at the scan's resolution up to its own pressure
    (`solve_patches`). Stick and slip and a ceiling on the pressure are further cases (`cases`).
-5. Predicted contact is scored against measured loss (`score_patches`), and the texture is measured
-   before and after use (`validation.texture`).
-6. The square and its patches wear by Archard's law (`wear_stone`). The loss that it predicts for a
-   patch from the loss of the others (`wear.wear_patches`) is compared with the measured one
-   (`score_wear`).
+5. The square and its patches wear by Archard's law (`wear_stone`), which predicts the loss of a
+   patch from those of the others (`wear.wear_map`).
+6. The predicted loss is judged by the measured one, beside rivals that know as much
+   (`judge_wear`).
 
 Two variants of the coupling exist. In the paper's, `LEVELLED`, the square is cut out of the mesh,
 pressed flat on its mean plane up to a mean pressure, and a patch is pressed as its scan was
@@ -69,22 +69,20 @@ from gstlib.coupling import couple_scales, place_patch, prepare_faces
 from gstlib.errors import InputError
 from gstlib.face import grid_macroscale, square_alone
 from gstlib.gesture import Gesture
-from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan
 from gstlib.preprocess.scan import prepare_scan
 from gstlib.validation.change import Detection, measure_detection, register_patch
 from gstlib.validation.scoring import (
     NO_CHANCE,
     Chance,
-    PatchScores,
-    Scoring,
-    patch_tables,
-    score_patch,
+    judge_patch,
+    judged_tables,
+    other_patches,
+    waves_too_long,
 )
 from gstlib.validation.selection import registration_table, select_patches
-from gstlib.validation.summary import summarise
-from gstlib.validation.wear_scores import wear_summary, wear_table
-from gstlib.wear import WornSquare, fit_mat, wear_patches, wear_square
+from gstlib.validation.summary import patch_statistics, summarise
+from gstlib.wear import WornSquare, fit_mat, wear_map, wear_square
 
 if TYPE_CHECKING:
     import trimesh
@@ -95,9 +93,8 @@ __all__ = [
     "STUDY_SECTIONS",
     "Microscale",
     "Study",
+    "judge_wear",
     "prepare_patch",
-    "score_patches",
-    "score_wear",
     "solve_patches",
     "wear_stone",
 ]
@@ -124,6 +121,7 @@ STUDY_SECTIONS = (
     "selection",
     "microscale",
     "validation",
+    "hardness",
     "wear_steps",
     "mat",
 )
@@ -232,74 +230,13 @@ def solve_patches(
             yield patch, variant, with_interface_stiffness(path)
 
 
-# --- Was the prediction right? ----------------------------------------------------------------
-
-
-def score_patches(
-    contacts: Mapping[str, Mapping[str, xr.Dataset]],
-    changes: Mapping[str, xr.Dataset],
-    predicted: pd.DataFrame,
-    scoring: Scoring,
-    chance: Chance,
-    *,
-    worst: Sequence[str],
-) -> dict[str, pd.DataFrame]:
-    """Score predicted contact against measured loss, patch by patch and over the patches.
-
-    Parameters
-    ----------
-    contacts : mapping of str to mapping of str to xarray.Dataset
-        By variant, the study's own first: contacts of the patches in the study that have a T1.
-    changes : mapping of str to xarray.Dataset
-    predicted : pandas.DataFrame
-        As in `gstlib.validation.summary.summarise`.
-    scoring : Scoring
-    chance : Chance
-        That of the study's own variant.
-    worst : sequence of str
-        Patches that were said beforehand to be the worst worn.
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-        ``patches``, ``gains`` and ``summary`` of the study's own variant, and
-        ``variants``, the mean scores of all.
-    """
-    by_variant: dict[str, list[PatchScores]] = {}
-    for variant, of_variant in contacts.items():
-        drawn = chance._replace(shifts=0) if by_variant else chance
-        by_variant[variant] = _scored(of_variant, changes, scoring, drawn)
-    found = next(iter(by_variant.values()))
-    for one in found:
-        if one.warning:
-            _log.warning("%s", one.warning)
-    summary, variants = summarise(
-        by_variant,
-        predicted,
-        expected_worst=worst,
-        seed=chance.seed,
-        resamples=chance.resamples,
-    )
-    return patch_tables(found) | {"summary": summary, "variants": variants}
-
-
-def _scored(
-    contacts: Mapping[str, xr.Dataset],
-    changes: Mapping[str, xr.Dataset],
-    scoring: Scoring,
-    chance: Chance,
-) -> list[PatchScores]:
-    """Scores of each patch that has a contact."""
-    return [
-        score_patch(patch, contacts[patch], changes[patch], scoring, chance)
-        for patch in contacts
-    ]
+# --- Wear ------------------------------------------------------------------------------------
 
 
 def wear_stone(
     contact: xr.Dataset,
     pressures: pd.DataFrame,
-    scores: pd.DataFrame,
+    registration: pd.DataFrame,
     *,
     patch_mm: float,
     steps: int,
@@ -308,15 +245,16 @@ def wear_stone(
 ) -> WornSquare | None:
     """Wear the face by Archard's law, and fit its coefficient to the measured losses.
 
-    `contact` is the face's at the target load; `scores` is the table ``patches`` of
-    `score_patches`, whose believed losses count; `mat` is that section of the config. Other
-    parameters and the result are those of `gstlib.wear.wear_square`; None, with a warning, where
-    there is no fit.
+    `contact` is the face's at the target load; `pressures` and `registration` are the tables
+    ``patch_pressures`` and ``registration``: the believed losses of patches in the study count;
+    `mat` is that section of the config. Other parameters and the result are those of
+    `gstlib.wear.wear_square`; None, with a warning, where there is no fit.
     """
     layer = Layer(mat["young_MPa"], mat["poisson"], mat["thickness_um"] * 1e-3) if mat else None
-    lost = scores[scores.believed.astype(bool)].set_index("patch").loss_per_area_um.dropna()
-    under_load = pressures.set_index("patch").pressure_MPa[lost.index] > 0
-    if ((lost > 0) & under_load).sum() < 2:
+    known = pressures.merge(registration, on="patch").set_index("patch")
+    known = known[known.believed.astype(bool) & known.in_study.astype(bool)]
+    known = known.dropna(subset="loss_per_area_um")
+    if ((known.loss_per_area_um > 0) & (known.pressure_MPa > 0)).sum() < 2:
         _log.warning(
             "wear is not predicted: fewer than two patches under load lost height, so that its "
             "coefficient cannot be fitted to some and tested on others"
@@ -326,7 +264,7 @@ def wear_stone(
         return wear_square(
             contact,
             pressures,
-            lost.to_dict(),
+            known.loss_per_area_um.to_dict(),
             patch_mm=patch_mm,
             steps=steps,
             mat=layer,
@@ -337,25 +275,81 @@ def wear_stone(
         return None
 
 
-def score_wear(
+# --- Was the prediction right? ----------------------------------------------------------------
+
+
+def judge_wear(
     contacts: Mapping[str, xr.Dataset],
     changes: Mapping[str, xr.Dataset],
-    losses: Mapping[str, xr.Dataset],
-    worn: WornSquare,
-    mat: xr.Dataset | None,
+    predicted: Mapping[str, xr.Dataset],
+    pressures: pd.DataFrame,
+    registration: pd.DataFrame,
     *,
-    seed: int,
+    fitted_to: Sequence[str],
+    mat: xr.Dataset | None = None,
+    exposure: pd.DataFrame | None = None,
+    expected_worst: Sequence[str] = (),
+    chance: Chance = NO_CHANCE,
     resamples: int,
-) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Predicted against measured loss of each patch, and what the prediction is worth.
+) -> dict[str, pd.DataFrame]:
+    """Judge the loss that is predicted of each patch by the measured one, beside fair rivals.
 
-    `losses` are those of `gstlib.wear.wear_patches` by patch, `worn` is from `wear_stone`, and
-    `mat` from `gstlib.wear.fit_mat`, None without one. The tables are those of
-    `gstlib.validation.wear_scores.wear_table` and `gstlib.validation.wear_scores.wear_summary`.
+    Parameters
+    ----------
+    contacts, changes, predicted : mapping of str to xarray.Dataset
+        By patch: contact before use, height change, and the result of `gstlib.wear.wear_map`, of
+        which there are none where no wear is predicted.
+    pressures, registration, exposure : pandas.DataFrame
+        The tables ``patch_pressures``, ``registration`` and, of a gesture, ``exposure``.
+    fitted_to : sequence of str
+        Patches whose losses the prediction is fitted to.
+    mat : xarray.Dataset, optional
+        From `gstlib.wear.fit_mat`.
+    expected_worst : sequence of str
+        Patches that were said beforehand to be the worst worn.
+    chance : Chance
+    resamples : int
+        Bootstrap samples of patches.
+
+    Returns
+    -------
+    dict of pandas.DataFrame
+        ``patches`` and ``wear``, with a row for each patch with a known change and for each of its
+        models; ``profile``; and ``summary``, over the patches in the study whose loss is believed.
     """
-    table, profile = wear_table(contacts, changes, losses, worn.path)
-    summary = wear_summary(table, profile, mat, seed=seed, resamples=resamples)
-    return table, profile, summary
+    known = registration[registration.known_share > 0].set_index("patch")
+    at = pressures.set_index("patch").join(known.believed, how="inner")
+    found = []
+    if predicted:
+        others = other_patches(pressures, registration, fitted_to, contacts, changes)
+        for patch in at.index:
+            found.append(
+                judge_patch(
+                    patch,
+                    contacts[patch],
+                    changes[patch],
+                    predicted[patch],
+                    others,
+                    pressure_MPa=float(at.pressure_MPa[patch]),
+                    believed=bool(at.believed[patch]),
+                    chance=chance,
+                )
+            )
+    if warning := waves_too_long(found):
+        _log.warning("%s", warning)
+    counted = (at.in_study.astype(bool) & at.believed.astype(bool)).to_dict()
+    tables = judged_tables(found, counted)
+    statistics = patch_statistics(tables["patches"], registration, pressures, exposure)
+    tables["summary"] = summarise(
+        statistics,
+        tables["wear"],
+        found,
+        mat,
+        seed=chance.seed,
+        resamples=resamples,
+        expected_worst=expected_worst,
+    )
+    return tables
 
 
 # --- The whole in memory ----------------------------------------------------------------------
@@ -522,11 +516,16 @@ class Study:
         return measure_detection(*epochs, **settings)
 
     @_stage
+    def registration(self) -> pd.DataFrame:
+        """How well T1 matches T0, and what was lost, from `registration_table`."""
+        changes = {patch: self.change(patch) for patch in self.worn}
+        most_noise = self.config["validation"]["most_noise"]
+        return registration_table(changes, self.config["selection"], most_noise=most_noise)
+
+    @_stage
     def selected(self) -> pd.DataFrame:
         """Every patch with its pressure and whether it is in the study, from `select_patches`."""
-        changes = {patch: self.change(patch) for patch in self.worn}
-        quality = registration_table(changes, self.config["selection"])
-        return select_patches(self.pressures(), quality, self.config["selection"])
+        return select_patches(self.pressures(), self.registration(), self.config["selection"])
 
     @_stage
     def patch_contact(self, patch: str) -> xr.Dataset:
@@ -552,38 +551,41 @@ class Study:
         )
         return contact
 
-    def scored(self) -> list[str]:
-        """The patches in the study that have a T1, in the table's order."""
-        selected = self.selected()
-        return [p for p in selected.patch[selected.in_study] if p in self.worn]
-
-    def scores(self, chance: Chance = NO_CHANCE) -> list[PatchScores]:
-        """Scores of these patches."""
-        scoring = Scoring(*(self.config["validation"][name] for name in Scoring._fields))
-        contacts = {patch: self.patch_contact(patch) for patch in self.scored()}
-        changes = {patch: self.change(patch) for patch in contacts}
-        return _scored(contacts, changes, scoring, chance)
-
     @_stage
     def worn_square(self) -> WornSquare | None:
         """The square as it wears, from `wear_stone`."""
         return wear_stone(
             self.contact(),
-            self.pressures(),
-            patch_tables(self.scores())["patches"],
+            self.selected(),
+            self.registration(),
             patch_mm=self._patch_mm,
             steps=self.config["wear_steps"],
             mat=self.config["mat"],
         )
 
-    def wear(self, *, seed: int, resamples: int) -> tuple[pd.DataFrame, ...]:
-        """Tables of `score_wear`, empty where no wear is predicted."""
-        if (worn := self.worn_square()) is None:
-            names = ("wear", "wear_profile", "wear_summary")
-            return tuple(pd.DataFrame(columns=columns_of(name)) for name in names)
-        contacts = {patch: self.patch_contact(patch) for patch in worn.losers}
-        changes = {patch: self.change(patch) for patch in worn.losers}
-        mat = fit_mat(worn, contacts, changes) if worn.mat else None
-        losses = dict(wear_patches(worn, mat, contacts))
-        chance = {"seed": seed, "resamples": resamples}
-        return score_wear(contacts, changes, losses, worn, mat, **chance)
+    def judged(self, chance: Chance = NO_CHANCE, *, resamples: int) -> dict[str, pd.DataFrame]:
+        """The tables of `judge_wear`."""
+        contacts, changes = (
+            {patch: of(patch) for patch in self.worn}
+            for of in (self.patch_contact, self.change)
+        )
+        worn, mat, predicted = self.worn_square(), None, {}
+        if worn is not None:
+            mat = fit_mat(worn, contacts, changes) if worn.mat else None
+            hardness = self.config["hardness"]
+            predicted = {
+                patch: wear_map(contact, worn, mat, patch, hardness_MPa=hardness)
+                for patch, contact in contacts.items()
+            }
+        return judge_wear(
+            contacts,
+            changes,
+            predicted,
+            self.selected(),
+            self.registration(),
+            fitted_to=worn.fitted_to if worn else (),
+            mat=mat,
+            expected_worst=self.config["validation"]["expected_worst"],
+            chance=chance,
+            resamples=resamples,
+        )

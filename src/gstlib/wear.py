@@ -9,7 +9,7 @@ Valleys wear too where something soft is between the stones: plants, hide, wood.
 layer that takes turns with the bare stone, stands for it. How its coefficient compares with that of
 the bare stone is fitted as κ is, to the maps of loss of the other patches (`fit_mat`).
 
-`gstlib.validation.wear_scores` says how good the predictions are.
+`gstlib.validation` says how good the predictions are.
 """
 
 # ASSUME: κ is one number for the whole stone and all of its use; the active stone does not wear,
@@ -19,11 +19,15 @@ the bare stone is fitted as κ is, to the maps of loss of the other patches (`fi
 # traces count more than many shallow ones. The measured loss is that beyond its level of detection.
 # ASSUME: a mat carries the same force over the square as the bare stone does, and is as thick
 # everywhere; what is behind it is rigid for it, and elastic by itself as without it.
+# ASSUME: where summits yield, a patch keeps the mean pressures of the elastic stone, but for what
+# it cannot bear: at most nine tenths of the ceiling. What yields in one step is as high as before
+# in the next, but for what wore off.
 # ASSUME: T1 is laid on T0 where most points are. No scan sees what a mat takes off all points
 # alike, so that a prediction, too, counts from the median of its depths.
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,7 +40,8 @@ from gstlib.coupling import patch_pressures, surroundings
 from gstlib.errors import InputError
 from gstlib.geometry import Place
 from gstlib.gesture import Gesture, exposure, press_poses
-from gstlib.validation.wear_scores import OWN, seen_depth
+from gstlib.validation.agreement import seen_depth
+from gstlib.validation.scoring import BARE, MAT, YIELDING
 
 __all__ = [
     "Mat",
@@ -44,7 +49,7 @@ __all__ = [
     "fit_mat",
     "mat_misfits",
     "wear_map",
-    "wear_patches",
+    "wear_patch",
     "wear_square",
 ]
 
@@ -54,6 +59,8 @@ _REACHES = 1.5, 3.0, 6.0
 # Coefficients of the mat that are tried, over that of the bare stone.
 _RATIOS = 0.0, 0.1, 0.3, 1.0, 3.0
 _BODIES = "stone", "mat"
+# Largest mean pressure of a patch over the ceiling on the pressure of its elements.
+_BORNE = 0.9
 
 _OF_PATCHES = "pressure_MPa", "x_mm", "y_mm", "rotation_deg"
 _DESCRIBED = {
@@ -103,7 +110,7 @@ class WornSquare(NamedTuple):
     mat: Mat | None
 
     @property
-    def losers(self) -> list[str]:
+    def fitted_to(self) -> list[str]:
         """The patches that κ is fitted to."""
         return self.path.patch.values[np.isfinite(self.path.measured.values)].tolist()
 
@@ -167,7 +174,7 @@ def wear_square(
         raise InputError(
             "macroscale",
             "the measured losses are more than this square can lose under its patches",
-            "Look for a patch whose T1 is wrong, or set wear_steps to null in the config.",
+            "Look for a patch whose T1 is wrong.",
         )
     path = xr.concat(paths, pd.Index(_RATIOS[: len(paths)], name="ratio"))
     path = path.assign(
@@ -270,6 +277,7 @@ def wear_patch(
     *,
     ratio: float = 0.0,
     kappa: float | None = None,
+    hardness_MPa: float | None = None,
 ) -> np.ndarray:
     """Wear a patch at the pressures that the wearing square gives it.
 
@@ -283,6 +291,10 @@ def wear_patch(
         One of those of `worn`.
     kappa : float, optional
         mm/MPa; by default that of the bare stone from the other patches.
+    hardness_MPa : float, optional
+        Ceiling on the pressure of an element. It moves wear within the patch; how much the patch
+        loses depends on its mean pressure alone, of which it bears at most nine tenths of the
+        ceiling.
 
     Returns
     -------
@@ -294,6 +306,8 @@ def wear_patch(
     if not lost > 0:
         return np.zeros(contact.height.shape)
     source = f"patch {patch}"
+    if hardness_MPa is not None:
+        options = _bounded(options, ratio, hardness_MPa)
     return solved(wear_path, contact, Loading.of(contact), source, **options).depth
 
 
@@ -311,6 +325,21 @@ def _driven(
         lowered = _lowered(contact, at, worn.mat)
         options["third_body"] = ThirdBody(worn.mat.layer, share, soft, lowered)
     return lost, options
+
+
+def _bounded(options: dict, ratio: float, hardness_MPa: float) -> dict:
+    """The settings of `_driven` with a ceiling on the pressure, and no more than it lets pass."""
+    most, share = _BORNE * hardness_MPa, ratio / (1 + ratio)
+    body, stone = options.get("third_body"), np.minimum(options["mean_pressure"], most)
+    asked = (1 - share) * options["mean_pressure"].sum()
+    borne = (1 - share) * stone.sum()
+    bounded: dict[str, Any] = {"mean_pressure": stone, "pressure_limit": hardness_MPa}
+    if body is not None:
+        soft = np.minimum(body.mean_pressure, most)
+        bounded["third_body"] = replace(body, mean_pressure=soft)
+        asked += share * body.mean_pressure.sum()
+        borne += share * soft.sum()
+    return options | bounded | {"mean_loss": options["mean_loss"] * borne / asked}
 
 
 def _lowered(contact: xr.Dataset, at: xr.Dataset, mat: Mat) -> np.ndarray | float:
@@ -393,11 +422,12 @@ def fit_mat(
     -------
     xarray.Dataset
         ``misfit`` (ratio, patch), mm²: of each patch where all are fitted; ``mat_ratio`` and
-        ``mat_kappa`` (patch): fitted to all other patches; ``ratio_of_all``: to all.
+        ``mat_kappa`` (patch): fitted to all other patches; ``ratio_of_all`` and ``kappa_of_all``:
+        to all.
     """
     by_patch = {
         patch: mat_misfits(contacts[patch], changes[patch], worn, patch)
-        for patch in worn.losers
+        for patch in worn.fitted_to
     }
     found = xr.concat(by_patch.values(), pd.Index(by_patch, name="patch"))
     measured = worn.path.measured.sel(patch=list(by_patch)).values
@@ -420,7 +450,7 @@ def fit_mat(
         return np.array(kappas), np.array(errors)
 
     every = np.arange(len(by_patch))
-    _, all_misfits = misfit(every)
+    kappas_of_all, all_misfits = misfit(every)
     ratios, kappas = [], []
     for own in every:
         others = np.delete(every, own)
@@ -432,29 +462,28 @@ def fit_mat(
     misfit_of = {"units": "mm2", "long_name": "sum of squared differences of loss"}
     ratio_of = {"units": "1", "long_name": "coefficient of the mat over that of the bare stone"}
     kappa_of = {"units": "mm/MPa", "long_name": "κ of other patches, with the mat"}
+    of_all = "κ of all patches, with the mat"
     return xr.Dataset(
         {
             "misfit": (("ratio", "patch"), all_misfits, misfit_of),
             "mat_ratio": ("patch", ratios, ratio_of),
             "mat_kappa": ("patch", kappas, kappa_of),
             "ratio_of_all": ((), float(worn.path.ratio[best]), ratio_of),
+            "kappa_of_all": ((), float(kappas_of_all[best]), kappa_of | {"long_name": of_all}),
         },
         coords={"ratio": worn.path.ratio, "patch": list(by_patch)},
     )
 
 
-def wear_patches(
-    worn: WornSquare, fitted: xr.Dataset | None, contacts: Mapping[str, xr.Dataset]
-) -> Iterator[tuple[str, xr.Dataset]]:
-    """`wear_map` of each patch that lost height, from their `contacts`, one after the other."""
-    for patch in worn.losers:
-        yield patch, wear_map(contacts[patch], worn, fitted, patch)
-
-
 def wear_map(
-    contact: xr.Dataset, worn: WornSquare, fitted: xr.Dataset | None, patch: str
+    contact: xr.Dataset,
+    worn: WornSquare,
+    fitted: xr.Dataset | None,
+    patch: str,
+    *,
+    hardness_MPa: float | None = None,
 ) -> xr.Dataset:
-    """Loss and heights after use of a patch, as the other patches predict them.
+    """Loss of a patch, as the other patches predict it.
 
     Parameters
     ----------
@@ -464,25 +493,30 @@ def wear_map(
     fitted : xarray.Dataset or None
         From `fit_mat`; None without a mat.
     patch : str
+        Any patch of the square. The coefficient comes from all patches if it is none of those with
+        a measured loss.
+    hardness_MPa : float, optional
+        As in `wear_patch`.
 
     Returns
     -------
     xarray.Dataset
-        ``depth`` and ``t1`` (model, y, x), mm, by ``archard``, the bare stone, and, where there is
-        a mat, ``mat``.
+        ``depth`` (model, y, x), mm, by ``archard``, the bare stone; where there is a mat, ``mat``;
+        and with a hardness ``yielding``, the last of these where summits yield.
     """
-    depths = [wear_patch(contact, worn, patch)]
+    found: dict[str, dict[str, float]] = {BARE: {}}
     if fitted is not None:
-        at = fitted.sel(patch=patch)
-        ratio, kappa = float(at.mat_ratio), float(at.mat_kappa)
-        depths.append(wear_patch(contact, worn, patch, ratio=ratio, kappa=kappa))
-    depth = np.stack(depths)
-    names = {"depth": "predicted height loss", "t1": "predicted height after use"}
-    values = {"depth": depth, "t1": contact.height.values - depth}
+        ratio, kappa = fitted.ratio_of_all, fitted.kappa_of_all
+        if patch in fitted.patch:
+            ratio, kappa = (
+                fitted[name].sel(patch=patch) for name in ("mat_ratio", "mat_kappa")
+            )
+        found[MAT] = {"ratio": float(ratio), "kappa": float(kappa)}
+    if hardness_MPa is not None:
+        found[YIELDING] = list(found.values())[-1] | {"hardness_MPa": hardness_MPa}
+    depth = np.stack([wear_patch(contact, worn, patch, **given) for given in found.values()])
+    described = {"units": "mm", "long_name": "predicted height loss"}
     return xr.Dataset(
-        {
-            name: (("model", "y", "x"), values[name], {"units": "mm", "long_name": long_name})
-            for name, long_name in names.items()
-        },
-        coords={"model": list(OWN[: len(depth)]), "y": contact.y, "x": contact.x},
+        {"depth": (("model", "y", "x"), depth, described)},
+        coords={"model": list(found), "y": contact.y, "x": contact.x},
     )

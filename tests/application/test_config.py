@@ -272,11 +272,6 @@ def test_results_do_not_go_where_measured_files_are(config, results, inside):
     assert config_problems(mine | {"results": "a/b2"}) == []
 
 
-def test_a_mat_needs_steps_of_wear(config):
-    found = config_problems(config | {"mat": MAT, "wear_steps": None})
-    assert "'mat' has no effect while wear_steps is null" in found[0]
-
-
 def test_files_that_cannot_be_used_are_listed(config, tmp_path):
     patches = read_patches(ROOT / "config/patches_tiny.tsv", size_mm=5.0, patch_size_mm=0.85).head(
         2

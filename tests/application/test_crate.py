@@ -58,7 +58,7 @@ def results(tmp_path, monkeypatch):
     contents = [
         {
             "file": name,
-            "category": "6 Wear",
+            "category": "5 Validation",
             "title": f"title of {name}",
             "caption": "<p>Loss &amp;\n<em>pressure</em>.</p>",
             "sha256": sha256(folder / name),
@@ -111,7 +111,7 @@ def test_every_file_is_described_and_everything_described_is_there(results):
     assert action["instrument"] == entities["./"]["mainEntity"] == {"@id": "Snakefile"}
     assert "workflow/rules/common.smk" in files
     wear = entities["results/tables/wear.csv"]
-    assert wear["name"] == "Wear: title of tables/wear.csv"
+    assert wear["name"] == "Validation: title of tables/wear.csv"
     assert wear["description"] == "Loss & pressure."
 
 

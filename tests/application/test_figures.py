@@ -13,6 +13,7 @@ import trimesh
 import xarray as xr
 from contacts import contact_of
 from gst.figures import macroscale, maps, microscale, style, tables
+from gst.verdict import MODELS
 from gstlib.errors import InputError
 from gstlib.geometry import Frame
 from gstlib.surface import make_surface
@@ -22,28 +23,40 @@ def table(text):
     """A table as its stage writes it; an underscore stands for a space."""
     lines = [line.strip().replace(" ", "|") for line in text.replace("; ", "\n").splitlines()]
     rows = pd.read_csv(io.StringIO("\n".join(lines)), sep="|", dtype={"patch": str})
-    return rows.replace("_(?=x|tell|loss)", " ", regex=True)
+    return rows.replace("_(?=loss)", " ", regex=True)
 
 
 # What figures of one table are drawn from; of three patches, "2" is not in the study.
 ALONE = {"message": "No patch."}
 PRESSURES = table("""patch x_mm y_mm rotation_deg pressure_MPa in_study low_MPa high_MPa
     1 0.5 0.5 0 40 True 1 90; 2 2.5 1.5 10 4 False 1 90; 3 4.5 4.4 -3 20 True 1 90""")
-SCORES = table("""patch loss_fraction pressure_MPa believed; 1 0.1 40 yes; 2 NA 4 yes; 3 0.2 20 yes
-    4 0.3 30 no""")
-SCORES["believed"] = SCORES.believed == "yes"
-GAINS = table("patch score p_value; 1 mcc 0.0001; 2 mcc NA; 3 mcc 0.5")
-SUMMARY = table("""statistic value low high p_value against
-    spearman(pressure_MPa,_loss_fraction) 0.5 -0.1 0.9 0.2 pairings""")
-VARIANTS = table("""variant score contact rival best_rival gain low high p_value n
-    placed mcc 0.3 0.5 rigid -0.2 -0.3 -0.1 0.01 3; placed f1 0.4 0.3 highest 0.1 0.05 0.3 0.3 3
-    levelled mcc 0.2 0.1 highest 0.1 -0.1 0.2 0.2 3""")
+LOSSES = table("""patch pressure_MPa loss_per_area_um believed; 1 40 0.1 True; 2 4 NA True
+    3 20 0.2 True; 4 30 0.3 False; 5 0 0.01 True; 6 9 0.05 True""")
+COUNTED = table("patch counted; 1 True; 3 True; 5 False; 6 False")
+SUMMARY = table("""model statistic value low high p_value n
+    archard mean(mcc) 0.5 0.4 0.6 NA 3; archard mean(attainable_mcc) 0.7 NA NA NA 3
+    rigid mean(mcc) 0.4 NA NA NA 3; own_area mean(mcc) 0.8 0.7 0.9 NA 3
+    NA spearman(pressure_MPa,_loss_per_area_um) 0.5 -0.1 0.9 0.2 3
+    NA spearman(touched,_loss_per_area_um) 0.4 NA NA NA 4""")
+WEAR = table("""patch model predicted_volume_um3 measured_volume_um3; 1 archard 1e5 2e5
+    3 archard 3e5 4e5; 5 archard 0 9e5; 1 rigid 2e5 2e5; 3 rigid 9e5 4e5""")
+PROFILE = table("patch by band model loss_um; 1 gap 1 archard 9; 5 height 1 archard 9")
+PROFILE = pd.concat(
+    [PROFILE]
+    + [
+        pd.DataFrame({"by": "height", "band": range(1, 5), "loss_um": [of, 0.2, 0.1, 0.0]}).assign(
+            patch=patch, model=model
+        )
+        for patch, model, of in (("1", "archard", 1.0), ("3", "archard", 3.0), ("1", "measured", 4))
+    ]
+)
 TWO_SCALES = table("""patch variant f1; 1 levelled 0.4; 3 levelled 0.5; all levelled 0.45
     1 placed 0.9; 3 placed 0.8; all placed 0.85""")
 ALONE["texture"] = table("""patch epoch Sq_um Sk_um Spk_um Svk_um Sal_um Str
     1 T0 2 1 1 1 1 1; 1 T1 1.5 1 1 1 1 1; 2 T0 3 1 1 1 1 1; 3 T0 4 1 1 1 1 1""")
 ALONE["sweep"] = table("""factor value output result change low high
-    NA NA mean(f1) 0.5 0 0.4 0.6; load a mean(f1) 0.4 -0.1 NA NA; load b mean(f1) 0.7 0.2 NA NA""")
+    NA NA mean(mcc) 0.5 0 0.4 0.6; load a mean(mcc) 0.4 -0.1 NA NA
+    load b mean(mcc) 0.7 0.2 NA NA""")
 
 
 def contact_at(heights, load):
@@ -66,8 +79,11 @@ T0, PRESSURE = CONTACTS["1"]["height"], CONTACTS["1"]["pressure"]
 LOST = T0.copy(data=RNG.normal(0, 1e-4, T0.shape) - 1e-3 * (T0.values > 3e-3))
 LOST[:, :6] = np.nan
 CHANGE = {"t1": T0 + LOST, "change": LOST, "loss": LOST < -2e-4, "gain": LOST > 2e-4}
-WORN = xr.Dataset({"depth": (("model", "y", "x"), np.abs(T0.values)[None])}, {"model": ["mat"]})
+CHANGE["level_of_detection"] = xr.full_like(LOST, 2e-4)
 CHANGE = xr.Dataset(CHANGE, attrs={"level_of_detection_um": 0.2, "overlap": 0.9})
+# Points that do not wear have a depth, too, which no scan shows.
+PREDICTED = (T0 - 2e-3).clip(0) + 5e-3
+FORETOLD = (PREDICTED > 5.2e-3) & LOST.notnull()
 PREPARED = {"height": T0, "measured": T0.where(T0 < 4e-3), "filled": T0 >= 4e-3}
 PREPARED = xr.Dataset(PREPARED | {"outlier": T0 < -4e-3})
 PREPARED.attrs = {"Sq_before_um": 3.0, "Sq_after_um": 2.0}
@@ -82,13 +98,14 @@ FROM = {
     "force": ((SQUARE, PRESSURES), SIZE),
     "preparation": (({"T0": PREPARED, "T1": PREPARED},), PATCH),
     "load_curves": ((SQUARE, CONTACTS), {}),
-    "patch": ((CONTACTS["1"], CHANGE, WORN), PATCH),
+    "patch": ((CONTACTS["1"], CHANGE, PREDICTED), PATCH),
     "overview": (
-        (SQUARE, PRESSURES, CONTACTS["1"], CHANGE, TOOL),
+        (SQUARE, PRESSURES, CONTACTS["1"], CHANGE, PREDICTED, TOOL),
         SIZE | PATCH | {"force_N": 550.0},
     ),
     "contact_steps": ((SQUARE,), {"size_mm": 3.0}),
-    "validation": ((SCORES, GAINS, SUMMARY, VARIANTS), {}),
+    "validation": ((COUNTED, LOSSES, SUMMARY), {}),
+    "wear": ((WEAR, PROFILE, PRESSURES, ["1", "3"]), {}),
 }
 TOUCHED = {patch: CONTACTS[patch].pressure.values > 30 for patch in "13"}
 FROM["two_scales"] = (({"levelled": CONTACTS, "placed": CONTACTS}, TOUCHED, TWO_SCALES), {})
@@ -97,18 +114,18 @@ FROM |= {name: ((found,), {}) for name, found in ALONE.items()}
 MASKS = [
     ("contact_steps", -1, style.BLACK, SQUARE["pressure"] > 0),
     ("preparation", 0, style.VERMILION, PREPARED["outlier"]),
-    ("patch", -1, style.BLUE, CHANGE["loss"] & (PRESSURE > 0)),
-    ("patch", -1, style.AMBER, CHANGE["loss"] & (PRESSURE == 0)),
-    ("patch", -1, style.BLACK, (PRESSURE > 0) & LOST.notnull() & ~CHANGE["loss"]),
+    ("patch", 2, style.BLACK, PRESSURE > 0),
+    ("patch", -1, style.BLUE, CHANGE["loss"] & FORETOLD),
+    ("patch", -1, style.AMBER, CHANGE["loss"] & ~FORETOLD),
+    ("patch", -1, style.BLACK, FORETOLD & ~CHANGE["loss"]),
     ("overview", -1, "#ffffff", LOST.isnull()),
     ("two_scales", 0, style.BLUE, PRESSURE > 30),
     ("two_scales", 1, style.BLACK, (PRESSURE > 0) & (PRESSURE <= 30)),
 ]
 VECTORS = {"overview": "pdf"}  # of the others, SVG
 SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "workflow/scripts/draw_figures.py"))
-CASES = [("13", {}), ("1", {"most": 1}), (["none"], {"in_study": False})]
-CASES += [("3", {"pressure_MPa": [2.0, 9.0, 4.0], "in_study": True})]
-CASES += [(["none"], {"in_study": [False, True, False]})]
+CASES = [("13", {}), ("1", {"most": 1}), ("13", {"in_study": False})]
+CASES += [("3", {"pressure_MPa": [2.0, 9.0, 4.0], "in_study": True, "most": 1})]
 
 
 def draw(name):
@@ -180,25 +197,28 @@ def test_forces_and_pressures_are_those_of_the_contact():
 
 
 def test_epochs_share_their_colours_and_what_was_or_will_be_lost_is_red():
-    before, after, changed, predicted, _ = draw("patch").axes
+    before, after, _, changed, predicted, _ = draw("patch").axes
     ends = [axes.child_axes[0].get_xticks().tolist() for axes in (before, after)]
     assert ends[0] == ends[1]
     redness, rose = picture_of(changed) @ [1, 0, -1], CHANGE["gain"].values
     assert redness[lost := CHANGE["loss"].values].min() > 0.1
     assert redness[rose].max() < -0.1
     assert np.abs(redness[~lost & ~rose]).max() < 0.03
-    depth = np.abs(T0.values)
     redness = picture_of(predicted) @ [1, 0, -1]
-    assert redness[depth > np.quantile(depth, 0.9)].min() > 0.1
-    assert np.abs(redness[depth < np.median(depth)]).max() < 0.03
+    assert redness[PREDICTED.values > 6e-3].min() > 0.1
+    assert np.abs(redness[PREDICTED.values == 5e-3]).max() < 0.03
 
 
-def test_a_patch_without_a_known_change_can_be_drawn():
+def test_a_patch_without_a_known_change_shows_its_scans_and_says_so():
     nothing = {"change": xr.full_like(LOST, np.nan), "loss": xr.zeros_like(CHANGE["loss"])}
-    nothing |= {"t1": nothing["change"], "gain": nothing["loss"]}
+    nothing |= {"t1": T0, "gain": nothing["loss"]}
     change = CHANGE.assign(nothing).assign_attrs(level_of_detection_um=np.nan)
-    axes = microscale.patch_figure(CONTACTS["1"], change, None, patch="1").axes
-    assert axes[2].get_title() == "no change is known"
+    for predicted, count in ((None, 4), (PREDICTED, 5)):
+        axes = microscale.patch_figure(CONTACTS["1"], change, predicted, patch="1").axes
+        titles = [panel.get_title() for panel in axes]
+        assert titles[1] == "T1, after use, not laid on T0"
+        assert titles[3] == "no change is known"
+        assert len(titles) == count
 
 
 def test_curves_and_tables_are_drawn_as_they_are():
@@ -216,16 +236,29 @@ def test_curves_and_tables_are_drawn_as_they_are():
 
 
 def test_validation_shows_what_the_tables_say():
-    gains, extent = draw("validation").axes
-    lines = gains.figure.get_suptitle().splitlines()
-    assert lines[0].startswith("placed: The best rival that needs no mechanics, rigid")
-    assert lines[1].startswith("levelled: The data do not show")
-    assert lines[2].startswith("On 1 of the 2 patches")
-    assert gains.get_yticklabels()[0].get_text() == "mcc\nvs rigid"
-    assert points_of(gains) == [[[-0.2, 0]], [[0.1, 1]]]
-    assert [line.get_color() for line in gains.lines[2::2]] == [style.VERMILION, style.GREY]
-    assert points_of(extent) == [[[40, 10], [20, 20]]]
-    assert extent.get_title().endswith("Spearman ρ = 0.5 [−0.1, 0.9], p = 0.2")
+    agreement, extent = draw("validation").axes
+    assert [text.get_text() for text in agreement.texts] == [
+        MODELS[name] for name in ("archard", "rigid", "own_area")
+    ]
+    assert points_of(agreement) == [[[0.5, 0]], [[0.4, 1]], [[0.8, 2]]]
+    assert [0.4, 0] in agreement.lines[0].get_xydata().tolist()
+    (most,) = (line for line in agreement.lines if line.get_marker() == "|")
+    assert most.get_xydata().tolist() == [[0.7, 0]]
+    studied, left_out, untouched = points_of(extent)
+    assert (studied, left_out, untouched) == ([[40, 0.1], [20, 0.2]], [[9, 0.05]], [[0, 0.01]])
+    _, pressed, touched = extent.get_title().splitlines()
+    assert pressed.endswith("pressure: 0.5 [−0.1, 0.9], p = 0.2")
+    assert touched.endswith("touched or not: 0.4, not tested")
+
+
+def test_wear_shows_the_counted_patches_and_no_others():
+    volumes, heights = draw("wear").axes
+    assert points_of(volumes) == [[[2, 1], [4, 3]]]
+    # an interval in proportion to that of the pressure
+    ends = [line[:, 1].tolist() for line in volumes.collections[0].get_segments()]
+    np.testing.assert_allclose(ends, [[1 / 40, 90 / 40], [3 / 20, 3 * 90 / 20]])
+    assert points_of(heights) == [[[2, 1], [0.2, 2], [0.1, 3], [0, 4]]]
+    assert heights.lines[0].get_xydata()[0].tolist() == [4, 1]
 
 
 def run(folder, *names, most=2, **columns):

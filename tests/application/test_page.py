@@ -13,6 +13,7 @@ from gst import ROOT, page
 from gst.config import read_config
 from gst.figures.style import STONE
 from gst.figures.tool import coloured_tool
+from gst.verdict import MODELS
 from gstlib.geometry import Frame
 from gstlib.io.results import TABLES
 from gstlib.surface import make_surface
@@ -89,7 +90,7 @@ def test_warnings_are_told_once_with_their_steps(tmp_path):
         "place_patches": "WARNING patch 12 is shifted: check its place\nINFO done\n",
         "prepare_T0_scans_1": "WARNING a.plu: only Z, is read\n",
         "prepare_T0_scans_2": "WARNING a.plu: only Z, is read\n",
-        "score_patches": "INFO a\nWARNING a.plu: only Z, is read\nWARNING all\n",
+        "judge_wear": "INFO a\nWARNING a.plu: only Z, is read\nWARNING all\n",
     }
     for name, text in texts.items():
         (tmp_path / f"{name}.log").write_text(text)
@@ -97,8 +98,8 @@ def test_warnings_are_told_once_with_their_steps(tmp_path):
     logs = [tmp_path / f"{name}.log" for name in ["absent", *texts]]
     assert [tuple(warning.values()) for warning in page.warned(logs)] == [
         ("patch 12 is shifted: check its place", ["place patches"], "12"),
-        ("a.plu: only Z, is read", ["prepare T0 scans", "score patches"], None),
-        ("all", ["score patches"], None),
+        ("a.plu: only Z, is read", ["prepare T0 scans", "judge wear"], None),
+        ("all", ["judge wear"], None),
     ]
 
 
@@ -135,8 +136,8 @@ def test_a_caption_that_quotes_what_is_not_there_fails():
 def test_a_patch_has_what_its_tables_have(tmp_path):
     tables = {
         "patch_pressures": "patch,pressure_MPa,in_study,reason\n1,5,yes,\n2,0,no,untouched\n",
-        "validation_gains": "patch,score,gain\n1,f1,9\n1,mcc,-0.2\n",
-        "wear": "patch,model,predicted_volume_um3\n1,archard,3\n1,mat,4\n1,uniform,5\n",
+        "validation_patches": "patch,counted,mcc,p_value\n1,yes,0.5,\n2,no,,\n",
+        "wear": "patch,model,predicted_volume_um3,mcc\n1,archard,3,0.1\n1,mat,4,0.5\n1,rigid,5,\n",
     }
     for name, text in tables.items():
         (tmp_path / f"{name}.csv").write_text(text)
@@ -144,8 +145,10 @@ def test_a_patch_has_what_its_tables_have(tmp_path):
     files = {name: tmp_path / f"{name}.csv" for name in tables}
     first, second = page.patch_records(files, tmp_path)
     assert first["pressure"]["pressure_MPa"] == 5
-    assert (first["gain"]["gain"], second["gain"]) == (-0.2, {})
+    assert (first["scores"]["mcc"], second["scores"]) == (0.5, {"patch": "2", "counted": False})
     assert (first["wear"]["predicted_volume_um3"], second["wear"]) == (4, {})
+    assert list(first["mcc"]) == [MODELS["rigid"]]
+    assert second["mcc"] == {}
     assert second["pressure"]["reason"] == "untouched"
     assert "reason" not in first["pressure"]
     assert opened(first["picture"]).size == (2, 2)

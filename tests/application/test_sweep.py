@@ -23,7 +23,7 @@ def test_merged_replaces_what_is_stated_and_nothing_else():
 
 
 def test_changes_are_those_from_the_study():
-    names, score = ["pressure_MPa", "pressure_MPa", "gain(f1)"], [0.2, 0.1, 0.3, 0.2]
+    names, score = ["pressure_MPa", "pressure_MPa", "gain(mcc)"], [0.2, 0.1, 0.3, 0.2]
     pressures = [[30.0, 10.0], [20.0, 0.0], [38.0, 14.0], [26.0, 14.0]]
     found = {
         setting.name: pd.DataFrame({"output": names, "patch": ["1", "2", ""], "result": [*p, s]})
@@ -32,7 +32,7 @@ def test_changes_are_those_from_the_study():
     found = {name: table.assign(low=np.nan, high=np.nan) for name, table in found.items()}
     change = sweep_table(SETTINGS, found).set_index(["value", "output", "patch"]).change
     assert change["10", "pressure_MPa", "1"] == -10.0
-    assert change["30", "gain(f1)", ""] == pytest.approx(0.1)
+    assert change["30", "gain(mcc)", ""] == pytest.approx(0.1)
     assert (change[""] == 0).all()
     # 10 + 10, 8 + 4 and 4 + 4 of 40 MPa: what one loses and another gains does not cancel
     for value, share in (("10", 0.5), ("30", 0.3), ("5, unset", 0.2)):

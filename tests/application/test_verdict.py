@@ -4,32 +4,54 @@ import math
 
 import pandas as pd
 import pytest
+from gst.verdict import MODELS, where_to_scan
 from gst.verdict import verdict as verdict_of
-from gst.verdict import where_to_scan
 from gstlib.places import Concentration
+from gstlib.validation.rivals import CEILING, RIVALS
+from gstlib.validation.scoring import BARE, MAT, YIELDING
+
+NAN = math.nan
+TOUCHED = "spearman(touched, loss_per_area_um)"
 
 
-def verdict(*tables):
-    return verdict_of(*tables, force_N=200.0)
+def verdict(tables, **more):
+    return verdict_of(tables, force_N=200.0, **more)
 
 
-def tables(forces, *, studied=True):
+def loaded(forces, *, studied=True):
     """Pressures and intervals of patches a, b, ... with these forces."""
     names = "abcdefghijklmnop"[: len(forces)]
     pressures = pd.DataFrame({"patch": list(names), "force_N": forces, "in_study": studied})
     pressures["pressure_MPa"] = pressures["force_N"] * 2
     intervals = pressures[["patch", "pressure_MPa"]].assign(low_MPa=1.0, high_MPa=123.4)
-    return pressures, intervals
+    return {"patch_pressures": pressures, "patch_intervals": intervals}
 
 
-def compared(p_values=(0.01, 0.2, 0.3, math.nan), **row):
-    """Gains of patches with these p-values, and variants whose first has this row."""
-    gains = pd.DataFrame({"score": "mcc", "p_value": list(p_values)})
-    gains = pd.concat([gains, gains.assign(score="f1", p_value=0.001)])
-    own = {"variant": "placed", "score": "mcc", "contact": 0.5, "rival": 0.4, "n": len(p_values)}
-    own |= {"best_rival": "rigid", "low": 0.02, "high": 0.2, "p_value": 0.01} | row
-    other = own | {"variant": "levelled", "contact": 0.11, "rival": 0.22}
-    return gains, pd.DataFrame([own | {"score": "f1", "contact": 0.99}, own, other])
+def compared(*, model=BARE, p_values=(0.01, 0.2, 0.3, NAN), touched=(), mean=(), gain=()):
+    """A study of patches a to d, of which nothing touches d, and what differs from its summary."""
+    row = {"value": 0.5, "low": 0.4, "high": 0.6, "p_value": NAN, "n": 4, "against": ""}
+    rows = [{"model": model, "statistic": "mean(mcc)"} | row | dict(mean)]
+    rows += [{"model": "rigid", "statistic": "mean(mcc)"} | row | {"value": 0.4}]
+    rows += [{"model": YIELDING, "statistic": "mean(mcc)"} | row | {"value": 0.45}]
+    better = {"value": 0.1, "low": 0.02, "high": 0.2, "p_value": 0.01, "against": "rigid"}
+    for name, more in (
+        ("mean(attainable_mcc)", {"value": 0.7}),
+        ("gain(mcc)", better | dict(gain)),
+        ("relative(map_error)", {"value": 0.6, "p_value": 0.03, "against": "none"}),
+        ("relative(volume_error)", {"value": 1.3, "p_value": 1.0, "against": "mean_volume"}),
+        ("tested_mean(mcc)", {"p_value": 0.002, "against": "shifts"}),
+    ):
+        rows.append({"model": model, "statistic": name} | row | more)
+    more = {"low": 0.1, "high": 0.9, "p_value": 0.004}
+    # read from a file, an empty cell is missing
+    rows.append({"model": NAN, "statistic": TOUCHED} | row | more | dict(touched))
+    patches = pd.DataFrame({"patch": list("abcd"), "p_value": list(p_values), "counted": True})
+    lost = {"patch": list("abcd"), "loss_per_area_um": [0.2, 0.4, 0.6, 0.05], "believed": True}
+    return loaded([1.0, 2.0, 3.0, 0.0]) | {
+        "registration": pd.DataFrame(lost),
+        "validation_patches": patches,
+        "validation_summary": pd.DataFrame(rows),
+    }
 
 
 @pytest.mark.parametrize(
@@ -41,68 +63,97 @@ def compared(p_values=(0.01, 0.2, 0.3, math.nan), **row):
     ],
 )
 def test_the_fewest_patches_that_carry_most_of_the_load(forces, named, share, of_force):
-    first = verdict(*tables(forces))[0]
+    first = verdict(loaded(forces))[0]
     assert named in first
     assert f"{share} of the load on the {len(forces)} patches" in first
     assert f"bear {of_force} of the force" in first
     assert f"{2 * max(forces):g} MPa (95 % interval 1 to 120)" in first
 
 
-def test_a_single_patch_has_no_share():
-    assert verdict(*tables([3.0]))[0].startswith("Patch a bears the highest pressure, 6 MPa")
-
-
-def test_patches_that_nothing_touches():
-    assert "no scanned patch touches" in verdict(*tables([0.0, 0.0]))[0]
+def test_a_single_patch_has_no_share_and_none_may_be_touched():
+    assert verdict(loaded([3.0]))[0].startswith("Patch a bears the highest pressure, 6 MPa")
+    assert "no scanned patch touches" in verdict(loaded([0.0, 0.0]))[0]
 
 
 @pytest.mark.parametrize(
-    ("row", "words", "numbers"),
+    ("gain", "words"),
     [
-        ({}, "Contact predicts the loss better than the best rival", "0.50 against 0.40"),
-        (
-            {"contact": 0.3, "low": -0.2, "high": -0.1, "best_rival": "highest"},
-            "The best rival that needs no mechanics, the highest points, predicts the loss better",
-            "0.40 against 0.30",
-        ),
-        ({"low": -0.1}, "The data do not show", "0.50 against 0.40"),
-        ({"p_value": 0.06}, "The data do not show", "p = 0.06"),
-        (
-            {"low": math.nan, "high": math.nan, "p_value": math.nan},
-            "The data do not show",
-            "4 patches)",
-        ),
-        ({"contact": -0.1, "low": -0.2, "high": 0.1}, "The data do not show", "MCC −0.10 against"),
+        ({}, ": better than the best rival"),
+        ({"value": -0.1, "low": -0.2, "high": -0.01}, ": worse than the best rival"),
+        ({"low": -0.1}, ": not shown to be better or worse than the best rival"),
+        ({"p_value": 0.06}, ": not shown to be better or worse than the best rival"),
+        ({"low": NAN, "high": NAN, "p_value": NAN}, ": not shown to be better or worse than"),
     ],
 )
-def test_contact_against_its_best_rival(row, words, numbers):
-    said = verdict(*tables([1.0, 2.0]), *compared(**row))
-    assert len(said) == 3
-    assert said[-1].startswith(words)
-    assert numbers in said[-1]
+def test_the_prediction_against_its_best_rival(gain, words):
+    """A difference must show in the interval and in the test."""
+    said = verdict(compared(gain=gain))[1]
+    assert said.startswith("From the wear of the other patches, Archard's law predicts where")
+    numbers = "mean MCC of 0.50 (95 % interval 0.40 to 0.60; a mask of its area could reach 0.70)"
+    assert f"{numbers} over 4 patches{words}" in said
+    p = "not tested" if math.isnan(gain.get("p_value", 0)) else f"p = {gain.get('p_value', 0.01)}"
+    assert said.endswith(f"a rigid flat sunk equally deep into every patch (0.40, {p}).")
 
 
-def test_contact_against_chance_counts_what_was_tested():
-    said = verdict(*tables([1.0, 2.0]), *compared())
-    assert "On 1 of the 3 patches that can be tested" in said[1]
-    assert said[1].endswith("; 1 cannot be tested.")
-    untested = compared(p_values=[math.nan] * 2)
-    assert "None of the 2 patches" in verdict(*tables([1.0, 2.0]), *untested)[1]
+def test_map_volume_and_the_yielding_case():
+    tables = compared()
+    errors = "Its maps err 0.6 times as much as no loss would (p = 0.03), its volumes 1.3 times"
+    assert verdict(tables)[2] == f"{errors} as much as the best rival's (p = 1)."
+    said = verdict(tables, hardness_MPa=2000.0)[2]
+    assert said.endswith("; if no element bears more than 2000 MPa, the mean MCC is 0.45.")
 
 
-def test_a_score_without_a_value():
-    nothing = dict.fromkeys(("contact", "rival", "low", "high", "p_value", "best_rival"), math.nan)
-    assert "no MCC" in verdict(*tables([1.0, 2.0]), *compared(**nothing, n=0))[-1]
+def test_mat_and_gesture_are_named():
+    mat = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 250.0}
+    said = verdict(compared(model=MAT), mat=mat, poses=7)[1]
+    assert "law over a gesture of 7 poses with a mat of 300 MPa, 250 µm thick, predicts" in said
+    # fitted, but with no mat: the bare stone is judged
+    assert "mat" not in verdict(compared(), mat=None)[1].replace("mate", "")
+
+
+@pytest.mark.parametrize(
+    ("touched", "words"),
+    [
+        ({}, "untouched patches wear less (p = 0.004)"),
+        ({"low": -0.9, "high": -0.1}, "untouched patches wear more"),
+        ({"p_value": 0.2}, "this does not show that untouched patches wear less (p = 0.2)"),
+        ({"low": NAN, "high": NAN, "p_value": NAN}, "wear less (not tested)"),
+    ],
+)
+def test_untouched_patches(touched, words):
+    said = verdict(compared(touched=touched))[3]
+    lost = "The patch that nothing touches lost 0.05 µm on average, the 3 touched 0.4 µm: "
+    assert said.startswith(lost)
+    assert words in said
+    tables = compared()
+    tables["registration"]["believed"] = [True, True, True, False]
+    assert not any("touches" in sentence for sentence in verdict(tables))
+
+
+def test_chance_counts_what_was_tested():
+    said = verdict(compared())[-1]
+    assert said.startswith("On 1 of the 3 patches that can be tested")
+    assert said.endswith("(p ≤ 0.05; together p = 0.002); 1 cannot be tested.")
+    untested = compared(p_values=[NAN] * 4)
+    assert verdict(untested)[-1] == "No patch can be tested against chance."
 
 
 def test_a_study_says_only_what_it_can():
-    load = verdict(*tables([1.0, 2.0]))
+    load = verdict(loaded([1.0, 2.0]))
     assert len(load) == 2
-    assert "not compared with wear" in load[-1]
-    (_, none) = verdict(*tables([1.0, 2.0], studied=False), *compared())
+    assert "no prediction is compared" in load[-1]
+    (_, none) = verdict(compared() | loaded([1.0, 2.0], studied=False))
     assert "No patch is in the study" in none
-    gains, variants = compared()
-    assert "nothing is compared" in verdict(*tables([1.0, 2.0]), gains[:0], variants)[-1]
+    tables = compared()
+    unfitted = tables["validation_summary"].query("model != model")
+    assert "could be predicted" in verdict(tables | {"validation_summary": unfitted})[-1]
+    nothing = dict.fromkeys(("value", "low", "high", "p_value", "against"), NAN) | {"n": 0}
+    assert "lost enough" in verdict(compared(mean=nothing, gain=nothing))[1]
+    assert not any("nan" in sentence for sentence in verdict(compared(mean=nothing)))
+
+
+def test_every_model_has_words():
+    assert set(MODELS) == {BARE, MAT, YIELDING, *RIVALS, CEILING}
 
 
 def test_where_to_scan_is_said_with_its_numbers():

@@ -9,11 +9,9 @@ from gstlib.bem import Layer
 from gstlib.coupling import patch_pressures
 from gstlib.errors import InputError
 from gstlib.gesture import Gesture, stroke_poses
-from gstlib.io.results import columns_of
-from gstlib.study import score_wear, wear_stone
+from gstlib.study import judge_wear, wear_stone
 from gstlib.surface import make_surface
-from gstlib.validation.wear_scores import wear_summary, wear_table
-from gstlib.wear import fit_mat, wear_map, wear_patch, wear_patches, wear_square
+from gstlib.wear import fit_mat, wear_map, wear_patch, wear_square
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
 SETTINGS = {"contact_modulus_MPa": 1e4, "tolerance": 1e-9}
@@ -54,7 +52,7 @@ def test_patches_that_tile_the_square_lose_what_it_loses(square, pressures):
     kappa = found.path.kappa.sel(ratio=0)
     np.testing.assert_allclose(lost(found).mean("patch"), 20.0 * kappa, rtol=1e-6)
     assert (lost(found).diff("step") >= 0).all()
-    assert found.losers == list("abcd")
+    assert found.fitted_to == list("abcd")
     assert float(found.path.kappa_of_all) == pytest.approx(0.4e-3 / 20.0, rel=1e-6)
     # Pressures even out as the patches that bear most sink.
     rates = lost(found).diff("step") / kappa.diff("step")
@@ -96,8 +94,7 @@ def test_a_patch_loses_what_the_square_takes_off_it(square, pressures):
     assert float(depth.min()) == 0
     # It wears where it touches; on a grid, summits alone.
     assert float(contact.height.where(depth > 0).mean()) > float(contact.height.mean())
-    after = wear_map(contact, found, None, "a").sel(model="archard")
-    np.testing.assert_allclose(after.t1, contact.height - depth, atol=1e-15)
+    np.testing.assert_array_equal(wear_map(contact, found, None, "a").depth[0], depth)
     spared = found._replace(path=path.assign(pressed=path.pressed.where(path.patch != "a", 0.0)))
     assert float(wear_patch(contact, spared, "a").max()) == 0
 
@@ -112,86 +109,6 @@ def changed(contact, depth_mm, level_mm=1e-6):
             "level_of_detection": like.copy(data=np.full(like.shape, level_mm)),
         }
     )
-
-
-FIELD = "model", "y", "x"
-
-
-@pytest.fixture(scope="module")
-def tables():
-    """Archard's law holds on patches a and b; c lost half of what it predicts."""
-    contacts, changes, losses = {}, {}, {}
-    pressure = pd.DataFrame({"patch": list("abc"), "pressure_MPa": [10.0, 20.0, 30.0]})
-    for number, patch in enumerate("abc"):
-        contact = contacts[patch] = patch_of(10.0, seed=number)
-        depth = np.maximum(contact.height.values - 0.001, 0) * (number + 1)
-        changes[patch] = changed(contact, depth if number < 2 else depth / 2)
-        lost = contact.height.to_dataset(name="height").assign(depth=(FIELD, depth[None]))
-        losses[patch] = lost.assign_coords(model=["archard"])
-    measured = [-float(change.change.mean()) for change in changes.values()]
-    square = pressure.assign(measured=measured).set_index("patch").to_xarray()
-    return wear_table(contacts, changes, losses, square)
-
-
-def test_models_are_what_they_say(tables):
-    table = tables[0]
-    by = table.set_index(["patch", "model"])
-    assert list(table.columns) == columns_of("wear")
-    right = by.xs("archard", level="model")
-    np.testing.assert_allclose(
-        right.predicted_volume_um3 / right.measured_volume_um3, [1, 1, 2], rtol=1e-9
-    )
-    np.testing.assert_allclose(
-        right.predicted_depth_um / right.measured_depth_um, [1, 1, 2], rtol=1e-2
-    )
-    assert right.rms_difference_um[:2].max() < 1e-12
-    assert right.rms_difference_um["c"] > 0.01
-    # Where it removes nothing, it makes no error, and all of a uniform loss is error.
-    assert right.rms_out_of_contact_um.max() < 1e-12
-    uniform_um = 1e3 * by.xs("uniform", level="model").predicted_volume_um3 / (32**2 * 1e5)
-    np.testing.assert_allclose(
-        by.xs("uniform", level="model").rms_out_of_contact_um, uniform_um, rtol=1e-9
-    )
-    # On a, whose summits were cut off as they stand, truncation is exact.
-    cut = by.xs("truncation", level="model")
-    assert cut.predicted_volume_um3["a"] == pytest.approx(right.measured_volume_um3["a"], rel=0.02)
-    of = right.measured_volume_um3
-    uniform = by.xs("uniform", level="model").predicted_volume_um3
-    assert uniform["a"] == pytest.approx((of["b"] + of["c"]) / 2, rel=1e-9)
-    pressed = by.xs("pressure", level="model").predicted_volume_um3
-    assert pressed["a"] == pytest.approx((of["b"] + of["c"]) * 10 / 50, rel=1e-9)
-
-
-def test_skill_is_the_share_of_the_rivals_error_that_is_saved(tables):
-    table, profile = tables
-    summary = wear_summary(table, profile, None, seed=1, resamples=99)
-    assert list(summary.columns) == columns_of("wear_summary")
-    by = table.assign(error=(table.predicted_volume_um3 - table.measured_volume_um3).abs())
-    errors = by.groupby("model").error.sum()
-    found = summary[summary.statistic == "skill(volume)"].set_index("against").value
-    for rival in ("pressure", "uniform", "truncation"):
-        assert found[rival] == pytest.approx(1 - errors["archard"] / errors[rival])
-    # Only a cut predicts a depth; the same loss everywhere does not.
-    assert summary[summary.statistic == "skill(depth)"].against.tolist() == ["truncation"]
-    exact, heights = (of[of.patch != "c"] for of in (table, profile))
-    summary = wear_summary(exact, heights, None, seed=1, resamples=99)
-    assert summary[summary.statistic == "skill(map)"].value.tolist() == pytest.approx([1, 1, 1])
-
-
-def test_the_profile_is_the_mean_loss_of_quarters_of_the_points(tables):
-    table, profile = tables
-    assert list(profile.columns) == columns_of("wear_profile")
-    heights = profile[profile.by == "height"].pivot(
-        index=["patch", "model"], columns="band", values="loss_um"
-    )
-    by = table[table.model == "archard"].set_index("patch")
-    element_um2 = 0.01**2 * 1e6
-    for (patch, model), bands in heights.iterrows():
-        volume = by[f"{'measured' if model == 'measured' else 'predicted'}_volume_um3"][patch]
-        assert bands.mean() == pytest.approx(volume / (32**2 * element_um2), rel=1e-9)
-        assert bands[1] > 0 == bands[3] == bands[4]  # only what is above 1 µm was cut
-    summary = wear_summary(table, profile, None, seed=1, resamples=99)
-    assert summary[summary.statistic == "lower_half"].value.tolist() == [0, 0]
 
 
 @pytest.fixture(scope="module")
@@ -227,70 +144,95 @@ def test_a_mat_is_found_by_its_traces_with_both_coefficients(worn_by_both):
     assert fitted.ratio_of_all == 1.0
     np.testing.assert_array_equal(fitted.mat_ratio, 1.0)
     np.testing.assert_allclose(fitted.mat_kappa, 2e-5, rtol=0.05)
-    losses = dict(wear_patches(worn, fitted, contacts))
-    _, profile, summary = score_wear(contacts, changes, losses, worn, fitted, seed=1, resamples=99)
-    skill = summary[summary.statistic == "skill(map)"].set_index(["model", "against"]).value
-    assert skill["mat", "archard"] > 0.5
-    assert (skill["mat"] > 0.5).all()
-    told = summary[summary.statistic == "skill(out_of_contact)"].iloc[0]
-    assert (told.model, told.against) == ("mat", "archard")
-    assert told.value > 0.5
+    predicted = {patch: wear_map(contacts[patch], worn, fitted, patch) for patch in contacts}
+    found = judged(worn, contacts, changes, predicted, fitted)
+    error = found["wear"].pivot(index="patch", columns="model", values="map_error_um")
+    assert (error["mat"] < 0.5 * error["archard"]).all()
+    rows = found["summary"].set_index(["model", "statistic"])
+    told = rows.loc["mat", "relative(out_of_contact)"]
+    assert told.value < 0.5
     assert told.p_value == pytest.approx(2 / 2**6)  # each of six patches says so
-    assert set(profile.model) == {"measured", "archard", "mat"}
-    ratio = summary[summary.statistic == "mat_ratio"].iloc[0]
-    assert (ratio.value, ratio.low, ratio.high) == (1, 1, 1)
+    assert rows.loc[("mat", "mat_ratio"), "value"] == 1
+    assert set(found["profile"].model) == {"measured", "archard", "mat"}
+    assert found["patches"].mcc.equals(
+        found["wear"][found["wear"].model == "mat"].mcc.reset_index(drop=True)
+    )
 
 
-def test_a_mat_that_saves_a_hundredth_of_the_error_is_not_told(tables):
-    """Errors of measurement let a mat gain as much on stones that never saw one."""
-    table, profile = tables
-    bare = table[table.model == "archard"].assign(rms_difference_um=1.0, rms_out_of_contact_um=1.0)
-    for of in ("volume_um3", "depth_um"):
-        bare[f"predicted_{of}"] = 1.1 * bare[f"measured_{of}"]
-    mat = bare.assign(model="mat", rms_difference_um=0.9, rms_out_of_contact_um=0.99)
-    rivals = table[table.model != "archard"]
-    both = pd.concat([bare, mat, rivals], ignore_index=True)
-    heights = pd.concat([profile, profile[profile.model == "archard"].assign(model="mat")])
-    heights = heights.reset_index(drop=True)
-    summary = wear_summary(both, heights, None, seed=1, resamples=99)
-    told = summary[summary.statistic == "skill(out_of_contact)"].iloc[0]
-    assert told.value == pytest.approx(1 - 0.99 / 0.98)
-    nested = summary[(summary.model == "mat") & (summary.against == "archard")]
-    assert nested.p_value.notna().tolist() == [False, False, False, True]
-
-
-def test_what_surrounds_the_bare_stone_does_not_lower_the_patch_under_the_mat(worn_by_both):
-    worn, contacts, *_ = worn_by_both
+def judged(worn, contacts, changes, predicted, mat=None):
+    """The tables of the verdict on patches whose losses are all believed."""
     path = worn.path
-    mat_alone = worn._replace(path=path.assign(pressed=path.pressed.where(path.body == "mat", 0.0)))
-    flat = contacts["a"].height * 0
-    depths = [
-        wear_patch(
-            contacts["a"].assign(surroundings=lowered, placed=True),
-            mat_alone,
-            "a",
-            ratio=1.0,
-            kappa=2e-5,
-        )
-        for lowered in (flat, flat + 0.05 * flat.x)
-    ]
-    assert depths[0].max() > 0
-    np.testing.assert_allclose(depths[0], depths[1], atol=1e-6 * depths[0].max())
+    pressures = path[["pressure_MPa", "x_mm", "y_mm"]].to_dataframe().reset_index()
+    pressures = pressures.assign(in_study=True)
+    lost = {patch: -of.change.where(of.loss, 0.0) for patch, of in changes.items()}
+    registration = pd.DataFrame(
+        {
+            "patch": list(lost),
+            "loss_per_area_um": [1e3 * float(of.mean()) for of in lost.values()],
+            "loss_fraction": [float(of.loss.mean()) for of in changes.values()],
+            "believed": True,
+            "known_share": 1.0,
+        }
+    )
+    return judge_wear(
+        contacts,
+        changes,
+        predicted,
+        pressures,
+        registration,
+        fitted_to=worn.fitted_to,
+        mat=mat,
+        resamples=99,
+    )
+
+
+def test_a_patch_that_nothing_is_fitted_to_takes_the_coefficients_of_all(worn_by_both):
+    worn, contacts, changes = worn_by_both
+    fitted = fit_mat(worn, contacts, changes)
+    out = worn._replace(
+        path=worn.path.assign(measured=worn.path.measured.where(worn.path.patch != "a"))
+    )
+    without = fitted.sel(patch=list("bcdef"))
+    depth = wear_map(contacts["a"], out, without, "a").sel(model="mat").depth
+    ratio, kappa = float(fitted.ratio_of_all), float(fitted.kappa_of_all)
+    expected = wear_patch(contacts["a"], out, "a", ratio=ratio, kappa=kappa)
+    np.testing.assert_array_equal(depth, expected)
+
+
+def test_summits_that_yield_spread_the_same_loss_wider(square, pressures):
+    found = worn(square, pressures, dict.fromkeys("abcd", 0.4))
+    contact = patch_of(float(pressures.pressure_MPa[0]))
+    maps = wear_map(contact, found, None, "a", hardness_MPa=100.0)
+    elastic, yielding = maps.depth.values
+    assert list(maps.model.values) == ["archard", "yielding"]
+    np.testing.assert_array_equal(elastic, wear_patch(contact, found, "a"))
+    assert yielding.mean() == pytest.approx(elastic.mean(), rel=1e-9)
+    assert yielding.max() < elastic.max()
+    # each step takes off at most what the ceiling allows
+    early = {"kappa": 1e-6, "hardness_MPa": 60.0}
+    few = wear_patch(contact, found, "a", **early)
+    assert few.max() == pytest.approx(1e-6 * 60.0)
+    assert (few > 0).sum() > 1.1 * (wear_patch(contact, found, "a", kappa=1e-6) > 0).sum()
+    # what a patch cannot bear, it does not lose
+    soft = wear_patch(contact, found, "a", kappa=1e-6, hardness_MPa=10.0)
+    assert soft.mean() == pytest.approx(1e-6 * 9.0, rel=1e-6)
 
 
 def test_without_two_worn_patches_there_is_a_sentence(square, pressures, caplog):
-    scores = pd.DataFrame(
+    registration = pd.DataFrame(
         {"patch": list("abc"), "believed": [True, True, False], "loss_per_area_um": [0.4, 0.0, 0.4]}
     )
-    options = {"patch_mm": 1.0, "steps": 2}
-    assert wear_stone(square, pressures, scores, **options) is None
+    pressures, options = pressures.assign(in_study=True), {"patch_mm": 1.0, "steps": 2}
+    assert wear_stone(square, pressures, registration, **options) is None
     assert "wear is not predicted: fewer than two patches" in caplog.text
-    scores["believed"] = True
-    scores["loss_per_area_um"] = [0.4, np.nan, 0.4]  # the change of b is not known
-    worn = wear_stone(square, pressures, scores, **options)
-    assert worn.losers == ["a", "c"]
+    registration["believed"] = True
+    registration["loss_per_area_um"] = [0.4, np.nan, 0.4]  # the change of b is not known
+    worn = wear_stone(square, pressures, registration, **options)
+    assert worn.fitted_to == ["a", "c"]
     assert worn.path.measured.sel(patch="c") == pytest.approx(0.4e-3)
     assert float(worn.path.fitted.sel(patch="a")) > 0
+    out = pressures.assign(in_study=pressures.patch != "c")
+    assert wear_stone(square, out, registration, **options) is None
 
 
 def test_a_gesture_of_one_pose_on_a_flat_wears_as_the_single_pose_does(square):

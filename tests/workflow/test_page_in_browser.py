@@ -75,7 +75,7 @@ def test_a_card_has_its_pictures_and_they_open_large(page):
     page.click("#patch-table a[href='#patch-13']")
     page.locator("#patch-13 .enlarge").click()
     wide = page.evaluate("document.querySelector('#large img').naturalWidth")
-    assert wide > 1000
+    assert wide > 700
     assert page.locator("#large img").bounding_box()["width"] == wide
 
 

@@ -19,7 +19,7 @@ def test_nothing_is_left_to_do(tiny):
     [
         (
             {"load": {"force_N": 500.0}},
-            {"solve_macroscale", "couple_scales", "solve_patches", "score_patches"},
+            {"solve_macroscale", "couple_scales", "solve_patches", "judge_wear"},
             {"generate_specimen", "grid_macroscale", "prepare_T0_scans", "register_patches"},
         ),
         (
@@ -52,11 +52,7 @@ def test_nothing_is_left_to_do(tiny):
             {"compose_surface", "solve_macroscale", "solve_patches"},
             {"grid_macroscale", "prepare_T0_scans", "register_patches", "place_patches"},
         ),
-        (
-            {"validation": {"resamples": 299}},
-            {"score_patches", "draw_validation", "write_page", "predict_wear"},
-            None,
-        ),
+        ({"validation": {"resamples": 299}}, {"judge_wear", "draw_validation", "write_page"}, None),
         ({"grinding": {"friction": 0.5}}, {"solve_cases", "write_page"}, None),
         (
             {"counterface": {"scan": "face.plu", "radius_mm": 200.0}},
@@ -86,7 +82,7 @@ def test_a_changed_value(tiny, change, reruns, stays):
     ("module", "reruns", "stays"),
     [
         ("gstlib/bem/halfspace.py", {"solve_macroscale", "write_page"}, set()),
-        ("gst/page.css", {"write_page"}, {"solve_macroscale", "score_patches"}),
+        ("gst/page.css", {"write_page"}, {"solve_macroscale", "judge_wear"}),
     ],
 )
 def test_a_changed_library_file(tiny, tmp_path, module, reruns, stays):
@@ -104,7 +100,7 @@ def test_a_changed_library_file(tiny, tmp_path, module, reruns, stays):
 
 
 def test_the_whole_plan_is_known_before_anything_has_run(study):
-    assert {"generate_specimen", "solve_patches", "score_patches", *DRAW} <= study.planned()
+    assert {"generate_specimen", "solve_patches", "judge_wear", *DRAW} <= study.planned()
 
 
 def test_the_sweep_is_planned_only_when_asked_for(study):

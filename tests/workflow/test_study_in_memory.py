@@ -52,12 +52,12 @@ def test_its_pressures_are_the_stored_ones(own, finished_tiny):
 @pytest.mark.parametrize(
     ("changes", "moved"),
     [
-        ({"material": {"contact_modulus_MPa": None}}, "mean(f1)"),
+        ({"material": {"contact_modulus_MPa": None}}, "mean(mcc)"),
         ({"macroscale": {"grid": 30}}, "pressure_MPa"),
         ({"coupling": "levelled"}, "pressure_MPa"),
-        ({"microscale": {"s_filter_um": 50.0}}, "mean(f1)"),
-        ({"preprocessing": {"outlier_rule": "window"}}, "mean(f1)"),
-        ({"traces": {"minimum_points": 6}}, "mean(f1)"),
+        ({"microscale": {"s_filter_um": 50.0}}, "mean(mcc)"),
+        ({"preprocessing": {"outlier_rule": "window"}}, "mean(mcc)"),
+        ({"traces": {"minimum_points": 6}}, "mean(mcc)"),
         ({"texture": {"l_filter_um": 150.0}}, "mean_change(Sq_um)"),
     ],
 )

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import scipy.ndimage
+import scipy.optimize
 import yaml
 from gstlib.contact import Loading, contact_at_pressure, faces_of
 from gstlib.io.results import TABLES, columns_of
@@ -66,7 +67,9 @@ def test_every_table_is_there_with_its_columns_and_no_other(results):
     for file in files:
         rows = read_table(files[file])
         assert len(rows), file
-        assert list(rows.columns) == columns_of(listed[file])
+        optional = TABLES[listed[file]].optional
+        columns = [one for one in columns_of(listed[file]) if one in rows or one not in optional]
+        assert list(rows.columns) == columns
 
 
 def test_intermediates_carry_units_names_and_provenance(results):
@@ -119,6 +122,10 @@ def test_the_page_holds_the_answer_and_everything_shown(results, table, config):
     assert len(re.findall(r'class="enlarge"', page)) > 10
     for patch in table("patch_pressures").patch:
         assert f'<dialog id="patch-{patch}"' in page
+    summary = table("validation_summary").set_index(["model", "statistic"])
+    said = re.search(r"mean MCC of (−?[\d.]+) .* over (\d+) patches", page)
+    judged = summary.loc[("archard", "mean(mcc)")]
+    assert (said[1], said[2]) == (f"{judged.value:.2f}".replace("-", "−"), str(judged.n))
     for file in results.glob("tables/*.csv"):
         # a path of many steps is for programs
         assert (f"{file.name}, {len(table(file.stem))} rows" in page) == (
@@ -128,6 +135,30 @@ def test_the_page_holds_the_answer_and_everything_shown(results, table, config):
     assert len(page) < 12e6
     verdict = (results / "verdict.html").read_text(encoding="utf-8")
     assert re.search(r'<p class="verdict">.*</p>', verdict)[0] in page
+
+
+def test_the_page_shows_the_numbers_of_the_tables(results, table):
+    """Cell by cell, as `data-value` has them for sorting."""
+    page = (results / "index.html").read_text(encoding="utf-8")
+    body = re.search(r'<table id="patch-table">.*?<tbody>(.*?)</tbody>', page, re.DOTALL)[1]
+    shown = [re.findall(r'data-value="([^"]*)"', row) for row in body.split("</tr>")[:-1]]
+    of = {"patch_pressures": ["pressure_MPa"], "registration": ["loss_fraction", "loss_volume_um3"]}
+    of["validation_patches"] = ["contact_fraction", "mcc", "attainable_mcc", "map_error"]
+    order = [0, 3, 1, 2, 7, 4, 5, 6]
+    joined = table("patch_pressures")[["patch"]]
+    for name, columns in of.items():
+        joined = joined.merge(table(name)[["patch", *columns]], on="patch", how="left")
+    wear = table("wear").query("model == 'archard'")[["patch", "predicted_volume_um3"]]
+    joined = joined.merge(wear, on="patch", how="left").set_index("patch")
+    assert [row[0] for row in shown] == list(joined.index)
+    for row in shown:
+        for cell, value in zip(row[1:-1], joined.loc[row[0]].iloc[order], strict=True):
+            assert float(cell or "nan") == pytest.approx(value, nan_ok=True)
+    # every patch with a T1 has its picture and its scores on its card, in the study or not
+    cards = dict(re.findall(r'<dialog id="patch-(\w+)"(.*?)</dialog>', page, re.DOTALL))
+    for row in table("validation_patches").itertuples():
+        assert 'class="enlarge"' in cards[row.patch]
+        assert f"MCC {row.mcc:.2f}".replace("-", "−") in cards[row.patch]
 
 
 # --- Inputs and preparation -------------------------------------------------------------------
@@ -452,11 +483,11 @@ def test_the_whole_square_lies_in_the_true_face_at_rest(results, table, truth, c
     assert gap[~touching].min() > gap[touching].min() - 2e-3 * reach
 
 
-def test_scales_are_compared_where_the_scans_truly_lie(results, table, truth, config):
+def test_scales_are_compared_where_the_scans_truly_lie(results, table, truth):
     rows = table("two_scales").set_index(["patch", "variant"])
     whole = read_dataset(results / "reference/contact.h5").pressure
-    count, rim = truth.sizes["x"], config["validation"]["rim"]
-    edge = round(rim * count)
+    count = truth.sizes["x"]
+    edge = round(0.1 * count)
     total = dict.fromkeys(("levelled", "placed"), 0)
     for patch in table("patch_pressures").patch:
         at = truth.sel(patch=patch, epoch="T0")
@@ -568,82 +599,117 @@ def test_t1_is_laid_where_it_truly_lies_and_differs(results, table, truth):
             assert row.loss_volume_um3 == pytest.approx(volume, rel=1e-3)
 
 
-def scored_maps(results, patch, config):
-    """Contact, heights as they lie, where the change is known off the rim, and what was lost."""
-    contact, change = contact_of(results, patch), change_of(results, patch)
-    valid = np.zeros(change.change.shape, bool)
-    edge = round(config["validation"]["rim"] * len(valid))
-    inside = (slice(edge, -edge),) * 2
-    valid[inside] = np.isfinite(change["change"].values)[inside]
-    return contact, laid_heights(contact), valid, change.loss.values.astype(bool) & valid
+def judged(results, patch):
+    """Of the known points of a patch: predicted and lost depth, level of detection (mm), loss."""
+    change, worn = change_of(results, patch), read_dataset(results / f"wear/{patch}.h5")
+    known = np.isfinite(change["change"].values)
+    depth = worn.depth.sel(model="archard").values[known]
+    lost = -change["change"].values[known]
+    limit, loss = (change[name].values[known] for name in ("level_of_detection", "loss"))
+    return depth - np.median(depth), lost, limit, loss.astype(bool)
 
 
-def test_scores_are_those_of_the_stored_masks(results, table, config):
+def rms(values):
+    return np.sqrt(np.mean(np.square(values)))
+
+
+def test_every_patch_with_a_known_change_is_judged(results, table):
     rows, losses = table("validation_patches"), table("registration").set_index("patch")
     pressures = table("patch_pressures").set_index("patch")
-    assert list(rows.patch) == list(pressures.index[pressures.in_study])
+    assert list(rows.patch) == list(losses.index[losses.known_share > 0])
+    assert set(rows.counted) == {True, False}
     for row in rows.itertuples():
-        contact, heights, valid, loss = scored_maps(results, row.patch, config)
-        predicted = contact.pressure.values > 0
-        count = int((predicted & valid).sum())
-        lowest = np.sort(heights[valid])[-count]
-        masks = {
-            "": predicted,
-            "highest_": heights >= lowest,
-            "rigid_": heights > heights.max() - float(contact.displacement),
-        }
-        for front, mask in masks.items():
-            hits = (mask & loss).sum()
-            marked, worn = (mask & valid).sum(), loss.sum()
-            assert getattr(row, f"{front}f1") == pytest.approx(2 * hits / (marked + worn), rel=1e-3)
-            assert getattr(row, f"{front}precision") == pytest.approx(hits / marked, rel=1e-3)
-            assert getattr(row, f"{front}recall") == pytest.approx(hits / worn, rel=1e-3)
-        assert row.contact_fraction == pytest.approx(predicted.mean(), rel=1e-4)
-        change = change_of(results, row.patch)
-        lost = change.loss.values[np.isfinite(change["change"].values)].mean()
-        assert losses.loss_fraction[row.patch] == pytest.approx(lost, rel=1e-4)
+        registered = losses.loc[row.patch]
+        assert row.counted == (registered.believed and pressures.in_study[row.patch])
+        assert (row.untested == "noise") == (not registered.believed)
+        contact = contact_of(results, row.patch)
+        assert row.contact_fraction == pytest.approx((contact.pressure.values > 0).mean(), rel=1e-4)
+        seen, lost, limit, loss = judged(results, row.patch)
+        assert registered.loss_fraction == pytest.approx(loss.mean(), rel=1e-4)
+        assert row.predicted_loss_um == pytest.approx(1e3 * seen.clip(0).mean(), rel=1e-4)
+        assert row.map_error == pytest.approx(rms(seen - lost) / rms(lost), rel=1e-4)
+        mask = seen > limit
+        if not mask.any():
+            assert row.mcc == row.attainable_mcc == 0
+            continue
+        # Matthews' coefficient is the correlation of the two masks
+        assert row.mcc == pytest.approx(np.corrcoef(mask, loss)[0, 1], rel=1e-4)
+        best = np.argsort(~loss, kind="stable")[: mask.sum()]
+        filled = np.isin(np.arange(loss.size), best)
+        assert row.attainable_mcc == pytest.approx(np.corrcoef(filled, loss)[0, 1], rel=1e-4)
+
+
+def test_a_rival_knows_what_the_others_lost(results, table):
+    """A plane that cuts off their mean volume, found here by bisection."""
+    rows, losses = table("validation_patches"), table("registration").set_index("patch")
+    fitted = rows.patch[rows.counted]
+    for row in rows.itertuples():
+        _, _, limit, loss = judged(results, row.patch)
+        known = np.isfinite(change_of(results, row.patch)["change"].values)
+        heights = laid_heights(contact_of(results, row.patch))[known]
+        others = losses.loss_per_area_um[fitted[fitted != row.patch]].mean() * 1e-3
+        plane = scipy.optimize.brentq(
+            lambda plane, of=heights, volume=others: np.maximum(of - plane, 0).mean() - volume,
+            heights.min(),
+            heights.max(),
+        )
+        mask = heights - plane > limit
+        found = np.corrcoef(mask, loss)[0, 1]
+        assert row.mean_volume_mcc == pytest.approx(found, rel=1e-3, abs=1e-4)
 
 
 def test_a_patch_wears_as_the_others_say_and_where_it_touches(results, table, config):
     rows, square = table("wear"), read_dataset(results / "wear/whole_square.h5")
-    scores = table("validation_patches").set_index("patch")
-    volumes = table("registration").set_index("patch").loss_volume_um3
-    fitted = list(scores.index[scores.believed])
-    assert sorted(rows.patch.unique()) == sorted(fitted)
+    patches, losses = (
+        table(name).set_index("patch") for name in ("validation_patches", "registration")
+    )
+    fitted = list(patches.index[patches.counted])
+    assert list(rows.patch.unique()) == list(patches.index)
     assert square.sizes["step"] == config["wear_steps"] + 1
     pressures = table("patch_pressures").set_index("patch").pressure_MPa
     loss = square.pressed.sel(ratio=0, body="stone")
     first = loss[1].to_series()[pressures.index]  # the hardest pressed lose most
     assert first.corr(pressures) > 0.99
     assert (first[pressures == 0] < 0.05 * first.max()).all()
-    for patch in fitted:
+    for patch in patches.index:
         kappa, others = float(square.fitted.sel(patch=patch)), [p for p in fitted if p != patch]
 
         def lost(of, kappa=kappa):
             return np.interp(kappa, square.kappa[0].values, loss.sel(patch=of).values)
 
         theirs = sum(map(lost, others))
-        assert theirs == pytest.approx(1e-3 * scores.loss_per_area_um[others].sum(), rel=1e-4)
+        assert theirs == pytest.approx(1e-3 * losses.loss_per_area_um[others].sum(), rel=1e-4)
         worn, contact = read_dataset(results / f"wear/{patch}.h5"), contact_of(results, patch)
-        depth, change = worn.depth.sel(model="archard").values, change_of(results, patch)
-        np.testing.assert_allclose(worn.t1[0], contact.height - depth, atol=1e-12)
+        depth = worn.depth.sel(model="archard").values
         assert depth.mean() == pytest.approx(lost(patch), rel=1e-6)
         assert depth.min() == 0
-        assert (depth[contact.pressure.values > 0] > 0).mean() > 0.9
-        known = np.isfinite(change.change.values)
+        if contact.pressure.values.any():
+            assert (depth[contact.pressure.values > 0] > 0).mean() > 0.9
+        seen, measured, _, _ = judged(results, patch)
         row = rows.set_index(["patch", "model"]).loc[patch, "archard"]
         element = np.prod(spacing_of(contact)) * 1e9
-        assert row.predicted_volume_um3 == pytest.approx(depth[known].sum() * element, rel=1e-4)
-        assert row.measured_volume_um3 == pytest.approx(volumes[patch], rel=1e-4)
-        misfit = depth[known] + change.change.values[known]
-        assert row.rms_difference_um == pytest.approx(1e3 * np.sqrt(np.mean(misfit**2)), rel=1e-4)
-        out = depth[known] < change.level_of_detection.values[known]
-        rms = np.sqrt(np.mean(misfit[out] ** 2))
-        assert row.rms_out_of_contact_um == pytest.approx(1e3 * rms, rel=1e-4)
+        volume = seen.clip(0).sum() * element
+        assert row.predicted_volume_um3 == pytest.approx(volume, rel=1e-4)
+        assert row.measured_volume_um3 == pytest.approx(losses.loss_volume_um3[patch], rel=1e-4)
+        assert row.map_error_um == pytest.approx(1e3 * rms(seen - measured), rel=1e-4)
         bands = table("wear_profile").set_index(["patch", "by", "band", "model"]).loss_um[patch]
         gaps = bands["gap"].xs("archard", level="model")
-        assert gaps[1] > 0.9 * gaps.sum()  # from the contact on
-        assert gaps.mean() == pytest.approx(1e3 * depth[known].mean(), rel=1e-3)
+        assert gaps[1] >= 0.9 * gaps.sum()  # from the contact on
+        assert gaps.mean() == pytest.approx(1e3 * seen.clip(0).mean(), rel=1e-3)
+
+
+def test_the_summary_is_that_of_the_counted_patches(table):
+    patches, wear = table("validation_patches"), table("wear")
+    rows = table("validation_summary").set_index(["model", "statistic"])
+    counted = wear[wear.patch.isin(patches.patch[patches.counted])]
+    for model, of in counted.groupby("model"):
+        assert rows.value[model, "mean(mcc)"] == pytest.approx(of.mcc.mean(), rel=1e-3, abs=1e-4)
+    gain = rows.loc[("archard", "gain(mcc)")]
+    rivals = set(rows.index.unique("model").dropna())
+    rivals -= {"archard", "yielding", "own_area", "none"}
+    means = rows.value.xs("mean(mcc)", level="statistic")
+    assert gain.against == means[list(rivals)].idxmax()
+    assert gain.value == pytest.approx(means["archard"] - means[gain.against], rel=1e-3)
 
 
 def test_texture_is_that_of_the_filtered_heights(results, table, config):

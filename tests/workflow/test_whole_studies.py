@@ -100,10 +100,10 @@ def test_batches_and_drawn_patches_leave_the_tables_alone(tiny):
     tiny.change(patches_per_job=4, most_drawn_patches=2)
     tiny.succeed()
     assert tiny.tables() == before
-    # the hardest pressed and the middle one of those in the study
+    # the hardest pressed and the middle one of those with a T1
     pressures = read_table(tiny.results / "tables/patch_pressures.csv")
-    studied = pressures[pressures.in_study].sort_values("pressure_MPa", ascending=False)
-    wanted = set(studied.patch.iloc[[0, len(studied) // 2]])
+    ordered = pressures.sort_values("pressure_MPa", ascending=False, kind="stable").patch
+    wanted = set(ordered.iloc[[0, len(ordered) // 2]])
     assert {file.stem for file in (tiny.results / "figures/patch").glob("*.png")} == wanted
     assert len(list((tiny.results / "figures/preparation").glob("*.png"))) == 2
 
@@ -133,10 +133,10 @@ def test_measured_files_without_t1(measured):
     assert not pressures.reason.fillna("").str.contains("overlap").any()
     measured.succeed("--report", str(measured.folder / "report.html"))
     text = (measured.folder / "report.html").read_text(encoding="utf-8")
-    assert "not compared with wear" in text
+    assert "no prediction is compared with wear" in text
     page = (measured.results / "index.html").read_text(encoding="utf-8")
-    assert "not compared with wear" in page
-    compared = ('class="mark"', "<span>Gain</span>", "<span>MCC</span>", "Validation</h2>")
+    assert "no prediction is compared with wear" in page
+    compared = ('class="mark"', "<span>Predicted</span>", "<span>MCC</span>", "Validation</h2>")
     assert not [part for part in compared if part in page]
 
 
@@ -196,7 +196,7 @@ def test_a_setting_of_a_sweep_is_the_study_with_that_config(tiny):
     moved = table[table.change.abs() > 1e-9].groupby("factor").output.unique()
     assert "pressure_MPa" in moved["force"]
     assert "pressure_MPa" not in moved["size of traces"]
-    assert "mean(f1)" in moved["size of traces"]
+    assert "mean(mcc)" in moved["size of traces"]
     swept = table[(table.factor == "force") & (table.output == "pressure_MPa")]
     tiny.change(load={"force_N": 660.0})
     tiny.succeed("results-tiny/tables/patch_pressures.csv", "results-tiny/tables/cases.csv")

@@ -174,7 +174,6 @@ TARGETS = [
         "tables/cases.csv": SCANNED and bool(CASES),
         "tables/registration.csv": bool(WORN_PATCHES),
         "tables/validation_summary.csv": bool(WORN_PATCHES),
-        "tables/wear.csv": bool(WORN_PATCHES) and config["wear_steps"] is not None,
         "tables/texture.csv": SCANNED,
         "tables/truth.csv": SCANNED and GENERATED,
         "tables/places.csv": not SCANNED,

@@ -55,6 +55,7 @@ rule select_patches:
     params:
         worn=WORN_PATCHES,
         selection=config["selection"],
+        most_noise=config["validation"]["most_noise"],
         code=code("select_patches.py"),
     message:
         "Selecting the patches of the study"
@@ -141,7 +142,6 @@ if REFERENCE:
         params:
             patches=ALL_PATCHES,
             variants=VARIANTS,
-            rim=config["validation"]["rim"],
             code=code("compare_scales.py"),
         message:
             "Comparing the patches with the contact of the whole square"

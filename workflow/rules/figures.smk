@@ -75,28 +75,29 @@ if REFERENCE:
         "two_scales": f"{RESULTS}/tables/two_scales.csv",
     }
 if WORN_PATCHES:
-    figures = {
-        "patch": ("5 Validation", "before, predicted, after"),
-        "validation": ("5 Validation", "prediction against loss, chance, rivals"),
-        "texture": ("5 Validation", "surface texture before and after use"),
-    }
-    read = {
-        "contacts": contacts(ALL_PATCHES),
-        "registered": registered(WORN_PATCHES),
-        "pressures": PRESSURES,
-        "scores": f"{RESULTS}/tables/validation_patches.csv",
-        "registration": f"{RESULTS}/tables/registration.csv",
-        "texture": f"{RESULTS}/tables/texture.csv",
-    }
-    for name in ("gains", "summary", "variants"):
-        read[name] = f"{RESULTS}/tables/validation_{name}.csv"
-    if config["wear_steps"] is not None:
-        figures["wear"] = ("6 Wear", "how much each patch loses")
-        read["worn_patches"] = f"{RESULTS}/wear"
-        read["intervals"] = f"{RESULTS}/tables/patch_intervals.csv"
-        read["wear"] = f"{RESULTS}/tables/wear.csv"
-        read["wear_profile"] = f"{RESULTS}/tables/wear_profile.csv"
-    DRAWINGS["draw_validation"] = figures, read
+    DRAWINGS["draw_contact"][1]["worn_patches"] = f"{RESULTS}/wear"
+    DRAWINGS["draw_validation"] = (
+        {
+            "validation": ("5 Validation", "the predicted loss beside its rivals"),
+            "wear": ("5 Validation", "how much each patch loses, and at which heights"),
+            "patch": ("5 Validation", "each patch before and after use"),
+            "texture": ("5 Validation", "surface texture before and after use"),
+        },
+        {
+            "contacts": contacts(ALL_PATCHES),
+            "t1": surfaces("T1", WORN_PATCHES),
+            "registered": registered(WORN_PATCHES),
+            "worn_patches": f"{RESULTS}/wear",
+            "pressures": PRESSURES,
+            "intervals": f"{RESULTS}/tables/patch_intervals.csv",
+            "registration": f"{RESULTS}/tables/registration.csv",
+            "patches_table": f"{RESULTS}/tables/validation_patches.csv",
+            "summary": f"{RESULTS}/tables/validation_summary.csv",
+            "wear": f"{RESULTS}/tables/wear.csv",
+            "wear_profile": f"{RESULTS}/tables/wear_profile.csv",
+            "texture": f"{RESULTS}/tables/texture.csv",
+        },
+    )
 TARGETS += [
     f"figures/{name}" if name in BY_PATCH else f"figures/{name}.png"
     for figures, _ in DRAWINGS.values()

@@ -1,76 +1,66 @@
 # Was the prediction right?
-# Takes: predicted contact, and T1 registered to T0. Gives: scores per patch and over the patches,
-# each compared with chance and with rivals that need no mechanics; how much each patch wears by
-# Archard's law; the texture of each patch before and after use.
+# Takes: the contact of the stone and of its patches, and T1 registered to T0. Gives: the loss of each
+# patch that the other patches foretell by Archard's law; how well it agrees with the measured one, beside
+# rivals that know as much; the texture of each patch before and after use.
 
 EXPECTED_WORST = config["validation"]["expected_worst"]
 
 
 if WORN_PATCHES:
 
-    rule score_patches:
+    rule predict_wear:
         input:
+            contact=f"{RESULTS}/macroscale/contact.h5",
+            second=SECOND if POSES is not None else [],
             contacts=contacts(WORN_PATCHES),
-            others=other_contacts(WORN_PATCHES),
             registered=registered(WORN_PATCHES),
             pressures=f"{RESULTS}/tables/patch_pressures.csv",
-            microscale=f"{RESULTS}/tables/microscale_summary.csv",
+            registration=f"{RESULTS}/tables/registration.csv",
+        output:
+            folder=directory(f"{RESULTS}/wear"),
+        log:
+            f"{RESULTS}/logs/predict_wear.log",
+        params:
+            worn=WORN_PATCHES,
+            patch_mm=PATCH_MM,
+            steps=config["wear_steps"],
+            mat=config["mat"],
+            hardness_MPa=config["hardness"],
+            poses=None if POSES is None else POSES.to_dict("list"),
+            size_mm=SQUARE_MM,
+            code=code("predict_wear.py"),
+        message:
+            "Wearing the square and its patches"
+        script:
+            "../scripts/predict_wear.py"
+
+    rule judge_wear:
+        input:
+            contacts=contacts(WORN_PATCHES),
+            registered=registered(WORN_PATCHES),
+            folder=f"{RESULTS}/wear",
+            pressures=f"{RESULTS}/tables/patch_pressures.csv",
+            registration=f"{RESULTS}/tables/registration.csv",
             exposure=f"{RESULTS}/tables/exposure.csv" if POSES is not None else [],
         output:
             patches=table("validation_patches", "5 Validation"),
-            gains=table("validation_gains", "5 Validation"),
+            table=table("wear", "5 Validation"),
+            profile=table("wear_profile", "5 Validation"),
             summary=table("validation_summary", "5 Validation"),
-            variants=table("validation_variants", "5 Validation"),
         log:
-            f"{RESULTS}/logs/score_patches.log",
+            f"{RESULTS}/logs/judge_wear.log",
         params:
             worn=WORN_PATCHES,
-            compared=VARIANTS,
-            validation={
-                key: value
-                for key, value in config["validation"].items()
-                if key != "expected_worst"
-            },
             # a claim about other patches says nothing about these
-            worst=EXPECTED_WORST if set(EXPECTED_WORST) <= set(ALL_PATCHES) else [],
+            expected_worst=EXPECTED_WORST if set(EXPECTED_WORST) <= set(ALL_PATCHES) else [],
             seed=config["seed"],
-            code=code("score_patches.py"),
+            shifts=config["validation"]["shifts"],
+            resamples=config["validation"]["resamples"],
+            code=code("judge_wear.py"),
         message:
-            "Scoring predicted contact against measured height loss"
+            "Judging the predicted loss by the measured one"
         script:
-            "../scripts/score_patches.py"
-
-    if config["wear_steps"] is not None:
-
-        rule predict_wear:
-            input:
-                contact=f"{RESULTS}/macroscale/contact.h5",
-                second=SECOND if POSES is not None else [],
-                contacts=contacts(WORN_PATCHES),
-                registered=registered(WORN_PATCHES),
-                pressures=f"{RESULTS}/tables/patch_pressures.csv",
-                scores=f"{RESULTS}/tables/validation_patches.csv",
-            output:
-                folder=directory(f"{RESULTS}/wear"),
-                table=table("wear", "6 Wear"),
-                profile=table("wear_profile", "6 Wear"),
-                summary=table("wear_summary", "6 Wear"),
-            log:
-                f"{RESULTS}/logs/predict_wear.log",
-            params:
-                worn=WORN_PATCHES,
-                patch_mm=PATCH_MM,
-                steps=config["wear_steps"],
-                mat=config["mat"],
-                poses=None if POSES is None else POSES.to_dict("list"),
-                size_mm=SQUARE_MM,
-                seed=config["seed"],
-                resamples=config["validation"]["resamples"],
-                code=code("predict_wear.py"),
-            message:
-                "Wearing the square and its patches"
-            script:
-                "../scripts/predict_wear.py"
+            "../scripts/judge_wear.py"
 
 
 # All patches in one job: loading the library of texture parameters takes as long as five patches.

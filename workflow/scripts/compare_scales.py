@@ -19,13 +19,12 @@ def main(
     *,
     patches: list[str],
     variants: list[str],
-    rim: float,
 ) -> None:
     by_variant = {
         variant: Stored(dict(zip(patches, files, strict=True)), READ)
         for variant, files in zip(variants, [contacts, others], strict=False)
     }
-    write_table(table, two_scales_table(by_variant, read_dataset(reference), rim=rim))
+    write_table(table, two_scales_table(by_variant, read_dataset(reference)))
 
 
 if "snakemake" in globals():

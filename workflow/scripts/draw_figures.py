@@ -23,12 +23,15 @@ from gstlib.geometry import FRAME, Frame, square_of, stored_frame
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
+from gstlib.validation.scoring import own_model
 
 if TYPE_CHECKING:
     import trimesh
 
 # Figures of patches in the study.
 OF_STUDIED = {"microscale_maps", "overview", "two_scales"}
+# Figures of predicted losses.
+OF_PREDICTED = {"validation", "wear"}
 # Patches of the figure of two scales, the hardest pressed.
 MOST_COMPARED = 8
 
@@ -103,14 +106,30 @@ class Study:
         return mesh, stored_frame(self.data("surface", *FRAME))
 
     @cached_property
-    def predicted(self) -> set[str]:
-        """The patches whose wear is predicted."""
-        return set(self.table("wear", "patch").patch) if "wear" in self.files else set()
+    def compared(self) -> list[str]:
+        """The patches with a T1 that are drawn one by one, hardest pressed first."""
+        table = self.pressures.sort_values("pressure_MPa", ascending=False, kind="stable")
+        worn = [patch for patch in table["patch"] if patch in self.worn]
+        return evenly(worn, self.most_drawn_patches)
 
-    @cached_property
-    def changes(self) -> dict[str, xr.Dataset]:
-        shown = [patch for patch in self.drawn if patch in self.worn]
-        return self.by_patch("registered", shown, "t1", "change", "loss", "gain")
+    def change(self, patch: str) -> xr.Dataset | None:
+        """Height change of a patch, with T1 as it was scanned where no change is known."""
+        if patch not in self.worn:
+            return None
+        only = "t1", "change", "level_of_detection", "loss", "gain"
+        change = self.by_patch("registered", [patch], *only)[patch]
+        if "t1" in self.files and change.change.isnull().all():
+            scanned = self.by_patch("t1", [patch], "height")[patch].height
+            change["t1"] = scanned
+        return change
+
+    def predicted(self, patch: str) -> xr.DataArray | None:
+        """Loss of a patch as the study predicts it, if it does."""
+        folder = self.files.get("worn_patches")
+        if not folder or not (folder / f"{patch}.h5").exists():
+            return None
+        depth = self.by_patch("worn_patches", [patch], "depth")[patch].depth
+        return depth.sel(model=own_model(list(depth.model.values)))
 
 
 def figure_of(name: str, study: Study) -> Figure:
@@ -144,10 +163,11 @@ def figure_of(name: str, study: Study) -> Figure:
             )
         case "overview":
             patch = study.drawn[0]
-            parts = study.pressures, study.contacts[patch], study.changes.get(patch)
+            of_patch = study.contacts[patch], study.change(patch), study.predicted(patch)
             return microscale.overview_figure(
                 study.square("contact"),
-                *parts,
+                study.pressures,
+                *of_patch,
                 study.tool,
                 patch=patch,
                 force_N=study.force_N,
@@ -168,14 +188,15 @@ def figure_of(name: str, study: Study) -> Figure:
             )
         case "wear":
             parts = (study.table(f"wear{part}") for part in ("", "_profile"))
-            return tables.wear_figure(*parts, study.table("intervals"))
+            patches = study.table("patches_table", "patch", "counted")
+            counted = patches.patch[patches.counted.astype(bool)]
+            return tables.wear_figure(*parts, study.table("intervals"), counted)
         case "validation":
             pressures = study.pressures[["patch", "pressure_MPa"]]
-            losses = study.table("registration", "patch", "loss_fraction")
-            scores = study.table("scores", "patch").merge(pressures, on="patch")
-            scores = scores.merge(losses[["patch", "loss_fraction"]], on="patch")
-            others = (study.table(table) for table in ("gains", "summary", "variants"))
-            return tables.validation_figure(scores, *others)
+            losses = study.table("registration", "patch").merge(pressures, on="patch")
+            return tables.validation_figure(
+                study.table("patches_table", "patch"), losses, study.table("summary")
+            )
         case _:  # texture, sweep
             return getattr(tables, f"{name}_figure")(study.table(name))
 
@@ -183,12 +204,11 @@ def figure_of(name: str, study: Study) -> Figure:
 def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
     """`preparation` or `patch`: a figure for each of the patches."""
     if name == "patch":
-        for patch, change in study.changes.items():
-            worn = study.by_patch("worn_patches", {patch} & study.predicted, "depth").get(patch)
-            yield (
-                patch,
-                microscale.patch_figure(study.contacts[patch], change, worn, patch=patch),
-            )
+        only = "height", "pressure", "mean_pressure"
+        for patch in study.compared:
+            contact = study.by_patch("contacts", [patch], *only)[patch]
+            parts = contact, study.change(patch), study.predicted(patch)
+            yield patch, microscale.patch_figure(*parts, patch=patch)
         return
     shown = evenly(study.patches, study.most_drawn_patches)
     for patch in shown:
@@ -208,10 +228,8 @@ def main(*, figures: list[str], note: str | None, **named: Any) -> None:
         vector = named.get(f"{name}_svg") or named.get(f"{name}_pdf")
         if name in OF_STUDIED and not study.drawn:
             empty = message_figure("No patch is in the microscale study.")
-        elif name == "patch" and not study.changes:
-            empty = message_figure("No patch with a T1 is in the microscale study.")
-        elif name == "wear" and not study.predicted:
-            empty = message_figure("No wear is predicted: fewer than two patches lost height.")
+        elif name in OF_PREDICTED and not len(study.table("wear")):
+            empty = message_figure("No loss of a patch could be predicted from the others'.")
         if name in ("preparation", "patch"):
             for patch, figure in [("none", empty)] if empty else figures_by_patch(name, study):
                 save_figure(figure, png / f"{patch}.png", source_note=note)

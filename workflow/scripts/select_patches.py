@@ -17,9 +17,10 @@ def main(
     *,
     worn: list[str],
     selection: dict[str, float],
+    most_noise: float,
 ) -> None:
     changes = Stored(dict(zip(worn, registered, strict=True)), ["change", "loss", "gain"])
-    quality = registration_table(changes, selection)
+    quality = registration_table(changes, selection, most_noise=most_noise)
     selected = select_patches(read_pressures(pressures), quality, selection)
     if not selected.in_study.any():
         logging.getLogger("gst").warning(

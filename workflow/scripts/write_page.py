@@ -23,17 +23,21 @@ from gst.page import (
     tool_scene,
     warned,
 )
+from gst.poses import poses_of
 from gst.provenance import sha256, study_provenance
-from gst.verdict import SCORE, verdict, where_to_scan
+from gst.verdict import verdict, where_to_scan
 from gstlib.contact import load_force
 from gstlib.counterface import SecondStone, posed_mesh
 from gstlib.geometry import FRAME, square_of, stored_frame
 from gstlib.io.files import write_whole
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_pressures, read_table
+from gstlib.io.tables import read_table
 from gstlib.places import concentration
 
+# Tables that the answer is computed from.
+JUDGED = ["patch_pressures", "patch_intervals", "registration", "validation_patches"]
+JUDGED += ["validation_summary"]
 PAGE = "0 Overview", "the page of the study"
 WHAT = (
     "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
@@ -84,13 +88,11 @@ def main(
     else:
         fields = [square_of(field, size) for field in fields]
         answer = verdict(
-            read_pressures(tables["patch_pressures"]),
-            read_table(tables["patch_intervals"]),
-            *(
-                read_table(tables[name]) if name in tables else None
-                for name in ("validation_gains", "validation_variants")
-            ),
+            {name: read_table(tables[name]) for name in JUDGED if name in tables},
             force_N=force_N,
+            mat=config["mat"],
+            hardness_MPa=config["hardness"],
+            poses=None if (poses := poses_of(config)) is None else len(poses),
         )
     said = {"verdict": answer, "generated": config["specimen"] is not None}
     overview = embedded(pictures["overview" if proposed is None else "places"].read_bytes())
@@ -117,8 +119,7 @@ def main(
         "records": {record["patch"]: record for record in records},
         "warnings": warned([Path(log) for log in logs]),
         "shown": by_category(entries[: len(shown)]),
-        "compared": "validation_gains" in tables,
-        "score": SCORE,
+        "compared": "validation_summary" in tables,
     }
     write_whole(page, render("page.html", **said, **content).encode())
     write_json(contents, listed([Shown(page, *PAGE, WHAT), *entries], contents.parent))

@@ -6,8 +6,10 @@ contacts : mapping of patch to xarray.Dataset
     ``height``, ``pressure`` (y, x) of the final state, and the load path (step):
     ``displacement``, ``mean_pressure``, ``contact_fraction``, ``stiffness``.
 changes : mapping of patch to xarray.Dataset
-    ``t1``, ``change``, ``loss``, ``gain`` (y, x) and the attributes ``level_of_detection_um``,
-    ``overlap``.
+    ``t1``, ``change``, ``level_of_detection``, ``loss``, ``gain`` (y, x) and the attributes
+    ``level_of_detection_um``, ``overlap``.
+predicted : (y, x) xarray.DataArray
+    Depth that the study's own prediction takes off a patch, mm.
 """
 
 from collections.abc import Mapping
@@ -25,6 +27,7 @@ from gst.figures.style import AMBER, BLACK, BLUE, MM_TO_UM, VERMILION, styled
 from gst.figures.tool import draw_tool
 from gstlib.geometry import Frame
 from gstlib.surface import spacing_of
+from gstlib.validation.agreement import seen_depth
 
 if TYPE_CHECKING:
     import trimesh
@@ -34,7 +37,7 @@ __all__ += ["preparation_figure", "two_scales_figure"]
 
 _UNKNOWN = "#ffffff"
 _AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": BLACK}
-_BELOW = {"loc": "lower center", "bbox_to_anchor": (0.82, 0.02)}  # the last panels of a row
+_BELOW = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.025)}  # the last panels of a row
 
 
 @styled
@@ -66,15 +69,22 @@ def microscale_maps_figure(contacts: Mapping[str, xr.Dataset]) -> Figure:
     return maps.draw_maps(drawn, 4, 1.7, head=0)
 
 
-def _agreement(contact: xr.Dataset, change: xr.Dataset) -> dict[str, np.ndarray]:
-    """Masks of hits, misses, false alarms and unknown change, by colour."""
-    predicted, loss = contact["pressure"].values > 0, change["loss"].values
-    unknown = np.isnan(change["change"].values)
+def _agreement(predicted: xr.DataArray, change: xr.Dataset) -> dict[str, np.ndarray]:
+    """Masks of hits, misses, false alarms and unknown change, by colour.
+
+    A loss is predicted where the scans would show one beyond the level of detection.
+    """
+    known, loss = np.isfinite(change["change"].values), change["loss"].values.astype(bool)
+    foretold = np.zeros(known.shape, dtype=bool)
+    if known.any():
+        depth = seen_depth(predicted.values[known])
+        foretold[known] = depth > change["level_of_detection"].values[known]
+    loss &= known
     return {
-        BLUE: loss & predicted,
-        AMBER: loss & ~predicted,
-        BLACK: predicted & ~loss & ~unknown,
-        _UNKNOWN: unknown & ~loss,
+        BLUE: loss & foretold,
+        AMBER: loss & ~foretold,
+        BLACK: foretold & ~loss,
+        _UNKNOWN: ~known,
     }
 
 
@@ -111,12 +121,12 @@ def two_scales_figure(
 
 @styled
 def patch_figure(
-    contact: xr.Dataset, change: xr.Dataset, worn: xr.Dataset | None, *, patch: str
+    contact: xr.Dataset, change: xr.Dataset, predicted: xr.DataArray | None, *, patch: str
 ) -> Figure:
-    """One patch before and after use, its change and the predictions (Fig. 11).
+    """One patch before and after use, its contact, its change and its predicted loss (Fig. 11).
 
-    `contact` and `change` are those of `patch` among ``contacts`` and ``changes``; `worn`, if its
-    wear is predicted, has ``depth`` (model, y, x), mm, of which the last is drawn.
+    `contact`, `change` and `predicted`, None if no loss is predicted, are those of `patch`. Where
+    no change is known, ``t1`` of `change` is the scan by itself.
     """
     t0, t1, values = contact["height"], change["t1"], change["change"].values * MM_TO_UM
     heights = maps.HEIGHTS | {"norm": maps.height_norm(t0, t1)}
@@ -128,28 +138,32 @@ def patch_figure(
         np.nanmax([np.quantile(np.abs(np.nan_to_num(values)), 0.995) or 1, 2 * limit])
     )
     label = "height change (µm), 0 where not detected"
-    changes = {"cmap": maps.CHANGE_MAP, "norm": Normalize(-bound, bound), "bar": label}
+    changes = {"cmap": maps.CHANGE_MAP, "norm": Normalize(-bound, bound)}
     known = max(np.count_nonzero(~unknown), 1)
     lost = f"lost more than {limit:.2f} µm: {loss.sum() / known:.1%}"
-    measured = {"values": shown, "marks": {_UNKNOWN: unknown}}
+    measured = {"values": shown, "marks": {_UNKNOWN: unknown}, "bar": label}
+    touching = contact["pressure"].values > 0
     drawn = [
         ("T0, before use", t0, heights),
-        ("T1, after use", t1, heights),
+        ("T1, after use" + ", not laid on T0" * bool(unknown.all()), t1, heights),
+        (f"contact before use: {touching.mean():.2%}", t0, {"marks": {BLACK: touching}}),
         ("no change is known" if unknown.all() else lost, t0, changes | measured),
     ]
-    if worn is not None:  # as scans show it: counted from its median
-        depth = worn["depth"].values[-1] * MM_TO_UM
-        seen = -np.maximum(depth - np.median(depth), 0)
-        law = "Archard's law" + (" with a mat" if worn["model"].values[-1] == "mat" else "")
-        title = f"{law}: mean loss {-seen.mean():.2f} µm"
-        drawn.append((title, t0, changes | {"values": seen, "bar": ""}))
-    touching, marks = contact["pressure"].values > 0, _agreement(contact, change)
-    drawn.append((f"contact of {touching.mean():.2%}, and loss", t0, {"marks": marks}))
-    figure = maps.draw_maps(drawn, 5, 2.0, (0.05, 0.05, 0.3, 0.35), head=0.2)
+    marks = {}
+    if predicted is not None:  # as scans show it: counted from its median
+        depth = seen_depth(predicted.values * MM_TO_UM).clip(0)
+        title = f"predicted from the others: mean {depth.mean():.2g} µm"
+        drawn.append((title, t0, changes | {"values": -depth}))
+        if not unknown.all():
+            marks = _agreement(predicted, change)
+            drawn.append(("predicted and measured loss", t0, {"marks": marks}))
+    figure = maps.draw_maps(drawn, 3, 2.1, (0.05, 0.05, 0.3, 0.35), head=0.2)
     pressure, overlap = float(contact["mean_pressure"]), change.attrs["overlap"]
-    figure.suptitle(f"patch {patch}: {pressure:.1f} MPa, T1 covers {overlap:.0%} of T0")
-    shares = {f"{name} {marks[c].sum() / known:.1%}": c for name, c in _AGREEMENT.items()}
-    style.colour_legend(figure, shares, **_BELOW)
+    covers = "T1 was not found on T0" if unknown.all() else f"T1 covers {overlap:.0%} of T0"
+    figure.suptitle(f"patch {patch}: {pressure:.3g} MPa, {covers}")
+    if marks:
+        shares = {f"{name} {marks[c].sum() / known:.1%}": c for name, c in _AGREEMENT.items()}
+        style.colour_legend(figure, shares, **_BELOW)
     return figure
 
 
@@ -159,6 +173,7 @@ def overview_figure(
     pressures: pd.DataFrame,
     contact: xr.Dataset,
     change: xr.Dataset | None,
+    predicted: xr.DataArray | None,
     tool: tuple["trimesh.Trimesh", Frame],
     *,
     patch: str,
@@ -168,10 +183,10 @@ def overview_figure(
     """The study at a glance: the tool, forces on its square, one patch's contact, measured loss.
 
     `square` is the contact of the square under its part of `force_N`; `pressures` is
-    ``patch_pressures.csv``; `contact` and `change` are those of `patch` (without a T1 the last
-    panel is left out); `tool` is the mesh, mm, and the frame of its square.
+    ``patch_pressures.csv``; `contact`, `change` and `predicted` are those of `patch` (without the
+    last two, the last panel is left out); `tool` is the mesh, mm, and the frame of its square.
     """
-    count = 3 if change is None else 4
+    count = 3 if change is None or predicted is None else 4
     figure, (whole, *axes) = style.panels(count, count, (2.6, 2.6), (0.05, 0.05, 0.4, 0.2))
     draw_tool(whole, *tool, square["pressure"])
     whole.set_title("1  the tool and its square\npressures on it in colour")
@@ -187,9 +202,9 @@ def overview_figure(
     )
     for panel in axes[:2]:
         maps.scale_bar(panel)
-    if change is not None:
-        maps.draw_map(axes[2], contact["height"], marks=_agreement(contact, change))
-        axes[2].set_title("4  measured loss\nagainst the prediction")
+    if change is not None and predicted is not None:
+        maps.draw_map(axes[2], contact["height"], marks=_agreement(predicted, change))
+        axes[2].set_title("4  measured loss\nagainst the predicted one")
         style.colour_legend(figure, _AGREEMENT, **_BELOW)
     return figure
 

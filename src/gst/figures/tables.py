@@ -1,14 +1,18 @@
-"""Figures drawn from tables alone: validation, wear, texture, sweep."""
+"""Figures drawn from tables alone: the verdict, wear, texture, sweep."""
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gst.figures import style
 from gst.figures.style import AMBER, BLACK, BLUE, CHARTS, GREEN, GREY, PALE, VERMILION, styled
-from gst.verdict import LEVEL, SCORE, against_chance, against_rival
+from gst.verdict import MODELS, TOUCHED
+from gstlib.validation.rivals import CEILING
+from gstlib.validation.scoring import BARE, MAT, YIELDING
 
 __all__ = ["sweep_figure", "texture_figure", "validation_figure", "wear_figure"]
 
@@ -22,63 +26,83 @@ _TEXTURE = {
     "Str": "isotropy (1: in no direction)",
 }
 _PAIR = "spearman(pressure_MPa, loss_fraction)"
-_OUTCOMES = ["relative_change(pressure_MPa)", _PAIR, "mean(f1)", "gain(f1)", "gain(roc_auc)"]
-_OUTCOMES += ["mean_change(Sq_um)"]
-_MODELS = {
-    "archard": ("Archard's law", BLUE, "o"),
-    "mat": ("Archard's law with a mat", GREEN, "D"),
-    "pressure": ("in proportion to pressure", AMBER, "s"),
-    "uniform": ("the same on every patch", GREY, "v"),
-    "truncation": ("cut off flat over the worn area", VERMILION, "^"),
-}
+_OUTCOMES = ["relative_change(pressure_MPa)", _PAIR, "mean(mcc)", "gain(mcc)"]
+_OUTCOMES += ["relative(map_error)", "mean_change(Sq_um)"]
+# Of the predictions; rivals are grey, and the ceiling is open.
+_LOOKS = {BARE: (BLUE, "o"), MAT: (GREEN, "D"), YIELDING: (AMBER, "s")}
 
 
 @styled
 def validation_figure(
-    scores: pd.DataFrame, gains: pd.DataFrame, summary: pd.DataFrame, variants: pd.DataFrame
+    patches: pd.DataFrame, losses: pd.DataFrame, summary: pd.DataFrame
 ) -> Figure:
-    """Gains over the best rivals, and loss against pressure.
+    """Mean agreement of the prediction and its rivals with the loss, and loss against pressure.
 
-    `scores` is ``validation_patches.csv`` with the columns ``pressure_MPa`` and ``loss_fraction``;
-    the others are ``validation_gains.csv`` and so on.
+    Parameters
+    ----------
+    patches : pandas.DataFrame
+        ``validation_patches.csv``.
+    losses : pandas.DataFrame
+        ``registration.csv`` with the column ``pressure_MPa``.
+    summary : pandas.DataFrame
+        ``validation_summary.csv``.
     """
-    figure, (gain, extent) = style.panels(
-        2, 2, (3.2, 2.2), (0.75, 0.1, 0.35, 0.45), head=0.3 + 0.15 * variants.variant.nunique()
-    )
-    headlines = [
-        f"{row.variant}: {against_rival(row)}"
-        for row in variants[variants["score"] == SCORE].itertuples()
-    ]
-    figure.suptitle("\n".join([*headlines, against_chance(gains)]), fontsize=7)
-    # the mean gain of each score over its best rival, in colour where it differs from 0
-    of_own = variants[variants["variant"] == variants["variant"].iloc[0]]
-    means = of_own.dropna(subset="gain")
-    gain.axvline(0, color=GREY, lw=0.8)
-    for place, row in enumerate(means.itertuples()):
-        # both the interval and the test must distinguish the gain from 0
-        sign = (int(row.low > 0) - int(row.high < 0)) * int(row.p_value <= LEVEL)
-        colour = {1: BLUE, -1: VERMILION, 0: GREY}[sign]
-        gain.plot([row.low, row.high], [place, place], color=colour)
-        gain.plot(row.gain, place, "o", color=colour)
-    names = means["score"].str.replace("_", "-") + "\nvs " + means["best_rival"]
-    gain.set_yticks(range(len(means)), names, fontsize=6)
-    gain.invert_yaxis()
-    gain.set_xlabel("gain: score of contact − score of the best rival")
-    gain.set_title("Is contact better than its best rival?")
-
-    known = scores[scores["believed"].astype(bool)].dropna(subset="loss_fraction")
-    lost = 100 * known["loss_fraction"]
-    extent.plot(known["pressure_MPa"], lost, "o", color=VERMILION)
-    for at in zip(known["patch"], known["pressure_MPa"], lost, strict=True):
-        style.write_beside(extent, at[0], at[1:], (3, 5))
-    title = "Do patches under more pressure wear more?"
-    for row in summary[summary["statistic"] == _PAIR].dropna(subset="value").itertuples():
-        interval = f" [{row.low:.2g}, {row.high:.2g}]" if math.isfinite(row.low) else ""
-        tested = f", p = {row.p_value:.2g}" if math.isfinite(row.p_value) else ", not tested"
-        title += f"\nSpearman ρ = {row.value:.2g}{interval}{tested}".replace("-", "−")
-    extent.set(xlabel="pressure of the patch (MPa)", ylabel="area with loss (%)", title=title)
+    figure, (agreement, extent) = style.panels(2, 2, (3.4, 3.0), (0.5, 0.15, 0.45, 0.45))
+    _draw_agreement(agreement, summary)
+    counted = set(patches.patch[patches.counted.astype(bool)])
+    known = losses[losses.believed.astype(bool)].dropna(subset="loss_per_area_um")
+    is_touched, is_counted = known.pressure_MPa > 0, known.patch.isin(counted)
+    for name, those, colour, fill in (
+        ("in the study", is_touched & is_counted, VERMILION, VERMILION),
+        ("touched, left out", is_touched & ~is_counted, GREY, GREY),
+        ("nothing touches it", ~is_touched, GREY, "white"),
+    ):
+        at = known.pressure_MPa[those], known.loss_per_area_um[those]
+        look = {"color": colour, "mfc": fill, "label": name, "clip_on": False, "zorder": 3}
+        extent.plot(*at, "o", **look)
+    for row in known[is_touched].itertuples():
+        style.write_beside(extent, row.patch, (row.pressure_MPa, row.loss_per_area_um), (3, 5))
+    extent.set(xlabel="pressure of the patch (MPa)", ylabel="loss per area (µm)")
     extent.set(xlim=(0, None), ylim=(0, None))
+    title = "Do patches under more pressure wear more?"
+    pairs = {"pressure": "spearman(pressure_MPa, loss_per_area_um)", "touched or not": TOUCHED}
+    for words, name in pairs.items():
+        for row in summary[summary.statistic == name].dropna(subset="value").itertuples():
+            interval = f" [{row.low:.2g}, {row.high:.2g}]" if math.isfinite(row.low) else ""
+            tested = f"p = {row.p_value:.2g}" if math.isfinite(row.p_value) else "not tested"
+            said = f"\nSpearman ρ, {words}: {row.value:.2g}{interval}, {tested}"
+            title += said.replace("-", "−")
+    extent.set_title(title, fontsize=7)
+    extent.legend(loc="upper left")
     return figure
+
+
+def _draw_agreement(axes: Axes, summary: pd.DataFrame) -> None:
+    """The mean MCC of each model with its interval, one below the other."""
+    means = summary[summary.statistic == "mean(mcc)"].set_index("model")
+    attainable = summary[summary.statistic == "mean(attainable_mcc)"].set_index("model").value
+    for place, row in enumerate(means.itertuples()):
+        colour, marker = _LOOKS.get(row.Index, (GREY, "o"))
+        fill = "white" if row.Index == CEILING else colour
+        if math.isfinite(row.low):
+            axes.plot([row.low, row.high], [place, place], color=colour)
+        axes.plot(row.value, place, marker, color=colour, mfc=fill)
+        if row.Index in attainable:
+            axes.plot(attainable[row.Index], place, "|", color=colour, ms=9)
+        axes.annotate(
+            MODELS[row.Index],
+            (0, place - 0.42),
+            (2, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=6.5,
+            color=colour,
+        )
+    axes.set(xlim=(0, 1), ylim=(len(means) - 0.5, -0.7), yticks=[])
+    axes.set_xlabel("mean MCC of predicted and measured loss")
+    count = int(means.n.max()) if len(means) else 0
+    title = f"Was the place of the loss predicted? ({count} patches)"
+    axes.set_title(f"{title}\n| the most that masks of its areas could reach", fontsize=7)
 
 
 @styled
@@ -127,28 +151,37 @@ def sweep_figure(table: pd.DataFrame) -> Figure:
 
 
 @styled
-def wear_figure(table: pd.DataFrame, profile: pd.DataFrame, limits: pd.DataFrame) -> Figure:
+def wear_figure(
+    table: pd.DataFrame, profile: pd.DataFrame, limits: pd.DataFrame, counted: Iterable[str]
+) -> Figure:
     """Predicted against measured volume of every patch, and loss by height.
 
-    `table` is ``wear.csv``, `profile` is ``wear_profile.csv``; `limits` is ``patch_intervals.csv``:
-    a volume and its interval are proportional to the pressure.
+    Parameters
+    ----------
+    table, profile : pandas.DataFrame
+        ``wear.csv`` and ``wear_profile.csv``.
+    limits : pandas.DataFrame
+        ``patch_intervals.csv``: a volume and its interval are proportional to the pressure.
+    counted : iterable of str
+        The patches that enter the statistics; only these are drawn.
     """
-    figure, (volumes, heights) = style.panels(2, 2, (2.6, 2.6), (0.7, *CHARTS[1:]), head=0.4)
+    figure, (volumes, heights) = style.panels(2, 2, (2.8, 2.8), (0.7, *CHARTS[1:]), head=0.25)
+    table, profile = (of[of.patch.isin(list(counted))] for of in (table, profile))
     units = 1e5  # µm³
-    models = {model: of for model, of in _MODELS.items() if model in set(table.model)}
-    for model, (name, colour, marker) in models.items():
-        of = table[table.model == model]
+    models = [model for model in _LOOKS if model in set(table.model)]
+    for model in models:
+        of, (colour, marker) = table[table.model == model], _LOOKS[model]
         places = of.measured_volume_um3 / units, of.predicted_volume_um3 / units
-        volumes.plot(*places, color=colour, marker=marker, ls="", label=name)
-        if model == "archard":
+        look = {"mfc": "none"} if model == YIELDING else {}  # it may lie over the elastic one
+        volumes.plot(*places, marker, color=colour, label=MODELS[model], **look)
+        if model == BARE:
             share = limits.set_index("patch").loc[of.patch]
             low, high = (share[end] / share.pressure_MPa for end in ("low_MPa", "high_MPa"))
             ends = places[1].to_numpy() * np.array([low, high])
             volumes.vlines(places[0], *ends, color=colour, lw=0.8)
             for patch, x, y in zip(of.patch, *places, strict=True):
                 style.write_beside(volumes, patch, (x, y), (3, 3), color=colour)
-    most = table[["measured_volume_um3", "predicted_volume_um3"]].to_numpy().max() / units
-    most = 1.05 * max(most, volumes.dataLim.y1)
+    most = 1.05 * max(1e-9, volumes.dataLim.x1, volumes.dataLim.y1)
     volumes.plot([0, most], [0, most], color=GREY, lw=0.6)
     volumes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
     volumes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
@@ -158,9 +191,10 @@ def wear_figure(table: pd.DataFrame, profile: pd.DataFrame, limits: pd.DataFrame
     means = (
         profile[profile.by == "height"].groupby(["model", "band"], sort=False).loss_um.mean()
     )
-    for model, (_, colour, marker) in ({"measured": ("", BLACK, "x")} | models).items():
+    for model, (colour, marker) in ({"measured": (BLACK, "x")} | _LOOKS).items():
         if model in means:
-            heights.plot(means[model], means[model].index, color=colour, marker=marker)
+            look = {"mfc": "none", "ls": "--"} if model == YIELDING else {}
+            heights.plot(means[model], means[model].index, color=colour, marker=marker, **look)
     heights.annotate(
         "× measured", (means["measured"][3], 3), (8, -3), textcoords="offset points"
     )

@@ -99,6 +99,7 @@ def wear_path(
     mean_loss,
     steps=10,
     third_body=None,
+    pressure_limit=math.inf,
     tolerance=1e-6,
     workers=1,
     keep_states=False,
@@ -121,6 +122,9 @@ def wear_path(
         Number of implicit steps.
     third_body : ThirdBody, optional
         A body between the surface and the elastic body for a share of the wear.
+    pressure_limit : float
+        Ceiling on the pressure in each step (MPa), as in `solve_contact`: what yields in a step is
+        as high as before in the next, but for what wore off.
     tolerance : float
         As in `solve_contact`, for each step.
     keep_states, keep_depths : bool
@@ -161,6 +165,13 @@ def wear_path(
     total = sum(part * float(pressures.sum()) for part, _, pressures, _ in bodies)
     if not total > 0:
         raise InvalidContactInput("mean_pressure must be positive in one step at least (MPa)")
+    if pressure_limit != math.inf:
+        pressure_limit = checked_number("pressure_limit", pressure_limit, "MPa", positive=True)
+    highest = max(float(pressures.max()) for _, _, pressures, _ in bodies)
+    if highest >= pressure_limit:
+        raise InvalidContactInput(
+            f"mean_pressure {highest:g} MPa is not below pressure_limit {pressure_limit:g} MPa"
+        )
     mean_loss = checked_number("mean_loss", mean_loss, "mm")
     relief = float(np.ptp(heights[heights > -math.inf]))
     if mean_loss > relief:
@@ -179,7 +190,7 @@ def wear_path(
     for step in range(steps):
         reached = []
         for body, (rate, (_, _, pressures, _)) in enumerate(zip(rates, bodies, strict=True)):
-            load = Load(force=pressures[step] * heights.size)
+            load = Load(force=pressures[step] * heights.size, pressure_limit=pressure_limit)
             state = problems[body].solve(load, tolerance, starts[body])
             starts[body], loss = state.pressure, rate * state.pressure
             depth += loss

@@ -105,21 +105,14 @@ _INTERFACE = {
         "the same without the compliance of the half-space under the patch"
     )
 }
-_SCORES = {
-    "precision": "share of the predicted area that lost height",
-    "recall": "share of the area with loss that was predicted",
-    "f1": "harmonic mean of precision and recall",
-    "mcc": "Matthews' correlation coefficient: 0 at chance, 1 if all agrees",
-    "fss": "fractions skill score, which forgives near misses",
-    "roc_auc": "probability that a point with loss ranks above one without",
-    "pr_auc": "mean precision over the points with loss, by rank",
+_RIVALS = {
+    "none": "no loss",
+    "mean_volume": "a plane that cuts off the others' mean volume",
+    "pressure_volume": "a plane that cuts off a volume in proportion to pressure",
+    "pressure_share": "a plane that wears a share in proportion to pressure",
+    "rigid": "rigid interpenetration at one displacement",
+    "own_area": "a plane that wears the patch's own worn share",
 }
-
-
-def _of_rival(rival: str, words: str, *scores: str) -> dict[str, str]:
-    """The scores of a rival, whose name stands in front of theirs."""
-    return {f"{rival}_{score}": f"{score} of {words}" for score in scores}
-
 
 # --- The tables, in the order of the study ----------------------------------------------------
 
@@ -292,8 +285,7 @@ TABLES = {
         """
         Each patch, pressed by itself, beside one contact of the whole square at the scans'
         resolution, the reference. The scores compare the two contacts point by point. The outer
-        {{ "%.0f" | format(100 * config.validation.rim) }} % of the patch's side along each edge
-        are left out.
+        tenth of the patch's side along each edge is left out.
         """,
         {
             "patch": "name of the patch; all: the points of all patches together",
@@ -407,6 +399,14 @@ TABLES = {
             "gain_fraction": "share of the known area that gained height",
             "loss_volume_um3": "volume lost",
             "loss_depth_um": "mean depth where height was lost",
+            "loss_per_area_um": (
+                "volume lost over the known area, comparable between patches of different overlap"
+            ),
+            "noise_share": (
+                "area that rose over area that fell: noise raises as often as it lowers, so this "
+                "is the share of the loss that it would explain"
+            ),
+            "believed": "whether the loss exceeds noise, and counts in statistics over patches",
             "excluded": "whether this excludes the patch from the study",
             "reason": "if so, why",
         },
@@ -449,134 +449,96 @@ TABLES = {
         },
     ),
     "validation_patches": Table(
-        "scores of predicted contact on each patch",
+        "how well the predicted loss of each patch agrees with the measured one",
         """
-        How well predicted contact agrees with the measured loss, where the change is known:
-        scores of the contact (no prefix), of the highest points at the contact's area
-        (``highest_``), and of rigid interpenetration at the contact's displacement (``rigid_``).
-        Rigid interpenetration ranks points by height, as the highest points do, so it has no
-        ROC-AUC and PR-AUC of its own. ``fss`` accepts misses by less than {{
-        config.validation.neighbourhood_um }} µm. Where ``noise_share`` exceeds {{
-        config.validation.most_noise }}, ``believed`` is no. ``registration.csv`` has area, volume
-        and depth of the loss.
+        Each patch with a scan after use, in the study or not: the loss that the other patches
+        foretell, against the measured one. ``mcc`` compares masks: where each exceeds the level
+        of detection. The prefixed columns are those of the rivals, which know as much as the
+        prediction, and of the ceiling ``own_area``, which knows the patch's own worn share; see
+        ``wear.csv``. Chance: the prediction is shifted over the patch as over a torus, beyond the
+        correlation length of the loss. *noise*: the loss is not believed (``registration.csv``),
+        and noise mimics agreement, since a point that it raises at T0 is predicted to wear and
+        looks worn at T1. *long waves*: the loss correlates over more than 8 % of the patch's
+        side, where shifts claim too much. *undefined*: nothing was lost, or no loss is predicted.
         """,
         {
             "patch": _PATCH,
-            "contact_fraction": "share of the patch in predicted contact",
-            "valid_contact_fraction": "the same where the change is known",
-            "loss_per_area_um": (
-                "volume lost over the known area, comparable between patches of different overlap"
-            ),
-            "noise_share": (
-                "area that rose over area that fell: noise raises as often as it lowers, so this "
-                "is the share of the loss that it would explain"
-            ),
-            "believed": "whether the patch counts in statistics over patches",
+            "counted": "whether the patch is in the study and its loss believed",
+            "contact_fraction": "share of the patch in predicted contact before use",
+            "predicted_loss_um": "predicted volume over the known area, as two scans can see it",
+            "mcc": "Matthews' correlation coefficient: 0 at chance, 1 if all agrees",
+            "attainable_mcc": "the largest that a mask of the predicted area can reach",
+            "map_error": "r.m.s. of predicted less measured loss, over that of no loss",
+            **{f"{name}_mcc": f"mcc of {words}" for name, words in _RIVALS.items()},
             "correlation_length_um": (
                 "distance at which the autocorrelation of the loss has fallen to 1/e"
             ),
-            "rigid_fraction": "share of the known area that rigid interpenetration marks",
-            **_SCORES,
-            **_of_rival("highest", "the highest points", *_SCORES),
-            **_of_rival("rigid", "rigid interpenetration", *list(_SCORES)[:5]),
-        },
-        only="with scans after use",
-    ),
-    "validation_gains": Table(
-        "each score of each patch, against chance and against the best rival",
-        """
-        Chance: the prediction is shifted over the patch as over a torus, beyond the correlation
-        length of the loss. *noise*: ``noise_share`` exceeds {{ config.validation.most_noise }},
-        and noise mimics agreement, since a point that it raises at T0 is predicted to touch and
-        looks worn at T1. *long waves*: the loss correlates over more than 8 % of the patch's
-        side, where shifts claim too much. *undefined*: there is no loss, or the score has no
-        value. The interval is that of a bootstrap over blocks at least twice as long as the
-        correlation length.
-        """,
-        {
-            "patch": _PATCH,
-            "score": "name of the score",
-            "value": "score of predicted contact",
-            "null_mean": "mean score of the shifted predictions",
-            "null_low": "lower end of the range of 95 % of their scores",
-            "null_high": "upper end of that range",
-            "effect_size": "value less that mean, over their standard deviation",
-            "p_value": "one-sided test against the shifted predictions",
+            "p_value": "one-sided test of mcc against the shifted predictions",
             "untested": "why there is no p-value: noise, long waves or undefined",
-            "shifts": "number of shifts",
-            "best_rival": "rival with the best score on this patch",
-            "best_rival_value": "score of that rival",
-            "gain": "value less that of the best rival",
-            "gain_low": "lower end of its 95 % interval; empty with fewer than 9 blocks",
-            "gain_high": "upper end of its 95 % interval",
-            "blocks": "number of blocks",
         },
         only="with scans after use",
     ),
     "validation_summary": Table(
-        "mean scores and rank correlations over all patches",
+        "the verdict: the prediction beside its rivals, over all patches",
         """
         Over the patches in the study, except those whose loss may be noise and, row by row, those
-        where its numbers are not defined. ``mean(score)``: mean score of predicted contact,
-        compared with shifted predictions, one-sided, over the patches where that can be tested.
-        ``spearman(...)``: rank correlation of a patch's predicted values{% if config.gesture %},
-        over the gesture also its exposure,{% endif %} with the area and volume of its loss (per
-        area seen); two-sided, exact up to 8 patches, allowing for spatial autocorrelation
-        (Dutilleul 1993).{% if config.validation.expected_worst %} ``expected_worst(...)``: share
-        of the patches stated beforehand as the worst worn that are among as many worst worn
-        ones; the p-value is the exact probability that a random ranking does as well.{% endif %}
-        The gains over the best rival are in ``validation_variants.csv``.
+        where its numbers are not defined. ``mean(mcc)``: mean agreement of predicted with
+        measured loss, of the prediction and of its rivals (``wear.csv``);
+        ``mean(attainable_mcc)``: the largest that masks of its areas can reach; ``gain(mcc)``:
+        less that of the best rival. ``relative(map_error)``: summed error of the maps over that
+        of no loss; ``relative(volume_error)``: summed error of the volumes over that of the best
+        rival; below 1, the prediction errs less. Two-sided tests exchange the two on random
+        patches; where the best rival is better, its p-value is multiplied by the number of
+        rivals. ``tested_mean(mcc)``: over the patches on which chance can be tested, against
+        shifted predictions, one-sided. ``spearman(...)``: rank correlation with the area and
+        volume of the loss (per area seen){% if config.gesture %}, also of the exposure over the
+        gesture{% endif %}; two-sided, exact up to 8 patches, allowing for spatial autocorrelation
+        (Dutilleul 1993). ``spearman(touched, ...)``: do patches that nothing touches wear less?
+        Patches out of the study count, too.{% if config.validation.expected_worst %}
+        ``expected_worst(...)``: share of the patches stated beforehand as the worst worn that are
+        among as many worst worn ones; the p-value is the exact probability that a random ranking
+        does as well.{% endif %}{% if config.mat %} ``mat_ratio``: coefficient of the mat over
+        that of the bare stone, which fits all patches best. ``relative(out_of_contact)`` tests
+        whether a mat was there: its error where the bare stone takes off less than is detected,
+        over 98 % of the bare stone's.{% endif %} Intervals are those of a bootstrap over patches.
         """,
         {
+            "model": "prediction or rival; empty where none is judged",
             "statistic": "name of the statistic",
             "value": "its value",
             **_INTERVAL,
             "p_value": "p-value of the test",
             "n": _STUDIED,
-            "against": "what the value is tested against",
-        },
-        only="with scans after use",
-    ),
-    "validation_variants": Table(
-        "mean scores and gains over the best rival, by variant of the coupling",
-        """
-        The mean over patches of each score, by variant of the coupling, the study's own first.
-        The rivals see the same surface: with ``placed``, they too have the patch's plane.
-        """,
-        {
-            "variant": "variant of the coupling",
-            "score": "name of the score",
-            "contact": "mean score of predicted contact",
-            "rival": "mean score of the best rival",
-            "best_rival": "rival with the best mean",
-            "gain": "mean gain of contact over it",
-            **_INTERVAL,
-            "p_value": "two-sided test that exchanges contact and rival on random patches",
-            "n": _STUDIED,
+            "against": "what the value is compared with",
         },
         only="with scans after use",
     ),
     "wear": Table(
         "loss of each patch, measured and predicted",
         """
-        Loss of each patch by model: ``archard``{% if config.mat %}, ``mat`` (a soft layer takes
-        turns with the bare stone){% endif %}, ``pressure`` (in proportion to the pressure before
-        use), ``uniform`` (the same on every patch), ``truncation`` (cut off flat over the worn
-        area, which it knows). Only points whose change is known count.
+        Loss of each patch by model, from the losses of the *other* patches: ``archard``{% if
+        config.mat %}, ``mat`` (a soft layer takes turns with the bare stone){% endif %}{% if
+        config.hardness %}, ``yielding`` (the same, but no element bears more than {{
+        config.hardness }} MPa){% endif %}. Rivals that know as much: ``none`` (no loss),
+        ``mean_volume`` (a plane cuts off the others' mean volume), ``pressure_volume`` (it cuts
+        off a volume in proportion to the patch's pressure), ``pressure_share`` (it wears a share
+        of the patch in proportion to its pressure), ``rigid`` (what a rigid flat cuts off at the
+        displacement that fits the others). ``own_area``, a ceiling: a plane that wears the
+        patch's own worn share. Only points whose change is known count.
         """,
         {
             "patch": _PATCH,
             "model": "model that predicts the loss",
+            "marked_fraction": "share of the known area predicted to lose more than is detected",
+            "mcc": "agreement of that area with the one that did",
+            "attainable_mcc": "the largest that a mask of that size can reach",
             "predicted_volume_um3": "predicted volume, as far as two scans can see it",
             "measured_volume_um3": "measured volume",
-            "predicted_depth_um": (
-                "mean over the points predicted to lose more than is detected; empty without any"
-            ),
-            "measured_depth_um": "mean over the points that lost more than is detected",
-            "rms_difference_um": "r.m.s. of predicted less measured loss, point by point",
-            "rms_out_of_contact_um": "the same where archard takes off less than is detected",
+            "map_error_um": "r.m.s. of predicted less measured loss, point by point",
+            "out_of_contact_um": "the same where archard takes off less than is detected",
         },
         only="with scans after use",
+        optional=("out_of_contact_um",),
     ),
     "wear_profile": Table(
         "loss by height and by gap, measured and predicted",
@@ -590,32 +552,6 @@ TABLES = {
             "band": "1 to 4: to the lowest, or to the most open points",
             "model": "measured, or the model that predicts the loss",
             "loss_um": "mean loss of the band",
-        },
-        only="with scans after use",
-    ),
-    "wear_summary": Table(
-        "what the prediction of the loss is worth",
-        """
-        What Archard's law, ``archard``{% if config.mat %}, and with a mat, ``mat``,{% endif %} is
-        worth, over the patches whose loss is believed. ``skill(volume)``: 1 less the ratio of its
-        summed absolute error to that of the rival. 1: no error; 0: it errs as much; negative: the
-        rival errs less. ``skill(depth)``: of the mean depth where lost, against ``truncation``
-        alone, since the other rivals spread a loss evenly over the patch; ``skill(map)``: of the
-        r.m.s. difference point by point. ``spearman(...)``: rank correlation with the measured
-        volume. ``lower_half``: share of the loss that the lower half of the points have, also as
-        measured.{% if config.mat %} ``mat_ratio``: coefficient of the mat over that of the bare
-        stone, which fits all patches best. ``skill(out_of_contact)`` tests whether a mat was
-        there: where the bare stone takes off less than is detected, against 98 % of its error.{%
-        endif %} Intervals are those of a bootstrap over patches.
-        """,
-        {
-            "model": "model that predicts the loss",
-            "statistic": "name of the statistic",
-            "value": "its value",
-            **_INTERVAL,
-            "p_value": "two-sided test that exchanges prediction and rival on random patches",
-            "n": _STUDIED,
-            "against": "rival, or what the value is tested against",
         },
         only="with scans after use",
     ),

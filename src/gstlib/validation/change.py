@@ -362,7 +362,9 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
     ``loss_fraction`` and ``gain_fraction``: shares of the known points that lost and gained height
     (equal for noise alone); ``loss_area_mm2``; ``loss_volume_um3``; ``loss_depth_um``: mean
     depth where lost (NaN without loss); ``loss_per_area_um``: volume over the known area,
-    comparable between patches with different overlap.
+    comparable between patches with different overlap; ``noise_share``: area that rose over area
+    that fell (NaN without loss): noise raises as often as it lowers, so this is the share of the
+    loss that it would explain.
     """
     dy, dx = spacing_of(registered)
     change = registered["change"].values
@@ -377,6 +379,7 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
         "loss_depth_um": float(lost_um.mean()) if lost_um.size else np.nan,
         "loss_per_area_um": float(lost_um.sum() * share),
         "gain_fraction": float(gain.sum() * share),
+        "noise_share": float(gain.sum() / loss.sum()) if loss.any() else np.nan,
     }
 
 

@@ -23,9 +23,9 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from gstlib.validation.scores import CONTACT, Comparison, rank_levels, scores_of_sums
+from gstlib.validation.agreement import mask_scores
 
-__all__ = ["LONGEST", "correlation_length", "null_scores", "p_value"]
+__all__ = ["LONGEST", "correlation_length", "p_value", "shifted_mcc"]
 
 # ASSUME: the correlation length is where the autocorrelation, averaged over all directions, has
 # fallen to 1/e. Shifts beyond that of the loss count as chance: on random fields with one
@@ -35,70 +35,47 @@ _DECAYED = math.exp(-1)
 # farther apart, and their mean product is uncertain.
 _FARTHEST = 0.5
 # ASSUME: a loss that correlates farther than this share of the patch's shorter side is not tested
-# by shifts. On 3300 pairs of unrelated, levelled self-affine maps, F1 and ROC-AUC at the level of
-# 5 % claim a relation in 5.3 % and 5.5 % of the pairs up to it, in 9 % and 10 % beyond it.
+# by shifts. On 3300 pairs of unrelated, levelled self-affine maps, MCC at the level of 5 % claims a
+# relation in 5.3 % of the pairs up to it, in 9 % beyond it.
 LONGEST = 0.08
-_LEVELS = 32
 # Scores of the same counts may differ by rounding; they are ties.
 _TIE = 1e-9
 
 
-def null_scores(
-    comparison: Comparison, *, beyond_mm: float, shifts: int, generator: np.random.Generator
-) -> dict[str, np.ndarray]:
-    """Every score of the contact, shifted over the patch: arrays (1 + shifts,).
+def shifted_mcc(
+    mask: np.ndarray,
+    loss: np.ndarray,
+    valid: np.ndarray,
+    spacing: Sequence[float],
+    *,
+    beyond_mm: float,
+    shifts: int,
+    generator: np.random.Generator,
+) -> np.ndarray:
+    """MCC of a predicted mask (ny, nx) with the loss, shifted over the patch: (1 + shifts,).
 
     The shifts are all different and longer than `beyond_mm`, the correlation length of the loss (if
     NaN, without loss, any length); a small patch may have fewer. The first value is without a
     shift. The others, if above their mean, are stretched away from it by the wrap-around factor.
     Those below stay: if most shifts hit nothing, a patch that also hits nothing would otherwise
-    seem better than they are. Ranks are taken in levels, so rank scores differ slightly from exact
-    ones.
+    seem better than they are. `loss` is where height was lost, of the `valid` points.
     """
-    contact, loss, valid = comparison.predictions[CONTACT], comparison.loss, comparison.valid
-    far = np.argwhere(
-        _torus_distance(valid.shape, comparison.spacing) > np.nan_to_num(beyond_mm)
-    )
+    far = np.argwhere(_torus_distance(valid.shape, spacing) > np.nan_to_num(beyond_mm))
     if len(far) > shifts:
         far = far[np.sort(generator.choice(len(far), shifts, replace=False))]
     rows, columns = np.vstack([[0, 0], far]).T
-
-    def sums(moved: np.ndarray, *spectra: np.ndarray) -> list[np.ndarray]:
-        """Sums over the points of a field, shifted, times each fixed one, by its transform."""
-        spectrum = np.conj(scipy.fft.rfft2(moved))
-        return [
-            scipy.fft.irfft2(spectrum * fixed, moved.shape)[rows, columns] for fixed in spectra
-        ]
-
-    shares = np.where(valid, comparison.loss_shares, 0)
-    of_loss, of_valid, of_shares = (
-        scipy.fft.rfft2(1.0 * each) for each in (loss, valid, shares)
+    spectrum = np.conj(scipy.fft.rfft2(1.0 * mask))
+    hits, predicted = (
+        np.rint(scipy.fft.irfft2(spectrum * scipy.fft.rfft2(1.0 * fixed), mask.shape))
+        for fixed in (loss, valid)
     )
-    hits, predicted = np.rint(sums(1.0 * contact.mask, of_loss, of_valid))
-    (product,) = sums(contact.shares, of_shares)
-    (squares,) = sums(np.square(contact.shares), of_valid)
-    assert contact.ranking is not None  # only rivals may lack one
-    levels = rank_levels(contact.ranking, _LEVELS)
-    # single precision: the sums are whole numbers, far below its 7 digits
-    spectra = [scipy.fft.rfft2(mask.astype(np.float32)) for mask in (loss, valid)]
-    of_levels = [
-        sums((levels == level).astype(np.float32), *spectra)
-        for level in range(int(levels.max()) + 1)
-    ]
-    events, points = np.rint(np.stack(of_levels, axis=-1))
-    scores = scores_of_sums(
-        (hits, predicted, loss.sum(), valid.sum()),
-        (product, squares, np.square(shares).sum()),
-        (events, points - events),
-    )
-    # ASSUME: the wrap-around narrows every score as it narrows the sum of products behind it.
-    of_mask, of_ranks = _wrap_around_factors([contact.mask, levels], loss, valid)
-    for name, values in scores.items():
-        factor = of_ranks if name in ("roc_auc", "pr_auc") else of_mask
-        known = values[1:][np.isfinite(values[1:])]
-        mean = known.mean() if known.size else math.nan
-        values[1:] += (factor - 1) * np.maximum(values[1:] - mean, 0)
-    return scores
+    counts = hits[rows, columns], predicted[rows, columns], loss.sum(), valid.sum()
+    found = mask_scores(*counts)["mcc"]
+    # ASSUME: the wrap-around narrows MCC as it narrows the sum of products behind it.
+    factor = _wrap_around_factor(mask, loss, valid)
+    mean = found[1:].mean() if len(far) else math.nan
+    found[1:] += (factor - 1) * np.maximum(found[1:] - mean, 0)
+    return found
 
 
 def correlation_length(field: np.ndarray, valid: np.ndarray, spacing: Sequence[float]) -> float:
@@ -137,33 +114,26 @@ def p_value(value: float, null: np.ndarray) -> float:
     return float((1 + (null >= value - _TIE).sum()) / (1 + null.size))
 
 
-def _wrap_around_factors(
-    moved: Sequence[np.ndarray], fixed: np.ndarray, valid: np.ndarray
-) -> list[float]:
-    """By how much wrap-around narrows the sums of products of shifted fields with a fixed one.
+def _wrap_around_factor(moved: np.ndarray, fixed: np.ndarray, valid: np.ndarray) -> float:
+    """By how much wrap-around narrows the sum of products of a shifted field with a fixed one.
 
-    For each of the `moved` fields (known everywhere) and `fixed` (known where valid): the standard
-    deviation of the sum of products without wrap-around over that with it; at least 1.
+    For `moved` (known everywhere) and `fixed` (known where valid): the standard deviation of the
+    sum of products without wrap-around over that with it; at least 1.
     """
-    fixed = _centred(fixed, valid)
-    if not fixed.any():
-        return [1.0] * len(moved)
-    spectrum, of_fixed = scipy.fft.rfft2(fixed), _lagged_products(fixed)
+    fixed, moved = _centred(fixed, valid), moved - np.mean(moved)
+    products = np.conj(scipy.fft.rfft2(moved)) * scipy.fft.rfft2(fixed)
+    on_torus = float(scipy.fft.irfft2(products, valid.shape).std())
+    if not (fixed.any() and on_torus > 0):
+        return 1.0
+    of_fixed = _lagged_products(fixed)
     near = _torus_distance(of_fixed.shape, (1, 1)) <= _FARTHEST * min(valid.shape)
     lags = [np.minimum(np.arange(n), n - np.arange(n)) for n in of_fixed.shape]
     pairs = np.outer(
         *(np.maximum(n - lag, 0) for n, lag in zip(valid.shape, lags, strict=True))
     )
     weight = of_fixed[near] / pairs[near]
-    factors = []
-    for field in moved:
-        field = field - np.mean(field)
-        on_torus = scipy.fft.irfft2(
-            np.conj(scipy.fft.rfft2(field)) * spectrum, valid.shape
-        ).std()
-        in_place = math.sqrt(max(float((_lagged_products(field)[near] * weight).sum()), 0.0))
-        factors.append(max(1.0, in_place / float(on_torus)) if on_torus > 0 else 1.0)
-    return factors
+    in_place = math.sqrt(max(float((_lagged_products(moved)[near] * weight).sum()), 0.0))
+    return max(1.0, in_place / on_torus)
 
 
 def _centred(field: np.ndarray, valid: np.ndarray) -> np.ndarray:

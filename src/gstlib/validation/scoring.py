@@ -1,17 +1,20 @@
-"""How good is a patch's prediction? Its scores against chance and against the best rival.
+"""Was the loss of a patch predicted right? As a mask, a map and a volume, beside its rivals.
 
-The gain is the score minus that of the best rival: what the contact solution adds to a look at the
-surface. The best rival is the one that did best on this patch. It is selected on the same data, so
-the gain can only look smaller than it is.
+What is judged is the loss that the other patches foretell of each patch (`gstlib.wear.wear_map`).
+Its *mask* is where it exceeds the level of detection, and agrees with where height was lost as well
+as Matthews' correlation coefficient says (`gstlib.validation.agreement`). The error of the *map* is
+the r.m.s. of predicted less measured loss, over all points. The *volume* counts as far as two scans
+can show it. The rivals know as much as the prediction (`gstlib.validation.rivals`).
 
-Noise mimics agreement: a point that noise raises at T0 is predicted to touch, and looks worn at
-T1. No shift can distinguish that from wear, but noise raises as often as it lowers. If so much rose
-that noise may explain the loss, chance is not tested. Nor is it tested if the loss correlates over
-so large a share of the patch that shifts claim too much (`gstlib.validation.nulls.LONGEST`).
+Chance is the prediction's mask, shifted over the patch (`gstlib.validation.nulls`). Noise mimics
+agreement: a point that noise raises at T0 is predicted to wear, and looks worn at T1. No shift can
+distinguish that from wear, but noise raises as often as it lowers: where so much rose that noise
+may explain the loss, chance is not tested. Nor is it tested where the loss correlates over so large
+a share of the patch that shifts claim too much (`gstlib.validation.nulls.LONGEST`).
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -21,54 +24,20 @@ import xarray as xr
 
 from gstlib.contact import laid_height
 from gstlib.io.results import columns_of
-from gstlib.validation.change import wear_summary
-from gstlib.validation.intervals import (
-    FEWEST_BLOCKS,
-    label_blocks,
-    percentile_interval,
-    resampled_scores,
-)
-from gstlib.validation.nulls import LONGEST, correlation_length, null_scores, p_value
-from gstlib.validation.scores import CONTACT, RIVALS, SCORES, compare, scores_of
+from gstlib.surface import spacing_of
+from gstlib.validation.agreement import mask_counts, mask_scores, seen_depth
+from gstlib.validation.nulls import LONGEST, correlation_length, p_value, shifted_mcc
+from gstlib.validation.rivals import CEILING, RIVALS, Others, rival_depths
 
-__all__ = ["NO_CHANCE", "Chance", "PatchScores", "Scoring", "patch_tables", "score_patch"]
-__all__ += ["score_table"]
+__all__ = ["BARE", "MAT", "NO_CHANCE", "YIELDING", "Chance", "JudgedPatch", "judge_patch"]
+__all__ += ["judged_tables", "other_patches", "own_model", "waves_too_long"]
 
-_NULL_RANGE = 0.025, 0.975
-# Beyond these decimals, a value of 0 shows the rounding of the transforms.
-_DECIMALS = 9
-# Noise raises as often as it lowers: if this many times as much rose as fell, something is wrong.
-_BEYOND_NOISE = 2
-
-
-@dataclass(frozen=True)
-class PatchScores:
-    """All results about one patch in the validation tables."""
-
-    scores: dict[
-        str, Any
-    ]  # row of validation_patches.csv, and what `wear_summary` says of the loss
-    gains: list[dict[str, Any]]  # rows of validation_gains.csv; none if chance was not tested
-    null: dict[str, np.ndarray]  # as from `null_scores`; empty where chance was not tested
-    warning: str | None  # what to look into if too much rose, or if waves are too long to test
-
-
-class Scoring(NamedTuple):
-    """How patches are scored, as in the section ``validation`` of the config.
-
-    Attributes
-    ----------
-    neighbourhood_um : float
-        Window of the fractions skill score.
-    rim : float
-        Share of a side along each edge that is not scored.
-    most_noise : float
-        Largest area that rose, over the area that fell, with which a patch is tested.
-    """
-
-    neighbourhood_um: float
-    rim: float
-    most_noise: float
+# The predictions: Archard's law, and what is changed in it.
+BARE, MAT, YIELDING = "archard", "mat", "yielding"
+# Why a patch is not tested against chance.
+LONG_WAVES = "long waves"
+# Bands of equally many points, beginning with the highest points, or the smallest gap.
+_BANDS = 4
 
 
 class Chance(NamedTuple):
@@ -79,27 +48,67 @@ class Chance(NamedTuple):
     seed : int or sequence of int
         Of the random numbers.
     shifts : int
-        Of the null model; 0 leaves out chance and gains.
-    resamples : int
-        Of the block bootstrap.
+        Of the null model; 0 leaves chance out.
     """
 
     seed: int | Sequence[int] = 0
     shifts: int = 0
-    resamples: int = 0
 
 
 NO_CHANCE = Chance()
 
 
-def score_patch(
+@dataclass(frozen=True)
+class JudgedPatch:
+    """What is said of one patch."""
+
+    row: dict[str, Any]  # of validation_patches.csv
+    models: list[tuple]  # rows of wear.csv
+    bands: list[tuple]  # rows of wear_profile.csv
+    null: np.ndarray  # MCC in place, then of the shifts; empty where chance is not tested
+
+
+def own_model(models: Sequence[str]) -> str:
+    """The study's own prediction: with the mat, if there is one."""
+    return MAT if MAT in models else BARE
+
+
+def other_patches(
+    pressures: pd.DataFrame,
+    registration: pd.DataFrame,
+    fitted: Sequence[str],
+    contacts: Mapping[str, xr.Dataset],
+    changes: Mapping[str, xr.Dataset],
+) -> Others:
+    """What the rivals know of the patches that the prediction is `fitted` to.
+
+    The tables are ``patch_pressures`` and ``registration``; each contact and each change of these
+    patches is looked up once.
+    """
+    table = pressures.set_index("patch")[["pressure_MPa"]]
+    known = registration.set_index("patch")
+    table = table.assign(
+        loss_mm=known.loss_per_area_um * 1e-3, loss_fraction=known.loss_fraction
+    )
+    depths = {}
+    for patch in fitted:
+        height = laid_height(contacts[patch]).values
+        depths[patch] = height.max() - height[np.isfinite(changes[patch].change.values)]
+    return Others.of(table.loc[list(fitted)], depths)
+
+
+def judge_patch(
     patch: str,
     contact: xr.Dataset,
     change: xr.Dataset,
-    scoring: Scoring,
+    predicted: xr.Dataset,
+    others: Others,
+    *,
+    pressure_MPa: float,
+    believed: bool = True,
     chance: Chance = NO_CHANCE,
-) -> PatchScores:
-    """Score the predicted contact of one patch against its measured loss.
+) -> JudgedPatch:
+    """Judge the predicted loss of one patch by the measured one.
 
     Parameters
     ----------
@@ -107,160 +116,160 @@ def score_patch(
         Its id. With the seed it determines the random numbers, so a patch's results do not depend
         on the other patches in the study.
     contact : xarray.Dataset
-        ``gap`` (y, x) in mm, ``pressure`` (y, x) in MPa, ``displacement`` in mm;
-        and the heights at T0, which the rivals see as the patch lies on the stone
-        (`gstlib.contact.laid_height`). The contact may be empty.
+        The patch's before use: ``pressure`` (y, x) in MPa, ``gap`` in mm, and its heights, which
+        the rivals see as the patch lies on the stone (`gstlib.contact.laid_height`).
     change : xarray.Dataset
         As from `gstlib.validation.change.height_change`.
-    scoring : Scoring
+    predicted : xarray.Dataset
+        ``depth`` (model, y, x), mm, of `gstlib.wear.wear_map`.
+    others : Others
+        As from `other_patches`.
+    pressure_MPa : float
+        Of the patch before use.
+    believed : bool
+        Whether the loss exceeds noise. If not, it is not tested against chance.
     chance : Chance
         By default chance is left out.
     """
-    neighbourhood_um, rim, most_noise = scoring
-    seed, shifts, resamples = chance
-    heights = laid_height(contact)
-    comparison = compare(heights, contact, change, neighbourhood_um=neighbourhood_um, rim=rim)
-    loss, valid = comparison.loss, comparison.valid
-    # only tests against chance need it, and it takes longer than all scores
-    length = correlation_length(loss, valid, comparison.spacing) if shifts else math.nan
-    longest = LONGEST * min(n * d for n, d in zip(valid.shape, comparison.spacing, strict=True))
-    scores = {name: scores_of(one, comparison) for name, one in comparison.predictions.items()}
-    touching, rigid = (comparison.predictions[name].mask for name in (CONTACT, "rigid"))
-    gain = change["gain"].values.astype(bool) & valid
-    noise_share = float(gain.sum() / loss.sum()) if loss.any() else math.nan
-    noisy = noise_share > most_noise
+    valid = np.isfinite(change.change.values)
+    lost, level = -change.change.values[valid], change.level_of_detection.values[valid]
+    loss = change.loss.values.astype(bool) & valid
+    laid = laid_height(contact).values
+    height = laid[valid]
+    own = {
+        str(depth.model.values): seen_depth(depth.values[valid]) for depth in predicted.depth
+    }
+    depths = own | rival_depths(
+        height,
+        level,
+        summit=float(laid.max()),
+        pressure_MPa=pressure_MPa,
+        worn_share=float(loss[valid].mean()) if valid.any() else 0.0,
+        others=others.without(patch),
+    )
+    name, every = own_model(list(own)), np.ones(height.shape, dtype=bool)
+    element_um3 = float(np.prod(spacing_of(change))) * 1e9
+    measured_um3 = float(lost[loss[valid]].sum()) * element_um3
+    unworn = own[BARE] < level  # where the bare stone takes off less than is detected
+    models, scores = [], {}
+    for model, depth in depths.items():
+        counts = mask_counts(depth > level, loss[valid], every)
+        found = {score: float(value) for score, value in mask_scores(*counts).items()}
+        error, volume = depth - lost, float(depth.clip(0).sum()) * element_um3
+        scores[model] = found | {"volume": volume, "error": _rms_um(error)}
+        marked = counts[1] / counts[3] if counts[3] else math.nan
+        agreement = found["mcc"], found["attainable_mcc"]
+        errors = _rms_um(error), _rms_um(error[unworn])
+        models.append((patch, model, marked, *agreement, volume, measured_um3, *errors))
+    area_um2 = element_um3 * 1e-3 * np.count_nonzero(valid)
     row: dict[str, Any] = {
         "patch": patch,
-        "contact_fraction": float(touching.mean()),
-        "valid_contact_fraction": _share(touching, valid),
-        **wear_summary(change),
-        "noise_share": noise_share,
-        "believed": not noisy,
-        "correlation_length_um": length * 1e3,
-        "rigid_fraction": _share(rigid, valid),
+        "contact_fraction": float((contact.pressure.values > 0).mean()),
+        "predicted_loss_um": scores[name]["volume"] / area_um2 if area_um2 else math.nan,
+        "mcc": scores[name]["mcc"],
+        "attainable_mcc": scores[name]["attainable_mcc"],
+        "map_error": _over(scores[name]["error"], scores["none"]["error"]),
+        **{f"{model}_mcc": scores[model]["mcc"] for model in (*RIVALS, CEILING)},
     }
-    for name, of_one in scores.items():
-        prefix = "" if name == CONTACT else f"{name}_"
-        row |= {f"{prefix}{score}": value for score, value in of_one.items()}
-    gains, null = [], {}
-    if shifts:
-        generator = np.random.default_rng([*np.atleast_1d(seed), *patch.encode()])
-        null = null_scores(comparison, beyond_mm=length, shifts=shifts, generator=generator)
-        # ASSUME: blocks are twice as long as the distance at which the loss's autocorrelation has
-        # fallen to 1/e, and divide the patch evenly.
-        labels, blocks = label_blocks(valid, comparison.spacing, 2 * length)
-        resampled = {}
-        if blocks >= FEWEST_BLOCKS:
-            drawn = generator.multinomial(blocks, np.full(blocks, 1 / blocks), size=resamples)
-            resampled = {
-                name: resampled_scores(prediction, comparison, labels, drawn)
-                for name, prediction in comparison.predictions.items()
-            }
-        for score in SCORES:
-            value = scores[CONTACT][score]
-            of_score: dict[str, Any] = {"patch": patch, "score": score, "value": value}
-            of_score |= _against_chance(value, null[score])
-            of_score |= _against_rivals(score, scores, resampled, blocks)
-            if noisy:
-                of_score["untested"] = "noise"
-            elif length > longest:
-                of_score["untested"] = "long waves"
-            elif math.isnan(length) or math.isnan(of_score["p_value"]):
-                of_score["untested"] = "undefined"
-            if of_score["untested"]:
-                of_score["p_value"] = math.nan
-            gains.append(of_score)
-    return PatchScores(row, gains, null, _warning(row, most_noise, longest))
+    mask = np.zeros(valid.shape, dtype=bool)
+    mask[valid] = own[name] > level
+    against, null = _against_chance(patch, mask, change, believed, chance)
+    bands = _bands(patch, contact, lost, loss, valid, height, own)
+    return JudgedPatch(row | against, models, bands, null)
 
 
-def patch_tables(found: Sequence[PatchScores]) -> dict[str, pd.DataFrame]:
-    """The tables ``patches`` and ``gains``; empty without patches."""
-    gains = [row for one in found for row in one.gains]
+def judged_tables(
+    found: Sequence[JudgedPatch], counted: Mapping[str, bool]
+) -> dict[str, pd.DataFrame]:
+    """The tables ``patches``, ``wear`` and ``profile``; empty without patches.
+
+    `counted` says which patches enter the statistics.
+    """
+    columns = columns_of("validation_patches")
+    rows = [one.row | {"counted": counted[one.row["patch"]]} for one in found]
+    wear = [row for one in found for row in one.models]
+    bands = [row for one in found for row in one.bands]
+    table = pd.DataFrame(wear, columns=columns_of("wear"))
+    if MAT not in set(table.model):  # only that of a mat is compared
+        table = table.drop(columns="out_of_contact_um")
     return {
-        "patches": score_table(found)[columns_of("validation_patches")],
-        "gains": pd.DataFrame(gains, columns=columns_of("validation_gains")),
+        "patches": pd.DataFrame(rows, columns=columns),
+        "wear": table,
+        "profile": pd.DataFrame(bands, columns=columns_of("wear_profile")),
     }
 
 
-def score_table(found: Sequence[PatchScores]) -> pd.DataFrame:
-    """The table ``patches``, and ``loss_fraction``, which ``registration.csv`` states."""
-    columns = [*columns_of("validation_patches"), "loss_fraction"]
-    return pd.DataFrame([one.scores for one in found], columns=columns)
+def _against_chance(
+    patch: str, mask: np.ndarray, change: xr.Dataset, believed: bool, chance: Chance
+) -> tuple[dict[str, Any], np.ndarray]:
+    """Columns of a patch about chance, and the MCC of its shifts, the first in place."""
+    said = {"correlation_length_um": math.nan, "p_value": math.nan, "untested": ""}
+    if not chance.shifts:  # the correlation length takes longer than all scores
+        return said, np.empty(0)
+    valid, spacing = np.isfinite(change.change.values), spacing_of(change)
+    loss = change.loss.values.astype(bool) & valid
+    length = correlation_length(loss, valid, spacing)
+    said["correlation_length_um"] = length * 1e3
+    if not believed:
+        untested = "noise"
+    elif math.isnan(length) or not (mask & valid).any():
+        untested = "undefined"
+    elif length > LONGEST * _side(change):
+        untested = LONG_WAVES
+    else:
+        untested = ""
+    if untested:
+        return said | {"untested": untested}, np.empty(0)
+    generator = np.random.default_rng([*np.atleast_1d(chance.seed), *patch.encode()])
+    options: dict[str, Any] = {"beyond_mm": length, "shifts": chance.shifts}
+    options["generator"] = generator
+    null = shifted_mcc(mask, loss, valid, spacing, **options)
+    return said | {"p_value": p_value(float(null[0]), null[1:])}, null
 
 
-def _against_chance(value: float, scores: np.ndarray) -> dict[str, Any]:
-    """Where a score stands among those of the shifts, of which the first is in place."""
-    # the value in place is computed with levels, as the null is
-    null = scores[1:][np.isfinite(scores[1:])] + (value - scores[0])
-    mean, low, high, spread = (math.nan,) * 4
-    if null.size > 1:
-        found = (null.mean(), *np.quantile(null, _NULL_RANGE), null.std(ddof=1))
-        mean, low, high, spread = (round(float(number), _DECIMALS) for number in found)
-    return {
-        "null_mean": mean,
-        "null_low": low,
-        "null_high": high,
-        "effect_size": (value - mean) / spread if spread > 0 else math.nan,
-        "p_value": p_value(value, null),
-        "untested": "",
-        "shifts": int(null.size),
-    }
+def _side(change: xr.Dataset) -> float:
+    """Shorter side of a patch, mm."""
+    return min(n * d for n, d in zip(change.change.shape, spacing_of(change), strict=True))
 
 
-def _against_rivals(
-    score: str,
-    scores: dict[str, dict[str, float]],
-    resampled: dict[str, dict[str, np.ndarray]],
-    blocks: int,
-) -> dict[str, Any]:
-    """The score minus that of the best rival, with its interval."""
-    value = scores[CONTACT][score]
-    rivals = {name: scores[name].get(score, math.nan) for name in RIVALS}
-    # none where the score of the contact is NaN
-    rivals = {name: of_one for name, of_one in rivals.items() if math.isfinite(value - of_one)}
-    best = max(rivals, key=lambda name: rivals[name], default="")
-    gain = value - rivals.get(best, math.nan)
-    low = high = math.nan
-    if resampled and best:
-        samples = resampled[CONTACT][score] - resampled[best][score]
-        # the first is the patch itself: exact ranks replace ranks in levels
-        low, high = percentile_interval(samples[1:] + (gain - samples[0]), blocks)
-    return {
-        "best_rival": best,
-        "best_rival_value": rivals.get(best, math.nan),
-        "gain": round(gain, _DECIMALS),
-        "gain_low": round(low, _DECIMALS),
-        "gain_high": round(high, _DECIMALS),
-        "blocks": blocks,
-    }
+def _bands(
+    patch: str,
+    contact: xr.Dataset,
+    lost: np.ndarray,
+    loss: np.ndarray,
+    valid: np.ndarray,
+    height: np.ndarray,
+    own: Mapping[str, np.ndarray],
+) -> list[tuple]:
+    """Mean loss, µm, of the bands of a patch's points by height and by gap."""
+    compared = {"measured": np.where(loss[valid], lost, 0.0), **own}
+    rows = []
+    for by, deepest in (("height", -height), ("gap", contact.gap.values[valid])):
+        order = np.array_split(np.argsort(deepest, kind="stable"), _BANDS)
+        for band, points in enumerate(order, start=1):
+            for model, depth in compared.items():
+                mean_um = 1e3 * float(depth.clip(0)[points].mean()) if points.size else math.nan
+                rows.append((patch, by, band, model, mean_um))
+    return rows
 
 
-def _share(part: np.ndarray, whole: np.ndarray) -> float:
-    """Share of the points of `whole` that are in `part`; NaN if there are none."""
-    return float((part & whole).sum() / whole.sum()) if whole.any() else math.nan
+def _rms_um(depth: np.ndarray) -> float:
+    """R.m.s. (µm) of depths in mm; NaN if there are none."""
+    return 1e3 * float(np.sqrt(np.mean(depth**2))) if depth.size else math.nan
 
 
-def _warning(row: dict[str, Any], most_noise: float, longest: float) -> str | None:
-    rose, fell, noise = (
-        100 * row[k] for k in ("gain_fraction", "loss_fraction", "noise_share")
+def _over(part: float, whole: float) -> float:
+    return part / whole if whole > 0 else math.nan
+
+
+def waves_too_long(found: Sequence[JudgedPatch]) -> str | None:
+    """A warning that names the patches whose loss comes in waves too long for a test."""
+    of = [one.row for one in found if one.row["untested"] == LONG_WAVES]
+    if not of:
+        return None
+    return (
+        f"not tested against chance: {', '.join(row['patch'] for row in of)}. The loss correlates "
+        f"over {min(row['correlation_length_um'] for row in of):.3g} µm or more, beyond "
+        f"{100 * LONGEST:.0f} % of the patch's side, and unrelated maps of this size agree too "
+        "often. Larger scans can be tested"
     )
-    if rose > _BEYOND_NOISE * fell:
-        return (
-            f"patch {row['patch']}: far more rose than fell ({rose:.2g} % and {fell:.2g} % of the "
-            "area), but use only removes material. If this is so on all patches, check "
-            "scans.mould.invert; if on some, check for t0 and t1 exchanged in the patch table, "
-            "or for residue on the stone."
-        )
-    if noise > 100 * most_noise:
-        return (
-            f"patch {row['patch']}: {noise:.0f} % as much rose as fell, so the loss may be noise, "
-            "which mimics agreement with contact. It is not tested against chance, and left out of "
-            "the statistics over patches. A larger traces.minimum_points removes noise."
-        )
-    if (length := row["correlation_length_um"]) > 1e3 * longest:
-        return (
-            f"patch {row['patch']}: the loss correlates over {length:.3g} µm. Above "
-            f"{1e3 * longest:.3g} µm, unrelated maps of this size agree too often. It is not "
-            "tested against chance. Larger scans can be tested."
-        )
-    return None

@@ -1,5 +1,6 @@
 """Which patches enter the study: those under load whose second scan matches the first."""
 
+import logging
 from collections.abc import Mapping
 
 import pandas as pd
@@ -10,24 +11,58 @@ from gstlib.validation.change import wear_summary
 
 __all__ = ["registration_table", "select_patches"]
 
+_log = logging.getLogger(__name__)
+
+# Noise raises as often as it lowers: if this many times as much rose as fell, something is wrong.
+_BEYOND_NOISE = 2
+
 
 def registration_table(
-    changes: Mapping[str, xr.Dataset], selection: Mapping[str, float]
+    changes: Mapping[str, xr.Dataset], selection: Mapping[str, float], *, most_noise: float
 ) -> pd.DataFrame:
     """How well T1 matches T0 on each patch, how much was lost, and which patches that excludes.
 
-    `changes` are the height changes by patch; each is looked up once.
+    `changes` are the height changes by patch; each is looked up once. A loss is believed if the
+    area that rose is at most the share `most_noise` of the area that fell; a warning says where
+    more rose.
     """
     rows = []
     for patch, change in changes.items():
-        found = bool(change.attrs["registration_found"])
-        rows.append({**change.attrs, **wear_summary(change), "patch": patch, "found": found})
+        of = wear_summary(change)
+        if warning := _odd_rise(patch, of, most_noise):
+            _log.warning("%s", warning)
+        said = {"found": bool(change.attrs["registration_found"])}
+        said["believed"] = (
+            not of["noise_share"] > most_noise and change.attrs["known_share"] > 0
+        )
+        rows.append({**change.attrs, **of, "patch": patch, **said})
     # what is excluded, and why, follows from the rest
     table = pd.DataFrame(rows, columns=columns_of("registration")[:-2])
     # the pressures have a table of their own: here all pass
     rules = {**selection, "minimum_pressure_MPa": 0.0}
     judged = select_patches(table.assign(pressure_MPa=1.0), table, rules)
     return table.assign(excluded=~judged.in_study, reason=judged.reason)
+
+
+def _odd_rise(patch: str, of: Mapping[str, float], most_noise: float) -> str | None:
+    """What to look into where much rose: use only removes material."""
+    rose, fell, noise = (
+        100 * of[name] for name in ("gain_fraction", "loss_fraction", "noise_share")
+    )
+    if rose > _BEYOND_NOISE * fell:
+        return (
+            f"patch {patch}: far more rose than fell ({rose:.2g} % and {fell:.2g} % of the area), "
+            "but use only removes material. If this is so on all patches, check "
+            "scans.mould.invert; if on some, check for t0 and t1 exchanged in the patch table, or "
+            "for residue on the stone."
+        )
+    if noise > 100 * most_noise:
+        return (
+            f"patch {patch}: {noise:.0f} % as much rose as fell, so the loss may be noise, which "
+            "mimics wear of the highest points. It is not tested against chance, and left out of "
+            "the statistics over patches. A larger traces.minimum_points removes noise."
+        )
+    return None
 
 
 def select_patches(

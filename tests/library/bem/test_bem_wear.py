@@ -148,6 +148,25 @@ def test_two_bodies_in_turn_err_in_first_order():
     np.testing.assert_allclose(np.divide(changes[:-1], changes[1:]), 2, atol=0.3)
 
 
+def test_a_ceiling_bounds_what_a_step_takes_off_and_leaves_the_volume(path):
+    limit, steps = 1500.0, 4
+    yielding = wear_path(*SURFACE, **WEAR, steps=steps, pressure_limit=limit, tolerance=1e-9)
+    elastic = wear_path(*SURFACE, **WEAR, steps=steps, tolerance=1e-9)
+    assert elastic.final.pressure.max() > limit
+    np.testing.assert_allclose(yielding.mean_loss, elastic.mean_loss, rtol=1e-12)
+    most = limit * WEAR["mean_loss"] / WEAR["mean_pressure"]
+    assert yielding.depth.max() <= most * (1 + 1e-9)
+    assert elastic.depth.max() > most
+    # the last step is the contact with that ceiling of the surface that is left
+    heights, spacing, modulus = SURFACE
+    left = heights - yielding.depth
+    options = {"mean_pressure": 76.0, "pressure_limit": limit, "tolerance": 1e-9}
+    state = solve_contact(left, spacing, modulus, **options)
+    np.testing.assert_allclose(yielding.final.pressure, state.pressure, atol=1e-5 * limit)
+    far = wear_path(*SURFACE, **WEAR, steps=steps, pressure_limit=1e6, tolerance=1e-9)
+    np.testing.assert_array_equal(far.depth, elastic.depth)
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
@@ -159,6 +178,8 @@ def test_two_bodies_in_turn_err_in_first_order():
         ({"steps": 0}, "steps"),
         ({"steps": 2.5}, "steps"),
         ({"third_body": ThirdBody(SOFT, 1.5, 1.0)}, "share"),
+        ({"pressure_limit": 76.0}, "not below pressure_limit"),
+        ({"pressure_limit": -1.0}, "pressure_limit"),
     ],
 )
 def test_bad_input_is_named(wrong, said):

@@ -6,15 +6,8 @@ import numpy as np
 import pytest
 import scipy.ndimage
 from gstlib.specimen.randomness import smooth_field
-from gstlib.validation.nulls import _wrap_around_factors, correlation_length, null_scores, p_value
-from gstlib.validation.scores import (
-    SCORES,
-    Comparison,
-    Prediction,
-    rank_levels,
-    scores_of,
-    window_shares,
-)
+from gstlib.validation.agreement import mask_counts, mask_scores
+from gstlib.validation.nulls import _wrap_around_factor, correlation_length, p_value, shifted_mcc
 
 SPACING = (2e-3, 2e-3)
 
@@ -29,22 +22,17 @@ def top(values, share):
     return values > np.quantile(values, 1 - share)
 
 
-def comparison(ranking, observed, valid, *, share=0.1, window=5):
-    mask, loss = top(ranking, share), observed & valid
-    shares = window_shares(mask, window, np.ones_like(mask))
-    return Comparison(
-        predictions={"contact": Prediction(mask, shares, ranking)},
-        loss=loss,
-        valid=valid,
-        loss_shares=window_shares(loss, window, valid),
-        spacing=SPACING,
+def nulls(mask, observed, valid, shifts=999, seed=0):
+    loss = observed & valid
+    return shifted_mcc(
+        mask,
+        loss,
+        valid,
+        SPACING,
+        beyond_mm=correlation_length(loss, valid, SPACING),
+        shifts=shifts,
+        generator=np.random.default_rng(seed),
     )
-
-
-def nulls(at, shifts=999, seed=0):
-    length = correlation_length(at.loss, at.valid, SPACING)
-    generator = np.random.default_rng(seed)
-    return null_scores(at, beyond_mm=length, shifts=shifts, generator=generator)
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.5])
@@ -53,16 +41,13 @@ def test_scores_of_shifts_are_those_of_the_rolled_prediction(monkeypatch, factor
 
     Where most shifts hit nothing, a patch that hits nothing either is no better.
     """
-    monkeypatch.setattr(
-        "gstlib.validation.nulls._wrap_around_factors", lambda moved, fixed, valid: [factor, 1.0]
-    )
+    monkeypatch.setattr("gstlib.validation.nulls._wrap_around_factor", lambda *_: factor)
     rng = np.random.default_rng(0)
-    ranking, observed = field(rng, 2, 30)[:, :27], top(field(rng, 3, 30)[:, :27], 0.2)
+    mask, observed = top(field(rng, 2, 30)[:, :27], 0.1), top(field(rng, 3, 30)[:, :27], 0.2)
     valid = np.ones(observed.shape, dtype=bool)
     valid[:4], valid[:, 22:], valid[10, 10] = False, False, False
-    at = comparison(ranking, observed, valid)
-    found = nulls(at, 10**6)
-    length = correlation_length(at.loss, valid, SPACING)
+    found = nulls(mask, observed, valid, 10**6)
+    length = correlation_length(observed & valid, valid, SPACING)
     places = [
         (y, x)
         for y in range(30)
@@ -70,18 +55,12 @@ def test_scores_of_shifts_are_those_of_the_rolled_prediction(monkeypatch, factor
         if np.hypot(min(y, 30 - y), min(x, 27 - x)) * SPACING[0] > length
     ]
     assert 0 < len(places) < 30 * 27 - 9
-    levels = -rank_levels(ranking, 32).astype(float)
-    mask, shares = at.predictions["contact"].mask, at.predictions["contact"].shares
-    rolled = [
-        scores_of(Prediction(*(np.roll(one, place, (0, 1)) for one in (mask, shares, levels))), at)
-        for place in [(0, 0), *places]
-    ]
-    assert set(found) == set(SCORES)
-    for name in SCORES:
-        expected = np.array([scores[name] for scores in rolled])
-        above = np.maximum(expected[1:] - np.nanmean(expected[1:]), 0)
-        expected[1:] += (factor - 1) * above * (not name.endswith("auc"))
-        np.testing.assert_allclose(found[name], expected)
+    rolled = [np.roll(mask, place, (0, 1)) for place in [(0, 0), *places]]
+    counts = [mask_counts(one, observed, valid) for one in rolled]
+    expected = mask_scores(*np.transpose(counts))["mcc"]
+    above = np.maximum(expected[1:] - expected[1:].mean(), 0)
+    expected[1:] += (factor - 1) * above
+    np.testing.assert_allclose(found, expected)
 
 
 def test_correlation_length_of_a_known_field():
@@ -103,12 +82,11 @@ def test_correlation_length_where_there_is_none():
 
 def test_shifts_are_different_and_as_many_as_asked():
     rng = np.random.default_rng(4)
-    at = comparison(field(rng, 2), top(field(rng, 3), 0.2), np.ones((64, 64), dtype=bool))
-    found = nulls(at)
-    assert len(found["roc_auc"]) == 1000
-    # of shares of windows, hardly two shifts have the same sum
-    assert len(np.unique(found["fss"][found["fss"] > 0])) > 0.95 * (found["fss"] > 0).sum()
-    assert len(null_scores(at, beyond_mm=1.0, shifts=999, generator=rng)["f1"]) == 1
+    mask, loss = top(field(rng, 2), 0.1), top(field(rng, 3), 0.2)
+    valid = np.ones((64, 64), dtype=bool)
+    assert len(nulls(mask, loss, valid)) == 1000
+    far = {"beyond_mm": 1.0, "shifts": 999, "generator": rng}
+    assert len(shifted_mcc(mask, loss, valid, SPACING, **far)) == 1
 
 
 def test_p_value_counts_the_value_itself_and_ties():
@@ -127,23 +105,21 @@ def test_unrelated_fields_are_significant_as_often_as_the_level_says(lengths):
     valid[:6], valid[:, 57:] = False, False
     drawn = []
     for _ in range(200):
-        at = comparison(
-            field(rng, lengths[0]), top(field(rng, lengths[1]), 0.15), valid, share=0.08
-        )
-        null = nulls(at, seed=len(drawn))
-        drawn.append([p_value(null[name][0], null[name][1:]) for name in ("f1", "pr_auc")])
+        mask, loss = top(field(rng, lengths[0]), 0.08), top(field(rng, lengths[1]), 0.15)
+        null = nulls(mask, loss, valid, seed=len(drawn))
+        drawn.append(p_value(null[0], null[1:]))
     for level in (0.05, 0.2):
         error = 3 * math.sqrt(level * (1 - level) / len(drawn))
-        assert (np.array(drawn) <= level).mean(axis=0) == pytest.approx([level] * 2, abs=error)
+        assert (np.array(drawn) <= level).mean() == pytest.approx(level, abs=error)
 
 
 def test_a_relation_is_found():
     rng = np.random.default_rng(6)
     common, noise = field(rng, 3), field(rng, 1.5)
     ranking = common + 0.5 * common.std() / noise.std() * noise
-    at = comparison(ranking, top(common, 0.15), np.ones(common.shape, dtype=bool))
-    null = nulls(at)
-    assert all(p_value(values[0], values[1:]) < 0.01 for values in null.values())
+    every = np.ones(common.shape, dtype=bool)
+    null = nulls(top(ranking, 0.1), top(common, 0.15), every)
+    assert p_value(null[0], null[1:]) < 0.01
 
 
 SIDE, LEVEL = 48, 0.05
@@ -160,7 +136,7 @@ def smooth_pairs(pairs, length):
         )
         fixed = (other > np.quantile(other, 0.8)).astype(float)
         sums = np.fft.irfft2(np.conj(np.fft.rfft2(moved)) * np.fft.rfft2(fixed), moved.shape)
-        (factor,) = _wrap_around_factors([moved], fixed, valid)
+        factor = _wrap_around_factor(moved, fixed, valid)
         apart = sums.mean() + factor * (sums - sums.mean())
         found.append([(values >= sums[0, 0] - 1e-9).mean() for values in (sums, apart)])
     return np.array(found)
@@ -178,6 +154,6 @@ def test_short_waves_and_constant_fields_need_no_correction():
     rng = np.random.default_rng(1)
     moved, fixed = (rng.random((SIDE, SIDE)) > 0.9 for _ in range(2))
     every = np.ones((SIDE, SIDE), dtype=bool)
-    assert _wrap_around_factors([moved], fixed, every) == pytest.approx([1], abs=0.1)
-    assert _wrap_around_factors([every, every], every, every) == [1, 1]
-    assert _wrap_around_factors([moved], fixed, ~every) == [1]
+    assert _wrap_around_factor(moved, fixed, every) == pytest.approx(1, abs=0.1)
+    assert _wrap_around_factor(every, every, every) == 1
+    assert _wrap_around_factor(moved, fixed, ~every) == 1

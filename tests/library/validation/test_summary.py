@@ -1,4 +1,4 @@
-"""Over the patches: rank correlations, means against chance and rivals, and a stated claim."""
+"""Over the patches: the prediction beside its rivals, chance, untouched patches, a stated claim."""
 
 import math
 from itertools import combinations
@@ -6,298 +6,242 @@ from itertools import combinations
 import numpy as np
 import pandas as pd
 import pytest
-from gstlib.validation.scores import SCORES
-from gstlib.validation.scoring import PatchScores
-from gstlib.validation.summary import (
-    mean_gains,
-    mean_scores,
-    rank_correlation,
-    spatial_p_value,
-    summarise,
-)
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
-from scipy.stats import spearmanr
+import xarray as xr
+from gstlib.io.results import columns_of
+from gstlib.validation.inference import Draws
+from gstlib.validation.rivals import CEILING, RIVALS
+from gstlib.validation.scoring import JudgedPatch
+from gstlib.validation.summary import _chance_rows, _model_rows, patch_statistics, summarise
 
-PAIR = "pressure_MPa", "loss_fraction"
+MODELS = ("archard", *RIVALS, CEILING)
 
 
-def chance(seed=0, **changed):
-    return {"generator": np.random.default_rng(seed), "resamples": 999} | changed
-
-
-def table(seed=0, n=8):
+def wear_of(patches, seed=3, **means):
+    """Rows of ``wear.csv``: MCC about a mean for each model, on patches that are easy or hard."""
     rng = np.random.default_rng(seed)
-    return pd.DataFrame(
-        {
-            "patch": [str(number) for number in range(1, n + 1)],
-            "pressure_MPa": rng.permutation(n) * 10.0,
-            "contact_fraction": rng.random(n),
-            "stiffness_MPa_per_um": rng.random(n),
-            "loss_fraction": rng.random(n),
-            "loss_per_area_um": rng.random(n),
-        }
-    )
+    hard, measured = rng.normal(0, 0.2, len(patches)), 1e5 * rng.uniform(1, 3, len(patches))
+    rows = []
+    for model in (*MODELS, *(name for name in means if name not in MODELS)):
+        mcc = means.get(model, 0.1) + hard + rng.normal(0, 0.02, len(patches))
+        for number, patch in enumerate(patches):
+            said = {"patch": patch, "model": model, "mcc": mcc[number], "attainable_mcc": 0.9}
+            error = 1.0 - means.get(model, 0.1)
+            volumes = {
+                "predicted_volume_um3": measured[number] * (1 + error),
+                "measured_volume_um3": measured[number],
+            }
+            errors = {"map_error_um": error, "out_of_contact_um": error}
+            rows.append(said | {"marked_fraction": 0.1} | volumes | errors)
+    return pd.DataFrame(rows, columns=columns_of("wear"))
 
 
-def test_rank_correlation_agrees_with_scipy():
-    data = table()
-    data["loss_per_area_um"] = data["loss_per_area_um"].round(1)  # with ties
-    data["loss_fraction"] = np.exp(data["pressure_MPa"] / 30)
-    tied = rank_correlation(data, "contact_fraction", "loss_per_area_um", **chance()).iloc[0]
-    expected = spearmanr(data["contact_fraction"], data["loss_per_area_um"]).statistic
-    assert tied["value"] == pytest.approx(expected)
-    row = rank_correlation(data, *PAIR, **chance()).iloc[0]
-    assert row.statistic == "spearman(pressure_MPa, loss_fraction)"
-    assert (row.value, row.low, row.n) == (pytest.approx(1), pytest.approx(1), 8)
-    # exact: 2 of the 8! pairings are as extreme
-    assert row.p_value == pytest.approx(2 / math.factorial(8))
+def statistics_of(patches, **changed):
+    """Patches in a row, worst worn first."""
+    count = len(patches)
+    falling = np.arange(count, 0, -1.0)
+    table = {
+        "patch": list(patches),
+        "x_mm": np.arange(count) % 3.0,
+        "y_mm": np.arange(count) // 3.0,
+    }
+    table |= {"counted": True, "believed": True, "touched": 1.0}
+    for name in ("pressure_MPa", "contact_fraction", "predicted_loss_um"):
+        table[name] = falling
+    table |= {"loss_fraction": falling, "loss_per_area_um": falling} | changed
+    return pd.DataFrame(table)
 
 
-def test_interval_encloses_a_middling_correlation():
-    data = table(n=12)
-    data["loss_fraction"] = data["pressure_MPa"] + 40 * data["loss_fraction"]
-    row = rank_correlation(data, *PAIR, **chance()).iloc[0]
-    assert 0.5 < row["value"] < 0.98
-    assert 0 < row["low"] < row["value"] < row["high"] <= 1
-    assert 0 < row["p_value"] < 0.05
-
-
-@pytest.mark.parametrize(("known", "column"), [(5, "x"), (2, "x"), (8, "constant")])
-def test_too_few_or_constant_is_missing_not_wrong(known, column):
-    data = table().assign(constant=0.1).rename(columns={"pressure_MPa": "x"})
-    data.loc[known:, "loss_fraction"] = np.nan
-    row = rank_correlation(data, column, "loss_fraction", **chance()).iloc[0]
-    assert row["n"] == known
-    assert np.isfinite(row["value"]) == (known == 5)
-    assert np.isnan(row["low"])  # of five patches there is a value, but no interval
-
-
-def patches(rng, values, shifts=999):
-    """Patches that all scores rate the same, with their nulls."""
+def found_of(patches, values=None, shifts=999):
+    """Patches with an MCC each and its null."""
+    rng = np.random.default_rng(0)
+    values = np.full(len(patches), 0.2) if values is None else values
     return [
-        PatchScores(
-            scores=dict.fromkeys(SCORES, value) | {"patch": str(number), "believed": True},
-            gains=[{"score": score, "value": value, "p_value": value} for score in SCORES],
-            null={score: np.r_[value, rng.normal(0, 0.1, shifts)] for score in SCORES},
-            warning=None,
+        JudgedPatch(
+            {"patch": patch, "mcc": value}, [], [], np.r_[value, rng.normal(0, 0.1, shifts)]
         )
-        for number, value in enumerate(values)
+        for patch, value in zip(patches, values, strict=True)
     ]
 
 
-def test_patches_that_each_say_little_say_much_together():
-    rng = np.random.default_rng(0)
-    values = [0.11, 0.13, 0.1, 0.12, 0.15, 0.09]
-    found = mean_scores(patches(rng, values), **chance()).set_index("statistic").loc["mean(mcc)"]
-    assert found["value"] == pytest.approx(np.mean(values))
-    assert found["low"] < found["value"] < found["high"]
-    assert found["p_value"] < 0.01
-    alone = mean_scores(patches(rng, values[:1]), **chance())
-    assert alone["p_value"].min() > 0.05
-    assert alone["low"].isna().all()
+def summary(patches="85123467", *, wear=None, found=None, mat=None, worst=(), **changed):
+    statistics = statistics_of(patches, **changed)
+    wear = wear_of(list(patches)) if wear is None else wear
+    found = found_of(patches) if found is None else found
+    chance = {"seed": 1, "resamples": 999}
+    rows = summarise(statistics, wear, found, mat, expected_worst=worst, **chance)
+    assert list(rows) == columns_of("validation_summary")
+    return rows.set_index(["model", "statistic"])
 
 
-def test_mean_score_is_above_chance_as_often_as_the_level_says():
-    rng = np.random.default_rng(1)
-    p_values = []
-    for _ in range(150):
-        found = mean_scores(patches(rng, rng.normal(0, 0.1, 5), 199), **chance(resamples=99))
-        p_values.append(found["p_value"].iloc[0])
-    assert np.mean(np.array(p_values) <= 0.1) == pytest.approx(0.1, abs=0.06)
+def model_rows(wear):
+    """The rows about models alone: the correlations take longer."""
+    draws = Draws(np.random.default_rng(1), 999)
+    found = {row[:2]: row[2]._asdict() | {"against": row[3]} for row in _model_rows(wear, draws)}
+    return pd.DataFrame(found).T
 
 
-def test_a_patch_without_the_score_is_left_out_and_the_shortest_null_counts():
-    found = patches(np.random.default_rng(2), [0.3, math.nan, 0.5])
-    found[2].null.update({score: drawn[:100] for score, drawn in found[2].null.items()})
-    row = mean_scores(found, **chance()).iloc[0]
-    assert (row["n"], row["value"]) == (2, pytest.approx(0.4))
-    assert row["p_value"] == pytest.approx(1 / 100)
-
-
-def scored(rng, n=8, model=0.3, highest=0.4, rigid=0.35):
-    patch = rng.normal(0, 0.2, n)  # makes a patch easy or hard for all of them
-    columns = {"": model, "highest_": highest, "rigid_": rigid}
-    data = {f"{front}f1": mean + patch + rng.normal(0, 0.02, n) for front, mean in columns.items()}
-    return pd.DataFrame(data | {"roc_auc": patch, "highest_roc_auc": patch})
-
-
-def gain_rows(data):
-    missing = [name for score in SCORES for name in (score, f"highest_{score}") if name not in data]
-    found = mean_gains(data.assign(**dict.fromkeys(missing, math.nan)), **chance())
-    return found.set_index("statistic")
-
-
-def test_gain_is_over_the_best_rival_and_paired():
-    found = gain_rows(scored(np.random.default_rng(3)))
-    row = found.loc["gain(f1)"]
-    assert row["against"] == "highest"
-    assert row["value"] == pytest.approx(-0.1, abs=0.02)
+def test_the_gain_is_over_the_best_rival_and_paired():
+    patches = list("85123467")
+    wear = wear_of(patches, archard=0.5, rigid=0.4, mean_volume=0.35)
+    rows = model_rows(wear)
+    row = rows.loc["archard", "gain(mcc)"]
+    assert row.against == "rigid"
+    assert row.value == pytest.approx(0.1, abs=0.02)
     # the difference of two patches does not blur that of model and rival
-    assert row["low"] < row["value"] < row["high"] < -0.05
+    assert 0.05 < row.low < row.value < row.high
     # exact: 2 of the 2⁸ ways to exchange model and rival
-    assert row["p_value"] == pytest.approx(2 / 2**8)
-    same = found.loc["gain(roc_auc)"]
-    assert (same["value"], same["low"], same["high"]) == (0, 0, 0)
-    assert math.isnan(same["p_value"])
-    assert found.loc["gain(mcc)", "n"] == 0
+    assert row.p_value == pytest.approx(2 / 2**8)
+    by_model = wear.groupby("model").mcc.mean()
+    for model in MODELS:
+        assert rows.loc[(model, "mean(mcc)"), "value"] == pytest.approx(by_model[model])
+    assert rows.loc[("archard", "mean(attainable_mcc)"), "value"] == pytest.approx(0.9)
+
+
+def test_a_rival_that_is_better_was_chosen_among_five():
+    wear = wear_of(list("85123467"), archard=0.3, rigid=0.5)
+    row = model_rows(wear).loc["archard", "gain(mcc)"]
+    assert row.high < 0
+    assert row.p_value == pytest.approx(5 * 2 / 2**8)
+
+
+def test_errors_are_over_those_of_no_loss_and_of_the_best_rival():
+    wear = wear_of(list("85123467"), archard=0.8, none=0.0, pressure_volume=0.6)
+    rows = model_rows(wear)
+    of_map = rows.loc["archard", "relative(map_error)"]
+    assert (of_map.value, of_map.against) == (pytest.approx(0.2), "none")
+    assert of_map.p_value == pytest.approx(2 / 2**8)
+    of_volume = rows.loc["archard", "relative(volume_error)"]
+    assert (of_volume.value, of_volume.against) == (pytest.approx(0.5), "pressure_volume")
+    assert rows.loc[("rigid", "relative(map_error)"), "value"] == pytest.approx(0.9)
+    assert ("none", "relative(map_error)") not in rows.index
 
 
 def test_no_gain_is_claimed_without_one_more_often_than_the_level_says():
-    """Also not where two rivals are as good as the model, and the luckier one is the best."""
-    rng = np.random.default_rng(4)
-    claims = losses = 0
-    for _ in range(120):
-        row = gain_rows(scored(rng, model=0.4, highest=0.4, rigid=0.4)).loc["gain(f1)"]
-        claims += row["low"] > 0
-        losses += row["high"] < 0
-    assert claims / 120 < 0.05
-    assert losses / 120 < 0.15
+    """Also not where all rivals are as good as the model, and the luckiest one is the best."""
+    alike = dict.fromkeys(MODELS, 0.4)
+    better = worse = 0
+    for seed in range(60):
+        wear = wear_of(list("85123467"), seed=seed, **alike)
+        row = model_rows(wear).loc["archard", "gain(mcc)"]
+        better += row.low > 0 and row.p_value <= 0.05
+        worse += row.high < 0 and row.p_value <= 0.05
+    assert better / 60 < 0.05
+    assert worse / 60 < 0.1
 
 
-def study(order="85123467"):
-    """Eight patches, worst first; their scores and their places."""
-    found = []
-    for number, one in enumerate(patches(np.random.default_rng(5), [0.2] * len(order))):
-        loss = 8.0 - number
-        names = {"patch": order[number], "loss_fraction": loss, "loss_per_area_um": loss}
-        scores = dict.fromkeys((f"{front}{s}" for front in ("", "highest_") for s in SCORES), 0.2)
-        one.scores.update(scores | names | {"contact_fraction": loss})
-        found.append(one)
-    predicted = pd.DataFrame(
-        {"patch": list(order), "x_mm": np.arange(8.0) % 3, "y_mm": np.arange(8.0) // 3}
-        | {"pressure_MPa": np.arange(8.0, 0, -1), "stiffness_MPa_per_um": 1.0}
+def chance_row(found):
+    ((*_, estimate, _),) = _chance_rows("archard", found, Draws(np.random.default_rng(1), 99))
+    return estimate
+
+
+def test_patches_that_each_say_little_say_much_together():
+    values = np.array([0.11, 0.13, 0.1, 0.12, 0.15, 0.09, 0.1, 0.12])
+    row = chance_row(found_of("85123467", values))
+    assert row.value == pytest.approx(values.mean())
+    assert row.low < row.value < row.high
+    assert row.p_value < 0.01
+    # the mean that is printed is that of the patches that are tested, and the shortest null counts
+    few = found_of("85123467", values)
+    untested = [JudgedPatch(one.row, [], [], np.empty(0)) for one in few[2:]]
+    short = JudgedPatch(few[0].row, [], [], few[0].null[:100])
+    row = chance_row([short, few[1], *untested])
+    assert (row.value, row.n) == (pytest.approx(0.12), 2)
+    assert row.p_value >= 1 / 100
+
+
+def test_the_mean_is_above_chance_as_often_as_the_level_says():
+    rng = np.random.default_rng(1)
+    claims = []
+    for _ in range(200):
+        found = found_of("85123467", rng.normal(0, 0.1, 8), 199)
+        for one in found:
+            one.null[1:] = rng.normal(0, 0.1, 199)
+        claims.append(chance_row(found).p_value <= 0.1)
+    assert np.mean(claims) == pytest.approx(0.1, abs=0.06)
+
+
+def test_a_patch_that_does_not_count_counts_nowhere_but_among_the_untouched():
+    counted = [True] * 7 + [False]
+    rows = summary(counted=counted, touched=[1.0] * 6 + [0.0] * 2)
+    alone = rows.drop(index=("", "spearman(touched, loss_per_area_um)"))
+    assert set(alone.n) == {7}
+    of_touch = rows.loc["", "spearman(touched, loss_per_area_um)"]
+    assert of_touch.n == 8
+    assert of_touch.value > 0.5
+    unsure = summary(believed=[True] * 7 + [False], touched=[1.0] * 6 + [0.0] * 2)
+    assert unsure.loc[("", "spearman(touched, loss_per_area_um)"), "n"] == 7
+
+
+def test_where_nothing_was_lost_no_place_is_right_or_wrong():
+    wear = wear_of(list("85123467"))
+    wear.loc[wear.patch == "8", ["mcc", "attainable_mcc"]] = math.nan
+    rows = model_rows(wear)
+    assert rows.loc[("archard", "mean(mcc)"), "n"] == 7
+    assert rows.loc[("archard", "relative(map_error)"), "n"] == 8
+
+
+def test_without_predictions_there_are_correlations_alone():
+    rows = summary(wear=wear_of([]), found=[])
+    assert set(rows.index.get_level_values("model")) == {""}
+    assert rows.value.notna().any()
+    nothing = summarise(statistics_of(""), wear_of([]), [], None, seed=1, resamples=99)
+    assert nothing.value.isna().all()
+
+
+def test_a_mat_that_saves_a_hundredth_of_the_error_is_not_told():
+    """Errors of measurement let a mat gain as much on stones that never saw one."""
+    patches = list("85123467")
+    misfit = np.tile([[2.0, 1.0, 3.0]], (8, 1))
+    mat = xr.Dataset(
+        {"misfit": (("patch", "ratio"), misfit), "ratio_of_all": 0.3},
+        coords={"patch": patches, "ratio": [0.0, 0.3, 1.0]},
     )
-    return found, predicted
-
-
-def summary(order="85123467", worst=("5", "8"), loss=None):
-    found, predicted = study(order)
-    for one, value in zip(found, loss or [], strict=False):
-        one.scores["loss_fraction"] = value
-    # patches may come in any order
-    predicted = predicted[::-1].reset_index(drop=True)
-    chance = {"seed": 1, "resamples": 99}
-    rows, _ = summarise({"placed": found}, predicted, expected_worst=worst, **chance)
-    return rows.set_index("statistic")
-
-
-def test_summary_of_a_study():
-    found = summary(worst=())
-    kinds = found.index.str.partition("(").get_level_values(0).value_counts().to_dict()
-    assert kinds == {"mean": 7, "spearman": 6}
-    pair = found.loc["spearman(pressure_MPa, loss_fraction)"]
-    assert pair["value"] == pytest.approx(1)
-    assert pair["against"] == "other pairings, neighbours alike"
-    assert pd.isna(found.loc["spearman(stiffness_MPa_per_um, loss_fraction)", "value"])
-    assert "spearman(exposure_N_per_mm, loss_fraction)" not in found.index  # there is no gesture
-    assert found.loc["mean(f1)", "p_value"] < 0.01
-    # without patches the table has its columns and no rows
-    chance = {"seed": 1, "resamples": 99}
-    empty, variants = summarise({"placed": []}, study()[1], expected_worst=["5"], **chance)
-    assert (list(empty), len(empty)) == ([*found.reset_index()], 0)
-    assert set(variants.n) == {0}
-
-
-def test_the_variants_are_scored_alike():
-    """Each as if it were alone; the summary is that of the first."""
-    found, predicted = study()
-    chance = {"seed": 1, "resamples": 99}
-    for number, one in enumerate(found):
-        one.scores["highest_roc_auc"] = number / 10
-    other = found[:6]
-    both, rows = summarise({"placed": found, "levelled": other}, predicted, **chance)
-    alone, own = summarise({"placed": found}, predicted, **chance)
-    _, rest = summarise({"levelled": other}, predicted, **chance)
-    pd.testing.assert_frame_equal(both, alone)
-    pd.testing.assert_frame_equal(rows, pd.concat([own, rest], ignore_index=True))
-
-
-def test_a_patch_whose_loss_may_be_noise_counts_nowhere():
-    """One number of patches in the whole table, and in that of the variants."""
-    found, predicted = study()
-    found[2].scores["believed"] = False
-    chance = {"seed": 1, "resamples": 99}
-    rows, variants = summarise({"placed": found}, predicted, **chance)
-    assert set(rows.n[rows.value.notna()]) == {7}
-    assert set(variants.n[variants.gain.notna()]) == {7}
-    assert len(summarise({"placed": found[2:3]}, predicted, **chance)[0]) == 0
+    for error, told in ((0.99, False), (0.5, True)):
+        wear = wear_of(patches, mat=0.1)
+        wear.loc[wear.model == "archard", "out_of_contact_um"] = 1.0
+        wear.loc[wear.model == "mat", "out_of_contact_um"] = error
+        rows = summary(wear=wear, mat=mat)
+        row = rows.loc["mat", "relative(out_of_contact)"]
+        assert (row.value, row.against) == (pytest.approx(error / 0.98), "archard")
+        assert (row.value < 1 and row.p_value < 0.05) == told
+        assert tuple(rows.loc["mat", "mat_ratio"][["value", "low", "high"]]) == (0.3, 0.3, 0.3)
 
 
 def test_the_papers_claim_is_exact():
-    claim = "expected_worst(5+8, loss_fraction)"
-    both = summary().loc[claim]
+    claim = "", "expected_worst(5+8, loss_fraction)"
+    both = summary(worst=["5", "8"]).loc[claim]
     assert both["against"] == "random ranking"
     assert (both["value"], both["p_value"]) == (1, pytest.approx(1 / math.comb(8, 2)))
-    one = summary("81523467").loc[claim]
+    one = summary("81523467", worst=["5", "8"]).loc[claim]
     drawn = [len({0, 1} & set(pair)) for pair in combinations(range(8), 2)]
     assert (one["value"], one["p_value"]) == (0.5, pytest.approx(np.mean(np.array(drawn) >= 1)))
-    none = summary("12345678").loc[claim]
+    none = summary("12345678", worst=["5", "8"]).loc[claim]
     assert (none["value"], none["p_value"]) == (0, 1)
     # a tie counts against the claim
-    assert summary(loss=[8.0, 7.0, 7.0]).loc[claim, "value"] == 0.5
-
+    tied = summary(worst=["5", "8"], loss_fraction=[8.0, 7.0, 7.0, 5, 4, 3, 2, 1]).loc[claim]
+    assert tied.value == 0.5
     # a claim about patches without a value has none
-    missing = summary(worst=["5", "9"]).loc["expected_worst(5+9, loss_fraction)"]
-    gone = summary(loss=[math.nan]).loc[claim]
-    assert np.isnan([missing["value"], missing["p_value"], gone["value"]]).all()
-    assert gone["n"] == 7
+    missing = summary(worst=["5", "9"]).loc["", "expected_worst(5+9, loss_fraction)"]
+    gone = summary(worst=["5", "8"], loss_fraction=[math.nan, 7, 6, 5, 4, 3, 2, 1]).loc[claim]
+    assert np.isnan([missing.value, missing.p_value, gone.value]).all()
+    assert gone.n == 7
 
 
-SIDE = 5
-PLACES = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(-1, 2)
-LEVEL, PAIRS = 0.05, 400
-
-
-def fields(length, seed):
-    """Gaussian fields on the patches, correlated over `length`: (PAIRS, 2, patches)."""
-    distance = np.hypot(*(PLACES[:, None] - PLACES).transpose(2, 0, 1))
-    factor = np.linalg.cholesky(np.exp(-((distance / length) ** 2)) + 1e-9 * np.eye(len(PLACES)))
-    return np.random.default_rng(seed).standard_normal((PAIRS, 2, len(PLACES))) @ factor.T
-
-
-def test_smooth_unrelated_fields_are_significant_as_often_as_the_level_says():
-    error = 3 * np.sqrt(LEVEL * (1 - LEVEL) / PAIRS)
-    plain, spatial = [], []
-    for x, y in fields(1.2, seed=1):
-        plain.append(spearmanr(x, y).pvalue)
-        spatial.append(spatial_p_value(x, y, PLACES, permuted=plain[-1]))
-    assert np.mean(np.less_equal(plain, LEVEL)) > LEVEL + error  # neighbours pass for evidence
-    assert abs(np.mean(np.less_equal(spatial, LEVEL)) - LEVEL) < error
-
-
-def test_spatial_autocorrelation_weakens_a_correlation_of_smooth_numbers():
-    rng = np.random.default_rng(8)
-    y, x = np.mgrid[:4, :4].reshape(2, -1).astype(float)
-    data = pd.DataFrame({"x_mm": x, "y_mm": y})
-    for name in ("pressure_MPa", "loss_fraction"):
-        data[name] = x + 0.3 * rng.standard_normal(16)
-    plain, spatial = (
-        rank_correlation(data, *PAIR, places=places, **chance(1, resamples=99))
-        for places in ((), ("x_mm", "y_mm"))
-    )
-    assert list(spatial.against) == ["other pairings, neighbours alike"]
-    assert spatial.p_value[0] > plain.p_value[0]
-    changed = ["p_value", "against"]
-    pd.testing.assert_frame_equal(plain.drop(columns=changed), spatial.drop(columns=changed))
-
-
-def test_the_permutation_test_bounds_the_spatial_p_value():
-    x = fields(1.0, seed=4)[0, 0]
-    assert spatial_p_value(x, np.exp(x), PLACES, permuted=1e-9) == 1e-9
-    four = np.arange(4.0)
-    assert spatial_p_value(four, four, PLACES[:4], permuted=2 / 24) == 2 / 24
-    for y in (np.zeros(4), np.arange(3.0)):  # no spread, or too few patches
-        assert np.isnan(spatial_p_value(four[: len(y)], y, PLACES[: len(y)], permuted=1.0))
-
-
-@settings(max_examples=20, deadline=None)
-@example(seed=2, scale=0.99999, count=16)  # the farthest classes end just at half of the extent
-@given(seed=st.integers(0, 1000), scale=st.floats(0.01, 100), count=st.integers(4, SIDE**2))
-def test_unit_place_and_order_do_not_matter(seed, scale, count):
-    rng = np.random.default_rng(seed)
-    x, y = fields(1.0, seed=5)[seed % PAIRS][:, :count]
-    places = PLACES[:count]
-    order = rng.permutation(count)
-    same = spatial_p_value(x[order], np.exp(y[order]), places[order] * scale + 7.0, permuted=0.0)
-    assert same == pytest.approx(spatial_p_value(x, y, places, permuted=0.0), rel=1e-9)
+def test_statistics_come_from_the_tables_of_each_patch_also_without_a_prediction():
+    patches = pd.DataFrame({"patch": ["a", "b"], "contact_fraction": 0.1, "predicted_loss_um": 0.2})
+    registration = pd.DataFrame({"patch": ["b", "a", "c"], "loss_fraction": [0.1, 0.2, np.nan]})
+    registration = registration.assign(loss_per_area_um=[0.3, 0.4, np.nan], known_share=[1, 1, 0])
+    registration["believed"] = [False, True, False]
+    pressures = pd.DataFrame({"patch": ["a", "b", "c"], "x_mm": 1.0, "y_mm": 2.0, "in_study": True})
+    pressures["pressure_MPa"] = [0.0, 5.0, 1.0]
+    exposure = pd.DataFrame({"patch": ["a", "b"], "exposure_N_per_mm": [7.0, 8.0]})
+    tables = registration, pressures
+    table = patch_statistics(patches, *tables, exposure).set_index("patch")
+    assert table.touched.to_dict() == {"a": 0.0, "b": 1.0}  # of c nothing is known
+    assert table.loss_per_area_um.tolist() == [0.4, 0.3]
+    assert table.counted.tolist() == [True, False]
+    assert table.exposure_N_per_mm.tolist() == [7.0, 8.0]
+    alone = patch_statistics(patches[:0], *tables, None)
+    assert alone.predicted_loss_um.isna().all()
+    assert alone.touched.tolist() == [0.0, 1.0]
+    assert "exposure_N_per_mm" not in alone

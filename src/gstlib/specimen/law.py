@@ -1,0 +1,68 @@
+"""Wear of the generated stone by Archard's law, to test whether the study finds it again.
+
+The stone comes to rest on a rounded active stone under a force that is off its middle. Its square
+then wears at the scans' resolution, as one piece, in the place and under the force that it has
+there. Nothing of this is what the study assumes: constants, force, form of the active stone, point
+of force and elements of the face are others.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gstlib.bem import Layer, ThirdBody, wear_path
+from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.counterface import rounded_counterface
+from gstlib.reference import placed_whole
+from gstlib.surface import axis_coordinates, make_surface
+
+if TYPE_CHECKING:
+    from gstlib.specimen.stone import Stone
+
+__all__ = ["worn_by_law"]
+
+# ASSUME: wear made by a law has these constants; the default study has 12,820 MPa, 550 N, 200 mm,
+# the middle of the square and elements of 50 µm. The mat is as stiff as hide or wood, and does half
+# of the wear. A gain on wear made by the law that predicts it is a check of the code, not evidence.
+_CONTACT_MODULUS_MPA, _PRESSURE_MPA, _RADIUS_MM = 1e4, 20.0, 170.0
+_OFF_MIDDLE_MM = 0.5, -0.4  # of the force, along y and x
+_ELEMENTS, _AROUND = 64, 44  # of the face: in the square, and on each side of it
+_STEPS, _TOLERANCE = 4, 1e-6
+_MAT, _MAT_SHARE = Layer(young=300.0, poisson=0.3, thickness=0.3), 0.5
+
+
+def worn_by_law(stone: "Stone", mean_loss: float, *, with_mat: bool) -> np.ndarray:
+    """Depth lost on the grid of the stone's detail (n, n), mm, of the given mean.
+
+    With a mat, it takes turns with the bare stone.
+    """
+    size_mm = stone.square_mm
+    spacing = size_mm / _ELEMENTS
+    face = make_surface(stone.face_means(_ELEMENTS, _AROUND), spacing)
+    along = axis_coordinates(_ELEMENTS + 2 * _AROUND, spacing) - _AROUND * spacing
+    face = face.assign_coords({axis: face[axis].copy(data=along) for axis in "yx"})
+    through = size_mm / 2 + _OFF_MIDDLE_MM[0], size_mm / 2 + _OFF_MIDDLE_MM[1]
+    loading = Loading.by_force(
+        _PRESSURE_MPA * size_mm**2,
+        through,
+        face,
+        contact_modulus_MPa=_CONTACT_MODULUS_MPA,
+        tolerance=_TOLERANCE,
+    )
+    faces = faces_of(face, rounded_counterface(face, _RADIUS_MM, through))
+    contact = contact_at_pressure(faces, loading, source="specimen")
+
+    whole = make_surface(stone.macroscale(stone.grid, stone.grid) + stone.detail, stone.spacing)
+    whole = whole.assign_coords({axis: whole[axis].copy(data=stone.grid) for axis in "yx"})
+    height, pressure_MPa = placed_whole(whole, contact)
+    found = wear_path(
+        height.values,
+        stone.spacing,
+        _CONTACT_MODULUS_MPA,
+        mean_pressure=pressure_MPa,
+        mean_loss=mean_loss,
+        steps=_STEPS,
+        third_body=ThirdBody(_MAT, _MAT_SHARE, pressure_MPa) if with_mat else None,
+        tolerance=_TOLERANCE,
+    )
+    return found.depth.astype(np.float32)

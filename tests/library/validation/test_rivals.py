@@ -1,0 +1,77 @@
+"""The rivals do what they say, with what the other patches lost and nothing of the patch's own."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from gstlib.validation.rivals import CEILING, RIVALS, Others, rival_depths, volumes_cut
+
+RNG = np.random.default_rng(1)
+HEIGHTS = {patch: 1e-3 * RNG.standard_normal(5000) for patch in "abc"}
+TABLE = pd.DataFrame(
+    {
+        "pressure_MPa": [10.0, 20.0, 30.0],
+        "loss_mm": [1e-5, 3e-5, 2e-5],
+        "loss_fraction": [0.02, 0.05, 0.03],
+    },
+    index=list("abc"),
+)
+
+
+def others():
+    return Others.of(TABLE, {patch: of.max() - of for patch, of in HEIGHTS.items()})
+
+
+def depths(patch="a", *, worn_share=0.1, level=2e-4, known=others, **changed):
+    height = HEIGHTS[patch]
+    options = {"pressure_MPa": TABLE.pressure_MPa[patch]} | changed
+    return rival_depths(
+        height,
+        np.full(height.shape, level),
+        summit=float(height.max()),
+        worn_share=worn_share,
+        others=known().without(patch),
+        **options,
+    )
+
+
+def test_each_rival_cuts_what_it_is_told_to():
+    found = depths()
+    assert set(found) == {*RIVALS, CEILING}
+    assert not found["none"].any()
+    assert found["mean_volume"].mean() == pytest.approx(2.5e-5)
+    assert found["pressure_volume"].mean() == pytest.approx(10 * 5e-5 / 50)
+    assert np.mean(found["pressure_share"] > 2e-4) == pytest.approx(10 * 0.08 / 50, abs=2e-4)
+    assert np.mean(found[CEILING] > 2e-4) == pytest.approx(0.1, abs=2e-4)
+    # a plane cuts: what is higher loses more, down to one height
+    for name in (*RIVALS[1:], CEILING):
+        left = HEIGHTS["a"] - found[name]
+        np.testing.assert_allclose(left[found[name] > 0], left.max(), atol=1e-12)
+
+
+def test_the_rigid_flat_goes_as_deep_on_each_patch_and_gives_the_others_their_loss():
+    found = depths()["rigid"]
+    sunk = HEIGHTS["a"].max() - (HEIGHTS["a"] - found).max()
+    lost = sum(np.maximum(HEIGHTS[patch] - HEIGHTS[patch].max() + sunk, 0).mean() for patch in "bc")
+    assert lost == pytest.approx(5e-5, rel=1e-3)
+
+
+def test_no_rival_sees_what_the_patch_itself_lost():
+    mine = TABLE.copy()
+    mine.loc["a", ["loss_mm", "loss_fraction"]] = 1.0
+    changed = Others.of(mine, {patch: of.max() - of for patch, of in HEIGHTS.items()})
+    for name, depth in depths(known=lambda: changed, worn_share=0.5).items():
+        same = np.array_equal(depth, depths()[name])
+        assert same == (name != CEILING), name
+
+
+def test_a_patch_that_bears_nothing_is_spared_by_those_that_know_pressures():
+    found = depths(pressure_MPa=0.0, worn_share=0.0)
+    silent = {name for name, depth in found.items() if not depth.any()}
+    assert silent == {"none", "pressure_volume", "pressure_share", CEILING}
+
+
+def test_volumes_that_a_flat_cuts_off_by_brute_force():
+    below = RNG.random(200)
+    places = np.array([0.0, 0.1, 0.5, 0.999, 2.0])
+    expected = [np.maximum(place - below, 0).mean() for place in places]
+    np.testing.assert_allclose(volumes_cut(below, places), expected)
