@@ -49,6 +49,11 @@ _SIZE_TOLERANCE = 0.01
 # Spacings come from float32 numbers or text; digits beyond these are noise.
 _SPACING_DIGITS = 7
 _LONGEST_TEXT = 200
+# In a Digital Surf header six units begin at byte 180, 16 bytes each, in Latin-1. Some programs
+# write µ, or the Greek letter, in UTF-8.
+_SUR_MARKS = b"DIGITAL SURF", b"DSCOMPRESSED"
+_SUR_UNITS, _SUR_UNIT = range(180, 276, 16), 16
+_MICRO, _OTHER_MICRO = b"\xb5", ("µ".encode(), "μ".encode())
 
 _Raw = tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str]]
 
@@ -219,7 +224,7 @@ def _read_instrument_file(path: Path) -> _Raw:
 
 
 def _unwrapped(path: Path) -> str | io.BytesIO:
-    """A file in the form that SurfaceTopography reads: `.sur` uncompressed, `.x3p` by the standard.
+    """A file in the form that SurfaceTopography reads: `.sur` and `.x3p` by their standards.
 
     Some programs zip the folder around the `.x3p`'s members, or write its revision with another
     dash; the later revision has the same members.
@@ -237,18 +242,30 @@ def _unwrapped(path: Path) -> str | io.BytesIO:
                         revision = rb"\g<1>ISO5436 - 2000"
                         member = re.sub(rb"(<Revision>)[^<]*", revision, member)
                     plain.writestr(name.removeprefix(folder), member)
-        elif mark == b"DSCOMPRESSED":
-            from surfalize.file.sur import HEADER_SIZE, read_sur_object
-
-            file.seek(0)
-            sur = read_sur_object(file, encoding="latin-1")
-            file.seek(len(mark))
-            size = HEADER_SIZE + sur.header["length_comment"] + sur.header["length_private"]
-            content.write(b"DIGITAL SURF" + file.read(size - len(mark)) + sur.data.tobytes())
+        elif mark in _SUR_MARKS:
+            content.write(_plain_sur(mark + file.read()))
         else:
             return str(path)
     content.seek(0)
     return content
+
+
+def _plain_sur(content: bytes) -> bytes:
+    """A `.sur` without compression, with the micro signs of its units in Latin-1."""
+    plain = bytearray(content)
+    if content.startswith(b"DSCOMPRESSED"):
+        from surfalize.file.sur import HEADER_SIZE, read_sur_object
+
+        sur = read_sur_object(io.BytesIO(content), encoding="latin-1")
+        size = HEADER_SIZE + sur.header["length_comment"] + sur.header["length_private"]
+        plain[:size] = b"DIGITAL SURF" + content[12:size]
+        plain[size:] = sur.data.tobytes()
+    for start in _SUR_UNITS:
+        unit = bytes(plain[start : start + _SUR_UNIT]).strip(b" \0")
+        for other in _OTHER_MICRO:
+            unit = unit.replace(other, _MICRO)
+        plain[start : start + _SUR_UNIT] = unit.ljust(_SUR_UNIT, b"\0")
+    return bytes(plain)
 
 
 def _plain_text(value: str) -> str:

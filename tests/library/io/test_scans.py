@@ -293,3 +293,29 @@ def test_size_of_a_scan():
         InputError, match=r"b\.plu: the scan is 0\.9562 × 0\.8499 mm.*0\.85 × 0\.85"
     ):
         cut_scan(make_surface(np.zeros((512, 576)), 1.66e-3, file="b.plu"), None, 0.85)
+
+
+@pytest.mark.parametrize("micro", ["µ".encode("latin-1"), "µ".encode(), "μ".encode(), b"\xe6"])
+@pytest.mark.parametrize("name", ["sur", "sur, compressed"])
+def test_a_sur_states_micrometres_in_any_coding(tmp_path, heights, micro, name):
+    """Latin-1, UTF-8, the Greek letter in UTF-8, and that of MS-DOS."""
+    path = tmp_path / "a.sur"
+    FORMATS[name].write(path, heights, (DY, DX))
+    content = path.read_bytes()
+    unit = b"\xb5m".ljust(16, b"\0")
+    assert content.count(unit) == 2
+    path.write_bytes(content.replace(unit, (micro + b"m").ljust(16, b"\0")))
+    scan = read_scan(path)
+    np.testing.assert_allclose(scan.values, heights, atol=2e-9)
+    assert spacing_of(scan) == pytest.approx((DY, DX), rel=1e-6)
+
+
+@pytest.mark.parametrize("options", [{}, {"encoding": "latin-1"}, {"compressed": True}])
+def test_a_sur_as_surfalize_writes_it(tmp_path, heights, options):
+    from surfalize import Surface
+
+    Surface(heights * 1e3, DX * 1e3, DX * 1e3).save(tmp_path / "a.sur", **options)
+    scan = read_scan(tmp_path / "a.sur")
+    read = scan.values - np.nanmean(scan.values)  # its 0 is the middle of the heights
+    np.testing.assert_allclose(read, heights - np.nanmean(heights), atol=2e-9)
+    assert spacing_of(scan) == pytest.approx((DX, DX), rel=1e-6)
