@@ -201,6 +201,20 @@ def diff(before, after, tolerance) -> None:
 
 @main.command()
 @click.argument("results", type=_PATH)
+@click.option("--to", type=_PATH, help="The folder; by default `export` in the results folder.")
+def export(results, to) -> None:
+    """Write a study's surfaces (x3p, sur) and tool (PLY) for other programs.
+
+    MountainsMap and Gwyddion open the surfaces; CloudCompare, MeshLab and Blender the tool.
+    """
+    from gst.export import export_study
+
+    to = to or results / "export"
+    click.echo(f"{to}: {len(export_study(results, to))} files")
+
+
+@main.command()
+@click.argument("results", type=_PATH)
 @click.option("--output", type=_PATH, help="The zip; by default the folder's name and .zip.")
 @click.option(
     "--author", "authors", multiple=True, help="Author of the study; may be repeated."

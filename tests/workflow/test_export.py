@@ -1,0 +1,113 @@
+"""`gst export`: other programs' readers find in its files what the study holds."""
+
+import struct
+
+import numpy as np
+import pytest
+import trimesh
+import xarray as xr
+from gst.export import sur_of
+from gstlib.geometry import FRAME, stored_frame
+from gstlib.io.scans import read_scan
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import read_table
+from gstlib.surface import make_surface, spacing_of
+from SurfaceTopography.IO import open_topography
+from surfalize import Surface
+
+PATCH = "7"
+
+
+@pytest.fixture(scope="module")
+def exported(finished_tiny, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("export")
+    said = finished_tiny.gst("export", str(finished_tiny.results), "--to", str(folder))
+    assert said.returncode == 0, said.stderr
+    assert said.stdout == f"{folder}: {len(list(folder.iterdir()))} files\n"
+    return folder
+
+
+def stored(results):
+    """The maps of a patch, mm, as the study holds them."""
+    before = read_dataset(results / f"surfaces/{PATCH}_T0.h5")
+    found = read_dataset(results / f"registered/{PATCH}.h5")
+    wear = read_dataset(results / f"wear/{PATCH}.h5").depth
+    return {
+        "T0": before.height.where(~before.filled),
+        "T1": found.t1,
+        "loss": -found.change,
+        "predicted_archard": wear.sel(model="archard"),
+        "predicted_yielding": wear.sel(model="yielding"),
+    }
+
+
+@pytest.mark.parametrize("name", ["T0", "T1", "loss", "predicted_archard", "predicted_yielding"])
+def test_two_libraries_read_the_lengths(finished_tiny, exported, name):
+    expected = stored(finished_tiny.results)[name]
+    dy, dx = spacing_of(expected)
+    path = exported / f"{PATCH}_{name}.x3p"
+    one = Surface.load(path)  # µm; it checks the checksum, too
+    other = open_topography(str(path)).topography()
+    assert (one.step_y, one.step_x) == pytest.approx((dy * 1e3, dx * 1e3))
+    assert (other.unit, other.pixel_size) == ("m", pytest.approx((dx / 1e3, dy / 1e3)))
+    heights = np.ma.filled(other.heights(), np.nan).T
+    for read, unit in ((one.data, 1e3), (heights, 1e-3), (read_scan(path).values, 1.0)):
+        np.testing.assert_allclose(read, expected.values * unit, atol=1e-12)  # NaN where NaN
+    assert bool(expected.isnull().any()) == (name in ("T0", "T1", "loss"))
+
+
+def test_pressure_states_its_unit(finished_tiny, exported):
+    """By the bytes of Digital Surf's header: no reader here takes another unit than a length."""
+    expected = read_dataset(finished_tiny.results / f"microscale/{PATCH}.h5").pressure
+    content = (exported / f"{PATCH}_pressure.sur").read_bytes()
+    nx, ny = struct.unpack_from("<ii", content, 108)
+    dx, dy, step = struct.unpack_from("<fff", content, 120)
+    units = [content[at : at + 16].strip() for at in (180, 196, 212, 228, 244, 260)]
+    assert units == 2 * [b"mm", b"mm", b"MPa"]
+    assert (dy, dx) == pytest.approx(spacing_of(expected))
+    steps = np.frombuffer(content[512:], "<i4").reshape(ny, nx)
+    np.testing.assert_allclose(steps * step, expected.values, rtol=1e-6, atol=1e-4)
+    np.testing.assert_array_equal(steps == 0, expected.values == 0)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.0])
+def test_two_libraries_read_a_sur(tmp_path, scale):
+    heights = make_surface(scale * np.arange(-7.0, 8).reshape(3, 5) * 1e-3, (2e-3, 2e-3))
+    heights[1, 2] = np.nan
+    (tmp_path / "a.sur").write_bytes(sur_of(heights, "any"))
+    one = Surface.load(tmp_path / "a.sur").data / 1e3
+    other = open_topography(str(tmp_path / "a.sur")).topography()
+    assert (other.unit, other.physical_sizes) == ("mm", pytest.approx((10e-3, 6e-3)))
+    for read in (one, np.ma.filled(other.heights(), np.nan).T):
+        np.testing.assert_allclose(read, heights.values, atol=1e-9)
+
+
+def test_the_tool_keeps_its_coordinates_and_shows_the_patches(finished_tiny, exported):
+    results = finished_tiny.results
+    tool = trimesh.load(exported / "tool.ply", process=False)
+    read = tool.metadata["_ply_raw"]["vertex"]["data"]
+    stone = trimesh.load(results / "specimen/mesh.stl")
+    assert tool.bounds == pytest.approx(stone.bounds, abs=1e-5)
+    face = read_dataset(results / "macroscale/surface.h5", only=FRAME)
+    x, y, z = stored_frame(face).to_frame(tool.vertices).T
+    above, element = abs(z) < 1, 0.125
+    for number, place in enumerate(
+        read_table(results / "tables/patch_pressures.csv").itertuples(), start=1
+    ):
+        away = np.maximum(abs(x - place.x_mm), abs(y - place.y_mm))
+        assert place.rotation_deg == 0
+        is_patch = read["scalar_patch"] == number
+        assert is_patch[above & (away < 0.425 - element)].all()
+        assert not is_patch[away > 0.425 + element].any()
+        assert is_patch.any()
+    pressure = read_dataset(results / "macroscale/contact.h5").pressure
+    inside = above & (abs(x - 2.5) < 4) & (abs(y - 2.5) < 4)
+    at = {"x": xr.DataArray(x[inside], dims="p"), "y": xr.DataArray(y[inside], dims="p")}
+    expected = pressure.sel(at, method="nearest").values
+    assert np.isclose(read["scalar_pressure_MPa"][inside], expected, rtol=1e-5).mean() > 0.99
+
+
+def test_a_folder_without_a_study_is_refused(finished_tiny, tmp_path):
+    said = finished_tiny.gst("export", str(tmp_path), "--to", str(tmp_path / "to"))
+    assert (said.returncode, said.stdout) == (2, "")
+    assert "holds no finished study. Give the results folder" in said.stderr
