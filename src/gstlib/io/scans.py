@@ -49,6 +49,10 @@ _SIZE_TOLERANCE = 0.01
 # Spacings come from float32 numbers or text; digits beyond these are noise.
 _SPACING_DIGITS = 7
 _LONGEST_TEXT = 200
+_AS_MEASURED = (
+    "%s: an .mnt holds the map as it was measured; what was levelled, shifted or extracted from it "
+    "in Mountains is not applied. Save that map as .sur"
+)
 # In a Digital Surf header six units begin at byte 180, 16 bytes each, in Latin-1. Some programs
 # write µ, or the Greek letter, in UTF-8.
 _SUR_MARKS = b"DIGITAL SURF", b"DSCOMPRESSED"
@@ -204,6 +208,8 @@ def _read_instrument_file(path: Path) -> _Raw:
             length = None if unit is None else get_unit_conversion_factor(unit, "mm")
             ny, nx = heights.shape
             spacing = (float(size_y) / ny, float(size_x) / nx) if stated else None
+            if reader.format() == "mnt":
+                _log.warning(_AS_MEASURED, path)
     except MemoryError:
         raise
     except Exception as error:  # the readers raise whatever their parsers raise

@@ -1,12 +1,12 @@
 """Height maps in text: matrices (.csv, .txt, .asc), a row of the map a line, and points (.xyz).
 
 NumPy reads the cells, and strictly: a row of another length, or a word among the numbers, is a
-damaged file. Of headers, only that of Gwyddion's matrices is understood; others leave unit and
-spacing to the config.
+damaged file. Of headers, those of Gwyddion's matrices and of ESRI's grids are understood; others
+leave unit and spacing to the config.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,11 @@ SCAN_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
 
 # Cells that stand for an unmeasured point, except empty ones and NaN, which NumPy knows.
 _UNMEASURED = re.compile(r"\bbad\b|---", re.IGNORECASE)
+# Lines above an ESRI grid; others state its corner. Its cells are unmeasured by a number.
+_ESRI = re.compile(
+    r"^\s*(ncols|nrows|cellsize|dx|dy|nodata_value)\s+(\S+)\s*$", re.IGNORECASE | re.MULTILINE
+)
+_ESRI_UNMEASURED = -9999.0
 # Coordinates in text are rounded: a point belongs to a grid if within this share of a step.
 _GRID_TOLERANCE = 0.05
 # If points fill a smaller share of their grid, they are scattered, or one of them is far off.
@@ -32,6 +37,9 @@ def read_matrix(
 ) -> tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str]]:
     """Read a matrix of heights, as a reader of `gstlib.io.scans`."""
     header, heights = _read_rows(path)
+    grid = {name.lower(): cell for name, cell in _ESRI.findall(header)}
+    if {"ncols", "nrows"} <= grid.keys():
+        return _esri_grid(path, grid, heights)
     ny, nx = heights.shape
     stated = {
         name: float(number or 1) * SCAN_UNITS[unit]
@@ -51,6 +59,28 @@ def read_matrix(
         return heights, None, None, {}
     unit = stated["Value"]
     return heights, (stated["Height"] / ny / unit, stated["Width"] / nx / unit), unit, {}
+
+
+def _esri_grid(
+    path: Path, header: Mapping[str, str], heights: np.ndarray
+) -> tuple[np.ndarray, tuple[float, float], None, dict[str, str]]:
+    """Heights and spacing of an ESRI ASCII grid, whose first row is that of the highest y."""
+    try:
+        stated = {name: float(cell.replace(",", ".")) for name, cell in header.items()}
+        shape = stated["nrows"], stated["ncols"]
+        spacing = [stated[name if name in stated else "cellsize"] for name in ("dy", "dx")]
+    except (KeyError, ValueError) as error:
+        problem = f"the header of an ESRI grid states no number for {error}"
+        raise InputError(path, problem, "Export the grid again.") from error
+    if heights.shape != shape:
+        ny, nx = heights.shape
+        raise InputError(
+            path,
+            f"holds {ny} rows of {nx} heights, but its header states {shape[0]:g} of {shape[1]:g}",
+            "Export it again, with one row of the grid a line.",
+        )
+    heights[heights == stated.get("nodata_value", _ESRI_UNMEASURED)] = np.nan
+    return heights[::-1], (spacing[0], spacing[1]), None, {}
 
 
 def read_points(path: Path) -> tuple[np.ndarray, tuple[float, float], None, dict[str, str]]:

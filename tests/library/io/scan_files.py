@@ -137,6 +137,14 @@ def write_gwyddion_text(path, heights, spacing):
     path.write_text(header + _matrix(heights, "\t", "nan", 1e-3), encoding="utf-8")
 
 
+def write_esri(path, heights, spacing):
+    """An ESRI ASCII grid in µm, as GIS write it: the highest y first."""
+    ny, nx = heights.shape
+    header = f"ncols {nx}\nnrows {ny}\nxllcorner 431.5\nyllcorner -12.25\ndx {spacing[1] * 1e3!r}\n"
+    header += f"dy {spacing[0] * 1e3!r}\nNODATA_value -32768\n"
+    path.write_text(header + _matrix(heights[::-1], " ", "-32768"))
+
+
 @dataclass(frozen=True)
 class Format:
     """How to write a sample, and what `read_scan` must be given to read it."""
@@ -156,6 +164,7 @@ FORMATS = {
     "x3p": Format(".x3p", write_x3p, attrs={"instrument": "a profiler"}),
     "sdf": Format(".sdf", write_sdf),
     "xyz": Format(".xyz", write_xyz, lambda spacing: {"unit": "um"}),
+    "asc, ESRI": Format(".asc", write_esri, lambda spacing: {"unit": "um"}),
     "txt, Gwyddion": Format(".txt", write_gwyddion_text),
 } | {
     name: Format(

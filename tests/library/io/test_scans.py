@@ -319,3 +319,42 @@ def test_a_sur_as_surfalize_writes_it(tmp_path, heights, options):
     read = scan.values - np.nanmean(scan.values)  # its 0 is the middle of the heights
     np.testing.assert_allclose(read, heights - np.nanmean(heights), atol=2e-9)
     assert spacing_of(scan) == pytest.approx((DX, DX), rel=1e-6)
+
+
+ESRI = "NCOLS 4\nNROWS 3\nXLLCENTER 0\nYLLCENTER 0\nCELLSIZE {cell}\n{rows}"
+ROWS = "9 8 7 6\n5 -9999 4 3\n2 1 0 1\n"
+
+
+def test_an_esri_grid_begins_with_its_highest_y(tmp_path):
+    (tmp_path / "a.asc").write_text(ESRI.format(cell="0,01", rows=ROWS))
+    scan = read_scan(tmp_path / "a.asc", unit="mm")
+    np.testing.assert_array_equal(scan.values, [[2, 1, 0, 1], [5, math.nan, 4, 3], [9, 8, 7, 6]])
+    assert spacing_of(scan) == pytest.approx((0.01, 0.01))
+    _refused(tmp_path / "a.asc", "does not state its unit")
+
+
+@pytest.mark.parametrize(
+    ("cell", "rows", "match"),
+    [
+        ("0.01", ROWS[:8], "holds 1 rows of 4 heights, but its header states 3 of 4"),
+        ("fine", ROWS, "states no number for"),
+    ],
+)
+def test_an_esri_grid_that_is_cut_or_without_spacing_is_refused(tmp_path, cell, rows, match):
+    (tmp_path / "a.asc").write_text(ESRI.format(cell=cell, rows=rows))
+    _refused(tmp_path / "a.asc", match, unit="mm")
+
+
+def test_an_mnt_is_said_to_be_as_measured(tmp_path, heights, monkeypatch, caplog):
+    """There is no sample of one: the reader of a .sur stands for that of an .mnt."""
+    from SurfaceTopography.IO import open_topography
+
+    def open_as_mnt(path, format):
+        reader = open_topography(path, format="sur")
+        reader.format = lambda: format
+        return reader
+
+    monkeypatch.setattr("SurfaceTopography.IO.open_topography", open_as_mnt)
+    FORMATS["sur"].write(tmp_path / "a.mnt", heights, (DY, DX))
+    read_scan(tmp_path / "a.mnt")
+    assert "what was levelled, shifted or extracted from it in Mountains" in caplog.text
