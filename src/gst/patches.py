@@ -7,6 +7,8 @@ square's frame), ``rotation_deg`` (about the normal, x towards y), ``t0``, ``t1`
 names in the scan folder), ``crop_x_mm``, ``crop_y_mm`` (centre of the piece to cut from the scans,
 from their centre), ``note``.
 
+A name with ``*`` is that of the one file that fits it, where ``{patch}`` stands for the patch.
+
 The table of proposed places (``places.csv``) is a patch table, too: ``place`` stands for ``patch``,
 and its other columns are for readers. In a table without ``t0`` and ``t1``, a patch's scans are
 those named after it and the epoch: ``E1_T0.plux`` and, if they are there, ``E1_T1.plux`` and
@@ -18,6 +20,7 @@ import itertools
 import math
 import unicodedata
 from collections.abc import Collection, Iterator, Mapping
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -222,12 +225,13 @@ def _read_rows(
             for name, cell in zip(columns, cells, strict=False)
             if cell and name in known
         }
-        if named and "patch" in row:
-            try:
+        try:
+            if named and "patch" in row:
                 row |= _scans_named(row["patch"], folder) | row  # named files come first
-            except ConfigError as error:
-                problems.append((number, f"{error.problem}: {error.remedy}"))
-                continue
+            row |= _scans_fitting(row, folder)
+        except ConfigError as error:
+            problems.append((number, f"{error.problem}: {error.remedy}"))
+            continue
         problems += [(number, _explain(error)) for error in validator.iter_errors(row)]
         if any(cells[len(columns) :]):
             problems.append((number, f"{len(cells)} cells in {len(columns)} columns"))
@@ -247,8 +251,7 @@ def _scans_named(patch: str, folder: Path | None) -> dict[str, str]:
         name = f"{patch}_{epoch}"
         there = [f"{name}{_GENERATED}"]
         if folder is not None:
-            files = folder.iterdir() if folder.is_dir() else ()
-            there = sorted(file.name for file in files if file.stem.lower() == name.lower())
+            there = _fitting(f"{name}.*", folder)
         if len(there) > 1 or (epoch == "T0" and not there):
             problem = f"{', '.join(there) or 'no file'} in {folder} is named {name}"
             remedy = "name its one scan so, or add the columns t0 and t1"
@@ -256,6 +259,33 @@ def _scans_named(patch: str, folder: Path | None) -> dict[str, str]:
         if there:
             found[column] = there[0]
     return found
+
+
+def _scans_fitting(row: Mapping[str, Any], folder: Path | None) -> dict[str, str]:
+    """The one file that fits each name with ``*`` in a row, by column."""
+    found = {}
+    for column in EPOCHS:
+        if folder is not None and "*" in (name := row.get(column, "")):
+            name = name.replace("{patch}", row.get("patch", ""))
+            there = _fitting(name, folder)
+            if len(there) != 1:
+                fits = (
+                    f"{' and '.join(there)} in {folder} fit"
+                    if there
+                    else f"no file in {folder} fits"
+                )
+                problem = f"{column} is {row[column]!r}, and {fits} {name}"
+                raise ConfigError(str(folder), problem, "let it fit one file")
+            found[column] = there[0]
+    return found
+
+
+def _fitting(name: str, folder: Path) -> list[str]:
+    """The files whose names fit one with ``*``, whatever their capitals."""
+    place = folder / name
+    files = place.parent.iterdir() if place.parent.is_dir() else ()
+    there = (f.name for f in files if fnmatch(f.name.lower(), place.name.lower()))
+    return sorted(str(Path(name).with_name(file)) for file in there)
 
 
 def _read_lines(path: Path) -> list[tuple[int, str]]:

@@ -243,6 +243,37 @@ def test_a_place_without_its_scan_or_with_two_is_told(table, tmp_path):
     assert "add the columns t0 and t1" in message
 
 
+CONFOMAP = "*_{patch}_*_0strokes.mnt,*_{patch}_*_2000strokes.mnt"
+
+
+def test_a_name_with_a_star_is_that_of_the_file_that_fits(table, tmp_path):
+    path = table(f"patch,x_mm,y_mm,t0,t1\nloc1,1,1,{CONFOMAP}\nloc10,3,1,b/{{patch}}_*,\n")
+    for strokes in (0, 50, 2000):
+        (tmp_path / f"A1_LSM_dorsal_loc1_shift-extract_{strokes}strokes.mnt").touch()
+    (tmp_path / "A1_LSM_dorsal_loc10_shift-extract_0strokes.mnt").touch()
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b/Loc10_T0.sur").touch()
+    patches = read(path, scan_folder=tmp_path)
+    assert patches.t0.tolist() == [
+        "A1_LSM_dorsal_loc1_shift-extract_0strokes.mnt",
+        "b/Loc10_T0.sur",
+    ]
+    assert patches.t1.tolist() == ["A1_LSM_dorsal_loc1_shift-extract_2000strokes.mnt", ""]
+
+
+def test_a_name_with_a_star_that_fits_no_file_or_two_is_told(table, tmp_path):
+    path = table("patch,x_mm,y_mm,t0\na,1,1,{patch}_*\nb,3,1,*{patch}_9.sur\n")
+    for name in ("a_0.sur", "a_1.sur"):
+        (tmp_path / name).touch()
+    with pytest.raises(ConfigError) as caught:
+        read(path, scan_folder=tmp_path)
+    message = str(caught.value)
+    two = f"'{{patch}}_*', and a_0.sur and a_1.sur in {tmp_path} fit a_*"
+    assert f"line 2 (patch a): t0 is {two}: let it fit one file" in message
+    none = f"'*{{patch}}_9.sur', and no file in {tmp_path} fits *b_9.sur"
+    assert f"line 3 (patch b): t0 is {none}: let it fit one file" in message
+
+
 def test_places_take_columns_of_files_and_no_others(table):
     wide = PROPOSED.replace("touched\n", "touched,t0,t1\n")
     wide = wide.replace(",1\n", ",1,a.plu,b.plu\n").replace(",0\n", ",0,c.plu,\n")
