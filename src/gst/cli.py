@@ -114,7 +114,8 @@ def clean(config) -> None:
 @click.option(
     "--spacing-um", type=float, help="Point spacing (µm) of text files that do not state it."
 )
-def inspect(files, unit, spacing_um) -> None:
+@click.option("--pictures", type=_PATH, help="A folder for a picture (PNG) of each file.")
+def inspect(files, unit, spacing_um, pictures) -> None:
     """Show what scans and meshes contain: size, spacing, units, unmeasured share, Sq.
 
     The exit code is 1 if any file cannot be read; the others are still shown.
@@ -124,7 +125,13 @@ def inspect(files, unit, spacing_um) -> None:
     failed = False
     for file in files:
         try:
-            facts, _ = inspect_file(file, unit=unit, spacing_um=spacing_um)
+            facts, content = inspect_file(file, unit=unit, spacing_um=spacing_um)
+            if pictures is not None:
+                from gst.figures.inspected import inspected_figure
+                from gst.figures.style import save_figure
+
+                facts["picture"] = pictures / f"{file.name}.png"
+                save_figure(inspected_figure(content, file.name), facts["picture"])
         except GstError as error:
             failed = True
             click.echo(f"ERROR: {error}", err=True)

@@ -12,6 +12,7 @@ from gst.patches import ScanFile
 from gstlib.errors import InputsError
 from gstlib.geometry import Place, square_of
 from gstlib.io.plu import write_plu
+from PIL import Image
 
 SPACING = 0.01
 SETTINGS = {
@@ -292,6 +293,26 @@ def test_command_shows_the_facts(tilted, tmp_path):
     assert result.exit_code == 0, result.output
     assert "points_x" in result.output
     assert "vertices" in result.output
+
+
+def test_command_draws_the_files(tilted, tmp_path):
+    """The tilt is taken out, and points that were not measured stay pale."""
+    trimesh.creation.icosphere(radius=20.0).export(tmp_path / "a.ply")
+    result = inspect("--pictures", tmp_path / "seen", tilted, tmp_path / "a.ply")
+    assert result.exit_code == 0, result.output
+    assert f"{tmp_path}/seen/a.plu.png" in result.output
+    scan, mesh = (
+        np.asarray(Image.open(tmp_path / f"seen/{name}.png").convert("RGB"), dtype=int)
+        for name in ("a.plu", "a.ply")
+    )
+    blue, yellow = scan[..., 2] - scan[..., 0] > 40, scan[..., 0] - scan[..., 2] > 40
+    left = np.arange(scan.shape[1]) < scan.shape[1] / 2
+    assert 0.6 < (blue & left).sum() / (blue & ~left).sum() < 1.6  # noise, not a slope
+    assert yellow.sum() > 1000
+    pale = (scan == 0xE4).all(axis=-1)
+    assert pale.sum() == pytest.approx(0.01 * (3.6 * 120) ** 2, rel=0.1)  # 24 of 2400 points
+    thirds = np.array_split((mesh < 250).any(axis=-1), 3, axis=1)
+    assert all(0.2 < third.mean() < 0.8 for third in thirds)  # a ball, three times
 
 
 def test_a_mesh_that_is_not_read_gets_advice_about_meshes(tmp_path):
