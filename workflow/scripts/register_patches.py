@@ -1,10 +1,12 @@
 """Register T1 to T0, patch by patch, and take the height change."""
 
+import logging
 from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.io.store import Stored, read_attributes, write_dataset
+from gstlib.preprocess.form import form_doubt
 from gstlib.validation.change import Detection, register_patch
 
 
@@ -23,9 +25,10 @@ def main(
     measured = Detection.of(read_attributes(detection)) if detection else None
     further = [detection] if detection else []
     for patch, first, second, change in zip(patches, t0, t1, registered, strict=True):
-        found = register_patch(
-            before[patch], after[patch], patch=patch, detection=measured, **settings
-        )
+        scans = before[patch], after[patch]
+        if doubt := form_doubt(*(scan.height for scan in scans)):
+            logging.getLogger("gstlib").warning("patch %s: %s", patch, doubt)
+        found = register_patch(*scans, patch=patch, detection=measured, **settings)
         write_dataset(change, found, provenance([first, second, *further], settings))
 
 

@@ -1,0 +1,60 @@
+"""A form that was taken out of one scan alone is seen, and wear or another place is not."""
+
+import numpy as np
+import pytest
+from gstlib.preprocess.form import form_doubt, form_height
+from gstlib.surface import make_surface
+from numpy.polynomial.legendre import legvander2d
+
+SIZE = 96
+
+
+def stone(seed):
+    """Self-affine heights, mm, on twice the side of a scan."""
+    rng = np.random.default_rng(seed)
+    wave = np.hypot(*np.meshgrid(*2 * [np.fft.fftfreq(2 * SIZE) * 2 * SIZE], indexing="ij"))
+    amplitude = np.where(wave > 0, np.maximum(wave, 3) ** -1.8, 0)
+    heights = np.fft.ifft2(np.fft.fft2(rng.standard_normal(wave.shape)) * amplitude).real
+    return 5e-3 * heights / heights.std()
+
+
+def scan(heights, at=(0, 0), degree=1):
+    """A piece of a stone without its polynomial, as software leaves it."""
+    first = [SIZE // 2 + shift for shift in at]
+    piece = heights[first[0] : first[0] + SIZE, first[1] : first[1] + SIZE]
+    y, x = np.meshgrid(*2 * [np.linspace(-1, 1, SIZE)], indexing="ij")
+    powers = legvander2d(y.ravel(), x.ravel(), [degree, degree])
+    keep = np.add.outer(*2 * [np.arange(degree + 1)]).ravel() <= degree
+    fitted = powers[:, keep] @ np.linalg.lstsq(powers[:, keep], piece.ravel(), rcond=None)[0]
+    return make_surface(piece - fitted.reshape(piece.shape), 1.66e-3)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_wear_and_another_place_are_no_doubt(seed):
+    heights = stone(seed)
+    top = np.quantile(heights, 0.7)
+    worn = np.where(heights > top, top + 0.1 * (heights - top), heights)
+    assert form_doubt(scan(heights), scan(worn, at=(30, -20))) is None
+    assert form_doubt(scan(heights, degree=8), scan(worn, degree=8)) is None  # nothing shows it
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_polynomial_taken_out_of_one_scan_is_seen(seed):
+    heights = stone(seed)
+    before, after = scan(heights), scan(heights, degree=8)
+    said = form_doubt(before, after)
+    assert "as if a form had been taken out of T1 alone" in said
+    assert f"those of T0 {1e3 * form_height(before)[0]:.2g} µm" in said
+    assert "taken out of T0 alone" in form_doubt(after, before)
+
+
+def test_a_surface_that_was_ground_flat_is_no_doubt():
+    heights = stone(1)
+    assert form_doubt(scan(heights), scan(0.05 * heights)) is None
+
+
+def test_the_form_is_what_a_polynomial_of_degree_four_has():
+    y, x = np.meshgrid(*2 * [np.linspace(-1, 1, SIZE)], indexing="ij")
+    form, rest = form_height(make_surface(3e-3 * (1.5 * x**2 - 0.5) + 2 * y, 1.66e-3))
+    assert form == pytest.approx(3e-3 / np.sqrt(5), rel=0.05)
+    assert rest < 1e-9
