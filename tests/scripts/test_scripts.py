@@ -1,10 +1,15 @@
-"""Scripts refuse what they cannot use."""
+"""Scripts refuse what they cannot use, and pass on what is doubtful."""
 
 import importlib.util
 from pathlib import Path
 
+import numpy as np
 import pytest
+import scipy.ndimage
+import xarray as xr
 from gstlib.errors import ConfigError, InputError
+from gstlib.io.store import write_dataset
+from gstlib.surface import make_surface
 
 WORKFLOW = Path(__file__).parents[2] / "workflow"
 
@@ -62,3 +67,26 @@ def test_cases_and_what_they_tell_are_named_in_their_caption():
     said = "study", "other modulus", "grinding", "slip share", "mean traction"
     said += "tangential displacement", "ceiling", "share at the ceiling", "iou", "deepest yield"
     assert [name for name in said if f"``{name}``" not in " ".join(text.split())] == []
+
+
+def test_a_form_taken_out_of_t1_is_warned_of_where_it_is_registered(tmp_path, caplog):
+    rng = np.random.default_rng(1)
+    x = np.tile(np.linspace(-1, 1, 64), (64, 1))
+    texture = 1e-3 * scipy.ndimage.gaussian_filter(rng.standard_normal(x.shape), 1)
+    for name, form in (("t0", 3e-3 * x**2), ("bent", 3e-3 * x**2), ("flat", 0.0 * x)):
+        height = make_surface(texture + form + 1e-5 * rng.standard_normal(x.shape), 1.66e-3)
+        no = xr.zeros_like(height, dtype=bool).assign_attrs(units="1", long_name="none")
+        scan = xr.Dataset({"height": height, "filled": no, "outlier": no})
+        scan["height"].attrs.update(units="mm", long_name="height")
+        write_dataset(tmp_path / f"{name}.h5", scan)
+    script_of("register_patches").main(
+        2 * [tmp_path / "t0.h5"],
+        [tmp_path / "bent.h5", tmp_path / "flat.h5"],
+        [],
+        [tmp_path / "a.h5", tmp_path / "b.h5"],
+        patches=["A", "B"],
+        maximum_shift_mm=0.02,
+        minimum_points=2,
+    )
+    (said,) = (message for message in caplog.messages if "long waves" in message)
+    assert said.startswith("patch B: the long waves of T1 are")
