@@ -2,6 +2,8 @@
 
 import os
 import shutil
+import subprocess
+import sys
 
 import gst
 import pytest
@@ -81,3 +83,17 @@ def test_results_of_an_earlier_version_are_refused_and_can_be_removed(tmp_path, 
     monkeypatch.setattr("builtins.input", lambda _: "y")
     remove_results(config)
     assert not (tmp_path / "results-tiny").exists()
+
+
+def test_the_command_computes_on_one_thread():
+    """On several, the small matrices of a check take up to eight times as long."""
+    called = (
+        "import contextlib, sys, gst.__main__; sys.argv = ['gst', '--help']\n"
+        "with contextlib.suppress(SystemExit): gst.__main__.run()\n"
+        "import numpy, psutil; print('threads', psutil.Process().num_threads())"
+    )
+    free = {name: of for name, of in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    said = subprocess.run(
+        [sys.executable, "-c", called], env=free, capture_output=True, text=True, check=True
+    )
+    assert said.stdout.endswith("threads 1\n")
