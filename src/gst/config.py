@@ -8,10 +8,12 @@ express. All problems are reported at once, each with its key, its value and the
 import copy
 import difflib
 import functools
-from collections.abc import Iterable, Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import yaml
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
@@ -37,6 +39,13 @@ __all__ = [
 ]
 
 _SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
+_MODULUS = "contact_modulus_MPa"
+# Corners are clicked or typed: the square's sides may be off by this share.
+_SIDE_TOLERANCE = 0.1
+# ASSUME: no stone bears a mean pressure (MPa) like this; quartzite is crushed at 150 to 300 MPa.
+_CRUSHING_MPA = 1000.0
+# A number with a decimal comma, which YAML takes for text.
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 
 
 def refuse_config(problems: Iterable[str], source: str) -> None:
@@ -50,10 +59,14 @@ def complete(config: Mapping) -> dict:
     """A config with the defaults of all omitted keys; `config` is not altered.
 
     In a section given in part, the other keys take their defaults. A null stays null, and a
-    list replaces a default list. Nothing is checked: unknown keys and values of a wrong type
-    stay.
+    list replaces a default list. The contact modulus by default is the paper's, for its elastic
+    constants; of constants that are given without it, it is null, to be computed from them.
+    Nothing is checked: unknown keys and values of a wrong type stay.
     """
     whole = _validator().schema
+    material = config.get("material")
+    if isinstance(material, Mapping) and material and _MODULUS not in material:
+        config = {**config, "material": {**material, _MODULUS: None}}
     return _completed(config, whole, whole)
 
 
@@ -111,9 +124,28 @@ def read_study(config: Mapping, source: str) -> "pd.DataFrame":
 
 def config_problems(config: Mapping) -> list[str]:
     """Everything that is wrong with a whole config, one sentence each; empty if it can be used."""
-    explained = map(_explain, _leaves(_validator().iter_errors(config)))
-    # The contradictions rely on correct types. Branches of `oneOf` may give the same message.
-    return list(dict.fromkeys(explained)) or list(_contradictions(config))
+    errors = list(_leaves(_validator().iter_errors(config)))
+    # Branches of `oneOf` may give the same message.
+    explained = list(dict.fromkeys(_explain(e) for e in errors if not _has_commas(e)))
+    if commas := dict.fromkeys(
+        f"'{_key(e)}' is {e.instance}" for e in errors if _has_commas(e)
+    ):
+        explained.insert(0, f"{', '.join(commas)}: write decimal points, not commas")
+    # The contradictions rely on correct types.
+    return explained or list(_contradictions(config))
+
+
+def _has_commas(error: ValidationError) -> bool:
+    """Whether numbers were written with decimal commas; in a list they look like twice as many."""
+    value, asked = error.instance, error.validator_value
+    if error.validator == "maxItems":
+        return len(value) == 2 * asked and all(isinstance(part, int) for part in value)
+    is_text = error.validator == "type" and isinstance(value, str)
+    return is_text and _DECIMAL_COMMA.fullmatch(value) is not None
+
+
+def _key(error: ValidationError) -> str:
+    return ".".join(str(part) for part in error.absolute_path)
 
 
 @functools.cache
@@ -182,7 +214,7 @@ def _leaves(errors: Iterable[ValidationError]) -> Iterator[ValidationError]:
 
 
 def _explain(error: ValidationError) -> str:
-    key = ".".join(str(part) for part in error.absolute_path)
+    key = _key(error)
     if error.validator == "additionalProperties":
         known = error.schema["properties"]
         unknown = sorted(set(error.instance) - set(known))
@@ -198,6 +230,8 @@ def _explain(error: ValidationError) -> str:
     asked = [error.schema, error.parent.schema if error.parent else {}]
     description = next((rule["description"] for rule in asked if "description" in rule), "")
     wish = f" [{description}]" if description else ""
+    if error.validator == "pattern":  # which is for the machine
+        return f"'{key}' is {error.instance!r}:{wish}"
     if error.validator == "type" and isinstance(error.instance, str):
         wish = f" (write a number without quotes, such as 20 or 1.0e-9){wish}"
     return f"'{key}' is {error.instance!r}: {error.message}{wish}"
@@ -214,11 +248,12 @@ def _contradictions(config: Mapping) -> Iterator[str]:
             f"'results' is {config['results']!r}, a folder that contains {inside}: name a folder "
             "for the results alone"
         )
-    square = config["square"]
-    try:
-        frame_from_points(square["points_mm"])
-    except ConfigError as error:
-        yield str(error)
+    square, pose = config["square"], (config["counterface"] or {}).get("pose", {})
+    yield from _square_problems("square.points_mm", square["points_mm"], square["size_mm"])
+    if "points_mm" in pose:
+        yield from _square_problems(
+            "counterface.pose.points_mm", pose["points_mm"], square["size_mm"]
+        )
     yield from _patches_problems(config)
     if config["scans"]["size_mm"] > square["size_mm"]:
         yield (
@@ -264,6 +299,22 @@ def _contradictions(config: Mapping) -> Iterator[str]:
             yield f"'{name}': {problem}: correct the path"
 
 
+def _square_problems(key: str, points: Sequence, size_mm: float) -> Iterator[str]:
+    """Corners that make no square, or one of another size."""
+    try:
+        frame_from_points(points)
+    except ConfigError as error:
+        yield f"'{key}': {error.problem}: {error.remedy}"
+        return
+    sides = np.linalg.norm(np.subtract(points[1:], points[0]), axis=1)
+    if (abs(sides - size_mm) > _SIDE_TOLERANCE * size_mm).any():
+        yield (
+            f"'{key}' are corners {sides[0]:.3g} and {sides[1]:.3g} mm apart, and square.size_mm "
+            f"is {size_mm:g}: give the points in mm, at the corners of the square, or correct its "
+            "size"
+        )
+
+
 def _patches_problems(config: Mapping) -> Iterator[str]:
     """What is wrong with the patches, or with a study that has none."""
     inputs = config["inputs"]
@@ -298,6 +349,12 @@ def _load_problems(config: Mapping) -> Iterator[str]:
             f"'hardness' is {config['hardness']} MPa, not above the mean pressure on the square, "
             f"{pressure:.4g} MPa: no contact bears more than its hardness; raise it, or set it to "
             "null"
+        )
+    if pressure > _CRUSHING_MPA:
+        yield (
+            f"'load' presses the square of {size_mm:g} mm with {pressure:.4g} MPa on average, and "
+            "no stone bears that (quartzite is crushed at 150 to 300 MPa): give the force of use "
+            "in N, which for a hand is some tens to some hundreds"
         )
     form = config["counterface"] or {}
     if form.get("radius_mm") and "mesh" in form:

@@ -24,6 +24,7 @@ from snakemake.utils import update_config
 ROOT = Path(__file__).parents[2]
 SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
 POINTS = [[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 5.0, 0.0]]
+SMALL = (np.array(POINTS) / 1000).tolist()
 SECOND = {"mesh": "b.ply", "pose": {"matrix": np.eye(4).tolist()}}
 MAT = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0}
 INPUTS = {"mesh": "a", "mesh_unit": "mm", "scan_folder": "b"}
@@ -192,14 +193,40 @@ def test_all_problems_are_told_at_once(config):
         ("macroscale.face_mm", 4.0, "'macroscale.face_mm' is 4, less than the square's 5 mm"),
         ("grinding", {"friction": 0.6, "tangential_ratio": 1.5}, "grinding.tangential_ratio"),
         ("grinding", {"friction": 0, "tangential_ratio": 0.5}, "grinding.friction"),
-        # YAML takes for text a number with an exponent but no point, or with a decimal comma
+        ("load.force_N", 5e4, "with 2000 MPa on average, and no stone bears that"),
+        ("square.size_mm", 4.0, "corners 5 and 5 mm apart, and square.size_mm is 4"),
+        ("square.points_mm", SMALL, "corners 0.005 and 0.005 mm apart"),
+        ("counterface", {"mesh": "b.ply", "pose": {"points_mm": SMALL}}, "'counterface.pose.p"),
+        ("results", "my results", "letters without accents, digits, and . _ - /"),
+        # YAML takes for text a number with an exponent but no point
         ("microscale.tolerance", "1e-9", "such as 20 or 1.0e-9) ["),
-        ("microscale.steps", "2,5", "such as 20 or 1.0e-9) ["),
         ("colour", "blue", "unknown keys ['colour']"),
     ],
 )
 def test_a_value_that_cannot_be_used(config, path, value, words):
     assert words in "\n".join(config_problems(changed(config, path, value)))
+
+
+def test_decimal_commas_are_one_problem(config):
+    """YAML takes a number with one for text, and in a list for two numbers."""
+    corner = yaml.safe_load("[2,5, 2,5, 0,0]")
+    points = changed(config, "square.points_mm", [corner, [1, 2, 3], corner])
+    (problem,) = config_problems(changed(points, "microscale.steps", "2,5"))
+    for word in ("decimal points", "microscale.steps", "points_mm.0", "points_mm.2"):
+        assert word in problem
+
+
+@pytest.mark.parametrize(
+    ("material", "modulus"),
+    [
+        ({}, 12820.0),
+        ({"young_1_MPa": 70000.0, "poisson_1": 0.1}, None),
+        ({"young_1_MPa": 70000.0, "contact_modulus_MPa": 9000.0}, 9000.0),
+    ],
+)
+def test_a_contact_modulus_that_is_left_out_follows_from_the_constants(material, modulus):
+    """The default is that of the paper, for its constants alone."""
+    assert complete({"material": material})["material"]["contact_modulus_MPa"] == modulus
 
 
 @pytest.mark.parametrize(
