@@ -10,7 +10,7 @@ import xarray as xr
 
 from gst.config import check_files, counterface_mesh, read_config, read_study
 from gst.inputs import Asked, Inputs, check_inputs
-from gst.patches import scan_files
+from gst.patches import overlaps, scan_files
 from gst.poses import reach_of
 from gstlib.contact import (
     Loading,
@@ -148,6 +148,15 @@ def check_study(path: Path) -> None:
     logging.basicConfig(format="%(levelname)s: %(message)s")
     config = read_config(path)
     patches = read_study(config, str(path))
+    for one, other, share in overlaps(patches, config["scans"]["size_mm"]):
+        _log.warning(
+            "%s: patches %s and %s have %.2g %% of their area in common, whose wear counts twice; "
+            "if they lie side by side, correct x_mm and y_mm",
+            config["patches"],
+            one,
+            other,
+            100 * share,
+        )
     problems: list[GstError] = []
     found, writable = None, False
     try:

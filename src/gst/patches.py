@@ -18,6 +18,7 @@ those named after it and the epoch: ``E1_T0.plux`` and, if they are there, ``E1_
 import csv
 import itertools
 import math
+import re
 import unicodedata
 from collections.abc import Collection, Iterator, Mapping
 from fnmatch import fnmatch
@@ -29,7 +30,7 @@ import yaml
 
 from gst import ROOT
 from gstlib.errors import ConfigError
-from gstlib.geometry import Place
+from gstlib.geometry import Place, outline, places_of
 from gstlib.io.results import columns_of
 from gstlib.io.text import decoded, separator_of
 
@@ -43,6 +44,7 @@ __all__ = [
     "ScanFile",
     "at_epoch",
     "no_patches",
+    "overlaps",
     "read_patches",
     "scan_files",
 ]
@@ -57,6 +59,9 @@ EPOCHS = {"t0": "T0", "t1": "T1", "repeat": REPEAT}
 _GENERATED = ".plu"
 # A footprint may touch the square's edge; up to this much (mm) beyond it is rounding.
 _ROUNDING = 1e-9
+# Patches that overlap by less (share of a patch) lie side by side: places are rounded.
+_LEAST_OVERLAP = 0.01
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 # First bytes of .xlsx and .ods, and of .xls.
 _SPREADSHEETS = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 
@@ -117,6 +122,18 @@ def read_patches(
         kind="stable",
         ignore_index=True,
     )
+
+
+def overlaps(patches: pd.DataFrame, size_mm: float) -> Iterator[tuple[str, str, float]]:
+    """Two patches, and the share (0 to 1) of each that they have in common, if more than 1 %."""
+    from shapely import Polygon
+
+    outlines = {
+        patch: Polygon(outline(place, size_mm)) for patch, place in places_of(patches).items()
+    }
+    for (one, first), (other, second) in itertools.combinations(outlines.items(), 2):
+        if (share := first.intersection(second).area / size_mm**2) > _LEAST_OVERLAP:
+            yield one, other, share
 
 
 def no_patches() -> pd.DataFrame:
@@ -209,11 +226,17 @@ def _read_rows(
     missing = [name for name in missing if not (named and name == "t0")]
     unknown = [name for name in columns if name not in known and name not in for_readers]
     if missing or unknown:
+        lower = {name.lower(): name for name in known}
+        other_case = {name: lower[name.lower()] for name in unknown if name.lower() in lower}
+        meant = ", ".join(f"{right} for {name}" for name, right in other_case.items())
         raise ConfigError(
             path,
             f"missing columns {missing}, unknown columns {unknown} (found {columns})",
-            f"Known columns: {list(known)}, separated by tabs, commas or semicolons.",
+            (f"Write {meant}: case matters. " if meant else "")
+            + f"Known columns: {list(known)}, separated by tabs, commas or semicolons.",
         )
+    if delimiter == ",":
+        _refuse_decimal_commas(path, columns, lines)
     validator = Draft202012Validator(schema)
     rows: dict[int, dict[str, Any]] = {}
     problems: list[tuple[int, str]] = []
@@ -240,6 +263,21 @@ def _read_rows(
         if first != number:
             problems.append((number, f"same id as in line {first}"))
     return rows, problems
+
+
+def _refuse_decimal_commas(
+    path: Path, columns: list[str], lines: list[tuple[int, str]]
+) -> None:
+    """Where commas separate the cells, a decimal comma splits a number, unless it is quoted."""
+    for number, line in lines:
+        cells, x = _cells(line, ","), columns.index("x_mm")
+        is_split = len(cells) > len(columns) and all(map(str.isdecimal, cells[x : x + 4]))
+        if is_split or any(map(_DECIMAL_COMMA.fullmatch, cells[x : x + 1])):
+            raise ConfigError(
+                path,
+                f"has decimal commas, as in line {number} ({line}), and commas between the cells",
+                "Separate the cells by semicolons or tabs, or write decimal points.",
+            )
 
 
 def _scans_named(patch: str, folder: Path | None) -> dict[str, str]:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gst.patches import read_patches, scan_files
+from gst.patches import overlaps, read_patches, scan_files
 from gstlib.errors import ConfigError
 from gstlib.io.tables import read_table, write_table
 
@@ -102,8 +102,14 @@ def test_spreadsheet_tables_keep_their_line_numbers(table):
         "line 7 (patch 3): 5 cells in 4 columns",
         "2 problems",
     )
-    # between commas a comma is no decimal sign
-    refused(table('patch,x_mm,y_mm,t0\n1,"0,5",1,a\n'), "x_mm is '0,5', not a number")
+
+
+@pytest.mark.parametrize("row", ['{},"0,5","1,5",a', "{},0,5,1,5,a"])
+def test_decimal_commas_between_commas_are_one_problem(table, row):
+    rows = "".join(row.format(patch) + "\n" for patch in range(14))
+    message = refused(table(f"patch,x_mm,y_mm,t0\n{rows}"), "decimal commas, as in line 2")
+    assert len(message.splitlines()) == 1
+    refused(table("patch,x_mm,y_mm,t0\n1,1,1,a,b,c\n"), "6 cells in 4 columns")
 
 
 def test_a_scan_after_use_needs_one_before(table):
@@ -174,6 +180,13 @@ def test_a_place_scanned_twice_is_refused_and_a_small_overlap_is_not(table):
     assert len(read(table(near.replace("3,1.4", "3,2.2")))) == 3
 
 
+def test_patches_that_overlap_are_named_and_neighbours_are_not(table):
+    text = "patch,x_mm,y_mm,t0,rotation_deg\n1,1,1,a,0\n2,1.8,1,b,0\n3,2.65,1,c,0\n4,2.65,1.9,d,45\n"
+    near, turned = overlaps(read(table(text)), 0.85)
+    assert near == ("1", "2", pytest.approx(0.05 / 0.85))
+    assert turned[:2] == ("3", "4")
+
+
 def test_turned_footprint_needs_more_room(table):
     read(table("patch,x_mm,y_mm,t0\n1,0.425,4.575,a\n"))  # it may touch the edge
     text = "patch,x_mm,y_mm,t0,rotation_deg\n1,0.45,1,a,{}\n"
@@ -187,6 +200,7 @@ def test_turned_footprint_needs_more_room(table):
     [
         ("patch,x_mm,t0", "missing columns ['y_mm']"),
         ("patch,x_mm,y_mm,t0,pressure", "unknown columns ['pressure']"),
+        ("Patch,X_mm,y_mm,t0", "Write patch for Patch, x_mm for X_mm"),
         ("patch,x_mm,y_mm,,t0", "unknown columns ['']"),
         ("patch x_mm y_mm t0", "separated by tabs, commas or semicolons"),
     ],
