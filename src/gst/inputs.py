@@ -5,7 +5,6 @@ checked, so all can be corrected at once.
 """
 
 import logging
-import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -15,21 +14,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
-from skimage.transform import resize_local_mean
 
+from gst.amplitudes import UNIT_FACTOR, Amplitude, other_units
 from gst.config import thinner_than_a_point
 from gst.patches import COUNTERFACE, REPEAT, ScanFile, at_epoch
 from gstlib.contact import check_grid
 from gstlib.counterface import SecondStone
 from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.face import grid_macroscale
-from gstlib.geometry import Frame, Place, find_frame, on_patch, spline_of, square_of
+from gstlib.geometry import Frame, find_frame, square_of
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.scan import check_unmeasured
-from gstlib.surface import make_surface, spacing_of
+from gstlib.surface import spacing_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -56,13 +55,6 @@ _COPIED = {
 _AT = {"T1": "at T1", REPEAT: "in its repeat"}
 # Peak memory of the contact of the whole square, bytes per point (measured at 3012²).
 _BYTES = 200
-# ASSUME: heights of one stone that differ by this factor, between two scans of a patch or, in the
-# waves that both see, between scans and mesh, are in different units.
-_UNIT_FACTOR = 10.0
-# Fewest blocks along a patch's side: 2 × 2 blocks leave one degree of freedom after levelling.
-_FEWEST_BLOCKS = 2
-# A triangular net of edge a resolves waves down to √3 a, twice the distance between its rows.
-_SHORTEST_PER_EDGE = math.sqrt(3)
 
 
 @dataclass(frozen=True)
@@ -98,8 +90,8 @@ class _Piece(NamedTuple):
 
     path: Path
     grid: tuple[tuple[int, ...], tuple[float, float]]  # (ny, nx), and (dy, dx) in mm
-    content: int  # hash of its heights
-    spread: float  # see `_spread`
+    content: tuple  # hash of its file's heights, and which piece of them it is
+    amplitude: Amplitude
 
 
 _Pieces = dict[tuple[str, str], _Piece]  # by patch and epoch
@@ -162,7 +154,6 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
         problems.append(error)
     rows: list[dict[str, Any]] = []
     pieces: _Pieces = {}
-    waves: list[tuple[float, float]] = []
     by_file: dict[Path, list[ScanFile]] = {}
     for scan in scans:
         by_file.setdefault(scan.path, []).append(scan)
@@ -173,6 +164,7 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
         except GstError as error:
             problems.append(error)
             continue
+        heights_hash = hash(whole.values.tobytes())
         for use in uses:
             try:
                 piece = cut_scan(whole, use.crop, asked.scan_settings["size_mm"])
@@ -182,16 +174,17 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
                 problems.append(InputError(named, error.problem, error.remedy))
                 continue
             facts, grid = _scan_facts(piece), (piece.shape, spacing_of(piece))
-            content = hash(piece.values.tobytes())
-            pieces[use.patch, use.epoch] = _Piece(path, grid, content, _spread(piece))
-            if use.place is not None and use.epoch == "T0" and heights is not None:
-                waves += _common_waves(piece, heights, use.place)
+            place = use.place if use.epoch == "T0" else None
+            pieces[use.patch, use.epoch] = _Piece(
+                path, grid, (heights_hash, use.crop), Amplitude.of(path, piece, heights, place)
+            )
             rows.append(
                 {"patch": use.patch, "epoch": use.epoch, "file": path.name}
                 | {name: facts.get(name) for name in _FACTS}
                 | {"range_um": facts["highest_um"] - facts["lowest_um"]}
             )
     problems += _unlike_epochs(pieces)
+    problems += _same_scans(pieces)
     at_t0 = {patch: piece for (patch, epoch), piece in pieces.items() if epoch == "T0"}
     problems += _unlike_counterface(pieces.get((COUNTERFACE, "")), at_t0)
     if asked.reference:
@@ -201,7 +194,7 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
         thin = thinner_than_a_point(asked.mat["thickness_um"], coarsest)
         remedy = "Make it thicker, or set mat to null."
         problems.append(ConfigError("mat.thickness_um", thin, remedy))
-    for fault in _other_unit(waves):
+    for fault in other_units({patch: piece.amplitude for patch, piece in at_t0.items()}):
         if asked.placed:
             problems.append(fault)
         else:
@@ -246,11 +239,11 @@ def _unlike(first: _Piece, second: _Piece) -> Iterator[GstError]:
             f"{spacing_0[1] * _MM_TO_UM:.5g} µm",
             "Scan both epochs of a patch with the same objective, or resample one.",
         )
-    low, high = sorted((first.spread, second.spread))
-    if low and high > _UNIT_FACTOR * low:
+    before, after = first.amplitude.spread, second.amplitude.spread
+    if before and after and not 1 / UNIT_FACTOR <= after / before <= UNIT_FACTOR:
         yield InputError(
             second.path,
-            f"its heights vary {second.spread / first.spread:.3g} times as much as those of "
+            f"its heights vary {after / before:.3g} times as much as those of "
             f"{first.path}: one of the two is in another unit",
             "Export both epochs of a patch in one unit; scans.unit applies to all files.",
         )
@@ -265,6 +258,20 @@ def _copied(pieces: _Pieces, patch: str, epoch: str, other: str) -> Iterator[Gst
             f"patch {patch} has the same heights {_AT[epoch]} as at {other} ({first.path})",
             _COPIED[epoch][other],
         )
+
+
+def _same_scans(pieces: _Pieces) -> Iterator[GstError]:
+    """The same piece of the same heights for two patches."""
+    first: dict[tuple, tuple[str, str]] = {}
+    for use, piece in pieces.items():
+        other = first.setdefault(piece.content, use)
+        if other[0] != use[0]:
+            yield InputError(
+                piece.path,
+                f"{at_epoch(*use)} has the same heights as {at_epoch(*other)} "
+                f"({pieces[other].path})",
+                "Correct their names in the patch table: each patch has scans of its own.",
+            )
 
 
 def _unlike_counterface(face: _Piece | None, at_t0: Mapping[str, _Piece]) -> list[GstError]:
@@ -301,46 +308,6 @@ def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[Gst
             f"patch {patch} has {other_nx} × {other_ny} points, but {first.path} has {nx} × {ny}: "
             "the contact of the whole square needs scans of one grid",
             "Scan all patches alike, or set reference_draws to null.",
-        )
-
-
-def _spread(scan: xr.DataArray) -> float:
-    """How much heights vary over an eighth of a scan (mm), regardless of tilt and spikes."""
-    apart = max(1, scan.shape[1] // 8)
-    steps = scan.values[:, apart:] - scan.values[:, :-apart]
-    return float(np.subtract(*np.nanpercentile(steps, [75, 25])))
-
-
-def _common_waves(
-    scan: xr.DataArray, square: xr.DataArray, place: Place
-) -> list[tuple[float, float]]:
-    """R.m.s. heights of a scan and of the mesh under it, in waves that the mesh's edges resolve.
-
-    None if these are longer than the scan.
-    """
-    side = min(n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
-    blocks = int(2 * side / (_SHORTEST_PER_EDGE * square.attrs["mesh_edge_mm"]))
-    if blocks < _FEWEST_BLOCKS:
-        return []
-    level = remove_plane(scan)[0].fillna(0.0).values
-    under = on_patch(spline_of(square), place, scan.shape, side)
-    both = (resize_local_mean(heights, 2 * (blocks,)) for heights in (level, under))
-    one, other = (float(remove_plane(make_surface(h, side / blocks))[0].std()) for h in both)
-    return [(one, other)]
-
-
-def _other_unit(waves: list[tuple[float, float]]) -> Iterator[InputError]:
-    """Scans and mesh differ by an order of magnitude, from `_common_waves`."""
-    if not waves:
-        return
-    scan, mesh = np.sqrt(np.square(waves).mean(axis=0))
-    if max(scan, mesh) > _UNIT_FACTOR * min(scan, mesh):
-        yield InputError(
-            "scans",
-            f"in the waves that scans and mesh both resolve, the scans are {scan * _MM_TO_UM:.3g} "
-            f"µm high (r.m.s.) and the mesh under them {mesh * _MM_TO_UM:.3g} µm",
-            "Check scans.unit and inputs.mesh_unit in the config. If both are right, the mesh does "
-            "not show how the patches lie: set coupling to levelled.",
         )
 
 

@@ -205,6 +205,41 @@ def test_scans_and_mesh_in_different_units(folder, caplog, halvings):
     assert "scans.unit" in caplog.text
 
 
+@pytest.mark.parametrize(("factor", "said"), [(1e-3, 1), (200.0, 1), (6.0, 0), (1.5, 0)])
+@pytest.mark.parametrize("halvings", [2, 6])  # a mesh that does not resolve a patch, and one
+def test_one_scan_in_another_unit(folder, caplog, halvings, factor, said):
+    """Its heights are compared with those of the others, whether the mesh shows them or not."""
+    box = stone(halvings=6)
+    z = 5 + 0.02 * np.sin(2 * np.pi * box.vertices[:, 0] / 2.8)
+    box.vertices[:, 2] = np.where(box.vertices[:, 2] > 4.9, z, -5)
+    box.export(folder / "stone.stl")
+    settings = SETTINGS | {"scan_settings": SETTINGS["scan_settings"] | {"size_mm": 2.0}}
+    rng, uses = np.random.default_rng(1), []
+    for patch, y_mm in (("1", 1.2), ("2", 2.0), ("3", 2.8)):
+        at = 3.0 + 2.0 - 1.0 + 0.04 * (np.arange(50) + 0.5)
+        waves = np.tile(0.02 * np.sin(2 * np.pi * at / 2.8), (50, 1))
+        waves = (factor if patch == "2" else 1) * (waves + 1e-4 * rng.normal(size=waves.shape))
+        uses.append(ScanFile(folder / f"{patch}.plu", patch, "T0", None, Place(y_mm, 2.0)))
+        write_plu(uses[-1].path, waves, 0.04)
+    mesh = folder / "stone.stl" if halvings == 6 else None
+    problems = check_inputs(mesh, uses, Asked(**settings)).problems
+    assert len(problems) == said
+    assert all("2.plu: its heights" in str(problem) for problem in problems)
+    assert (f"{folder}/2.plu" in caplog.text) == (factor == 6.0)
+
+
+def test_two_patches_need_two_scans(folder):
+    uses = scans(folder)
+    uses[2] = uses[2]._replace(path=uses[0].path)
+    (problem,) = check_inputs(folder / "stone.stl", uses, Asked(**SETTINGS)).problems
+    assert "1_T0.plu: patch 2 at T0 has the same heights as patch 1 at T0" in str(problem)
+    copied = folder / "copy.plu"
+    copied.write_bytes(uses[1].path.read_bytes())
+    uses[2] = uses[2]._replace(path=copied)
+    (problem,) = check_inputs(folder / "stone.stl", uses, Asked(**SETTINGS)).problems
+    assert "copy.plu: patch 2 at T0 has the same heights as patch 1 at T1" in str(problem)
+
+
 def test_both_epochs_with_the_same_heights_are_refused(folder):
     (folder / "1_T1.plu").write_bytes((folder / "1_T0.plu").read_bytes())
     uses = [*scans(folder)[:3], ScanFile(folder / "2_T0.plu", "2", "T1")]

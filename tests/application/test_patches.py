@@ -181,7 +181,9 @@ def test_a_place_scanned_twice_is_refused_and_a_small_overlap_is_not(table):
 
 
 def test_patches_that_overlap_are_named_and_neighbours_are_not(table):
-    text = "patch,x_mm,y_mm,t0,rotation_deg\n1,1,1,a,0\n2,1.8,1,b,0\n3,2.65,1,c,0\n4,2.65,1.9,d,45\n"
+    text = (
+        "patch,x_mm,y_mm,t0,rotation_deg\n1,1,1,a,0\n2,1.8,1,b,0\n3,2.65,1,c,0\n4,2.65,1.9,d,45\n"
+    )
     near, turned = overlaps(read(table(text)), 0.85)
     assert near == ("1", "2", pytest.approx(0.05 / 0.85))
     assert turned[:2] == ("3", "4")

@@ -1,0 +1,129 @@
+"""Are all heights in one unit? A correlation ignores their scale; their amplitudes do not.
+
+The amplitude of a scan is compared with those of the other scans, and in the waves that the mesh
+resolves, too, with the mesh's. A patch that use has polished is smooth beside the others, but as
+high as the mesh under it in those waves. On the files at hand, generated and measured, neither
+ratio is further than a factor of two from that of the other patches.
+"""
+
+import logging
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from skimage.transform import resize_local_mean
+
+from gstlib.errors import InputError
+from gstlib.geometry import Place, on_patch, spline_of
+from gstlib.preprocess.leveling import remove_plane
+from gstlib.surface import make_surface, spacing_of
+
+__all__ = ["UNIT_FACTOR", "Amplitude", "other_units"]
+
+_log = logging.getLogger(__name__)
+
+# ASSUME: heights of one stone that differ by this factor, between two scans of a patch or, in the
+# waves that both see, between scans and mesh, are in different units.
+UNIT_FACTOR = 10.0
+# Where the mesh sees no waves of a patch, polish could be mistaken for a unit: only this is none.
+_FACTOR_UNSEEN = 100.0
+# This factor may be a calibration.
+_ODD_FACTOR = 4.0
+# Fewest blocks along a patch's side: 2 × 2 blocks leave one degree of freedom after levelling.
+_FEWEST_BLOCKS = 2
+# A triangular net of edge a resolves waves down to √3 a, twice the distance between its rows.
+_SHORTEST_PER_EDGE = math.sqrt(3)
+_MM_TO_UM = 1e3
+
+
+class Amplitude(NamedTuple):
+    """How high a scan is.
+
+    Attributes
+    ----------
+    path : Path
+        Its file.
+    spread : float
+        How much heights vary over an eighth of the scan (mm), regardless of tilt and spikes.
+    waves : (float, float) or None
+        R.m.s. heights (mm) of the scan and of the mesh under it, in waves that the mesh's edges
+        resolve; None if these are longer than the scan.
+    """
+
+    path: Path
+    spread: float
+    waves: tuple[float, float] | None = None
+
+    @classmethod
+    def of(
+        cls, path: Path, scan: xr.DataArray, square: xr.DataArray | None, place: Place | None
+    ) -> "Amplitude":
+        """That of a scan at a place of the square, if it has one; `square` is the mesh's."""
+        apart = max(1, scan.shape[1] // 8)
+        steps = scan.values[:, apart:] - scan.values[:, :-apart]
+        spread = float(np.subtract(*np.nanpercentile(steps, [75, 25])))
+        if square is None or place is None:
+            return cls(path, spread)
+        return cls(path, spread, _common_waves(scan, square, place))
+
+
+def _common_waves(
+    scan: xr.DataArray, square: xr.DataArray, place: Place
+) -> tuple[float, float] | None:
+    side = min(n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
+    blocks = int(2 * side / (_SHORTEST_PER_EDGE * square.attrs["mesh_edge_mm"]))
+    if blocks < _FEWEST_BLOCKS:
+        return None
+    level = remove_plane(scan)[0].fillna(0.0).values
+    under = on_patch(spline_of(square), place, scan.shape, side)
+    both = (resize_local_mean(heights, 2 * (blocks,)) for heights in (level, under))
+    one, other = (float(remove_plane(make_surface(h, side / blocks))[0].std()) for h in both)
+    return one, other
+
+
+def other_units(at_t0: Mapping[str, Amplitude]) -> Iterator[InputError]:
+    """Scans whose heights are in another unit than those of the others, or all than the mesh's.
+
+    A lesser difference is logged as a warning.
+    """
+    alone = [fault for patch in at_t0 for fault in _unlike_others(patch, at_t0)]
+    yield from alone
+    waves = [amplitude.waves for amplitude in at_t0.values() if amplitude.waves]
+    if alone or not waves:
+        return
+    scan, mesh = np.sqrt(np.square(waves).mean(axis=0))
+    if max(scan, mesh) > UNIT_FACTOR * min(scan, mesh):
+        yield InputError(
+            "scans",
+            f"in the waves that scans and mesh both resolve, the scans are {scan * _MM_TO_UM:.3g} "
+            f"µm high (r.m.s.) and the mesh under them {mesh * _MM_TO_UM:.3g} µm",
+            "Check scans.unit and inputs.mesh_unit in the config. If both are right, the mesh does "
+            "not show how the patches lie: set coupling to levelled.",
+        )
+
+
+def _unlike_others(patch: str, at_t0: Mapping[str, Amplitude]) -> Iterator[InputError]:
+    """The fault of one patch, if its heights are of another order than those of all others."""
+    own = at_t0[patch]
+    # of two, each is compared with the other; of more, the median is not moved by one
+    spreads = [other.spread for name, other in at_t0.items() if name != patch or len(at_t0) > 2]
+    if not own.spread or not spreads or not (usual := float(np.median(spreads))):
+        return
+    factor, (scan, mesh) = own.spread / usual, own.waves or (0.0, 0.0)
+    off, unit = abs(math.log(factor)), math.log(_FACTOR_UNSEEN)
+    if scan and mesh:
+        same_way = math.log(scan / mesh) * math.copysign(1.0, math.log(factor))
+        off, unit = min(off, same_way), math.log(UNIT_FACTOR)
+    fault = InputError(
+        own.path,
+        f"its heights (patch {patch}) vary {factor:.3g} times as much as those of the other "
+        "patches" + (", and do not fit the mesh under it" if scan and mesh else ""),
+        "Export all scans in one unit and with one calibration; scans.unit applies to all files.",
+    )
+    if off > unit:
+        yield fault
+    elif off > math.log(_ODD_FACTOR):
+        _log.warning("%s", fault)
