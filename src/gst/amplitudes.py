@@ -21,7 +21,7 @@ from gstlib.geometry import Place, on_patch, spline_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.surface import make_surface, spacing_of
 
-__all__ = ["UNIT_FACTOR", "Amplitude", "other_units"]
+__all__ = ["UNIT_FACTOR", "WAVE_PER_EDGE", "Amplitude", "other_units"]
 
 _log = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ _ODD_FACTOR = 4.0
 # Fewest blocks along a patch's side: 2 × 2 blocks leave one degree of freedom after levelling.
 _FEWEST_BLOCKS = 2
 # A triangular net of edge a resolves waves down to √3 a, twice the distance between its rows.
-_SHORTEST_PER_EDGE = math.sqrt(3)
+WAVE_PER_EDGE = math.sqrt(3)
 _MM_TO_UM = 1e3
 
 
@@ -74,7 +74,7 @@ def _common_waves(
     scan: xr.DataArray, square: xr.DataArray, place: Place
 ) -> tuple[float, float] | None:
     side = min(n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
-    blocks = int(2 * side / (_SHORTEST_PER_EDGE * square.attrs["mesh_edge_mm"]))
+    blocks = int(2 * side / (WAVE_PER_EDGE * square.attrs["mesh_edge_mm"]))
     if blocks < _FEWEST_BLOCKS:
         return None
     level = remove_plane(scan)[0].fillna(0.0).values

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from gst.amplitudes import WAVE_PER_EDGE
 from gst.config import check_files, counterface_mesh, read_config, read_study
 from gst.inputs import Asked, Inputs, check_inputs
 from gst.patches import overlaps, scan_files
@@ -24,6 +25,7 @@ from gstlib.doubts import contact_doubts
 from gstlib.errors import GstError, InputsError
 from gstlib.geometry import square_of
 from gstlib.io.files import check_writable
+from gstlib.placement import place_patches
 from gstlib.places import CONTROL, COUNTS, EXPOSED
 from gstlib.surface import coarser
 
@@ -130,6 +132,20 @@ def _pressed(config: dict) -> str:
     )
 
 
+def _hold_against_mesh(config: dict, patches: pd.DataFrame, found: Inputs) -> None:
+    """Warn of scans that do not fit the mesh under them, if it shows waves as short as a patch."""
+    patch_mm, face = config["scans"]["size_mm"], found.face
+    laid = patches[[(patch, "T0") in found.coarse for patch in patches.patch]]
+    if (
+        face is None
+        or laid.empty
+        or WAVE_PER_EDGE * face.height.attrs["mesh_edge_mm"] > patch_mm
+    ):
+        return
+    t0 = {patch: found.coarse[patch, "T0"] for patch in laid.patch}
+    place_patches(face.height, laid, t0, patch_mm=patch_mm, **config["scans"]["mould"])
+
+
 def _range(values: Iterable[float]) -> str:
     low, high = (f"{value:.4g}" for value in (min(values), max(values)))
     return low if low == high else f"{low} to {high}"
@@ -206,6 +222,7 @@ def check_study(path: Path) -> None:
         problems += found.problems
     rest = None
     if found is not None and found.face is not None and not found.problems:
+        _hold_against_mesh(config, patches, found)
         try:
             rest = _at_rest(config, found.face)
         except GstError as error:

@@ -27,8 +27,8 @@ from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.preprocess.scan import check_unmeasured
-from gstlib.surface import spacing_of
+from gstlib.preprocess.scan import check_unmeasured, prepare_scan
+from gstlib.surface import coarser, spacing_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -40,6 +40,8 @@ _log = logging.getLogger(__name__)
 _MM_TO_UM = 1e3
 # Of a scan, besides patch, epoch and file.
 _FACTS = columns_of("inputs")[3:]
+# Fewest points along a coarser scan's side.
+_COARSE = 128
 # If spacings of T0 and T1 differ by more than this share, the magnifications differ.
 _SAME_SPACING = 1e-3
 # What to do where a scan of a patch has the very heights of another of its scans.
@@ -74,6 +76,8 @@ class Inputs:
     face : xarray.Dataset or None
         The square and the face around it, from `gstlib.face.grid_macroscale`; None if they cannot
         be found.
+    coarse : dict of (str, str) to xarray.Dataset
+        By patch and epoch, what `gstlib.preprocess.scan.prepare_scan` makes of a coarser scan.
     problems : list of GstError
         Everything that would stop the study.
     """
@@ -82,6 +86,7 @@ class Inputs:
     stone: "trimesh.Trimesh | None"
     frame: Frame | None
     face: xr.Dataset | None
+    coarse: dict[tuple[str, str], xr.Dataset]
     problems: list[GstError]
 
 
@@ -154,6 +159,7 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
         problems.append(error)
     rows: list[dict[str, Any]] = []
     pieces: _Pieces = {}
+    coarse: dict[tuple[str, str], xr.Dataset] = {}
     by_file: dict[Path, list[ScanFile]] = {}
     for scan in scans:
         by_file.setdefault(scan.path, []).append(scan)
@@ -174,6 +180,8 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
                 problems.append(InputError(named, error.problem, error.remedy))
                 continue
             facts, grid = _scan_facts(piece), (piece.shape, spacing_of(piece))
+            if use.epoch:
+                coarse[use.patch, use.epoch] = _coarse(piece, asked.scan_settings["mould"])
             place = use.place if use.epoch == "T0" else None
             pieces[use.patch, use.epoch] = _Piece(
                 path, grid, (heights_hash, use.crop), Amplitude.of(path, piece, heights, place)
@@ -200,7 +208,17 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
         else:
             _log.warning("%s", fault)
     table = pd.DataFrame(rows, columns=[*columns_of("inputs"), "range_um"])
-    return Inputs(table, stone, frame, face, problems)
+    return Inputs(table, stone, frame, face, coarse, problems)
+
+
+def _coarse(piece: xr.DataArray, mould: Mapping) -> xr.Dataset:
+    times = max(1, min(piece.shape) // _COARSE)
+    return prepare_scan(
+        coarser(piece, times),
+        mould_invert=mould["invert"],
+        mould_flip=mould["flip"],
+        maximum_unmeasured=1.0,
+    )
 
 
 def _gridded(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> xr.Dataset:
@@ -213,7 +231,7 @@ def _gridded(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> xr.Datas
         face_mm=asked.grid["face_mm"],
         radius_mm=asked.grid["radius_mm"],
         second_stone=SecondStone.read(**second) if second is not None else None,
-        interpolation="linear",  # the fastest: only for the picture
+        interpolation="linear",  # the fastest: to look at, and to hold scans against
         source=source,
     )
     return face

@@ -24,15 +24,21 @@ AGREES, SHIFTED, ELSEWHERE, CANNOT_TELL = "agrees", "shifted", "elsewhere", "can
 ALL = "all"  # the row of all patches together
 
 _SHIFT = ["shift_x_um", "shift_y_um", "shift_x_error_um", "shift_y_error_um"]
-# ASSUME: a scan whose mould was undone wrongly is reversed along x, along y or along both, or has
-# its heights inverted, or both. Other turns are the patch table's.
-_FLIPS = {
-    "as given": (1, 1),
-    "reversed along x": (1, -1),
-    "reversed along y": (-1, 1),
-    "reversed along x and y": (-1, -1),
+# ASSUME: a scan that was laid wrongly is reversed, turned by quarter turns, or both, or has its
+# heights inverted, too. Each look: whether it is reversed along x first, and then by how much it is
+# turned, from x towards y (degrees).
+_LAID = {
+    "as given": (False, 0),
+    "reversed along x": (True, 0),
+    "reversed along y": (True, 180),
+    "turned by 180°": (False, 180),
+    "turned by 90°": (False, 90),
+    "turned by -90°": (False, -90),
+    "reversed along x and turned by 90°": (True, 90),
+    "reversed along y and turned by 90°": (True, -90),
 }
-_LOOKS = [*_FLIPS, "inverted", *(f"inverted and {name}" for name in list(_FLIPS)[1:])]
+_AS_GIVEN, *_OTHERS = _LAID
+_LOOKS = [*_LAID, "inverted", *(f"inverted and {name}" for name in _OTHERS)]
 # Level of the tests: one right study in a hundred is warned of.
 _SIGNIFICANCE = 0.01
 # Points along a patch's side at which surfaces are compared: shorter waves the mesh does not hold.
@@ -42,6 +48,10 @@ _POINTS = 24
 _REACH, _STEP = 1 / 4, 1 / 24
 # Fewer patches have no scatter to judge by, and fit mirror images by chance.
 _FEWEST_PATCHES = 4
+# Another look than as given must fit by this over the root of the number of patches to be believed:
+# of 15, one may fit by chance.
+_BY_CHANCE = 1.2
+_CLEAR_LEAD = 0.25
 # Below this mean correlation the mesh does not show where patches lie, or none lies right. With
 # every place right it is 0.7 to 0.8 on generated specimens; with none, 0.
 _LOW = 0.5
@@ -56,6 +66,8 @@ def place_patches(
     scans: Mapping[str, xr.Dataset],
     *,
     patch_mm: float,
+    invert: bool = False,
+    flip: str | None = None,
 ) -> pd.DataFrame:
     """Compare each patch with the square under it, and warn of places that look wrong.
 
@@ -69,6 +81,8 @@ def place_patches(
         The prepared T0 scans by patch, with ``height`` (y, x), mm; each is looked up once.
     patch_mm : float
         Side of a patch.
+    invert, flip
+        How their moulds were undone, as in `gstlib.preprocess.scan.prepare_scan`.
 
     Returns
     -------
@@ -76,8 +90,8 @@ def place_patches(
         A row for each patch, and one (`ALL`) for all together: ``correlation`` where the patch
         table puts them, or, where all are shifted, after that shift; ``verdict``. For all together
         also the shift that they share (true less stated place, along the square's axes),
-        ``shift_x_um, shift_y_um``, and its standard errors, NaN where there is no peak; and which
-        mould they look like (``looks``), empty where that is not clear.
+        ``shift_x_um, shift_y_um``, and its standard errors, NaN where there is no peak; and how
+        they look laid (``looks``), empty where that is not clear.
     """
     steps = np.arange(-round(_REACH / _STEP), round(_REACH / _STEP) + 1) * _STEP * patch_mm
     maps = _correlations(surface, patches, scans, patch_mm, steps)
@@ -99,8 +113,13 @@ def place_patches(
         verdicts = np.where(correlation < _ELSEWHERE, ELSEWHERE, AGREES)
         whole = SHIFTED if p_value < _SIGNIFICANCE else AGREES
         table["verdict"] = [*verdicts, whole if np.isfinite(p_value) else CANNOT_TELL]
-    if looks not in ("", _LOOKS[0]):
-        _log.warning("the patches fit the macroscale better %s: check scans.mould", looks)
+    if looks not in ("", _AS_GIVEN):
+        _log.warning(
+            "the patches fit the mesh %s, and not as given (correlation %.2f): %s",
+            looks,
+            table.correlation[last],
+            _remedy(looks, invert, flip),
+        )
     elif correlation.mean() < _LOW:
         _log.warning(
             "the patches together correlate with the macroscale by no more than %.2f, as if few or "
@@ -135,11 +154,13 @@ def _correlations(
     """Correlation (patches, looks, k, k) of scans and square, at shifts (mm) along y and x."""
     from skimage.transform import resize_local_mean
 
-    flipped = []
+    laid = []
     for patch in patches.patch:
         coarse = resize_local_mean(scans[patch].height.values, 2 * (_POINTS,))
-        flipped.append([coarse[::y, ::x] for y, x in _FLIPS.values()])
-    looks, spline = _level(np.array(flipped)), spline_of(surface)
+        for reversed_x, turn in _LAID.values():
+            laid.append(np.rot90(coarse[:, ::-1] if reversed_x else coarse, -turn // 90))
+    shape = len(patches), len(_LAID), _POINTS, _POINTS
+    looks, spline = _level(np.reshape(laid, shape)), spline_of(surface)
     found = np.empty((*looks.shape[:2], len(steps), len(steps)))
     for row, column in np.ndindex(found.shape[2:]):
         places = places_of(moved(patches, (steps[row], steps[column]), surface, patch_mm))
@@ -192,8 +213,38 @@ def _looks(maps: np.ndarray) -> str:
     """Which of `_LOOKS` maps (patches, looks, k, k) fit clearly best; empty if none does."""
     tops = [np.unravel_index(one.argmax(), one.shape) for one in maps.mean(axis=0)]
     values = np.array([maps[:, look, *top] for look, top in enumerate(tops)])
-    second, best = np.argsort(values.mean(axis=1))[-2:]
+    fits = values.mean(axis=1)
+    second, best = np.argsort(fits)[-2:]
     lead = values[best] - values[second]
     error = lead.std(ddof=1) / np.sqrt(lead.size)
     clear = lead.mean() > scipy.special.stdtrit(lead.size - 1, 1 - _SIGNIFICANCE) * error
-    return _LOOKS[best] if clear else ""
+    by_chance = max(_LOW, _BY_CHANCE / np.sqrt(len(maps)))
+    if clear and (best == 0 or fits[best] > by_chance):
+        return _LOOKS[best]
+    middle = maps.shape[-1] // 2
+    unmoved = maps[:, :, middle, middle].mean(axis=0)
+    best = int(unmoved.argmax())
+    is_better = unmoved[best] > max(by_chance, unmoved[0] + _CLEAR_LEAD)
+    return _LOOKS[best] if is_better else ""
+
+
+def _remedy(looks: str, invert: bool, flip: str | None) -> str:
+    """The keys to set so that patches with these looks, whose mould was undone so, lie right."""
+    parts = []
+    if looks.startswith("inverted"):
+        parts.append(f"scans.mould.invert to {str(not invert).lower()}")
+    reversed_x, turn = _LAID[looks.removeprefix("inverted").removeprefix(" and ") or _AS_GIVEN]
+    # to reverse along y is to reverse along x and turn by 180°
+    turn += 180 * (flip == "y")
+    if reversed_x == (flip is not None):
+        right = None
+    else:
+        right = "x" if turn % 360 in (0, 90) else "y"
+        turn += 180 * (right == "y")
+    if right != flip:
+        parts.append(f"scans.mould.flip to {right or 'null'}")
+    said = f"set {' and '.join(parts)}" if parts else ""
+    if turn := turn % 360:
+        by = turn if turn <= 180 else turn - 360
+        said += f"{', and ' if said else ''}add {by} to the rotation_deg of every patch"
+    return said

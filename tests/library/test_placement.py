@@ -1,5 +1,7 @@
 """Placement: what all patches share is found; one patch is called wrong only when it surely is."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -37,7 +39,7 @@ class Waves:
         return make_surface(heights, SIZE / points)
 
 
-def place(square, heights, places=NINE, rotation_deg=0.0):
+def place(square, heights, places=NINE, rotation_deg=0.0, **mould):
     """The table by patch."""
     y, x = np.transpose(places)
     patches = pd.DataFrame({"patch": [str(number) for number in range(1, len(places) + 1)]})
@@ -46,7 +48,7 @@ def place(square, heights, places=NINE, rotation_deg=0.0):
         patch: height.to_dataset(name="height")
         for patch, height in zip(patches.patch, heights, strict=True)
     }
-    return place_patches(square, patches, scans, patch_mm=SIZE).set_index("patch")
+    return place_patches(square, patches, scans, patch_mm=SIZE, **mould).set_index("patch")
 
 
 @pytest.mark.parametrize("rotation", [0.0, -7.0, 90.0])
@@ -98,20 +100,46 @@ def test_patches_of_another_stone_or_of_wrong_places_are_noticed(caplog):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "looks"),
+    ("wrong", "mould", "remedy"),
     [
-        (lambda h: h[:, ::-1], "reversed along x"),
-        (lambda h: h[::-1], "reversed along y"),
-        (lambda h: -h, "inverted"),
-        (lambda h: -h[::-1, ::-1], "inverted and reversed along x and y"),
+        (lambda h: h[:, ::-1], {}, "set scans.mould.flip to x"),
+        (lambda h: h[::-1], {}, "set scans.mould.flip to y"),
+        (lambda h: h[:, ::-1], {"flip": "x"}, "set scans.mould.flip to null"),
+        (lambda h: h[::-1], {"flip": "y"}, "set scans.mould.flip to null"),
+        (lambda h: h[::-1, ::-1], {"flip": "x"}, "set scans.mould.flip to y"),
+        (lambda h: h[::-1, ::-1], {"flip": "y"}, "set scans.mould.flip to x"),
+        (lambda h: -h, {}, "set scans.mould.invert to true"),
+        (
+            lambda h: -h[:, ::-1],
+            {"invert": True, "flip": "x"},
+            "set scans.mould.invert to false and scans.mould.flip to null",
+        ),
+        (lambda h: h[::-1, ::-1], {}, "add 180 to the rotation_deg of every patch"),
     ],
 )
-def test_a_mould_undone_wrongly_is_noticed(wrong, looks, caplog):
+@pytest.mark.parametrize("count", [6, 9])
+def test_a_scan_laid_wrongly_is_noticed_and_the_remedy_named(wrong, mould, remedy, count, caplog):
+    stone = Waves(7)
+    heights = [stone.patch(y + 0.02, x) for y, x in NINE[:count]]
+    laid = [height.copy(data=wrong(height.values)) for height in heights]
+    place(stone.square(), laid, NINE[:count], **mould)
+    assert caplog.messages[0].endswith(f": {remedy}")
+
+
+@pytest.mark.parametrize("turn", [90.0, -90.0, 180.0])
+@pytest.mark.parametrize("mirror", [False, True])
+def test_a_turn_is_that_of_the_patch_table(turn, mirror, caplog):
     stone = Waves(5)
-    heights = [stone.patch(y + 0.02, x) for y, x in NINE]
-    found = place(stone.square(), [height.copy(data=wrong(height.values)) for height in heights])
-    assert found.looks[ALL] == looks
-    assert f"better {looks}: check scans.mould" in caplog.text
+    heights = [stone.patch(y, x, 10.0 + turn) for y, x in NINE]
+    if mirror:
+        heights = [height.copy(data=height.values[:, ::-1]) for height in heights]
+    place(stone.square(), heights, rotation_deg=10.0)
+    said = caplog.messages[0]
+    added = re.findall(r"add (-?\d+) to", said)
+    by = float(added[0]) if added else 0.0
+    flip = re.findall(r"flip to (\w)", said)
+    assert flip == (["y" if (by - turn) % 360 == 180 else "x"] if mirror else [])
+    assert mirror or by == turn
 
 
 def test_nothing_is_told_of_few_patches_or_of_a_flat_square(caplog):

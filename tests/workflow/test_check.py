@@ -1,6 +1,7 @@
 """Bad input: all problems at once, in clear errors, by `make check` and before a run begins."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -40,6 +41,23 @@ def test_every_problem_of_config_and_sweep(study):
     for code, said in (check(study), (result.returncode, result.stdout + result.stderr)):
         assert code > 0
         assert missing(said, "changed.yaml", *words, "config/README.md") == []
+
+
+def test_a_flip_that_is_missing_is_named(study):
+    """Where the mesh is fine enough to show the patches' waves."""
+    study.change(
+        specimen={"mesh_edge_mm": 0.3, "cut_off_wavelength_mm": 0.6}, scans={"mould": {"flip": "x"}}
+    )
+    study.succeed("results-tiny/specimen/mesh.stl")
+    shutil.copytree(study.results / "specimen", study.folder / "data")
+    files = {"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"}
+    for flip in ("x", None):
+        mould = {"mould": {"flip": flip}}
+        study.change(results="results-own", specimen=None, inputs=files, scans=mould)
+        code, said = check(study)
+        assert code == 0
+        assert ("set scans.mould.flip to x" in said) == (flip is None)
+        assert ("WARNING" in said) == (flip is None)
 
 
 def test_a_sweep_is_checked_too(study):

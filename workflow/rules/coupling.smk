@@ -15,6 +15,7 @@ rule place_patches:
     params:
         patches=PATCHES.to_dict("list"),
         patch_mm=PATCH_MM,
+        mould=config["scans"]["mould"],
         code=code("place_patches.py"),
     message:
         "Holding the patches against the square"

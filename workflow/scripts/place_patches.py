@@ -11,11 +11,18 @@ from gstlib.placement import place_patches
 
 
 def main(
-    face: Path, t0: list[Path], table: Path, *, patches: dict[str, list], patch_mm: float
+    face: Path,
+    t0: list[Path],
+    table: Path,
+    *,
+    patches: dict[str, list],
+    patch_mm: float,
+    mould: dict,
 ) -> None:
     scans = Stored(dict(zip(patches["patch"], t0, strict=True)), ["height"])
     surface = read_dataset(face, only=["height"]).height
-    places = place_patches(surface, pd.DataFrame(patches), scans, patch_mm=patch_mm)
+    table_of = pd.DataFrame(patches)
+    places = place_patches(surface, table_of, scans, patch_mm=patch_mm, **mould)
     write_table(table, places)
 
 

@@ -199,8 +199,8 @@ TABLES = {
             "shift_y_error_um": "its standard error along y",
             "verdict": "agrees, elsewhere, shifted or cannot tell",
             "looks": (
-                "orientation that fits clearly best, if one does; other than as given, check "
-                "scans.mould in the config"
+                "orientation that fits clearly best, if one does; if it is not as given, a warning "
+                "names the key to change"
             ),
         },
     ),
