@@ -25,7 +25,7 @@ from gstlib.face import grid_macroscale
 from gstlib.geometry import Frame, find_frame, square_of
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.results import columns_of
-from gstlib.io.scans import cut_scan, read_scan
+from gstlib.io.scans import cut_scan, read_scan, whole_scan
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.scan import check_unmeasured, prepare_scan
 from gstlib.surface import coarser, spacing_of
@@ -173,7 +173,13 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
         heights_hash = hash(whole.values.tobytes())
         for use in uses:
             try:
-                piece = cut_scan(whole, use.crop, asked.scan_settings["size_mm"])
+                size_mm = asked.scan_settings["size_mm"]
+                is_later = use.epoch in _COPIED
+                piece = (
+                    whole_scan(whole, size_mm)
+                    if is_later
+                    else cut_scan(whole, use.crop, size_mm)
+                )
                 check_unmeasured(piece, asked.maximum_unmeasured)
             except InputError as error:
                 named = f"{path} ({at_epoch(use.patch, use.epoch)})" if use.epoch else path

@@ -69,7 +69,7 @@ from gstlib.coupling import couple_scales, place_patch, prepare_faces
 from gstlib.errors import InputError
 from gstlib.face import grid_macroscale, square_alone
 from gstlib.gesture import Gesture
-from gstlib.io.scans import cut_scan
+from gstlib.io.scans import cut_scan, whole_scan
 from gstlib.preprocess.scan import prepare_scan
 from gstlib.validation.change import Detection, measure_detection, register_patch
 from gstlib.validation.scoring import (
@@ -130,18 +130,37 @@ STUDY_SECTIONS = (
 
 
 def prepare_patch(
-    raw: xr.DataArray, *, crop: Sequence[float] | None, scans: Mapping, preprocessing: Mapping
+    raw: xr.DataArray,
+    *,
+    crop: Sequence[float] | None,
+    scans: Mapping,
+    preprocessing: Mapping,
+    epoch: str = "T0",
 ) -> xr.Dataset:
     """Cut the patch out of a scan, undo the mould, replace outliers, fill and level (section 2.2).
 
     `raw` comes from `gstlib.io.scans.read_scan`; `crop` is the centre (y, x) of the piece to cut,
     None for a whole scan; `scans` and `preprocessing` are these sections of the config. The result
     is that of `gstlib.preprocess.scan.prepare_scan`.
+
+    Only T0 is cut. A scan of another `epoch` was laid under the instrument anew, so its middle is
+    another place of the stone; it stays whole, and its coordinates are those of the piece that
+    `crop` names.
     """
-    raw, mould = cut_scan(raw, crop, scans["size_mm"]), scans["mould"]
-    return prepare_scan(
+    size_mm, mould = scans["size_mm"], scans["mould"]
+    raw = cut_scan(raw, crop, size_mm) if epoch == "T0" else whole_scan(raw, size_mm)
+    found = prepare_scan(
         raw, mould_invert=mould["invert"], mould_flip=mould["flip"], **preprocessing
     )
+    if epoch == "T0":
+        return found
+    for axis, middle in zip("yx", crop or (0.0, 0.0), strict=True):
+        beyond = (raw.sizes[axis] * raw[axis].attrs["spacing"] - size_mm) / 2
+        if crop or beyond > 0.01 * size_mm:
+            start = beyond + (-middle if axis == mould["flip"] else middle)
+            at = found[axis].copy(data=found[axis].values - start)
+            found = found.assign_coords({axis: at})
+    return found
 
 
 # --- The patches ------------------------------------------------------------------------------
@@ -487,11 +506,14 @@ class Study:
         """A clean scan, from `prepare_patch`."""
         crops = self.patches.set_index("patch")[["crop_y_mm", "crop_x_mm"]].dropna()
         crop = tuple(crops.loc[patch]) if patch in crops.index else None
-        return self._clean(self.read_scan(patch, epoch), crop)
+        return self._clean(self.read_scan(patch, epoch), crop, epoch)
 
-    def _clean(self, raw: xr.DataArray, crop: Sequence[float] | None) -> xr.Dataset:
+    def _clean(
+        self, raw: xr.DataArray, crop: Sequence[float] | None, epoch: str = "T0"
+    ) -> xr.Dataset:
         sections = {name: self.config[name] for name in ("scans", "preprocessing")}
-        return prepare_patch(raw, crop=crop, **sections)[["height", "filled", "outlier"]]
+        found = prepare_patch(raw, crop=crop, epoch=epoch, **sections)
+        return found[["height", "filled", "outlier"]]
 
     @_stage
     def counterface(self) -> xr.DataArray | None:

@@ -22,6 +22,7 @@ for job, (epoch, patches) in PREPARATIONS.items():
         log:
             f"{RESULTS}/logs/prepare_{job}.log",
         params:
+            epoch=epoch,
             crops=crops_of(patches),
             settings=config["scans"],
             preprocessing=config["preprocessing"],
@@ -42,6 +43,7 @@ if COUNTERFACE_SCAN:
         log:
             f"{RESULTS}/logs/prepare_counterface.log",
         params:
+            epoch="T0",
             crops=[None],
             settings=config["scans"],
             preprocessing=config["preprocessing"],

@@ -11,7 +11,13 @@ from gstlib.study import prepare_patch
 
 
 def main(
-    scans: list[Path], surfaces: list[Path], *, crops: list, settings: dict, preprocessing: dict
+    scans: list[Path],
+    surfaces: list[Path],
+    *,
+    crops: list,
+    settings: dict,
+    preprocessing: dict,
+    epoch: str,
 ) -> None:
     read = None
     for scan, surface, crop in zip(scans, surfaces, crops, strict=True):
@@ -21,7 +27,7 @@ def main(
                 read_scan(scan, unit=settings["unit"], spacing_um=settings["spacing_um"]),
             )
         prepared = prepare_patch(
-            read[1], crop=crop, scans=settings, preprocessing=preprocessing
+            read[1], crop=crop, scans=settings, preprocessing=preprocessing, epoch=epoch
         )
         used = {"scans": settings, "preprocessing": preprocessing, "crop": crop}
         write_dataset(surface, prepared, provenance([scan], used))

@@ -23,7 +23,7 @@ from gstlib.io.plu import read_plu
 from gstlib.io.text import SCAN_UNITS, read_matrix, read_points
 from gstlib.surface import make_surface, spacing_of
 
-__all__ = ["cut_scan", "read_scan"]
+__all__ = ["cut_scan", "read_scan", "whole_scan"]
 
 _log = logging.getLogger(__name__)
 
@@ -334,6 +334,25 @@ def cut_scan(
             "Correct crop_x_mm and crop_y_mm in the patch table: they are relative to its centre.",
         )
     return make_surface(scan.values[tuple(slices)], spacing_of(scan)).assign_attrs(scan.attrs)
+
+
+def whole_scan(scan: xr.DataArray, size_mm: float) -> xr.DataArray:
+    """A later scan of a patch, uncut: only registration tells which piece of it the patch is.
+
+    Raises
+    ------
+    InputError
+        It is smaller than a patch of this side.
+    """
+    height, width = (n * step for n, step in zip(scan.shape, spacing_of(scan), strict=True))
+    if min(height, width) < (1 - _SIZE_TOLERANCE) * size_mm:
+        raise InputError(
+            scan.attrs.get("file", "scan"),
+            f"the scan is {width:.4g} × {height:.4g} mm, smaller than the study's patches of "
+            f"{size_mm:g} × {size_mm:g} mm",
+            "Scan all of the patch again, or correct scans.size_mm in the config.",
+        )
+    return scan
 
 
 def _mind_held(path: Path, heights: np.ndarray) -> None:

@@ -31,9 +31,9 @@ from gstlib.surface import spacing_of
 
 __all__ = ["Registration", "apply_registration", "least_squares", "register"]
 
-# The search runs on a grid of at most this many elements a side: its peak is accurate to a fraction
-# of a coarse element, which the refinement corrects.
-_SEARCH_SIZE = 256
+# The search runs on grids on which reference and moving surface have at most so many elements a
+# side: its peak is accurate to a fraction of a coarse element, which the refinement corrects.
+_SEARCH_SIZES = 256, 1024
 # Band of the heights for the search: noise below this many elements is smoothed away, waves longer
 # than this share of the field are removed.
 _NOISE_ELEMENTS = 1.5
@@ -96,9 +96,11 @@ def register(
     """Register `moving` (T1) to `reference` (T0).
 
     Both are levelled heights (y, x) in mm, with the same spacing and without NaN; their shapes may
-    differ. Shifts are found up to `maximum_shift_mm` along each axis, if at least a quarter of the
-    field overlaps, and rotations up to a few degrees. The result is the best registration; its
-    `found` says whether to believe it.
+    differ: `moving` may be a larger map around the reference. It takes 90 to 250 bytes of memory a
+    point of the larger one: 350 MB for 2048 × 2048 points. Shifts are found up to
+    `maximum_shift_mm` along each axis, if at least a quarter of the field overlaps, and rotations
+    up to a few degrees. The result is the best registration; its `found` says whether to believe
+    it.
 
     Raises
     ------
@@ -113,8 +115,11 @@ def register(
             "Resample one of the two surfaces to the other's spacing.",
         )
     h0, h1 = reference.values, moving.values
-    factor = math.ceil(max(*h0.shape, *h1.shape) / _SEARCH_SIZE)
-    detail0, detail1 = _detail(h0, factor), _detail(h1, factor)
+    factor = max(
+        math.ceil(max(h.shape) / size) for h, size in zip((h0, h1), _SEARCH_SIZES, strict=True)
+    )
+    longest = math.ceil(max(h0.shape) / factor) * _LONGEST_SHARE
+    detail0, detail1 = (_detail(h, factor, longest) for h in (h0, h1))
     scale = np.array([factor, factor, 1.0])
     left = 1 - maximum_shift_mm / np.asarray(spacing) / h0.shape
     least = max(_LEAST_OVERLAP, float(np.prod(np.maximum(left, 0))))
@@ -182,11 +187,14 @@ def _corner_offset(reference: xr.DataArray, moving: xr.DataArray) -> np.ndarray:
     return np.array([float(moving[axis][0]) - float(reference[axis][0]) for axis in "yx"])
 
 
-def _detail(heights: np.ndarray, factor: int) -> np.ndarray:
-    """Band-passed heights on every `factor`-th element, clipped so that no spike dominates."""
+def _detail(heights: np.ndarray, factor: int, longest: float) -> np.ndarray:
+    """Heights on every `factor`-th element without waves longer than `longest` of these elements.
+
+    They are clipped so that no spike dominates.
+    """
     fine = scipy.ndimage.gaussian_filter(heights, max(_NOISE_ELEMENTS, factor / 2))
     coarse = fine[::factor, ::factor]
-    detail = coarse - scipy.ndimage.gaussian_filter(coarse, max(coarse.shape) * _LONGEST_SHARE)
+    detail = coarse - scipy.ndimage.gaussian_filter(coarse, longest)
     bound = 3 * _robust_sigma(detail)
     return np.clip(detail, -bound, bound)
 
@@ -205,7 +213,14 @@ def _search(a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
     )
     # scikit-image counts from centre to centre, the shift here is from corner to corner
     shift = np.asarray(shift, dtype=float) + np.subtract(a.shape, b.shape) / 2
-    poses = [np.array([*shift, turn]) for turn in np.radians(_TURNS)]
+    # turned about the middle of what moves or, if it lies beyond the reference, the nearest edge
+    middle = shift + np.subtract(b.shape, 1) / 2
+    arm = np.clip(middle, 0, np.subtract(a.shape, 1)) - middle
+    poses = []
+    for turn in np.radians(_TURNS):
+        (sine, cosine), (y, x) = (math.sin(turn), math.cos(turn)), arm
+        turned = np.array([cosine * y + sine * x, cosine * x - sine * y])
+        poses.append(np.array([*(shift + arm - turned), turn]))
     return poses[int(np.argmax([_compare_details(a, b, pose)[0] for pose in poses]))]
 
 

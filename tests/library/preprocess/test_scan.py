@@ -97,6 +97,19 @@ def test_a_patch_is_cut_out_of_a_scan_before_it_is_prepared(case):
         prepare(None, 0.064)
 
 
+def test_a_later_scan_stays_whole_and_lies_about_its_piece(case):
+    raw, (y_mm, x_mm), size_mm = case[3], (-0.016, 0.032), 0.064
+    for flip in ("x", "y", None):
+        scans = {"size_mm": size_mm, "mould": {"invert": True, "flip": flip}}
+        options = {"crop": (y_mm, x_mm), "scans": scans, "preprocessing": PREPROCESSING}
+        t0, t1 = (study.prepare_patch(raw, epoch=epoch, **options) for epoch in ("T0", "T1"))
+        assert t1.height.shape == raw.shape
+        inside = t1.measured[(t1.y > 0) & (t1.y < size_mm), (t1.x > 0) & (t1.x < size_mm)]
+        np.testing.assert_array_equal(inside, t0.measured)
+    with pytest.raises(InputError, match="smaller than the study's patches"):
+        study.prepare_patch(raw, epoch="T1", **options | {"scans": scans | {"size_mm": 0.2}})
+
+
 def test_limit_of_unmeasured_points(case):
     heights = np.zeros((10, 10))
     heights[3:5, 3:9] = math.nan

@@ -144,3 +144,19 @@ def test_quality_and_units_of_the_attributes(remeasure):
     assert 0.2 < attrs["residual_um"] < 0.6  # noise of both scans: 0.28 µm
     assert attrs["registration_found"] == 1
     assert all(isinstance(value, int | float) for value in attrs.values())
+
+
+@pytest.mark.parametrize("turn", [0.0, -1.0, 1.5])
+@pytest.mark.parametrize("corner", [(0, 0), (64, 200), (250, 130)])
+def test_a_patch_is_found_anywhere_in_a_larger_map(remeasure, turn, corner):
+    """Of T1, all is searched: the piece around its own middle may be another part of the stone."""
+    size = 128
+    t0, t1, _ = remeasure((8.0, -5.0), rotation_deg=turn, noise_um=0.05)
+    corner = np.minimum(corner, 256 - size - 20) + 10
+    piece = t0[corner[0] :, corner[1] :][:size, :size]
+    found = register(piece, t1, maximum_shift_mm=0.1)
+    assert found.found
+    assert found.overlap > 0.97
+    on_piece, _ = apply_registration(t1, t1.values > 1, found, piece)
+    assert float(abs(height_change(piece, on_piece)["change"]).median()) < 0.2e-3
+    assert found.rotation_deg == pytest.approx(turn, abs=0.05)
