@@ -10,6 +10,7 @@ import xarray as xr
 
 from gst.amplitudes import WAVE_PER_EDGE
 from gst.config import check_files, counterface_mesh, read_config, read_study
+from gst.epochs import exchanged_scans
 from gst.inputs import Asked, Inputs, check_inputs
 from gst.patches import overlaps, scan_files
 from gst.poses import reach_of
@@ -220,6 +221,9 @@ def check_study(path: Path) -> None:
         )
         found = check_inputs(mesh if mesh.is_file() else None, scans, asked)
         problems += found.problems
+        if not problems:
+            shift_mm = config["registration"]["maximum_shift_mm"]
+            problems += exchanged_scans(found.coarse, patches, maximum_shift_mm=shift_mm)
     rest = None
     if found is not None and found.face is not None and not found.problems:
         _hold_against_mesh(config, patches, found)

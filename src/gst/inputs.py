@@ -40,7 +40,7 @@ _log = logging.getLogger(__name__)
 _MM_TO_UM = 1e3
 # Of a scan, besides patch, epoch and file.
 _FACTS = columns_of("inputs")[3:]
-# Fewest points along a coarser scan's side.
+# Fewest points along a patch of a coarser scan.
 _COARSE = 128
 # If spacings of T0 and T1 differ by more than this share, the magnifications differ.
 _SAME_SPACING = 1e-3
@@ -187,7 +187,9 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
                 continue
             facts, grid = _scan_facts(piece), (piece.shape, spacing_of(piece))
             if use.epoch:
-                coarse[use.patch, use.epoch] = _coarse(piece, asked.scan_settings["mould"])
+                coarse[use.patch, use.epoch] = _coarse(
+                    piece, size_mm, asked.scan_settings["mould"]
+                )
             place = use.place if use.epoch == "T0" else None
             pieces[use.patch, use.epoch] = _Piece(
                 path, grid, (heights_hash, use.crop), Amplitude.of(path, piece, heights, place)
@@ -217,8 +219,8 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
     return Inputs(table, stone, frame, face, coarse, problems)
 
 
-def _coarse(piece: xr.DataArray, mould: Mapping) -> xr.Dataset:
-    times = max(1, min(piece.shape) // _COARSE)
+def _coarse(piece: xr.DataArray, size_mm: float, mould: Mapping) -> xr.Dataset:
+    times = max(1, int(size_mm / max(spacing_of(piece))) // _COARSE)
     return prepare_scan(
         coarser(piece, times),
         mould_invert=mould["invert"],

@@ -60,6 +60,28 @@ def test_a_flip_that_is_missing_is_named(study):
         assert ("WARNING" in said) == (flip is None)
 
 
+def test_scans_of_other_patches_and_epochs_are_told(measured):
+    """T0 and T1 of two patches are exchanged, and T1 of two others."""
+    scans = measured.folder / "data/scans"
+
+    def exchange(one, other):
+        first, second = ((scans / f"{name}.plu").read_bytes() for name in (one, other))
+        (scans / f"{one}.plu").write_bytes(second)
+        (scans / f"{other}.plu").write_bytes(first)
+
+    exchange("5_T0", "5_T1")
+    exchange("7_T0", "7_T1")
+    code, said = check(measured)
+    assert code == 0
+    assert missing(said, "patches 5, 7 rose than fell", "t0 and t1 exchanged") == []
+    exchange("10_T1", "11_T1")
+    code, said = check(measured)
+    assert code == 2
+    assert (
+        missing(said, "2 problems", "10_T1.plu: as T1 of patch 10", "but on T0 of patch 11") == []
+    )
+
+
 def test_a_sweep_is_checked_too(study):
     values = [{"macroscale": {"steppes": 5}}, {"texture": {"l_filter_um": 5.0}}]
     study.change(sweep={"fine": [{"macroscale": {"grid": 50}}], "my factor": values})

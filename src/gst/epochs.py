@@ -1,0 +1,88 @@
+"""Does each T1 show its patch, and after use? Coarser scans are registered, as the study does."""
+
+import functools
+import logging
+from collections.abc import Iterator, Mapping
+
+import pandas as pd
+import xarray as xr
+
+from gstlib.errors import InputError
+from gstlib.validation.change import measured_change, wear_summary
+
+__all__ = ["exchanged_scans"]
+
+_log = logging.getLogger(__name__)
+
+# Wear takes height. Of generated specimens, whose T0 and T1 are right, no patch gained on a larger
+# share of its points than it lost on; exchanged, four of five gain by these on more.
+_GAIN_OVER_LOSS = 1.2
+_GAIN_LESS_LOSS = 0.015
+_SPOT = 2  # points, of a coarse scan
+# Registering a scan takes a tenth of a second.
+_MOST_TRIED = 100
+
+
+def exchanged_scans(
+    coarse: Mapping[tuple[str, str], xr.Dataset],
+    patches: pd.DataFrame,
+    *,
+    maximum_shift_mm: float,
+) -> Iterator[InputError]:
+    """Scans after use that show another patch; of other doubts, warnings are logged.
+
+    Parameters
+    ----------
+    coarse : mapping of (str, str) to xarray.Dataset
+        Prepared scans by patch and epoch, all with one spacing.
+    patches : pandas.DataFrame
+        The patch table.
+    maximum_shift_mm : float
+        As in `gstlib.validation.registration.register`.
+    """
+    registered = functools.partial(
+        measured_change, maximum_shift_mm=maximum_shift_mm, minimum_points=_SPOT
+    )
+    before = {patch: of for (patch, epoch), of in coarse.items() if epoch == "T0"}
+    tried, gained = 0, []
+    for row in patches.itertuples():
+        patch, after = row.patch, coarse.get((row.patch, "T1"))
+        if after is None or patch not in before:
+            continue
+        try:
+            registration, change = registered(before[patch], after)
+        except InputError as error:
+            yield InputError(row.t1, f"patch {patch}: {error.problem}", error.remedy)
+            continue
+        if registration.found:
+            shares = wear_summary(change)
+            loss, gain = shares["loss_fraction"], shares["gain_fraction"]
+            if gain > max(_GAIN_OVER_LOSS * loss, loss + _GAIN_LESS_LOSS):
+                gained.append(patch)
+            continue
+        others = [name for name in before if name != patch][: _MOST_TRIED - tried]
+        tried += len(others)
+        for other in others:
+            if registered(before[other], after)[0].found:
+                yield InputError(
+                    row.t1,
+                    f"as T1 of patch {patch}, it is not found on {row.t0}, but on T0 of patch "
+                    f"{other}",
+                    "Correct t1 in the patch table.",
+                )
+                break
+        else:
+            _log.warning(
+                "%s: as T1 of patch %s, it is not found on %s: check both names in the patch "
+                "table, and registration.maximum_shift_mm",
+                row.t1,
+                patch,
+                row.t0,
+            )
+    if gained:
+        _log.warning(
+            "from T0 to T1, more of patch%s %s rose than fell, and wear takes height: are t0 and "
+            "t1 exchanged in the patch table?",
+            "es" * (len(gained) > 1),
+            ", ".join(gained),
+        )
