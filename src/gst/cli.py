@@ -14,6 +14,10 @@ __all__ = ["main"]
 _PATH = click.Path(path_type=Path)
 _CONFIG = click.argument("config", type=_PATH, default="config/config.yaml")
 
+# What messages name by its key in the config is an option of `gst inspect`.
+_OF_INSPECT = {"scans.unit in the config": "--unit", "mesh_unit:": "--unit"}
+_OF_INSPECT |= {"scans.spacing_um in the config": "--spacing-um"}
+
 
 class _Commands(click.Group):
     """Commands that end with the message of a `GstError` and exit code 2."""
@@ -133,8 +137,10 @@ def inspect(files, unit, spacing_um, pictures) -> None:
                 facts["picture"] = pictures / f"{file.name}.png"
                 save_figure(inspected_figure(content, file.name), facts["picture"])
         except GstError as error:
-            failed = True
-            click.echo(f"ERROR: {error}", err=True)
+            failed, said = True, str(error)
+            for key, option in _OF_INSPECT.items():
+                said = said.replace(key, option)
+            click.echo(f"ERROR: {said}", err=True)
             continue
         width = max(map(len, facts))
         shown = {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in facts.items()}
@@ -203,7 +209,9 @@ def diff(before, after, tolerance) -> None:
 
     changes = compare_results(before, after, tolerance)
     click.echo(describe_changes(changes) or f"No difference between {before} and {after}.")
-    sys.exit(bool((changes.table != "provenance").any()))
+    if differ := sorted(set(changes.table) - {"provenance"}):
+        click.echo(f"Tables that differ (exit code 1): {', '.join(differ)}")
+    sys.exit(bool(differ))
 
 
 @main.command("compare-texture")

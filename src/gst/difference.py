@@ -1,7 +1,8 @@
 """What changed between two result folders: tables by row and column, and their provenance.
 
-A row is identified by its leading columns, as few as make it unique in both tables. Tables
-from another config may therefore have additional or missing rows; the rest is still compared.
+A row is identified by its columns that name what it is about: as few, in the order of the table, as
+make it unique in both tables. Tables from another config may therefore have additional or
+missing rows; the rest is still compared.
 """
 
 import json
@@ -13,6 +14,10 @@ import pandas as pd
 from gstlib.errors import InputError
 
 __all__ = ["compare_results", "describe_changes"]
+
+# Columns that name what a row is about; where they tell all rows apart, they are its key.
+_KEYS = {"key", "patch", "place", "epoch", "model", "statistic", "against", "variant", "case"}
+_KEYS |= {"score", "quantity", "stage", "factor", "output", "step", "by", "band"}
 
 
 def compare_results(
@@ -30,10 +35,10 @@ def compare_results(
     Returns
     -------
     pandas.DataFrame
-        One line per change: ``table`` (or "provenance"), ``row`` (as in ``patch=5, epoch=T0``) and
-        ``        column``, both empty if one side has no such table; ``before`` and
-        ``after``, as written in the files, empty where absent; ``relative``, abs(after -
-        before) over the larger magnitude, NaN for text.
+        One line per change: ``table`` (or "provenance"); ``row`` (as in ``patch=5, epoch=T0``),
+        empty if one side has no such table; ``column``, empty if one side has no such row;
+        ``before`` and ``after``, as written in the files, empty where absent; ``relative``,
+        abs(after - before) over the larger magnitude, NaN for text.
 
     Raises
     ------
@@ -97,11 +102,7 @@ def _read_tables(folder: Path) -> dict[str, pd.DataFrame]:
 
 def _changes(old: pd.DataFrame, new: pd.DataFrame) -> list[tuple[str, str, str, str]]:
     """Row, column, text before and text after of each cell that differs."""
-    columns = [column for column in old.columns if column in new.columns]
-    keys = (columns[:count] for count in range(1, len(columns) + 1))
-    key = next(
-        (key for key in keys if not any(t.duplicated(key).any() for t in (old, new))), None
-    )
+    key = _key(old, new)
     cells = []
     for table in (old, new):
         rows = [f"row {number}" for number in range(1, len(table) + 1)]
@@ -111,4 +112,24 @@ def _changes(old: pd.DataFrame, new: pd.DataFrame) -> list[tuple[str, str, str, 
                 rows.append(", ".join(f"{name}={row[name]}" for name in key if row[name]))
         cells.append(table.set_axis(rows).stack())
     both = pd.concat(cells, axis=1).fillna("")
-    return [(*place, *texts) for place, *texts in both.itertuples() if texts[0] != texts[1]]
+    sides = [set(of.index.get_level_values(0)) for of in cells]
+    changes: dict[tuple[str, str, str, str], None] = {}
+    for (row, column), before, after in both.itertuples():
+        there = [row in side for side in sides]
+        if not all(there):
+            changes[row, "", *("present" if side else "" for side in there)] = None
+        elif before != after:
+            changes[row, column, before, after] = None
+    return list(changes)
+
+
+def _key(old: pd.DataFrame, new: pd.DataFrame) -> list[str] | None:
+    """The columns that identify a row in both tables; None if no columns do."""
+    common = [column for column in old.columns if column in new.columns]
+    named = [column for column in common if column in _KEYS]
+    for columns in (named, common):
+        for count in range(1, len(columns) + 1):
+            key = columns[:count]
+            if not any(table.duplicated(key).any() for table in (old, new)):
+                return key
+    return None

@@ -360,7 +360,11 @@ def inspect_file(
     """
     if is_mesh(path):
         mesh = read_mesh(path, unit=unit)
-        return {"unit": mesh.metadata["file_unit"]} | _mesh_facts(mesh), mesh
+        file_unit = mesh.metadata["file_unit"]
+        said = f"{file_unit}, as given" if unit else f"{file_unit}, in the file"
+        if unit is None and not mesh.metadata["states_unit"]:
+            said = f"not stated: {file_unit} is assumed; give another as --unit"
+        return {"unit": said} | _mesh_facts(mesh), mesh
     try:
         scan, said = read_scan(path, spacing_um=spacing_um), "in the file"
     except InputError:

@@ -70,15 +70,28 @@ def test_rows_columns_and_tables_on_one_side(folders):
     (folders[0] / "tables/more.csv").write_text("a\n1\n")
     found = compare_results(*folders)
     changes = list(found.drop(columns="relative").itertuples(index=False, name=None))
-    assert len(changes) == 1 + 3 + 2 * 3
+    assert len(changes) == 1 + 1 + 2 * 3
     for change in [
         ("more.csv", "", "", "present", ""),
-        ("patches.csv", "patch=8", "pressure_MPa", "40.2", ""),
+        ("patches.csv", "patch=8", "", "present", ""),
         ("paths.csv", "patch=5, step=1", "hardness", "100.5", ""),
         ("paths.csv", "patch=5, step=1", "stiffness", "", "100.5"),
     ]:
         assert change in changes
-    assert "  patch=8, pressure_MPa: 40.2 → (none)" in describe_changes(found)
+    assert "  patch=8: present → (none)" in describe_changes(found)
+
+
+def test_rows_are_told_apart_by_what_they_are_about(folders):
+    """A value is no key, although it stands before the last part of one."""
+    header, row = "model,statistic,value,against", "archard,skill,{},{}"
+    for folder, value in zip(folders, (1, 2), strict=True):
+        rows = "\n".join([header, row.format(value, "none"), row.format(value, "rigid")])
+        (folder / "tables/summary.csv").write_text(rows)
+    changes = compare_results(*folders)
+    assert changes.row.tolist() == [
+        f"model=archard, statistic=skill, against={rival}" for rival in ("none", "rigid")
+    ]
+    assert set(changes.column) == {"value"}
 
 
 def test_rows_that_are_not_unique_are_compared_by_number(folders):
@@ -102,6 +115,7 @@ def test_command_and_its_exit_codes(folders, tmp_path):
     result = run(*folders)
     assert result.exit_code == 1
     assert "patches.csv: 2 changes\n  patch=8, pressure_MPa: 40.2 → 50.2  (0.2)\n" in result.output
+    assert result.output.splitlines()[-1].endswith("(exit code 1): patches.csv")
     said = describe_changes(compare_results(*folders), at_most=1)
     assert "(0.2)\n  ... and 1 more" in said
     (folders[1] / "tables/patches.csv").write_text("")

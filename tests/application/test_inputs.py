@@ -352,6 +352,22 @@ def test_command_draws_the_files(tilted, tmp_path):
     assert all(0.2 < third.mean() < 0.8 for third in thirds)  # a ball, three times
 
 
+def test_a_unit_that_no_file_states_is_no_fact(tmp_path):
+    sphere = trimesh.creation.icosphere(radius=20.0)
+    for name, said in (("a.stl", "not stated"), ("a.ply", "not stated"), ("a.glb", "in the file")):
+        sphere.apply_scale(1e-3 if name == "a.glb" else 1).export(tmp_path / name)
+        assert said in inspect_file(tmp_path / name)[0]["unit"]
+    assert inspect_file(tmp_path / "a.stl", unit="cm")[0]["unit"] == "cm, as given"
+    sphere.export(tmp_path / "small.stl")  # in m
+    assert "set --unit m" in inspect(tmp_path / "small.stl").stderr
+
+
+@pytest.mark.parametrize("ending", ["plu", "plux", "txt", "xyz", "stl", "ply", "obj", "off"])
+def test_an_empty_file_is_called_empty(tmp_path, ending):
+    (tmp_path / f"a.{ending}").touch()
+    assert "the file is empty" in inspect(tmp_path / f"a.{ending}").stderr
+
+
 def test_a_mesh_that_is_not_read_gets_advice_about_meshes(tmp_path):
     (tmp_path / "a.fbx").write_bytes(b"PK")
     result = inspect(tmp_path / "a.fbx")
@@ -370,8 +386,8 @@ def test_command_goes_on_after_a_bad_file(tilted, tmp_path):
 def test_text_asks_for_what_it_does_not_state(tmp_path):
     heights = np.random.default_rng(1).normal(size=(9, 9))
     np.savetxt(tmp_path / "a.txt", heights)
-    assert "scans.unit" in inspect(tmp_path / "a.txt").stderr
-    assert "scans.spacing_um" in inspect("--unit", "um", tmp_path / "a.txt").stderr
+    assert "Set --unit to" in inspect(tmp_path / "a.txt").stderr
+    assert "Set --spacing-um" in inspect("--unit", "um", tmp_path / "a.txt").stderr
     result = inspect("--unit", "um", "--spacing-um", "2", tmp_path / "a.txt")
     assert result.exit_code == 0, result.output
     assert "spacing_x_um  2\n" in result.output

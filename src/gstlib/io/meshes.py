@@ -55,7 +55,7 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     trimesh.Trimesh
         Vertices in mm, equal ones merged; colours, textures and normals are left out. A closed one
         that is inside out is turned, with a warning. Its metadata ``file_unit`` is the unit of the
-        file.
+        file, and ``states_unit`` is whether it states one.
 
     Raises
     ------
@@ -73,7 +73,8 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     if path.suffix.lower() not in _READ:
         problem = f"'{path.suffix}' is not a mesh format that is read here"
         raise InputError(path, problem, f"Export the mesh as one of {', '.join(_READ)}.")
-    content = path.read_bytes()
+    if not (content := path.read_bytes()):
+        raise InputError(path, "the file is empty", "Copy it, or export it, again.")
     announced = _announced_faces(path, content)
     vertices, faces, stated = _load(path, content)
     if announced not in (None, len(faces)):
@@ -101,7 +102,7 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     if stated not in (None, unit):
         message = "%s: GLB is in %s by its specification, but is read in %s, as given"
         _log.warning(message, path, stated, unit)
-    metadata = {"file_unit": unit}
+    metadata = {"file_unit": unit, "states_unit": stated is not None}
     mesh = trimesh.Trimesh(vertices * _UNITS[unit], faces, process=False, metadata=metadata)
     mesh.merge_vertices()
     areas = mesh.triangles_cross

@@ -103,6 +103,8 @@ def read_scan(
         raise InputError(
             path, "no such file", "Correct the name in the patch table, or the folder."
         )
+    if path.stat().st_size == 0:
+        raise InputError(path, "the file is empty", "Copy it, or export it, again.")
     readers: dict[str, Callable[[Path], _Raw]] = {
         **dict.fromkeys((".plu", ".apx"), read_plu),
         **dict.fromkeys((".csv", ".txt", ".asc"), read_matrix),

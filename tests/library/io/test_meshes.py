@@ -209,7 +209,8 @@ def test_damaged_files_are_refused(write, name, old, new, match):
 
 def test_no_such_file_and_unknown_format(tmp_path, write):
     refused(tmp_path / "stone.stl", "no such file")
-    refused(write("a.stl", b""), "is cut, or no STL")
+    refused(write("a.stl", b""), "the file is empty")
+    refused(write("b.stl", b"hello"), "is cut, or no STL")
     refused(write("a.txt", b"hello"), r"not a mesh format.*\.glb")
 
 
