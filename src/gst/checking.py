@@ -14,6 +14,7 @@ from gst.epochs import exchanged_scans
 from gst.inputs import Asked, Inputs, check_inputs
 from gst.patches import overlaps, scan_files
 from gst.poses import reach_of
+from gst.provenance import refuse_other_study
 from gstlib.contact import (
     Loading,
     contact_at_pressure,
@@ -179,6 +180,7 @@ def check_study(path: Path) -> None:
     try:
         check_writable(config["results"])
         writable = True
+        refuse_other_study(config)
     except GstError as error:
         problems.append(error)
     reach = None

@@ -40,6 +40,8 @@ _log = logging.getLogger(__name__)
 _MM_TO_UM = 1e3
 # Of a scan, besides patch, epoch and file.
 _FACTS = columns_of("inputs")[3:]
+# Share of the mesh's surface from which on something apart from the stone is no speck.
+_LARGE_BODY = 0.01
 # Fewest points along a patch of a coarser scan.
 _COARSE = 128
 # If spacings of T0 and T1 differ by more than this share, the magnifications differ.
@@ -153,6 +155,7 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
             stone = read_mesh(mesh, unit=asked.mesh_unit)
             points_mm, size_mm = asked.square["points_mm"], asked.square["size_mm"]
             frame = find_frame(points_mm, stone, size_mm=size_mm, source=str(mesh))
+            _mind_other_bodies(stone, frame, asked, source=str(mesh))
             face = _gridded(stone, asked, source=str(mesh))
             heights = square_of(face.height, size_mm)
     except GstError as error:
@@ -227,6 +230,34 @@ def _coarse(piece: xr.DataArray, size_mm: float, mould: Mapping) -> xr.Dataset:
         mould_flip=mould["flip"],
         maximum_unmeasured=1.0,
     )
+
+
+def _mind_other_bodies(
+    stone: "trimesh.Trimesh", frame: Frame, asked: Asked, *, source: str
+) -> None:
+    """Warn of what is large and apart from the stone, such as the table on which it was scanned."""
+    from trimesh.graph import connected_component_labels
+
+    size_mm = asked.square["size_mm"]
+    middle = np.array(frame.origin) + size_mm / 2 * (frame.axes[0] + frame.axes[1])
+    body = connected_component_labels(stone.faces[:, [0, 1, 1, 2]].reshape(-1, 2))
+    away = np.linalg.norm(stone.vertices - middle, axis=1)
+    areas = np.bincount(
+        body[stone.faces[:, 0]], weights=stone.area_faces, minlength=body.max() + 1
+    )
+    nearest = np.full(len(areas), np.inf)
+    np.minimum.at(nearest, body, away)
+    is_other = (areas > _LARGE_BODY * areas.sum()) & (
+        nearest > (asked.grid["face_mm"] or size_mm)
+    )
+    if is_other.any():
+        _log.warning(
+            "%s: %.2g %% of the mesh's surface is apart from the stone, %.3g mm or more from the "
+            "square: if that is a turntable or a support, remove it from the mesh",
+            source,
+            100 * areas[is_other].sum() / areas.sum(),
+            nearest[is_other].min(),
+        )
 
 
 def _gridded(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> xr.Dataset:

@@ -7,14 +7,24 @@ import platform
 import re
 import subprocess
 from collections.abc import Collection, Iterable, Mapping
+from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 
 import gst
 import gstlib
+from gstlib.errors import InputError
 
-__all__ = ["commit", "program_hash", "provenance", "sha256", "source_hash", "study_provenance"]
+__all__ = [
+    "commit",
+    "program_hash",
+    "provenance",
+    "refuse_other_study",
+    "sha256",
+    "source_hash",
+    "study_provenance",
+]
 
 # Of the packages that gstlib names, those that a study runs on.
 _EXTRAS = "formats", "texture", "workflow"
@@ -22,7 +32,7 @@ _EXTRAS = "formats", "texture", "workflow"
 # depends on the library alone.
 _RECORDING = {"logs", "provenance"}
 # Modules that no script imports: the command, and the workflow itself.
-_AROUND = {"checking", "cli", "crate", "difference", "pick", "running", "shipped"}
+_AROUND = {"checking", "cli", "crate", "difference", "epochs", "pick", "running", "shipped"}
 
 
 def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> dict[str, str]:
@@ -35,6 +45,27 @@ def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> 
         "input_sha256": json.dumps(hashes, sort_keys=True),
         "settings": json.dumps(dict(settings), sort_keys=True, default=str),
     }
+
+
+def refuse_other_study(config: dict) -> None:
+    """Refuse a folder with the results of a study of another title and of other files.
+
+    Raises
+    ------
+    InputError
+    """
+    results = Path(config["results"])
+    record = results / "provenance.json"
+    if not record.is_file():
+        return
+    with suppress(ValueError):  # half written: the study writes it anew
+        made = json.loads(record.read_text(encoding="utf-8")).get("config", {})
+        if all(made.get(key, config[key]) != config[key] for key in ("title", "inputs")):
+            raise InputError(
+                results,
+                f"holds the results of another study, '{made['title']}'",
+                "Give `results` another name in the config, or correct its title.",
+            )
 
 
 def study_provenance(

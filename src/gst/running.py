@@ -18,6 +18,7 @@ from pathlib import Path
 
 from gst import ROOT
 from gst.config import config_problems, read_config, refuse_config
+from gst.provenance import refuse_other_study
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
@@ -121,6 +122,7 @@ def run_study(
         raise InputError("--profile", f"there is no folder {here}", "See docs/cluster.md.")
     results = Path(read["results"])
     _refuse_earlier(results, config)
+    refuse_other_study(read)
     if not plan:
         check_writable(results)
         claim_folder(config)

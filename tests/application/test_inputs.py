@@ -229,6 +229,17 @@ def test_one_scan_in_another_unit(folder, caplog, halvings, factor, said):
     assert (f"{folder}/2.plu" in caplog.text) == (factor == 6.0)
 
 
+def test_a_turntable_in_the_mesh_is_told(folder, caplog):
+    whole = stone(halvings=5)
+    check_inputs(folder / "stone.stl", [], Asked(**SETTINGS))
+    assert len(caplog.records) == 0
+    for size, told in ((30.0, 1), (1.0, 1)):  # a table, and then a speck
+        below = trimesh.creation.box(extents=(size, size, 1.0)).apply_translation((0, 0, -8))
+        trimesh.util.concatenate([whole, below]).export(folder / "stone.stl")
+        check_inputs(folder / "stone.stl", [], Asked(**SETTINGS))
+        assert len(caplog.records) == told
+
+
 def test_two_patches_need_two_scans(folder):
     uses = scans(folder)
     uses[2] = uses[2]._replace(path=uses[0].path)

@@ -9,7 +9,15 @@ from pathlib import Path
 import gst
 import gstlib
 import pytest
-from gst.provenance import _package_hash, commit, provenance, source_hash, study_provenance
+from gst.provenance import (
+    _package_hash,
+    commit,
+    provenance,
+    refuse_other_study,
+    source_hash,
+    study_provenance,
+)
+from gstlib.errors import InputError
 
 SCRIPTS = Path(__file__).parents[2] / "workflow/scripts"
 
@@ -77,3 +85,19 @@ def test_a_change_of_the_library_moves_the_hash_and_one_of_its_drawings_only_whe
         changed.write("\n")
     after = hashes()
     assert {name for name in before if after[name] != before[name]} == moved
+
+
+@pytest.mark.parametrize(
+    ("title", "mesh", "refused"),
+    [("A", "a.stl", False), ("B", "a.stl", False), ("A", "b.stl", False), ("B", "b.stl", True)],
+)
+def test_results_of_another_study_are_not_overwritten(tmp_path, title, mesh, refused):
+    """A study may get another title, or its mesh another name."""
+    made = {"config": {"title": "A", "inputs": {"mesh": "a.stl"}}}
+    (tmp_path / "provenance.json").write_text(json.dumps(made))
+    config = {"results": str(tmp_path), "title": title, "inputs": {"mesh": mesh}}
+    if not refused:
+        refuse_other_study(config)
+        return
+    with pytest.raises(InputError, match="another study, 'A'"):
+        refuse_other_study(config)
