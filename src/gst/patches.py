@@ -126,14 +126,16 @@ def read_patches(
 
 def overlaps(patches: pd.DataFrame, size_mm: float) -> Iterator[tuple[str, str, float]]:
     """Two patches, and the share (0 to 1) of each that they have in common, if more than 1 %."""
-    from shapely import Polygon
+    from shapely import Polygon, STRtree
 
-    outlines = {
-        patch: Polygon(outline(place, size_mm)) for patch, place in places_of(patches).items()
-    }
-    for (one, first), (other, second) in itertools.combinations(outlines.items(), 2):
-        if (share := first.intersection(second).area / size_mm**2) > _LEAST_OVERLAP:
-            yield one, other, share
+    places = places_of(patches)
+    names = list(places)
+    outlines = [Polygon(outline(place, size_mm)) for place in places.values()]
+    pairs = STRtree(outlines).query(outlines, predicate="intersects").T
+    for one, other in sorted(map(tuple, pairs)):
+        share = outlines[one].intersection(outlines[other]).area / size_mm**2
+        if one < other and share > _LEAST_OVERLAP:
+            yield names[one], names[other], share
 
 
 def no_patches() -> pd.DataFrame:
