@@ -131,7 +131,7 @@ def overlaps(patches: pd.DataFrame, size_mm: float) -> Iterator[tuple[str, str, 
     places = places_of(patches)
     names = list(places)
     outlines = [Polygon(outline(place, size_mm)) for place in places.values()]
-    pairs = STRtree(outlines).query(outlines, predicate="intersects").T
+    pairs = STRtree(outlines).query(outlines, predicate="intersects").T if names else ()
     for one, other in sorted(map(tuple, pairs)):
         share = outlines[one].intersection(outlines[other]).area / size_mm**2
         if one < other and share > _LEAST_OVERLAP:

@@ -5,9 +5,9 @@ what it is compared with (`gstlib.validation.inference`).
 """
 
 # ASSUME: the mat is tested only where the bare stone's loss is below detection, and its error there
-# must be 2 % smaller. Errors of heights and loads let a mat gain a little on stones that never saw
-# one: up to 1.8 % on 19 generated specimens, but 3 to 14 % on 17 of 18 worn with one (seeds 6001 to
-# 6109, which are not those of `make power`).
+# must be 2 % smaller: errors of heights and loads let a mat gain a little on stones that never saw
+# one. So tested, none of 20 such stones is said to have had one, and all of 10 that had
+# (benchmarks/power.py).
 # ASSUME: the best rival is chosen on the patches on which it is compared. That can only make the
 # prediction look worse; a claim that the rival is better has its p-value multiplied by the number
 # of rivals (Bonferroni).
