@@ -321,6 +321,8 @@ def _same_scans(pieces: _Pieces) -> Iterator[GstError]:
     """The same piece of the same heights for two patches."""
     first: dict[tuple, tuple[str, str]] = {}
     for use, piece in pieces.items():
+        if use[0] == COUNTERFACE:
+            continue
         other = first.setdefault(piece.content, use)
         if other[0] != use[0]:
             yield InputError(
