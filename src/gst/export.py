@@ -10,6 +10,7 @@ import io
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,8 @@ __all__ = ["export_study", "sur_of", "tool_with", "x3p_of"]
 # Whole numbers of 32 bits stand for the values of a .sur; these leave room.
 _LARGEST_STEP = 1 << 30
 _SURFACE = 2  # kind of a .sur: one map
+# Both formats ask for a date; that of the export says nothing about a result.
+_NO_DATE = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def export_study(results: Path, to: Path) -> list[Path]:
@@ -80,8 +83,9 @@ def x3p_of(heights: xr.DataArray, title: str) -> bytes:
     from surfalize.file.x3p import write_x3p
 
     dy, dx = spacing_of(heights)
-    content = io.BytesIO()
-    write_x3p(content, Surface(heights.values * 1e3, dx * 1e3, dy * 1e3), comment=title)
+    content, surface = io.BytesIO(), Surface(heights.values * 1e3, dx * 1e3, dy * 1e3)
+    surface.metadata["timestamp"] = _NO_DATE
+    write_x3p(content, surface, comment=title)
     return content.getvalue()
 
 
