@@ -414,7 +414,7 @@ def identified(table: pd.DataFrame, parameters: SpecimenParameters, case: Case) 
 
 def interval(part: pd.Series, whole: pd.Series) -> str:
     """Ratio of two sums over specimens, with a 95 % bootstrap interval."""
-    pairs = np.stack([part, whole], axis=1)
+    pairs = np.stack([part, whole], axis=1).astype(float)
     pairs = pairs[np.isfinite(pairs).all(axis=1)]
     if not len(pairs):
         return ""

@@ -41,9 +41,6 @@ __all__ = [
 # so near to the other side. 1e-9 takes 5 s more CPU than 1e-4. (Started at the pressure of the
 # draw before, a draw takes three times as long as from coarser grids.)
 _TOLERANCE = 1e-9
-# Share of a patch's side along each edge that is not compared: a levelled patch is pressed there
-# without its neighbours.
-_RIM = 0.1
 
 
 def composite_heights(
@@ -171,27 +168,25 @@ def two_scales_table(
     -------
     pandas.DataFrame
         ``patch, variant, pressure_MPa, reference_pressure_MPa, contact_fraction,
-        reference_contact_fraction, precision, recall, f1, iou``; contact and scores without the
-        rim. Of each variant also ``highest_VARIANT``: the highest points of its surface, as many as
-        are in contact in the reference. Rows `ALL` pool the points of all patches. Draws of the
+        reference_contact_fraction, precision, recall, f1, iou``. Of each variant also
+        ``highest_VARIANT``: the highest points of its surface, as many as are in contact in the
+        reference. Rows `ALL` pool the points of all patches. Draws of the
         reference are pooled, and its pressure is their mean.
     """
     rows = []
-    scored = _inside_rim(reference.contact.shape[-2:])
     for variant, of_patches in contacts.items():
         counts: dict[str, list[np.ndarray]] = {variant: [], f"highest_{variant}": []}
         known = []
         for patch, contact in of_patches.items():
             at = reference.sel(patch=patch)
-            true = at.contact.values & scored
-            heights = np.where(scored, laid_height(contact).values, -np.inf)
-            order = np.argsort(-heights, axis=None, kind="stable")
+            true = at.contact.values
+            order = np.argsort(-laid_height(contact).values, axis=None, kind="stable")
             highest = np.zeros_like(true)
             for mask, draw in zip(highest, true, strict=True):
                 mask.flat[order[: draw.sum()]] = True
-            touching = np.broadcast_to((contact.pressure.values > 0) & scored, true.shape)
+            touching = np.broadcast_to(contact.pressure.values > 0, true.shape)
             for mask, found in zip((touching, highest), counts.values(), strict=True):
-                of = (mask & true).sum(), mask.sum(), true.sum(), scored.sum() * len(true)
+                of = (mask & true).sum(), mask.sum(), true.sum(), true.size
                 found.append(np.array(of))
             pressure = float(contact.mean_pressure)
             known.append((patch, pressure, float(at.pressure.mean())))
@@ -209,9 +204,3 @@ def two_scales_table(
                 shown = precision, recall, f1, f1 / (2 - f1)
                 rows.append((patch, name, own, true_pressure, *areas, *shown))
     return pd.DataFrame(rows, columns=columns_of("two_scales"))
-
-
-def _inside_rim(shape: tuple[int, int]) -> np.ndarray:
-    """Points (ny, nx) off the rim."""
-    rows, columns = (abs((np.arange(n) + 0.5) / n - 0.5) <= 0.5 - _RIM for n in shape)
-    return rows[:, None] & columns

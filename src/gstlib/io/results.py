@@ -284,8 +284,7 @@ TABLES = {
         "what two scales cost: each patch beside one contact of the whole square",
         """
         Each patch, pressed by itself, beside one contact of the whole square at the scans'
-        resolution, the reference. The scores compare the two contacts point by point. The outer
-        tenth of the patch's side along each edge is left out.
+        resolution, the reference. The scores compare the two contacts point by point.
         """,
         {
             "patch": "name of the patch; all: the points of all patches together",
