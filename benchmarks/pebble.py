@@ -446,6 +446,7 @@ def main() -> None:
     shown = table[columns][table.reference_contact_fraction > 0].round(3)
     print("contact against the reference, draws pooled, and lowest and highest F1 of a draw:")
     print(shown.to_string(index=False))
+    options.out.parent.mkdir(exist_ok=True)
     picture(surface, whole.values, place, patches, options.out)
 
 

@@ -9,10 +9,10 @@ and how far, in mm along each axis, the true point of force lies from the middle
 takes it to be. Every case gives a row for each variant, written as soon as it is found; a case that
 the rows hold already is not computed again. Then the tables of the seeds are printed.
 
-- ``forms``: three forms and three distances, scans of 6.64 µm (50 s of CPU a specimen);
-- ``errors``: one error changed at a time, 200 mm, likewise (1 minute);
+- ``forms``: three forms and three distances, scans of 6.64 µm (20 s of CPU a specimen);
+- ``errors``: one error changed at a time, 200 mm, likewise (30 s);
 - ``detail``: the default study's own scans of 1.66 µm, 200 mm, with trials of the S-filter
-  (2 minutes, 2 GB).
+  (1 minute, 2 GB).
 """
 
 import argparse
