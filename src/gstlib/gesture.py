@@ -129,7 +129,9 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
             raise ConfigError(
                 path,
                 f"pose {row + 1}: {name} is {given[row]}",
-                "Give a number" + (f" from {least:g} on." if np.isfinite(least) else "."),
+                "Write a decimal point, not a comma."
+                if "," in str(given[row])
+                else "Give a number" + (f" from {least:g} on." if np.isfinite(least) else "."),
             )
         table[name] = numbers
     if not ((table.weight > 0).any() and (table.force_N > 0).all()):
