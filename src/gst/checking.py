@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,7 +14,7 @@ from gst.config import check_files, counterface_mesh, read_config, read_study
 from gst.epochs import exchanged_scans
 from gst.inputs import Asked, Inputs, check_inputs
 from gst.patches import overlaps, scan_files
-from gst.poses import reach_of
+from gst.poses import poses_of, reach_of
 from gst.provenance import refuse_other_study
 from gstlib.contact import (
     Loading,
@@ -63,7 +64,11 @@ def _rest(contact: xr.Dataset, size_mm: float) -> str:
 
 
 def _summary(
-    config: dict, patches: pd.DataFrame, found: Inputs | None, rest: xr.Dataset | None
+    config: dict,
+    patches: pd.DataFrame,
+    found: Inputs | None,
+    rest: xr.Dataset | None,
+    poses: pd.DataFrame | None,
 ) -> str:
     """What a run would do, and the sizes, which show whether units were read as intended."""
     macroscale, material = config["macroscale"], config["material"]
@@ -79,6 +84,14 @@ def _summary(
         "patches": _patches(config, patches),
         "results in": config["results"],
     }
+    if poses is not None:
+        lines["gesture"] = (
+            f"{len(poses)} poses, which slide by {poses.sliding_mm.sum():.4g} mm in all"
+        )
+    if mat := config["mat"]:
+        lines["mat"] = (
+            f"{mat['thickness_um']:g} µm of {mat['young_MPa']:g} MPa, in turns with the bare stone"
+        )
     if rest is not None:
         lines["at rest"] = _rest(rest, size_mm)
         for doubt in contact_doubts(rest, size_mm=size_mm):
@@ -97,6 +110,18 @@ def _summary(
     return f"{config['title']}\n" + "\n".join(
         f"  {name:<11} {text}" for name, text in lines.items()
     )
+
+
+def _active_stone(
+    config: dict, face: xr.Dataset | None, poses: pd.DataFrame | None
+) -> dict[str, Any]:
+    """For the picture: the gap to the active stone over the face, and where it is pushed."""
+    if face is None or config["coupling"] == "levelled":
+        return {}
+    gap = (face.counterface - face.height).assign_attrs(face.height.attrs)
+    through = np.array(load_point(config["load"], config["square"]["size_mm"]))
+    moved = np.zeros((1, 2)) if poses is None else poses[["y_mm", "x_mm"]].to_numpy()
+    return {"gap": gap - gap.min(), "pushed": through + moved}
 
 
 def _patches(config: dict, patches: pd.DataFrame) -> str:
@@ -183,9 +208,9 @@ def check_study(path: Path) -> None:
         refuse_other_study(config)
     except GstError as error:
         problems.append(error)
-    reach = None
+    reach = poses = None
     try:
-        reach = reach_of(config)
+        reach, poses = reach_of(config), poses_of(config)
     except GstError as error:  # of the table of poses
         problems.append(error)
     if config["inputs"] is not None:
@@ -233,7 +258,7 @@ def check_study(path: Path) -> None:
             rest = _at_rest(config, found.face)
         except GstError as error:
             problems.append(error)
-    print(f"{path}: {_summary(config, patches, found, rest)}")
+    print(f"{path}: {_summary(config, patches, found, rest, poses)}")
     size_mm = config["square"]["size_mm"]
     if writable and found is not None and found.stone is not None and found.frame is not None:
         from gst.figures.style import save_figure
@@ -247,6 +272,7 @@ def check_study(path: Path) -> None:
             patches,
             size_mm=size_mm,
             patch_size_mm=config["scans"]["size_mm"],
+            **_active_stone(config, found.face, poses),
         )
         save_figure(figure, picture)
         print(f"  {'picture':<11} {picture}: the square on the stone, and the patches in it")

@@ -6,8 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
+from gst.figures.maps import draw_footprints
 from gst.figures.tool import check_figure, draw_square, draw_stone
 from gstlib.geometry import Frame
+from gstlib.surface import make_surface
 from matplotlib.figure import Figure
 
 ABOVE = Frame((0, 0, 0), (-1, 0, 0), (0, 0, 1))
@@ -75,3 +77,25 @@ def test_the_check_has_a_picture_even_where_the_square_cannot_be_gridded():
     frame = Frame((2.5, 2.5, 30), (-1, 0, 0), (0, 0, 1))
     sizes = {"size_mm": 5.0, "patch_size_mm": 0.85}
     assert len(check_figure(stone(), frame, None, pd.DataFrame(), **sizes).axes) == 2
+
+
+def test_the_check_shows_the_active_stone_and_where_it_is_pushed():
+    frame = Frame((2.5, 2.5, 30), (-1, 0, 0), (0, 0, 1))
+    gap = make_surface(np.linspace(0, 1, 36).reshape(6, 6), 2.0)
+    pushed = np.array([[1.0, 2.0], [3.0, 4.0]])
+    sizes = {"size_mm": 5.0, "patch_size_mm": 0.85}
+    figure = check_figure(stone(), frame, None, pd.DataFrame(), gap=gap, pushed=pushed, **sizes)
+    (points,) = figure.axes[2].lines
+    assert points.get_xydata().tolist() == [[2, 1], [4, 3]]
+    (square,) = figure.axes[2].patches
+    assert np.ptp(square.get_xy(), axis=0).tolist() == [5, 5]
+
+
+@pytest.mark.parametrize("turn", [0.0, 30.0, 45.0, 90.0, 200.0])
+def test_the_name_of_a_patch_is_inside_its_outline(turn):
+    axes = panel()
+    axes.set(xlim=(0, 5), ylim=(0, 5))
+    patch = {"patch": ["7"], "x_mm": [2.0], "y_mm": [2.5], "rotation_deg": [turn]}
+    draw_footprints(axes, pd.DataFrame(patch), 0.85, colour="black")
+    (outline,), (name,) = axes.patches, axes.texts
+    assert outline.get_path().contains_point(name.get_position())

@@ -42,6 +42,8 @@ HEIGHTS = {"cmap": HEIGHT_MAP, "bar": "height (µm)"}
 CHANGE_MAP = colormaps["RdBu"].resampled(65)
 # Light throughout: black and the class colours stand out even over valleys.
 RELIEF_MAP = LinearSegmentedColormap.from_list("relief", ["#c4c4c4", "#fafafa"], N=40)
+# Where a patch is named: this far from its middle to its corner.
+_LABEL = 0.62
 # White at zero: bare paper means no force.
 FORCE_MAP = LinearSegmentedColormap.from_list(
     "force", ["#ffffff", *colormaps["magma_r"](np.linspace(0.1, 0.95, 12))]
@@ -110,11 +112,16 @@ def draw_map(
     if bar:
         below = 0.13 if ticks else 0.04  # in heights of the map
         strip = axes.inset_axes((0.2, -below - 0.035, 0.6, 0.035))
-        look = {"orientation": "horizontal", "ticks": [norm.vmin, norm.vmax], "format": "%.3g"}
+        look = {"orientation": "horizontal", "ticks": [norm.vmin, norm.vmax], "format": _short}
         colours = axes.figure.colorbar(ScalarMappable(norm, cmap), cax=strip, **look)
         colours.outline.set_visible(False)
         strip.tick_params(length=0, labelsize=6.5, pad=1)
         strip.set_xlabel(bar, fontsize=6.5, labelpad=1)
+
+
+def _short(value: float, _: int | None = None) -> str:
+    """A number at the end of a colour bar: three digits, as a reader writes them."""
+    return f"{float(f'{value:.3g}'):g}".replace("-", "−")
 
 
 def draw_maps(
@@ -174,4 +181,7 @@ def draw_footprints(
     for (patch, place), is_studied in zip(places_of(patches).items(), studied, strict=True):
         corners, line = outline(place, patch_size_mm), "-" if is_studied else "--"
         axes.add_patch(Polygon(corners, fill=False, linestyle=line, **look))
-        axes.text(*corners[3], f" {patch}", fontsize=6.5, ha="left", va="top", **look)
+        # inside, near the upper left corner, however the patch is turned
+        corner = corners[np.argmax(np.diff(corners, axis=1))]
+        at = corners.mean(axis=0) + _LABEL * (corner - corners.mean(axis=0))
+        axes.text(*at, str(patch), fontsize=6.5, ha="center", va="center", **look)
