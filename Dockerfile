@@ -1,5 +1,6 @@
 # Built and run with Buildah, on a Debian 12 made by debootstrap. Untried: Docker, Podman, Apptainer, and
-# Debian's own image (docs/deploy.md).
+# Debian's own image (docs/deploy.md). The image contains ducc0 and surfalize: as a whole it may be
+# distributed under the terms of the GPL only.
 FROM debian:bookworm-slim
 RUN apt-get update \
     && apt-get install --yes --no-install-recommends git make python3-venv \

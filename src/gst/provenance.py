@@ -27,7 +27,7 @@ __all__ = [
 ]
 
 # Of the packages that gstlib names, those that a study runs on.
-_EXTRAS = "formats", "texture", "workflow"
+_EXTRAS = "fast", "formats", "texture", "workflow"
 # Modules that record a result but do not shape it: a script that imports nothing else of `gst`
 # depends on the library alone.
 _RECORDING = {"logs", "provenance"}

@@ -14,7 +14,16 @@ from gst.config import read_config
 from gst.patches import read_patches
 
 CONFIG = Path(__file__).parents[2] / "config"
-ABSENT = "click", "jinja2", "matplotlib", "snakemake", "surfalize", "SurfaceTopography", "yaml"
+ABSENT = (
+    "click",
+    "ducc0",
+    "jinja2",
+    "matplotlib",
+    "snakemake",
+    "surfalize",
+    "SurfaceTopography",
+    "yaml",
+)
 # A generated specimen, from its scans to the loss that one patch foretells for another.
 PROGRAM = """
 import importlib, json, pkgutil, sys

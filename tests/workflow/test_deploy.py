@@ -131,6 +131,6 @@ def test_conda_takes_the_locked_packages_under_a_python_that_they_are_for():
     )
     extras = PROJECT["optional-dependencies"]
     needed = PROJECT["dependencies"] + [
-        of for name in ("formats", "texture", "workflow") for of in extras[name]
+        of for name in ("fast", "formats", "texture", "workflow") for of in extras[name]
     ]
     assert {Requirement(text).name.lower() for text in needed} - {"gstlib"} <= locked

@@ -15,8 +15,10 @@ them each way, so neither rings far; both Gaussians are divided out of the coars
 import math
 from collections.abc import Callable
 
-import ducc0
 import numpy as np
+from scipy import fft
+
+from .transforms import from_waves, from_waves_inplace, to_waves, to_waves_inplace
 
 __all__ = [
     "EvenConvolution",
@@ -94,27 +96,24 @@ class EvenConvolution:
             block = self._rows[: lines.stop - lines.start]
             block[:, :nx] = field[lines]
             block[:, nx:] = 0
-            ducc0.fft.r2c(block, axes=(1,), out=transform.T[lines])
+            to_waves(block, transform.T[lines])
 
         if respond is not None:
             block, lines = np.empty((extra, my), transform.dtype), slice(extra)
-            self._along_y(block, lines)
-            added = respond(np.concatenate((block[:, :half], block[:, -half:]), axis=1))
-            block *= self._spectrum[lines]
-            block[:, :half] += added[:, :half]
-            block[:, -half:] += added[:, half:]
-            self._back_along_y(block, lines)
+            waves = self._along_y(block, lines)
+            added = respond(np.concatenate((waves[:, :half], waves[:, -half:]), axis=1))
+            waves *= self._spectrum[lines]
+            waves[:, :half] += added[:, :half]
+            waves[:, -half:] += added[:, half:]
+            self._back_along_y(waves, lines)
         for lines in self._blocks(extra, mx // 2 + 1):
-            block = self._columns[: lines.stop - lines.start]
-            self._along_y(block, lines)
-            block *= self._spectrum[lines]
-            self._back_along_y(block, lines)
+            waves = self._along_y(self._columns[: lines.stop - lines.start], lines)
+            waves *= self._spectrum[lines]
+            self._back_along_y(waves, lines)
 
         for lines in self._blocks(0, ny):
             block = self._rows[: lines.stop - lines.start]
-            ducc0.fft.c2r(
-                transform.T[lines], axes=(1,), lastsize=mx, forward=False, inorm=2, out=block
-            )
+            from_waves(transform.T[lines], block)
             self._result[lines] = block[:, :nx]
         return self._result
 
@@ -122,11 +121,10 @@ class EvenConvolution:
         ny = self._shape[0]
         block[:, :ny] = self._transform[lines]
         block[:, ny:] = 0
-        ducc0.fft.c2c(block, axes=(1,), out=block)
+        return to_waves_inplace(block)
 
-    def _back_along_y(self, block, lines):
-        ducc0.fft.c2c(block, axes=(1,), forward=False, inorm=2, out=block)
-        self._transform[lines] = block[:, : self._shape[0]]
+    def _back_along_y(self, waves, lines):
+        self._transform[lines] = from_waves_inplace(waves)[:, : self._shape[0]]
 
     def _blocks(self, start, stop):
         for first in range(start, stop, self._lines):
@@ -182,16 +180,17 @@ class SplitConvolution:
 
     def _from_afar(self, waves):
         """Waves of the far part's displacement, from those of the pressure."""
+        size_y, size_x = self._coarse
         waves *= self._down
-        load = ducc0.fft.c2r(waves, axes=(1, 0), lastsize=self._coarse[1], forward=False)
-        waves = ducc0.fft.r2c(self._far(load.T).T, axes=(1, 0))
+        load = fft.irfft2(waves, (size_y, size_x), axes=(1, 0), norm="forward")
+        waves = fft.rfft2(self._far(load.T).T, axes=(1, 0))
         waves *= self._up
         return waves
 
 
 def even_size(minimum):
     """Smallest even length not below `minimum` that the FFT handles fast."""
-    return 2 * ducc0.fft.good_size((minimum + 1) // 2)
+    return 2 * fft.next_fast_len((minimum + 1) // 2)
 
 
 def exact_padding(shape):
@@ -240,7 +239,7 @@ def kernel_spectrum(padded, kernel):
 
 def _even_spectrum(quadrant):
     """Spectrum of an even kernel, from wave number 0 on; overwrites the kernel's quadrant."""
-    return ducc0.fft.dct(quadrant, type=1, out=quadrant)
+    return fft.dctn(quadrant, type=1, overwrite_x=True)
 
 
 def _sigma(spacing):

@@ -10,8 +10,10 @@ import io
 import logging
 import math
 import re
+import struct
 import warnings
 import zipfile
+import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -57,6 +59,8 @@ _AS_MEASURED = (
 # write µ, or the Greek letter, in UTF-8.
 _SUR_MARKS = b"DIGITAL SURF", b"DSCOMPRESSED"
 _SUR_UNITS, _SUR_UNIT = range(180, 276, 16), 16
+# Length of the header; where it states those of comment and private zone, which follow it.
+_SUR_HEADER, _SUR_ZONES = 512, 334
 _MICRO, _OTHER_MICRO = b"\xb5", ("µ".encode(), "μ".encode())
 
 _Raw = tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str]]
@@ -262,12 +266,15 @@ def _plain_sur(content: bytes) -> bytes:
     """A `.sur` without compression, with the micro signs of its units in Latin-1."""
     plain = bytearray(content)
     if content.startswith(b"DSCOMPRESSED"):
-        from surfalize.file.sur import HEADER_SIZE, read_sur_object
-
-        sur = read_sur_object(io.BytesIO(content), encoding="latin-1")
-        size = HEADER_SIZE + sur.header["length_comment"] + sur.header["length_private"]
-        plain[:size] = b"DIGITAL SURF" + content[12:size]
-        plain[size:] = sur.data.tobytes()
+        start = _SUR_HEADER + sum(struct.unpack_from("<HH", content, _SUR_ZONES))
+        (streams,) = struct.unpack_from("<I", content, start)
+        sizes = np.frombuffer(content, "<u4", 2 * streams, start + 4).reshape(-1, 2).tolist()
+        plain = bytearray(b"DIGITAL SURF" + content[12:start])
+        at = start + 4 + 8 * streams
+        for size, packed in sizes:
+            # no more than is stated, whatever the stream holds
+            plain += zlib.decompressobj().decompress(content[at : at + packed], size)
+            at += packed
     for start in _SUR_UNITS:
         unit = bytes(plain[start : start + _SUR_UNIT]).strip(b" \0")
         for other in _OTHER_MICRO:

@@ -1,0 +1,47 @@
+"""Fourier transforms of lines: SciPy's, or those of ducc0 where the extra ``fast`` installed it.
+
+Both descend from pocketfft and agree up to rounding. ducc0, which is under the GPL, uses more of a
+processor's vector units (benchmarks/README.md says what that gains).
+"""
+
+import importlib.util
+
+import numpy as np
+from scipy import fft
+
+__all__ = ["from_waves", "from_waves_inplace", "to_waves", "to_waves_inplace"]
+
+HAS_DUCC0 = importlib.util.find_spec("ducc0") is not None
+if HAS_DUCC0:
+    import ducc0
+
+
+def to_waves(lines: np.ndarray, out: np.ndarray) -> None:
+    """Waves (m, n // 2 + 1) of real lines (m, n)."""
+    if HAS_DUCC0:
+        ducc0.fft.r2c(lines, axes=(1,), out=out)
+    else:
+        out[:] = fft.rfft(lines)
+
+
+def from_waves(waves: np.ndarray, out: np.ndarray) -> None:
+    """Real lines (m, n), n even, of waves (m, n // 2 + 1)."""
+    if HAS_DUCC0:
+        length = out.shape[1]
+        ducc0.fft.c2r(waves, axes=(1,), lastsize=length, forward=False, inorm=2, out=out)
+    else:
+        out[:] = fft.irfft(waves, out.shape[1])
+
+
+def to_waves_inplace(lines: np.ndarray) -> np.ndarray:
+    """Waves of complex lines (m, n), which are overwritten."""
+    if HAS_DUCC0:
+        return ducc0.fft.c2c(lines, axes=(1,), out=lines)
+    return fft.fft(lines, overwrite_x=True)
+
+
+def from_waves_inplace(waves: np.ndarray) -> np.ndarray:
+    """Complex lines of waves (m, n), which are overwritten."""
+    if HAS_DUCC0:
+        return ducc0.fft.c2c(waves, axes=(1,), forward=False, inorm=2, out=waves)
+    return fft.ifft(waves, overwrite_x=True)
