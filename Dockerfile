@@ -16,4 +16,5 @@ RUN make environment
 # a home for caches and a name, for whoever runs it: Snakemake fails without
 ENV PATH=/opt/gst/.venv/bin:$PATH HOME=/tmp USER=gst
 WORKDIR /study
-ENTRYPOINT ["snakemake", "--snakefile", "/opt/gst/Snakefile"]
+# not snakemake: it would run code from a config that says __use_yte__
+ENTRYPOINT ["gst"]

@@ -5,8 +5,12 @@ from pathlib import Path
 import yaml
 
 from gstlib.errors import ConfigError
+from gstlib.io.files import LARGEST_TEXT, check_size
 
 __all__ = ["read_config_file"]
+
+# Values of a config, each counted as often as aliases repeat it.
+_MOST_VALUES = 100_000
 
 
 def read_config_file(path: str | Path) -> dict:
@@ -18,7 +22,10 @@ def read_config_file(path: str | Path) -> dict:
         The file cannot be opened, is not UTF-8 or not YAML, or holds no keys with values.
     """
     try:
-        config = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        check_size(path, LARGEST_TEXT)
+        text = Path(path).read_text(encoding="utf-8")
+        _refuse_many_aliases(path, yaml.compose(text, yaml.SafeLoader))
+        config = yaml.safe_load(text)
     except OSError as error:
         remedy = "Correct its path, or make one with `gst new`."
         raise ConfigError(path, f"cannot be opened ({error.strerror})", remedy) from None
@@ -35,3 +42,20 @@ def read_config_file(path: str | Path) -> dict:
             path, problem, "Write one 'key: value' per line, as in config/config.yaml."
         )
     return config
+
+
+def _refuse_many_aliases(path: str | Path, root: yaml.Node | None) -> None:
+    """Refuse a few lines whose aliases (``*name``) stand for more values than memory holds."""
+    counted: dict[int, int] = {}
+
+    def values(node: yaml.Node) -> int:
+        if id(node) not in counted:
+            counted[id(node)] = 1  # of an alias within its own value
+            parts = node.value if isinstance(node, yaml.CollectionNode) else []
+            pairs = (part if isinstance(part, tuple) else (part,) for part in parts)
+            counted[id(node)] = 1 + sum(values(one) for pair in pairs for one in pair)
+        return counted[id(node)]
+
+    if root is not None and (count := values(root)) > _MOST_VALUES:
+        problem = f"repeats values by aliases (*) until there are {count:.3g}"
+        raise ConfigError(path, problem, "Write each value once, without aliases.")

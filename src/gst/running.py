@@ -20,7 +20,7 @@ from gst import ROOT
 from gst.config import config_problems, read_config, refuse_config
 from gst.provenance import refuse_other_study
 from gstlib.errors import InputError
-from gstlib.io.files import check_writable, write_whole
+from gstlib.io.files import check_writable, write_whole, write_whole
 
 __all__ = ["is_report_current", "lay_out", "remove_results", "run_study"]
 
@@ -146,10 +146,19 @@ def run_study(
         part = report.with_name(".report.part.html")
         if code := _snakemake("--report", part, "--configfile", config, is_shown=False):
             return code
-        part.replace(report)
+        _write_without_paths(report, part)
     print(f"Done. Open {page} in a browser.")
     print(f"The archive of the study: {report}; its tables: {results / 'tables'}")
     return 0
+
+
+def _write_without_paths(report: Path, part: Path) -> None:
+    """Move a report of Snakemake to its place, without the folders of this machine in it."""
+    content = part.read_bytes()
+    for folder in (ROOT, Path.cwd()):
+        content = content.replace(f"{folder.as_posix()}/".encode(), b"")
+    write_whole(report, content)
+    part.unlink()
 
 
 def _refuse_earlier(results: Path, config: Path) -> None:

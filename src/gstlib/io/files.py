@@ -1,4 +1,4 @@
-"""Writes result files that are whole or absent, even if the program is killed while writing.
+"""Files that are not too large to read, and result files that are whole or absent.
 
 A file is written next to its final place under a hidden name (``.NAME.PID.part``), which nothing
 reads, and renamed once all of it is on the disk.
@@ -8,11 +8,21 @@ import errno
 import glob
 import os
 import tempfile
+import zipfile
+from collections.abc import Collection
 from pathlib import Path
 
-from gstlib.errors import OutputError
+from gstlib.errors import InputError, OutputError
 
-__all__ = ["cannot_write", "check_writable", "write_whole"]
+__all__ = ["LARGEST_TEXT", "cannot_write", "check_size", "check_unpacked"]
+__all__ += ["check_unpacked_size", "check_writable", "write_whole"]
+
+# Bytes that are read of one file, and unpacked of an archive: a stone of twenty million triangles,
+# a map of 8000² points. Tables and configs are far smaller. What claims more is damaged, or made to
+# fill the memory.
+_LARGEST = 1 << 30
+_LARGEST_UNPACKED = 1 << 29
+LARGEST_TEXT = 1 << 24
 
 _IN_WORDS = {
     errno.ENOSPC: ("the disk is full", "Make room on it"),
@@ -23,6 +33,47 @@ _IN_WORDS = {
     ),
     errno.EACCES: ("permission denied", "Ask for it, or set `results` in the config"),
 }
+
+
+def check_size(path: str | Path, largest: int = _LARGEST) -> None:
+    """Refuse a file of more than `largest` bytes, before it is read.
+
+    Raises
+    ------
+    InputError
+    """
+    size = os.stat(path).st_size
+    if size > largest:
+        raise InputError(
+            path,
+            f"has {size / 1e6:.0f} MB, and at most {largest / 1e6:.0f} MB are read",
+            "Export it again, smaller: this is more than any stone, scan or table needs.",
+        )
+
+
+def check_unpacked(
+    path: str | Path, archive: zipfile.ZipFile, names: Collection[str] | None = None
+) -> None:
+    """Refuse a zip file whose members, all or some `names`, are too large when unpacked.
+
+    Raises
+    ------
+    InputError
+    """
+    members = [one for one in archive.infolist() if names is None or one.filename in names]
+    check_unpacked_size(path, sum(one.file_size for one in members))
+
+
+def check_unpacked_size(path: str | Path, size: int) -> None:
+    """Refuse a file that unpacks to too many bytes.
+
+    Raises
+    ------
+    InputError
+    """
+    if size > _LARGEST_UNPACKED:
+        problem = f"unpacks to {size / 1e6:.0f} MB, more than {_LARGEST_UNPACKED / 1e6:.0f} MB"
+        raise InputError(path, problem, "Export it again, in another format.")
 
 
 def cannot_write(path: str | Path, error: OSError) -> OutputError:

@@ -8,6 +8,7 @@ import io
 import logging
 import re
 import warnings
+import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gstlib.errors import InputError
+from gstlib.io.files import check_size, check_unpacked
 
 if TYPE_CHECKING:
     import trimesh
@@ -73,6 +75,10 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     if path.suffix.lower() not in _READ:
         problem = f"'{path.suffix}' is not a mesh format that is read here"
         raise InputError(path, problem, f"Export the mesh as one of {', '.join(_READ)}.")
+    check_size(path)
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            check_unpacked(path, archive)
     if not (content := path.read_bytes()):
         raise InputError(path, "the file is empty", "Copy it, or export it, again.")
     announced = _announced_faces(path, content)

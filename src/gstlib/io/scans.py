@@ -21,6 +21,7 @@ import numpy as np
 import xarray as xr
 
 from gstlib.errors import InputError
+from gstlib.io.files import check_size, check_unpacked, check_unpacked_size
 from gstlib.io.plu import read_plu
 from gstlib.io.text import SCAN_UNITS, read_matrix, read_points
 from gstlib.surface import make_surface, spacing_of
@@ -109,6 +110,7 @@ def read_scan(
         )
     if path.stat().st_size == 0:
         raise InputError(path, "the file is empty", "Copy it, or export it, again.")
+    check_size(path)
     readers: dict[str, Callable[[Path], _Raw]] = {
         **dict.fromkeys((".plu", ".apx"), read_plu),
         **dict.fromkeys((".csv", ".txt", ".asc"), read_matrix),
@@ -247,28 +249,40 @@ def _unwrapped(path: Path) -> str | io.BytesIO:
         if path.suffix.lower() == ".x3p":
             with zipfile.ZipFile(file) as given, zipfile.ZipFile(content, "w") as plain:
                 names = [name for name in given.namelist() if f"/{name}".endswith("/main.xml")]
-                folder = min(names, key=len, default="").removesuffix("main.xml")
-                for name in given.namelist():
-                    member = given.read(name)
-                    if name in names:
-                        revision = rb"\g<1>ISO5436 - 2000"
-                        member = re.sub(rb"(<Revision>)[^<]*", revision, member)
-                    plain.writestr(name.removeprefix(folder), member)
+                main = min(names, key=len, default="")
+                check_unpacked(path, given, [main])
+                record = given.read(main)
+                folder = main.removesuffix("main.xml")
+                # no other member is needed, whatever it holds
+                named = [
+                    name
+                    for name in given.namelist()
+                    if name.startswith(folder) and name.removeprefix(folder).encode() in record
+                ]
+                check_unpacked(path, given, named)
+                revision = rb"\g<1>ISO5436 - 2000"
+                plain.writestr("main.xml", re.sub(rb"(<Revision>)[^<]*", revision, record))
+                for name in named:
+                    plain.writestr(name.removeprefix(folder), given.read(name))
         elif mark in _SUR_MARKS:
-            content.write(_plain_sur(mark + file.read()))
+            content.write(_plain_sur(path, mark + file.read()))
         else:
+            if zipfile.is_zipfile(path):
+                with zipfile.ZipFile(path) as given:
+                    check_unpacked(path, given)
             return str(path)
     content.seek(0)
     return content
 
 
-def _plain_sur(content: bytes) -> bytes:
+def _plain_sur(path: Path, content: bytes) -> bytes:
     """A `.sur` without compression, with the micro signs of its units in Latin-1."""
     plain = bytearray(content)
     if content.startswith(b"DSCOMPRESSED"):
         start = _SUR_HEADER + sum(struct.unpack_from("<HH", content, _SUR_ZONES))
         (streams,) = struct.unpack_from("<I", content, start)
         sizes = np.frombuffer(content, "<u4", 2 * streams, start + 4).reshape(-1, 2).tolist()
+        check_unpacked_size(path, sum(size for size, _ in sizes))
         plain = bytearray(b"DIGITAL SURF" + content[12:start])
         at = start + 4 + 8 * streams
         for size, packed in sizes:

@@ -90,10 +90,11 @@ def read_points(path: Path) -> tuple[np.ndarray, tuple[float, float], None, dict
     points = points[np.isfinite(points[:, :2]).all(axis=1)]
     columns, dx = _grid_lines(path, points[:, 0])
     rows, dy = _grid_lines(path, points[:, 1])
-    heights = np.full((rows.max() + 1, columns.max() + 1), np.nan)
-    places = rows * heights.shape[1] + columns
-    if not len(np.unique(places)) == len(points) >= _LEAST_FILLED * heights.size:
+    ny, nx = int(rows.max()) + 1, int(columns.max()) + 1
+    places = rows * nx + columns
+    if not len(np.unique(places)) == len(points) >= _LEAST_FILLED * ny * nx:
         raise _scattered(path, len(points))
+    heights = np.full((ny, nx), np.nan)
     heights[rows, columns] = points[:, 2]
     return heights, (dy, dx), None, {}
 
