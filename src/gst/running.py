@@ -20,7 +20,7 @@ from gst import ROOT
 from gst.config import config_problems, read_config, refuse_config
 from gst.provenance import refuse_other_study
 from gstlib.errors import InputError
-from gstlib.io.files import check_writable, write_whole, write_whole
+from gstlib.io.files import check_writable, write_whole
 
 __all__ = ["is_report_current", "lay_out", "remove_results", "run_study"]
 
