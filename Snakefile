@@ -36,11 +36,17 @@ include: "workflow/rules/figures.smk"
 include: "workflow/rules/page.smk"
 
 
+# All that the rules make, so that whatever is deleted is made again. The sweep runs only on request.
+MADE = [
+    str(file)
+    for one in workflow.rules
+    if "sweep" not in one.name
+    for file in one.output
+    if "{" not in file and file.startswith(f"{RESULTS}/")
+]
+
+
 rule all:
     default_target: True
     input:
-        [f"{RESULTS}/{name}" for name in TARGETS],
-        surfaces("T0", ALL_PATCHES),
-        surfaces("T1", WORN_PATCHES),
-        registered(WORN_PATCHES),
-        contacts(ALL_PATCHES),
+        MADE,

@@ -45,9 +45,8 @@ def table(document, heading):
 @pytest.fixture(scope="module")
 def scales():
     rows = pd.read_csv(two_scales.ROWS)
-    return two_scales.summary(rows).set_index(
-        ["scan_points", "trial", "radius_mm", "distance_mm", "variant"]
-    )
+    of = ["scan_points", "trial", "radius_mm", "distance_mm", "variant"]
+    return two_scales.summary(rows).set_index(of).sort_index()
 
 
 def test_two_scales_by_form(scales):

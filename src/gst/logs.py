@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from gst.made import record_made, record_of
 from gstlib.errors import GstError
 from gstlib.io.files import cannot_write
 
@@ -110,8 +111,11 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
     # ends, takes a quarter of a second.
     gc.freeze()
     settings = {name: value for name, value in snakemake.params.items() if name != "code"}
+    record = record_of(snakemake.log[0])
     with job_log(snakemake.log[0]) as log:
+        record.unlink(missing_ok=True)  # of files that are about to change
         main(**files, **settings)
+        record_made(map(Path, snakemake.output), record)
         log.info("%s", _used())
 
 

@@ -21,6 +21,7 @@ __all__ = [
     "program_hash",
     "provenance",
     "refuse_other_study",
+    "refuse_unseen_change",
     "sha256",
     "source_hash",
     "study_provenance",
@@ -30,7 +31,7 @@ __all__ = [
 _EXTRAS = "fast", "formats", "texture", "workflow"
 # Modules that record a result but do not shape it: a script that imports nothing else of `gst`
 # depends on the library alone.
-_RECORDING = {"logs", "provenance"}
+_RECORDING = {"logs", "made", "provenance"}
 # Modules that no script imports: the command, and the workflow itself.
 _AROUND = {"checking", "cli", "crate", "difference", "epochs", "pick", "running", "shipped"}
 
@@ -66,6 +67,27 @@ def refuse_other_study(config: dict) -> None:
                 f"holds the results of another study, '{made['title']}'",
                 "Give `results` another name in the config, or correct its title.",
             )
+
+
+def refuse_unseen_change(results: Path) -> None:
+    """Refuse inputs that have changed and kept an earlier date, by which Snakemake judges them.
+
+    Raises
+    ------
+    InputError
+    """
+    record = results / "provenance.json"
+    with suppress(OSError, ValueError):
+        made, dated = json.loads(record.read_text(encoding="utf-8")), record.stat().st_mtime_ns
+        for name, digest in made.get("inputs", {}).items():
+            file = Path(name)
+            is_old = file.is_file() and file.stat().st_mtime_ns < dated
+            if is_old and sha256(file) != digest:
+                raise InputError(
+                    file,
+                    "is not the file that the results were made from, but has an earlier date",
+                    f"Say that it is new with `touch '{file}'`, and run the study again.",
+                )
 
 
 def study_provenance(

@@ -18,7 +18,8 @@ from pathlib import Path
 
 from gst import ROOT
 from gst.config import config_problems, read_config, refuse_config
-from gst.provenance import refuse_other_study
+from gst.made import check_made, read_records, records_in
+from gst.provenance import refuse_other_study, refuse_unseen_change
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
@@ -123,9 +124,17 @@ def run_study(
     results = Path(read["results"])
     _refuse_earlier(results, config)
     refuse_other_study(read)
+    made = read_records(records_in(results))
+    check_made(made)
+    refuse_unseen_change(results)
+    missing = {each.output for file, each in made.items() if not file.exists()}
     if not plan:
         check_writable(results)
         claim_folder(config)
+        for output in filter(Path.is_dir, missing):  # Snakemake looks at whole folders
+            shutil.rmtree(output)
+    elif missing:
+        print(f"Missing, and to be made again: {', '.join(sorted(map(str, missing)))}")
     command: list[object] = ["--workflow-profile", folder]
     command += ["--cores", cores] if cores else []
     command += [*options, *(["--dry-run", "--quiet", "rules"] if plan else [])]

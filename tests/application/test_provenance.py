@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -14,6 +15,8 @@ from gst.provenance import (
     commit,
     provenance,
     refuse_other_study,
+    refuse_unseen_change,
+    sha256,
     source_hash,
     study_provenance,
 )
@@ -101,3 +104,17 @@ def test_results_of_another_study_are_not_overwritten(tmp_path, title, mesh, ref
         return
     with pytest.raises(InputError, match="another study, 'A'"):
         refuse_other_study(config)
+
+
+def test_an_input_that_changed_and_kept_its_date_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scan, record = tmp_path / "5_T0.plu", tmp_path / "provenance.json"
+    scan.write_bytes(b"before")
+    record.write_text(json.dumps({"inputs": {"5_T0.plu": sha256(scan)}}))
+    refuse_unseen_change(tmp_path)
+    dates = scan.stat().st_atime_ns, scan.stat().st_mtime_ns
+    scan.write_bytes(b"beside")
+    refuse_unseen_change(tmp_path)  # Snakemake sees its later date
+    os.utime(scan, ns=dates)
+    with pytest.raises(InputError, match=r"touch '5_T0\.plu'"):
+        refuse_unseen_change(tmp_path)

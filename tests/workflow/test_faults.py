@@ -38,6 +38,51 @@ def test_a_damaged_intermediate_is_named_and_made_anew_once_deleted(tiny):
     assert table.read_text() == before
 
 
+def test_what_is_deleted_is_planned_again(tiny):
+    for names, rules in (
+        (("verdict.html", "contents.json", "provenance.json"), {"write_page"}),
+        (("reference/contact.h5",), {"solve_reference", "compare_scales"}),
+        (("microscale/levelled/7.h5",), {"solve_patches", "compare_scales"}),
+    ):
+        kept = {tiny.results / name: (tiny.results / name).read_bytes() for name in names}
+        for file in kept:
+            file.unlink()
+        assert rules <= tiny.planned(), names
+        for file, content in kept.items():
+            file.write_bytes(content)
+
+
+def test_one_file_of_a_folder_is_made_again(tiny):
+    picture, wear = tiny.results / "figures/patch/7.png", tiny.results / "wear/7.h5"
+    before = picture.read_bytes()
+    picture.unlink()
+    said = tiny.gst("study", tiny.config, "--plan").stdout
+    assert "Missing, and to be made again: results-tiny/figures/patch" in said
+    assert str(wear.relative_to(tiny.folder)) not in said
+    assert tiny.gst("study", tiny.config).returncode == 0
+    assert picture.read_bytes() == before
+
+
+def test_what_was_edited_or_cut_is_never_certified(tiny):
+    """Neither by the command nor by the step that writes the page, whoever starts it."""
+    table, page = tiny.results / "tables/wear.csv", tiny.results / "index.html"
+    for file, damaged in (
+        (page, page.read_bytes()[: page.stat().st_size // 2]),
+        (table, table.read_bytes().replace(b"0.", b"99.", 1)),
+    ):
+        whole = file.read_bytes()
+        file.write_bytes(damaged)
+        refused = tiny.gst("study", tiny.config)
+        assert refused.returncode == 2
+        assert f"{file.relative_to(tiny.folder)}: is not as its step made it" in refused.stderr
+        assert "Delete it" in refused.stderr
+        if file == table:
+            result = tiny.run("--forcerun", "write_page")
+            assert result.returncode != 0
+            assert "tables/wear.csv: is not as its step made it" in result.stdout + result.stderr
+        file.write_bytes(whole)
+
+
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no folder that is closed to root too")
 def test_a_results_folder_that_cannot_be_written_to(study):
     study.change(results="/proc/gst")

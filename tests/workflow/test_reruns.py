@@ -59,11 +59,6 @@ def test_nothing_is_left_to_do(tiny):
             {"prepare_counterface", "solve_patches", "solve_cases"},
             {"prepare_T0_scans", "solve_macroscale", "couple_scales", "register_patches"},
         ),
-        (
-            {"patches_per_job": 4},
-            {"prepare_T0_scans_1", "prepare_T0_scans_2", "register_patches_2", "solve_patches_2"},
-            {"generate_specimen", "grid_macroscale"},
-        ),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
 )
@@ -97,6 +92,12 @@ def test_a_changed_library_file(tiny, tmp_path, module, reruns, stays):
     planned = tiny.planned()
     assert reruns <= planned
     assert planned.isdisjoint(stays)
+
+
+def test_patches_are_shared_out_by_the_profile(tiny):
+    planned = tiny.planned("--config", "patches_per_job=4")
+    assert {"prepare_T0_scans_1", "prepare_T0_scans_2", "solve_patches_2"} <= planned
+    assert planned.isdisjoint({"generate_specimen", "grid_macroscale"})
 
 
 def test_the_whole_plan_is_known_before_anything_has_run(study):

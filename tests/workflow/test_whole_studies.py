@@ -97,8 +97,8 @@ def test_a_changed_scan_changes_its_own_patch_alone(tiny):
 
 def test_batches_and_drawn_patches_leave_the_tables_alone(tiny):
     before = tiny.tables()
-    tiny.change(patches_per_job=4, most_drawn_patches=2)
-    tiny.succeed()
+    tiny.change(most_drawn_patches=2)
+    tiny.succeed("--config", "patches_per_job=4")
     assert tiny.tables() == before
     # the hardest pressed and the middle one of those with a T1
     pressures = read_table(tiny.results / "tables/patch_pressures.csv")

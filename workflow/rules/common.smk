@@ -15,10 +15,15 @@ from gstlib.preprocess.gridding import elements_around
 from gstlib.study import STUDY_SECTIONS
 from gst.sweep import sweep_settings
 
+# Two jobs of each kind for 25 patches, one on each of two cores; and at most so many.
+FEW, JOBS = 13, 80
 CAPTIONS = ROOT / "workflow/report"
 CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles)
 
 
+# Patches that share a job, from the profile; no result depends on it. Without it, enough that even
+# thousands of patches make some hundred jobs, each of which takes a second or two to start.
+PER_JOB = config.pop("patches_per_job", None)
 config.update(complete(config))
 PATCHES = read_study(config, CONFIG_FILES)
 PATCHES = PATCHES.set_index("patch", drop=False)
@@ -118,7 +123,7 @@ def other_contacts(patches):
 
 def batches(patches):
     """The patches of each job that takes several, by the end of the job's name."""
-    size = config["patches_per_job"]
+    size = int(PER_JOB or max(FEW, math.ceil(len(ALL_PATCHES) / JOBS)))
     parts = [patches[start : start + size] for start in range(0, len(patches), size)]
     return {"" if len(parts) == 1 else f"_{i}": part for i, part in enumerate(parts, start=1)}
 
@@ -149,35 +154,3 @@ def table(name, category):
     SHOWN[file] = str(CAPTIONS / caption), category, title
     place = {"caption": f"../report/{caption}", "category": category}
     return report(file, labels={"what": f"table: {title}"}, **place)
-
-
-# Not only the results shown: deleted intermediate files are rebuilt.
-TARGETS = [
-    name
-    for name, wanted in {
-        "macroscale/surface.h5": True,
-        "macroscale/contact.h5": True,
-        "coupling/pressures.csv": SCANNED,
-        "index.html": True,
-        "provenance.json": True,
-        "tables/inputs.csv": True,
-        "tables/preprocessing.csv": SCANNED,
-        "tables/gridding.csv": True,
-        "tables/macroscale_path.csv": True,
-        "tables/placement.csv": SCANNED,
-        "tables/patch_pressures.csv": SCANNED,
-        "tables/patch_intervals.csv": SCANNED,
-        "tables/exposure.csv": SCANNED and POSES is not None,
-        "tables/published.csv": config["published"] is not None,
-        "tables/microscale_summary.csv": SCANNED,
-        "tables/two_scales.csv": REFERENCE,
-        "tables/cases.csv": SCANNED and bool(CASES),
-        "tables/registration.csv": bool(WORN_PATCHES),
-        "tables/validation_summary.csv": bool(WORN_PATCHES),
-        "tables/texture.csv": SCANNED,
-        "tables/truth.csv": SCANNED and GENERATED,
-        "tables/places.csv": not SCANNED,
-        "tool.ply": not SCANNED,
-    }.items()
-    if wanted
-]

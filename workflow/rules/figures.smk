@@ -98,11 +98,6 @@ if WORN_PATCHES:
             "texture": f"{RESULTS}/tables/texture.csv",
         },
     )
-TARGETS += [
-    f"figures/{name}" if name in BY_PATCH else f"figures/{name}.png"
-    for figures, _ in DRAWINGS.values()
-    for name in figures
-]
 if config["sweep"] is not None:  # on request
     DRAWINGS["draw_sweep"] = (
         {"sweep": ("9 Sweep", "what changes the results most")},

@@ -13,6 +13,7 @@ import json
 from pathlib import Path
 
 from gst.logs import run_script
+from gst.made import check_made, read_records, record_of
 from gst.page import (
     Shown,
     by_category,
@@ -70,6 +71,9 @@ def main(
     commit: str | None,
     program: str,
 ) -> None:
+    made = read_records(filter(Path.is_file, map(record_of, logs)))
+    certified = [*shown, *([behind] if behind else [])]
+    check_made({file: made[file] for file in certified if file in made}, thoroughly=True)
     tables = {file.stem: file for file in shown if file.suffix == ".csv"}
     pictures = {file.stem: file for file in shown if file.suffix == ".png"}
     frame = stored_frame(read_dataset(surface, only=FRAME))
@@ -105,9 +109,7 @@ def main(
     scene = tool_scene(tool, frame, fields, places, (size, patch_mm), other)
     entries = [
         Shown(file, category, title, caption_html(caption.read_text("utf-8"), config=config))
-        for file, caption, (category, title) in zip(
-            [*shown, *([behind] if behind else [])], captions, titles, strict=True
-        )
+        for file, caption, (category, title) in zip(certified, captions, titles, strict=True)
     ]
     records = patch_records(tables, by_patch or None) if proposed is None else []
     content = {
