@@ -9,9 +9,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from gst.provenance import sha256
 from gstlib.errors import InputError
-from gstlib.io.files import write_whole
+from gstlib.io.files import sha256, write_whole
 
 __all__ = ["check_made", "read_records", "record_made", "record_of", "records_in"]
 

@@ -15,6 +15,7 @@ from types import ModuleType
 import gst
 import gstlib
 from gstlib.errors import InputError
+from gstlib.io.files import sha256
 
 __all__ = [
     "commit",
@@ -22,7 +23,6 @@ __all__ = [
     "provenance",
     "refuse_other_study",
     "refuse_unseen_change",
-    "sha256",
     "source_hash",
     "study_provenance",
 ]
@@ -111,12 +111,6 @@ def study_provenance(
             "packages": _packages(),
         },
     }
-
-
-def sha256(path: str | Path) -> str:
-    """SHA-256 of a file, in hexadecimal digits."""
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @functools.cache

@@ -13,8 +13,9 @@ import yaml
 from click.testing import CliRunner
 from gst.cli import main
 from gst.crate import pack_study
-from gst.provenance import program_hash, sha256
+from gst.provenance import program_hash
 from gstlib.errors import InputError
+from gstlib.io.files import sha256
 
 ROOT = Path(__file__).parents[2]
 RESULTS = {

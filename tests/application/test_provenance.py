@@ -16,11 +16,11 @@ from gst.provenance import (
     provenance,
     refuse_other_study,
     refuse_unseen_change,
-    sha256,
     source_hash,
     study_provenance,
 )
 from gstlib.errors import InputError
+from gstlib.io.files import sha256
 
 SCRIPTS = Path(__file__).parents[2] / "workflow/scripts"
 

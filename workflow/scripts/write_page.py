@@ -25,12 +25,12 @@ from gst.page import (
     warned,
 )
 from gst.poses import poses_of
-from gst.provenance import sha256, study_provenance
+from gst.provenance import study_provenance
 from gst.verdict import verdict, where_to_scan
 from gstlib.contact import load_force
 from gstlib.counterface import SecondStone, posed_mesh
 from gstlib.geometry import FRAME, square_of, stored_frame
-from gstlib.io.files import write_whole
+from gstlib.io.files import sha256, write_whole
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table

@@ -6,6 +6,7 @@ reads, and renamed once all of it is on the disk.
 
 import errno
 import glob
+import hashlib
 import os
 import tempfile
 import zipfile
@@ -15,7 +16,7 @@ from pathlib import Path
 from gstlib.errors import InputError, OutputError
 
 __all__ = ["LARGEST_TEXT", "cannot_write", "check_size", "check_unpacked"]
-__all__ += ["check_unpacked_size", "check_writable", "write_whole"]
+__all__ += ["check_unpacked_size", "check_writable", "sha256", "write_whole"]
 
 # Bytes that are read of one file, and unpacked of an archive: a stone of twenty million triangles,
 # a map of 8000² points. Tables and configs are far smaller. What claims more is damaged, or made to
@@ -49,6 +50,12 @@ def check_size(path: str | Path, largest: int = _LARGEST) -> None:
             f"has {size / 1e6:.0f} MB, and at most {largest / 1e6:.0f} MB are read",
             "Export it again, smaller: this is more than any stone, scan or table needs.",
         )
+
+
+def sha256(path: str | Path) -> str:
+    """SHA-256 of a file, in hexadecimal digits."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def check_unpacked(
