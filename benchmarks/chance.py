@@ -5,9 +5,9 @@
 `benchmarks/power.py` asks this of whole studies; here each trial is drawn at random, so that there
 are many. Its rows, one a trial, go to benchmarks/results/chance.csv:
 
-- ``waves``: the highest points of a levelled self-affine map against the lowest of another, both
-  with waves up to a length between a tenth of the patch and many times it. ``length`` is the
-  correlation length of the loss over the patch's side;
+- ``waves``: twelve patches, of each the highest points of a levelled self-affine map against the
+  lowest of another, all with waves up to a length between a tenth of a patch and many times it; a
+  row for each patch;
 - ``neighbours``: Spearman's correlation of two fields over twelve patches, each field correlated
   over two distances between patches;
 - ``mean of 6`` to ``mean of 25``: ``held``, whether the interval of a mean holds it.
@@ -26,14 +26,13 @@ from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.randomness import self_affine_field
 from gstlib.surface import make_surface
 from gstlib.validation.inference import Draws, mean_of, rank_correlation
-from gstlib.validation.nulls import LONGEST, correlation_length, p_value, shifted_mcc
+from gstlib.validation.nulls import Places, p_value, swapped_mcc
 
 ROWS = Path(__file__).parents[1] / "benchmarks/results/chance.csv"
 LEVEL = 0.05
 # Points along a patch's side; the waves are made on a larger map, of which it is a piece.
 POINTS, WIDE = 100, 512
 LONGEST_WAVES = 10, 20, 40, 80, 160, 320, 640  # points
-SHIFTS = 999
 PREDICTED, LOST = (0.02, 0.3), (0.01, 0.3)  # shares of the patch
 SIDE, PATCHES, DISTANCES = 5, 12, 2.0
 JITTER = 1e-9  # for the smooth fields' Cholesky factor
@@ -45,30 +44,23 @@ def highest(field: np.ndarray, share: float) -> np.ndarray:
     return field > np.quantile(field, 1 - share)
 
 
-def tested(
-    predicted: np.ndarray, loss: np.ndarray, rng: np.random.Generator
-) -> dict[str, float]:
-    """Correlation length of a loss (ny, nx) over the patch's side, and its p-value."""
-    every, spacing = np.ones(loss.shape, bool), (1 / POINTS, 1 / POINTS)
-    length = correlation_length(loss, every, spacing)
-    null = shifted_mcc(
-        predicted, loss, every, spacing, beyond_mm=length, shifts=SHIFTS, generator=rng
-    )
-    return {"length": length, "p_value": p_value(float(null[0]), null[1:])}
+def waves(rng: np.random.Generator) -> list[dict[str, float]]:
+    """Two unrelated levelled maps for each patch."""
+    every, longest = np.ones((POINTS, POINTS), bool), float(rng.choice(LONGEST_WAVES))
+    places = {}
+    for patch in map(str, range(PATCHES)):
+        masks = []
+        for share in (PREDICTED, LOST):
+            wide = self_affine_field(rng, WIDE, 1.0, hurst_exponent=0.8, roll_off=longest)
+            piece = make_surface(wide[:POINTS, :POINTS].astype(float), 1e-3)
+            level = remove_plane(piece)[0].values
+            masks.append(highest(level, float(np.exp(rng.uniform(*np.log(share))))))
+        places[patch] = Places.of(*masks, every)
+    nulls = [swapped_mcc(patch, places) for patch in places]
+    return [{"p_value": p_value(float(null[0]), null[1:])} for null in nulls]
 
 
-def waves(rng: np.random.Generator) -> dict[str, float]:
-    """Two unrelated levelled maps."""
-    maps, longest = [], rng.choice(LONGEST_WAVES)
-    for _ in range(2):
-        wide = self_affine_field(rng, WIDE, 1.0, hurst_exponent=0.8, roll_off=float(longest))
-        piece = make_surface(wide[:POINTS, :POINTS].astype(float), 1e-3)
-        maps.append(remove_plane(piece)[0].values)
-    shares = (float(np.exp(rng.uniform(*np.log(of)))) for of in (PREDICTED, LOST))
-    return tested(*map(highest, maps, shares), rng)
-
-
-def neighbours(rng: np.random.Generator) -> dict[str, float]:
+def neighbours(rng: np.random.Generator) -> list[dict[str, float]]:
     """Two unrelated fields over patches of a square."""
     places = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE)), axis=-1).reshape(-1, 2)
     places = places[rng.permutation(len(places))[:PATCHES]]
@@ -81,20 +73,20 @@ def neighbours(rng: np.random.Generator) -> dict[str, float]:
         zip(("x_mm", "y_mm", "pressure", "loss"), (*places.T, *of_patches), strict=True)
     )
     found = rank_correlation(pd.DataFrame(columns), "pressure", "loss", Draws(rng, 2))
-    return {"p_value": found.p_value}
+    return [{"p_value": found.p_value}]
 
 
-def mean(count: int) -> Callable[[np.random.Generator], dict[str, float]]:
+def mean(count: int) -> Callable[[np.random.Generator], list[dict[str, float]]]:
     """The mean over so many patches of normal numbers, which is 0."""
 
-    def held(rng: np.random.Generator) -> dict[str, float]:
+    def held(rng: np.random.Generator) -> list[dict[str, float]]:
         found = mean_of(rng.standard_normal(count), Draws(rng, 999))
-        return {"held": float(found.low <= 0 <= found.high)}
+        return [{"held": float(found.low <= 0 <= found.high)}]
 
     return held
 
 
-CASES: dict[str, Callable[[np.random.Generator], dict[str, float]]] = {
+CASES: dict[str, Callable[[np.random.Generator], list[dict[str, float]]]] = {
     "waves": waves,
     "neighbours": neighbours,
     **{f"mean of {count}": mean(count) for count in COUNTED},
@@ -102,10 +94,8 @@ CASES: dict[str, Callable[[np.random.Generator], dict[str, float]]] = {
 
 
 def rates(rows: pd.DataFrame) -> pd.DataFrame:
-    """Claims at `LEVEL` by case, with long waves and without, or how many intervals hold."""
+    """Claims at `LEVEL` by case, or how many intervals hold."""
     rows = rows.assign(claim=(rows.p_value <= LEVEL).where(rows.p_value.notna()))
-    long = (rows.case == "waves") & (rows.length > LONGEST)
-    rows["case"] = rows.case.where(~long, "waves, too long")
     found = rows.groupby("case", sort=False)[["claim", "held"]].agg(["mean", "count"])
     return found.astype(float).round(3)
 
@@ -119,10 +109,12 @@ def main() -> None:
     if not options.tables:
         found: list[dict[str, Any]] = []
         for number, (name, draw) in enumerate(CASES.items()):
-            for trial in range(options.trials):
-                found.append({"case": name} | draw(np.random.default_rng([number, trial])))
+            rows: list[dict[str, float]] = []
+            while len(rows) < options.trials:
+                rows += draw(np.random.default_rng([number, len(rows)]))
+            found += [{"case": name} | row for row in rows]
             print(f"{name}: done", flush=True)
-        columns = ["case", "length", "p_value", "held"]
+        columns = ["case", "p_value", "held"]
         write_table(options.rows, pd.DataFrame(found, columns=columns))
     print(rates(read_table(options.rows)).to_string())
 

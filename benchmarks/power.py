@@ -33,7 +33,7 @@ from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.stone import WEAR_LAWS, WEAR_PLACEMENTS
 from gstlib.study import Study
 from gstlib.validation.inference import Draws, rank_correlation
-from gstlib.validation.scoring import Chance, own_model
+from gstlib.validation.scoring import own_model
 from gstlib.validation.summary import patch_statistics
 
 __all__ = [
@@ -58,7 +58,7 @@ _PREDICTOR, _EXTENT = "pressure_MPa", "loss_fraction"
 _PAIR = f"spearman({_PREDICTOR}, {_EXTENT})"
 # ASSUME: what can be had with fewer patches is that of so many drawn at random from a specimen's.
 _PATCH_COUNTS = (4, 6, 8, 10, 12)
-_RESAMPLES = 99  # for intervals, which are not used here
+_RESAMPLES = 999  # draws of chance; intervals are not used here
 _OF_USE = "change", "registration", "selected", "worn_square"  # scans after use enter these
 _TESTS = ["test", "drawn", "patches", "p_value"]
 
@@ -152,16 +152,14 @@ def asked(ask: Callable[[Study], Any], study: Study) -> Any:
 def p_values(study: Study, *, seed: Sequence[int]) -> pd.DataFrame:
     """P-values of every test of the study on one specimen with one kind of wear.
 
-    Nulls and permutations are drawn from `seed`. The result has ``test, drawn, patches, p_value``.
+    Random numbers are drawn from `seed`. The result has ``test, drawn, patches, p_value``.
     ``mcc`` is the test of a patch against chance; the others have the names of
     ``validation_summary.csv``, of the study's own prediction. A gain over a rival or no loss is
     claimed by ``better(...)`` and ``worse(...)``, one-sided: of the study's two-sided test, half
     its p-value on the side where the difference lies. The rank correlation of pressure and loss is
     also taken over so many patches ``drawn`` at random.
     """
-    shifts = study.config["validation"]["shifts"]
-    chance = Chance(seed, shifts)
-    tables = asked(lambda study: study.judged(chance, resamples=_RESAMPLES), study)
+    tables = asked(lambda study: study.judged(seed=seed, resamples=_RESAMPLES), study)
     patches, summary = tables["patches"], tables["summary"]
     rows = [("mcc", np.nan, 1, p) for p in patches.p_value]
     own = own_model(list(summary.model))

@@ -1,7 +1,6 @@
 """Claims on made-up patches; their rates, exact where known, and honest about clustered trials."""
 
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import pandas as pd
@@ -29,7 +28,7 @@ from gstlib.specimen.stone import WEAR_LAWS, WEAR_PLACEMENTS
 
 FOLDER, SEED = Path(__file__).parents[1] / "config", [1, 5]
 DEFAULT, TINY = (yaml.safe_load((FOLDER / f"{n}.yaml").read_text()) for n in ("config", "tiny"))
-CONFIG = merged(merged(DEFAULT, TINY), {"validation": {"shifts": 199}})
+CONFIG = merged(DEFAULT, TINY)
 
 
 def rates_of(by_specimen):
@@ -92,12 +91,10 @@ def tables_of(**values):
 class Judged:
     """A study whose verdict is known, of nine patches; the harder pressed wear more."""
 
-    config: ClassVar = {"validation": {"shifts": 99}}
-
     def __init__(self, tables):
         self.tables = tables
 
-    def judged(self, chance, *, resamples):
+    def judged(self, *, seed, resamples):
         return self.tables
 
     def _table(self, **columns):

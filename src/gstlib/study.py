@@ -72,14 +72,7 @@ from gstlib.gesture import Gesture
 from gstlib.io.scans import cut_scan, whole_scan
 from gstlib.preprocess.scan import prepare_scan
 from gstlib.validation.change import Detection, measure_detection, register_patch
-from gstlib.validation.scoring import (
-    NO_CHANCE,
-    Chance,
-    judge_patch,
-    judged_tables,
-    other_patches,
-    waves_too_long,
-)
+from gstlib.validation.scoring import by_chance, judge_patch, judged_tables, other_patches
 from gstlib.validation.selection import registration_table, select_patches
 from gstlib.validation.summary import patch_statistics, summarise
 from gstlib.wear import WornSquare, fit_mat, wear_map, wear_square
@@ -308,7 +301,7 @@ def judge_wear(
     mat: xr.Dataset | None = None,
     exposure: pd.DataFrame | None = None,
     expected_worst: Sequence[str] = (),
-    chance: Chance = NO_CHANCE,
+    seed: int | Sequence[int],
     resamples: int,
 ) -> dict[str, pd.DataFrame]:
     """Judge the loss that is predicted of each patch by the measured one, beside fair rivals.
@@ -326,9 +319,8 @@ def judge_wear(
         From `gstlib.wear.fit_mat`.
     expected_worst : sequence of str
         Patches that were said beforehand to be the worst worn.
-    chance : Chance
-    resamples : int
-        Bootstrap samples of patches.
+    seed, resamples : int
+        Of the intervals and permutations; bootstrap samples of patches.
 
     Returns
     -------
@@ -351,20 +343,18 @@ def judge_wear(
                     others,
                     pressure_MPa=float(at.pressure_MPa[patch]),
                     believed=bool(at.believed[patch]),
-                    chance=chance,
                 )
             )
-    if warning := waves_too_long(found):
-        _log.warning("%s", warning)
+    nulls = by_chance(found)
     counted = (at.in_study.astype(bool) & at.believed.astype(bool)).to_dict()
-    tables = judged_tables(found, counted)
+    tables = judged_tables(found, nulls, counted)
     statistics = patch_statistics(tables["patches"], registration, pressures, exposure)
     tables["summary"] = summarise(
         statistics,
         tables["wear"],
-        found,
+        nulls,
         mat,
-        seed=chance.seed,
+        seed=seed,
         resamples=resamples,
         expected_worst=expected_worst,
     )
@@ -585,7 +575,7 @@ class Study:
             mat=self.config["mat"],
         )
 
-    def judged(self, chance: Chance = NO_CHANCE, *, resamples: int) -> dict[str, pd.DataFrame]:
+    def judged(self, *, seed: int | Sequence[int], resamples: int) -> dict[str, pd.DataFrame]:
         """The tables of `judge_wear`."""
         contacts, changes = (
             {patch: of(patch) for patch in self.worn}
@@ -608,6 +598,6 @@ class Study:
             fitted_to=worn.fitted_to if worn else (),
             mat=mat,
             expected_worst=self.config["validation"]["expected_worst"],
-            chance=chance,
+            seed=seed,
             resamples=resamples,
         )

@@ -171,7 +171,7 @@ def test_all_problems_are_told_at_once(config):
         ("hardness", 22.0, "not above the mean pressure on the square, 22 MPa"),
         ("hardness", -5.0, "'hardness' is -5.0"),
         ("texture.l_filter_um", 8.0, "no wave passes both filters"),
-        ("validation.shifts", 99, "validation.shifts"),
+        ("validation.resamples", 9, "validation.resamples"),
         ("mat", MAT | {"young_MPa": 19500.0}, "'mat.young_MPa' is 19500, not below the stones'"),
         ("mat", MAT | {"thickness_um": 1.5}, "'mat.thickness_um': 1.5 µm is less than the 1.66 µm"),
         ("mat", MAT | {"poisson": 0.6}, "'mat.poisson' is 0.6"),

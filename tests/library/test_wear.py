@@ -182,6 +182,7 @@ def judged(worn, contacts, changes, predicted, mat=None):
         registration,
         fitted_to=worn.fitted_to,
         mat=mat,
+        seed=1,
         resamples=99,
     )
 

@@ -54,7 +54,6 @@ if WORN_PATCHES:
             # a claim about other patches says nothing about these
             expected_worst=EXPECTED_WORST if set(EXPECTED_WORST) <= set(ALL_PATCHES) else [],
             seed=config["seed"],
-            shifts=config["validation"]["shifts"],
             resamples=config["validation"]["resamples"],
             code=code("judge_wear.py"),
         message:

@@ -7,7 +7,6 @@ from gstlib.contact import LAID
 from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_pressures, read_table, write_table
 from gstlib.study import judge_wear
-from gstlib.validation.scoring import Chance
 from gstlib.wear import WornSquare
 
 READ = *LAID, "pressure", "gap"
@@ -29,7 +28,6 @@ def main(
     worn: list[str],
     expected_worst: list[str],
     seed: int,
-    shifts: int,
     resamples: int,
 ) -> None:
     square, mat = folder / "whole_square.h5", folder / "whole_mat.h5"
@@ -44,7 +42,7 @@ def main(
         mat=read_dataset(mat) if mat.exists() else None,
         exposure=read_table(exposure) if exposure else None,
         expected_worst=expected_worst,
-        chance=Chance(seed, shifts),
+        seed=seed,
         resamples=resamples,
     )
     files = {"patches": patches, "wear": table, "profile": profile, "summary": summary}

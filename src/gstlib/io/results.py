@@ -454,11 +454,11 @@ TABLES = {
         foretell, against the measured one. ``mcc`` compares masks: where each exceeds the level
         of detection. The prefixed columns are those of the rivals, which know as much as the
         prediction, and of the ceiling ``own_area``, which knows the patch's own worn share; see
-        ``wear.csv``. Chance: the prediction is shifted over the patch as over a torus, beyond the
-        correlation length of the loss. *noise*: the loss is not believed (``registration.csv``),
-        and noise mimics agreement, since a point that it raises at T0 is predicted to wear and
-        looks worn at T1. *long waves*: the loss correlates over more than 8 % of the patch's
-        side, where shifts claim too much. *undefined*: nothing was lost, or no loss is predicted.
+        ``wear.csv``. Chance: what is predicted of other patches, and of any patch turned and
+        mirrored, is held against the loss of this one. *noise*: the loss is not believed
+        (``registration.csv``), and noise mimics agreement, since a point that it raises at T0 is
+        predicted to wear and looks worn at T1. *undefined*: nothing was lost, or no loss is
+        predicted.
         """,
         {
             "patch": _PATCH,
@@ -469,11 +469,8 @@ TABLES = {
             "attainable_mcc": "the largest that a mask of the predicted area can reach",
             "map_error": "r.m.s. of predicted less measured loss, over that of no loss",
             **{f"{name}_mcc": f"mcc of {words}" for name, words in _RIVALS.items()},
-            "correlation_length_um": (
-                "distance at which the autocorrelation of the loss has fallen to 1/e"
-            ),
-            "p_value": "one-sided test of mcc against the shifted predictions",
-            "untested": "why there is no p-value: noise, long waves or undefined",
+            "p_value": "one-sided test of mcc against the predictions of other patches",
+            "untested": "why there is no p-value: noise or undefined",
         },
         only="with scans after use",
     ),
@@ -489,14 +486,14 @@ TABLES = {
         rival; below 1, the prediction errs less. Two-sided tests exchange the two on random
         patches; where the best rival is better, its p-value is multiplied by the number of
         rivals. ``tested_mean(mcc)``: over the patches on which chance can be tested, against
-        shifted predictions, one-sided. ``spearman(...)``: rank correlation with the area and
-        volume of the loss (per area seen){% if config.gesture %}, also of the exposure over the
-        gesture{% endif %}; two-sided, exact up to 8 patches, allowing for spatial autocorrelation
-        (Dutilleul 1993). ``spearman(touched, ...)``: do patches that nothing touches wear less?
-        Patches out of the study count, too.{% if config.validation.expected_worst %}
-        ``expected_worst(...)``: share of the patches stated beforehand as the worst worn that are
-        among as many worst worn ones; the p-value is the exact probability that a random ranking
-        does as well.{% endif %}{% if config.mat %} ``mat_ratio``: coefficient of the mat over
+        the predictions of other patches, one-sided. ``spearman(...)``: rank correlation with the
+        area and volume of the loss (per area seen){% if config.gesture %}, also of the exposure
+        over the gesture{% endif %}; two-sided, exact up to 8 patches, allowing for spatial
+        autocorrelation (Dutilleul 1993). ``spearman(touched, ...)``: do patches that nothing
+        touches wear less? Patches out of the study count, too.
+        {% if config.validation.expected_worst %}``expected_worst(...)``: share of the patches
+        stated beforehand as the worst worn that are among as many worst worn ones; the p-value is
+        the exact probability that a random ranking does as well.{% endif %}{% if config.mat %} ``mat_ratio``: coefficient of the mat over
         that of the bare stone, which fits all patches best. ``relative(out_of_contact)`` tests
         whether a mat was there: its error where the bare stone takes off less than is detected,
         over 98 % of the bare stone's.{% endif %} Intervals are those of a bootstrap over patches.

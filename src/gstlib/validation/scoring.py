@@ -6,17 +6,16 @@ as Matthews' correlation coefficient says (`gstlib.validation.agreement`). The e
 the r.m.s. of predicted less measured loss, over all points. The *volume* counts as far as two scans
 can show it. The rivals know as much as the prediction (`gstlib.validation.rivals`).
 
-Chance is the prediction's mask, shifted over the patch (`gstlib.validation.nulls`). Noise mimics
-agreement: a point that noise raises at T0 is predicted to wear, and looks worn at T1. No shift can
-distinguish that from wear, but noise raises as often as it lowers: where so much rose that noise
-may explain the loss, chance is not tested. Nor is it tested where the loss correlates over so large
-a share of the patch that shifts claim too much (`gstlib.validation.nulls.LONGEST`).
+Chance is what the masks of the other patches reach (`gstlib.validation.nulls`). Noise mimics
+agreement: a point that noise raises at T0 is predicted to wear, and looks worn at T1. No other
+patch can show that, but noise raises as often as it lowers: where so much rose that noise may
+explain the loss, chance is not tested.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -26,36 +25,24 @@ from gstlib.contact import laid_height
 from gstlib.io.results import columns_of
 from gstlib.surface import spacing_of
 from gstlib.validation.agreement import mask_counts, mask_scores, seen_depth
-from gstlib.validation.nulls import LONGEST, correlation_length, p_value, shifted_mcc
+from gstlib.validation.nulls import Places, p_value, swapped_mcc
 from gstlib.validation.rivals import CEILING, RIVALS, Others, rival_depths
 
-__all__ = ["BARE", "MAT", "NO_CHANCE", "YIELDING", "Chance", "JudgedPatch", "judge_patch"]
-__all__ += ["judged_tables", "other_patches", "own_model", "waves_too_long"]
+__all__ = [
+    "BARE",
+    "MAT",
+    "YIELDING",
+    "JudgedPatch",
+    "by_chance",
+    "judge_patch",
+    "judged_tables",
+]
+__all__ += ["other_patches", "own_model"]
 
 # The predictions: Archard's law, and what is changed in it.
 BARE, MAT, YIELDING = "archard", "mat", "yielding"
-# Why a patch is not tested against chance.
-LONG_WAVES = "long waves"
 # Bands of equally many points, beginning with the highest points, or the smallest gap.
 _BANDS = 4
-
-
-class Chance(NamedTuple):
-    """What chance is drawn with.
-
-    Attributes
-    ----------
-    seed : int or sequence of int
-        Of the random numbers.
-    shifts : int
-        Of the null model; 0 leaves chance out.
-    """
-
-    seed: int | Sequence[int] = 0
-    shifts: int = 0
-
-
-NO_CHANCE = Chance()
 
 
 @dataclass(frozen=True)
@@ -65,7 +52,7 @@ class JudgedPatch:
     row: dict[str, Any]  # of validation_patches.csv
     models: list[tuple]  # rows of wear.csv
     bands: list[tuple]  # rows of wear_profile.csv
-    null: np.ndarray  # MCC in place, then of the shifts; empty where chance is not tested
+    places: Places  # of the study's own prediction, and of the loss
 
 
 def own_model(models: Sequence[str]) -> str:
@@ -106,15 +93,13 @@ def judge_patch(
     *,
     pressure_MPa: float,
     believed: bool = True,
-    chance: Chance = NO_CHANCE,
 ) -> JudgedPatch:
     """Judge the predicted loss of one patch by the measured one.
 
     Parameters
     ----------
     patch : str
-        Its id. With the seed it determines the random numbers, so a patch's results do not depend
-        on the other patches in the study.
+        Its id.
     contact : xarray.Dataset
         The patch's before use: ``pressure`` (y, x) in MPa, ``gap`` in mm, and its heights, which
         the rivals see as the patch lies on the stone (`gstlib.contact.laid_height`).
@@ -128,8 +113,6 @@ def judge_patch(
         Of the patch before use.
     believed : bool
         Whether the loss exceeds noise. If not, it is not tested against chance.
-    chance : Chance
-        By default chance is left out.
     """
     valid = np.isfinite(change.change.values)
     lost, level = -change.change.values[valid], change.level_of_detection.values[valid]
@@ -173,20 +156,34 @@ def judge_patch(
     }
     mask = np.zeros(valid.shape, dtype=bool)
     mask[valid] = own[name] > level
-    against, null = _against_chance(patch, mask, change, believed, chance)
+    is_defined = math.isfinite(row["mcc"]) and bool((mask & valid).any())
+    row["untested"] = "noise" if not believed else "" if is_defined else "undefined"
     bands = _bands(patch, contact, lost, loss, valid, height, own)
-    return JudgedPatch(row | against, models, bands, null)
+    return JudgedPatch(row, models, bands, Places.of(mask, loss, valid))
+
+
+def by_chance(found: Sequence[JudgedPatch]) -> dict[str, np.ndarray]:
+    """MCC of each patch that can be tested, by patch: in place, then by chance.
+
+    See `gstlib.validation.nulls.swapped_mcc`.
+    """
+    predicted = {one.row["patch"]: one.places for one in found if one.places.masks()[0].any()}
+    tested = [one.row["patch"] for one in found if not one.row["untested"]]
+    return {patch: swapped_mcc(patch, predicted) for patch in tested}
 
 
 def judged_tables(
-    found: Sequence[JudgedPatch], counted: Mapping[str, bool]
+    found: Sequence[JudgedPatch], nulls: Mapping[str, np.ndarray], counted: Mapping[str, bool]
 ) -> dict[str, pd.DataFrame]:
     """The tables ``patches``, ``wear`` and ``profile``; empty without patches.
 
-    `counted` says which patches enter the statistics.
+    `nulls` are those of `by_chance`; `counted` says which patches enter the statistics.
     """
     columns = columns_of("validation_patches")
     rows = [one.row | {"counted": counted[one.row["patch"]]} for one in found]
+    for row in rows:
+        null = nulls.get(row["patch"])
+        row["p_value"] = math.nan if null is None else p_value(float(null[0]), null[1:])
     wear = [row for one in found for row in one.models]
     bands = [row for one in found for row in one.bands]
     table = pd.DataFrame(wear, columns=columns_of("wear"))
@@ -197,39 +194,6 @@ def judged_tables(
         "wear": table,
         "profile": pd.DataFrame(bands, columns=columns_of("wear_profile")),
     }
-
-
-def _against_chance(
-    patch: str, mask: np.ndarray, change: xr.Dataset, believed: bool, chance: Chance
-) -> tuple[dict[str, Any], np.ndarray]:
-    """Columns of a patch about chance, and the MCC of its shifts, the first in place."""
-    said = {"correlation_length_um": math.nan, "p_value": math.nan, "untested": ""}
-    if not chance.shifts:  # the correlation length takes longer than all scores
-        return said, np.empty(0)
-    valid, spacing = np.isfinite(change.change.values), spacing_of(change)
-    loss = change.loss.values.astype(bool) & valid
-    length = correlation_length(loss, valid, spacing)
-    said["correlation_length_um"] = length * 1e3
-    if not believed:
-        untested = "noise"
-    elif math.isnan(length) or not (mask & valid).any():
-        untested = "undefined"
-    elif length > LONGEST * _side(change):
-        untested = LONG_WAVES
-    else:
-        untested = ""
-    if untested:
-        return said | {"untested": untested}, np.empty(0)
-    generator = np.random.default_rng([*np.atleast_1d(chance.seed), *patch.encode()])
-    options: dict[str, Any] = {"beyond_mm": length, "shifts": chance.shifts}
-    options["generator"] = generator
-    null = shifted_mcc(mask, loss, valid, spacing, **options)
-    return said | {"p_value": p_value(float(null[0]), null[1:])}, null
-
-
-def _side(change: xr.Dataset) -> float:
-    """Shorter side of a patch, mm."""
-    return min(n * d for n, d in zip(change.change.shape, spacing_of(change), strict=True))
 
 
 def _bands(
@@ -260,16 +224,3 @@ def _rms_um(depth: np.ndarray) -> float:
 
 def _over(part: float, whole: float) -> float:
     return part / whole if whole > 0 else math.nan
-
-
-def waves_too_long(found: Sequence[JudgedPatch]) -> str | None:
-    """A warning that names the patches whose loss comes in waves too long for a test."""
-    of = [one.row for one in found if one.row["untested"] == LONG_WAVES]
-    if not of:
-        return None
-    return (
-        f"not tested against chance: {', '.join(row['patch'] for row in of)}. The loss correlates "
-        f"over {min(row['correlation_length_um'] for row in of):.3g} µm or more, beyond "
-        f"{100 * LONGEST:.0f} % of the patch's side, and unrelated maps of this size agree too "
-        "often. Larger scans can be tested"
-    )

@@ -13,7 +13,7 @@ what it is compared with (`gstlib.validation.inference`).
 # of rivals (Bonferroni).
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -32,7 +32,7 @@ from gstlib.validation.inference import (
 )
 from gstlib.validation.nulls import p_value
 from gstlib.validation.rivals import CEILING, RIVALS
-from gstlib.validation.scoring import BARE, MAT, YIELDING, JudgedPatch, own_model
+from gstlib.validation.scoring import BARE, MAT, YIELDING, own_model
 
 __all__ = ["patch_statistics", "summarise"]
 
@@ -51,7 +51,7 @@ _Row = tuple[str, str, Estimate, str]
 def summarise(
     patches: pd.DataFrame,
     wear: pd.DataFrame,
-    found: Sequence[JudgedPatch],
+    nulls: Mapping[str, np.ndarray],
     mat: xr.Dataset | None,
     *,
     seed: int | Sequence[int],
@@ -66,8 +66,8 @@ def summarise(
         From `patch_statistics`.
     wear : pandas.DataFrame
         The table ``wear`` of `gstlib.validation.scoring.judged_tables`.
-    found : sequence of JudgedPatch
-        Of the same patches.
+    nulls : mapping of str to ndarray
+        From `gstlib.validation.scoring.by_chance`.
     mat : xarray.Dataset or None
         From `gstlib.wear.fit_mat`; None without a mat.
     seed, resamples : int
@@ -83,9 +83,10 @@ def summarise(
         against the best rival ``gain(mcc)``, a mean difference, and ``relative(volume_error)``, a
         ratio of summed absolute errors; of all models ``mean(mcc)`` and, against no loss,
         ``relative(map_error)``. Two-sided tests exchange the two patch by patch.
-        ``tested_mean(mcc)``: over the patches on which chance can be tested, against shifted
-        predictions, one-sided. ``spearman(a, b)``: rank correlations over patches; ``touched`` is
-        whether a patch bears any pressure, of patches in and out of the study.
+        ``tested_mean(mcc)``: over the patches on which chance can be tested, against the
+        predictions of other patches, one-sided. ``spearman(a, b)``: rank correlations over
+        patches; ``touched`` is whether a patch bears any pressure, of patches in and out of the
+        study.
         ``expected_worst(5+8, column)``: share of these patches among the equally many largest (a
         tie counts against it), with the p-value of a random ranking. With a mat ``mat_ratio``, its
         coefficient over that of the bare stone, and ``relative(out_of_contact)``, its error over
@@ -97,8 +98,8 @@ def summarise(
     judged = wear[wear.patch.isin(counted.patch)]
     if len(judged):
         rows += _model_rows(judged, draws)
-        of_counted = [one for one in found if one.row["patch"] in set(counted.patch)]
-        rows += _chance_rows(own_model(list(judged.model)), of_counted, draws)
+        tested = [nulls[patch] for patch in counted.patch if patch in nulls]
+        rows.append(_chance_row(own_model(list(judged.model)), tested, draws))
         if mat is not None:
             rows += _mat_rows(judged, mat, draws)
     for predictor in (name for name in _PREDICTORS if name in counted):
@@ -178,20 +179,17 @@ def _against_best(gain: np.ndarray, draws: Draws) -> float:
     return p if not gain.size or gain.mean() > 0 else min(1.0, len(RIVALS) * p)
 
 
-def _chance_rows(own: str, found: Sequence[JudgedPatch], draws: Draws) -> Iterator[_Row]:
-    """The mean MCC against that of shifts, over the patches on which chance can be tested.
+def _chance_row(own: str, nulls: Sequence[np.ndarray], draws: Draws) -> _Row:
+    """The mean MCC against that by chance, over the patches on which chance can be tested.
 
-    Each patch has its own shifts, so the i-th shifts of all patches together are one draw.
+    A draw takes one prediction at random for each patch.
     """
-    tested = [one for one in found if one.null.size]
-    values = np.array([one.row["mcc"] for one in tested])
+    values = np.array([null[0] for null in nulls])
     p = math.nan
-    if tested:
-        # a patch with few elements has fewer shifts than the others, and limits the draws
-        length = min(len(one.null) for one in tested)
-        means = np.mean([one.null[:length] for one in tested], axis=0)
-        p = p_value(float(means[0]), means[1:])
-    yield own, "tested_mean(mcc)", mean_of(values, draws, p), "shifts"
+    if nulls:
+        drawn = [draws.generator.choice(null[1:], draws.resamples) for null in nulls]
+        p = p_value(float(values.mean()), np.mean(drawn, axis=0))
+    return own, "tested_mean(mcc)", mean_of(values, draws, p), "other patches' predictions"
 
 
 def _mat_rows(judged: pd.DataFrame, mat: xr.Dataset, draws: Draws) -> Iterator[_Row]:

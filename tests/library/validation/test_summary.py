@@ -10,8 +10,7 @@ import xarray as xr
 from gstlib.io.results import columns_of
 from gstlib.validation.inference import Draws
 from gstlib.validation.rivals import CEILING, RIVALS
-from gstlib.validation.scoring import JudgedPatch
-from gstlib.validation.summary import _chance_rows, _model_rows, patch_statistics, summarise
+from gstlib.validation.summary import _chance_row, _model_rows, patch_statistics, summarise
 
 MODELS = ("archard", *RIVALS, CEILING)
 
@@ -51,24 +50,22 @@ def statistics_of(patches, **changed):
     return pd.DataFrame(table)
 
 
-def found_of(patches, values=None, shifts=999):
-    """Patches with an MCC each and its null."""
+def nulls_of(patches, values=None, draws=199):
+    """Patches with an MCC each, and what chance gives."""
     rng = np.random.default_rng(0)
     values = np.full(len(patches), 0.2) if values is None else values
-    return [
-        JudgedPatch(
-            {"patch": patch, "mcc": value}, [], [], np.r_[value, rng.normal(0, 0.1, shifts)]
-        )
+    return {
+        patch: np.r_[value, rng.normal(0, 0.1, draws)]
         for patch, value in zip(patches, values, strict=True)
-    ]
+    }
 
 
-def summary(patches="85123467", *, wear=None, found=None, mat=None, worst=(), **changed):
+def summary(patches="85123467", *, wear=None, nulls=None, mat=None, worst=(), **changed):
     statistics = statistics_of(patches, **changed)
     wear = wear_of(list(patches)) if wear is None else wear
-    found = found_of(patches) if found is None else found
+    nulls = nulls_of(patches) if nulls is None else nulls
     chance = {"seed": 1, "resamples": 999}
-    rows = summarise(statistics, wear, found, mat, expected_worst=worst, **chance)
+    rows = summarise(statistics, wear, nulls, mat, expected_worst=worst, **chance)
     assert list(rows) == columns_of("validation_summary")
     return rows.set_index(["model", "statistic"])
 
@@ -129,34 +126,28 @@ def test_no_gain_is_claimed_without_one_more_often_than_the_level_says():
     assert worse / 60 < 0.1
 
 
-def chance_row(found):
-    ((*_, estimate, _),) = _chance_rows("archard", found, Draws(np.random.default_rng(1), 99))
+def chance_row(nulls):
+    *_, estimate, _ = _chance_row("archard", nulls, Draws(np.random.default_rng(1), 999))
     return estimate
 
 
 def test_patches_that_each_say_little_say_much_together():
     values = np.array([0.11, 0.13, 0.1, 0.12, 0.15, 0.09, 0.1, 0.12])
-    row = chance_row(found_of("85123467", values))
+    nulls = nulls_of("85123467", values)
+    row = chance_row(list(nulls.values()))
     assert row.value == pytest.approx(values.mean())
     assert row.low < row.value < row.high
     assert row.p_value < 0.01
-    # the mean that is printed is that of the patches that are tested, and the shortest null counts
-    few = found_of("85123467", values)
-    untested = [JudgedPatch(one.row, [], [], np.empty(0)) for one in few[2:]]
-    short = JudgedPatch(few[0].row, [], [], few[0].null[:100])
-    row = chance_row([short, few[1], *untested])
+    # the mean that is printed is that of the patches that are tested and count
+    few = {patch: nulls[patch] for patch in "8523"}
+    counted = [patch not in "23" for patch in "85123467"]
+    row = summary(nulls=few, counted=counted).loc["archard", "tested_mean(mcc)"]
     assert (row.value, row.n) == (pytest.approx(0.12), 2)
-    assert row.p_value >= 1 / 100
 
 
 def test_the_mean_is_above_chance_as_often_as_the_level_says():
     rng = np.random.default_rng(1)
-    claims = []
-    for _ in range(200):
-        found = found_of("85123467", rng.normal(0, 0.1, 8), 199)
-        for one in found:
-            one.null[1:] = rng.normal(0, 0.1, 199)
-        claims.append(chance_row(found).p_value <= 0.1)
+    claims = [chance_row(list(rng.normal(0, 0.1, (8, 100)))).p_value <= 0.1 for _ in range(200)]
     assert np.mean(claims) == pytest.approx(0.1, abs=0.06)
 
 
@@ -181,7 +172,7 @@ def test_where_nothing_was_lost_no_place_is_right_or_wrong():
 
 
 def test_without_predictions_there_are_correlations_alone():
-    rows = summary(wear=wear_of([]), found=[])
+    rows = summary(wear=wear_of([]), nulls={})
     assert set(rows.index.get_level_values("model")) == {""}
     assert rows.value.notna().any()
     nothing = summarise(statistics_of(""), wear_of([]), [], None, seed=1, resamples=99)
