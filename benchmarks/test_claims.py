@@ -149,7 +149,7 @@ def test_rates_on_random_numbers():
     text = " ".join((DOCS / "method.md").read_text().split())
     claims, held = found["claim", "mean"], found["held", "mean"]
     for said, value in (
-        (r"test at 5 % claims one in (\S+) % of patches", claims["waves"]),
+        (r"test at 5 % claims a relation on (\S+) % of patches", claims["waves"]),
         (r"a relation in (\S+) % of cases with twelve", claims["neighbours"]),
         (r"of normal numbers in (\S+) % of cases", held["mean of 6"]),
     ):
