@@ -1,7 +1,7 @@
 """The answer of a study in a few sentences, computed from its tables.
 
-Which patches carry the load; whether the loss that the other patches foretell of each is right, and
-better than rivals that know as much; whether patches that nothing touches wear less. No sentence
+Whether the loss that the other patches foretell of each is right, and better than rivals that know
+as much; whether patches that nothing touches wear less; which patches carry the load. No sentence
 claims more than its numbers allow: a difference must show in an interval and in a test.
 """
 
@@ -31,6 +31,8 @@ MODELS = {
     CEILING: "a plane that wears the patch's own share",
 }
 TOUCHED = "spearman(touched, loss_per_area_um)"
+# What a ceiling on the pressure is held against: Broz, Cook & Whitney 2006, Am. Mineral. 91:135.
+STRENGTH = "quartz indents at 11 to 12 GPa, quartzite is crushed at 0.15 to 0.3 GPa"
 # A longer list of names does not help a reader.
 _MOST_NAMED = 5
 
@@ -42,28 +44,34 @@ def verdict(
     mat: Mapping[str, float] | None = None,
     hardness_MPa: float | None = None,
     poses: int | None = None,
+    second: bool = False,
 ) -> list[str]:
-    """What the study found, in sentences: the load first, then the predicted loss.
+    """What the study found, in sentences: the predicted loss first, then the load.
 
     Parameters
     ----------
     tables : mapping of str to pandas.DataFrame
-        By name: ``patch_pressures``, ``patch_intervals`` and, of a study with scans after use,
-        ``registration``, ``validation_patches`` and ``validation_summary``.
+        By name: ``patch_pressures``, ``patch_intervals``; of a study with scans after use,
+        ``registration``, ``validation_patches`` and ``validation_summary``; of one with a gesture,
+        ``exposure``.
     force_N : float
         The whole load.
     mat, hardness_MPa
         The sections ``mat`` and ``hardness`` of the config.
     poses : int, optional
         Of the gesture, if there is one.
+    second : bool
+        Whether the active stone has a mesh.
     """
     pressures = tables["patch_pressures"]
-    load = _load(pressures, tables["patch_intervals"], force_N)
+    load = [_load(pressures, tables["patch_intervals"], force_N, second)]
+    if poses is not None:
+        load.append(_exposed(tables["exposure"], poses))
     if not pressures["in_study"].any():
-        return [load, "No patch is in the study: the table of pressures gives the reasons."]
+        return [*load, "No patch is in the study: the table of patches gives the reasons."]
     if "validation_summary" not in tables:
         return [
-            load,
+            *load,
             "No patch has a scan after use (T1), so no prediction is compared with wear.",
         ]
     summary = tables["validation_summary"].fillna({"model": ""})
@@ -71,7 +79,7 @@ def verdict(
     models = set(summary.index.unique("model")) & {BARE, MAT}
     if not models:
         return [
-            load,
+            *load,
             "Nothing is compared with wear: no loss of a patch could be predicted from those of "
             "the others.",
         ]
@@ -84,7 +92,7 @@ def verdict(
     judged = [_where(summary, own, law), _how_much(summary, own, hardness_MPa)]
     untouched = _untouched(summary, pressures, tables["registration"])
     chance = _against_chance(summary, own, tables["validation_patches"])
-    return [sentence for sentence in (load, *judged, untouched, chance) if sentence]
+    return [sentence for sentence in (*judged, untouched, chance, *load) if sentence]
 
 
 def sign_of(row: Any) -> int:
@@ -95,11 +103,21 @@ def sign_of(row: Any) -> int:
     return (int(row.low > 0) - int(row.high < 0)) * int(row.p_value <= LEVEL)
 
 
-def _load(pressures: pd.DataFrame, intervals: pd.DataFrame, force_N: float) -> str:
+def _load(
+    pressures: pd.DataFrame, intervals: pd.DataFrame, force_N: float, second: bool
+) -> str:
     """Which patches carry the load, and how well the highest pressure is known."""
     total, count = float(pressures["force_N"].sum()), len(pressures)
+    against = " against the second stone" * second
     if not total > 0:
-        return "Under this load, no scanned patch touches."
+        none = f"Under {force_N:g} N{against}, no scanned patch touches"
+        may = intervals.loc[intervals["high_MPa"].fillna(0).idxmax()]
+        if not may.high_MPa > 0:
+            return f"{none}."
+        return (
+            f"{none}; within the 95 % intervals, patch {may.patch} may bear the most, up to "
+            f"{_two_digits(may.high_MPa)} MPa."
+        )
     highest = pressures.loc[pressures["pressure_MPa"].idxmax()]
     known = intervals.set_index("patch").loc[highest["patch"]]
     pressure = _two_digits(known.pressure_MPa)
@@ -115,8 +133,19 @@ def _load(pressures: pd.DataFrame, intervals: pd.DataFrame, force_N: float) -> s
     if len(others) >= _MOST_NAMED:
         who = f"The load is spread: {len(others) + 1} patches carry"
     share = f"{100 * shares.iloc[len(others)]:.0f} % of the load on the {count} patches"
-    share += f", which bear {100 * total / force_N:.0f} % of the force"
+    share += f", which bear {100 * total / force_N:.0f} % of the force{against}"
     return f"{who} {share}; {top}."
+
+
+def _exposed(exposure: pd.DataFrame, poses: int) -> str:
+    """Which patch a gesture wears most, by pressure and sliding alone."""
+    first = exposure.loc[exposure["exposure_N_per_mm"].idxmax()]
+    if not first.exposure_N_per_mm > 0:
+        return f"None of the {poses} poses of the gesture touches a patch."
+    return (
+        f"Over the {poses} poses of the gesture, patch {first.patch} is exposed most; "
+        f"{100 * first.touched:.0f} % of them touch it."
+    )
 
 
 def where_to_scan(places: pd.DataFrame, held: Concentration, *, force_N: float) -> list[str]:
@@ -146,8 +175,8 @@ def where_to_scan(places: pd.DataFrame, held: Concentration, *, force_N: float) 
         f"{first.x_mm:g} mm along x and {first.y_mm:g} mm along y from the reference corner."
     )
     if controls.empty:
-        return [spread, scan, "No place is free of contact, so there is no control."]
-    return [spread, scan, f"No pose touches {_from_to(controls)}: scan them as controls."]
+        return [scan, "No place is free of contact, so there is no control.", spread]
+    return [scan, f"No pose touches {_from_to(controls)}: scan them as controls.", spread]
 
 
 def _from_to(places: pd.DataFrame) -> str:
@@ -166,18 +195,17 @@ def _where(summary: pd.DataFrame, own: str, law: str) -> str:
         return (
             f"{law} predicts a loss, but no patch in the study lost enough to be compared with."
         )
-    reached = summary.value[own, "mean(attainable_mcc)"]
     rival = summary.value[gain.against, "mean(mcc)"]
     interval = ""
     if math.isfinite(mean.low):
-        interval = f"95 % interval {mean.low:.2f} to {mean.high:.2f}; "
+        interval = f"; 95 % interval {mean.low:.2f} to {mean.high:.2f}"
     compared = {1: "better than", -1: "worse than", 0: "not shown to be better or worse than"}[
         sign_of(gain)
     ]
     patches = "1 patch" if mean.n == 1 else f"{mean.n} patches"
     sentence = (
         f"From the wear of the other patches, {law} predicts where each patch lost height with a "
-        f"mean MCC of {mean.value:.2f} ({interval}a mask of its area could reach {reached:.2f}) "
+        f"mean MCC of {mean.value:.2f} (0 is chance, 1 perfect{interval}) "
         f"over {patches}: {compared} the best rival that knows as much, {MODELS[gain.against]} "
         f"({rival:.2f}, {_p(gain)})."
     )
@@ -185,20 +213,24 @@ def _where(summary: pd.DataFrame, own: str, law: str) -> str:
 
 
 def _how_much(summary: pd.DataFrame, own: str, hardness_MPa: float | None) -> str:
-    """The errors of map and volume beside those of rivals, and the mask where stone yields."""
+    """What masks of its areas could reach, errors of map and volume, and all if stone yields."""
     depth, volume = (summary.loc[(own, f"relative({of}_error)")] for of in ("map", "volume"))
     if not (math.isfinite(depth.value) and math.isfinite(volume.value)):
         return ""
+    reached = summary.value[own, "mean(attainable_mcc)"]
     sentence = (
+        f"Masks of the predicted areas could reach {reached:.2f}. "
         f"Its maps err {_two_digits(depth.value)} times as much as no loss would ({_p(depth)}), "
-        f"its volumes {_two_digits(volume.value)} times as much as the best rival's ({_p(volume)})"
+        f"its volumes {_two_digits(volume.value)} times as much as the best rival's ({_p(volume)})."
     )
     if (YIELDING, "mean(mcc)") in summary.index and hardness_MPa is not None:
-        mcc = summary.value[YIELDING, "mean(mcc)"]
+        names = "mean(mcc)", "relative(map_error)", "relative(volume_error)"
+        mcc, *errors = (summary.value[YIELDING, name] for name in names)
         sentence += (
-            f"; if no element bears more than {hardness_MPa:g} MPa, the mean MCC is {mcc:.2f}"
+            f" If no element bears more than {hardness_MPa:g} MPa ({STRENGTH}), the mean MCC is "
+            f"{mcc:.2f}, and these errors are {' and '.join(map(_two_digits, errors))} times."
         )
-    return sentence.replace("-", "−") + "."
+    return sentence.replace("-", "−")
 
 
 def _untouched(

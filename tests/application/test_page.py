@@ -160,4 +160,4 @@ def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():
     for generated in (True, False):
         html = page.render("page.verdict.html", verdict=["a < b.", "5 %"], generated=generated)
         assert ("Generated specimen" in html) == generated
-        assert "a &lt; b. 5\xa0%" in html
+        assert "<strong>a &lt; b.</strong><br> 5\xa0%</p>" in html

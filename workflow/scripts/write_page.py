@@ -38,7 +38,7 @@ from gstlib.places import concentration
 
 # Tables that the answer is computed from.
 JUDGED = ["patch_pressures", "patch_intervals", "registration", "validation_patches"]
-JUDGED += ["validation_summary"]
+JUDGED += ["validation_summary", "exposure"]
 PAGE = "0 Overview", "the page of the study"
 WHAT = (
     "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
@@ -97,6 +97,7 @@ def main(
             mat=config["mat"],
             hardness_MPa=config["hardness"],
             poses=None if (poses := poses_of(config)) is None else len(poses),
+            second=bool(counterface),
         )
     said = {"verdict": answer, "generated": config["specimen"] is not None}
     overview = embedded(pictures["overview" if proposed is None else "places"].read_bytes())
