@@ -83,13 +83,18 @@ function showTool(scene) {
     outlines = isNear
       ? scene.patches.map((one) => viewer.addLines(one.outline, "#005a8f", true, 1)) : [];
   };
+  const second = scene.second && viewer.addStone(scene.second);
   const whole = () => {
     const [width, height] = scene.extent;
     const ratio = element.clientWidth / element.clientHeight;
     const size = ratio > 1 ? Math.max(height, width / ratio) : Math.max(width, height * ratio);
+    if (second) second.show(true);
     viewer.fit(scene.middle, scene.view, axes[1], 1.1 * size);
   };
-  const square = () => viewer.fit(mean(scene.square.outline), axes[2], axes[1], 1.15 * size);
+  const square = () => {
+    if (second) second.show(false); // it would lie over the square
+    viewer.fit(mean(scene.square.outline), axes[2], axes[1], 1.15 * size);
+  };
   document.getElementById("see-tool").onclick = whole;
   document.getElementById("see-square").onclick = square;
   whole();
@@ -100,8 +105,10 @@ function showTool(scene) {
 
   if (scene.second) {
     const lifted = document.getElementById("lift");
-    const second = viewer.addStone(scene.second);
-    const lift = () => second.shift(axes[2].map((part) => part * size * Number(lifted.value)));
+    const lift = () => {
+      second.show(true);
+      second.shift(axes[2].map((part) => part * size * Number(lifted.value)));
+    };
     lifted.addEventListener("input", lift);
     lift();
   }

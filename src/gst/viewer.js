@@ -13,8 +13,8 @@
      setColours(rgb)        colours of the vertices: base64 or Uint8Array of 3 bytes each, or null
      rake(azimuth, altitude)  where light comes from, in degrees: clockwise from the top of the
                             view, and above the plane of the view (90: from behind the viewer)
-     addStone(stone, opacity)  another, transparent stone; returns {shift(vector), remove()}; shift
-                            moves it by a vector (mm) from its original place
+     addStone(stone, opacity)  another, transparent stone; returns {shift(vector), show(is), remove()};
+                            shift moves it by a vector (mm) from its original place
      addLines(points, colour, closed, width)  a line, width in pixels; returns {remove()}
      addLabel(point, text)  HTML at a point, hidden while the stone covers it: the returned
                             {element, remove()} can be styled, and listened to once its
@@ -78,7 +78,7 @@ function stoneViewer(element, stone, options = {}) {
     shape.setAttribute("position", new THREE.BufferAttribute(places, 3));
     shape.setIndex(new THREE.BufferAttribute(new Uint32Array(bytes(other.faces).buffer), 1));
     shape.computeVertexNormals();
-    const look = { color: "#6f8fa8", transparent: true, opacity, depthWrite: false };
+    const look = { color: "#6f8fa8", transparent: true, opacity, depthWrite: false, side: THREE.DoubleSide };
     const part = new THREE.Mesh(shape, new THREE.MeshLambertMaterial(look));
     const shift = (by) => {
       part.position.copy(inside(other.centre)).add(vector(by));
@@ -86,7 +86,8 @@ function stoneViewer(element, stone, options = {}) {
     };
     scene.add(part);
     shift([0, 0, 0]);
-    return { shift, remove: () => { scene.remove(part); render(); } };
+    const show = (is) => { part.visible = is; render(); };
+    return { shift, show, remove: () => { scene.remove(part); render(); } };
   }
 
   function setColours(rgb) {
