@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import trimesh
 
 # Figures of patches in the study.
-OF_STUDIED = {"microscale_maps", "overview", "two_scales"}
+OF_STUDIED = {"microscale_maps", "two_scales"}
 # Figures of predicted losses.
 OF_PREDICTED = {"validation", "wear"}
 # Patches of the figure of two scales, the hardest pressed.
@@ -162,8 +162,10 @@ def figure_of(name: str, study: Study) -> Figure:
                 *study.tool, fields, proposed, size_mm=study.size_mm, **size
             )
         case "overview":
-            patch = study.drawn[0]
-            of_patch = study.contacts[patch], study.change(patch), study.predicted(patch)
+            patch, of_patch = None, (None, None, None)
+            if study.drawn:
+                patch = study.drawn[0]
+                of_patch = study.contacts[patch], study.change(patch), study.predicted(patch)
             return microscale.overview_figure(
                 study.square("contact"),
                 study.pressures,

@@ -57,7 +57,7 @@ def contact_steps_figure(contact: xr.Dataset, *, size_mm: float, steps: int = 8)
         state = contact.isel(step=step)
         title = (
             f"displacement {float(state.path_displacement) * MM_TO_UM:.1f} µm\n"
-            f"{float(state.path_mean_pressure) * area:.3g} N, "
+            f"{style.short(float(state.path_mean_pressure) * area)} N, "
             f"contact {float(state.path_contact_fraction):.2%}"
         )
         drawn.append((title, height, {"marks": {BLACK: touching[step]}}))

@@ -6,6 +6,7 @@ under it, so marks cover the same share of the picture as of the surface.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,7 +22,7 @@ from matplotlib.patheffects import withStroke
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 from PIL import Image
 
-from gst.figures.style import DPI, MM_TO_UM, PALE, VERMILION, panels
+from gst.figures.style import DPI, MM_TO_UM, PALE, VERMILION, panels, short
 from gstlib.geometry import outline, places_of
 from gstlib.surface import spacing_of
 
@@ -32,6 +33,7 @@ __all__ += [
     "draw_maps",
     "force_norm",
     "height_norm",
+    "label_in",
     "mark_corner",
     "scale_bar",
 ]
@@ -112,16 +114,12 @@ def draw_map(
     if bar:
         below = 0.13 if ticks else 0.04  # in heights of the map
         strip = axes.inset_axes((0.2, -below - 0.035, 0.6, 0.035))
-        look = {"orientation": "horizontal", "ticks": [norm.vmin, norm.vmax], "format": _short}
+        look: dict[str, Any] = {"orientation": "horizontal", "ticks": [norm.vmin, norm.vmax]}
+        look["format"] = lambda value, _: short(value)
         colours = axes.figure.colorbar(ScalarMappable(norm, cmap), cax=strip, **look)
         colours.outline.set_visible(False)
         strip.tick_params(length=0, labelsize=6.5, pad=1)
         strip.set_xlabel(bar, fontsize=6.5, labelpad=1)
-
-
-def _short(value: float, _: int | None = None) -> str:
-    """A number at the end of a colour bar: three digits, as a reader writes them."""
-    return f"{float(f'{value:.3g}'):g}".replace("-", "−")
 
 
 def draw_maps(
@@ -181,7 +179,11 @@ def draw_footprints(
     for (patch, place), is_studied in zip(places_of(patches).items(), studied, strict=True):
         corners, line = outline(place, patch_size_mm), "-" if is_studied else "--"
         axes.add_patch(Polygon(corners, fill=False, linestyle=line, **look))
-        # inside, near the upper left corner, however the patch is turned
-        corner = corners[np.argmax(np.diff(corners, axis=1))]
-        at = corners.mean(axis=0) + _LABEL * (corner - corners.mean(axis=0))
+        at = label_in(corners)
         axes.text(*at, str(patch), fontsize=6.5, ha="center", va="center", **look)
+
+
+def label_in(corners: np.ndarray) -> np.ndarray:
+    """Where a patch is named: inside, near its upper left corner, however it is turned."""
+    corner = corners[np.argmax(np.diff(corners, axis=1))]
+    return corners.mean(axis=0) + _LABEL * (corner - corners.mean(axis=0))

@@ -160,7 +160,7 @@ def patch_figure(
     figure = maps.draw_maps(drawn, 3, 2.1, (0.05, 0.05, 0.3, 0.35), head=0.2)
     pressure, overlap = float(contact["mean_pressure"]), change.attrs["overlap"]
     covers = "T1 was not found on T0" if unknown.all() else f"T1 covers {overlap:.0%} of T0"
-    figure.suptitle(f"patch {patch}: {pressure:.3g} MPa, {covers}")
+    figure.suptitle(f"patch {patch}: {style.short(pressure)} MPa, {covers}")
     if marks:
         shares = {f"{name} {marks[c].sum() / known:.1%}": c for name, c in _AGREEMENT.items()}
         style.colour_legend(figure, shares, **_BELOW)
@@ -171,37 +171,41 @@ def patch_figure(
 def overview_figure(
     square: xr.Dataset,
     pressures: pd.DataFrame,
-    contact: xr.Dataset,
+    contact: xr.Dataset | None,
     change: xr.Dataset | None,
     predicted: xr.DataArray | None,
     tool: tuple["trimesh.Trimesh", Frame],
     *,
-    patch: str,
+    patch: str | None,
     patch_size_mm: float,
     force_N: float,
 ) -> Figure:
     """The study at a glance: the tool, forces on its square, one patch's contact, measured loss.
 
     `square` is the contact of the square under its part of `force_N`; `pressures` is
-    ``patch_pressures.csv``; `contact`, `change` and `predicted` are those of `patch` (without the
-    last two, the last panel is left out); `tool` is the mesh, mm, and the frame of its square.
+    ``patch_pressures.csv``; `contact`, `change` and `predicted` are those of `patch`, whose panels
+    are left out where there are none; `tool` is the mesh, mm, and the frame of its square.
     """
-    count = 3 if change is None or predicted is None else 4
+    worn = change is not None and predicted is not None
+    count = 2 + (contact is not None) + worn
     figure, (whole, *axes) = style.panels(count, count, (2.6, 2.6), (0.05, 0.05, 0.4, 0.2))
     draw_tool(whole, *tool, square["pressure"])
     whole.set_title("1  the tool and its square\npressures on it in colour")
     maps.draw_forces(axes[0], square)
     maps.draw_footprints(axes[0], pressures, patch_size_mm, colour=BLUE)
     force = float(square["pressure"].sum()) * float(np.prod(spacing_of(square)))
-    axes[0].set_title(f"2  contact forces on the square\n{force:.3g} of {force_N:.3g} N")
+    shares = f"{style.short(force)} of {style.short(force_N)} N"
+    axes[0].set_title(f"2  contact forces on the square\n{shares}")
+    maps.scale_bar(axes[0])
+    if contact is None:
+        return figure
     touching = contact["pressure"].values > 0
     pressure = float(contact["mean_pressure"])
     maps.draw_map(axes[1], contact["height"], marks={BLACK: touching})
     axes[1].set_title(
         f"3  predicted contact, patch {patch}\n{pressure:.1f} MPa, {touching.mean():.1%} of area"
     )
-    for panel in axes[:2]:
-        maps.scale_bar(panel)
+    maps.scale_bar(axes[1])
     if change is not None and predicted is not None:
         maps.draw_map(axes[2], contact["height"], marks=_agreement(predicted, change))
         axes[2].set_title("4  measured loss\nagainst the predicted one")

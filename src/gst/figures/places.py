@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gst.figures import maps
-from gst.figures.style import BLACK, BLUE, GREY, VERMILION, styled
+from gst.figures.style import BLACK, BLUE, GREY, VERMILION, short, styled
 from gst.figures.tool import draw_square, draw_stone
 from gst.viewer import coarsen
 from gstlib.geometry import Frame, Place, outline, square_of
@@ -105,7 +105,7 @@ def _write_table(figure: Figure, places: pd.DataFrame) -> None:
             place.place,
             f"{place.x_mm:.2f}",
             f"{place.y_mm:.2f}",
-            f"{float(f'{place.exposure_N_per_mm:.3g}'):.6g}",
+            short(place.exposure_N_per_mm),
             f"{place.touched:.0%}",
         )
         for place in places.itertuples()

@@ -20,7 +20,7 @@ from gstlib.io.files import write_whole
 
 __all__ = ["AMBER", "BLACK", "BLUE", "CHARTS", "DPI", "GREY", "LEGIBLE", "MAPS", "MM_TO_UM"]
 __all__ += ["PALE", "STONE", "VERMILION", "colour_legend", "message_figure", "name_patches"]
-__all__ += ["panels", "save_figure", "styled", "write_beside"]
+__all__ += ["panels", "save_figure", "short", "styled", "write_beside"]
 
 MM_TO_UM = 1e3
 DPI = 120
@@ -152,6 +152,11 @@ def write_beside(
     """Write small text beside a point of the data; `offset` in points."""
     place = {"xytext": offset, "textcoords": "offset points", "annotation_clip": False}
     axes.annotate(text, at, **({"fontsize": 6.5, "va": "center"} | place | look))
+
+
+def short(value: float) -> str:
+    """A number with three digits, as a reader writes it, without a power of ten."""
+    return f"{float(f'{value:.3g}'):.12g}".replace("-", "−")
 
 
 def name_patches(axes: Axes, names: Sequence[str]) -> None:
