@@ -37,6 +37,7 @@ __all__ += ["tool_scene", "warned"]
 
 # Faces of a second stone, which is drawn transparent over the first.
 _SECOND_FACES = 20_000
+_BESIDE = 0.2  # how much of the face the map shows beside the square, in sides of the square
 _COLOURS = 256  # the most that a PNG with one byte per pixel can have
 
 
@@ -178,15 +179,16 @@ def tool_scene(
     dict
         ``stone`` and ``second``, or None, for `gst.viewer`; ``frame``; ``view``, where to look
         from, with ``middle`` and ``extent``, the tool's middle, width and height from there;
-        ``square`` and ``patches``: outlines on the tool (mesh's coordinates) and in the square;
+        ``square`` and ``patches``: outlines on the tool (mesh's coordinates) and in the square,
+        and where in it to name them;
         ``fields``: of each ``title`` and ``units``, ``colours`` on the stone, ``map`` (a data URL)
-        and ``highest``; ``low`` and ``side`` (mm) of the maps; ``scale``: colours from 0 to the
-        highest, on a square-root scale.
+        and ``highest``; ``low`` and ``side`` (mm) of the maps, which end near the square;
+        ``scale``: colours from 0 to the highest, on a square-root scale.
     """
     from matplotlib.colors import to_hex
     from matplotlib.image import imsave
 
-    from gst.figures.maps import FORCE_MAP, force_norm
+    from gst.figures.maps import FORCE_MAP, force_norm, label_in
     from gst.figures.tool import coloured_tool, outline_on, tool_view
     from gst.viewer import coarsen, packed, stone_data
     from gstlib.geometry import Place, outline, places_of
@@ -198,13 +200,21 @@ def tool_scene(
     def outlined(place: Place, side: float) -> dict[str, list]:
         flat = outline(place, side)
         on_tool = outline_on(stone, frame, flat, size)
-        return {"flat": np.round(flat, 4).tolist(), "outline": np.round(on_tool, 4).tolist()}
+        return {
+            "flat": np.round(flat, 4).tolist(),
+            "outline": np.round(on_tool, 4).tolist(),
+            "label": np.round(label_in(flat), 4).tolist(),
+        }
 
     view = tool_view(stone, frame)
+    window = slice(-_BESIDE * size, (1 + _BESIDE) * size)
+    near = {"y": window, "x": window}
+    shown_x = fields[0].sel(near).x
 
     def mapped(field: xr.DataArray, of_stone: np.ndarray) -> dict[str, Any]:
         content, shown = io.BytesIO(), force_norm(field.values)
-        imsave(content, FORCE_MAP(shown(field.values))[::-1], metadata={"Software": None})
+        picture = FORCE_MAP(shown(field.sel(near).values))[::-1]
+        imsave(content, picture, metadata={"Software": None})
         said = {name: field.attrs[name] for name in ("title", "units")}
         drawn = {"map": embedded(content.getvalue()), "colours": packed(of_stone, "u1")}
         return said | drawn | {"highest": shown.vmax}
@@ -223,8 +233,8 @@ def tool_scene(
             for patch, place in places_of(pd.DataFrame(places)).items()
         ],
         "fields": [mapped(*of) for of in zip(fields, colours, strict=True)],
-        "low": round(float(fields[0].x[0]) - half, 6),  # without the rounding of coordinates
-        "side": float(fields[0].x[-1] - fields[0].x[0]) + 2 * half,
+        "low": round(float(shown_x[0]) - half, 6),  # without the rounding of coordinates
+        "side": float(shown_x[-1] - shown_x[0]) + 2 * half,
         "scale": [to_hex(FORCE_MAP(share)) for share in np.linspace(0, 1, 13)],
     }
 
