@@ -297,4 +297,4 @@ def _number(value: Any, digits: int = 3) -> str:
 
 def _score(value: Any) -> str:
     """A score, or the difference of two."""
-    return "–" if value is None or pd.isna(value) else f"{value:.2f}".replace("-", "−")
+    return "–" if value is None or pd.isna(value) else f"{value:z.2f}".replace("-", "−")

@@ -90,6 +90,8 @@ def verdict(
     if own == MAT and mat is not None:
         law += f" with a mat of {mat['young_MPa']:g} MPa, {mat['thickness_um']:g} µm thick,"
     judged = [_where(summary, own, law), _how_much(summary, own, hardness_MPa)]
+    if own == MAT:
+        judged.append(_without_mat(summary))
     untouched = _untouched(summary, pressures, tables["registration"])
     chance = _against_chance(summary, own, tables["validation_patches"])
     return [sentence for sentence in (*judged, untouched, chance, *load) if sentence]
@@ -231,6 +233,17 @@ def _how_much(summary: pd.DataFrame, own: str, hardness_MPa: float | None) -> st
             f"{mcc:.2f}, and these errors are {' and '.join(map(_two_digits, errors))} times."
         )
     return sentence.replace("-", "−")
+
+
+def _without_mat(summary: pd.DataFrame) -> str:
+    """Whether the mat foretells what was lost out of contact better than the bare stone."""
+    out = summary.loc[(MAT, "relative(out_of_contact)")]
+    if not math.isfinite(out.value):
+        return ""
+    return (
+        f"Out of contact, where only a mat wears, its maps err {_two_digits(out.value)} times as "
+        f"much as those of the bare stone ({_p(out)})."
+    )
 
 
 def _untouched(

@@ -43,6 +43,7 @@ def compared(*, model=BARE, p_values=(0.01, 0.2, 0.3, NAN), touched=(), mean=(),
         ("gain(mcc)", better | dict(gain)),
         ("relative(map_error)", {"value": 0.6, "p_value": 0.03, "against": "none"}),
         ("relative(volume_error)", {"value": 1.3, "p_value": 1.0, "against": "mean_volume"}),
+        ("relative(out_of_contact)", {"value": 1.1, "p_value": 0.02, "against": BARE}),
         ("tested_mean(mcc)", {"p_value": 0.002, "against": "other patches' predictions"}),
     ):
         rows.append({"model": model, "statistic": name} | row | more)
@@ -116,8 +117,9 @@ def test_mat_and_gesture_are_named():
     mat = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 250.0}
     exposed = {"patch": ["a", "b"], "exposure_N_per_mm": [1.0, 3.0], "touched": [1.0, 0.25]}
     tables = compared(model=MAT) | {"exposure": pd.DataFrame(exposed)}
-    first, *_, last = verdict(tables, mat=mat, poses=7)
+    first, _, out, *_, last = verdict(tables, mat=mat, poses=7)
     assert "law over a gesture of 7 poses with a mat of 300 MPa, 250 µm thick, predicts" in first
+    assert "err 1.1 times as much as those of the bare stone (p = 0.02)" in out
     assert "patch b is exposed most; 25 % of them touch it" in last
     # fitted, but with no mat: the bare stone is judged
     assert "mat" not in verdict(compared(), mat=None)[0].replace("mate", "")
