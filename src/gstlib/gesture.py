@@ -100,8 +100,9 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
     """The poses of a gesture from a table, a row each, with the columns of `stroke_poses`.
 
     The file is text, its cells are separated by tabs, commas or semicolons; a line that begins with
-    # is a comment. Without ``rotation_deg`` or ``turning_deg`` they are 0. In place of ``force_N``
-    there may be ``pressure_MPa``, on the square of side `size_mm`.
+    # is a comment. Unless commas separate them, numbers may have decimal commas. Without
+    ``rotation_deg`` or ``turning_deg`` they are 0. In place of ``force_N`` there may be
+    ``pressure_MPa``, on the square of side `size_mm`.
 
     Raises
     ------
@@ -110,12 +111,21 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
     """
     try:
         check_size(path, LARGEST_TEXT)
-        table = pd.read_csv(path, sep=None, engine="python", comment="#", skipinitialspace=True)
+        table = pd.read_csv(
+            path, sep=None, engine="python", comment="#", skipinitialspace=True, dtype=str
+        )
     except (OSError, ValueError) as error:
         raise ConfigError(path, f"cannot be read ({error})", "Save it as UTF-8 CSV.") from error
+    if not isinstance(table.index, pd.RangeIndex):  # pandas takes what is too much for names
+        raise ConfigError(
+            path,
+            "has rows with more cells than the line of column names, as decimal commas give "
+            "between commas",
+            "Separate the cells by semicolons or tabs, or write decimal points.",
+        )
+    pressed_on = 1.0
     if "force_N" not in table and "pressure_MPa" in table:
-        pressures = pd.to_numeric(table["pressure_MPa"], errors="coerce")
-        table = table.assign(force_N=pressures * size_mm**2).drop(columns="pressure_MPa")
+        table, pressed_on = table.rename(columns={"pressure_MPa": "force_N"}), size_mm**2
     unknown = [name for name in table if name not in _COLUMNS]
     missing = [name for name, (_, of) in _COLUMNS.items() if of is None and name not in table]
     if unknown or missing or table.empty:
@@ -125,17 +135,16 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
             f"Give a line of column names and a line for each pose; columns: {list(_COLUMNS)}.",
         )
     for name, (least, absent) in _COLUMNS.items():
-        given = table.get(name, pd.Series(absent, index=table.index))
-        numbers = pd.to_numeric(given, errors="coerce")
+        given = table.get(name, pd.Series(str(absent), index=table.index))
+        numbers = pd.to_numeric(given.str.replace(",", "."), errors="coerce")
         for row in np.flatnonzero(~(np.isfinite(numbers) & (numbers >= least))):
             raise ConfigError(
                 path,
                 f"pose {row + 1}: {name} is {given[row]}",
-                "Write a decimal point, not a comma."
-                if "," in str(given[row])
-                else "Give a number" + (f" from {least:g} on." if np.isfinite(least) else "."),
+                "Give a number" + (f" from {least:g} on." if np.isfinite(least) else "."),
             )
         table[name] = numbers
+    table["force_N"] *= pressed_on
     if not ((table.weight > 0).any() and (table.force_N > 0).all()):
         problem = "no pose has a weight, or one has no force"
         raise ConfigError(path, problem, "Give weights and forces above 0.")

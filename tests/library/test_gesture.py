@@ -220,6 +220,15 @@ def test_a_table_of_poses_is_read(tmp_path):
     assert read_poses(path, size_mm=SIDE).force_N.tolist() == [20 * SIDE**2] * 2
 
 
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_a_table_of_poses_may_have_decimal_commas(tmp_path, mark):
+    path = tmp_path / "poses.csv"
+    path.write_text(TABLE.replace("\t", mark).replace(".", ","))
+    poses = read_poses(path, size_mm=SIDE)
+    assert poses.x_mm.tolist() == [0.1, -0.1]
+    assert poses.sliding_mm.tolist() == [0.5, 0.5]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "named"),
     [
@@ -229,6 +238,7 @@ def test_a_table_of_poses_is_read(tmp_path):
         ("0.5\t1\n", "0.5\t\n", "pose 1: weight is nan"),
         ("\t20\t0.5\t2", "\t0\t0.5\t2", "one has no force"),
         (TABLE[TABLE.index("\n") + 1 :], "", "0 poses"),
+        (TABLE, "x_mm,y_mm,force_N,sliding_mm,weight\n0,1,0,20,0,5,1\n", "decimal commas"),
     ],
 )
 def test_a_faulty_table_of_poses_is_refused(tmp_path, old, new, named):
