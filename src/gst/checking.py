@@ -11,7 +11,7 @@ import xarray as xr
 
 from gst.amplitudes import WAVE_PER_EDGE
 from gst.config import check_files, counterface_mesh, read_config, read_study
-from gst.epochs import exchanged_scans
+from gst.epochs import epochs_on_each_other
 from gst.inputs import Asked, Inputs, check_inputs
 from gst.patches import overlaps, scan_files
 from gst.poses import poses_of, reach_of
@@ -69,6 +69,7 @@ def _summary(
     found: Inputs | None,
     rest: xr.Dataset | None,
     poses: pd.DataFrame | None,
+    on_t0: str,
 ) -> str:
     """What a run would do, and the sizes, which show whether units were read as intended."""
     macroscale, material = config["macroscale"], config["material"]
@@ -107,6 +108,8 @@ def _summary(
             f"{_range(scans.Sq_um)} µm; height range {_range(scans.range_um)} µm; "
             f"{_range(100 * scans.unmeasured)} % unmeasured"
         )
+    if on_t0:
+        lines["T1 on T0"] = on_t0
     return f"{config['title']}\n" + "\n".join(
         f"  {name:<11} {text}" for name, text in lines.items()
     )
@@ -201,7 +204,7 @@ def check_study(path: Path) -> None:
             100 * share,
         )
     problems: list[GstError] = []
-    found, writable = None, False
+    found, writable, on_t0 = None, False, ""
     try:
         check_writable(config["results"])
         writable = True
@@ -250,7 +253,10 @@ def check_study(path: Path) -> None:
         problems += found.problems
         if not problems:
             shift_mm = config["registration"]["maximum_shift_mm"]
-            problems += exchanged_scans(found.coarse, patches, maximum_shift_mm=shift_mm)
+            others, on_t0 = epochs_on_each_other(
+                found.coarse, patches, maximum_shift_mm=shift_mm
+            )
+            problems += others
     rest = None
     if found is not None and found.face is not None and not found.problems:
         _hold_against_mesh(config, patches, found)
@@ -258,7 +264,7 @@ def check_study(path: Path) -> None:
             rest = _at_rest(config, found.face)
         except GstError as error:
             problems.append(error)
-    print(f"{path}: {_summary(config, patches, found, rest, poses)}")
+    print(f"{path}: {_summary(config, patches, found, rest, poses, on_t0)}")
     size_mm = config["square"]["size_mm"]
     if writable and found is not None and found.stone is not None and found.frame is not None:
         from gst.figures.style import save_figure

@@ -2,15 +2,17 @@
 
 import functools
 import logging
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Mapping
 
 import pandas as pd
 import xarray as xr
 
 from gstlib.errors import InputError
+from gstlib.surface import spacing_of
 from gstlib.validation.change import measured_change, wear_summary
 
-__all__ = ["exchanged_scans"]
+__all__ = ["epochs_on_each_other"]
 
 _log = logging.getLogger(__name__)
 
@@ -19,17 +21,22 @@ _log = logging.getLogger(__name__)
 _GAIN_OVER_LOSS = 1.2
 _GAIN_LESS_LOSS = 0.015
 _SPOT = 2  # points, of a coarse scan
+# T1 that other software has laid on T0 is off by half a point at most: of a scan four times as fine
+# as the coarse one, with the error of its registration, a hundredth.
+_CO_LOCATED = 0.15
 # Registering a scan takes a tenth of a second.
 _MOST_TRIED = 100
 
 
-def exchanged_scans(
+def epochs_on_each_other(
     coarse: Mapping[tuple[str, str], xr.Dataset],
     patches: pd.DataFrame,
     *,
     maximum_shift_mm: float,
-) -> Iterator[InputError]:
-    """Scans after use that show another patch; of other doubts, warnings are logged.
+) -> tuple[list[InputError], str]:
+    """Scans after use that show another patch, and in words how far the others are shifted.
+
+    Of other doubts, warnings are logged.
 
     Parameters
     ----------
@@ -44,7 +51,9 @@ def exchanged_scans(
         measured_change, maximum_shift_mm=maximum_shift_mm, minimum_points=_SPOT
     )
     before = {patch: of for (patch, epoch), of in coarse.items() if epoch == "T0"}
-    tried, gained = 0, []
+    problems: list[InputError] = []
+    shifts_mm: list[float] = []
+    together, tried, gained = 0, 0, []
     for row in patches.itertuples():
         patch, after = row.patch, coarse.get((row.patch, "T1"))
         if after is None or patch not in before:
@@ -52,9 +61,11 @@ def exchanged_scans(
         try:
             registration, change = registered(before[patch], after)
         except InputError as error:
-            yield InputError(row.t1, f"patch {patch}: {error.problem}", error.remedy)
+            problems.append(InputError(row.t1, f"patch {patch}: {error.problem}", error.remedy))
             continue
         if registration.found:
+            shifts_mm.append(math.hypot(registration.shift_x_mm, registration.shift_y_mm))
+            together += shifts_mm[-1] < _CO_LOCATED * max(spacing_of(before[patch].height))
             shares = wear_summary(change)
             loss, gain = shares["loss_fraction"], shares["gain_fraction"]
             if gain > max(_GAIN_OVER_LOSS * loss, loss + _GAIN_LESS_LOSS):
@@ -64,12 +75,11 @@ def exchanged_scans(
         tried += len(others)
         for other in others:
             if registered(before[other], after)[0].found:
-                yield InputError(
-                    row.t1,
+                problem = (
                     f"as T1 of patch {patch}, it is not found on {row.t0}, but on T0 of patch "
-                    f"{other}",
-                    "Correct t1 in the patch table.",
+                    f"{other}"
                 )
+                problems.append(InputError(row.t1, problem, "Correct t1 in the patch table."))
                 break
         else:
             _log.warning(
@@ -86,3 +96,11 @@ def exchanged_scans(
             "es" * (len(gained) > 1),
             ", ".join(gained),
         )
+    if not shifts_mm:
+        return problems, ""
+    most = float(f"{1e3 * max(shifts_mm):.2g}")
+    said = f"found on {len(shifts_mm)} patches, shifted by up to {most:g} µm"
+    if together:
+        which = "all" if together == len(shifts_mm) else f"{together} of them"
+        said += f"; {which} co-located already (shifted by less than half a point)"
+    return problems, said

@@ -1,6 +1,7 @@
 """Bad input: all problems at once, in clear errors, by `make check` and before a run begins."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -10,7 +11,9 @@ import numpy as np
 import pytest
 import trimesh
 from conftest import ROOT
+from gst.export import sur_of, x3p_of
 from gstlib.io.plu import PLU_UNMEASURED_UM
+from gstlib.io.scans import read_scan
 
 
 def check(study):
@@ -80,6 +83,35 @@ def test_scans_of_other_patches_and_epochs_are_told(measured):
     assert (
         missing(said, "2 problems", "10_T1.plu: as T1 of patch 10", "but on T0 of patch 11") == []
     )
+
+
+def test_scans_that_other_software_laid_on_each_other_are_told(measured):
+    """As ConfoMap saves them: cut from one grid, worn in between."""
+    scans = measured.folder / "data/scans"
+    noise = np.random.default_rng(1)
+    for number, file in enumerate(sorted(scans.glob("*_T0.plu"))):
+        before = read_scan(file)
+        lowest = np.nanquantile(before, 0.1)  # of a mould: the highest of the stone
+        worn = before.clip(min=lowest) + 1e-5 * noise.standard_normal(before.shape)
+        for epoch, heights in (("T0", before), ("T1", worn)):
+            stem = scans / file.stem.replace("T0", epoch)
+            stem.with_suffix(".plu").unlink()
+            if number % 3 == 2:
+                np.savetxt(stem.with_suffix(".csv"), heights * 1e3, delimiter=",")
+            elif number % 3:
+                stem.with_suffix(".sur").write_bytes(sur_of(heights, "a stone"))
+            else:
+                stem.with_suffix(".x3p").write_bytes(x3p_of(heights, "a stone"))
+    table = measured.folder / "config/patches_tiny.tsv"
+    table.write_text(re.sub(r"\t[^\t]*\t[^\t]*$", "", table.read_text(), flags=re.MULTILINE))
+    measured.change(scans={"unit": "um", "spacing_um": 13.28})
+    code, said = check(measured)
+    assert code == 0
+    (off,) = re.findall(
+        r"T1 on T0 +found on 6 patches, shifted by up to ([\d.]+) µm; all co-", said
+    )
+    assert float(off) < 0.05
+    assert "WARNING" not in said
 
 
 def test_a_sweep_is_checked_too(study):

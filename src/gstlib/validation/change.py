@@ -73,6 +73,8 @@ _ODD_HEIGHTS = 1.25
 # ASSUME: a repeat shows an unworn surface if at most this share of it lost, and gained, height in
 # spots beyond its own level of detection. Where neighbours err alike, noise alone marks 2.5 %.
 _MOST_CHANGED = 0.05
+# Other software lays T1 on T0 to whole points: a smaller shift is one of none.
+_CO_LOCATED = 0.5
 # How much more the unchanged part of a patch may scatter than repeats do before a warning.
 _ODD_SCATTER = 2.0
 
@@ -241,6 +243,10 @@ def register_patch(
             patch,
             scale,
         )
+    shift = registration.shift_y_mm, registration.shift_x_mm
+    off = np.abs(np.divide(shift, spacing_of(before.height))).max()
+    if registration.found and off < _CO_LOCATED:
+        _log.info("patch %s: T1 was co-located with T0 already: off by %.2g points", patch, off)
     if registration.found and not change.attrs["known_share"]:
         _log.warning(
             "patch %s: hardly any point has a height of its own at T0 and at T1 (%.0f %% and "

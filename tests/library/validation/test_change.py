@@ -6,7 +6,7 @@ import scipy.ndimage
 import xarray as xr
 from gstlib.errors import InputError
 from gstlib.study import register_patch
-from gstlib.surface import make_surface
+from gstlib.surface import make_surface, spacing_of
 from gstlib.validation.change import (
     Detection,
     height_change,
@@ -182,6 +182,20 @@ def test_from_prepared_scans_to_the_change(remeasure):
     error = (result["change"].values - truth)[known]
     assert np.median(error) == pytest.approx(0, abs=0.05e-3)
     assert np.median(np.abs(error)) < 0.3e-3
+
+
+@pytest.mark.parametrize(("shift", "together"), [((0.0, 0.0), True), ((0.0, 1.0), False)])
+def test_scans_of_one_grid_are_said_to_be(remeasure, caplog, shift, together):
+    """As other software saves them, co-located and cut alike."""
+    caplog.set_level("INFO")
+    t0, t1, _ = remeasure(shift)
+    nothing = np.zeros(t0.shape, dtype=bool)
+    epochs = prepared(t0, nothing), prepared(t1, nothing)
+    found = register_patch(*epochs, patch="7", maximum_shift_mm=0.1, minimum_points=8)
+    off = np.array([found.attrs["shift_y_um"], found.attrs["shift_x_um"]]) / spacing_of(t0) / 1e3
+    assert off == pytest.approx(shift, abs=0.02)
+    assert found.attrs["rotation_deg"] == pytest.approx(0, abs=0.01)
+    assert ("patch 7: T1 was co-located" in caplog.text) == together
 
 
 def test_nothing_is_known_of_another_stone(remeasure):
