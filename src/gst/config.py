@@ -21,8 +21,9 @@ from jsonschema.exceptions import ValidationError
 from gst import ROOT
 from gst.config_file import read_config_file
 from gstlib.contact import load_force, load_point
-from gstlib.errors import ConfigError
+from gstlib.errors import ConfigError, InputError
 from gstlib.geometry import frame_from_points
+from gstlib.io.files import LARGEST_TEXT, check_size
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -234,7 +235,8 @@ def _explain(error: ValidationError) -> str:
         return f"'{key}' is {error.instance!r}:{wish}"
     if error.validator == "type" and isinstance(error.instance, str):
         wish = f" (write a number without quotes, such as 20 or 1.0e-9){wish}"
-    return f"'{key}' is {error.instance!r}: {error.message}{wish}"
+    # a value may be as long as the file
+    return f"'{key}' is {error.instance!r:.1000}: {error.message:.1000}{wish}"
 
 
 def _contradictions(config: Mapping) -> Iterator[str]:
@@ -295,8 +297,19 @@ def _contradictions(config: Mapping) -> Iterator[str]:
             "passes both filters; raise it, or set it to null"
         )
     for name in ("patches", "published"):
-        if config[name] is not None and (problem := _path_problem(config[name])):
-            yield f"'{name}': {problem}: correct the path"
+        if config[name] is not None:
+            if problem := _path_problem(config[name]):
+                yield f"'{name}': {problem}: correct the path"
+            else:
+                yield from _size_problem(name, config[name])
+
+
+def _size_problem(name: str, path: str) -> Iterator[str]:
+    """A table too large for one, which is not read."""
+    try:
+        check_size(path, LARGEST_TEXT)
+    except InputError as error:
+        yield f"'{name}': {error}"
 
 
 def _square_problems(key: str, points: Sequence, size_mm: float) -> Iterator[str]:

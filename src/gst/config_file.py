@@ -5,12 +5,13 @@ from pathlib import Path
 import yaml
 
 from gstlib.errors import ConfigError
-from gstlib.io.files import LARGEST_TEXT, check_size
+from gstlib.io.files import check_size
 
 __all__ = ["read_config_file"]
 
-# Values of a config, each counted as often as aliases repeat it.
-_MOST_VALUES = 100_000
+# Bytes of a config, twenty times those of the longest shipped one; and its values, each counted
+# as often as aliases repeat it.
+_LARGEST, _MOST_VALUES = 100_000, 100_000
 
 
 def read_config_file(path: str | Path) -> dict:
@@ -22,13 +23,16 @@ def read_config_file(path: str | Path) -> dict:
         The file cannot be opened, is not UTF-8 or not YAML, or holds no keys with values.
     """
     try:
-        check_size(path, LARGEST_TEXT)
+        check_size(path, _LARGEST)
         text = Path(path).read_text(encoding="utf-8")
         _refuse_many_aliases(path, yaml.compose(text, yaml.SafeLoader))
         config = yaml.safe_load(text)
     except OSError as error:
         remedy = "Correct its path, or make one with `gst new`."
         raise ConfigError(path, f"cannot be opened ({error.strerror})", remedy) from None
+    except RecursionError:
+        remedy = "Indent its keys as in config/config.yaml."
+        raise ConfigError(path, "nests lists or keys too deeply", remedy) from None
     except (UnicodeDecodeError, yaml.YAMLError) as error:
         raise ConfigError(
             path,

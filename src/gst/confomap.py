@@ -15,6 +15,7 @@ from pathlib import Path
 import pandas as pd
 
 from gstlib.errors import InputError
+from gstlib.io.files import check_size
 from gstlib.io.results import TABLES
 from gstlib.io.tables import read_table
 from gstlib.io.text import decoded, separator_of
@@ -91,6 +92,7 @@ def compare_texture(results: Path, file: Path) -> pd.DataFrame:
 def _read(file: Path) -> tuple[list[list[str]], list[list[str]]]:
     """The three lines of the header, and the lines of results."""
     try:
+        check_size(file)
         content = file.read_bytes()
     except OSError as error:
         problem = f"cannot be read ({error.strerror})"

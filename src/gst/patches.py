@@ -16,7 +16,6 @@ those named after it and the epoch: ``E1_T0.plux`` and, if they are there, ``E1_
 """
 
 import csv
-import itertools
 import math
 import re
 import unicodedata
@@ -25,6 +24,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 import yaml
 
@@ -63,6 +63,8 @@ _ROUNDING = 1e-9
 # Patches that overlap by less (share of a patch) lie side by side: places are rounded.
 _LEAST_OVERLAP = 0.01
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
+# Rows of a table: a square of 5 mm holds some forty patches side by side.
+_MOST_PATCHES, _LONGEST_LINE = 10_000, 10_000
 # First bytes of .xlsx and .ods, and of .xls.
 _SPREADSHEETS = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 
@@ -348,9 +350,14 @@ def _read_lines(path: Path) -> list[tuple[int, str]]:
         for number, line in enumerate(text.splitlines(), start=1)
         if line.strip(" \t,;") and not line.lstrip(' "').startswith("#")
     ]
-    if len(lines) < 2:
+    if long := [number for number, line in lines if len(line) > _LONGEST_LINE]:
+        problem = f"line {long[0]} has more than {_LONGEST_LINE} characters"
+        raise ConfigError(path, problem, "Give each patch a line of its own.")
+    if not 2 <= len(lines) <= _MOST_PATCHES + 1:
         raise ConfigError(
-            path, "the table has no rows", "Give a line of column names and one line per patch."
+            path,
+            f"the table has {max(len(lines) - 1, 0) or 'no'} rows",
+            f"Give a line of column names and one line per patch, at most {_MOST_PATCHES}.",
         )
     return lines
 
@@ -383,15 +390,18 @@ def _explain(error: "ValidationError") -> str:
 
 
 def _overlapping(rows: Mapping[int, Mapping], patch_size: float) -> Iterator[tuple[int, str]]:
-    """Patches whose centres are less than half a side apart."""
-    for (first, one), (line, other) in itertools.combinations(rows.items(), 2):
-        apart = math.dist(_numbers(one)[:2], _numbers(other)[:2])
-        if apart < patch_size / 2:
+    """Patches whose centre is less than half a side from that of one above them."""
+    lines, centres = list(rows), np.array([_numbers(row)[:2] for row in rows.values()])
+    for n, line in enumerate(lines[1:], start=1):
+        apart = np.hypot(*(centres[:n] - centres[n]).T)
+        nearest = int(np.argmin(np.where(np.isnan(apart), np.inf, apart)))
+        if apart[nearest] < patch_size / 2:
+            first = lines[nearest]
             yield (
                 line,
-                f"its centre is {apart:.4g} mm from that of line {first} (patch "
-                f"{one.get('patch')}), and a patch is {patch_size:g} mm wide: leave one of them "
-                "out, or correct their positions",
+                f"its centre is {apart[nearest]:.4g} mm from that of line {first} (patch "
+                f"{rows[first].get('patch')}), and a patch is {patch_size:g} mm wide: leave one "
+                "of them out, or correct their positions",
             )
 
 

@@ -5,6 +5,7 @@ must never pass for a smaller stone, so the number of its faces is compared with
 """
 
 import io
+import json
 import logging
 import re
 import warnings
@@ -189,7 +190,12 @@ def _load(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray, str | Non
             warnings.filterwarnings("error", message="string or file could not be read")
             # From memory, so that trimesh cannot look for other files beside this one.
             file = io.BytesIO(content)
-            scene = trimesh.load_scene(file, file_type=kind, process=False, **options)
+            if kind == "glb":
+                _refuse_empty_accessors(content)
+            scene: Any = trimesh.load_scene(file, file_type=kind, process=False, **options)
+            named = [scene.geometry[scene.graph[n][1]] for n in scene.graph.nodes_geometry]
+            if sum(len(getattr(part, "faces", ())) for part in named) > len(content):
+                raise ValueError("it repeats its parts until there are more faces than bytes")
             vertices, faces, count = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
             part: Any
             for part in scene.dump():
@@ -202,6 +208,16 @@ def _load(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray, str | Non
     except Exception as error:  # trimesh raises whatever its parsers raise
         problem = f"cannot be read as {kind.upper()} ({type(error).__name__}: {error})"
         raise InputError(path, problem, _EXPORT_AGAIN) from error
+
+
+def _refuse_empty_accessors(content: bytes) -> None:
+    """Refuse a GLB whose header promises more vertices and faces than the file has bytes.
+
+    By its specification, numbers that are not in the file are zeros.
+    """
+    header = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
+    if sum(part["count"] for part in header.get("accessors", ())) > len(content):
+        raise ValueError("it states more numbers than it holds")
 
 
 def _check_size(path: Path, extent: float, unit: str) -> None:

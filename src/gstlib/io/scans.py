@@ -38,6 +38,7 @@ _NOT_LEFT = {"asc", "hgt", "nms", "plu", "xyz"}
 _SUR_NO_HEIGHTS = {3, 10, 12, 20, 21}
 # What any profilometer can have measured (mm); outside this range the unit is wrong.
 _LARGEST_FIELD, _LARGEST_RANGE = 50.0, 10.0
+_MOST_POINTS = 1 << 26
 _SMALLEST_SPACING, _LARGEST_SPACING = 1e-6, 0.5
 # Heights (mm) beyond this are the largest numbers of a format, in whatever unit.
 _LARGEST_NUMBER = 1e20
@@ -208,6 +209,9 @@ def _read_instrument_file(path: Path) -> _Raw:
             if not maps or kind in _SUR_NO_HEIGHTS:
                 raise ValueError("it holds no map of heights")
             channel = maps[0]
+            if math.prod(channel.nb_grid_pts) > _MOST_POINTS:
+                nx, ny = channel.nb_grid_pts
+                raise ValueError(f"it announces {nx} × {ny} points")
             stated = channel.physical_sizes is not None
             topography = channel.topography(**{} if stated else {"physical_sizes": (1.0, 1.0)})
             masked: np.ma.MaskedArray = np.ma.asarray(topography.heights(), dtype=float)
@@ -220,7 +224,7 @@ def _read_instrument_file(path: Path) -> _Raw:
             spacing = (float(size_y) / ny, float(size_x) / nx) if stated else None
             if reader.format() == "mnt":
                 _log.warning(_AS_MEASURED, path)
-    except MemoryError:
+    except (InputError, MemoryError):
         raise
     except Exception as error:  # the readers raise whatever their parsers raise
         reason = _plain_text(f"{type(error).__name__}: {error} {error.__cause__ or ''}")

@@ -23,6 +23,7 @@ __all__ = [
 
 # Differences beyond these digits count as rounding.
 _KNOWN_DIGITS = 10
+_FORMULA = ("=", "+", "-", "@")
 # Columns that the stages take from the table of patch pressures.
 _PRESSURES = ("patch", "x_mm", "y_mm", "rotation_deg", "pressure_MPa", "square_pressure_MPa")
 # If this variable is 1, tables print every digit, to show differences below the printed ones.
@@ -47,7 +48,9 @@ def _format(value: Any, digits: int) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value:.17g}" if os.environ.get(ALL_DIGITS) == "1" else printed(value, digits)
-    return str(value)
+    text = str(value)
+    # spreadsheets would take it for a formula
+    return f"'{text}" if isinstance(value, str) and text.startswith(_FORMULA) else text
 
 
 def write_table(path: str | Path, table: pd.DataFrame) -> None:

@@ -160,6 +160,13 @@ def test_table_digits_and_words(tmp_path):
     assert read.in_study.tolist() == [True, False]
 
 
+def test_spreadsheets_find_no_formula(tmp_path):
+    words = ["=1+1", "+a", "-a", "@a", "a=1"]
+    write_table(tmp_path / "a.csv", pd.DataFrame({"instrument": words, "loss": -1.0}))
+    assert list(read_table(tmp_path / "a.csv").instrument) == ["'=1+1", "'+a", "'-a", "'@a", "a=1"]
+    assert (read_table(tmp_path / "a.csv").loss == -1).all()
+
+
 @pytest.mark.parametrize("content", [b"", b"a,b\n1,2\n3,4,5\n", b"\xff\xfe\x00"])
 def test_unreadable_tables_are_named(tmp_path, content):
     (tmp_path / "t.csv").write_bytes(content)
