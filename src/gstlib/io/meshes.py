@@ -78,8 +78,11 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
         raise InputError(path, problem, f"Export the mesh as one of {', '.join(_READ)}.")
     check_size(path)
     if zipfile.is_zipfile(path):
-        with zipfile.ZipFile(path) as archive:
-            check_unpacked(path, archive)
+        try:
+            with zipfile.ZipFile(path) as archive:
+                check_unpacked(path, archive)
+        except (zipfile.BadZipFile, NotImplementedError, ValueError) as error:
+            raise InputError(path, f"is damaged ({error})", _EXPORT_AGAIN) from error
     if not (content := path.read_bytes()):
         raise InputError(path, "the file is empty", "Copy it, or export it, again.")
     announced = _announced_faces(path, content)

@@ -192,6 +192,7 @@ def test_cut_files_are_refused(write, name):
         ("binary.stl", FILES["binary.stl"], bytes(84), "no faces"),
         ("plain.obj", FILES["plain.obj"], b"v 0 0 0\nv 9 0 0\nv 0 9 0\n", "no faces"),
         ("whole.glb", b"glTF", b"gITF", "cannot be read as GLB"),
+        ("whole.3mf", b"PK\1\2", b"PK\1\3", "is damaged"),
         ("ascii.stl", b"-20.0", b"nan", "are not numbers"),
         ("ascii.ply", b"-20", b"nan", "are not numbers"),
         ("plain.obj", b"-20.00000000", b"nan", "are not numbers"),
