@@ -4,7 +4,6 @@ Formulas are tested with the library; here the calls between them are, in script
 """
 
 import json
-import re
 
 import numpy as np
 import pandas as pd
@@ -111,54 +110,6 @@ def test_the_report_holds_every_figure_and_caption(finished_tiny, tmp_path):
         assert str(figure.relative_to(finished_tiny.folder)) in text
     assert "{{" not in text.split("<script")[0]
     assert "bears the highest pressure" in text
-
-
-def test_the_page_holds_the_answer_and_everything_shown(results, table, config):
-    """What browsers make of it: tests/workflow/test_page_in_browser.py."""
-    page = (results / "index.html").read_text(encoding="utf-8")
-    assert "Generated specimen" in page
-    top = table("patch_pressures").sort_values("pressure_MPa").patch.iloc[-1]
-    assert re.search(rf'class="verdict">.*\bpatch {top} bears the highest pressure', page)
-    assert len(re.findall(r'class="enlarge"', page)) > 10
-    for patch in table("patch_pressures").patch:
-        assert f'<dialog id="patch-{patch}"' in page
-    summary = table("validation_summary").set_index(["model", "statistic"])
-    said = re.search(r"mean MCC of (−?[\d.]+) .* over (\d+) patches", page)
-    judged = summary.loc[("archard", "mean(mcc)")]
-    assert (said[1], said[2]) == (f"{judged.value:.2f}".replace("-", "−"), str(judged.n))
-    for file in results.glob("tables/*.csv"):
-        # a path of many steps is for programs
-        assert (f"{file.name}, {len(table(file.stem))} rows" in page) == (
-            file.stem != "microscale_paths"
-        )
-    assert "{{" not in page.split("<script")[0]
-    assert len(page) < 12e6
-    verdict = (results / "verdict.html").read_text(encoding="utf-8")
-    assert re.search(r'<p class="verdict">.*</p>', verdict)[0] in page
-
-
-def test_the_page_shows_the_numbers_of_the_tables(results, table):
-    """Cell by cell, as `data-value` has them for sorting."""
-    page = (results / "index.html").read_text(encoding="utf-8")
-    body = re.search(r'<table id="patch-table">.*?<tbody>(.*?)</tbody>', page, re.DOTALL)[1]
-    shown = [re.findall(r'data-value="([^"]*)"', row) for row in body.split("</tr>")[:-1]]
-    of = {"patch_pressures": ["pressure_MPa"], "registration": ["loss_fraction", "loss_volume_um3"]}
-    of["validation_patches"] = ["contact_fraction", "mcc", "attainable_mcc", "map_error"]
-    order = [0, 3, 1, 2, 7, 4, 5, 6]
-    joined = table("patch_pressures")[["patch"]]
-    for name, columns in of.items():
-        joined = joined.merge(table(name)[["patch", *columns]], on="patch", how="left")
-    wear = table("wear").query("model == 'archard'")[["patch", "predicted_volume_um3"]]
-    joined = joined.merge(wear, on="patch", how="left").set_index("patch")
-    assert [row[0] for row in shown] == list(joined.index)
-    for row in shown:
-        for cell, value in zip(row[1:-1], joined.loc[row[0]].iloc[order], strict=True):
-            assert float(cell or "nan") == pytest.approx(value, nan_ok=True)
-    # every patch with a T1 has its picture and its scores on its card, in the study or not
-    cards = dict(re.findall(r'<dialog id="patch-(\w+)"(.*?)</dialog>', page, re.DOTALL))
-    for row in table("validation_patches").itertuples():
-        assert 'class="enlarge"' in cards[row.patch]
-        assert f"MCC {row.mcc:.2f}".replace("-", "−") in cards[row.patch]
 
 
 # --- Inputs and preparation -------------------------------------------------------------------
