@@ -1,8 +1,120 @@
-"""A study of measured files: what the generated one does not have."""
+"""A study of measured files: what the generated one does not have.
+
+With a mat, a rough counterface, published figures and a claim about the worst worn patches.
+"""
+
+import hashlib
+import json
+import os
+import shutil
 
 import numpy as np
 import pandas as pd
+import pytest
+from conftest import fresh
 from gstlib.io.store import read_dataset
+from gstlib.io.tables import read_table
+from gstlib.preprocess.filtering import s_filtered
+from gstlib.preprocess.leveling import remove_plane
+from gstlib.surface import spacing_of
+from test_tiny_study import pressed_heights, recomputed_residual
+
+
+@pytest.fixture(scope="module")
+def studied(finished_tiny, tmp_path_factory):
+    """The tiny specimen's files as measured ones."""
+    study = fresh(tmp_path_factory.mktemp("measured"))
+    shutil.copytree(finished_tiny.results / "specimen", study.folder / "data")
+    (study.folder / "published.csv").write_text(
+        "quantity,patch,unit,value\nmean pressure,,MPa,22\npatch pressure,13,MPa,10\n"
+    )
+    study.change(
+        results="results-measured",
+        specimen=None,
+        inputs={"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"},
+        counterface={"scan": "data/scans/5_T0.plu", "radius_mm": 200.0},
+        mat={"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0},
+        published="published.csv",
+        reference_draws=2,
+        validation={"expected_worst": ["7", "13"]},
+        wear_steps=2,
+    )
+    study.succeed()
+    return study
+
+
+def test_the_record_holds_every_measured_file(studied):
+    record = json.loads((studied.results / "provenance.json").read_text())["inputs"]
+    names = "data/mesh.stl", "published.csv", "config/patches_tiny.tsv"
+    data = [*studied.folder.glob("data/scans/*.plu"), *(studied.folder / name for name in names)]
+    assert len(data) == 15
+    assert record == {
+        str(file.relative_to(studied.folder)): hashlib.sha256(file.read_bytes()).hexdigest()
+        for file in data
+    }
+
+
+def test_the_patches_are_pressed_by_the_rough_face(studied, finished_tiny):
+    """The microscale follows it, all before it stays."""
+    flat, rough = finished_tiny.tables(), studied.tables()
+    assert rough["patch_pressures.csv"] == flat["patch_pressures.csv"]
+    scan = read_dataset(studied.results / "surfaces/5_T0.h5").height
+    face = s_filtered(scan, 5.0).values[:, ::-1]
+    for file in sorted(studied.results.glob("microscale/*.h5")):
+        contact = read_dataset(file)
+        # on the plane of the round stone there
+        pressed, own = (remove_plane(scan.copy(data=of))[0] for of in (contact.counterface, face))
+        np.testing.assert_allclose(pressed, own, atol=1e-12)
+        if contact.pressure.any():
+            field, delta = contact.pressure.values, float(contact.displacement)
+            of = spacing_of(contact), float(contact.contact_modulus)
+            assert recomputed_residual(pressed_heights(contact), field, delta, *of) <= 1e-6
+
+
+def test_a_mat_and_a_ceiling_are_worn_judged_and_told(studied):
+    worn = read_table(studied.results / "tables/wear.csv")
+    worn = worn.pivot(index="patch", columns="model", values="map_error_um")
+    assert (worn.mat != worn.archard).all()
+    assert (worn.mat != worn.yielding)[["7", "13"]].all()  # nothing is pressed so hard elsewhere
+    rows = read_table(studied.results / "tables/validation_summary.csv")
+    rows = rows.set_index(["model", "statistic"])
+    fitted = read_dataset(studied.results / "wear/whole_mat.h5")
+    assert rows.value["mat", "mat_ratio"] == float(fitted.ratio_of_all)
+    page = (studied.results / "index.html").read_text(encoding="utf-8")
+    assert "with a mat of 300\xa0MPa, 300 µm thick, predicts" in page
+    assert "Generated specimen" not in page
+
+
+def test_the_worst_worn_are_compared_with_what_was_claimed(studied):
+    rows = read_table(studied.results / "tables/validation_summary.csv").set_index("statistic")
+    claim = rows.loc["expected_worst(7+13, pressure_MPa)"]
+    assert (claim.value, claim.n) == (1, 2)
+
+
+def test_what_was_not_scanned_is_drawn_anew(studied):
+    reference = read_dataset(studied.results / "reference/patches.h5")
+    assert reference.sizes["draw"] == 2
+    assert abs(np.diff(reference.pressure, axis=0)).max() > 1e-3
+
+
+def test_inputs_that_changed_unseen_and_other_studies_are_refused(studied):
+    """By `gst study`: of a scan of the same size and date Snakemake sees nothing."""
+    scan = studied.folder / "data/scans/7_T1.plu"
+    content, dates = scan.read_bytes(), (scan.stat().st_atime_ns, scan.stat().st_mtime_ns)
+    scan.write_bytes(content[:-4] + b"gst.")
+    os.utime(scan, ns=dates)
+    refused = studied.gst("study", studied.config)
+    assert refused.returncode == 2
+    assert "touch 'data/scans/7_T1.plu'" in refused.stderr
+    scan.write_bytes(content)
+    os.utime(scan, ns=dates)
+    own = studied.config
+    studied.change(title="another stone", inputs={"mesh": "data/other.stl"})
+    shutil.copy2(studied.folder / "data/mesh.stl", studied.folder / "data/other.stl")
+    refused = studied.gst("study", studied.config)
+    studied.config = own
+    assert refused.returncode == 2
+    assert "holds the results of another study" in refused.stderr
 
 
 def test_patches_are_cut_from_larger_scans_that_need_no_unmoulding(measured):

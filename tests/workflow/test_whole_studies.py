@@ -1,7 +1,6 @@
 """Whole studies, each started anew: for `make test-all`."""
 
 import os
-import shutil
 import signal
 import subprocess
 import time
@@ -13,12 +12,8 @@ import pytest
 from conftest import fresh
 from gst.difference import compare_results, describe_changes
 from gstlib.io.results import TABLES
-from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
-from gstlib.preprocess.filtering import s_filtered
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.surface import spacing_of
-from test_tiny_study import ABSENT, pressed_heights, recomputed_residual
+from test_tiny_study import ABSENT
 
 pytestmark = pytest.mark.slow
 
@@ -138,34 +133,6 @@ def test_measured_files_without_t1(measured):
     assert "no prediction is compared with wear" in page
     compared = ('class="mark"', "<span>Predicted</span>", "<span>MCC</span>", "Validation</h2>")
     assert not [part for part in compared if part in page]
-
-
-def test_a_rough_counterface(tiny):
-    """One of the specimen's own scans: the microscale follows, all before it stays."""
-    shutil.copy2(tiny.results / "specimen/scans/5_T0.plu", tiny.folder / "face.plu")
-    tiny.change(counterface={"scan": "face.plu", "radius_mm": 200.0})
-    flat = tiny.tables()
-    tiny.succeed()
-    rough = tiny.tables()
-    assert rough["microscale_summary.csv"] != flat["microscale_summary.csv"]
-    assert rough["patch_pressures.csv"] == flat["patch_pressures.csv"]
-    scan = read_dataset(tiny.results / "surfaces/5_T0.h5").height
-    face = s_filtered(scan, 5.0).values[:, ::-1]
-    for file in sorted(tiny.results.glob("microscale/*.h5")):
-        contact = read_dataset(file)
-        # on the plane of the round stone there
-        pressed, own = (remove_plane(scan.copy(data=of))[0] for of in (contact.counterface, face))
-        np.testing.assert_allclose(pressed, own, atol=1e-12)
-        if not contact.pressure.any():
-            continue
-        residual = recomputed_residual(
-            pressed_heights(contact),
-            contact.pressure.values,
-            float(contact.displacement),
-            spacing_of(contact),
-            float(contact.contact_modulus),
-        )
-        assert residual <= 1e-6
 
 
 def test_a_study_that_no_patch_enters(tiny):
