@@ -493,10 +493,12 @@ TABLES = {
         touches wear less? Patches out of the study count, too.
         {% if config.validation.expected_worst %}``expected_worst(...)``: share of the patches
         stated beforehand as the worst worn that are among as many worst worn ones; the p-value is
-        the exact probability that a random ranking does as well.{% endif %}{% if config.mat %} ``mat_ratio``: coefficient of the mat over
-        that of the bare stone, which fits all patches best. ``relative(out_of_contact)`` tests
-        whether a mat was there: its error where the bare stone takes off less than is detected,
-        over 98 % of the bare stone's.{% endif %} Intervals are those of a bootstrap over patches.
+        the exact probability that a random ranking does as well.{% endif %}
+        {% if config.mat %}``mat_ratio``: coefficient of the mat over that of the bare stone,
+        which fits all patches best. ``relative(out_of_contact)`` tests whether a mat was there:
+        its error where the bare stone takes off less than is detected, over 98 % of the bare
+        stone's.{% endif %}
+        Intervals are those of a bootstrap over patches.
         """,
         {
             "model": "prediction or rival; empty where none is judged",
