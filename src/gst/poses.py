@@ -9,7 +9,10 @@ import pandas as pd
 from gstlib.contact import load_force
 from gstlib.gesture import read_poses, stroke_poses, wander_poses
 
-__all__ = ["poses_of", "reach_of"]
+__all__ = ["batches_of", "poses_of", "reach_of"]
+
+# A job takes as long to start as a hundred poses to press.
+_IN_BATCH = 200
 
 
 def poses_of(config: Mapping[str, Any]) -> pd.DataFrame | None:
@@ -22,6 +25,12 @@ def poses_of(config: Mapping[str, Any]) -> pd.DataFrame | None:
     if "wander_mm" in gesture:
         return wander_poses(**gesture, force_N=force_N, seed=config["seed"])
     return stroke_poses(**gesture, force_N=force_N)
+
+
+def batches_of(poses: pd.DataFrame | None) -> list[pd.DataFrame]:
+    """The poses in order, as many in each batch as one job presses; none without poses."""
+    count = 0 if poses is None else len(poses)
+    return [poses[start : start + _IN_BATCH] for start in range(0, count, _IN_BATCH)]
 
 
 def reach_of(config: Mapping[str, Any]) -> float:

@@ -1,8 +1,9 @@
-"""How far a config moves the second stone."""
+"""The poses that a config asks for, in batches, and how far they move the second stone."""
 
 import numpy as np
+import pandas as pd
 import pytest
-from gst.poses import reach_of
+from gst.poses import batches_of, reach_of
 
 TABLE = "x_mm\ty_mm\tforce_N\tsliding_mm\tweight\n0.1\t0\t20\t0.5\t1\n-0.1\t0\t20\t0.5\t2\n"
 
@@ -21,3 +22,11 @@ def test_the_face_is_known_as_far_as_the_poses_reach(tmp_path):
     path.write_text(TABLE.replace("x_mm", "rotation_deg\tx_mm").replace("0.1", "45\t0"))
     # the corners of the face turn with it
     assert reach_of(of_table) == pytest.approx(6 * (np.sqrt(2) - 1))
+
+
+def test_no_pose_is_lost_between_batches():
+    poses = pd.DataFrame({"x_mm": np.arange(450.0)})
+    batches = batches_of(poses)
+    assert len(batches) == 3
+    pd.testing.assert_frame_equal(pd.concat(batches), poses)
+    assert batches_of(None) == []

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gst import ROOT
 from gst.config import check_files, complete, counterface_mesh, read_study
-from gst.poses import poses_of, reach_of
+from gst.poses import batches_of, poses_of, reach_of
 from gst.patches import scan_files
 from gst.provenance import commit, program_hash, source_hash
 from gstlib.contact import contact_moduli, load_force, load_point, study_poisson

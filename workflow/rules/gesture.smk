@@ -1,10 +1,9 @@
 # A gesture: the poses of a second stone, or of the hand that wanders.
 # Takes: the face, and a second stone where there is one. Gives: the exposure that all poses of a gesture leave.
-# Poses are jobs of their own, many in each: a job takes as long to start as a hundred poses to press.
+# Poses are jobs of their own, many in each.
 
 import numpy as np
 
-POSES_PER_JOB = 200
 PRESSED = {
     "contact_modulus_MPa": CONTACT_MODULUS_MPA,
     "tolerance": config["macroscale"]["tolerance"],
@@ -13,10 +12,8 @@ PRESSED = {
     "through": LOAD["through"],
 }
 POSE_BATCHES = {
-    f"{RESULTS}/gesture/poses_{number}.h5": POSES[start : start + POSES_PER_JOB]
-    for number, start in enumerate(
-        range(0, 0 if POSES is None else len(POSES), POSES_PER_JOB), start=1
-    )
+    f"{RESULTS}/gesture/poses_{number}.h5": batch
+    for number, batch in enumerate(batches_of(POSES), start=1)
 }
 # Poses that a figure shows, in even steps.
 SHOWN_POSES = 4
