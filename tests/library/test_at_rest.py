@@ -311,6 +311,11 @@ def test_a_scan_turned_by_any_angle_lies_on_the_turned_plane(larger):
     expected = tilt[0] * (y - place.y_mm) + tilt[1] * (x - place.x_mm)
     np.testing.assert_allclose(laid, expected, atol=1e-12)
     assert np.ptp(expected) > 1e-3
+    # a scan of the active stone lies on the plane that its face has there
+    scan = piece.copy(data=np.random.default_rng(1).standard_normal(piece.shape))
+    scanned = placed_faces(piece, scan, larger, place, size_mm=1.2).counterface
+    level, _ = remove_plane(faces.counterface)
+    np.testing.assert_allclose(scanned - scan, faces.counterface - level, atol=1e-12)
 
 
 def test_the_square_at_the_faces_resolution_is_the_face_again(larger):

@@ -15,6 +15,7 @@ from gstlib.composite import (
 from gstlib.geometry import Place, places_of, spline_of
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import Plane, remove_plane
+from gstlib.reference import composite_heights
 from gstlib.surface import axis_coordinates, make_surface
 
 NO_DETAIL = xr.DataArray(np.zeros(2), dims="frequency", coords={"frequency": [1.0, 2.0]})
@@ -56,8 +57,8 @@ def scans(detail: float = 1e-3) -> dict[str, xr.Dataset]:
     return found
 
 
-def composed(of=None, *, error=1e-4, seed=1) -> xr.Dataset:
-    settings = {"patch_mm": PATCH, "s_filter_um": None, "placement_um": 10.0, "seed": seed}
+def composed(of=None, *, error=1e-4, seed=1, placement_um=10.0) -> xr.Dataset:
+    settings = {"patch_mm": PATCH, "s_filter_um": None, "placement_um": placement_um, "seed": seed}
     return compose_surface(mesh_surface(error), PLACES, of or scans(), **settings)
 
 
@@ -159,11 +160,50 @@ def test_the_mesh_errors_have_the_size_of_the_left_out_errors():
 
 
 def test_a_plane_that_the_mesh_does_not_know_is_left_level():
-    sure = composed()
+    """It is known if its tilt exceeds the errors of both slopes together."""
+    sure, lost = (composed(error=error, placement_um=0.0) for error in (0.0, 0.05))
     assert sure.known.all()
-    assert (sure.tilt_mrad > sure.tilt_error_mrad).all()
-    lost = composed(error=0.05)
-    assert not lost.known.any()
-    assert not lost.slope_x.values.any()
-    assert not lost.slope_y.values.any()
-    assert (lost.tilt_error_mrad > 5 * sure.tilt_error_mrad).all()
+    known = []
+    for tilt_over_error in (1.3, 1.6):  # of patch a; the error grows with that of the mesh
+        is_now = float((lost.tilt_mrad / lost.tilt_error_mrad)[0])
+        found = composed(error=0.05 * is_now / tilt_over_error, placement_um=0.0)
+        ratio = found.tilt_mrad / found.tilt_error_mrad
+        assert float(ratio[0]) == pytest.approx(tilt_over_error, abs=0.05)
+        np.testing.assert_array_equal(found.known, ratio > np.sqrt(2))
+        laid = (found.slope_x != 0) & (found.slope_y != 0)
+        np.testing.assert_array_equal(laid, found.known)
+        known.append(bool(found.known[0]))
+    assert known == [False, True]
+
+
+def test_the_error_of_a_plane_is_that_of_mesh_place_and_unseen_waves():
+    """The mesh's is above; of a place on a curved stone, and of waves that the scans show."""
+    still, smooth, rough = (
+        composed(scans(detail), error=0.0, placement_um=0.0).tilt_error_mrad
+        for detail in (1e-6, 1e-3, 1e-2)
+    )
+    np.testing.assert_allclose(rough, 10 * smooth, rtol=0.1)
+    moved = composed(scans(1e-6), error=0.0, placement_um=20.0).tilt_error_mrad
+    assert (moved > 5 * still).all()
+    further = composed(scans(1e-6), error=0.0, placement_um=40.0).tilt_error_mrad
+    np.testing.assert_allclose(further, 2 * moved, rtol=0.1)
+
+
+def test_at_the_scans_resolution_each_draw_has_other_detail_and_the_same_scans():
+    face, of, composite = mesh_surface(), scans(), composed()
+    draws = [
+        composite_heights(face, composite, of, s_filter_um=s_filter_um, seed=1, draw=draw)
+        for s_filter_um, draw in ((None, 0), (None, 1), (None, 0), (60.0, 0))
+    ]
+    first, other, again, filtered = (draw.values for draw in draws)
+    assert first.shape == 2 * (round(SIDE * POINTS / PATCH),)
+    np.testing.assert_array_equal(first, again)
+    at = slice(64, 128), slice(48, 112)  # patch a, not turned, about x 1 and y 1.2
+    np.testing.assert_array_equal(first[at], other[at])
+    assert (first - other)[:, 300:].std() > 5e-4
+    a = composite.sel(patch="a")
+    along = (np.arange(POINTS) + 0.5) * PATCH / POINTS - PATCH / 2
+    plane = float(a.offset) + float(a.slope_y) * along[:, None] + float(a.slope_x) * along
+    height = of["a"].height
+    np.testing.assert_allclose(first[at], height.values + plane, atol=1e-9)
+    np.testing.assert_allclose(filtered[at], s_filtered(height, 60.0).values + plane, atol=1e-9)

@@ -32,7 +32,7 @@ def reference_of(masks) -> xr.Dataset:
     return xr.Dataset(
         {
             "contact": (("draw", "patch", "y", "x"), np.array(masks, bool)[:, None]),
-            "pressure": (("draw", "patch"), np.full((len(masks), 1), 7.0)),
+            "pressure": (("draw", "patch"), 7.0 + 2.0 * np.arange(len(masks))[:, None]),
         },
         coords={"patch": ["a"], "y": grid.y, "x": grid.x},
     )
@@ -126,3 +126,4 @@ def test_draws_and_patches_are_pooled():
     assert table.precision["placed", "a"] == pytest.approx((4 + 2) / 8)
     assert table.recall["placed", "a"] == pytest.approx((4 + 2) / 12)
     assert table.f1["placed", ALL] == table.f1["placed", "a"]
+    assert table.reference_pressure_MPa["placed", "a"] == 8.0  # the mean of 7 and 9

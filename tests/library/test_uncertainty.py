@@ -163,6 +163,14 @@ def test_detail_between_the_scans_is_drawn_anew_and_planes_are_told(intervals):
     assert (found.high_MPa - found.low_MPa > 1e-3).all()
     np.testing.assert_allclose(found.tilt_error_mrad, composite.tilt_error_mrad)
     assert list(found.plane) == ["mesh" if known else "levelled" for known in composite.known]
+    # the mesh's error moves the planes too: here no other height errs
+    above = mesh(1e-3)
+    near = np.hypot(above.vertex_y - 0.9, above.vertex_x - 0.8) < 0.1
+    above = above.assign(left_out_error=above.left_out_error.where(near, 0.0))
+    smooth = composite.assign(density=0 * composite.density)
+    found_by_planes = intervals(np.ones(8), whole=above, composite=smooth)
+    width = found_by_planes.high_MPa - found_by_planes.low_MPa
+    assert width[0] > 0.5, width
     flat = composite.assign(known=~composite.known)
     assert list(intervals(np.ones(1), composite=flat).plane) != list(found.plane)
 
@@ -191,8 +199,15 @@ def test_a_second_stone_adds_the_error_of_its_pose(intervals):
     """A flat face adds nothing; a rough one adds more, the less certain its position."""
     at = axis_coordinates(3 * COUNT, SPACING) - COUNT * SPACING
     widths = []
-    for rough, pose_um in ((0.0, 200.0), (1.0, 0.0), (1.0, 50.0), (1.0, 200.0)):
-        face = make_surface(rough * stone(3 * at[:, None], 2 * at), SPACING)
+    for rough, pose_um in (
+        ((0, 0), 200.0),
+        ((3, 2), 0.0),
+        ((3, 2), 50.0),
+        ((3, 2), 200.0),
+        ((3, 0), 200.0),  # along y alone
+        ((0, 2), 200.0),
+    ):
+        face = make_surface(stone(rough[0] * at[:, None], rough[1] * at), SPACING)
         face = face.assign_coords({axis: face[axis].copy(data=at) for axis in "yx"})
         place = Place(0.0, 0.0, 0.0)
         over = face_in_pose(face, mesh().height, place, size_mm=COUNT * SPACING)
@@ -200,6 +215,7 @@ def test_a_second_stone_adds_the_error_of_its_pose(intervals):
         found = intervals(np.ones(8), whole=whole, counterface=face, pose_um=pose_um)
         widths.append(float((found.high_MPa - found.low_MPa).max()))
     assert max(widths[:2]) < 1e-3 < widths[2] < widths[3]
+    assert min(widths[4:]) > 1.0
 
 
 def test_the_force_is_not_drawn_to_where_there_is_no_stone():

@@ -5,13 +5,14 @@ import pandas as pd
 import pytest
 import xarray as xr
 from contacts import pressed
-from gstlib.bem import Layer
-from gstlib.coupling import patch_pressures
+from gstlib.bem import Layer, wear_path
+from gstlib.coupling import patch_pressures, surroundings
 from gstlib.errors import InputError
+from gstlib.geometry import Place
 from gstlib.gesture import Gesture, stroke_poses
 from gstlib.study import judge_wear, wear_stone
 from gstlib.surface import make_surface
-from gstlib.wear import fit_mat, wear_map, wear_patch, wear_square
+from gstlib.wear import Mat, WornSquare, fit_mat, wear_map, wear_patch, wear_square
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
 SETTINGS = {"contact_modulus_MPa": 1e4, "tolerance": 1e-9}
@@ -133,14 +134,25 @@ def worn_by_both():
     for patch, unworn in contacts.items():
         depth = wear_patch(unworn, guess, patch, ratio=1.0, kappa=2e-5)
         changes[patch] = changed(unworn, depth - np.median(depth))
-    seen = {patch: 1e3 * float((-of.change).clip(0).mean()) for patch, of in changes.items()}
-    worn = wear_square(contact, by_patch, seen, patch_mm=1.0, steps=6, mat=mat)
-    return worn, contacts, changes
+    seen = [1e3 * float((-of.change).clip(0).mean()) for of in changes.values()]
+    registration = pd.DataFrame({"patch": list(changes), "believed": True})
+    worn = wear_stone(
+        contact,
+        by_patch.assign(in_study=True),
+        registration.assign(loss_per_area_um=seen),
+        patch_mm=1.0,
+        steps=6,
+        mat={"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 200.0},
+    )
+    assert worn.mat.layer == mat
+    # under something soft, more of the square bears the same force
+    assert float(worn.mat.pressure.mean()) == pytest.approx(20.0, rel=1e-6)
+    assert (worn.mat.pressure > 0).mean() > 1.5 * (contact.pressure > 0).mean()
+    return worn, contacts, changes, fit_mat(worn, contacts, changes)
 
 
 def test_a_mat_is_found_by_its_traces_with_both_coefficients(worn_by_both):
-    worn, contacts, changes = worn_by_both
-    fitted = fit_mat(worn, contacts, changes)
+    worn, contacts, changes, fitted = worn_by_both
     assert fitted.ratio_of_all == 1.0
     np.testing.assert_array_equal(fitted.mat_ratio, 1.0)
     np.testing.assert_allclose(fitted.mat_kappa, 2e-5, rtol=0.05)
@@ -187,17 +199,78 @@ def judged(worn, contacts, changes, predicted, mat=None):
     )
 
 
-def test_a_patch_that_nothing_is_fitted_to_takes_the_coefficients_of_all(worn_by_both):
-    worn, contacts, changes = worn_by_both
-    fitted = fit_mat(worn, contacts, changes)
-    out = worn._replace(
-        path=worn.path.assign(measured=worn.path.measured.where(worn.path.patch != "a"))
-    )
-    without = fitted.sel(patch=list("bcdef"))
-    depth = wear_map(contacts["a"], out, without, "a").sel(model="mat").depth
-    ratio, kappa = float(fitted.ratio_of_all), float(fitted.kappa_of_all)
-    expected = wear_patch(contacts["a"], out, "a", ratio=ratio, kappa=kappa)
+def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
+    """Whatever its own map and loss are; of a patch that nothing is fitted to, from all."""
+    worn, contacts, changes, fitted = worn_by_both
+    path = worn.path
+    bare = wear_patch(contacts["a"], worn, "a", kappa=5 * 2e-5)
+    odd = changes | {"a": changed(contacts["a"], bare - np.median(bare))}
+    lost = path.measured.where(path.patch != "a", float(bare.mean()))
+    other = worn._replace(path=path.assign(measured=lost))
+    again = fit_mat(other, contacts, odd)
+    for name in ("mat_ratio", "mat_kappa"):
+        assert float(again[name].sel(patch="a")) == float(fitted[name].sel(patch="a"))
+    assert (again.mat_kappa != fitted.mat_kappa).sum() == 5
+    maps = wear_map(contacts["a"], other, again, "a", hardness_MPa=1e6).depth
+    ratio, kappa = (float(again[name].sel(patch="a")) for name in ("mat_ratio", "mat_kappa"))
+    expected = wear_patch(contacts["a"], other, "a", ratio=ratio, kappa=kappa)
+    np.testing.assert_array_equal(maps.sel(model="mat"), expected)
+    np.testing.assert_array_equal(maps.sel(model="yielding"), expected)  # nothing yields so early
+    out = again.sel(patch=list("bcdef"))
+    depth = wear_map(contacts["a"], other, out, "a").sel(model="mat").depth
+    ratio, kappa = float(out.ratio_of_all), float(out.kappa_of_all)
+    expected = wear_patch(contacts["a"], other, "a", ratio=ratio, kappa=kappa)
     np.testing.assert_array_equal(depth, expected)
+    # what neither body can press, is not lost
+    soft = wear_patch(contacts["a"], worn, "a", ratio=1.0, kappa=1e-6, hardness_MPa=10.0)
+    assert soft.mean() == pytest.approx(1e-6 * 9.0, rel=1e-6)
+
+
+def by_hand(stone, mat, kappa=1e-5):
+    """A square under which patch a is pressed (MPa) by stone and mat as said, step by step."""
+    pressed = kappa / len(stone) * np.cumsum([[0.0, *stone], [0.0, *mat]], axis=1)
+    numbers = {"x_mm": 0.5, "y_mm": 0.5, "rotation_deg": 0.0}
+    path = xr.Dataset(
+        {
+            "kappa": (("ratio", "step"), 2 * [np.linspace(0, kappa, len(stone) + 1)]),
+            "pressed": (("ratio", "body", "step", "patch"), 2 * [pressed[..., None]]),
+            "patch_mm": 0.32,
+        }
+        | {name: ("patch", [at]) for name, at in numbers.items()},
+        coords={"ratio": [0.0, 1.0], "body": ["stone", "mat"], "patch": ["a"]},
+    )
+    field = make_surface(np.zeros((COUNT, COUNT)), SIDE / COUNT)
+    field[10, 16] = 2000.0  # beside the patch, within reach of the mat
+    return WornSquare(path, Mat(Layer(300.0, 0.3, 0.2), field))
+
+
+def test_a_patch_is_worn_at_its_pressure_in_each_step():
+    contact, stone = patch_of(20.0), [0.0, 0.0, 20.0, 60.0]
+    depth = wear_patch(contact, by_hand(stone, stone), "a", kappa=1e-5)
+    options = {"mean_pressure": stone, "mean_loss": 1e-5 * 20.0, "steps": 4, "tolerance": 1e-9}
+    path = wear_path(contact.height.values, 0.01, 1e4, **options)
+    np.testing.assert_allclose(depth, path.depth, atol=1e-12)
+
+
+def test_a_mat_lies_among_the_pressures_that_are_under_it():
+    """What it takes off does not depend on what the bare stone would press around the patch."""
+    worn, alone = by_hand([0.0] * 4, [20.0] * 4), patch_of(20.0)
+    mat, shape = worn.mat, alone.height.shape
+    sunk = surroundings(
+        mat.pressure,
+        Place(0.5, 0.5, 0.0),
+        shape,
+        size_mm=0.32,
+        contact_modulus_MPa=1e4,
+        layer=mat.layer,
+    )
+    assert np.ptp(sunk) > 1e-3
+    lower = alone.assign(height=alone.height - sunk)
+    expected = wear_patch(lower, worn, "a", ratio=1.0, kappa=1e-5)
+    ramp = 2e-3 * np.linspace(0, 1, shape[1]) * np.ones(shape)
+    among = alone.assign(placed=True, surroundings=alone.height.copy(data=ramp))
+    depth = wear_patch(among, worn, "a", ratio=1.0, kappa=1e-5)
+    np.testing.assert_allclose(depth, expected, atol=1e-12)
 
 
 def test_summits_that_yield_spread_the_same_loss_wider(square, pressures):

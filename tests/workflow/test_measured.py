@@ -13,11 +13,15 @@ import pandas as pd
 import pytest
 from conftest import fresh
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_table
+from gstlib.io.tables import read_pressures, read_table
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import remove_plane
+from gstlib.study import wear_stone
 from gstlib.surface import spacing_of
 from test_tiny_study import pressed_heights, recomputed_residual
+
+
+MAT = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0}
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +37,7 @@ def studied(finished_tiny, tmp_path_factory):
         specimen=None,
         inputs={"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"},
         counterface={"scan": "data/scans/5_T0.plu", "radius_mm": 200.0},
-        mat={"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0},
+        mat=MAT,
         published="published.csv",
         reference_draws=2,
         validation={"expected_worst": ["7", "13"]},
@@ -85,6 +89,17 @@ def test_a_mat_and_a_ceiling_are_worn_judged_and_told(studied):
     assert "Generated specimen" not in page
 
 
+def test_the_mat_is_the_one_of_the_config(studied):
+    tables = studied.results / "tables"
+    contact = read_dataset(studied.results / "macroscale/contact.h5")
+    known = read_pressures(tables / "patch_pressures.csv"), read_table(tables / "registration.csv")
+    worn = wear_stone(contact, *known, patch_mm=0.85, steps=2, mat=MAT)
+    stored = read_dataset(studied.results / "wear/whole_square.h5")
+    np.testing.assert_allclose(stored.pressed, worn.path.pressed, rtol=1e-3, atol=1e-9)
+    mat = read_dataset(studied.results / "wear/whole_mat.h5")
+    np.testing.assert_allclose(mat.pressure, worn.mat.pressure, rtol=1e-3, atol=1e-3)
+
+
 def test_the_worst_worn_are_compared_with_what_was_claimed(studied):
     rows = read_table(studied.results / "tables/validation_summary.csv").set_index("statistic")
     claim = rows.loc["expected_worst(7+13, pressure_MPa)"]
@@ -95,6 +110,9 @@ def test_what_was_not_scanned_is_drawn_anew(studied):
     reference = read_dataset(studied.results / "reference/patches.h5")
     assert reference.sizes["draw"] == 2
     assert abs(np.diff(reference.pressure, axis=0)).max() > 1e-3
+    table = read_table(studied.results / "tables/two_scales.csv").set_index(["variant", "patch"])
+    pressures = table.reference_pressure_MPa["placed"][reference.patch.values]
+    np.testing.assert_allclose(pressures, reference.pressure.mean("draw"), rtol=1e-3, atol=1e-6)
 
 
 def test_inputs_that_changed_unseen_and_other_studies_are_refused(studied):

@@ -64,6 +64,12 @@ def test_summary_of_a_plateau_by_hand():
     assert summary["loss_depth_um"] == pytest.approx(0.5 / summary["loss_fraction"], rel=1e-3)
     assert summary["loss_per_area_um"] == pytest.approx(0.5, rel=1e-3)
     assert summary["loss_volume_um3"] == pytest.approx(0.25 * area * 1e6 * 2.0, rel=1e-3)
+    # shares and means are over the known points alone
+    t1[:, :40] = np.nan
+    half = wear_summary(height_change(t0, t1))
+    assert half["loss_volume_um3"] == pytest.approx(summary["loss_volume_um3"] / 2, rel=1e-3)
+    for name in ("loss_per_area_um", "loss_depth_um", "loss_fraction", "noise_share"):
+        assert half[name] == pytest.approx(summary[name], rel=0.1), name
 
 
 @settings(max_examples=20, deadline=None)
