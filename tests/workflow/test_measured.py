@@ -20,7 +20,6 @@ from gstlib.study import wear_stone
 from gstlib.surface import spacing_of
 from test_tiny_study import pressed_heights, recomputed_residual
 
-
 MAT = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0}
 
 
