@@ -142,6 +142,16 @@ def test_a_turn_is_that_of_the_patch_table(turn, mirror, caplog):
     assert mirror or by == turn
 
 
+@pytest.mark.parametrize(("count", "told"), [(1, False), (2, True), (3, True)])
+def test_of_few_patches_a_clear_flip_is_told_and_of_one_none(caplog, count, told):
+    stone = Waves(7)
+    laid = [stone.patch(y, x) for y, x in NINE[:count]]
+    laid = [height.copy(data=height.values[:, ::-1]) for height in laid]
+    found = place(stone.square(), laid, NINE[:count])
+    assert (found.verdict == CANNOT_TELL).all()
+    assert (": set scans.mould.flip to x" in caplog.text) == told
+
+
 def test_nothing_is_told_of_few_patches_or_of_a_flat_square(caplog):
     stone = Waves(2)
     heights = [stone.patch(y, x) for y, x in NINE]

@@ -185,9 +185,10 @@ TABLES = {
         with those of the macroscale surface under it, both without their planes. *agrees*: they
         correlate. *elsewhere*: they do not; half of the patches that lie in a wrong place
         correlate by chance, and are not noticed. *cannot tell*: there are fewer than four
-        patches, or the patches together correlate by less than 0.5. The last row has the shift
-        that all patches share (true less stated position, along the square's axes): *shifted* if
-        it differs from 0 at a level of 1 %; the correlations are then those after the shift.
+        patches (a clear flip of two or three is warned of), or all correlate by less than 0.5. The
+        last row has the shift that all patches share (true less stated position, along the
+        square's axes): *shifted* if it differs from 0 at a level of 1 %; the correlations are then
+        those after the shift.
         Correct such a shift in the patch table.
         """,
         {
