@@ -206,18 +206,6 @@ def test_a_rounded_stone_touches_as_hertz_says(own_radius):
         assert float(contact[slope]) == pytest.approx((at - 1.5) / both, abs=1e-6)
 
 
-def test_where_the_summit_of_a_round_stone_lies_changes_nothing_at_rest():
-    face = rough()
-    here, there = (
-        at_rest(face, rounded_counterface(face, 50.0, middle))
-        for middle in ((1.5, 1.5), (2.2, 0.9))
-    )
-    scale = float(here.pressure.max())
-    np.testing.assert_allclose(there.pressure, here.pressure, atol=1e-5 * scale)
-    by = float(there.slope_y - here.slope_y), float(there.slope_x - here.slope_x)
-    np.testing.assert_allclose(by, (-0.7 / 50, 0.6 / 50), atol=1e-8)
-
-
 def test_where_there_is_no_stone_nothing_is_borne():
     """As if the face fell away there, for the contact and for the planes under patches."""
     face = rough()
@@ -279,23 +267,6 @@ def test_a_square_placed_in_a_larger_contact_has_its_pressures(larger, rotation,
     assert (expected > 0.2 * scale).sum() > 5
     assert 0.05 < (expected > 1e-9).mean() < 0.97
     np.testing.assert_allclose(contact.pressure, expected, atol=1e-3 * scale)
-
-
-def test_the_tilt_of_the_larger_one_and_what_presses_around_are_needed(larger):
-    """A square that is levelled, or alone, or turned against the tilt, is another contact."""
-    place = Place(2.2, 2.0, 90.0)
-    contact, expected = placed(larger, place, 1.2)
-    scale = float(larger.pressure.max())
-    loading = Loading.of(contact)
-    for change in (
-        {"slope_y": -contact.slope_y},
-        {"slope_x": 0 * contact.slope_x},
-        {"surroundings": 0 * contact.surroundings},
-    ):
-        faces = contact.assign(change)[["height", "counterface", "surroundings", "placed"]]
-        faces = faces.assign({s: contact.assign(change)[s] for s in ("slope_y", "slope_x")})
-        other = contact_at_pressure(faces, loading, **SOURCE)
-        assert np.abs(other.pressure - expected).max() > 0.02 * scale, change
 
 
 def test_a_scan_turned_by_any_angle_lies_on_the_turned_plane(larger):

@@ -95,17 +95,6 @@ def test_coulomb_holds_and_everything_slips_at_the_end(contact):
 # A ceiling on the pressure.
 
 
-def test_a_hardness_out_of_reach_changes_nothing(contact):
-    beyond = 2 * float(contact.pressure.max())
-    limited = solve_ceiling(contact, hardness_MPa=beyond)
-    found = values(ceiling_rows("7", contact, limited))
-    np.testing.assert_allclose(limited.pressure, contact.pressure, atol=1e-4)
-    ceiling, study = found["ceiling"], found["study"]
-    assert ceiling["iou"] == 1
-    assert ceiling["share at the ceiling"] == ceiling["deepest yield"] == 0
-    assert ceiling["displacement"] == pytest.approx(study["displacement"], rel=1e-6)
-
-
 def test_a_ceiling_holds_and_its_rows_agree_with_the_fields(contact):
     hardness = 0.3 * float(contact.pressure.max())
     limited = solve_ceiling(contact, hardness_MPa=hardness)

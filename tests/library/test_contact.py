@@ -231,14 +231,6 @@ def test_who_presses_whom_does_not_matter():
     assert path.counterface.identical(onto_a.counterface)
 
 
-def test_a_summit_of_the_counterface_is_pressed_on_the_mirrored_place():
-    flat = make_surface(np.zeros((20, 24)), 0.01)
-    summit = flat.copy()
-    summit[3, 5] = 0.001
-    pressure = pressed(flat, summit).pressure.values
-    assert np.unravel_index(pressure.argmax(), pressure.shape) == (3, 24 - 1 - 5)
-
-
 @pytest.mark.parametrize("other", [rough(2, shape=(20, 23)), rough(2, (20, 24), spacing=0.0101)])
 def test_another_grid_is_refused(other):
     message = r"counterface\.h5: .*7_T0\.h5 has 24 × 20 points every 0.01"

@@ -20,12 +20,6 @@ def pressure_field(seed):
     return GRID.copy(data=values)
 
 
-@pytest.mark.parametrize("quarter", [90.0, -90.0, 180.0])
-def test_a_footprint_turned_by_quarters_is_the_unturned_one(quarter):
-    turned, unturned = (footprint_weights(GRID, Place(2.71, 1.23, r), 0.85) for r in (quarter, 0.0))
-    np.testing.assert_allclose(turned, unturned, atol=1e-12)
-
-
 def test_rotation_turns_x_towards_y():
     grid = make_surface(np.zeros((200, 200)), 0.025)
     weights = footprint_weights(grid, Place(2.5, 2.5, 30), 2.0)
