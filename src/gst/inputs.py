@@ -27,7 +27,7 @@ from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan, read_scan, whole_scan
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.preprocess.scan import check_unmeasured, prepare_scan
+from gstlib.preprocess.scan import check_unmeasured, mould_of, prepare_scan
 from gstlib.surface import coarser, spacing_of
 
 if TYPE_CHECKING:
@@ -190,9 +190,8 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
                 continue
             facts, grid = _scan_facts(piece), (piece.shape, spacing_of(piece))
             if use.epoch:
-                coarse[use.patch, use.epoch] = _coarse(
-                    piece, size_mm, asked.scan_settings["mould"]
-                )
+                mould = mould_of(asked.scan_settings["mould"], use.flip)
+                coarse[use.patch, use.epoch] = _coarse(piece, size_mm, mould)
             place = use.place if use.epoch == "T0" else None
             pieces[use.patch, use.epoch] = _Piece(
                 path, grid, (heights_hash, use.crop), Amplitude.of(path, piece, heights, place)

@@ -3,9 +3,9 @@
 Text as spreadsheets write it, one row per patch. Tabs, commas or semicolons separate the cells, as
 in the line of column names; unless commas separate them, numbers may have decimal commas. ``#``
 begins a comment line. Columns: ``patch`` (id), ``x_mm``, ``y_mm`` (centre of the scan in the
-square's frame), ``rotation_deg`` (about the normal, x towards y), ``t0``, ``t1``, ``repeat`` (file
-names in the scan folder), ``crop_x_mm``, ``crop_y_mm`` (centre of the piece to cut from the scans,
-from their centre), ``note``.
+square's frame), ``rotation_deg`` (about the normal, x towards y), ``flip`` (in place of the
+config's), ``t0``, ``t1``, ``repeat`` (file names in the scan folder), ``crop_x_mm``, ``crop_y_mm``
+(centre of the piece to cut from the scans, from their centre), ``note``.
 
 A name with ``*`` is that of the one file that fits it, where ``{patch}`` stands for the patch.
 
@@ -171,6 +171,8 @@ class ScanFile(NamedTuple):
         Centre (mm) of the piece to cut, from the scan's centre; None for the whole scan.
     place : Place or None
         Where it lies on the square.
+    flip : {"", "x", "y", "none"}
+        As in the table.
     """
 
     path: Path
@@ -178,6 +180,7 @@ class ScanFile(NamedTuple):
     epoch: str
     crop: tuple[float, float] | None = None
     place: Place | None = None
+    flip: str = ""
 
 
 def scan_files(
@@ -190,7 +193,8 @@ def scan_files(
         place = Place(row.y_mm, row.x_mm, row.rotation_deg)
         for column, epoch in EPOCHS.items():
             if name := getattr(row, column):
-                scans.append(ScanFile(Path(folder) / name, row.patch, epoch, crop, place))
+                use = row.patch, epoch, crop, place, row.flip
+                scans.append(ScanFile(Path(folder) / name, *use))
     return scans + ([ScanFile(Path(counterface), COUNTERFACE, "")] if counterface else [])
 
 

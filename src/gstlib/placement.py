@@ -8,6 +8,7 @@ share, moulds that were undone wrongly, and, half of the time, a patch that lies
 
 import logging
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -78,7 +79,8 @@ def place_patches(
     surface : (y, x) xarray.DataArray
         Heights of the macroscale in the square's frame, mm.
     patches : pandas.DataFrame
-        Patch table: ``patch, x_mm, y_mm, rotation_deg``.
+        Patch table: ``patch, x_mm, y_mm, rotation_deg``, and optionally ``t0`` and ``flip``:
+        scans of different formats, or with different flips, are also tried apart.
     scans : mapping of str to xarray.Dataset
         The prepared T0 scans by patch, with ``height`` (y, x), mm; each is looked up once.
     patch_mm : float
@@ -118,8 +120,13 @@ def place_patches(
         verdicts = np.where(correlation < _ELSEWHERE, ELSEWHERE, AGREES)
         whole = SHIFTED if p_value < _SIGNIFICANCE else AGREES
         table["verdict"] = [*verdicts, whole if np.isfinite(p_value) else CANNOT_TELL]
+    apart = _laid_apart(patches, maps, invert, flip) if looks in ("", _AS_GIVEN) else []
+    for text in apart:
+        _log.warning("%s", text)
     if looks not in ("", _AS_GIVEN):
         _warn_of_looks(looks, table.correlation[last], invert, flip)
+    elif apart:
+        pass  # what else does not fit may follow from these
     elif correlation.mean() < _LOW:
         _log.warning(
             "the patches together correlate with the macroscale by no more than %.2f, as if few or "
@@ -239,11 +246,36 @@ def _warn_of_looks(looks: str, correlation: float, invert: bool, flip: str | Non
     _log.warning(message, looks, correlation, _remedy(looks, invert, flip))
 
 
-def _remedy(looks: str, invert: bool, flip: str | None) -> str:
-    """The keys to set so that patches with these looks, whose mould was undone so, lie right."""
-    parts = []
+def _laid_apart(
+    patches: pd.DataFrame, maps: np.ndarray, invert: bool, flip: str | None
+) -> list[str]:
+    """Warnings of scans of one instrument, as their format tells, that alone are laid wrongly."""
+    if "t0" not in patches:
+        return []
+    kinds = patches.t0.map(lambda name: Path(name).suffix.lower())
+    said = []
+    for (kind, own), rows in patches.groupby([kinds, patches.flip], sort=True).indices.items():
+        looks = _looks(maps[rows]) if _FEWEST_PATCHES <= len(rows) < len(patches) else ""
+        if looks not in ("", _AS_GIVEN):
+            laid = {"none": None, "": flip}.get(own, own)
+            said.append(
+                f"patches {', '.join(patches.patch.iloc[rows])} ({kind}) fit the mesh {looks}, and "
+                f"not as given: {_remedy(looks, invert, laid, in_rows=True)}"
+            )
+    return said
+
+
+def _remedy(looks: str, invert: bool, flip: str | None, *, in_rows: bool = False) -> str:
+    """The keys to set so that patches with these looks, whose mould was undone so, lie right.
+
+    They are those of the config, or those in the patches' rows of the patch table.
+    """
+    parts, key, none = [], "scans.mould.flip", "null"
+    if in_rows:
+        key, none = "flip in their rows of the patch table", "none"
     if looks.startswith("inverted"):
-        parts.append(f"scans.mould.invert to {str(not invert).lower()}")
+        inverted = f"scans.mould.invert to {str(not invert).lower()}"
+        parts.append("the heights in their files to negative ones" if in_rows else inverted)
     reversed_x, turn = _LAID[looks.removeprefix("inverted").removeprefix(" and ") or _AS_GIVEN]
     # to reverse along y is to reverse along x and turn by 180°
     turn += 180 * (flip == "y")
@@ -253,9 +285,10 @@ def _remedy(looks: str, invert: bool, flip: str | None) -> str:
         right = "x" if turn % 360 in (0, 90) else "y"
         turn += 180 * (right == "y")
     if right != flip:
-        parts.append(f"scans.mould.flip to {right or 'null'}")
+        parts.append(f"{key} to {right or none}")
     said = f"set {' and '.join(parts)}" if parts else ""
     if turn := turn % 360:
         by = turn if turn <= 180 else turn - 360
-        said += f"{', and ' if said else ''}add {by} to the rotation_deg of every patch"
+        whose = "each" if in_rows else "every patch"
+        said += f"{', and ' if said else ''}add {by} to the rotation_deg of {whose}"
     return said

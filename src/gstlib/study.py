@@ -70,7 +70,7 @@ from gstlib.errors import InputError
 from gstlib.face import grid_macroscale, square_alone
 from gstlib.gesture import Gesture
 from gstlib.io.scans import cut_scan, whole_scan
-from gstlib.preprocess.scan import prepare_scan
+from gstlib.preprocess.scan import mould_of, prepare_scan
 from gstlib.validation.change import Detection, measure_detection, register_patch
 from gstlib.validation.scoring import by_chance, judge_patch, judged_tables, other_patches
 from gstlib.validation.selection import registration_table, select_patches
@@ -129,18 +129,20 @@ def prepare_patch(
     scans: Mapping,
     preprocessing: Mapping,
     epoch: str = "T0",
+    flip: str = "",
 ) -> xr.Dataset:
     """Cut the patch out of a scan, undo the mould, replace outliers, fill and level (section 2.2).
 
     `raw` comes from `gstlib.io.scans.read_scan`; `crop` is the centre (y, x) of the piece to cut,
-    None for a whole scan; `scans` and `preprocessing` are these sections of the config. The result
-    is that of `gstlib.preprocess.scan.prepare_scan`.
+    None for a whole scan; `scans` and `preprocessing` are these sections of the config; `flip` is
+    the patch's own, as in the patch table. The result is that of
+    `gstlib.preprocess.scan.prepare_scan`.
 
     Only T0 is cut. A scan of another `epoch` was laid under the instrument anew, so its middle is
     another place of the stone; it stays whole, and its coordinates are those of the piece that
     `crop` names.
     """
-    size_mm, mould = scans["size_mm"], scans["mould"]
+    size_mm, mould = scans["size_mm"], mould_of(scans["mould"], flip)
     raw = cut_scan(raw, crop, size_mm) if epoch == "T0" else whole_scan(raw, size_mm)
     found = prepare_scan(
         raw, mould_invert=mould["invert"], mould_flip=mould["flip"], **preprocessing
@@ -494,15 +496,16 @@ class Study:
     @_stage
     def prepared(self, patch: str, epoch: str) -> xr.Dataset:
         """A clean scan, from `prepare_patch`."""
-        crops = self.patches.set_index("patch")[["crop_y_mm", "crop_x_mm"]].dropna()
+        table = self.patches.set_index("patch")
+        crops = table[["crop_y_mm", "crop_x_mm"]].dropna()
         crop = tuple(crops.loc[patch]) if patch in crops.index else None
-        return self._clean(self.read_scan(patch, epoch), crop, epoch)
+        return self._clean(self.read_scan(patch, epoch), crop, epoch, table.flip[patch])
 
     def _clean(
-        self, raw: xr.DataArray, crop: Sequence[float] | None, epoch: str = "T0"
+        self, raw: xr.DataArray, crop: Sequence[float] | None, epoch: str = "T0", flip: str = ""
     ) -> xr.Dataset:
         sections = {name: self.config[name] for name in ("scans", "preprocessing")}
-        found = prepare_patch(raw, crop=crop, epoch=epoch, **sections)
+        found = prepare_patch(raw, crop=crop, epoch=epoch, flip=flip, **sections)
         return found[["height", "filled", "outlier"]]
 
     @_stage

@@ -126,6 +126,27 @@ def test_a_scan_laid_wrongly_is_noticed_and_the_remedy_named(wrong, mould, remed
     assert caplog.messages[0].endswith(f": {remedy}")
 
 
+@pytest.mark.parametrize(("own", "right"), [("", "y"), ("y", "none")])
+def test_scans_of_one_instrument_that_alone_are_laid_wrongly_are_named(own, right, caplog):
+    """Four matrices that begin at the top; the flip of their rows, or none, mends it."""
+    stone = Waves(7)
+    heights = [stone.patch(y, x) for y, x in NINE]
+    for laid in heights[5:]:
+        laid.values = laid.values[::-1]
+    y, x = np.transpose(NINE)
+    patches = pd.DataFrame({"patch": [*"abcdefghi"], "x_mm": x, "y_mm": y, "rotation_deg": 0.0})
+    patches["t0"] = ["1.sur"] * 5 + ["1.asc"] * 4
+    patches["flip"] = [""] * 5 + [own] * 4
+    scans = {
+        patch: height.to_dataset(name="height")
+        for patch, height in zip(patches.patch, heights, strict=True)
+    }
+    place_patches(stone.square(), patches, scans, patch_mm=SIZE)
+    assert "patches f, g, h, i (.asc) fit the mesh reversed along y" in caplog.messages[0]
+    assert f"set flip in their rows of the patch table to {right}" in caplog.messages[0]
+    assert "x_mm" not in caplog.text
+
+
 @pytest.mark.parametrize("turn", [90.0, -90.0, 180.0])
 @pytest.mark.parametrize("mirror", [False, True])
 def test_a_turn_is_that_of_the_patch_table(turn, mirror, caplog):

@@ -24,6 +24,7 @@ for job, (epoch, patches) in PREPARATIONS.items():
         params:
             epoch=epoch,
             crops=crops_of(patches),
+            flips=list(PATCHES.loc[patches, "flip"]),
             settings=config["scans"],
             preprocessing=config["preprocessing"],
             code=code("prepare_scans.py"),
@@ -45,6 +46,7 @@ if COUNTERFACE_SCAN:
         params:
             epoch="T0",
             crops=[None],
+            flips=[""],
             settings=config["scans"],
             preprocessing=config["preprocessing"],
             code=code("prepare_scans.py"),

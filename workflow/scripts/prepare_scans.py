@@ -15,21 +15,20 @@ def main(
     surfaces: list[Path],
     *,
     crops: list,
+    flips: list[str],
     settings: dict,
     preprocessing: dict,
     epoch: str,
 ) -> None:
     read = None
-    for scan, surface, crop in zip(scans, surfaces, crops, strict=True):
+    for scan, surface, crop, flip in zip(scans, surfaces, crops, flips, strict=True):
         if read is None or read[0] != scan:  # several patches may be pieces of one scan
             read = (
                 scan,
                 read_scan(scan, unit=settings["unit"], spacing_um=settings["spacing_um"]),
             )
-        prepared = prepare_patch(
-            read[1], crop=crop, scans=settings, preprocessing=preprocessing, epoch=epoch
-        )
-        used = {"scans": settings, "preprocessing": preprocessing, "crop": crop}
+        used = {"scans": settings, "preprocessing": preprocessing, "crop": crop, "flip": flip}
+        prepared = prepare_patch(read[1], epoch=epoch, **used)
         write_dataset(surface, prepared, provenance([scan], used))
         logging.getLogger("gst").info("%s: %s", surface.stem, scan)
 

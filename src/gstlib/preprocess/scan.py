@@ -12,7 +12,8 @@ from gstlib.io.results import columns_of
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.outliers import median_outliers, window_outliers
 
-__all__ = ["check_unmeasured", "interpolate_holes", "prepare_scan", "preprocessing_table"]
+__all__ = ["check_unmeasured", "interpolate_holes", "mould_of", "prepare_scan"]
+__all__ += ["preprocessing_table"]
 
 _MM_TO_UM = 1e3
 # ASSUME: r of the paper's windows, in points, is not published. At 5 a window of 121 points finds
@@ -123,6 +124,11 @@ def prepare_scan(
             "Sq_after_um": _MM_TO_UM * float(np.std(level.values)),
         },
     )
+
+
+def mould_of(mould: Mapping, flip: str) -> Mapping:
+    """The section ``scans.mould`` for a patch whose own `flip` is x, y, none, or empty."""
+    return mould if not flip else {**mould, "flip": None if flip == "none" else flip}
 
 
 def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFrame:

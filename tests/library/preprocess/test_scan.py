@@ -83,9 +83,10 @@ def test_a_spike_beside_a_hole_does_not_spread_into_it(case, rule):
 def test_a_patch_is_cut_out_of_a_scan_before_it_is_prepared(case):
     raw = case[3]
 
-    def prepare(crop, size_mm, invert=True, flip="x"):
+    def prepare(crop, size_mm, invert=True, flip="x", own=""):
         scans = {"size_mm": size_mm, "mould": {"invert": invert, "flip": flip}}
-        return study.prepare_patch(raw, crop=crop, scans=scans, preprocessing=PREPROCESSING)
+        options = {"scans": scans, "preprocessing": PREPROCESSING, "flip": own}
+        return study.prepare_patch(raw, crop=crop, **options)
 
     assert prepare(None, 0.128).identical(prepare_scan(raw, **SETTINGS))
     # in the scan as measured, whose columns are the stone's reversed
@@ -93,6 +94,9 @@ def test_a_patch_is_cut_out_of_a_scan_before_it_is_prepared(case):
     np.testing.assert_array_equal(prepare((-0.016, 0.032), 0.064).measured, piece)
     np.testing.assert_array_equal(prepare(None, 0.128, False, "y").measured, raw.values[::-1])
     np.testing.assert_array_equal(prepare(None, 0.128, False, None).measured, raw.values)
+    # a patch's own flip goes before the config's
+    np.testing.assert_array_equal(prepare(None, 0.128, False, "x", "y").measured, raw.values[::-1])
+    np.testing.assert_array_equal(prepare(None, 0.128, False, "x", "none").measured, raw.values)
     with pytest.raises(InputError, match=r"a\.plu: the scan is 0\.128 × 0\.128 mm"):
         prepare(None, 0.064)
 
