@@ -197,13 +197,13 @@ def tool_scene(
     stone, *colours = coloured_tool(mesh, frame, *fields)
     size, patch_mm = sizes_mm
 
-    def outlined(place: Place, side: float) -> dict[str, list]:
+    def outlined(place: Place, side: float, name: str = "") -> dict[str, list]:
         flat = outline(place, side)
         on_tool = outline_on(stone, frame, flat, size)
         return {
             "flat": np.round(flat, 4).tolist(),
             "outline": np.round(on_tool, 4).tolist(),
-            "label": np.round(label_in(flat), 4).tolist(),
+            "label": np.round(label_in(flat, name), 4).tolist(),
         }
 
     view = tool_view(stone, frame)
@@ -229,7 +229,7 @@ def tool_scene(
         "extent": np.ptp(view.to_frame(stone.vertices), axis=0)[:2].tolist(),
         "square": outlined(Place(size / 2, size / 2, 0.0), size),
         "patches": [
-            {"patch": patch} | outlined(place, patch_mm)
+            {"patch": patch} | outlined(place, patch_mm, str(patch))
             for patch, place in places_of(pd.DataFrame(places)).items()
         ],
         "fields": [mapped(*of) for of in zip(fields, colours, strict=True)],

@@ -44,8 +44,8 @@ HEIGHTS = {"cmap": HEIGHT_MAP, "bar": "height (µm)"}
 CHANGE_MAP = colormaps["RdBu"].resampled(65)
 # Light throughout: black and the class colours stand out even over valleys.
 RELIEF_MAP = LinearSegmentedColormap.from_list("relief", ["#c4c4c4", "#fafafa"], N=40)
-# Where a patch is named: this far from its middle to its corner.
-_LABEL = 0.62
+# Where a patch is named: this far from its middle to its corner, less for each further letter.
+_LABEL, _LETTER = 0.62, 0.08
 # White at zero: bare paper means no force.
 FORCE_MAP = LinearSegmentedColormap.from_list(
     "force", ["#ffffff", *colormaps["magma_r"](np.linspace(0.1, 0.95, 12))]
@@ -179,11 +179,12 @@ def draw_footprints(
     for (patch, place), is_studied in zip(places_of(patches).items(), studied, strict=True):
         corners, line = outline(place, patch_size_mm), "-" if is_studied else "--"
         axes.add_patch(Polygon(corners, fill=False, linestyle=line, **look))
-        at = label_in(corners)
+        at = label_in(corners, str(patch))
         axes.text(*at, str(patch), fontsize=6.5, ha="center", va="center", **look)
 
 
-def label_in(corners: np.ndarray) -> np.ndarray:
+def label_in(corners: np.ndarray, name: str) -> np.ndarray:
     """Where a patch is named: inside, near its upper left corner, however it is turned."""
     corner = corners[np.argmax(np.diff(corners, axis=1))]
-    return corners.mean(axis=0) + _LABEL * (corner - corners.mean(axis=0))
+    reach = max(0.0, _LABEL - _LETTER * max(0, len(name) - 2))
+    return corners.mean(axis=0) + reach * (corner - corners.mean(axis=0))
