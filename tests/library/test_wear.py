@@ -267,6 +267,7 @@ def test_a_mat_lies_among_the_pressures_that_are_under_it():
     assert np.ptp(sunk) > 1e-3
     lower = alone.assign(height=alone.height - sunk)
     expected = wear_patch(lower, worn, "a", ratio=1.0, kappa=1e-5)
+    assert expected.mean() == pytest.approx(1e-5 * 20.0 / 2)  # the mat's share of κ is half
     ramp = 2e-3 * np.linspace(0, 1, shape[1]) * np.ones(shape)
     among = alone.assign(placed=True, surroundings=alone.height.copy(data=ramp))
     depth = wear_patch(among, worn, "a", ratio=1.0, kappa=1e-5)
@@ -309,7 +310,7 @@ def test_without_two_worn_patches_there_is_a_sentence(square, pressures, caplog)
     assert wear_stone(square, out, registration, **options) is None
 
 
-def test_a_gesture_of_one_pose_on_a_flat_wears_as_the_single_pose_does(square):
+def test_a_gesture_that_stays_in_place_wears_as_the_single_pose_does(square):
     """Its explicit steps differ from the implicit ones by less and less.
 
     The stone is symmetric, so that it is at rest however much has worn.
@@ -319,7 +320,7 @@ def test_a_gesture_of_one_pose_on_a_flat_wears_as_the_single_pose_does(square):
     pressures = patch_pressures(square.pressure, PLACES, size_mm=1.0)
     wide = make_surface(np.zeros((COUNT + 40, COUNT + 40)), SIDE / COUNT)
     wide = wide.assign_coords({axis: wide[axis].copy(data=wide[axis] - 1.0) for axis in "yx"})
-    poses = stroke_poses(stroke_mm=1.0, poses=1, force_N=20.0 * SIDE**2)
+    poses = stroke_poses(stroke_mm=1.0, poses=2, force_N=20.0 * SIDE**2).assign(x_mm=0.0)
     gesture = Gesture(wide, True, SIDE, (SIDE / 2, SIDE / 2), poses)
     losses = dict.fromkeys("abcd", 0.2)
     errors = []
