@@ -29,8 +29,9 @@ def poses_of(config: Mapping[str, Any]) -> pd.DataFrame | None:
 
 def batches_of(poses: pd.DataFrame | None) -> list[pd.DataFrame]:
     """The poses in order, as many in each batch as one job presses; none without poses."""
-    count = 0 if poses is None else len(poses)
-    return [poses[start : start + _IN_BATCH] for start in range(0, count, _IN_BATCH)]
+    if poses is None:
+        return []
+    return [poses[start : start + _IN_BATCH] for start in range(0, len(poses), _IN_BATCH)]
 
 
 def reach_of(config: Mapping[str, Any]) -> float:
