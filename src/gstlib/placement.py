@@ -253,8 +253,9 @@ def _laid_apart(
     if "t0" not in patches:
         return []
     kinds = patches.t0.map(lambda name: Path(name).suffix.lower())
+    flips = patches["flip"] if "flip" in patches else kinds.map(lambda _: "")
     said = []
-    for (kind, own), rows in patches.groupby([kinds, patches.flip], sort=True).indices.items():
+    for (kind, own), rows in patches.groupby([kinds, flips], sort=True).indices.items():
         looks = _looks(maps[rows]) if _FEWEST_PATCHES <= len(rows) < len(patches) else ""
         if looks not in ("", _AS_GIVEN):
             laid = {"none": None, "": flip}.get(own, own)

@@ -391,8 +391,8 @@ class Study:
     config : mapping
         ``seed`` and the sections `STUDY_SECTIONS`.
     patches : pandas.DataFrame
-        The patch table, with ``t1``, empty where there is none; ``repeat``, likewise, may be
-        missing.
+        The patch table, with ``t1``, empty where there is none; ``repeat``, likewise, and
+        ``flip`` may be missing.
     read_mesh : callable
         Gives the stone's mesh, mm.
     read_scan : callable
@@ -499,7 +499,8 @@ class Study:
         table = self.patches.set_index("patch")
         crops = table[["crop_y_mm", "crop_x_mm"]].dropna()
         crop = tuple(crops.loc[patch]) if patch in crops.index else None
-        return self._clean(self.read_scan(patch, epoch), crop, epoch, table.flip[patch])
+        flip = table.flip[patch] if "flip" in table else ""
+        return self._clean(self.read_scan(patch, epoch), crop, epoch, flip)
 
     def _clean(
         self, raw: xr.DataArray, crop: Sequence[float] | None, epoch: str = "T0", flip: str = ""

@@ -84,7 +84,8 @@ def test_a_mat_and_a_ceiling_are_worn_judged_and_told(studied):
     fitted = read_dataset(studied.results / "wear/whole_mat.h5")
     assert rows.value["mat", "mat_ratio"] == float(fitted.ratio_of_all)
     page = (studied.results / "index.html").read_text(encoding="utf-8")
-    assert "with a mat of 300\xa0MPa, 300 µm thick, predicts" in page
+    told = page.replace("\xa0", " ")
+    assert "with a mat of 300 MPa, 300 µm thick, predicts" in told
     assert "Generated specimen" not in page
 
 
