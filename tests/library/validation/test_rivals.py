@@ -6,14 +6,14 @@ import pytest
 from gstlib.validation.rivals import CEILING, RIVALS, Others, rival_depths, volumes_cut
 
 RNG = np.random.default_rng(1)
-HEIGHTS = {patch: 1e-3 * RNG.standard_normal(5000) for patch in "abc"}
+HEIGHTS = {patch: 1e-3 * RNG.standard_normal(5000) for patch in "abcd"}
 TABLE = pd.DataFrame(
     {
-        "pressure_MPa": [10.0, 20.0, 30.0],
-        "loss_mm": [1e-5, 3e-5, 2e-5],
-        "loss_fraction": [0.02, 0.05, 0.03],
+        "pressure_MPa": [10.0, 20.0, 30.0, 40.0],
+        "loss_mm": [1e-5, 3e-5, 2e-5, 7e-5],
+        "loss_fraction": [0.02, 0.05, 0.03, 0.04],
     },
-    index=list("abc"),
+    index=list("abcd"),
 )
 
 
@@ -38,9 +38,9 @@ def test_each_rival_cuts_what_it_is_told_to():
     found = depths()
     assert set(found) == {*RIVALS, CEILING}
     assert not found["none"].any()
-    assert found["mean_volume"].mean() == pytest.approx(2.5e-5)
-    assert found["pressure_volume"].mean() == pytest.approx(10 * 5e-5 / 50)
-    assert np.mean(found["pressure_share"] > 2e-4) == pytest.approx(10 * 0.08 / 50, abs=2e-4)
+    assert found["mean_volume"].mean() == pytest.approx(4e-5)
+    assert found["pressure_volume"].mean() == pytest.approx(10 * 12e-5 / 90)
+    assert np.mean(found["pressure_share"] > 2e-4) == pytest.approx(10 * 0.12 / 90, abs=2e-4)
     assert np.mean(found[CEILING] > 2e-4) == pytest.approx(0.1, abs=2e-4)
     # a plane cuts: what is higher loses more, down to one height
     for name in (*RIVALS[1:], CEILING):
@@ -51,8 +51,10 @@ def test_each_rival_cuts_what_it_is_told_to():
 def test_the_rigid_flat_goes_as_deep_on_each_patch_and_gives_the_others_their_loss():
     found = depths()["rigid"]
     sunk = HEIGHTS["a"].max() - (HEIGHTS["a"] - found).max()
-    lost = sum(np.maximum(HEIGHTS[patch] - HEIGHTS[patch].max() + sunk, 0).mean() for patch in "bc")
-    assert lost == pytest.approx(5e-5, rel=1e-3)
+    lost = sum(
+        np.maximum(HEIGHTS[patch] - HEIGHTS[patch].max() + sunk, 0).mean() for patch in "bcd"
+    )
+    assert lost == pytest.approx(12e-5, rel=1e-3)
 
 
 def test_no_rival_sees_what_the_patch_itself_lost():

@@ -46,10 +46,10 @@ def patch():
     return contact_of(t0, worn * 1e3), height_change(t0, t1), map_of(worn)
 
 
-def judged(patch, name="7", **changed):
+def judged(patch, name="7", *, others=OTHERS, **changed):
     contact, change, predicted = patch
     options = {"pressure_MPa": 15.0} | changed
-    return judge_patch(name, contact, change, predicted, OTHERS, **options)
+    return judge_patch(name, contact, change, predicted, others, **options)
 
 
 def table(found):
@@ -92,6 +92,11 @@ def test_scans_see_what_a_patch_loses_beyond_its_median(patch):
     contact, change, predicted = patch
     deeper = table(judged((contact, change, predicted + 1e-3)))
     pd.testing.assert_frame_equal(deeper, table(judged(patch)), rtol=1e-9)
+    ramp = np.linspace(0, 1e-3, 70) * np.ones((60, 1))
+    seen = ramp[:, :60] - np.median(ramp[:, :60])
+    volume = table(judged((contact, change, map_of(ramp)))).predicted_volume_um3
+    # what it leaves above the median is no loss
+    assert volume["archard"] == pytest.approx(1e3 * seen.clip(0).sum())
 
 
 def test_the_study_s_own_prediction_is_that_with_the_mat(patch):
@@ -179,3 +184,14 @@ def test_rivals_know_the_losses_of_the_patches_that_the_prediction_is_fitted_to(
     assert others.without("7").table.index.tolist() == ["8"]
     assert others.without("7").cut.columns.tolist() == ["8"]
     assert others.without("9").table.index.tolist() == ["7", "8"]
+
+
+def test_a_rival_knows_the_summit_of_the_patch_and_not_its_loss(patch):
+    contact, change, predicted = patch
+    own = table(judged(patch, "8")).drop(columns="patch")
+    without = table(judged(patch, others=OTHERS.without("8"))).drop(columns="patch")
+    pd.testing.assert_frame_equal(own, without)
+    spike = contact.copy(deep=True)
+    spike.height[5, 65] = 0.02  # where the change is not known
+    far = table(judged((spike, change, predicted)))
+    assert far.predicted_volume_um3["rigid"] == 0 < own.predicted_volume_um3["rigid"]

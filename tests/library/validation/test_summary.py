@@ -196,6 +196,9 @@ def test_a_mat_that_saves_a_hundredth_of_the_error_is_not_told():
         assert (row.value, row.against) == (pytest.approx(error / 0.98), "archard")
         assert (row.value < 1 and row.p_value < 0.05) == told
         assert tuple(rows.loc["mat", "mat_ratio"][["value", "low", "high"]]) == (0.3, 0.3, 0.3)
+    # the interval is over patches: half of them say that there was none, half that it did most
+    mat["misfit"][:] = np.repeat([[1.0, 3.0, 4.0], [4.0, 3.0, 1.0]], 4, axis=0)
+    assert tuple(summary(wear=wear, mat=mat).loc["mat", "mat_ratio"][["low", "high"]]) == (0, 1)
 
 
 def test_the_papers_claim_is_exact():
