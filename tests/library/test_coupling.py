@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from gstlib.bem import HalfSpace, Layer
-from gstlib.coupling import patch_pressures, surroundings
+from gstlib.coupling import couple_scales, patch_pressures, surroundings
 from gstlib.geometry import Place, footprint_weights, moved
 from gstlib.surface import make_surface
 from gstlib.validation.selection import select_patches
@@ -65,6 +65,10 @@ def test_uniform_pressure_comes_through_and_none_far_from_contact():
     assert row.peak_pressure_MPa == 22.0
     assert row.force_N == pytest.approx(22.0 * 0.85**2)
     assert empty.pressure_MPa == empty.peak_pressure_MPa == 0
+    contacts = (of.to_dataset(name="pressure") for of in (uniform, far))
+    both = couple_scales(*contacts, places, patch_mm=0.85).iloc[0]
+    assert both.pressure_MPa == row.pressure_MPa
+    assert both.square_pressure_MPa == 0
 
 
 def test_patches_are_selected_by_pressure_overlap_and_correlation():
