@@ -6,6 +6,7 @@ import chance
 import pandas as pd
 import power
 import pytest
+import transforms
 import two_scales
 import verdict
 
@@ -142,6 +143,56 @@ def test_errors_of_the_griddings():
     text = (DOCS / "method.md").read_text()
     said = re.search(r"r\.m\.s\. errors are (\S+), (\S+) and (\S+) µm", text).groups()
     assert all(map(same, said, found))
+
+
+def test_what_scipy_loses_against_ducc0():
+    rows = read_table(transforms.ROWS).groupby(["case", "transforms"]).cpu_s.median().unstack()
+    text = " ".join((transforms.ROWS.parents[1] / "README.md").read_text().split())
+    said = re.search(
+        r"cold contact takes (\S+) times as long, the path (\S+) times", text
+    ).groups()
+    ratio = rows.SciPy / rows.ducc0
+    assert same(said[0], ratio["rough-76"])
+    assert same(said[1], ratio["path-76"])
+    assert ratio.max() <= 1.15
+
+
+def test_the_paper_quotes_the_benchmarks():
+    """Of the contact and the path at 76 MPa; and what the prediction of wear is worth."""
+    text = " ".join((power.ROOT / "paper.md").read_text().split())
+    said = re.search(
+        r"gstlib` took (\S+) s of .*? aspher (\S+) times .*? slippy (\S+), ContactMechanics (\S+) "
+        r"and Tamaas (\S+); .*? it took (\S+) s and the fastest peer (\S+) times",
+        text,
+    ).groups()
+    cold, path = (
+        pd.read_csv(transforms.ROWS.parent / f"{of}-76.csv") for of in ("rough", "path")
+    )
+    own, reached = cold.cpu_median[0], cold[cold.reached == "yes"]
+    fastest = reached.groupby(reached.code.str.split(",").str[0]).cpu_median.min()
+    ratios = [
+        fastest[name] / own for name in ("aspher", "slippy", "ContactMechanics", "Tamaas")
+    ]
+    own_path, peer = (
+        path.cpu_median[0],
+        path.cpu_median[~path.code.str.startswith("gstlib")].min(),
+    )
+    found = [own, *ratios, own_path, peer / own_path]
+    assert all(abs(float(a) / b - 1) < 0.01 for a, b in zip(said, found, strict=True))
+    found = verdict.model_table(read_table(verdict.RESULT)).set_index(["worn by", "model"])
+    quoted = re.search(
+        r"coefficient of (\S+), and its best fair rival reaches (\S+): "
+        r".*? it is (\S+) against (\S+)\.",
+        text,
+    ).groups()
+    models = [
+        (worn, model)
+        for worn in ("summits", "archard")
+        for model in ("archard", "pressure_volume")
+    ]
+    assert all(
+        same(value, found["mean MCC"][of]) for value, of in zip(quoted, models, strict=True)
+    )
 
 
 def test_rates_on_random_numbers():
