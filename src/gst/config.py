@@ -23,7 +23,7 @@ from gst.config_file import read_config_file
 from gstlib.contact import load_force, load_point
 from gstlib.errors import ConfigError, InputError
 from gstlib.geometry import frame_from_points
-from gstlib.io.files import LARGEST_TEXT, check_size
+from gstlib.io.files import LARGEST_TABLE, check_size
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -307,7 +307,7 @@ def _contradictions(config: Mapping) -> Iterator[str]:
 def _size_problem(name: str, path: str) -> Iterator[str]:
     """A table too large for one, which is not read."""
     try:
-        check_size(path, LARGEST_TEXT)
+        check_size(path, LARGEST_TABLE)
     except InputError as error:
         yield f"'{name}': {error}"
 

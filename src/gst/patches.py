@@ -31,7 +31,7 @@ import yaml
 from gst import ROOT
 from gstlib.errors import ConfigError
 from gstlib.geometry import Place, outline, places_of
-from gstlib.io.files import LARGEST_TEXT, check_size
+from gstlib.io.files import LARGEST_TABLE, check_size
 from gstlib.io.results import columns_of
 from gstlib.io.text import decoded, separator_of
 
@@ -338,7 +338,7 @@ def _fitting(name: str, folder: Path) -> list[str]:
 def _read_lines(path: Path) -> list[tuple[int, str]]:
     """Numbered lines with content: the column names, then the rows."""
     try:
-        check_size(path, LARGEST_TEXT)
+        check_size(path, LARGEST_TABLE)
         content = path.read_bytes()
         if content.startswith(_SPREADSHEETS):
             raise ConfigError(

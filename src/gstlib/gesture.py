@@ -26,7 +26,7 @@ from gstlib.contact import Loading, faces_of, from_corner, solved
 from gstlib.counterface import face_in_pose
 from gstlib.errors import ConfigError
 from gstlib.geometry import Place, footprint_weights, places_of
-from gstlib.io.files import LARGEST_TEXT, check_size
+from gstlib.io.files import LARGEST_TABLE, check_size
 from gstlib.surface import spacing_of
 
 __all__ = [
@@ -110,7 +110,7 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
         There are no poses, a column is unknown or missing, or a cell is no number in its range.
     """
     try:
-        check_size(path, LARGEST_TEXT)
+        check_size(path, LARGEST_TABLE)
         table = pd.read_csv(
             path, sep=None, engine="python", comment="#", skipinitialspace=True, dtype=str
         )

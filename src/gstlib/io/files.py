@@ -15,7 +15,7 @@ from pathlib import Path
 
 from gstlib.errors import InputError, OutputError
 
-__all__ = ["LARGEST_TEXT", "cannot_write", "check_size", "check_unpacked"]
+__all__ = ["LARGEST_TABLE", "cannot_write", "check_size", "check_unpacked"]
 __all__ += ["check_unpacked_size", "check_writable", "sha256", "write_whole"]
 
 # Bytes that are read of one file, and unpacked of an archive: a stone of twenty million triangles,
@@ -23,7 +23,7 @@ __all__ += ["check_unpacked_size", "check_writable", "sha256", "write_whole"]
 # fill the memory.
 _LARGEST = 1 << 30
 _LARGEST_UNPACKED = 1 << 29
-LARGEST_TEXT = 1_000_000
+LARGEST_TABLE = 1_000_000
 # Measured heights shrink by less than 4 when packed, meshes in XML by less than 10: what shrank by
 # more than this is empty, unless it is small even so.
 _PACKED_AT_MOST, _SMALL = 20, 1 << 24
