@@ -11,6 +11,7 @@ from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import gst
 import gstlib
@@ -49,7 +50,9 @@ def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> 
 
 
 def refuse_other_study(config: dict) -> None:
-    """Refuse a folder with the results of a study of another title and of other files.
+    """Refuse a folder with the results of another study.
+
+    A study may get another title; or its mesh another name, or its scans another folder.
 
     Raises
     ------
@@ -60,13 +63,28 @@ def refuse_other_study(config: dict) -> None:
     if not record.is_file():
         return
     with suppress(ValueError):  # half written: the study writes it anew
-        made = json.loads(record.read_text(encoding="utf-8")).get("config", {})
-        if all(made.get(key, config[key]) != config[key] for key in ("title", "inputs")):
+        written = json.loads(record.read_text(encoding="utf-8"))
+        made = written.get("config", config)
+        has_other_files = made["inputs"] != config["inputs"]
+        if has_other_files and (made["title"] != config["title"] or _all_other(written, config)):
             raise InputError(
                 results,
-                f"holds the results of another study, '{made['title']}'",
-                "Give `results` another name in the config, or correct its title.",
+                f"holds the results of another study, '{made['title']}', of "
+                + (made["inputs"]["mesh"] if made["inputs"] else "a generated stone"),
+                "Give `results` another name in the config; if it is the same study, keep its "
+                "title, and the name of its mesh or of its folder of scans.",
             )
+
+
+def _all_other(written: Mapping[str, Any], config: Mapping[str, Any]) -> bool:
+    """Whether a study has neither the mesh nor the folder of scans that a record names."""
+    made, now = written["config"]["inputs"], config["inputs"]
+    if made is None or now is None:
+        return True
+    if made["mesh"] == now["mesh"] or (now["scan_folder"] or "") == made["scan_folder"]:
+        return False
+    mesh = Path(now["mesh"])
+    return not (mesh.is_file() and sha256(mesh) in written["inputs"].values())
 
 
 def refuse_unseen_change(results: Path) -> None:

@@ -19,6 +19,7 @@ from gst.provenance import (
     study_provenance,
 )
 from gstlib.errors import InputError
+from gstlib.io.files import sha256
 
 CONTENT = "of a mesh " * 200_000  # what differs is at its end
 SCRIPTS = Path(__file__).parents[2] / "workflow/scripts"
@@ -112,16 +113,34 @@ def test_the_hash_of_a_step_moves_with_every_module_that_it_runs_on(tmp_path, mo
 
 
 @pytest.mark.parametrize(
-    ("title", "mesh", "refused"),
-    [("A", "a.stl", False), ("B", "a.stl", False), ("A", "b.stl", False), ("B", "b.stl", True)],
+    ("title", "mesh", "scans", "refused"),
+    [
+        ("A", "a.stl", "a", False),
+        ("B", "a.stl", "a", False),
+        ("A", "a.stl", "b", False),
+        ("A", "corrected.stl", "a", False),
+        ("A", "copy.stl", "b", False),
+        ("A", "other.stl", "b", True),
+        ("A", "missing.stl", "b", True),
+        ("A", "other.stl", None, True),
+        ("A", None, None, True),
+        ("B", "copy.stl", "b", True),
+    ],
 )
-def test_results_of_another_study_are_not_overwritten(tmp_path, title, mesh, refused):
-    """A study may get another title, or its mesh another name."""
-    made = {"config": {"title": "A", "inputs": {"mesh": "a.stl"}}}
-    (tmp_path / "provenance.json").write_text(json.dumps(made))
-    config = {"results": str(tmp_path), "title": title, "inputs": {"mesh": mesh}}
+def test_results_of_another_study_are_not_overwritten(
+    tmp_path, monkeypatch, title, mesh, scans, refused
+):
+    """A study may get another title; or its mesh another name, or its scans another folder."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.stl", "copy.stl", "corrected.stl", "other.stl"):
+        Path(name).write_text("stone" if name in {"a.stl", "copy.stl"} else name)
+    made = {"config": {"title": "A", "inputs": {"mesh": "a.stl", "scan_folder": scans and "a"}}}
+    made["inputs"] = {"a.stl": sha256("a.stl")}
+    Path("provenance.json").write_text(json.dumps(made))
+    inputs = mesh and {"mesh": mesh, "scan_folder": scans}
+    config = {"results": ".", "title": title, "inputs": inputs}
     if not refused:
         refuse_other_study(config)
         return
-    with pytest.raises(InputError, match="another study, 'A'"):
+    with pytest.raises(InputError, match=r"another study, 'A', of a\.stl"):
         refuse_other_study(config)
