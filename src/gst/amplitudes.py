@@ -84,14 +84,25 @@ def _common_waves(
     return one, other
 
 
-def other_units(at_t0: Mapping[str, Amplitude]) -> Iterator[InputError]:
+def other_units(
+    at_t0: Mapping[str, Amplitude], mesh_edge_mm: float | None
+) -> Iterator[InputError]:
     """Scans whose heights are in another unit than those of the others, or all than the mesh's.
 
-    A lesser difference is logged as a warning.
+    A lesser difference is logged as a warning; so is a mesh whose edges are too long to tell. They
+    are None without a mesh.
     """
     alone = [fault for patch in at_t0 for fault in _unlike_others(patch, at_t0)]
     yield from alone
     waves = [amplitude.waves for amplitude in at_t0.values() if amplitude.waves]
+    if at_t0 and mesh_edge_mm and not waves:
+        # Bounds on their own would not tell: polish could be mistaken for a unit.
+        _log.warning(
+            "scans: with edges of %.3g mm, the mesh shows no waves of a patch, so the unit of all "
+            "heights could not be checked; compare their range with what the instrument shows, and "
+            "correct scans.unit if it differs",
+            mesh_edge_mm,
+        )
     if alone or not waves:
         return
     scan, mesh = np.sqrt(np.square(waves).mean(axis=0))

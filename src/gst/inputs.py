@@ -212,7 +212,9 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
         thin = thinner_than_a_point(asked.mat["thickness_um"], coarsest)
         remedy = "Make it thicker, or set mat to null."
         problems.append(ConfigError("mat.thickness_um", thin, remedy))
-    for fault in other_units({patch: piece.amplitude for patch, piece in at_t0.items()}):
+    edge_mm = heights.attrs["mesh_edge_mm"] if heights is not None else None
+    amplitudes = {patch: piece.amplitude for patch, piece in at_t0.items()}
+    for fault in other_units(amplitudes, edge_mm):
         if asked.placed:
             problems.append(fault)
         else:

@@ -229,6 +229,19 @@ def test_one_scan_in_another_unit(folder, caplog, halvings, factor, said):
     assert (f"{folder}/2.plu" in caplog.text) == (factor == 6.0)
 
 
+@pytest.mark.parametrize(("halvings", "told"), [(5, True), (6, False)])
+def test_units_that_the_mesh_is_too_coarse_to_check_are_told(folder, caplog, halvings, told):
+    stone(halvings).export(folder / "stone.stl")
+    settings = SETTINGS | {"scan_settings": SETTINGS["scan_settings"] | {"size_mm": 1.0}}
+    place, heights = Place(2.0, 2.0), np.random.default_rng(8).standard_normal((50, 50))
+    write_plu(folder / "1_T0.plu", heights, 0.02)
+    use = [ScanFile(folder / "1_T0.plu", "1", "T0", None, place)]
+    for mesh, is_told in ((folder / "stone.stl", told), (None, False)):
+        caplog.clear()
+        check_inputs(mesh, use, Asked(**settings))
+        assert ("could not be checked" in caplog.text) == is_told
+
+
 def test_a_turntable_in_the_mesh_is_told(folder, caplog):
     whole = stone(halvings=5)
     check_inputs(folder / "stone.stl", [], Asked(**SETTINGS))
