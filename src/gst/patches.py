@@ -33,7 +33,7 @@ from gstlib.errors import ConfigError
 from gstlib.geometry import Place, outline, places_of
 from gstlib.io.files import LARGEST_TABLE, check_size
 from gstlib.io.results import columns_of
-from gstlib.io.text import decoded, separator_of
+from gstlib.io.text import decoded, other_case, separator_of
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
@@ -235,13 +235,10 @@ def _read_rows(
     missing = [name for name in missing if not (named and name == "t0")]
     unknown = [name for name in columns if name not in known and name not in for_readers]
     if missing or unknown:
-        lower = {name.lower(): name for name in known}
-        other_case = {name: lower[name.lower()] for name in unknown if name.lower() in lower}
-        meant = ", ".join(f"{right} for {name}" for name, right in other_case.items())
         raise ConfigError(
             path,
             f"missing columns {missing}, unknown columns {unknown} (found {columns})",
-            (f"Write {meant}: case matters. " if meant else "")
+            other_case(unknown, known)
             + f"Known columns: {list(known)}, separated by tabs, commas or semicolons.",
         )
     if delimiter == ",":

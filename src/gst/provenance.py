@@ -66,7 +66,9 @@ def refuse_other_study(config: dict) -> None:
         written = json.loads(record.read_text(encoding="utf-8"))
         made = written.get("config", config)
         has_other_files = made["inputs"] != config["inputs"]
-        if has_other_files and (made["title"] != config["title"] or _all_other(written, config)):
+        if has_other_files and (
+            made["title"] != config["title"] or _all_other(written, config)
+        ):
             raise InputError(
                 results,
                 f"holds the results of another study, '{made['title']}', of "

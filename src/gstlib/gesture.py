@@ -27,6 +27,7 @@ from gstlib.counterface import face_in_pose
 from gstlib.errors import ConfigError
 from gstlib.geometry import Place, footprint_weights, places_of
 from gstlib.io.files import LARGEST_TABLE, check_size
+from gstlib.io.text import other_case
 from gstlib.surface import spacing_of
 
 __all__ = [
@@ -132,7 +133,8 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
         raise ConfigError(
             path,
             f"{len(table)} poses, missing columns {missing}, unknown columns {unknown}",
-            f"Give a line of column names and a line for each pose; columns: {list(_COLUMNS)}.",
+            other_case(unknown, [*_COLUMNS, "pressure_MPa"])
+            + f"Give a line of column names and a line for each pose; columns: {list(_COLUMNS)}.",
         )
     for name, (least, absent) in _COLUMNS.items():
         given = table.get(name, pd.Series(str(absent), index=table.index))

@@ -237,6 +237,8 @@ def test_a_table_of_poses_may_have_decimal_commas(tmp_path, mark):
     ("old", "new", "named"),
     [
         ("weight", "mass", r"missing columns \['weight'\], unknown columns \['mass'\]"),
+        ("force_N", "Force_N", "Write force_N for Force_N"),
+        ("force_N", "pressure_mpa", "Write pressure_MPa for pressure_mpa"),
         ("\t20\t0.5\t2", "\tmuch\t0.5\t2", "pose 2: force_N is much"),
         ("\t20\t0.5\t2", "\t20\t-1\t2", "pose 2: sliding_mm is -1"),
         ("0.5\t1\n", "0.5\t\n", "pose 1: weight is nan"),
