@@ -11,8 +11,9 @@ plan_*     `make plan` of the fresh study;
 run_*      the study itself, up to --run patches (of more only the plans are made), and tables_rows,
            the rows of all its tables together.
 
-`cpu_s` is that of Snakemake and all its jobs, `peak_mb` of Snakemake's own process. CPU times: what
-else the machine does disturbs them less than wall times.
+`cpu_s` is that of Snakemake and all its jobs, `peak_mb` of Snakemake's own process, `jobs_cpu_s` and
+`largest_job_mb` of the steps, as their logs say. CPU times: what else the machine does disturbs them
+less than wall times.
 """
 
 import argparse
@@ -37,6 +38,7 @@ from gstlib.specimen.randomness import SpecimenParameters
 ROOT = Path(__file__).parents[1]
 CONFIG = "config/scale.yaml"
 RESULTS = "results-scale"
+ROWS = ROOT / "benchmarks/results/scale.csv"
 # The tiny study's macroscale, elements a mm.
 GRID = 8
 
@@ -135,17 +137,22 @@ def plan(folder: Path) -> dict[str, float]:
     return {"jobs": int(re.search(r"^total\s+(\d+)$", said, re.MULTILINE)[1])} | used
 
 
+def steps(logs: Path) -> pd.DataFrame:
+    """CPU time (s) and peak memory (MB) of each step, from the last line of its log."""
+    last = r"INFO took .*, (?P<cpu_s>\S+) s of CPU, (?P<memory_mb>\S+) MB of memory$"
+    lines = {log.stem: log.read_text("utf-8").splitlines()[-1] for log in logs.rglob("*.log")}
+    return pd.Series(lines).str.extract(last).astype(float)
+
+
 def run(folder: Path, cores: int) -> dict[str, float]:
     """The study itself."""
     used, _ = snakemake(folder, "--cores", str(cores))
     results = folder / RESULTS
-    jobs = pd.concat(
-        pd.read_csv(file, sep="\t", usecols=["max_rss"])
-        for file in results.glob("benchmarks/**/*.tsv")
-    )
+    jobs = steps(results / "logs")
     rows = {file.stem: len(pd.read_csv(file)) for file in results.glob("tables/*.csv")}
     return used | {
-        "largest_job_mb": jobs.max_rss.max(),
+        "jobs_cpu_s": jobs.cpu_s.sum(),
+        "largest_job_mb": jobs.memory_mb.max(),
         "studied": rows["microscale_summary"],
         "tables_rows": sum(rows.values()),
     }
@@ -171,7 +178,7 @@ def main() -> None:
         "--run", type=int, default=250, help="most patches of a study that is run"
     )
     parser.add_argument("--cores", type=int, default=2)
-    parser.add_argument("--output", type=Path, default=ROOT / "benchmarks/results/scale.csv")
+    parser.add_argument("--output", type=Path, default=ROWS)
     options = parser.parse_args()
     rows = []
     for patches in options.patches:

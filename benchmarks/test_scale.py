@@ -1,12 +1,25 @@
 """The studies that the growth is measured on are studies that the workflow takes."""
 
+import subprocess
+import sys
+
 import pytest
-from scale import CONFIG, write_study
+from scale import CONFIG, steps, write_study
 
 from gst.checking import check_study
 from gst.config import config_problems, read_config
 from gst.patches import read_patches
 from gstlib.specimen import pebble, scanning
+
+# A step of the workflow, without the workflow: it holds 320 MB for a moment.
+STEP = """
+from types import SimpleNamespace
+
+from gst.logs import run_script
+
+rule = SimpleNamespace(input={{}}, output={{}}, params={{}}, log=[{log!r}])
+run_script(rule, lambda: b"x" * 320_000_000)
+"""
 
 
 @pytest.mark.parametrize("patches", [25, 2500])
@@ -34,3 +47,14 @@ def test_its_files_can_be_read(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     check_study(CONFIG)
     assert "9 of 0.85 mm" in capsys.readouterr().out
+
+
+def test_steps_used(tmp_path):
+    """As the step itself says it, in the last line of its log."""
+    script, log = tmp_path / "step.py", tmp_path / "made.log"
+    script.write_text(STEP.format(log=str(log)))
+    subprocess.run([sys.executable, script], check=True)
+    used = steps(tmp_path)
+    assert list(used.index) == ["made"]
+    assert used.cpu_s["made"] > 0
+    assert used.memory_mb["made"] > 300
