@@ -4,6 +4,7 @@ It reads configs and files, runs the workflow and shows its results. The physics
 `gstlib`, which does not depend on it.
 """
 
+import os
 from pathlib import Path
 
 __all__ = ["ROOT"]
@@ -12,3 +13,8 @@ __all__ = ["ROOT"]
 # or beside `src` in a clone of the project.
 _INSTALLED = Path(__file__).parent / "shipped"
 ROOT = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[2]
+
+# Scans' holes are filled over triangles of three points each. Where other work runs, threads of the
+# linear algebra wait for each other so long that this takes ten times the CPU; nothing here gains
+# from them. Snakemake gives the step that has the machine to itself as many as there are cores.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"

@@ -1,6 +1,10 @@
 """All that is wrong with files is found in one go, and what is right is described."""
 
 import math
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -433,3 +437,12 @@ def test_a_reference_needs_scans_of_one_grid(folder):
     assert any("reference_draws" in str(problem) for problem in found.problems)
     found = check_inputs(None, scans(folder), Asked(**SETTINGS))
     assert not any("reference_draws" in str(problem) for problem in found.problems)
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted on Linux")
+def test_the_linear_algebra_has_one_thread():
+    """Also in the step to which Snakemake gives all cores."""
+    count = "import gst.inputs, os; print(len(os.listdir('/proc/self/task')))"
+    several = os.environ | {"OPENBLAS_NUM_THREADS": "2"}
+    found = subprocess.check_output([sys.executable, "-c", count], env=several)
+    assert int(found) == 1
