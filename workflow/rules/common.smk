@@ -15,14 +15,15 @@ from gstlib.preprocess.gridding import elements_around
 from gstlib.study import STUDY_SECTIONS
 from gst.sweep import sweep_settings
 
-# Two jobs of each kind for 25 patches, one on each of two cores; and at most so many.
-FEW, JOBS = 13, 80
+# Two jobs of each kind for 25 patches, one on each of two cores; and at most as many of a kind as the
+# profile for Slurm sends at a time. A start costs 1 s of CPU, a patch of 64 x 64 points 0.01 to 0.1 s.
+FEW, JOBS = 13, 20
 CAPTIONS = ROOT / "workflow/report"
 CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles)
 
 
 # Patches that share a job, from the profile; no result depends on it. Without it, enough that even
-# thousands of patches make some hundred jobs, each of which takes a second or two to start.
+# thousands of patches make a hundred jobs.
 PER_JOB = config.pop("patches_per_job", None)
 config.update(complete(config))
 PATCHES = read_study(config, CONFIG_FILES)
