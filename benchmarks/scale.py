@@ -11,9 +11,9 @@ plan_*     `make plan` of the fresh study;
 run_*      the study itself, up to --run patches (of more only the plans are made), and tables_rows,
            the rows of all its tables together.
 
-`cpu_s` is that of Snakemake and all its jobs, `peak_mb` of Snakemake's own process, `jobs_cpu_s` and
-`largest_job_mb` of the steps, as their logs say. CPU times: what else the machine does disturbs them
-less than wall times.
+`cpu_s` is that of Snakemake and all its jobs, `peak_mb` of Snakemake's own process, `jobs_cpu_s`
+and `largest_job_mb` of the steps, as their logs say. CPU times: what else the machine does disturbs
+them less than wall times.
 """
 
 import argparse
