@@ -6,6 +6,7 @@ import chance
 import pandas as pd
 import power
 import pytest
+import scale
 import transforms
 import two_scales
 import verdict
@@ -193,6 +194,20 @@ def test_the_paper_quotes_the_benchmarks():
     assert all(
         same(value, found["mean MCC"][of]) for value, of in zip(quoted, models, strict=True)
     )
+
+
+def test_many_patches():
+    rows = pd.read_csv(scale.ROWS, index_col="quantity")
+    shown = table("cluster.md", "## Hundreds of patches")
+    assert [int(cells[0]) for cells in shown] == [int(patches) for patches in rows]
+    for patches, steps, plan_s, plan_mb, *of_run in shown:
+        found = rows[patches]
+        assert same(steps, found.plan_jobs)
+        assert same(plan_s, found.plan_cpu_s)
+        assert same(plan_mb, found.plan_peak_mb)
+        run = [f"run_{of}" for of in ("cpu_s", "cpu_s_per_patch", "wall_s", "largest_job_mb")]
+        for cell, value in zip(of_run, found[run], strict=True):
+            assert pd.isna(value) if cell == "–" else same(cell, value), (patches, cell)
 
 
 def test_rates_on_random_numbers():
