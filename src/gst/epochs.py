@@ -9,6 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.errors import InputError
+from gstlib.preprocess.form import form_doubt
 from gstlib.surface import spacing_of
 from gstlib.validation.change import measured_change, wear_summary
 
@@ -63,7 +64,10 @@ def epochs_on_each_other(
         except InputError as error:
             problems.append(InputError(row.t1, f"patch {patch}: {error.problem}", error.remedy))
             continue
+        doubt = form_doubt(before[patch].height, after.height)
         if registration.found:
+            if doubt:
+                _log.warning("%s: patch %s: %s", row.t1, patch, doubt)
             shifts_mm.append(math.hypot(registration.shift_x_mm, registration.shift_y_mm))
             together += shifts_mm[-1] < _CO_LOCATED * max(spacing_of(before[patch].height))
             shares = wear_summary(change)
@@ -83,11 +87,12 @@ def epochs_on_each_other(
                 break
         else:
             _log.warning(
-                "%s: as T1 of patch %s, it is not found on %s: check both names in the patch "
-                "table, and registration.maximum_shift_mm",
+                "%s: as T1 of patch %s, it is not found on %s: %s",
                 row.t1,
                 patch,
                 row.t0,
+                doubt
+                or "check both names in the patch table, and registration.maximum_shift_mm",
             )
     if gained:
         _log.warning(
