@@ -56,7 +56,7 @@ def test_two_libraries_read_the_lengths(finished_tiny, exported, name):
     assert bool(expected.isnull().any()) == (name in ("T0", "T1", "loss"))
 
 
-def test_pressure_states_its_unit(finished_tiny, exported):
+def test_pressure_states_its_unit(finished_tiny, exported, tmp_path):
     """By the bytes of Digital Surf's header: no reader here takes another unit than a length."""
     expected = read_dataset(finished_tiny.results / f"microscale/{PATCH}.h5").pressure
     content = (exported / f"{PATCH}_pressure.sur").read_bytes()
@@ -68,6 +68,12 @@ def test_pressure_states_its_unit(finished_tiny, exported):
     steps = np.frombuffer(content[512:], "<i4").reshape(ny, nx)
     np.testing.assert_allclose(steps * step, expected.values, rtol=1e-6, atol=1e-4)
     np.testing.assert_array_equal(steps == 0, expected.values == 0)
+    # two libraries read the numbers, if these are called lengths
+    path = tmp_path / "lengths.sur"
+    path.write_bytes(content[:512].replace(b"MPa", b"mm ") + content[512:])
+    other = np.ma.filled(open_topography(str(path)).topography().heights(), np.nan).T
+    for read in (Surface.load(path).data / 1e3, other):
+        np.testing.assert_allclose(read, expected.values, rtol=1e-6, atol=1e-4)
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.0])
