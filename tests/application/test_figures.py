@@ -286,6 +286,15 @@ def test_script_draws_the_studied_patches_in_even_steps_of_pressure(tmp_path, co
     assert len(list(tmp_path.glob("*.[ps][nv]g"))) == 3
 
 
+def test_script_shows_the_loss_that_the_study_predicts(tmp_path):
+    models = xr.concat([PREDICTED, 2 * PREDICTED], pd.Index(["archard", "mat"], name="model"))
+    models.to_dataset(name="depth").to_netcdf(tmp_path / "1.h5", engine="h5netcdf")
+    rest = dict.fromkeys(SCRIPT["Study"].__annotations__)
+    study = SCRIPT["Study"](**rest | {"files": {"worn_patches": tmp_path}})
+    xr.testing.assert_allclose(study.predicted("1").drop_vars("model"), 2 * PREDICTED)
+    assert study.predicted("2") is None
+
+
 def test_script_refuses_a_table_of_other_patches(tmp_path):
     with pytest.raises(InputError, match=r"pressures\.csv.*one row for each patch"):
         run(tmp_path, "microscale_maps", patch=["1", "2", "4"])

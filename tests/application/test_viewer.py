@@ -2,6 +2,9 @@
 
 import base64
 import json
+import re
+import shutil
+import subprocess
 import zipfile
 
 import numpy as np
@@ -71,6 +74,21 @@ def test_the_scripts_are_there():
     assert "<script" not in script
     assert "$B64GLTF" not in script  # trimesh's own page
     assert "function stoneViewer(" in viewer.viewer_js()
+
+
+@pytest.mark.parametrize("pixel", [0.0013, 0.03, 0.7])
+def test_the_scale_bar_is_as_long_as_it_says(pixel):
+    """A pixel is so many mm."""
+    if (node := shutil.which("node")) is None:
+        pytest.skip("needs Node.js on the PATH")
+    place = re.search(r"function placeScale\(\) {.*?\n  }", viewer.viewer_js(), re.DOTALL)[0]
+    script = f"const scale = {{ style: {{}} }}; const pixel = () => {pixel}; {place} placeScale();"
+    script += "console.log(scale.textContent, scale.style.width);"
+    said = subprocess.run([node, "-e", script], capture_output=True, text=True, check=True).stdout
+    length, unit, width = said.split()
+    assert unit == "mm"
+    assert float(length) == pytest.approx(pixel * float(width.removesuffix("px")))
+    assert 40 < float(width.removesuffix("px")) <= 120
 
 
 def test_another_trimesh_is_refused(tmp_path, monkeypatch):

@@ -62,6 +62,20 @@ def test_published_values_of_patches_whatever_their_names(tmp_path):
     ]
 
 
+def test_a_doubtful_contact_of_the_stone_is_told(tmp_path, caplog):
+    """A flat stone on a flat is pressed at its edges."""
+    height = make_surface(np.zeros((20, 20)), 0.25)
+    face = xr.Dataset({"height": height, "counterface": height, "size_mm": 5.0})
+    for variable in face.values():
+        variable.attrs.update(units="mm", long_name="height")
+    write_dataset(tmp_path / "face.h5", face)
+    files = [tmp_path / name for name in ("face.h5", "contact.h5", "path.csv")]
+    settings = {"steps": 2, "tolerance": 1e-6, "maximum_displacement_um": 100.0}
+    settings |= {"through": (2.5, 2.5), "contact_modulus_MPa": 1e4, "patch_mm": 0.85}
+    script_of("solve_macroscale").main(*files, force_N=500.0, **settings)
+    assert any("of the edge of what is pressed" in message for message in caplog.messages)
+
+
 def test_cases_and_what_they_tell_are_named_in_their_caption():
     text = (WORKFLOW / "report/tables/cases.rst").read_text(encoding="utf-8")
     said = "study", "other modulus", "grinding", "slip share", "mean traction"

@@ -16,6 +16,7 @@ from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import remove_plane
+from gstlib.reference import composite_heights
 from gstlib.study import wear_stone
 from gstlib.surface import spacing_of
 from test_tiny_study import pressed_heights, recomputed_residual
@@ -113,6 +114,16 @@ def test_what_was_not_scanned_is_drawn_anew(studied):
     table = read_table(studied.results / "tables/two_scales.csv").set_index(["variant", "patch"])
     pressures = table.reference_pressure_MPa["placed"][reference.patch.values]
     np.testing.assert_allclose(pressures, reference.pressure.mean("draw"), rtol=1e-3, atol=1e-6)
+    face, composite = (
+        read_dataset(studied.results / f"macroscale/{name}.h5") for name in ("surface", "composite")
+    )
+    scans = {
+        patch: read_dataset(studied.results / f"surfaces/{patch}_T0.h5")
+        for patch in composite.patch.values.tolist()
+    }
+    drawn = composite_heights(face, composite, scans, s_filter_um=5.0, seed=1, draw=0)
+    first = read_dataset(studied.results / "reference/contact.h5").height
+    np.testing.assert_allclose(first, remove_plane(drawn)[0], atol=1e-8)
 
 
 def test_inputs_that_changed_unseen_and_other_studies_are_refused(studied):

@@ -1,5 +1,6 @@
 """Before anything is scanned: a tiny study of a mesh alone, and one of the proposed places."""
 
+import lxml.html
 import numpy as np
 import pytest
 import xarray as xr
@@ -82,6 +83,15 @@ def test_the_page_says_where_to_scan(where):
     assert page.index("Scan E1") < page.index('id="viewer"') < page.index("Where to scan</h2>")
     assert "N/mm</span>" in page
     assert "where does it wear" not in page
+    (listed,) = lxml.html.fromstring(page).xpath('//table[@id="patch-table"]')
+    rows = [[cell.text_content().strip() for cell in row] for row in listed.iter("tr")]
+    assert [head.split()[-1] for head in rows[0]] == ["Place", "Kind", "mm", "mm", "N/mm", "poses"]
+    for shown, place in zip(
+        rows[1:], read_table(where.results / "tables/places.csv").itertuples(), strict=True
+    ):
+        assert shown[:2] == [place.place, place.kind]
+        values = place.x_mm, place.y_mm, place.exposure_N_per_mm, 100 * place.touched
+        assert [float(cell) for cell in shown[2:]] == pytest.approx(values, rel=6e-3)
     assert (where.results / "figures/places.pdf").read_bytes().startswith(b"%PDF")
     assert (where.results / "figures/places.png").stat().st_size > 20_000
     where.succeed("--report", str(where.folder / "report.html"))

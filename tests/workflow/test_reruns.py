@@ -52,6 +52,11 @@ def test_nothing_is_left_to_do(tiny):
             {"compose_surface", "solve_macroscale", "solve_patches"},
             {"grid_macroscale", "prepare_T0_scans", "register_patches", "place_patches"},
         ),
+        (
+            {"gesture": {"wander_mm": 0.5, "poses": 6}},
+            {"press_poses_1", "bound_pressures", "predict_wear"},
+            {"solve_macroscale", "solve_patches"},
+        ),
         ({"validation": {"resamples": 299}}, {"judge_wear", "draw_validation", "write_page"}, None),
         ({"grinding": {"friction": 0.5}}, {"solve_cases", "write_page"}, None),
         (

@@ -4,6 +4,7 @@ Formulas are tested with the library; here the calls between them are, in script
 """
 
 import json
+import runpy
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,8 @@ import pytest
 import scipy.ndimage
 import scipy.optimize
 import yaml
+from conftest import ROOT
+from gst.figures.style import BLUE
 from gstlib.contact import Loading, contact_at_pressure, faces_of
 from gstlib.io.results import TABLES, columns_of
 from gstlib.io.store import read_dataset
@@ -18,6 +21,7 @@ from gstlib.io.tables import read_table
 from gstlib.preprocess.filtering import s_filtered
 from gstlib.specimen.score import true_face
 from gstlib.surface import spacing_of
+from matplotlib.colors import to_rgb
 
 # Of the tables listed, those that this study has no use for.
 ABSENT = {"exposure", "places", "published", "sweep"}
@@ -82,6 +86,28 @@ def test_intermediates_carry_units_names_and_provenance(results):
         digests = json.loads(dataset.attrs["input_sha256"])
         assert digests
         assert all(len(digest) == 64 for digest in digests.values())
+
+
+def test_every_step_has_the_settings_of_the_config(results, config):
+    """As the files record them, by the folder of the file, for some are called alike."""
+    placed = {"s_filter_um": config["microscale"]["s_filter_um"], "seed": config["seed"]}
+    press = {"contact_modulus_MPa": config["material"]["contact_modulus_MPa"]}
+    named = {
+        "macroscale/surface": {**config["square"], "grid": 40, "face_mm": 10.0, "radius_mm": 200.0},
+        "macroscale/composite": placed | {"placement_um": config["uncertainty"]["placement_um"]},
+        "macroscale/contact": press | {"steps": 6},
+        "microscale/13": press | config["microscale"],
+        "registered/13": {
+            "maximum_shift_mm": config["registration"]["maximum_shift_mm"],
+            "minimum_points": config["traces"]["minimum_points"],
+        },
+        "surfaces/13_T1": {"scans": config["scans"], "preprocessing": config["preprocessing"]},
+        "wear/13": {"steps": 4, "mat": None, "hardness_MPa": 800.0, "patch_mm": 0.85},
+        "reference/patches": placed,
+    }
+    for name, expected in named.items():
+        settings = json.loads(read_dataset(results / f"{name}.h5").attrs["settings"])
+        assert {key: settings.get(key, "lost") for key in expected} == expected, name
 
 
 def test_the_record_holds_the_whole_config(results, config):
@@ -693,3 +719,39 @@ def test_every_stage_is_scored_against_the_truth(table):
     known = table("two_scales").query("variant == 'placed'").set_index("patch")
     np.testing.assert_array_equal(true, known.reference_pressure_MPa[true.index])
     assert np.abs(true - recovered).max() > 0.1
+
+
+# --- Figures ----------------------------------------------------------------------------------
+
+
+def test_figures_are_drawn_from_the_stages_that_they_name(results, table, config):
+    script = runpy.run_path(str(ROOT / "workflow/scripts/draw_figures.py"))
+    patches = list(table("patch_pressures").patch)
+    files = {"contact": results / "macroscale/contact.h5", "worn_patches": results / "wear"}
+    files |= {"surface": results / "macroscale/surface.h5", "mesh": results / "specimen/mesh.stl"}
+    files |= {"intervals": results / "tables/patch_intervals.csv"}
+    files |= {"pressures": results / "tables/patch_pressures.csv"}
+    files |= {"two_scales": results / "tables/two_scales.csv"}
+    files |= {"reference": results / "reference/patches.h5"}
+    folders = {
+        "contacts": "microscale",
+        "others": "microscale/levelled",
+        "registered": "registered",
+    }
+    files |= {name: [results / f"{of}/{p}.h5" for p in patches] for name, of in folders.items()}
+    study = script["Study"](files, patches, patches, {}, 5.0, 550.0, 0.85, "mm", 100)
+    whole = read_dataset(files["contact"])
+    square = in_square(whole.pressure)
+    title = script["figure_of"]("overview", study).axes[1].get_title()
+    borne = float(square.sum()) * 0.125**2
+    assert title.endswith(f"{borne:.3g} of 550 N")
+    forces = script["figure_of"]("forces", study).axes[0]
+    assert forces.images[0].get_array().shape[:2] == square.shape
+    true = read_dataset(files["reference"]).contact.sel(patch="13").isel(draw=0).values
+    panels = script["figure_of"]("two_scales", study).axes
+    for axes, folder in zip(panels, ("microscale/levelled", "microscale"), strict=False):
+        assert axes.get_title().startswith("patch 13")
+        found = read_dataset(results / f"{folder}/13.h5").pressure.values > 0
+        colours = axes.images[0].get_array()[..., :3]
+        is_blue = np.isclose(colours, 255 * np.array(to_rgb(BLUE)), atol=2).all(axis=-1)
+        assert is_blue.sum() == (found & true).sum()

@@ -1,10 +1,13 @@
 """A second stone on the first, pressed in one pose and in a gesture: a tiny study of its own."""
 
+import re
+
 import numpy as np
 import pytest
 import trimesh
 from conftest import fresh
 from gstlib.contact import laid_height
+from gstlib.geometry import square_of
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
 
@@ -95,6 +98,14 @@ def test_wear_follows_the_gesture(two_stones):
 def test_the_page_shows_the_gesture(two_stones):
     page = (two_stones.results / "index.html").read_text(encoding="utf-8")
     assert "what a gesture leaves on the square" in page
+    assert "Archard&#39;s law over a gesture of 5 poses predicts" in page
+    names = ("macroscale/contact", "pressure"), ("gesture/exposure", "exposure")
+    fields = [read_dataset(two_stones.results / f"{file}.h5")[name] for file, name in names]
+    highest = [float(square_of(field, 5.0).max()) for field in fields]
+    said = re.findall(r"<span>([\d.]+) (MPa|N/mm)</span></span>", page)
+    assert said == [
+        (f"{value:.3g}", unit) for value, unit in zip(highest, ("MPa", "N/mm"), strict=True)
+    ]
     assert (two_stones.results / "figures/exposure.png").stat().st_size > 10_000
 
 

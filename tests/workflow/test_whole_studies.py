@@ -148,27 +148,3 @@ def test_a_study_that_no_patch_enters(tiny):
     assert cases.patch[cases.case.isin(["grinding", "ceiling"])].isna().all()
     assert (tiny.results / "figures/overview.png").stat().st_size > 0
     assert "No patch enters the study" in (tiny.results / "index.html").read_text(encoding="utf-8")
-
-
-def test_a_setting_of_a_sweep_is_the_study_with_that_config(tiny):
-    factors = {
-        "force": [{"load": {"force_N": 660.0}}],
-        "size of traces": [{"traces": {"minimum_points": 6}}],
-    }
-    tiny.change(sweep=factors)
-    tiny.succeed("sweep")
-    table = read_table(tiny.results / "tables/sweep.csv")
-    assert (tiny.results / "figures/sweep.png").stat().st_size > 0
-    assert set(table.factor.dropna()) == set(factors)
-    moved = table[table.change.abs() > 1e-9].groupby("factor").output.unique()
-    assert "pressure_MPa" in moved["force"]
-    assert "pressure_MPa" not in moved["size of traces"]
-    assert "mean(mcc)" in moved["size of traces"]
-    swept = table[(table.factor == "force") & (table.output == "pressure_MPa")]
-    tiny.change(load={"force_N": 660.0})
-    tiny.succeed("results-tiny/tables/patch_pressures.csv", "results-tiny/tables/cases.csv")
-    study = read_table(tiny.results / "tables/patch_pressures.csv")
-    np.testing.assert_allclose(swept.result, study.pressure_MPa)
-    cases = read_table(tiny.results / "tables/cases.csv")
-    own = cases[(cases.case == "study") & (cases.quantity == "patch pressure")]
-    np.testing.assert_allclose(own.value, study.pressure_MPa, rtol=1e-4)
