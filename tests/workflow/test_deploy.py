@@ -11,6 +11,7 @@ import tomllib
 import pytest
 import yaml
 from conftest import ROOT
+from hatchling.builders.sdist import SdistBuilder
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
@@ -80,6 +81,14 @@ def test_the_test_study_is_planned_in_a_folder_of_its_own():
     made = ["git", "check-ignore", ".test/results-tiny/index.html", ".test/.snakemake/log"]
     ignored = subprocess.run(made, cwd=ROOT, capture_output=True, text=True, check=False)
     assert ignored.stdout.splitlines() == made[2:]
+
+
+def test_the_sdist_has_the_tables_that_its_tests_read():
+    packed = {file.distribution_path for file in SdistBuilder(str(ROOT)).recurse_included_files()}
+    for folder in ("benchmarks/results", "tests/baseline/tables"):
+        tables = {f"{folder}/{file.name}" for file in (ROOT / folder).glob("*.csv")}
+        assert tables
+        assert tables <= packed
 
 
 @pytest.fixture
