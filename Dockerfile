@@ -1,6 +1,7 @@
 # Built and run with Buildah, on a Debian 12 made by debootstrap. Untried: Docker, Podman, Apptainer, and
-# Debian's own image (docs/deploy.md). The image contains ducc0 and surfalize: as a whole it may be
-# distributed under the terms of the GPL only.
+# Debian's own image (docs/deploy.md). The study imports ducc0 (GPL, version 2 or later) and surfalize
+# (version 3): whoever passes the image on must heed the GPL 3 for the whole of it. codespell (GPL 2), of
+# the locked packages for development, is in it as a program of its own.
 FROM debian:bookworm-slim
 RUN apt-get update \
     && apt-get install --yes --no-install-recommends git make python3-venv \
