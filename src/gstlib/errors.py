@@ -41,12 +41,28 @@ class OutputError(InputError):
 
 
 class InputsError(GstError):
-    """Several errors at once, given as a sequence; the message lists them all."""
+    """Several errors at once, given as a sequence; the message lists them all.
+
+    What is wrong with several files in the same way is one error of all of them.
+    """
 
     def __str__(self) -> str:
-        texts = [str(error) for error in self.args[0]]
+        alike: dict[object, list[GstError]] = {}
+        for error in self.args[0]:
+            own = (error.problem, error.remedy) if isinstance(error, InputError) else error
+            alike.setdefault(own, []).append(error)
+        texts = [str(_as_one(errors)) for errors in alike.values()]
         if len(texts) == 1:
             return texts[0]
         # Lists within the list are indented further.
         listed = "".join("\n  - " + text.replace("\n", "\n    ") for text in texts)
         return f"{len(texts)} problems{listed}"
+
+
+def _as_one(errors: list[GstError]) -> GstError:
+    """Errors that differ in their source alone, as one."""
+    first = errors[0]
+    if len(errors) == 1 or not isinstance(first, InputError):
+        return first
+    sources = ", ".join(error.source for error in errors if isinstance(error, InputError))
+    return InputError(sources, first.problem, first.remedy)

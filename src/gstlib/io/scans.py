@@ -121,26 +121,16 @@ def read_scan(
     }
     read = readers.get(path.suffix.lower(), _read_instrument_file)
     raw, steps, length, attrs = read(path)
-    if length is None:
-        if unit is None:
-            raise InputError(
-                path,
-                "the file does not state its unit of length",
-                f"Set scans.unit in the config to one of {list(SCAN_UNITS)}.",
-            )
+    if length is None and unit is not None:
         length = SCAN_UNITS[unit]
-    if steps is not None:
-        steps = steps[0] * length, steps[1] * length
-    elif spacing_um is not None:
-        steps = spacing_um * 1e-3, spacing_um * 1e-3
-    else:
-        raise InputError(
-            path,
-            "the file does not state the spacing of its points",
-            "Set scans.spacing_um in the config, or export the scan in a format that states it "
-            "(.plu, .plux, .sur, .x3p, .al3d, ...).",
+    steps_mm = None if spacing_um is None else (spacing_um * 1e-3, spacing_um * 1e-3)
+    if steps is not None and length is not None:
+        steps_mm = steps[0] * length, steps[1] * length
+    if length is None or steps_mm is None:
+        raise _not_stated(
+            path, unit=length is None, spacing=steps is None and spacing_um is None
         )
-    spacing = tuple(float(f"{step:.{_SPACING_DIGITS}g}") for step in steps)
+    spacing = tuple(float(f"{step:.{_SPACING_DIGITS}g}") for step in steps_mm)
     with np.errstate(all="ignore"):  # overflows are refused below
         heights = raw * length
     # Some exports mark unmeasured points with infinity, or the largest number there is.
@@ -153,6 +143,23 @@ def read_scan(
         _log.warning("%s: only %s, is read", path, attrs["layer"])
     return make_surface(heights, spacing, long_name="height as measured").assign_attrs(
         file=path.name, **attrs
+    )
+
+
+def _not_stated(path: Path, *, unit: bool, spacing: bool) -> InputError:
+    """The file states neither its unit nor, perhaps, the spacing of its points."""
+    lacks, keys = [], []
+    if unit:
+        lacks.append("its unit of length")
+        keys.append(f"scans.unit in the config to one of {list(SCAN_UNITS)}")
+    if spacing:
+        lacks.append("the spacing of its points")
+        keys.append("scans.spacing_um in the config to their distance in µm")
+    return InputError(
+        path,
+        f"the file does not state {' or '.join(lacks)}",
+        f"Set {', and '.join(keys)}; or export the scan in a format that states them (.plu, .plux, "
+        ".sur, .x3p, .al3d, ...).",
     )
 
 

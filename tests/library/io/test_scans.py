@@ -241,6 +241,7 @@ class TestMatrices:
         path = self.write(tmp_path, "1,,3,nan\n5,BAD,---,8\n9,1,2,Bad\n")
         _refused(path, "does not state its unit.*scans.unit", spacing_um=1.0)
         _refused(path, "spacing of its points.*scans.spacing_um", unit="um")
+        _refused(path, "its unit.* or the spacing.*scans.unit.*scans.spacing_um")
         scan = read_scan(path, unit="um", spacing_um=1.66)
         expected = [[1, 0, 3, 0], [5, 0, 0, 8], [9, 1, 2, 0]]
         np.testing.assert_allclose(np.nan_to_num(scan.values), np.array(expected) * 1e-3)
