@@ -181,6 +181,15 @@ def _range(values: Iterable[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
+class _Count(logging.Handler):
+    """Counts what is logged."""
+
+    number = 0
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.number += 1
+
+
 def check_study(path: Path) -> None:
     """Read config, patch table and every measured file of a study, and print what a run would do.
 
@@ -192,6 +201,7 @@ def check_study(path: Path) -> None:
         Its message lists everything that is wrong.
     """
     logging.basicConfig(format="%(levelname)s: %(message)s")
+    logging.getLogger().addHandler(warnings := _Count(logging.WARNING))
     config = read_config(path)
     patches = read_study(config, str(path))
     for one, other, share in overlaps(patches, config["scans"]["size_mm"]):
@@ -285,4 +295,6 @@ def check_study(path: Path) -> None:
     if problems:
         print(flush=True)
         raise InputsError(problems)
-    print("\nNo problems found.")
+    warned = warnings.number
+    doubts = f", but {warned} warning{'s' * (warned > 1)}: see above" if warned else ""
+    print(f"\nNo problems found{doubts}.")

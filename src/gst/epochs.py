@@ -92,7 +92,8 @@ def epochs_on_each_other(
                 patch,
                 row.t0,
                 doubt
-                or "check both names in the patch table, and registration.maximum_shift_mm",
+                or "check both names in the patch table, registration.maximum_shift_mm, and that "
+                "no form was taken out of one of the two",
             )
     if gained:
         _log.warning(
