@@ -2,6 +2,7 @@
 
 import struct
 
+import meshio
 import numpy as np
 import pytest
 import trimesh
@@ -111,6 +112,17 @@ def test_the_tool_keeps_its_coordinates_and_shows_the_patches(finished_tiny, exp
     at = {"x": xr.DataArray(x[inside], dims="p"), "y": xr.DataArray(y[inside], dims="p")}
     expected = pressure.sel(at, method="nearest").values
     assert np.isclose(read["scalar_pressure_MPa"][inside], expected, rtol=1e-5).mean() > 0.99
+
+
+def test_two_libraries_read_the_tool(exported):
+    one = meshio.read(exported / "tool.ply")
+    other = trimesh.load(exported / "tool.ply", process=False)
+    read = other.metadata["_ply_raw"]["vertex"]["data"]
+    np.testing.assert_array_equal(one.points, other.vertices)
+    np.testing.assert_array_equal(one.cells_dict["triangle"], other.faces)
+    assert set(one.point_data) == set(read.dtype.names) - set("xyz")
+    for name, values in one.point_data.items():
+        np.testing.assert_array_equal(values, read[name])
 
 
 def test_a_folder_without_a_study_is_refused(finished_tiny, tmp_path):
