@@ -58,14 +58,13 @@ def contact_steps_figure(contact: xr.Dataset, *, size_mm: float, steps: int = 8)
         title = (
             f"displacement {float(state.path_displacement) * MM_TO_UM:.1f} µm\n"
             f"{style.short(float(state.path_mean_pressure) * area)} N, "
-            f"contact {float(state.path_contact_fraction):.2%}"
+            f"contact {100 * float(state.path_contact_fraction):.2f} %"
         )
         drawn.append((title, height, {"marks": {BLACK: touching[step]}}))
     faces, elastic = laid_height(contact), contact["pressure"].values > 0
     rigid = (faces > faces.max() - contact["displacement"]).values
-    title = (
-        f"last step: contact {elastic.mean():.2%}\nrigid interpenetration {rigid.mean():.1%}"
-    )
+    touched, overlapping = 100 * elastic.mean(), 100 * rigid.mean()
+    title = f"last step: contact {touched:.2f} %\nrigid interpenetration {overlapping:.1f} %"
     drawn.append((title, height, {"marks": {BLACK: elastic, AMBER: rigid & ~elastic}}))
     figure = maps.draw_maps(drawn, 3, 2.3, style.MAPS, head=0)
     square = outline(Place(size_mm / 2, size_mm / 2), size_mm)

@@ -64,7 +64,7 @@ def microscale_maps_figure(contacts: Mapping[str, xr.Dataset]) -> Figure:
     for patch, contact in contacts.items():
         touching = contact["pressure"].values > 0
         pressure = float(contact["mean_pressure"])
-        title = f"patch {patch}: {pressure:.1f} MPa, {touching.mean():.2%}"
+        title = f"patch {patch}: {pressure:.1f} MPa, {100 * touching.mean():.2f} %"
         drawn.append((title, contact["height"], {"marks": {BLACK: touching}}))
     return maps.draw_maps(drawn, 4, 1.7, head=0)
 
@@ -140,13 +140,17 @@ def patch_figure(
     label = "height change (µm), 0 where not detected"
     changes = {"cmap": maps.CHANGE_MAP, "norm": Normalize(-bound, bound)}
     known = max(np.count_nonzero(~unknown), 1)
-    lost = f"lost more than {limit:.2f} µm: {loss.sum() / known:.1%}"
+    lost = f"lost more than {limit:.2f} µm: {100 * loss.sum() / known:.1f} %"
     measured = {"values": shown, "marks": {_UNKNOWN: unknown}, "bar": label}
     touching = contact["pressure"].values > 0
     drawn = [
         ("T0, before use", t0, heights),
         ("T1, after use" + ", not laid on T0" * bool(unknown.all()), t1, heights),
-        (f"contact before use: {touching.mean():.2%}", t0, {"marks": {BLACK: touching}}),
+        (
+            f"contact before use: {100 * touching.mean():.2f} %",
+            t0,
+            {"marks": {BLACK: touching}},
+        ),
         ("no change is known" if unknown.all() else lost, t0, changes | measured),
     ]
     marks = {}
@@ -159,10 +163,14 @@ def patch_figure(
             drawn.append(("predicted and measured loss", t0, {"marks": marks}))
     figure = maps.draw_maps(drawn, 3, 2.1, (0.05, 0.05, 0.3, 0.35), head=0.2)
     pressure, overlap = float(contact["mean_pressure"]), change.attrs["overlap"]
-    covers = "T1 was not found on T0" if unknown.all() else f"T1 covers {overlap:.0%} of T0"
+    covers = (
+        "T1 was not found on T0" if unknown.all() else f"T1 covers {100 * overlap:.0f} % of T0"
+    )
     figure.suptitle(f"patch {patch}: {style.short(pressure)} MPa, {covers}")
     if marks:
-        shares = {f"{name} {marks[c].sum() / known:.1%}": c for name, c in _AGREEMENT.items()}
+        shares = {
+            f"{name} {100 * marks[c].sum() / known:.1f} %": c for name, c in _AGREEMENT.items()
+        }
         style.colour_legend(figure, shares, **_BELOW)
     return figure
 
@@ -203,7 +211,8 @@ def overview_figure(
     pressure = float(contact["mean_pressure"])
     maps.draw_map(axes[1], contact["height"], marks={BLACK: touching})
     axes[1].set_title(
-        f"3  predicted contact, patch {patch}\n{pressure:.1f} MPa, {touching.mean():.1%} of area"
+        f"3  predicted contact, patch {patch}\n"
+        f"{pressure:.1f} MPa, {100 * touching.mean():.1f} % of the area"
     )
     maps.scale_bar(axes[1])
     if change is not None and predicted is not None:

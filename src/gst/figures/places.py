@@ -106,7 +106,7 @@ def _write_table(figure: Figure, places: pd.DataFrame) -> None:
             f"{place.x_mm:.2f}",
             f"{place.y_mm:.2f}",
             short(place.exposure_N_per_mm),
-            f"{place.touched:.0%}",
+            f"{100 * place.touched:.0f} %",
         )
         for place in places.itertuples()
     ]
