@@ -17,7 +17,7 @@ from gst.made import record_made, record_of
 from gstlib.errors import GstError
 from gstlib.io.files import cannot_write
 
-__all__ = ["FILE_ONLY", "job_log", "logged", "run_script"]
+__all__ = ["FILE_ONLY", "job_log", "logged", "run_script", "unrecorded_steps"]
 
 # Environment variable, set by the workflow's display of progress, which shows the log's
 # messages itself: a job then writes nothing to the screen, unless its log cannot be written.
@@ -26,6 +26,7 @@ FILE_ONLY = "GSTLIB_LOG_FILE_ONLY"
 _START = time.perf_counter()
 # Of the application, and of the library.
 _LOGGERS = "gst", "gstlib"
+_LAST = "took"  # begins the last line of a step that ended well
 _RECORD = re.compile(r"^(\w+) (.*?)(?=^(?:INFO|WARNING|ERROR) |\Z)", re.MULTILINE | re.DOTALL)
 
 
@@ -119,6 +120,18 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
         log.info("%s", _used())
 
 
+def unrecorded_steps(results: Path) -> list[str]:
+    """Steps that ended well, by their logs, but whose records of what they made are gone."""
+    steps = set()
+    for log in results.glob("logs/**/*.log"):
+        if not record_of(log).is_file():
+            last = log.read_text(encoding="utf-8").splitlines()[-1:]
+            if last and last[0].startswith(f"INFO {_LAST}"):
+                # a log is named as its step, or lies in a folder of that name
+                steps.add(log.stem if log.parent.name == "logs" else log.parent.name)
+    return sorted(steps)
+
+
 def _used() -> str:
     """What this process has used so far, exactly; Snakemake's `benchmark` samples it, at a cost."""
     used = resource.getrusage(resource.RUSAGE_SELF)
@@ -126,4 +139,4 @@ def _used() -> str:
     status, memory_mb = Path("/proc/self/status"), used.ru_maxrss / 1e6  # bytes on macOS
     if status.is_file():  # Linux: what is above counts the process that started this one, too
         memory_mb = int(re.findall(r"VmHWM:\s+(\d+)", status.read_text())[0]) * 1024 / 1e6
-    return f"took {wall_s:.2f} s, {cpu_s:.2f} s of CPU, {memory_mb:.0f} MB of memory"
+    return f"{_LAST} {wall_s:.2f} s, {cpu_s:.2f} s of CPU, {memory_mb:.0f} MB of memory"

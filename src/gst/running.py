@@ -18,6 +18,7 @@ from pathlib import Path
 
 from gst import ROOT
 from gst.config import config_problems, read_config, refuse_config
+from gst.logs import unrecorded_steps
 from gst.made import check_made, read_records, records_in
 from gst.provenance import refuse_other_study, refuse_unseen_change
 from gstlib.errors import InputError
@@ -127,16 +128,19 @@ def run_study(
     made = read_records(records_in(results))
     check_made(made)
     refuse_unseen_change(results)
+    unrecorded = unrecorded_steps(results)
     missing = {each.output for file, each in made.items() if not file.exists()}
     if not plan:
         check_writable(results)
         claim_folder(config)
         for output in filter(Path.is_dir, missing):  # Snakemake looks at whole folders
             shutil.rmtree(output)
-    elif missing:
-        print(f"Missing, and to be made again: {', '.join(sorted(map(str, missing)))}")
+    elif missing or unrecorded:
+        again = [*sorted(map(str, missing)), *(f"what {step} made" for step in unrecorded)]
+        print(f"Missing, and to be made again: {', '.join(again)}")
     command: list[object] = ["--workflow-profile", folder]
     command += ["--cores", cores] if cores else []
+    command += ["--forcerun", *unrecorded] if unrecorded else []
     command += [*options, *(["--dry-run", "--quiet", "rules"] if plan else [])]
     command += ["--configfile", config, "--"]
     if code := _snakemake(*command, *([] if goal == "study" else [goal])):

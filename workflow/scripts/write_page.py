@@ -29,6 +29,7 @@ from gst.provenance import study_provenance
 from gst.verdict import verdict, where_to_scan
 from gstlib.contact import load_force
 from gstlib.counterface import SecondStone, posed_mesh
+from gstlib.errors import InputError
 from gstlib.geometry import FRAME, square_of, stored_frame
 from gstlib.io.files import sha256, write_whole
 from gstlib.io.meshes import read_mesh
@@ -73,7 +74,14 @@ def main(
 ) -> None:
     made = read_records(filter(Path.is_file, map(record_of, logs)))
     certified = [*shown, *([behind] if behind else [])]
-    check_made({file: made[file] for file in certified if file in made}, thoroughly=True)
+    for file in certified:
+        if file not in made:
+            raise InputError(
+                file,
+                "no step has recorded that it made it",
+                "Delete it and run the study again.",
+            )
+    check_made({file: made[file] for file in certified}, thoroughly=True)
     tables = {file.stem: file for file in shown if file.suffix == ".csv"}
     pictures = {file.stem: file for file in shown if file.suffix == ".png"}
     frame = stored_frame(read_dataset(surface, only=FRAME))
