@@ -118,13 +118,13 @@ def _summary(
 def _active_stone(
     config: dict, face: xr.Dataset | None, poses: pd.DataFrame | None
 ) -> dict[str, Any]:
-    """For the picture: the gap to the active stone over the face, and where it is pushed."""
+    """For the picture: the two stones over the face, where one is pushed, and what is between."""
     if face is None or config["coupling"] == "levelled":
         return {}
-    gap = (face.counterface - face.height).assign_attrs(face.height.attrs)
     through = np.array(load_point(config["load"], config["square"]["size_mm"]))
     moved = np.zeros((1, 2)) if poses is None else poses[["y_mm", "x_mm"]].to_numpy()
-    return {"gap": gap - gap.min(), "pushed": through + moved}
+    mat_um = config["mat"]["thickness_um"] if config["mat"] else None
+    return {"face": face, "pushed": through + moved, "mat_um": mat_um}
 
 
 def _patches(config: dict, patches: pd.DataFrame) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import trimesh
+import xarray as xr
 from gst.figures.maps import draw_footprints
 from gst.figures.tool import check_figure, draw_square, draw_stone
 from gstlib.geometry import Frame
@@ -81,10 +82,15 @@ def test_the_check_has_a_picture_even_where_the_square_cannot_be_gridded():
 
 def test_the_check_shows_the_active_stone_and_where_it_is_pushed():
     frame = Frame((2.5, 2.5, 30), (-1, 0, 0), (0, 0, 1))
-    gap = make_surface(np.linspace(0, 1, 36).reshape(6, 6), 2.0)
+    height, round_stone = np.zeros((6, 6)), -0.1 * np.hypot(*np.mgrid[-2.5:3, -2.5:3]) ** 2
+    face = xr.Dataset({"height": make_surface(height, 2.0)})
+    face["counterface"] = face.height.copy(data=round_stone)
     pushed = np.array([[1.0, 2.0], [3.0, 4.0]])
     sizes = {"size_mm": 5.0, "patch_size_mm": 0.85}
-    figure = check_figure(stone(), frame, None, pd.DataFrame(), gap=gap, pushed=pushed, **sizes)
+    figure = check_figure(stone(), frame, None, pd.DataFrame(), face=face, pushed=pushed, **sizes)
+    (picture,) = figure.axes[2].images
+    brightness = picture.get_array().sum(axis=2)
+    assert brightness[2, 2] > brightness[0, 0]  # the nearer, the brighter
     (points,) = figure.axes[2].lines
     assert points.get_xydata().tolist() == [[2, 1], [4, 3]]
     (square,) = figure.axes[2].patches

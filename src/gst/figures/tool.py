@@ -203,17 +203,18 @@ def check_figure(
     *,
     size_mm: float,
     patch_size_mm: float,
-    gap: xr.DataArray | None = None,
+    face: xr.Dataset | None = None,
     pushed: np.ndarray | None = None,
+    mat_um: float | None = None,
 ) -> Figure:
     """Where the square lies on the stone, in two views, and where the patches lie in the square.
 
     `mesh` is the stone (mm), `frame` and `size_mm` are those of the square; the others as in
-    `gst.figures.macroscale.input_figure`. Without a height the square is left out. `gap` (y, x),
-    mm, is that to the active stone over the face, in a panel of its own, with the points (n, 2) of
-    (y, x), mm, through which it is `pushed`.
+    `gst.figures.macroscale.input_figure`. Without a height the square is left out. `face`, with
+    height and counterface (y, x), mm, gives a panel with the gap to the active stone, and the
+    points (n, 2) of (y, x), mm, through which it is `pushed`; its title names a mat.
     """
-    count = 2 + (height is not None) + (gap is not None)
+    count = 2 + (height is not None) + (face is not None)
     figure, panels = style.panels(count, count, _PANEL, (0.55, 0.25, 0.3, 0.85))
     mesh = coarsen(mesh, faces=_FACES)
     views = {
@@ -227,12 +228,17 @@ def check_figure(
         axes.set_title(name)
     if height is not None:
         draw_places(panels[2], height, patches, patch_size_mm)
-    if gap is not None:
+    if face is not None:
+        # both are positive towards each other
+        gap = -face.height - face.counterface
         axes, square = panels[-1], _UNIT * size_mm
         near = maps.HEIGHT_MAP.reversed()
-        maps.draw_map(axes, gap, cmap=near, ticks=True, bar="gap to the active stone (µm)")
+        maps.draw_map(
+            axes, gap - gap.min(), cmap=near, ticks=True, bar="gap to the active stone (µm)"
+        )
         axes.add_patch(Polygon(square, fill=False, edgecolor=VERMILION, lw=1.2))
         if pushed is not None:
             axes.plot(pushed[:, 1], pushed[:, 0], "+", color=VERMILION, markersize=4)
-        axes.set_title("the active stone; + where it is pushed")
+        mat = f"; mat of {mat_um:g} µm" if mat_um else ""
+        axes.set_title(f"the active stone{mat}; + where it is pushed")
     return figure
