@@ -245,8 +245,10 @@ def row(code: Code, tolerance: float, _, runs: list[Run]) -> dict:
 def measure_growth(case: Growth, runs, calibration: Calibration, keep) -> list[dict]:
     """Rows, one for each code, size and seed; `keep` stores them after each."""
     rows = []
+    reached = {}
     for label, sizes, seeds in runs:
         code = CODES[label]
+        first = calibration.known.get(("rough-76", label), code.start)
         for size in sizes:
             for seed in seeds:
                 surface = Surface("rough", size, seed)
@@ -254,11 +256,13 @@ def measure_growth(case: Growth, runs, calibration: Calibration, keep) -> list[d
                     levels = {"load": [case.pressure]}
                     if code.control == "displacement":
                         levels = levels_of(surface, case.pressure, 1)
-                    tolerance = calibration.known.get(("rough-76", label), code.start)
+                    tolerance = reached.get((label, seed), first)
                     for _ in range(8):
                         result = run(code, surface, levels, tolerance)
                         say(f"{case.name} {size}² seed {seed}", label, tolerance, result)
                         if result.reached:
+                            # a finer grid starts with what the coarser one needed
+                            reached[label, seed] = tolerance
                             break
                         tolerance /= RUNG
                     else:
