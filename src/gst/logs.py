@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from gst.made import record_made, record_of
+from gst.made import record_made, record_of, records_in
 from gstlib.errors import GstError
 from gstlib.io.files import cannot_write
 
@@ -121,15 +121,17 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
 
 
 def unrecorded_steps(results: Path) -> list[str]:
-    """Steps that ended well, by their logs, but whose records of what they made are gone."""
-    steps = set()
-    for log in results.glob("logs/**/*.log"):
-        if not record_of(log).is_file():
-            last = log.read_text(encoding="utf-8").splitlines()[-1:]
-            if last and last[0].startswith(f"INFO {_LAST}"):
-                # a log is named as its step, or lies in a folder of that name
-                steps.add(log.stem if log.parent.name == "logs" else log.parent.name)
-    return sorted(steps)
+    """Steps that ended well, but whose logs, or records of what they made, are gone."""
+    logs = {*results.glob("logs/**/*.log")}
+    logs |= {record.with_suffix(".log") for record in records_in(results)}
+    lost = [log for log in logs if _ended_well(log) != record_of(log).is_file()]
+    # a log is named as its step, or lies in a folder of that name
+    return sorted({log.stem if log.parent.name == "logs" else log.parent.name for log in lost})
+
+
+def _ended_well(log: Path) -> bool:
+    lines = log.read_text(encoding="utf-8").splitlines() if log.is_file() else []
+    return bool(lines) and lines[-1].startswith(f"INFO {_LAST}")
 
 
 def _used() -> str:

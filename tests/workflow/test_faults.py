@@ -52,19 +52,22 @@ def test_what_is_deleted_is_planned_again(tiny):
             file.write_bytes(content)
 
 
-def test_one_file_of_a_folder_and_what_has_no_record_are_made_again(tiny):
+def test_one_file_of_a_folder_and_what_is_not_recorded_are_made_again(tiny):
     picture, wear = tiny.results / "figures/patch/7.png", tiny.results / "wear/7.h5"
     before = picture.read_bytes()
-    record = tiny.results / "logs/judge_wear.sha256"
-    for deleted in (picture, record):
+    record, log = (
+        tiny.results / f"logs/{name}" for name in ("judge_wear.sha256", "write_page.log")
+    )
+    for deleted in (picture, record, log):
         deleted.unlink()
     said = tiny.gst("study", tiny.config, "--plan").stdout
-    again = "Missing, and to be made again: results-tiny/figures/patch, what judge_wear made\n"
-    assert again in said
+    again = "results-tiny/figures/patch, what judge_wear made, what write_page made"
+    assert f"Missing, and to be made again: {again}\n" in said
     assert str(wear.relative_to(tiny.folder)) not in said
     assert tiny.gst("study", tiny.config).returncode == 0
     assert picture.read_bytes() == before
     assert record.is_file()
+    assert log.is_file()
 
 
 def test_what_was_edited_or_cut_is_never_certified(tiny):
