@@ -84,7 +84,7 @@ test-faults: $(READY) ## kill runs, fill disks, damage files, and count what is 
 hooks: $(READY) ## check the style of each commit before it is made
 	$(BIN)/pre-commit install
 
-bench: $(READY) ## measure the contact solver against other codes (half an hour)
+bench: $(READY) ## measure the contact solver against other codes (an hour)
 	$(BIN)/python benchmarks/run.py
 
 margin: $(READY) ## measure how much unrounded tables differ between cores and processors (10 minutes)
