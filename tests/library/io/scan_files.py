@@ -15,7 +15,17 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
+import pytest
+from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
+from gstlib.io.scans import read_scan
+
+
+def refused(path, match=None, **options):
+    """The scan is not read, and the error names its file."""
+    with pytest.raises(InputError, match=match) as caught:
+        read_scan(path, **options)
+    assert path.name in str(caught.value)
 
 
 def zipped(members, method=zipfile.ZIP_DEFLATED):

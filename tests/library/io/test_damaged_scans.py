@@ -13,17 +13,10 @@ from gstlib.io.scans import read_scan
 from gstlib.surface import spacing_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scan_files import FORMATS, write_sur, zipped
+from scan_files import FORMATS, refused, write_sur, zipped
 
 SPACING = (1.66e-3, 0.83e-3)
 each_format = pytest.mark.parametrize("name", FORMATS)
-
-
-@pytest.fixture
-def heights():
-    heights = 1e-3 * np.random.default_rng(1).normal(size=(5, 7))
-    heights[1, 5] = math.nan
-    return heights
 
 
 def _read(path, sample):
@@ -37,12 +30,6 @@ def _written(folder, name, heights, spacing=SPACING):
     return path, sample
 
 
-def _refused(path, match=None, **kwargs):
-    with pytest.raises(InputError, match=match) as caught:
-        read_scan(path, **kwargs)
-    assert path.name in str(caught.value)
-
-
 @each_format
 def test_truncated(tmp_path, heights, name):
     path, sample = _written(tmp_path, name, heights)
@@ -52,7 +39,7 @@ def test_truncated(tmp_path, heights, name):
         if sample.ending == ".xyz" and length > 40:  # a part of a point cloud is a point cloud
             continue
         cut = "is empty|bytes are less than a .plu header|take 648 bytes, but the file has"
-        _refused(path, cut if sample.ending == ".plu" else None, **sample.options(1e-3))
+        refused(path, cut if sample.ending == ".plu" else None, **sample.options(1e-3))
 
 
 @each_format
@@ -62,29 +49,29 @@ def test_content_of_another_format(tmp_path, heights, name):
     for other in {f.ending for f in FORMATS.values()} - {sample.ending}:
         if not {other, sample.ending} <= text:
             (tmp_path / f"b{other}").write_bytes(path.read_bytes())
-            _refused(tmp_path / f"b{other}", unit="um", spacing_um=1.0)
+            refused(tmp_path / f"b{other}", unit="um", spacing_um=1.0)
 
 
-@pytest.mark.parametrize("claim", [(60000, 60000), (2**31 - 1, 2**31 - 1), (5, 8), (0, 7)])
+@pytest.mark.parametrize("claim", [(2**31 - 1, 2**31 - 1), (5, 8), (0, 7)])
 def test_header_that_announces_another_shape(tmp_path, heights, claim):
     write_sur(tmp_path / "a.sur", heights, SPACING, claim=claim)
-    _refused(tmp_path / "a.sur")
+    refused(tmp_path / "a.sur")
     path, _ = _written(tmp_path, "plu", heights)
     content = bytearray(path.read_bytes())
     struct.pack_into("<2I", content, 500, *claim)
     path.write_bytes(content)
-    _refused(path, "truncated|not a .plu")
+    refused(path, "truncated|not a .plu")
 
 
 def test_a_picture_is_not_read_as_heights(tmp_path, heights):
     write_sur(tmp_path / "a.sur", heights, SPACING, kind=12)
-    _refused(tmp_path / "a.sur", "holds no map of heights")
+    refused(tmp_path / "a.sur", "holds no map of heights")
 
 
 @each_format
 def test_nothing_measured_flat_and_infinite(tmp_path, heights, name):
     path, sample = _written(tmp_path, name, np.full_like(heights, math.nan))
-    _refused(path, "not one point|no row|is empty", **sample.options(1e-3))
+    refused(path, "not one point|no row|is empty", **sample.options(1e-3))
     path, sample = _written(tmp_path, name, np.full_like(heights, 0.001))
     assert np.ptp(_read(path, sample).values) == pytest.approx(0, abs=1e-12)
     if name.partition(",")[0] not in ("plu", "sur"):  # which cannot hold it
@@ -94,11 +81,10 @@ def test_nothing_measured_flat_and_infinite(tmp_path, heights, name):
 
 
 @each_format
-@pytest.mark.parametrize("axis", [0, 1])
-def test_single_row_or_column(tmp_path, heights, name, axis):
-    line = np.nan_to_num(heights).ravel()
-    path, sample = _written(tmp_path, name, line[None] if axis == 0 else line[:, None])
-    _refused(path, **sample.options(1e-3))
+@pytest.mark.parametrize("shape", [(1, -1), (-1, 1)])
+def test_single_row_or_column(tmp_path, heights, name, shape):
+    path, sample = _written(tmp_path, name, np.nan_to_num(heights).reshape(shape))
+    refused(path, **sample.options(1e-3))
 
 
 @pytest.mark.parametrize(
@@ -110,22 +96,22 @@ def test_absurd_sizes(tmp_path, heights, spacing, factor):
     path = tmp_path / "a.plu"
     tiled = np.tile(heights * factor, (20, 20))  # 140 points along x
     write_plu(path, tiled, spacing)
-    _refused(path, "its unit is wrong")
+    refused(path, "its unit is wrong")
 
 
 def test_a_profile_is_no_map(tmp_path, heights):
-    _refused(tmp_path / "a.plu", "no such file")
+    refused(tmp_path / "a.plu", "no such file")
     path, _ = _written(tmp_path, "plu", heights)
     content = path.read_bytes()
     path.write_bytes(content[:428] + struct.pack("<I", 1) + content[432:])
-    _refused(path, "type 1 with 5 × 7 points: not a .plu topography")
+    refused(path, "type 1 with 5 × 7 points: not a .plu topography")
 
 
-@pytest.mark.parametrize("name", ["a.al3d", "a.sur", "a.vk4", "a.bin", "noending", "a.hgt"])
+@pytest.mark.parametrize("name", ["a.al3d", "a.bin", "noending", "a.hgt"])
 def test_unknown_content(tmp_path, name):
     # as many bytes as a square map of 16-bit heights has: one format has no other mark
     (tmp_path / name).write_bytes(b"what no instrument wrote" * 3 * 4**3)
-    _refused(tmp_path / name, "cannot be read as a height map", unit="um", spacing_um=1.0)
+    refused(tmp_path / name, "cannot be read as a height map", unit="um", spacing_um=1.0)
 
 
 # 32-bit words that mean trouble: extreme integers, infinity and NaN

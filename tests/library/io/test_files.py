@@ -6,7 +6,6 @@ import sys
 import textwrap
 
 import pytest
-from gst.logs import job_log
 from gstlib.errors import OutputError
 from gstlib.io.files import check_writable, write_whole
 
@@ -68,12 +67,3 @@ def test_a_folder_that_cannot_be_written_to(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.TemporaryFile", lambda **_: failing(errno.EROFS)())
     with pytest.raises(OutputError, match="results: cannot be written: the disk is read-only"):
         check_writable(tmp_path / "new/results")
-
-
-def test_a_job_whose_log_cannot_be_written_says_so(tmp_path, capsys):
-    (tmp_path / "logs").touch()
-    with (
-        pytest.raises(SystemExit, match=r"logs/a\.log: cannot be written"),
-        job_log(tmp_path / "logs/a.log"),
-    ):
-        raise AssertionError("the job must not begin")

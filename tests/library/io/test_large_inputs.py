@@ -17,21 +17,27 @@ from gstlib.io.scans import read_scan
 from scan_files import FORMATS, write_sur
 
 
-def zeros(path, name):
+def zeros(name):
     """A zip file with a member of 20 MB of nothing."""
-    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(name, bytes(20_000_000))
-    return path
+
+    def make(path):
+        with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr(name, bytes(20_000_000))
+
+    return make
 
 
-def glb(path, change):
+def glb(change):
     """A ball, whose header is changed."""
-    ball = trimesh.creation.icosphere(3).export(file_type="glb")
-    end = 20 + int.from_bytes(ball[12:16], "little")
-    header = json.dumps(change(json.loads(ball[20:end]))).encode()
-    sizes = struct.pack("<4sIIII", b"glTF", 2, 20 + len(header) + len(ball) - end, len(header), 0)
-    path.write_bytes(sizes[:16] + b"JSON" + header + ball[end:])
-    return path
+
+    def make(path):
+        ball = trimesh.creation.icosphere(3).export(file_type="glb")
+        end = 20 + int.from_bytes(ball[12:16], "little")
+        head = json.dumps(change(json.loads(ball[20:end]))).encode()
+        sizes = struct.pack("<4sIIII", b"glTF", 2, 20 + len(head) + len(ball) - end, len(head), 0)
+        path.write_bytes(sizes[:16] + b"JSON" + head + ball[end:])
+
+    return make
 
 
 def repeated(header):
@@ -53,14 +59,6 @@ def empty(header):
 def sparse(path):
     with path.open("wb") as file:
         file.truncate(40_000_000_000)
-    return path
-
-
-def points(path):
-    """On a grid of 60,000 lines a side, one point each."""
-    at = np.arange(0, 60_000)
-    np.savetxt(path, np.column_stack([at, at, 0 * at]), fmt="%d")
-    return path
 
 
 def false_sur(path):
@@ -70,7 +68,6 @@ def false_sur(path):
     at = content.rindex(b"a comment") + len(b"a comment") + 4
     content[at : at + 4] = (1 << 31).to_bytes(4, "little")
     path.write_bytes(content)
-    return path
 
 
 def false_sdf(path):
@@ -79,64 +76,55 @@ def false_sdf(path):
     content = bytearray(path.read_bytes())
     content[42:46] = struct.pack("<2H", 65_535, 65_535)
     path.write_bytes(content)
-    return path
 
 
-def nested(path):
-    path.write_text(f"a: {'[' * 5000}{']' * 5000}")
-    return path
+def text(*lines):
+    return lambda path: path.write_text("\n".join(lines))
 
 
-def many(path):
-    rows = "".join(f"p{n},1,1,a\n" for n in range(20_000))
-    path.write_text(f"patch,x_mm,y_mm,t0\n{rows}")
-    return path
-
-
-def long(path):
-    path.write_text(f"patch,x_mm,y_mm,t0,note\n1,1,1,a,{'x' * 200_000}\n")
-    return path
-
-
-def laughs(path):
-    lines = ["results: &a [" + ", ".join("x" * 9) + "]"]
-    names = "abcdefghi"
-    for before, name in itertools.pairwise(names):
-        lines.append(f"k{name}: &{name} [" + ", ".join(9 * [f"*{before}"]) + "]")
-    path.write_text("\n".join(lines))
-    return path
+def laughs():
+    """Nine aliases of nine aliases of nine ..."""
+    yield "a: &a [" + ", ".join("x" * 9) + "]"
+    for before, name in itertools.pairwise("abcdefghi"):
+        yield f"k{name}: &{name} [" + ", ".join(9 * [f"*{before}"]) + "]"
 
 
 def patches(path):
     return read_patches(path, size_mm=5.0, patch_size_mm=0.85)
 
 
+def poses(path):
+    return read_poses(path, size_mm=5.0)
+
+
+ROWS = (f"p{n},1,1,a" for n in range(20_000))
 CASES = {
-    "points": (lambda folder: points(folder / "a.xyz"), read_scan),
-    "3mf": (lambda folder: zeros(folder / "a.3mf", "3D/3dmodel.model"), read_mesh),
-    "plux": (lambda folder: zeros(folder / "a.plux", "LAYER_0.raw"), read_scan),
-    "sur": (lambda folder: false_sur(folder / "a.sur"), read_scan),
-    "sdf": (lambda folder: false_sdf(folder / "a.sdf"), read_scan),
-    "repeated": (lambda folder: glb(folder / "a.glb", repeated), read_mesh),
-    "empty": (lambda folder: glb(folder / "a.glb", empty), read_mesh),
-    "mesh": (lambda folder: sparse(folder / "a.stl"), read_mesh),
-    "scan": (lambda folder: sparse(folder / "a.plu"), read_scan),
-    "table": (lambda folder: sparse(folder / "a.tsv"), patches),
-    "poses": (lambda folder: sparse(folder / "a.csv"), lambda path: read_poses(path, size_mm=5.0)),
-    "config": (lambda folder: sparse(folder / "a.yaml"), read_config_file),
-    "rows": (lambda folder: many(folder / "a.csv"), patches),
-    "line": (lambda folder: long(folder / "a.csv"), patches),
-    "nested": (lambda folder: nested(folder / "a.yaml"), read_config_file),
-    "aliases": (lambda folder: laughs(folder / "a.yaml"), read_config_file),
+    # on a grid of 60,000 lines a side, one point each
+    "points": (text(*(f"{n} {n} 0" for n in range(60_000))), "a.xyz", read_scan),
+    "3mf": (zeros("3D/3dmodel.model"), "a.3mf", read_mesh),
+    "plux": (zeros("LAYER_0.raw"), "a.plux", read_scan),
+    "sur": (false_sur, "a.sur", read_scan),
+    "sdf": (false_sdf, "a.sdf", read_scan),
+    "repeated": (glb(repeated), "a.glb", read_mesh),
+    "empty": (glb(empty), "a.glb", read_mesh),
+    "mesh": (sparse, "a.stl", read_mesh),
+    "scan": (sparse, "a.plu", read_scan),
+    "table": (sparse, "a.tsv", patches),
+    "poses": (sparse, "a.csv", poses),
+    "config": (sparse, "a.yaml", read_config_file),
+    "rows": (text("patch,x_mm,y_mm,t0", *ROWS), "a.csv", patches),
+    "line": (text("patch,x_mm,y_mm,t0,note", f"1,1,1,a,{'x' * 200_000}"), "a.csv", patches),
+    "nested": (text(f"a: {'[' * 5000}{']' * 5000}"), "a.yaml", read_config_file),
+    "aliases": (text(*laughs()), "a.yaml", read_config_file),
 }
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_what_asks_for_much_is_refused(tmp_path, case):
-    make, read = CASES[case]
-    path = make(tmp_path)
-    with pytest.raises((ConfigError, InputError), match=path.name) as refused:
-        read(path)
+    make, name, read = CASES[case]
+    make(tmp_path / name)
+    with pytest.raises((ConfigError, InputError), match=name) as refused:
+        read(tmp_path / name)
     assert "\n" not in str(refused.value)
 
 
@@ -144,5 +132,5 @@ def test_a_member_that_nobody_needs_is_not_unpacked(tmp_path):
     path = tmp_path / "a.x3p"
     FORMATS["x3p"].write(path, np.random.default_rng(1).random((9, 9)) * 1e-3, (1e-3, 1e-3))
     known = read_scan(path)
-    zeros(path, "notes.bin")
+    zeros("notes.bin")(path)
     assert read_scan(path).equals(known)
