@@ -8,8 +8,6 @@ from gstlib.specimen.score import score_truth
 from gstlib.surface import make_surface
 from scipy.ndimage import label
 
-CONTACT = {"contact_modulus_MPa": 4e4, "target_pressure_MPa": 5.0, "tolerance": 1e-6}
-
 
 @pytest.fixture
 def results(truth):
@@ -49,18 +47,13 @@ def results(truth):
     }
 
 
-def scored(truth, results):
-    """The table, its results given one by one as the study reads them."""
-    return score_truth(truth, **results)
-
-
 def errors(table, quantity, patch="10", stage=None):
     table = table[(table.quantity == quantity) & (table.patch == patch)]
     return (table if stage is None else table[table.stage == stage]).error.item()
 
 
 def test_truth_against_itself_has_no_error(truth, results):
-    table = scored(truth, results)
+    table = score_truth(truth, **results)
     np.testing.assert_allclose(table.error.astype(float), 0, atol=2e-4)
     assert not table.duplicated(["stage", "quantity", "patch"]).any()
     assert table.stage.nunique() == 7
@@ -85,7 +78,7 @@ def test_every_perturbed_stage_shows(truth, results):
     face = results["face"]  # its plane is no error, but its noise is
     noise = 1e-3 * rng.standard_normal(face.height.shape)
     results["face"] = face + 0.01 * face.x - 0.02 * face.y + 3 + noise
-    table = scored(truth, results)
+    table = score_truth(truth, **results)
     assert errors(table, "T0 tilt_x", "5") == 1
     assert errors(table, "T1 tilt_x", "5") == 0
     assert errors(table, "T0 height_rms_error", "5") == pytest.approx(0.1, rel=0.05)
@@ -105,13 +98,13 @@ def test_left_over_spikes_are_counted_once_each_where_they_stand_up(truth, resul
     surface["outlier"] = surface.outlier & False
     down = np.arange(outlier.shape[1]) < 20
     surface["measured"] = surface.measured - 0.06 * (surface.filled.copy(data=outlier) & down)
-    table = scored(truth, results)
+    table = score_truth(truth, **results)
     left = errors(table, "T1 leftover_spikes", "5")
     assert left == label(outlier & ~down, np.ones((3, 3)))[1] > 10
     assert errors(table, "T1 outlier_recall", "5") == -1
     assert np.isnan(errors(table, "T1 outlier_precision", "5"))
     surface.attrs["outlier_scale_um"] = np.nan  # of a rule that has none
-    table = scored(truth, results)
+    table = score_truth(truth, **results)
     assert not ((table.quantity == "T1 leftover_spikes") & (table.patch == "5")).any()
 
 
@@ -120,21 +113,21 @@ def test_shallow_traces_are_neither_false_nor_missed_and_only_the_overlap_counts
     deep = truth.sel(patch="10").wear_depth > truth.attrs["wear_threshold_um"] * 1e-3
     assert registered.loss.sum() > deep.sum()
     registered["loss"] = deep
-    table = scored(truth, results)
+    table = score_truth(truth, **results)
     for quantity in ("loss_precision", "loss_recall", "false_loss_share", "worn_share"):
         assert errors(table, quantity) == pytest.approx(0, abs=1e-12)
     off = 0.2e-3 * (truth.sel(patch="10").wear_depth > 0) + 0.1e-3
     registered["change"] = (registered.change + off).where(registered.x < 0.4)
-    table = scored(truth, results)
+    table = score_truth(truth, **results)
     assert errors(table, "change_bias_unworn") == pytest.approx(0.1, abs=1e-6)
     assert errors(table, "change_bias_worn") == pytest.approx(0.3, abs=1e-6)
     expected = 1e3 * np.sqrt((off.where(off.x < 0.4) ** 2).mean().item())
     assert errors(table, "change_rms_error") == pytest.approx(expected, rel=1e-5)
     registered["change"] = registered.change * np.nan
-    table = scored(truth, results)
+    table = score_truth(truth, **results)
     assert "10" not in set(table.patch[table.stage == "wear"])
 
 
 def test_without_a_reference_no_pressure_is_true(truth, results):
-    table = scored(truth, results | {"two_scales": None})
+    table = score_truth(truth, **results | {"two_scales": None})
     assert "coupling" not in set(table.stage)

