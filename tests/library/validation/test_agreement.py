@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from gstlib.validation.agreement import mask_counts, mask_scores, seen_depth
+from gstlib.validation.agreement import mask_counts, mask_scores
 from hypothesis import given, settings
 from hypothesis.extra.numpy import arrays
 
@@ -28,17 +28,6 @@ def test_scores_by_hand():
     assert scores(predicted, observed, valid) == pytest.approx(expected)
 
 
-def test_a_silent_prediction_is_at_chance_and_a_loss_that_is_nowhere_has_no_score():
-    none, some = np.zeros((2, 3), dtype=bool), np.arange(6).reshape(2, 3) < 2
-    silent, alarm = scores(none, some), scores(some, none)
-    assert (silent["mcc"], silent["attainable_mcc"], silent["f1"]) == (0, 0, 0)
-    assert scores(~none, some)["mcc"] == 0
-    assert math.isnan(alarm["mcc"] + alarm["attainable_mcc"])
-    assert math.isnan(scores(some, ~none)["mcc"])
-    assert math.isnan(silent["precision"] + alarm["recall"])
-    assert all(math.isnan(value) for value in scores(some, some, none).values())
-
-
 @settings(deadline=None)
 @given(masks, masks, masks)
 def test_mcc_is_the_correlation_of_the_masks_and_no_mask_of_its_area_does_better(
@@ -58,9 +47,3 @@ def test_mcc_is_the_correlation_of_the_masks_and_no_mask_of_its_area_does_better
         assert found["mcc"] <= found["attainable_mcc"] + 1e-12
     else:
         assert found["mcc"] == 0
-
-
-def test_what_all_points_lose_alike_no_scan_shows():
-    depth = np.array([0.0, 0.0, 0.0, 3.0, 5.0])
-    np.testing.assert_array_equal(seen_depth(depth), depth)
-    np.testing.assert_array_equal(seen_depth(depth + 2.0), depth)

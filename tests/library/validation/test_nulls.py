@@ -46,12 +46,6 @@ def test_scores_are_those_of_all_predictions_turned_and_mirrored(shape):
     np.testing.assert_allclose(np.sort(found), np.sort(expected), atol=1e-12)
 
 
-def test_masks_are_kept_as_they_are():
-    rng = np.random.default_rng(1)
-    masks = rng.random((3, 13, 17)) > 0.5
-    np.testing.assert_array_equal(Places.of(*masks).masks(), masks)
-
-
 def test_of_thousands_of_patches_a_part_is_enough(monkeypatch):
     monkeypatch.setattr("gstlib.validation.nulls._MOST_PATCHES", 5)
     rng = np.random.default_rng(2)
@@ -97,10 +91,3 @@ def test_unrelated_fields_are_significant_as_often_as_the_level_says(draw):
     for level in (0.05, 0.2):
         error = 3 * math.sqrt(level * (1 - level) / len(drawn))
         assert (np.array(drawn) <= level).mean() == pytest.approx(level, abs=error)
-
-
-def test_a_relation_is_found():
-    rng = np.random.default_rng(6)
-    lost = [field(rng, 3) for _ in range(12)]
-    predicted = [one + 0.5 * one.std() * rng.standard_normal(one.shape) for one in lost]
-    assert max(p_values(rng, predicted, lost)) < 0.02

@@ -81,13 +81,6 @@ def test_a_perfect_prediction_agrees_and_its_rivals_do_not(patch):
     assert (rows.mcc["none"], rows.attainable_mcc["none"]) == (0, 0)
 
 
-def test_the_ceiling_has_the_patchs_own_worn_share(patch):
-    rows, known = table(judged(patch)), np.isfinite(patch[1].change.values)
-    share = float(patch[1].loss.values[known].mean())
-    assert rows.marked_fraction[CEILING] == pytest.approx(share, abs=1e-3)
-    assert rows.attainable_mcc[CEILING] == pytest.approx(1, abs=0.01)
-
-
 def test_scans_see_what_a_patch_loses_beyond_its_median(patch):
     contact, change, predicted = patch
     deeper = table(judged((contact, change, predicted + 1e-3)))

@@ -1,10 +1,11 @@
 """What is believed of a loss, and what is said where much rose."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from gstlib.surface import make_surface
 from gstlib.validation.change import height_change
-from gstlib.validation.selection import registration_table
+from gstlib.validation.selection import registration_table, select_patches
 
 RULES = {"minimum_overlap": 0.7, "minimum_correlation": 0.5, "minimum_pressure_MPa": 1.0}
 
@@ -47,3 +48,22 @@ def test_where_no_change_is_known_no_loss_is_believed():
     assert not row.believed
     lost = registration_table({"7": changed(0, 50, found=False)}, RULES, most_noise=0.5).iloc[0]
     assert (lost.excluded, lost.reason) == (True, "T1 was not found on T0")
+
+
+def test_patches_are_selected_by_pressure_overlap_and_correlation():
+    pressures = pd.DataFrame({"patch": list("12345"), "pressure_MPa": [0.0, 0.5, 8.0, 22.0, 70.0]})
+    registration = pd.DataFrame({"patch": list("1345"), "overlap": [0.52, 0.52, 0.95, 0.9]})
+    registration["detail_correlation"] = [0.99, 0.3, 0.99, 0.1]
+    registration["found"] = [True, True, True, False]
+    table = select_patches(pressures, registration, RULES)
+    assert list(table.reason) == [
+        "no macroscale contact; T0/T1 overlap 0.52 below 0.70",
+        "pressure 0.5 below 1 MPa",
+        "T0/T1 overlap 0.52 below 0.70; T0/T1 correlation 0.30 below 0.50",
+        "",
+        "T1 was not found on T0",
+    ]
+    assert list(table.in_study) == [False, False, False, True, False]
+    without_t1 = select_patches(pressures, registration[:0], RULES)
+    assert list(without_t1.in_study) == [False, False, True, True, True]
+    assert list(without_t1.reason[:2]) == ["no macroscale contact", "pressure 0.5 below 1 MPa"]

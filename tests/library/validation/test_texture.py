@@ -100,15 +100,6 @@ def test_aspect_ratio_of_a_texture_with_a_direction(turn):
     assert np.mean([each["Sal"] for each in found]) == pytest.approx(decay, rel=0.05)
 
 
-def test_points_left_out_of_the_autocorrelation_are_not_missed():
-    """An S-filter of 8 µm leaves every fourth point; waves this long pass it whole."""
-    heights = correlated(lambda y, x: np.exp(-(y**2 + (x / 2) ** 2) / 10**2))
-    every, fourth = parameters(heights), parameters(heights, s_filter_um=8.0)
-    for name in ("Sal", "Str"):
-        assert fourth[name] == pytest.approx(every[name], rel=0.05)
-        assert fourth[name] != every[name]
-
-
 @pytest.mark.parametrize("every", [(2, 1), (1, 3)])
 def test_rectangular_points_cost_nothing(every):
     heights = correlated(lambda y, x: np.exp(-(y**2 + (x / 2) ** 2) / 10**2), size=2 * SIZE)
