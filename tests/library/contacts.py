@@ -1,7 +1,59 @@
 """Contacts for tests: solved in one line, or with a state that the test says."""
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.preprocess.leveling import remove_plane
+from gstlib.surface import axis_coordinates, make_surface
+
+
+def around(heights, spacing, shift):
+    """A face in the coordinates of its square, whose corner lies `shift` mm from the face's."""
+    face = make_surface(heights, spacing)
+    return face.assign_coords({axis: face[axis].copy(data=face[axis] - shift) for axis in "yx"})
+
+
+def rough(seed, shape=(24, 32), spacing=0.01, rms_mm=0.002):
+    """A surface whose heights are independent of each other."""
+    heights = np.random.default_rng(seed).standard_normal(shape)
+    return make_surface(rms_mm * heights, spacing)
+
+
+def tiles(side):
+    """Four patches that tile a square."""
+    near, far = side / 4, 3 * side / 4
+    places = {"x_mm": [near, far, near, far], "y_mm": [near, near, far, far]}
+    return pd.DataFrame({"patch": list("abcd")} | places | {"rotation_deg": 0.0})
+
+
+def mesh_face(height, error, vertices, seed):
+    """A face as the mesh gives it, whose left-out vertices err by `error` (mm, r.m.s.)."""
+    rng, size = np.random.default_rng(seed), float(height.sizes["x"] * height.x.attrs["spacing"])
+    height.attrs["mesh_edge_mm"] = 1.5 * height.x.attrs["spacing"]
+    y, x = rng.uniform(0, size, (2, vertices))
+    errors = error * rng.standard_normal(vertices)
+    numbers = {"vertex_y": y, "vertex_x": x, "left_out_error": errors}
+    fields = {name: ("vertex", of) for name, of in numbers.items()}
+    return xr.Dataset({"height": height, "counterface": 0 * height, "size_mm": size} | fields)
+
+
+def laid(function, place, size, points):
+    """A field of y and x on a patch, at its points, without its plane; and that plane."""
+    along = axis_coordinates(points, size / points) - size / 2
+    heights = function(*place.points(along[:, None], along))
+    return remove_plane(make_surface(heights, size / points))
+
+
+def hertz(force, radius, modulus):
+    """Hertz's contact of a sphere with a flat: half width (mm) and pressure(y, x) (MPa)."""
+    half_width = (3 * force * radius / (4 * modulus)) ** (1 / 3)
+    peak = 3 * force / (2 * np.pi * half_width**2)
+
+    def pressure(y, x):
+        return peak * np.sqrt(np.clip(1 - (y**2 + x**2) / half_width**2, 0, None))
+
+    return half_width, pressure
 
 
 def pressed(height, counterface=None, **loading):

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from contacts import hertz, rough, tiles
 from gstlib.cases import (
     case_table,
     ceiling_rows,
@@ -21,11 +22,6 @@ LOADING = Loading(contact_modulus_MPa=12820.0, target_pressure_MPa=50.0, toleran
 SOURCE = {"source": "surface.h5"}
 GRINDING = {"friction": 0.4, "tangential_ratio": 0.5, "poisson": 0.3}
 HARDNESS = 2000.0
-
-
-def rough(seed):
-    generator = np.random.default_rng(seed)
-    return make_surface(0.002 * generator.standard_normal((24, 32)), 0.01)
 
 
 FACES = faces_of(rough(5))
@@ -60,7 +56,7 @@ def test_sphere_sticks_and_moves_as_cattaneo_and_mindlin_say(sphere, ratio):
     slip = solve_slip(sphere, **GRINDING | {"tangential_ratio": ratio})
     found = values(slip_rows("7", slip))["grinding"]
     force = 30.0 * sphere.height.size * SPACING**2
-    radius = (3 * force * RADIUS / (4 * MODULUS)) ** (1 / 3)
+    radius, _ = hertz(force, RADIUS, MODULUS)
     # stick radius over contact radius is (1 - Q/μP)^(1/3)
     assert 1 - found["slip share"] == pytest.approx((1 - ratio) ** (2 / 3), abs=0.02)
     assert int(slip.slip.sum()) * SPACING**2 == pytest.approx(
@@ -84,9 +80,6 @@ def test_coulomb_holds_and_everything_slips_at_the_end(contact):
     np.testing.assert_array_equal(half.traction.values[half.slip], limit[half.slip])
     assert half.stick.any()
     assert half.slip.any()
-    idle = values(slip_rows("7", none))["grinding"]
-    assert idle["mean traction"] == idle["slip share"] == 0
-    assert idle["tangential displacement"] == pytest.approx(0, abs=1e-9)
     assert not none.slip.any()
     assert not all_of_it.stick.any()
     np.testing.assert_allclose(all_of_it.traction, limit)
@@ -104,9 +97,7 @@ def test_a_ceiling_holds_and_its_rows_agree_with_the_fields(contact):
     at_ceiling = limited.pressure.values == hardness
     assert limited.pressure.max() == hardness
     assert float(limited.pressure.mean()) == pytest.approx(50.0, rel=1e-9)
-    assert study["peak pressure"] == contact.pressure.max()
     assert study["contact fraction"] == elastic.mean()
-    assert study["displacement"] == 1e3 * float(contact.displacement)
     assert ceiling["share at the ceiling"] == pytest.approx(at_ceiling.sum() / plastic.sum())
     assert ceiling["contact fraction"] == plastic.mean() > study["contact fraction"]
     assert ceiling["displacement"] > study["displacement"]
@@ -136,19 +127,6 @@ def test_slip_and_ceiling_of_two_rough_faces_are_those_of_their_sum():
             np.testing.assert_allclose(variable, other[name], atol=1e-4)
 
 
-def test_without_pressure_nothing_slips_and_nothing_yields():
-    empty = contact_at_pressure(FACES, LOADING._replace(target_pressure_MPa=0.0), **SOURCE)
-    found = values(patch_rows({"7": empty}, grinding=GRINDING, hardness_MPa=HARDNESS))
-    assert found["grinding"].drop(["friction", "tangential ratio"]).fillna(-1).to_dict() == {
-        "mean traction": 0,
-        "slip share": -1,  # of no contact
-        "tangential displacement": 0,
-    }
-    assert np.isnan(found["ceiling"].pop("iou"))
-    rest = found.drop([("ceiling", "hardness"), ("ceiling", "iou")])
-    assert not rest[["study", "ceiling"]].any()
-
-
 # The table.
 
 
@@ -164,9 +142,7 @@ def test_the_cases_asked_for_are_those_that_are_solved(contact):
         table = case_table(patch_rows(patches, grinding=grinding, hardness_MPa=hardness))
         assert list(table.columns) == ["case", "patch", "quantity", "unit", "value"]
         assert table.case.unique().tolist() == cases
-        for case in cases:
-            order = table.patch[(table.case == case) & (table.patch != "")].unique().tolist()
-            assert order == ["7", "5"]
+        assert table.patch[table.patch != ""].unique().tolist() == ["7", "5"] * bool(cases)
         assert not table.duplicated(["case", "patch", "quantity"]).any()
     settings = table[table.patch == ""].set_index("quantity").value.to_dict()
     assert settings == {"friction": 0.4, "tangential ratio": 0.5, "hardness": HARDNESS}
@@ -175,14 +151,11 @@ def test_the_cases_asked_for_are_those_that_are_solved(contact):
 def test_the_other_modulus_presses_the_whole_square():
     """A stone half as stiff yields more; patches that tile the square carry its mean pressure."""
     square = contact_at_pressure(faces_of(rough(5)[:, :24]), LOADING, **SOURCE)
-    places = pd.DataFrame({"patch": list("abcd"), "x_mm": [0.06, 0.18] * 2, "rotation_deg": 0.0})
-    places = places.assign(y_mm=[0.06, 0.06, 0.18, 0.18])
-    rows = list(modulus_rows(square, places, other_modulus_MPa=6410.0, patch_mm=0.12))
+    rows = list(modulus_rows(square, tiles(0.24), other_modulus_MPa=6410.0, patch_mm=0.12))
     found = values([row for row in rows if row[1] == ""])
     assert found[["study", "other modulus"]][:, "contact modulus"].tolist() == [12820, 6410]
     half = LOADING._replace(contact_modulus_MPa=6410.0)
     soft = contact_at_pressure(faces_of(square.height), half, **SOURCE)
-    assert found["study", "displacement"] == 1e3 * float(square.displacement)
     assert found["other modulus", "displacement"] == 1e3 * float(soft.displacement)
     assert found["other modulus", "contact fraction"] > found["study", "contact fraction"]
     pressures = case_table(rows).query("quantity == 'patch pressure'")

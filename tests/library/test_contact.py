@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from contacts import rough
 from gstlib.bem import load_path
 from gstlib.contact import (
     Loading,
@@ -15,15 +16,10 @@ from gstlib.contact import (
     with_interface_stiffness,
 )
 from gstlib.errors import InputError
-from gstlib.surface import make_surface
 
 LOADING = Loading(contact_modulus_MPa=12820.0, target_pressure_MPa=50.0, tolerance=1e-9)
 SOURCE = {"source": "surface.h5"}
 PATH = SOURCE | {"steps": 4, "maximum_displacement_um": 50.0}
-
-
-def rough(seed, shape=(24, 32), spacing=0.01):
-    return make_surface(0.002 * np.random.default_rng(seed).standard_normal(shape), spacing)
 
 
 HEIGHT = rough(5)
@@ -35,78 +31,38 @@ def contact():
     return contact_path(FACES, LOADING, **PATH)
 
 
-FACE_UNITS = {
-    "height": "mm",
-    "counterface": "mm",
-    "surroundings": "mm",
-    "slope_y": "1",
-    "slope_x": "1",
-    "placed": "1",
-}
-STATE_UNITS = {
-    "pressure": "MPa",
-    "gap": "mm",
-    "displacement": "mm",
-    "mean_pressure": "MPa",
-    "contact_fraction": "1",
-    "residual": "1",
-    "contact_modulus": "MPa",
-    "target_pressure": "MPa",
-    "tolerance": "1",
-    "through_y": "mm",
-    "through_x": "mm",
-}
-PATH_UNITS = {
-    "path_displacement": "mm",
-    "path_mean_pressure": "MPa",
-    "path_contact_fraction": "1",
-    "path_residual": "1",
-    "path_stiffness": "MPa/mm",
-}
-EVERY_STEP_UNITS = {"path_pressure": "MPa", "path_gap": "mm"}
-
-
-def units_of(dataset):
-    return {name: variable.attrs["units"] for name, variable in dataset.data_vars.items()}
-
-
 def test_fields_units_and_settings_of_a_path(contact):
     every = contact_path(FACES, LOADING, every_step=True, **PATH)
-    assert units_of(contact) == FACE_UNITS | STATE_UNITS | PATH_UNITS
-    assert units_of(every) == FACE_UNITS | STATE_UNITS | PATH_UNITS | EVERY_STEP_UNITS
+    assert set(every.data_vars) - set(contact.data_vars) == {"path_pressure", "path_gap"}
+    units = {"pressure": "MPa", "gap": "mm", "path_pressure": "MPa", "path_stiffness": "MPa/mm"}
+    assert {name: every[name].attrs["units"] for name in units} == units
     pressure, gap = every.path_pressure, every.path_gap
-    assert pressure.dims == gap.dims == ("step", "y", "x")
     np.testing.assert_allclose(pressure.mean(("y", "x")), every.path_mean_pressure, rtol=1e-12)
     np.testing.assert_array_equal((pressure > 0).mean(("y", "x")), every.path_contact_fraction)
     for found in (contact, every):
         assert (found.pressure == pressure[-1]).all()
         assert (found.gap == gap[-1]).all()
         for name in ("displacement", "mean_pressure", "contact_fraction", "residual"):
-            assert found[name].dims == ()
             assert found[name] == every[f"path_{name}"][-1]
         assert Loading.of(found) == LOADING
-        assert found.attrs == {}
 
 
 @pytest.mark.parametrize(
     "faces",
     [
-        FACES,
         faces_of(HEIGHT, rough(6)),
         faces_of(HEIGHT, slopes=(0.01, -0.02), surroundings=np.full(HEIGHT.shape, 1e-3)),
         faces_of(HEIGHT, rough(6), slopes=(0.01, 0.0), surroundings=np.zeros(HEIGHT.shape)),
     ],
-    ids=["levelled on a flat", "scanned face", "placed", "placed with a scanned face"],
+    ids=["scanned face", "placed", "placed with a scanned face"],
 )
 def test_the_variables_of_a_contact_are_the_same_in_every_case(faces):
-    assert units_of(faces) == FACE_UNITS
     found = contact_at_pressure(faces, LOADING, **SOURCE)
-    assert units_of(found) == FACE_UNITS | STATE_UNITS
     alike = contact_at_pressure(FACES, LOADING, **SOURCE)
+    assert set(found.variables) == set(alike.variables)
     for name, variable in found.variables.items():
-        assert variable.dims == alike[name].dims, name
-        assert variable.dtype == alike[name].dtype, name
-        assert variable.attrs == alike[name].attrs, name
+        told = variable.dims, variable.dtype, variable.attrs
+        assert told == (alike[name].dims, alike[name].dtype, alike[name].attrs), name
 
 
 def test_a_patch_is_placed_even_where_its_surroundings_press_nothing():
@@ -123,16 +79,6 @@ def test_table_converts_to_micrometres(contact):
     np.testing.assert_allclose(table.stiffness_MPa_per_um, path.stiffness / 1000)
     np.testing.assert_allclose(table.mean_pressure_MPa, path.mean_pressure)
     np.testing.assert_array_equal(table.contact_fraction, path.contact_fraction)
-
-
-def test_a_pressure_alone_is_the_end_of_the_path(contact):
-    alone = contact_at_pressure(FACES, LOADING, **SOURCE)
-    assert float(alone.displacement) == pytest.approx(float(contact.displacement), rel=1e-9)
-    np.testing.assert_allclose(alone.pressure, contact.pressure, atol=1e-6)
-    np.testing.assert_allclose(alone.gap, contact.gap, atol=1e-9)
-    assert float(alone.contact_fraction) == float((alone.pressure > 0).mean())
-    assert float(alone.residual) <= 1e-9
-    np.testing.assert_array_equal(alone.height, HEIGHT)
 
 
 def test_errors_of_the_solver_name_the_file_and_the_remedy():
@@ -162,8 +108,7 @@ def test_full_contact_is_warned_of(caplog):
 def test_without_pressure_the_contact_is_empty():
     nothing = LOADING._replace(target_pressure_MPa=0.0)
     empty = contact_path(FACES, nothing, **PATH)
-    for name in PATH_UNITS:
-        assert empty[name].values.tolist() == [0, 0, 0, 0]
+    assert not any(empty[name].any() for name in empty if name.startswith("path_"))
     for name in ("displacement", "mean_pressure", "contact_fraction", "residual"):
         assert empty[name] == 0
     assert not empty.pressure.any()
@@ -187,8 +132,6 @@ def test_a_plane_and_the_surroundings_enter_the_contact_and_not_the_stored_heigh
     alone = contact_at_pressure(summed, LOADING, **SOURCE)
     np.testing.assert_allclose(found.pressure, alone.pressure, atol=1e-6)
     assert found.height.equals(HEIGHT)
-    level = contact_at_pressure(FACES, LOADING, **SOURCE)
-    assert abs(found.pressure - level.pressure).max() > 10
 
 
 def test_the_stiffness_of_the_interface_leaves_out_that_of_a_flat_punch():
@@ -207,13 +150,10 @@ FILES = {"source": "counterface.h5", "patch_source": "7_T0.h5"}
 LIGHT = LOADING._replace(target_pressure_MPa=40.0, tolerance=1e-10)
 
 
-def faced(lower, upper):
-    """The two, where `upper` is turned over onto `lower`."""
-    return faces_of(lower, turned_over(upper, lower, **FILES))
-
-
 def pressed(lower, upper):
-    return contact_at_pressure(faced(lower, upper), LIGHT, **SOURCE)
+    """The two, where `upper` is turned over onto `lower`."""
+    faces = faces_of(lower, turned_over(upper, lower, **FILES))
+    return contact_at_pressure(faces, LIGHT, **SOURCE)
 
 
 def test_who_presses_whom_does_not_matter():
@@ -225,10 +165,6 @@ def test_who_presses_whom_does_not_matter():
         onto_a.pressure, onto_b.pressure.values[:, ::-1], atol=1e-6 * float(onto_a.pressure.max())
     )
     np.testing.assert_array_equal(pressed_height(onto_a), a.values + b.values[:, ::-1])
-    path = contact_path(faced(a, b), LOADING._replace(target_pressure_MPa=40.0), **PATH)
-    np.testing.assert_allclose(path.pressure, onto_a.pressure, atol=1e-4)
-    assert path.height.equals(a)
-    assert path.counterface.identical(onto_a.counterface)
 
 
 @pytest.mark.parametrize("other", [rough(2, shape=(20, 23)), rough(2, (20, 24), spacing=0.0101)])

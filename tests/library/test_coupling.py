@@ -3,11 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
-from gstlib.bem import HalfSpace, Layer
+from gstlib.bem import HalfSpace
 from gstlib.coupling import couple_scales, patch_pressures, surroundings
 from gstlib.geometry import Place, footprint_weights, moved
 from gstlib.surface import make_surface
-from gstlib.validation.selection import select_patches
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -27,8 +26,6 @@ def test_rotation_turns_x_towards_y():
     column, row = ((corner - 0.02) / 0.025).astype(int)[0]
     assert weights[row - 2, column] > 0  # the corner (1, 1) is now at 75° from x
     assert weights[column - 2, row] == 0  # and not at 15°
-    quarter = footprint_weights(grid, Place(2.5, 2.5, 120), 2.0)
-    np.testing.assert_allclose(weights, quarter, atol=1e-9)
 
 
 @settings(max_examples=25, deadline=None)
@@ -47,9 +44,8 @@ def test_footprints_that_tile_share_out_all_of_the_force(seed, size, shift_x, sh
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     x, y = (places @ turn + (2.4 + shift_x, 2.5 + shift_y)).T
     near = np.hypot(x - 2.4, y - 2.5) < 3.6 + size
-    patches = pd.DataFrame(
-        {"patch": np.arange(near.sum()).astype(str), "x_mm": x[near], "y_mm": y[near]}
-    ).assign(rotation_deg=rotation)
+    patches = pd.DataFrame({"patch": np.arange(near.sum()), "x_mm": x[near], "y_mm": y[near]})
+    patches["rotation_deg"] = rotation
     table = patch_pressures(pressure, patches, size_mm=size)
     total = float(pressure.sum()) * 0.25 * 0.2
     assert table.force_N.sum() == pytest.approx(total, rel=1e-9)
@@ -69,27 +65,6 @@ def test_uniform_pressure_comes_through_and_none_far_from_contact():
     both = couple_scales(*contacts, places, patch_mm=0.85).iloc[0]
     assert both.pressure_MPa == row.pressure_MPa
     assert both.square_pressure_MPa == 0
-
-
-def test_patches_are_selected_by_pressure_overlap_and_correlation():
-    pressures = pd.DataFrame({"patch": list("12345"), "pressure_MPa": [0.0, 0.5, 8.0, 22.0, 70.0]})
-    registration = pd.DataFrame({"patch": list("1345"), "overlap": [0.52, 0.52, 0.95, 0.9]})
-    registration["detail_correlation"] = [0.99, 0.3, 0.99, 0.1]
-    registration["found"] = [True, True, True, False]
-    rules = {"pressure_MPa": 1.0, "overlap": 0.8, "correlation": 0.6}
-    rules = {f"minimum_{name}": value for name, value in rules.items()}
-    table = select_patches(pressures, registration, rules)
-    assert list(table.reason) == [
-        "no macroscale contact; T0/T1 overlap 0.52 below 0.80",
-        "pressure 0.5 below 1 MPa",
-        "T0/T1 overlap 0.52 below 0.80; T0/T1 correlation 0.30 below 0.60",
-        "",
-        "T1 was not found on T0",
-    ]
-    assert list(table.in_study) == [False, False, False, True, False]
-    without_t1 = select_patches(pressures, registration[:0], rules)
-    assert list(without_t1.in_study) == [False, False, True, True, True]
-    assert list(without_t1.reason[:2]) == ["no macroscale contact", "pressure 0.5 below 1 MPa"]
 
 
 def test_moved_patches_stay_on_the_square():
@@ -114,20 +89,6 @@ def test_surroundings_sink_a_patch_as_the_forces_outside_it_do(rotation):
     y, x = place.points(along[:, None], along)
     expected = 200.0 * 0.1**2 / (np.pi * 1e4 * np.hypot(y - 4.55, x - 2.55))
     np.testing.assert_allclose(found, expected, rtol=2e-3)
-
-
-def test_a_mat_is_displaced_near_its_load_alone():
-    field = make_surface(np.zeros((50, 50)), 0.1)
-    field[29:31, 20:30] = 50.0  # from 0.1 mm beyond the patch on
-    both = [
-        surroundings(
-            field, Place(2.4, 2.5, 0.0), (16, 16), size_mm=0.8, contact_modulus_MPa=1e9, layer=layer
-        )
-        for layer in (Layer(20.0, 0.2, 0.1), Layer(20.0, 0.2, 0.2))
-    ]
-    for found in both:
-        assert np.abs(found[:8]).max() < 0.03 * np.abs(found[-1]).max()
-    assert np.abs(both[1]).max() > 1.1 * np.abs(both[0]).max()
 
 
 def test_pressures_inside_the_outline_are_no_surroundings():

@@ -1,9 +1,10 @@
 """Places on the square: to a scan's points and back, with the shape that is asked for."""
 
 import numpy as np
-import pandas as pd
+import pytest
 import trimesh
-from gstlib.geometry import Frame, Place, on_mesh, on_patch, places_of, spline_of
+from contacts import around
+from gstlib.geometry import Frame, Place, on_mesh, on_patch, spline_of
 from gstlib.surface import make_surface
 from hypothesis import given
 from hypothesis import strategies as st
@@ -23,11 +24,6 @@ def test_a_turn_is_from_x_towards_y():
     np.testing.assert_allclose(Place(1.0, 2.0, 90.0).points(0.5, 0.0), (1.0, 1.5), atol=1e-12)
 
 
-def test_places_are_those_of_the_table_y_first():
-    table = pd.DataFrame({"patch": ["7"], "x_mm": [1.0], "y_mm": [2.0], "rotation_deg": [3.0]})
-    assert places_of(table) == {"7": Place(y_mm=2.0, x_mm=1.0, rotation_deg=3.0)}
-
-
 def test_a_field_on_a_patch_is_alike_with_and_without_the_short_cut():
     """Not turned, splines are evaluated on a grid: the same as point by point."""
     along = (np.arange(40) + 0.5) * 0.1
@@ -41,9 +37,7 @@ def test_a_field_lies_on_the_vertices_over_it():
     """On the side that the square looks from, in the element over the vertex; 0 beyond the face."""
     slab = trimesh.creation.box((20, 20, 3)).subdivide_to_size(1.0)
     frame = Frame(origin=(1.0, 2.0, 1.5), x_axis=(0, 1, 0), normal=(0, 0, 1))  # x up the mesh's y
-    field = make_surface(np.arange(64.0).reshape(8, 8), 0.5)
-    field = field.assign_coords({axis: field[axis].copy(data=field[axis] - 1.0) for axis in "yx"})
-    values = on_mesh(field, slab, frame)
+    values = on_mesh(around(np.arange(64.0).reshape(8, 8), 0.5, 1.0), slab, frame)
     x, y = slab.vertices[:, 1] - 2.0, 1.0 - slab.vertices[:, 0]
     inside = (slab.vertices[:, 2] > 0) & (abs(x - 1) < 1.999) & (abs(y - 1) < 1.999)
     row, column = (((of[inside] + 1) / 0.5).astype(int) for of in (y, x))
@@ -51,3 +45,11 @@ def test_a_field_lies_on_the_vertices_over_it():
     np.testing.assert_array_equal(values[inside], 8 * row + column)
     outside = (slab.vertices[:, 2] < 0) | (abs(x - 1) > 2.001) | (abs(y - 1) > 2.001)
     assert (values[outside] == 0).all()
+
+
+@pytest.mark.parametrize("spacing", [0.0, -1.0, np.nan, np.inf, (1.0, -1.0)])
+def test_what_is_no_surface_is_refused(spacing):
+    with pytest.raises(ValueError, match="spacing"):
+        make_surface(np.zeros((2, 2)), spacing)
+    with pytest.raises(ValueError, match="dimensions"):
+        make_surface(np.zeros(4), 1.0)

@@ -5,19 +5,17 @@ import logging
 import numpy as np
 import pytest
 import xarray as xr
+from contacts import around
 from gstlib.places import CONTROL, COUNTS, EXPOSED, concentration, propose_places
-from gstlib.surface import make_surface
 
 SIZES = {"size_mm": 5.0, "patch_mm": 0.8}
-ELEMENT, AROUND = 0.1, 20
+ELEMENT = 0.1
 
 
 @pytest.fixture
 def found():
     """A face of 9 mm around a square of 5; nothing touches."""
-    field = make_surface(np.zeros((90, 90)), ELEMENT)
-    shifted = {axis: field[axis].copy(data=field[axis].values - 2.0) for axis in "yx"}
-    field = field.assign_coords(shifted)
+    field = around(np.zeros((90, 90)), ELEMENT, 2.0)
     return xr.Dataset({"exposure": field, "touched": field.copy()})
 
 
@@ -58,15 +56,12 @@ def test_places_do_not_overlap_and_lie_in_the_square(found):
     assert gaps(places).min() > -1e-9
     for axis in ("x_mm", "y_mm"):
         assert places[axis].between(0.4 - 1e-9, 4.6 + 1e-9).all()
-    falling = places.exposure_N_per_mm[places.kind == EXPOSED]
-    assert falling.is_monotonic_decreasing
+    assert places.exposure_N_per_mm[places.kind == EXPOSED].is_monotonic_decreasing
 
 
 def test_controls_are_never_touched_and_lie_far_from_what_is(found, caplog):
     rub(found, 2.5, 0.5, 1.0, 5.0)
-    found["touched"][45, 30] = (
-        1e-3  # one element of one pose: exposure so small that it rounds to 0
-    )
+    found["touched"][45, 30] = 1e-3  # one element of one pose, whose exposure rounds to 0
     places = propose_places(found, **SIZES)
     controls = places[places.kind == CONTROL]
     assert len(controls) == COUNTS[CONTROL]

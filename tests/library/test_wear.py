@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from contacts import pressed
+from contacts import around, pressed, rough, tiles
 from gstlib.bem import Layer, wear_path
 from gstlib.coupling import patch_pressures, surroundings
 from gstlib.errors import InputError
@@ -16,22 +16,12 @@ from gstlib.wear import Mat, WornSquare, fit_mat, wear_map, wear_patch, wear_squ
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
 SETTINGS = {"contact_modulus_MPa": 1e4, "tolerance": 1e-9}
-# Four patches that tile the square, and one that nothing touches.
-PLACES = pd.DataFrame(
-    {
-        "patch": ["a", "b", "c", "d"],
-        "x_mm": [0.5, 1.5, 0.5, 1.5],
-        "y_mm": [0.5, 0.5, 1.5, 1.5],
-        "rotation_deg": 0.0,
-    }
-)
+PLACES, GRID = tiles(SIDE), {"shape": (COUNT, COUNT), "spacing": SIDE / COUNT}
 
 
 @pytest.fixture(scope="module")
 def square():
-    generator = np.random.default_rng(3)
-    rough = make_surface(0.004 * generator.standard_normal((COUNT, COUNT)), SIDE / COUNT)
-    return pressed(rough, target_pressure_MPa=20.0, **SETTINGS)
+    return pressed(rough(3, **GRID, rms_mm=0.004), target_pressure_MPa=20.0, **SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -80,9 +70,21 @@ def test_losses_that_the_square_cannot_give_are_refused(square, pressures):
 
 
 def patch_of(pressure_MPa, seed=0):
-    generator = np.random.default_rng(seed)
-    rough = make_surface(0.001 * generator.standard_normal((32, 32)), 0.01)
-    return pressed(rough, target_pressure_MPa=pressure_MPa, **SETTINGS)
+    return pressed(
+        rough(seed, (32, 32), rms_mm=0.001), target_pressure_MPa=pressure_MPa, **SETTINGS
+    )
+
+
+def changed(contact, depth_mm, level_mm=1e-6):
+    """The change without noise, of which scans see what exceeds the median."""
+    like, seen = contact.height, depth_mm - np.median(depth_mm)
+    return xr.Dataset(
+        {
+            "change": like.copy(data=-seen),
+            "loss": like.copy(data=seen > level_mm),
+            "level_of_detection": like.copy(data=np.full(like.shape, level_mm)),
+        }
+    )
 
 
 def test_a_patch_loses_what_the_square_takes_off_it(square, pressures):
@@ -100,64 +102,45 @@ def test_a_patch_loses_what_the_square_takes_off_it(square, pressures):
     assert float(wear_patch(contact, spared, "a").max()) == 0
 
 
-def changed(contact, depth_mm, level_mm=1e-6):
-    """A height change without noise."""
-    like = contact.height
-    return xr.Dataset(
-        {
-            "change": like.copy(data=-depth_mm),
-            "loss": like.copy(data=depth_mm > level_mm),
-            "level_of_detection": like.copy(data=np.full(like.shape, level_mm)),
-        }
-    )
-
-
 @pytest.fixture(scope="module")
 def worn_by_both():
     """Six patches that a mat wore too, at κ of 2e-5 mm/MPa, as the square gives their pressures."""
     mat = Layer(300.0, 0.3, 0.2)
-    generator = np.random.default_rng(6)
-    rough = make_surface(0.003 * generator.standard_normal((COUNT, COUNT)), SIDE / COUNT)
-    contact = pressed(rough, target_pressure_MPa=20.0, **SETTINGS)
+    contact = pressed(rough(6, **GRID, rms_mm=0.003), target_pressure_MPa=20.0, **SETTINGS)
     places = pd.concat([PLACES, PLACES.iloc[:2].assign(patch=["e", "f"], y_mm=1.0)])
     by_patch = patch_pressures(contact.pressure, places, size_mm=1.0)
-    guess = wear_square(
-        contact, by_patch, dict.fromkeys("abcdef", 0.4), patch_mm=1.0, steps=6, mat=mat
-    )
-    contacts = {
-        patch: patch_of(pressure, seed=number)
-        for number, (patch, pressure) in enumerate(
-            zip(by_patch.patch, by_patch.pressure_MPa, strict=True)
-        )
-    }
-    changes = {}
-    for patch, unworn in contacts.items():
-        depth = wear_patch(unworn, guess, patch, ratio=1.0, kappa=2e-5)
-        changes[patch] = changed(unworn, depth - np.median(depth))
-    seen = [1e3 * float((-of.change).clip(0).mean()) for of in changes.values()]
-    registration = pd.DataFrame({"patch": list(changes), "believed": True})
-    worn = wear_stone(
-        contact,
-        by_patch.assign(in_study=True),
-        registration.assign(loss_per_area_um=seen),
-        patch_mm=1.0,
-        steps=6,
-        mat={"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 200.0},
-    )
+    options, losses = {"patch_mm": 1.0, "steps": 6}, dict.fromkeys("abcdef", 0.4)
+    guess = wear_square(contact, by_patch, losses, **options, mat=mat)
+    contacts, changes = {}, {}
+    for number, patch in enumerate(by_patch.itertuples()):
+        unworn = contacts[patch.patch] = patch_of(patch.pressure_MPa, seed=number)
+        depth = wear_patch(unworn, guess, patch.patch, ratio=1.0, kappa=2e-5)
+        changes[patch.patch] = changed(unworn, depth)
+    registration = pd.DataFrame({"patch": list(changes), "believed": True, "known_share": 1.0})
+    registration["loss_per_area_um"] = [
+        1e3 * float((-of.change).clip(0).mean()) for of in changes.values()
+    ]
+    registration["loss_fraction"] = [float(of.loss.mean()) for of in changes.values()]
+    tables = by_patch.assign(in_study=True), registration
+    layer = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 200.0}
+    worn = wear_stone(contact, *tables, **options, mat=layer)
     assert worn.mat.layer == mat
     # under something soft, more of the square bears the same force
     assert float(worn.mat.pressure.mean()) == pytest.approx(20.0, rel=1e-6)
     assert (worn.mat.pressure > 0).mean() > 1.5 * (contact.pressure > 0).mean()
-    return worn, contacts, changes, fit_mat(worn, contacts, changes)
+    return worn, contacts, changes, fit_mat(worn, contacts, changes), tables
 
 
 def test_a_mat_is_found_by_its_traces_with_both_coefficients(worn_by_both):
-    worn, contacts, changes, fitted = worn_by_both
+    worn, contacts, changes, fitted, tables = worn_by_both
     assert fitted.ratio_of_all == 1.0
     np.testing.assert_array_equal(fitted.mat_ratio, 1.0)
     np.testing.assert_allclose(fitted.mat_kappa, 2e-5, rtol=0.05)
     predicted = {patch: wear_map(contacts[patch], worn, fitted, patch) for patch in contacts}
-    found = judged(worn, contacts, changes, predicted, fitted)
+    chance = {"seed": 1, "resamples": 99}
+    found = judge_wear(
+        contacts, changes, predicted, *tables, fitted_to=worn.fitted_to, mat=fitted, **chance
+    )
     error = found["wear"].pivot(index="patch", columns="model", values="map_error_um")
     assert (error["mat"] < 0.5 * error["archard"]).all()
     rows = found["summary"].set_index(["model", "statistic"])
@@ -166,45 +149,14 @@ def test_a_mat_is_found_by_its_traces_with_both_coefficients(worn_by_both):
     assert told.p_value == pytest.approx(2 / 2**6)  # each of six patches says so
     assert rows.loc[("mat", "mat_ratio"), "value"] == 1
     assert set(found["profile"].model) == {"measured", "archard", "mat"}
-    assert found["patches"].mcc.equals(
-        found["wear"][found["wear"].model == "mat"].mcc.reset_index(drop=True)
-    )
-
-
-def judged(worn, contacts, changes, predicted, mat=None):
-    """The tables of the verdict on patches whose losses are all believed."""
-    path = worn.path
-    pressures = path[["pressure_MPa", "x_mm", "y_mm"]].to_dataframe().reset_index()
-    pressures = pressures.assign(in_study=True)
-    lost = {patch: -of.change.where(of.loss, 0.0) for patch, of in changes.items()}
-    registration = pd.DataFrame(
-        {
-            "patch": list(lost),
-            "loss_per_area_um": [1e3 * float(of.mean()) for of in lost.values()],
-            "loss_fraction": [float(of.loss.mean()) for of in changes.values()],
-            "believed": True,
-            "known_share": 1.0,
-        }
-    )
-    return judge_wear(
-        contacts,
-        changes,
-        predicted,
-        pressures,
-        registration,
-        fitted_to=worn.fitted_to,
-        mat=mat,
-        seed=1,
-        resamples=99,
-    )
 
 
 def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
     """Whatever its own map and loss are; of a patch that nothing is fitted to, from all."""
-    worn, contacts, changes, fitted = worn_by_both
+    worn, contacts, changes, fitted, _ = worn_by_both
     path = worn.path
     bare = wear_patch(contacts["a"], worn, "a", kappa=5 * 2e-5)
-    odd = changes | {"a": changed(contacts["a"], bare - np.median(bare))}
+    odd = changes | {"a": changed(contacts["a"], bare)}
     lost = path.measured.where(path.patch != "a", float(bare.mean()))
     other = worn._replace(path=path.assign(measured=lost))
     again = fit_mat(other, contacts, odd)
@@ -256,14 +208,8 @@ def test_a_mat_lies_among_the_pressures_that_are_under_it():
     """What it takes off does not depend on what the bare stone would press around the patch."""
     worn, alone = by_hand([0.0] * 4, [20.0] * 4), patch_of(20.0)
     mat, shape = worn.mat, alone.height.shape
-    sunk = surroundings(
-        mat.pressure,
-        Place(0.5, 0.5, 0.0),
-        shape,
-        size_mm=0.32,
-        contact_modulus_MPa=1e4,
-        layer=mat.layer,
-    )
+    options = {"size_mm": 0.32, "contact_modulus_MPa": 1e4, "layer": mat.layer}
+    sunk = surroundings(mat.pressure, Place(0.5, 0.5, 0.0), shape, **options)
     assert np.ptp(sunk) > 1e-3
     lower = alone.assign(height=alone.height - sunk)
     expected = wear_patch(lower, worn, "a", ratio=1.0, kappa=1e-5)
@@ -279,7 +225,6 @@ def test_summits_that_yield_spread_the_same_loss_wider(square, pressures):
     contact = patch_of(float(pressures.pressure_MPa[0]))
     maps = wear_map(contact, found, None, "a", hardness_MPa=100.0)
     elastic, yielding = maps.depth.values
-    assert list(maps.model.values) == ["archard", "yielding"]
     np.testing.assert_array_equal(elastic, wear_patch(contact, found, "a"))
     assert yielding.mean() == pytest.approx(elastic.mean(), rel=1e-9)
     assert yielding.max() < elastic.max()
@@ -288,9 +233,6 @@ def test_summits_that_yield_spread_the_same_loss_wider(square, pressures):
     few = wear_patch(contact, found, "a", **early)
     assert few.max() == pytest.approx(1e-6 * 60.0)
     assert (few > 0).sum() > 1.1 * (wear_patch(contact, found, "a", kappa=1e-6) > 0).sum()
-    # what a patch cannot bear, it does not lose
-    soft = wear_patch(contact, found, "a", kappa=1e-6, hardness_MPa=10.0)
-    assert soft.mean() == pytest.approx(1e-6 * 9.0, rel=1e-6)
 
 
 def test_without_two_worn_patches_there_is_a_sentence(square, pressures, caplog):
@@ -318,8 +260,7 @@ def test_a_gesture_that_stays_in_place_wears_as_the_single_pose_does(square):
     height = square.height.copy(data=square.height.values + square.height.values[::-1, ::-1])
     square = pressed(height, target_pressure_MPa=20.0, **SETTINGS)
     pressures = patch_pressures(square.pressure, PLACES, size_mm=1.0)
-    wide = make_surface(np.zeros((COUNT + 40, COUNT + 40)), SIDE / COUNT)
-    wide = wide.assign_coords({axis: wide[axis].copy(data=wide[axis] - 1.0) for axis in "yx"})
+    wide = around(np.zeros((COUNT + 40, COUNT + 40)), SIDE / COUNT, 1.0)
     poses = stroke_poses(stroke_mm=1.0, poses=2, force_N=20.0 * SIDE**2).assign(x_mm=0.0)
     gesture = Gesture(wide, True, SIDE, (SIDE / 2, SIDE / 2), poses)
     losses = dict.fromkeys("abcd", 0.2)
