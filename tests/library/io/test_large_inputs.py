@@ -31,7 +31,7 @@ def glb(change):
     """A ball, whose header is changed."""
 
     def make(path):
-        ball = trimesh.creation.icosphere(3).export(file_type="glb")
+        ball = trimesh.creation.icosphere(3, radius=0.02).export(file_type="glb")  # m
         end = 20 + int.from_bytes(ball[12:16], "little")
         head = json.dumps(change(json.loads(ball[20:end]))).encode()
         sizes = struct.pack("<4sIIII", b"glTF", 2, 20 + len(head) + len(ball) - end, len(head), 0)
@@ -54,6 +54,12 @@ def empty(header):
             for part in header["accessors"]
         ]
     }
+
+
+def many(header):
+    """Beside the ball, there are many parts with nothing in them."""
+    nodes = [{"mesh": 0}, *10_000 * [{}]]
+    return header | {"nodes": nodes, "scenes": [{"nodes": list(range(len(nodes)))}]}
 
 
 def sparse(path):
@@ -107,6 +113,7 @@ CASES = {
     "sdf": (false_sdf, "a.sdf", read_scan),
     "repeated": (glb(repeated), "a.glb", read_mesh),
     "empty": (glb(empty), "a.glb", read_mesh),
+    "many": (glb(many), "a.glb", read_mesh),
     "mesh": (sparse, "a.stl", read_mesh),
     "scan": (sparse, "a.plu", read_scan),
     "table": (sparse, "a.tsv", patches),
