@@ -4,14 +4,17 @@ import dataclasses
 
 import numpy as np
 import pytest
+import scipy
 from gstlib.errors import ConfigError, InputError
 from gstlib.geometry import Place
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
+from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.scanning import place_scans, relocation, sample
 from gstlib.specimen.stone import Stone
-from gstlib.surface import spacing_of
+from gstlib.surface import make_surface, spacing_of
+from scipy.ndimage import gaussian_filter
 
 
 def bytes_of(folder):
@@ -31,6 +34,10 @@ def as_on_stone(scan, at):
     """Heights (mm) of a scan as it lies on the stone, its true plane removed."""
     slope_y, slope_x = (np.tan(1e-3 * at[f"plane_{axis}_mrad"].item()) for axis in "yx")
     return -scan.values[:, ::-1] - slope_y * STEPS[:, None] - slope_x * STEPS
+
+
+def level(heights):
+    return remove_plane(make_surface(heights, SPACING))[0].values
 
 
 def test_a_seed_gives_the_same_bytes_and_another_seed_none_of_them(write, patches):
@@ -92,6 +99,42 @@ def test_scan_is_the_truth_with_tilt_noise_spikes_and_holes(specimen, truth, par
     assert truth.outlier.values.mean() == pytest.approx(parameters.spike_share, rel=0.2)
     noise_and_tilt = truth[["unmeasured", "plane_x_mrad"]].astype(float).diff("epoch")
     assert noise_and_tilt.any(["y", "x"]).all().to_array().all()
+
+
+def test_mesh_and_scans_agree_where_they_overlap(make, patches, parameters):
+    """Un-moulded, freed of spikes and low-passed, a scan has the heights of the paper's mesh."""
+    fine = dataclasses.replace(parameters, mesh_edge_mm=0.3144, cut_off_wavelength_mm=0.6)
+    made = make(patches, fine)["summits"]
+    vertices = made.mesh.vertices
+    use_face = vertices[(np.abs(vertices[:, :2]).max(axis=1) < 3) & (vertices[:, 2] > -5)]
+    # the frame: origin at (+2.5, +2.5), axes along -x and -y of the mesh
+    mesh_height = scipy.interpolate.LinearNDInterpolator(2.5 - use_face[:, :2], use_face[:, 2])
+    pairs = []
+    for patch in patches.patch:
+        at = made.truth.sel(patch=patch, epoch="T0")
+        place = place_of(at)
+        turned = np.exp(1j * np.deg2rad(place.rotation_deg)) * (STEPS + 1j * STEPS[:, None])
+        true = level(mesh_height(place.x_mm + turned.real, place.y_mm + turned.imag))
+        scanned = as_on_stone(made.scans[patch, "T0"], at)
+        scanned = np.where(at.outlier | at.unmeasured, true, scanned)
+        smooth = [gaussian_filter(field, 0.15 / SPACING).ravel() for field in (scanned, true)]
+        assert np.std(np.subtract(*smooth)) < 2e-3
+        pairs.append(smooth)
+    assert np.corrcoef(*np.concatenate(pairs, axis=1))[0, 1] > 0.9
+
+
+def test_t1_is_the_worn_stone(specimen, truth, parameters):
+    stone = Stone(parameters, 5.0)
+    surface = stone.macroscale(stone.grid, stone.grid) + stone.detail
+    at = truth.sel(patch="13", epoch="T1")
+    fresh, lost = (
+        sample(field, stone, place_of(at), 64, order=order, patch="13")
+        for field, order in ((surface, 3), (stone.wear_depth("summits"), 1))
+    )
+    assert lost.max() > 1e-3
+    left = as_on_stone(specimen.scans["13", "T1"], at) - level(fresh - lost)
+    left = (left - np.nanmedian(left))[~(at.outlier | at.unmeasured).values]
+    assert np.abs(left).max() * 1e3 < 6 * parameters.noise_um
 
 
 def test_scans_lie_about_their_nominal_places(truth, patches, parameters):
