@@ -79,7 +79,7 @@ def tables_of(**values):
     ]
     rows.append(("rigid", "mean(mcc)", 0.5, np.nan, np.nan, np.nan, 9, ""))
     rows.append(("", "spearman(pressure_MPa, loss_fraction)", 0.9, 0.5, 1.0, 0.001, 9, ""))
-    names = [str(number) for number in range(9)]
+    names = [str(number) for number in range(10)]
     predicted = {"contact_fraction": 0.1, "predicted_loss_um": 0.1}
     patches = pd.DataFrame({"patch": names, "p_value": 0.02} | predicted)
     return {
@@ -89,7 +89,7 @@ def tables_of(**values):
 
 
 class Judged:
-    """A study whose verdict is known, of nine patches; the harder pressed wear more."""
+    """A study whose verdict is known, with nine of ten patches in it."""
 
     def __init__(self, tables):
         self.tables = tables
@@ -98,16 +98,17 @@ class Judged:
         return self.tables
 
     def _table(self, **columns):
-        return pd.DataFrame({"patch": [str(number) for number in range(9)]} | columns)
+        return pd.DataFrame({"patch": [str(number) for number in range(10)]} | columns)
 
     def registration(self):
-        falling = np.arange(9.0)
-        lost = {"loss_fraction": falling, "loss_per_area_um": falling}
+        rising = np.arange(10.0) % 5  # also over the first four of the nine
+        lost = {"loss_fraction": rising, "loss_per_area_um": rising}
         return self._table(**lost, believed=True, known_share=1.0)
 
     def selected(self):
-        places = {"x_mm": np.tile([0.0, 1, 2], 3), "y_mm": np.repeat([0.0, 1, 2], 3)}
-        return self._table(**places, pressure_MPa=10.0 + np.arange(9), in_study=True)
+        number = np.arange(10)
+        places = {"x_mm": 1.0 * (number % 3), "y_mm": 1.0 * (number // 3)}
+        return self._table(**places, pressure_MPa=10.0 + number, in_study=number > 0)
 
 
 def test_a_difference_is_claimed_on_the_side_where_it_lies():
@@ -119,11 +120,16 @@ def test_a_difference_is_claimed_on_the_side_where_it_lies():
     assert alone["better: relative(map_error)"] == pytest.approx(0.99)
     assert alone["worse: relative(map_error)"] == pytest.approx(0.01)
     assert alone["spearman(pressure_MPa, loss_fraction)"] == 0.001
-    assert (alone["mcc"] == 0.02).sum() == 9
+    assert (alone["mcc"] == 0.02).sum() == 10
     assert not any("mean(mcc)" in test for test in alone.index)  # means are not tested
     drawn = found.dropna(subset="drawn")
-    assert set(drawn.drawn) == {4, 6, 8}
+    assert set(drawn.drawn) == {4, 6, 8}  # never the one that is not in the study
     assert (drawn.patches == drawn.drawn).all()
+    of_four = [
+        p_values(Judged(tables_of(**values)), seed=[1, seed]).query("drawn == 4").p_value.item()
+        for seed in range(4)
+    ]
+    assert np.ptp(of_four) > 0.2  # other patches each time
 
 
 def test_the_later_studies_share_what_precedes_use_and_nothing_else():
@@ -138,6 +144,8 @@ def test_the_later_studies_share_what_precedes_use_and_nothing_else():
         found[wear] = stages | {"square": study.contact(), "places": study.pressures()}
         found[wear]["selected"] = study.selected()
     assert tuple(found) == WEAR_PLACEMENTS
+    _, another = next(specimen_studies(CONFIG, patches, 4))
+    assert not another.prepared("a", "T0").equals(study.prepared("a", "T0"))
     summits = found.pop("summits")
     for other in found.values():
         shared = {stage for stage in summits if other[stage] is summits[stage]}
