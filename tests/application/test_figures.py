@@ -13,10 +13,13 @@ import trimesh
 import xarray as xr
 from contacts import contact_of
 from gst.figures import macroscale, maps, microscale, style, tables
+from gst.figures.maps import draw_footprints
+from gst.figures.tool import check_figure, draw_square, draw_stone
 from gst.verdict import MODELS
 from gstlib.errors import InputError
 from gstlib.geometry import Frame
 from gstlib.surface import make_surface
+from matplotlib.figure import Figure
 
 
 def table(text):
@@ -306,3 +309,79 @@ def test_two_scales_shows_what_was_found_and_missed():
     titles = [axes.get_title() for axes in figure.axes]
     assert titles[:3] == ["patch 1 levelled: F1 0.40", "patch 1 placed: F1 0.90", "whole square"]
     assert titles[3:] == ["patch 3 levelled: F1 0.50", "patch 3 placed: F1 0.80", "whole square"]
+
+
+# --- The whole stone -------------------------------------------------------------------------
+
+
+ABOVE = Frame((0, 0, 0), (-1, 0, 0), (0, 0, 1))
+BELOW = Frame((0, 0, 0), (1, 0, 0), (0, 0, -1))
+
+
+def stone():
+    return trimesh.creation.icosphere(subdivisions=4, radius=20.0)
+
+
+def panel():
+    return Figure(figsize=(3, 3)).add_axes((0, 0, 1, 1))
+
+
+def pixels(figure):
+    content = io.BytesIO()
+    figure.savefig(content, format="rgba", dpi=50)
+    size = (figure.get_size_inches() * 50).astype(int)
+    return np.frombuffer(content.getvalue(), np.uint8).reshape(size[1], size[0], 4)
+
+
+@pytest.mark.parametrize(("view", "seen"), [(ABOVE, 0), (BELOW, 2)])
+def test_only_the_nearest_is_seen_lit_from_the_upper_left(view, seen):
+    """Of a ball, red above and blue below."""
+    axes, ball = panel(), stone()
+    blue = ball.vertices[:, 2] <= 0
+    colours = np.where(blue[:, None], [[0, 0, 255]], [[255, 0, 0]]).astype(np.uint8)
+    draw_stone(axes, ball, view, colours=colours)
+    picture = pixels(axes.figure)[..., :3]
+    middle = picture[70:80, 70:80]
+    assert middle[..., seen].min() > 50
+    assert middle[..., 2 - seen].max() < 60  # seams between triangles are not quite shut
+    assert picture[50, 50].mean() > picture[100, 100].mean() + 10
+
+
+def test_the_square_is_outlined_in_a_view():
+    axes = panel()
+    draw_square(axes, ABOVE, Frame((2.5, 2.5, 19.5), (-1, 0, 0), (0, 0, 1)), 5.0)
+    (outline,) = axes.patches
+    assert np.allclose(outline.get_xy()[0], [-2.5, -2.5])
+    assert np.ptp(outline.get_xy(), axis=0) == pytest.approx([5, 5])
+    assert {text.get_text(): text.get_position() for text in axes.texts} == {
+        "x": pytest.approx((4.25, -2.5)),
+        "y": pytest.approx((-2.5, 4.25)),
+    }
+
+
+def test_the_check_shows_the_active_stone_and_where_it_is_pushed():
+    frame = Frame((2.5, 2.5, 30), (-1, 0, 0), (0, 0, 1))
+    height, round_stone = np.zeros((6, 6)), -0.1 * np.hypot(*np.mgrid[-2.5:3, -2.5:3]) ** 2
+    face = xr.Dataset({"height": make_surface(height, 2.0)})
+    face["counterface"] = face.height.copy(data=round_stone)
+    pushed = np.array([[1.0, 2.0], [3.0, 4.0]])
+    sizes = {"size_mm": 5.0, "patch_size_mm": 0.85}
+    assert len(check_figure(stone(), frame, None, pd.DataFrame(), **sizes).axes) == 2
+    figure = check_figure(stone(), frame, None, pd.DataFrame(), face=face, pushed=pushed, **sizes)
+    (picture,) = figure.axes[2].images
+    brightness = picture.get_array().sum(axis=2)
+    assert brightness[2, 2] > brightness[0, 0]  # the nearer, the brighter
+    (points,) = figure.axes[2].lines
+    assert points.get_xydata().tolist() == [[2, 1], [4, 3]]
+    (square,) = figure.axes[2].patches
+    assert np.ptp(square.get_xy(), axis=0).tolist() == [5, 5]
+
+
+@pytest.mark.parametrize("turn", [0.0, 30.0, 45.0, 90.0, 200.0])
+def test_the_name_of_a_patch_is_inside_its_outline(turn):
+    axes = panel()
+    axes.set(xlim=(0, 5), ylim=(0, 5))
+    patch = {"patch": ["7"], "x_mm": [2.0], "y_mm": [2.5], "rotation_deg": [turn]}
+    draw_footprints(axes, pd.DataFrame(patch), 0.85, colour="black")
+    (outline,), (name,) = axes.patches, axes.texts
+    assert outline.get_path().contains_point(name.get_position())

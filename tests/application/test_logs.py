@@ -3,7 +3,6 @@
 import logging
 import re
 import warnings
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -38,22 +37,6 @@ def test_warnings_reach_the_log(tmp_path, capsys):
     text = (tmp_path / "job.log").read_text()
     assert text.splitlines() == ["INFO step 1", "WARNING UserWarning: contact at the border"]
     assert "contact at the border" in capsys.readouterr().err
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
-def test_a_log_that_cannot_be_written_is_replaced_by_the_screen(monkeypatch, capsys):
-    monkeypatch.setenv(FILE_ONLY, "1")
-    with pytest.raises(SystemExit), job_log("/dev/full"):
-        raise EMPTY
-    assert capsys.readouterr().err == "ERROR: scan.plu: is empty. Copy it again.\n"
-
-
-def test_records_of_a_log(tmp_path):
-    log = tmp_path / "job.log"
-    log.write_text("INFO a\nWARNING b\nsee the map\nERROR c: two\n  - one\n  - two\nINFO d\n")
-    assert logged(log, "WARNING") == ["b\nsee the map"]
-    assert logged(log, "ERROR") == ["c: two\n  - one\n  - two"]
-    assert logged(tmp_path / "none.log", "ERROR") == []
 
 
 class Run:

@@ -5,7 +5,6 @@ import io
 import json
 import re
 
-import jinja2
 import numpy as np
 import pytest
 import trimesh
@@ -13,11 +12,9 @@ from gst import ROOT, page
 from gst.config import read_config
 from gst.figures.style import STONE
 from gst.figures.tool import coloured_tool
-from gst.verdict import MODELS
 from gstlib.geometry import Frame
 from gstlib.io.results import TABLES
 from gstlib.surface import make_surface
-from matplotlib import colormaps
 from PIL import Image
 
 FRAME = Frame(origin=(-2, -2, 1.5), x_axis=(1, 0, 0), normal=(0, 0, 1))
@@ -73,18 +70,6 @@ def test_the_scene_has_its_patches_where_the_table_puts_them(stone):
     assert json.dumps(scene) == json.dumps(again)
 
 
-def test_a_picture_keeps_its_looks_in_a_third_of_the_size():
-    noise = np.random.default_rng(0).random((200, 300))
-    picture = np.round(255 * colormaps["cividis"](noise)[..., :3]).astype(np.uint8)
-    content = io.BytesIO()
-    Image.fromarray(picture).save(content, "png")
-    url = page.embedded(content.getvalue())
-    shown = np.array(opened(url).convert("RGB")).astype(int)
-    assert np.abs(shown - picture).max() < 12
-    assert len(opened(url).fp.getvalue()) < len(content.getvalue()) / 2
-    assert page.embedded(content.getvalue()) == url
-
-
 def test_warnings_are_told_once_with_their_steps(tmp_path):
     texts = {
         "place_patches": "WARNING patch 12 is shifted: check its place\nINFO done\n",
@@ -103,20 +88,6 @@ def test_warnings_are_told_once_with_their_steps(tmp_path):
     ]
 
 
-def test_a_sentence_begins_large_and_a_file_keeps_its_name():
-    assert page._capitalised("patch 7: too rough") == "Patch 7: too rough"
-    assert page._capitalised("a/b.plu: too rough") == "a/b.plu: too rough"
-
-
-def test_a_caption_is_that_of_the_report():
-    template = (
-        "At {{ snakemake.config['hardness'] }} MPa{% if snakemake.config['hardness'] > 1 %}: "
-    )
-    template += "``a_b``, *so* & <so>{% endif %}."
-    html = page.caption_html(template, config={"hardness": 2.0})
-    assert re.sub(r"<[^>]+>", "", html).strip() == "At 2.0 MPa: a_b, so &amp; &lt;so&gt;."
-
-
 @pytest.mark.parametrize("name", TABLES)
 @pytest.mark.parametrize("study", ["config", "mat", "two_stones", "m12"])
 def test_the_caption_of_a_table_explains_its_columns_with_any_config(name, study):
@@ -126,34 +97,6 @@ def test_the_caption_of_a_table_explains_its_columns_with_any_config(name, study
     assert not re.search(r"[{}`]|None|made by", text)
     for column in TABLES[name].columns:
         assert f"{column.name}{column.unit and f' ({column.unit})'}: " in text
-
-
-def test_a_caption_that_quotes_what_is_not_there_fails():
-    with pytest.raises(jinja2.UndefinedError, match="no attribute 'mat'"):
-        page.caption_html("{% if snakemake.config.mat %}a mat{% endif %}", config={})
-
-
-def test_a_patch_has_what_its_tables_have(tmp_path):
-    tables = {
-        "patch_pressures": "patch,pressure_MPa,in_study,reason\n1,5,yes,\n2,0,no,untouched\n",
-        "validation_patches": "patch,counted,mcc,p_value\n1,yes,0.5,\n2,no,,\n",
-        "wear": "patch,model,predicted_volume_um3,mcc\n1,archard,3,0.1\n1,mat,4,0.5\n1,rigid,5,\n",
-    }
-    for name, text in tables.items():
-        (tmp_path / f"{name}.csv").write_text(text)
-    Image.new("RGB", (2, 2)).save(tmp_path / "1.png")
-    files = {name: tmp_path / f"{name}.csv" for name in tables}
-    first, second = page.patch_records(files, tmp_path)
-    assert first["pressure"]["pressure_MPa"] == 5
-    assert (first["scores"]["mcc"], second["scores"]) == (0.5, {"patch": "2", "counted": False})
-    assert (first["wear"]["predicted_volume_um3"], second["wear"]) == (4, {})
-    assert list(first["mcc"]) == [MODELS["rigid"]]
-    assert second["mcc"] == {}
-    assert second["pressure"]["reason"] == "untouched"
-    assert "reason" not in first["pressure"]
-    assert opened(first["picture"]).size == (2, 2)
-    assert second["picture"] is None
-    assert page.patch_records(files, None)[0]["picture"] is None
 
 
 def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():

@@ -60,14 +60,6 @@ def test_scans_are_found_however_their_accents_are_composed(table, tmp_path, in_
     assert [patches.t1[0], patches.t0[1], patches.t1[1]] == ["gone.plu", "b/gone.plu", ""]
 
 
-@pytest.mark.parametrize("name", ["/data/1.plu", "~/1.plu", r"C:\data\1.plu", r"\\server\1.plu"])
-def test_scans_lie_in_the_scan_folder(table, name):
-    message = refused(table(f"patch,x_mm,y_mm,t0,t1\n1,1,1,{name},a\n2,3,1,a,{name}\n"))
-    assert f"line 2 (patch 1): t0 is {name!r} [" in message
-    assert f"line 3 (patch 2): t1 is {name!r} [" in message
-    read(table("patch,x_mm,y_mm,t0\n1,1,1,T0/1.plu\n"))
-
-
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
 @pytest.mark.parametrize(("separator", "point"), [(",", "."), (";", ","), ("\t", ","), (";", ".")])
 def test_tables_as_spreadsheets_write_them(tmp_path, encoding, separator, point):
@@ -110,12 +102,6 @@ def test_decimal_commas_between_commas_are_one_problem(table, row):
     message = refused(table(f"patch,x_mm,y_mm,t0\n{rows}"), "decimal commas, as in line 2")
     assert len(message.splitlines()) == 1
     refused(table("patch,x_mm,y_mm,t0\n1,1,1,a,b,c\n"), "6 cells in 4 columns")
-
-
-def test_a_scan_after_use_needs_one_before(table):
-    refused(table("patch,x_mm,y_mm,t0,t1\n1,1,1,,a\n"), "t0 is empty, but t1 is given")
-    repeated = "patch,x_mm,y_mm,t0,repeat\n1,1,1,,a\n"
-    refused(table(repeated), "t0 is empty, but repeat is given")
 
 
 def test_a_repeat_is_a_scan_of_the_same_piece(table, tmp_path):
@@ -169,60 +155,56 @@ def test_all_problems_at_once(table):
     assert "line 2 " not in message
 
 
-def test_a_place_scanned_twice_is_refused_and_a_small_overlap_is_not(table):
-    near = "patch,x_mm,y_mm,t0\n1,1,1,a\n2,1.7,1,b\n3,1.4,1,c\n"
-    refused(
-        table(near),
+HEAD = "patch,x_mm,y_mm,t0"
+REFUSED = {
+    "a column is missing": ("patch,x_mm,t0\n1,1,1\n", "missing columns ['y_mm']"),
+    "a column is unknown": (f"{HEAD},pressure\n1,1,1,1,1\n", "unknown columns ['pressure']"),
+    "a column of places": ("patch,kind,x_mm,y_mm,t0\n1,a,1,1,b\n", "unknown columns ['kind']"),
+    "capitals": ("Patch,X_mm,y_mm,t0\n1,1,1,1\n", "Write patch for Patch, x_mm for X_mm"),
+    "blanks": ("patch x_mm y_mm t0\n1 1 1 1\n", "separated by tabs, commas or semicolons"),
+    "nothing": ("", "no rows"),
+    "a head alone": (f"{HEAD}\n", "no rows"),
+    "commas alone": (",,,\n,,,\n", "no rows"),
+    "a spreadsheet": (b"PK\x03\x04\x14\0" + bytes(range(256)), "is a spreadsheet"),
+    "Latin-1": ("patch,x_mm,y_mm,t0,note\n1,1,1,a,Höhe".encode("latin-1"), "save it as UTF-8"),
+    "T1 without T0": (f"{HEAD},t1\n1,1,1,,a\n", "t0 is empty, but t1 is given"),
+    "a repeat without T0": (f"{HEAD},repeat\n1,1,1,,a\n", "t0 is empty, but repeat is given"),
+    "a place twice": (
+        f"{HEAD}\n1,1,1,a\n2,1.7,1,b\n3,1.4,1,c\n",
         "line 4 (patch 3): its centre is 0.3 mm from that of line 3 (patch 2)",
-        "1 problem ",
-    )
-    assert len(read(table(near.replace("3,1.4", "3,2.2")))) == 3
+    ),
+    "turned, it sticks out": (
+        f"{HEAD},rotation_deg\n1,0.45,1,a,45\n",
+        "0.151 mm at the x = 0 side",
+    ),
+}
 
 
-def test_patches_that_overlap_are_named_and_neighbours_are_not(table):
-    text = (
-        "patch,x_mm,y_mm,t0,rotation_deg\n1,1,1,a,0\n2,1.8,1,b,0\n3,2.65,1,c,0\n4,2.65,1.9,d,45\n"
-    )
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_is_no_patch_table(tmp_path, what):
+    text, said = REFUSED[what]
+    path = tmp_path / "patches.tsv"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    refused(path, said)
+
+
+@pytest.mark.parametrize("name", ["/data/1.plu", "~/1.plu", r"C:\data\1.plu", r"\\server\1.plu"])
+def test_scans_lie_in_the_scan_folder(table, name):
+    text = f"{HEAD},t1\n1,1,1,{name},a\n2,3,1,a,{name}\n"
+    said = (f"line 2 (patch 1): t0 is {name!r} [", f"line 3 (patch 2): t1 is {name!r} [")
+    refused(table(text), *said)
+
+
+def test_a_small_overlap_is_told_and_what_touches_is_none(table):
+    text = f"{HEAD},rotation_deg\n1,1,1,a,0\n2,1.8,1,b,0\n3,2.65,1,c,0\n4,2.65,1.9,d,45\n"
+    text += "5,0.425,4.575,e,0\n6,0.45,3,f,90\n"  # these touch the edge
     near, turned = overlaps(read(table(text)), 0.85)
     assert near == ("1", "2", pytest.approx(0.05 / 0.85))
     assert turned[:2] == ("3", "4")
 
 
-def test_turned_footprint_needs_more_room(table):
-    read(table("patch,x_mm,y_mm,t0\n1,0.425,4.575,a\n"))  # it may touch the edge
-    text = "patch,x_mm,y_mm,t0,rotation_deg\n1,0.45,1,a,{}\n"
-    read(table(text.format(0)))
-    read(table(text.format(90)))
-    refused(table(text.format(45)), "0.151 mm at the x = 0 side")
-
-
-@pytest.mark.parametrize(
-    ("header", "part"),
-    [
-        ("patch,x_mm,t0", "missing columns ['y_mm']"),
-        ("patch,x_mm,y_mm,t0,pressure", "unknown columns ['pressure']"),
-        ("Patch,X_mm,y_mm,t0", "Write patch for Patch, x_mm for X_mm"),
-        ("patch,x_mm,y_mm,,t0", "unknown columns ['']"),
-        ("patch x_mm y_mm t0", "separated by tabs, commas or semicolons"),
-    ],
-)
-def test_columns(table, header, part):
-    refused(table(f"{header}\n1,1,1,1,1\n"), part)
-
-
-def test_files_that_are_no_table(table, tmp_path):
-    refused(tmp_path / "none.tsv", "No such file")
-    refused(table("", "empty.tsv"), "no rows")
-    refused(table("patch,x_mm,y_mm,t0\n", "header.csv"), "no rows")
-    for start in (b"PK\x03\x04\x14\0", b"\xd0\xcf\x11\xe0\xa1\xb1"):
-        (tmp_path / "sheet.tsv").write_bytes(start + bytes(range(256)))
-        refused(tmp_path / "sheet.tsv", "is a spreadsheet", "CSV")
-    (tmp_path / "latin.csv").write_bytes("patch,x_mm,y_mm,t0,note\n1,1,1,a,Höhe".encode("latin-1"))
-    refused(tmp_path / "latin.csv", "save it as UTF-8")
-    refused(table(",,,\n,,,\n", "commas.csv"), "no rows")
-
-
-PROPOSED = """place,kind,x_mm,y_mm,exposure_N_per_mm,touched
+# As `gst study` proposes them for scanning.
+PLACES = """place,kind,x_mm,y_mm,exposure_N_per_mm,touched
 E1,exposed,1.55,2.1,14742,1
 C1,control,4.1,1.5,0,0
 """
@@ -230,69 +212,52 @@ C1,control,4.1,1.5,0,0
 
 def test_proposed_places_are_a_patch_table_as_they_stand(table, tmp_path):
     """Scans are named after their place, whatever their format; without T1 there is none."""
-    path = table(PROPOSED, "places.csv")
-    for name in ("E1_T0.plux", "e1_t1.sur", "C1_T0.plux", "E1_T0_notes"):
+    path = table(PLACES, "places.csv")
+    generated = read(path)
+    assert generated.t1.tolist() == ["C1_T1.plu", "E1_T1.plu"]
+    assert generated["repeat"].tolist() == ["", ""]
+    for name in ("E1_T0.plux", "e1_t1.sur", "C1_T0.plux", "E1_T0_notes", "C1_repeat.plux"):
         (tmp_path / name).touch()
     patches = read(path, scan_folder=tmp_path)
     assert patches.patch.tolist() == ["C1", "E1"]
     assert patches.t0.tolist() == ["C1_T0.plux", "E1_T0.plux"]
     assert patches.t1.tolist() == ["", "e1_t1.sur"]
-    assert patches["repeat"].tolist() == ["", ""]
+    assert patches["repeat"].tolist() == ["C1_repeat.plux", ""]
     assert patches.x_mm.tolist() == [4.1, 1.55]
-    generated = read(path)
-    assert generated.t1.tolist() == ["C1_T1.plu", "E1_T1.plu"]
-    assert generated["repeat"].tolist() == ["", ""]
-    (tmp_path / "C1_repeat.plux").touch()
-    assert read(path, scan_folder=tmp_path)["repeat"].tolist() == ["C1_repeat.plux", ""]
-
-
-def test_a_place_without_its_scan_or_with_two_is_told(table, tmp_path):
-    path = table(PROPOSED, "places.csv")
-    for name in ("E1_T0.plux", "E1_T0.sur"):
-        (tmp_path / name).touch()
-    with pytest.raises(ConfigError) as caught:
-        read(path, scan_folder=tmp_path)
-    message = str(caught.value)
-    assert f"line 2 (patch E1): E1_T0.plux, E1_T0.sur in {tmp_path} is named E1_T0" in message
-    assert f"line 3 (patch C1): no file in {tmp_path} is named C1_T0" in message
-    assert "add the columns t0 and t1" in message
-
-
-CONFOMAP = "*_{patch}_*_0strokes.mnt,*_{patch}_*_2000strokes.mnt"
+    wide = PLACES.replace("touched\n", "touched,t0,t1\n")
+    wide = wide.replace(",1\n", ",1,a.plu,b.plu\n").replace(",0\n", ",0,c.plu,\n")
+    assert read(table(wide, "places.csv")).t1.tolist() == ["", "b.plu"]
 
 
 def test_a_name_with_a_star_is_that_of_the_file_that_fits(table, tmp_path):
-    path = table(f"patch,x_mm,y_mm,t0,t1\nloc1,1,1,{CONFOMAP}\nloc10,3,1,b/{{patch}}_*,\n")
-    for strokes in (0, 50, 2000):
-        (tmp_path / f"A1_LSM_dorsal_loc1_shift-extract_{strokes}strokes.mnt").touch()
-    (tmp_path / "A1_LSM_dorsal_loc10_shift-extract_0strokes.mnt").touch()
+    """As ConfoMap names what it saves."""
+    stars = "*_{patch}_*_0strokes.mnt,*_{patch}_*_2000strokes.mnt"
+    path = table(f"{HEAD},t1\nloc1,1,1,{stars}\nloc10,3,1,b/{{patch}}_*,\n")
+    for name in ("loc1_e_0", "loc1_e_50", "loc1_e_2000", "loc10_e_0"):
+        (tmp_path / f"A1_{name}strokes.mnt").touch()
     (tmp_path / "b").mkdir()
     (tmp_path / "b/Loc10_T0.sur").touch()
     patches = read(path, scan_folder=tmp_path)
-    assert patches.t0.tolist() == [
-        "A1_LSM_dorsal_loc1_shift-extract_0strokes.mnt",
-        "b/Loc10_T0.sur",
-    ]
-    assert patches.t1.tolist() == ["A1_LSM_dorsal_loc1_shift-extract_2000strokes.mnt", ""]
+    assert patches.t0.tolist() == ["A1_loc1_e_0strokes.mnt", "b/Loc10_T0.sur"]
+    assert patches.t1.tolist() == ["A1_loc1_e_2000strokes.mnt", ""]
 
 
-def test_a_name_with_a_star_that_fits_no_file_or_two_is_told(table, tmp_path):
-    path = table("patch,x_mm,y_mm,t0\na,1,1,{patch}_*\nb,3,1,*{patch}_9.sur\n")
-    for name in ("a_0.sur", "a_1.sur"):
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (PLACES, "line 2 (patch E1): E1_T0.plux, E1_T0.sur in {0} is named E1_T0"),
+        (PLACES, "line 3 (patch C1): no file in {0} is named C1_T0"),
+        (PLACES, "add the columns t0 and t1"),
+        (
+            f"{HEAD}\nE1,1,1,{{patch}}_*\n",
+            "E1_T0.plux and E1_T0.sur in {0} fit E1_*: let it fit one",
+        ),
+        (f"{HEAD}\nE1,1,1,*{{patch}}_9\n", "no file in {0} fits *E1_9: let it fit one file"),
+    ],
+)
+def test_a_scan_that_is_missing_or_there_twice_is_told(table, tmp_path, text, said):
+    for name in ("E1_T0.plux", "E1_T0.sur"):
         (tmp_path / name).touch()
     with pytest.raises(ConfigError) as caught:
-        read(path, scan_folder=tmp_path)
-    message = str(caught.value)
-    two = f"'{{patch}}_*', and a_0.sur and a_1.sur in {tmp_path} fit a_*"
-    assert f"line 2 (patch a): t0 is {two}: let it fit one file" in message
-    none = f"'*{{patch}}_9.sur', and no file in {tmp_path} fits *b_9.sur"
-    assert f"line 3 (patch b): t0 is {none}: let it fit one file" in message
-
-
-def test_places_take_columns_of_files_and_no_others(table):
-    wide = PROPOSED.replace("touched\n", "touched,t0,t1\n")
-    wide = wide.replace(",1\n", ",1,a.plu,b.plu\n").replace(",0\n", ",0,c.plu,\n")
-    patches = read(table(wide, "places.csv"))
-    assert patches.t0.tolist() == ["c.plu", "a.plu"]
-    assert patches.t1.tolist() == ["", "b.plu"]
-    refused(table("patch,kind,x_mm,y_mm,t0\n1,a,1,1,b\n"), "unknown columns ['kind']")
+        read(table(text, "places.csv"), scan_folder=tmp_path)
+    assert said.format(tmp_path) in str(caught.value)

@@ -42,14 +42,6 @@ def test_the_page_holds_the_stone_and_the_patches(mesh, tmp_path):
     assert not re.search(r"""(src|href)=["']?http""", text.split("<script>")[0])
 
 
-def test_glb_is_in_metres(tmp_path):
-    trimesh.creation.icosphere(radius=0.02).export(tmp_path / "a.glb")
-    assert pick(tmp_path / "a.glb", "--output", tmp_path / "a.html").exit_code == 0
-    assert data_of((tmp_path / "a.html").read_text())["stone"]["bounds"][1] == pytest.approx(
-        [20] * 3
-    )
-
-
 @pytest.mark.parametrize(
     ("options", "named"),
     [

@@ -12,13 +12,8 @@ from gstlib.errors import InputError
 
 
 def test_a_report_is_made_anew_when_something_that_it_shows_is_younger(tmp_path):
-    parts = [
-        "provenance.json",
-        "verdict.html",
-        "tables/a.csv",
-        "figures/patch/1.png",
-        "logs/solve_patches.log",
-    ]
+    parts = ["provenance.json", "verdict.html", "tables/a.csv", "figures/patch/1.png"]
+    parts += ["logs/solve_patches.log"]
     for name in ("report.html", *parts):
         file = tmp_path / name
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -48,52 +43,57 @@ def test_a_study_is_laid_out_once_and_like_a_shipped_one(tmp_path):
     assert not made[1].exists()
 
 
-@pytest.mark.parametrize(
-    ("asked", "said"),
-    [
-        ({"goal": "sweep"}, r"mine\.yaml: has no section 'sweep'"),
-        ({"profile": "mine"}, "no folder profiles/mine"),
-        ({"config": "yours.yaml"}, r"yours\.yaml: cannot be opened"),
-        ({"config": "bad.yaml"}, r"bad\.yaml: .*\n  - 'results' is 5"),
-    ],
-)
-def test_a_study_that_cannot_begin_leaves_nothing(tmp_path, monkeypatch, asked, said):
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working folder, with the shipped configs and some that cannot be used."""
     monkeypatch.chdir(tmp_path)
     shutil.copytree(gst.ROOT / "config", tmp_path / "config")
     (tmp_path / "mine.yaml").write_text("title: mine\n")
     (tmp_path / "bad.yaml").write_text("results: 5\n")
-    usual = {"config": "mine.yaml", "goal": "study", "cores": "1", "profile": "default"}
+    return tmp_path
+
+
+USUAL = {"goal": "study", "cores": "1", "profile": "default", "plan": False, "options": ()}
+
+
+@pytest.mark.parametrize(
+    ("config", "asked", "said"),
+    [
+        ("mine.yaml", {"goal": "sweep"}, r"mine\.yaml: has no section 'sweep'"),
+        ("mine.yaml", {"profile": "mine"}, "no folder profiles/mine"),
+        ("yours.yaml", {}, r"yours\.yaml: cannot be opened"),
+        ("bad.yaml", {}, r"bad\.yaml: .*\n  - 'results' is 5"),
+    ],
+)
+def test_a_study_that_cannot_begin_leaves_nothing(folder, config, asked, said):
     with pytest.raises(InputError, match=said):
-        run_study(**usual | asked, plan=False, options=())
-    assert {file.name for file in tmp_path.iterdir()} == {"bad.yaml", "config", "mine.yaml"}
+        run_study(config, **USUAL | asked)
+    assert {file.name for file in folder.iterdir()} == {"bad.yaml", "config", "mine.yaml"}
 
 
-def test_results_of_an_earlier_version_are_refused_and_can_be_removed(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    shutil.copytree(gst.ROOT / "config", tmp_path / "config")
-    config = tmp_path / "config/tiny.yaml"
-    old = tmp_path / "results-tiny/tables/slip.csv"
+def test_results_of_an_earlier_version_are_refused_and_can_be_removed(folder, monkeypatch):
+    old = folder / "results-tiny/tables/slip.csv"
     old.parent.mkdir(parents=True)
     old.write_text("patch\n")
-    (tmp_path / "results-tiny/slip").mkdir()
-    options = {"goal": "study", "cores": None, "profile": "default", "plan": True, "options": ()}
     with pytest.raises(InputError, match=r"earlier version.*slip\.csv.*gst clean"):
-        run_study(config, **options)
+        run_study("config/tiny.yaml", **USUAL)
     assert old.exists()
     monkeypatch.setattr("builtins.input", lambda _: "y")
-    remove_results(config)
-    assert not (tmp_path / "results-tiny").exists()
+    remove_results("config/tiny.yaml")
+    assert not (folder / "results-tiny").exists()
 
 
-def test_the_command_computes_on_one_thread():
-    """On several, the small matrices of a check take up to eight times as long."""
-    called = (
+@pytest.mark.parametrize(
+    "start",
+    [
+        "import gst.inputs",  # also in the step to which Snakemake gives all cores
         "import contextlib, sys, gst.__main__; sys.argv = ['gst', '--help']\n"
-        "with contextlib.suppress(SystemExit): gst.__main__.run()\n"
-        "import numpy, psutil; print('threads', psutil.Process().num_threads())"
-    )
+        "with contextlib.suppress(SystemExit): gst.__main__.run()",
+    ],
+)
+def test_the_small_matrices_of_a_check_have_one_thread(start):
+    """On several, they take up to eight times as long."""
+    count = f"{start}\nimport numpy, psutil; print('threads', psutil.Process().num_threads())"
     free = {name: of for name, of in os.environ.items() if not name.endswith("_NUM_THREADS")}
-    said = subprocess.run(
-        [sys.executable, "-c", called], env=free, capture_output=True, text=True, check=True
-    )
-    assert said.stdout.endswith("threads 1\n")
+    said = subprocess.check_output([sys.executable, "-c", count], env=free, text=True)
+    assert said.endswith("threads 1\n")

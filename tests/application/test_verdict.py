@@ -89,7 +89,7 @@ def test_a_single_patch_has_no_share_and_none_may_be_touched():
         ({"value": -0.1, "low": -0.2, "high": -0.01}, ": worse than the best rival"),
         ({"low": -0.1}, ": not shown to be better or worse than the best rival"),
         ({"p_value": 0.06}, ": not shown to be better or worse than the best rival"),
-        ({"low": NAN, "high": NAN, "p_value": NAN}, ": not shown to be better or worse than"),
+        (dict.fromkeys(("low", "high", "p_value"), NAN), ": not shown to be better or worse than"),
     ],
 )
 def test_the_prediction_against_its_best_rival(gain, words):
@@ -125,13 +125,16 @@ def test_mat_and_gesture_are_named():
     assert "mat" not in verdict(compared(), mat=None)[0].replace("mate", "")
 
 
+FALLING, NOTHING = {"low": -0.9, "high": -0.1}, {"low": NAN, "high": NAN, "p_value": NAN}
+
+
 @pytest.mark.parametrize(
     ("touched", "words"),
     [
         ({}, "untouched patches wear less (p = 0.004)"),
-        ({"low": -0.9, "high": -0.1}, "untouched patches wear more"),
+        (FALLING, "untouched patches wear more"),
         ({"p_value": 0.2}, "this does not show that untouched patches wear less (p = 0.2)"),
-        ({"low": NAN, "high": NAN, "p_value": NAN}, "wear less (not tested)"),
+        (NOTHING, "wear less (not tested)"),
     ],
 )
 def test_untouched_patches(touched, words):
@@ -144,24 +147,20 @@ def test_untouched_patches(touched, words):
     assert not any("nothing touches" in sentence for sentence in verdict(tables))
 
 
-def test_chance_counts_what_was_tested():
+def test_a_study_says_only_what_it_can():
     said = verdict(compared())[3]
     assert said.startswith("On 1 of the 3 patches that can be tested")
     assert said.endswith("(p ≤ 0.05; together p = 0.002); 1 cannot be tested.")
-    untested = compared(p_values=[NAN] * 4)
-    assert verdict(untested)[3] == "No patch can be tested against chance."
-
-
-def test_a_study_says_only_what_it_can():
-    load = verdict(loaded([1.0, 2.0]))
-    assert len(load) == 2
-    assert "no prediction is compared" in load[-1]
+    untested = verdict(compared(p_values=[NAN] * 4))
+    assert untested[3] == "No patch can be tested against chance."
+    (_, none) = verdict(loaded([1.0, 2.0]))
+    assert "no prediction is compared" in none
     (_, none) = verdict(compared() | loaded([1.0, 2.0], studied=False))
     assert "No patch is in the study" in none
     tables = compared()
     unfitted = tables["validation_summary"].query("model != model")
     assert "could be predicted" in verdict(tables | {"validation_summary": unfitted})[-1]
-    nothing = dict.fromkeys(("value", "low", "high", "p_value", "against"), NAN) | {"n": 0}
+    nothing = NOTHING | {"value": NAN, "against": NAN, "n": 0}
     assert "lost enough" in verdict(compared(mean=nothing, gain=nothing))[0]
     assert not any("nan" in sentence for sentence in verdict(compared(mean=nothing)))
 
@@ -171,14 +170,8 @@ def test_every_model_has_words():
 
 
 def test_where_to_scan_is_said_with_its_numbers():
-    places = pd.DataFrame(
-        {
-            "place": ["E1", "E2", "C1"],
-            "kind": ["exposed", "exposed", "control"],
-            "x_mm": [1.55, 2.0, 4.0],
-            "y_mm": [2.1, 4.0, 4.0],
-        }
-    )
+    places = pd.DataFrame({"place": ["E1", "E2", "C1"], "x_mm": [1.55, 2, 4], "y_mm": [2.1, 4, 4]})
+    places["kind"] = ["exposed", "exposed", "control"]
     held = Concentration(0.824, 0.0153, 0.94, 0.0578)
     scan, controls, spread = where_to_scan(places, held, force_N=550.0)
     assert spread.startswith("Under 550 N, wherever the hand pushes, 82 % of the exposure")

@@ -29,11 +29,7 @@ def test_a_coarse_stone_has_the_shape_of_the_stone():
     assert coarse.area == pytest.approx(sphere().area, rel=0.01)
     # No face is turned inwards: it would be drawn dark.
     assert ((coarse.face_normals * coarse.triangles_center).sum(axis=1) > 0).all()
-
-
-def test_a_small_stone_is_left_alone():
-    mesh = sphere()
-    assert viewer.coarsen(mesh, faces=len(mesh.faces)) is mesh
+    assert viewer.coarsen(coarse, faces=len(coarse.faces)) is coarse
 
 
 def test_vertices_that_are_kept_stay_where_they_are():
@@ -43,12 +39,8 @@ def test_vertices_that_are_kept_stay_where_they_are():
     assert len(coarse.faces) <= 4000
     there = {tuple(row) for row in np.asarray(coarse.vertices).tolist()}
     assert {tuple(row) for row in np.asarray(mesh.vertices)[keep].tolist()} <= there
-
-
-def test_more_kept_vertices_than_faces_come_to_an_end():
-    mesh = sphere()
-    coarse = viewer.coarsen(mesh, faces=100, keep=np.ones(len(mesh.vertices), bool))
-    assert len(coarse.faces) == len(mesh.faces)
+    everything = np.ones(len(mesh.vertices), bool)  # more than may be left: it comes to an end
+    assert len(viewer.coarsen(mesh, faces=100, keep=everything).faces) == len(mesh.faces)
 
 
 def test_the_data_are_the_stone():
@@ -56,24 +48,13 @@ def test_the_data_are_the_stone():
     mesh.apply_translation((100.0, 0.0, -5.0))
     colours = np.arange(24).reshape(8, 3)
     data = json.loads(viewer.to_script(viewer.stone_data(mesh, colours)))
+    assert "</script" not in viewer.to_script({"title": "</script><b>"})
     vertices = unpack(data["vertices"], "<f4", 3) + data["centre"]
     np.testing.assert_allclose(vertices, mesh.vertices, atol=1e-5)
     np.testing.assert_array_equal(unpack(data["faces"], "<u4", 3), mesh.faces)
     np.testing.assert_array_equal(unpack(data["colours"], "u1", 3), colours)
     assert data["bounds"] == [[95, -15, -15], [105, 15, 5]]
     np.testing.assert_allclose(data["axes"], [[0, 1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-9)
-
-
-def test_text_cannot_end_the_script_that_holds_it():
-    assert "</script" not in viewer.to_script({"title": "</script><b>"})
-
-
-def test_the_scripts_are_there():
-    script = viewer.three_js()
-    assert script.count("THREE") > 100
-    assert "<script" not in script
-    assert "$B64GLTF" not in script  # trimesh's own page
-    assert "function stoneViewer(" in viewer.viewer_js()
 
 
 @pytest.mark.parametrize("pixel", [0.0013, 0.03, 0.7])
@@ -91,7 +72,10 @@ def test_the_scale_bar_is_as_long_as_it_says(pixel):
     assert 40 < float(width.removesuffix("px")) <= 120
 
 
-def test_another_trimesh_is_refused(tmp_path, monkeypatch):
+def test_the_scripts_are_those_of_the_trimesh_that_is_locked(tmp_path, monkeypatch):
+    script = viewer.three_js()
+    assert script.count("THREE") > 100
+    assert "<script" not in script
     monkeypatch.setattr(viewer.importlib.resources, "files", lambda package: tmp_path)
     (tmp_path / "resources/templates").mkdir(parents=True)
     with zipfile.ZipFile(tmp_path / viewer._TEMPLATE, "w") as archive:

@@ -4,10 +4,8 @@ import importlib.util
 from pathlib import Path
 
 import numpy as np
-import pytest
 import scipy.ndimage
 import xarray as xr
-from gstlib.errors import ConfigError, InputError
 from gstlib.io.store import write_dataset
 from gstlib.surface import make_surface
 
@@ -20,28 +18,6 @@ def script_of(rule):
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
     return script
-
-
-def test_a_ceiling_below_a_pressure_is_refused_before_anything_is_solved(tmp_path):
-    script = script_of("solve_cases")
-    pressures = tmp_path / "pressures.csv"
-    columns = "patch,x_mm,y_mm,rotation_deg,pressure_MPa,square_pressure_MPa,in_study"
-    pressures.write_text(f"{columns}\n3,1,1,0,12,9,yes\n5,2,1,0,50,9,no\n7,3,1,0,40,9,yes\n")
-    for hardness, error in ((40.0, ConfigError), (40.1, InputError)):
-        with pytest.raises(error) as raised:
-            script.main(
-                tmp_path / "square.h5",
-                [tmp_path / f"{patch}.h5" for patch in "357"],  # there are none
-                pressures,
-                tmp_path / "table.csv",
-                patches=["3", "5", "7"],
-                patch_mm=0.85,
-                other_modulus_MPa=None,
-                grinding=None,
-                hardness_MPa=hardness,
-            )
-        assert ("of patch 7 (40 MPa)." in str(raised.value)) == (hardness == 40.0)
-        assert ("3.h5" in str(raised.value)) == (hardness == 40.1)  # the first to be read
 
 
 def test_published_values_of_patches_whatever_their_names(tmp_path):
