@@ -5,14 +5,39 @@ import re
 import shutil
 import subprocess
 import sys
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import pandas as pd
 import pytest
 import yaml
 from filelock import FileLock
+from gst.config import read_config
+from gst.patches import read_patches
+from gstlib.io.meshes import read_mesh
+from gstlib.io.scans import read_scan
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import read_pressures, read_table, write_table
+from gstlib.study import Study as InMemory
+from gstlib.uncertainty import Errors, Macroscale, pressure_intervals
 
 ROOT = Path(__file__).parents[2]
+# with this interpreter: the environment under test, whatever is on the PATH
+SNAKEMAKE = sys.executable, "-m", "snakemake"
+
+
+def run(*command: object, cwd: Path | None = None, said: str = "", **environment: str):
+    """A command as a user gives it, answered with `said`; how it ended, and what it said."""
+    return subprocess.run(
+        list(map(str, command)),
+        cwd=cwd,
+        env=os.environ | environment,
+        input=said,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
 @dataclass
@@ -27,43 +52,19 @@ class Study:
     def results(self) -> Path:
         return self.folder / yaml.safe_load((self.folder / self.config).read_text())["results"]
 
-    def command(self, *arguments: str, cores: int = 2) -> list[str]:
-        # -m with this interpreter: the environment under test, whatever is on the PATH
-        return [
-            sys.executable,
-            "-m",
-            "snakemake",
-            "--snakefile",
-            str(ROOT / "Snakefile"),
-            "--directory",
-            str(self.folder),
-            "--cores",
-            str(cores),
-            *arguments,
-            "--configfile",
-            str(self.folder / self.config),  # takes all that follows
-        ]
+    def command(self, *arguments: str, cores: int | None = 2) -> list[str]:
+        where = "--snakefile", str(ROOT / "Snakefile"), "--directory", str(self.folder)
+        config = "--configfile", str(self.folder / self.config)  # takes all that follows
+        on = ("--cores", str(cores)) if cores else ()  # or as many as a profile says
+        return [*SNAKEMAKE, *where, *on, *arguments, *config]
 
     def run(self, *arguments: str, cores: int = 2) -> subprocess.CompletedProcess:
-        return subprocess.run(
-            self.command(*arguments, cores=cores),
-            cwd=self.folder,
-            env=os.environ | self.environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        return run(*self.command(*arguments, cores=cores), cwd=self.folder, **self.environment)
 
     def gst(self, *arguments: str, said: str = "") -> subprocess.CompletedProcess:
         """The command `gst` in the folder, answered with `said`."""
-        return subprocess.run(
-            [Path(sys.executable).with_name("gst"), *arguments],
-            cwd=self.folder,
-            input=said,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        gst = Path(sys.executable).with_name("gst")
+        return run(gst, *arguments, cwd=self.folder, said=said)
 
     def succeed(self, *arguments: str, cores: int = 2) -> str:
         """Run, and give what was said."""
@@ -89,6 +90,56 @@ class Study:
 
     def tables(self) -> dict[str, str]:
         return {file.name: file.read_text() for file in sorted(self.results.glob("tables/*.csv"))}
+
+    def fields(self) -> dict[str, bytes]:
+        files = sorted(self.results.rglob("*.h5"))
+        return {str(file.relative_to(self.results)): file.read_bytes() for file in files}
+
+
+def in_memory(study: Study, config: dict | None = None) -> InMemory:
+    """The study by the library alone, from the same files, with its own config or another."""
+    config = config or read_config(study.folder / study.config)
+    sizes = {"size_mm": config["square"]["size_mm"], "patch_size_mm": config["scans"]["size_mm"]}
+    patches = read_patches(study.folder / config["patches"], **sizes)
+    made = {"mesh": f"{config['results']}/specimen/mesh.stl", "mesh_unit": "mm"}
+    inputs = config["inputs"] or made | {"scan_folder": f"{config['results']}/specimen/scans"}
+    names = patches.rename(columns={"t0": "T0", "t1": "T1"}).set_index("patch")
+    face = (config["counterface"] or {}).get("scan")
+    return InMemory(
+        config,
+        patches,
+        read_mesh=lambda: read_mesh(study.folder / inputs["mesh"], unit=inputs["mesh_unit"]),
+        read_scan=lambda *of: read_scan(study.folder / inputs["scan_folder"] / names.at[of]),
+        read_face=(lambda: read_scan(study.folder / face)) if face else None,
+    )
+
+
+def intervals_of(study: Study) -> pd.DataFrame:
+    """Of the patches' pressures, by the library alone from what is stored before them."""
+    config = read_config(study.folder / study.config)
+    stored = {
+        name: read_dataset(file)
+        for name in ("surface", "composite", "second_stone")
+        if (file := study.results / f"macroscale/{name}.h5").exists()
+    }
+    second = stored["second_stone"].face if "second_stone" in stored else None
+    return pressure_intervals(
+        Macroscale(stored["surface"], stored["composite"], second),
+        read_pressures(study.results / "coupling/pressures.csv"),
+        errors=Errors(**config["uncertainty"]),
+        force_N=config["load"]["force_N"],
+        through=(2.5, 2.5),
+        material=config["material"],
+        patch_mm=config["scans"]["size_mm"],
+        seed=config["seed"],
+    )
+
+
+def assert_stored(found: pd.DataFrame, file: Path, folder: Path) -> None:
+    """The table, as it would be written, is that of the file."""
+    write_table(folder / file.name, found)
+    again, stored = (read_table(path) for path in (folder / file.name, file))
+    pd.testing.assert_frame_equal(again, stored, rtol=1e-4, atol=1e-9)
 
 
 def fresh(folder: Path) -> Study:
@@ -119,6 +170,24 @@ def finished_tiny(tmp_path_factory) -> Study:
         return finished
 
 
+@pytest.fixture(scope="session")
+def results(finished_tiny) -> Path:
+    """Of the tiny study."""
+    return finished_tiny.results
+
+
+@pytest.fixture(scope="session")
+def table(results):
+    """A table of the tiny study, by its name."""
+    return lambda name: read_table(results / f"tables/{name}.csv")
+
+
+@pytest.fixture(scope="session")
+def config(finished_tiny) -> dict:
+    """What the tiny study was asked for, with all that its config leaves out."""
+    return read_config(finished_tiny.folder / finished_tiny.config)
+
+
 @pytest.fixture
 def tiny(finished_tiny, tmp_path) -> Study:
     """A copy of the finished tiny study, dates and Snakemake's records included."""
@@ -142,13 +211,30 @@ def browser():
         browser.close()
 
 
+@contextmanager
+def opened(browser, file: Path, size: tuple[int, int] = (1366, 768)):
+    """A page with a stone; it asks for nothing but itself, and complains of nothing."""
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    asked, said = [], []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("console", lambda message: said.append(message.text) if message.type == "error" else 0)
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.goto(file.as_uri())
+    page.wait_for_selector("canvas")
+    yield page
+    page.close()
+    assert [url for url in asked if not url.startswith("data:")] == [file.as_uri()]
+    assert said == []
+
+
+def as_measured(study: Study, finished: Study) -> Study:
+    """The specimen's files of a finished study, given as a user gives measured ones."""
+    shutil.copytree(finished.results / "specimen", study.folder / "data")
+    files = {"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"}
+    study.change(results="results-measured", specimen=None, inputs=files)
+    return study
+
+
 @pytest.fixture
 def measured(study, finished_tiny):
-    """The tiny specimen's files, given as a user gives measured ones."""
-    shutil.copytree(finished_tiny.results / "specimen", study.folder / "data")
-    study.change(
-        results="results-measured",
-        specimen=None,
-        inputs={"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"},
-    )
-    return study
+    return as_measured(study, finished_tiny)

@@ -2,16 +2,13 @@
 
 import os
 import re
-import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
-from conftest import ROOT
-from gst.export import sur_of, x3p_of
+from conftest import ROOT, as_measured, run
 from gstlib.io.plu import PLU_UNMEASURED_UM, write_plu
 from gstlib.io.scans import read_scan
 from gstlib.surface import spacing_of
@@ -51,90 +48,77 @@ def test_every_problem_of_config_and_sweep(study):
         assert missing(said, "changed.yaml", *words, "config/README.md") == []
 
 
-def test_a_flip_that_is_missing_is_named(study):
-    """Where the mesh is fine enough to show the patches' waves."""
-    study.change(
-        specimen={"mesh_edge_mm": 0.3, "cut_off_wavelength_mm": 0.6}, scans={"mould": {"flip": "x"}}
-    )
+def test_a_flip_that_is_wrong_is_named(study):
+    """By the check and by the step, where the mesh is fine enough to show the patches' waves."""
+    fine = {"mesh_edge_mm": 0.3, "cut_off_wavelength_mm": 0.6}
+    study.change(specimen=fine, scans={"mould": {"flip": "x"}})
     study.succeed("results-tiny/specimen/mesh.stl")
-    shutil.copytree(study.results / "specimen", study.folder / "data")
-    files = {"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"}
-    for flip in ("x", None):
-        mould = {"mould": {"flip": flip}}
-        study.change(results="results-own", specimen=None, inputs=files, scans=mould)
+    as_measured(study, study)
+    for flip in ("x", None, "y"):
+        study.change(scans={"mould": {"flip": flip}})
         code, said = check(study)
         assert code == 0
-        assert ("set scans.mould.flip to x" in said) == (flip is None)
-        assert ("WARNING" in said) == (flip is None)
+        assert ("set scans.mould.flip to x" in said) == ("WARNING" in said) == (flip != "x")
+    assert "set scans.mould.flip to x" in study.succeed("results-measured/tables/placement.csv")
+
+
+def exchange(folder, one, other):
+    """Two scans."""
+    first, second = ((folder / f"data/scans/{name}.plu") for name in (one, other))
+    content = first.read_bytes()
+    first.write_bytes(second.read_bytes())
+    second.write_bytes(content)
 
 
 def test_scans_of_other_patches_and_epochs_are_told(measured):
     """T0 and T1 of two patches are exchanged, and T1 of two others."""
-    scans = measured.folder / "data/scans"
-
-    def exchange(one, other):
-        first, second = ((scans / f"{name}.plu").read_bytes() for name in (one, other))
-        (scans / f"{one}.plu").write_bytes(second)
-        (scans / f"{other}.plu").write_bytes(first)
-
-    exchange("5_T0", "5_T1")
-    exchange("7_T0", "7_T1")
+    exchange(measured.folder, "5_T0", "5_T1")
+    exchange(measured.folder, "7_T0", "7_T1")
     code, said = check(measured)
     assert code == 0
     assert missing(said, "patches 5, 7 rose than fell", "t0 and t1 exchanged") == []
-    exchange("10_T1", "11_T1")
+    exchange(measured.folder, "10_T1", "11_T1")
     code, said = check(measured)
     assert code == 2
-    assert (
-        missing(said, "2 problems", "10_T1.plu: as T1 of patch 10", "but on T0 of patch 11") == []
-    )
+    words = "2 problems", "10_T1.plu: as T1 of patch 10", "but on T0 of patch 11"
+    assert missing(said, *words) == []
 
 
 def test_a_form_that_was_taken_out_of_one_epoch_is_told(measured):
     """Whether T1 is still found on T0 or not."""
-    scans = measured.folder / "data/scans"
     for name in ("5_T1", "7_T1"):
-        heights = read_scan(scans / f"{name}.plu")
-        write_plu(scans / f"{name}.plu", without_form(heights.values), spacing_of(heights)[1])
+        heights = read_scan(measured.folder / f"data/scans/{name}.plu")
+        y, x = (np.linspace(-1, 1, n) for n in heights.shape)
+        at = (each.ravel() for each in np.meshgrid(y, x, indexing="ij"))
+        known, powers = np.isfinite(heights.values).ravel(), legvander2d(*at, [8, 8])
+        factors = np.linalg.lstsq(powers[known], heights.values.ravel()[known], rcond=None)[0]
+        level = heights.values - (powers @ factors).reshape(heights.shape)
+        write_plu(measured.folder / f"data/scans/{name}.plu", level, spacing_of(heights)[1])
     code, said = check(measured)
     assert code == 0
     assert said.count("a form had been taken out of T1 alone") == 2
     assert "check both names" not in said
 
 
-def without_form(heights):
-    y, x = (np.linspace(-1, 1, n) for n in heights.shape)
-    powers = legvander2d(*(each.ravel() for each in np.meshgrid(y, x, indexing="ij")), [8, 8])
-    known = np.isfinite(heights).ravel()
-    factors = np.linalg.lstsq(powers[known], heights.ravel()[known], rcond=None)[0]
-    return heights - (powers @ factors).reshape(heights.shape)
-
-
 def test_scans_that_other_software_laid_on_each_other_are_told(measured):
-    """As ConfoMap saves them: cut from one grid, worn in between."""
+    """As ConfoMap saves them: cut from one grid, worn in between; here as text without a unit."""
     scans = measured.folder / "data/scans"
     noise = np.random.default_rng(1)
-    for number, file in enumerate(sorted(scans.glob("*_T0.plu"))):
+    for file in sorted(scans.glob("*_T0.plu")):
         before = read_scan(file)
         lowest = np.nanquantile(before, 0.1)  # of a mould: the highest of the stone
         worn = before.clip(min=lowest) + 1e-5 * noise.standard_normal(before.shape)
         for epoch, heights in (("T0", before), ("T1", worn)):
             stem = scans / file.stem.replace("T0", epoch)
             stem.with_suffix(".plu").unlink()
-            if number % 3 == 2:
-                np.savetxt(stem.with_suffix(".csv"), heights * 1e3, delimiter=",")
-            elif number % 3:
-                stem.with_suffix(".sur").write_bytes(sur_of(heights, "a stone"))
-            else:
-                stem.with_suffix(".x3p").write_bytes(x3p_of(heights, "a stone"))
+            np.savetxt(stem.with_suffix(".csv"), heights * 1e3, delimiter=",")
     table = measured.folder / "config/patches_tiny.tsv"
     table.write_text(re.sub(r"\t[^\t]*\t[^\t]*$", "", table.read_text(), flags=re.MULTILINE))
     measured.change(scans={"unit": "um", "spacing_um": 13.28})
     code, said = check(measured)
     assert code == 0
-    (off,) = re.findall(
-        r"T1 on T0 +found on 6 patches, shifted by up to ([\d.]+) µm; all co-", said
-    )
+    found = r"T1 on T0 +found on 6 patches, shifted by up to ([\d.]+) µm; all co-"
+    (off,) = re.findall(found, said)
     assert float(off) < 0.05
     assert said.count("WARNING") == 1  # the mesh is too coarse to check the heights' unit
 
@@ -159,11 +143,14 @@ def test_everything_wrong_with_the_files_is_reported_at_once(measured):
     heights = np.frombuffer(content, "<f4", rows * columns, 508)
     heights[: len(heights) // 2] = PLU_UNMEASURED_UM
     (data / "scans/5_T0.plu").write_bytes(content)
+    for file in data.glob("scans/13_T?.plu"):  # the whole square needs one grid
+        heights = read_scan(file)
+        write_plu(file, heights.values[::2, ::2], 2 * spacing_of(heights)[1])
     mesh = data / "mesh.stl"
     trimesh.load_mesh(mesh).apply_scale(1e-3).export(mesh)
     measured.change(mat={"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 9.0})
-    words = ("5 problems", "mat.thickness_um", "truncated", "7_T0.plu", "7_T1.plu", "5_T0.plu")
-    words += ("maximum_unmeasured", "data/mesh.stl", "mesh_unit")
+    words = "5 problems", "mat.thickness_um", "reference_draws", "maximum_unmeasured", "mesh_unit"
+    words += "truncated", "data/mesh.stl", "7_T0.plu", "7_T1.plu", "5_T0.plu", "13_T0.plu"
     result = measured.run()
     for code, said in (check(measured), (result.returncode, result.stdout + result.stderr)):
         assert code > 0
@@ -174,10 +161,11 @@ def test_everything_wrong_with_the_files_is_reported_at_once(measured):
 def test_files_that_are_missing_do_not_hide_faults_of_the_others(measured):
     (measured.folder / "data/mesh.stl").unlink()
     (measured.folder / "data/scans/5_T1.plu").unlink()
-    measured.change(scans={"size_mm": 0.5})
+    measured.change(scans={"size_mm": 0.5}, results="config/patches_tiny.tsv/results")
     code, said = check(measured)
     assert code == 2
     words = ("mesh: data/mesh.stl does not exist", "5_T1.plu does not exist", "correct their names")
+    words += ("config/patches_tiny.tsv/results: cannot be written",)
     assert missing(said, *words, "7_T0.plu", "0.8499", "0.5 × 0.5 mm", "scans.size_mm") == []
     table = measured.folder / "config/patches_tiny.tsv"
     table.write_text(table.read_text().replace("\t0.50\t", "\t0.10\t", 1))
@@ -187,19 +175,28 @@ def test_files_that_are_missing_do_not_hide_faults_of_the_others(measured):
         assert missing(said, "patches_tiny.tsv", "patch 5", "sticks out", "mm") == []
 
 
+def test_clean_removes_what_the_study_made_and_nothing_else(tiny):
+    """Asked first; a file of the user's own stays, and so does its folder."""
+    mine = tiny.results / "notes.txt"
+    mine.write_text("of mine")
+    tiny.gst("clean", tiny.config, said="n")
+    assert len(list(tiny.results.iterdir())) > 10
+    tiny.gst("clean", tiny.config, said="y")
+    assert list(tiny.results.iterdir()) == [mine]
+
+
 def make(target, *options, cwd=ROOT):
     """`make TARGET` with the environment under test."""
-    command = ["make", "-o", ".venv/ready", f"BIN={Path(sys.executable).parent}", target, *options]
-    # The tests themselves may run under make, which passes on what it was called with.
-    environment = {key: value for key, value in os.environ.items() if "MAKE" not in key}
-    return subprocess.run(
-        command, cwd=cwd, env=environment, capture_output=True, text=True, check=False
-    )
+    # the tests themselves may run under make, which passes on what it was called with
+    outer = {key: "" for key in os.environ if "MAKE" in key}
+    program = f"BIN={Path(sys.executable).parent}"
+    return run("make", "-o", ".venv/ready", program, target, *options, cwd=cwd, **outer)
 
 
 @pytest.mark.parametrize("target", ["study", "sweep", "check"])
 def test_a_config_that_is_no_yaml_is_refused_in_one_sentence(tmp_path, target):
-    config = tmp_path / "mine.yaml"
+    config = tmp_path / "Fläche 1" / "mine.yaml"
+    config.parent.mkdir()
     config.write_text("title: my: stone\n")
     result = make(target, f"CONFIG={config}")
     assert result.returncode != 0
@@ -207,40 +204,6 @@ def test_a_config_that_is_no_yaml_is_refused_in_one_sentence(tmp_path, target):
     error, made = result.stderr.strip().splitlines()
     assert error.startswith(f"ERROR: {config}: is not YAML in UTF-8: mapping values")
     assert made.startswith("make: ***")
-
-
-def test_the_path_of_the_config_may_have_blanks(tmp_path):
-    config = tmp_path / "Fläche 1" / "mine.yaml"
-    config.parent.mkdir()
-    config.write_bytes((ROOT / "config/tiny.yaml").read_bytes())
-    result = make("plan", f"CONFIG={config}")
-    assert result.returncode == 0, result.stderr
-
-
-def test_results_that_cannot_be_written_are_one_problem(measured):
-    measured.change(results="config/patches_tiny.tsv/results")
-    code, said = check(measured)
-    assert code == 2
-    assert missing(said, "config/patches_tiny.tsv/results: cannot be written") == []
-
-
-def test_clean_removes_what_the_study_made_and_nothing_else(tiny):
-    """Asked first; a file of the user's own stays, and so does its folder."""
-    mine = tiny.results / "notes.txt"
-    mine.write_text("of mine")
-    for answer, left in (("n", 10), ("y", 1)):
-        tiny.gst("clean", tiny.config, said=answer)
-        assert (len(list(tiny.results.iterdir())) > 1) == (left > 1)
-    assert list(tiny.results.iterdir()) == [mine]
-    mine.unlink()
-    tiny.gst("clean", tiny.config, said="y")
-    assert (tiny.folder / "config").is_dir()
-
-
-def test_a_sweep_needs_a_section():
-    result = make("sweep", "CONFIG=config/tiny.yaml")
-    assert result.returncode != 0
-    assert "tiny.yaml: has no section 'sweep'. Add one, as in config/sweep.yaml." in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -251,7 +214,6 @@ def test_a_project_in_a_folder_that_snakemake_cannot_use_is_refused(tmp_path, fo
     project.mkdir()
     for name in ("Makefile", "requirements.lock", "pyproject.toml"):
         (project / name).write_bytes((ROOT / name).read_bytes())
-    command = ["make", "environment", "PYTHON=false"]  # a Python that is too old
-    result = subprocess.run(command, cwd=project, capture_output=True, text=True, check=False)
+    result = run("make", "environment", "PYTHON=false", cwd=project)  # a Python that is too old
     assert ("move the project" in result.stdout + result.stderr) == refused
     assert ("is older than Python" in result.stdout + result.stderr) != refused

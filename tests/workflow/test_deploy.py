@@ -1,21 +1,18 @@
 """The other ways to run the study: the catalogue's, a container, conda. docs/deploy.md."""
 
 import json
-import os
 import re
 import shutil
-import subprocess
 import sys
 import tomllib
 
 import pytest
 import yaml
-from conftest import ROOT
+from conftest import ROOT, SNAKEMAKE, Study, fresh, run
 from hatchling.builders.sdist import SdistBuilder
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
-TEST_STUDY = ["--directory", ".test", "--configfile", ".test/config/tiny.yaml"]
 IN_A_CLONE = pytest.mark.skipif(
     not (ROOT / ".test").is_dir(), reason="the sdist leaves out .test, which holds a link"
 )
@@ -23,16 +20,11 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
 def plan(*arguments, cwd, **environment):
-    """What a run of the whole tiny study would do."""
-    command = [sys.executable, "-m", "snakemake", "--dry-run", "--forceall", "--cores", "2"]
-    return subprocess.run(
-        [*command, *arguments],
-        cwd=cwd,
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    """A run of the whole tiny study is planned."""
+    command = *SNAKEMAKE, "--dry-run", "--forceall", "--cores", "2"
+    result = run(*command, *arguments, cwd=cwd, **environment)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "score_truth" in result.stdout
 
 
 @IN_A_CLONE
@@ -49,9 +41,10 @@ def test_the_catalogue_is_told_what_holds():
     assert usage["report"] == ("report(" in rules)
     assert (ROOT / "config/README.md").is_file()
     # beside a folder `workflow`, it looks for a Snakefile nowhere else
-    result = plan("--snakefile", "workflow/Snakefile", *TEST_STUDY, cwd=ROOT)
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert "score_truth" in result.stdout
+    test_study = "--directory", ".test", "--configfile", ".test/config/tiny.yaml"
+    plan("--snakefile", "workflow/Snakefile", *test_study, cwd=ROOT)
+    made = [".test/results-tiny/index.html", ".test/.snakemake/log"]
+    assert run("git", "check-ignore", *made, cwd=ROOT).stdout.splitlines() == made
 
 
 @pytest.mark.parametrize("path", ["Snakefile", "workflow/Snakefile"])
@@ -62,7 +55,7 @@ def test_a_study_is_planned_with_all_rules_from_github(study, tmp_path, path):
     shutil.copy(ROOT / "Snakefile", repository)
     who = ("-c", "user.name=me", "-c", "user.email=me@localhost")
     for command in (["init", "--initial-branch=main"], ["add", "."], [*who, "commit", "-m", "all"]):
-        subprocess.run(["git", *command], cwd=repository, check=True, capture_output=True)
+        run("git", *command, cwd=repository)
     (study.folder / "workflow").mkdir()
     (study.folder / "workflow/Snakefile").write_text(
         'configfile: "config/config.yaml"\n'
@@ -73,19 +66,7 @@ def test_a_study_is_planned_with_all_rules_from_github(study, tmp_path, path):
     )
     here = {"GIT_CONFIG_COUNT": "1", "GIT_CONFIG_KEY_0": f"url.{tmp_path}/github/.insteadOf"}
     here |= {"GIT_CONFIG_VALUE_0": "https://github.com/", "XDG_CACHE_HOME": f"{tmp_path}/cache"}
-    result = plan("--configfile", "config/tiny.yaml", cwd=study.folder, **here)
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert "score_truth" in result.stdout
-
-
-@IN_A_CLONE
-def test_the_test_study_is_planned_in_a_folder_of_its_own():
-    result = plan(*TEST_STUDY, cwd=ROOT)
-    assert result.returncode == 0, result.stdout + result.stderr
-    assert "score_truth" in result.stdout
-    made = ["git", "check-ignore", ".test/results-tiny/index.html", ".test/.snakemake/log"]
-    ignored = subprocess.run(made, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert ignored.stdout.splitlines() == made[2:]
+    plan("--configfile", "config/tiny.yaml", cwd=study.folder, **here)
 
 
 def test_the_sdist_has_the_tables_that_its_tests_read():
@@ -114,22 +95,14 @@ def test_the_container_has_all_that_a_study_needs(image, study):
     folder, entry = image
     assert entry == ["gst"]
     command = [sys.executable, "-m", "gst", "study", "--plan", f"{study.folder}/config/tiny.yaml"]
-    environment = os.environ | {"PYTHONPATH": str(folder / "src")}
-    result = subprocess.run(
-        command, cwd=study.folder, env=environment, capture_output=True, text=True
-    )
+    result = run(*command, cwd=study.folder, PYTHONPATH=str(folder / "src"))
     assert result.returncode == 0, result.stdout + result.stderr
     assert "score_truth" in result.stdout
     assert "profiles/default" in result.stderr
-    to_build = {
-        "src",
-        PROJECT["readme"],
-        *PROJECT["license-files"],
-        "CITATION.cff",
-        "Makefile",
-        "requirements.lock",
+    to_build = {"src", "CITATION.cff", "Makefile", "requirements.lock"}
+    assert to_build | {PROJECT["readme"], *PROJECT["license-files"]} <= {
+        file.name for file in folder.iterdir()
     }
-    assert to_build <= {file.name for file in folder.iterdir()}
 
 
 def test_conda_takes_the_locked_packages_under_a_python_that_they_are_for():
@@ -138,11 +111,73 @@ def test_conda_takes_the_locked_packages_under_a_python_that_they_are_for():
     name, version = python.split(" =")
     assert name == "python"
     assert SpecifierSet(PROJECT["requires-python"]).contains(version)
-    locked = set(
-        re.findall(r"^([\w.-]+)==", (ROOT / "requirements.lock").read_text(), re.MULTILINE)
-    )
-    extras = PROJECT["optional-dependencies"]
-    needed = PROJECT["dependencies"] + [
-        of for name in ("fast", "formats", "texture", "workflow") for of in extras[name]
-    ]
+    lock = (ROOT / "requirements.lock").read_text()
+    locked = set(re.findall(r"^([\w.-]+)==", lock, re.MULTILINE))
+    needed = list(PROJECT["dependencies"])
+    for name in ("fast", "formats", "texture", "workflow"):
+        needed += PROJECT["optional-dependencies"][name]
     assert {Requirement(text).name.lower() for text in needed} - {"gstlib"} <= locked
+
+
+# --- As a module of another workflow ---------------------------------------------------------
+
+
+# What the other workflow says: nothing of this project's own folder but its Snakefile.
+MODULE = """
+module {name}:
+    snakefile: "{snakefile}"
+    config: config["{name}"]
+
+use rule * from {name} as {name}_*
+"""
+ALL = """
+rule all:
+    default_target: True
+    input: rules.first_all.input, rules.second_all.input
+"""
+
+
+@pytest.fixture
+def two_studies(study):
+    """A folder with a workflow of two tiny studies, and the config of each."""
+    tiny = yaml.safe_load((study.folder / study.config).read_text())
+    other = {"seed": 5, "grinding": None, "hardness": None}
+    other |= {"material": {"contact_modulus_MPa": None}, "specimen": tiny["specimen"] | {"seed": 9}}
+    other |= {"title": "another stone", "results": "second/results"}
+    configs = {"first": tiny, "second": tiny | other}
+    (study.folder / "config/both.yaml").write_text(yaml.safe_dump(configs))
+    modules = [MODULE.format(name=name, snakefile=ROOT / "Snakefile") for name in configs]
+    (study.folder / "Snakefile").write_text(
+        'configfile: "config/both.yaml"\n' + "".join(modules) + ALL
+    )
+    return study.folder, configs
+
+
+def made(folder, *arguments):
+    result = run(*SNAKEMAKE, "--cores", "2", *arguments, cwd=folder)
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout.split()
+
+
+def test_rules_of_two_studies_in_one_plan(two_studies):
+    """Each has its own config, and the schema's defaults of what that leaves out."""
+    rules = made(two_studies[0], "--dry-run")
+    assert {"first_solve_cases", "first_write_page", "second_write_page"} <= set(rules)
+    assert "second_solve_cases" not in rules
+
+
+@pytest.mark.slow
+def test_two_studies_in_one_run_give_the_tables_of_each_alone(two_studies, finished_tiny, tmp_path):
+    folder, configs = two_studies
+    made(folder, "--workflow-profile", ROOT / "profiles/default")
+    alone = fresh(tmp_path / "alone")
+    alone.config = "config/second.yaml"
+    (alone.folder / alone.config).write_text(yaml.safe_dump(configs["second"]))
+    alone.succeed()
+    for name, made_alone in (("first", finished_tiny), ("second", alone)):
+        together = Study(folder, f"config/{name}.yaml")
+        (folder / together.config).write_text(yaml.safe_dump(configs[name]))
+        assert together.tables() == made_alone.tables()
+        page = (together.results / "index.html").read_text().lower()
+        assert configs[name]["title"].lower() in page
+    assert finished_tiny.tables()["wear.csv"] != alone.tables()["wear.csv"]

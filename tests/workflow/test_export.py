@@ -6,7 +6,6 @@ import meshio
 import numpy as np
 import pytest
 import trimesh
-import xarray as xr
 from gst.export import sur_of
 from gstlib.geometry import FRAME, stored_frame
 from gstlib.io.scans import read_scan
@@ -57,7 +56,7 @@ def test_two_libraries_read_the_lengths(finished_tiny, exported, name):
     assert bool(expected.isnull().any()) == (name in ("T0", "T1", "loss"))
 
 
-def test_pressure_states_its_unit(finished_tiny, exported, tmp_path):
+def test_pressure_states_its_unit(finished_tiny, exported):
     """By the bytes of Digital Surf's header: no reader here takes another unit than a length."""
     expected = read_dataset(finished_tiny.results / f"microscale/{PATCH}.h5").pressure
     content = (exported / f"{PATCH}_pressure.sur").read_bytes()
@@ -69,12 +68,6 @@ def test_pressure_states_its_unit(finished_tiny, exported, tmp_path):
     steps = np.frombuffer(content[512:], "<i4").reshape(ny, nx)
     np.testing.assert_allclose(steps * step, expected.values, rtol=1e-6, atol=1e-4)
     np.testing.assert_array_equal(steps == 0, expected.values == 0)
-    # two libraries read the numbers, if these are called lengths
-    path = tmp_path / "lengths.sur"
-    path.write_bytes(content[:512].replace(b"MPa", b"mm ") + content[512:])
-    other = np.ma.filled(open_topography(str(path)).topography().heights(), np.nan).T
-    for read in (Surface.load(path).data / 1e3, other):
-        np.testing.assert_allclose(read, expected.values, rtol=1e-6, atol=1e-4)
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.0])
@@ -98,20 +91,14 @@ def test_the_tool_keeps_its_coordinates_and_shows_the_patches(finished_tiny, exp
     face = read_dataset(results / "macroscale/surface.h5", only=FRAME)
     x, y, z = stored_frame(face).to_frame(tool.vertices).T
     above, element = abs(z) < 1, 0.125
-    for number, place in enumerate(
-        read_table(results / "tables/patch_pressures.csv").itertuples(), start=1
-    ):
+    places = read_table(results / "tables/patch_pressures.csv")
+    for number, place in enumerate(places.itertuples(), start=1):
         away = np.maximum(abs(x - place.x_mm), abs(y - place.y_mm))
         assert place.rotation_deg == 0
         is_patch = read["scalar_patch"] == number
         assert is_patch[above & (away < 0.425 - element)].all()
         assert not is_patch[away > 0.425 + element].any()
         assert is_patch.any()
-    pressure = read_dataset(results / "macroscale/contact.h5").pressure
-    inside = above & (abs(x - 2.5) < 4) & (abs(y - 2.5) < 4)
-    at = {"x": xr.DataArray(x[inside], dims="p"), "y": xr.DataArray(y[inside], dims="p")}
-    expected = pressure.sel(at, method="nearest").values
-    assert np.isclose(read["scalar_pressure_MPa"][inside], expected, rtol=1e-5).mean() > 0.99
 
 
 def test_two_libraries_read_the_tool(exported):

@@ -11,33 +11,22 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import fresh
-from gstlib.io.store import read_dataset
+from conftest import as_measured, assert_stored, fresh, in_memory
+from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_pressures, read_table
-from gstlib.preprocess.filtering import s_filtered
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.reference import composite_heights
-from gstlib.study import wear_stone
-from gstlib.surface import spacing_of
-from test_tiny_study import pressed_heights, recomputed_residual
-
-MAT = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0}
 
 
 @pytest.fixture(scope="module")
 def studied(finished_tiny, tmp_path_factory):
-    """The tiny specimen's files as measured ones."""
-    study = fresh(tmp_path_factory.mktemp("measured"))
-    shutil.copytree(finished_tiny.results / "specimen", study.folder / "data")
+    study = as_measured(fresh(tmp_path_factory.mktemp("measured")), finished_tiny)
     (study.folder / "published.csv").write_text(
         "quantity,patch,unit,value\nmean pressure,,MPa,22\npatch pressure,13,MPa,10\n"
     )
     study.change(
-        results="results-measured",
-        specimen=None,
-        inputs={"mesh": "data/mesh.stl", "mesh_unit": "mm", "scan_folder": "data/scans"},
         counterface={"scan": "data/scans/5_T0.plu", "radius_mm": 200.0},
-        mat=MAT,
+        mat={"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0},
         published="published.csv",
         reference_draws=2,
         validation={"expected_worst": ["7", "13"]},
@@ -58,53 +47,26 @@ def test_the_record_holds_every_measured_file(studied):
     }
 
 
-def test_the_patches_are_pressed_by_the_rough_face(studied, finished_tiny):
-    """The microscale follows it, all before it stays."""
-    flat, rough = finished_tiny.tables(), studied.tables()
-    assert rough["patch_pressures.csv"] == flat["patch_pressures.csv"]
-    scan = read_dataset(studied.results / "surfaces/5_T0.h5").height
-    face = s_filtered(scan, 5.0).values[:, ::-1]
-    for file in sorted(studied.results.glob("microscale/*.h5")):
-        contact = read_dataset(file)
-        # on the plane of the round stone there
-        pressed, own = (remove_plane(scan.copy(data=of))[0] for of in (contact.counterface, face))
-        np.testing.assert_allclose(pressed, own, atol=1e-12)
-        if contact.pressure.any():
-            field, delta = contact.pressure.values, float(contact.displacement)
-            of = spacing_of(contact), float(contact.contact_modulus)
-            assert recomputed_residual(pressed_heights(contact), field, delta, *of) <= 1e-6
-
-
-def test_a_mat_and_a_ceiling_are_worn_judged_and_told(studied):
-    worn = read_table(studied.results / "tables/wear.csv")
-    worn = worn.pivot(index="patch", columns="model", values="map_error_um")
-    assert (worn.mat != worn.archard).all()
-    assert (worn.mat != worn.yielding)[["7", "13"]].all()  # nothing is pressed so hard elsewhere
-    rows = read_table(studied.results / "tables/validation_summary.csv")
-    rows = rows.set_index(["model", "statistic"])
-    fitted = read_dataset(studied.results / "wear/whole_mat.h5")
-    assert rows.value["mat", "mat_ratio"] == float(fitted.ratio_of_all)
-    page = (studied.results / "index.html").read_text(encoding="utf-8")
-    told = page.replace("\xa0", " ")
-    assert "with a mat of 300 MPa, 300 µm thick, predicts" in told
+def test_its_mat_its_rough_face_and_its_claim_come_through(studied, tmp_path):
+    """As the library alone takes them; the page tells of the mat."""
+    own, tables = in_memory(studied), studied.results / "tables"
+    for stage, name in {"face": "surface", "composite": "composite", "contact": "contact"}.items():
+        own.kept[stage,] = read_dataset(studied.results / f"macroscale/{name}.h5")
+    own.kept["pressures",] = read_pressures(studied.results / "coupling/pressures.csv")
+    own.kept["registration",] = read_table(tables / "registration.csv")
+    for patch in ("7", "13"):
+        stored = read_dataset(studied.results / f"microscale/{patch}.h5")
+        found = own.patch_contact(patch)
+        np.testing.assert_allclose(stored.counterface, found.counterface, atol=1e-9)
+        assert np.ptp(stored.counterface.values) > 5e-3  # no ball, but a rough face
+    judged = own.judged(seed=own.config["seed"], resamples=199)
+    for name, rows in {"wear": judged["wear"], "validation_summary": judged["summary"]}.items():
+        assert_stored(rows, tables / f"{name}.csv", tmp_path)
+    assert {"archard", "mat", "yielding"} < set(judged["wear"].model)
+    assert "expected_worst(7+13, pressure_MPa)" in set(judged["summary"].statistic)
+    page = (studied.results / "index.html").read_text(encoding="utf-8").replace("\xa0", " ")
+    assert "with a mat of 300 MPa, 300 µm thick, predicts" in page
     assert "Generated specimen" not in page
-
-
-def test_the_mat_is_the_one_of_the_config(studied):
-    tables = studied.results / "tables"
-    contact = read_dataset(studied.results / "macroscale/contact.h5")
-    known = read_pressures(tables / "patch_pressures.csv"), read_table(tables / "registration.csv")
-    worn = wear_stone(contact, *known, patch_mm=0.85, steps=2, mat=MAT)
-    stored = read_dataset(studied.results / "wear/whole_square.h5")
-    np.testing.assert_allclose(stored.pressed, worn.path.pressed, rtol=1e-3, atol=1e-9)
-    mat = read_dataset(studied.results / "wear/whole_mat.h5")
-    np.testing.assert_allclose(mat.pressure, worn.mat.pressure, rtol=1e-3, atol=1e-3)
-
-
-def test_the_worst_worn_are_compared_with_what_was_claimed(studied):
-    rows = read_table(studied.results / "tables/validation_summary.csv").set_index("statistic")
-    claim = rows.loc["expected_worst(7+13, pressure_MPa)"]
-    assert (claim.value, claim.n) == (1, 2)
 
 
 def test_what_was_not_scanned_is_drawn_anew(studied):
@@ -157,24 +119,56 @@ def test_patches_are_cut_from_larger_scans_that_need_no_unmoulding(measured):
         scans={"size_mm": 0.4, "mould": {"invert": False, "flip": None}},
         preprocessing={"outlier_median_threshold": 1000.0},
     )
-    files = [f"results-measured/surfaces/{patch}_T0.h5" for patch in rows.patch]
-    measured.succeed(*files)
-    content = (measured.folder / "data/scans/5_T0.plu").read_bytes()
-    raw = np.frombuffer(content, "<f4", 64 * 64, 508).reshape(64, 64)
-    for row, file in zip(rows.itertuples(), files, strict=True):
-        surface = read_dataset(measured.folder / file)
-        count = len(surface.y)
-        assert count == round(0.4 / 13.28e-3)
-        first_y, first_x = (
-            round((0.42496 + float(centre) - 0.2) / 13.28e-3)
-            for centre in (row.crop_y_mm, row.crop_x_mm)
-        )
-        pieces = []
-        for dy in (-1, 0, 1):
-            for dx in (-1, 0, 1):
-                y, x = first_y + dy, first_x + dx
-                piece = raw[y : y + count, x : x + count].astype(float)
-                good = np.abs(piece) < 1e4
-                pieces.append(np.corrcoef(piece[good], surface.measured.values[good] * 1e3)[0, 1])
-        # within a point of where it should be cut
-        assert np.nanmax(pieces) > 0.9999
+    measured.succeed(*(f"results-measured/surfaces/{patch}_T0.h5" for patch in rows.patch))
+    own = in_memory(measured)
+    for patch in rows.patch:
+        surface = read_dataset(measured.results / f"surfaces/{patch}_T0.h5").height
+        assert surface.shape == (30, 30)  # of 13.28 µm
+        np.testing.assert_allclose(surface, own.prepared(patch, "T0").height, atol=1e-12)
+
+
+# --- Patches that were scanned twice ---------------------------------------------------------
+
+
+REGISTERED = "results-tiny/registered"
+
+
+@pytest.fixture
+def repeated(study):
+    """The tiny study, three of whose patches were scanned twice."""
+    path = study.folder / "config/patches_tiny.tsv"
+    table = pd.read_csv(path, sep="\t", comment="#", dtype=str, keep_default_na=False)
+    twice = table.patch.isin(["7", "10", "13"])
+    table["repeat"] = np.where(twice, table.patch + "_again.plu", "")
+    table.loc[table.patch == "10", "t1"] = ""  # a control
+    table.to_csv(path, sep="\t", index=False)
+    return study
+
+
+def test_without_repeats_no_rule_takes_them(study):
+    planned = study.planned()
+    assert "register_patches" in planned
+    assert not {rule for rule in planned if "detection" in rule or "repeat" in rule}
+
+
+def test_repeats_give_the_level_of_detection_of_every_patch(repeated):
+    assert {"prepare_repeat_scans", "measure_detection"} <= repeated.planned()
+    found = "of_repeats.h5"
+    tables = "results-tiny/tables/preprocessing.csv"
+    repeated.succeed(f"{REGISTERED}/{found}", f"{REGISTERED}/5.h5", tables)
+    folder = repeated.folder / REGISTERED
+    measured = read_attributes(folder / found)
+    # the noise of two scans of 0.1 µm, less what the laying of one on the other smooths
+    assert 0.10 < measured["level_mm2"] ** 0.5 * 1e3 < 0.15
+    change = read_dataset(folder / "5.h5")
+    assert change.attrs["detection"] == "repeat"
+    assert found in json.loads(change.attrs["input_sha256"])
+    limit = change.level_of_detection.values
+    assert np.nanmin(limit) >= 1.96 * measured["level_mm2"] ** 0.5 * (1 - 1e-9)
+    done = pd.read_csv(repeated.folder / tables, dtype={"patch": str})
+    assert done.epoch[done.patch == "7"].tolist() == ["T0", "T1", "repeat"]
+    assert done.epoch[done.patch == "10"].tolist() == ["T0", "repeat"]
+
+    own = in_memory(repeated)  # and so does the study in memory
+    assert own.detection() == pytest.approx((measured["level_mm2"], measured["lateral_mm2"]))
+    np.testing.assert_allclose(own.change("5").level_of_detection, limit)

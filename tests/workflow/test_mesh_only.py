@@ -3,6 +3,7 @@
 import lxml.html
 import numpy as np
 import pytest
+import trimesh
 import xarray as xr
 from conftest import fresh
 from gstlib.geometry import FRAME, stored_frame
@@ -46,18 +47,9 @@ def test_places_hold_the_exposure_of_their_footprints(where):
     assert places.exposure_N_per_mm[0] > 5 * places.exposure_N_per_mm[7]
 
 
-def vertices_of(file):
-    """Coordinates and numbers of a binary PLY, read without a library."""
-    header, _, rest = file.read_bytes().partition(b"end_header\n")
-    lines = header.decode("ascii").splitlines()
-    count = int(next(line.split()[2] for line in lines if line.startswith("element vertex")))
-    names = [line.split()[-1] for line in lines if line.startswith("property float")]
-    numbers = np.frombuffer(rest, "<f4", count * len(names)).reshape(count, -1)
-    return dict(zip(names, numbers.T, strict=True))
-
-
 def test_the_tool_keeps_its_coordinates_and_has_the_fields(where):
-    read = vertices_of(where.results / "tool.ply")
+    tool = trimesh.load(where.results / "tool.ply", process=False)
+    read = tool.metadata["_ply_raw"]["vertex"]["data"]
     mesh = read_mesh(where.results / "specimen/mesh.stl", unit="mm")
     points = np.column_stack([read[axis] for axis in "xyz"])
     ours = {tuple(point) for point in points}

@@ -1,24 +1,22 @@
-"""The wheel, installed where there is no clone: `gst` lays out a study and runs it."""
+"""What others get: the wheel, installed where there is no clone, and the package of a study."""
 
-import os
+import importlib.util
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, Study
+from conftest import ROOT, Study, run
+from gst.crate import pack_study
+
+pytestmark = pytest.mark.slow
 
 UV = [sys.executable, "-m", "uv"]
 
 
-def run(*command, cwd=None):
+def succeed(*command, cwd=None):
     # not the clone's gstlib, even where the tests' own is found by a path
-    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-    command = list(map(str, command))
-    result = subprocess.run(
-        command, cwd=cwd, env=environment, capture_output=True, text=True, check=False
-    )
+    result = run(*command, cwd=cwd, PYTHONPATH="")
     assert result.returncode == 0, result.stdout + result.stderr
     return result.stdout
 
@@ -28,8 +26,7 @@ def interpreter(version):
     named = shutil.which(f"python{version}")
     kept = sorted(Path.home().glob(f".pyenv/versions/{version}.*/bin/python"))
     for python in filter(None, [named, *kept]):
-        asked = subprocess.run([python, "-c", ""], capture_output=True, check=False)
-        if asked.returncode == 0:  # and no shim without a Python behind it
+        if run(python, "-c", "").returncode == 0:  # and no shim without a Python behind it
             return python
     return None
 
@@ -38,38 +35,75 @@ def interpreter(version):
 def built(tmp_path_factory):
     """Folder with the wheel, which is built from the source distribution."""
     folder = tmp_path_factory.mktemp("dist")
-    run(*UV, "build", "--no-build-isolation", "--python", sys.executable, "-o", folder, ROOT)
+    succeed(*UV, "build", "--no-build-isolation", "--python", sys.executable, "-o", folder, ROOT)
     return folder
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("version", ["3.11", "3.12", "3.13"])
 def test_installed_without_the_repository(built, version, finished_tiny, tmp_path):
     if (python := interpreter(version)) is None:
         pytest.skip(f"needs Python {version} on the PATH or in ~/.pyenv")
-    run(*UV, "venv", "--python", python, tmp_path / "venv")
+    succeed(*UV, "venv", "--python", python, tmp_path / "venv")
     wheel = next(built.glob("*.whl"))
     installed = tmp_path / "venv/bin"
-    run(
-        *UV,
-        "pip",
-        "install",
-        "--python",
-        installed / "python",
-        "--constraints",
-        ROOT / "requirements.lock",
-        f"gstlib[workflow] @ {wheel.as_uri()}",
-    )
-    said = run(installed / "python", "-c", "import gst; print(gst.ROOT)", cwd=tmp_path)
+    into = "--python", installed / "python", "--constraints", ROOT / "requirements.lock"
+    succeed(*UV, "pip", "install", *into, f"gstlib[workflow] @ {wheel.as_uri()}")
+    said = succeed(installed / "python", "-c", "import gst; print(gst.ROOT)", cwd=tmp_path)
     assert Path(said.strip()).is_relative_to(tmp_path / "venv")
     gst = installed / "gst"
-    said = run(gst, "new", "stone", "--like", "tiny", cwd=tmp_path)
+    said = succeed(gst, "new", "stone", "--like", "tiny", cwd=tmp_path)
     assert "stone/config/patches_tiny.tsv" in said
     study = Study(tmp_path / "stone")
-    run(gst, "check", study.config, cwd=study.folder)
-    said = run(gst, "study", study.config, cwd=study.folder)
+    succeed(gst, "check", study.config, cwd=study.folder)
+    said = succeed(gst, "study", study.config, cwd=study.folder)
     assert "Open results-tiny/index.html in a browser." in said
     assert study.tables() == finished_tiny.tables()
     report = (study.results / "report.html").read_text(encoding="utf-8")
     assert len(report) > 1e6
     assert str(study.folder) not in report
+
+
+# --- The package of a study ------------------------------------------------------------------
+
+
+CONTEXT = "https://w3id.org/ro/crate/1.1/context"
+
+
+@pytest.fixture
+def cache(tmp_path):
+    """What the validator would take from the network: one file, which `rocrate` ships."""
+    pytest.importorskip("rocrate_validator", reason="needs `pip install '.[record]'`")
+    from requests_cache import CachedRequest, CachedResponse, CachedSession
+
+    (package,) = importlib.util.find_spec("rocrate").submodule_search_locations
+    answer = CachedResponse(
+        url=CONTEXT,
+        status_code=200,
+        headers={"Content-Type": "application/ld+json"},
+        request=CachedRequest(method="GET", url=CONTEXT),
+    )
+    answer._content = (Path(package) / "data/ro-crate.jsonld").read_bytes()
+    assert f'"@id": "{CONTEXT}"'.encode() in answer._content
+    with CachedSession(str(tmp_path / "cache"), backend="sqlite") as session:
+        session.cache.save_response(answer)
+    return tmp_path / "cache"
+
+
+def test_a_package_is_a_workflow_run_crate(finished_tiny, cache, tmp_path, monkeypatch):
+    from rocrate_validator.models import Severity
+    from rocrate_validator.services import validate
+
+    monkeypatch.chdir(finished_tiny.folder)
+    pack_study(finished_tiny.results, tmp_path / "study.zip")
+    result = validate(
+        {
+            "rocrate_uri": str(tmp_path / "study.zip"),
+            "profile_identifier": "workflow-run-crate-0.5",
+            "requirement_severity": Severity.REQUIRED,
+            "offline": True,
+            "cache_path": cache,
+        }
+    )
+    assert [issue.message for issue in result.get_issues()] == []
+    assert len(result.executed_checks) > 50
+    assert not result.skipped_checks

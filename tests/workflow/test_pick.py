@@ -7,7 +7,7 @@ import pytest
 import trimesh
 import yaml
 from click.testing import CliRunner
-from conftest import ROOT
+from conftest import ROOT, opened
 from gst.cli import main
 from gst.config import config_problems
 from gst.config_file import read_config_file
@@ -41,19 +41,8 @@ def page_file(stone, tmp_path_factory):
 
 @pytest.fixture(params=SCREENS)
 def page(browser, page_file, request):
-    """The page; in the end it must have asked for nothing but itself, and complained of nothing."""
-    width, height = SCREENS[request.param]
-    page = browser.new_page(viewport={"width": width, "height": height})
-    asked, said = [], []
-    page.on("request", lambda request: asked.append(request.url))
-    page.on("console", lambda message: said.append(message.text) if message.type == "error" else 0)
-    page.on("pageerror", lambda error: said.append(str(error)))
-    page.goto(page_file.as_uri())
-    page.wait_for_selector("canvas")
-    yield page
-    page.close()
-    assert asked == [page_file.as_uri()]
-    assert said == []
+    with opened(browser, page_file, SCREENS[request.param]) as page:
+        yield page
 
 
 def click(page, *offsets):

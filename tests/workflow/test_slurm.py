@@ -8,12 +8,11 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, Study, fresh
+from conftest import ROOT, Study, fresh, run
 
 pytestmark = pytest.mark.slurm
 
@@ -21,38 +20,19 @@ SCRIPTS = ROOT / "tests/slurm"
 RECORDS = Path("/run/gst-slurm/jobs.log")
 # For hung processes. Snakemake waits for ever once Slurm has been silent too long.
 LIMIT = 1800
+# As a cluster's user calls it, but that it looks at its jobs sooner.
+ON_SLURM = "--workflow-profile", str(ROOT / "profiles/slurm")
+ON_SLURM += "--slurm-init-seconds-before-status-checks", "3"
 
 
 @pytest.fixture(scope="module", autouse=True)
 def slurm():
     """Slurm, up on this machine."""
-    started = subprocess.run(
-        [SCRIPTS / "start_slurm.sh"], capture_output=True, text=True, check=False
-    )
+    started = run(SCRIPTS / "start_slurm.sh")
     if started.returncode != 0:
         pytest.skip((started.stdout + started.stderr).strip().splitlines()[-1])
     yield
-    subprocess.run([SCRIPTS / "stop_slurm.sh"], check=True)
-
-
-def command(study: Study, *arguments: str) -> list[str]:
-    """Snakemake as a cluster's user calls it, but that looks at its jobs sooner."""
-    return [
-        sys.executable,
-        "-m",
-        "snakemake",
-        "--snakefile",
-        str(ROOT / "Snakefile"),
-        "--workflow-profile",
-        str(ROOT / "profiles/slurm"),
-        "--directory",
-        str(study.folder),
-        "--slurm-init-seconds-before-status-checks",
-        "3",
-        *arguments,
-        "--configfile",
-        str(study.folder / study.config),
-    ]
+    run(SCRIPTS / "stop_slurm.sh")
 
 
 class Run:
@@ -64,7 +44,7 @@ class Run:
         self.earlier = set(self.own_logs.glob("*.log"))
         with self.log.open("w") as log:
             self.process = subprocess.Popen(
-                command(study, *arguments),
+                study.command(*ON_SLURM, *arguments, cores=None),
                 cwd=study.folder,
                 stdout=log,
                 stderr=subprocess.STDOUT,
@@ -107,8 +87,7 @@ class Run:
     @staticmethod
     def steps() -> list[str]:
         """What runs, as JOB.STEP: a rule is at work in step 0 of its job."""
-        query = ["squeue", "--noheader", "--steps", "--format=%i"]
-        return subprocess.run(query, capture_output=True, text=True, check=True).stdout.split()
+        return run("squeue", "--noheader", "--steps", "--format=%i").stdout.split()
 
     def said(self, job: str) -> str:
         """Slurm's own log of a job that failed."""
@@ -135,40 +114,13 @@ def freeze(job: str) -> None:
             continue  # it has ended meanwhile, or is none of ours
 
 
-def stored(study: Study) -> dict[str, bytes]:
-    """Every HDF5 file of the study."""
-    return {
-        str(file.relative_to(study.results)): file.read_bytes()
-        for file in sorted(study.results.rglob("*.h5"))
-    }
-
-
-def test_the_same_study_as_on_one_machine(finished_tiny, tmp_path):
+def test_a_study_with_faults_of_jobs_is_the_one_of_one_machine(finished_tiny, tmp_path):
+    """One job is given too little memory, one hangs past its time limit, one is cancelled; a
+    second attempt mends them."""
     study = fresh(tmp_path / "study")
-    run = Run(study, "run")
-    assert run.finish() == 0, run.log.read_text()
-    assert study.tables() == finished_tiny.tables()
-    assert stored(study) == stored(finished_tiny)
-    assert list(run.states().values()) == ["COMPLETED"] * len(run.submitted())
-    # short jobs are grouped, and nothing but the target is left to the machine that submits
-    assert 5 < len(run.submitted()) < 20
-    assert set(re.findall(r"localrule (\w+)", run.record())) == {"all"}
-    shown = run.log.read_text()
-    assert re.search(r"\d+ of \d+ steps done", shown)
-    assert re.search(r"All \d+ steps are done", shown)
-    assert study.planned() == set()
-
-
-def test_faults_of_jobs_are_mended_by_a_second_attempt(finished_tiny, tmp_path):
-    """One job is given too little memory, one hangs past its time limit, one is cancelled."""
-    study = fresh(tmp_path / "study")
-    run = Run(
-        study,
-        "run",
-        "--set-resources",
-        "prepare_T0_scans:mem_mb=100 * attempt ** 4",
-        "grid_macroscale:runtime=attempt ** 5",  # minutes: 1, and 32
-    )
+    memory = "prepare_T0_scans:mem_mb=100 * attempt ** 4"
+    minutes = "grid_macroscale:runtime=attempt ** 5"  # 1, and 32
+    run = Run(study, "run", "--set-resources", memory, minutes)
     try:
         frozen = run.job("grid_macroscale", running=True)
         freeze(frozen)
@@ -184,7 +136,16 @@ def test_faults_of_jobs_are_mended_by_a_second_attempt(finished_tiny, tmp_path):
     assert states[cancelled] == "CANCELLED"
     others = [states[job] for job in run.submitted() if job not in (frozen, starved, cancelled)]
     assert others == ["COMPLETED"] * (len(run.submitted()) - 3)
+    # short jobs are grouped, and nothing but the target is left to the machine that submits
+    assert 5 < len(run.submitted()) < 20
+    assert set(re.findall(r"localrule (\w+)", run.record())) == {"all"}
+    shown = run.log.read_text()
+    assert re.search(r"\d+ of \d+ steps done", shown)
+    assert re.search(r"All \d+ steps are done", shown)
+    # the same study as on one machine
     assert study.tables() == finished_tiny.tables()
+    assert study.fields() == finished_tiny.fields()
+    assert study.planned() == set()
 
 
 def test_a_killed_snakemake_is_followed_by_the_documented_recovery(finished_tiny, tmp_path):

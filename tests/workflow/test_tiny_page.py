@@ -17,23 +17,12 @@ from gst.verdict import MODELS
 from gstlib.geometry import square_of
 from gstlib.io.results import columns_of
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_table
 from PIL import Image
-
-
-@pytest.fixture(scope="module")
-def results(finished_tiny):
-    return finished_tiny.results
 
 
 @pytest.fixture(scope="module")
 def page(results):
     return lxml.html.fromstring((results / "index.html").read_text(encoding="utf-8"))
-
-
-@pytest.fixture(scope="module")
-def table(results):
-    return lambda name: read_table(results / f"tables/{name}.csv")
 
 
 @pytest.fixture(scope="module")
