@@ -1,11 +1,11 @@
 """How does a study grow with its number of patches?
 
-    python benchmarks/scale.py [--patches 25 320 2500] [--run 320] [--cores 2]
+    python benchmarks/scale.py [--patches 25 320 2500] [--run 2500] [--cores 2]
 
 Makes a study of measured files for each number, in a folder of its own: patches of 0.85 mm, 1 mm
-apart, scanned at 64 x 64 points before and after use, on a square as large as they need; the
-generated pebble holds squares up to 39 mm, so at most 1521 patches can be run. Writes
-benchmarks/results/scale.csv (with --output: elsewhere), a column for each number:
+apart, scanned at 64 x 64 points before and after use, on a square as large as they need, of a
+pebble that is large enough for it. Writes benchmarks/results/scale.csv (with --output: elsewhere),
+a column for each number:
 
 plan_*     `make plan` of the fresh study;
 run_*      the study itself, up to --run patches (of more only the plans are made), and tables_rows,
@@ -31,7 +31,7 @@ import yaml
 from commands import snakemake_command
 
 from gst.patches import read_patches
-from gstlib.specimen import pebble, scanning
+from gstlib.specimen import generate, pebble, scanning, stone
 from gstlib.specimen.generate import make_specimen, write_specimen
 from gstlib.specimen.randomness import SpecimenParameters
 
@@ -39,6 +39,8 @@ ROOT = Path(__file__).parents[1]
 CONFIG = "config/scale.yaml"
 RESULTS = "results-scale"
 ROWS = ROOT / "benchmarks/results/scale.csv"
+# The generated pebble, and the largest square that it holds.
+PEBBLE_MM, LARGEST_SQUARE_MM = pebble.OUTER_SIZE_MM, 39.0
 # The tiny study's macroscale, elements a mm.
 GRID = 8
 
@@ -79,6 +81,7 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
     if scans:
         # flat, as the face of a larger stone is over a few mm, and no scan lost: all can be studied
         pebble._CONCAVITY_MM = scanning._POOR_SHARE = 0.0
+        enlarge_pebble(max(1.0, side / LARGEST_SQUARE_MM))
         places = read_patches(table, size_mm=side, patch_size_mm=default["scans"]["size_mm"])
         specimen = make_specimen(
             places, SpecimenParameters(**made), square_mm=float(side), grid=GRID * side
@@ -95,6 +98,14 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
     for number in range(1, patches + 1):
         for epoch in ("T0", "T1"):
             (folder / f"data/scans/{number}_{epoch}.plu").touch()
+
+
+def enlarge_pebble(times: float) -> None:
+    """Make the generated pebble larger than M12 was."""
+    size = tuple(times * length for length in PEBBLE_MM)
+    for module in (pebble, stone, generate):
+        module.OUTER_SIZE_MM = size
+    pebble._HALF_X, pebble._HALF_Y = size[0] / 2, size[1] / 2
 
 
 def snakemake(folder: Path, *arguments: str) -> tuple[dict[str, float], str]:
@@ -175,7 +186,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--patches", type=int, nargs="+", default=[25, 320, 2500])
     parser.add_argument(
-        "--run", type=int, default=320, help="most patches of a study that is run"
+        "--run", type=int, default=2500, help="most patches of a study that is run"
     )
     parser.add_argument("--cores", type=int, default=2)
     parser.add_argument("--output", type=Path, default=ROWS)

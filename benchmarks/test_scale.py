@@ -40,9 +40,8 @@ def test_study_is_valid(tmp_path, monkeypatch, patches):
 
 def test_its_files_can_be_read(tmp_path, monkeypatch, capsys):
     for module, name in ((pebble, "_CONCAVITY_MM"), (scanning, "_POOR_SHARE")):
-        monkeypatch.setattr(
-            module, name, getattr(module, name)
-        )  # they are changed, and put back
+        # they are changed, and put back
+        monkeypatch.setattr(module, name, getattr(module, name))
     write_study(9, tmp_path, scans=True)
     monkeypatch.chdir(tmp_path)
     check_study(CONFIG)
