@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from bem_reference import MODULUS, dense_matrix
-from gstlib.bem import HalfSpace, InvalidContactInput, contact_modulus
+from bem_reference import MODULUS, dense_matrix, self_affine
+from gstlib.bem import HalfSpace, InvalidContactInput, contact_modulus, solve_contact
 from gstlib.bem.convolution import SplitConvolution, love_kernel
 from gstlib.bem.halfspace import APPROXIMATION_ERROR
 from gstlib.bem.window import Window
@@ -17,19 +17,20 @@ def test_contact_modulus():
     assert contact_modulus(200e3, 0.3, math.inf, 0.0) == pytest.approx(200e3 / 0.91)
 
 
-@pytest.mark.parametrize("young", [0, 1])
-@pytest.mark.parametrize("poisson", [0.6, -1, math.nan])
-def test_unphysical_constants_are_refused(young, poisson):
+@pytest.mark.parametrize(
+    "constants",
+    [
+        (0, 0.3, 1, 0.3),
+        (1, 0.6, 1, 0.3),
+        (1, 0.3, 1, -1),
+        (math.nan, 0.3, 1, 0.3),
+        (1, math.nan, 1, 0.3),
+        (math.inf, 0.3, math.inf, 0.3),
+    ],
+)
+def test_unphysical_constants_are_refused(constants):
     with pytest.raises(InvalidContactInput):
-        contact_modulus(young, poisson, 1, 0.3)
-    with pytest.raises(InvalidContactInput):  # one of the two must yield
-        contact_modulus(math.inf, 0.3, math.inf, 0.3)
-
-
-@pytest.mark.parametrize(("shape", "spacing"), [((0, 3), 0.1), ((3, 3), (0.1, -0.1))])
-def test_bad_input_is_refused(shape, spacing):
-    with pytest.raises(InvalidContactInput):
-        HalfSpace(shape, spacing, MODULUS)
+        contact_modulus(*constants)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (6, 1), (13, 8), (9, 17), (16, 16)])
@@ -44,7 +45,14 @@ def test_displacement_is_the_dense_sum(shape, spacing):
 
 @pytest.mark.parametrize(
     ("shape", "spacing"),
-    [((1, 1), 0.01), ((33, 70), 0.01), ((300, 257), 0.01), ((400, 220), (0.01, 0.02))],
+    [
+        ((1, 1), 0.01),
+        ((33, 70), 0.01),
+        ((256, 256), 0.01),
+        ((300, 257), 0.01),
+        ((400, 220), (0.01, 0.02)),
+        ((512, 512), (0.02, 0.015)),
+    ],
 )
 def test_approximate_displacement_has_the_stated_error(shape, spacing):
     half_space = HalfSpace(shape, spacing, MODULUS)
@@ -98,3 +106,46 @@ def test_window_is_the_whole_grid_as_its_elements_feel_it():
     # The half-space on a box is made once, and not for nearly the whole grid.
     assert boxes[0] is boxes[1] is not half_space
     assert boxes[2] is half_space
+
+
+@pytest.mark.parametrize(("seed", "mean_pressure"), [(1, 20.0), (2, 60.0), (3, 200.0), (4, 1000.0)])
+def test_preconditioner_is_definite_and_better_than_the_short_range_alone(seed, mean_pressure):
+    n = 64
+    heights = self_affine(n, seed=seed, roll_off=0.1)
+    contact = solve_contact(heights, 0.85 / n, MODULUS, mean_pressure=mean_pressure).contact
+    matrix = dense_matrix(contact.shape, 0.85 / n)[np.ix_(contact.ravel(), contact.ravel())]
+    preconditioner = Window(
+        HalfSpace(contact.shape, 0.85 / n, MODULUS), np.flatnonzero(contact)
+    ).preconditioner
+    preconditioner.fit(np.ones(len(matrix), bool))
+    units = np.eye(len(matrix))
+    full = np.array([preconditioner(unit) for unit in units])
+    short = np.array([preconditioner.short_range(unit) for unit in units])
+    np.testing.assert_allclose(full, full.T, atol=1e-6 * full.max())
+    np.testing.assert_allclose(preconditioner.uniform, full.sum(axis=0), rtol=1e-3)
+    conditions = []
+    for inverse in (full, short):
+        factor = np.linalg.cholesky(0.5 * (inverse + inverse.T))  # raises if not definite
+        eigenvalues = np.linalg.eigvalsh(factor.T @ matrix @ factor)
+        conditions.append(eigenvalues.max() / eigenvalues.min())
+    assert conditions[0] < 0.7 * conditions[1]
+    assert conditions[0] < 8
+
+
+@pytest.mark.parametrize(
+    ("shape", "spacing", "modulus"),
+    [
+        ((0, 3), 0.1, 1.0),
+        ((3,), 0.1, 1.0),
+        ((3, 3), 0.0, 1.0),
+        ((3, 3), (0.1, -0.1), 1.0),
+        ((3, 3), np.nan, 1.0),
+        ((3, 3), "a", 1.0),
+        ((3, 3), 0.1, 0.0),
+        ((3, 3), 0.1, np.inf),
+        ((3, 3), 0.1, None),
+    ],
+)
+def test_bad_input_is_refused(shape, spacing, modulus):
+    with pytest.raises(InvalidContactInput):
+        HalfSpace(shape, spacing, modulus)

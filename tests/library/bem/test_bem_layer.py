@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bem_reference import self_affine
-from gstlib.bem import InvalidContactInput, Layer, solve_contact
+from gstlib.bem import HalfSpace, InvalidContactInput, Layer, solve_contact
 
 RIGID = 1e9  # MPa, of what is behind the layer
 
@@ -98,6 +98,17 @@ def test_thick_is_a_half_space_and_stiff_is_not_there():
     stiff = solve_contact(heights, spacing, 1e4, mean_pressure=9.0, layer=Layer(1e10, 0.3, 0.1))
     bare = solve_contact(heights, spacing, 1e4, mean_pressure=9.0)
     np.testing.assert_allclose(stiff.pressure, bare.pressure, atol=2e-5 * bare.pressure.max())
+
+
+def test_a_rough_contact_through_a_layer_is_certified_by_the_convolution():
+    heights, spacing, layer = self_affine(96, seed=5), 0.01, Layer(300.0, 0.3, 0.05)
+    state = solve_contact(heights, spacing, 1e4, mean_pressure=5.0, layer=layer, tolerance=1e-9)
+    gap = HalfSpace(heights.shape, spacing, 1e4, layer=layer).displacement(state.pressure)
+    gap += heights.max() - heights - state.displacement
+    assert np.abs(gap[state.contact]).max() < 1e-9 * state.displacement
+    assert gap.min() > -1e-9 * state.displacement
+    bare = solve_contact(heights, spacing, 1e4, mean_pressure=5.0)
+    assert state.contact_fraction > 2 * bare.contact_fraction
 
 
 @pytest.mark.parametrize("wrong", [(0.0, 0.3, 0.1), (20.0, 0.6, 0.1), (20.0, 0.3, -1.0)])

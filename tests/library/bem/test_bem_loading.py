@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine, sphere
-from gstlib.bem import load_path, solve_contact
+from gstlib.bem import InvalidContactInput, load_path, solve_contact
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,9 +23,11 @@ def test_steps_are_equal_in_displacement_and_end_at_the_target(path):
     assert np.all(np.diff(path.mean_pressure) > 0)
     assert np.all(np.diff(path.contact_fraction) >= 0)
     assert np.all(path.residual <= 1e-10)
+    assert len(path.states) == 8
     assert path.states[-1] is path.final
     assert [s.mean_pressure for s in path.states] == list(path.mean_pressure)
     assert path.mean_pressure[-1] == pytest.approx(40.0, rel=1e-13)
+    assert path.final.displacement == path.displacement[-1]
     direct = solve_contact(*SURFACE, mean_pressure=40.0, tolerance=1e-10)
     np.testing.assert_allclose(path.final.pressure, direct.pressure, atol=1e-12 * 40)
 
@@ -87,5 +89,24 @@ def test_states_that_are_not_kept_are_solved_as_tightly_as_their_curve_needs(pat
     # Without the start along the tangent: 102.
     assert curve.convolutions.sum() <= 80
     np.testing.assert_array_equal(curve.displacement, path.displacement)
+    np.testing.assert_array_equal(curve.contact_fraction, path.contact_fraction)
     np.testing.assert_allclose(curve.mean_pressure, path.mean_pressure, rtol=1e-6)
     np.testing.assert_allclose(curve.stiffness, path.stiffness, rtol=1e-5)
+
+
+def test_without_pressure_nothing_touches():
+    path = load_path(*SURFACE, target_pressure=0, steps=3, keep_states=True)
+    for values in (path.displacement, path.mean_pressure, path.contact_fraction, path.stiffness):
+        assert values.tolist() == [0, 0, 0]
+    assert path.convolutions.sum() == path.residual.sum() == 0
+    assert len(path.states) == 3
+    np.testing.assert_array_equal(path.final.gap, HEIGHTS.max() - HEIGHTS)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"target_pressure": -3.0}, {"target_pressure": np.nan}, {"steps": 0}, {"tolerance": -1}],
+)
+def test_bad_input_is_refused(change):
+    with pytest.raises(InvalidContactInput):
+        load_path(*SURFACE, **({"target_pressure": 1.0} | change))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine, sphere
-from gstlib.bem import InvalidContactInput, Layer, solve_contact
+from gstlib.bem import InvalidContactInput, Layer, load_path, solve_contact
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
@@ -91,13 +91,12 @@ def test_a_round_punch_tilts_as_johnson_says():
 # --- planes
 
 
-@pytest.mark.parametrize("layer", [None, Layer(100.0, 0.4, 0.05)])
-def test_gap_and_displacement_are_those_of_the_tilted_heights(layer):
+def test_gap_and_displacement_are_those_of_the_tilted_heights():
     spacing, point = 0.01, (0.31, 0.66)
     heights = self_affine(90, seed=7, length=0.9)
-    state = resting(heights, spacing, 5.0, point, layer=layer)
+    state = resting(heights, spacing, 5.0, point)
     tilted = heights + plane(heights.shape, spacing, state.tilt, point)
-    mean = {"mean_pressure": state.mean_pressure, "tolerance": 1e-9, "layer": layer}
+    mean = {"mean_pressure": state.mean_pressure, "tolerance": 1e-9}
     fixed = solve_contact(tilted, spacing, MODULUS, **mean)
     assert fixed.displacement == pytest.approx(state.displacement, rel=1e-8)
     np.testing.assert_allclose(fixed.gap, state.gap, atol=1e-8 * state.displacement)
@@ -183,7 +182,28 @@ def test_any_surface_comes_to_rest_under_a_force_within_it(seed, ny, nx, mean_pr
     assert distance <= 1.1e-8 * max(ny * spacing[0], nx * spacing[1])
 
 
-# --- borders and starts
+# --- few contacts, borders and starts
+
+
+def test_one_summit_and_two_carry_what_acts_on_them():
+    heights = np.full((9, 9), -1e-3)
+    heights[4, 2] = heights[4, 6] = 0.0
+    one = resting(heights, 0.1, 1e-3, (0.45, 0.25))
+    assert one.pressure[4, 2] == pytest.approx(one.pressure.sum(), rel=1e-12)
+    two = resting(heights, 0.1, 1e-3, (0.45, 0.55))
+    assert two.pressure[4, 6] == pytest.approx(3 * two.pressure[4, 2], rel=1e-9)
+    assert two.pressure[4, [2, 6]].sum() == pytest.approx(two.pressure.sum(), rel=1e-12)
+
+
+def test_a_single_element_and_a_line_of_them():
+    alone = np.full((3, 3), -np.inf)
+    alone[1, 2] = 5.0
+    state = resting(alone, 0.1, 1.0, (0.15, 0.25))
+    assert state.pressure[1, 2] == pytest.approx(100.0)
+    own = 4 * np.arcsinh(1) * 0.1 / (np.pi * MODULUS)
+    assert state.displacement == pytest.approx(own * 100.0)
+    line = resting(np.array([[0.0, 0.01, 0.0, -0.02, 0.03]]), 0.1, 1.0, (0.05, 0.3))
+    assert centre_of(line.pressure, 0.1) == pytest.approx([0.05, 0.3])
 
 
 @pytest.mark.parametrize("through", [(0.012, 1.0), (1.9, 1.92), (1.0, 1.0)])
@@ -198,17 +218,61 @@ def test_a_force_near_the_border_of_a_large_grid(through):
 def test_a_neighbours_pressure_saves_most_of_the_work():
     heights = self_affine(256, seed=9, length=2.56) + sphere(256, 0.01, 100.0)
     start = resting(heights, 0.01, 10.0, (1.2, 1.3), tolerance=1e-6).pressure
-    elsewhere = np.zeros(heights.shape)  # cannot carry the force there
-    elsewhere[:9, :9] = 1.0
-    cold, warm, lost = (
-        resting(heights, 0.01, 10.0, (1.22, 1.3), initial_pressure=given, tolerance=1e-6)
-        for given in (None, start, elsewhere)
-    )
+    cold = resting(heights, 0.01, 10.0, (1.22, 1.3), tolerance=1e-6)
+    warm = resting(heights, 0.01, 10.0, (1.22, 1.3), initial_pressure=start, tolerance=1e-6)
     np.testing.assert_allclose(warm.pressure, cold.pressure, atol=1e-4 * cold.pressure.max())
     np.testing.assert_allclose(warm.tilt, cold.tilt, atol=1e-8)
-    assert warm.iterations <= cold.iterations == lost.iterations
-    own = {"initial_pressure": warm.pressure, "tolerance": 1e-5}
-    assert resting(heights, 0.01, 10.0, (1.22, 1.3), **own).iterations == 0
+    assert warm.iterations <= cold.iterations
+    again = resting(
+        heights, 0.01, 10.0, (1.22, 1.3), initial_pressure=warm.pressure, tolerance=1e-5
+    )
+    assert again.iterations == 0
+    # A start that cannot carry the force there is no start.
+    elsewhere = np.zeros(heights.shape)
+    elsewhere[:9, :9] = 1.0
+    lost = resting(heights, 0.01, 10.0, (1.22, 1.3), initial_pressure=elsewhere, tolerance=1e-6)
+    assert lost.iterations == cold.iterations
+
+
+def test_rest_costs_few_convolutions_more():
+    heights = self_affine(512, seed=1) + sphere(512, 0.85 / 512, 20.0)
+    mean = {"mean_pressure": 76.0, "tolerance": 1e-8}
+    fixed = solve_contact(heights, 0.85 / 512, MODULUS, **mean)
+    rest = solve_contact(heights, 0.85 / 512, MODULUS, through=(0.4, 0.45), **mean)
+    assert rest.convolutions <= fixed.convolutions + 5
+
+
+def test_a_layer_at_rest():
+    heights, layer = self_affine(60, seed=3, length=0.6), Layer(100.0, 0.4, 0.05)
+    state = resting(heights, 0.01, 1.0, (0.25, 0.34), layer=layer, tolerance=1e-7)
+    tilted = heights + plane(heights.shape, 0.01, state.tilt, (0.25, 0.34))
+    mean = {"mean_pressure": state.mean_pressure, "tolerance": 1e-7}
+    fixed = solve_contact(tilted, 0.01, MODULUS, layer=layer, **mean)
+    np.testing.assert_allclose(state.pressure, fixed.pressure, atol=1e-4 * fixed.pressure.max())
+
+
+# --- no surface
+
+
+def test_where_there_is_no_surface_nothing_touches():
+    """As if it lay far below; in coarser grids and load paths too."""
+    heights = self_affine(150, seed=2, length=1.5)
+    y, x = places(heights.shape, 0.01)
+    gone = np.hypot(y - 0.7, x - 0.8) > 0.6
+    holed, deep = np.where(gone, -np.inf, heights), np.where(gone, -10.0, heights)
+    for load in ({"displacement": 0.002}, {"mean_pressure": 20.0}):
+        found, expected = (
+            solve_contact(given, 0.01, MODULUS, tolerance=1e-9, **load) for given in (holed, deep)
+        )
+        peak = expected.pressure.max()
+        np.testing.assert_allclose(found.pressure, expected.pressure, atol=1e-6 * peak)
+        np.testing.assert_allclose(found.gap[~gone], expected.gap[~gone], atol=1e-11)
+        assert np.all(np.isposinf(found.gap[gone]))
+    path = load_path(holed, 0.01, MODULUS, target_pressure=20.0, steps=3)
+    assert np.all(np.isfinite(path.stiffness))
+    start = np.ones(heights.shape)
+    warm = solve_contact(holed, 0.01, MODULUS, mean_pressure=20.0, initial_pressure=start)
+    assert not warm.pressure[gone].any()
 
 
 def test_no_force_leaves_the_rigid_rest():
@@ -233,12 +297,15 @@ RIM[:, 6:] = -np.inf
     [
         ({"through": (0.5, 0.7)}, r"tips over: .*\(0.5, 0.7\) mm lies outside .* Move it"),
         ({"through": (0.01, 0.3)}, "tips over"),
+        ({"through": (-3.0, 0.3)}, "tips over"),
         ({"through": (0.5, np.nan)}, r"through must be a point \(y, x\)"),
+        ({"through": 0.5}, r"through must be a point \(y, x\)"),
         ({"through": ("a", "b")}, r"through must be a point \(y, x\)"),
         ({"mean_pressure": None, "displacement": 1e-3}, "needs mean_pressure"),
         ({"pressure_limit": 100.0}, "no pressure_limit"),
         ({"heights": np.full((3, 3), -np.inf)}, "no surface"),
         ({"heights": np.where(np.eye(10) > 0, np.inf, 0)}, "10 values that are NaN or infinite"),
+        ({"heights": np.where(np.eye(10) > 0, np.nan, 0)}, "10 values that are NaN or infinite"),
         ({"heights": np.diag([5.0] + [0.0] * 9)}, "tilt it by more than 45°"),
     ],
 )
