@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
-from contacts import hertz
 from contacts import pressed as press
-from gstlib.counterface import SecondStone, face_in_pose, grid_counterface, posed_mesh
+from gstlib.counterface import SecondStone, face_in_pose, grid_counterface, pose_frame, posed_mesh
 from gstlib.errors import ConfigError, InputError
 from gstlib.face import grid_macroscale
 from gstlib.geometry import Place, frame_from_points
@@ -29,12 +28,12 @@ def rough(seed=1, length_mm=0.5):
     return 5e-3 * smooth_field(np.random.default_rng(seed), count, EDGE, length_mm)
 
 
-def sheet(heights, up=True, edge=EDGE):
+def sheet(heights, up=True):
     """An open mesh around the square whose faces look up, or down."""
-    along = np.arange(heights.shape[0]) * edge - 2
+    along = np.arange(heights.shape[0]) * EDGE - 2
     y, x = np.meshgrid(along, along, indexing="ij")
     # no four vertices on one circle: their triangles would be a matter of rounding
-    jitter = edge * np.random.default_rng(0).uniform(-0.16, 0.16, (2, *heights.shape))
+    jitter = np.random.default_rng(0).uniform(-0.02, 0.02, (2, *heights.shape))
     y, x = y + jitter[0], x + jitter[1]
     numbers = np.arange(heights.size).reshape(heights.shape)
     a, b, c, d = numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, 1:], numbers[1:, :-1]
@@ -43,20 +42,25 @@ def sheet(heights, up=True, edge=EDGE):
     return trimesh.Trimesh(vertices, faces if up else faces[:, ::-1], process=False)
 
 
-def motion():
+def motion(seed=4):
     """Some turn and shift (4, 4)."""
     matrix = np.eye(4)
-    matrix[:3, :3] = Rotation.random(rng=np.random.default_rng(4)).as_matrix()
+    matrix[:3, :3] = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
     matrix[:3, 3] = 30, -20, 10
     return matrix
 
 
-def pressed(passive, active=None, pose=None):
+def at(points, matrix):
+    """Points (n, 3) after a motion."""
+    return trimesh.transform_points(np.asarray(points, float), matrix)
+
+
+def pressed(passive, active=None, pose=None, corners=CORNERS):
     """The square with the active stone on it, and its contact at rest."""
     stone = None if active is None else SecondStone(active, pose, 0.0, "active.ply")
     square, _ = grid_macroscale(
         passive,
-        points_mm=CORNERS.tolist(),
+        points_mm=np.asarray(corners).tolist(),
         size_mm=SIDE,
         grid=COUNT,
         second_stone=stone,
@@ -77,8 +81,7 @@ def block():
 def poses(away):
     """The pose that puts the upper half back, in two ways."""
     corners = np.array([(SIDE, 0, 0), (0.0, 0, 0), (SIDE, SIDE, 0)])
-    points = trimesh.transform_points(corners, away)
-    return {"points_mm": points.tolist(), "matrix": np.linalg.inv(away).tolist()}
+    return {"points_mm": at(corners, away).tolist(), "matrix": np.linalg.inv(away).tolist()}
 
 
 @pytest.mark.parametrize("way", ["points_mm", "matrix"])
@@ -98,6 +101,18 @@ def test_the_posed_mesh_is_back_in_its_place(block, way):
     stone = SecondStone(upper, {way: poses(away)[way]}, 0.0, "upper.ply")
     back = posed_mesh(stone, frame_from_points(CORNERS), size_mm=SIDE)
     np.testing.assert_allclose(back.vertices, lower.vertices, atol=1e-9)
+
+
+def test_contact_falls_as_the_correlation_of_heights_when_the_halves_are_shifted(block):
+    lower, upper, away = block
+    fractions = []
+    for shift in (0.0, 0.1, 0.2, 0.4):  # heights correlate over 0.5 mm
+        matrix = np.eye(4)
+        matrix[0, 3] = shift
+        pose = {"matrix": (matrix @ np.linalg.inv(away)).tolist()}
+        fractions.append(float(pressed(lower, upper, pose)[1].contact_fraction))
+    assert (np.diff(fractions) < 0).all()
+    assert fractions[-1] < 0.5 * fractions[0]
 
 
 def test_a_moved_face_is_that_of_a_moved_stone(block):
@@ -126,53 +141,115 @@ def test_a_moved_face_is_that_of_a_moved_stone(block):
         face_in_pose(wide, surface.height, Place(0.0, 2.0, 0.0), size_mm=SIDE)
 
 
-def moved(x, y, z):
-    return {"matrix": trimesh.transformations.translation_matrix((x, y, z)).tolist()}
+def test_roles_exchanged_give_the_same_pressures_mirrored(block):
+    lower, _, away = block
+    other = sheet(rough(seed=2), up=False).apply_transform(away)
+    square = np.array(poses(away)["points_mm"])
+    _, one = pressed(lower, other, {"points_mm": square.tolist()})
+    _, two = pressed(other, lower, {"points_mm": CORNERS.tolist()}, corners=square)
+    assert 0.02 < float(one.contact_fraction) < 0.9
+    scale = float(one.pressure.max())
+    np.testing.assert_allclose(two.pressure[:, ::-1], one.pressure, atol=1e-5 * scale)
 
 
-FIXED = moved(0, 0, 0)
+def test_both_stones_moved_together_touch_as_before(block):
+    lower, _, _ = block
+    other, onwards = sheet(rough(seed=2), up=False), motion(seed=5)
+    _, one = pressed(lower, other, {"matrix": np.eye(4).tolist()})
+    both = (stone.copy().apply_transform(onwards) for stone in (lower, other))
+    _, two = pressed(*both, {"matrix": np.eye(4).tolist()}, corners=at(CORNERS, onwards))
+    np.testing.assert_allclose(two.pressure, one.pressure, atol=1e-5 * float(one.pressure.max()))
 
 
-def sphere(radius, edge, up=True):
-    """The part of a sphere around its top at the middle of the square, or of one above it."""
-    mesh = sheet(np.zeros((round(8 / edge) + 1,) * 2), up, edge)
-    off = np.hypot(*(mesh.vertices[:, :2] - SIDE / 2).T)
-    height = np.sqrt(radius**2 - off**2) - radius
-    mesh.vertices[:, 2] = height if up else -height
-    return mesh
+def test_a_flat_second_mesh_changes_nothing(block):
+    lower, _, _ = block
+    _, alone = pressed(lower)
+    flat = sheet(0 * rough(), up=False)
+    pose = {"points_mm": [(SIDE, 0, 0), (0.0, 0, 0), (SIDE, SIDE, 0)]}
+    _, found = pressed(lower, flat, pose)
+    np.testing.assert_allclose(found.pressure, alone.pressure, rtol=1e-9, atol=1e-9)
+
+
+def cap(radius, rings):
+    """The top of a sphere that touches z = 0 from below, with rings of triangles."""
+    count = 6 * rings
+    polar = np.linspace(0, np.arcsin(2.9 / radius), rings + 1)[1:]
+    turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    x, y = (np.outer(np.sin(polar), of(turn)).ravel() for of in (np.cos, np.sin))
+    z = np.repeat(np.cos(polar) - 1, count)
+    vertices = radius * np.vstack([[0, 0, 0], np.stack([x, y, z], -1)])
+    ring = np.arange(1, count + 1)
+    onwards = np.roll(ring, -1)
+    faces = [np.stack([0 * ring, ring, onwards], -1)]
+    for number in range(rings - 1):
+        inner, outer = number * count, (number + 1) * count
+        faces.append(np.stack([ring + inner, ring + outer, onwards + outer], -1))
+        faces.append(np.stack([ring + inner, onwards + outer, onwards + inner], -1))
+    return trimesh.Trimesh(vertices, np.concatenate(faces), process=False)
 
 
 def test_two_spheres_touch_as_hertz_says():
-    """1/R = 1/R₁ + 1/R₂; the error falls with the meshes' edges, at up to 26,000 faces."""
-    radius, force = 1 / (1 / 40.0 + 1 / 60.0), SETTINGS["target_pressure_MPa"] * SIDE**2
-    _, pressure = hertz(force, radius, SETTINGS["contact_modulus_MPa"])
+    """1/R = 1/R₁ + 1/R₂; the error falls with the meshes' edges, at up to 20,000 faces."""
+    radii, modulus = (40.0, 60.0), SETTINGS["contact_modulus_MPa"]
+    radius = 1 / sum(1 / of for of in radii)
+    force = SETTINGS["target_pressure_MPa"] * SIDE**2
+    half_width = (3 * force * radius / (4 * modulus)) ** (1 / 3)
+    peak = 3 * force / (2 * np.pi * half_width**2)
     errors = []
-    for edge in (0.36, 0.18, 0.07):
-        _, contact = pressed(sphere(40.0, edge), sphere(60.0, edge, up=False), FIXED)
-        at = (np.arange(COUNT) + 0.5) * SIDE / COUNT - SIDE / 2
-        off = contact.pressure.values - pressure(at[:, None], at)
-        errors.append(float(np.sqrt(np.mean(off**2))) / pressure(0, 0))
+    for rings in (8, 16, 41):
+        below, above = (cap(of, rings) for of in radii)
+        assert rings < 41 or abs(len(below.faces) - 20000) < 300
+        over = trimesh.transformations.rotation_matrix(np.pi, (0, 1, 0))
+        corners = CORNERS - (SIDE / 2, SIDE / 2, 0)
+        pose = {"matrix": over.tolist()}
+        _, contact = pressed(below, above, pose, corners=corners)
+        y, x = np.meshgrid(contact.y - SIDE / 2, contact.x - SIDE / 2, indexing="ij")
+        expected = peak * np.sqrt(np.clip(1 - (x**2 + y**2) / half_width**2, 0, None))
+        errors.append(float(np.sqrt(np.mean((contact.pressure.values - expected) ** 2))) / peak)
     assert errors[0] > 2 * errors[1] > 2 * errors[2]
     assert errors[2] < 0.02
+
+
+def moved_by(x, y, z):
+    matrix = np.eye(4)
+    matrix[:3, 3] = x, y, z
+    return {"matrix": matrix.tolist()}
 
 
 @pytest.mark.parametrize(
     ("pose", "named"),
     [
-        (moved(0, 0, 5.0), "away from the passive one"),
-        (moved(0, 0, -5.0), "in the passive one"),
-        (moved(50.0, 0, 0), "no part of the mesh lies over the square"),
-        (moved(4.0, 0, 0), "sticks out of the mesh"),
+        (moved_by(0, 0, 5.0), "away from the passive one"),
+        (moved_by(0, 0, -5.0), "in the passive one"),
+        (moved_by(50.0, 0, 0), "no part of the mesh lies over the square"),
+        (moved_by(4.0, 0, 0), "sticks out of the mesh"),
         ({"points_mm": CORNERS.tolist()}, "point against the frame's normal"),
-        (
-            {"points_mm": np.add(CORNERS, (100, 0, 0)).tolist()},
-            r"counterface\.pose\.points_mm.*point 1",
-        ),
-        ({"matrix": np.diag([2.0, 2, 2, 1]).tolist()}, "stretches or mirrors"),
-        ({"matrix": np.diag([1.0, 1, -1, 1]).tolist()}, "stretches or mirrors"),
     ],
 )
 def test_stones_that_do_not_meet_are_refused(block, pose, named):
-    with pytest.raises((ConfigError, InputError), match=named) as caught:
+    with pytest.raises(InputError, match=named) as caught:
         pressed(block[0], sheet(rough(), up=False), pose)
-    assert "counterface.pose" in str(caught.value)
+    assert caught.value.source == "active.ply"
+    assert "counterface.pose" in caught.value.remedy
+
+
+def test_a_pose_that_stretches_or_mirrors_is_refused(block):
+    _, upper, _ = block
+    frame, options = frame_from_points(CORNERS), {"size_mm": SIDE, "source": "active.ply"}
+    for matrix in (np.diag([2.0, 2, 2, 1]), np.diag([1.0, 1, -1, 1])):
+        with pytest.raises(ConfigError, match="stretches or mirrors"):
+            pose_frame({"matrix": matrix.tolist()}, frame, upper, **options)
+
+
+def test_points_off_the_active_stone_are_refused_by_their_own_key(block):
+    far = np.add(CORNERS, (100, 0, 0)).tolist()
+    with pytest.raises(ConfigError, match=r"counterface\.pose\.points_mm.*point 1"):
+        pressed(block[0], sheet(rough(), up=False), {"points_mm": far})
+
+
+def test_a_mesh_coarser_than_the_square_is_refused(block):
+    coarse = trimesh.creation.box(
+        (12, 12, 1), transform=trimesh.transformations.translation_matrix((2, 2, 0.5))
+    )
+    with pytest.raises(InputError, match="vertices in the square"):
+        pressed(block[0], coarse, {"matrix": np.eye(4).tolist()})

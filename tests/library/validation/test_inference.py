@@ -7,11 +7,15 @@ import pandas as pd
 import pytest
 from gstlib.validation.inference import (
     Draws,
+    exchange_p_value,
     mean_of,
+    percentile_interval,
     rank_correlation,
     ratio_of_sums,
     spatial_p_value,
 )
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 from scipy.stats import spearmanr
 
 PAIR = "pressure_MPa", "loss_fraction"
@@ -38,12 +42,29 @@ def test_interval_of_a_mean_of_few_holds_it_as_often_as_it_says(units):
     assert held / repeats > at_least(0.93, repeats)
 
 
+def test_no_interval_of_a_few_or_of_nothing():
+    """Three patches that all gain slightly prove nothing: so does one study in four by chance."""
+    assert np.isnan(percentile_interval(np.array([0.1, 0.2, 0.3]), 5)).all()
+    assert np.isnan(percentile_interval(np.array([np.nan, np.nan]), 9)).all()
+    none = mean_of(np.zeros(0), draws())
+    assert none.n == 0
+    assert math.isnan(none.value)
+
+
 def test_a_ratio_is_that_of_the_sums_and_its_interval_resamples_both_together():
     errors = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     found = ratio_of_sums(0.5 * errors, errors, draws())
     assert (found.value, found.low, found.high, found.n) == (0.5, 0.5, 0.5, 6)
     mixed = ratio_of_sums(errors[::-1], errors, draws())
     assert mixed.low < mixed.value == 1 < mixed.high
+
+
+def test_exchanging_model_and_rival_is_exact_for_few_patches():
+    gain = np.array([0.1, 0.2, 0.15, 0.05, 0.3])
+    assert exchange_p_value(gain, np.random.default_rng(0)) == pytest.approx(2 / 2**5)
+    assert exchange_p_value(-gain, np.random.default_rng(0)) == pytest.approx(2 / 2**5)
+    for nothing in (gain[:1], np.zeros(5)):
+        assert math.isnan(exchange_p_value(nothing, np.random.default_rng(0)))
 
 
 def table(seed=0, n=8):
@@ -69,6 +90,15 @@ def test_rank_correlation_agrees_with_scipy():
     assert (found.value, found.low, found.n) == (pytest.approx(1), pytest.approx(1), 8)
     # exact: 2 of the 8! pairings are as extreme
     assert found.p_value == pytest.approx(2 / math.factorial(8))
+
+
+def test_interval_encloses_a_middling_correlation():
+    data = table(n=12)
+    data["loss_fraction"] = data["pressure_MPa"] + 40 * data["loss_fraction"]
+    found = rank_correlation(data, *PAIR, draws(), places=())
+    assert 0.5 < found.value < 0.98
+    assert 0 < found.low < found.value < found.high <= 1
+    assert 0 < found.p_value < 0.05
 
 
 @pytest.mark.parametrize(("known", "column"), [(5, "x"), (2, "x"), (8, "constant")])
@@ -103,6 +133,18 @@ def test_smooth_unrelated_fields_are_significant_as_often_as_the_level_says():
     assert abs(np.mean(np.less_equal(spatial, LEVEL)) - LEVEL) < error
 
 
+def test_spatial_autocorrelation_weakens_a_correlation_of_smooth_numbers():
+    rng = np.random.default_rng(8)
+    y, x = np.mgrid[:4, :4].reshape(2, -1).astype(float)
+    data = pd.DataFrame({"x_mm": x, "y_mm": y})
+    for name in PAIR:
+        data[name] = x + 0.3 * rng.standard_normal(16)
+    plain = rank_correlation(data, *PAIR, draws(1, 99), places=())
+    spatial = rank_correlation(data, *PAIR, draws(1, 99))
+    assert spatial.p_value > plain.p_value
+    assert spatial._replace(p_value=0.0) == plain._replace(p_value=0.0)
+
+
 def test_the_permutation_test_bounds_the_spatial_p_value():
     x = fields(1.0, seed=4)[0, 0]
     assert spatial_p_value(x, np.exp(x), PLACES, permuted=1e-9) == 1e-9
@@ -110,3 +152,15 @@ def test_the_permutation_test_bounds_the_spatial_p_value():
     assert spatial_p_value(four, four, PLACES[:4], permuted=2 / 24) == 2 / 24
     for y in (np.zeros(4), np.arange(3.0)):  # no spread, or too few patches
         assert np.isnan(spatial_p_value(four[: len(y)], y, PLACES[: len(y)], permuted=1.0))
+
+
+@settings(max_examples=20, deadline=None)
+@example(seed=2, scale=0.99999, count=16)  # the farthest classes end just at half of the extent
+@given(seed=st.integers(0, 1000), scale=st.floats(0.01, 100), count=st.integers(4, SIDE**2))
+def test_unit_place_and_order_do_not_matter(seed, scale, count):
+    rng = np.random.default_rng(seed)
+    x, y = fields(1.0, seed=5)[seed % PAIRS][:, :count]
+    places = PLACES[:count]
+    order = rng.permutation(count)
+    same = spatial_p_value(x[order], np.exp(y[order]), places[order] * scale + 7.0, permuted=0.0)
+    assert same == pytest.approx(spatial_p_value(x, y, places, permuted=0.0), rel=1e-9)

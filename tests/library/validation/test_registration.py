@@ -30,6 +30,15 @@ def test_within_a_fifth_of_the_field_and_two_degrees_all_are_found(scans, share,
         assert found.rotation_deg == pytest.approx(turn, abs=0.05)
 
 
+def test_what_is_co_located_already_stays_where_it_is(scans):
+    """As after a shift-extract in ConfoMap: T1 on the grid of T0."""
+    for seed in SEEDS:
+        found = register(*scans(seed), maximum_shift_mm=0.7 * SIZE * SPACING)
+        assert found.found
+        assert error_in_elements(found, (0.0, 0.0)) < 0.05
+        assert found.rotation_deg == pytest.approx(0.0, abs=0.02)
+
+
 def test_stones_that_have_nothing_in_common_are_not_found(scans, monkeypatch):
     """Also not with a lower bound on the correlation, where the overlap is small."""
     monkeypatch.setattr("gstlib.validation.registration._LEAST_CORRELATION", 0.3)
@@ -63,8 +72,14 @@ def test_a_marked_point_marks_those_interpolated_from_it(shift, rows, columns):
     like = make_surface(np.zeros((30, 30)), SPACING)
     mask = like.values > 1
     mask[10, 10] = True
-    quality = 1.0, 1.0, 1.0, 1.0, 0.0
-    shifted = Registration(shift[1] * SPACING, shift[0] * SPACING, 0.0, *quality, found=True)
+    quality = {
+        "overlap": 1.0,
+        "correlation": 1.0,
+        "detail_correlation": 1.0,
+        "height_scale": 1.0,
+        "residual_mm": 0.0,
+    }
+    shifted = Registration(shift[1] * SPACING, shift[0] * SPACING, 0.0, **quality, found=True)
     _, carried = apply_registration(like, mask, shifted, like)
     expected = np.zeros(like.shape, dtype=bool)
     expected[np.ix_(rows, columns)] = True
@@ -86,6 +101,33 @@ def test_a_narrow_strip_of_common_points_is_refined_too(scans, seed):
     assert error_in_elements(found, shift) < 0.2
 
 
+def test_applied_heights_lie_on_the_reference(remeasure):
+    """The coordinates of both grids count, and their shapes may differ."""
+    t0, t1, _ = remeasure((0.0, 30.5), wear=0.0, noise_um=0.0, tilt=0.0)
+    part = t1.isel(y=slice(30, 230), x=slice(12, 250))
+    registration = register(t0, part, maximum_shift_mm=0.1)
+    assert error_in_elements(registration, (0.0, 30.5)) < 0.2
+    on_grid, _ = apply_registration(part, part.values > 1, registration, t0)
+    assert np.isnan(on_grid[:, :42]).all()
+    assert np.isfinite(on_grid[31:229, 43:]).all()
+    # the epochs were levelled over different areas: a plane stays between them
+    assert float(height_change(t0, on_grid)["change"].std()) < 0.02e-3
+
+
+def test_neither_unit_nor_datum_nor_wear_matter(remeasure):
+    shift = (20.3, -11.6)
+    t0, t1, _ = remeasure(shift, wear=0.3, noise_um=0.05)
+    for scale, datum in [(1.0, 0.0), (1e-3, -0.5), (1e3, 1.0)]:
+        found = register(scale * t0, scale * (t1 + datum), maximum_shift_mm=0.1)
+        assert error_in_elements(found, shift) < 0.03
+
+
+def test_flat_surfaces_are_not_found():
+    flat = make_surface(np.zeros((40, 40)), SPACING)
+    registration = register(flat, flat, maximum_shift_mm=0.01)
+    assert not registration.found
+
+
 def test_errors_say_what_to_do(remeasure):
     t0, t1, _ = remeasure((0, 0))
     with pytest.raises(InputError, match="spacing"):
@@ -101,6 +143,7 @@ def test_quality_and_units_of_the_attributes(remeasure):
     assert attrs["correlation"] > 0.9
     assert 0.2 < attrs["residual_um"] < 0.6  # noise of both scans: 0.28 µm
     assert attrs["registration_found"] == 1
+    assert all(isinstance(value, int | float) for value in attrs.values())
 
 
 @pytest.mark.parametrize("turn", [0.0, -1.0, 1.5])
