@@ -50,3 +50,11 @@ rule all:
     default_target: True
     input:
         MADE,
+
+
+# What a step would be given now decides whether it runs again, and not dates. Snakemake without
+# `gst study` has to be told.
+if workflow.is_main_process:
+    AGAIN.update(plan_again(steps_of(workflow, Path(RESULTS)), Path(RESULTS)))
+    if AGAIN and "gst.scheduler" not in sys.orig_argv:
+        logger.warning(f"To make again what has changed, add: --forcerun {' '.join(AGAIN)}")

@@ -10,6 +10,7 @@ import pandas as pd
 import xarray as xr
 
 from gst.amplitudes import WAVE_PER_EDGE
+from gst.chain import break_in
 from gst.config import check_files, counterface_mesh, read_config, read_study
 from gst.epochs import epochs_on_each_other
 from gst.inputs import Asked, Inputs, check_inputs
@@ -83,7 +84,7 @@ def _summary(
         "stiffness": f"E* = {modulus:.5g} MPa"
         + (f", as given; {standard:.5g} MPa from the elastic constants" if standard else ""),
         "patches": _patches(config, patches),
-        "results in": config["results"],
+        "results in": f"{config['results']}: {_state(config)}",
     }
     if poses is not None:
         lines["gesture"] = (
@@ -113,6 +114,14 @@ def _summary(
     return f"{config['title']}\n" + "\n".join(
         f"  {name:<11} {text}" for name, text in lines.items()
     )
+
+
+def _state(config: dict) -> str:
+    """Whether the results are those of this config and of the measured files as they are."""
+    results = Path(config["results"])
+    if not results.is_dir():
+        return "not there yet"
+    return break_in(results, config) or "finished, with this config and these files"
 
 
 def _active_stone(

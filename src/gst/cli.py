@@ -248,8 +248,10 @@ def export(results, to) -> None:
 @click.option("--license", "licence", help="Licence of the results, such as CC-BY-4.0 (SPDX).")
 def package(results, output, authors, licence) -> None:
     """Pack a finished study into one zip for an archive or a paper (a Workflow Run RO-Crate)."""
+    from gst.chain import check_chain
     from gst.crate import pack_study
 
+    check_chain(results)
     output = output or Path(f"{results.resolve().name}.zip")
     count = pack_study(results, output, authors=authors, licence=licence)
     click.echo(f"{output}: {count} files, {output.stat().st_size / 1e6:.1f} MB")

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from gst.chain import check_chain, made_in
 from gst.figures.tool import cut_tool
 from gstlib.errors import InputError
 from gstlib.geometry import FRAME, on_mesh, rotated, stored_frame
@@ -41,39 +42,41 @@ def export_study(results: Path, to: Path) -> list[Path]:
     Raises
     ------
     InputError
-        The folder holds no finished study, a file in it is damaged, or its mesh is elsewhere.
+        The folder holds no finished study, a file has changed since, or its mesh is elsewhere.
     """
+    check_chain(results)
+    made = set(made_in(results))  # other files may be left of other configs
     written = []
-    for file in sorted(results.glob("surfaces/*_T0.h5")):
+    for file in sorted(made & set(results.glob("surfaces/*_T0.h5"))):
         patch = file.stem.removesuffix("_T0")
-        for name, field in _maps(results, patch):
+        for name, field in _maps(results, patch, made):
             is_length = field.attrs["units"] == "mm"
             written.append(to / f"{patch}_{name}.{'x3p' if is_length else 'sur'}")
             title = f"patch {patch}: {field.attrs['long_name']}"
             write_whole(written[-1], (x3p_of if is_length else sur_of)(field, title))
     written.append(to / "tool.ply")
-    write_whole(written[-1], _tool(results))
+    write_whole(written[-1], _tool(results, made))
     return written
 
 
-def _maps(results: Path, patch: str) -> Iterator[tuple[str, xr.DataArray]]:
+def _maps(results: Path, patch: str, made: set[Path]) -> Iterator[tuple[str, xr.DataArray]]:
     """The maps of a patch that the study has, on the grid of T0, by the ends of their names."""
     before = read_dataset(results / f"surfaces/{patch}_T0.h5", only=["height", "filled"])
     # what was filled from around it was not measured
     yield "T0", before.height.where(~before.filled)
     change = results / f"registered/{patch}.h5"
-    if change.is_file():
+    if change in made:
         found = read_dataset(change, only=["t1", "change"])
         if found.attrs["registration_found"]:
             yield "T1", found.t1
             loss = -found.change
             yield "loss", loss.assign_attrs(units="mm", long_name="measured height loss")
     wear = results / f"wear/{patch}.h5"
-    if wear.is_file():
+    if wear in made:
         for depth in read_dataset(wear, only=["depth"]).depth:
             yield f"predicted_{depth.model.item()}", depth
     contact = results / f"microscale/{patch}.h5"
-    if contact.is_file():
+    if contact in made:
         yield "pressure", read_dataset(contact, only=["pressure"]).pressure
 
 
@@ -132,7 +135,7 @@ def sur_of(field: xr.DataArray, title: str) -> bytes:
     return content.getvalue() + steps.tobytes()
 
 
-def _tool(results: Path) -> bytes:
+def _tool(results: Path, made: set[Path]) -> bytes:
     """The tool as PLY, with pressure, patches and, of a gesture, exposure at its vertices."""
     try:
         config = json.loads((results / "provenance.json").read_text(encoding="utf-8"))["config"]
@@ -144,10 +147,10 @@ def _tool(results: Path) -> bytes:
     grid = read_dataset(results / "macroscale/contact.h5", only=["pressure"]).pressure
     fields = {"pressure_MPa": grid}
     exposure = results / "gesture/exposure.h5"
-    if exposure.is_file():
+    if exposure in made:
         fields["exposure_N_per_mm"] = read_dataset(exposure, only=["exposure"]).exposure
     patches = results / "tables/patch_pressures.csv"
-    if patches.is_file():
+    if patches in made:
         half = config["scans"]["size_mm"] / 2
         row = xr.zeros_like(grid)
         for number, place in enumerate(read_table(patches).itertuples(), start=1):

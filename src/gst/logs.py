@@ -13,20 +13,21 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from gst.made import record_made, record_of, records_in
+from gst.chain import TOOK, given_to, record_of, step_of, write_record
 from gstlib.errors import GstError
 from gstlib.io.files import cannot_write
 
-__all__ = ["FILE_ONLY", "job_log", "logged", "run_script", "unrecorded_steps"]
+__all__ = ["FILE_ONLY", "PLAN", "job_log", "logged", "run_script"]
 
 # Environment variable, set by the workflow's display of progress, which shows the log's
 # messages itself: a job then writes nothing to the screen, unless its log cannot be written.
 FILE_ONLY = "GSTLIB_LOG_FILE_ONLY"
 # Soon after a process began, for scripts import this early.
 _START = time.perf_counter()
+# Environment variable, set by `gst study --plan`: the display shows what would run, and why.
+PLAN = "GSTLIB_PLAN"
 # Of the application, and of the library.
 _LOGGERS = "gst", "gstlib"
-_LAST = "took"  # begins the last line of a step that ended well
 _RECORD = re.compile(r"^(\w+) (.*?)(?=^(?:INFO|WARNING|ERROR) |\Z)", re.MULTILINE | re.DOTALL)
 
 
@@ -112,26 +113,16 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
     # ends, takes a quarter of a second.
     gc.freeze()
     settings = {name: value for name, value in snakemake.params.items() if name != "code"}
-    record = record_of(snakemake.log[0])
+    results = Path(snakemake.log[0]).parents[1]
+    step = step_of(snakemake.log[0], snakemake.params, snakemake.input, snakemake.output)
     with job_log(snakemake.log[0]) as log:
-        record.unlink(missing_ok=True)  # of files that are about to change
+        record_of(results, step.name).unlink(
+            missing_ok=True
+        )  # of files that are about to change
+        given = given_to(results, step)
         main(**files, **settings)
-        record_made(map(Path, snakemake.output), record)
+        write_record(results, step, given, logged(Path(snakemake.log[0]), "WARNING"))
         log.info("%s", _used())
-
-
-def unrecorded_steps(results: Path) -> list[str]:
-    """Steps that ended well, but whose logs, or records of what they made, are gone."""
-    logs = {*results.glob("logs/**/*.log")}
-    logs |= {record.with_suffix(".log") for record in records_in(results)}
-    lost = [log for log in logs if _ended_well(log) != record_of(log).is_file()]
-    # a log is named as its step, or lies in a folder of that name
-    return sorted({log.stem if log.parent.name == "logs" else log.parent.name for log in lost})
-
-
-def _ended_well(log: Path) -> bool:
-    lines = log.read_text(encoding="utf-8").splitlines() if log.is_file() else []
-    return bool(lines) and lines[-1].startswith(f"INFO {_LAST}")
 
 
 def _used() -> str:
@@ -141,4 +132,4 @@ def _used() -> str:
     status, memory_mb = Path("/proc/self/status"), used.ru_maxrss / 1e6  # bytes on macOS
     if status.is_file():  # Linux: what is above counts the process that started this one, too
         memory_mb = int(re.findall(r"VmHWM:\s+(\d+)", status.read_text())[0]) * 1024 / 1e6
-    return f"{_LAST} {wall_s:.2f} s, {cpu_s:.2f} s of CPU, {memory_mb:.0f} MB of memory"
+    return f"{TOOK}{wall_s:.2f} s, {cpu_s:.2f} s of CPU, {memory_mb:.0f} MB of memory"

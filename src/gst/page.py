@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gst.logs import logged
+from gst.chain import warnings_of
 from gst.verdict import MODELS
 from gstlib.io.tables import read_table
 from gstlib.validation.rivals import CEILING, RIVALS
@@ -87,25 +87,20 @@ def caption_html(template: str, **names: Any) -> str:
     return publish_parts(text, writer="html5", settings_overrides=quiet)["body"]
 
 
-def warned(logs: Sequence[Path]) -> list[dict[str, Any]]:
-    """The warnings of a run's steps, each once: ``text``, ``steps``, and the ``patch`` it
+def warned(results: Path, steps: Sequence[str]) -> list[dict[str, Any]]:
+    """The warnings of a study's steps, each once: ``text``, ``steps``, and the ``patch`` it
     names.
-
-    `logs` are those of the steps, in their order; a missing log counts as one without
-    warnings.
     """
-    steps: dict[str, list[str]] = {}
-    for log in logs:
-        step = re.sub(r"_\d+$", "", log.stem).replace(
-            "_", " "
-        )  # a batch is not a separate step
-        for text in logged(log, "WARNING"):
-            if step not in (known := steps.setdefault(text, [])):
+    warners: dict[str, list[str]] = {}
+    for name in steps:
+        step = re.sub(r"_\d+$", "", name).replace("_", " ")  # a batch is not a separate step
+        for text in warnings_of(results, name):
+            if step not in (known := warners.setdefault(text, [])):
                 known.append(step)
-    named = {text: re.match(r"patch ([\w-]+)", text) for text in steps}
+    named = {text: re.match(r"patch ([\w-]+)", text) for text in warners}
     return [
         {"text": text, "steps": of_text, "patch": match[1] if (match := named[text]) else None}
-        for text, of_text in steps.items()
+        for text, of_text in warners.items()
     ]
 
 

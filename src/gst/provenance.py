@@ -1,12 +1,13 @@
 """Where a result comes from: hashes of its inputs and of its code, settings and versions."""
 
+import ast
 import functools
 import hashlib
 import json
 import platform
 import re
 import subprocess
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
@@ -23,18 +24,14 @@ __all__ = [
     "program_hash",
     "provenance",
     "refuse_other_study",
-    "refuse_unseen_change",
     "source_hash",
     "study_provenance",
 ]
 
 # Of the packages that gstlib names, those that a study runs on.
 _EXTRAS = "fast", "formats", "texture", "workflow"
-# Modules that record a result but do not shape it: a script that imports nothing else of `gst`
-# depends on the library alone.
-_RECORDING = {"logs", "made", "provenance"}
-# Modules that no script imports: the command, and the workflow itself.
-_AROUND = {"checking", "cli", "crate", "difference", "epochs", "pick", "running", "shipped"}
+# Modules that record a result but do not shape it.
+_RECORDING = {"gst.chain", "gst.logs", "gst.provenance"}
 
 
 def provenance(inputs: Iterable[str | Path], settings: Mapping[str, object]) -> dict[str, str]:
@@ -89,40 +86,19 @@ def _all_other(written: Mapping[str, Any], config: Mapping[str, Any]) -> bool:
     return not (mesh.is_file() and sha256(mesh) in written["inputs"].values())
 
 
-def refuse_unseen_change(results: Path) -> None:
-    """Refuse inputs that have changed and kept an earlier date, by which Snakemake judges them.
-
-    Raises
-    ------
-    InputError
-    """
-    record = results / "provenance.json"
-    with suppress(OSError, ValueError):
-        made, dated = json.loads(record.read_text(encoding="utf-8")), record.stat().st_mtime_ns
-        for name, digest in made.get("inputs", {}).items():
-            file = Path(name)
-            is_old = file.is_file() and file.stat().st_mtime_ns < dated
-            if is_old and sha256(file) != digest:
-                raise InputError(
-                    file,
-                    "is not the file that the results were made from, but has an earlier date",
-                    f"Say that it is new with `touch '{file}'`, and run the study again.",
-                )
-
-
 def study_provenance(
-    config: Mapping[str, object], inputs: Iterable[str | Path], commit: str | None, program: str
+    config: Mapping[str, object], inputs: Mapping[str, str], commit: str | None, program: str
 ) -> dict[str, object]:
     """The provenance of all results of a study; the same on every machine.
 
-    `config` is complete, with defaults; `inputs` are the measured files and tables; `commit` and
-    `program` (`program_hash`) are those of the program. The result has ``config``; ``inputs``
-    (SHA-256 by path); ``software``: gstlib, its commit and hash, Python, and the version of every
-    package that gstlib requires.
+    `config` is complete, with defaults; `inputs` are the SHA-256 of measured files and tables by
+    path; `commit` and `program` (`program_hash`) are those of the program. The result has
+    ``config``; ``inputs``; ``software``: gstlib, its commit and hash, Python, and the version of
+    every package that gstlib requires.
     """
     return {
         "config": dict(config),
-        "inputs": {str(path): sha256(path) for path in sorted(inputs, key=str)},
+        "inputs": dict(inputs),
         "software": {
             "gstlib": gstlib.__version__,
             "commit": commit,
@@ -162,35 +138,70 @@ def commit(folder: str | Path) -> str | None:
 @functools.cache
 def program_hash() -> str:
     """Hash of the library and the workflow; the same for a clone and an installed gstlib."""
-    library, application = _hash_of(_folder(gstlib)), _hash_of(_folder(gst), {"shipped"})
-    return library + application + _hash_of(gst.ROOT / "workflow")
-
-
-def source_hash(script: str | Path) -> str:
-    """Hash of the code that `script` uses: the library, and `gst` if it does more than record.
-
-    A rule takes this hash as a parameter, so it runs again when that code has changed.
-    """
-    text = Path(script).read_text(encoding="utf-8")
-    imports = set(re.findall(r"\bgst(?:\.| import )(\w+)", text))
-    return _package_hash(around=bool(imports - _RECORDING))
+    folders = _folder(gstlib), _folder(gst), gst.ROOT / "workflow"
+    return "".join(
+        _hash_of(
+            (file.relative_to(folder).as_posix(), file)
+            for file in sorted(folder.rglob("*.*"))
+            if not {"__pycache__", "shipped"} & {*file.relative_to(folder).parts}
+        )
+        for folder in folders
+    )
 
 
 @functools.cache
-def _package_hash(around: bool) -> str:
-    library = _hash_of(_folder(gstlib))
-    return library + _hash_of(_folder(gst), _AROUND | _RECORDING) if around else library
+def source_hash(script: str | Path) -> str:
+    """Hash of the code that `script` runs on: itself, and every module of ours that it imports.
+
+    A rule takes this hash as a parameter, so it runs again when that code has changed. What lies
+    beside a module under its name, such as ``page.css`` beside ``page.py``, belongs to it.
+    """
+    modules: dict[str, Path] = {}
+    ahead = {*_imported(Path(script), "")}
+    while ahead:
+        name = ahead.pop()
+        if name not in modules and name not in _RECORDING and (file := _source(name)):
+            modules[name] = file
+            ahead |= _imported(
+                file, name if file.name == "__init__.py" else name.rpartition(".")[0]
+            )
+    parts = [(Path(script).name, Path(script))]
+    for name, file in sorted(modules.items()):
+        beside = file.parent.glob(f"{file.stem}.*")
+        parts += [(f"{name} {part.name}", part) for part in sorted(beside)]
+    return _hash_of(parts)
+
+
+@functools.cache
+def _imported(file: Path, package: str) -> set[str]:
+    """Names of our modules that a file imports, anywhere in it, and of their packages."""
+    names = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: 1 - node.level or None] if node.level else []
+            base = ".".join([*above, *filter(None, [node.module])])
+            names |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    ours = [name.split(".") for name in names if name.partition(".")[0] in {"gst", "gstlib"}]
+    return {".".join(parts[:end]) for parts in ours for end in range(1, len(parts) + 1)}
+
+
+def _source(name: str) -> Path | None:
+    """The file of a module of the project; None if `name` is something else."""
+    package, *inside = name.split(".")
+    place = _folder(gst if package == "gst" else gstlib).joinpath(*inside)
+    files = place / "__init__.py", place.with_suffix(".py")
+    return next(filter(Path.is_file, files), None)
 
 
 def _folder(package: ModuleType) -> Path:
     return Path(str(package.__file__)).parent
 
 
-def _hash_of(folder: Path, aside: Collection[str] = ()) -> str:
-    """Hash of all files in a folder, except parts with these names and Python's caches."""
+def _hash_of(files: Iterable[tuple[str, Path]]) -> str:
+    """Hash of files under these names."""
     digest = hashlib.sha256()
-    for file in sorted(folder.rglob("*.*")):
-        name = file.relative_to(folder)
-        if "__pycache__" not in name.parts and name.parts[0].split(".")[0] not in aside:
-            digest.update(name.as_posix().encode() + file.read_bytes())
+    for name, file in files:
+        digest.update(name.encode() + file.read_bytes())
     return digest.hexdigest()[:16]

@@ -17,10 +17,10 @@ from contextlib import suppress
 from pathlib import Path
 
 from gst import ROOT
+from gst.chain import break_in, check_links
 from gst.config import config_problems, read_config, refuse_config
-from gst.logs import unrecorded_steps
-from gst.made import check_made, read_records, records_in
-from gst.provenance import refuse_other_study, refuse_unseen_change
+from gst.logs import PLAN
+from gst.provenance import refuse_other_study
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
@@ -57,6 +57,7 @@ HOST = Path(".snakemake/host")  # the machine on which the last run was started
 # By default glibc takes new pages from the kernel for each large array, which clears them first,
 # and returns them at once. Here arrays of up to 32 MB use freed memory again.
 _REUSE_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**30)}
+_SCHEDULERS = {"snakemake", "gst.scheduler"}
 _PLANNING = {"-n", "--dry-run", "--dryrun"}
 _REFUSED = {"--config", "-C", "--configfile", "--configfiles"}  # gst reads CONFIG, too,
 _REFUSED |= {"--directory", "-d", "--snakefile", "-s"}  # and looks for the results here
@@ -125,25 +126,16 @@ def run_study(
     results = Path(read["results"])
     _refuse_earlier(results, config)
     refuse_other_study(read)
-    made = read_records(records_in(results))
-    check_made(made)
-    refuse_unseen_change(results)
-    unrecorded = unrecorded_steps(results)
-    missing = {each.output for file, each in made.items() if not file.exists()}
+    check_links(results)
     if not plan:
         check_writable(results)
         claim_folder(config)
-        for output in filter(Path.is_dir, missing):  # Snakemake looks at whole folders
-            shutil.rmtree(output)
-    elif missing or unrecorded:
-        again = [*sorted(map(str, missing)), *(f"what {step} made" for step in unrecorded)]
-        print(f"Missing, and to be made again: {', '.join(again)}")
     command: list[object] = ["--workflow-profile", folder]
     command += ["--cores", cores] if cores else []
-    command += ["--forcerun", *unrecorded] if unrecorded else []
-    command += [*options, *(["--dry-run", "--quiet", "rules"] if plan else [])]
+    command += [*options, *(["--dry-run"] if plan else [])]
     command += ["--configfile", config, "--"]
-    if code := _snakemake(*command, *([] if goal == "study" else [goal])):
+    shown = {PLAN: "1"} if plan else {}
+    if code := _snakemake(*command, *([] if goal == "study" else [goal]), environment=shown):
         return code
     if plan:
         return 0
@@ -152,7 +144,8 @@ def run_study(
         print(f"Done. Look at {' and '.join(str(file) for file in files if file.is_file())}")
         return 0
     page, report = results / "index.html", results / "report.html"
-    if not page.is_file():  # the options asked for less
+    if broken := break_in(results, read):  # the options asked for less
+        print(f"The study is not finished: {broken}.")
         return 0
     if not is_report_current(results):
         # Half a report is newer than everything that it shows, and would count as whole.
@@ -193,13 +186,16 @@ def _checked(config: Path) -> dict:
     return read
 
 
-def _snakemake(*arguments: object, is_shown: bool = True) -> int:
+def _snakemake(
+    *arguments: object, is_shown: bool = True, environment: dict[str, str] | None = None
+) -> int:
     """Run Snakemake, and return its exit code. If not shown, its output appears only on failure."""
-    command = [sys.executable, "-m", "snakemake", "--snakefile", ROOT / "Snakefile", *arguments]
+    command = [sys.executable, "-m", "gst.scheduler", "--snakefile", ROOT / "Snakefile"]
     with tempfile.TemporaryFile("w+") as kept:
         said = None if is_shown else kept
-        words, environment = list(map(str, command)), _REUSE_MEMORY | os.environ
-        with subprocess.Popen(words, stdout=said, stderr=said, env=environment) as process:
+        words = list(map(str, [*command, *arguments]))
+        around = _REUSE_MEMORY | os.environ | (environment or {})
+        with subprocess.Popen(words, stdout=said, stderr=said, env=around) as process:
             signal.signal(signal.SIGTERM, lambda *_: process.terminate())
             while process.returncode is None:
                 with suppress(
@@ -226,7 +222,7 @@ def alive() -> list[int]:
     found = []
     for process in psutil.process_iter(["cwd", "cmdline"]):
         command = process.info["cmdline"] or []
-        is_run = any(Path(word).name == "snakemake" for word in command[:3])
+        is_run = any(Path(word).name in _SCHEDULERS for word in command[:3])
         is_job = any("/.snakemake/scripts/" in word for word in command)
         if process.info["cwd"] == str(Path.cwd()) and (is_run or is_job):
             found.append(process.pid)
@@ -263,7 +259,8 @@ def remove_results(config: Path) -> None:
     if input(f"Remove from {folder}: {names}? [y/N] ") != "y":
         return
     for path in made:
-        shutil.rmtree(path) if path.is_dir() else path.unlink()
+        is_folder = path.is_dir() and not path.is_symlink()
+        shutil.rmtree(path) if is_folder else path.unlink()
     if not any(folder.iterdir()):
         folder.rmdir()
 

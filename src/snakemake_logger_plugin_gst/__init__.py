@@ -1,8 +1,9 @@
 """Snakemake's logger plugin of this project (`logger: gst` in the profile): shows progress.
 
 It prints a line when a step begins, and when another tenth of the steps is done. A step's warnings
-and errors come from its log. If Snakemake is asked for anything but a plain run (a dry run,
---verbose, --quiet, ...), its own display is used.
+and errors come from its log. For `gst study --plan` it shows what would run, why, and how long that
+last took. If Snakemake is asked for anything else (--dry-run, --verbose, ...), its own display is
+used.
 """
 
 import os
@@ -17,7 +18,8 @@ from typing import Any
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
-from gst.logs import FILE_ONLY, logged
+from gst.chain import AGAIN, last_took
+from gst.logs import FILE_ONLY, PLAN, logged
 
 __all__ = ["LogHandler"]
 
@@ -41,9 +43,12 @@ class LogHandler(LogHandlerBase):
     writes_to_stream = has_filter = True
 
     def __post_init__(self) -> None:
-        others = ("dryrun", "quiet", "verbose", "debug_dag", "printshellcmds")
+        self.is_plan = self.common_settings.dryrun and PLAN in os.environ
+        others = ["quiet", "verbose", "debug_dag", "printshellcmds"]
+        others += [] if self.is_plan else ["dryrun"]
         self.writes_to_stream = not any(getattr(self.common_settings, name) for name in others)
         self.start, self.total, self.done = time.monotonic(), 0, 0
+        self.is_closed = False
         self.steps: dict[int, tuple[str, Path]] = {}  # the message of each, and its log
         if self.writes_to_stream:
             os.environ[FILE_ONLY] = "1"  # for the steps, which inherit it
@@ -56,18 +61,25 @@ class LogHandler(LogHandlerBase):
             self.handleError(record)
 
     def close(self) -> None:
-        if self.done < self.total:
+        if self.is_plan:
+            if not self.is_closed:
+                print(f"{len(self.steps)} steps would run." if self.steps else "Nothing to do.")
+        elif self.done < self.total:
             how = (
                 f"Stopped with {self.done} of {self.total} steps done, after {self._elapsed()}."
             )
             self._say(f"{how} Repeat the same command to continue from there.")
         elif self.total:
             self._say(f"All {self.done} steps are done, after {self._elapsed()}.")
-        self.total = 0  # Snakemake closes its handlers more than once
+        self.is_closed, self.total = True, 0  # Snakemake closes its handlers more than once
         super().close()
 
     def _show(self, record: Any) -> None:
         match getattr(record, "event", None):
+            case LogEvent.JOB_INFO if self.is_plan:
+                self._plan(record)
+            case _ if self.is_plan and record.levelno <= INFO:
+                pass
             case LogEvent.RUN_INFO:
                 self.total = record.stats["total"]
                 self._say(f"{self.total} steps to do.")
@@ -76,6 +88,8 @@ class LogHandler(LogHandlerBase):
                 log.unlink(missing_ok=True)  # of an earlier run
                 self.steps[record.jobid] = what, log
                 self._say(f"{self._elapsed()}  {what}")
+                if why := AGAIN.get(record.rule_name):
+                    self._say(f"  again: {why}")
             case LogEvent.JOB_FINISHED if record.job_id in self.steps:
                 what, log = self.steps[record.job_id]
                 for text in logged(log, "WARNING"):
@@ -99,6 +113,16 @@ class LogHandler(LogHandlerBase):
                 if text.startswith(_WANTED) or record.levelno > INFO:
                     self._say(text)
 
+    def _plan(self, record: Any) -> None:
+        """A step that would run: why, and how long it last took."""
+        if not record.output:  # a rule that only names others
+            return
+        what, log = record.rule_msg or record.rule_name, Path(record.log[0])
+        self.steps[record.jobid] = what, log
+        why = AGAIN.get(record.rule_name) or _why(record.reason)
+        took = last_took(log.parents[1], log.stem)
+        print(f"{record.rule_name}: {what}\n    {why}{f'; last took {took}' if took else ''}")
+
     def _fail(self, job: int, reason: str) -> None:
         what, log = self.steps[job]
         error = (logged(log, "ERROR") or [reason])[-1]
@@ -110,3 +134,10 @@ class LogHandler(LogHandlerBase):
 
     def _elapsed(self) -> str:
         return str(timedelta(seconds=round(time.monotonic() - self.start)))
+
+
+def _why(reason: str) -> str:
+    """A reason of Snakemake in our words."""
+    if reason.startswith("Missing output files"):
+        return "not made yet"
+    return "its inputs are made again" if "updated by another job" in reason else reason

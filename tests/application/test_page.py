@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from gst import ROOT, page
+from gst.chain import given_to, step_of, write_record
 from gst.config import read_config
 from gst.figures.style import STONE
 from gst.figures.tool import coloured_tool
@@ -72,16 +73,17 @@ def test_the_scene_has_its_patches_where_the_table_puts_them(stone):
 
 def test_warnings_are_told_once_with_their_steps(tmp_path):
     texts = {
-        "place_patches": "WARNING patch 12 is shifted: check its place\nINFO done\n",
-        "prepare_T0_scans_1": "WARNING a.plu: only Z, is read\n",
-        "prepare_T0_scans_2": "WARNING a.plu: only Z, is read\n",
-        "judge_wear": "INFO a\nWARNING a.plu: only Z, is read\nWARNING all\n",
+        "place_patches": ["patch 12 is shifted: check its place"],
+        "prepare_T0_scans_1": ["a.plu: only Z, is read"],
+        "prepare_T0_scans_2": ["a.plu: only Z, is read"],
+        "judge_wear": ["a.plu: only Z, is read", "all"],
+        "stale": ["of another config"],
     }
-    for name, text in texts.items():
-        (tmp_path / f"{name}.log").write_text(text)
-    (tmp_path / "stale.log").write_text("WARNING of another config\n")
-    logs = [tmp_path / f"{name}.log" for name in ["absent", *texts]]
-    assert [tuple(warning.values()) for warning in page.warned(logs)] == [
+    for name, warned in texts.items():
+        step = step_of(tmp_path / f"logs/{name}.log", {}, [], [])
+        write_record(tmp_path, step, given_to(tmp_path, step), warned)
+    steps = ["absent", *list(texts)[:-1]]
+    assert [tuple(warning.values()) for warning in page.warned(tmp_path, steps)] == [
         ("patch 12 is shifted: check its place", ["place patches"], "12"),
         ("a.plu: only Z, is read", ["prepare T0 scans", "judge wear"], None),
         ("all", ["judge wear"], None),

@@ -23,8 +23,8 @@ from gstlib.study import Study as InMemory
 from gstlib.uncertainty import Errors, Macroscale, pressure_intervals
 
 ROOT = Path(__file__).parents[2]
-# with this interpreter: the environment under test, whatever is on the PATH
-SNAKEMAKE = sys.executable, "-m", "snakemake"
+# as `gst study` starts it, with this interpreter: the environment under test
+SNAKEMAKE = sys.executable, "-m", "gst.scheduler"
 
 
 def run(*command: object, cwd: Path | None = None, said: str = "", **environment: str):

@@ -115,4 +115,4 @@ def test_two_libraries_read_the_tool(exported):
 def test_a_folder_without_a_study_is_refused(finished_tiny, tmp_path):
     said = finished_tiny.gst("export", str(tmp_path), "--to", str(tmp_path / "to"))
     assert (said.returncode, said.stdout) == (2, "")
-    assert "holds no finished study. Give the results folder" in said.stderr
+    assert "holds no finished study. Run the study (again)" in said.stderr

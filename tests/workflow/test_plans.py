@@ -56,7 +56,7 @@ def test_without_a_config_that_of_the_folder_is_taken(study):
 
 def test_gst_plans_what_it_is_asked_for(study):
     for options, planned in (
-        (["--plan"], "solve_patches"),
+        (["--plan"], "solve_patches: Pressing"),
         (["--dry-run", "--forcerun", "solve_cases"], "solve_cases"),
         (["--goal", "sweep", "--plan"], "try_setting"),
     ):

@@ -1,5 +1,6 @@
 """A change reruns what depends on it and nothing else. Only plans are made here."""
 
+import os
 import re
 import shutil
 
@@ -61,6 +62,31 @@ def test_a_changed_value(tiny, change, reruns, stays):
     else:
         assert reruns <= planned
         assert planned.isdisjoint(stays)
+
+
+@pytest.mark.parametrize("change", ["a note", "a comment", "a scan's date"])
+def test_what_no_step_reads_reruns_nothing_but_the_record(tiny, change):
+    """`provenance.json` has the hash of the patch table."""
+    table = tiny.folder / "config/patches_tiny.tsv"
+    comment, head, *rows = table.read_text().splitlines()
+    lines = {"a note": [f"{head}\tnote", *(f"{row}\tby hand" for row in rows)]}
+    lines["a comment"] = [comment, "# by hand", head, *rows]
+    if change in lines:
+        table.write_text("\n".join(lines[change]) + "\n")
+    else:
+        (tiny.results / "specimen/scans/7_T0.plu").touch()
+    assert tiny.planned() == ({"write_page"} if change in lines else set())
+
+
+def test_a_scan_of_the_same_size_and_date_reruns_what_reads_it(measured, finished_tiny):
+    """As after an unpacked archive, or `cp -p`; also when a first run was interrupted."""
+    measured.succeed("--until", "prepare_T0_scans")
+    scan = measured.folder / "data/scans/7_T0.plu"
+    stat, content = scan.stat(), bytearray(scan.read_bytes())
+    content[len(content) // 2] ^= 1
+    scan.write_bytes(content)
+    os.utime(scan, ns=(stat.st_atime_ns, stat.st_mtime_ns - 10**12))
+    assert "prepare_T0_scans" in measured.planned()
 
 
 def test_a_changed_file_of_the_page_reruns_no_stage(tiny, tmp_path):

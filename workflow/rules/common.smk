@@ -2,9 +2,11 @@
 
 import math
 import os
+import sys
 from pathlib import Path
 
 from gst import ROOT
+from gst.chain import AGAIN, plan_again, steps_of
 from gst.config import check_files, complete, counterface_mesh, read_study
 from gst.poses import batches_of, poses_of, reach_of
 from gst.patches import scan_files
@@ -93,7 +95,7 @@ wildcard_constraints:
 
 
 def code(script):
-    """Hash of the library that `script` runs on: a parameter, so that its change is a reason to rerun."""
+    """Hash of the code that `script` runs on: a parameter, so that its change is a reason to rerun."""
     return source_hash(ROOT / "workflow/scripts" / script)
 
 
@@ -140,6 +142,12 @@ def crops_of(patches):
     return [None if y != y else [float(y), float(x)] for y, x in crops.itertuples(index=False)]
 
 
+def columns(*names):
+    """Some columns of the patch table: what a script reads of it. A note reruns nothing."""
+    return PATCHES[list(names)].to_dict("list")
+
+
+PLACES = columns("patch", "x_mm", "y_mm", "rotation_deg")
 SCAN_USES = scan_files(PATCHES, SCAN_FOLDER, COUNTERFACE_SCAN or None)
 SCANS = sorted({str(use.path) for use in SCAN_USES})
 

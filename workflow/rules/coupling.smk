@@ -13,7 +13,7 @@ rule place_patches:
     log:
         f"{RESULTS}/logs/place_patches.log",
     params:
-        patches=PATCHES.to_dict("list"),
+        patches=PLACES,
         patch_mm=PATCH_MM,
         mould=config["scans"]["mould"],
         code=code("place_patches.py"),
@@ -32,7 +32,7 @@ rule couple_scales:
     log:
         f"{RESULTS}/logs/couple_scales.log",
     params:
-        patches=PATCHES.to_dict("list"),
+        patches=PLACES,
         patch_mm=PATCH_MM,
         force_N=LOAD["force_N"],
         contact_modulus_MPa=CONTACT_MODULUS_MPA,

@@ -144,7 +144,7 @@ for job, (figures, read) in DRAWINGS.items():
             figures=list(figures),
             patches=ALL_PATCHES,
             worn=WORN_PATCHES,
-            places=PATCHES[["patch", "x_mm", "y_mm", "rotation_deg"]].to_dict("list"),
+            places=PLACES,
             size_mm=SQUARE_MM,
             force_N=LOAD["force_N"],
             patch_mm=PATCH_MM,

@@ -33,7 +33,7 @@ for batch, poses in POSE_BATCHES.items():
         params:
             **PRESSED,
             poses=poses.to_dict(),
-            patches=PATCHES[["patch", "x_mm", "y_mm", "rotation_deg"]].to_dict("list"),
+            patches=PLACES,
             shown=[
                 round(place)
                 for place in np.linspace(0, len(POSES) - 1, min(len(POSES), SHOWN_POSES))

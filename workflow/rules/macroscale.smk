@@ -69,7 +69,7 @@ if COMPOSITE:
         log:
             f"{RESULTS}/logs/compose_surface.log",
         params:
-            patches=PATCHES.to_dict("list"),
+            patches=PLACES,
             patch_mm=PATCH_MM,
             s_filter_um=config["microscale"]["s_filter_um"],
             placement_um=config["uncertainty"]["placement_um"],

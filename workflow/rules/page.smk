@@ -3,14 +3,9 @@
 # index.html, and the answer alone for the report; a record of all inputs and results.
 
 
-# Logs of the study's own steps, for their warnings. Logs that other configs left in the folder, or
-# of other studies in the same run, are not read.
-LOGS = [
-    str(log)
-    for one in workflow.rules
-    for log in one.log
-    if "{" not in log and log.startswith(f"{RESULTS}/")
-]
+# The study's own steps, whose records and warnings the page takes; none that other configs left in
+# the folder, or of other studies in the same run.
+STEPS = [step.name for step in steps_of(workflow, Path(RESULTS))]
 # Without the sweep, which runs only on request.
 STUDIED = {file: place for file, place in SHOWN.items() if place[1] < "9"}
 # Captions of the tables and figures on the page and, last, of the numbers behind a figure, which are
@@ -52,8 +47,8 @@ rule write_page:
         f"{RESULTS}/logs/write_page.log",
     params:
         titles=[[category, title] for _, category, title in CAPTIONED.values()],
-        logs=LOGS,
-        places=PATCHES[["patch", "x_mm", "y_mm", "rotation_deg"]].to_dict("list"),
+        steps=STEPS,
+        places=PLACES,
         patch_mm=PATCH_MM,
         mesh_unit=MESH_UNIT,
         second_stone=SECOND_STONE,

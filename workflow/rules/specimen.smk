@@ -5,8 +5,6 @@
 if GENERATED:
 
     rule generate_specimen:
-        input:
-            table=config["patches"] or [],
         output:
             **(
                 {"counterface": COUNTERFACE_MESH}
@@ -26,7 +24,7 @@ if GENERATED:
         log:
             f"{RESULTS}/logs/generate_specimen.log",
         params:
-            patches=PATCHES.to_dict("list"),
+            patches=columns("patch", "x_mm", "y_mm", "rotation_deg", "t0", "t1", "repeat"),
             specimen=config["specimen"],
             square_mm=SQUARE_MM,
             grid=GRID["grid"],
@@ -34,7 +32,7 @@ if GENERATED:
             around=elements_around(SQUARE_MM, GRID["grid"], config["macroscale"]["face_mm"]),
             code=code("generate_specimen.py"),
         message:
-            "Making the specimen: a mesh, and {input.table} scanned before and after use"
+            "Making the specimen: a mesh, and its patches scanned before and after use"
             if SCANNED
             else "Making the specimen's mesh"
         script:

@@ -14,7 +14,6 @@ from gstlib.specimen.randomness import SpecimenParameters
 
 
 def main(
-    table: Path | list,
     mesh: Path,
     scans: list[Path],
     truth: Path | None = None,

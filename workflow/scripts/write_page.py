@@ -5,15 +5,15 @@ that is packed with them, and the captions of all; the folder with the pictures 
 if there is one; every file that the study was made from. Outputs: the page, and the answer alone
 for the report; the record of where the results come from; the contents: of the page and each of the
 others file, category, title, caption (HTML) and SHA-256. Settings: the category and the title of
-each figure and table; the logs of the run's steps, for their warnings; the patches' places and
+each figure and table; the names of the study's steps, for their records; the patches' places and
 size; the whole config, which captions quote; the commit and the hash of the program.
 """
 
 import json
 from pathlib import Path
 
+from gst.chain import certified_inputs
 from gst.logs import run_script
-from gst.made import check_made, read_records, record_of
 from gst.page import (
     Shown,
     by_category,
@@ -29,7 +29,6 @@ from gst.provenance import study_provenance
 from gst.verdict import verdict, where_to_scan
 from gstlib.contact import load_force
 from gstlib.counterface import SecondStone, posed_mesh
-from gstlib.errors import InputError
 from gstlib.geometry import FRAME, square_of, stored_frame
 from gstlib.io.files import sha256, write_whole
 from gstlib.io.meshes import read_mesh
@@ -63,7 +62,7 @@ def main(
     contents: Path,
     *,
     titles: list[list[str]],
-    logs: list[str],
+    steps: list[str],
     places: dict[str, list],
     patch_mm: float,
     mesh_unit: str,
@@ -72,16 +71,8 @@ def main(
     commit: str | None,
     program: str,
 ) -> None:
-    made = read_records(filter(Path.is_file, map(record_of, logs)))
-    certified = [*shown, *([behind] if behind else [])]
-    for file in certified:
-        if file not in made:
-            raise InputError(
-                file,
-                "no step has recorded that it made it",
-                "Delete it and run the study again.",
-            )
-    check_made({file: made[file] for file in certified}, thoroughly=True)
+    inputs = certified_inputs(results := page.parent, steps, made_from)
+    listed_files = [*shown, *([behind] if behind else [])]
     tables = {file.stem: file for file in shown if file.suffix == ".csv"}
     pictures = {file.stem: file for file in shown if file.suffix == ".png"}
     frame = stored_frame(read_dataset(surface, only=FRAME))
@@ -118,7 +109,7 @@ def main(
     scene = tool_scene(tool, frame, fields, places, (size, patch_mm), other)
     entries = [
         Shown(file, category, title, caption_html(caption.read_text("utf-8"), config=config))
-        for file, caption, (category, title) in zip(certified, captions, titles, strict=True)
+        for file, caption, (category, title) in zip(listed_files, captions, titles, strict=True)
     ]
     records = patch_records(tables, by_patch or None) if proposed is None else []
     content = {
@@ -128,13 +119,13 @@ def main(
         "scene": scene,
         "size": scene["frame"]["size"],
         "records": {record["patch"]: record for record in records},
-        "warnings": warned([Path(log) for log in logs]),
+        "warnings": warned(results, steps),
         "shown": by_category(entries[: len(shown)]),
         "compared": "validation_summary" in tables,
     }
     write_whole(page, render("page.html", **said, **content).encode())
-    write_json(contents, listed([Shown(page, *PAGE, WHAT), *entries], contents.parent))
-    write_json(record, study_provenance(config, made_from, commit, program))
+    write_json(contents, listed([Shown(page, *PAGE, WHAT), *entries], results))
+    write_json(record, study_provenance(config, inputs, commit, program))
 
 
 def listed(entries: list[Shown], results: Path) -> list[dict[str, str]]:

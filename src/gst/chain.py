@@ -1,0 +1,328 @@
+"""The chain from the measured files to the page: what each step was given, and what it made.
+
+A step leaves a record beside its log. It holds the step's params and the SHA-256 of every file that
+it read or made. Before a run, records are compared with what the steps would be given now; whatever
+differs is made again. At its end, and before anything is exported or packed, every file is compared
+with the records. Contents decide: no date, no folder, and nothing that Snakemake keeps. A record is
+only read and compared. Nothing is written or deleted because a record names it.
+"""
+
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gstlib.errors import InputError
+from gstlib.io.files import sha256, write_whole
+
+__all__ = [
+    "AGAIN",
+    "TOOK",
+    "Step",
+    "break_in",
+    "certified_inputs",
+    "check_chain",
+    "check_links",
+]
+__all__ += ["given_to", "is_inside", "last_took", "made_in", "plan_again", "read_record"]
+__all__ += ["record_of", "step_of", "steps_of", "warnings_of", "write_record"]
+
+# Steps that a run makes again, and why. The Snakefile fills it when it is read; `gst.scheduler`
+# hands it to Snakemake, and the display shows the reasons.
+AGAIN: dict[str, str] = {}
+PAGE = "write_page"  # the last step: its record completes the chain
+_LOGS = "logs"
+# Before the duration in the last line of a step's log.
+TOOK = "took "
+
+Record = dict[str, Any]
+Digests = dict[Path, str]
+
+
+class Step(NamedTuple):
+    """A step as the workflow has it.
+
+    Attributes
+    ----------
+    name : str
+        Of its log and its record.
+    params : mapping
+    inputs, outputs : list of Path
+        Files, or folders, which stand for all files in them.
+    """
+
+    name: str
+    params: Mapping[str, Any]
+    inputs: list[Path]
+    outputs: list[Path]
+
+
+def step_of(log: str | Path, params: Mapping, inputs: Iterable, outputs: Iterable) -> Step:
+    """A step by what Snakemake knows about it."""
+    return Step(Path(log).stem, dict(params), [*map(Path, inputs)], [*map(Path, outputs)])
+
+
+def steps_of(workflow: Any, results: Path) -> list[Step]:
+    """The steps of a study, from the rules that Snakemake has read."""
+    rules = [rule for rule in workflow.rules if rule.log and not rule.has_wildcards()]
+    steps = [step_of(rule.log[0], rule.params, rule.input, rule.output) for rule in rules]
+    logs = [Path(rule.log[0]).parent for rule in rules]
+    return [step for step, folder in zip(steps, logs, strict=True) if folder == results / _LOGS]
+
+
+def record_of(results: Path, name: str) -> Path:
+    """The file with the record of a step."""
+    return results / _LOGS / f"{name}.json"
+
+
+def write_record(results: Path, step: Step, given: Record, warned: list[str]) -> None:
+    """Record a step that has ended: what it was `given`, what it made, and its warnings."""
+    made = _digests(step.outputs, results, {})
+    record = given | {"outputs": made, "warnings": warned}
+    text = json.dumps(record, indent=1, sort_keys=True, ensure_ascii=False)
+    write_whole(record_of(results, step.name), f"{text}\n".encode())
+
+
+def given_to(results: Path, step: Step, seen: Digests | None = None) -> Record:
+    """What a step would be given now.
+
+    ``params`` by name; ``inputs``, the SHA-256 of the study's own files by their names in the
+    results, which may move; ``files``, that of all others by their paths.
+    """
+    seen = {} if seen is None else seen
+    own = [path for path in step.inputs if path.is_relative_to(results)]
+    others = [path for path in step.inputs if not path.is_relative_to(results)]
+    return {
+        "params": {name: _plain(value, results) for name, value in step.params.items()},
+        "inputs": _digests(own, results, seen),
+        "files": _digests(others, None, seen),
+    }
+
+
+def read_record(results: Path, name: str) -> Record | None:
+    """The record of a step; None if there is none, or it is damaged or names files elsewhere."""
+    try:
+        record = json.loads(record_of(results, name).read_text(encoding="utf-8"))
+        parts = [record[part] for part in ("params", "inputs", "files", "outputs")]
+        names = [*record["inputs"], *record["outputs"]]
+        is_whole = all(isinstance(part, dict) for part in parts)
+        is_whole &= all(isinstance(text, str) for text in record["warnings"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return record if is_whole and all(is_inside(each) for each in names) else None
+
+
+def plan_again(steps: Iterable[Step], results: Path) -> dict[str, str]:
+    """The steps that would be given something else now, by name, and why.
+
+    A step that has made nothing yet is not among them: Snakemake runs it anyway. The dates of all
+    other files are brought into the order in which steps make them; a copy may have lost it.
+    """
+    seen: Digests = {}
+    again: dict[str, str] = {}
+    current: list[Step] = []
+    for step in steps:
+        if not any(path.exists() for path in step.outputs):
+            continue
+        if why := _difference(results, step, seen):
+            again[step.name] = why
+        else:
+            current.append(step)
+    _order_dates(current)
+    return again
+
+
+def _difference(results: Path, step: Step, seen: Digests) -> str | None:
+    """In what a step as recorded differs from the step as it would be now, in a few words."""
+    record = read_record(results, step.name)
+    if record is None:
+        return "no record says how it was made"
+    now = given_to(results, step, seen)
+    for name in sorted({*record["params"], *now["params"]}):
+        before, after = (part["params"].get(name) for part in (record, now))
+        if before != after:
+            return "the program has changed" if name == "code" else _turned(name, before, after)
+    for part in ("files", "inputs"):
+        if changed := _changed(record[part], now[part]):
+            return f"{changed} has changed"
+    if changed := _changed(record["outputs"], _digests(step.outputs, results, seen)):
+        return f"{changed} is not as it was made"
+    return None
+
+
+def break_in(results: Path, config: Mapping[str, Any] | None = None) -> str | None:
+    """Where the chain from the measured files to the page breaks, in a sentence; None if it holds.
+
+    With a `config`, the page must be that of this config. A measured file that is no longer in its
+    place breaks nothing.
+    """
+    page = read_record(results, PAGE)
+    if page is None:
+        return "this folder holds no finished study"
+    if config is not None and page["params"]["config"] != _plain(config, results):
+        return "the results were made with another config"
+    return next(_breaks(results, [*page["params"]["steps"], PAGE]), None)
+
+
+def check_chain(results: Path) -> None:
+    """Refuse results that are no finished study, or whose chain is broken.
+
+    Raises
+    ------
+    InputError
+    """
+    check_links(results)
+    if problem := break_in(results):
+        raise InputError(
+            results, problem, "Run the study (again); it makes anew what has changed."
+        )
+
+
+def certified_inputs(
+    results: Path, steps: Iterable[str], files: Iterable[Path]
+) -> dict[str, str]:
+    """SHA-256, by path, of measured `files` as the `steps` read them.
+
+    Raises
+    ------
+    InputError
+        The chain is broken: a file is not as its step made it, or not as a step read it.
+    """
+    steps = list(steps)
+    for problem in _breaks(results, steps):
+        raise InputError(
+            results, problem, "Run the study again: what has changed is made anew."
+        )
+    read = {
+        name: digest for each in steps for name, digest in _of(results, each, "files").items()
+    }
+    return {str(path): read.get(str(path)) or sha256(path) for path in sorted(files, key=str)}
+
+
+def _breaks(results: Path, steps: Iterable[str]) -> Iterator[str]:
+    """Every break between these steps, in a sentence."""
+    seen: Digests = {}
+    for name in steps:
+        record = read_record(results, name)
+        if record is None:
+            yield f"no record says what the step {name} made"
+            continue
+        for part in ("inputs", "outputs"):
+            now = _digests([results / each for each in record[part]], results, seen)
+            if changed := _changed(record[part], now):
+                whose = "made it: cut, or edited" if part == "outputs" else "read it"
+                yield f"{results / changed} is not as the step {name} {whose}"
+        known = {
+            path: digest for path, digest in record["files"].items() if Path(path).is_file()
+        }
+        if changed := _changed(known, _digests(map(Path, known), None, seen)):
+            yield f"{changed} is not as the step {name} read it"
+
+
+def made_in(results: Path) -> list[Path]:
+    """Every file of a finished study, as its steps recorded them."""
+    page = read_record(results, PAGE)
+    steps = page["params"]["steps"] if page else []
+    return [results / name for each in [*steps, PAGE] for name in _of(results, each, "outputs")]
+
+
+def warnings_of(results: Path, step: str) -> list[str]:
+    """What a step warned of when it last ran."""
+    record = read_record(results, step)
+    return record["warnings"] if record else []
+
+
+def last_took(results: Path, step: str) -> str:
+    """How long a step took when it last ran, from its log; empty if that is gone."""
+    log = results / _LOGS / f"{step}.log"
+    lines = log.read_text(encoding="utf-8").splitlines() if log.is_file() else []
+    return lines[-1].partition(TOOK)[2].partition(",")[0] if lines else ""
+
+
+def check_links(results: Path) -> None:
+    """Refuse links in the results that lead out of them: a study writes nowhere else.
+
+    Raises
+    ------
+    InputError
+    """
+    whole = results.resolve()
+    for folder, folders, files in os.walk(results):
+        for name in (*folders, *files):
+            path = Path(folder, name)
+            if path.is_symlink() and not path.resolve().is_relative_to(whole):
+                problem = f"is a link to {path.resolve()}, outside the results"
+                raise InputError(path, problem, "Remove the link: a study writes only there.")
+
+
+def _of(results: Path, step: str, part: str) -> dict[str, str]:
+    record = read_record(results, step)
+    return record[part] if record else {}
+
+
+def is_inside(name: str) -> bool:
+    """Whether a name in a record stays within the results."""
+    path = Path(name)
+    return not path.is_absolute() and ".." not in path.parts
+
+
+def _plain(value: Any, results: Path) -> Any:
+    """A param as JSON has it: paths in the results relative to them, null for an empty number."""
+    if isinstance(value, Mapping):  # the config, too, names the folder
+        parts = {str(name): _plain(each, results) for name, each in value.items()}
+        return parts | ({"results": "."} if "results" in parts else {})
+    if isinstance(value, list | tuple):
+        return [_plain(each, results) for each in value]
+    if isinstance(value, str | Path):
+        inside = results in Path(value).parents
+        return Path(value).relative_to(results).as_posix() if inside else str(value)
+    return None if value is None or value != value else value
+
+
+def _digests(paths: Iterable[Path], results: Path | None, seen: Digests) -> dict[str, str]:
+    """SHA-256 of files by name in `results`, or by path; empty for one that is missing."""
+    found = {}
+    for path in paths:
+        for file in _files_in(path) if path.is_dir() else [path]:
+            if file not in seen:
+                seen[file] = sha256(file) if file.is_file() else ""
+            found[(file.relative_to(results) if results else file).as_posix()] = seen[file]
+    return found
+
+
+def _files_in(folder: Path) -> list[Path]:
+    return sorted(file for file in folder.rglob("[!.]*") if file.is_file())
+
+
+def _changed(before: Mapping[str, str], after: Mapping[str, str]) -> str | None:
+    """The first file that differs, came or went, by its name."""
+    names = sorted({*before, *after})
+    return next((name for name in names if before.get(name) != after.get(name)), None)
+
+
+def _turned(name: str, before: Any, after: Any) -> str:
+    texts = [json.dumps(value, ensure_ascii=False) for value in (before, after)]
+    if max(map(len, texts)) > 40:
+        return f"{name} has changed"
+    return f"{name} was {texts[0]}, is {texts[1]}"
+
+
+def _order_dates(steps: list[Step]) -> None:
+    """Give outputs that are as recorded one date if some input is younger; contents stay."""
+    read = [[*map(_dated, step.inputs)] for step in steps]
+    made = [[*map(_dated, step.outputs)] for step in steps]
+    dates = {file: file.stat().st_mtime_ns for files in read + made for file in files}
+    if any(
+        max(map(dates.__getitem__, inputs), default=0) > min(map(dates.__getitem__, outputs))
+        for inputs, outputs in zip(read, made, strict=True)
+    ):
+        newest = max(dates.values())
+        for file in (file for files in made for file in files):
+            os.utime(file, ns=(newest, newest))
+
+
+def _dated(path: Path) -> Path:
+    """What Snakemake takes the date of an output from: of a folder, a hidden file in it."""
+    stamp = path / ".snakemake_timestamp"
+    return stamp if stamp.exists() else path

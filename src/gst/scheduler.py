@@ -1,0 +1,44 @@
+"""Snakemake as `gst study` starts it: ``python -m gst.scheduler`` takes the same arguments.
+
+It runs again what the chain of records asks for (`gst.chain`), and not what Snakemake's own records
+would, which know a step by its files' dates. It ends when it is told to.
+"""
+
+import sys
+import threading
+from typing import Any
+
+from snakemake.cli import args_to_api, parse_args
+from snakemake.exceptions import print_exception
+from snakemake.scheduling.job_scheduler import JobScheduler
+from snakemake.settings.enums import RerunTrigger
+
+from gst.chain import AGAIN
+
+_end_gracefully = JobScheduler.exit_gracefully
+
+
+def _end(scheduler: JobScheduler, *_: Any) -> None:
+    """On SIGTERM. Snakemake's handler waits for a lock, which what it interrupted may hold."""
+    threading.Thread(target=_end_gracefully, args=[scheduler]).start()
+
+
+def main() -> None:
+    """Run Snakemake; the exit code is 0 if all went well, else 1."""
+    JobScheduler.exit_gracefully = _end
+    try:
+        parser, arguments = parse_args(sys.argv[1:])
+        AGAIN.update(dict.fromkeys(arguments.forcerun, "asked for"))
+        arguments.forcerun = AGAIN  # the Snakefile adds to it before Snakemake looks
+        arguments.rerun_triggers = {
+            RerunTrigger.MTIME
+        }  # it cannot do without; `plan_again` knows
+        is_done = args_to_api(arguments, parser)
+    except Exception as error:
+        print_exception(error)
+        is_done = False
+    sys.exit(not is_done)
+
+
+if __name__ == "__main__":
+    main()
