@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from conftest import ROOT, as_measured, run
 from gstlib.io.plu import PLU_UNMEASURED_UM, write_plu
 from gstlib.io.scans import read_scan
 from gstlib.surface import spacing_of
 from numpy.polynomial.legendre import legvander2d
+
+from .conftest import ROOT, as_measured, run
 
 
 def check(study):

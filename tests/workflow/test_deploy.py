@@ -8,10 +8,11 @@ import tomllib
 
 import pytest
 import yaml
-from conftest import ROOT, SNAKEMAKE, Study, fresh, run
 from hatchling.builders.sdist import SdistBuilder
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
+
+from .conftest import ROOT, SNAKEMAKE, Study, fresh, run
 
 IN_A_CLONE = pytest.mark.skipif(
     not (ROOT / ".test").is_dir(), reason="the sdist leaves out .test, which holds a link"

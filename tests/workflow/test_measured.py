@@ -11,11 +11,12 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import as_measured, assert_stored, fresh, in_memory
 from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.reference import composite_heights
+
+from .conftest import as_measured, assert_stored, fresh, in_memory
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 import trimesh
 import xarray as xr
-from conftest import fresh
 from gstlib.geometry import FRAME, stored_frame
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
+
+from .conftest import fresh
 
 GESTURE = {"wander_mm": 0.5, "poses": 6}
 

@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, Study, run
 from gst.crate import pack_study
+
+from .conftest import ROOT, Study, run
 
 pytestmark = pytest.mark.slow
 

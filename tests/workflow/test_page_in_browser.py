@@ -4,8 +4,9 @@ import itertools
 import re
 
 import pytest
-from conftest import opened
 from gstlib.io.tables import read_table
+
+from .conftest import opened
 
 pytestmark = pytest.mark.browser
 

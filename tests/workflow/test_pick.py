@@ -7,11 +7,12 @@ import pytest
 import trimesh
 import yaml
 from click.testing import CliRunner
-from conftest import ROOT, opened
 from gst.cli import main
 from gst.config import config_problems
 from gst.config_file import read_config_file
 from gstlib.geometry import find_frame, frame_from_points
+
+from .conftest import ROOT, opened
 
 pytestmark = pytest.mark.browser
 

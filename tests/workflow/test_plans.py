@@ -4,9 +4,10 @@ import re
 
 import pytest
 import yaml
-from conftest import ROOT, SNAKEMAKE, run
 from gst.patches import read_patches
 from gst.running import MADE
+
+from .conftest import ROOT, SNAKEMAKE, run
 
 # config/tiny.yaml and sweep.yaml are planned by other tests.
 CONFIGS = [

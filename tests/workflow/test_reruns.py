@@ -6,7 +6,8 @@ import shutil
 
 import pytest
 import yaml
-from conftest import ROOT
+
+from .conftest import ROOT
 
 
 def test_the_whole_plan_is_known_before_anything_has_run(study):

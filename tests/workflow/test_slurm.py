@@ -12,7 +12,8 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, Study, fresh, run
+
+from .conftest import ROOT, Study, fresh, run
 
 pytestmark = pytest.mark.slurm
 

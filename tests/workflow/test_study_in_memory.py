@@ -6,12 +6,13 @@ it is tested with the library.
 
 import numpy as np
 import pytest
-from conftest import assert_stored, in_memory, intervals_of
 from gst.sweep import merged, outcomes
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.reference import two_scales_table
 from gstlib.validation.texture import measure_texture
+
+from .conftest import assert_stored, in_memory, intervals_of
 
 BEFORE_PRESSURES = {"face", "composite", "contact", "prepared", "change"}
 

@@ -10,7 +10,6 @@ import runpy
 
 import numpy as np
 import pytest
-from conftest import ROOT
 from gst.figures.style import BLUE
 from gstlib.contact import Loading, contact_at_pressure, faces_of
 from gstlib.io.results import TABLES, columns_of
@@ -22,6 +21,8 @@ from gstlib.reference import press_whole
 from gstlib.specimen.score import true_face
 from gstlib.surface import spacing_of
 from matplotlib.colors import to_rgb
+
+from .conftest import ROOT
 
 # Of the tables listed, those that this study has no use for.
 ABSENT = {"exposure", "places", "published", "sweep"}

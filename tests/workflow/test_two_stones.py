@@ -5,11 +5,12 @@ import re
 import numpy as np
 import pytest
 import trimesh
-from conftest import assert_stored, fresh, intervals_of, opened
 from gstlib.contact import laid_height
 from gstlib.geometry import square_of
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
+
+from .conftest import assert_stored, fresh, intervals_of, opened
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from conftest import fresh
 from gst.difference import compare_results, describe_changes
 from gstlib.io.results import TABLES
 from gstlib.io.tables import read_table
-from test_tiny_study import ABSENT
+
+from .conftest import fresh
+from .test_tiny_study import ABSENT
 
 pytestmark = pytest.mark.slow
 
