@@ -23,7 +23,7 @@ from gst.config_file import read_config_file
 from gstlib.contact import load_force, load_point
 from gstlib.errors import ConfigError, InputError
 from gstlib.geometry import frame_from_points
-from gstlib.io.files import LARGEST_TABLE, check_size
+from gstlib.io.files import LARGEST_TABLE, check_size, name_problem
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,6 +45,8 @@ _MODULUS = "contact_modulus_MPa"
 _SIDE_TOLERANCE = 0.1
 # ASSUME: no stone bears a mean pressure (MPa) like this; quartzite is crushed at 150 to 300 MPa.
 _CRUSHING_MPA = 1000.0
+# No length, force or seed is larger; sums and squares of such numbers stay finite.
+_LARGEST_NUMBER = 1e15
 # A number with a decimal comma, which YAML takes for text.
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 
@@ -125,6 +127,9 @@ def read_study(config: Mapping, source: str) -> "pd.DataFrame":
 
 def config_problems(config: Mapping) -> list[str]:
     """Everything that is wrong with a whole config, one sentence each; empty if it can be used."""
+    # A schema cannot express these, and lets NaN pass every bound.
+    if unusable := list(_unusable_values(config)):
+        return unusable
     errors = list(_leaves(_validator().iter_errors(config)))
     # Branches of `oneOf` may give the same message.
     explained = list(dict.fromkeys(_explain(e) for e in errors if not _has_commas(e)))
@@ -134,6 +139,23 @@ def config_problems(config: Mapping) -> list[str]:
         explained.insert(0, f"{', '.join(commas)}: write decimal points, not commas")
     # The contradictions rely on correct types.
     return explained or list(_contradictions(config))
+
+
+def _unusable_values(value: Any, key: str = "") -> Iterator[str]:
+    """Numbers that are not finite or far too large, and text that cannot be a path."""
+    if isinstance(value, Mapping | list):
+        parts = value.items() if isinstance(value, Mapping) else enumerate(value)
+        for name, part in parts:
+            yield from _unusable_values(part, f"{key}.{name}" if key else str(name))
+    elif isinstance(value, str):
+        # a title may be long: its characters alone matter
+        texts = value if key == "title" else [value]
+        if problem := next(filter(None, map(name_problem, texts)), None):
+            yield f"'{key}' {problem}: shorten or correct it"
+    elif isinstance(value, int | float) and not abs(value) <= _LARGEST_NUMBER:
+        # a whole number may have more digits than can be written
+        shown = f"{value}" if isinstance(value, float) else f"about 2^{value.bit_length()}"
+        yield f"'{key}' is {shown}: give a finite number, at most {_LARGEST_NUMBER:g}"
 
 
 def _has_commas(error: ValidationError) -> bool:

@@ -33,7 +33,7 @@ def read_config_file(path: str | Path) -> dict:
     except RecursionError:
         remedy = "Indent its keys as in config/config.yaml."
         raise ConfigError(path, "nests lists or keys too deeply", remedy) from None
-    except (UnicodeDecodeError, yaml.YAMLError) as error:
+    except (ValueError, yaml.YAMLError) as error:  # also of a date or number that is none
         raise ConfigError(
             path,
             f"is not YAML in UTF-8: {' '.join(str(error).split())}",
@@ -54,7 +54,7 @@ def _refuse_many_aliases(path: str | Path, root: yaml.Node | None) -> None:
 
     def values(node: yaml.Node) -> int:
         if id(node) not in counted:
-            counted[id(node)] = 1  # of an alias within its own value
+            counted[id(node)] = _MOST_VALUES  # an alias within its own value never ends
             parts = node.value if isinstance(node, yaml.CollectionNode) else []
             pairs = (part if isinstance(part, tuple) else (part,) for part in parts)
             counted[id(node)] = 1 + sum(values(one) for pair in pairs for one in pair)

@@ -31,7 +31,7 @@ import yaml
 from gst import ROOT
 from gstlib.errors import ConfigError
 from gstlib.geometry import Place, outline, places_of
-from gstlib.io.files import LARGEST_TABLE, check_size
+from gstlib.io.files import LARGEST_TABLE, check_size, name_problem
 from gstlib.io.results import columns_of
 from gstlib.io.text import decoded, other_case, separator_of
 
@@ -254,6 +254,13 @@ def _read_rows(
             for name, cell in zip(columns, cells, strict=False)
             if cell and name in known
         }
+        if unusable := [
+            f"{name} {problem}"
+            for name in ("patch", *EPOCHS)
+            if (problem := name_problem(row.get(name, "")))
+        ]:
+            problems += [(number, text) for text in unusable]
+            continue
         try:
             if named and "patch" in row:
                 row |= _scans_named(row["patch"], folder) | row  # named files come first

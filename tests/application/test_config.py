@@ -1,6 +1,7 @@
 """The configuration: every fault is found, and reported with key, value and remedy."""
 
 import copy
+import math
 import runpy
 from pathlib import Path
 
@@ -39,6 +40,14 @@ def changed(config, path, value):
     return result
 
 
+def impossible(config, path, value):
+    """The one problem with a config whose key `path` takes a value that no config may have."""
+    (problem,) = config_problems(changed(config, path, value))
+    assert problem.startswith(f"'{path}")
+    assert len(problem) < 300
+    return problem
+
+
 def leaves(section, prefix=""):
     """Every key that is no section, by its full name, and its value."""
     for key, value in section.items():
@@ -61,6 +70,29 @@ def test_every_key_is_typed(config):
         assert spoiled[0].startswith(f"'{path}")
     without = config | {"specimen": None, "inputs": {"mesh": "a", "scan_folder": "b"}}
     assert "'inputs' lacks ['mesh_unit']" in config_problems(without)[0]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 10**30, 2**20000], ids="abcde")
+def test_numbers_are_finite(config, value):
+    """Each key in turn; NaN is within any bounds that are tested by comparing."""
+    config["counterface"] = SECOND | {"radius_mm": 200.0}
+    config |= {"mat": MAT, "gesture": {"wander_mm": 1.0, "poses": 5}}
+    for path, _ in leaves(config):
+        assert "give a finite number" in impossible(config, path, value)
+    (corner,) = config_problems(changed(config, "square.points_mm", [[0, value, 0], *POINTS[1:]]))
+    assert corner.startswith("'square.points_mm.0.1' is ")
+    (swept,) = config_problems(config | {"sweep": {"a": [{"load": {"force_N": value}}]}})
+    assert swept.startswith("'sweep.a.0.load.force_N' is ")
+
+
+@pytest.mark.parametrize("value", ["a\0.tsv", "\ud800", "a" * 300, 2500 * "a/"], ids="abcd")
+def test_a_path_that_no_file_can_have(config, value):
+    config |= {"inputs": INPUTS, "counterface": SECOND | {"scan": "a.plu"}}
+    config["gesture"] = {"table": "poses.tsv"}
+    paths = ["results", "patches", "published", "inputs.mesh", "inputs.scan_folder"]
+    for path in [*paths, "counterface.scan", "counterface.mesh", "gesture.table"]:
+        impossible(config, path, value)
+    assert config_problems(complete({"title": 40 * "eine Reibplatte aus Quarzit "})) == []
 
 
 def test_the_template_states_every_default(config):
@@ -258,6 +290,9 @@ def test_poisson_stands_for_the_compliances_of_both_stones(first, second):
         (b"# a stone\ntitle: my: stone\n", "line 2, column 10: title: my: stone"),
         (b"square:\n\tsize_mm: 5\n", "line 2"),
         (b'title: "\x07"\n', "#x0007"),
+        (b"title: 2024-13-45\n", "month must be in 1..12"),
+        (b"seed: " + 5000 * b"1", "digits"),
+        (b"sweep: &a {f: [*a]}\n", "aliases"),
         (b"# a stone\ntitle: Fl\xe4che\n", "byte 0xe4"),
         (b"- a\n- b\n", "holds ['a', 'b'], not keys"),
         (b"# nothing\n", "holds None"),

@@ -173,6 +173,10 @@ REFUSED = {
         f"{HEAD}\n1,1,1,a\n2,1.7,1,b\n3,1.4,1,c\n",
         "line 4 (patch 3): its centre is 0.3 mm from that of line 3 (patch 2)",
     ),
+    "a name with a NUL": (f"{HEAD}\n1,1,1,a\0b\n", r"t0 contains the character '\x00'"),
+    "a long name": (f"{HEAD}\n1,1,1,{300 * 'a'}\n", "has 300 characters, more than the path"),
+    "a long folder": (f"{HEAD}\n1,1,1,{300 * 'a'}/*\n", "has 302 characters, more than"),
+    "no end": (f"{HEAD}\n1,inf,1,a\n", "x_mm is 'inf', not a number"),
     "turned, it sticks out": (
         f"{HEAD},rotation_deg\n1,0.45,1,a,45\n",
         "0.151 mm at the x = 0 side",
@@ -186,6 +190,8 @@ def test_what_is_no_patch_table(tmp_path, what):
     path = tmp_path / "patches.tsv"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     refused(path, said)
+    with pytest.raises(ConfigError):
+        read(path, scan_folder=tmp_path)
 
 
 @pytest.mark.parametrize("name", ["/data/1.plu", "~/1.plu", r"C:\data\1.plu", r"\\server\1.plu"])

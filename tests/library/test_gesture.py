@@ -184,6 +184,7 @@ def test_a_table_of_poses_is_read(tmp_path, text, force_N):
         ("weight", "mass", r"missing columns \['weight'\], unknown columns \['mass'\]"),
         ("force_N", "Force_N", "Write force_N for Force_N"),
         ("\t20\t0.5\t2", "\tmuch\t0.5\t2", "pose 2: force_N is much"),
+        ("\t20\t0.5\t2", "\tinf\t0.5\t2", "pose 2: force_N is inf"),
         ("\t20\t0.5\t2", "\t20\t-1\t2", "pose 2: sliding_mm is -1"),
         ("0.5\t1\n", "0.5\t\n", "pose 1: weight is nan"),
         ("\t20\t0.5\t2", "\t0\t0.5\t2", "one has no force"),
