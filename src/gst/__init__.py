@@ -7,12 +7,15 @@ It reads configs and files, runs the workflow and shows its results. The physics
 import os
 from pathlib import Path
 
-__all__ = ["ROOT"]
+__all__ = ["ROOT", "SHIPPED"]
 
 # The folder of Snakefile, workflow, config and profiles: in the package once it is installed,
 # or beside `src` in a clone of the project.
 _INSTALLED = Path(__file__).parent / "shipped"
 ROOT = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[2]
+
+# The configs that come with it, by name; whatever else lies in its folder `config` is a user's.
+SHIPPED = ("config", "m12", "mat", "mesh_only", "own", "pebble", "sweep", "tiny", "two_stones")
 
 # Scans' holes are filled over triangles of three points each. Where other work runs, threads of the
 # linear algebra wait for each other so long that this takes ten times the CPU; nothing here gains

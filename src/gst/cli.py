@@ -40,7 +40,7 @@ def main() -> None:
 @click.argument("folder", type=_PATH)
 @click.option(
     "--like",
-    type=click.Choice(sorted(file.stem for file in (gst.ROOT / "config").glob("*.yaml"))),
+    type=click.Choice(gst.SHIPPED),
     default="own",
     show_default=True,
     help="The shipped config to start from, such as config (the generated specimen) or tiny (the "

@@ -1,5 +1,7 @@
 """The project's own tools, in any order, and beside whatever a user keeps in its folder."""
 
+import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,3 +14,16 @@ def test_folders_of_tests_are_collected_together():
     command = [sys.executable, "-m", "pytest", "--collect-only", "-q", *folders]
     result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_a_config_of_the_users_own_makes_no_document_stale(tmp_path):
+    for name in ("src", "workflow", "config", "docs"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    shutil.copy(ROOT / "README.md", tmp_path)
+    (tmp_path / "config/mine.yaml").write_text("title: mine\n")
+    command = [sys.executable, "workflow/document.py", "--check"]
+    environment = os.environ | {"PYTHONPATH": str(tmp_path / "src")}
+    result = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 0, result.stderr
