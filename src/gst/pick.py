@@ -6,6 +6,7 @@ It finds the frame of three points as `gstlib.geometry.frame_from_points` does.
 
 import html
 import importlib.resources
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,16 +70,16 @@ def pick_page(
             f"within {most:.2g} mm of the mesh (95 %), {largest:.2g} mm at most."
         )
     page = (importlib.resources.files("gst") / "pick.html").read_text(encoding="utf-8")
-    for mark, text in {
-        "@NAME@": html.escape(name),
-        "@SIZE@": f"{size_mm:g}",
-        "@NOTE@": note,
-        "@DATA@": to_script(data),
-        "@VIEWER_JS@": viewer_js(),
-        "@THREE_JS@": three_js(),
-    }.items():
-        page = page.replace(mark, text)
-    return page
+    parts = {
+        "NAME": html.escape(name),
+        "SIZE": f"{size_mm:g}",
+        "NOTE": note,
+        "DATA": to_script(data),
+        "VIEWER_JS": viewer_js(),
+        "THREE_JS": three_js(),
+    }
+    # all at once: what is put in may contain such marks itself
+    return re.sub(r"@([A-Z_]+)@", lambda mark: parts[mark[1]], page)
 
 
 def _deviation(shown: "trimesh.Trimesh", mesh: "trimesh.Trimesh") -> tuple[float, float]:

@@ -51,8 +51,8 @@ def viewer_js() -> str:
 
 
 def to_script(value: Any) -> str:
-    """JSON that is safe inside a script of a page."""
-    return json.dumps(value, ensure_ascii=False).replace("</", "<\\/")
+    """JSON that is safe inside a script of a page, where no tag or comment begins in it."""
+    return json.dumps(value, ensure_ascii=False).replace("<", "\\u003c")
 
 
 def coarsen(

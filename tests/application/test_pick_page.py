@@ -42,6 +42,19 @@ def test_the_page_holds_the_stone_and_the_patches(mesh, tmp_path):
     assert not re.search(r"""(src|href)=["']?http""", text.split("<script>")[0])
 
 
+def test_a_name_is_text_wherever_it_stands(tmp_path):
+    """Even one with a mark of the template in it, or what opens a script or a comment."""
+    path = tmp_path / "@DATA@@NOTE@<!--<script><img src=x>.stl"
+    trimesh.creation.icosphere(subdivisions=1, radius=20.0).export(path)
+    page = tmp_path / "page.html"
+    assert pick(path, "--output", page).exit_code == 0
+    text = page.read_text()
+    assert data_of(text)["name"] == path.name
+    assert "<title>Pick the square on @DATA@@NOTE@&lt;!--&lt;script&gt;&lt;img" in text
+    for markup in ("<img", "<!--<"):
+        assert markup not in text
+
+
 @pytest.mark.parametrize(
     ("options", "named"),
     [

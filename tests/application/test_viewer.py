@@ -48,7 +48,9 @@ def test_the_data_are_the_stone():
     mesh.apply_translation((100.0, 0.0, -5.0))
     colours = np.arange(24).reshape(8, 3)
     data = json.loads(viewer.to_script(viewer.stone_data(mesh, colours)))
-    assert "</script" not in viewer.to_script({"title": "</script><b>"})
+    title = {"title": "</script><!--<script>"}
+    assert "<" not in viewer.to_script(title)
+    assert json.loads(viewer.to_script(title)) == title
     vertices = unpack(data["vertices"], "<f4", 3) + data["centre"]
     np.testing.assert_allclose(vertices, mesh.vertices, atol=1e-5)
     np.testing.assert_array_equal(unpack(data["faces"], "<u4", 3), mesh.faces)
