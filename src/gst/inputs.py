@@ -57,6 +57,8 @@ _COPIED = {
     },
 }
 _AT = {"T1": "at T1", REPEAT: "in its repeat"}
+# Scans that a message names, of those of which the same holds.
+_NAMED = 4
 # Peak memory of the contact of the whole square, bytes per point (measured at 3012²).
 _BYTES = 200
 
@@ -279,12 +281,23 @@ def _gridded(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> xr.Datas
 
 def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
     """Refuse scans of a patch that cannot be compared: different spacings, or equal heights."""
+    copied: dict[tuple[str, str], list[str]] = {}
     for patch, epoch in pieces:
         if epoch in _COPIED and (patch, "T0") in pieces:
             yield from _unlike(pieces[patch, "T0"], pieces[patch, epoch])
             for other in _COPIED[epoch]:
-                if (patch, other) in pieces:
-                    yield from _copied(pieces, patch, epoch, other)
+                first = pieces.get((patch, other))
+                if first is not None and first.content == pieces[patch, epoch].content:
+                    copied.setdefault((epoch, other), []).append(patch)
+    # Two scans never have the same noise: one was copied, and would show no wear, or no error.
+    for (epoch, other), patches in copied.items():
+        patch = patches[0]
+        yield InputError(
+            pieces[patch, epoch].path,
+            f"patch {patch} has the same heights {_AT[epoch]} as at {other} "
+            f"({pieces[patch, other].path}){_and_so([f'patch {name}' for name in patches[1:]])}",
+            _COPIED[epoch][other],
+        )
 
 
 def _unlike(first: _Piece, second: _Piece) -> Iterator[GstError]:
@@ -307,31 +320,29 @@ def _unlike(first: _Piece, second: _Piece) -> Iterator[GstError]:
         )
 
 
-def _copied(pieces: _Pieces, patch: str, epoch: str, other: str) -> Iterator[GstError]:
-    """Two scans never have the same noise: one was copied, and would show no wear, or no error."""
-    first, second = pieces[patch, other], pieces[patch, epoch]
-    if first.content == second.content:
-        yield InputError(
-            second.path,
-            f"patch {patch} has the same heights {_AT[epoch]} as at {other} ({first.path})",
-            _COPIED[epoch][other],
-        )
-
-
 def _same_scans(pieces: _Pieces) -> Iterator[GstError]:
-    """The same piece of the same heights for two patches."""
-    first: dict[tuple, tuple[str, str]] = {}
+    """The same piece of the same heights for two patches or more."""
+    alike: dict[tuple, list[tuple[str, str]]] = {}
     for use, piece in pieces.items():
-        if use[0] == COUNTERFACE:
-            continue
-        other = first.setdefault(piece.content, use)
-        if other[0] != use[0]:
+        if use[0] != COUNTERFACE:
+            alike.setdefault(piece.content, []).append(use)
+    for first, *rest in alike.values():
+        others = [use for use in rest if use[0] != first[0]]
+        if others:
             yield InputError(
-                piece.path,
-                f"{at_epoch(*use)} has the same heights as {at_epoch(*other)} "
-                f"({pieces[other].path})",
+                pieces[others[0]].path,
+                f"{at_epoch(*others[0])} has the same heights as {at_epoch(*first)} "
+                f"({pieces[first].path}){_and_so([at_epoch(*use) for use in others[1:]])}",
                 "Correct their names in the patch table: each patch has scans of its own.",
             )
+
+
+def _and_so(others: list[str]) -> str:
+    """That the same holds for others, of which the first are named."""
+    if not others:
+        return ""
+    named = ", ".join(others[:_NAMED]) + ", …" * (len(others) > _NAMED)
+    return f", and so {'have' if len(others) > 1 else 'has'} {len(others)} more: {named}"
 
 
 def _unlike_counterface(face: _Piece | None, at_t0: Mapping[str, _Piece]) -> list[GstError]:

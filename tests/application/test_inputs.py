@@ -161,6 +161,20 @@ def test_a_file_is_of_one_patch_and_epoch(folder):
         assert said in problem
 
 
+def test_many_equal_scans_are_a_problem_of_few_words(folder):
+    uses = [
+        ScanFile(folder / f"1_{epoch}.plu", str(patch), epoch)
+        for patch in range(40)
+        for epoch in ("T0", "T1")
+    ]
+    write_plu(folder / "1_T1.plu", noise(0), SPACING)
+    copied, same = problems_of(folder, uses)
+    assert f"patch 0 {SAME} at T1 as at T0" in copied
+    assert "and so have 39 more: patch 1, patch 2, patch 3, patch 4, …." in copied
+    assert f"patch 1 at T0 {SAME} as patch 0 at T0" in same
+    assert "and so have 77 more: patch 2 at T0, patch 3 at T0, " in same
+
+
 @pytest.mark.parametrize("up_mm", [0.0, 1.0])
 def test_a_second_stone_that_misses_the_first_is_a_problem(folder, up_mm):
     stone(halvings=5).apply_translation((0, 0, 10)).export(folder / "other.stl")
