@@ -16,7 +16,8 @@ def run() -> None:
         from gst.cli import main
     except ImportError as error:
         remedy = "Install it: pip install 'gstlib[workflow]'"
-        sys.exit(f"ERROR: gst: {error.name} is not installed. {remedy}")
+        print(f"ERROR: gst: {error.name} is not installed. {remedy}", file=sys.stderr)
+        sys.exit(2)
     main()
 
 

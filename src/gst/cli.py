@@ -1,17 +1,49 @@
-"""The command `gst`: everything that a user can do with a study from the shell."""
+"""The command `gst`: everything that a user can do with a study from the shell.
 
+Every command ends with one of these exit codes; `study`, once Snakemake runs, with Snakemake's.
+
+- 0: what was asked for is done
+- 1: `diff` found tables that differ
+- 2: it cannot be done (any `GstError`), was asked for wrongly, or was broken off
+"""
+
+import math
+import os
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 
 import gst
 import gstlib
 from gstlib.errors import GstError
+from gstlib.io.files import name_problem
 
 __all__ = ["main"]
 
-_PATH = click.Path(path_type=Path)
+
+class _Path(click.Path):
+    """A path that a file may have, whether there is one or not."""
+
+    def convert(self, value: Any, *where: Any) -> Path:
+        # a name from an old disk may have bytes that are no UTF-8
+        if problem := name_problem(os.fsencode(value).decode(errors="replace")):
+            self.fail(problem, *where)
+        return Path(value)
+
+
+class _Number(click.FloatRange):
+    """A finite number; no bound of `FloatRange` refuses NaN."""
+
+    def convert(self, value: Any, *where: Any) -> float:
+        number = super().convert(value, *where)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not finite", *where)
+        return number
+
+
+_PATH = _Path()
 _CONFIG = click.argument("config", type=_PATH, default="config/config.yaml")
 
 # What messages name by its key in the config is an option of `gst inspect`.
@@ -28,12 +60,19 @@ class _Commands(click.Group):
         except GstError as error:
             click.echo(f"ERROR: {error}", err=True)
             ctx.exit(2)
+        except (EOFError, KeyboardInterrupt):
+            click.echo("Broken off.", err=True)
+            ctx.exit(2)
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(gstlib.__version__, prog_name="gst")
 def main() -> None:
-    """Where does a ground stone tool wear? Set up, check and run a study; inspect its files."""
+    """Where does a ground stone tool wear? Set up, check and run a study; inspect its files.
+
+    Exit codes: 0, done; 1, `diff` found tables that differ; 2, it cannot be done, was asked for
+    wrongly, or was broken off. Once `study` has started Snakemake, it ends with that one's code.
+    """
 
 
 @main.command()
@@ -60,7 +99,7 @@ def new(folder, like) -> None:
 def check(config) -> None:
     """Check CONFIG, patch table, mesh and scans, and say what a run would do.
 
-    All problems are listed at once; the exit code is 0 if there are none, else 2.
+    All problems are listed at once.
     """
     from gst.checking import check_study
 
@@ -116,13 +155,15 @@ def clean(config) -> None:
     help="Unit of files that do not state one.",
 )
 @click.option(
-    "--spacing-um", type=float, help="Point spacing (µm) of text files that do not state it."
+    "--spacing-um",
+    type=_Number(min=0, min_open=True),
+    help="Point spacing (µm) of text files that do not state it.",
 )
 @click.option("--pictures", type=_PATH, help="A folder for a picture (PNG) of each file.")
 def inspect(files, unit, spacing_um, pictures) -> None:
     """Show what scans and meshes contain: size, spacing, units, unmeasured share, Sq.
 
-    The exit code is 1 if any file cannot be read; the others are still shown.
+    If a file cannot be read, the others are still shown.
     """
     from gst.inputs import inspect_file
 
@@ -146,7 +187,8 @@ def inspect(files, unit, spacing_um, pictures) -> None:
         shown = {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in facts.items()}
         lines = [f"  {name.ljust(width)}  {value}\n" for name, value in shown.items()]
         click.echo(f"{file}\n{''.join(lines)}")
-    sys.exit(failed)
+    if failed:
+        sys.exit(2)
 
 
 @main.command()
@@ -158,7 +200,7 @@ def inspect(files, unit, spacing_um, pictures) -> None:
 )
 @click.option(
     "--size",
-    type=click.FloatRange(0, 100, min_open=True),
+    type=_Number(0, 100, min_open=True),
     default=5.0,
     show_default=True,
     help="Side of the square (mm).",
@@ -166,7 +208,7 @@ def inspect(files, unit, spacing_um, pictures) -> None:
 @click.option("--patches", type=_PATH, help="A patch table to draw on the square.")
 @click.option(
     "--patch-size",
-    type=click.FloatRange(0, 50, min_open=True),
+    type=_Number(0, 50, min_open=True),
     default=0.85,
     show_default=True,
     help="Side of a patch (mm).",
@@ -195,7 +237,7 @@ def pick(mesh, unit, size, patches, patch_size, output) -> None:
 @click.argument("after", type=_PATH)
 @click.option(
     "--tolerance",
-    type=float,
+    type=_Number(min=0),
     default=0.0,
     show_default=True,
     help="Relative difference up to which numbers count as equal.",
@@ -203,7 +245,7 @@ def pick(mesh, unit, size, patches, patch_size, output) -> None:
 def diff(before, after, tolerance) -> None:
     """Show what differs between two result folders: tables, config, inputs and versions.
 
-    The exit code is 0 if no table differs, 1 if any does, 2 if the folders cannot be compared.
+    The exit code is 1 if a table differs; a change of the rest alone is shown, too, but gives 0.
     """
     from gst.difference import compare_results, describe_changes
 

@@ -359,7 +359,7 @@ def test_command_goes_on_after_files_that_it_cannot_read(tilted, tmp_path):
     (tmp_path / "bad.plu").write_bytes(b"nothing")
     (tmp_path / "empty.stl").touch()
     result = inspect(*(tmp_path / name for name in ("bad.plu", "empty.stl")), tilted)
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "bad.plu: 7 bytes are less than a .plu header" in result.stderr
     assert "the file is empty" in result.stderr
     assert "points_y" in result.stdout

@@ -100,6 +100,6 @@ def test_the_command_says_which_extra_it_needs(packages):
         capture_output=True,
         text=True,
     )
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert done.stderr.startswith("ERROR: gst: click is not installed.")
     assert "gstlib[workflow]" in done.stderr
