@@ -36,6 +36,7 @@ __all__ = [
     "read_config",
     "read_study",
     "refuse_config",
+    "refuse_study",
     "resolved",
 ]
 
@@ -123,6 +124,25 @@ def read_study(config: Mapping, source: str) -> "pd.DataFrame":
         patch_size_mm=config["scans"]["size_mm"],
         scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
     )
+
+
+def refuse_study(config: Mapping, source: str) -> None:
+    """Refuse what would stop a run before its first step, in sentences of gst alone.
+
+    `config` has its defaults; `source` names it in messages.
+
+    Raises
+    ------
+    ConfigError
+        The config, its patch table or its table of poses cannot be used, or a measured file is
+        missing.
+    """
+    from gst.poses import poses_of
+
+    patches = read_study(config, source)
+    poses_of(config)
+    if config["inputs"] is not None:
+        check_files(config, patches, ", ".join(filter(None, [source, config["patches"]])))
 
 
 def config_problems(config: Mapping) -> list[str]:

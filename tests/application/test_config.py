@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 import yaml
 from gst import SHIPPED
-from gst.config import check_files, complete, config_problems, counterface_mesh
+from gst.config import check_files, complete, config_problems, counterface_mesh, refuse_study
 from gst.config_file import read_config_file
 from gstlib.contact import study_poisson
 from gstlib.errors import ConfigError
@@ -251,6 +251,33 @@ def test_files_that_cannot_be_used_are_listed_with_those_of_like_names(config, t
     assert "S5_T1" not in listed["patch 6 at T0"]  # it is patch 6 at T1
     assert "did you mean s7-T0.plu?" in listed["patch 7 at T0"]
     assert "braces, which Snakemake reads as a placeholder" in listed["patch 7 at T1"]
+
+
+BAD_TABLE, BAD_POSES = "patch,x_mm,y_mm,t0\n1,9,1,a\n", "x_mm,y_mm\n1,1\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({}, None),
+        ({"seed": -1}, "'seed' is -1"),
+        ({"patches": "bad.csv"}, "bad.csv: 1 problem in the patch table"),
+        ({"gesture": {"table": "poses.csv"}}, "poses.csv: 1 poses, missing columns"),
+        ({"gesture": {"table": "gone.csv"}}, "gone.csv: cannot be read"),
+        ({"specimen": None, "inputs": INPUTS}, "files cannot be used\n  - mesh: a does not exist"),
+    ],
+)
+def test_what_would_stop_a_run_before_its_first_step(tmp_path, monkeypatch, change, words):
+    (tmp_path / "bad.csv").write_text(BAD_TABLE)
+    (tmp_path / "poses.csv").write_text(BAD_POSES)
+    monkeypatch.chdir(tmp_path)
+    whole = complete({"patches": str(ROOT / "config/patches_tiny.tsv")} | change)
+    if words is None:
+        refuse_study(whole, "mine.yaml")
+        return
+    with pytest.raises(ConfigError) as caught:
+        refuse_study(whole, "mine.yaml")
+    assert words in str(caught.value)
 
 
 @pytest.mark.parametrize(
