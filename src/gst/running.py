@@ -13,12 +13,11 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from gst import ROOT
 from gst.chain import break_in, check_links
-from gst.config import config_problems, read_config, refuse_config
+from gst.config import config_problems, read_config, refuse_config, refuse_study
 from gst.logs import PLAN
 from gst.provenance import refuse_other_study
 from gstlib.errors import InputError
@@ -103,7 +102,8 @@ def run_study(
         refused; Snakemake is not installed; the results are those of an earlier version; a run is,
         or may be, active in this folder.
     """
-    read = _checked(config)
+    read = read_config(config)
+    refuse_study(read, str(config))
     if refused := sorted({option.partition("=")[0] for option in options} & _REFUSED):
         problem = f"{refused[0]} would make Snakemake look elsewhere than gst"
         raise InputError(
@@ -195,13 +195,17 @@ def _snakemake(
         said = None if is_shown else kept
         words = list(map(str, [*command, *arguments]))
         around = _REUSE_MEMORY | os.environ | (environment or {})
-        with subprocess.Popen(words, stdout=said, stderr=said, env=around) as process:
-            signal.signal(signal.SIGTERM, lambda *_: process.terminate())
+        # in a group of its own: Ctrl-C would end the jobs in the middle of their imports, too
+        with subprocess.Popen(
+            words, stdout=said, stderr=said, env=around, process_group=0
+        ) as process:
+            for number in (signal.SIGTERM, signal.SIGHUP):
+                signal.signal(number, lambda *_: process.terminate())
             while process.returncode is None:
-                with suppress(
-                    KeyboardInterrupt
-                ):  # Snakemake gets it, too, and ends its jobs itself
+                try:
                     process.wait()
+                except KeyboardInterrupt:
+                    process.send_signal(signal.SIGINT)  # it ends its jobs itself
         if process.returncode:
             kept.seek(0)
             print(kept.read(), end="", file=sys.stderr)

@@ -50,6 +50,8 @@ def folder(tmp_path, monkeypatch):
     shutil.copytree(gst.ROOT / "config", tmp_path / "config")
     (tmp_path / "mine.yaml").write_text("title: mine\n")
     (tmp_path / "bad.yaml").write_text("results: 5\n")
+    (tmp_path / "table.yaml").write_text("patches: table.tsv\n")
+    (tmp_path / "table.tsv").write_text("patch\n5\n")
     return tmp_path
 
 
@@ -63,12 +65,14 @@ USUAL = {"goal": "study", "cores": "1", "profile": "default", "plan": False, "op
         ("mine.yaml", {"profile": "mine"}, "no folder profiles/mine"),
         ("yours.yaml", {}, r"yours\.yaml: cannot be opened"),
         ("bad.yaml", {}, r"bad\.yaml: .*\n  - 'results' is 5"),
+        ("table.yaml", {"plan": True}, r"table\.tsv: missing columns \['x_mm'"),
     ],
 )
 def test_a_study_that_cannot_begin_leaves_nothing(folder, config, asked, said):
     with pytest.raises(InputError, match=said):
         run_study(config, **USUAL | asked)
-    assert {file.name for file in folder.iterdir()} == {"bad.yaml", "config", "mine.yaml"}
+    names = {"bad.yaml", "config", "mine.yaml", "table.yaml", "table.tsv"}
+    assert {file.name for file in folder.iterdir()} == names
 
 
 def test_results_of_an_earlier_version_are_refused_and_can_be_removed(folder, monkeypatch):
