@@ -27,8 +27,8 @@ from .window import dot
 
 __all__ = ["RestingLoad", "checked_point", "resting", "tilted_too_far", "tipping"]
 
-# A point so close to the hull (in elements) is in it: rounding of its coordinates.
-_ON_HULL = 1e-10
+# A point so close to the hull (over the grid's size) is in it: rounding of its coordinates.
+_ON_HULL = 1e-12
 # Pivots of the rigid rest, which is a start only (measured: 2 to 15 on rough faces of 400²).
 _MOST_PIVOTS = 60
 # An element this little above the plane, relative to the relief, lies in it.
@@ -407,15 +407,18 @@ def _chain(rows, columns, sign):
 
 def _triangle(corners, point):
     """Shares and corners of a part of a convex polygon that holds a point; None if none does."""
+    # Lever arms about the point over the grid's size: rounding is the same on a grid of any size.
+    size = max(corners.max(), 1.0)
     first, *others = corners
     parts = [corners]
     if len(corners) > 3:
         parts = [np.stack((first, *pair)) for pair in pairwise(others)]
     for part in parts:
-        system = np.column_stack((np.ones(len(part)), part))
-        shares = np.linalg.lstsq(system.T, [1.0, *point])[0]
+        arms = (part - point) / size
+        system = np.column_stack((np.ones(len(part)), arms))
+        shares = np.linalg.lstsq(system.T, [1.0, 0.0, 0.0])[0]
         shares = np.maximum(shares, 0.0)
         shares /= shares.sum()
-        if np.abs(shares @ part - point).max() <= _ON_HULL:
+        if np.abs(shares @ arms).max() <= _ON_HULL:
             return shares, part
     return None, None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine, sphere
 from gstlib.bem import InvalidContactInput, Layer, load_path, solve_contact
+from gstlib.bem.rest import settle
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
@@ -213,6 +214,26 @@ def test_a_force_near_the_border_of_a_large_grid(through):
     state = resting(heights, 0.01, 5.0, through, tolerance=1e-7)
     assert max(state.residual, state.moment_residual) <= 1e-7
     assert state.convolutions <= 30
+
+
+@pytest.mark.parametrize("count", [830, 1000, 1500, 2048])
+@pytest.mark.parametrize("form", ["square", "disc"])
+def test_a_point_is_inside_on_grids_of_any_size(count, form):
+    """Its middle and places all over it are, its border too; 1e-5 elements beyond is not."""
+    middle = (count - 1) / 2
+    y, x = np.indices((count, count)) - middle
+    flat = np.where((y**2 + x**2 > middle**2) & (form == "disc"), -np.inf, 0.0)
+    radius, angle = np.random.default_rng(count).uniform(0, [[middle - 1], [7]], (2, 30))
+    inside = [middle + radius * np.sin(angle), middle + radius * np.cos(angle)]
+    inside = [(middle, middle), *zip(*inside, strict=True)]
+    if form == "square":
+        inside += [(middle, 0), (count - 1, middle), (count - 1, 0.3 * count)]
+    for point in inside:
+        place, _, supports = settle(flat, np.array(point))
+        np.testing.assert_allclose(place, point, atol=1e-9)
+        assert not flat.flat[supports].any()
+    for beyond in [(-1e-5, middle), (middle, count - 1 + 1e-5)]:
+        assert settle(flat, np.array(beyond)) is None
 
 
 def test_a_neighbours_pressure_saves_most_of_the_work():
