@@ -22,6 +22,8 @@ PLU_UNMEASURED_UM = 1000001.0
 
 _HEADER = 508  # bytes, with the rows and columns of the first layer
 _LARGEST_SIDE = 1 << 16
+# The lowest and the highest height, or marks that stand for none; they follow the heights.
+_ENDS = struct.Struct("<2f")
 # Names of the instruments and of the DCM 3D's objectives, by their numbers in the format.
 _INSTRUMENTS = {
     0: "PLu", 1: "PLu 2300 XGA", 2: "PLu 2300 XGA T5", 3: "PLu 2300 SXGA", 4: "PLu 3300",
@@ -48,7 +50,8 @@ def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[s
     Raises
     ------
     InputError
-        The file is shorter than its header says, or holds no topography.
+        The file is shorter than its header says, holds no topography, or states another lowest
+        or highest height than it holds.
     """
     content = path.read_bytes()
     size = len(content)
@@ -67,15 +70,17 @@ def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[s
             f"topography (type {_TYPE_TOPOGRAPHY})",
             "Export the whole topography, or correct the file's ending.",
         )
-    needed = _HEADER + 4 * ny * nx
+    needed = _HEADER + 4 * ny * nx + _ENDS.size
     if size < needed:
         raise InputError(
             path,
             f"{ny} × {nx} points take {needed} bytes, but the file has {size}: it is truncated",
             "Export or copy the scan again.",
         )
-    heights = np.frombuffer(content, "<f4", ny * nx, _HEADER).reshape(ny, nx).astype(float)
+    with np.errstate(invalid="ignore"):  # some bytes are no numbers
+        heights = np.frombuffer(content, "<f4", ny * nx, _HEADER).reshape(ny, nx).astype(float)
     heights[heights == PLU_UNMEASURED_UM] = np.nan
+    _check_ends(path, heights, _ENDS.unpack_from(content, needed - _ENDS.size))
     dx, dy = struct.unpack_from("<2f", content, 404)
     (objective,) = struct.unpack_from("<I", content, 440)
     layers, version, instrument = content[489:492]
@@ -90,6 +95,26 @@ def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[s
     if layers > 1:
         attrs["layer"] = f"layer0, the first of {layers} height maps"
     return heights, (dy, dx), 1e-3, attrs
+
+
+def _check_ends(path: Path, heights: np.ndarray, stated: tuple[float, float]) -> None:
+    """Refuse heights among which bytes are missing or added: other bytes stand behind them.
+
+    There are the lowest and the highest height or, in both measured files, numbers that stand for
+    none.
+    """
+    measured = heights[np.isfinite(heights)]
+    if not measured.size:
+        return
+    lowest, highest = float(measured.min()), float(measured.max())
+    none = -PLU_UNMEASURED_UM, PLU_UNMEASURED_UM
+    if stated[0] not in (lowest, *none) or stated[1] not in (highest, *none):
+        raise InputError(
+            path,
+            f"holds heights from {lowest:g} to {highest:g} µm, but states {stated[0]:g} to "
+            f"{stated[1]:g}: it is damaged",
+            "Export or copy the scan again.",
+        )
 
 
 def write_plu(
@@ -131,6 +156,4 @@ def write_plu(
         struct.pack("<5B3xI", 0, 1, _VERSION_2012, _DCM_3D_REV_2, 0, 1),
         struct.pack("<2I", ny, nx),
     ]
-    write_whole(
-        path, b"".join([*header, stored.tobytes(), struct.pack("<2f", lowest, highest)])
-    )
+    write_whole(path, b"".join([*header, stored.tobytes(), _ENDS.pack(lowest, highest)]))

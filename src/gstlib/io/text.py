@@ -94,6 +94,7 @@ def read_points(path: Path) -> tuple[np.ndarray, tuple[float, float], None, dict
     places = rows * nx + columns
     if not len(np.unique(places)) == len(points) >= _LEAST_FILLED * ny * nx:
         raise _scattered(path, len(points))
+    _refuse_cut_grid(path, rows, columns)
     heights = np.full((ny, nx), np.nan)
     heights[rows, columns] = points[:, 2]
     return heights, (dy, dx), None, {}
@@ -141,6 +142,8 @@ def _read_rows(path: Path, columns: Sequence[int] | None = None) -> tuple[str, n
         raise InputError(path, "has no row of numbers", "Export the whole topography as text.")
     rows = list(filter(None, rows[first:]))
     mark = separator_of(rows[0])
+    if columns is not None:
+        _refuse_cut_lines(path, text, rows, mark)
     if mark and all(row.endswith(mark) for row in rows):  # which adds one empty cell
         rows = [row[:-1] for row in rows] if columns is None else rows
     try:
@@ -151,6 +154,18 @@ def _read_rows(path: Path, columns: Sequence[int] | None = None) -> tuple[str, n
         )
         remedy = "Unmeasured points are empty cells, NaN, BAD or ---; comments begin with '#'."
         raise InputError(path, problem, f"Export or copy the file again. {remedy}") from error
+
+
+def _refuse_cut_lines(path: Path, text: str, rows: Sequence[str], mark: str | None) -> None:
+    """Refuse rows that end within a line, or two that are joined: NumPy reads some of them."""
+    if not text.endswith(("\n", "\r")):
+        remedy = "Export or copy it again. If it is whole, end its last line."
+        raise InputError(path, "ends within a line: it is cut", remedy)
+    count = len(rows[0].split(mark))
+    other = next((row for row in rows if len(row.split(mark)) != count), None)
+    if other is not None:
+        problem = f"has rows of {count} and of {len(other.split(mark))} cells: it is damaged"
+        raise InputError(path, problem, "Export or copy the file again.")
 
 
 def _begins_with_numbers(row: str) -> bool:
@@ -189,6 +204,21 @@ def _grid_lines(path: Path, values: np.ndarray) -> tuple[np.ndarray, float]:
             if np.abs(values - levels[0] - index * step).max() <= _GRID_TOLERANCE * step:
                 return index, step
     raise _scattered(path, len(values))
+
+
+def _refuse_cut_grid(path: Path, rows: np.ndarray, columns: np.ndarray) -> None:
+    """Refuse points of a full grid, in whatever order, but for the rest of its last line."""
+    for across, along in ((rows, columns), (columns, rows)):
+        length = along.max() + 1
+        across, along = (n if n[0] == 0 else n.max() - n for n in (across, along))
+        missing = -len(rows) % length
+        if missing and (across * length + along == np.arange(len(rows))).all():
+            raise InputError(
+                path,
+                f"the last line of its grid lacks {missing} of {length} points, and no other lacks "
+                "any: it is cut",
+                "Export or copy the file again. Write unmeasured points as NaN, if it is whole.",
+            )
 
 
 def _scattered(path: Path, count: int) -> InputError:

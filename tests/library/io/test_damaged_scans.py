@@ -8,7 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 from gstlib.errors import InputError
-from gstlib.io.plu import write_plu
+from gstlib.io.plu import PLU_UNMEASURED_UM, write_plu
 from gstlib.io.scans import read_scan
 from gstlib.surface import spacing_of
 from hypothesis import given, settings
@@ -36,10 +36,67 @@ def test_truncated(tmp_path, heights, name):
     content = path.read_bytes()
     for length in (0, 1, 4, 40, len(content) // 2, len(content) - 60):
         path.write_bytes(content[:length])
-        if sample.ending == ".xyz" and length > 40:  # a part of a point cloud is a point cloud
-            continue
-        cut = "is empty|bytes are less than a .plu header|take 648 bytes, but the file has"
+        cut = "is empty|bytes are less than a .plu header|take 656 bytes, but the file has"
         refused(path, cut if sample.ending == ".plu" else None, **sample.options(1e-3))
+
+
+@pytest.mark.parametrize("unmeasured", [True, False])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: content[:900] + content[901:],
+        lambda content: content[:900] + content[940:],
+        lambda content: content[:900] + b"\1" + content[900:],
+        lambda content: content[:900] + content[860:],
+        lambda content: content[:508] + content[504:],
+    ],
+)
+def test_plu_with_bytes_missing_or_added(tmp_path, damage, unmeasured):
+    """What stands behind the heights is then not their lowest and highest, or the mark of none."""
+    path, heights = tmp_path / "a.plu", np.random.default_rng(2).normal(size=(20, 30)) * 1e-3
+    heights[10, 5:9] = math.nan if unmeasured else 0
+    write_plu(path, heights, SPACING)
+    content = path.read_bytes() + bytes(300)  # a picture follows
+    mark, end = PLU_UNMEASURED_UM, len(content) - 308
+    for ends in ("stated", (-mark, mark), (mark, mark)):  # as in measured files
+        if ends != "stated":
+            content = content[:end] + struct.pack("<2f", *ends) + content[end + 8 :]
+        path.write_bytes(content)
+        np.testing.assert_allclose(read_scan(path).values, heights, rtol=1e-6)
+        path.write_bytes(damage(content))
+        refused(path, "holds heights from .* but states .* damaged")
+
+
+@pytest.mark.parametrize(
+    ("order", "kept"),
+    [
+        (slice(None), -1),
+        (slice(None, None, -1), -3),
+        (np.arange(35).reshape(5, 7).T.ravel(), -1),
+        (np.arange(35).reshape(5, 7)[:, ::-1].ravel(), -4),
+    ],
+)
+def test_points_that_end_within_a_line_of_the_grid(tmp_path, heights, order, kept):
+    """Nothing else is missing: the file is cut, whatever way its points run."""
+    path = tmp_path / "a.xyz"
+    FORMATS["xyz"].write(path, np.nan_to_num(heights), SPACING)
+    lines = np.array(path.read_text().splitlines(keepends=True))[order]
+    path.write_text("".join(lines))
+    assert np.isfinite(_read(path, FORMATS["xyz"]).values).all()
+    path.write_text("".join(lines[:kept]))
+    refused(path, "the last line of its grid .*cut", unit="um")
+    path.write_text("".join(np.delete(lines, 12)))  # one that is not measured
+    assert np.isnan(_read(path, FORMATS["xyz"]).values).sum() == 1
+
+
+def test_points_with_a_line_cut_or_joined(tmp_path, heights):
+    path = tmp_path / "a.xyz"
+    FORMATS["xyz"].write(path, heights, SPACING)
+    whole = path.read_text()
+    path.write_text(whole[:-4])
+    refused(path, "ends within a line", unit="um")
+    path.write_text(whole.replace("\n", " ", 1))
+    refused(path, "rows of 6 and of 3 cells", unit="um")
 
 
 @each_format
