@@ -91,8 +91,9 @@ def test_a_patch_is_cut_out_of_a_scan_before_it_is_prepared(case):
     piece = -raw.values[16:80, 64:128][:, ::-1]
     np.testing.assert_array_equal(prepare((-0.016, 0.032), 0.064).measured, piece)
     np.testing.assert_array_equal(prepare(None, 0.128, False, None).measured, raw.values)
-    # a patch's own flip goes before the config's
-    np.testing.assert_array_equal(prepare(None, 0.128, False, "x", "y").measured, raw.values[::-1])
+    # a patch's own flip goes before the config's; none is one, too
+    for own, laid in (("y", raw.values[::-1]), ("none", raw.values), ("", raw.values[:, ::-1])):
+        np.testing.assert_array_equal(prepare(None, 0.128, False, "x", own).measured, laid)
     with pytest.raises(InputError, match=r"a\.plu: the scan is 0\.128 × 0\.128 mm"):
         prepare(None, 0.064)
 
