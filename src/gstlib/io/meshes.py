@@ -10,6 +10,7 @@ import logging
 import re
 import warnings
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,6 +41,13 @@ _SMALLEST_STONE, _LARGEST_STONE = 1.0, 1000.0
 _CLOSED = 0.01
 # A stone is one part; each takes trimesh a quarter of a millisecond, whatever is in it.
 _MOST_PARTS = 10_000
+# Faces and vertices that are zeros, as in a lost block of the file: so many, and ten times as many
+# as are in any other place. Rounding shrinks triangles to points, too, but everywhere.
+_FEWEST_EMPTY, _FEWEST_ZEROS, _ZEROS_TIMES = 3, 10, 10
+# Bytes of a 3MF's XML, each of which takes thirty of memory: a stone of a million triangles.
+_LONGEST_XML = 1 << 26
+# Bytes of a face in an OBJ: of a thousand corners, which trimesh needs a thousand times for.
+_LONGEST_FACE = 10_000
 _EXPORT_AGAIN = "Export the mesh again as triangles (binary STL or PLY)."
 
 
@@ -84,9 +92,18 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
             with zipfile.ZipFile(path) as archive:
                 check_unpacked(path, archive)
                 models = [name for name in archive.namelist() if name.endswith(".model")]
+                _refuse_long_xml(sum(archive.getinfo(model).file_size for model in models))
                 _refuse_parts(sum(archive.read(model).count(b"<item") for model in models))
-        except (zipfile.BadZipFile, NotImplementedError, ValueError) as error:
-            raise InputError(path, f"is damaged ({error})", _EXPORT_AGAIN) from error
+        except (
+            OSError,
+            zipfile.BadZipFile,
+            zlib.error,
+            NotImplementedError,
+            ValueError,
+        ) as error:
+            raise InputError(
+                path, f"is damaged, or too large ({error})", _EXPORT_AGAIN
+            ) from error
     if not (content := path.read_bytes()):
         raise InputError(path, "the file is empty", "Copy it, or export it, again.")
     announced = _announced_faces(path, content)
@@ -119,6 +136,7 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     metadata = {"file_unit": unit, "states_unit": stated is not None}
     mesh = trimesh.Trimesh(vertices * _UNITS[unit], faces, process=False, metadata=metadata)
     mesh.merge_vertices()
+    _refuse_zeros(path, vertices, faces, mesh)
     areas = mesh.triangles_cross
     closed = np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum()
     # measured from its middle, so pin-holes far from the origin matter little
@@ -164,20 +182,51 @@ def _announced_faces(path: Path, content: bytes) -> int | None:
     is_text = kind in (".obj", ".off") or (kind == ".ply" and b"format ascii" in header)
     if is_text and not content.endswith((b"\n", b"\r")):
         raise InputError(path, "ends within a line: it is cut", _EXPORT_AGAIN)
+    if is_text and b"\0" in content:
+        raise InputError(path, "is text with zero bytes in it: it is damaged", _EXPORT_AGAIN)
     if kind == ".ply":
         found = re.search(rb"^element\s+face\s+(\d+)", header, re.MULTILINE)
+        if found and is_text:
+            stated = re.findall(rb"^element\s+\w+\s+(\d+)", header, re.MULTILINE)
+            _check_rows(path, content[len(header) :], sum(map(int, stated)))
     elif kind == ".off":
-        found = re.match(rb"(?:\s|#.*\n)*C?OFF(?:\s|#.*\n)*\d+\s+(\d+)\s", content)
-    elif re.search(rb"^f\b[^\n]*\s(?:-|0[\s/])", content, re.MULTILINE):
-        # trimesh would take other vertices for these.
-        problem = "has a face with vertex numbers below 1"
-        raise InputError(path, problem, _EXPORT_AGAIN)
+        found = re.match(rb"(?:\s|#.*\n)*C?OFF(?:\s|#.*\n)*(?=\d+\s+(\d+)\s)", content)
+        if found:
+            body = content[found.end() :]
+            _check_rows(path, body, sum(map(int, body.split(maxsplit=2)[:2])))
     else:
+        if kind == ".obj":
+            _refuse_odd_obj(path, content)
         return None
     if found is None:
         problem = f"does not begin with the header of {kind[1:].upper()} with its faces"
         raise InputError(path, problem, "Correct its ending, or export it again.")
     return int(found[1])
+
+
+def _check_rows(path: Path, body: bytes, stated: int) -> None:
+    """Refuse text whose rows, after one of the header, are not as many as it states.
+
+    trimesh reads those that it needs.
+    """
+    lines = re.finditer(rb"^[ \t]*[^\s#]", body.replace(b"\r", b"\n"), re.MULTILINE)
+    if (count := sum(1 for _ in lines) - 1) != stated:
+        problem = f"has {count} rows, but states {stated}: it is cut or damaged"
+        raise InputError(path, problem, _EXPORT_AGAIN)
+
+
+def _refuse_odd_obj(path: Path, content: bytes) -> None:
+    """Refuse faces that trimesh would read with other vertices, and lines that it passes over."""
+    for odd, problem in (
+        (rb"^f\b[^\n]*\s(?:-|0[\s/])", "has a face with vertex numbers below 1"),
+        (rb"^f\b[^\n]{%d}" % _LONGEST_FACE, "has a face of a thousand corners"),
+        (
+            rb"(?<!\\)(?<!\\\r)\n[ \t]*[-+.\d]",
+            "has a line that begins with a number: it is damaged",
+        ),
+    ):
+        if re.search(odd, content, re.MULTILINE):
+            raise InputError(path, problem, _EXPORT_AGAIN)
 
 
 def _load(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray, str | None]:
@@ -222,6 +271,12 @@ def _refuse_parts(count: int) -> None:
         raise ValueError(f"it has {count} parts, and a stone is one")
 
 
+def _refuse_long_xml(size: int) -> None:
+    if size > _LONGEST_XML:
+        most = f"at most {_LONGEST_XML / 1e6:.0f} MB are read"
+        raise ValueError(f"it holds {size / 1e6:.0f} MB of XML, and {most}")
+
+
 def _refuse_unlikely_header(content: bytes) -> None:
     """Refuse a GLB of very many parts, or of more vertices and faces than the file has bytes.
 
@@ -231,6 +286,27 @@ def _refuse_unlikely_header(content: bytes) -> None:
     _refuse_parts(len(header.get("nodes", ())))
     if sum(part["count"] for part in header.get("accessors", ())) > len(content):
         raise ValueError("it states more numbers than it holds")
+
+
+def _refuse_zeros(
+    path: Path, vertices: np.ndarray, faces: np.ndarray, merged: "trimesh.Trimesh"
+) -> None:
+    """Refuse zeros where vertices or faces were: triangles, or many vertices, in one place."""
+    shrunk = (merged.faces == merged.faces[:, :1]).all(axis=1)
+    lost = shrunk & ((faces == 0).all(axis=1) | ~merged.triangles.any(axis=(1, 2)))
+    elsewhere = int(np.bincount(merged.faces[shrunk & ~lost, 0]).max(initial=0))
+    if (count := int(lost.sum())) >= _FEWEST_EMPTY and count > _ZEROS_TIMES * elsewhere:
+        _refuse_lost(path, count, "faces")
+    lost = ~vertices.any(axis=1)
+    if (count := int(lost.sum())) > _FEWEST_ZEROS:
+        _, copies = np.unique(vertices[~lost], axis=0, return_counts=True)
+        if count > _ZEROS_TIMES * copies.max(initial=0):
+            _refuse_lost(path, count, "vertices")
+
+
+def _refuse_lost(path: Path, count: int, what: str) -> None:
+    problem = f"{count} of its {what} are nothing but zeros: a part of it is lost"
+    raise InputError(path, problem, "Copy it, or export it, again.")
 
 
 def _check_size(path: Path, extent: float, unit: str) -> None:

@@ -39,6 +39,8 @@ _SUR_NO_HEIGHTS = {3, 10, 12, 20, 21}
 # What any profilometer can have measured (mm); outside this range the unit is wrong.
 _LARGEST_FIELD, _LARGEST_RANGE = 50.0, 10.0
 _MOST_POINTS = 1 << 26
+# Measured heights take at least half a byte each, however packed; a small map may hold nothing.
+_POINTS_PER_BYTE, _FEW_POINTS = 2, 1 << 22
 _SMALLEST_SPACING, _LARGEST_SPACING = 1e-6, 0.5
 # Heights (mm) beyond this are the largest numbers of a format, in whatever unit.
 _LARGEST_NUMBER = 1e20
@@ -216,9 +218,10 @@ def _read_instrument_file(path: Path) -> _Raw:
             if not maps or kind in _SUR_NO_HEIGHTS:
                 raise ValueError("it holds no map of heights")
             channel = maps[0]
-            if math.prod(channel.nb_grid_pts) > _MOST_POINTS:
+            most = max(_FEW_POINTS, _POINTS_PER_BYTE * path.stat().st_size)
+            if math.prod(channel.nb_grid_pts) > min(_MOST_POINTS, most):
                 nx, ny = channel.nb_grid_pts
-                raise ValueError(f"it announces {nx} × {ny} points")
+                raise ValueError(f"it announces {nx} × {ny} points, more than it can hold")
             stated = channel.physical_sizes is not None
             topography = channel.topography(**{} if stated else {"physical_sizes": (1.0, 1.0)})
             masked: np.ma.MaskedArray = np.ma.asarray(topography.heights(), dtype=float)

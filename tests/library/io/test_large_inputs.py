@@ -14,7 +14,7 @@ from gstlib.errors import ConfigError, InputError
 from gstlib.gesture import read_poses
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
-from scan_files import FORMATS, write_sur
+from scan_files import FORMATS, write_sur, zipped
 
 
 def zeros(name):
@@ -60,6 +60,28 @@ def many(header):
     """Beside the ball, there are many parts with nothing in them."""
     nodes = [{"mesh": 0}, *10_000 * [{}]]
     return header | {"nodes": nodes, "scenes": [{"nodes": list(range(len(nodes)))}]}
+
+
+def wide_3mf(path):
+    """A ball with seventy megabytes of XML, which take two gigabytes of memory, and a picture."""
+    trimesh.creation.icosphere(3, radius=20).export(path)
+    with zipfile.ZipFile(path) as ball:
+        members = {name: ball.read(name) for name in ball.namelist()}
+    model = members["3D/3dmodel.model"]
+    members["3D/3dmodel.model"] = model.replace(b"<vertices>", b"<vertices>" + b"<a/>" * 17_500_000)
+    members["picture.png"] = np.random.default_rng(1).bytes(4_000_000)
+    path.write_bytes(zipped(members))
+
+
+def flat_sur(path):
+    """More points than measured heights can have in so many bytes."""
+    write_sur(path, np.zeros((2100, 2100)), (1e-3, 1e-3), compressed=True)
+    path.write_bytes(path.read_bytes() + np.random.default_rng(1).bytes(1_000_000))
+
+
+def fan(path):
+    """A face of six thousand corners, each of them at three places."""
+    path.write_text("v 0 0 0\nv 9 0 0\nv 0 9 0\nf" + " 1 2 3" * 2000 + "\n")
 
 
 def sparse(path):
@@ -108,6 +130,9 @@ CASES = {
     # on a grid of 60,000 lines a side, one point each
     "points": (text(*(f"{n} {n} 0" for n in range(60_000))), "a.xyz", read_scan),
     "3mf": (zeros("3D/3dmodel.model"), "a.3mf", read_mesh),
+    "xml": (wide_3mf, "a.3mf", read_mesh),
+    "fan": (fan, "a.obj", read_mesh),
+    "flat": (flat_sur, "a.sur", read_scan),
     "plux": (zeros("LAYER_0.raw"), "a.plux", read_scan),
     "sur": (false_sur, "a.sur", read_scan),
     "sdf": (false_sdf, "a.sdf", read_scan),

@@ -133,20 +133,28 @@ def test_glb_is_in_metres_and_another_unit_is_warned_of(write, tmp_path, caplog)
     assert "specification" in caplog.text
 
 
-def test_the_unit_that_a_3mf_states_holds(tmp_path):
-    stone().apply_scale(1 / 25.4).export(tmp_path / "plain.3mf")
-    with (
-        zipfile.ZipFile(tmp_path / "plain.3mf") as plain,
-        zipfile.ZipFile(tmp_path / "inches.3mf", "w") as inches,
-    ):
+@pytest.mark.parametrize(
+    ("stated", "unit", "length"),
+    [
+        (b' unit="inch"', "in", 25.4),
+        (b' unit="micron"', "um", 1e-3),
+        (b' unit="centimeter"', "cm", 10.0),
+        (b' unit="meter"', "m", 1e3),
+        (b"", "mm", 1.0),  # by the specification
+    ],
+)
+def test_the_unit_that_a_3mf_states_holds(tmp_path, stated, unit, length):
+    stone().apply_scale(1 / length).export(tmp_path / "plain.3mf")
+    path = tmp_path / "stated.3mf"
+    with zipfile.ZipFile(tmp_path / "plain.3mf") as plain, zipfile.ZipFile(path, "w") as given:
         for name in plain.namelist():
             content = re.sub(rb' unit="\w+"', b"", plain.read(name))
-            inches.writestr(name, content.replace(b"<model ", b'<model unit="inch" ', 1))
-    for unit in (None, "in"):
-        mesh = read_mesh(tmp_path / "inches.3mf", unit=unit)
+            given.writestr(name, content.replace(b"<model ", b"<model" + stated + b" ", 1))
+    for own in (None, unit):
+        mesh = read_mesh(path, unit=own)
         assert mesh.extents == pytest.approx(SIZE, rel=1e-3)
-        assert mesh.metadata["file_unit"] == "in"
-    refused(tmp_path / "inches.3mf", "Set mesh_unit: in", unit="mm")
+        assert mesh.metadata["file_unit"] == unit
+    refused(path, f"Set mesh_unit: {unit}", unit="mm" if unit != "mm" else "m")
 
 
 def test_a_wrong_unit_is_named(tmp_path):
@@ -184,7 +192,7 @@ def test_cut_files_are_refused(write, name):
         ("little.ply", struct.pack("<2Bi", 5, 3, 0), struct.pack("<2Bi", 5, 3, -1), "outside its"),
         ("little.ply", b"float y", b"float w", "cannot be read as PLY"),
         ("little.ply", b"face 48", b"face 100000000000", "cannot be read as PLY"),
-        ("text.off", b"26 48", b"26 49", "48 triangles .* states 49"),
+        ("text.off", b"26 48", b"26 49", "has 74 rows, but states 75"),
         ("binary.stl", FILES["binary.stl"], FILES["binary.stl"] + b"more", "0 triangles .* 48"),
         ("binary.stl", FILES["binary.stl"], bytes(84), "no faces"),
         ("plain.obj", FILES["plain.obj"], b"v 0 0 0\nv 9 0 0\nv 0 9 0\n", "no faces"),
@@ -192,6 +200,12 @@ def test_cut_files_are_refused(write, name):
         ("whole.3mf", b"PK\1\2", b"PK\1\3", "is damaged"),
         ("ascii.stl", b"-20.0", b"nan", "are not numbers"),
         ("little.ply", np.float32(-20).tobytes(), np.float32("nan").tobytes(), "are not numbers"),
+        ("text.off", b"\n3 ", b"\n3 0 1 2\n3 ", "has 75 rows, but states 74"),
+        ("ascii.ply", b"\n5 3 ", b"\n0 0 0 9\n5 3 ", "has 75 rows, but states 74"),
+        ("plain.obj", b"\nf 1 ", b"\n3 1 ", "a line that begins with a number"),
+        *((name, b"0", b"\0", "zero bytes") for name in ("plain.obj", "ascii.ply", "text.off")),
+        ("whole.3mf", FILES["whole.3mf"][:50], b"", "is damaged"),
+        ("whole.3mf", FILES["whole.3mf"][80:90], b"\xff" * 10, "is damaged"),
         *(
             (name, FILES[name], b"I am not a mesh\n" * 9, "endsolid|header|no faces|cannot be read")
             for name in ("ascii.stl", "little.ply", "plain.obj", "text.off", "whole.glb")
@@ -201,6 +215,48 @@ def test_cut_files_are_refused(write, name):
 def test_damaged_files_are_refused(write, name, old, new, match):
     assert old in FILES[name]
     refused(write(name, FILES[name].replace(old, new, 1)), match)
+
+
+def test_bytes_of_an_archive_that_look_like_text_are_read(write):
+    path = write("whole.3mf")
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("3D/picture.png", b"\nf 1 0 2\n3 4\n")
+    assert read_mesh(path).extents == pytest.approx(SIZE)
+
+
+def uneven():
+    """A rough ball of 5120 triangles."""
+    ball = trimesh.creation.icosphere(4, radius=20)
+    ball.vertices *= 1 + 0.02 * np.random.default_rng(1).normal(size=(len(ball.vertices), 1))
+    return ball
+
+
+@pytest.mark.parametrize("share", [0.1, 0.01])
+@pytest.mark.parametrize("at", [0.2, 0.4, 0.8])
+@pytest.mark.parametrize("kind", ["stl", "ply", "glb"])
+def test_a_mesh_with_a_block_of_zeros_is_refused(tmp_path, kind, at, share):
+    """Its header is whole, and the counts are right; of a .glb, the vertices."""
+    content = uneven().export(file_type=kind)
+    first = round(at * len(content)) if kind != "glb" else content.index(b"BIN\0") + 70_000
+    lost = round(share * len(content))
+    (tmp_path / f"a.{kind}").write_bytes(content[:first] + bytes(lost) + content[first + lost :])
+    what = "faces" if kind == "stl" else "(faces|vertices)"
+    refused(tmp_path / f"a.{kind}", f"of its {what} are nothing but zeros", unit="mm")
+
+
+def test_triangles_that_rounding_shrinks_and_copies_of_the_origin_are_read(tmp_path):
+    """A mesh may be in the origin, list each corner anew, and be rounded."""
+    ball = uneven()
+    ball.vertices -= ball.vertices[0]
+    soup = trimesh.Trimesh(ball.vertices[ball.faces.ravel()], process=False)
+    soup.faces = np.arange(len(soup.vertices)).reshape(-1, 3)
+    rounded = trimesh.Trimesh(8 * np.round(ball.vertices / 8), ball.faces, process=False)
+    for mesh in (ball, soup, rounded):
+        for kind in ("ply", "stl"):
+            mesh.export(tmp_path / f"a.{kind}")
+            assert len(read_mesh(tmp_path / f"a.{kind}").faces) == 5120
+    shrunk = (rounded.triangles == rounded.triangles[:, :1]).all(axis=(1, 2))
+    assert shrunk.sum() > 100
 
 
 def test_no_such_file_and_unknown_format(tmp_path, write):
