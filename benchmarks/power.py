@@ -25,7 +25,6 @@ from scipy.stats import beta
 
 from gst.config import complete, read_study
 from gst.config_file import read_config_file
-from gst.sweep import merged
 from gstlib.errors import InputError
 from gstlib.io.tables import read_table, write_table
 from gstlib.specimen.generate import make_specimens
@@ -39,6 +38,7 @@ from gstlib.validation.summary import patch_statistics
 __all__ = [
     "LEVELS",
     "asked",
+    "merged",
     "p_values",
     "rejection_rates",
     "specimen_config",
@@ -61,6 +61,15 @@ _PATCH_COUNTS = (4, 6, 8, 10, 12)
 _RESAMPLES = 999  # draws of chance; intervals are not used here
 _OF_USE = "change", "registration", "selected", "worn_square"  # scans after use enter these
 _TESTS = ["test", "drawn", "patches", "p_value"]
+
+
+def merged(config: Mapping, changes: Mapping) -> dict:
+    """The config with some of its values replaced; neither of the two is altered."""
+    result = dict(config)
+    for key, value in changes.items():
+        is_section = isinstance(value, Mapping) and isinstance(config.get(key), Mapping)
+        result[key] = merged(config[key], value) if is_section else value
+    return result
 
 
 def specimen_config(*files: Path) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from power import CONFIG as OF_SPECIMENS
 from power import (
     LEVELS,
     main,
+    merged,
     p_values,
     rejection_rates,
     specimen_config,
@@ -21,7 +22,6 @@ from power import (
 from scipy.stats import binomtest
 
 from gst.config import config_problems
-from gst.sweep import merged
 from gstlib.io.results import columns_of
 from gstlib.io.tables import read_table
 from gstlib.specimen.stone import WEAR_LAWS, WEAR_PLACEMENTS

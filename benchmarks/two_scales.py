@@ -25,10 +25,9 @@ import numpy as np
 import pandas as pd
 import trimesh
 import xarray as xr
-from power import specimen_config
+from power import merged, specimen_config
 
 from gst.patches import read_patches
-from gst.sweep import merged
 from gstlib.bem import wear_path
 from gstlib.contact import Loading, contact_at_pressure, contact_moduli, faces_of, solved
 from gstlib.counterface import rounded_counterface

@@ -77,23 +77,14 @@ def check(config) -> None:
     show_default=True,
     help="default, slurm, or your own folder in profiles.",
 )
-@click.option(
-    "--goal",
-    type=click.Choice(["study", "sweep"]),
-    default="study",
-    show_default=True,
-    help="The study; what changes its results most.",
-)
 @click.option("--plan", is_flag=True, help="Only show what would run.")
-def study(config, options, cores, profile, goal, plan) -> None:
+def study(config, options, cores, profile, plan) -> None:
     """Run the study of CONFIG in this folder. Options of Snakemake may follow CONFIG."""
     if str(config).startswith("-"):
         raise click.UsageError(f"name CONFIG before Snakemake's option {config}")
     from gst.running import run_study
 
-    sys.exit(
-        run_study(config, goal=goal, cores=cores, profile=profile, plan=plan, options=options)
-    )
+    sys.exit(run_study(config, cores=cores, profile=profile, plan=plan, options=options))
 
 
 @main.command()

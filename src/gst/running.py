@@ -38,7 +38,6 @@ MADE = (
     "registered",
     "specimen",
     "surfaces",
-    "sweep",
     "tables",
     "wear",
     "check.png",
@@ -65,13 +64,7 @@ SHOWN = ("provenance.json", "verdict.html", "tables/*.csv", "figures/**/*.png", 
 
 
 def run_study(
-    config: Path,
-    *,
-    goal: str,
-    cores: str | None,
-    profile: str,
-    plan: bool,
-    options: Sequence[str],
+    config: Path, *, cores: str | None, profile: str, plan: bool, options: Sequence[str]
 ) -> int:
     """Run a study in the working folder, build its report, and say what to open.
 
@@ -79,8 +72,6 @@ def run_study(
     ----------
     config : Path
         The config file.
-    goal : str
-        ``study``; or ``sweep``, which needs a section of that name.
     cores : str, optional
         Jobs at a time on this machine: a number, or ``all``; by default those of the profile.
     profile : str
@@ -98,7 +89,7 @@ def run_study(
     Raises
     ------
     InputError
-        The config cannot be used, or lacks the section; there is no such profile; an option is
+        The config cannot be used; there is no such profile; an option is
         refused; Snakemake is not installed; the results are those of an earlier version; a run is,
         or may be, active in this folder.
     """
@@ -109,10 +100,6 @@ def run_study(
             "gst study", problem, "Give gst another CONFIG, or start it elsewhere."
         )
     plan = plan or not _PLANNING.isdisjoint(options)
-    if goal != "study" and not read.get(goal):
-        raise InputError(
-            config, f"has no section '{goal}'", f"Add one, as in config/{goal}.yaml."
-        )
     if importlib.util.find_spec("snakemake") is None:
         remedy = "Install it: pip install 'gstlib[workflow]'"
         raise InputError(
@@ -143,13 +130,9 @@ def run_study(
     command += ["--forcerun", *unrecorded] if unrecorded else []
     command += [*options, *(["--dry-run", "--quiet", "rules"] if plan else [])]
     command += ["--configfile", config, "--"]
-    if code := _snakemake(*command, *([] if goal == "study" else [goal])):
+    if code := _snakemake(*command):
         return code
     if plan:
-        return 0
-    if goal != "study":
-        files = [results / f"tables/{goal}.csv", results / f"figures/{goal}.png"]
-        print(f"Done. Look at {' and '.join(str(file) for file in files if file.is_file())}")
         return 0
     page, report = results / "index.html", results / "report.html"
     if not page.is_file():  # the options asked for less

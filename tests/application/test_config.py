@@ -228,8 +228,8 @@ def test_files_that_cannot_be_used_are_listed_with_those_of_like_names(config, t
         ({"gesture": None}, "'patches' and 'gesture' are null: where to scan depends on"),
         ({"counterface": {"scan": "b.plu"}}, "and counterface.scan needs scanned patches"),
         (
-            {"published": "config/published_m12.csv", "sweep": {"seed": [{"seed": 2}]}},
-            "'patches' is null, and published and sweep need scanned patches",
+            {"published": "config/published_m12.csv", "counterface": {"scan": "b.plu"}},
+            "'patches' is null, and published and counterface.scan need scanned patches",
         ),
     ],
 )

@@ -57,9 +57,6 @@ TWO_SCALES = table("""patch variant f1; 1 levelled 0.4; 3 levelled 0.5; all leve
     1 placed 0.9; 3 placed 0.8; all placed 0.85""")
 ALONE["texture"] = table("""patch epoch Sq_um Sk_um Spk_um Svk_um Sal_um Str
     1 T0 2 1 1 1 1 1; 1 T1 1.5 1 1 1 1 1; 2 T0 3 1 1 1 1 1; 3 T0 4 1 1 1 1 1""")
-ALONE["sweep"] = table("""factor value output result change low high
-    NA NA mean(mcc) 0.5 0 0.4 0.6; load a mean(mcc) 0.4 -0.1 NA NA
-    load b mean(mcc) 0.7 0.2 NA NA""")
 
 
 def contact_at(heights, load):
@@ -233,9 +230,6 @@ def test_curves_and_tables_are_drawn_as_they_are():
     after, before = points_of(draw("texture").axes[0])
     np.testing.assert_array_equal(after, [[0, 1.5], [1, np.nan], [2, np.nan]])
     assert before == [[0, 2], [1, 3], [2, 4]]
-    bars = draw("sweep").axes[0].patches[1:]
-    assert [bar.get_x() for bar in bars] == [0.5, 0.5]  # the study's result
-    assert [bar.get_width() for bar in bars] == pytest.approx([-0.1, 0.2])
 
 
 def test_validation_shows_what_the_tables_say():

@@ -53,13 +53,12 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-USUAL = {"goal": "study", "cores": "1", "profile": "default", "plan": False, "options": ()}
+USUAL = {"cores": "1", "profile": "default", "plan": False, "options": ()}
 
 
 @pytest.mark.parametrize(
     ("config", "asked", "said"),
     [
-        ("mine.yaml", {"goal": "sweep"}, r"mine\.yaml: has no section 'sweep'"),
         ("mine.yaml", {"profile": "mine"}, "no folder profiles/mine"),
         ("yours.yaml", {}, r"yours\.yaml: cannot be opened"),
         ("bad.yaml", {}, r"bad\.yaml: .*\n  - 'results' is 5"),

@@ -24,7 +24,7 @@ from gstlib.surface import spacing_of
 from matplotlib.colors import to_rgb
 
 # Of the tables listed, those that this study has no use for.
-ABSENT = {"exposure", "places", "published", "sweep"}
+ABSENT = {"exposure", "places", "published"}
 
 
 @pytest.fixture(scope="module")

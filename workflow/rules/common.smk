@@ -12,8 +12,6 @@ from gst.provenance import commit, program_hash, source_hash
 from gstlib.contact import contact_moduli, load_force, load_point, study_poisson
 from gstlib.io.results import TABLES
 from gstlib.preprocess.gridding import elements_around
-from gstlib.study import STUDY_SECTIONS
-from gst.sweep import sweep_settings
 
 # Two jobs of each kind for 25 patches, one on each of two cores; and at most as many of a kind as the
 # profile for Slurm sends at a time. A start costs 1 s of CPU, a patch of 64 x 64 points 0.01 to 0.1 s.
@@ -86,10 +84,6 @@ COUNTERFACE = f"{RESULTS}/surfaces/counterface.h5" if COUNTERFACE_SCAN else []
 DETECTION = f"{RESULTS}/registered/of_repeats.h5" if REPEATED_PATCHES else []
 if not GENERATED:
     check_files(config, PATCHES, ", ".join(filter(None, [CONFIG_FILES, config["patches"]])))
-
-
-wildcard_constraints:
-    setting="[A-Za-z0-9._-]+",
 
 
 def code(script):

@@ -568,21 +568,4 @@ TABLES = {
         },
         only="generated specimen only",
     ),
-    "sweep": Table(
-        "results with one value changed at a time",
-        """
-        One-at-a-time sensitivity of the study. ``relative_change(pressure_MPa)`` is the sum over
-        the patches of the absolute change of pressure, over the sum of the pressures.
-        """,
-        {
-            "factor": "key that is changed, as the config names it; empty: the study itself",
-            "value": "its value",
-            "output": "which result",
-            "patch": "name of the patch; empty for all",
-            "result": "value of the result",
-            "change": "result less the study's",
-            **_INTERVAL,
-        },
-        only="after `make sweep`",
-    ),
 }
