@@ -1,9 +1,8 @@
 """Cases beside the study's own contacts: what would change, had it been asked otherwise?
 
-Another contact modulus presses the whole square again. A grinding force, and a ceiling on the
-pressure, act on each patch in the study. The table of cases has one number a row, with the study's
-own beside it where the two are compared. Fields are not stored: `solve_slip` and `solve_ceiling`
-give them from a stored contact.
+A grinding force, and a ceiling on the pressure, act on each patch in the study. The table of cases
+has one number a row, with the study's own beside it where the two are compared. Fields are not
+stored: `solve_slip` and `solve_ceiling` give them from a stored contact.
 """
 
 import math
@@ -15,8 +14,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.bem import solve_contact
-from gstlib.contact import Loading, contact_at_pressure, solved
-from gstlib.coupling import patch_pressures
+from gstlib.contact import Loading, solved
 from gstlib.errors import ConfigError
 from gstlib.io.results import columns_of
 
@@ -24,7 +22,6 @@ __all__ = [
     "case_table",
     "ceiling_rows",
     "check_ceiling",
-    "modulus_rows",
     "patch_rows",
     "slip_rows",
     "solve_ceiling",
@@ -46,8 +43,8 @@ __all__ = [
 # between. The paper has none.
 
 # The cases, in the order of the table. The first is the study itself.
-_STUDY, _MODULUS, _GRINDING, _CEILING = "study", "other modulus", "grinding", "ceiling"
-_SQUARE = ""  # stands for a patch where a row is of the whole square, or of all patches
+_STUDY, _GRINDING, _CEILING = "study", "grinding", "ceiling"
+_ALL = ""  # stands for a patch where a row is of all patches
 # Unit and long name of what a case consists of.
 _VARIABLES = {
     "pressure": ("MPa", "contact pressure"),
@@ -160,41 +157,6 @@ def solve_ceiling(
     return _on_grid_of(contact, found | {"hardness": hardness_MPa})
 
 
-def modulus_rows(
-    contact: xr.Dataset,
-    patches: pd.DataFrame,
-    *,
-    other_modulus_MPa: float,
-    patch_mm: float,
-    source: str | Path = "macroscale",
-) -> Iterator[Row]:
-    """The square and the pressures of its patches, with the study's contact modulus and another.
-
-    Parameters
-    ----------
-    contact : xarray.Dataset
-        Of the square at the target pressure.
-    patches : pandas.DataFrame
-        ``patch, x_mm, y_mm, rotation_deg``.
-    other_modulus_MPa : float
-        The other E*.
-    patch_mm : float
-        Side of a patch.
-    source : path
-        As in `solve_slip`.
-    """
-    loading = Loading.of(contact)._replace(contact_modulus_MPa=other_modulus_MPa)
-    other = contact_at_pressure(contact, loading, source=source)
-    for case, found in ((_STUDY, contact), (_MODULUS, other)):
-        modulus = float(found.contact_modulus)
-        yield case, _SQUARE, "contact modulus", "MPa", modulus
-        yield case, _SQUARE, "displacement", "um", float(found.displacement) * 1e3
-        yield case, _SQUARE, "contact fraction", "1", float(found.contact_fraction)
-        by_patch = patch_pressures(found.pressure, patches, size_mm=patch_mm)
-        for patch, pressure in zip(by_patch.patch, by_patch.pressure_MPa, strict=True):
-            yield case, patch, "patch pressure", "MPa", float(pressure)
-
-
 def patch_rows(
     contacts: Mapping[str, xr.Dataset],
     *,
@@ -214,10 +176,10 @@ def patch_rows(
         That of `solve_ceiling`, likewise.
     """
     if grinding is not None:
-        yield _GRINDING, _SQUARE, "friction", "1", float(grinding["friction"])
-        yield _GRINDING, _SQUARE, "tangential ratio", "1", float(grinding["tangential_ratio"])
+        yield _GRINDING, _ALL, "friction", "1", float(grinding["friction"])
+        yield _GRINDING, _ALL, "tangential ratio", "1", float(grinding["tangential_ratio"])
     if hardness_MPa is not None:
-        yield _CEILING, _SQUARE, "hardness", "MPa", float(hardness_MPa)
+        yield _CEILING, _ALL, "hardness", "MPa", float(hardness_MPa)
     for patch, contact in contacts.items():
         source = f"patch {patch}"
         if grinding is not None:
@@ -260,7 +222,7 @@ def ceiling_rows(patch: str, contact: xr.Dataset, limited: xr.Dataset) -> Iterat
 
 def case_table(rows: Iterable[Row]) -> pd.DataFrame:
     """The table ``cases.csv``: the rows case by case, the study's own first."""
-    cases = [_STUDY, _MODULUS, _GRINDING, _CEILING]
+    cases = [_STUDY, _GRINDING, _CEILING]
     # stable: within a case the rows keep their order
     ordered = sorted(rows, key=lambda row: cases.index(row[0]))
     return pd.DataFrame(ordered, columns=columns_of("cases"))

@@ -57,11 +57,11 @@ from gstlib.composite import compose_surface
 from gstlib.contact import (
     Loading,
     contact_at_pressure,
-    contact_moduli,
     contact_path,
     faces_of,
     load_force,
     load_point,
+    study_modulus,
     with_interface_stiffness,
 )
 from gstlib.counterface import SecondStone
@@ -424,7 +424,7 @@ class Study:
         self.read_mesh, self.read_scan, self.read_face = read_mesh, read_scan, read_face
         self.second_stone = second_stone
         self.kept = dict(kept or {})
-        self._modulus, _ = contact_moduli(config["material"])
+        self._modulus = study_modulus(config["material"])
 
     @_stage
     def face(self) -> xr.Dataset:

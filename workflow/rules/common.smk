@@ -9,7 +9,7 @@ from gst.config import check_files, complete, counterface_mesh, read_study
 from gst.poses import batches_of, poses_of, reach_of
 from gst.patches import scan_files
 from gst.provenance import commit, program_hash, source_hash
-from gstlib.contact import contact_moduli, load_force, load_point, study_poisson
+from gstlib.contact import load_force, load_point, study_modulus, study_poisson
 from gstlib.io.results import TABLES
 from gstlib.preprocess.gridding import elements_around
 
@@ -34,10 +34,9 @@ PATCH_MM = config["scans"]["size_mm"]
 GENERATED = config["specimen"] is not None
 # Of the coupling: the study's own, and the paper's to compare it with.
 VARIANTS = ["placed", "levelled"] if config["coupling"] == "placed" else ["levelled"]
-CONTACT_MODULUS_MPA, OTHER_MODULUS_MPA = contact_moduli(config["material"])
+CONTACT_MODULUS_MPA = study_modulus(config["material"])
 # The cases that are solved beside the study; none of them, no table.
 CASES = {
-    "other_modulus_MPa": OTHER_MODULUS_MPA,
     "grinding": config["grinding"]
     and {**config["grinding"], "poisson": study_poisson(config["material"])},
     "hardness_MPa": config["hardness"],

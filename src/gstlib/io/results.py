@@ -339,34 +339,31 @@ TABLES = {
         {"patch": _PATCH, **_LOADED, **_INTERFACE},
     ),
     "cases": Table(
-        "further cases: another contact modulus, a grinding force, a ceiling on the pressure",
+        "further cases: a grinding force, a ceiling on the pressure",
         """
         What would change, had the study been asked otherwise? ``study`` is the study's own value
-        where a case has another.{% if config.material.contact_modulus_MPa %} ``other modulus``:
-        the square at the same mean pressure with the contact modulus that follows from the
-        elastic constants by the standard definition, with (1 - ν²) where the paper prints (1 -
-        ν).{% endif %}{% if config.grinding %} ``grinding``: each patch of the study under a
-        tangential load of {{ config.grinding.tangential_ratio }} times the force that would make
-        it slide, with Coulomb friction {{ config.grinding.friction }} (Ciavarella 1998; Jäger
-        1998). Slip begins at the edges of each contact spot; the cores of the summits stick.
-        ``slip share`` is the share of the contact that slips; the rest sticks. ``mean traction``
-        is the tangential force over the patch's nominal area, ``tangential displacement`` how far
-        the two solids move against each other, far from the contact.{% endif %}{% if
-        config.hardness %} ``ceiling``: each patch of the study at the same mean pressure, but no
-        element bears more than {{ config.hardness }} MPa. In a purely elastic solution the
-        asperities bear far more than the strength of any stone; this case shows how much of the
-        predicted contact depends on that. ``share at the ceiling`` is of the contact, ``iou`` the
-        overlap of the contact with the study's own, ``deepest yield`` how far the surface gives
-        way at the ceiling.{% endif %}
+        where a case has another.{% if config.grinding %} ``grinding``: each patch of the study
+        under a tangential load of {{ config.grinding.tangential_ratio }} times the force that
+        would make it slide, with Coulomb friction {{ config.grinding.friction }} (Ciavarella
+        1998; Jäger 1998). Slip begins at the edges of each contact spot; the cores of the summits
+        stick. ``slip share`` is the share of the contact that slips; the rest sticks. ``mean
+        traction`` is the tangential force over the patch's nominal area, ``tangential
+        displacement`` how far the two solids move against each other, far from the
+        contact.{% endif %}{% if config.hardness %} ``ceiling``: each patch of the study at the
+        same mean pressure, but no element bears more than {{ config.hardness }} MPa. In a purely
+        elastic solution the asperities bear far more than the strength of any stone; this case
+        shows how much of the predicted contact depends on that. ``share at the ceiling`` is of
+        the contact, ``iou`` the overlap of the contact with the study's own, ``deepest yield``
+        how far the surface gives way at the ceiling.{% endif %}
         """,
         {
-            "case": "study, other modulus, grinding or ceiling",
-            "patch": _PATCH_OR_SQUARE,
+            "case": "study, grinding or ceiling",
+            "patch": "name of the patch; empty for all",
             "quantity": "what the value is of",
             "unit": "unit of the value",
             "value": "value in this case",
         },
-        only="with `material.contact_modulus_MPa`, `grinding` or `hardness`",
+        only="with `grinding` or `hardness`",
     ),
     "registration": Table(
         "how well T1 is aligned with T0, and what was lost",
