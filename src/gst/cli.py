@@ -205,17 +205,6 @@ def diff(before, after, tolerance) -> None:
     sys.exit(bool(differ))
 
 
-@main.command("compare-texture")
-@click.argument("results", type=_PATH)
-@click.argument("file", type=_PATH)
-def compare_texture(results, file) -> None:
-    """Show a study's texture parameters beside those in FILE, a CSV of ConfoMap's results."""
-    from gst.confomap import compare_texture
-
-    table = compare_texture(results, file)
-    click.echo(table.to_string(index=False, float_format="{:.4g}".format))
-
-
 @main.command()
 @click.argument("results", type=_PATH)
 @click.option("--to", type=_PATH, help="The folder; by default `export` in the results folder.")
