@@ -182,7 +182,7 @@ def p_values(study: Study, *, seed: Sequence[int]) -> pd.DataFrame:
         elif name.startswith(("tested", "spearman")):
             rows.append((name, np.nan, row.n, row.p_value))
     generator, places = np.random.default_rng(seed), study.selected()
-    known = patch_statistics(patches, study.registration(), places, None)
+    known = patch_statistics(patches, study.registration(), places)
     known = known[known.counted]
     order = generator.permutation(len(known))
     for drawn in (count for count in _PATCH_COUNTS if count <= len(known)):

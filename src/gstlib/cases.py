@@ -195,19 +195,19 @@ def slip_rows(patch: str, slip: xr.Dataset) -> Iterator[Row]:
     The rest of the contact sticks. Without contact the share that slips is NaN.
     """
     sticking, slipping = int(slip.stick.sum()), int(slip.slip.sum())
+    share = slipping / (sticking + slipping) if sticking + slipping else math.nan
     displacement = float(slip.tangential_displacement)
     yield _GRINDING, patch, "mean traction", "MPa", float(slip.traction.values.mean())
-    yield _GRINDING, patch, "slip share", "1", _share(slipping, sticking + slipping)
+    yield _GRINDING, patch, "slip share", "1", share
     yield _GRINDING, patch, "tangential displacement", "um", displacement * 1e3
 
 
 def ceiling_rows(patch: str, contact: xr.Dataset, limited: xr.Dataset) -> Iterator[Row]:
     """One patch without and with a ceiling on its pressure, from its contact and `solve_ceiling`.
 
-    Without contact, IoU and the share at the ceiling are NaN and 0.
+    Without contact, the share at the ceiling is 0.
     """
     elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
-    both, either = int((elastic & plastic).sum()), int((elastic | plastic).sum())
     at_ceiling = limited.pressure.values >= float(limited.hardness)
     deepest = float(np.max(-limited.gap.values[at_ceiling], initial=0.0))
     yield _STUDY, patch, "displacement", "um", float(contact.displacement) * 1e3
@@ -216,7 +216,6 @@ def ceiling_rows(patch: str, contact: xr.Dataset, limited: xr.Dataset) -> Iterat
     yield _CEILING, patch, "displacement", "um", float(limited.displacement) * 1e3
     yield _CEILING, patch, "contact fraction", "1", float(plastic.mean())
     yield _CEILING, patch, "share at the ceiling", "1", float(limited.ceiling_share)
-    yield _CEILING, patch, "iou", "1", _share(both, either)
     yield _CEILING, patch, "deepest yield", "um", deepest * 1e3
 
 
@@ -257,7 +256,3 @@ def _on_grid_of(contact: xr.Dataset, found: Mapping) -> xr.Dataset:
         dims = ("y", "x") if np.ndim(value) else ()
         variables[name] = (dims, value, {"units": units, "long_name": long_name})
     return xr.Dataset(variables, coords={"y": contact.y, "x": contact.x})
-
-
-def _share(part: int, whole: int) -> float:
-    return part / whole if whole else math.nan

@@ -301,7 +301,6 @@ def judge_wear(
     *,
     fitted_to: Sequence[str],
     mat: xr.Dataset | None = None,
-    exposure: pd.DataFrame | None = None,
     expected_worst: Sequence[str] = (),
     seed: int | Sequence[int],
     resamples: int,
@@ -313,8 +312,8 @@ def judge_wear(
     contacts, changes, predicted : mapping of str to xarray.Dataset
         By patch: contact before use, height change, and the result of `gstlib.wear.wear_map`, of
         which there are none where no wear is predicted.
-    pressures, registration, exposure : pandas.DataFrame
-        The tables ``patch_pressures``, ``registration`` and, of a gesture, ``exposure``.
+    pressures, registration : pandas.DataFrame
+        The tables ``patch_pressures`` and ``registration``.
     fitted_to : sequence of str
         Patches whose losses the prediction is fitted to.
     mat : xarray.Dataset, optional
@@ -350,7 +349,7 @@ def judge_wear(
     nulls = by_chance(found)
     counted = (at.in_study.astype(bool) & at.believed.astype(bool)).to_dict()
     tables = judged_tables(found, nulls, counted)
-    statistics = patch_statistics(tables["patches"], registration, pressures, exposure)
+    statistics = patch_statistics(tables["patches"], registration, pressures)
     tables["summary"] = summarise(
         statistics,
         tables["wear"],

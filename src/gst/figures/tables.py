@@ -62,7 +62,10 @@ def validation_figure(
     extent.set(xlabel="pressure of the patch (MPa)", ylabel="loss per area (µm)")
     extent.set(xlim=(0, None), ylim=(0, None))
     title = "Do patches under more pressure wear more?"
-    pairs = {"pressure": "spearman(pressure_MPa, loss_per_area_um)", "touched or not": TOUCHED}
+    pairs = {
+        "pressure and worn area": "spearman(pressure_MPa, loss_fraction)",
+        "touched or not and loss": TOUCHED,
+    }
     for words, name in pairs.items():
         for row in summary[summary.statistic == name].dropna(subset="value").itertuples():
             interval = f" [{row.low:.2g}, {row.high:.2g}]" if math.isfinite(row.low) else ""
@@ -160,9 +163,7 @@ def wear_figure(
     volumes.set_title("How much did each patch lose?")
     figure.legend(*volumes.get_legend_handles_labels(), loc="upper center", ncols=3)
 
-    means = (
-        profile[profile.by == "height"].groupby(["model", "band"], sort=False).loss_um.mean()
-    )
+    means = profile.groupby(["model", "band"], sort=False).loss_um.mean()
     for model, (colour, marker) in ({"measured": (BLACK, "x")} | _LOOKS).items():
         if model in means:
             look = {"mfc": "none", "ls": "--"} if model == YIELDING else {}

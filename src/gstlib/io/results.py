@@ -300,7 +300,6 @@ TABLES = {
             "precision": "share of the contact that also touches in the reference",
             "recall": "share of the reference's contact that is found",
             "f1": "harmonic mean of precision and recall",
-            "iou": "intersection over union of the two contacts",
         },
         only="with `coupling: placed`",
     ),
@@ -353,8 +352,7 @@ TABLES = {
         same mean pressure, but no element bears more than {{ config.hardness }} MPa. In a purely
         elastic solution the asperities bear far more than the strength of any stone; this case
         shows how much of the predicted contact depends on that. ``share at the ceiling`` is of
-        the contact, ``iou`` the overlap of the contact with the study's own, ``deepest yield``
-        how far the surface gives way at the ceiling.{% endif %}
+        the contact, ``deepest yield`` how far the surface gives way at the ceiling.{% endif %}
         """,
         {
             "case": "study, grinding or ceiling",
@@ -484,11 +482,11 @@ TABLES = {
         rival; below 1, the prediction errs less. Two-sided tests exchange the two on random
         patches; where the best rival is better, its p-value is multiplied by the number of
         rivals. ``tested_mean(mcc)``: over the patches on which chance can be tested, against
-        the predictions of other patches, one-sided. ``spearman(...)``: rank correlation with the
-        area and volume of the loss (per area seen){% if config.gesture %}, also of the exposure
-        over the gesture{% endif %}; two-sided, exact up to 8 patches, allowing for spatial
-        autocorrelation (Dutilleul 1993). ``spearman(touched, ...)``: do patches that nothing
-        touches wear less? Patches out of the study count, too.
+        the predictions of other patches, one-sided. ``spearman(...)``: rank correlation,
+        two-sided, exact up to 8 patches, allowing for spatial autocorrelation (Dutilleul 1993).
+        Of the pressure with the area of the loss; of whether a patch is touched with its volume
+        (per area seen): do patches that nothing touches wear less? Patches out of the study
+        count there, too.
         {% if config.validation.expected_worst %}``expected_worst(...)``: share of the patches
         stated beforehand as the worst worn that are among as many worst worn ones; the p-value is
         the exact probability that a random ranking does as well.{% endif %}
@@ -537,15 +535,14 @@ TABLES = {
         optional=("out_of_contact_um",),
     ),
     "wear_profile": Table(
-        "loss by height and by gap, measured and predicted",
+        "loss by height, measured and predicted",
         """
         Each patch's points in four bands of as many points each. A flat takes nothing off
         valleys; what they lost was taken by something soft, or broke out.
         """,
         {
             "patch": _PATCH,
-            "by": "height: from the highest points on; gap: from the contact on",
-            "band": "1 to 4: to the lowest, or to the most open points",
+            "band": "1 to 4: from the highest points to the lowest",
             "model": "measured, or the model that predicts the loss",
             "loss_um": "mean loss of the band",
         },
