@@ -48,9 +48,6 @@ MADE = (
     "tool.ply",
     "verdict.html",
 )
-# What studies of earlier versions made, too; no step makes or reads it any more.
-_EARLIER_FOLDERS = "benchmarks", "hardness", "power", "slip"
-_EARLIER_TABLES = "hardness", "pose_shifts", "sensitivity", "slip"
 LOCKS = Path(".snakemake/locks")
 HOST = Path(".snakemake/host")  # the machine on which the last run was started
 # By default glibc takes new pages from the kernel for each large array, which clears them first,
@@ -90,8 +87,7 @@ def run_study(
     ------
     InputError
         The config cannot be used; there is no such profile; an option is
-        refused; Snakemake is not installed; the results are those of an earlier version; a run is,
-        or may be, active in this folder.
+        refused; Snakemake is not installed; a run is, or may be, active in this folder.
     """
     read = _checked(config)
     if refused := sorted({option.partition("=")[0] for option in options} & _REFUSED):
@@ -110,7 +106,6 @@ def run_study(
     if folder is None:
         raise InputError("--profile", f"there is no folder {here}", "See docs/cluster.md.")
     results = Path(read["results"])
-    _refuse_earlier(results, config)
     refuse_other_study(read)
     made = read_records(records_in(results))
     check_made(made)
@@ -155,18 +150,6 @@ def _write_without_paths(report: Path, part: Path) -> None:
         content = content.replace(f"{folder.as_posix()}/".encode(), b"")
     write_whole(report, content)
     part.unlink()
-
-
-def _refuse_earlier(results: Path, config: Path) -> None:
-    """Refuse a folder with results of an earlier version, which would stand beside the new ones."""
-    names = [*_EARLIER_FOLDERS, *(f"tables/{name}.csv" for name in _EARLIER_TABLES)]
-    if left := [name for name in names if (results / name).exists()]:
-        raise InputError(
-            results,
-            f"holds results of an earlier version of the program ({', '.join(left)})",
-            f"Keep them elsewhere, or remove them with `gst clean {config}`; or give `results` "
-            "another name in the config.",
-        )
 
 
 def _checked(config: Path) -> dict:
@@ -237,7 +220,7 @@ def claim_folder(config: Path) -> None:
 def remove_results(config: Path) -> None:
     """Ask, and remove what a study made in its folder; the folder too, if nothing else is in it."""
     folder = Path(_checked(config)["results"])
-    made = [folder / name for name in (*MADE, *_EARLIER_FOLDERS) if (folder / name).exists()]
+    made = [folder / name for name in MADE if (folder / name).exists()]
     made += folder.glob(".*.part*")
     if not made:
         print(f"{folder} contains no results of a study.")

@@ -7,7 +7,7 @@ import sys
 
 import gst
 import pytest
-from gst.running import is_report_current, lay_out, remove_results, run_study
+from gst.running import is_report_current, lay_out, run_study
 from gstlib.errors import InputError
 
 
@@ -68,18 +68,6 @@ def test_a_study_that_cannot_begin_leaves_nothing(folder, config, asked, said):
     with pytest.raises(InputError, match=said):
         run_study(config, **USUAL | asked)
     assert {file.name for file in folder.iterdir()} == {"bad.yaml", "config", "mine.yaml"}
-
-
-def test_results_of_an_earlier_version_are_refused_and_can_be_removed(folder, monkeypatch):
-    old = folder / "results-tiny/tables/slip.csv"
-    old.parent.mkdir(parents=True)
-    old.write_text("patch\n")
-    with pytest.raises(InputError, match=r"earlier version.*slip\.csv.*gst clean"):
-        run_study("config/tiny.yaml", **USUAL)
-    assert old.exists()
-    monkeypatch.setattr("builtins.input", lambda _: "y")
-    remove_results("config/tiny.yaml")
-    assert not (folder / "results-tiny").exists()
 
 
 @pytest.mark.parametrize(
