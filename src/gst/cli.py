@@ -209,7 +209,7 @@ def diff(before, after, tolerance) -> None:
 @click.argument("results", type=_PATH)
 @click.option("--to", type=_PATH, help="The folder; by default `export` in the results folder.")
 def export(results, to) -> None:
-    """Write a study's surfaces (x3p, sur) and tool (PLY) for other programs.
+    """Write a study's surfaces (x3p) and tool (PLY) for other programs.
 
     MountainsMap and Gwyddion open the surfaces; CloudCompare, MeshLab and Blender the tool.
     """
