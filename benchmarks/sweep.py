@@ -129,6 +129,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--output", type=Path, default=Path("build/sweep.csv"))
     options = parser.parse_args(arguments)
     config = read_config(options.config)
+    if config["patches"] is None:
+        parser.error(f"{options.config} has no patch table, and what is swept needs patches")
     configs = {("", ""): config}
     for factor, values in yaml.safe_load(options.settings.read_text()).items():
         for changes in values:

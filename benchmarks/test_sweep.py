@@ -7,9 +7,11 @@ import pandas as pd
 import pytest
 import yaml
 from power import merged
-from sweep import SETTINGS, changes_table
+from sweep import SETTINGS, changes_table, main
 
 from gst.config import config_problems, read_config
+
+CONFIGS = Path(__file__).parents[1] / "config"
 
 
 def test_merged_replaces_what_is_stated_and_nothing_else():
@@ -19,12 +21,18 @@ def test_merged_replaces_what_is_stated_and_nothing_else():
 
 
 def test_every_shipped_setting_changes_the_default_study_to_one_that_can_be_run():
-    config = read_config(Path(__file__).parents[1] / "config/config.yaml")
+    config = read_config(CONFIGS / "config.yaml")
     for values in yaml.safe_load(SETTINGS.read_text()).values():
         for changes in values:
             changed = merged(config, changes)
             assert config_problems(changed) == []
             assert changed != config, changes
+
+
+def test_a_study_without_patches_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        main(["--config", str(CONFIGS / "mesh_only.yaml")])
+    assert "mesh_only.yaml has no patch table" in capsys.readouterr().err
 
 
 def test_changes_are_those_from_the_study():
