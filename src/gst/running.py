@@ -86,8 +86,8 @@ def run_study(
     Raises
     ------
     InputError
-        The config cannot be used; there is no such profile; an option is
-        refused; Snakemake is not installed; a run is, or may be, active in this folder.
+        The config cannot be used; there is no such profile; an option is refused; Snakemake is not
+        installed; a run is, or may be, active in this folder.
     """
     read = _checked(config)
     if refused := sorted({option.partition("=")[0] for option in options} & _REFUSED):
