@@ -6,8 +6,6 @@ CORES   ?= 2
 PROFILE ?= default
 BIN     := .venv/bin
 READY   := .venv/ready
-# a config of the user's own, if one is given
-SWEPT   := $(if $(filter file,$(origin CONFIG)),config/sweep.yaml,$(CONFIG))
 # on a cluster, the profile sets the number of cores
 STUDY   := $(BIN)/gst study $(if $(filter default,$(PROFILE)),--cores $(CORES),--profile $(PROFILE))
 # one thread: with two, the small matrix products of a test only wait for each other
@@ -100,7 +98,8 @@ baseline: $(READY) ## renew the tables with which the tests compare the default 
 	cp -r results/tables tests/baseline/
 
 sweep: $(READY) ## find what changes the results most: one-at-a-time sensitivity (a quarter of an hour)
-	@$(STUDY) --goal sweep "$(SWEPT)"
+	@$(STUDY) "$(CONFIG)"
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/sweep.py --config "$(CONFIG)" --processes $(CORES)
 
 docs: $(READY) ## renew the parts of the documents that are generated from the code
 	$(BIN)/python workflow/document.py

@@ -25,7 +25,6 @@ if SCANNED:
     include: "workflow/rules/coupling.smk"
     include: "workflow/rules/microscale.smk"
     include: "workflow/rules/validation.smk"
-    include: "workflow/rules/sweep.smk"
 
 else:
 
@@ -36,11 +35,10 @@ include: "workflow/rules/figures.smk"
 include: "workflow/rules/page.smk"
 
 
-# All that the rules make, so that whatever is deleted is made again. The sweep runs only on request.
+# All that the rules make, so that whatever is deleted is made again.
 MADE = [
     str(file)
     for one in workflow.rules
-    if "sweep" not in one.name
     for file in one.output
     if "{" not in file and file.startswith(f"{RESULTS}/")
 ]

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +26,16 @@ from scipy.stats import beta
 
 from gst.config import complete, read_study
 from gst.config_file import read_config_file
-from gst.sweep import merged
 from gstlib.errors import InputError
 from gstlib.io.tables import read_table, write_table
 from gstlib.specimen.generate import make_specimens
-from gstlib.specimen.randomness import SpecimenParameters
-from gstlib.specimen.stone import WEAR_LAWS, WEAR_PLACEMENTS
+from gstlib.specimen.randomness import (
+    ROLL_OFF_MM,
+    SpecimenParameters,
+    self_affine_field,
+    stream,
+)
+from gstlib.specimen.stone import Stone
 from gstlib.study import Study
 from gstlib.validation.inference import Draws, rank_correlation
 from gstlib.validation.scoring import own_model
@@ -39,17 +44,19 @@ from gstlib.validation.summary import patch_statistics
 __all__ = [
     "LEVELS",
     "asked",
+    "merged",
     "p_values",
     "rejection_rates",
     "specimen_config",
     "specimen_p_values",
 ]
-__all__ += ["specimen_studies", "worn_patches"]
+__all__ += ["WEARS", "specimen_studies", "worn_patches"]
 
 ROOT = Path(__file__).parents[1]
 CONFIG, RESULT = ROOT / "benchmarks/power.yaml", ROOT / "benchmarks/results/power.csv"
 # How specimens wear for the study of the bare stone, and for that with a mat.
-OF_BARE, OF_MAT = (*WEAR_PLACEMENTS, WEAR_LAWS[0]), (WEAR_PLACEMENTS[0], *WEAR_LAWS)
+BY_RULE, LAWS = ("summits", "random", "waves"), ("archard", "mat")
+OF_BARE, OF_MAT = (*BY_RULE, LAWS[0]), (BY_RULE[0], *LAWS)
 WITH_MAT = ", with a mat"
 LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5)
 SHOWN = 0.05  # the level whose rates are printed
@@ -61,6 +68,15 @@ _PATCH_COUNTS = (4, 6, 8, 10, 12)
 _RESAMPLES = 999  # draws of chance; intervals are not used here
 _OF_USE = "change", "registration", "selected", "worn_square"  # scans after use enter these
 _TESTS = ["test", "drawn", "patches", "p_value"]
+
+
+def merged(config: Mapping, changes: Mapping) -> dict:
+    """The config with some of its values replaced; neither of the two is altered."""
+    result = dict(config)
+    for key, value in changes.items():
+        is_section = isinstance(value, Mapping) and isinstance(config.get(key), Mapping)
+        result[key] = merged(config[key], value) if is_section else value
+    return result
 
 
 def specimen_config(*files: Path) -> dict[str, Any]:
@@ -77,6 +93,36 @@ def worn_patches(config: Mapping[str, Any]) -> pd.DataFrame:
     """The patches of a config that have a T1."""
     patches = read_study(config, "config")
     return patches[patches.t1 != ""].reset_index(drop=True)
+
+
+def worn_at_random(stone: Stone) -> np.ndarray:
+    """Wear on summits, with its amount, shapes and clusters, moved elsewhere by chance."""
+    # ASSUME: every shift is equally likely, so that on average over shifts the wear has no
+    # covariance with any surface.
+    generator = stream(stone.parameters.seed, "wear", "placement")
+    depth = stone.wear_depth("summits")
+    return np.roll(depth, generator.integers(0, len(depth), 2), axis=(0, 1))
+
+
+def worn_in_waves(stone: Stone) -> np.ndarray:
+    """Wear of one depth, that of summits, on ``wear_share`` in waves longer than a patch."""
+    # ASSUME: wear that follows something other than heights, such as the hand's grip, varies over
+    # lengths like the stone's. It has one depth, so it is detected wherever it lies.
+    p, depth = stone.parameters, stone.wear_depth("summits")
+    field = self_affine_field(
+        stream(p.seed, "wear", "waves"),
+        len(depth),
+        stone.spacing,
+        hurst_exponent=p.hurst_exponent,
+        roll_off=ROLL_OFF_MM,
+    )
+    worn = field > np.quantile(field, 1 - p.wear_share)
+    return np.where(worn, depth.sum() / max((depth > 0).sum(), 1), 0).astype(np.float32)
+
+
+# How a stone can lose height: by the specimen's rule, with no relation to heights, and by law.
+WEARS = {name: methodcaller("wear_depth", name) for name in ("summits", *LAWS)}
+WEARS |= {"random": worn_at_random, "waves": worn_in_waves}
 
 
 def specimen_p_values(
@@ -104,9 +150,9 @@ def specimen_studies(
     config: Mapping[str, Any],
     patches: pd.DataFrame,
     specimen_seed: int,
-    wear_placements: Sequence[str] = WEAR_PLACEMENTS,
+    wears: Sequence[str] = BY_RULE,
 ) -> Iterator[tuple[str, Study]]:
-    """Where wear lies, one by one, and the study of the specimen with that wear.
+    """Each of these `WEARS`, one by one, and the study of the specimen with that wear.
 
     The later studies take from the first every stage that no scan after use enters.
 
@@ -118,7 +164,7 @@ def specimen_studies(
         replace(SpecimenParameters(**config["specimen"]), seed=specimen_seed),
         square_mm=config["square"]["size_mm"],
         grid=config["macroscale"]["grid"],
-        wear_placements=wear_placements,
+        wear={name: WEARS[name] for name in wears},
     )
     kept: dict[tuple[str, ...], Any] = {}
     for wear, specimen in specimens.items():
@@ -173,7 +219,7 @@ def p_values(study: Study, *, seed: Sequence[int]) -> pd.DataFrame:
         elif name.startswith(("tested", "spearman")):
             rows.append((name, np.nan, row.n, row.p_value))
     generator, places = np.random.default_rng(seed), study.selected()
-    known = patch_statistics(patches, study.registration(), places, None)
+    known = patch_statistics(patches, study.registration(), places)
     known = known[known.counted]
     order = generator.permutation(len(known))
     for drawn in (count for count in _PATCH_COUNTS if count <= len(known)):

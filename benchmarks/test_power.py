@@ -1,5 +1,6 @@
 """Claims on made-up patches; their rates, exact where known, and honest about clustered trials."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,23 +9,27 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from power import CONFIG as OF_SPECIMENS
 from power import (
+    BY_RULE,
+    LAWS,
     LEVELS,
+    WEARS,
     main,
+    merged,
     p_values,
     rejection_rates,
     specimen_config,
     specimen_p_values,
     specimen_studies,
 )
+from power import CONFIG as OF_SPECIMENS
 from scipy.stats import binomtest
 
 from gst.config import config_problems
-from gst.sweep import merged
 from gstlib.io.results import columns_of
 from gstlib.io.tables import read_table
-from gstlib.specimen.stone import WEAR_LAWS, WEAR_PLACEMENTS
+from gstlib.specimen.randomness import SpecimenParameters
+from gstlib.specimen.stone import Stone
 
 FOLDER, SEED = Path(__file__).parents[1] / "config", [1, 5]
 DEFAULT, TINY = (yaml.safe_load((FOLDER / f"{n}.yaml").read_text()) for n in ("config", "tiny"))
@@ -143,7 +148,7 @@ def test_the_later_studies_share_what_precedes_use_and_nothing_else():
         stages |= {"T1": study.prepared("a", "T1"), "contact": study.patch_contact("a")}
         found[wear] = stages | {"square": study.contact(), "places": study.pressures()}
         found[wear]["selected"] = study.selected()
-    assert tuple(found) == WEAR_PLACEMENTS
+    assert tuple(found) == BY_RULE
     _, another = next(specimen_studies(CONFIG, patches, 4))
     assert not another.prepared("a", "T0").equals(study.prepared("a", "T0"))
     summits = found.pop("summits")
@@ -172,12 +177,34 @@ def test_a_mat_is_asked_for_only_where_it_is_said(monkeypatch, mat):
     monkeypatch.setattr("power.p_values", lambda *_, seed: row)
     table = specimen_p_values({"seed": 1, "mat": "soft"}, row, 2005, mat=mat)
     assert set(asked) == {"soft" if mat else None}
-    assert set(table.wear) == (
-        {"summits", *WEAR_LAWS} if mat else {*WEAR_PLACEMENTS, "archard"}
-    )
+    assert set(table.wear) == ({"summits", *LAWS} if mat else {*BY_RULE, "archard"})
     assert set(table.test) == {"mcc, with a mat" if mat else "mcc"}
     assert set(table.seed) == {2005}
     assert len(rejection_rates(table)) == len(LEVELS) * len(table)
+
+
+def test_wear_without_relation_has_its_shape_and_does_not_follow_the_heights():
+    parameters = SpecimenParameters(**CONFIG["specimen"])
+    relation = {placement: [] for placement in BY_RULE}
+    for seed in range(6):
+        stone = Stone(replace(parameters, seed=seed), 5.0)
+        depths = {name: WEARS[name](stone).astype(float) for name in relation}
+        for placement, found in relation.items():
+            found.append(np.corrcoef(depths[placement].ravel(), stone.detail.ravel())[0, 1])
+        # the modulus of the spectrum is that of all shifts, and of hardly anything else
+        spectra = {
+            name: np.abs(np.fft.rfft2(depth - depth.mean())) for name, depth in depths.items()
+        }
+        atol = 1e-9 * spectra["summits"].max()
+        np.testing.assert_allclose(spectra["random"], spectra["summits"], atol=atol)
+        # up to four cycles over the square: waves longer than a patch
+        long = {name: (of[:5, :5] ** 2).sum() / (of**2).sum() for name, of in spectra.items()}
+        assert long["waves"] > 1.5 * long["summits"]
+        assert (depths["waves"] > 0).mean() == pytest.approx(parameters.wear_share, abs=1e-3)
+    for placement in ("random", "waves"):
+        mean, spread = np.mean(relation[placement]), np.std(relation[placement], ddof=1)
+        assert abs(mean) < 3 * spread / np.sqrt(6)  # on each, few and broad waves allow more
+        assert min(relation["summits"]) > 3 * np.abs(relation[placement]).max()
 
 
 @pytest.mark.slow
@@ -192,7 +219,7 @@ def test_two_specimens_from_their_making_to_the_rates(tmp_path, capsys):
     config = ["--config", str(OF_SPECIMENS), str(small), "--output", str(rows)]
     main([*config, "--specimens", "2", "--mats", "1"])
     found = read_table(rows)
-    assert set(found.wear) == {*WEAR_PLACEMENTS, *WEAR_LAWS}
+    assert set(found.wear) == {*BY_RULE, *LAWS}
     assert found.groupby("test").seed.nunique()["mcc"] == 2
     assert set(found.seed[found.test.str.endswith("with a mat")]) == {2001}
     assert found.p_value.dropna().between(0, 1).all()

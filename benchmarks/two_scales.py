@@ -25,12 +25,11 @@ import numpy as np
 import pandas as pd
 import trimesh
 import xarray as xr
-from power import specimen_config
+from power import merged, specimen_config
 
 from gst.patches import read_patches
-from gst.sweep import merged
 from gstlib.bem import wear_path
-from gstlib.contact import Loading, contact_at_pressure, contact_moduli, faces_of, solved
+from gstlib.contact import Loading, contact_at_pressure, faces_of, solved, study_modulus
 from gstlib.counterface import rounded_counterface
 from gstlib.coupling import patch_pressures
 from gstlib.geometry import Place, footprint_weights, places_of, square_of
@@ -193,7 +192,7 @@ def truth_of(
         config["load"]["force_N"],
         draw_point(height, middle, distance_mm, generator),
         height,
-        contact_modulus_MPa=contact_moduli(config["material"])[0],
+        contact_modulus_MPa=study_modulus(config["material"]),
         tolerance=config["macroscale"]["tolerance"],
     )
     faces = faces_of(height, rounded_counterface(height, radius_mm, middle))

@@ -20,10 +20,10 @@ from gst.provenance import refuse_other_study
 from gstlib.contact import (
     Loading,
     contact_at_pressure,
-    contact_moduli,
     faces_of,
     load_force,
     load_point,
+    study_modulus,
 )
 from gstlib.doubts import contact_doubts
 from gstlib.errors import GstError, InputsError
@@ -46,7 +46,7 @@ def _at_rest(config: dict, face: xr.Dataset) -> xr.Dataset:
         load_force(config["load"], size_mm),
         load_point(config["load"], size_mm) if placed else None,
         height,
-        contact_modulus_MPa=contact_moduli(config["material"])[0],
+        contact_modulus_MPa=study_modulus(config["material"]),
         tolerance=config["macroscale"]["tolerance"],
     )
     return contact_at_pressure(faces_of(height, over), loading, source="the stone at rest")
@@ -74,15 +74,15 @@ def _summary(
 ) -> str:
     """What a run would do, and the sizes, which show whether units were read as intended."""
     macroscale, material = config["macroscale"], config["material"]
-    size_mm, (modulus, standard) = config["square"]["size_mm"], contact_moduli(material)
-    force_N = load_force(config["load"], size_mm)
+    size_mm, modulus = config["square"]["size_mm"], study_modulus(material)
+    given, force_N = material["contact_modulus_MPa"], load_force(config["load"], size_mm)
     lines = {
         "stone": config["inputs"]["mesh"] if config["inputs"] else "to be generated",
         "macroscale": _pressed(config),
         "load": f"{force_N:.4g} N, {force_N / size_mm**2:.4g} MPa on the square, in "
         f"{macroscale['steps']} steps",
-        "stiffness": f"E* = {modulus:.5g} MPa"
-        + (f", as given; {standard:.5g} MPa from the elastic constants" if standard else ""),
+        "stiffness": f"E* = {modulus:.5g} MPa, "
+        + ("from the elastic constants" if given is None else "as given"),
         "patches": _patches(config, patches),
         "results in": f"{config['results']}: {_state(config)}",
     }

@@ -116,23 +116,14 @@ def check(config) -> None:
     show_default=True,
     help="default, slurm, or your own folder in profiles.",
 )
-@click.option(
-    "--goal",
-    type=click.Choice(["study", "sweep"]),
-    default="study",
-    show_default=True,
-    help="The study; what changes its results most.",
-)
 @click.option("--plan", is_flag=True, help="Only show what would run.")
-def study(config, options, cores, profile, goal, plan) -> None:
+def study(config, options, cores, profile, plan) -> None:
     """Run the study of CONFIG in this folder. Options of Snakemake may follow CONFIG."""
     if str(config).startswith("-"):
         raise click.UsageError(f"name CONFIG before Snakemake's option {config}")
     from gst.running import run_study
 
-    sys.exit(
-        run_study(config, goal=goal, cores=cores, profile=profile, plan=plan, options=options)
-    )
+    sys.exit(run_study(config, cores=cores, profile=profile, plan=plan, options=options))
 
 
 @main.command()
@@ -256,22 +247,11 @@ def diff(before, after, tolerance) -> None:
     sys.exit(bool(differ))
 
 
-@main.command("compare-texture")
-@click.argument("results", type=_PATH)
-@click.argument("file", type=_PATH)
-def compare_texture(results, file) -> None:
-    """Show a study's texture parameters beside those in FILE, a CSV of ConfoMap's results."""
-    from gst.confomap import compare_texture
-
-    table = compare_texture(results, file)
-    click.echo(table.to_string(index=False, float_format="{:.4g}".format))
-
-
 @main.command()
 @click.argument("results", type=_PATH)
 @click.option("--to", type=_PATH, help="The folder; by default `export` in the results folder.")
 def export(results, to) -> None:
-    """Write a study's surfaces (x3p, sur) and tool (PLY) for other programs.
+    """Write a study's surfaces (x3p) and tool (PLY) for other programs.
 
     MountainsMap and Gwyddion open the surfaces; CloudCompare, MeshLab and Blender the tool.
     """

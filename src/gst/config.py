@@ -99,7 +99,7 @@ def read_config(path: str | Path) -> dict:
 
 
 def read_study(config: Mapping, source: str) -> "pd.DataFrame":
-    """Check a config, defaults included, and its sweep, and read its patch table.
+    """Check a config, defaults included, and read its patch table.
 
     `source` names the config in messages.
 
@@ -113,9 +113,8 @@ def read_study(config: Mapping, source: str) -> "pd.DataFrame":
     Without a patch table, the table has no rows.
     """
     from gst.patches import no_patches, read_patches
-    from gst.sweep import sweep_problems
 
-    refuse_config(config_problems(config) or sweep_problems(config, config_problems), source)
+    refuse_config(config_problems(config), source)
     if config["patches"] is None:
         return no_patches()
     return read_patches(
@@ -382,7 +381,7 @@ def _patches_problems(config: Mapping) -> Iterator[str]:
             "'patches' and 'gesture' are null: where to scan depends on how the hand wanders; set "
             "gesture, such as {wander_mm: 1, poses: 60}, or give a patch table"
         )
-    idle = [name for name in ("published", "sweep", "mat") if config[name] is not None]
+    idle = [name for name in ("published", "mat") if config[name] is not None]
     idle += ["counterface.scan"] if "scan" in (config["counterface"] or {}) else []
     if idle:
         yield (

@@ -17,7 +17,7 @@ __all__ = ["compare_results", "describe_changes"]
 
 # Columns that name what a row is about; where they tell all rows apart, they are its key.
 _KEYS = {"key", "patch", "place", "epoch", "model", "statistic", "against", "variant", "case"}
-_KEYS |= {"score", "quantity", "stage", "factor", "output", "step", "by", "band"}
+_KEYS |= {"score", "quantity", "stage", "step", "band"}
 
 
 def compare_results(

@@ -1,20 +1,17 @@
 """A finished study for other programs: `gst export`.
 
 Surfaces for MountainsMap and Gwyddion, the tool for CloudCompare, MeshLab and Blender. Lengths go
-into x3p (ISO 25178-72), as doubles in m, NaN where unmeasured. x3p knows no other quantity;
-pressure goes into Digital Surf's `.sur`, which states any unit. surfalize knows both formats, but
-writes `.sur` in µm only and moves 0 by what float32 loses, so its header is filled in here.
+into x3p (ISO 25178-72), as doubles in m, NaN where unmeasured. x3p knows no other quantity: of a
+pressure the tool has the macroscale's, and the patches' own are in their HDF5 files.
 """
 
 import io
 import json
-from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from gst.chain import check_chain, made_in
@@ -27,12 +24,9 @@ from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
 from gstlib.surface import spacing_of
 
-__all__ = ["export_study", "sur_of", "tool_with", "x3p_of"]
+__all__ = ["export_study", "tool_with", "x3p_of"]
 
-# Whole numbers of 32 bits stand for the values of a .sur; these leave room.
-_LARGEST_STEP = 1 << 30
-_SURFACE = 2  # kind of a .sur: one map
-# Both formats ask for a date; that of the export says nothing about a result.
+# The format asks for a date; that of the export says nothing about a result.
 _NO_DATE = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -50,10 +44,9 @@ def export_study(results: Path, to: Path) -> list[Path]:
     for file in sorted(made & set(results.glob("surfaces/*_T0.h5"))):
         patch = file.stem.removesuffix("_T0")
         for name, field in _maps(results, patch, made):
-            is_length = field.attrs["units"] == "mm"
-            written.append(to / f"{patch}_{name}.{'x3p' if is_length else 'sur'}")
+            written.append(to / f"{patch}_{name}.x3p")
             title = f"patch {patch}: {field.attrs['long_name']}"
-            write_whole(written[-1], (x3p_of if is_length else sur_of)(field, title))
+            write_whole(written[-1], x3p_of(field, title))
     written.append(to / "tool.ply")
     write_whole(written[-1], _tool(results, made))
     return written
@@ -75,9 +68,6 @@ def _maps(results: Path, patch: str, made: set[Path]) -> Iterator[tuple[str, xr.
     if wear in made:
         for depth in read_dataset(wear, only=["depth"]).depth:
             yield f"predicted_{depth.model.item()}", depth
-    contact = results / f"microscale/{patch}.h5"
-    if contact in made:
-        yield "pressure", read_dataset(contact, only=["pressure"]).pressure
 
 
 def x3p_of(heights: xr.DataArray, title: str) -> bytes:
@@ -90,49 +80,6 @@ def x3p_of(heights: xr.DataArray, title: str) -> bytes:
     surface.metadata["timestamp"] = _NO_DATE
     write_x3p(content, surface, comment=title)
     return content.getvalue()
-
-
-def sur_of(field: xr.DataArray, title: str) -> bytes:
-    """A .sur file of a map (y, x) of any quantity, in its ``units``; NaN where unmeasured."""
-    from surfalize.file.sur import LAYOUT_HEADER
-
-    (ny, nx), (dy, dx) = field.shape, spacing_of(field)
-    unknown = np.isnan(field.values)
-    values = np.where(unknown, 0.0, field.values)
-    step = float(np.float32(np.abs(values).max() / _LARGEST_STEP)) or 1.0
-    steps = np.round(values / step).astype("<i4")
-    lowest, highest = int(steps.min()), int(steps.max())
-    steps[unknown] = lowest - 2  # as the format prescribes
-    header = defaultdict(
-        int,
-        code="DIGITAL SURF",
-        n_objects=1,
-        version_number=1,
-        studiable_type=_SURFACE,
-        name_object=title[:30],
-        name_operator="",
-        non_measured_points=int(unknown.any()),
-        absolute_z_axis=1,
-        bits_per_point=32,
-        min_point=lowest,
-        max_point=highest,
-        n_points_per_line=nx,
-        n_lines=ny,
-        n_total_points=nx * ny,
-        day=1,
-        month=1,
-        year=1970,
-        client_zone="",
-        name_t="",
-        unit_step_t="",
-    )
-    units = {"x": "mm", "y": "mm", "z": field.attrs["units"]}
-    for (axis, unit), length in zip(units.items(), (dx, dy, step), strict=True):
-        header |= {f"name_{axis}": axis.upper(), f"spacing_{axis}": length}
-        header |= {f"unit_{axis}": unit, f"unit_step_{axis}": unit, f"unit_ratio_{axis}": 1.0}
-    content = io.BytesIO()
-    LAYOUT_HEADER.write(content, header, encoding="latin-1")
-    return content.getvalue() + steps.tobytes()
 
 
 def _tool(results: Path, made: set[Path]) -> bytes:

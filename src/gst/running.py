@@ -37,7 +37,6 @@ MADE = (
     "registered",
     "specimen",
     "surfaces",
-    "sweep",
     "tables",
     "wear",
     "check.png",
@@ -48,9 +47,6 @@ MADE = (
     "tool.ply",
     "verdict.html",
 )
-# What studies of earlier versions made, too; no step makes or reads it any more.
-_EARLIER_FOLDERS = "benchmarks", "hardness", "power", "slip"
-_EARLIER_TABLES = "hardness", "pose_shifts", "sensitivity", "slip"
 LOCKS = Path(".snakemake/locks")
 HOST = Path(".snakemake/host")  # the machine on which the last run was started
 # By default glibc takes new pages from the kernel for each large array, which clears them first,
@@ -65,13 +61,7 @@ SHOWN = ("provenance.json", "verdict.html", "tables/*.csv", "figures/**/*.png", 
 
 
 def run_study(
-    config: Path,
-    *,
-    goal: str,
-    cores: str | None,
-    profile: str,
-    plan: bool,
-    options: Sequence[str],
+    config: Path, *, cores: str | None, profile: str, plan: bool, options: Sequence[str]
 ) -> int:
     """Run a study in the working folder, build its report, and say what to open.
 
@@ -79,8 +69,6 @@ def run_study(
     ----------
     config : Path
         The config file.
-    goal : str
-        ``study``; or ``sweep``, which needs a section of that name.
     cores : str, optional
         Jobs at a time on this machine: a number, or ``all``; by default those of the profile.
     profile : str
@@ -98,9 +86,8 @@ def run_study(
     Raises
     ------
     InputError
-        The config cannot be used, or lacks the section; there is no such profile; an option is
-        refused; Snakemake is not installed; the results are those of an earlier version; a run is,
-        or may be, active in this folder.
+        The config cannot be used; there is no such profile; an option is refused; Snakemake is not
+        installed; a run is, or may be, active in this folder.
     """
     read = read_config(config)
     refuse_study(read, str(config))
@@ -110,10 +97,6 @@ def run_study(
             "gst study", problem, "Give gst another CONFIG, or start it elsewhere."
         )
     plan = plan or not _PLANNING.isdisjoint(options)
-    if goal != "study" and not read.get(goal):
-        raise InputError(
-            config, f"has no section '{goal}'", f"Add one, as in config/{goal}.yaml."
-        )
     if importlib.util.find_spec("snakemake") is None:
         remedy = "Install it: pip install 'gstlib[workflow]'"
         raise InputError(
@@ -124,7 +107,6 @@ def run_study(
     if folder is None:
         raise InputError("--profile", f"there is no folder {here}", "See docs/cluster.md.")
     results = Path(read["results"])
-    _refuse_earlier(results, config)
     refuse_other_study(read)
     check_links(results)
     if not plan:
@@ -134,14 +116,9 @@ def run_study(
     command += ["--cores", cores] if cores else []
     command += [*options, *(["--dry-run"] if plan else [])]
     command += ["--configfile", config, "--"]
-    shown = {PLAN: "1"} if plan else {}
-    if code := _snakemake(*command, *([] if goal == "study" else [goal]), environment=shown):
+    if code := _snakemake(*command, environment={PLAN: "1"} if plan else {}):
         return code
     if plan:
-        return 0
-    if goal != "study":
-        files = [results / f"tables/{goal}.csv", results / f"figures/{goal}.png"]
-        print(f"Done. Look at {' and '.join(str(file) for file in files if file.is_file())}")
         return 0
     page, report = results / "index.html", results / "report.html"
     if broken := break_in(results, read):  # the options asked for less
@@ -165,18 +142,6 @@ def _write_without_paths(report: Path, part: Path) -> None:
         content = content.replace(f"{folder.as_posix()}/".encode(), b"")
     write_whole(report, content)
     part.unlink()
-
-
-def _refuse_earlier(results: Path, config: Path) -> None:
-    """Refuse a folder with results of an earlier version, which would stand beside the new ones."""
-    names = [*_EARLIER_FOLDERS, *(f"tables/{name}.csv" for name in _EARLIER_TABLES)]
-    if left := [name for name in names if (results / name).exists()]:
-        raise InputError(
-            results,
-            f"holds results of an earlier version of the program ({', '.join(left)})",
-            f"Keep them elsewhere, or remove them with `gst clean {config}`; or give `results` "
-            "another name in the config.",
-        )
 
 
 def _checked(config: Path) -> dict:
@@ -254,7 +219,7 @@ def claim_folder(config: Path) -> None:
 def remove_results(config: Path) -> None:
     """Ask, and remove what a study made in its folder; the folder too, if nothing else is in it."""
     folder = Path(_checked(config)["results"])
-    made = [folder / name for name in (*MADE, *_EARLIER_FOLDERS) if (folder / name).exists()]
+    made = [folder / name for name in MADE if (folder / name).exists()]
     made += folder.glob(".*.part*")
     if not made:
         print(f"{folder} contains no results of a study.")

@@ -1,9 +1,8 @@
 """Cases beside the study's own contacts: what would change, had it been asked otherwise?
 
-Another contact modulus presses the whole square again. A grinding force, and a ceiling on the
-pressure, act on each patch in the study. The table of cases has one number a row, with the study's
-own beside it where the two are compared. Fields are not stored: `solve_slip` and `solve_ceiling`
-give them from a stored contact.
+A grinding force, and a ceiling on the pressure, act on each patch in the study. The table of cases
+has one number a row, with the study's own beside it where the two are compared. Fields are not
+stored: `solve_slip` and `solve_ceiling` give them from a stored contact.
 """
 
 import math
@@ -15,8 +14,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.bem import solve_contact
-from gstlib.contact import Loading, contact_at_pressure, solved
-from gstlib.coupling import patch_pressures
+from gstlib.contact import Loading, solved
 from gstlib.errors import ConfigError
 from gstlib.io.results import columns_of
 
@@ -24,7 +22,6 @@ __all__ = [
     "case_table",
     "ceiling_rows",
     "check_ceiling",
-    "modulus_rows",
     "patch_rows",
     "slip_rows",
     "solve_ceiling",
@@ -46,8 +43,8 @@ __all__ = [
 # between. The paper has none.
 
 # The cases, in the order of the table. The first is the study itself.
-_STUDY, _MODULUS, _GRINDING, _CEILING = "study", "other modulus", "grinding", "ceiling"
-_SQUARE = ""  # stands for a patch where a row is of the whole square, or of all patches
+_STUDY, _GRINDING, _CEILING = "study", "grinding", "ceiling"
+_ALL = ""  # stands for a patch where a row is of all patches
 # Unit and long name of what a case consists of.
 _VARIABLES = {
     "pressure": ("MPa", "contact pressure"),
@@ -160,41 +157,6 @@ def solve_ceiling(
     return _on_grid_of(contact, found | {"hardness": hardness_MPa})
 
 
-def modulus_rows(
-    contact: xr.Dataset,
-    patches: pd.DataFrame,
-    *,
-    other_modulus_MPa: float,
-    patch_mm: float,
-    source: str | Path = "macroscale",
-) -> Iterator[Row]:
-    """The square and the pressures of its patches, with the study's contact modulus and another.
-
-    Parameters
-    ----------
-    contact : xarray.Dataset
-        Of the square at the target pressure.
-    patches : pandas.DataFrame
-        ``patch, x_mm, y_mm, rotation_deg``.
-    other_modulus_MPa : float
-        The other E*.
-    patch_mm : float
-        Side of a patch.
-    source : path
-        As in `solve_slip`.
-    """
-    loading = Loading.of(contact)._replace(contact_modulus_MPa=other_modulus_MPa)
-    other = contact_at_pressure(contact, loading, source=source)
-    for case, found in ((_STUDY, contact), (_MODULUS, other)):
-        modulus = float(found.contact_modulus)
-        yield case, _SQUARE, "contact modulus", "MPa", modulus
-        yield case, _SQUARE, "displacement", "um", float(found.displacement) * 1e3
-        yield case, _SQUARE, "contact fraction", "1", float(found.contact_fraction)
-        by_patch = patch_pressures(found.pressure, patches, size_mm=patch_mm)
-        for patch, pressure in zip(by_patch.patch, by_patch.pressure_MPa, strict=True):
-            yield case, patch, "patch pressure", "MPa", float(pressure)
-
-
 def patch_rows(
     contacts: Mapping[str, xr.Dataset],
     *,
@@ -214,10 +176,10 @@ def patch_rows(
         That of `solve_ceiling`, likewise.
     """
     if grinding is not None:
-        yield _GRINDING, _SQUARE, "friction", "1", float(grinding["friction"])
-        yield _GRINDING, _SQUARE, "tangential ratio", "1", float(grinding["tangential_ratio"])
+        yield _GRINDING, _ALL, "friction", "1", float(grinding["friction"])
+        yield _GRINDING, _ALL, "tangential ratio", "1", float(grinding["tangential_ratio"])
     if hardness_MPa is not None:
-        yield _CEILING, _SQUARE, "hardness", "MPa", float(hardness_MPa)
+        yield _CEILING, _ALL, "hardness", "MPa", float(hardness_MPa)
     for patch, contact in contacts.items():
         source = f"patch {patch}"
         if grinding is not None:
@@ -233,19 +195,19 @@ def slip_rows(patch: str, slip: xr.Dataset) -> Iterator[Row]:
     The rest of the contact sticks. Without contact the share that slips is NaN.
     """
     sticking, slipping = int(slip.stick.sum()), int(slip.slip.sum())
+    share = slipping / (sticking + slipping) if sticking + slipping else math.nan
     displacement = float(slip.tangential_displacement)
     yield _GRINDING, patch, "mean traction", "MPa", float(slip.traction.values.mean())
-    yield _GRINDING, patch, "slip share", "1", _share(slipping, sticking + slipping)
+    yield _GRINDING, patch, "slip share", "1", share
     yield _GRINDING, patch, "tangential displacement", "um", displacement * 1e3
 
 
 def ceiling_rows(patch: str, contact: xr.Dataset, limited: xr.Dataset) -> Iterator[Row]:
     """One patch without and with a ceiling on its pressure, from its contact and `solve_ceiling`.
 
-    Without contact, IoU and the share at the ceiling are NaN and 0.
+    Without contact, the share at the ceiling is 0.
     """
     elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
-    both, either = int((elastic & plastic).sum()), int((elastic | plastic).sum())
     at_ceiling = limited.pressure.values >= float(limited.hardness)
     deepest = float(np.max(-limited.gap.values[at_ceiling], initial=0.0))
     yield _STUDY, patch, "displacement", "um", float(contact.displacement) * 1e3
@@ -254,13 +216,12 @@ def ceiling_rows(patch: str, contact: xr.Dataset, limited: xr.Dataset) -> Iterat
     yield _CEILING, patch, "displacement", "um", float(limited.displacement) * 1e3
     yield _CEILING, patch, "contact fraction", "1", float(plastic.mean())
     yield _CEILING, patch, "share at the ceiling", "1", float(limited.ceiling_share)
-    yield _CEILING, patch, "iou", "1", _share(both, either)
     yield _CEILING, patch, "deepest yield", "um", deepest * 1e3
 
 
 def case_table(rows: Iterable[Row]) -> pd.DataFrame:
     """The table ``cases.csv``: the rows case by case, the study's own first."""
-    cases = [_STUDY, _MODULUS, _GRINDING, _CEILING]
+    cases = [_STUDY, _GRINDING, _CEILING]
     # stable: within a case the rows keep their order
     ordered = sorted(rows, key=lambda row: cases.index(row[0]))
     return pd.DataFrame(ordered, columns=columns_of("cases"))
@@ -295,7 +256,3 @@ def _on_grid_of(contact: xr.Dataset, found: Mapping) -> xr.Dataset:
         dims = ("y", "x") if np.ndim(value) else ()
         variables[name] = (dims, value, {"units": units, "long_name": long_name})
     return xr.Dataset(variables, coords={"y": contact.y, "x": contact.x})
-
-
-def _share(part: int, whole: int) -> float:
-    return part / whole if whole else math.nan

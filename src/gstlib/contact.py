@@ -35,7 +35,6 @@ __all__ = [
     "Loading",
     "check_grid",
     "contact_at_pressure",
-    "contact_moduli",
     "contact_path",
     "faces_of",
     "from_corner",
@@ -47,6 +46,7 @@ __all__ = [
     "microscale_tables",
     "pressed_height",
     "solved",
+    "study_modulus",
     "study_poisson",
     "tilted",
     "turned_over",
@@ -515,15 +515,12 @@ def _variables(values: Mapping, prefix: str = "") -> dict[str, tuple]:
     return variables
 
 
-def contact_moduli(material: Mapping) -> tuple[float, float | None]:
-    """The contact modulus (MPa) of the study, and another that its elastic constants give.
-
-    The second is None where the config leaves the first to the elastic constants.
-    """
+def study_modulus(material: Mapping) -> float:
+    """The contact modulus (MPa) of the config's section ``material``: as given, or computed."""
+    if (given := material["contact_modulus_MPa"]) is not None:
+        return float(given)
     names = ("young_1_MPa", "poisson_1", "young_2_MPa", "poisson_2")
-    standard = contact_modulus(*(material[name] for name in names))
-    given = material["contact_modulus_MPa"]
-    return (standard, None) if given is None else (float(given), standard)
+    return contact_modulus(*(material[name] for name in names))
 
 
 def study_poisson(material: Mapping) -> float:

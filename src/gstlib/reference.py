@@ -168,7 +168,7 @@ def two_scales_table(
     -------
     pandas.DataFrame
         ``patch, variant, pressure_MPa, reference_pressure_MPa, contact_fraction,
-        reference_contact_fraction, precision, recall, f1, iou``. Of each variant also
+        reference_contact_fraction, precision, recall, f1``. Of each variant also
         ``highest_VARIANT``: the highest points of its surface, as many as are in contact in the
         reference. Rows `ALL` pool the points of all patches. Draws of the
         reference are pooled, and its pressure is their mean.
@@ -197,10 +197,7 @@ def two_scales_table(
                 own = pressure if name == variant else np.nan
                 _, predicted, touching, points = each
                 scores = mask_scores(*each)
-                precision, recall, f1 = (
-                    float(scores[score]) for score in ("precision", "recall", "f1")
-                )
+                shown = (float(scores[score]) for score in ("precision", "recall", "f1"))
                 areas = predicted / points, touching / points
-                shown = precision, recall, f1, f1 / (2 - f1)
                 rows.append((patch, name, own, true_pressure, *areas, *shown))
     return pd.DataFrame(rows, columns=columns_of("two_scales"))

@@ -57,11 +57,11 @@ from gstlib.composite import compose_surface
 from gstlib.contact import (
     Loading,
     contact_at_pressure,
-    contact_moduli,
     contact_path,
     faces_of,
     load_force,
     load_point,
+    study_modulus,
     with_interface_stiffness,
 )
 from gstlib.counterface import SecondStone
@@ -301,7 +301,6 @@ def judge_wear(
     *,
     fitted_to: Sequence[str],
     mat: xr.Dataset | None = None,
-    exposure: pd.DataFrame | None = None,
     expected_worst: Sequence[str] = (),
     seed: int | Sequence[int],
     resamples: int,
@@ -313,8 +312,8 @@ def judge_wear(
     contacts, changes, predicted : mapping of str to xarray.Dataset
         By patch: contact before use, height change, and the result of `gstlib.wear.wear_map`, of
         which there are none where no wear is predicted.
-    pressures, registration, exposure : pandas.DataFrame
-        The tables ``patch_pressures``, ``registration`` and, of a gesture, ``exposure``.
+    pressures, registration : pandas.DataFrame
+        The tables ``patch_pressures`` and ``registration``.
     fitted_to : sequence of str
         Patches whose losses the prediction is fitted to.
     mat : xarray.Dataset, optional
@@ -350,7 +349,7 @@ def judge_wear(
     nulls = by_chance(found)
     counted = (at.in_study.astype(bool) & at.believed.astype(bool)).to_dict()
     tables = judged_tables(found, nulls, counted)
-    statistics = patch_statistics(tables["patches"], registration, pressures, exposure)
+    statistics = patch_statistics(tables["patches"], registration, pressures)
     tables["summary"] = summarise(
         statistics,
         tables["wear"],
@@ -424,7 +423,7 @@ class Study:
         self.read_mesh, self.read_scan, self.read_face = read_mesh, read_scan, read_face
         self.second_stone = second_stone
         self.kept = dict(kept or {})
-        self._modulus, _ = contact_moduli(config["material"])
+        self._modulus = study_modulus(config["material"])
 
     @_stage
     def face(self) -> xr.Dataset:

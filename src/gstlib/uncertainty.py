@@ -24,7 +24,7 @@ import xarray as xr
 
 from gstlib.bem import contact_modulus
 from gstlib.composite import compose_grid, draw_mesh_errors, plane_under
-from gstlib.contact import Loading, contact_at_pressure, contact_moduli, faces_of
+from gstlib.contact import Loading, contact_at_pressure, faces_of, study_modulus
 from gstlib.counterface import face_in_pose
 from gstlib.coupling import patch_pressures
 from gstlib.geometry import Place, moved, places_of, spline_of
@@ -146,7 +146,7 @@ def pressure_intervals(
         ``patch, x_mm, y_mm, rotation_deg, pressure_MPa``.
     material : mapping
         The elastic constants of both stones, and the contact modulus, as in
-        `gstlib.contact.contact_moduli`.
+        `gstlib.contact.study_modulus`.
     errors : Errors
     force_N : float
         On the face.
@@ -164,7 +164,7 @@ def pressure_intervals(
         ``tilt_error_mrad`` and ``plane``, "mesh" or, where it is not known, "levelled".
     """
     face, composite, counterface = macroscale
-    modulus, _ = contact_moduli(material)
+    modulus = study_modulus(material)
     generator = np.random.default_rng(seed)
     moduli_MPa = modulus * draw_contact_moduli(material, errors, generator=generator)
     mesh = coarser(face.height, _COARSER)

@@ -82,8 +82,6 @@ def test_numbers_are_finite(config, value):
         assert "give a finite number" in impossible(config, path, value)
     (corner,) = config_problems(changed(config, "square.points_mm", [[0, value, 0], *POINTS[1:]]))
     assert corner.startswith("'square.points_mm.0.1' is ")
-    (swept,) = config_problems(config | {"sweep": {"a": [{"load": {"force_N": value}}]}})
-    assert swept.startswith("'sweep.a.0.load.force_N' is ")
 
 
 @pytest.mark.parametrize("value", ["a\0.tsv", "\ud800", "a" * 300, 2500 * "a/"], ids="abcd")
@@ -288,8 +286,8 @@ def test_what_would_stop_a_run_before_its_first_step(tmp_path, monkeypatch, chan
         ({"gesture": None}, "'patches' and 'gesture' are null: where to scan depends on"),
         ({"counterface": {"scan": "b.plu"}}, "and counterface.scan needs scanned patches"),
         (
-            {"published": "config/published_m12.csv", "sweep": {"seed": [{"seed": 2}]}},
-            "'patches' is null, and published and sweep need scanned patches",
+            {"published": "config/published_m12.csv", "counterface": {"scan": "b.plu"}},
+            "'patches' is null, and published and counterface.scan need scanned patches",
         ),
     ],
 )
@@ -320,7 +318,7 @@ def test_poisson_stands_for_the_compliances_of_both_stones(first, second):
         (b'title: "\x07"\n', "#x0007"),
         (b"title: 2024-13-45\n", "month must be in 1..12"),
         (b"seed: " + 5000 * b"1", "digits"),
-        (b"sweep: &a {f: [*a]}\n", "aliases"),
+        (b"load: &a {f: [*a]}\n", "aliases"),
         (b"# a stone\ntitle: Fl\xe4che\n", "byte 0xe4"),
         (b"- a\n- b\n", "holds ['a', 'b'], not keys"),
         (b"# nothing\n", "holds None"),

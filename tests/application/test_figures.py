@@ -39,15 +39,15 @@ COUNTED = table("patch counted; 1 True; 3 True; 5 False; 6 False")
 SUMMARY = table("""model statistic value low high p_value n
     archard mean(mcc) 0.5 0.4 0.6 NA 3; archard mean(attainable_mcc) 0.7 NA NA NA 3
     rigid mean(mcc) 0.4 NA NA NA 3; own_area mean(mcc) 0.8 0.7 0.9 NA 3
-    NA spearman(pressure_MPa,_loss_per_area_um) 0.5 -0.1 0.9 0.2 3
+    NA spearman(pressure_MPa,_loss_fraction) 0.5 -0.1 0.9 0.2 3
     NA spearman(touched,_loss_per_area_um) 0.4 NA NA NA 4""")
 WEAR = table("""patch model predicted_volume_um3 measured_volume_um3; 1 archard 1e5 2e5
     3 archard 3e5 4e5; 5 archard 0 9e5; 1 rigid 2e5 2e5; 3 rigid 9e5 4e5""")
-PROFILE = table("patch by band model loss_um; 1 gap 1 archard 9; 5 height 1 archard 9")
+PROFILE = table("patch band model loss_um; 5 1 archard 9")
 PROFILE = pd.concat(
     [PROFILE]
     + [
-        pd.DataFrame({"by": "height", "band": range(1, 5), "loss_um": [of, 0.2, 0.1, 0.0]}).assign(
+        pd.DataFrame({"band": range(1, 5), "loss_um": [of, 0.2, 0.1, 0.0]}).assign(
             patch=patch, model=model
         )
         for patch, model, of in (("1", "archard", 1.0), ("3", "archard", 3.0), ("1", "measured", 4))
@@ -57,9 +57,6 @@ TWO_SCALES = table("""patch variant f1; 1 levelled 0.4; 3 levelled 0.5; all leve
     1 placed 0.9; 3 placed 0.8; all placed 0.85""")
 ALONE["texture"] = table("""patch epoch Sq_um Sk_um Spk_um Svk_um Sal_um Str
     1 T0 2 1 1 1 1 1; 1 T1 1.5 1 1 1 1 1; 2 T0 3 1 1 1 1 1; 3 T0 4 1 1 1 1 1""")
-ALONE["sweep"] = table("""factor value output result change low high
-    NA NA mean(mcc) 0.5 0 0.4 0.6; load a mean(mcc) 0.4 -0.1 NA NA
-    load b mean(mcc) 0.7 0.2 NA NA""")
 
 
 def contact_at(heights, load):
@@ -233,9 +230,6 @@ def test_curves_and_tables_are_drawn_as_they_are():
     after, before = points_of(draw("texture").axes[0])
     np.testing.assert_array_equal(after, [[0, 1.5], [1, np.nan], [2, np.nan]])
     assert before == [[0, 2], [1, 3], [2, 4]]
-    bars = draw("sweep").axes[0].patches[1:]
-    assert [bar.get_x() for bar in bars] == [0.5, 0.5]  # the study's result
-    assert [bar.get_width() for bar in bars] == pytest.approx([-0.1, 0.2])
 
 
 def test_validation_shows_what_the_tables_say():
@@ -250,8 +244,8 @@ def test_validation_shows_what_the_tables_say():
     studied, left_out, untouched = points_of(extent)
     assert (studied, left_out, untouched) == ([[40, 0.1], [20, 0.2]], [[9, 0.05]], [[0, 0.01]])
     _, pressed, touched = extent.get_title().splitlines()
-    assert pressed.endswith("pressure: 0.5 [−0.1, 0.9], p = 0.2")
-    assert touched.endswith("touched or not: 0.4, not tested")
+    assert pressed.endswith("pressure and worn area: 0.5 [−0.1, 0.9], p = 0.2")
+    assert touched.endswith("touched or not and loss: 0.4, not tested")
 
 
 def test_wear_shows_the_counted_patches_and_no_others():

@@ -7,7 +7,7 @@ import sys
 
 import gst
 import pytest
-from gst.running import is_report_current, lay_out, remove_results, run_study
+from gst.running import is_report_current, lay_out, run_study
 from gstlib.errors import InputError
 
 
@@ -55,13 +55,12 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-USUAL = {"goal": "study", "cores": "1", "profile": "default", "plan": False, "options": ()}
+USUAL = {"cores": "1", "profile": "default", "plan": False, "options": ()}
 
 
 @pytest.mark.parametrize(
     ("config", "asked", "said"),
     [
-        ("mine.yaml", {"goal": "sweep"}, r"mine\.yaml: has no section 'sweep'"),
         ("mine.yaml", {"profile": "mine"}, "no folder profiles/mine"),
         ("yours.yaml", {}, r"yours\.yaml: cannot be opened"),
         ("bad.yaml", {}, r"bad\.yaml: .*\n  - 'results' is 5"),
@@ -73,18 +72,6 @@ def test_a_study_that_cannot_begin_leaves_nothing(folder, config, asked, said):
         run_study(config, **USUAL | asked)
     names = {"bad.yaml", "config", "mine.yaml", "table.yaml", "table.tsv"}
     assert {file.name for file in folder.iterdir()} == names
-
-
-def test_results_of_an_earlier_version_are_refused_and_can_be_removed(folder, monkeypatch):
-    old = folder / "results-tiny/tables/slip.csv"
-    old.parent.mkdir(parents=True)
-    old.write_text("patch\n")
-    with pytest.raises(InputError, match=r"earlier version.*slip\.csv.*gst clean"):
-        run_study("config/tiny.yaml", **USUAL)
-    assert old.exists()
-    monkeypatch.setattr("builtins.input", lambda _: "y")
-    remove_results("config/tiny.yaml")
-    assert not (folder / "results-tiny").exists()
 
 
 @pytest.mark.parametrize(

@@ -90,14 +90,13 @@ def test_scores_against_the_reference_by_hand():
     assert row.precision == pytest.approx(5 / 8)
     assert row.recall == pytest.approx(5 / 10)
     assert row.f1 == pytest.approx(10 / 18)
-    assert row.iou == pytest.approx(5 / 13)
     assert row.contact_fraction == pytest.approx(8 / points)
     assert row.reference_contact_fraction == pytest.approx(10 / points)
     assert row.reference_pressure_MPa == 7.0
     assert row.pressure_MPa == pytest.approx(pressure.mean())
     none = np.zeros((POINTS, POINTS))
     scores = table_of(reference_of([none]), levelled=contact(none))
-    assert scores[["precision", "recall", "f1", "iou"]].isna().all(axis=None)
+    assert scores[["precision", "recall", "f1"]].isna().all(axis=None)
 
 
 def test_the_rival_marks_the_highest_points_of_the_laid_surface():

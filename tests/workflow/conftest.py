@@ -14,13 +14,11 @@ import pytest
 import yaml
 from filelock import FileLock
 from gst.config import read_config
-from gst.patches import read_patches
-from gstlib.io.meshes import read_mesh
-from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table, write_table
 from gstlib.study import Study as InMemory
 from gstlib.uncertainty import Errors, Macroscale, pressure_intervals
+from sweep import study_of
 
 ROOT = Path(__file__).parents[2]
 # as `gst study` starts it, with this interpreter: the environment under test
@@ -98,20 +96,7 @@ class Study:
 
 def in_memory(study: Study, config: dict | None = None) -> InMemory:
     """The study by the library alone, from the same files, with its own config or another."""
-    config = config or read_config(study.folder / study.config)
-    sizes = {"size_mm": config["square"]["size_mm"], "patch_size_mm": config["scans"]["size_mm"]}
-    patches = read_patches(study.folder / config["patches"], **sizes)
-    made = {"mesh": f"{config['results']}/specimen/mesh.stl", "mesh_unit": "mm"}
-    inputs = config["inputs"] or made | {"scan_folder": f"{config['results']}/specimen/scans"}
-    names = patches.rename(columns={"t0": "T0", "t1": "T1"}).set_index("patch")
-    face = (config["counterface"] or {}).get("scan")
-    return InMemory(
-        config,
-        patches,
-        read_mesh=lambda: read_mesh(study.folder / inputs["mesh"], unit=inputs["mesh_unit"]),
-        read_scan=lambda *of: read_scan(study.folder / inputs["scan_folder"] / names.at[of]),
-        read_face=(lambda: read_scan(study.folder / face)) if face else None,
-    )
+    return study_of(config or read_config(study.folder / study.config), study.folder)
 
 
 def intervals_of(study: Study) -> pd.DataFrame:

@@ -1,17 +1,14 @@
 """`gst export`: other programs' readers find in its files what the study holds."""
 
-import struct
-
 import meshio
 import numpy as np
 import pytest
 import trimesh
-from gst.export import sur_of
 from gstlib.geometry import FRAME, stored_frame
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
-from gstlib.surface import make_surface, spacing_of
+from gstlib.surface import spacing_of
 from SurfaceTopography.IO import open_topography
 from surfalize import Surface
 
@@ -54,32 +51,6 @@ def test_two_libraries_read_the_lengths(finished_tiny, exported, name):
     for read, unit in ((one.data, 1e3), (heights, 1e-3), (read_scan(path).values, 1.0)):
         np.testing.assert_allclose(read, expected.values * unit, atol=1e-12)  # NaN where NaN
     assert bool(expected.isnull().any()) == (name in ("T0", "T1", "loss"))
-
-
-def test_pressure_states_its_unit(finished_tiny, exported):
-    """By the bytes of Digital Surf's header: no reader here takes another unit than a length."""
-    expected = read_dataset(finished_tiny.results / f"microscale/{PATCH}.h5").pressure
-    content = (exported / f"{PATCH}_pressure.sur").read_bytes()
-    nx, ny = struct.unpack_from("<ii", content, 108)
-    dx, dy, step = struct.unpack_from("<fff", content, 120)
-    units = [content[at : at + 16].strip() for at in (180, 196, 212, 228, 244, 260)]
-    assert units == 2 * [b"mm", b"mm", b"MPa"]
-    assert (dy, dx) == pytest.approx(spacing_of(expected))
-    steps = np.frombuffer(content[512:], "<i4").reshape(ny, nx)
-    np.testing.assert_allclose(steps * step, expected.values, rtol=1e-6, atol=1e-4)
-    np.testing.assert_array_equal(steps == 0, expected.values == 0)
-
-
-@pytest.mark.parametrize("scale", [1.0, 0.0])
-def test_two_libraries_read_a_sur(tmp_path, scale):
-    heights = make_surface(scale * np.arange(-7.0, 8).reshape(3, 5) * 1e-3, (2e-3, 2e-3))
-    heights[1, 2] = np.nan
-    (tmp_path / "a.sur").write_bytes(sur_of(heights, "any"))
-    one = Surface.load(tmp_path / "a.sur").data / 1e3
-    other = open_topography(str(tmp_path / "a.sur")).topography()
-    assert (other.unit, other.physical_sizes) == ("mm", pytest.approx((10e-3, 6e-3)))
-    for read in (one, np.ma.filled(other.heights(), np.nan).T):
-        np.testing.assert_allclose(read, heights.values, atol=1e-9)
 
 
 def test_the_tool_keeps_its_coordinates_and_shows_the_patches(finished_tiny, exported):

@@ -1,11 +1,9 @@
 """A change reruns what depends on it and nothing else. Only plans are made here."""
 
 import os
-import re
 import shutil
 
 import pytest
-import yaml
 
 from .conftest import ROOT
 
@@ -110,12 +108,3 @@ def test_patches_are_shared_out_by_the_profile(tiny):
     planned = tiny.planned("--config", "patches_per_job=4")
     assert {"prepare_T0_scans_1", "prepare_T0_scans_2", "solve_patches_2"} <= planned
     assert planned.isdisjoint({"generate_specimen", "grid_macroscale"})
-
-
-def test_the_sweep_is_planned_only_when_asked_for(study):
-    study.config = "config/sweep.yaml"
-    asked = yaml.safe_load((study.folder / study.config).read_text())["sweep"]
-    said = study.succeed("sweep", "--dry-run")
-    count = 1 + sum(map(len, asked.values()))
-    assert re.search(rf"^try_setting +{count}$", said, re.MULTILINE)
-    assert "try_setting" not in study.planned()

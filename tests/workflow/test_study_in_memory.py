@@ -6,11 +6,13 @@ it is tested with the library.
 
 import numpy as np
 import pytest
-from gst.sweep import merged, outcomes
+import yaml
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.reference import two_scales_table
 from gstlib.validation.texture import measure_texture
+from power import merged
+from sweep import main, outcomes
 
 from .conftest import assert_stored, in_memory, intervals_of
 
@@ -87,16 +89,21 @@ def test_a_changed_value_moves_the_outcomes(own, finished_tiny, config, changes,
     assert not np.allclose(one, other, rtol=1e-4)
 
 
-def test_a_setting_of_a_sweep_is_the_study_with_that_config(tiny, own, config):
+def test_a_setting_of_a_sweep_is_the_study_with_that_config(
+    own, finished_tiny, config, tmp_path, monkeypatch
+):
     change = {"load": {"force_N": 660.0}}
-    tiny.change(sweep={"force": [change]})
-    tiny.succeed("sweep")
-    found = read_table(tiny.results / "tables/sweep.csv")
+    settings, rows = tmp_path / "settings.yaml", tmp_path / "sweep.csv"
+    settings.write_text(yaml.safe_dump({"force": [change]}))
+    monkeypatch.chdir(finished_tiny.folder)
+    files = ["--settings", str(settings), "--output", str(rows)]
+    main(["--config", finished_tiny.config, *files])
+    found = read_table(rows)
     swept = found[found.output == "pressure_MPa"]
-    changed = in_memory(tiny, merged(config, change))
+    changed = in_memory(finished_tiny, merged(config, change))
     for study, is_it in ((own, swept.factor.isna()), (changed, swept.factor == "force")):
         expected = study.pressures().pressure_MPa
         np.testing.assert_allclose(swept.result[is_it], expected, rtol=1e-4, atol=1e-9)
     moved = set(found.output[found.change.abs() > 1e-9])
     assert {"pressure_MPa", "mean(mcc)"} <= moved
-    assert (tiny.results / "figures/sweep.png").stat().st_size > 0
+    assert set(found.value.dropna()) == {"load: {force_N: 660.0}"}

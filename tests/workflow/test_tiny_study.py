@@ -25,7 +25,7 @@ from matplotlib.colors import to_rgb
 from .conftest import ROOT
 
 # Of the tables listed, those that this study has no use for.
-ABSENT = {"exposure", "places", "published", "sweep"}
+ABSENT = {"exposure", "places", "published"}
 
 
 @pytest.fixture(scope="module")
@@ -188,19 +188,12 @@ def test_cases_are_those_of_the_stored_contacts(results, table, config):
     """What they obey: tests/library/test_cases.py."""
     cases, pressures = table("cases"), table("patch_pressures")
     of_stone = cases[cases.patch.isna()].set_index(["case", "quantity"]).value
-    material = config["material"]
-    standard = material["young_1_MPa"] / 2 / (1 - material["poisson_1"] ** 2)
     for key, expected in {
-        ("study", "contact modulus"): material["contact_modulus_MPa"],
-        ("study", "displacement"): table("macroscale_path").displacement_um.iloc[-1],
-        ("other modulus", "contact modulus"): standard,
         ("grinding", "friction"): config["grinding"]["friction"],
         ("grinding", "tangential ratio"): config["grinding"]["tangential_ratio"],
         ("ceiling", "hardness"): config["hardness"],
     }.items():
         assert of_stone[key] == pytest.approx(expected, rel=1e-4), key
-    # at a given pressure the stiffer stone yields less
-    assert of_stone["other modulus", "displacement"] > 1.02 * of_stone["study", "displacement"]
     rows = cases.set_index(["patch", "case", "quantity"]).value
     studied = list(pressures.patch[pressures.in_study])
     of_patches = cases[cases.case.isin(["grinding", "ceiling"])].patch.dropna()

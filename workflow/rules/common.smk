@@ -11,11 +11,9 @@ from gst.config import check_files, complete, counterface_mesh, read_study
 from gst.poses import batches_of, poses_of, reach_of
 from gst.patches import scan_files
 from gst.provenance import commit, program_hash, source_hash
-from gstlib.contact import contact_moduli, load_force, load_point, study_poisson
+from gstlib.contact import load_force, load_point, study_modulus, study_poisson
 from gstlib.io.results import TABLES
 from gstlib.preprocess.gridding import elements_around
-from gstlib.study import STUDY_SECTIONS
-from gst.sweep import sweep_settings
 
 # Two jobs of each kind for 25 patches, one on each of two cores; and at most as many of a kind as the
 # profile for Slurm sends at a time. A start costs 1 s of CPU, a patch of 64 x 64 points 0.01 to 0.1 s.
@@ -38,10 +36,9 @@ PATCH_MM = config["scans"]["size_mm"]
 GENERATED = config["specimen"] is not None
 # Of the coupling: the study's own, and the paper's to compare it with.
 VARIANTS = ["placed", "levelled"] if config["coupling"] == "placed" else ["levelled"]
-CONTACT_MODULUS_MPA, OTHER_MODULUS_MPA = contact_moduli(config["material"])
+CONTACT_MODULUS_MPA = study_modulus(config["material"])
 # The cases that are solved beside the study; none of them, no table.
 CASES = {
-    "other_modulus_MPa": OTHER_MODULUS_MPA,
     "grinding": config["grinding"]
     and {**config["grinding"], "poisson": study_poisson(config["material"])},
     "hardness_MPa": config["hardness"],
@@ -88,10 +85,6 @@ COUNTERFACE = f"{RESULTS}/surfaces/counterface.h5" if COUNTERFACE_SCAN else []
 DETECTION = f"{RESULTS}/registered/of_repeats.h5" if REPEATED_PATCHES else []
 if not GENERATED:
     check_files(config, PATCHES, ", ".join(filter(None, [CONFIG_FILES, config["patches"]])))
-
-
-wildcard_constraints:
-    setting="[A-Za-z0-9._-]+",
 
 
 def code(script):

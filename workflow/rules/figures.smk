@@ -7,7 +7,7 @@
 SOURCE_NOTE = "generated specimen" if GENERATED else None
 # One picture per patch, in a folder.
 BY_PATCH = ("preparation", "patch")
-VECTOR = dict.fromkeys(("load_curves", "validation", "texture", "wear", "sweep"), "svg")
+VECTOR = dict.fromkeys(("load_curves", "validation", "texture", "wear"), "svg")
 VECTOR["places"] = "pdf"  # to be printed
 
 CONTACT = f"{RESULTS}/macroscale/contact.h5"
@@ -97,11 +97,6 @@ if WORN_PATCHES:
             "wear_profile": f"{RESULTS}/tables/wear_profile.csv",
             "texture": f"{RESULTS}/tables/texture.csv",
         },
-    )
-if config["sweep"] is not None:  # on request
-    DRAWINGS["draw_sweep"] = (
-        {"sweep": ("9 Sweep", "what changes the results most")},
-        {"sweep": f"{RESULTS}/tables/sweep.csv"},
     )
 
 

@@ -171,7 +171,6 @@ if CASES:
 
     rule solve_cases:
         input:
-            macroscale=f"{RESULTS}/macroscale/contact.h5",
             contacts=contacts(ALL_PATCHES),
             pressures=f"{RESULTS}/tables/patch_pressures.csv",
         output:
@@ -181,7 +180,6 @@ if CASES:
         params:
             **CASES,
             patches=ALL_PATCHES,
-            patch_mm=PATCH_MM,
             code=code("solve_cases.py"),
         message:
             "Solving the cases that the config asks for"

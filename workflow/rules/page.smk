@@ -6,12 +6,10 @@
 # The study's own steps, whose records and warnings the page takes; none that other configs left in
 # the folder, or of other studies in the same run.
 STEPS = [step.name for step in steps_of(workflow, Path(RESULTS))]
-# Without the sweep, which runs only on request.
-STUDIED = {file: place for file, place in SHOWN.items() if place[1] < "9"}
 # Captions of the tables and figures on the page and, last, of the numbers behind a figure, which are
 # too many for it: `gst package` packs these, too.
 LOAD_PATHS = f"{RESULTS}/tables/microscale_paths.csv"
-CAPTIONED = dict(STUDIED)
+CAPTIONED = dict(SHOWN)
 if SCANNED:
     CAPTIONED[LOAD_PATHS] = (
         f"{CAPTIONS}/tables/microscale_paths.rst",
@@ -27,7 +25,7 @@ rule write_page:
         counterface=COUNTERFACE_MESH,
         surface=f"{RESULTS}/macroscale/surface.h5",
         contact=CONTACT,
-        shown=list(STUDIED),
+        shown=list(SHOWN),
         exposure=f"{RESULTS}/gesture/exposure.h5" if POSES is not None else [],
         behind=LOAD_PATHS if SCANNED else [],
         captions=[caption for caption, _, _ in CAPTIONED.values()],

@@ -41,7 +41,6 @@ if WORN_PATCHES:
             folder=f"{RESULTS}/wear",
             pressures=f"{RESULTS}/tables/patch_pressures.csv",
             registration=f"{RESULTS}/tables/registration.csv",
-            exposure=f"{RESULTS}/tables/exposure.csv" if POSES is not None else [],
         output:
             patches=table("validation_patches", "5 Validation"),
             table=table("wear", "5 Validation"),

@@ -199,8 +199,8 @@ def figure_of(name: str, study: Study) -> Figure:
             return tables.validation_figure(
                 study.table("patches_table", "patch"), losses, study.table("summary")
             )
-        case _:  # texture, sweep
-            return getattr(tables, f"{name}_figure")(study.table(name))
+        case _:
+            return tables.texture_figure(study.table(name))
 
 
 def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:

@@ -9,7 +9,7 @@ from gstlib.io.tables import read_pressures, read_table, write_table
 from gstlib.study import judge_wear
 from gstlib.wear import WornSquare
 
-READ = *LAID, "pressure", "gap"
+READ = *LAID, "pressure"
 CHANGE = "change", "loss", "level_of_detection"
 
 
@@ -19,7 +19,6 @@ def main(
     folder: Path,
     pressures: Path,
     registration: Path,
-    exposure: Path,
     patches: Path,
     table: Path,
     profile: Path,
@@ -40,7 +39,6 @@ def main(
         read_table(registration),
         fitted_to=WornSquare(read_dataset(square), None).fitted_to if predicted else (),
         mat=read_dataset(mat) if mat.exists() else None,
-        exposure=read_table(exposure) if exposure else None,
         expected_worst=expected_worst,
         seed=seed,
         resamples=resamples,

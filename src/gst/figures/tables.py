@@ -1,4 +1,4 @@
-"""Figures drawn from tables alone: the verdict, wear, texture, sweep."""
+"""Figures drawn from tables alone: the verdict, wear, texture."""
 
 import math
 from collections.abc import Iterable
@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gst.figures import style
-from gst.figures.style import AMBER, BLACK, BLUE, CHARTS, GREEN, GREY, PALE, VERMILION, styled
+from gst.figures.style import AMBER, BLACK, BLUE, CHARTS, GREEN, GREY, VERMILION, styled
 from gst.verdict import MODELS, TOUCHED
 from gstlib.validation.rivals import CEILING
 from gstlib.validation.scoring import BARE, MAT, YIELDING
 
-__all__ = ["sweep_figure", "texture_figure", "validation_figure", "wear_figure"]
+__all__ = ["texture_figure", "validation_figure", "wear_figure"]
 
 # Parameters that single points do not dominate: roughness, core, summits, dales, grain, direction.
 _TEXTURE = {
@@ -25,9 +25,6 @@ _TEXTURE = {
     "Sal_um": "grain",
     "Str": "isotropy (1: in no direction)",
 }
-_PAIR = "spearman(pressure_MPa, loss_fraction)"
-_OUTCOMES = ["relative_change(pressure_MPa)", _PAIR, "mean(mcc)", "gain(mcc)"]
-_OUTCOMES += ["relative(map_error)", "mean_change(Sq_um)"]
 # Of the predictions; rivals are grey, and the ceiling is open.
 _LOOKS = {BARE: (BLUE, "o"), MAT: (GREEN, "D"), YIELDING: (AMBER, "s")}
 
@@ -65,7 +62,10 @@ def validation_figure(
     extent.set(xlabel="pressure of the patch (MPa)", ylabel="loss per area (µm)")
     extent.set(xlim=(0, None), ylim=(0, None))
     title = "Do patches under more pressure wear more?"
-    pairs = {"pressure": "spearman(pressure_MPa, loss_per_area_um)", "touched or not": TOUCHED}
+    pairs = {
+        "pressure and worn area": "spearman(pressure_MPa, loss_fraction)",
+        "touched or not and loss": TOUCHED,
+    }
     for words, name in pairs.items():
         for row in summary[summary.statistic == name].dropna(subset="value").itertuples():
             interval = f" [{row.low:.2g}, {row.high:.2g}]" if math.isfinite(row.low) else ""
@@ -126,31 +126,6 @@ def texture_figure(table: pd.DataFrame) -> Figure:
 
 
 @styled
-def sweep_figure(table: pd.DataFrame) -> Figure:
-    """Tornado diagrams of the outcomes of a sweep; `table` is ``sweep.csv``."""
-    is_study = table["factor"].isna() | (table["factor"] == "")
-    study = table[is_study].set_index("output")
-    varied = table[~is_study & table["change"].abs().gt(0)]
-    outcomes = [output for output in _OUTCOMES if output in study.index]
-    moved = varied.assign(setting=varied["factor"] + ": " + varied["value"].astype(str))
-    moved = moved[moved["output"].isin(outcomes)]
-    bars = max([1, *moved["output"].value_counts()])
-    left = 0.3 + 0.05 * max([0, *moved["setting"].str.len()])
-    figure, axes = style.panels(len(outcomes), 2, (2.1, 0.13 * bars), (left, 0.1, 0.35, 0.4))
-    for panel, output in zip(axes, outcomes, strict=True):
-        result = study.loc[output]
-        if np.isfinite(result["low"]):
-            panel.axvspan(result["low"], result["high"], color=PALE, lw=0)
-        panel.axvline(result["result"], color=GREY, lw=0.8)
-        of = moved[moved["output"] == output].sort_values("change", key=abs, kind="stable")
-        panel.barh(of["setting"], of["change"], left=result["result"], color=BLUE)
-        panel.tick_params(axis="y", labelsize=5.5)
-        panel.locator_params(axis="x", nbins=5)
-        panel.set_title(output.replace("_um", " (µm)"))
-    return figure
-
-
-@styled
 def wear_figure(
     table: pd.DataFrame, profile: pd.DataFrame, limits: pd.DataFrame, counted: Iterable[str]
 ) -> Figure:
@@ -188,9 +163,7 @@ def wear_figure(
     volumes.set_title("How much did each patch lose?")
     figure.legend(*volumes.get_legend_handles_labels(), loc="upper center", ncols=3)
 
-    means = (
-        profile[profile.by == "height"].groupby(["model", "band"], sort=False).loss_um.mean()
-    )
+    means = profile.groupby(["model", "band"], sort=False).loss_um.mean()
     for model, (colour, marker) in ({"measured": (BLACK, "x")} | _LOOKS).items():
         if model in means:
             look = {"mfc": "none", "ls": "--"} if model == YIELDING else {}

@@ -300,7 +300,6 @@ TABLES = {
             "precision": "share of the contact that also touches in the reference",
             "recall": "share of the reference's contact that is found",
             "f1": "harmonic mean of precision and recall",
-            "iou": "intersection over union of the two contacts",
         },
         only="with `coupling: placed`",
     ),
@@ -339,34 +338,30 @@ TABLES = {
         {"patch": _PATCH, **_LOADED, **_INTERFACE},
     ),
     "cases": Table(
-        "further cases: another contact modulus, a grinding force, a ceiling on the pressure",
+        "further cases: a grinding force, a ceiling on the pressure",
         """
         What would change, had the study been asked otherwise? ``study`` is the study's own value
-        where a case has another.{% if config.material.contact_modulus_MPa %} ``other modulus``:
-        the square at the same mean pressure with the contact modulus that follows from the
-        elastic constants by the standard definition, with (1 - ν²) where the paper prints (1 -
-        ν).{% endif %}{% if config.grinding %} ``grinding``: each patch of the study under a
-        tangential load of {{ config.grinding.tangential_ratio }} times the force that would make
-        it slide, with Coulomb friction {{ config.grinding.friction }} (Ciavarella 1998; Jäger
-        1998). Slip begins at the edges of each contact spot; the cores of the summits stick.
-        ``slip share`` is the share of the contact that slips; the rest sticks. ``mean traction``
-        is the tangential force over the patch's nominal area, ``tangential displacement`` how far
-        the two solids move against each other, far from the contact.{% endif %}{% if
-        config.hardness %} ``ceiling``: each patch of the study at the same mean pressure, but no
-        element bears more than {{ config.hardness }} MPa. In a purely elastic solution the
-        asperities bear far more than the strength of any stone; this case shows how much of the
-        predicted contact depends on that. ``share at the ceiling`` is of the contact, ``iou`` the
-        overlap of the contact with the study's own, ``deepest yield`` how far the surface gives
-        way at the ceiling.{% endif %}
+        where a case has another.{% if config.grinding %} ``grinding``: each patch of the study
+        under a tangential load of {{ config.grinding.tangential_ratio }} times the force that
+        would make it slide, with Coulomb friction {{ config.grinding.friction }} (Ciavarella
+        1998; Jäger 1998). Slip begins at the edges of each contact spot; the cores of the summits
+        stick. ``slip share`` is the share of the contact that slips; the rest sticks. ``mean
+        traction`` is the tangential force over the patch's nominal area, ``tangential
+        displacement`` how far the two solids move against each other, far from the
+        contact.{% endif %}{% if config.hardness %} ``ceiling``: each patch of the study at the
+        same mean pressure, but no element bears more than {{ config.hardness }} MPa. In a purely
+        elastic solution the asperities bear far more than the strength of any stone; this case
+        shows how much of the predicted contact depends on that. ``share at the ceiling`` is of
+        the contact, ``deepest yield`` how far the surface gives way at the ceiling.{% endif %}
         """,
         {
-            "case": "study, other modulus, grinding or ceiling",
-            "patch": _PATCH_OR_SQUARE,
+            "case": "study, grinding or ceiling",
+            "patch": "name of the patch; empty for all",
             "quantity": "what the value is of",
             "unit": "unit of the value",
             "value": "value in this case",
         },
-        only="with `material.contact_modulus_MPa`, `grinding` or `hardness`",
+        only="with `grinding` or `hardness`",
     ),
     "registration": Table(
         "how well T1 is aligned with T0, and what was lost",
@@ -487,11 +482,11 @@ TABLES = {
         rival; below 1, the prediction errs less. Two-sided tests exchange the two on random
         patches; where the best rival is better, its p-value is multiplied by the number of
         rivals. ``tested_mean(mcc)``: over the patches on which chance can be tested, against
-        the predictions of other patches, one-sided. ``spearman(...)``: rank correlation with the
-        area and volume of the loss (per area seen){% if config.gesture %}, also of the exposure
-        over the gesture{% endif %}; two-sided, exact up to 8 patches, allowing for spatial
-        autocorrelation (Dutilleul 1993). ``spearman(touched, ...)``: do patches that nothing
-        touches wear less? Patches out of the study count, too.
+        the predictions of other patches, one-sided. ``spearman(...)``: rank correlation,
+        two-sided, exact up to 8 patches, allowing for spatial autocorrelation (Dutilleul 1993).
+        Of the pressure with the area of the loss; of whether a patch is touched with its volume
+        (per area seen): do patches that nothing touches wear less? Patches out of the study
+        count there, too.
         {% if config.validation.expected_worst %}``expected_worst(...)``: share of the patches
         stated beforehand as the worst worn that are among as many worst worn ones; the p-value is
         the exact probability that a random ranking does as well.{% endif %}
@@ -540,15 +535,14 @@ TABLES = {
         optional=("out_of_contact_um",),
     ),
     "wear_profile": Table(
-        "loss by height and by gap, measured and predicted",
+        "loss by height, measured and predicted",
         """
         Each patch's points in four bands of as many points each. A flat takes nothing off
         valleys; what they lost was taken by something soft, or broke out.
         """,
         {
             "patch": _PATCH,
-            "by": "height: from the highest points on; gap: from the contact on",
-            "band": "1 to 4: to the lowest, or to the most open points",
+            "band": "1 to 4: from the highest points to the lowest",
             "model": "measured, or the model that predicts the loss",
             "loss_um": "mean loss of the band",
         },
@@ -567,22 +561,5 @@ TABLES = {
             "error": "recovered less true value",
         },
         only="generated specimen only",
-    ),
-    "sweep": Table(
-        "results with one value changed at a time",
-        """
-        One-at-a-time sensitivity of the study. ``relative_change(pressure_MPa)`` is the sum over
-        the patches of the absolute change of pressure, over the sum of the pressures.
-        """,
-        {
-            "factor": "key that is changed, as the config names it; empty: the study itself",
-            "value": "its value",
-            "output": "which result",
-            "patch": "name of the patch; empty for all",
-            "result": "value of the result",
-            "change": "result less the study's",
-            **_INTERVAL,
-        },
-        only="after `make sweep`",
     ),
 }

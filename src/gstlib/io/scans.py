@@ -22,7 +22,6 @@ import xarray as xr
 
 from gstlib.errors import InputError
 from gstlib.io.files import check_size, check_unpacked, check_unpacked_size
-from gstlib.io.nms import read_nms
 from gstlib.io.plu import read_plu
 from gstlib.io.text import SCAN_UNITS, read_matrix, read_points
 from gstlib.surface import make_surface, spacing_of
@@ -31,8 +30,9 @@ __all__ = ["cut_scan", "read_scan", "whole_scan"]
 
 _log = logging.getLogger(__name__)
 
-# Formats that SurfaceTopography does not read for us: we read text more strictly, and its `hgt`
-# reader checks no signature and takes any bytes for heights.
+# Formats that SurfaceTopography does not read for us: we read text more strictly; its `hgt` reader
+# checks no signature and takes any bytes for heights; its `nms` reader takes the field to be a
+# million times as large.
 _NOT_LEFT = {"asc", "hgt", "nms", "plu", "xyz"}
 # Objects in Digital Surf files without heights: binary, intensity and colour images, spectra.
 _SUR_NO_HEIGHTS = {3, 10, 12, 20, 21}
@@ -117,7 +117,6 @@ def read_scan(
     check_size(path)
     readers: dict[str, Callable[[Path], _Raw]] = {
         **dict.fromkeys((".plu", ".apx"), read_plu),
-        ".nms": read_nms,
         **dict.fromkeys((".csv", ".txt", ".asc"), read_matrix),
         ".xyz": read_points,
     }

@@ -7,7 +7,7 @@ the dims ``(macroscale_y, macroscale_x)``.
 
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -132,7 +132,7 @@ def make_specimens(
     square_mm: float,
     grid: int,
     around: int = 0,
-    wear_placements: Sequence[str],
+    wear: Mapping[str, Callable[[Stone], np.ndarray]],
 ) -> dict[str, Specimen]:
     """Make specimens of one stone that differ only in where wear lies.
 
@@ -154,8 +154,8 @@ def make_specimens(
         Elements along each side of the grid on which the true macroscale surface is kept.
     around : int
         Elements of the face on every side of the square.
-    wear_placements : sequence of str
-        Of `gstlib.specimen.stone.WEAR_PLACEMENTS` and ``WEAR_LAWS``; they name the specimens.
+    wear : mapping of str to callable
+        By the specimen's name, what gives the depth that a stone lost, as `Stone.wear_depth` does.
 
     Raises
     ------
@@ -178,10 +178,10 @@ def make_specimens(
     stone = Stone(p, square_mm)
     stl: Any = trimesh.Trimesh(*stone.mesh(), process=False).export(file_type="stl")
     surface = (stone.macroscale(stone.grid, stone.grid) + stone.detail).astype(np.float32)
-    wear = {placement: stone.wear_depth(placement) for placement in wear_placements}
+    depths = {name: lost(stone) for name, lost in wear.items()}
     poor = poor_overlaps(list(patches.patch), p.seed)
-    scans: dict[str, dict] = {placement: {} for placement in wear}
-    known: dict[str, list] = {placement: [] for placement in wear}
+    scans: dict[str, dict] = {name: {} for name in depths}
+    known: dict[str, list] = {name: [] for name in depths}
     for row in patches.itertuples():
         nominal = Place(row.y_mm, row.x_mm, row.rotation_deg)
         t0, t1 = place_scans(
@@ -197,16 +197,16 @@ def make_specimens(
             anew = at_points(surface, place=place_again(row.patch, t0, p), order=3)
             scan, _ = take_scan(anew, row.patch, "repeat", p)
             again = {(row.patch, "repeat"): scan.assign_attrs(file=file)}
-        for placement, depth in wear.items():
+        for name, depth in depths.items():
             after = unworn - at_points(depth, place=t1, order=1)
             scan_after, true_after = take_scan(after, row.patch, "T1", p)
             for epoch, scan, file in (("T0", scan_before, row.t0), ("T1", scan_after, row.t1)):
                 if file:
-                    scans[placement][row.patch, epoch] = scan.assign_attrs(file=file)
-            scans[placement] |= again
+                    scans[name][row.patch, epoch] = scan.assign_attrs(file=file)
+            scans[name] |= again
             of_epochs = t0._asdict() | true_before, t1._asdict() | true_after
-            known[placement].append(
-                {name: np.stack([of[name] for of in of_epochs]) for name in of_epochs[0]}
+            known[name].append(
+                {what: np.stack([of[what] for of in of_epochs]) for what in of_epochs[0]}
                 | {
                     "nominal_x_mm": nominal.x_mm,
                     "nominal_y_mm": nominal.y_mm,
@@ -217,10 +217,10 @@ def make_specimens(
             )
     square = within_square(surface, stone)
     return {
-        placement: Specimen(
-            stl, scans[placement], _truth(patches, stone, p, (grid, around), truths), square
+        name: Specimen(
+            stl, scans[name], _truth(patches, stone, p, (grid, around), truths), square
         )
-        for placement, truths in known.items()
+        for name, truths in known.items()
     }
 
 
@@ -238,11 +238,9 @@ def make_specimen(
     patches: pd.DataFrame, parameters: SpecimenParameters, *, square_mm: float, **grids: int
 ) -> Specimen:
     """The specimen that the parameters ask for; arguments and errors are as in `make_specimens`."""
-    placements = [parameters.wear_placement]
-    (made,) = make_specimens(
-        patches, parameters, square_mm=square_mm, wear_placements=placements, **grids
-    ).values()
-    return made
+    name = parameters.wear_placement
+    wear = {name: lambda stone: stone.wear_depth(name)}
+    return make_specimens(patches, parameters, square_mm=square_mm, wear=wear, **grids)[name]
 
 
 def write_specimen(

@@ -42,8 +42,7 @@ class SpecimenParameters:
     unmeasured_size_um : float
         Size of the blots that lack a value.
     wear_placement : str
-        Where wear lies, one of `gstlib.specimen.stone.WEAR_PLACEMENTS` or
-        `gstlib.specimen.stone.WEAR_LAWS`.
+        Where wear lies, as in `gstlib.specimen.stone.Stone.wear_depth`.
     mesh_noise_um : float
         R.m.s. of the mesh's own error in height.
     hurst_exponent : float

@@ -7,8 +7,8 @@ below the cut-off; it exists on the square and a margin, at the spacing of the s
 
 Use does three things. It flattens summits, more so where the macroscale surface is high, but partly
 at random. Chips break out, more of them in the same regions. Grit between the stones removes
-material anywhere, in valleys as on summits. Where these overlap, the deepest counts. To test the
-study, wear can instead follow something else, or a law: Archard's, with the bare stone or a mat.
+material anywhere, in valleys as on summits. Where these overlap, the deepest counts. Wear can
+instead follow a law: Archard's, with the bare stone or a mat.
 """
 
 import numpy as np
@@ -31,10 +31,7 @@ from gstlib.specimen.randomness import (
 )
 from gstlib.surface import make_surface
 
-__all__ = ["MARGIN_MM", "WEAR_LAWS", "WEAR_PLACEMENTS", "Stone"]
-
-WEAR_PLACEMENTS = ("summits", "random", "waves")
-WEAR_LAWS = ("archard", "mat")
+__all__ = ["MARGIN_MM", "Stone"]
 
 # How far the detail reaches beyond the square: for misplaced scans at its edge.
 MARGIN_MM = 0.25
@@ -82,6 +79,7 @@ class Stone:
 
     Attributes
     ----------
+    parameters : SpecimenParameters
     square_mm : float
         Side of the analysed square; its centre is the pebble's.
     waviness : (m, m) ndarray
@@ -96,7 +94,7 @@ class Stone:
 
     def __init__(self, parameters: SpecimenParameters, square_mm: float):
         # ASSUME: an isotropic Gaussian self-affine surface; a real stone also has grains and pits.
-        p = self._parameters = parameters
+        p = self.parameters = parameters
         self.square_mm, self.spacing = square_mm, p.scan_spacing_mm
         self._spectrum = {"hurst_exponent": p.hurst_exponent, "roll_off": ROLL_OFF_MM}
 
@@ -188,10 +186,10 @@ class Stone:
         places = (np.arange(total * _SUBSAMPLES) + 0.5) * step - around * element
         points = scipy.fft.next_fast_len(len(places), real=True)
         detail = self._factor * self_affine_field(
-            stream(self._parameters.seed, "stone", "face"),
+            stream(self.parameters.seed, "stone", "face"),
             points,
             step,
-            longest=self._parameters.cut_off_wavelength_mm,
+            longest=self.parameters.cut_off_wavelength_mm,
             shortest=2 * step,
             **self._spectrum,
         )
@@ -217,7 +215,7 @@ class Stone:
         Vertices (n, 3), mm, and faces (m, 3), anticlockwise as seen from outside. The use-face
         points along +z, and the square is centred on x = y = 0.
         """
-        p = self._parameters
+        p = self.parameters
         vertices, faces, upper = even_triangulation(p.mesh_edge_mm)
         x, y, _ = vertices.T
         rim_distance = np.sqrt(rim_distance_squared(x, y))
@@ -235,12 +233,10 @@ class Stone:
     def wear_depth(self, placement: str) -> np.ndarray:
         """Depth of the material lost between T0 and T1, mm, float32, on the grid of `detail`.
 
-        `placement` is one of `WEAR_PLACEMENTS` or `WEAR_LAWS`. Wear placed at random has the same
-        amount, shapes and clusters as wear on summits. Wear in waves has the mean depth of that
-        everywhere on a share of the stone (``wear_share``), in waves longer than a patch. Neither
-        depends on the heights. Wear by a law has half the mean depth of wear on summits.
+        `placement` is "summits", or a law: "archard" or "mat". Wear by a law has half the mean
+        depth of wear on summits.
         """
-        p, points = self._parameters, len(self.grid)
+        p, points = self.parameters, len(self.grid)
         step = max(1, int(_CHANCE_LENGTH_UM / _POINTS_PER_LENGTH / p.scan_spacing_um))
         spacing = step * self.spacing
         coarse = self.grid[0] + np.arange(-(-(points - 1) // step) + 1) * step * self.spacing
@@ -273,30 +269,14 @@ class Stone:
         np.maximum(depth, loss, out=depth)
 
         self._break_chips(depth, severity, step)
-        if placement == "random":
-            # ASSUME: every shift is equally likely, so that on average over shifts the wear has no
-            # covariance with any surface.
-            shift = stream(p.seed, "wear", "placement").integers(0, points, 2)
-            depth = np.roll(depth, shift, axis=(0, 1))
-        if placement == "waves":
-            # ASSUME: wear that follows something other than heights, such as the hand's grip,
-            # varies over lengths like the stone's. It has one depth, so it is detected wherever it
-            # lies.
-            field = self_affine_field(
-                stream(p.seed, "wear", "waves"), points, self.spacing, **self._spectrum
-            )
-            worn = field > np.quantile(field, 1 - p.wear_share)
-            depth = np.where(worn, depth.sum() / max((depth > 0).sum(), 1), 0).astype(
-                np.float32
-            )
-        if placement in WEAR_LAWS:
+        if placement != "summits":
             mean_loss = _LAW_SHARE * float(depth.mean())
             depth = worn_by_law(self, mean_loss, with_mat=placement == "mat")
         return depth
 
     def _break_chips(self, depth: np.ndarray, severity: np.ndarray, step: int) -> None:
         """Deepen `depth` by paraboloid pits; their number follows the severity, every `step`."""
-        generator = stream(self._parameters.seed, "wear", "chips")
+        generator = stream(self.parameters.seed, "wear", "chips")
         extent = len(depth) * self.spacing
         tried = generator.poisson(_CHIPS_PER_MM2 * extent**2)
         places = generator.random((tried, 2)) * len(depth)
@@ -304,7 +284,7 @@ class Stone:
         radii = (
             _CHIP_RADIUS_UM
             * np.minimum(spread, _CHIP_LARGEST)
-            / self._parameters.scan_spacing_um
+            / self.parameters.scan_spacing_um
         )
         kept = generator.random(tried) < severity[tuple((places / step).astype(int).T)]
         for (row, column), radius in zip(places[kept], radii[kept], strict=True):

@@ -41,7 +41,7 @@ __all__ += ["other_patches", "own_model"]
 
 # The predictions: Archard's law, and what is changed in it.
 BARE, MAT, YIELDING = "archard", "mat", "yielding"
-# Bands of equally many points, beginning with the highest points, or the smallest gap.
+# Bands of equally many points, beginning with the highest points.
 _BANDS = 4
 
 
@@ -101,7 +101,7 @@ def judge_patch(
     patch : str
         Its id.
     contact : xarray.Dataset
-        The patch's before use: ``pressure`` (y, x) in MPa, ``gap`` in mm, and its heights, which
+        The patch's before use: ``pressure`` (y, x) in MPa, and its heights, which
         the rivals see as the patch lies on the stone (`gstlib.contact.laid_height`).
     change : xarray.Dataset
         As from `gstlib.validation.change.height_change`.
@@ -158,7 +158,7 @@ def judge_patch(
     mask[valid] = own[name] > level
     is_defined = math.isfinite(row["mcc"]) and bool((mask & valid).any())
     row["untested"] = "noise" if not believed else "" if is_defined else "undefined"
-    bands = _bands(patch, contact, lost, loss, valid, height, own)
+    bands = _bands(patch, lost, loss, valid, height, own)
     return JudgedPatch(row, models, bands, Places.of(mask, loss, valid))
 
 
@@ -198,22 +198,20 @@ def judged_tables(
 
 def _bands(
     patch: str,
-    contact: xr.Dataset,
     lost: np.ndarray,
     loss: np.ndarray,
     valid: np.ndarray,
     height: np.ndarray,
     own: Mapping[str, np.ndarray],
 ) -> list[tuple]:
-    """Mean loss, µm, of the bands of a patch's points by height and by gap."""
+    """Mean loss, µm, of the bands of a patch's points by height."""
     compared = {"measured": np.where(loss[valid], lost, 0.0), **own}
     rows = []
-    for by, deepest in (("height", -height), ("gap", contact.gap.values[valid])):
-        order = np.array_split(np.argsort(deepest, kind="stable"), _BANDS)
-        for band, points in enumerate(order, start=1):
-            for model, depth in compared.items():
-                mean_um = 1e3 * float(depth.clip(0)[points].mean()) if points.size else math.nan
-                rows.append((patch, by, band, model, mean_um))
+    order = np.array_split(np.argsort(-height, kind="stable"), _BANDS)
+    for band, points in enumerate(order, start=1):
+        for model, depth in compared.items():
+            mean_um = 1e3 * float(depth.clip(0)[points].mean()) if points.size else math.nan
+            rows.append((patch, band, model, mean_um))
     return rows
 
 

@@ -37,9 +37,8 @@ from gstlib.validation.scoring import BARE, MAT, YIELDING, own_model
 __all__ = ["patch_statistics", "summarise"]
 
 _NONE = RIVALS[0]
-# What is said of a patch beforehand, and area and volume of its traces, both over the area
-# measured: patches overlap to different shares.
-_PREDICTORS = "pressure_MPa", "contact_fraction", "exposure_N_per_mm", "predicted_loss_um"
+# What a patch lost, as area and as volume, both over the area measured: patches overlap to
+# different shares.
 _EXTENTS = "loss_fraction", "loss_per_area_um"
 # A mat is detected if its error out of contact is below this share of the bare stone's.
 _ERROR_TO_BEAT = 0.98
@@ -84,9 +83,9 @@ def summarise(
         ratio of summed absolute errors; of all models ``mean(mcc)`` and, against no loss,
         ``relative(map_error)``. Two-sided tests exchange the two patch by patch.
         ``tested_mean(mcc)``: over the patches on which chance can be tested, against the
-        predictions of other patches, one-sided. ``spearman(a, b)``: rank correlations over
-        patches; ``touched`` is whether a patch bears any pressure, of patches in and out of the
-        study.
+        predictions of other patches, one-sided. ``spearman(a, b)``: rank correlation over
+        patches of pressure with the lost area, and of whether a patch bears any pressure
+        (``touched``) with the lost volume; the latter of patches in and out of the study.
         ``expected_worst(5+8, column)``: share of these patches among the equally many largest (a
         tie counts against it), with the p-value of a random ranking. With a mat ``mat_ratio``, its
         coefficient over that of the bare stone, and ``relative(out_of_contact)``, its error over
@@ -102,9 +101,7 @@ def summarise(
         rows.append(_chance_row(own_model(list(judged.model)), tested, draws))
         if mat is not None:
             rows += _mat_rows(judged, mat, draws)
-    for predictor in (name for name in _PREDICTORS if name in counted):
-        for extent in _EXTENTS:
-            rows.append(_correlation(counted, predictor, extent, draws))
+    rows.append(_correlation(counted, "pressure_MPa", "loss_fraction", draws))
     believed = patches[patches.believed]
     rows.append(_correlation(believed, "touched", "loss_per_area_um", draws))
     if expected_worst:
@@ -115,15 +112,12 @@ def summarise(
 
 
 def patch_statistics(
-    patches: pd.DataFrame,
-    registration: pd.DataFrame,
-    pressures: pd.DataFrame,
-    exposure: pd.DataFrame | None,
+    patches: pd.DataFrame, registration: pd.DataFrame, pressures: pd.DataFrame
 ) -> pd.DataFrame:
     """What is predicted and measured of each patch, as `summarise` takes it.
 
-    The tables are ``validation_patches``, ``registration``, ``patch_pressures`` and, of a gesture,
-    ``exposure``. A row for each patch with a known change, also where no loss is predicted.
+    The tables are ``validation_patches``, ``registration`` and ``patch_pressures``. A row for each
+    patch with a known change, also where no loss is predicted.
     """
     of_registration = ["patch", "loss_fraction", "loss_per_area_um", "believed"]
     measured = registration.loc[registration.known_share > 0, of_registration]
@@ -133,9 +127,7 @@ def patch_statistics(
     table["touched"] = (table.pressure_MPa > 0).astype(float)
     table["believed"] = table.believed.astype(bool)
     table["counted"] = table.believed & table.in_study.astype(bool)
-    if exposure is None:
-        return table
-    return table.merge(exposure[["patch", "exposure_N_per_mm"]], on="patch")
+    return table
 
 
 def _model_rows(judged: pd.DataFrame, draws: Draws) -> Iterator[_Row]:

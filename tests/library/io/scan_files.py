@@ -116,17 +116,6 @@ def write_sur(path, heights, spacing, claim=None, kind=2, compressed=False):
     path.write_bytes(header + comment + content)
 
 
-def write_nms(path, heights, spacing):
-    """Heights in 65536 levels between the lowest and the highest, in µm; steps in nm."""
-    ny, nx = heights.shape
-    low, high = heights.min() * 1e3, heights.max() * 1e3
-    header = bytearray(3468)
-    struct.pack_into("<4I2d9s", header, 0, 2, 1, 0, 65535, low, high, b"OM_MS_2.0")
-    struct.pack_into("<2I2d", header, 1368, nx, ny, spacing[1] * 1e6, spacing[0] * 1e6)
-    levels = np.round((heights * 1e3 - low) / (high - low) * 65535)
-    path.write_bytes(header + levels.astype("<u2").tobytes() + bytes(nx * ny))
-
-
 def write_xyz(path, heights, spacing, order=slice(None)):
     """Points in µm, the unmeasured ones left out."""
     rows, columns = np.indices(heights.shape)

@@ -164,11 +164,12 @@ def test_a_profile_is_no_map(tmp_path, heights):
     refused(path, "type 1 with 5 × 7 points: not a .plu topography")
 
 
-@pytest.mark.parametrize("name", ["a.al3d", "a.bin", "noending", "a.hgt"])
+@pytest.mark.parametrize("name", ["a.al3d", "a.bin", "noending", "a.hgt", "a.nms"])
 def test_unknown_content(tmp_path, name):
     # as many bytes as a square map of 16-bit heights has: one format has no other mark
     (tmp_path / name).write_bytes(b"what no instrument wrote" * 3 * 4**3)
-    refused(tmp_path / name, "cannot be read as a height map", unit="um", spacing_um=1.0)
+    said = "ending '.nms' is unknown.*.sur" if name == "a.nms" else "cannot be read as a height map"
+    refused(tmp_path / name, said, unit="um", spacing_um=1.0)
 
 
 # 32-bit words that mean trouble: extreme integers, infinity and NaN

@@ -11,7 +11,7 @@ from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.surface import make_surface, spacing_of
-from scan_files import FORMATS, plux_members, refused, write_nms, write_x3p, write_xyz, zipped
+from scan_files import FORMATS, plux_members, refused, write_x3p, write_xyz, zipped
 
 DY, DX = 1.66e-3, 0.83e-3
 # what matrices do not say
@@ -31,36 +31,6 @@ def test_every_format_gives_the_same_surface(tmp_path, heights, name):
     assert scan.attrs["file"] == path.name
     assert sample.attrs.items() <= scan.attrs.items()
     assert all(isinstance(value, str) for value in scan.attrs.values())
-
-
-# It marks unmeasured points in no known way.
-
-
-def test_nms_with_all_points_measured(tmp_path, heights):
-    path, heights = tmp_path / "a.nms", np.nan_to_num(heights)
-    write_nms(path, heights, (DY, DX))
-    scan = read_scan(path)
-    np.testing.assert_allclose(scan.values, heights, atol=np.ptp(heights) / 1e5)
-    assert spacing_of(scan) == pytest.approx((DY, DX), rel=1e-6)
-
-
-@pytest.mark.parametrize("end", [np.nanmin, np.nanmax])
-def test_nms_with_points_that_may_be_unmeasured(tmp_path, heights, end):
-    heights = np.nan_to_num(heights)
-    heights[2:4] = end(heights)
-    write_nms(tmp_path / "a.nms", heights, (DY, DX))
-    refused(tmp_path / "a.nms", "1[45] points have the .*Export .* as .sur or .x3p")
-
-
-@pytest.mark.parametrize(
-    ("at", "content"), [(0, b""), (32, b"OM_MS_3.0"), (8, b"\1"), (1368, b"\xff\xff"), (40, b"")]
-)
-def test_nms_cut_or_of_another_version(tmp_path, heights, at, content):
-    path = tmp_path / "a.nms"
-    write_nms(path, np.nan_to_num(heights), (DY, DX))
-    whole = path.read_bytes()
-    path.write_bytes(whole[:at] + content + whole[at + len(content) :] * bool(content))
-    refused(path, "version 2.0, or cut off|truncated|is empty")
 
 
 def test_plu_as_the_project_writes_it_needs_no_large_library(tmp_path, heights):

@@ -1,6 +1,7 @@
 """The tiny study's specimen, with five patches: one rotated, one at the edge."""
 
 import dataclasses
+from operator import methodcaller
 from pathlib import Path
 
 import pandas as pd
@@ -32,8 +33,8 @@ def make():
     """Specimens in memory, by where their wear lies."""
 
     def make(patches, parameters, square_mm=5.0):
-        options = {"square_mm": square_mm, "grid": 50, "wear_placements": ["summits", "random"]}
-        return make_specimens(patches, parameters, **options)
+        wear = {name: methodcaller("wear_depth", name) for name in ("summits", "archard")}
+        return make_specimens(patches, parameters, square_mm=square_mm, grid=50, wear=wear)
 
     return make
 

@@ -59,14 +59,17 @@ def test_another_patch_table_changes_no_other_patch(make, patches, parameters, s
 
 def test_files_read_back_are_the_specimen_in_memory(write, patches, make, parameters, made):
     patches = patches.assign(t1=patches.t1.where(patches.patch != "7", ""))  # not after use
-    folder, specimen = write(patches, wear_placement="random"), make(patches, parameters)["random"]
+    folder, specimen = (
+        write(patches, wear_placement="archard"),
+        make(patches, parameters)["archard"],
+    )
     mesh = read_mesh(folder / "mesh.stl")
     np.testing.assert_array_equal(mesh.vertices, specimen.mesh.vertices)
     np.testing.assert_array_equal(mesh.faces, specimen.mesh.faces)
     truth = read_dataset(folder / "truth.h5")
     assert truth.equals(specimen.truth)
-    assert truth.equals(made["random"].truth)  # wear is known without T1, too
-    expected = {f"{patch}_{epoch}.plu" for patch, epoch in made["random"].scans} - {"7_T1.plu"}
+    assert truth.equals(made["archard"].truth)  # wear is known without T1, too
+    expected = {f"{patch}_{epoch}.plu" for patch, epoch in made["archard"].scans} - {"7_T1.plu"}
     assert {path.name for path in (folder / "scans").iterdir()} == expected
     for (patch, epoch), scan in specimen.scans.items():
         read = read_scan(folder / "scans" / f"{patch}_{epoch}.plu")
@@ -76,11 +79,11 @@ def test_files_read_back_are_the_specimen_in_memory(write, patches, make, parame
 
 
 def test_wear_elsewhere_changes_scans_after_use_alone(made):
-    summits, random = made["summits"], made["random"]
-    assert random.stl is summits.stl
+    summits, other = made["summits"], made["archard"]
+    assert other.stl is summits.stl
     for (patch, epoch), scan in summits.scans.items():
-        assert random.scans[patch, epoch].identical(scan) == (epoch == "T0")
-    same = {name for name in summits.truth if random.truth[name].equals(summits.truth[name])}
+        assert other.scans[patch, epoch].identical(scan) == (epoch == "T0")
+    same = {name for name in summits.truth if other.truth[name].equals(summits.truth[name])}
     assert set(summits.truth) - same == {"wear_depth", "plane_x_mrad", "plane_y_mrad"}
 
 

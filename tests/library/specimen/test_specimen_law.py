@@ -37,7 +37,7 @@ def test_it_loses_what_it_is_told_to_at_its_summits(stone, bare):
 
 def test_it_lies_at_rest_and_not_on_its_mean_plane(stone, bare):
     """A plane added to the stone makes no difference: it tilts back."""
-    tilted = Stone(stone._parameters, 5.0)
+    tilted = Stone(stone.parameters, 5.0)
     tilted.macroscale = lambda y, x: stone.macroscale(y, x) + 2e-3 * np.asarray(y)[:, None]
     tilted.face_means = lambda count, around: (
         stone.face_means(count, around)

@@ -8,7 +8,7 @@ import scipy.fft
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.pebble import OUTER_SIZE_MM, even_triangulation
 from gstlib.specimen.randomness import self_affine_field
-from gstlib.specimen.stone import WEAR_PLACEMENTS, Stone
+from gstlib.specimen.stone import Stone
 from gstlib.surface import make_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -134,26 +134,3 @@ def test_wear_and_chips_follow_height_but_not_all_of_it(stone, monkeypatch):
     monkeypatch.setattr("gstlib.specimen.stone._CHIPS_PER_MM2", 0.0)
     chipped = depth > stone.wear_depth("summits")
     assert chipped[high].mean() > 3 * chipped[low].mean()
-
-
-def test_wear_without_relation_has_its_shape_and_does_not_follow_the_heights(parameters):
-    relation = {placement: [] for placement in WEAR_PLACEMENTS}
-    for seed in range(6):
-        stone = Stone(dataclasses.replace(parameters, seed=seed), 5.0)
-        depths = {placement: stone.wear_depth(placement).astype(float) for placement in relation}
-        for placement, found in relation.items():
-            found.append(np.corrcoef(depths[placement].ravel(), stone.detail.ravel())[0, 1])
-        # the modulus of the spectrum is that of all shifts, and of hardly anything else
-        spectra = {
-            name: np.abs(np.fft.rfft2(depth - depth.mean())) for name, depth in depths.items()
-        }
-        atol = 1e-9 * spectra["summits"].max()
-        np.testing.assert_allclose(spectra["random"], spectra["summits"], atol=atol)
-        # up to four cycles over the square: waves longer than a patch
-        long = {name: (of[:5, :5] ** 2).sum() / (of**2).sum() for name, of in spectra.items()}
-        assert long["waves"] > 1.5 * long["summits"]
-        assert (depths["waves"] > 0).mean() == pytest.approx(parameters.wear_share, abs=1e-3)
-    for placement in ("random", "waves"):
-        mean, spread = np.mean(relation[placement]), np.std(relation[placement], ddof=1)
-        assert abs(mean) < 3 * spread / np.sqrt(6)  # on each, few and broad waves allow more
-        assert min(relation["summits"]) > 3 * np.abs(relation[placement]).max()

@@ -219,14 +219,10 @@ def test_statistics_come_from_the_tables_of_each_patch_also_without_a_prediction
     registration["believed"] = [False, True, False]
     pressures = pd.DataFrame({"patch": ["a", "b", "c"], "x_mm": 1.0, "y_mm": 2.0, "in_study": True})
     pressures["pressure_MPa"] = [0.0, 5.0, 1.0]
-    exposure = pd.DataFrame({"patch": ["a", "b"], "exposure_N_per_mm": [7.0, 8.0]})
-    tables = registration, pressures
-    table = patch_statistics(patches, *tables, exposure).set_index("patch")
+    table = patch_statistics(patches, registration, pressures).set_index("patch")
     assert table.touched.to_dict() == {"a": 0.0, "b": 1.0}  # of c nothing is known
     assert table.loss_per_area_um.tolist() == [0.4, 0.3]
     assert table.counted.tolist() == [True, False]
-    assert table.exposure_N_per_mm.tolist() == [7.0, 8.0]
-    alone = patch_statistics(patches[:0], *tables, None)
+    alone = patch_statistics(patches[:0], registration, pressures)
     assert alone.predicted_loss_um.isna().all()
     assert alone.touched.tolist() == [0.0, 1.0]
-    assert "exposure_N_per_mm" not in alone

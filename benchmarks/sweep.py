@@ -1,0 +1,159 @@
+"""Which choices change the results of a study most? One value of its config is changed at a time.
+
+    python benchmarks/sweep.py [--config config/config.yaml] [--settings benchmarks/sweep.yaml]
+
+The study runs in memory (`gstlib.study.Study`), as it is and once for each value in the settings.
+What comes out goes to build/sweep.csv, beside what comes out of the study itself; the largest
+changes are printed. A generated specimen is read from the results: run its study first.
+"""
+
+import argparse
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import pandas as pd
+import yaml
+from power import merged
+
+from gst.config import config_problems, counterface_mesh, read_config, refuse_config
+from gst.patches import read_patches
+from gst.poses import reach_of
+from gstlib.counterface import SecondStone
+from gstlib.io.meshes import read_mesh
+from gstlib.io.scans import read_scan
+from gstlib.io.tables import write_table
+from gstlib.study import Study
+from gstlib.validation.scoring import own_model
+from gstlib.validation.texture import measure_texture
+
+__all__ = ["changes_table", "outcomes", "study_of"]
+
+SETTINGS = Path(__file__).with_name("sweep.yaml")
+_PRESSURE, _CHANGE = "pressure_MPa", "relative_change(pressure_MPa)"
+# Rows of ``validation_summary.csv``.
+_OF_PREDICTION = ["mean(mcc)", "gain(mcc)", "relative(map_error)"]
+_OF_PREDICTION += ["spearman(pressure_MPa, loss_fraction)"]
+
+
+def study_of(config: Mapping, folder: Path = Path()) -> Study:
+    """The study of a complete config in memory, with the files that its run in `folder` reads."""
+    made = f"{config['results']}/specimen"
+    inputs = config["inputs"] or {
+        "mesh": f"{made}/mesh.stl",
+        "mesh_unit": "mm",
+        "scan_folder": f"{made}/scans",
+    }
+    patches = read_patches(
+        folder / config["patches"],
+        size_mm=config["square"]["size_mm"],
+        patch_size_mm=config["scans"]["size_mm"],
+        scan_folder=folder / inputs["scan_folder"],
+    )
+    files = patches.rename(columns={"t0": "T0", "t1": "T1"}).set_index("patch")
+    known = {name: config["scans"][name] for name in ("unit", "spacing_um")}
+    face, second = (config["counterface"] or {}).get("scan"), counterface_mesh(config, made)
+    if second:
+        second |= {"mesh": folder / second["mesh"], "reach_mm": reach_of(config)}
+    return Study(
+        config,
+        patches,
+        read_mesh=lambda: read_mesh(folder / inputs["mesh"], unit=inputs["mesh_unit"]),
+        read_scan=lambda *of: read_scan(folder / inputs["scan_folder"] / files.at[of], **known),
+        read_face=(lambda: read_scan(folder / face, **known)) if face else None,
+        second_stone=SecondStone.read(**second) if second else None,
+    )
+
+
+def outcomes(study: Study) -> pd.DataFrame:
+    """What comes out of a study: ``output, patch, result, low, high``.
+
+    The pressure of every patch; ``studied``, the number of patches in the study; of the predicted
+    loss the mean MCC, its gain over the best rival and the error of its maps over that of no loss;
+    the rank correlation of pressure with loss; the mean change of Sq from T0 to T1, µm. With 95 %
+    intervals where there are any.
+    """
+    selected = study.selected()
+    none = math.nan, math.nan
+    rows = [(_PRESSURE, row.patch, row.pressure_MPa, *none) for row in selected.itertuples()]
+    rows.append(("studied", "", int(selected.in_study.sum()), *none))
+    if study.worn:
+        resamples = study.config["validation"]["resamples"]
+        summary = study.judged(seed=study.config["seed"], resamples=resamples)["summary"]
+        own = summary[summary.model.isin(["", own_model(list(summary.model))])]
+        for row in own[own.statistic.isin(_OF_PREDICTION)].itertuples():
+            rows.append((row.statistic, "", row.value, row.low, row.high))
+    texture = measure_texture(
+        {patch: study.prepared(patch, "T0") for patch in study.worn},
+        {patch: study.change(patch) for patch in study.worn},
+        **study.config["texture"],
+    )
+    if len(texture):
+        change = texture.Sq_um[texture.epoch == "change"].mean()
+        rows.append(("mean_change(Sq_um)", "", change, *none))
+    columns = ["output", "patch", "result", "low", "high"]
+    return pd.DataFrame(rows, columns=columns).dropna(subset="result", ignore_index=True)
+
+
+def changes_table(found: Mapping[tuple[str, str], pd.DataFrame]) -> pd.DataFrame:
+    """One row for each of the `outcomes` of each setting: a factor and its value, both in words.
+
+    The first of `found` is the study itself. ``change`` is the result less the study's. Each
+    setting has one more row: the sum of the absolute changes of the patches' pressures over their
+    sum.
+    """
+    keys = ["output", "patch"]
+    study = next(iter(found.values())).set_index(keys).result
+    tables = []
+    for (factor, value), table in found.items():
+        change = table.result - study.reindex(table.set_index(keys).index).to_numpy()
+        share = change[table.output == _PRESSURE].abs().sum() / study[_PRESSURE].sum()
+        summed = {"output": [_CHANGE], "patch": "", "result": share, "change": share}
+        table = pd.concat([table.assign(change=change), pd.DataFrame(summed)])
+        tables.append(table.assign(factor=factor, value=value))
+    columns = ["factor", "value", *keys, "result", "change", "low", "high"]
+    return pd.concat(tables, ignore_index=True)[columns]
+
+
+def outcomes_of(config: Mapping) -> pd.DataFrame:
+    return outcomes(study_of(config))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--config", type=Path, default=Path("config/config.yaml"))
+    parser.add_argument("--settings", type=Path, default=SETTINGS)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--output", type=Path, default=Path("build/sweep.csv"))
+    options = parser.parse_args(arguments)
+    config = read_config(options.config)
+    if config["patches"] is None:
+        parser.error(f"{options.config} has no patch table, and what is swept needs patches")
+    configs = {("", ""): config}
+    for factor, values in yaml.safe_load(options.settings.read_text()).items():
+        for changes in values:
+            value = yaml.safe_dump(changes, default_flow_style=True, width=math.inf)
+            value = value.strip()[1:-1]  # without the outer braces
+            configs[factor, value] = merged(config, changes)
+    for (factor, value), changed in configs.items():  # all, before any of them runs
+        refuse_config(config_problems(changed), f"{options.config}, {factor} {value}")
+    # not forked: the transforms' threads would not come along
+    with ProcessPoolExecutor(options.processes, mp_context=get_context("spawn")) as processes:
+        found = dict(zip(configs, processes.map(outcomes_of, configs.values()), strict=True))
+    table = changes_table(found)
+    write_table(options.output, table)
+    for output, of in table[(table.factor != "") & (table.output != _PRESSURE)].groupby(
+        "output"
+    ):
+        largest = of.sort_values("change", key=abs, ascending=False).head(5)
+        print(
+            f"{output}:",
+            largest[["factor", "value", "change"]].to_string(index=False),
+            sep="\n",
+        )
+
+
+if __name__ == "__main__":
+    main()
