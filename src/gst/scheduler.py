@@ -18,14 +18,14 @@ from gst.chain import AGAIN
 _end_gracefully = JobScheduler.exit_gracefully
 
 
-def _end(scheduler: JobScheduler, *_: Any) -> None:
+def end(scheduler: JobScheduler, *_: Any) -> None:
     """On SIGTERM. Snakemake's handler waits for a lock, which what it interrupted may hold."""
     threading.Thread(target=_end_gracefully, args=[scheduler]).start()
 
 
 def main() -> None:
     """Run Snakemake; the exit code is 0 if all went well, else 1."""
-    JobScheduler.exit_gracefully = _end
+    JobScheduler.exit_gracefully = end
     try:
         parser, arguments = parse_args(sys.argv[1:])
         AGAIN.update(dict.fromkeys(arguments.forcerun, "asked for"))

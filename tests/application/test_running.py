@@ -2,12 +2,16 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import threading
+from types import SimpleNamespace
 
 import gst
 import pytest
 from gst.running import is_report_current, lay_out, run_study
+from gst.scheduler import end
 from gstlib.errors import InputError
 
 
@@ -72,6 +76,19 @@ def test_a_study_that_cannot_begin_leaves_nothing(folder, config, asked, said):
         run_study(config, **USUAL | asked)
     names = {"bad.yaml", "config", "mine.yaml", "table.yaml", "table.tsv"}
     assert {file.name for file in folder.iterdir()} == names
+
+
+def test_the_end_of_a_run_waits_for_no_lock_that_it_interrupted():
+    """Snakemake's own handler of SIGTERM does, in the thread that may hold the lock."""
+    asked = threading.Event()
+    scheduler = SimpleNamespace(
+        _lock=threading.Lock(), _open_jobs=SimpleNamespace(release=asked.set)
+    )
+    with scheduler._lock:
+        end(scheduler, signal.SIGTERM, None)
+        assert not asked.is_set()
+    assert asked.wait(60)
+    assert scheduler._user_kill == "graceful"
 
 
 @pytest.mark.parametrize(

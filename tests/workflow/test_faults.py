@@ -1,10 +1,13 @@
 """Damaged files, kills, locks and folders; `make test-faults` tries what takes longer."""
 
+import os
 import platform
 import re
 import shutil
+import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -120,6 +123,30 @@ def test_nothing_outside_the_results_is_deleted(tiny):
     assert refused.returncode == 2
     assert "results-b/wear: is a link to" in refused.stderr
     assert (tiny.folder / "elsewhere/7.h5").is_file()
+
+
+def test_ctrl_c_ends_a_run_in_a_sentence(study):
+    """As in a terminal, where it reaches every process of the command's group."""
+    gst = Path(sys.executable).with_name("gst")
+    command, pipe = [gst, "study", study.config], subprocess.PIPE
+    process = subprocess.Popen(
+        command,
+        cwd=study.folder,
+        stdout=pipe,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    said = ""
+    while "Making the specimen" not in said:
+        said += process.stdout.readline()
+    os.killpg(process.pid, signal.SIGINT)
+    said += process.communicate()[0]
+    assert process.returncode == 1
+    assert said.endswith("Repeat the same command to continue from there.\n")
+    assert len(said.splitlines()) < 8
+    assert not list((study.folder / ".snakemake/locks").iterdir())
 
 
 @pytest.fixture
