@@ -33,7 +33,6 @@ def run(*arguments, said=""):
         (["diff", "full", LONG], "has 300 characters"),
         (["diff", "full", "gone"], "gone: has no tables"),
         (["diff", "full", "full", "--tolerance", "inf"], "inf is not finite"),
-        (["compare-texture", "full", "gone.csv"], "texture.csv: cannot be read"),
         (["export", LONG], "has 300 characters"),
         (["export", "full"], "holds no finished study"),
         (["package", "full"], "no finished study"),

@@ -417,7 +417,7 @@ def _triangle(corners, point):
         arms = (part - point) / size
         system = np.column_stack((np.ones(len(part)), arms))
         shares = np.linalg.lstsq(system.T, [1.0, 0.0, 0.0])[0]
-        shares = np.maximum(shares, 0.0)
+        shares[shares < _ON_HULL] = 0.0
         shares /= shares.sum()
         if np.abs(shares @ arms).max() <= _ON_HULL:
             return shares, part
