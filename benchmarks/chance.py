@@ -22,9 +22,9 @@ import numpy as np
 import pandas as pd
 
 from gstlib.io.tables import read_table, write_table
-from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.randomness import self_affine_field
-from gstlib.surface import make_surface
+from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.leveling import remove_plane
 from gstlib.validation.inference import Draws, mean_of, rank_correlation
 from gstlib.validation.nulls import Places, p_value, swapped_mcc
 

@@ -19,8 +19,8 @@ import numpy as np
 import pandas as pd
 import scipy.ndimage
 
-from gstlib.surface import make_surface
-from gstlib.validation.registration import register
+from gstlib.change.registration import register
+from gstlib.surfaces.grid import make_surface
 
 SPACING = 1.66e-3
 # Farthest shift, as a share of the field, and largest turn, degrees.

@@ -21,13 +21,13 @@ from power import merged
 from gst.config import config_problems, counterface_mesh, read_config, refuse_config
 from gst.patches import read_patches
 from gst.poses import reach_of
-from gstlib.counterface import SecondStone
+from gstlib.change.texture import measure_texture
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.tables import write_table
+from gstlib.macroscale.active_tool import SecondStone
 from gstlib.study import Study
 from gstlib.validation.scoring import own_model
-from gstlib.validation.texture import measure_texture
 
 __all__ = ["changes_table", "outcomes", "study_of"]
 

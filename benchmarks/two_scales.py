@@ -29,20 +29,22 @@ from power import merged, specimen_config
 
 from gst.patches import read_patches
 from gstlib.bem import wear_path
-from gstlib.contact import Loading, contact_at_pressure, faces_of, solved, study_modulus
-from gstlib.counterface import rounded_counterface
-from gstlib.coupling import patch_pressures
-from gstlib.geometry import Place, footprint_weights, places_of, square_of
-from gstlib.placement import ALL
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.reference import patches_of_reference, press_whole, two_scales_table
+from gstlib.conditions import study_modulus
+from gstlib.contact import Loading, contact_at_pressure, faces_of, solved
+from gstlib.coupling.intervals import Errors, Macroscale, draw_point, pressure_intervals
+from gstlib.coupling.placement import ALL
+from gstlib.coupling.pressures import patch_pressures
+from gstlib.macroscale.active_tool import rounded_counterface
+from gstlib.microscale.patches import LEVELLED, PLACED
 from gstlib.specimen.generate import within_square
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import place_scans, sample, take_scan
 from gstlib.specimen.stone import Stone
-from gstlib.study import LEVELLED, PLACED, Study
-from gstlib.surface import make_surface, spacing_of
-from gstlib.uncertainty import Errors, Macroscale, draw_point, pressure_intervals
+from gstlib.study import Study
+from gstlib.surfaces.footprints import Place, footprint_weights, places_of, square_of
+from gstlib.surfaces.grid import make_surface, spacing_of
+from gstlib.surfaces.leveling import remove_plane
+from gstlib.validation.single_scale import patches_of_reference, press_whole, two_scales_table
 
 ROOT = Path(__file__).parents[1]
 ROWS = ROOT / "benchmarks/results/two_scales.csv"

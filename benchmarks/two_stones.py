@@ -14,12 +14,18 @@ from gst.figures.macroscale import exposure_figure
 from gst.figures.style import save_figure
 from gst.patches import read_patches
 from gstlib.contact import Loading, contact_at_pressure, faces_of
-from gstlib.counterface import SecondStone
-from gstlib.coupling import couple_scales
-from gstlib.face import grid_macroscale
-from gstlib.geometry import square_of
-from gstlib.gesture import Gesture, exposure, exposure_table, press_poses, stroke_poses
+from gstlib.coupling.pressures import couple_scales
 from gstlib.io.meshes import read_mesh
+from gstlib.macroscale.active_tool import SecondStone
+from gstlib.macroscale.face import grid_macroscale
+from gstlib.macroscale.gesture import (
+    Gesture,
+    exposure,
+    exposure_table,
+    press_poses,
+    stroke_poses,
+)
+from gstlib.surfaces.footprints import square_of
 
 ROOT = Path(__file__).parents[1]
 ROCK = "../shared/data/grasselli-mit/example_surface.stl"

@@ -22,11 +22,12 @@ import xarray as xr
 from power import asked, specimen_config, specimen_studies, worn_patches
 
 from gstlib.io.tables import read_table, write_table
-from gstlib.study import Study, judge_wear
+from gstlib.study import Study
+from gstlib.validation.baselines import CEILING, RIVALS
 from gstlib.validation.inference import Draws, exchange_p_value, mean_of, ratio_of_sums
-from gstlib.validation.rivals import CEILING, RIVALS
-from gstlib.validation.scoring import BARE
-from gstlib.wear import wear_map, wear_patch
+from gstlib.validation.summary import judge_wear
+from gstlib.wear.archard import BARE, wear_patch
+from gstlib.wear.fit import wear_map
 
 RESULT = Path(__file__).parent / "results/verdict.csv"
 WORN_BY = ("summits", "archard")

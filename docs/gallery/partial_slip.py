@@ -3,9 +3,9 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from gstlib.cases import solve_slip
 from gstlib.contact import Loading, contact_at_pressure, faces_of
-from gstlib.surface import make_surface
+from gstlib.microscale.slip_and_cap import solve_slip
+from gstlib.surfaces.grid import make_surface
 
 radius, modulus, mean_pressure = 10.0, 10345.0, 50.0  # mm, MPa, MPa
 side, n = 0.6, 256  # mm, elements along a side

@@ -11,9 +11,9 @@ import numpy as np
 from gstlib.bem import contact_modulus, load_path
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
-from gstlib.preprocess.scan import prepare_scan
+from gstlib.preprocess.scans import prepare_scan
 from gstlib.specimen.randomness import self_affine_field
-from gstlib.surface import spacing_of
+from gstlib.surfaces.grid import spacing_of
 
 file = sys.argv[1] if len(sys.argv) > 1 else "rough_patch.plu"
 if len(sys.argv) == 1:  # self-affine, 0.85 mm wide, with an Sq of 2 µm

@@ -6,7 +6,7 @@ import numpy as np
 from gstlib.bem import contact_modulus
 from gstlib.contact import Loading, contact_at_pressure, faces_of, turned_over
 from gstlib.specimen.randomness import self_affine_field
-from gstlib.surface import make_surface
+from gstlib.surfaces.grid import make_surface
 
 spacing, points = 0.85 / 256, 256  # mm
 modulus = contact_modulus(19500, 0.24, 60000, 0.17)  # MPa: sandstone and a harder stone

@@ -17,9 +17,9 @@ import xarray as xr
 from skimage.transform import resize_local_mean
 
 from gstlib.errors import InputError
-from gstlib.geometry import Place, on_patch, spline_of
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.surface import make_surface, spacing_of
+from gstlib.surfaces.footprints import Place, on_patch, spline_of
+from gstlib.surfaces.grid import make_surface, spacing_of
+from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["UNIT_FACTOR", "WAVE_PER_EDGE", "Amplitude", "other_units"]
 

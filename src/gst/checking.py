@@ -17,21 +17,15 @@ from gst.inputs import Asked, Inputs, check_inputs
 from gst.patches import overlaps, scan_files
 from gst.poses import poses_of, reach_of
 from gst.provenance import refuse_other_study
-from gstlib.contact import (
-    Loading,
-    contact_at_pressure,
-    faces_of,
-    load_force,
-    load_point,
-    study_modulus,
-)
-from gstlib.doubts import contact_doubts
+from gstlib.conditions import load_force, load_point, study_modulus
+from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.coupling.placement import place_patches
 from gstlib.errors import GstError, InputsError
-from gstlib.geometry import square_of
 from gstlib.io.files import check_writable
-from gstlib.placement import place_patches
-from gstlib.places import CONTROL, COUNTS, EXPOSED
-from gstlib.surface import coarser
+from gstlib.macroscale.plausibility import contact_doubts
+from gstlib.macroscale.sampling_sites import CONTROL, COUNTS, EXPOSED
+from gstlib.surfaces.footprints import square_of
+from gstlib.surfaces.grid import coarser
 
 __all__ = ["check_study"]
 

@@ -20,10 +20,10 @@ from jsonschema.exceptions import ValidationError
 
 from gst import ROOT
 from gst.config_file import read_config_file
-from gstlib.contact import load_force, load_point
+from gstlib.conditions import load_force, load_point
 from gstlib.errors import ConfigError, InputError
-from gstlib.geometry import frame_from_points
 from gstlib.io.files import LARGEST_TABLE, check_size, name_problem
+from gstlib.surfaces.frames import frame_from_points
 
 if TYPE_CHECKING:
     import pandas as pd

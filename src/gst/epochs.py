@@ -8,10 +8,10 @@ from collections.abc import Mapping
 import pandas as pd
 import xarray as xr
 
+from gstlib.change.change import measured_change, wear_summary
+from gstlib.change.form import form_doubt
 from gstlib.errors import InputError
-from gstlib.preprocess.form import form_doubt
-from gstlib.surface import spacing_of
-from gstlib.validation.change import measured_change, wear_summary
+from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["epochs_on_each_other"]
 
@@ -46,7 +46,7 @@ def epochs_on_each_other(
     patches : pandas.DataFrame
         The patch table.
     maximum_shift_mm : float
-        As in `gstlib.validation.registration.register`.
+        As in `gstlib.change.registration.register`.
     """
     registered = functools.partial(
         measured_change, maximum_shift_mm=maximum_shift_mm, minimum_points=_SPOT

@@ -17,12 +17,13 @@ import xarray as xr
 from gst.chain import check_chain, made_in
 from gst.figures.tool import cut_tool
 from gstlib.errors import InputError
-from gstlib.geometry import FRAME, on_mesh, rotated, stored_frame
 from gstlib.io.files import write_whole
 from gstlib.io.meshes import ply_with, read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
-from gstlib.surface import spacing_of
+from gstlib.surfaces.footprints import rotated
+from gstlib.surfaces.frames import FRAME, on_mesh, stored_frame
+from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["export_study", "tool_with", "x3p_of"]
 

@@ -19,16 +19,17 @@ from gst.amplitudes import UNIT_FACTOR, Amplitude, other_units
 from gst.config import thinner_than_a_point
 from gst.patches import COUNTERFACE, REPEAT, ScanFile, at_epoch
 from gstlib.contact import check_grid
-from gstlib.counterface import SecondStone
 from gstlib.errors import ConfigError, GstError, InputError
-from gstlib.face import grid_macroscale
-from gstlib.geometry import Frame, find_frame, square_of
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan, read_scan, whole_scan
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.preprocess.scan import check_unmeasured, mould_of, prepare_scan
-from gstlib.surface import coarser, spacing_of
+from gstlib.macroscale.active_tool import SecondStone
+from gstlib.macroscale.face import grid_macroscale
+from gstlib.preprocess.scans import check_unmeasured, mould_of, prepare_scan
+from gstlib.surfaces.footprints import square_of
+from gstlib.surfaces.frames import Frame, find_frame
+from gstlib.surfaces.grid import coarser, spacing_of
+from gstlib.surfaces.leveling import remove_plane
 
 if TYPE_CHECKING:
     import trimesh
@@ -78,10 +79,10 @@ class Inputs:
     frame : Frame or None
         Where the square lies on it; None if there is no mesh, or if the config gives no frame.
     face : xarray.Dataset or None
-        The square and the face around it, from `gstlib.face.grid_macroscale`; None if they cannot
-        be found.
+        The square and the face around it, from `gstlib.macroscale.face.grid_macroscale`; None if
+        they cannot be found.
     coarse : dict of (str, str) to xarray.Dataset
-        By patch and epoch, what `gstlib.preprocess.scan.prepare_scan` makes of a coarser scan.
+        By patch and epoch, what `gstlib.preprocess.scans.prepare_scan` makes of a coarser scan.
     problems : list of GstError
         Everything that would stop the study.
     """
@@ -117,7 +118,7 @@ class Asked:
     square, scan_settings : mapping
         The sections ``square`` and ``scans`` of the config.
     grid : mapping
-        ``grid``, ``face_mm`` and ``radius_mm``, as in `gstlib.face.grid_macroscale`.
+        ``grid``, ``face_mm`` and ``radius_mm``, as in `gstlib.macroscale.face.grid_macroscale`.
     maximum_unmeasured : float
         Largest share (0 to 1) of unmeasured points in a patch.
     placed : bool
@@ -127,7 +128,7 @@ class Asked:
     mat : mapping or None
         The section ``mat`` of the config.
     second_stone : mapping or None
-        As in `gstlib.counterface.SecondStone.read`; None for a flat.
+        As in `gstlib.macroscale.active_tool.SecondStone.read`; None for a flat.
     """
 
     mesh_unit: str

@@ -23,14 +23,15 @@ import xarray as xr
 from gst.chain import warnings_of
 from gst.verdict import MODELS
 from gstlib.io.tables import read_table
-from gstlib.validation.rivals import CEILING, RIVALS
-from gstlib.validation.scoring import YIELDING, own_model
+from gstlib.validation.baselines import CEILING, RIVALS
+from gstlib.validation.scoring import own_model
+from gstlib.wear.archard import YIELDING
 
 if TYPE_CHECKING:
     import markupsafe
     import trimesh
 
-    from gstlib.geometry import Frame
+    from gstlib.surfaces.frames import Frame
 
 __all__ = ["Shown", "by_category", "caption_html", "embedded", "patch_records", "render"]
 __all__ += ["tool_scene", "warned"]
@@ -186,8 +187,8 @@ def tool_scene(
     from gst.figures.maps import FORCE_MAP, force_norm, label_in
     from gst.figures.tool import coloured_tool, outline_on, tool_view
     from gst.viewer import coarsen, packed, stone_data
-    from gstlib.geometry import Place, outline, places_of
-    from gstlib.surface import spacing_of
+    from gstlib.surfaces.footprints import Place, outline, places_of
+    from gstlib.surfaces.grid import spacing_of
 
     stone, *colours = coloured_tool(mesh, frame, *fields)
     size, patch_mm = sizes_mm

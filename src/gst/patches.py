@@ -30,10 +30,10 @@ import yaml
 
 from gst import ROOT
 from gstlib.errors import ConfigError
-from gstlib.geometry import Place, outline, places_of
 from gstlib.io.files import LARGEST_TABLE, check_size, name_problem
 from gstlib.io.results import columns_of
 from gstlib.io.text import decoded, other_case, separator_of
+from gstlib.surfaces.footprints import Place, outline, places_of
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError

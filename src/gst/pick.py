@@ -1,7 +1,7 @@
 """The page on which the square is picked: one file, which works offline.
 
 The page is `pick.html`, beside this file, with the stone and the scripts of `gst.viewer` in it.
-It finds the frame of three points as `gstlib.geometry.frame_from_points` does.
+It finds the frame of three points as `gstlib.surfaces.frames.frame_from_points` does.
 """
 
 import html

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gstlib.contact import load_force
-from gstlib.gesture import read_poses, stroke_poses, wander_poses
+from gstlib.conditions import load_force
+from gstlib.macroscale.gesture import read_poses, stroke_poses, wander_poses
 
 __all__ = ["batches_of", "poses_of", "reach_of"]
 

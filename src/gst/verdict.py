@@ -11,9 +11,10 @@ from typing import Any
 
 import pandas as pd
 
-from gstlib.places import CONTROL, EXPOSED, Concentration
-from gstlib.validation.rivals import CEILING
-from gstlib.validation.scoring import BARE, MAT, YIELDING, own_model
+from gstlib.macroscale.sampling_sites import CONTROL, EXPOSED, Concentration
+from gstlib.validation.baselines import CEILING
+from gstlib.validation.scoring import own_model
+from gstlib.wear.archard import BARE, MAT, YIELDING
 
 __all__ = ["LEVEL", "MODELS", "sign_of", "verdict", "where_to_scan"]
 

@@ -8,7 +8,6 @@ pressure, displacement and stiffness are 0, and shares of the contact are NaN.
 import logging
 import math
 from collections.abc import Callable, Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,41 +15,26 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import (
-    ContactError,
-    ContactState,
-    TipsOver,
-    contact_modulus,
-    load_path,
-    solve_contact,
-)
+from gstlib.bem import ContactError, ContactState, TipsOver, load_path, solve_contact
 from gstlib.errors import InputError
-from gstlib.io.results import columns_of
-from gstlib.preprocess.leveling import Plane
-from gstlib.surface import spacing_of
+from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.leveling import Plane
 
 __all__ = [
     "LAID",
-    "LOAD_PATHS",
     "Loading",
+    "along_path",
     "check_grid",
     "contact_at_pressure",
     "contact_path",
     "faces_of",
     "from_corner",
     "laid_height",
-    "load_force",
     "load_path_table",
-    "load_point",
-    "macroscale_table",
-    "microscale_tables",
     "pressed_height",
     "solved",
-    "study_modulus",
-    "study_poisson",
     "tilted",
     "turned_over",
-    "with_interface_stiffness",
 ]
 
 # Spacings come from the instruments' files: up to this relative difference they are the same.
@@ -100,15 +84,6 @@ _NUMBERS = "displacement", "mean_pressure", "contact_fraction", "residual"
 _PATH = "path_"
 # Variables of a contact that `laid_height` takes, and those that `microscale_tables` takes.
 LAID = "height", "slope_y", "slope_x", "counterface"
-LOAD_PATHS = (
-    "target_pressure",
-    "residual",
-    "path_displacement",
-    "path_mean_pressure",
-    "path_contact_fraction",
-    "path_stiffness",
-    "path_interface_stiffness",
-)
 
 
 class Loading(NamedTuple):
@@ -263,7 +238,7 @@ def contact_path(
             along[name] = np.stack([_finite(getattr(state, name)) for state in path.states])
     contact = _contact(faces, loading, path.final)
     contact = contact.assign_coords(step=np.arange(1, steps + 1))
-    return contact.assign(_variables(along, _PATH))
+    return contact.assign(along_path(along))
 
 
 def contact_at_pressure(
@@ -321,86 +296,6 @@ def _contact(faces: xr.Dataset, loading: Loading, state: ContactState) -> xr.Dat
 def _finite(field: np.ndarray) -> np.ndarray:
     """A field (ny, nx) of a contact, NaN in place of infinite where a face is missing."""
     return np.where(np.isinf(field), np.nan, field)
-
-
-def with_interface_stiffness(contact: xr.Dataset) -> xr.Dataset:
-    """A contact with the stiffness of the rough interface alone along its path.
-
-    A patch is cut out of the stone. Its displacement under a mean pressure has two parts: that of
-    the interface, and that of the half-space under a load on the patch alone, which the
-    surrounding stone does not share in the computation. The second is the compliance of a flat
-    punch of the patch's outline, pressed in with the same solver; compliances in series add. Where
-    nothing touches, the stiffness is 0.
-
-    `contact` is from `contact_path`; the result has ``path_interface_stiffness`` (step), MPa/mm.
-    """
-    height = contact.height
-    punch = _punch_stiffness(height.shape, spacing_of(height), float(contact.contact_modulus))
-    stiffness = contact.path_stiffness.values
-    alone = np.divide(
-        punch * stiffness,
-        punch - stiffness,
-        out=np.full_like(stiffness, np.inf),
-        where=stiffness < punch,
-    )
-    return contact.assign(_variables({"interface_stiffness": alone}, _PATH))
-
-
-@lru_cache
-def _punch_stiffness(
-    shape: tuple[int, int], spacing: tuple[float, float], contact_modulus_MPa: float
-) -> float:
-    """Mean pressure over displacement, MPa/mm, of a rigid flat punch as large as the grid."""
-    depth = float(np.prod(spacing)) ** 0.5
-    punch = solve_contact(np.zeros(shape), spacing, contact_modulus_MPa, displacement=depth)
-    return punch.mean_pressure / depth
-
-
-def macroscale_table(contact: xr.Dataset) -> pd.DataFrame:
-    """Load path of the face, one row per step (`macroscale_path.csv`)."""
-    table = load_path_table(contact)
-    area = contact.height.size * float(np.prod(spacing_of(contact)))
-    table.insert(1, "force_N", table.mean_pressure_MPa * area)
-    return table
-
-
-def load_path_table(contact: xr.Dataset) -> pd.DataFrame:
-    """Load path of a contact of `contact_path`, one row per step."""
-    return pd.DataFrame(
-        {
-            "step": contact.step.values,
-            "displacement_um": contact.path_displacement.values * 1e3,
-            "mean_pressure_MPa": contact.path_mean_pressure.values,
-            "contact_fraction": contact.path_contact_fraction.values,
-            "stiffness_MPa_per_um": contact.path_stiffness.values * 1e-3,
-        }
-    )
-
-
-def microscale_tables(contacts: Mapping[str, xr.Dataset]) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The state of each patch at its own pressure, and its load path.
-
-    `contacts` are those of `gstlib.study.solve_patches` by patch, with their paths. The residual is
-    rounded up to a power of ten: its digits are rounding, which differs from processor to
-    processor.
-    """
-    path, state = columns_of("microscale_paths"), columns_of("microscale_summary")
-    states, paths = [], [pd.DataFrame(columns=path)]
-    for patch, contact in contacts.items():
-        alone = contact.path_interface_stiffness.values * 1e-3
-        steps = load_path_table(contact).assign(
-            patch=patch, interface_stiffness_MPa_per_um=alone
-        )
-        residual = float(contact.residual)
-        states.append(
-            steps.iloc[-1].to_dict()
-            | {
-                "target_pressure_MPa": float(contact.target_pressure),
-                "residual": 10.0 ** math.ceil(math.log10(residual)) if residual > 0 else 0.0,
-            }
-        )
-        paths.append(steps[path])
-    return pd.DataFrame(states, columns=state), pd.concat(paths[1:] or paths, ignore_index=True)
 
 
 def laid_height(faces: xr.Dataset) -> xr.DataArray:
@@ -505,6 +400,11 @@ def solved(solve: Callable, faces: xr.Dataset, loading: Loading, source: str | P
     return found
 
 
+def along_path(values: Mapping) -> dict[str, tuple]:
+    """Variables of a contact along its load path (step), with units and long names."""
+    return _variables(values, _PATH)
+
+
 def _variables(values: Mapping, prefix: str = "") -> dict[str, tuple]:
     """Variables with units and long names; their dimensions follow from how many they have."""
     variables = {}
@@ -515,37 +415,14 @@ def _variables(values: Mapping, prefix: str = "") -> dict[str, tuple]:
     return variables
 
 
-def study_modulus(material: Mapping) -> float:
-    """The contact modulus (MPa) of the config's section ``material``: as given, or computed."""
-    if (given := material["contact_modulus_MPa"]) is not None:
-        return float(given)
-    names = ("young_1_MPa", "poisson_1", "young_2_MPa", "poisson_2")
-    return contact_modulus(*(material[name] for name in names))
-
-
-def study_poisson(material: Mapping) -> float:
-    """Poisson's ratio of two like stones as compliant tangentially as the study's two are.
-
-    The mean of both ratios weighted by the stones' shear compliance 1/G = 2 (1 + ν)/E: with it,
-    (2 − ν)/(2 (1 − ν)) is the sum of (2 − ν)/(4G) over the sum of (1 − ν)/(2G), tangential over
-    normal compliance (Johnson, Contact Mechanics, §7.2).
-    """
-    # ASSUME: where the two stones differ, their tangential compliances add; Dundurs' β, by which
-    # tangential tractions press unlike bodies apart, is neglected.
-    poisson = [material["poisson_1"], material["poisson_2"]]
-    young = [material["young_1_MPa"], material["young_2_MPa"]]
-    weights = [(1 + ratio) / modulus for ratio, modulus in zip(poisson, young, strict=True)]
-    return float(np.average(poisson, weights=weights))
-
-
-def load_force(load: Mapping[str, Any], size_mm: float) -> float:
-    """The force (N) of the section ``load`` of the config, on a square of this side."""
-    if (force := load["force_N"]) is not None:
-        return float(force)
-    return float(load["pressure_MPa"]) * size_mm**2
-
-
-def load_point(load: Mapping[str, Any], size_mm: float) -> tuple[float, float]:
-    """Where (y, x), mm, the force acts: where the section says, or in the middle of the square."""
-    x, y = load["at_mm"] or 2 * [size_mm / 2]
-    return float(y), float(x)
+def load_path_table(contact: xr.Dataset) -> pd.DataFrame:
+    """Load path of a contact of `contact_path`, one row per step."""
+    return pd.DataFrame(
+        {
+            "step": contact.step.values,
+            "displacement_um": contact.path_displacement.values * 1e3,
+            "mean_pressure_MPa": contact.path_mean_pressure.values,
+            "contact_fraction": contact.path_contact_fraction.values,
+            "stiffness_MPa_per_um": contact.path_stiffness.values * 1e-3,
+        }
+    )

@@ -35,8 +35,9 @@ settings and for many generated specimens.
 
 Lengths are in mm and pressures in MPa unless a name says otherwise. Words mean the same everywhere:
 
-- a *surface* is heights on a grid, an array (y, x) in mm (`gstlib.surface`);
-- the *face* is the dataset of `gstlib.face.grid_macroscale`, the square and what is around it; the
+- a *surface* is heights on a grid, an array (y, x) in mm (`gstlib.surfaces.grid`);
+- the *face* is the dataset of `gstlib.macroscale.face.grid_macroscale`, the square and what is
+around it; the
   *counterface* is what is pressed on it;
 - *patches* is the patch table, *pressures* that table with the pressure of each patch;
 - *scans*, *contacts* and *changes* are prepared scans, contacts and height changes, each a dataset,
@@ -45,43 +46,32 @@ Lengths are in mm and pressures in MPa unless a name says otherwise. Words mean 
 """
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import Layer
-from gstlib.composite import compose_surface
-from gstlib.contact import (
-    Loading,
-    contact_at_pressure,
-    contact_path,
-    faces_of,
-    load_force,
-    load_point,
-    study_modulus,
-    with_interface_stiffness,
-)
-from gstlib.counterface import SecondStone
-from gstlib.coupling import couple_scales, place_patch, prepare_faces
-from gstlib.errors import InputError
-from gstlib.face import grid_macroscale, square_alone
-from gstlib.gesture import Gesture
-from gstlib.io.scans import cut_scan, whole_scan
-from gstlib.preprocess.scan import mould_of, prepare_scan
-from gstlib.validation.change import Detection, measure_detection, register_patch
-from gstlib.validation.scoring import by_chance, judge_patch, judged_tables, other_patches
-from gstlib.validation.selection import registration_table, select_patches
-from gstlib.validation.summary import patch_statistics, summarise
-from gstlib.wear import WornSquare, fit_mat, wear_map, wear_square
+from gstlib.change.change import Detection, measure_detection, register_patch
+from gstlib.change.selection import registration_table, select_patches
+from gstlib.conditions import load_force, load_point, study_modulus
+from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.coupling.pressures import couple_scales
+from gstlib.macroscale.active_tool import SecondStone
+from gstlib.macroscale.composite import compose_surface
+from gstlib.macroscale.face import grid_macroscale, square_alone
+from gstlib.microscale.patches import PLACED, Microscale, solve_patches
+from gstlib.preprocess.scans import prepare_patch
+from gstlib.validation.summary import judge_wear
+from gstlib.wear.archard import WornSquare
+from gstlib.wear.fit import wear_map, wear_stone
+from gstlib.wear.interlayer import fit_mat
 
 if TYPE_CHECKING:
     import trimesh
 
 __all__ = [
-    "LEVELLED",
     "PLACED",
     "STUDY_SECTIONS",
     "Microscale",
@@ -94,9 +84,6 @@ __all__ = [
 
 _log = logging.getLogger(__name__)
 
-# The variants of the coupling, and the pressure of a patch that each takes, from `couple_scales`.
-PLACED, LEVELLED = "placed", "levelled"
-_PRESSURES = {PLACED: "pressure_MPa", LEVELLED: "square_pressure_MPa"}
 # The sections of the config that the stages of `Study` depend on, besides `seed`.
 STUDY_SECTIONS = (
     "coupling",
@@ -122,244 +109,13 @@ STUDY_SECTIONS = (
 # --- The scans --------------------------------------------------------------------------------
 
 
-def prepare_patch(
-    raw: xr.DataArray,
-    *,
-    crop: Sequence[float] | None,
-    scans: Mapping,
-    preprocessing: Mapping,
-    epoch: str = "T0",
-    flip: str = "",
-) -> xr.Dataset:
-    """Cut the patch out of a scan, undo the mould, replace outliers, fill and level (section 2.2).
-
-    `raw` comes from `gstlib.io.scans.read_scan`; `crop` is the centre (y, x) of the piece to cut,
-    None for a whole scan; `scans` and `preprocessing` are these sections of the config; `flip` is
-    the patch's own, as in the patch table. The result is that of
-    `gstlib.preprocess.scan.prepare_scan`.
-
-    Only T0 is cut. A scan of another `epoch` was laid under the instrument anew, so its middle is
-    another place of the stone; it stays whole, and its coordinates are those of the piece that
-    `crop` names.
-    """
-    size_mm, mould = scans["size_mm"], mould_of(scans["mould"], flip)
-    raw = cut_scan(raw, crop, size_mm) if epoch == "T0" else whole_scan(raw, size_mm)
-    found = prepare_scan(
-        raw, mould_invert=mould["invert"], mould_flip=mould["flip"], **preprocessing
-    )
-    if epoch == "T0":
-        return found
-    for axis, middle in zip("yx", crop or (0.0, 0.0), strict=True):
-        beyond = (raw.sizes[axis] * raw[axis].attrs["spacing"] - size_mm) / 2
-        if crop or beyond > 0.01 * size_mm:
-            start = beyond + (-middle if axis == mould["flip"] else middle)
-            at = found[axis].copy(data=found[axis].values - start)
-            found = found.assign_coords({axis: at})
-    return found
-
-
 # --- The patches ------------------------------------------------------------------------------
-
-
-class Microscale(NamedTuple):
-    """How the patches are pressed, as in the section ``microscale`` of the config.
-
-    Attributes
-    ----------
-    contact_modulus_MPa, tolerance : float
-        As in `gstlib.contact.Loading`.
-    s_filter_um : float or None
-        Nesting index of the S-filter that the scans pass.
-    steps : int or None
-        Steps of the load path of the first variant; None for the target pressure alone.
-    maximum_displacement_um : float
-        As in `gstlib.contact.contact_path`.
-    """
-
-    contact_modulus_MPa: float
-    tolerance: float
-    s_filter_um: float | None
-    steps: int | None
-    maximum_displacement_um: float
-
-
-def solve_patches(
-    scans: Mapping[str, xr.Dataset],
-    pressures: pd.DataFrame,
-    settings: Microscale,
-    *,
-    variants: Sequence[str],
-    composite: xr.Dataset | None = None,
-    contact: xr.Dataset | None = None,
-    counterface: xr.DataArray | None = None,
-) -> Iterator[tuple[str, str, xr.Dataset]]:
-    """Press patches up to their own pressures, in each variant of the coupling (section 2.4).
-
-    Parameters
-    ----------
-    scans : mapping of str to xarray.Dataset
-        The prepared T0 scans by patch; each is looked up once.
-    pressures : pandas.DataFrame
-        From `gstlib.coupling.couple_scales`.
-    settings : Microscale
-    variants : sequence of str
-        `PLACED`, `LEVELLED` or both, the study's own first.
-    composite, contact : xarray.Dataset
-        As in `gstlib.coupling.place_patch`; for `PLACED`.
-    counterface : (y, x) xarray.DataArray, optional
-        The prepared scan of the active stone's own face.
-
-    Yields
-    ------
-    patch, variant : str
-    contact : xarray.Dataset
-        Of the first variant that of `gstlib.contact.contact_path` with its
-        `gstlib.contact.with_interface_stiffness`, of the other that of
-        `gstlib.contact.contact_at_pressure`.
-    """
-    if PLACED in variants and (composite is None or contact is None):
-        raise ValueError("to be placed, patches need the composite surface and its contact")
-    of = pressures.set_index("patch")
-    for patch in scans:
-        source = f"patch {patch}"
-        height, pressed = prepare_faces(
-            scans[patch].height, counterface, s_filter_um=settings.s_filter_um, source=source
-        )
-        for variant in variants:
-            faces = faces_of(height, pressed)
-            if variant == PLACED and composite is not None and contact is not None:
-                faces = place_patch(height, pressed, composite, contact, patch)
-            target = float(of[_PRESSURES[variant]][patch])
-            loading = Loading(settings.contact_modulus_MPa, target, settings.tolerance)
-            if settings.steps is None or variant != variants[0]:
-                yield patch, variant, contact_at_pressure(faces, loading, source=source)
-                continue
-            path = contact_path(
-                faces,
-                loading,
-                source=source,
-                steps=settings.steps,
-                maximum_displacement_um=settings.maximum_displacement_um,
-            )
-            yield patch, variant, with_interface_stiffness(path)
 
 
 # --- Wear ------------------------------------------------------------------------------------
 
 
-def wear_stone(
-    contact: xr.Dataset,
-    pressures: pd.DataFrame,
-    registration: pd.DataFrame,
-    *,
-    patch_mm: float,
-    steps: int,
-    mat: Mapping[str, float] | None = None,
-    gesture: Gesture | None = None,
-) -> WornSquare | None:
-    """Wear the face by Archard's law, and fit its coefficient to the measured losses.
-
-    `contact` is the face's at the target load; `pressures` and `registration` are the tables
-    ``patch_pressures`` and ``registration``: the believed losses of patches in the study count;
-    `mat` is that section of the config. Other parameters and the result are those of
-    `gstlib.wear.wear_square`; None, with a warning, where there is no fit.
-    """
-    layer = Layer(mat["young_MPa"], mat["poisson"], mat["thickness_um"] * 1e-3) if mat else None
-    known = pressures.merge(registration, on="patch").set_index("patch")
-    known = known[known.believed.astype(bool) & known.in_study.astype(bool)]
-    known = known.dropna(subset="loss_per_area_um")
-    if ((known.loss_per_area_um > 0) & (known.pressure_MPa > 0)).sum() < 2:
-        _log.warning(
-            "wear is not predicted: fewer than two patches under load lost height, so that its "
-            "coefficient cannot be fitted to some and tested on others"
-        )
-        return None
-    try:
-        return wear_square(
-            contact,
-            pressures,
-            known.loss_per_area_um.to_dict(),
-            patch_mm=patch_mm,
-            steps=steps,
-            mat=layer,
-            gesture=gesture,
-        )
-    except InputError as error:
-        _log.warning("wear is not predicted: %s", error.problem)
-        return None
-
-
 # --- Was the prediction right? ----------------------------------------------------------------
-
-
-def judge_wear(
-    contacts: Mapping[str, xr.Dataset],
-    changes: Mapping[str, xr.Dataset],
-    predicted: Mapping[str, xr.Dataset],
-    pressures: pd.DataFrame,
-    registration: pd.DataFrame,
-    *,
-    fitted_to: Sequence[str],
-    mat: xr.Dataset | None = None,
-    expected_worst: Sequence[str] = (),
-    seed: int | Sequence[int],
-    resamples: int,
-) -> dict[str, pd.DataFrame]:
-    """Judge the loss that is predicted of each patch by the measured one, beside fair rivals.
-
-    Parameters
-    ----------
-    contacts, changes, predicted : mapping of str to xarray.Dataset
-        By patch: contact before use, height change, and the result of `gstlib.wear.wear_map`, of
-        which there are none where no wear is predicted.
-    pressures, registration : pandas.DataFrame
-        The tables ``patch_pressures`` and ``registration``.
-    fitted_to : sequence of str
-        Patches whose losses the prediction is fitted to.
-    mat : xarray.Dataset, optional
-        From `gstlib.wear.fit_mat`.
-    expected_worst : sequence of str
-        Patches that were said beforehand to be the worst worn.
-    seed, resamples : int
-        Of the intervals and permutations; bootstrap samples of patches.
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-        ``patches`` and ``wear``, with a row for each patch with a known change and for each of its
-        models; ``profile``; and ``summary``, over the patches in the study whose loss is believed.
-    """
-    known = registration[registration.known_share > 0].set_index("patch")
-    at = pressures.set_index("patch").join(known.believed, how="inner")
-    found = []
-    if predicted:
-        others = other_patches(pressures, registration, fitted_to, contacts, changes)
-        for patch in at.index:
-            found.append(
-                judge_patch(
-                    patch,
-                    contacts[patch],
-                    changes[patch],
-                    predicted[patch],
-                    others,
-                    pressure_MPa=float(at.pressure_MPa[patch]),
-                    believed=bool(at.believed[patch]),
-                )
-            )
-    nulls = by_chance(found)
-    counted = (at.in_study.astype(bool) & at.believed.astype(bool)).to_dict()
-    tables = judged_tables(found, nulls, counted)
-    statistics = patch_statistics(tables["patches"], registration, pressures)
-    tables["summary"] = summarise(
-        statistics,
-        tables["wear"],
-        nulls,
-        mat,
-        seed=seed,
-        resamples=resamples,
-        expected_worst=expected_worst,
-    )
-    return tables
 
 
 # --- The whole in memory ----------------------------------------------------------------------
@@ -451,7 +207,7 @@ class Study:
 
     @_stage
     def composite(self) -> xr.Dataset:
-        """The scans laid on the mesh's surface, from `gstlib.composite.compose_surface`."""
+        """The scans laid on the mesh's surface, from `compose_surface`."""
         return compose_surface(
             self.face(),
             self.patches,
@@ -488,7 +244,7 @@ class Study:
 
     @_stage
     def pressures(self) -> pd.DataFrame:
-        """Pressure of every patch, from `gstlib.coupling.couple_scales`."""
+        """Pressure of every patch, from `gstlib.coupling.pressures.couple_scales`."""
         contacts = self.contact(), self.square_contact()
         return couple_scales(*contacts, self.patches, patch_mm=self._patch_mm)
 

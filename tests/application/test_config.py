@@ -12,7 +12,7 @@ import yaml
 from gst import SHIPPED
 from gst.config import check_files, complete, config_problems, counterface_mesh, refuse_study
 from gst.config_file import read_config_file
-from gstlib.contact import study_poisson
+from gstlib.conditions import study_poisson
 from gstlib.errors import ConfigError
 from snakemake.utils import update_config
 

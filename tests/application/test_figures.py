@@ -17,8 +17,8 @@ from gst.figures.maps import draw_footprints
 from gst.figures.tool import check_figure, draw_square, draw_stone
 from gst.verdict import MODELS
 from gstlib.errors import InputError
-from gstlib.geometry import Frame
-from gstlib.surface import make_surface
+from gstlib.surfaces.frames import Frame
+from gstlib.surfaces.grid import make_surface
 from matplotlib.figure import Figure
 
 

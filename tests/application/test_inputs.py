@@ -10,8 +10,8 @@ from gst.cli import main
 from gst.inputs import Asked, check_inputs, inspect_file
 from gst.patches import ScanFile
 from gstlib.errors import InputsError
-from gstlib.geometry import Place, square_of
 from gstlib.io.plu import write_plu
+from gstlib.surfaces.footprints import Place, square_of
 from PIL import Image
 
 SPACING = 0.01

@@ -13,9 +13,9 @@ from gst.chain import given_to, step_of, write_record
 from gst.config import read_config
 from gst.figures.style import STONE
 from gst.figures.tool import coloured_tool
-from gstlib.geometry import Frame
 from gstlib.io.results import TABLES
-from gstlib.surface import make_surface
+from gstlib.surfaces.frames import Frame
+from gstlib.surfaces.grid import make_surface
 from PIL import Image
 
 FRAME = Frame(origin=(-2, -2, 1.5), x_axis=(1, 0, 0), normal=(0, 0, 1))

@@ -6,9 +6,9 @@ import pandas as pd
 import pytest
 from gst.verdict import MODELS, where_to_scan
 from gst.verdict import verdict as verdict_of
-from gstlib.places import Concentration
-from gstlib.validation.rivals import CEILING, RIVALS
-from gstlib.validation.scoring import BARE, MAT, YIELDING
+from gstlib.macroscale.sampling_sites import Concentration
+from gstlib.validation.baselines import CEILING, RIVALS
+from gstlib.wear.archard import BARE, MAT, YIELDING
 
 NAN = math.nan
 TOUCHED = "spearman(touched, loss_per_area_um)"

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from gstlib.contact import Loading, contact_at_pressure, faces_of
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.surface import axis_coordinates, make_surface
+from gstlib.surfaces.grid import axis_coordinates, make_surface
+from gstlib.surfaces.leveling import remove_plane
 
 
 def around(heights, spacing, shift):

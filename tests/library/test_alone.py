@@ -34,7 +34,7 @@ from gstlib.io.scans import read_scan
 from gstlib.specimen.generate import make_specimen
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.study import Study
-from gstlib.validation.texture import measure_texture
+from gstlib.change.texture import measure_texture
 
 for module in pkgutil.walk_packages(gstlib.__path__, "gstlib."):
     importlib.import_module(module.name)

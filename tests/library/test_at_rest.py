@@ -12,24 +12,18 @@ import pytest
 from contacts import around, hertz
 from gst.config import complete, read_config
 from gst.patches import read_patches
-from gstlib.composite import plane_under
-from gstlib.contact import (
-    Loading,
-    contact_at_pressure,
-    contact_path,
-    faces_of,
-    load_force,
-    load_point,
-)
-from gstlib.counterface import rounded_counterface
-from gstlib.coupling import placed_faces
-from gstlib.geometry import Place, on_patch, spline_of, square_of
-from gstlib.preprocess.leveling import Plane, remove_plane
-from gstlib.reference import press_whole
+from gstlib.conditions import load_force, load_point
+from gstlib.contact import Loading, contact_at_pressure, contact_path, faces_of
+from gstlib.coupling.embedding import placed_faces
+from gstlib.macroscale.active_tool import rounded_counterface
+from gstlib.macroscale.composite import plane_under
 from gstlib.specimen.generate import make_specimen
 from gstlib.specimen.randomness import SpecimenParameters, smooth_field
 from gstlib.study import Study
-from gstlib.surface import make_surface, spacing_of
+from gstlib.surfaces.footprints import Place, on_patch, spline_of, square_of
+from gstlib.surfaces.grid import make_surface, spacing_of
+from gstlib.surfaces.leveling import Plane, remove_plane
+from gstlib.validation.single_scale import press_whole
 from scipy.spatial.transform import Rotation
 
 CONFIG = Path(__file__).parents[2] / "config"

@@ -4,7 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from contacts import hertz, rough
-from gstlib.cases import (
+from gstlib.contact import Loading, contact_at_pressure, faces_of, pressed_height
+from gstlib.errors import ConfigError
+from gstlib.microscale.slip_and_cap import (
     case_table,
     ceiling_rows,
     check_ceiling,
@@ -13,9 +15,7 @@ from gstlib.cases import (
     solve_ceiling,
     solve_slip,
 )
-from gstlib.contact import Loading, contact_at_pressure, faces_of, pressed_height
-from gstlib.errors import ConfigError
-from gstlib.surface import make_surface
+from gstlib.surfaces.grid import make_surface
 
 LOADING = Loading(contact_modulus_MPa=12820.0, target_pressure_MPa=50.0, tolerance=1e-9)
 SOURCE = {"source": "surface.h5"}

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from contacts import laid, mesh_face
-from gstlib.composite import (
+from gstlib.macroscale.composite import (
     compose,
     compose_grid,
     compose_surface,
@@ -15,11 +15,11 @@ from gstlib.composite import (
     plane_under,
     refined,
 )
-from gstlib.geometry import Place, places_of, spline_of
-from gstlib.preprocess.filtering import s_filtered
-from gstlib.preprocess.leveling import Plane
-from gstlib.reference import composite_heights
-from gstlib.surface import axis_coordinates, make_surface
+from gstlib.surfaces.filtering import s_filtered
+from gstlib.surfaces.footprints import Place, places_of, spline_of
+from gstlib.surfaces.grid import axis_coordinates, make_surface
+from gstlib.surfaces.leveling import Plane
+from gstlib.validation.single_scale import composite_heights
 
 NO_DETAIL = xr.DataArray(np.zeros(2), dims="frequency", coords={"frequency": [1.0, 2.0]})
 SIDE, COUNT, PATCH, POINTS = 4.0, 40, 0.8, 64

@@ -13,9 +13,9 @@ from gstlib.contact import (
     load_path_table,
     pressed_height,
     turned_over,
-    with_interface_stiffness,
 )
 from gstlib.errors import InputError
+from gstlib.microscale.patches import with_interface_stiffness
 
 LOADING = Loading(contact_modulus_MPa=12820.0, target_pressure_MPa=50.0, tolerance=1e-9)
 SOURCE = {"source": "surface.h5"}

@@ -4,12 +4,19 @@ import numpy as np
 import pytest
 import trimesh
 from contacts import pressed as press
-from gstlib.counterface import SecondStone, face_in_pose, grid_counterface, pose_frame, posed_mesh
 from gstlib.errors import ConfigError, InputError
-from gstlib.face import grid_macroscale
-from gstlib.geometry import Place, frame_from_points
-from gstlib.preprocess.leveling import remove_plane
+from gstlib.macroscale.active_tool import (
+    SecondStone,
+    face_in_pose,
+    grid_counterface,
+    pose_frame,
+    posed_mesh,
+)
+from gstlib.macroscale.face import grid_macroscale
 from gstlib.specimen.randomness import smooth_field
+from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.frames import frame_from_points
+from gstlib.surfaces.leveling import remove_plane
 from scipy.spatial.transform import Rotation
 
 SIDE, COUNT, EDGE = 4.0, 32, 0.125

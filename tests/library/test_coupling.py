@@ -4,9 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from gstlib.bem import HalfSpace
-from gstlib.coupling import couple_scales, patch_pressures, surroundings
-from gstlib.geometry import Place, footprint_weights, moved
-from gstlib.surface import make_surface
+from gstlib.coupling.embedding import surroundings
+from gstlib.coupling.pressures import couple_scales, patch_pressures
+from gstlib.surfaces.footprints import Place, footprint_weights, moved
+from gstlib.surfaces.grid import make_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 from gstlib.contact import Loading, contact_at_pressure, faces_of
-from gstlib.doubts import contact_doubts
-from gstlib.surface import make_surface
+from gstlib.macroscale.plausibility import contact_doubts
+from gstlib.surfaces.grid import make_surface
 
 SIDE, COUNT = 6.0, 60  # mm, elements
 

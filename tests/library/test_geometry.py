@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import trimesh
 from contacts import around
-from gstlib.geometry import Frame, Place, on_mesh, on_patch, spline_of
-from gstlib.surface import make_surface
+from gstlib.surfaces.footprints import Place, on_patch, spline_of
+from gstlib.surfaces.frames import Frame, on_mesh
+from gstlib.surfaces.grid import make_surface
 from hypothesis import given
 from hypothesis import strategies as st
 

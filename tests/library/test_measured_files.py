@@ -10,13 +10,14 @@ import pytest
 import yaml
 from gst.patches import read_patches
 from gstlib.contact import Loading, contact_at_pressure, faces_of
-from gstlib.geometry import frame_from_points, spline_of
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
-from gstlib.preprocess.gridding import grid_mesh
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.study import prepare_patch
-from gstlib.surface import make_surface, spacing_of
+from gstlib.preprocess.mesh import grid_mesh
+from gstlib.preprocess.scans import prepare_patch
+from gstlib.surfaces.footprints import spline_of
+from gstlib.surfaces.frames import frame_from_points
+from gstlib.surfaces.grid import make_surface, spacing_of
+from gstlib.surfaces.leveling import remove_plane
 from scipy.ndimage import gaussian_filter
 
 ROOT = Path(__file__).parents[2]

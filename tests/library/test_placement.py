@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
-from gstlib.geometry import Place
-from gstlib.placement import AGREES, ALL, CANNOT_TELL, ELSEWHERE, SHIFTED, place_patches
-from gstlib.surface import axis_coordinates, make_surface
+from gstlib.coupling.placement import AGREES, ALL, CANNOT_TELL, ELSEWHERE, SHIFTED, place_patches
+from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.grid import axis_coordinates, make_surface
 
 SQUARE, SIZE = 5.0, 0.85
 NINE = [(y, x) for y in (1.2, 2.5, 3.8) for x in (1.2, 2.5, 3.8)]

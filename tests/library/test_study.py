@@ -6,9 +6,9 @@ import pytest
 from contacts import pressed
 from gstlib.contact import pressed_height
 from gstlib.io.store import Stored
-from gstlib.preprocess.filtering import s_filtered
-from gstlib.study import LEVELLED, PLACED, Microscale, solve_patches
-from gstlib.surface import make_surface
+from gstlib.microscale.patches import LEVELLED, PLACED, Microscale, solve_patches
+from gstlib.surfaces.filtering import s_filtered
+from gstlib.surfaces.grid import make_surface
 
 SETTINGS = Microscale(
     contact_modulus_MPa=1e4,

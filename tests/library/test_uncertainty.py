@@ -5,19 +5,19 @@ import pandas as pd
 import pytest
 from contacts import around, laid, mesh_face
 from contacts import pressed as press
-from gstlib.composite import compose_surface
-from gstlib.counterface import face_in_pose
-from gstlib.coupling import patch_pressures
-from gstlib.geometry import Place, places_of
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.surface import axis_coordinates, coarser, make_surface
-from gstlib.uncertainty import (
+from gstlib.coupling.intervals import (
     Errors,
     Macroscale,
     draw_contact_moduli,
     draw_point,
     pressure_intervals,
 )
+from gstlib.coupling.pressures import patch_pressures
+from gstlib.macroscale.active_tool import face_in_pose
+from gstlib.macroscale.composite import compose_surface
+from gstlib.surfaces.footprints import Place, places_of
+from gstlib.surfaces.grid import axis_coordinates, coarser, make_surface
+from gstlib.surfaces.leveling import remove_plane
 
 COUNT, SPACING, PATCH = 24, 0.1, 0.6  # the square is 2.4 mm wide
 STONES = {"young_1_MPa": 20000.0, "poisson_1": 0.25, "young_2_MPa": 20000.0, "poisson_2": 0.25}
@@ -58,7 +58,7 @@ def intervals(monkeypatch):
         shares, *, error=0.0, composite=None, whole=None, counterface=None, through=MIDDLE, **errors
     ):
         drawn = np.asarray(shares)
-        monkeypatch.setattr("gstlib.uncertainty.draw_contact_moduli", lambda *_, **__: drawn)
+        monkeypatch.setattr("gstlib.coupling.intervals.draw_contact_moduli", lambda *_, **__: drawn)
         return pressure_intervals(
             Macroscale(whole or mesh(error), composite, counterface),
             stated(),

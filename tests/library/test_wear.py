@@ -6,13 +6,16 @@ import pytest
 import xarray as xr
 from contacts import around, pressed, rough, tiles
 from gstlib.bem import Layer, wear_path
-from gstlib.coupling import patch_pressures, surroundings
+from gstlib.coupling.embedding import surroundings
+from gstlib.coupling.pressures import patch_pressures
 from gstlib.errors import InputError
-from gstlib.geometry import Place
-from gstlib.gesture import Gesture, stroke_poses
-from gstlib.study import judge_wear, wear_stone
-from gstlib.surface import make_surface
-from gstlib.wear import Mat, WornSquare, fit_mat, wear_map, wear_patch, wear_square
+from gstlib.macroscale.gesture import Gesture, stroke_poses
+from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.grid import make_surface
+from gstlib.validation.summary import judge_wear
+from gstlib.wear.archard import Mat, WornSquare, wear_patch, wear_square
+from gstlib.wear.fit import wear_map, wear_stone
+from gstlib.wear.interlayer import fit_mat
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
 SETTINGS = {"contact_modulus_MPa": 1e4, "tolerance": 1e-9}

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.ndimage
 import xarray as xr
 from gstlib.io.store import write_dataset
-from gstlib.surface import make_surface
+from gstlib.surfaces.grid import make_surface
 
 WORKFLOW = Path(__file__).parents[2] / "workflow"
 

@@ -14,10 +14,10 @@ import pytest
 import yaml
 from filelock import FileLock
 from gst.config import read_config
+from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table, write_table
 from gstlib.study import Study as InMemory
-from gstlib.uncertainty import Errors, Macroscale, pressure_intervals
 from sweep import study_of
 
 ROOT = Path(__file__).parents[2]

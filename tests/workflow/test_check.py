@@ -10,7 +10,7 @@ import pytest
 import trimesh
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
-from gstlib.surface import spacing_of
+from gstlib.surfaces.grid import spacing_of
 from numpy.polynomial.legendre import legvander2d
 
 from .conftest import ROOT, as_measured, run

@@ -4,11 +4,11 @@ import meshio
 import numpy as np
 import pytest
 import trimesh
-from gstlib.geometry import FRAME, stored_frame
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
-from gstlib.surface import spacing_of
+from gstlib.surfaces.frames import FRAME, stored_frame
+from gstlib.surfaces.grid import spacing_of
 from SurfaceTopography.IO import open_topography
 from surfalize import Surface
 

@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_pressures, read_table
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.reference import composite_heights
+from gstlib.surfaces.leveling import remove_plane
+from gstlib.validation.single_scale import composite_heights
 
 from .conftest import as_measured, assert_stored, fresh, in_memory
 

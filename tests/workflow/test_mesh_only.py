@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 import trimesh
 import xarray as xr
-from gstlib.geometry import FRAME, stored_frame
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
+from gstlib.surfaces.frames import FRAME, stored_frame
 
 from .conftest import fresh
 

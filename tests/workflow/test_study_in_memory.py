@@ -7,10 +7,10 @@ it is tested with the library.
 import numpy as np
 import pytest
 import yaml
+from gstlib.change.texture import measure_texture
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
-from gstlib.reference import two_scales_table
-from gstlib.validation.texture import measure_texture
+from gstlib.validation.single_scale import two_scales_table
 from power import merged
 from sweep import main, outcomes
 

@@ -14,9 +14,9 @@ import pandas as pd
 import pytest
 from gst.figures.maps import FORCE_MAP
 from gst.verdict import MODELS
-from gstlib.geometry import square_of
 from gstlib.io.results import columns_of
 from gstlib.io.store import read_dataset
+from gstlib.surfaces.footprints import square_of
 from PIL import Image
 
 

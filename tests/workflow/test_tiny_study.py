@@ -16,10 +16,10 @@ from gstlib.io.results import TABLES, columns_of
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_table
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.reference import press_whole
 from gstlib.specimen.score import true_face
-from gstlib.surface import spacing_of
+from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.leveling import remove_plane
+from gstlib.validation.single_scale import press_whole
 from matplotlib.colors import to_rgb
 
 from .conftest import ROOT

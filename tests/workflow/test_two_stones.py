@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 from gstlib.contact import laid_height
-from gstlib.geometry import square_of
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
+from gstlib.surfaces.footprints import square_of
 
 from .conftest import assert_stored, fresh, intervals_of, opened
 

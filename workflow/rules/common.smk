@@ -11,9 +11,9 @@ from gst.config import check_files, complete, counterface_mesh, read_study
 from gst.poses import batches_of, poses_of, reach_of
 from gst.patches import scan_files
 from gst.provenance import commit, program_hash, source_hash
-from gstlib.contact import load_force, load_point, study_modulus, study_poisson
+from gstlib.conditions import load_force, load_point, study_modulus, study_poisson
 from gstlib.io.results import TABLES
-from gstlib.preprocess.gridding import elements_around
+from gstlib.preprocess.mesh import elements_around
 
 # Two jobs of each kind for 25 patches, one on each of two cores; and at most as many of a kind as the
 # profile for Slurm sends at a time. A start costs 1 s of CPU, a patch of 64 x 64 points 0.01 to 0.1 s.

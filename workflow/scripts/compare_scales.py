@@ -6,7 +6,7 @@ from gst.logs import run_script
 from gstlib.contact import LAID
 from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import write_table
-from gstlib.reference import two_scales_table
+from gstlib.validation.single_scale import two_scales_table
 
 READ = *LAID, "pressure", "mean_pressure"
 

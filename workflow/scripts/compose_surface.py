@@ -6,8 +6,8 @@ import pandas as pd
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.composite import compose_surface
 from gstlib.io.store import Stored, read_dataset, write_dataset
+from gstlib.macroscale.composite import compose_surface
 
 
 def main(

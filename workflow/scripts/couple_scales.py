@@ -6,10 +6,10 @@ import pandas as pd
 
 from gst.logs import run_script
 from gstlib.contact import Loading, contact_at_pressure
-from gstlib.coupling import couple_scales
-from gstlib.face import square_alone
+from gstlib.coupling.pressures import couple_scales
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
+from gstlib.macroscale.face import square_alone
 
 
 def main(

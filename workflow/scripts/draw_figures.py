@@ -19,10 +19,11 @@ from gst.figures import macroscale, microscale, places, tables
 from gst.figures.style import message_figure, save_figure
 from gst.logs import run_script
 from gstlib.errors import InputError
-from gstlib.geometry import FRAME, Frame, square_of, stored_frame
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
+from gstlib.surfaces.footprints import square_of
+from gstlib.surfaces.frames import FRAME, Frame, stored_frame
 from gstlib.validation.scoring import own_model
 
 if TYPE_CHECKING:

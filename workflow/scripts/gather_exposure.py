@@ -4,9 +4,9 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.gesture import exposure, exposure_table
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_table, write_table
+from gstlib.macroscale.gesture import exposure, exposure_table
 
 
 def main(

@@ -4,12 +4,12 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.counterface import SecondStone
-from gstlib.face import grid_macroscale
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
 from gstlib.io.tables import write_table
-from gstlib.preprocess.gridding import gridding_table
+from gstlib.macroscale.active_tool import SecondStone
+from gstlib.macroscale.face import grid_macroscale
+from gstlib.preprocess.mesh import gridding_table
 
 
 def main(

@@ -6,8 +6,8 @@ from gst.logs import run_script
 from gstlib.contact import LAID
 from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_pressures, read_table, write_table
-from gstlib.study import judge_wear
-from gstlib.wear import WornSquare
+from gstlib.validation.summary import judge_wear
+from gstlib.wear.archard import WornSquare
 
 READ = *LAID, "pressure"
 CHANGE = "change", "loss", "level_of_detection"

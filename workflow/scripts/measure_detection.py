@@ -6,8 +6,8 @@ import xarray as xr
 
 from gst.logs import run_script
 from gst.provenance import provenance
+from gstlib.change.change import measure_detection
 from gstlib.io.store import Stored, write_dataset
-from gstlib.validation.change import measure_detection
 
 
 def main(

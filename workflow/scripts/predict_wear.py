@@ -7,11 +7,11 @@ import pandas as pd
 from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.contact import Loading
-from gstlib.gesture import Gesture
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.io.tables import read_pressures, read_table
-from gstlib.study import wear_stone
-from gstlib.wear import fit_mat, wear_map
+from gstlib.macroscale.gesture import Gesture
+from gstlib.wear.fit import wear_map, wear_stone
+from gstlib.wear.interlayer import fit_mat
 
 
 def main(

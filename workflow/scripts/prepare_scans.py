@@ -7,7 +7,7 @@ from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.io.scans import read_scan
 from gstlib.io.store import write_dataset
-from gstlib.study import prepare_patch
+from gstlib.preprocess.scans import prepare_patch
 
 
 def main(

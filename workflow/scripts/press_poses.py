@@ -6,8 +6,8 @@ import pandas as pd
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.gesture import Gesture, press_poses
 from gstlib.io.store import read_dataset, write_dataset
+from gstlib.macroscale.gesture import Gesture, press_poses
 
 
 def main(

@@ -5,7 +5,7 @@ from pathlib import Path
 from gst.logs import run_script
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
-from gstlib.places import propose_places
+from gstlib.macroscale.sampling_sites import propose_places
 
 
 def main(exposure: Path, table: Path, *, size_mm: float, patch_mm: float) -> None:

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
+from gstlib.change.change import Detection, register_patch
+from gstlib.change.form import form_doubt
 from gstlib.io.store import Stored, read_attributes, write_dataset
-from gstlib.preprocess.form import form_doubt
-from gstlib.validation.change import Detection, register_patch
 
 
 def main(

@@ -5,11 +5,12 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.contact import Loading, contact_path, faces_of, macroscale_table
-from gstlib.doubts import contact_doubts
-from gstlib.face import square_alone
+from gstlib.contact import Loading, contact_path, faces_of
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import write_table
+from gstlib.macroscale.equilibrium import macroscale_table
+from gstlib.macroscale.face import square_alone
+from gstlib.macroscale.plausibility import contact_doubts
 
 
 def main(

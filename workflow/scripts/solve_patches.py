@@ -9,7 +9,7 @@ from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.io.tables import read_pressures
-from gstlib.study import Microscale, solve_patches
+from gstlib.microscale.patches import Microscale, solve_patches
 
 
 def main(

@@ -11,10 +11,10 @@ import xarray as xr
 from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.contact import Loading, contact_at_pressure, faces_of
-from gstlib.geometry import places_of
 from gstlib.io.store import Stored, read_dataset, write_dataset
-from gstlib.reference import composite_heights, patches_of_reference, press_whole
 from gstlib.specimen.score import true_face
+from gstlib.surfaces.footprints import places_of
+from gstlib.validation.single_scale import composite_heights, patches_of_reference, press_whole
 
 
 def main(

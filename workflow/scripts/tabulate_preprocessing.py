@@ -5,7 +5,7 @@ from pathlib import Path
 from gst.logs import run_script
 from gstlib.io.store import read_attributes
 from gstlib.io.tables import write_table
-from gstlib.preprocess.scan import preprocessing_table
+from gstlib.preprocess.scans import preprocessing_table
 
 
 def main(

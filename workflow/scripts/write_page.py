@@ -27,14 +27,15 @@ from gst.page import (
 from gst.poses import poses_of
 from gst.provenance import study_provenance
 from gst.verdict import verdict, where_to_scan
-from gstlib.contact import load_force
-from gstlib.counterface import SecondStone, posed_mesh
-from gstlib.geometry import FRAME, square_of, stored_frame
+from gstlib.conditions import load_force
 from gstlib.io.files import sha256, write_whole
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
-from gstlib.places import concentration
+from gstlib.macroscale.active_tool import SecondStone, posed_mesh
+from gstlib.macroscale.sampling_sites import concentration
+from gstlib.surfaces.footprints import square_of
+from gstlib.surfaces.frames import FRAME, stored_frame
 
 # Tables that the answer is computed from.
 JUDGED = ["patch_pressures", "patch_intervals", "registration", "validation_patches"]

@@ -9,7 +9,7 @@ from gst.figures.maps import HEIGHTS, draw_map
 from gst.figures.style import panels, styled
 from gst.figures.tool import draw_stone
 from gst.viewer import coarsen
-from gstlib.geometry import Frame
+from gstlib.surfaces.frames import Frame
 
 if TYPE_CHECKING:
     import trimesh

@@ -14,8 +14,8 @@ from matplotlib.patches import Polygon
 from gst.figures import maps, style
 from gst.figures.style import AMBER, BLACK, BLUE, GREY, MM_TO_UM, VERMILION, styled
 from gstlib.contact import laid_height
-from gstlib.geometry import Place, outline
-from gstlib.surface import spacing_of
+from gstlib.surfaces.footprints import Place, outline
+from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["contact_steps_figure", "draw_places", "exposure_figure", "force_figure"]
 __all__ += ["input_figure"]
@@ -79,7 +79,8 @@ def exposure_figure(
 ) -> Figure:
     """What a gesture leaves on the square, beside the single pose, and some of its poses.
 
-    `exposure` is from `gstlib.gesture.exposure`; `contact` is the square's in the single pose.
+    `exposure` is from `gstlib.macroscale.gesture.exposure`; `contact` is the square's in the
+    single pose.
     """
     height = contact["height"]
     single = contact["pressure"].values

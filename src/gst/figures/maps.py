@@ -23,8 +23,8 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 from PIL import Image
 
 from gst.figures.style import DPI, MM_TO_UM, PALE, VERMILION, panels, short
-from gstlib.geometry import outline, places_of
-from gstlib.surface import spacing_of
+from gstlib.surfaces.footprints import outline, places_of
+from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHTS", "HEIGHT_MAP", "OUTLINE", "draw_footprints"]
 __all__ += [

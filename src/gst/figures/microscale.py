@@ -25,9 +25,9 @@ from matplotlib.figure import Figure
 from gst.figures import maps, style
 from gst.figures.style import AMBER, BLACK, BLUE, MM_TO_UM, VERMILION, styled
 from gst.figures.tool import draw_tool
-from gstlib.geometry import Frame
-from gstlib.surface import spacing_of
-from gstlib.validation.agreement import seen_depth
+from gstlib.surfaces.frames import Frame
+from gstlib.surfaces.grid import spacing_of
+from gstlib.wear.archard import seen_depth
 
 if TYPE_CHECKING:
     import trimesh

@@ -12,8 +12,9 @@ from gst.figures import maps
 from gst.figures.style import BLACK, BLUE, GREY, VERMILION, short, styled
 from gst.figures.tool import draw_square, draw_stone
 from gst.viewer import coarsen
-from gstlib.geometry import Frame, Place, outline, square_of
-from gstlib.places import EXPOSED
+from gstlib.macroscale.sampling_sites import EXPOSED
+from gstlib.surfaces.footprints import Place, outline, square_of
+from gstlib.surfaces.frames import Frame
 
 if TYPE_CHECKING:
     import trimesh
@@ -45,7 +46,7 @@ def places_figure(
     frame : Frame
         Of the square.
     exposure : xarray.Dataset
-        ``exposure, touched`` (y, x) of the face, from `gstlib.gesture.exposure`.
+        ``exposure, touched`` (y, x) of the face, from `gstlib.macroscale.gesture.exposure`.
     places : pandas.DataFrame
         ``places.csv``.
     size_mm, patch_size_mm : float

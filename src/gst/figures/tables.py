@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from gst.figures import style
 from gst.figures.style import AMBER, BLACK, BLUE, CHARTS, GREEN, GREY, VERMILION, styled
 from gst.verdict import MODELS, TOUCHED
-from gstlib.validation.rivals import CEILING
-from gstlib.validation.scoring import BARE, MAT, YIELDING
+from gstlib.validation.baselines import CEILING
+from gstlib.wear.archard import BARE, MAT, YIELDING
 
 __all__ = ["texture_figure", "validation_figure", "wear_figure"]
 

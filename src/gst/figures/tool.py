@@ -20,8 +20,8 @@ from gst.figures import maps, style
 from gst.figures.macroscale import draw_places
 from gst.figures.style import STONE, VERMILION, styled
 from gst.viewer import coarsen
-from gstlib.geometry import Frame, on_mesh, over_face
-from gstlib.surface import make_surface, spacing_of
+from gstlib.surfaces.frames import Frame, on_mesh, over_face
+from gstlib.surfaces.grid import make_surface, spacing_of
 
 if TYPE_CHECKING:
     import trimesh

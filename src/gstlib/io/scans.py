@@ -24,7 +24,7 @@ from gstlib.errors import InputError
 from gstlib.io.files import check_size, check_unpacked, check_unpacked_size
 from gstlib.io.plu import read_plu
 from gstlib.io.text import SCAN_UNITS, read_matrix, read_points
-from gstlib.surface import make_surface, spacing_of
+from gstlib.surfaces.grid import make_surface, spacing_of
 
 __all__ = ["cut_scan", "read_scan", "whole_scan"]
 

@@ -20,7 +20,7 @@ import scipy
 import xarray as xr
 from numpy.lib.stride_tricks import sliding_window_view
 
-from gstlib.preprocess.leveling import remove_plane
+from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["median_outliers", "window_outliers"]
 

@@ -18,11 +18,9 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.errors import ConfigError
-from gstlib.geometry import Place
 from gstlib.io.files import write_whole
 from gstlib.io.plu import write_plu
 from gstlib.io.store import write_dataset
-from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.pebble import OUTER_SIZE_MM
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import (
@@ -34,7 +32,9 @@ from gstlib.specimen.scanning import (
     take_scan,
 )
 from gstlib.specimen.stone import MARGIN_MM, Stone
-from gstlib.surface import axis_coordinates, make_surface, spacing_of
+from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.grid import axis_coordinates, make_surface, spacing_of
+from gstlib.surfaces.leveling import remove_plane
 
 if TYPE_CHECKING:
     import trimesh

@@ -12,9 +12,9 @@ import numpy as np
 
 from gstlib.bem import Layer, ThirdBody, wear_path
 from gstlib.contact import Loading, contact_at_pressure, faces_of
-from gstlib.counterface import rounded_counterface
-from gstlib.reference import placed_whole
-from gstlib.surface import axis_coordinates, make_surface
+from gstlib.macroscale.active_tool import rounded_counterface
+from gstlib.surfaces.grid import axis_coordinates, make_surface
+from gstlib.validation.single_scale import placed_whole
 
 if TYPE_CHECKING:
     from gstlib.specimen.stone import Stone

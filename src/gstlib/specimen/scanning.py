@@ -10,11 +10,11 @@ import scipy
 import xarray as xr
 
 from gstlib.errors import InputError
-from gstlib.geometry import Place, rotated
-from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.randomness import SpecimenParameters, smooth_field, stream
 from gstlib.specimen.stone import Stone
-from gstlib.surface import make_surface
+from gstlib.surfaces.footprints import Place, rotated
+from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["place_again", "place_scans", "poor_overlaps", "relocation", "sample", "take_scan"]
 

@@ -12,11 +12,11 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.geometry import Place, square_of
 from gstlib.io.results import columns_of
-from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.scanning import relocation
-from gstlib.surface import make_surface, spacing_of
+from gstlib.surfaces.footprints import Place, square_of
+from gstlib.surfaces.grid import make_surface, spacing_of
+from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["score_truth", "true_face"]
 

@@ -14,7 +14,6 @@ instead follow a law: Archard's, with the bare stone or a mat.
 import numpy as np
 import scipy
 
-from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.law import worn_by_law
 from gstlib.specimen.pebble import (
     OUTER_SIZE_MM,
@@ -29,7 +28,8 @@ from gstlib.specimen.randomness import (
     smooth_field,
     stream,
 )
-from gstlib.surface import make_surface
+from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["MARGIN_MM", "Stone"]
 

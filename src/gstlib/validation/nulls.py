@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gstlib.validation.agreement import mask_scores
+from gstlib.validation.masks import mask_scores
 
 __all__ = ["Places", "p_value", "swapped_mcc"]
 

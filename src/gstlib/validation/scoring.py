@@ -1,10 +1,11 @@
 """Was the loss of a patch predicted right? As a mask, a map and a volume, beside its rivals.
 
-What is judged is the loss that the other patches foretell of each patch (`gstlib.wear.wear_map`).
-Its *mask* is where it exceeds the level of detection, and agrees with where height was lost as well
-as Matthews' correlation coefficient says (`gstlib.validation.agreement`). The error of the *map* is
-the r.m.s. of predicted less measured loss, over all points. The *volume* counts as far as two scans
-can show it. The rivals know as much as the prediction (`gstlib.validation.rivals`).
+What is judged is the loss that the other patches foretell of each patch
+(`gstlib.wear.fit.wear_map`). Its *mask* is where it exceeds the level of detection, and agrees
+with where height was lost as well as Matthews' correlation coefficient says
+(`gstlib.validation.masks`). The error of the *map* is the r.m.s. of predicted less measured loss,
+over all points. The *volume* counts as far as two scans can show it. The rivals know as much as
+the prediction (`gstlib.validation.baselines`).
 
 Chance is what the masks of the other patches reach (`gstlib.validation.nulls`). Noise mimics
 agreement: a point that noise raises at T0 is predicted to wear, and looks worn at T1. No other
@@ -23,10 +24,11 @@ import xarray as xr
 
 from gstlib.contact import laid_height
 from gstlib.io.results import columns_of
-from gstlib.surface import spacing_of
-from gstlib.validation.agreement import mask_counts, mask_scores, seen_depth
+from gstlib.surfaces.grid import spacing_of
+from gstlib.validation.baselines import CEILING, RIVALS, Others, rival_depths
+from gstlib.validation.masks import mask_counts, mask_scores
 from gstlib.validation.nulls import Places, p_value, swapped_mcc
-from gstlib.validation.rivals import CEILING, RIVALS, Others, rival_depths
+from gstlib.wear.archard import BARE, MAT, YIELDING, seen_depth
 
 __all__ = [
     "BARE",
@@ -39,8 +41,6 @@ __all__ = [
 ]
 __all__ += ["other_patches", "own_model"]
 
-# The predictions: Archard's law, and what is changed in it.
-BARE, MAT, YIELDING = "archard", "mat", "yielding"
 # Bands of equally many points, beginning with the highest points.
 _BANDS = 4
 
@@ -104,9 +104,9 @@ def judge_patch(
         The patch's before use: ``pressure`` (y, x) in MPa, and its heights, which
         the rivals see as the patch lies on the stone (`gstlib.contact.laid_height`).
     change : xarray.Dataset
-        As from `gstlib.validation.change.height_change`.
+        As from `gstlib.change.change.height_change`.
     predicted : xarray.Dataset
-        ``depth`` (model, y, x), mm, of `gstlib.wear.wear_map`.
+        ``depth`` (model, y, x), mm, of `gstlib.wear.fit.wear_map`.
     others : Others
         As from `other_patches`.
     pressure_MPa : float

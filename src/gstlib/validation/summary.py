@@ -21,6 +21,7 @@ import scipy
 import xarray as xr
 
 from gstlib.io.results import columns_of
+from gstlib.validation.baselines import CEILING, RIVALS
 from gstlib.validation.inference import (
     Draws,
     Estimate,
@@ -31,10 +32,16 @@ from gstlib.validation.inference import (
     ratio_of_sums,
 )
 from gstlib.validation.nulls import p_value
-from gstlib.validation.rivals import CEILING, RIVALS
-from gstlib.validation.scoring import BARE, MAT, YIELDING, own_model
+from gstlib.validation.scoring import (
+    by_chance,
+    judge_patch,
+    judged_tables,
+    other_patches,
+    own_model,
+)
+from gstlib.wear.archard import BARE, MAT, YIELDING
 
-__all__ = ["patch_statistics", "summarise"]
+__all__ = ["judge_wear", "patch_statistics", "summarise"]
 
 _NONE = RIVALS[0]
 # What a patch lost, as area and as volume, both over the area measured: patches overlap to
@@ -68,7 +75,7 @@ def summarise(
     nulls : mapping of str to ndarray
         From `gstlib.validation.scoring.by_chance`.
     mat : xarray.Dataset or None
-        From `gstlib.wear.fit_mat`; None without a mat.
+        From `gstlib.wear.interlayer.fit_mat`; None without a mat.
     seed, resamples : int
         Of the intervals and permutations; bootstrap samples of patches.
     expected_worst : sequence of str
@@ -219,3 +226,73 @@ def _worst(table: pd.DataFrame, expected: Sequence[str], column: str) -> _Row:
         )
     name = f"expected_worst({'+'.join(expected)}, {column})"
     return "", name, Estimate(share, math.nan, math.nan, p, len(known)), "random ranking"
+
+
+def judge_wear(
+    contacts: Mapping[str, xr.Dataset],
+    changes: Mapping[str, xr.Dataset],
+    predicted: Mapping[str, xr.Dataset],
+    pressures: pd.DataFrame,
+    registration: pd.DataFrame,
+    *,
+    fitted_to: Sequence[str],
+    mat: xr.Dataset | None = None,
+    expected_worst: Sequence[str] = (),
+    seed: int | Sequence[int],
+    resamples: int,
+) -> dict[str, pd.DataFrame]:
+    """Judge the loss that is predicted of each patch by the measured one, beside fair rivals.
+
+    Parameters
+    ----------
+    contacts, changes, predicted : mapping of str to xarray.Dataset
+        By patch: contact before use, height change, and the result of `gstlib.wear.fit.wear_map`,
+        of which there are none where no wear is predicted.
+    pressures, registration : pandas.DataFrame
+        The tables ``patch_pressures`` and ``registration``.
+    fitted_to : sequence of str
+        Patches whose losses the prediction is fitted to.
+    mat : xarray.Dataset, optional
+        From `gstlib.wear.interlayer.fit_mat`.
+    expected_worst : sequence of str
+        Patches that were said beforehand to be the worst worn.
+    seed, resamples : int
+        Of the intervals and permutations; bootstrap samples of patches.
+
+    Returns
+    -------
+    dict of pandas.DataFrame
+        ``patches`` and ``wear``, with a row for each patch with a known change and for each of its
+        models; ``profile``; and ``summary``, over the patches in the study whose loss is believed.
+    """
+    known = registration[registration.known_share > 0].set_index("patch")
+    at = pressures.set_index("patch").join(known.believed, how="inner")
+    found = []
+    if predicted:
+        others = other_patches(pressures, registration, fitted_to, contacts, changes)
+        for patch in at.index:
+            found.append(
+                judge_patch(
+                    patch,
+                    contacts[patch],
+                    changes[patch],
+                    predicted[patch],
+                    others,
+                    pressure_MPa=float(at.pressure_MPa[patch]),
+                    believed=bool(at.believed[patch]),
+                )
+            )
+    nulls = by_chance(found)
+    counted = (at.in_study.astype(bool) & at.believed.astype(bool)).to_dict()
+    tables = judged_tables(found, nulls, counted)
+    statistics = patch_statistics(tables["patches"], registration, pressures)
+    tables["summary"] = summarise(
+        statistics,
+        tables["wear"],
+        nulls,
+        mat,
+        seed=seed,
+        resamples=resamples,
+        expected_worst=expected_worst,
+    )
+    return tables

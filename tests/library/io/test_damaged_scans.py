@@ -10,7 +10,7 @@ import pytest
 from gstlib.errors import InputError
 from gstlib.io.plu import PLU_UNMEASURED_UM, write_plu
 from gstlib.io.scans import read_scan
-from gstlib.surface import spacing_of
+from gstlib.surfaces.grid import spacing_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scan_files import FORMATS, refused, write_sur, zipped

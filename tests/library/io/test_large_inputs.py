@@ -11,9 +11,9 @@ import trimesh
 from gst.config_file import read_config_file
 from gst.patches import read_patches
 from gstlib.errors import ConfigError, InputError
-from gstlib.gesture import read_poses
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
+from gstlib.macroscale.gesture import read_poses
 from scan_files import FORMATS, write_sur, zipped
 
 

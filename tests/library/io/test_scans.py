@@ -10,7 +10,7 @@ import pytest
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import cut_scan, read_scan
-from gstlib.surface import make_surface, spacing_of
+from gstlib.surfaces.grid import make_surface, spacing_of
 from scan_files import FORMATS, plux_members, refused, write_x3p, write_xyz, zipped
 
 DY, DX = 1.66e-3, 0.83e-3

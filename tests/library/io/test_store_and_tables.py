@@ -9,7 +9,7 @@ from gstlib.errors import InputError
 from gstlib.io import store
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.io.tables import printed, read_table, write_table
-from gstlib.surface import make_surface
+from gstlib.surfaces.grid import make_surface
 from hypothesis import given
 from hypothesis import strategies as st
 

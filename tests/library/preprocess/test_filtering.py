@@ -1,8 +1,8 @@
 """The S-filter: which waves pass, and what happens at the edges."""
 
 import numpy as np
-from gstlib.preprocess.filtering import s_filtered
-from gstlib.surface import axis_coordinates, make_surface
+from gstlib.surfaces.filtering import s_filtered
+from gstlib.surfaces.grid import axis_coordinates, make_surface
 
 
 def test_s_filter_halves_a_wave_as_long_as_its_nesting_index():

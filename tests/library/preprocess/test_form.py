@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from gstlib.preprocess.form import form_doubt, form_height
-from gstlib.surface import make_surface
+from gstlib.change.form import form_doubt, form_height
+from gstlib.surfaces.grid import make_surface
 from numpy.polynomial.legendre import legvander2d
 
 SIZE = 96

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 from gstlib.errors import ConfigError, InputError
-from gstlib.geometry import Frame, find_frame
-from gstlib.preprocess.gridding import grid_mesh
+from gstlib.preprocess.mesh import grid_mesh
+from gstlib.surfaces.frames import Frame, find_frame
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 import trimesh
 from gstlib.errors import InputError
-from gstlib.face import grid_macroscale
-from gstlib.geometry import Frame, square_of
-from gstlib.preprocess import gridding
-from gstlib.preprocess.gridding import grid_mesh, gridding_table
+from gstlib.macroscale.face import grid_macroscale
+from gstlib.preprocess import mesh as gridding
+from gstlib.preprocess.mesh import grid_mesh, gridding_table
+from gstlib.surfaces.footprints import square_of
+from gstlib.surfaces.frames import Frame
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import LinearNDInterpolator

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 from gstlib.errors import InputError
-from gstlib.preprocess.leveling import Plane, remove_plane
-from gstlib.surface import make_surface
+from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.leveling import Plane, remove_plane
 from hypothesis import given
 from hypothesis import strategies as st
 

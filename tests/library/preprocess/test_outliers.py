@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from gstlib.preprocess import outliers
-from gstlib.preprocess.leveling import remove_plane
 from gstlib.preprocess.outliers import median_outliers
-from gstlib.surface import make_surface
+from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.leveling import remove_plane
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter

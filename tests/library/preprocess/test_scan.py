@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from gstlib import study
 from gstlib.errors import InputError
-from gstlib.preprocess.scan import check_unmeasured, interpolate_holes, prepare_scan
-from gstlib.surface import make_surface
+from gstlib.preprocess.scans import check_unmeasured, interpolate_holes, prepare_patch, prepare_scan
+from gstlib.surfaces.grid import make_surface
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import binary_dilation, gaussian_filter
@@ -84,7 +83,7 @@ def test_a_patch_is_cut_out_of_a_scan_before_it_is_prepared(case):
     def prepare(crop, size_mm, invert=True, flip="x", own=""):
         scans = {"size_mm": size_mm, "mould": {"invert": invert, "flip": flip}}
         options = {"scans": scans, "preprocessing": PREPROCESSING, "flip": own}
-        return study.prepare_patch(raw, crop=crop, **options)
+        return prepare_patch(raw, crop=crop, **options)
 
     assert prepare(None, 0.128).identical(prepare_scan(raw, **SETTINGS))
     # in the scan as measured, whose columns are the stone's reversed
@@ -103,12 +102,12 @@ def test_a_later_scan_stays_whole_and_lies_about_its_piece(case):
     for flip in ("x", "y", None):
         scans = {"size_mm": size_mm, "mould": {"invert": True, "flip": flip}}
         options = {"crop": (y_mm, x_mm), "scans": scans, "preprocessing": PREPROCESSING}
-        t0, t1 = (study.prepare_patch(raw, epoch=epoch, **options) for epoch in ("T0", "T1"))
+        t0, t1 = (prepare_patch(raw, epoch=epoch, **options) for epoch in ("T0", "T1"))
         assert t1.height.shape == raw.shape
         inside = t1.measured[(t1.y > 0) & (t1.y < size_mm), (t1.x > 0) & (t1.x < size_mm)]
         np.testing.assert_array_equal(inside, t0.measured)
     with pytest.raises(InputError, match="smaller than the study's patches"):
-        study.prepare_patch(raw, epoch="T1", **options | {"scans": scans | {"size_mm": 0.2}})
+        prepare_patch(raw, epoch="T1", **options | {"scans": scans | {"size_mm": 0.2}})
 
 
 def test_limit_of_unmeasured_points(case):

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import scipy
 from gstlib.errors import ConfigError, InputError
-from gstlib.geometry import Place
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
-from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.scanning import place_scans, relocation, sample
 from gstlib.specimen.stone import Stone
-from gstlib.surface import make_surface, spacing_of
+from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.grid import make_surface, spacing_of
+from gstlib.surfaces.leveling import remove_plane
 from scipy.ndimage import gaussian_filter
 
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from gstlib.specimen.score import score_truth
-from gstlib.surface import make_surface
+from gstlib.surfaces.grid import make_surface
 from scipy.ndimage import label
 
 

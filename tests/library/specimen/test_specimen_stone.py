@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.fft
-from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.pebble import OUTER_SIZE_MM, even_triangulation
 from gstlib.specimen.randomness import self_affine_field
 from gstlib.specimen.stone import Stone
-from gstlib.surface import make_surface
+from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.leveling import remove_plane
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import scipy.ndimage
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.surface import make_surface
+from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.leveling import remove_plane
 
 SPACING = 1.66e-3
 

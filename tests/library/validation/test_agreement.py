@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from gstlib.validation.agreement import mask_counts, mask_scores
+from gstlib.validation.masks import mask_counts, mask_scores
 from hypothesis import given, settings
 from hypothesis.extra.numpy import arrays
 

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 import scipy.ndimage
 import xarray as xr
-from gstlib.errors import InputError
-from gstlib.study import register_patch
-from gstlib.surface import make_surface, spacing_of
-from gstlib.validation.change import (
+from gstlib.change.change import (
     Detection,
     height_change,
     measure_detection,
     measured_change,
     wear_summary,
 )
+from gstlib.errors import InputError
+from gstlib.study import register_patch
+from gstlib.surfaces.grid import make_surface, spacing_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

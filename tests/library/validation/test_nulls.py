@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 import scipy.ndimage
-from gstlib.preprocess.leveling import remove_plane
 from gstlib.specimen.randomness import self_affine_field
-from gstlib.surface import make_surface
-from gstlib.validation.agreement import mask_counts, mask_scores
+from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.leveling import remove_plane
+from gstlib.validation.masks import mask_counts, mask_scores
 from gstlib.validation.nulls import Places, p_value, swapped_mcc
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from gstlib.change.change import height_change
+from gstlib.change.registration import Registration, apply_registration, register
 from gstlib.errors import InputError
-from gstlib.surface import make_surface
-from gstlib.validation.change import height_change
-from gstlib.validation.registration import Registration, apply_registration, register
+from gstlib.surfaces.grid import make_surface
 
 SPACING = 1.66e-3
 FIELD, SIZE = 256, 128
@@ -41,7 +41,7 @@ def test_what_is_co_located_already_stays_where_it_is(scans):
 
 def test_stones_that_have_nothing_in_common_are_not_found(scans, monkeypatch):
     """Also not with a lower bound on the correlation, where the overlap is small."""
-    monkeypatch.setattr("gstlib.validation.registration._LEAST_CORRELATION", 0.3)
+    monkeypatch.setattr("gstlib.change.registration._LEAST_CORRELATION", 0.3)
     surfaces = [scans(100 + seed)[0] for seed in range(9)]
     pairs = [(a, b) for i, a in enumerate(surfaces) for b in surfaces[:i]]
     believed = [register(*pair, maximum_shift_mm=0.7 * SIZE * SPACING).found for pair in pairs]

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from gstlib.validation.rivals import CEILING, RIVALS, Others, rival_depths, volumes_cut
+from gstlib.validation.baselines import CEILING, RIVALS, Others, rival_depths, volumes_cut
 
 RNG = np.random.default_rng(1)
 HEIGHTS = {patch: 1e-3 * RNG.standard_normal(5000) for patch in "abcd"}

@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 import xarray as xr
 from contacts import contact_of
+from gstlib.change.change import height_change
 from gstlib.io.results import columns_of
-from gstlib.surface import make_surface
-from gstlib.validation.change import height_change
-from gstlib.validation.rivals import CEILING, RIVALS, Others
+from gstlib.surfaces.grid import make_surface
+from gstlib.validation.baselines import CEILING, RIVALS, Others
 from gstlib.validation.scoring import (
     by_chance,
     judge_patch,

@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
-from gstlib.surface import make_surface
-from gstlib.validation.change import height_change
-from gstlib.validation.selection import registration_table, select_patches
+from gstlib.change.change import height_change
+from gstlib.change.selection import registration_table, select_patches
+from gstlib.surfaces.grid import make_surface
 
 RULES = {"minimum_overlap": 0.7, "minimum_correlation": 0.5, "minimum_pressure_MPa": 1.0}
 

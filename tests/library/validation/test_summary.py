@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 import xarray as xr
 from gstlib.io.results import columns_of
+from gstlib.validation.baselines import CEILING, RIVALS
 from gstlib.validation.inference import Draws
-from gstlib.validation.rivals import CEILING, RIVALS
 from gstlib.validation.summary import _chance_row, _model_rows, patch_statistics, summarise
 
 MODELS = ("archard", *RIVALS, CEILING)

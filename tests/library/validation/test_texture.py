@@ -6,8 +6,8 @@ import warnings
 import numpy as np
 import pytest
 import xarray as xr
-from gstlib.surface import make_surface
-from gstlib.validation.texture import _measured_rectangle, _scale_limited, texture_rows
+from gstlib.change.texture import _measured_rectangle, _scale_limited, texture_rows
+from gstlib.surfaces.grid import make_surface
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad

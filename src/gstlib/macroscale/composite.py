@@ -22,10 +22,17 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.geometry import Place, half_extent, on_patch, places_of, spline_of, square_of
-from gstlib.preprocess.filtering import s_filtered
-from gstlib.preprocess.leveling import Plane, fit_plane, remove_plane
-from gstlib.surface import axis_coordinates, make_surface, spacing_of
+from gstlib.surfaces.filtering import s_filtered
+from gstlib.surfaces.footprints import (
+    Place,
+    half_extent,
+    on_patch,
+    places_of,
+    spline_of,
+    square_of,
+)
+from gstlib.surfaces.grid import axis_coordinates, make_surface, spacing_of
+from gstlib.surfaces.leveling import Plane, fit_plane, remove_plane
 
 __all__ = ["compose", "compose_grid", "compose_surface", "draw_mesh_errors", "plane_under"]
 
@@ -64,7 +71,7 @@ def compose_surface(
     ----------
     face : xarray.Dataset
         The mesh's ``height`` (y, x), mm, and its left-out errors, from
-        `gstlib.face.grid_macroscale`.
+        `gstlib.macroscale.face.grid_macroscale`.
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``.
     scans : mapping of str to xarray.Dataset

@@ -13,11 +13,17 @@ import numpy as np
 import xarray as xr
 
 from gstlib.contact import faces_of
-from gstlib.counterface import SecondStone, face_in_pose, grid_counterface, rounded_counterface
 from gstlib.errors import InputError
-from gstlib.geometry import Place, find_frame, frame_variables, square_of
-from gstlib.preprocess.gridding import elements_around, grid_mesh
-from gstlib.preprocess.leveling import remove_plane
+from gstlib.macroscale.active_tool import (
+    SecondStone,
+    face_in_pose,
+    grid_counterface,
+    rounded_counterface,
+)
+from gstlib.preprocess.mesh import elements_around, grid_mesh
+from gstlib.surfaces.footprints import Place, square_of
+from gstlib.surfaces.frames import find_frame, frame_variables
+from gstlib.surfaces.leveling import remove_plane
 
 if TYPE_CHECKING:
     import trimesh
@@ -49,7 +55,7 @@ def grid_macroscale(
     mesh : trimesh.Trimesh
         The passive stone, mm.
     points_mm : (3, 3) array_like
-        The square's corner and two points, as in `gstlib.geometry.frame_from_points`.
+        The square's corner and two points, as in `gstlib.surfaces.frames.frame_from_points`.
     size_mm, grid
         Side of the square, and elements along it.
     face_mm : float, optional
@@ -60,18 +66,18 @@ def grid_macroscale(
     second_stone : SecondStone, optional
         The active stone, in place of a radius.
     interpolation : str
-        As in `gstlib.preprocess.gridding.grid_mesh`.
+        As in `gstlib.preprocess.mesh.grid_mesh`.
     source : path
         The mesh's file, for messages.
 
     Returns
     -------
     face : xarray.Dataset
-        That of `gstlib.preprocess.gridding.grid_mesh`, ``height`` without the plane of the square;
-        its frame, as in `gstlib.geometry.stored_frame`; ``counterface`` (y, x), mm, the active
-        stone over it, 0 of a flat; ``size_mm``, the side of the square.
+        That of `gstlib.preprocess.mesh.grid_mesh`, ``height`` without the plane of the square;
+        its frame, as in `gstlib.surfaces.frames.stored_frame`; ``counterface`` (y, x), mm, the
+        active stone over it, 0 of a flat; ``size_mm``, the side of the square.
     counterface : (y, x) xarray.DataArray or None
-        A second stone as far as it moves, from `gstlib.counterface.grid_counterface`.
+        A second stone as far as it moves, from `gstlib.macroscale.active_tool.grid_counterface`.
 
     Raises
     ------

@@ -23,13 +23,14 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.bem import contact_modulus
-from gstlib.composite import compose_grid, draw_mesh_errors, plane_under
-from gstlib.contact import Loading, contact_at_pressure, faces_of, study_modulus
-from gstlib.counterface import face_in_pose
-from gstlib.coupling import patch_pressures
-from gstlib.geometry import Place, moved, places_of, spline_of
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.surface import coarser, spacing_of
+from gstlib.conditions import study_modulus
+from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.coupling.pressures import patch_pressures
+from gstlib.macroscale.active_tool import face_in_pose
+from gstlib.macroscale.composite import compose_grid, draw_mesh_errors, plane_under
+from gstlib.surfaces.footprints import Place, moved, places_of, spline_of
+from gstlib.surfaces.grid import coarser, spacing_of
+from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["Errors", "Macroscale", "draw_contact_moduli", "draw_point", "pressure_intervals"]
 
@@ -72,11 +73,11 @@ class Macroscale(NamedTuple):
     Attributes
     ----------
     face : xarray.Dataset
-        The mesh's surface, from `gstlib.face.grid_macroscale`.
+        The mesh's surface, from `gstlib.macroscale.face.grid_macroscale`.
     composite : xarray.Dataset or None
-        From `gstlib.composite.compose_surface`; None where the mesh alone is pressed.
+        From `gstlib.macroscale.composite.compose_surface`; None where the mesh alone is pressed.
     counterface : (y, x) xarray.DataArray or None
-        A second stone's, from `gstlib.counterface.grid_counterface`; None without one.
+        A second stone's, from `gstlib.macroscale.active_tool.grid_counterface`; None without one.
     """
 
     face: xr.Dataset
@@ -146,7 +147,7 @@ def pressure_intervals(
         ``patch, x_mm, y_mm, rotation_deg, pressure_MPa``.
     material : mapping
         The elastic constants of both stones, and the contact modulus, as in
-        `gstlib.contact.study_modulus`.
+        `gstlib.conditions.study_modulus`.
     errors : Errors
     force_N : float
         On the face.

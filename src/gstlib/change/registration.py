@@ -26,8 +26,8 @@ import scipy
 import xarray as xr
 
 from gstlib.errors import InputError
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.surface import spacing_of
+from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["Registration", "apply_registration", "least_squares", "register"]
 

@@ -15,16 +15,16 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.composite import compose
 from gstlib.contact import Loading, contact_at_pressure, faces_of, laid_height, pressed_height
-from gstlib.coupling import placed_faces
-from gstlib.geometry import Place, footprint_weights, places_of, spline_of
+from gstlib.coupling.embedding import placed_faces
+from gstlib.coupling.placement import ALL
 from gstlib.io.results import columns_of
-from gstlib.placement import ALL
-from gstlib.preprocess.filtering import s_filtered
-from gstlib.preprocess.leveling import Plane, remove_plane
-from gstlib.surface import make_surface, spacing_of
-from gstlib.validation.agreement import mask_scores
+from gstlib.macroscale.composite import compose
+from gstlib.surfaces.filtering import s_filtered
+from gstlib.surfaces.footprints import Place, footprint_weights, places_of, spline_of
+from gstlib.surfaces.grid import make_surface, spacing_of
+from gstlib.surfaces.leveling import Plane, remove_plane
+from gstlib.validation.masks import mask_scores
 
 __all__ = [
     "composite_heights",
@@ -54,8 +54,8 @@ def composite_heights(
 ) -> xr.DataArray:
     """The composite surface (y, x), mm, of the square at the scans' resolution.
 
-    `face` and `scans` are those of which `gstlib.composite.compose_surface` made the `composite`
-    on the macroscale grid. Detail between the scans is drawn from `seed` and `draw`.
+    `face` and `scans` are those of which `gstlib.macroscale.composite.compose_surface` made the
+    `composite` on the macroscale grid. Detail between the scans is drawn from `seed` and `draw`.
     """
     table = composite[["x_mm", "y_mm", "rotation_deg", "offset", "slope_y", "slope_x"]]
     table = table.to_dataframe().reset_index()

@@ -1,6 +1,6 @@
 """From a scan as measured to a surface ready for contact, in the same way at both epochs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -9,10 +9,11 @@ import xarray as xr
 
 from gstlib.errors import InputError
 from gstlib.io.results import columns_of
-from gstlib.preprocess.leveling import remove_plane
+from gstlib.io.scans import cut_scan, whole_scan
 from gstlib.preprocess.outliers import median_outliers, window_outliers
+from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["check_unmeasured", "interpolate_holes", "mould_of", "prepare_scan"]
+__all__ = ["check_unmeasured", "interpolate_holes", "mould_of", "prepare_patch", "prepare_scan"]
 __all__ += ["preprocessing_table"]
 
 _MM_TO_UM = 1e3
@@ -174,3 +175,39 @@ def interpolate_holes(heights: np.ndarray, holes: np.ndarray) -> np.ndarray:
     if rest.any():
         result[rest] = scipy.interpolate.NearestNDInterpolator(fence, known)(np.argwhere(rest))
     return result
+
+
+def prepare_patch(
+    raw: xr.DataArray,
+    *,
+    crop: Sequence[float] | None,
+    scans: Mapping,
+    preprocessing: Mapping,
+    epoch: str = "T0",
+    flip: str = "",
+) -> xr.Dataset:
+    """Cut the patch out of a scan, undo the mould, replace outliers, fill and level (section 2.2).
+
+    `raw` comes from `gstlib.io.scans.read_scan`; `crop` is the centre (y, x) of the piece to cut,
+    None for a whole scan; `scans` and `preprocessing` are these sections of the config; `flip` is
+    the patch's own, as in the patch table. The result is that of
+    `gstlib.preprocess.scans.prepare_scan`.
+
+    Only T0 is cut. A scan of another `epoch` was laid under the instrument anew, so its middle is
+    another place of the stone; it stays whole, and its coordinates are those of the piece that
+    `crop` names.
+    """
+    size_mm, mould = scans["size_mm"], mould_of(scans["mould"], flip)
+    raw = cut_scan(raw, crop, size_mm) if epoch == "T0" else whole_scan(raw, size_mm)
+    found = prepare_scan(
+        raw, mould_invert=mould["invert"], mould_flip=mould["flip"], **preprocessing
+    )
+    if epoch == "T0":
+        return found
+    for axis, middle in zip("yx", crop or (0.0, 0.0), strict=True):
+        beyond = (raw.sizes[axis] * raw[axis].attrs["spacing"] - size_mm) / 2
+        if crop or beyond > 0.01 * size_mm:
+            start = beyond + (-middle if axis == mould["flip"] else middle)
+            at = found[axis].copy(data=found[axis].values - start)
+            found = found.assign_coords({axis: at})
+    return found

@@ -36,19 +36,19 @@ import xarray as xr
 
 from gstlib.bem import Layer, ThirdBody, solve_contact, wear_path
 from gstlib.contact import Loading, solved
-from gstlib.coupling import patch_pressures, surroundings
+from gstlib.coupling.embedding import surroundings
+from gstlib.coupling.pressures import patch_pressures
 from gstlib.errors import InputError
-from gstlib.geometry import Place
-from gstlib.gesture import Gesture, exposure, press_poses
-from gstlib.validation.agreement import seen_depth
-from gstlib.validation.scoring import BARE, MAT, YIELDING
+from gstlib.macroscale.gesture import Gesture, exposure, press_poses
+from gstlib.surfaces.footprints import Place
 
 __all__ = [
+    "BARE",
+    "MAT",
+    "YIELDING",
     "Mat",
     "WornSquare",
-    "fit_mat",
-    "mat_misfits",
-    "wear_map",
+    "seen_depth",
     "wear_patch",
     "wear_square",
 ]
@@ -75,6 +75,10 @@ _DESCRIBED = {
     "y_mm": ("mm", "centre of the patch along y"),
     "rotation_deg": ("degree", "turn of the patch, x towards y"),
 }
+
+
+# The predictions: Archard's law, and what is changed in it.
+BARE, MAT, YIELDING = "archard", "mat", "yielding"
 
 
 class Mat(NamedTuple):
@@ -270,6 +274,11 @@ def _fit(kappa: xr.DataArray, loss: xr.DataArray, measured: pd.Series) -> float:
     return float(np.interp(measured.sum(), total, kappa, right=math.nan))
 
 
+def seen_depth(depth: np.ndarray) -> np.ndarray:
+    """The part of a lost depth that two scans can show: T1 is laid on T0 where most points are."""
+    return depth - np.median(depth)
+
+
 def wear_patch(
     contact: xr.Dataset,
     worn: WornSquare,
@@ -355,168 +364,3 @@ def _lowered(contact: xr.Dataset, at: xr.Dataset, mat: Mat) -> np.ndarray | floa
         layer=mat.layer,
     )
     return under_mat - contact.surroundings.values
-
-
-def mat_misfits(
-    contact: xr.Dataset, change: xr.Dataset, worn: WornSquare, patch: str
-) -> xr.Dataset:
-    """How a patch's wear compares with its measured loss, by ratio, along the path of the square.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``visible`` (ratio, step): mean of the predicted depth above its median, mm; ``misfit``
-        (ratio, step): sum over the points of (predicted − measured loss)², mm²; ``product`` (ratio,
-        step): that of the errors of a step and the next.
-    """
-    known, loading = np.isfinite(change.change.values), Loading.of(contact)
-    lost = -change.change.values[known]
-    steps = worn.path.sizes["step"] - 1
-    found = np.zeros((3, len(worn.path.ratio), steps + 1))
-    for row, ratio in enumerate(worn.path.ratio.values):
-        kappa = float(worn.path.kappa.sel(ratio=ratio)[-1])
-        total, options = _driven(contact, worn, patch, ratio, kappa)
-        depths = np.zeros((steps, *contact.height.shape))
-        if total > 0:
-            options["keep_depths"] = True
-            depths = solved(wear_path, contact, loading, f"patch {patch}", **options).depths
-        before = -lost
-        found[1, row, 0] = before @ before
-        for step, depth in enumerate(depths, start=1):
-            seen = seen_depth(depth[known])
-            error = seen - lost
-            found[:, row, step] = seen.clip(0).mean(), error @ error, 0
-            found[2, row, step - 1] = before @ error
-            before = error
-    named = {
-        "visible": ("mm", "mean predicted depth above its median"),
-        "misfit": ("mm2", "sum of squared differences of loss"),
-        "product": ("mm2", "sum of products of these differences in two steps"),
-    }
-    return xr.Dataset(
-        {
-            name: (("ratio", "step"), values, {"units": units, "long_name": long_name})
-            for (name, (units, long_name)), values in zip(named.items(), found, strict=True)
-        },
-        coords={"ratio": worn.path.ratio},
-    )
-
-
-def fit_mat(
-    worn: WornSquare, contacts: Mapping[str, xr.Dataset], changes: Mapping[str, xr.Dataset]
-) -> xr.Dataset:
-    """Find the mat's coefficient, over the bare stone's, that fits the maps of loss best.
-
-    At each ratio κ makes the predicted losses, as far as scans see them, equal in sum to the
-    measured ones.
-
-    Parameters
-    ----------
-    worn : WornSquare
-        With a mat.
-    contacts, changes : mapping of str to xarray.Dataset
-        Contact before use and height change of each patch that lost height, by patch; each is
-        looked up once.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``misfit`` (ratio, patch), mm²: of each patch where all are fitted; ``mat_ratio`` and
-        ``mat_kappa`` (patch): fitted to all other patches; ``ratio_of_all`` and ``kappa_of_all``:
-        to all.
-    """
-    by_patch = {
-        patch: mat_misfits(contacts[patch], changes[patch], worn, patch)
-        for patch in worn.fitted_to
-    }
-    found = xr.concat(by_patch.values(), pd.Index(by_patch, name="patch"))
-    measured = worn.path.measured.sel(patch=list(by_patch)).values
-
-    def misfit(of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """κ (ratio,), and the misfits (ratio, patch), where the patches `of` are fitted."""
-        kappas, errors = [], []
-        for ratio in worn.path.ratio.values:
-            at, kappa = found.sel(ratio=ratio), worn.path.kappa.sel(ratio=ratio).values
-            visible = at.visible[of].sum("patch")
-            place = np.interp(measured[of].sum(), visible, np.arange(kappa.size))
-            low = min(int(place), kappa.size - 2)
-            part = place - low
-            kappas.append(np.interp(place, np.arange(kappa.size), kappa))
-            errors.append(
-                (1 - part) ** 2 * at.misfit[:, low]
-                + 2 * part * (1 - part) * at.product[:, low]
-                + part**2 * at.misfit[:, low + 1]
-            )
-        return np.array(kappas), np.array(errors)
-
-    every = np.arange(len(by_patch))
-    kappas_of_all, all_misfits = misfit(every)
-    ratios, kappas = [], []
-    for own in every:
-        others = np.delete(every, own)
-        kappa, errors = misfit(others)
-        best = int(errors[:, others].sum(axis=1).argmin())
-        ratios.append(float(worn.path.ratio[best]))
-        kappas.append(kappa[best])
-    best = int(all_misfits.sum(axis=1).argmin())
-    misfit_of = {"units": "mm2", "long_name": "sum of squared differences of loss"}
-    ratio_of = {"units": "1", "long_name": "coefficient of the mat over that of the bare stone"}
-    kappa_of = {"units": "mm/MPa", "long_name": "κ of other patches, with the mat"}
-    of_all = "κ of all patches, with the mat"
-    return xr.Dataset(
-        {
-            "misfit": (("ratio", "patch"), all_misfits, misfit_of),
-            "mat_ratio": ("patch", ratios, ratio_of),
-            "mat_kappa": ("patch", kappas, kappa_of),
-            "ratio_of_all": ((), float(worn.path.ratio[best]), ratio_of),
-            "kappa_of_all": ((), float(kappas_of_all[best]), kappa_of | {"long_name": of_all}),
-        },
-        coords={"ratio": worn.path.ratio, "patch": list(by_patch)},
-    )
-
-
-def wear_map(
-    contact: xr.Dataset,
-    worn: WornSquare,
-    fitted: xr.Dataset | None,
-    patch: str,
-    *,
-    hardness_MPa: float | None = None,
-) -> xr.Dataset:
-    """Loss of a patch, as the other patches predict it.
-
-    Parameters
-    ----------
-    contact : xarray.Dataset
-        The patch's contact before use.
-    worn : WornSquare
-    fitted : xarray.Dataset or None
-        From `fit_mat`; None without a mat.
-    patch : str
-        Any patch of the square. The coefficient comes from all patches if it is none of those with
-        a measured loss.
-    hardness_MPa : float, optional
-        As in `wear_patch`.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``depth`` (model, y, x), mm, by ``archard``, the bare stone; where there is a mat, ``mat``;
-        and with a hardness ``yielding``, the last of these where summits yield.
-    """
-    found: dict[str, dict[str, float]] = {BARE: {}}
-    if fitted is not None:
-        ratio, kappa = fitted.ratio_of_all, fitted.kappa_of_all
-        if patch in fitted.patch:
-            ratio, kappa = (
-                fitted[name].sel(patch=patch) for name in ("mat_ratio", "mat_kappa")
-            )
-        found[MAT] = {"ratio": float(ratio), "kappa": float(kappa)}
-    if hardness_MPa is not None:
-        found[YIELDING] = list(found.values())[-1] | {"hardness_MPa": hardness_MPa}
-    depth = np.stack([wear_patch(contact, worn, patch, **given) for given in found.values()])
-    described = {"units": "mm", "long_name": "predicted height loss"}
-    return xr.Dataset(
-        {"depth": (("model", "y", "x"), depth, described)},
-        coords={"model": list(found), "y": contact.y, "x": contact.x},
-    )

@@ -23,12 +23,12 @@ import xarray as xr
 
 from gstlib.bem import solve_contact
 from gstlib.contact import Loading, faces_of, from_corner, solved
-from gstlib.counterface import face_in_pose
 from gstlib.errors import ConfigError
-from gstlib.geometry import Place, footprint_weights, places_of
 from gstlib.io.files import LARGEST_TABLE, check_size
 from gstlib.io.text import other_case
-from gstlib.surface import spacing_of
+from gstlib.macroscale.active_tool import face_in_pose
+from gstlib.surfaces.footprints import Place, footprint_weights, places_of
+from gstlib.surfaces.grid import spacing_of
 
 __all__ = [
     "Gesture",
@@ -72,8 +72,8 @@ class Gesture(NamedTuple):
     Attributes
     ----------
     counterface : (my, mx) xarray.DataArray
-        From `gstlib.counterface.grid_counterface`; or of a flat or rounded stone its heights over
-        the face, for to move it is to move the point of force.
+        From `gstlib.macroscale.active_tool.grid_counterface`; or of a flat or rounded stone its
+        heights over the face, for to move it is to move the point of force.
     is_mesh : bool
         Which of the two it is.
     size_mm : float

@@ -17,8 +17,8 @@ import scipy
 import xarray as xr
 
 from gstlib.errors import InputError
-from gstlib.geometry import Frame
-from gstlib.surface import axis_coordinates, make_surface
+from gstlib.surfaces.frames import Frame
+from gstlib.surfaces.grid import axis_coordinates, make_surface
 
 if TYPE_CHECKING:
     import trimesh

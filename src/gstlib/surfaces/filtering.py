@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from gstlib.surface import spacing_of
+from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["low_pass", "s_filtered"]
 

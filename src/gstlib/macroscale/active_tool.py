@@ -21,11 +21,12 @@ import numpy as np
 import xarray as xr
 
 from gstlib.errors import ConfigError, InputError
-from gstlib.geometry import Frame, Place, find_frame, spline_of, square_of
 from gstlib.io.meshes import read_mesh
-from gstlib.preprocess.gridding import grid_mesh
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.surface import spacing_of
+from gstlib.preprocess.mesh import grid_mesh
+from gstlib.surfaces.footprints import Place, spline_of, square_of
+from gstlib.surfaces.frames import Frame, find_frame
+from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.leveling import remove_plane
 
 if TYPE_CHECKING:
     import trimesh
@@ -81,8 +82,8 @@ def pose_frame(
     ----------
     pose : mapping
         ``points_mm``, three points of the active mesh as in
-        `gstlib.geometry.frame_from_points`: its own square; or ``matrix``, which takes points of
-        the active mesh to the passive mesh (4 × 4, mm).
+        `gstlib.surfaces.frames.frame_from_points`: its own square; or ``matrix``, which takes
+        points of the active mesh to the passive mesh (4 × 4, mm).
     frame : Frame
         Of the square on the passive mesh.
     mesh : trimesh.Trimesh
@@ -162,7 +163,7 @@ def grid_counterface(
     size_mm : float
         Side of the square.
     interpolation : str
-        As in `gstlib.preprocess.gridding.grid_mesh`.
+        As in `gstlib.preprocess.mesh.grid_mesh`.
 
     Returns
     -------

@@ -15,7 +15,7 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.geometry import moved, on_patch, places_of, spline_of
+from gstlib.surfaces.footprints import moved, on_patch, places_of, spline_of
 
 __all__ = ["AGREES", "ALL", "CANNOT_TELL", "ELSEWHERE", "SHIFTED", "place_patches"]
 
@@ -86,7 +86,7 @@ def place_patches(
     patch_mm : float
         Side of a patch.
     invert, flip
-        How their moulds were undone, as in `gstlib.preprocess.scan.prepare_scan`.
+        How their moulds were undone, as in `gstlib.preprocess.scans.prepare_scan`.
 
     Returns
     -------

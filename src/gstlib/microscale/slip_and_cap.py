@@ -85,7 +85,7 @@ def solve_slip(
     tangential_ratio : float
         Q/μP, from 0 (nothing slips) to 1 (everything does).
     poisson : float
-        Poisson's ratio of the two bodies taken as alike, see `gstlib.contact.study_poisson`.
+        Poisson's ratio of the two bodies taken as alike, see `gstlib.conditions.study_poisson`.
     source : path
         The file that the contact comes from, for error messages.
 

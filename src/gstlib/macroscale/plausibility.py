@@ -10,8 +10,8 @@ import numpy as np
 import scipy
 import xarray as xr
 
-from gstlib.geometry import square_of
-from gstlib.surface import spacing_of
+from gstlib.surfaces.footprints import square_of
+from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["contact_doubts"]
 

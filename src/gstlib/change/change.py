@@ -26,14 +26,9 @@ import pandas as pd
 import scipy
 import xarray as xr
 
+from gstlib.change.registration import Registration, apply_registration, least_squares, register
 from gstlib.errors import InputError
-from gstlib.surface import spacing_of
-from gstlib.validation.registration import (
-    Registration,
-    apply_registration,
-    least_squares,
-    register,
-)
+from gstlib.surfaces.grid import spacing_of
 
 __all__ = [
     "Detection",
@@ -191,7 +186,7 @@ def measured_change(
 ) -> tuple[Registration, xr.Dataset]:
     """Register T1 to T0 and take the height change.
 
-    `before` and `after` are prepared scans (`gstlib.preprocess.scan.prepare_scan`): ``height``,
+    `before` and `after` are prepared scans (`gstlib.preprocess.scans.prepare_scan`): ``height``,
     ``filled``, ``outlier``. Other parameters as in `register` and `height_change`, whose results
     are returned. All change is unknown if the registration is not believed.
     """
@@ -221,7 +216,7 @@ def register_patch(
     """Register T1 to T0 and take the height change.
 
     `before` and `after` are prepared scans with ``height``, ``filled`` and ``outlier``. The result
-    is that of `gstlib.validation.change.height_change`, with the registration as attributes.
+    is that of `gstlib.change.change.height_change`, with the registration as attributes.
     """
     try:
         registration, change = measured_change(

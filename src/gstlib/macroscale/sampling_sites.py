@@ -16,9 +16,9 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.geometry import square_of
 from gstlib.io.results import columns_of
-from gstlib.surface import spacing_of
+from gstlib.surfaces.footprints import square_of
+from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["CONTROL", "COUNTS", "EXPOSED", "Concentration", "concentration", "propose_places"]
 
@@ -40,7 +40,7 @@ def propose_places(found: xr.Dataset, *, size_mm: float, patch_mm: float) -> pd.
     ----------
     found : xarray.Dataset
         ``exposure`` (N/mm) and ``touched`` (share of the poses) by element (y, x) of the face, from
-        `gstlib.gesture.exposure`.
+        `gstlib.macroscale.gesture.exposure`.
     size_mm, patch_mm : float
         Sides of the square and of a patch.
 

@@ -15,7 +15,7 @@ many predicted, how many observed, and how many there are.
 
 import numpy as np
 
-__all__ = ["mask_counts", "mask_scores", "seen_depth"]
+__all__ = ["mask_counts", "mask_scores"]
 
 
 def mask_counts(mask: np.ndarray, observed: np.ndarray, valid: np.ndarray) -> tuple[int, ...]:
@@ -42,11 +42,6 @@ def mask_scores(hits, predicted, observed, measured) -> dict[str, np.ndarray]:
         "mcc": np.where(says_nothing, 0.0, _ratio(product, np.sqrt(spread))),
         "attainable_mcc": np.where(defined, attainable, np.nan),
     }
-
-
-def seen_depth(depth: np.ndarray) -> np.ndarray:
-    """The part of a lost depth that two scans can show: T1 is laid on T0 where most points are."""
-    return depth - np.median(depth)
 
 
 def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:

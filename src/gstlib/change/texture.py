@@ -15,9 +15,9 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.errors import InputError
-from gstlib.preprocess.filtering import low_pass
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.surface import spacing_of
+from gstlib.surfaces.filtering import low_pass
+from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["measure_texture", "texture_rows"]
 
@@ -88,7 +88,7 @@ def texture_rows(
     t0 : (y, x) xarray.DataArray
         Heights before use, mm, no NaN.
     registered : xarray.Dataset or None
-        As from `gstlib.validation.change.register_patch`; None without a T1.
+        As from `gstlib.change.change.register_patch`; None without a T1.
     s_filter_um, l_filter_um : float
         Nesting indices of the filters: half the height of a wave of this length passes. None for no
         L-filter (an S-F surface in place of an S-L surface).

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 import pandas as pd
 import xarray as xr
 
+from gstlib.change.change import wear_summary
 from gstlib.io.results import columns_of
-from gstlib.validation.change import wear_summary
 
 __all__ = ["registration_table", "select_patches"]
 

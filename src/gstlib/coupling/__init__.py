@@ -1,0 +1,1 @@
+"""What the macroscale gives to each patch, how sure that is, and where patches lie."""

@@ -1,0 +1,65 @@
+"""The coupling of the scales: what the macroscale contact gives to each patch.
+
+The force on a patch is the sum of the macroscale contact forces in its footprint; elements cut by
+the footprint's edge count by the share of their area inside. Footprints that tile a region thus
+share out its force without loss, wherever they lie. The forces outside the footprint press the
+patch down with its surroundings, and it tilts as the stone does. So does the whole square at the
+scans' resolution in the face around it (`placed_faces` serves both).
+"""
+
+# ASSUME: the x and y of a patch are those of its centre; the paper gives the place by its x and y.
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from gstlib.surfaces.footprints import footprint_weights, places_of
+from gstlib.surfaces.grid import spacing_of
+
+__all__ = ["couple_scales", "patch_pressures"]
+
+
+def patch_pressures(
+    pressure: xr.DataArray, patches: pd.DataFrame, *, size_mm: float
+) -> pd.DataFrame:
+    """Nominal pressure of each patch from the macroscale contact pressure.
+
+    Parameters
+    ----------
+    pressure : (ny, nx) xarray.DataArray
+        Contact pressure at the target, MPa, in the square's frame (mm); the face may go beyond it.
+    patches : pandas.DataFrame
+        ``patch, x_mm, y_mm, rotation_deg``.
+    size_mm : float
+        Side of a patch.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``patch, x_mm, y_mm, rotation_deg``; ``force_N``, the force on the footprint;
+        ``pressure_MPa``, over its nominal area; ``peak_pressure_MPa``, largest pressure of an
+        element in it.
+    """
+    area, values, rows = np.prod(spacing_of(pressure)), pressure.values, []
+    for place in places_of(patches).values():
+        weights = footprint_weights(pressure, place, size_mm)
+        force = float((values * weights).sum() * area)
+        peak = float(values[weights > 0].max(initial=0.0))
+        rows.append((force, force / size_mm**2, peak))
+    found = "force_N", "pressure_MPa", "peak_pressure_MPa"
+    table = patches[["patch", "x_mm", "y_mm", "rotation_deg"]].reset_index(drop=True)
+    return table.join(pd.DataFrame(rows, columns=found))
+
+
+def couple_scales(
+    contact: xr.Dataset, square_contact: xr.Dataset, patches: pd.DataFrame, *, patch_mm: float
+) -> pd.DataFrame:
+    """Pressure of each patch: the macroscale forces in its outline over its area (section 2.3).
+
+    `contact` is that of the stone at rest, `square_contact` that of the square alone on its mean
+    plane, the paper's, and `patch_mm` the side of a patch. The result is that of `patch_pressures`
+    with ``square_pressure_MPa``, the pressure by the square alone.
+    """
+    pressures = patch_pressures(contact.pressure, patches, size_mm=patch_mm)
+    alone = patch_pressures(square_contact.pressure, patches, size_mm=patch_mm)
+    return pressures.assign(square_pressure_MPa=alone.pressure_MPa)

@@ -1,0 +1,1 @@
+"""The contact of each patch at the resolution of its scan."""

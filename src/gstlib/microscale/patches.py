@@ -1,0 +1,193 @@
+"""Each patch, as it lies on the stone, pressed at its scan's resolution up to its own pressure."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from gstlib.bem import solve_contact
+from gstlib.contact import (
+    Loading,
+    along_path,
+    contact_at_pressure,
+    contact_path,
+    faces_of,
+    load_path_table,
+)
+from gstlib.coupling.embedding import place_patch, prepare_faces
+from gstlib.io.results import columns_of
+from gstlib.surfaces.grid import spacing_of
+
+__all__ = [
+    "LEVELLED",
+    "LOAD_PATHS",
+    "PLACED",
+    "Microscale",
+    "load_path_table",
+    "microscale_tables",
+    "solve_patches",
+    "with_interface_stiffness",
+]
+
+# The variants of the coupling, and the pressure of a patch that each takes, from `couple_scales`.
+PLACED, LEVELLED = "placed", "levelled"
+
+
+_PRESSURES = {PLACED: "pressure_MPa", LEVELLED: "square_pressure_MPa"}
+
+
+class Microscale(NamedTuple):
+    """How the patches are pressed, as in the section ``microscale`` of the config.
+
+    Attributes
+    ----------
+    contact_modulus_MPa, tolerance : float
+        As in `gstlib.contact.Loading`.
+    s_filter_um : float or None
+        Nesting index of the S-filter that the scans pass.
+    steps : int or None
+        Steps of the load path of the first variant; None for the target pressure alone.
+    maximum_displacement_um : float
+        As in `gstlib.contact.contact_path`.
+    """
+
+    contact_modulus_MPa: float
+    tolerance: float
+    s_filter_um: float | None
+    steps: int | None
+    maximum_displacement_um: float
+
+
+def solve_patches(
+    scans: Mapping[str, xr.Dataset],
+    pressures: pd.DataFrame,
+    settings: Microscale,
+    *,
+    variants: Sequence[str],
+    composite: xr.Dataset | None = None,
+    contact: xr.Dataset | None = None,
+    counterface: xr.DataArray | None = None,
+) -> Iterator[tuple[str, str, xr.Dataset]]:
+    """Press patches up to their own pressures, in each variant of the coupling (section 2.4).
+
+    Parameters
+    ----------
+    scans : mapping of str to xarray.Dataset
+        The prepared T0 scans by patch; each is looked up once.
+    pressures : pandas.DataFrame
+        From `gstlib.coupling.pressures.couple_scales`.
+    settings : Microscale
+    variants : sequence of str
+        `PLACED`, `LEVELLED` or both, the study's own first.
+    composite, contact : xarray.Dataset
+        As in `gstlib.coupling.embedding.place_patch`; for `PLACED`.
+    counterface : (y, x) xarray.DataArray, optional
+        The prepared scan of the active stone's own face.
+
+    Yields
+    ------
+    patch, variant : str
+    contact : xarray.Dataset
+        Of the first variant that of `gstlib.contact.contact_path` with its
+        `gstlib.microscale.patches.with_interface_stiffness`, of the other that of
+        `gstlib.contact.contact_at_pressure`.
+    """
+    if PLACED in variants and (composite is None or contact is None):
+        raise ValueError("to be placed, patches need the composite surface and its contact")
+    of = pressures.set_index("patch")
+    for patch in scans:
+        source = f"patch {patch}"
+        height, pressed = prepare_faces(
+            scans[patch].height, counterface, s_filter_um=settings.s_filter_um, source=source
+        )
+        for variant in variants:
+            faces = faces_of(height, pressed)
+            if variant == PLACED and composite is not None and contact is not None:
+                faces = place_patch(height, pressed, composite, contact, patch)
+            target = float(of[_PRESSURES[variant]][patch])
+            loading = Loading(settings.contact_modulus_MPa, target, settings.tolerance)
+            if settings.steps is None or variant != variants[0]:
+                yield patch, variant, contact_at_pressure(faces, loading, source=source)
+                continue
+            path = contact_path(
+                faces,
+                loading,
+                source=source,
+                steps=settings.steps,
+                maximum_displacement_um=settings.maximum_displacement_um,
+            )
+            yield patch, variant, with_interface_stiffness(path)
+
+
+LOAD_PATHS = (
+    "target_pressure",
+    "residual",
+    "path_displacement",
+    "path_mean_pressure",
+    "path_contact_fraction",
+    "path_stiffness",
+    "path_interface_stiffness",
+)
+
+
+def with_interface_stiffness(contact: xr.Dataset) -> xr.Dataset:
+    """A contact with the stiffness of the rough interface alone along its path.
+
+    A patch is cut out of the stone. Its displacement under a mean pressure has two parts: that of
+    the interface, and that of the half-space under a load on the patch alone, which the
+    surrounding stone does not share in the computation. The second is the compliance of a flat
+    punch of the patch's outline, pressed in with the same solver; compliances in series add. Where
+    nothing touches, the stiffness is 0.
+
+    `contact` is from `contact_path`; the result has ``path_interface_stiffness`` (step), MPa/mm.
+    """
+    height = contact.height
+    punch = _punch_stiffness(height.shape, spacing_of(height), float(contact.contact_modulus))
+    stiffness = contact.path_stiffness.values
+    alone = np.divide(
+        punch * stiffness,
+        punch - stiffness,
+        out=np.full_like(stiffness, np.inf),
+        where=stiffness < punch,
+    )
+    return contact.assign(along_path({"interface_stiffness": alone}))
+
+
+@lru_cache
+def _punch_stiffness(
+    shape: tuple[int, int], spacing: tuple[float, float], contact_modulus_MPa: float
+) -> float:
+    """Mean pressure over displacement, MPa/mm, of a rigid flat punch as large as the grid."""
+    depth = float(np.prod(spacing)) ** 0.5
+    punch = solve_contact(np.zeros(shape), spacing, contact_modulus_MPa, displacement=depth)
+    return punch.mean_pressure / depth
+
+
+def microscale_tables(contacts: Mapping[str, xr.Dataset]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The state of each patch at its own pressure, and its load path.
+
+    `contacts` are those of `gstlib.microscale.patches.solve_patches` by patch, with their paths.
+    The residual is rounded up to a power of ten: its digits are rounding, which differs from
+    processor to processor.
+    """
+    path, state = columns_of("microscale_paths"), columns_of("microscale_summary")
+    states, paths = [], [pd.DataFrame(columns=path)]
+    for patch, contact in contacts.items():
+        alone = contact.path_interface_stiffness.values * 1e-3
+        steps = load_path_table(contact).assign(
+            patch=patch, interface_stiffness_MPa_per_um=alone
+        )
+        residual = float(contact.residual)
+        states.append(
+            steps.iloc[-1].to_dict()
+            | {
+                "target_pressure_MPa": float(contact.target_pressure),
+                "residual": 10.0 ** math.ceil(math.log10(residual)) if residual > 0 else 0.0,
+            }
+        )
+        paths.append(steps[path])
+    return pd.DataFrame(states, columns=state), pd.concat(paths[1:] or paths, ignore_index=True)

@@ -1,0 +1,1 @@
+"""Heights on a grid: levelled, filtered, and where they lie."""

@@ -1,0 +1,161 @@
+"""Where things lie: places on the square, their outlines, and the square's frame on the stone.
+
+On the square, y comes before x everywhere, as rows come before columns.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+import xarray as xr
+
+from gstlib.surfaces.grid import axis_coordinates, spacing_of
+
+if TYPE_CHECKING:
+    pass
+
+__all__ = [
+    "Place",
+    "footprint_weights",
+    "half_extent",
+    "moved",
+    "on_patch",
+    "outline",
+    "places_of",
+    "rotated",
+    "spline_of",
+    "square_of",
+]
+
+
+def rotated(v: Any, u: Any, rotation_deg: float) -> tuple[Any, Any]:
+    """Offsets along y and x of what lies (v, u) along axes that are turned from x towards y."""
+    turn = np.radians(rotation_deg)
+    return np.cos(turn) * v + np.sin(turn) * u, np.cos(turn) * u - np.sin(turn) * v
+
+
+class Place(NamedTuple):
+    """Where a scan lies on the square: its centre (mm) and its turn from x towards y."""
+
+    y_mm: float
+    x_mm: float
+    rotation_deg: float = 0.0
+
+    @classmethod
+    def of(cls, at: xr.Dataset) -> "Place":
+        """The place of one patch, from its ``y_mm, x_mm, rotation_deg``."""
+        return cls(*(float(at[name]) for name in cls._fields))
+
+    def points(self, v: Any, u: Any) -> tuple[Any, Any]:
+        """Places (y, x) on the square of points (v, u) from the scan's centre, mm."""
+        dy, dx = rotated(v, u, self.rotation_deg)
+        return self.y_mm + dy, self.x_mm + dx
+
+    def seen(self, y: Any, x: Any) -> tuple[Any, Any]:
+        """Places (v, u) from the scan's centre of points (y, x) on the square, mm."""
+        return rotated(y - self.y_mm, x - self.x_mm, -self.rotation_deg)
+
+
+def places_of(patches: pd.DataFrame) -> dict[str, Place]:
+    """Place of each patch, from ``patch, x_mm, y_mm, rotation_deg``."""
+    rows = patches[["patch", "y_mm", "x_mm", "rotation_deg"]].itertuples(index=False)
+    return {patch: Place(*map(float, place)) for patch, *place in rows}
+
+
+def spline_of(field: xr.DataArray) -> "scipy.interpolate.RectBivariateSpline":
+    """Cubic spline of a field (y, x) through its element centres; it is constant beyond them.
+
+    Where the field is NaN, it takes the nearest value.
+    """
+    values = _filled(field.values)
+    return scipy.interpolate.RectBivariateSpline(field.y.values, field.x.values, values)
+
+
+def _filled(values: np.ndarray) -> np.ndarray:
+    """Values (ny, nx), NaN replaced by the nearest ones."""
+    if not (absent := np.isnan(values)).any():
+        return values
+    nearest = scipy.ndimage.distance_transform_edt(
+        absent, return_distances=False, return_indices=True
+    )
+    return values[tuple(nearest)]
+
+
+def square_of(field: xr.DataArray | xr.Dataset, size_mm: float) -> Any:
+    """The part of a field (..., y, x) of the face that lies in the square of this side."""
+    inside = {axis: (field[axis].values > 0) & (field[axis].values < size_mm) for axis in "yx"}
+    return field.isel({axis: np.flatnonzero(of) for axis, of in inside.items()})
+
+
+def on_patch(
+    spline: "scipy.interpolate.RectBivariateSpline",
+    place: Place,
+    shape: tuple[int, ...],
+    size_mm: float,
+) -> np.ndarray:
+    """A field of the square at the points, of this `shape`, of the scan that lies at a place."""
+    v, u = (axis_coordinates(count, size_mm / count) - size_mm / 2 for count in shape)
+    if place.rotation_deg == 0:  # many times as fast
+        return spline(place.y_mm + v, place.x_mm + u)
+    return spline.ev(*place.points(v[:, None], u))
+
+
+def outline(place: Place, size_mm: float) -> np.ndarray:
+    """Corners (4, 2), x and y (mm), of a square footprint, to be drawn; the lower left first."""
+    v, u = size_mm / 2 * np.array([[-1, -1, 1, 1], [-1, 1, 1, -1]])
+    y, x = place.points(v, u)
+    return np.column_stack([x, y])
+
+
+def footprint_weights(grid: xr.DataArray, place: Place, size_mm: float) -> np.ndarray:
+    """Share (ny, nx), from 0 to 1, of each element's area inside a square footprint, exactly.
+
+    `grid` is any field on the grid, dims (..., y, x); `size_mm` is the footprint's side.
+    """
+    dy, dx = spacing_of(grid)
+    y, x, half = grid.y.values, grid.x.values, size_mm / 2
+    if place.rotation_deg == 0:  # as exact, and a hundred times as fast
+        overlap = []
+        for at, step, centre in ((y, dy, place.y_mm), (x, dx, place.x_mm)):
+            low, high = at - step / 2, at + step / 2
+            inside = np.minimum(high, centre + half) - np.maximum(low, centre - half)
+            overlap.append(np.clip(inside, 0, None))
+        return np.outer(*overlap) / (dy * dx)
+    import shapely
+
+    y, x = np.meshgrid(y, x, indexing="ij")
+    near = (abs(y - place.y_mm) < size_mm + dy) & (abs(x - place.x_mm) < size_mm + dx)
+    y, x, weights = y[near], x[near], np.zeros(near.shape)
+    elements = shapely.box(x - dx / 2, y - dy / 2, x + dx / 2, y + dy / 2)
+    inside = shapely.intersection(elements, shapely.polygons(outline(place, size_mm)))
+    weights[near] = shapely.area(inside) / (dy * dx)
+    return weights
+
+
+def half_extent(size_mm: float, rotation_deg: Any) -> Any:
+    """How far a rotated footprint reaches from its centre along x and y, mm."""
+    angle = np.radians(rotation_deg)
+    return size_mm / 2 * (abs(np.cos(angle)) + abs(np.sin(angle)))
+
+
+def moved(
+    patches: pd.DataFrame,
+    shift_mm: Sequence[float | np.ndarray] | np.ndarray,
+    face: xr.DataArray,
+    size_mm: float,
+) -> pd.DataFrame:
+    """The patches moved along y and x, all alike or each by itself; none leaves the face.
+
+    `face` is any field on it; `size_mm` is the side of a patch.
+    """
+    half = half_extent(size_mm, patches.rotation_deg.to_numpy())
+    found = {}
+    for name, by, axis, step in zip(
+        ("y_mm", "x_mm"), shift_mm, "yx", spacing_of(face), strict=True
+    ):
+        along = face[axis].values
+        first, last = along[0] - step / 2 + half, along[-1] + step / 2 - half
+        found[name] = np.clip(patches[name].to_numpy() + by, first, last)
+    return patches.assign(**found)
