@@ -13,14 +13,13 @@ import pandas as pd
 import pytest
 import yaml
 from filelock import FileLock
-from gst.config import read_config
+from gst.config import counterface_mesh, read_config
 from gst.patches import read_patches
+from gstlib.counterface import SecondStone
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
-from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_pressures, read_table, write_table
+from gstlib.io.tables import read_table, write_table
 from gstlib.study import Study as InMemory
-from gstlib.uncertainty import Errors, Macroscale, pressure_intervals
 
 ROOT = Path(__file__).parents[2]
 # with this interpreter: the environment under test, whatever is on the PATH
@@ -105,33 +104,19 @@ def in_memory(study: Study, config: dict | None = None) -> InMemory:
     inputs = config["inputs"] or made | {"scan_folder": f"{config['results']}/specimen/scans"}
     names = patches.rename(columns={"t0": "T0", "t1": "T1"}).set_index("patch")
     face = (config["counterface"] or {}).get("scan")
+    stated = {name: config["scans"][name] for name in ("unit", "spacing_um")}
+    if second := counterface_mesh(config, f"{config['results']}/specimen"):
+        second |= {"mesh": study.folder / second["mesh"]}
+        second |= {"reach_mm": 5e-3 * config["uncertainty"]["pose_um"]}
     return InMemory(
         config,
         patches,
         read_mesh=lambda: read_mesh(study.folder / inputs["mesh"], unit=inputs["mesh_unit"]),
-        read_scan=lambda *of: read_scan(study.folder / inputs["scan_folder"] / names.at[of]),
-        read_face=(lambda: read_scan(study.folder / face)) if face else None,
-    )
-
-
-def intervals_of(study: Study) -> pd.DataFrame:
-    """Of the patches' pressures, by the library alone from what is stored before them."""
-    config = read_config(study.folder / study.config)
-    stored = {
-        name: read_dataset(file)
-        for name in ("surface", "composite", "second_stone")
-        if (file := study.results / f"macroscale/{name}.h5").exists()
-    }
-    second = stored["second_stone"].face if "second_stone" in stored else None
-    return pressure_intervals(
-        Macroscale(stored["surface"], stored["composite"], second),
-        read_pressures(study.results / "coupling/pressures.csv"),
-        errors=Errors(**config["uncertainty"]),
-        force_N=config["load"]["force_N"],
-        through=(2.5, 2.5),
-        material=config["material"],
-        patch_mm=config["scans"]["size_mm"],
-        seed=config["seed"],
+        read_scan=lambda *of: read_scan(
+            study.folder / inputs["scan_folder"] / names.at[of], **stated
+        ),
+        read_face=(lambda: read_scan(study.folder / face, **stated)) if face else None,
+        second_stone=SecondStone.read(**second) if second else None,
     )
 
 

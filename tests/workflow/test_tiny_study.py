@@ -1,6 +1,6 @@
 """The whole of a study on coarse grids: what its files hold, by other means than the study's own.
 
-That its tables are those of the library: test_study_in_memory.py. What its page says of them:
+That its tables are those of the library: test_measured.py. What its page says of them:
 test_tiny_page.py.
 """
 
@@ -137,19 +137,6 @@ def force_on(contact):
     """Of a contact, in N."""
     dy, dx = spacing_of(contact)
     return float(contact.pressure.sum()) * dy * dx
-
-
-def test_the_last_step_bears_the_load_through_the_middle_of_the_square(results, table, config):
-    contact = read_dataset(results / "macroscale/contact.h5")
-    last, path = contact.pressure, table("macroscale_path")
-    assert len(path) == config["macroscale"]["steps"]
-    assert path.force_N.iloc[-1] == pytest.approx(config["load"]["force_N"], rel=1e-4)
-    assert force_on(contact) == pytest.approx(config["load"]["force_N"], rel=1e-6)
-    for axis in "yx":  # through the middle of the square
-        assert float((last * contact[axis]).sum() / last.sum()) == pytest.approx(2.5, abs=1e-5)
-    pressures = table("patch_pressures").pressure_MPa
-    assert (pressures == 0).any()
-    assert pressures.max() > 20
 
 
 # --- Contacts ---------------------------------------------------------------------------------
