@@ -474,10 +474,11 @@ def test_inputs_that_changed_unseen_and_other_studies_are_refused(studied):
     assert "touch 'data/scans/7_T1.plu'" in refused.stderr
     scan.write_bytes(content)
     os.utime(scan, ns=dates)
-    own = studied.config
+    given = (studied.folder / studied.config).read_text()
     studied.change(title="another stone", inputs={"mesh": "data/other.stl"})
     shutil.copy2(studied.folder / "data/mesh.stl", studied.folder / "data/other.stl")
     refused = studied.gst("study", studied.config)
-    studied.config = own
+    (studied.folder / studied.config).write_text(given)
+    (studied.folder / "data/other.stl").unlink()
     assert refused.returncode == 2
     assert "holds the results of another study" in refused.stderr
