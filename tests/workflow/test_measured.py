@@ -19,7 +19,7 @@ import pytest
 import trimesh
 from conftest import Study, assert_stored, fresh, in_memory, opened
 from gst.config import read_config
-from gst.sweep import merged
+from gst.sweep import merged, outcomes
 from gstlib.contact import laid_height
 from gstlib.geometry import Place, square_of
 from gstlib.gesture import Gesture, read_poses
@@ -29,6 +29,7 @@ from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.placement import place_patches
 from gstlib.preprocess.leveling import remove_plane
+from gstlib.preprocess.scan import preprocessing_table
 from gstlib.reference import composite_heights, two_scales_table
 from gstlib.study import wear_stone
 from gstlib.surface import spacing_of
@@ -42,8 +43,8 @@ ALL, WORN, TWICE = (
     ["5", "7", "10", "11", "13"],
     ["7", "10", "13"],
 )
-# A patch cut from a larger scan, which is a text that states nothing.
-CUT, SPACING_MM = "16", 13.28e-3
+# A patch cut from a larger scan, a text that states nothing; and one that lies obliquely.
+CUT, SPACING_MM, OBLIQUE = "16", 13.28e-3, "11"
 # What takes the second tool to where it was measured, mm.
 AWAY = trimesh.transformations.compose_matrix(angles=(0.4, -1.1, 2.0), translate=(30, -12, 5))
 POSES = """x_mm,y_mm,rotation_deg,force_N,sliding_mm,turning_deg,weight
@@ -76,6 +77,7 @@ def generated(tmp_path_factory):
     rows = patch_table(study)
     rows["repeat"] = np.where(rows.patch.isin(TWICE), rows.patch + "_again.plu", "")
     rows.loc[~rows.patch.isin(WORN), "t1"] = ""
+    rows["rotation_deg"] = np.where(rows.patch == OBLIQUE, 10, 0)
     rows.to_csv(study.folder / "config/patches_tiny.tsv", sep="\t", index=False)
     study.change(specimen={"counterface_seed": 8}, **ASKED)
     study.succeed("results-tiny/macroscale/surface.h5")
@@ -102,7 +104,7 @@ def studied(generated, tmp_path_factory):
                 np.savetxt(scans / "16.txt", seen, delimiter="\t")
             else:
                 write_plu(scans / file, seen, spacing_of(scan))
-    rows["rotation_deg"] = rows.patch.map(TURNED).fillna(0)
+    rows["rotation_deg"] = rows.rotation_deg.astype(int) + rows.patch.map(TURNED).fillna(0)
     rows["flip"] = np.where(rows.patch == MIRRORED, "none", "")
     of_cut = {"t0": "16.txt", "crop_x_mm": 2 * SPACING_MM, "crop_y_mm": -3 * SPACING_MM}
     for name, value in of_cut.items():
@@ -113,7 +115,8 @@ def studied(generated, tmp_path_factory):
         mesh.apply_scale(1 / unit_mm).export(study.folder / f"data/{name}.stl")
     (study.folder / "poses.csv").write_text(POSES)
     (study.folder / "published.csv").write_text(
-        "quantity,patch,unit,value\nmean pressure,,MPa,5\npatch pressure,13,MPa,10\n"
+        "quantity,patch,unit,value\nmean pressure,,MPa,5\ndisplacement,,um,20\n"
+        "contact fraction,,1,0.1\npatch pressure,13,MPa,10\n"
     )
     # the two squares lie on each other, turned over about y
     pose = {"matrix": (np.diag([-1, 1, -1, 1]) @ np.linalg.inv(AWAY)).tolist()}
@@ -132,6 +135,10 @@ def studied(generated, tmp_path_factory):
     )
     study.succeed()
     return study
+
+
+def epochs_of(patch):
+    return ["T0", *["T1"] * (patch in WORN), *["repeat"] * (patch in TWICE)]
 
 
 @pytest.fixture
@@ -219,7 +226,7 @@ def test_turned_and_mirrored_scans_lie_on_the_stone_as_they_were_taken(generated
     now, was = (of.set_index("patch") for of in (table("registration"), plain.registration()))
     for patch in ALL:
         turned = TURNED.get(patch, 0)
-        for epoch in ["T0", *["T1"] * (patch in WORN), *["repeat"] * (patch in TWICE)]:
+        for epoch in epochs_of(patch):
             found, made = stored(f"surfaces/{patch}_{epoch}"), plain.prepared(patch, epoch)
             height = np.rot90(made.height, turned // 90)
             # what fills a hole depends a little on the turn
@@ -254,9 +261,8 @@ def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
     scans = {patch: own.prepared(patch, "T0") for patch in ALL}
     at = {"patch_mm": 0.85, **own.config["scans"]["mould"]}
     same(place_patches(own.face().height, own.patches, scans, **at), "placement")
-    done = table("preprocessing").set_index(["patch", "epoch"])
-    assert done.loc["10"].index.tolist() == ["T0", "T1", "repeat"]
-    assert done.loc["16"].index.tolist() == ["T0"]
+    done = {(p, epoch): own.prepared(p, epoch).attrs for p in ALL for epoch in epochs_of(p)}
+    same(preprocessing_table(done), "preprocessing")
     contacts = {}
     for variant, folder in {"placed": "", "levelled": "levelled/"}.items():
         contacts[variant] = {patch: stored(f"microscale/{folder}{patch}") for patch in ALL}
@@ -313,10 +319,9 @@ def test_the_force_acts_where_it_is_said_on_stones_that_differ(stored, table):
     assert (left_out.pressure_MPa > 60, left_out.in_study) == (True, False)
     assert "10" not in set(table("cases").patch)
     # published figures stand beside those computed
-    computed = table("published").computed
-    assert list(computed) == pytest.approx(
-        [path.mean_pressure_MPa, table("patch_pressures").pressure_MPa[4]]
-    )
+    names = ["mean_pressure_MPa", "displacement_um", "contact_fraction"]
+    expected = [*path[names], table("patch_pressures").pressure_MPa[4]]
+    assert list(table("published").computed) == pytest.approx(expected)
 
 
 def test_both_faces_make_the_gap(stored):
@@ -408,6 +413,10 @@ def test_the_page_shows_both_stones_and_the_gesture(studied, stored):
     assert [unit for _, unit in said] == ["MPa", "N/mm"]
     assert [float(value) for value, _ in said] == pytest.approx(highest, rel=5e-3)
     assert (studied.results / "figures/exposure.png").stat().st_size > 10_000
+    (corners,) = re.findall(r'"patch": "11", "flat": (\[\[.*?\]\])', page)
+    x, y = np.transpose(json.loads(corners)) - [[0.5], [2.5]]  # of the patch that lies obliquely
+    found = sorted(np.degrees(np.arctan2(y, x)))
+    np.testing.assert_allclose(found, [-125, -35, 55, 145], atol=0.1)
 
 
 @pytest.mark.browser
@@ -445,18 +454,14 @@ def test_a_mat_takes_turns_with_the_bare_stone(with_a_mat, tmp_path):
 
 
 def test_a_setting_of_a_sweep_is_the_study_with_that_config(with_a_mat):
-    found = read_table(with_a_mat.results / "tables/sweep.csv")
-    swept = found[found.output == "pressure_MPa"]
+    found = read_table(with_a_mat.results / "tables/sweep.csv").set_index(["output", "patch"])
     config = read_config(with_a_mat.folder / with_a_mat.config)
     changed = in_memory(with_a_mat, merged(config, {"load": {"force_N": 660.0}}))
-    for study, is_it in (
-        (kept(with_a_mat), swept.factor.isna()),
-        (changed, swept.factor == "force"),
-    ):
-        expected = study.pressures().pressure_MPa
-        np.testing.assert_allclose(swept.result[is_it], expected, rtol=1e-4, atol=1e-6)
-    moved = set(found.output[found.change.abs() > 1e-9])
-    assert {"pressure_MPa", "mean(mcc)"} <= moved
+    own, swept = found[found.factor.isna()], found[found.factor == "force"]
+    for study, result in ((kept(with_a_mat), own.result), (changed, swept.result)):
+        rows = outcomes(study).replace({"patch": {"": np.nan}}).set_index(["output", "patch"])
+        np.testing.assert_allclose(result[rows.index], rows.result, rtol=1e-3, atol=1e-4)
+    assert abs(swept.change["pressure_MPa"]).max() > 1
     assert (with_a_mat.results / "figures/sweep.png").stat().st_size > 0
 
 

@@ -10,7 +10,7 @@ import runpy
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import ROOT, assert_stored
 from gst.figures.style import BLUE
 from gstlib.contact import Loading, contact_at_pressure, faces_of
 from gstlib.io.results import TABLES, columns_of
@@ -19,7 +19,7 @@ from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_table
 from gstlib.preprocess.leveling import remove_plane
 from gstlib.reference import press_whole
-from gstlib.specimen.score import true_face
+from gstlib.specimen.score import score_truth, true_face
 from gstlib.surface import spacing_of
 from matplotlib.colors import to_rgb
 
@@ -204,10 +204,20 @@ def test_cases_are_those_of_the_stored_contacts(results, table, config):
 # --- Wear and scores --------------------------------------------------------------------------
 
 
-def test_every_stage_is_scored_against_the_truth(table):
+def test_every_stage_is_scored_against_the_truth(results, truth, table, tmp_path):
     rows = table("truth")
-    stages = {"macroscale", "preprocessing", "placement", "coupling", "registration", "wear"}
-    assert stages <= set(rows.stage)
+    patches = table("patch_pressures").patch
+    epochs = [(patch, epoch) for epoch in ("T0", "T1") for patch in patches]
+    found = score_truth(
+        truth,
+        face=read_dataset(results / "macroscale/surface.h5"),
+        scans={of: read_dataset(results / f"surfaces/{'_'.join(of)}.h5") for of in epochs},
+        changes={patch: read_dataset(results / f"registered/{patch}.h5") for patch in patches},
+        placement=table("placement"),
+        pressures=table("patch_pressures"),
+        two_scales=table("two_scales"),
+    )
+    assert_stored(found, results / "tables/truth.csv", tmp_path)
     np.testing.assert_allclose(
         rows.error, rows.recovered - rows.true, atol=1e-4 * (1 + rows.true.abs().max())
     )

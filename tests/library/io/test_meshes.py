@@ -133,20 +133,25 @@ def test_glb_is_in_metres_and_another_unit_is_warned_of(write, tmp_path, caplog)
     assert "specification" in caplog.text
 
 
-def test_the_unit_that_a_3mf_states_holds(tmp_path):
-    stone().apply_scale(1 / 25.4).export(tmp_path / "plain.3mf")
+@pytest.mark.parametrize(
+    ("stated", "unit", "length"), [("inch", "in", 25.4), ("micron", "um", 1e-3)]
+)
+def test_the_unit_that_a_3mf_states_holds(tmp_path, stated, unit, length):
+    stone().apply_scale(1 / length).export(tmp_path / "plain.3mf")
     with (
         zipfile.ZipFile(tmp_path / "plain.3mf") as plain,
-        zipfile.ZipFile(tmp_path / "inches.3mf", "w") as inches,
+        zipfile.ZipFile(tmp_path / "stated.3mf", "w") as other,
     ):
         for name in plain.namelist():
             content = re.sub(rb' unit="\w+"', b"", plain.read(name))
-            inches.writestr(name, content.replace(b"<model ", b'<model unit="inch" ', 1))
-    for unit in (None, "in"):
-        mesh = read_mesh(tmp_path / "inches.3mf", unit=unit)
+            other.writestr(
+                name, content.replace(b"<model ", b'<model unit="%s" ' % stated.encode())
+            )
+    for given in (None, unit):
+        mesh = read_mesh(tmp_path / "stated.3mf", unit=given)
         assert mesh.extents == pytest.approx(SIZE, rel=1e-3)
-        assert mesh.metadata["file_unit"] == "in"
-    refused(tmp_path / "inches.3mf", "Set mesh_unit: in", unit="mm")
+        assert mesh.metadata["file_unit"] == unit
+    refused(tmp_path / "stated.3mf", f"Set mesh_unit: {unit}", unit="mm")
 
 
 def test_a_wrong_unit_is_named(tmp_path):
