@@ -20,7 +20,6 @@ import trimesh
 from conftest import Study, assert_stored, fresh, in_memory, opened
 from gst.config import read_config
 from gst.sweep import merged, outcomes
-from gstlib.contact import laid_height
 from gstlib.geometry import Place, square_of
 from gstlib.gesture import Gesture, read_poses
 from gstlib.io.plu import write_plu
@@ -322,18 +321,6 @@ def test_the_force_acts_where_it_is_said_on_stones_that_differ(stored, table):
     names = ["mean_pressure_MPa", "displacement_um", "contact_fraction"]
     expected = [*path[names], table("patch_pressures").pressure_MPa[4]]
     assert list(table("published").computed) == pytest.approx(expected)
-
-
-def test_both_faces_make_the_gap(stored):
-    """The macroscale contact keeps its conditions on the sum of both heights."""
-    contact = stored("macroscale/contact")
-    assert float(contact.counterface.std()) > 5e-3
-    faces = laid_height(contact).values
-    rigid = faces - faces.max() + float(contact.displacement)
-    touching = contact.pressure.values > 0
-    displaced = contact.gap.values + rigid  # K p, which is smooth; what touches follows the faces
-    np.testing.assert_allclose(displaced[touching], rigid[touching], atol=1e-9)
-    assert 0.001 < touching.mean() < 0.5
 
 
 def test_what_was_not_scanned_is_drawn_anew(own, stored, table):

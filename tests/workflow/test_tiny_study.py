@@ -10,8 +10,9 @@ import runpy
 
 import numpy as np
 import pytest
-from conftest import ROOT, assert_stored
+from conftest import ROOT, assert_stored, in_memory
 from gst.figures.style import BLUE
+from gst.sweep import merged, outcomes
 from gstlib.contact import Loading, contact_at_pressure, faces_of
 from gstlib.io.results import TABLES, columns_of
 from gstlib.io.scans import read_scan
@@ -270,3 +271,29 @@ def test_figures_are_drawn_from_the_stages_that_they_name(finished_tiny, results
         colours = axes.images[0].get_array()[..., :3]
         is_blue = np.isclose(colours, 255 * np.array(to_rgb(BLUE)), atol=2).all(axis=-1)
         assert is_blue.sum() == (found & true).sum()
+
+
+# --- In memory: every setting counts ----------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def own(finished_tiny):
+    return in_memory(finished_tiny)
+
+
+@pytest.mark.parametrize(
+    ("changes", "moved"),
+    [
+        ({"material": {"contact_modulus_MPa": None}}, "mean(mcc)"),
+        ({"macroscale": {"grid": 30}}, "pressure_MPa"),
+        ({"coupling": "levelled"}, "pressure_MPa"),
+        ({"microscale": {"s_filter_um": 50.0}}, "mean(mcc)"),
+        ({"preprocessing": {"outlier_rule": "window"}}, "mean(mcc)"),
+        ({"traces": {"minimum_points": 6}}, "mean(mcc)"),
+        ({"texture": {"l_filter_um": 150.0}}, "mean_change(Sq_um)"),
+    ],
+)
+def test_a_changed_value_moves_the_outcomes(own, finished_tiny, config, changes, moved):
+    before, after = map(outcomes, (own, in_memory(finished_tiny, merged(config, changes))))
+    one, other = (t.result[t.output == moved].to_numpy() for t in (before, after))
+    assert not np.allclose(one, other, rtol=1e-4)

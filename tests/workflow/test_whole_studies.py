@@ -6,11 +6,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import trimesh
 from conftest import fresh
 from gst.difference import compare_results, describe_changes
 from gstlib.io.results import TABLES
-from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
 from test_tiny_study import ABSENT
 
@@ -102,17 +100,3 @@ def test_a_study_that_no_patch_enters(tiny):
     assert cases.patch[cases.case.isin(["grinding", "ceiling"])].isna().all()
     assert (tiny.results / "figures/overview.png").stat().st_size > 0
     assert "No patch enters the study" in (tiny.results / "index.html").read_text(encoding="utf-8")
-
-
-def test_a_flat_second_stone_changes_no_digit(tiny):
-    flat = trimesh.creation.box((12, 12, 1), trimesh.transformations.translation_matrix((7, 1, 2)))
-    flat.subdivide_to_size(0.4).export(tiny.folder / "flat.stl")
-    corners = [[4.5, -1.5, 2.5], [9.5, -1.5, 2.5], [4.5, 3.5, 2.5]]
-    tiny.change(counterface=None)
-    tiny.succeed()
-    before = tiny.tables()
-    tiny.change(counterface={"mesh": "flat.stl", "pose": {"points_mm": corners}})
-    tiny.succeed()
-    assert tiny.tables() == before
-    contact = read_dataset(tiny.results / "macroscale/contact.h5")
-    assert float(abs(contact.counterface).max()) < 1e-12
