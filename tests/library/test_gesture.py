@@ -103,6 +103,14 @@ def test_the_table_has_each_patch_over_the_poses():
     assert table.loc["b"].tolist() == pytest.approx([5.0, 6.25, 4.0, 7.0, 1.0, 5.0])
 
 
+def test_a_turn_slides_farther_out():
+    turn = stroke(x_mm=0.0, sliding_mm=0.1, turning_deg=10.0).iloc[:1]
+    found = posed(turn, flat=True)
+    y, x = (found[axis].values - SIDE / 2 for axis in "yx")
+    slid = np.hypot(0.1, np.radians(10) * np.hypot(y[:, None], x))
+    np.testing.assert_allclose(found.exposure, found.pressure_sum * slid, rtol=1e-9)
+
+
 def test_a_stone_without_a_mesh_is_moved_by_its_point_of_force():
     """To move a paraboloid is to tilt it, and at rest it finds its tilt itself."""
     pose, there = stroke().iloc[:1].assign(x_mm=0.2, y_mm=-0.1), (MIDDLE[0] - 0.1, MIDDLE[1] + 0.2)
