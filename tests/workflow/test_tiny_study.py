@@ -11,7 +11,7 @@ import runpy
 import numpy as np
 import pytest
 from conftest import ROOT, assert_stored, in_memory
-from gst.figures.style import BLUE
+from gst.figures.style import BLUE, save_figure
 from gst.sweep import merged, outcomes
 from gstlib.contact import Loading, contact_at_pressure, faces_of
 from gstlib.io.results import TABLES, columns_of
@@ -235,7 +235,7 @@ def test_every_stage_is_scored_against_the_truth(results, truth, table, tmp_path
 # --- Figures ----------------------------------------------------------------------------------
 
 
-def test_figures_are_drawn_from_the_stages_that_they_name(finished_tiny, results, table):
+def test_figures_are_drawn_from_the_stages_that_they_name(finished_tiny, results, table, tmp_path):
     summary = finished_tiny.succeed("--detailed-summary")
     (of_patches,) = re.findall(
         r"^\S+/figures/patch\t.*\tdraw_validation\t.*", summary, re.MULTILINE
@@ -256,6 +256,11 @@ def test_figures_are_drawn_from_the_stages_that_they_name(finished_tiny, results
     }
     files |= {name: [results / f"{of}/{p}.h5" for p in patches] for name, of in folders.items()}
     study = script["Study"](files, patches, patches, {}, 5.0, 550.0, 0.85, "mm", 100)
+    for name in ("overview", "forces", "two_scales"):  # with the rule's files and settings
+        figure = script["figure_of"](name, study)
+        save_figure(figure, tmp_path / "again.png", source_note="generated specimen")
+        stored = results / f"figures/{name}.png"
+        assert (tmp_path / "again.png").read_bytes() == stored.read_bytes(), name
     whole = read_dataset(files["contact"])
     square = in_square(whole.pressure)
     title = script["figure_of"]("overview", study).axes[1].get_title()
