@@ -255,6 +255,8 @@ def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
     np.testing.assert_allclose(
         stored("macroscale/contact").pressure, anew.contact().pressure, atol=1.0
     )
+    tilts = (of.tilt_error_mrad for of in (stored("macroscale/composite"), anew.composite()))
+    np.testing.assert_allclose(*tilts, rtol=1e-6)
     same(own.selected(), "patch_pressures")
     same(anew.registration(), "registration")
     scans = {patch: own.prepared(patch, "T0") for patch in ALL}
