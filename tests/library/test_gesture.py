@@ -6,19 +6,11 @@ import pytest
 import xarray as xr
 from contacts import around, tiles
 from contacts import pressed as press
-from gstlib.counterface import rounded_counterface
+from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.errors import ConfigError
-from gstlib.gesture import (
-    Gesture,
-    exposure,
-    exposure_table,
-    press_poses,
-    read_poses,
-    stroke_poses,
-    wander_poses,
-)
+from gstlib.macroscale.gesture import Gesture, exposure, exposure_table, press_poses, read_poses, stroke_poses, wander_poses
 from gstlib.specimen.randomness import smooth_field
-from gstlib.surface import make_surface
+from gstlib.surfaces.grid import make_surface
 
 SIDE, COUNT, AROUND = 2.0, 32, 20
 SPACING = SIDE / COUNT

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from contacts import around
-from gstlib.places import CONTROL, COUNTS, EXPOSED, concentration, propose_places
+from gstlib.macroscale.sampling_sites import CONTROL, COUNTS, EXPOSED, concentration, propose_places
 
 SIZES = {"size_mm": 5.0, "patch_mm": 0.8}
 ELEMENT = 0.1

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import xarray as xr
 from contacts import contact_of
-from gstlib.geometry import Place
-from gstlib.placement import ALL
-from gstlib.reference import patches_of_reference, two_scales_table
-from gstlib.surface import make_surface
+from gstlib.surfaces.footprints import Place
+from gstlib.coupling.placement import ALL
+from gstlib.validation.single_scale import patches_of_reference, two_scales_table
+from gstlib.surfaces.grid import make_surface
 
 SQUARE, POINTS = 200, 32  # a square of 2 mm, a scan of 0.32 mm, both at 10 µm
 

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 import scipy.ndimage
 import xarray as xr
-from gstlib.gesture import Gesture, press_poses, stroke_poses
+from gstlib.macroscale.gesture import Gesture, press_poses, stroke_poses
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.surface import make_surface
+from gstlib.surfaces.grid import make_surface
 
 WORKFLOW = Path(__file__).parents[2] / "workflow"
 

@@ -15,7 +15,7 @@ import yaml
 from filelock import FileLock
 from gst.config import counterface_mesh, read_config
 from gst.patches import read_patches
-from gstlib.counterface import SecondStone
+from gstlib.macroscale.active_tool import SecondStone
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.tables import read_table, write_table

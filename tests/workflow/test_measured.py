@@ -20,20 +20,20 @@ import trimesh
 from conftest import Study, assert_stored, fresh, in_memory, opened
 from gst.config import read_config
 from gst.sweep import merged, outcomes
-from gstlib.geometry import Place, square_of
-from gstlib.gesture import Gesture, read_poses
+from gstlib.surfaces.footprints import Place, square_of
+from gstlib.macroscale.gesture import Gesture, read_poses
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
-from gstlib.placement import place_patches
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.preprocess.scan import preprocessing_table
-from gstlib.reference import composite_heights, two_scales_table
-from gstlib.study import wear_stone
-from gstlib.surface import spacing_of
-from gstlib.uncertainty import Errors, Macroscale, pressure_intervals
-from gstlib.validation.texture import measure_texture
+from gstlib.coupling.placement import place_patches
+from gstlib.surfaces.leveling import remove_plane
+from gstlib.preprocess.scans import preprocessing_table
+from gstlib.validation.single_scale import composite_heights, two_scales_table
+from gstlib.wear.fit import wear_stone
+from gstlib.surfaces.grid import spacing_of
+from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
+from gstlib.change.texture import measure_texture
 
 # Of the scans, from x towards y; and a patch whose scans the mould did not mirror.
 TURNED, MIRRORED = {"10": -90, "13": 90}, "7"

@@ -7,11 +7,11 @@ import trimesh
 import xarray as xr
 from conftest import assert_stored, fresh
 from gst.config import read_config
-from gstlib.geometry import FRAME, stored_frame
+from gstlib.surfaces.frames import FRAME, stored_frame
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
-from gstlib.uncertainty import Errors, Macroscale, pressure_intervals
+from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
 
 GESTURE = {"wander_mm": 0.5, "poses": 6}
 

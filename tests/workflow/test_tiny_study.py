@@ -18,10 +18,10 @@ from gstlib.io.results import TABLES, columns_of
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_table
-from gstlib.preprocess.leveling import remove_plane
-from gstlib.reference import press_whole
+from gstlib.surfaces.leveling import remove_plane
+from gstlib.validation.single_scale import press_whole
 from gstlib.specimen.score import score_truth, true_face
-from gstlib.surface import spacing_of
+from gstlib.surfaces.grid import spacing_of
 from matplotlib.colors import to_rgb
 
 # Of the tables listed, those that this study has no use for.
