@@ -56,7 +56,9 @@ def study_of(config: Mapping, folder: Path = Path()) -> Study:
     known = {name: config["scans"][name] for name in ("unit", "spacing_um")}
     face, second = (config["counterface"] or {}).get("scan"), counterface_mesh(config, made)
     if second:
-        second |= {"mesh": folder / second["mesh"], "reach_mm": reach_of(config)}
+        table = (config["gesture"] or {}).get("table")
+        moved = {"gesture": {"table": str(folder / table)}} if table else {}
+        second |= {"mesh": folder / second["mesh"], "reach_mm": reach_of({**config, **moved})}
     return Study(
         config,
         patches,

@@ -61,16 +61,24 @@ def test_places_do_not_overlap_and_lie_in_the_square(found):
 
 def test_controls_are_never_touched_and_lie_far_from_what_is(found, caplog):
     rub(found, 2.5, 0.5, 1.0, 5.0)
-    found["touched"][45, 30] = 1e-3  # one element of one pose, whose exposure rounds to 0
+    for at in ((45, 30), (62, 58)):
+        found["touched"][at] = 1e-3  # one element of one pose, whose exposure rounds to 0
     places = propose_places(found, **SIZES)
     controls = places[places.kind == CONTROL]
     assert len(controls) == COUNTS[CONTROL]
     assert (controls.touched == 0).all()
     assert (controls.exposure_N_per_mm == 0).all()
-    np.testing.assert_allclose(controls.iloc[0].x_mm, 4.6)  # the far side
-    touched = found.y[45].item(), found.x[30].item()
-    away = np.maximum(abs(controls.y_mm - touched[0]), abs(controls.x_mm - touched[1]))
-    assert (away > 0.4).all()
+    # each lies as far (between outlines) from what is touched and from the places before as it can
+    rubbed = np.argwhere(found.touched.values > 0) * ELEMENT - 2.0 + ELEMENT / 2
+    centres = np.stack(np.meshgrid(*2 * [np.arange(0.4, 4.61, ELEMENT)], indexing="ij"), axis=-1)
+    for count in controls.index:
+        before = places[["y_mm", "x_mm"]].to_numpy()[:count]
+        apart = [abs(centres - at).max(axis=-1) - 0.35 for at in rubbed]
+        apart += [abs(centres - at).max(axis=-1) - 0.8 for at in before]
+        free, own = np.min(apart, axis=0), places.loc[count, ["y_mm", "x_mm"]].astype(float)
+        at = abs(centres - own.to_numpy()).max(axis=-1) < 1e-6
+        assert free[at] == pytest.approx(free.max())
+        assert free[at] > 0
     assert "exposed places fit" in caplog.text  # the one spot holds fewer than are asked for
 
 

@@ -46,6 +46,9 @@ def test_a_scan_reads_the_reference_where_it_lies():
         found = patches_of_reference(square(pressure), {"a": place}, scan(33))
         at = np.argwhere(found.contact.values[0])
         np.testing.assert_array_equal(at, [[16, 16]])
+    turned = Place(1.205 - 0.05, 0.805 + 0.1, 90.0)  # its x runs along y, its y against x
+    found = patches_of_reference(square(pressure), {"a": turned}, scan(33))
+    np.testing.assert_array_equal(np.argwhere(found.contact.values[0]), [[26, 21]])
     # a scan of squares, and one of rectangles
     for grid, along_x, column in ((scan(33), 0.05, 21), (scan(33, 11), 0.03, 6)):
         beside = Place(1.205 - 0.1, 0.805 - along_x, 0.0)

@@ -4,9 +4,12 @@ import importlib.util
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
+import pytest
 import scipy.ndimage
 import xarray as xr
-from gstlib.io.store import write_dataset
+from gstlib.io.store import read_dataset, write_dataset
+from gstlib.macroscale.gesture import Gesture, press_poses, stroke_poses
 from gstlib.surfaces.grid import make_surface
 
 WORKFLOW = Path(__file__).parents[2] / "workflow"
@@ -80,3 +83,20 @@ def test_a_form_taken_out_of_t1_is_warned_of_where_it_is_registered(tmp_path, ca
     )
     (said,) = (message for message in caplog.messages if "long waves" in message)
     assert said.startswith("patch B: the long waves of T1 are")
+
+
+def test_the_exposure_is_that_of_every_batch(tmp_path):
+    flat = make_surface(np.zeros((8, 8)), 0.5)
+    flat.attrs.update(units="mm", long_name="height")
+    poses = stroke_poses(stroke_mm=1.0, poses=2, force_N=32.0)
+    settings = {"contact_modulus_MPa": 1e4, "tolerance": 1e-8, "patch_mm": 1.0}
+    files = [tmp_path / f"{number}.h5" for number in poses.index]
+    for number, file in enumerate(files):
+        gesture = Gesture(flat, False, 4.0, (2.0, 2.0), poses[number : number + 1])
+        patches = pd.DataFrame({"patch": ["A"], "x_mm": 2.0, "y_mm": 2.0, "rotation_deg": 0.0})
+        write_dataset(file, press_poses(flat, gesture, patches, **settings))
+    (tmp_path / "pressures.csv").write_text("patch,pressure_MPa\nA,2\n")
+    outputs = tmp_path / "fields.h5", tmp_path / "table.csv"
+    script_of("gather_exposure").main(files, tmp_path / "pressures.csv", *outputs)
+    # 32 N on 16 mm², over both halves of a millimetre
+    assert float(read_dataset(outputs[0]).exposure.mean()) == pytest.approx(2.0)

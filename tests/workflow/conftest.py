@@ -14,9 +14,7 @@ import pytest
 import yaml
 from filelock import FileLock
 from gst.config import read_config
-from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
-from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_pressures, read_table, write_table
+from gstlib.io.tables import read_table, write_table
 from gstlib.study import Study as InMemory
 from sweep import study_of
 
@@ -97,27 +95,6 @@ class Study:
 def in_memory(study: Study, config: dict | None = None) -> InMemory:
     """The study by the library alone, from the same files, with its own config or another."""
     return study_of(config or read_config(study.folder / study.config), study.folder)
-
-
-def intervals_of(study: Study) -> pd.DataFrame:
-    """Of the patches' pressures, by the library alone from what is stored before them."""
-    config = read_config(study.folder / study.config)
-    stored = {
-        name: read_dataset(file)
-        for name in ("surface", "composite", "second_stone")
-        if (file := study.results / f"macroscale/{name}.h5").exists()
-    }
-    second = stored["second_stone"].face if "second_stone" in stored else None
-    return pressure_intervals(
-        Macroscale(stored["surface"], stored["composite"], second),
-        read_pressures(study.results / "coupling/pressures.csv"),
-        errors=Errors(**config["uncertainty"]),
-        force_N=config["load"]["force_N"],
-        through=(2.5, 2.5),
-        material=config["material"],
-        patch_mm=config["scans"]["size_mm"],
-        seed=config["seed"],
-    )
 
 
 def assert_stored(found: pd.DataFrame, file: Path, folder: Path) -> None:

@@ -1,164 +1,455 @@
-"""A study of measured files: what the generated one does not have.
+"""A study of measured files, with all that the generated one lacks.
 
-With a mat, a rough counterface, published figures and a claim about the worst worn patches.
+Its files are those of a generated stone, as a laboratory has them: the mesh in µm, a second tool
+elsewhere in space and in inches, two scans taken turned, one mirrored by nothing, and one to be cut
+from a text without units; three patches scanned twice, and one never used. The stones differ, the
+force acts beside the middle, the hand moves the tool as a table says, and a patch that is left out
+of the study bears more than the hardness. So the same stone comes out; wear follows the gesture.
 """
 
 import hashlib
 import json
+import re
 import shutil
 
 import numpy as np
 import pandas as pd
 import pytest
-from gstlib.io.store import read_attributes, read_dataset
+import trimesh
+from gst.config import read_config
+from gstlib.change.texture import measure_texture
+from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
+from gstlib.coupling.placement import place_patches
+from gstlib.io.plu import write_plu
+from gstlib.io.scans import read_scan
+from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
+from gstlib.macroscale.gesture import Gesture, read_poses
+from gstlib.preprocess.scans import preprocessing_table
+from gstlib.surfaces.footprints import Place, square_of
+from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import remove_plane
-from gstlib.validation.single_scale import composite_heights
+from gstlib.validation.single_scale import composite_heights, two_scales_table
+from gstlib.wear.fit import wear_stone
+from power import merged
 
-from .conftest import as_measured, assert_stored, fresh, in_memory
+from .conftest import Study, assert_stored, fresh, in_memory, opened
+
+# Of the scans, from x towards y; and a patch whose scans the mould did not mirror.
+TURNED, MIRRORED = {"10": -90, "13": 90}, "7"
+ALL, WORN, TWICE = (
+    ["5", "7", "10", "11", "13", "16"],
+    ["5", "7", "10", "11", "13"],
+    ["7", "10", "13"],
+)
+# A patch cut from a larger scan, a text that states nothing; and one that lies obliquely.
+CUT, SPACING_MM, OBLIQUE = "16", 13.28e-3, "11"
+# What takes the second tool to where it was measured, mm.
+AWAY = trimesh.transformations.compose_matrix(angles=(0.4, -1.1, 2.0), translate=(30, -12, 5))
+POSES = """x_mm,y_mm,rotation_deg,force_N,sliding_mm,turning_deg,weight
+0,0,0,550,2,0,1
+0.4,-0.2,5,400,1,5,3
+-0.1,0.3,0,700,0.5,0,0.5
+"""
+ASKED = {
+    "material": {
+        "young_1_MPa": 60000.0,
+        "poisson_1": 0.1,
+        "young_2_MPa": 30000.0,
+        "poisson_2": 0.4,
+        "contact_modulus_MPa": None,
+    },
+    "load": {"force_N": 550.0, "at_mm": [3.2, 2.0]},
+    "uncertainty": {"pose_um": 200.0},
+    "texture": {"s_filter_um": 30.0, "l_filter_um": 200.0},
+    "grinding": {"friction": 0.3, "tangential_ratio": 1.0},
+    "hardness": 60.0,  # of which patch 10 bears more
+    "validation": {"expected_worst": ["7", "13"]},
+    "wear_steps": 2,
+}
 
 
 @pytest.fixture(scope="module")
-def studied(finished_tiny, tmp_path_factory):
-    study = as_measured(fresh(tmp_path_factory.mktemp("measured")), finished_tiny)
+def generated(tmp_path_factory):
+    """The stones and their scans, and the one laid on the other."""
+    study = fresh(tmp_path_factory.mktemp("generated"))
+    rows = patch_table(study)
+    rows["repeat"] = np.where(rows.patch.isin(TWICE), rows.patch + "_again.plu", "")
+    rows.loc[~rows.patch.isin(WORN), "t1"] = ""
+    rows["rotation_deg"] = np.where(rows.patch == OBLIQUE, 10, 0)
+    rows.to_csv(study.folder / "config/patches_tiny.tsv", sep="\t", index=False)
+    study.change(specimen={"counterface_seed": 8}, **ASKED)
+    study.succeed("results-tiny/macroscale/surface.h5")
+    return study
+
+
+def patch_table(study):
+    path = study.folder / "config/patches_tiny.tsv"
+    return pd.read_csv(path, sep="\t", comment="#", dtype=str, keep_default_na=False)
+
+
+@pytest.fixture(scope="module")
+def studied(generated, tmp_path_factory):
+    study = fresh(tmp_path_factory.mktemp("measured"))
+    specimen, scans = generated.results / "specimen", study.folder / "data/scans"
+    rows = patch_table(generated)
+    for patch, file in rows.melt("patch", ["t0", "t1", "repeat"])[["patch", "value"]].values:
+        if file:
+            scan = read_scan(specimen / "scans" / file)
+            stone = np.rot90(scan.values[:, ::-1], TURNED.get(patch, 0) // 90)
+            seen = stone if patch == MIRRORED else stone[:, ::-1]
+            if patch == CUT:
+                seen = 1e3 * np.pad(seen, ((3, 9), (5, 1)), "reflect")
+                np.savetxt(scans / "16.txt", seen, delimiter="\t")
+            else:
+                write_plu(scans / file, seen, spacing_of(scan))
+    rows["rotation_deg"] = rows.rotation_deg.astype(int) + rows.patch.map(TURNED).fillna(0)
+    rows["flip"] = np.where(rows.patch == MIRRORED, "none", "")
+    of_cut = {"t0": "16.txt", "crop_x_mm": 2 * SPACING_MM, "crop_y_mm": -3 * SPACING_MM}
+    for name, value in of_cut.items():
+        rows.loc[rows.patch == CUT, name] = value
+    rows.to_csv(study.folder / "patches.csv", index=False)
+    for name, unit_mm, moved in (("mesh", 1e-3, np.eye(4)), ("counterface", 25.4, AWAY)):
+        mesh = trimesh.load(specimen / f"{name}.stl", process=False).apply_transform(moved)
+        mesh.apply_scale(1 / unit_mm).export(study.folder / f"data/{name}.stl")
+    (study.folder / "poses.csv").write_text(POSES)
     (study.folder / "published.csv").write_text(
-        "quantity,patch,unit,value\nmean pressure,,MPa,22\npatch pressure,13,MPa,10\n"
+        "quantity,patch,unit,value\nmean pressure,,MPa,5\ndisplacement,,um,20\n"
+        "contact fraction,,1,0.1\npatch pressure,13,MPa,10\n"
     )
+    # the two squares lie on each other, turned over about y
+    pose = {"matrix": (np.diag([-1, 1, -1, 1]) @ np.linalg.inv(AWAY)).tolist()}
+    second = {"mesh": "data/counterface.stl", "mesh_unit": "in", "pose": pose}
     study.change(
-        counterface={"scan": "data/scans/5_T0.plu", "radius_mm": 200.0},
-        mat={"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0},
+        results="results-measured",
+        patches="patches.csv",
         published="published.csv",
+        specimen=None,
+        inputs={"mesh": "data/mesh.stl", "mesh_unit": "um", "scan_folder": "data/scans"},
+        counterface=second | {"scan": "data/scans/5_T0.plu"},
+        scans={"unit": "um", "spacing_um": 1e3 * SPACING_MM},
+        gesture={"table": "poses.csv"},
         reference_draws=2,
-        validation={"expected_worst": ["7", "13"]},
-        wear_steps=2,
+        **ASKED,
     )
     study.succeed()
     return study
 
 
+def epochs_of(patch):
+    return ["T0", *["T1"] * (patch in WORN), *["repeat"] * (patch in TWICE)]
+
+
+@pytest.fixture
+def stored(studied):
+    return lambda name: read_dataset(studied.results / f"{name}.h5")
+
+
+@pytest.fixture
+def table(studied):
+    return lambda name: read_table(studied.results / f"tables/{name}.csv")
+
+
+@pytest.fixture
+def same(studied, tmp_path):
+    """A table is the stored one."""
+    return lambda found, name: assert_stored(
+        found, studied.results / f"tables/{name}.csv", tmp_path
+    )
+
+
+def kept(study):
+    """The study by the library alone, from the stored contact on.
+
+    With the digits that files have: one of the last may turn a point of a mask.
+    """
+    own = in_memory(study)
+    for stage, name in {"face": "surface", "composite": "composite", "contact": "contact"}.items():
+        own.kept[stage,] = read_dataset(study.results / f"macroscale/{name}.h5")
+    own.kept["pressures",] = read_pressures(study.results / "coupling/pressures.csv")
+    own.kept["registration",] = read_table(study.results / "tables/registration.csv")
+    return own
+
+
+@pytest.fixture(scope="module")
+def own(studied):
+    return kept(studied)
+
+
+@pytest.fixture(scope="module")
+def gesture(studied):
+    second = read_dataset(studied.results / "macroscale/second_stone.h5").face
+    poses = read_poses(studied.folder / "poses.csv", size_mm=5.0)
+    return Gesture(second, True, 5.0, (2.0, 3.2), poses)
+
+
 def test_the_record_holds_every_measured_file(studied):
     record = json.loads((studied.results / "provenance.json").read_text())["inputs"]
-    names = "data/mesh.stl", "published.csv", "config/patches_tiny.tsv"
-    data = [*studied.folder.glob("data/scans/*.plu"), *(studied.folder / name for name in names)]
-    assert len(data) == 15
+    data = [*studied.folder.glob("data/**/*.*"), *studied.folder.glob("*.csv")]
+    assert len(data) == 2 + 6 + 5 + 3 + 3
     assert record == {
         str(file.relative_to(studied.folder)): hashlib.sha256(file.read_bytes()).hexdigest()
         for file in data
     }
 
 
-def test_its_mat_its_rough_face_and_its_claim_come_through(studied, tmp_path):
-    """As the library alone takes them; the page tells of the mat."""
-    own, tables = in_memory(studied), studied.results / "tables"
-    for stage, name in {"face": "surface", "composite": "composite", "contact": "contact"}.items():
-        own.kept[stage,] = read_dataset(studied.results / f"macroscale/{name}.h5")
-    own.kept["pressures",] = read_pressures(studied.results / "coupling/pressures.csv")
-    own.kept["registration",] = read_table(tables / "registration.csv")
-    for patch in ("7", "13"):
-        stored = read_dataset(studied.results / f"microscale/{patch}.h5")
-        found = own.patch_contact(patch)
-        np.testing.assert_allclose(stored.counterface, found.counterface, atol=1e-9)
-        assert np.ptp(stored.counterface.values) > 5e-3  # no ball, but a rough face
-    judged = own.judged(seed=own.config["seed"], resamples=199)
-    for name, rows in {"wear": judged["wear"], "validation_summary": judged["summary"]}.items():
-        assert_stored(rows, tables / f"{name}.csv", tmp_path)
-    assert {"archard", "mat", "yielding"} < set(judged["wear"].model)
-    assert "expected_worst(7+13, pressure_MPa)" in set(judged["summary"].statistic)
-    page = (studied.results / "index.html").read_text(encoding="utf-8").replace("\xa0", " ")
-    assert "with a mat of 300 MPa, 300 µm thick, predicts" in page
-    assert "Generated specimen" not in page
+# --- The same stone, however it is told -------------------------------------------------------
 
 
-def test_what_was_not_scanned_is_drawn_anew(studied):
-    reference = read_dataset(studied.results / "reference/patches.h5")
+def test_the_stones_lie_on_each_other_as_they_were_made(generated, stored, table):
+    for name, fields in {"surface": ["height", "counterface"], "second_stone": ["face"]}.items():
+        made = read_dataset(generated.results / f"macroscale/{name}.h5")
+        for field in fields:
+            np.testing.assert_allclose(stored(f"macroscale/{name}")[field], made[field], atol=2e-5)
+    made = read_table(generated.results / "tables/gridding.csv")
+    pd.testing.assert_frame_equal(table("gridding"), made, rtol=2e-3)
+
+
+def test_turned_and_mirrored_scans_lie_on_the_stone_as_they_were_taken(generated, stored, table):
+    face = {"counterface": {"scan": "results-tiny/specimen/scans/5_T0.plu"}}
+    plain = in_memory(generated, merged(read_config(generated.folder / generated.config), face))
+    laid, made = stored("macroscale/composite"), plain.composite()
+    for patch in ALL:
+        of, expected = laid.sel(patch=patch), made.sel(patch=patch)
+        slopes = Place(0, 0, TURNED.get(patch, 0)).points(of.slope_y, of.slope_x)
+        np.testing.assert_allclose(slopes, (expected.slope_y, expected.slope_x), atol=1e-6)
+        near = {axis: abs(laid[axis] - of[f"{axis}_mm"]) < 0.35 for axis in "yx"}
+        within = (
+            field.height.isel({a: i.values for a, i in near.items()}) for field in (of, expected)
+        )
+        np.testing.assert_allclose(*within, atol=5e-5)
+    # between the patches, the detail is drawn with a density that depends a little on the turn
+    plain.kept["composite",] = made.assign(height=laid.height)
+    pressures, expected = table("patch_pressures"), plain.pressures()
+    np.testing.assert_allclose(pressures.pressure_MPa, expected.pressure_MPa, rtol=1e-3, atol=1e-3)
+    now, was = (of.set_index("patch") for of in (table("registration"), plain.registration()))
+    for patch in ALL:
+        turned = TURNED.get(patch, 0)
+        for epoch in epochs_of(patch):
+            found, made = stored(f"surfaces/{patch}_{epoch}"), plain.prepared(patch, epoch)
+            height = np.rot90(made.height, turned // 90)
+            # what fills a hole depends a little on the turn
+            good = ~np.rot90(made.filled | made.outlier, turned // 90)
+            np.testing.assert_allclose(found.height.values[good], height[good], atol=5e-6)
+            assert (found.filled.values == np.rot90(made.filled, turned // 90)).all()
+        for variant, folder in {"placed": "", "levelled": "levelled/"}.items():
+            found, made = stored(f"microscale/{folder}{patch}"), plain.contact_in(variant, patch)
+            for name in ("counterface", "surroundings", "pressure"):
+                # a scanned counterface does not turn with the patch
+                if name == "surroundings" or not turned:
+                    field = np.rot90(made[name], turned // 90)
+                    atol = 1e-5 if name != "pressure" else 10.0
+                    np.testing.assert_allclose(found[name], field, atol=atol, err_msg=patch + name)
+        if patch in WORN:
+            at = Place(0, 0, turned).points(*now.loc[patch, ["shift_y_um", "shift_x_um"]])
+            np.testing.assert_allclose(at, was.loc[patch, ["shift_y_um", "shift_x_um"]], atol=1.0)
+    seen = now.overlap > 0.7
+    np.testing.assert_allclose(now[seen].loss_volume_um3, was[seen].loss_volume_um3, rtol=0.02)
+
+
+# --- As the library has it, and physics -------------------------------------------------------
+
+
+def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
+    anew = in_memory(studied)
+    np.testing.assert_allclose(
+        stored("macroscale/contact").pressure, anew.contact().pressure, atol=1.0
+    )
+    tilts = (of.tilt_error_mrad for of in (stored("macroscale/composite"), anew.composite()))
+    np.testing.assert_allclose(*tilts, rtol=1e-6)
+    same(own.selected(), "patch_pressures")
+    same(anew.registration(), "registration")
+    scans = {patch: own.prepared(patch, "T0") for patch in ALL}
+    at = {"patch_mm": 0.85, **own.config["scans"]["mould"]}
+    same(place_patches(own.face().height, own.patches, scans, **at), "placement")
+    done = {(p, epoch): own.prepared(p, epoch).attrs for p in ALL for epoch in epochs_of(p)}
+    same(preprocessing_table(done), "preprocessing")
+    contacts = {}
+    for variant, folder in {"placed": "", "levelled": "levelled/"}.items():
+        contacts[variant] = {patch: stored(f"microscale/{folder}{patch}") for patch in ALL}
+        for patch, found in contacts[variant].items():
+            expected = own.contact_in(variant, patch)
+            for name in ("height", "counterface", "surroundings", "slope_y", "slope_x"):
+                np.testing.assert_allclose(found[name], expected[name], atol=1e-7)
+            np.testing.assert_allclose(found.pressure, expected.pressure, atol=1.0)
+            if patch in ("7", "13"):
+                assert np.ptp(found.counterface.values) > 5e-3  # no flat, but a rough face
+    same(two_scales_table(contacts, stored("reference/patches")), "two_scales")
+    intervals = pressure_intervals(
+        Macroscale(own.face(), own.composite(), stored("macroscale/second_stone").face),
+        own.pressures(),
+        errors=Errors(**own.config["uncertainty"]),
+        force_N=550.0,
+        through=(2.0, 3.2),
+        material=own.config["material"],
+        patch_mm=0.85,
+        seed=1,
+    )
+    same(intervals, "patch_intervals")
+    changes = {patch: own.change(patch) for patch in WORN}
+    same(measure_texture(scans, changes, **ASKED["texture"]), "texture")
+    # the noise of two scans of 0.1 µm, less what the laying of one on the other smooths
+    found = stored("registered/of_repeats").attrs
+    assert 0.10 < found["level_mm2"] ** 0.5 * 1e3 < 0.15
+    assert own.detection() == pytest.approx((found["level_mm2"], found["lateral_mm2"]))
+    assert set(table("registration").detection) == {"repeat"}
+
+
+def test_the_force_acts_where_it_is_said_on_stones_that_differ(stored, table):
+    contact, path = stored("macroscale/contact"), table("macroscale_path").iloc[-1]
+    dy, dx = spacing_of(contact)
+    assert float(contact.pressure.sum() * dy * dx) == pytest.approx(550, rel=1e-6)
+    for axis, at in {"x": 3.2, "y": 2.0}.items():
+        centre = float((contact.pressure * contact[axis]).sum() / contact.pressure.sum())
+        assert centre == pytest.approx(at, abs=1e-5)
+    # Johnson, Contact Mechanics, §4.2 and §7.2: the compliances of both stones, in 1/MPa
+    poisson, shear = np.array([0.1, 0.4]), np.array([60e3, 30e3]) / 2 / np.array([1.1, 1.4])
+    normal, tangential = ((1 - poisson) / shear / 2).sum(), ((2 - poisson) / shear / 4).sum()
+    assert float(contact.contact_modulus) == pytest.approx(1 / normal, rel=1e-12)
+    cases = table("cases").set_index(["case", "patch", "quantity"]).value.sort_index()
+    assert "other modulus" not in cases.index
+    for patch in ("7", "13"):  # the whole patch slides
+        found, grinding = stored(f"microscale/{patch}"), cases.loc["grinding", patch]
+        assert float(found.contact_modulus) == pytest.approx(1 / normal, rel=1e-12)
+        moved_um = 0.3 * tangential / normal * cases["study", patch, "displacement"]
+        assert grinding["tangential displacement"] == pytest.approx(moved_um, rel=1e-4)
+        assert grinding["mean traction"] == pytest.approx(0.3 * float(found.mean_pressure), 1e-4)
+        assert cases["ceiling", patch, "share at the ceiling"] > 0.9
+    # patch 10, left out of the study, bears more than the hardness
+    left_out = table("patch_pressures").set_index("patch").loc["10"]
+    assert (left_out.pressure_MPa > 60, left_out.in_study) == (True, False)
+    assert "10" not in set(table("cases").patch)
+    # published figures stand beside those computed
+    names = ["mean_pressure_MPa", "displacement_um", "contact_fraction"]
+    expected = [*path[names], table("patch_pressures").pressure_MPa[4]]
+    assert list(table("published").computed) == pytest.approx(expected)
+
+
+def test_what_was_not_scanned_is_drawn_anew(own, stored, table):
+    reference = stored("reference/patches")
     assert reference.sizes["draw"] == 2
     assert abs(np.diff(reference.pressure, axis=0)).max() > 1e-3
-    table = read_table(studied.results / "tables/two_scales.csv").set_index(["variant", "patch"])
-    pressures = table.reference_pressure_MPa["placed"][reference.patch.values]
+    of = table("two_scales").set_index(["variant", "patch"]).reference_pressure_MPa["placed"]
+    pressures = of[reference.patch.values]
     np.testing.assert_allclose(pressures, reference.pressure.mean("draw"), rtol=1e-3, atol=1e-6)
-    face, composite = (
-        read_dataset(studied.results / f"macroscale/{name}.h5") for name in ("surface", "composite")
-    )
-    scans = {
-        patch: read_dataset(studied.results / f"surfaces/{patch}_T0.h5")
-        for patch in composite.patch.values.tolist()
-    }
-    drawn = composite_heights(face, composite, scans, s_filter_um=5.0, seed=1, draw=0)
-    first = read_dataset(studied.results / "reference/contact.h5").height
+    scans = {patch: own.prepared(patch, "T0") for patch in ALL}
+    drawn = composite_heights(own.face(), own.composite(), scans, s_filter_um=5.0, seed=1, draw=0)
+    first = stored("reference/contact").height
     np.testing.assert_allclose(first, remove_plane(drawn)[0], atol=1e-8)
 
 
-def test_results_of_other_studies_are_refused(studied):
-    own = studied.config
-    studied.change(title="another stone", inputs={"mesh": "data/other.stl"})
-    shutil.copy2(studied.folder / "data/mesh.stl", studied.folder / "data/other.stl")
-    refused = studied.gst("study", studied.config)
-    studied.config = own
-    assert refused.returncode == 2
-    assert "holds the results of another study" in refused.stderr
-
-
-def test_patches_are_cut_from_larger_scans_that_need_no_unmoulding(measured):
-    """Two patches are pieces of one scan; heights stay up, and rows and columns as they are."""
-    table = measured.folder / "config/patches_tiny.tsv"
-    rows = pd.read_csv(table, sep="\t", comment="#", dtype=str)[:2]
-    rows["t0"] = "5_T0.plu"
-    rows = rows.drop(columns="t1").assign(crop_x_mm=["0.1", "-0.1"], crop_y_mm=["-0.05", "0.15"])
-    rows.to_csv(table, sep="\t", index=False)
-    measured.change(
-        scans={"size_mm": 0.4, "mould": {"invert": False, "flip": None}},
-        preprocessing={"outlier_median_threshold": 1000.0},
+def test_every_pose_is_pressed_as_the_table_says(stored, table, gesture):
+    found, poses = stored("gesture/exposure"), gesture.poses
+    area = float(np.prod(spacing_of(found)))
+    forces = found.pressure.sum(["y", "x"]).values * area
+    np.testing.assert_allclose(forces, poses.force_N, rtol=1e-6)
+    for axis, start in {"x": 3.2, "y": 2.0}.items():  # the force goes with the tool
+        at = (found.pressure * found[axis]).sum(["y", "x"]) * area / forces
+        np.testing.assert_allclose(at, start + poses[f"{axis}_mm"], atol=1e-5)
+    far = np.hypot(found.y - 2.5, found.x - 2.5)
+    slid = [
+        np.hypot(row.sliding_mm, np.radians(row.turning_deg) * far) for row in poses.itertuples()
+    ]
+    pressed, weights = found.pressure.values, poses.weight.to_numpy()[:, None, None]
+    np.testing.assert_allclose(found.exposure, (weights * slid * pressed).sum(axis=0), rtol=1e-9)
+    np.testing.assert_allclose(
+        found.mean_pressure, (weights * pressed).sum(axis=0) / 4.5, rtol=1e-9
     )
-    measured.succeed(*(f"results-measured/surfaces/{patch}_T0.h5" for patch in rows.patch))
-    own = in_memory(measured)
-    for patch in rows.patch:
-        surface = read_dataset(measured.results / f"surfaces/{patch}_T0.h5").height
-        assert surface.shape == (30, 30)  # of 13.28 µm
-        np.testing.assert_allclose(surface, own.prepared(patch, "T0").height, atol=1e-12)
+    # the first pose is the single one
+    pressures, of_gesture = table("patch_pressures"), table("exposure")
+    np.testing.assert_allclose(
+        found.patch_pressure[0], pressures.pressure_MPa, rtol=1e-4, atol=1e-6
+    )
+    np.testing.assert_allclose(
+        of_gesture.mean_pressure_MPa,
+        poses.weight @ found.patch_pressure.values / 4.5,
+        rtol=1e-4,
+        atol=1e-6,
+    )
 
 
-# --- Patches that were scanned twice ---------------------------------------------------------
+def test_wear_follows_the_gesture(own, studied, stored, table, gesture, same):
+    """Patches lose in proportion to their exposure, as long as little is lost."""
+    path, of_gesture = stored("wear/whole_square"), table("exposure").set_index("patch")
+    first = path.pressed.sel(ratio=0, body="stone").isel(step=1).to_series()
+    rate = first / float(path.kappa.sel(ratio=0)[1])
+    share = of_gesture.exposure_N_per_mm[rate.index] / float(
+        stored("gesture/exposure").exposure.mean()
+    )
+    np.testing.assert_allclose(rate, 5.5 * share, rtol=1e-3, atol=1e-4)
+    judged = kept(studied)
+    judged.kept["worn_square",] = wear_stone(
+        own.contact(), own.selected(), own.registration(), patch_mm=0.85, steps=2, gesture=gesture
+    )
+    found = judged.judged(seed=1, resamples=199)
+    same(found["wear"], "wear")
+    same(found["profile"], "wear_profile")
+    same(found["patches"], "validation_patches")
+    summary = table("validation_summary")
+    assert "expected_worst(7+13, pressure_MPa)" in set(summary.statistic)
+    assert len(summary) == len(found["summary"])
 
 
-REGISTERED = "results-tiny/registered"
+def test_the_page_shows_both_stones_and_the_gesture(studied, stored):
+    page = (studied.results / "index.html").read_text(encoding="utf-8")
+    assert "Generated specimen" not in page
+    assert "what a gesture leaves on the square" in page
+    assert "Archard&#39;s law over a gesture of 3 poses predicts" in page
+    fields = [stored("macroscale/contact").pressure, stored("gesture/exposure").exposure]
+    highest = [float(square_of(field, 5.0).max()) for field in fields]
+    said = re.findall(r"<span>([\d.]+) (MPa|N/mm)</span></span>", page.replace("\u202f", ""))
+    assert [unit for _, unit in said] == ["MPa", "N/mm"]
+    assert [float(value) for value, _ in said] == pytest.approx(highest, rel=5e-3)
+    assert (studied.results / "figures/exposure.png").stat().st_size > 10_000
+    (corners,) = re.findall(r'"patch": "11", "flat": (\[\[.*?\]\])', page)
+    x, y = np.transpose(json.loads(corners)) - [[0.5], [2.5]]  # of the patch that lies obliquely
+    found = sorted(np.degrees(np.arctan2(y, x)))
+    np.testing.assert_allclose(found, [-125, -35, 55, 145], atol=0.1)
 
 
-@pytest.fixture
-def repeated(study):
-    """The tiny study, three of whose patches were scanned twice."""
-    path = study.folder / "config/patches_tiny.tsv"
-    table = pd.read_csv(path, sep="\t", comment="#", dtype=str, keep_default_na=False)
-    twice = table.patch.isin(["7", "10", "13"])
-    table["repeat"] = np.where(twice, table.patch + "_again.plu", "")
-    table.loc[table.patch == "10", "t1"] = ""  # a control
-    table.to_csv(path, sep="\t", index=False)
+@pytest.mark.browser
+def test_the_other_stone_is_lifted_on_the_page(studied, browser):
+    with opened(browser, studied.results / "index.html") as page:
+        pictures = []
+        for lifted in ("1", "4"):
+            page.locator("#lift").fill(lifted)
+            pictures.append(page.locator("#viewer canvas").screenshot())
+    assert pictures[0] != pictures[1]
+
+
+# --- With a mat --------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def with_a_mat(studied, tmp_path_factory):
+    """The mat takes the place of the gesture."""
+    folder = tmp_path_factory.mktemp("mat") / "study"
+    shutil.copytree(studied.folder, folder, copy_function=shutil.copy2)
+    study = Study(folder, studied.config)
+    mat = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0}
+    study.change(gesture=None, mat=mat)
+    study.succeed()
     return study
 
 
-def test_without_repeats_no_rule_takes_them(study):
-    planned = study.planned()
-    assert "register_patches" in planned
-    assert not {rule for rule in planned if "detection" in rule or "repeat" in rule}
+def test_a_mat_takes_turns_with_the_bare_stone(with_a_mat, tmp_path):
+    judged = kept(with_a_mat).judged(seed=1, resamples=199)
+    for name, rows in {"wear": judged["wear"], "validation_summary": judged["summary"]}.items():
+        assert_stored(rows, with_a_mat.results / f"tables/{name}.csv", tmp_path)
+    assert {"archard", "mat", "yielding"} < set(judged["wear"].model)
+    page = (with_a_mat.results / "index.html").read_text(encoding="utf-8").replace("\xa0", " ")
+    assert "with a mat of 300 MPa, 300 µm thick, predicts" in page
 
 
-def test_repeats_give_the_level_of_detection_of_every_patch(repeated):
-    assert {"prepare_repeat_scans", "measure_detection"} <= repeated.planned()
-    found = "of_repeats.h5"
-    tables = "results-tiny/tables/preprocessing.csv"
-    repeated.succeed(f"{REGISTERED}/{found}", f"{REGISTERED}/5.h5", tables)
-    folder = repeated.folder / REGISTERED
-    measured = read_attributes(folder / found)
-    # the noise of two scans of 0.1 µm, less what the laying of one on the other smooths
-    assert 0.10 < measured["level_mm2"] ** 0.5 * 1e3 < 0.15
-    change = read_dataset(folder / "5.h5")
-    assert change.attrs["detection"] == "repeat"
-    assert found in json.loads(change.attrs["input_sha256"])
-    limit = change.level_of_detection.values
-    assert np.nanmin(limit) >= 1.96 * measured["level_mm2"] ** 0.5 * (1 - 1e-9)
-    done = pd.read_csv(repeated.folder / tables, dtype={"patch": str})
-    assert done.epoch[done.patch == "7"].tolist() == ["T0", "T1", "repeat"]
-    assert done.epoch[done.patch == "10"].tolist() == ["T0", "repeat"]
+# --- Other studies, refused -------------------------------------------------------------------
 
-    own = in_memory(repeated)  # and so does the study in memory
-    assert own.detection() == pytest.approx((measured["level_mm2"], measured["lateral_mm2"]))
-    np.testing.assert_allclose(own.change("5").level_of_detection, limit)
+
+def test_results_of_other_studies_are_refused(studied):
+    given = (studied.folder / studied.config).read_text()
+    studied.change(title="another stone", inputs={"mesh": "data/other.stl"})
+    shutil.copy2(studied.folder / "data/mesh.stl", studied.folder / "data/other.stl")
+    refused = studied.gst("study", studied.config)
+    (studied.folder / studied.config).write_text(given)
+    (studied.folder / "data/other.stl").unlink()
+    assert refused.returncode == 2
+    assert "holds the results of another study" in refused.stderr

@@ -5,12 +5,14 @@ import numpy as np
 import pytest
 import trimesh
 import xarray as xr
+from gst.config import read_config
+from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_table
+from gstlib.io.tables import read_pressures, read_table
 from gstlib.surfaces.frames import FRAME, stored_frame
 
-from .conftest import fresh
+from .conftest import assert_stored, fresh
 
 GESTURE = {"wander_mm": 0.5, "poses": 6}
 
@@ -96,11 +98,27 @@ def test_check_says_what_will_be_proposed(where):
     assert "8 places of 0.85 mm are proposed for scanning" in said.stdout
 
 
-def test_the_proposed_places_are_a_patch_table(where):
+def test_the_proposed_places_are_a_patch_table(where, tmp_path):
     """The specimen's scans are taken there; what was proposed as exposed bears the load."""
-    where.change(results="results-then", patches="results-where/tables/places.csv", gesture=None)
-    where.succeed("results-then/tables/patch_pressures.csv", "results-then/tables/registration.csv")
+    where.change(results="results-then", patches="results-where/tables/places.csv")
+    tables = [f"results-then/tables/{name}.csv" for name in ("registration", "patch_intervals")]
+    where.succeed("results-then/tables/patch_pressures.csv", *tables)
     pressures = read_table(where.results / "tables/patch_pressures.csv").set_index("patch")
     assert pressures.force_N["E1"] > 0
     assert pressures.force_N.filter(regex="^C").sum() < 0.05 * pressures.force_N.sum()
     assert (where.results / "specimen/scans/E1_T1.plu").exists()
+    config = read_config(where.folder / where.config)
+    # the hand that wanders errs by so much more
+    errors = config["uncertainty"] | {"force_point_mm": np.hypot(1.0, GESTURE["wander_mm"])}
+    files = (where.results / f"macroscale/{name}.h5" for name in ("surface", "composite"))
+    intervals = pressure_intervals(
+        Macroscale(*map(read_dataset, files), None),
+        read_pressures(where.results / "coupling/pressures.csv"),
+        errors=Errors(**errors),
+        force_N=550.0,
+        through=(2.5, 2.5),
+        material=config["material"],
+        patch_mm=0.85,
+        seed=1,
+    )
+    assert_stored(intervals, where.results / "tables/patch_intervals.csv", tmp_path)

@@ -1,6 +1,6 @@
 """The whole of a study on coarse grids: what its files hold, by other means than the study's own.
 
-That its tables are those of the library: test_study_in_memory.py. What its page says of them:
+That its tables are those of the library: test_measured.py. What its page says of them:
 test_tiny_page.py.
 """
 
@@ -10,19 +10,21 @@ import runpy
 
 import numpy as np
 import pytest
-from gst.figures.style import BLUE
+from gst.figures.style import BLUE, save_figure
 from gstlib.contact import Loading, contact_at_pressure, faces_of
 from gstlib.io.results import TABLES, columns_of
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_table
-from gstlib.specimen.score import true_face
+from gstlib.specimen.score import score_truth, true_face
 from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import remove_plane
 from gstlib.validation.single_scale import press_whole
 from matplotlib.colors import to_rgb
+from power import merged
+from sweep import outcomes
 
-from .conftest import ROOT
+from .conftest import ROOT, assert_stored, in_memory
 
 # Of the tables listed, those that this study has no use for.
 ABSENT = {"exposure", "places", "published"}
@@ -140,19 +142,6 @@ def force_on(contact):
     return float(contact.pressure.sum()) * dy * dx
 
 
-def test_the_last_step_bears_the_load_through_the_middle_of_the_square(results, table, config):
-    contact = read_dataset(results / "macroscale/contact.h5")
-    last, path = contact.pressure, table("macroscale_path")
-    assert len(path) == config["macroscale"]["steps"]
-    assert path.force_N.iloc[-1] == pytest.approx(config["load"]["force_N"], rel=1e-4)
-    assert force_on(contact) == pytest.approx(config["load"]["force_N"], rel=1e-6)
-    for axis in "yx":  # through the middle of the square
-        assert float((last * contact[axis]).sum() / last.sum()) == pytest.approx(2.5, abs=1e-5)
-    pressures = table("patch_pressures").pressure_MPa
-    assert (pressures == 0).any()
-    assert pressures.max() > 20
-
-
 # --- Contacts ---------------------------------------------------------------------------------
 
 
@@ -211,10 +200,20 @@ def test_cases_are_those_of_the_stored_contacts(results, table, config):
 # --- Wear and scores --------------------------------------------------------------------------
 
 
-def test_every_stage_is_scored_against_the_truth(table):
+def test_every_stage_is_scored_against_the_truth(results, truth, table, tmp_path):
     rows = table("truth")
-    stages = {"macroscale", "preprocessing", "placement", "coupling", "registration", "wear"}
-    assert stages <= set(rows.stage)
+    patches = table("patch_pressures").patch
+    epochs = [(patch, epoch) for epoch in ("T0", "T1") for patch in patches]
+    found = score_truth(
+        truth,
+        face=read_dataset(results / "macroscale/surface.h5"),
+        scans={of: read_dataset(results / f"surfaces/{'_'.join(of)}.h5") for of in epochs},
+        changes={patch: read_dataset(results / f"registered/{patch}.h5") for patch in patches},
+        placement=table("placement"),
+        pressures=table("patch_pressures"),
+        two_scales=table("two_scales"),
+    )
+    assert_stored(found, results / "tables/truth.csv", tmp_path)
     np.testing.assert_allclose(
         rows.error, rows.recovered - rows.true, atol=1e-4 * (1 + rows.true.abs().max())
     )
@@ -231,7 +230,7 @@ def test_every_stage_is_scored_against_the_truth(table):
 # --- Figures ----------------------------------------------------------------------------------
 
 
-def test_figures_are_drawn_from_the_stages_that_they_name(finished_tiny, results, table):
+def test_figures_are_drawn_from_the_stages_that_they_name(finished_tiny, results, table, tmp_path):
     summary = finished_tiny.succeed("--detailed-summary")
     (of_patches,) = re.findall(
         r"^\S+/figures/patch\t.*\tdraw_validation\t.*", summary, re.MULTILINE
@@ -252,6 +251,11 @@ def test_figures_are_drawn_from_the_stages_that_they_name(finished_tiny, results
     }
     files |= {name: [results / f"{of}/{p}.h5" for p in patches] for name, of in folders.items()}
     study = script["Study"](files, patches, patches, {}, 5.0, 550.0, 0.85, "mm", 100)
+    for name in ("overview", "forces", "two_scales"):  # with the rule's files and settings
+        figure = script["figure_of"](name, study)
+        save_figure(figure, tmp_path / "again.png", source_note="generated specimen")
+        stored = results / f"figures/{name}.png"
+        assert (tmp_path / "again.png").read_bytes() == stored.read_bytes(), name
     whole = read_dataset(files["contact"])
     square = in_square(whole.pressure)
     title = script["figure_of"]("overview", study).axes[1].get_title()
@@ -267,3 +271,29 @@ def test_figures_are_drawn_from_the_stages_that_they_name(finished_tiny, results
         colours = axes.images[0].get_array()[..., :3]
         is_blue = np.isclose(colours, 255 * np.array(to_rgb(BLUE)), atol=2).all(axis=-1)
         assert is_blue.sum() == (found & true).sum()
+
+
+# --- In memory: every setting counts ----------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def own(finished_tiny):
+    return in_memory(finished_tiny)
+
+
+@pytest.mark.parametrize(
+    ("changes", "moved"),
+    [
+        ({"material": {"contact_modulus_MPa": None}}, "mean(mcc)"),
+        ({"macroscale": {"grid": 30}}, "pressure_MPa"),
+        ({"coupling": "levelled"}, "pressure_MPa"),
+        ({"microscale": {"s_filter_um": 50.0}}, "mean(mcc)"),
+        ({"preprocessing": {"outlier_rule": "window"}}, "mean(mcc)"),
+        ({"traces": {"minimum_points": 6}}, "mean(mcc)"),
+        ({"texture": {"l_filter_um": 150.0}}, "mean_change(Sq_um)"),
+    ],
+)
+def test_a_changed_value_moves_the_outcomes(own, finished_tiny, config, changes, moved):
+    before, after = map(outcomes, (own, in_memory(finished_tiny, merged(config, changes))))
+    one, other = (t.result[t.output == moved].to_numpy() for t in (before, after))
+    assert not np.allclose(one, other, rtol=1e-4)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine, sphere
 from gstlib.bem import InvalidContactInput, Layer, load_path, solve_contact
-from gstlib.bem.rest import settle
+from gstlib.bem.rest import RestingLoad, settle
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import nnls
@@ -104,6 +104,16 @@ def test_gap_and_displacement_are_those_of_the_tilted_heights():
     away = np.hypot(*(centre_of(state.pressure, spacing) - point)) / 0.9
     assert away < 1e-9
     assert state.moment_residual <= 1e-9
+
+
+@pytest.mark.parametrize("off", [(3, 0), (0, 3), (3, -4)])
+def test_a_resultant_beside_the_point_of_force_is_seen_along_either_axis(off):
+    sides, columns, length = np.array([0.1, 0.2]), 21, 4.2
+    at = {"point": np.array([10.0, 10.0]), "columns": columns, "supports": np.zeros(0, int)}
+    load = RestingLoad(spacing=sides / length, length=length, softness=1.0, **at)
+    element = np.array([(10 + off[0]) * columns + 10 + off[1]])
+    away = load.at(element).eccentricity(np.array([7.0]))
+    assert away == pytest.approx(np.hypot(*(sides * off)) / length)
 
 
 # --- an independent solution
