@@ -28,9 +28,8 @@ import xarray as xr
 from power import merged, specimen_config
 
 from gst.patches import read_patches
-from gstlib.bem import wear_path
 from gstlib.conditions import study_modulus
-from gstlib.contact import Loading, contact_at_pressure, faces_of, solved
+from gstlib.contact import Interface, Load, contact_at_pressure
 from gstlib.coupling.intervals import Errors, Macroscale, draw_point, pressure_intervals
 from gstlib.coupling.placement import ALL
 from gstlib.coupling.pressures import patch_pressures
@@ -45,6 +44,7 @@ from gstlib.surfaces.footprints import Place, footprint_weights, places_of, squa
 from gstlib.surfaces.grid import make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 from gstlib.validation.single_scale import patches_of_reference, press_whole, two_scales_table
+from gstlib.wear.archard import wear_contact
 
 ROOT = Path(__file__).parents[1]
 ROWS = ROOT / "benchmarks/results/two_scales.csv"
@@ -190,24 +190,21 @@ def truth_of(
     height = measured.copy(data=stone.face_means(grid, around))
     middle = size_mm / 2, size_mm / 2
     generator = np.random.default_rng([config["specimen"]["seed"], 6])
-    loading = Loading.by_force(
-        config["load"]["force_N"],
-        draw_point(height, middle, distance_mm, generator),
-        height,
-        contact_modulus_MPa=study_modulus(config["material"]),
+    through = draw_point(height, middle, distance_mm, generator)
+    contact = contact_at_pressure(
+        Interface(height, rounded_counterface(height, radius_mm, middle)),
+        Load.of_force(config["load"]["force_N"], height, through),
+        modulus=study_modulus(config["material"]),
         tolerance=config["macroscale"]["tolerance"],
+        source="true face",
     )
-    faces = faces_of(height, rounded_counterface(height, radius_mm, middle))
-    contact = contact_at_pressure(faces, loading, source="true face")
     heights = within_square(surface, stone).astype(float)
     pressed = press_whole(heights, contact)
     face_mm2 = height.size * np.prod(spacing_of(height))
-    wear = solved(
-        wear_path,
+    wear = wear_contact(
         contact,
-        loading,
         "true face",
-        mean_pressure=loading.target_pressure_MPa,
+        mean_pressure=contact.load.mean_pressure,
         mean_loss=LOST_MM * size_mm**2 / face_mm2,
         steps=WEAR_STEPS,
     )

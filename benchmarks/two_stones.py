@@ -13,7 +13,7 @@ import yaml
 from gst.figures.macroscale import exposure_figure
 from gst.figures.style import save_figure
 from gst.patches import read_patches
-from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.contact import Interface, Load, contact_at_pressure
 from gstlib.coupling.pressures import couple_scales
 from gstlib.io.meshes import read_mesh
 from gstlib.macroscale.active_tool import SecondStone
@@ -62,13 +62,17 @@ def main() -> None:
     cost = (time.process_time() - begun) / len(poses)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     print(f"{1e3 * cost:.1f} ms of CPU a pose at 300²; peak {peak:.0f} MB, both meshes read")
-    loading = Loading.by_force(FORCE_N, through, face.height, **PRESSED)
-    faces = faces_of(face.height, face.counterface)
-    single = contact_at_pressure(faces, loading, source="pebble")
-    pressures = couple_scales(single, single, patches, patch_mm=PATCH_MM)
+    single = contact_at_pressure(
+        Interface(face.height, face.counterface),
+        Load.of_force(FORCE_N, face.height, through),
+        modulus=PRESSED["contact_modulus_MPa"],
+        tolerance=PRESSED["tolerance"],
+        source="pebble",
+    )
+    pressures = couple_scales(single.pressure, single.pressure, patches, patch_mm=PATCH_MM)
     found = exposure([batch])
     print(exposure_table(found, pressures).round(3).to_string(index=False))
-    on_square = (square_of(of, size) for of in (found, single))
+    on_square = (square_of(of, size) for of in (found, single.to_dataset()))
     figure = exposure_figure(*on_square, patches, patch_size_mm=PATCH_MM)
     picture = Path("build/two_stones.png")
     picture.parent.mkdir(exist_ok=True)

@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.contact import Interface, Load, contact_at_pressure
 from gstlib.microscale.slip_and_cap import solve_slip
 from gstlib.surfaces.grid import make_surface
 
@@ -14,8 +14,8 @@ friction, ratio = 0.5, 0.6  # of the force that makes the sphere slide, 60 % pus
 x = ((np.arange(n) + 0.5) / n - 0.5) * side
 distance = np.hypot(x, x[:, None])
 sphere = make_surface(-(distance**2) / (2 * radius), side / n)
-loading = Loading(modulus, mean_pressure, tolerance=1e-9)
-contact = contact_at_pressure(faces_of(sphere), loading, source="sphere")
+on_flat, load = Interface.on_flat(sphere), Load(mean_pressure)
+contact = contact_at_pressure(on_flat, load, modulus=modulus, tolerance=1e-9)
 slip = solve_slip(contact, friction=friction, tangential_ratio=ratio, poisson=0.24)
 
 # the contact sticks within c = a (1 − Q/μP)^⅓ (Johnson, Contact Mechanics, eq. 7.44)

@@ -4,13 +4,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from gstlib.bem import contact_modulus
-from gstlib.contact import Loading, contact_at_pressure, faces_of, turned_over
+from gstlib.contact import Interface, Load, contact_at_pressure, turned_over
 from gstlib.specimen.randomness import self_affine_field
 from gstlib.surfaces.grid import make_surface
 
 spacing, points = 0.85 / 256, 256  # mm
 modulus = contact_modulus(19500, 0.24, 60000, 0.17)  # MPa: sandstone and a harder stone
-loading = Loading(modulus, target_pressure_MPa=22.0, tolerance=1e-9)
+load = Load(22.0)  # MPa
 
 
 def rough(seed, rms):
@@ -22,8 +22,9 @@ def rough(seed, rms):
 
 def pressed(lower, upper):
     """Pressures (MPa) on the lower stone; the upper one is turned over onto it."""
-    faces = faces_of(lower, turned_over(upper, lower, source="upper", patch_source="lower"))
-    return contact_at_pressure(faces, loading, source="two stones").pressure.values
+    over = turned_over(upper, lower, source="upper", patch_source="lower")
+    both = Interface(lower, over)
+    return contact_at_pressure(both, load, modulus=modulus, tolerance=1e-9).pressure.values
 
 
 slab, handstone, flat = rough(1, 0.002), rough(2, 0.003), rough(2, 0.0)

@@ -18,7 +18,7 @@ from gst.patches import overlaps, scan_files
 from gst.poses import poses_of, reach_of
 from gst.provenance import refuse_other_study
 from gstlib.conditions import load_force, load_point, study_modulus
-from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.contact import Contact, Interface, Load, contact_at_pressure
 from gstlib.coupling.placement import place_patches
 from gstlib.errors import GstError, InputsError
 from gstlib.io.files import check_writable
@@ -32,23 +32,24 @@ __all__ = ["check_study"]
 _log = logging.getLogger(__name__)
 
 
-def _at_rest(config: dict, face: xr.Dataset) -> xr.Dataset:
+def _at_rest(config: dict, face: xr.Dataset) -> Contact:
     """Contact of the mesh alone, on elements twice as long as the study's."""
     height, over = (coarser(face[name], 2) for name in ("height", "counterface"))
     size_mm, placed = config["square"]["size_mm"], config["coupling"] == "placed"
-    loading = Loading.by_force(
-        load_force(config["load"], size_mm),
-        load_point(config["load"], size_mm) if placed else None,
-        height,
-        contact_modulus_MPa=study_modulus(config["material"]),
+    through = load_point(config["load"], size_mm) if placed else None
+    return contact_at_pressure(
+        Interface(height, over),
+        Load.of_force(load_force(config["load"], size_mm), height, through),
+        modulus=study_modulus(config["material"]),
         tolerance=config["macroscale"]["tolerance"],
+        source="the stone at rest",
     )
-    return contact_at_pressure(faces_of(height, over), loading, source="the stone at rest")
 
 
-def _rest(contact: xr.Dataset, size_mm: float) -> str:
+def _rest(contact: Contact, size_mm: float) -> str:
     """Where the mesh alone comes to rest, in a line."""
-    tilt = 1e3 * float(np.hypot(contact.slope_y, contact.slope_x))
+    plane = contact.interface.plane
+    tilt = 1e3 * float(np.hypot(plane.slope_y, plane.slope_x))
     inside = square_of(contact.pressure, size_mm)
     share = float(inside.sum() / contact.pressure.sum())
     touched = 100 * float((inside > 0).mean())
@@ -62,7 +63,7 @@ def _summary(
     config: dict,
     patches: pd.DataFrame,
     found: Inputs | None,
-    rest: xr.Dataset | None,
+    rest: Contact | None,
     poses: pd.DataFrame | None,
     on_t0: str,
 ) -> str:

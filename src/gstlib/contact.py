@@ -1,4 +1,4 @@
-"""Two faces in, a contact dataset out, along a load path or at one load.
+"""Two faces in, a contact out: at one load, or along the path to it.
 
 `gstlib.bem` computes with arrays. Here are the study's surfaces, with names and units, and the
 solver's errors in the study's words. Where no pressure is asked for, the contact is empty: its
@@ -7,7 +7,9 @@ pressure, displacement and stiffness are 0, and shares of the contact are NaN.
 
 import logging
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,19 +23,18 @@ from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import Plane
 
 __all__ = [
-    "LAID",
-    "Loading",
-    "along_path",
+    "LEVEL",
+    "Contact",
+    "ContactPath",
+    "Interface",
+    "Load",
     "check_grid",
     "contact_at_pressure",
     "contact_path",
-    "faces_of",
     "from_corner",
-    "laid_height",
     "load_path_table",
-    "pressed_height",
-    "solved",
-    "tilted",
+    "log_state",
+    "solver_errors",
     "turned_over",
 ]
 
@@ -49,7 +50,7 @@ _log = logging.getLogger(__name__)
 # Contact fraction above which the inputs are suspect: rough stones touch on a few per cent, and in
 # nearly full contact the heights hardly matter.
 _FULL = 0.95
-# Unit and long name of what a contact consists of.
+# Unit and long name of what a contact consists of, as it is stored.
 _VARIABLES = {
     "height": ("mm", "height of the surface, level"),
     "counterface": ("mm", "height of the face pressed on it, 0 of a flat"),
@@ -82,146 +83,266 @@ _FIELDS = "pressure", "gap"
 _NUMBERS = "displacement", "mean_pressure", "contact_fraction", "residual"
 # Of a variable along a load path, beside that of the state at its end.
 _PATH = "path_"
-# Variables of a contact that `laid_height` takes, and those that `microscale_tables` takes.
-LAID = "height", "slope_y", "slope_x", "counterface"
 
 
-class Loading(NamedTuple):
-    """How two faces are pressed on each other.
+# The plane of a surface that lies as it is.
+LEVEL = Plane(0.0, 0.0, 0.0)
+
+
+class Load(NamedTuple):
+    """What presses two faces on each other.
 
     Attributes
     ----------
-    contact_modulus_MPa, target_pressure_MPa : float
-        E* and the mean pressure to reach.
-    tolerance : float
-        Largest residual, as in `gstlib.bem.solve_contact`.
+    mean_pressure : float
+        MPa, over the nominal area.
     through : (float, float) or None
         Place (y, x), mm, on the surface, through which the force acts on a body that is free to
         tilt; without one its plane stays as it is.
     """
 
-    contact_modulus_MPa: float
-    target_pressure_MPa: float
-    tolerance: float
+    mean_pressure: float
     through: tuple[float, float] | None = None
 
     @classmethod
-    def by_force(
-        cls,
-        force_N: float,
-        through: tuple[float, float] | None,
-        surface: xr.DataArray,
-        *,
-        contact_modulus_MPa: float,
-        tolerance: float,
-    ) -> "Loading":
-        """A force (N) on a surface, through a place (y, x), mm, of it if it is free to tilt."""
+    def of_force(
+        cls, force_N: float, surface: xr.DataArray, through: tuple[float, float] | None = None
+    ) -> "Load":
+        """A force (N) on a surface."""
         area = surface.size * float(np.prod(spacing_of(surface)))
-        return cls(contact_modulus_MPa, force_N / area, tolerance, through)
-
-    @classmethod
-    def of(cls, contact: xr.Dataset) -> "Loading":
-        """How a contact was pressed."""
-        through = float(contact.through_y), float(contact.through_x)
-        return cls(
-            float(contact.contact_modulus),
-            float(contact.target_pressure),
-            float(contact.tolerance),
-            None if math.isnan(through[0]) else through,
-        )
+        return cls(force_N / area, through)
 
 
-def faces_of(
-    height: xr.DataArray,
-    counterface: xr.DataArray | None = None,
-    *,
-    slopes: tuple[float, float] = (0.0, 0.0),
-    surroundings: np.ndarray | None = None,
-) -> xr.Dataset:
+@dataclass(frozen=True)
+class Interface:
     """Two faces as they are pressed on each other.
 
-    Parameters
+    Attributes
     ----------
     height : (y, x) xarray.DataArray
         A surface, level, mm; NaN where there is none.
-    counterface : (y, x) xarray.DataArray, optional
+    counterface : (y, x) xarray.DataArray
         What is pressed on it, mm, positive towards it, as from `turned_over`; NaN where there is
-        none; by default a flat.
-    slopes : (float, float)
-        Of the plane that the surface is laid on, along y and x.
-    surroundings : (ny, nx) ndarray, optional
-        Displacement (mm, into the stone) by what presses around it; by default it is alone.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``height, counterface, surroundings`` (y, x), ``slope_y, slope_x, placed``.
+        none, 0 of a flat.
+    plane : Plane
+        On which the surface is laid; only its slopes count.
+    surroundings : (ny, nx) ndarray or None
+        Displacement (mm, into the stone) by what presses around it; None of one that is alone.
     """
-    nothing = np.zeros(height.shape)
-    values = {
-        "height": height.values,
-        "counterface": nothing if counterface is None else counterface.values,
-        "surroundings": nothing if surroundings is None else surroundings,
-        "slope_y": slopes[0],
-        "slope_x": slopes[1],
-        "placed": surroundings is not None,
-    }
-    return xr.Dataset(_variables(values), coords={"y": height.y, "x": height.x})
+
+    height: xr.DataArray
+    counterface: xr.DataArray
+    plane: Plane = LEVEL
+    surroundings: np.ndarray | None = None
+
+    @classmethod
+    def on_flat(cls, height: xr.DataArray) -> "Interface":
+        """A surface under a flat."""
+        return cls(height, xr.zeros_like(height))
+
+    @classmethod
+    def from_dataset(cls, stored: xr.Dataset) -> "Interface":
+        """From what `Contact.to_dataset` gives."""
+        plane = Plane(0.0, float(stored.slope_y), float(stored.slope_x))
+        around = stored.surroundings.values if bool(stored.placed) else None
+        return cls(stored.height, stored.counterface, plane, around)
+
+    @property
+    def laid(self) -> xr.DataArray:
+        """Heights (mm) of the surface as it lies on the stone, with those of the face on it.
+
+        Notes
+        -----
+        Only the gap between two faces enters a contact of half-spaces, so that heights add
+        (Bemporad & Paggi, Int. J. Solids Struct. 69-70 (2015) 465).
+        """
+        plane = replace(self.plane, offset=0.0).heights(self.height)
+        return self.height.copy(data=self.height.values + plane + self.counterface.values)
+
+    @property
+    def pressed(self) -> xr.DataArray:
+        """Heights (mm) of the surface that touches a flat as the two faces touch each other.
+
+        Those of `laid` less the displacement by the surroundings.
+        """
+        laid = self.laid
+        if self.surroundings is None:
+            return laid
+        return laid.copy(data=laid.values - self.surroundings)
+
+    @property
+    def for_solver(self) -> tuple[np.ndarray, tuple[float, float]]:
+        """Heights and spacing, as `gstlib.bem` takes them: where a face is missing, −∞."""
+        heights = self.pressed
+        missing = np.isnan(heights.values)
+        return np.where(missing, -np.inf, heights.values), spacing_of(heights)
+
+    def tilted(self, tilt: tuple[float, float]) -> "Interface":
+        """The same, with the surface tilted further, by slopes along y and x."""
+        slope_y, slope_x = self.plane.slope_y + tilt[0], self.plane.slope_x + tilt[1]
+        return replace(self, plane=replace(self.plane, slope_y=slope_y, slope_x=slope_x))
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The state of an interface at one load.
+
+    Attributes
+    ----------
+    interface : Interface
+        Of a body that is free to tilt, on the plane at which it is in equilibrium.
+    load : Load
+    modulus : float
+        Contact modulus E*, MPa.
+    tolerance : float
+        Largest residual asked for, as in `gstlib.bem.solve_contact`.
+    pressure, gap : (y, x) xarray.DataArray
+        MPa and mm; NaN where a face is missing.
+    displacement : float
+        Far-field displacement from first touch, mm.
+    mean_pressure, contact_fraction, residual : float
+        MPa, and 1.
+    """
+
+    interface: Interface
+    load: Load
+    modulus: float
+    tolerance: float
+    pressure: xr.DataArray
+    gap: xr.DataArray
+    displacement: float
+    mean_pressure: float
+    contact_fraction: float
+    residual: float
+
+    def to_dataset(self) -> xr.Dataset:
+        """As it is stored, with units and long names."""
+        face = self.interface
+        nothing = np.zeros(face.height.shape)
+        through = self.load.through or (math.nan, math.nan)
+        values = {
+            "height": face.height.values,
+            "counterface": face.counterface.values,
+            "surroundings": nothing if face.surroundings is None else face.surroundings,
+            "slope_y": face.plane.slope_y,
+            "slope_x": face.plane.slope_x,
+            "placed": face.surroundings is not None,
+            **{name: getattr(self, name) for name in _NUMBERS},
+            **{name: getattr(self, name).values for name in _FIELDS},
+            "contact_modulus": self.modulus,
+            "target_pressure": self.load.mean_pressure,
+            "tolerance": self.tolerance,
+            "through_y": through[0],
+            "through_x": through[1],
+        }
+        return xr.Dataset(_variables(values), coords={"y": face.height.y, "x": face.height.x})
+
+    @classmethod
+    def from_dataset(cls, stored: xr.Dataset) -> "Contact":
+        """From what `to_dataset` gives, or `ContactPath.to_dataset`."""
+        through = float(stored.through_y), float(stored.through_x)
+        is_free = not math.isnan(through[0])
+        return cls(
+            Interface.from_dataset(stored),
+            Load(float(stored.target_pressure), through if is_free else None),
+            float(stored.contact_modulus),
+            float(stored.tolerance),
+            stored.pressure,
+            stored.gap,
+            *(float(stored[name]) for name in _NUMBERS),
+        )
+
+
+@dataclass(frozen=True)
+class ContactPath:
+    """A contact and the path to its load, in equal steps of displacement.
+
+    Attributes
+    ----------
+    final : Contact
+        At the end of the path.
+    displacement, mean_pressure, contact_fraction, residual : (step,) ndarray
+        As in `Contact`.
+    stiffness : (step,) ndarray
+        MPa/mm.
+    interface_stiffness : (step,) ndarray or None
+        MPa/mm, of the interface alone; known of a patch.
+    pressure, gap : (step, ny, nx) ndarray or None
+        MPa and mm, if every step is kept.
+    """
+
+    final: Contact
+    displacement: np.ndarray
+    mean_pressure: np.ndarray
+    contact_fraction: np.ndarray
+    residual: np.ndarray
+    stiffness: np.ndarray
+    interface_stiffness: np.ndarray | None = None
+    pressure: np.ndarray | None = None
+    gap: np.ndarray | None = None
+
+    def to_dataset(self) -> xr.Dataset:
+        """As it is stored: the contact at the end, and what is along the path as ``path_…``."""
+        names = *_NUMBERS, "stiffness", "interface_stiffness", *_FIELDS
+        along = {name: getattr(self, name) for name in names}
+        known = {name: values for name, values in along.items() if values is not None}
+        steps = np.arange(1, len(self.displacement) + 1)
+        stored = self.final.to_dataset().assign_coords(step=steps)
+        return stored.assign(_variables(known, _PATH))
 
 
 def contact_path(
-    faces: xr.Dataset,
-    loading: Loading,
+    interface: Interface,
+    load: Load,
     *,
-    source: str | Path,
+    modulus: float,
+    tolerance: float,
     steps: int,
     maximum_displacement_um: float,
     every_step: bool = False,
-) -> xr.Dataset:
-    """Contact of two faces along a load path up to a mean pressure.
+    source: str | Path = "surface",
+) -> ContactPath:
+    """Contact of two faces along a load path up to a load.
 
     Parameters
     ----------
-    faces : xarray.Dataset
-        From `faces_of`.
-    loading : Loading
-    source : path
-        The file that the surface comes from, for error messages.
+    interface : Interface
+    load : Load
+    modulus, tolerance : float
+        As in `Contact`.
     steps : int
         See `gstlib.bem.load_path`.
     maximum_displacement_um : float
         Largest far-field displacement allowed, µm.
     every_step : bool
         Keep pressure and gap of every step, too.
-
-    Returns
-    -------
-    xarray.Dataset
-        The contact at the target pressure, as from `contact_at_pressure`; and along the path (step)
-        ``path_displacement`` mm, ``path_mean_pressure`` MPa, ``path_contact_fraction``,
-        ``path_stiffness`` MPa/mm and ``path_residual``; with `every_step` also ``path_pressure``
-        MPa and ``path_gap`` mm (step, y, x).
+    source : path
+        The file that the surface comes from, for error messages.
 
     Raises
     ------
     InputError
-        The pressure is not reached within `maximum_displacement_um`, or the solver gives up.
+        The load is not reached within `maximum_displacement_um`, or the solver gives up.
     """
-    options = {
-        "target_pressure": loading.target_pressure_MPa,
-        "steps": steps,
-        "keep_states": every_step,
-    }
-    if loading.through is not None:
+    if load.through is not None:
         # ASSUME: on the way to the target load a body has the tilt that it has in the end.
-        rest = contact_at_pressure(faces, loading, source=source)
-        faces = faces.assign({name: rest[name] for name in ("slope_y", "slope_x")})
-    path = solved(load_path, faces, loading, source, **options)
+        solved = {"modulus": modulus, "tolerance": tolerance}
+        interface = contact_at_pressure(interface, load, source=source, **solved).interface
+    with solver_errors(source, load):
+        path = load_path(
+            *interface.for_solver,
+            modulus,
+            target_pressure=load.mean_pressure,
+            steps=steps,
+            keep_states=every_step,
+            tolerance=tolerance,
+        )
+    log_state(path.final)
     needed_um = path.final.displacement * 1e3
     if needed_um > maximum_displacement_um:
         raise InputError(
             source,
-            f"the target pressure of {loading.target_pressure_MPa:g} MPa cannot be reached within "
+            f"the target pressure of {load.mean_pressure:g} MPa cannot be reached within "
             f"{maximum_displacement_um:g} µm of displacement: it takes {needed_um:.4g} µm",
             "Lower the load or raise maximum_displacement_um in the config.",
         )
@@ -232,46 +353,38 @@ def contact_path(
             source,
             100 * touching,
         )
-    along = {name: getattr(path, name) for name in (*_NUMBERS, "stiffness")}
+    along: dict[str, Any] = {name: getattr(path, name) for name in (*_NUMBERS, "stiffness")}
     if every_step:
         for name in _FIELDS:
             along[name] = np.stack([_finite(getattr(state, name)) for state in path.states])
-    contact = _contact(faces, loading, path.final)
-    contact = contact.assign_coords(step=np.arange(1, steps + 1))
-    return contact.assign(along_path(along))
+    return ContactPath(_contact(interface, load, modulus, tolerance, path.final), **along)
 
 
 def contact_at_pressure(
-    faces: xr.Dataset, loading: Loading, *, source: str | Path
-) -> xr.Dataset:
-    """Contact of two faces at a mean pressure alone, without the path to it.
+    interface: Interface,
+    load: Load,
+    *,
+    modulus: float,
+    tolerance: float,
+    source: str | Path = "surface",
+) -> Contact:
+    """Contact of two faces at a load alone, without the path to it.
 
     Parameters and errors are those of `contact_path`.
-
-    Returns
-    -------
-    xarray.Dataset
-        `faces`, of a body that is free to tilt on the plane at which it rests; ``pressure`` MPa and
-        ``gap`` mm (y, x), NaN where a face is missing; ``displacement`` mm, ``mean_pressure`` MPa,
-        ``contact_fraction`` and ``residual``; and the loading: ``contact_modulus`` and
-        ``target_pressure``, MPa, ``tolerance``, ``through_y`` and ``through_x``, mm.
     """
-    options: dict[str, Any] = {"mean_pressure": loading.target_pressure_MPa}
-    if loading.through is not None:
-        options["through"] = from_corner(loading.through, faces.height)
-    state = solved(solve_contact, faces, loading, source, **options)
-    if loading.through is not None:
-        faces = tilted(faces, state.tilt)
-    return _contact(faces, loading, state)
-
-
-def tilted(faces: xr.Dataset, tilt: tuple[float, float]) -> xr.Dataset:
-    """Faces of which the surface is tilted further, by slopes along y and x."""
-    slopes = {
-        name: float(faces[name]) + by
-        for name, by in zip(("slope_y", "slope_x"), tilt, strict=True)
-    }
-    return faces.assign(_variables(slopes))
+    through = None if load.through is None else from_corner(load.through, interface.height)
+    with solver_errors(source, load):
+        state = solve_contact(
+            *interface.for_solver,
+            modulus,
+            mean_pressure=load.mean_pressure,
+            through=through,
+            tolerance=tolerance,
+        )
+    log_state(state)
+    if through is not None:
+        interface = interface.tilted(state.tilt)
+    return _contact(interface, load, modulus, tolerance, state)
 
 
 def from_corner(place: tuple[float, float], surface: xr.DataArray) -> tuple[float, float]:
@@ -283,14 +396,16 @@ def from_corner(place: tuple[float, float], surface: xr.DataArray) -> tuple[floa
     return y, x
 
 
-def _contact(faces: xr.Dataset, loading: Loading, state: ContactState) -> xr.Dataset:
-    """Faces with how they were pressed, and with what came of it."""
-    values = {name: getattr(state, name) for name in _NUMBERS}
-    values |= {name: _finite(getattr(state, name)) for name in _FIELDS}
-    modulus, pressure, tolerance, through = loading
-    values |= {"contact_modulus": modulus, "target_pressure": pressure, "tolerance": tolerance}
-    values["through_y"], values["through_x"] = through or (math.nan, math.nan)
-    return faces.assign(_variables(values))
+def _contact(
+    interface: Interface, load: Load, modulus: float, tolerance: float, state: ContactState
+) -> Contact:
+    """What came of an interface under a load."""
+    pressure, gap = (
+        xr.DataArray(_finite(getattr(state, name)), interface.height.coords, ("y", "x"))
+        for name in _FIELDS
+    )
+    numbers = (float(getattr(state, name)) for name in _NUMBERS)
+    return Contact(interface, load, modulus, tolerance, pressure, gap, *numbers)
 
 
 def _finite(field: np.ndarray) -> np.ndarray:
@@ -298,27 +413,17 @@ def _finite(field: np.ndarray) -> np.ndarray:
     return np.where(np.isinf(field), np.nan, field)
 
 
-def laid_height(faces: xr.Dataset) -> xr.DataArray:
-    """Heights (mm) of a surface as it lies on the stone, with those of the face pressed on it.
-
-    Notes
-    -----
-    Only the gap between two faces enters a contact of half-spaces, so that heights add (Bemporad &
-    Paggi, Int. J. Solids Struct. 69-70 (2015) 465).
-    """
-    height = faces.height
-    plane = Plane(0.0, float(faces.slope_y), float(faces.slope_x))
-    values = height.values + plane.heights(height) + faces.counterface.values
-    return height.copy(data=values)
-
-
-def pressed_height(faces: xr.Dataset) -> xr.DataArray:
-    """Heights (mm) of the surface that touches a flat as the faces of a contact touch each other.
-
-    `laid_height` less the displacement by the surroundings.
-    """
-    height = laid_height(faces)
-    return height.copy(data=height.values - faces.surroundings.values)
+def load_path_table(path: xr.Dataset) -> pd.DataFrame:
+    """Load path of a contact as stored (`ContactPath.to_dataset`), one row per step."""
+    return pd.DataFrame(
+        {
+            "step": path.step.values,
+            "displacement_um": path.path_displacement.values * 1e3,
+            "mean_pressure_MPa": path.path_mean_pressure.values,
+            "contact_fraction": path.path_contact_fraction.values,
+            "stiffness_MPa_per_um": path.path_stiffness.values * 1e-3,
+        }
+    )
 
 
 def turned_over(
@@ -368,16 +473,13 @@ def check_grid(
         )
 
 
-def solved(solve: Callable, faces: xr.Dataset, loading: Loading, source: str | Path, **options):
-    """What a solver of `gstlib.bem` finds for two faces; an `InputError` where it gives up."""
-    height = pressed_height(faces)
-    options["tolerance"] = loading.tolerance
-    # where a face is missing, nothing ever touches
-    heights = np.where(np.isnan(height.values), -np.inf, height.values)
+@contextmanager
+def solver_errors(source: str | Path, load: Load) -> Iterator[None]:
+    """Give an `InputError` in the study's words where a solver of `gstlib.bem` gives up."""
     try:
-        found = solve(heights, spacing_of(height), loading.contact_modulus_MPa, **options)
+        yield
     except TipsOver as error:
-        y, x = loading.through or (math.nan, math.nan)
+        y, x = load.through or (math.nan, math.nan)
         raise InputError(
             source,
             f"the stone tips over: its force acts through x {x:g}, y {y:g} mm of the square's "
@@ -388,7 +490,10 @@ def solved(solve: Callable, faces: xr.Dataset, loading: Loading, source: str | P
         raise InputError(
             source, f"its contact could not be solved: {error}", "Look at the surface's figure."
         ) from error
-    state = getattr(found, "final", found)
+
+
+def log_state(state: Any) -> None:
+    """Log what a solver found: a state, or the end of a path."""
     _log.info(
         "%g MPa: displacement %.4f µm, contact %.4g %%, residual %.1e, %d iterations",
         state.mean_pressure,
@@ -397,12 +502,6 @@ def solved(solve: Callable, faces: xr.Dataset, loading: Loading, source: str | P
         state.residual,
         state.iterations,
     )
-    return found
-
-
-def along_path(values: Mapping) -> dict[str, tuple]:
-    """Variables of a contact along its load path (step), with units and long names."""
-    return _variables(values, _PATH)
 
 
 def _variables(values: Mapping, prefix: str = "") -> dict[str, tuple]:
@@ -413,16 +512,3 @@ def _variables(values: Mapping, prefix: str = "") -> dict[str, tuple]:
         attrs = {"units": units, "long_name": long_name}
         variables[prefix + name] = _DIMS[np.ndim(value)], value, attrs
     return variables
-
-
-def load_path_table(contact: xr.Dataset) -> pd.DataFrame:
-    """Load path of a contact of `contact_path`, one row per step."""
-    return pd.DataFrame(
-        {
-            "step": contact.step.values,
-            "displacement_um": contact.path_displacement.values * 1e3,
-            "mean_pressure_MPa": contact.path_mean_pressure.values,
-            "contact_fraction": contact.path_contact_fraction.values,
-            "stiffness_MPa_per_um": contact.path_stiffness.values * 1e-3,
-        }
-    )

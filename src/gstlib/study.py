@@ -56,11 +56,12 @@ import xarray as xr
 from gstlib.change.change import Detection, measure_detection, register_patch
 from gstlib.change.selection import registration_table, select_patches
 from gstlib.conditions import load_force, load_point, study_modulus
-from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.contact import Contact, Load, contact_at_pressure
 from gstlib.coupling.pressures import couple_scales
 from gstlib.macroscale.active_tool import SecondStone
 from gstlib.macroscale.composite import compose_surface
-from gstlib.macroscale.face import grid_macroscale, square_alone
+from gstlib.macroscale.equilibrium import pressed_interface, solve_square
+from gstlib.macroscale.face import grid_macroscale
 from gstlib.microscale.patches import PLACED, Microscale, solve_patches
 from gstlib.preprocess.scans import prepare_patch
 from gstlib.validation.summary import judge_wear
@@ -219,34 +220,36 @@ class Study:
         )
 
     @_stage
-    def contact(self) -> xr.Dataset:
-        """Contact of the stone at rest under its load; the paper's of the square alone."""
+    def contact(self) -> Contact:
+        """Contact of the stone in equilibrium under its load; the paper's of the square alone."""
         if not self._is_placed:
             return self.square_contact()
-        whole, load = self.composite(), self.config["load"]
-        loading = Loading.by_force(
-            load_force(load, self.config["square"]["size_mm"]),
-            load_point(load, self.config["square"]["size_mm"]),
-            whole.height,
-            contact_modulus_MPa=self._modulus,
+        load, size_mm = self.config["load"], self.config["square"]["size_mm"]
+        through = load_point(load, size_mm)
+        interface = pressed_interface(self.composite(), through)
+        return contact_at_pressure(
+            interface,
+            Load.of_force(load_force(load, size_mm), interface.height, through),
+            modulus=self._modulus,
             tolerance=self.config["macroscale"]["tolerance"],
+            source="macroscale",
         )
-        faces = faces_of(whole.height, whole.counterface)
-        return contact_at_pressure(faces, loading, source="macroscale")
 
     @_stage
-    def square_contact(self) -> xr.Dataset:
-        """Contact of the square alone at the mean pressure."""
-        size_mm = self.config["square"]["size_mm"]
-        pressure = load_force(self.config["load"], size_mm) / size_mm**2
-        loading = Loading(self._modulus, pressure, self.config["macroscale"]["tolerance"])
-        return contact_at_pressure(square_alone(self.face()), loading, source="macroscale")
+    def square_contact(self) -> Contact:
+        """Contact of the square alone, from `solve_square`."""
+        return solve_square(
+            self.face(),
+            force_N=load_force(self.config["load"], self.config["square"]["size_mm"]),
+            modulus=self._modulus,
+            tolerance=self.config["macroscale"]["tolerance"],
+        )
 
     @_stage
     def pressures(self) -> pd.DataFrame:
         """Pressure of every patch, from `gstlib.coupling.pressures.couple_scales`."""
-        contacts = self.contact(), self.square_contact()
-        return couple_scales(*contacts, self.patches, patch_mm=self._patch_mm)
+        pressures = self.contact().pressure, self.square_contact().pressure
+        return couple_scales(*pressures, self.patches, patch_mm=self._patch_mm)
 
     @_stage
     def prepared(self, patch: str, epoch: str) -> xr.Dataset:
@@ -299,13 +302,13 @@ class Study:
         return select_patches(self.pressures(), self.registration(), self.config["selection"])
 
     @_stage
-    def patch_contact(self, patch: str) -> xr.Dataset:
+    def patch_contact(self, patch: str) -> Contact:
         """Contact of a patch at its own pressure, in the study's own variant."""
         return self.contact_in(self.config["coupling"], patch)
 
-    def contact_in(self, variant: str, patch: str) -> xr.Dataset:
+    def contact_in(self, variant: str, patch: str) -> Contact:
         """Contact of a patch at its own pressure in a variant of the coupling."""
-        stone = {}
+        stone: dict[str, Any] = {}
         if variant == PLACED:
             stone = {"composite": self.composite(), "contact": self.contact()}
         settings = self.config["microscale"] | {
@@ -320,6 +323,7 @@ class Study:
             counterface=self.counterface(),
             **stone,
         )
+        assert isinstance(contact, Contact)  # without steps there is no path
         return contact
 
     @_stage
@@ -336,10 +340,8 @@ class Study:
 
     def judged(self, *, seed: int | Sequence[int], resamples: int) -> dict[str, pd.DataFrame]:
         """The tables of `judge_wear`."""
-        contacts, changes = (
-            {patch: of(patch) for patch in self.worn}
-            for of in (self.patch_contact, self.change)
-        )
+        contacts = {patch: self.patch_contact(patch) for patch in self.worn}
+        changes = {patch: self.change(patch) for patch in self.worn}
         worn, mat, predicted = self.worn_square(), None, {}
         if worn is not None:
             mat = fit_mat(worn, contacts, changes) if worn.mat else None

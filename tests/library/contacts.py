@@ -3,9 +3,9 @@
 import numpy as np
 import pandas as pd
 import xarray as xr
-from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.contact import Contact, Interface, Load, contact_at_pressure
 from gstlib.surfaces.grid import axis_coordinates, make_surface
-from gstlib.surfaces.leveling import remove_plane
+from gstlib.surfaces.leveling import Plane, remove_plane
 
 
 def around(heights, spacing, shift):
@@ -56,10 +56,17 @@ def hertz(force, radius, modulus):
     return half_width, pressure
 
 
-def pressed(height, counterface=None, **loading):
-    """Two faces (mm) pressed on each other; `loading` is that of `Loading`."""
-    faces = faces_of(height, counterface)
-    return contact_at_pressure(faces, Loading(**loading), source="test")
+def interface(height, counterface=None, slopes=(0.0, 0.0), surroundings=None):
+    """Two faces (mm), the upper one a flat if there is none."""
+    over = xr.zeros_like(height) if counterface is None else counterface
+    return Interface(height, over, Plane(0.0, *slopes), surroundings)
+
+
+def pressed(height, counterface=None, *, mean_pressure, through=None, modulus=1e4, tolerance=1e-8):
+    """The contact of two faces (mm) at a mean pressure (MPa)."""
+    settings = {"modulus": modulus, "tolerance": tolerance, "source": "test"}
+    load = Load(mean_pressure, through)
+    return contact_at_pressure(interface(height, counterface), load, **settings)
 
 
 def contact_of(height, pressure, gap=None, displacement=0.0, slopes=(0.0, 0.0)):
@@ -71,16 +78,15 @@ def contact_of(height, pressure, gap=None, displacement=0.0, slopes=(0.0, 0.0)):
     touching = pressure > 0
     gap = 1e-3 * ~touching if gap is None else np.broadcast_to(gap, height.shape)
     mean = float(pressure.mean())
-    return faces_of(height, slopes=slopes).assign(
+    return Contact(
+        interface(height, slopes=slopes),
+        Load(mean),
+        modulus=1e4,
+        tolerance=1e-9,
         pressure=height.copy(data=pressure),
         gap=height.copy(data=gap),
         displacement=displacement,
         mean_pressure=mean,
         contact_fraction=float(touching.mean()),
         residual=0.0,
-        contact_modulus=1e4,
-        target_pressure=mean,
-        tolerance=1e-9,
-        through_y=np.nan,
-        through_x=np.nan,
     )

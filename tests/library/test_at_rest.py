@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from contacts import around, hertz
+from contacts import around, hertz, interface
 from gst.config import complete, read_config
 from gst.patches import read_patches
 from gstlib.conditions import load_force, load_point
-from gstlib.contact import Loading, contact_at_pressure, contact_path, faces_of
+from gstlib.contact import Load, contact_at_pressure, contact_path
 from gstlib.coupling.embedding import placed_faces
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.macroscale.composite import plane_under
@@ -30,7 +30,7 @@ CONFIG = Path(__file__).parents[2] / "config"
 MODULUS = 1e4
 # A face of 6 mm around a square of 3 mm, whose corner is at (0, 0).
 SIZE, ELEMENT, COUNT, AROUND = 3.0, 0.1, 60, 15
-SOURCE = {"source": "face"}
+SOURCE = {"modulus": MODULUS, "tolerance": 1e-9, "source": "face"}
 
 
 def rough(seed=1):
@@ -44,16 +44,21 @@ def plane(face, slope_y, slope_x):
 
 
 def at_rest(face, counterface=None, *, force_N=300.0, through=(1.6, 1.3), tolerance=1e-9):
-    given = {"contact_modulus_MPa": MODULUS, "tolerance": tolerance}
-    loading = Loading.by_force(force_N, through, face, **given)
-    return contact_at_pressure(faces_of(face, counterface), loading, **SOURCE)
+    load = Load.of_force(force_N, face, through)
+    settings = SOURCE | {"tolerance": tolerance}
+    return contact_at_pressure(interface(face, counterface), load, **settings)
+
+
+def slope_of(contact, name):
+    """Of the plane on which the body is in equilibrium."""
+    return getattr(contact.interface.plane, name)
 
 
 def force_and_centre(contact):
     """Force (N) and the place (y, x), mm, through which the pressures act."""
-    forces = contact.pressure * np.prod(spacing_of(contact))
+    forces = contact.pressure * np.prod(spacing_of(contact.pressure))
     force = float(forces.sum())
-    return force, [float((forces * contact[axis]).sum()) / force for axis in "yx"]
+    return force, [float((forces * forces[axis]).sum()) / force for axis in "yx"]
 
 
 # --- A study -------------------------------------------------------------------------------------
@@ -91,7 +96,7 @@ def test_a_mesh_that_lies_askew_in_its_frame_has_the_same_pressures(study, coupl
     # where vertices lie, and what is drawn between scans, changes a little
     np.testing.assert_allclose(pressures[1], pressures[0], atol=0.03 * pressures[0].max())
     for slope in ("slope_y", "slope_x"):
-        assert abs(float(askew.contact()[slope]) - float(straight.contact()[slope])) < 2e-4
+        assert abs(slope_of(askew.contact(), slope) - slope_of(straight.contact(), slope)) < 2e-4
 
 
 @pytest.mark.parametrize(
@@ -109,7 +114,7 @@ def test_the_forces_of_the_face_are_the_load_and_act_at_its_point(study, load, f
     assert force == pytest.approx(force_N, rel=1e-9)
     np.testing.assert_allclose(centre, point, atol=1e-6)
     assert load_force(load, 5.0) == force_N
-    assert load_point(load, 5.0) == Loading.of(contact).through == point
+    assert load_point(load, 5.0) == contact.load.through == point
 
 
 # --- Planes and points of force ------------------------------------------------------------------
@@ -122,12 +127,12 @@ def test_a_plane_changes_the_tilt_by_itself_and_nothing_else():
     scale = float(straight.pressure.max())
     np.testing.assert_allclose(askew.pressure, straight.pressure, atol=1e-5 * scale)
     for slope, by in (("slope_y", 5e-3), ("slope_x", -8e-3)):
-        assert float(askew[slope]) == pytest.approx(float(straight[slope]) - by, abs=1e-9)
+        assert slope_of(askew, slope) == pytest.approx(slope_of(straight, slope) - by, abs=1e-9)
     force, centre = force_and_centre(straight)
     assert force == pytest.approx(300.0, rel=1e-9)
     np.testing.assert_allclose(centre, (1.6, 1.3), atol=1e-6)
-    fixed = faces_of(face, over)
-    fixed = contact_at_pressure(fixed, Loading.of(straight)._replace(through=None), **SOURCE)
+    held = Load(straight.load.mean_pressure)
+    fixed = contact_at_pressure(interface(face, over), held, **SOURCE)
     assert abs(fixed.pressure - straight.pressure).max() > 0.1 * scale
 
 
@@ -135,13 +140,14 @@ def test_the_load_path_of_a_face_at_rest_ends_at_its_contact():
     face = plane(rough(), 3e-3, 2e-3)
     contact = at_rest(face)
     settings = {"steps": 5, "maximum_displacement_um": 100.0, "every_step": True}
-    path = contact_path(faces_of(face), Loading.of(contact), **SOURCE, **settings)
+    path = contact_path(interface(face), contact.load, **SOURCE, **settings)
     scale = float(contact.pressure.max())
-    np.testing.assert_allclose(path.pressure, contact.pressure, atol=1e-5 * scale)
-    assert float(path.displacement) == pytest.approx(float(contact.displacement), rel=1e-6)
-    for name in ("slope_y", "slope_x", "through_y", "through_x", "target_pressure"):
-        assert float(path[name]) == pytest.approx(float(contact[name]), abs=1e-9), name
-    assert float(path.path_mean_pressure[-1]) == pytest.approx(300 / (COUNT * ELEMENT) ** 2)
+    np.testing.assert_allclose(path.final.pressure, contact.pressure, atol=1e-5 * scale)
+    assert path.final.displacement == pytest.approx(contact.displacement, rel=1e-6)
+    assert path.final.load == contact.load
+    for slope in ("slope_y", "slope_x"):
+        assert slope_of(path.final, slope) == pytest.approx(slope_of(contact, slope), abs=1e-9)
+    assert float(path.mean_pressure[-1]) == pytest.approx(300 / (COUNT * ELEMENT) ** 2)
 
 
 # --- What meets the face -------------------------------------------------------------------------
@@ -163,7 +169,7 @@ def test_a_rounded_stone_touches_as_hertz_says(own_radius):
     assert float(contact.pressure.max()) == pytest.approx(peak, rel=0.02)
     # it rolls until its summit faces the force
     for slope, at in (("slope_y", through[0]), ("slope_x", through[1])):
-        assert float(contact[slope]) == pytest.approx((at - 1.5) / both, abs=1e-6)
+        assert slope_of(contact, slope) == pytest.approx((at - 1.5) / both, abs=1e-6)
 
 
 def test_where_there_is_no_stone_nothing_is_borne():
@@ -200,15 +206,16 @@ def larger(request):
 def placed(larger, place, size, *, laid=True):
     """The contact of a piece that is cut out of a larger one and placed in it, at its force."""
     count = round(size / ELEMENT)
-    piece = make_surface(on_patch(spline_of(larger.height), place, (count, count), size), ELEMENT)
+    piece = make_surface(
+        on_patch(spline_of(larger.interface.height), place, (count, count), size), ELEMENT
+    )
     own = Plane(0.0, 0.0, 0.0)
     if laid:  # as a scan, level, on a plane of its own
         piece, own = remove_plane(piece)
     slopes = own.slope_y, own.slope_x
     faces = placed_faces(piece, None, larger, place, size_mm=size, slopes=slopes)
     expected = on_patch(spline_of(larger.pressure), place, (count, count), size)
-    loading = Loading(MODULUS, float(expected.mean()), 1e-9)
-    return contact_at_pressure(faces, loading, **SOURCE), expected
+    return contact_at_pressure(faces, Load(float(expected.mean())), **SOURCE), expected
 
 
 @pytest.mark.parametrize("laid", [False, True], ids=["as it is", "levelled"])
@@ -230,8 +237,8 @@ def test_a_scan_turned_by_any_angle_lies_on_the_turned_plane(larger):
     at = (np.arange(12) - 5.5) * 0.1
     v, u = at[:, None], at
     y, x = place.points(v, u)
-    laid = float(faces.slope_y) * v + float(faces.slope_x) * u
-    tilt = float(larger.slope_y), float(larger.slope_x)
+    laid = faces.plane.slope_y * v + faces.plane.slope_x * u
+    tilt = slope_of(larger, "slope_y"), slope_of(larger, "slope_x")
     expected = tilt[0] * (y - place.y_mm) + tilt[1] * (x - place.x_mm)
     np.testing.assert_allclose(laid, expected, atol=1e-12)
     assert np.ptp(expected) > 1e-3
@@ -244,12 +251,12 @@ def test_a_scan_turned_by_any_angle_lies_on_the_turned_plane(larger):
 
 def test_the_square_at_the_faces_resolution_is_the_face_again(larger):
     """The reference, placed in the face: its plane, its surroundings, its share of the force."""
-    found = press_whole(square_of(larger.height, SIZE), larger)
+    found = press_whole(square_of(larger.interface.height, SIZE), larger)
     inside = square_of(larger.pressure, SIZE)
     scale = float(inside.max())
     assert 0.1 < float(inside.sum() / larger.pressure.sum()) < 0.995
     np.testing.assert_allclose(found.pressure, inside, atol=0.01 * scale)
     assert float(found.pressure.sum()) == pytest.approx(float(inside.sum()), rel=1e-4)
     np.testing.assert_allclose(
-        found.height, remove_plane(square_of(larger.height, SIZE))[0], atol=1e-7
+        found.height, remove_plane(square_of(larger.interface.height, SIZE))[0], atol=1e-7
     )

@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 import pytest
-from contacts import hertz, rough
-from gstlib.contact import Loading, contact_at_pressure, faces_of, pressed_height
+from contacts import hertz, interface, rough
+from gstlib.contact import Load, contact_at_pressure
 from gstlib.errors import ConfigError
 from gstlib.microscale.slip_and_cap import (
     case_table,
@@ -17,18 +17,18 @@ from gstlib.microscale.slip_and_cap import (
 )
 from gstlib.surfaces.grid import make_surface
 
-LOADING = Loading(contact_modulus_MPa=12820.0, target_pressure_MPa=50.0, tolerance=1e-9)
-SOURCE = {"source": "surface.h5"}
+LOAD = Load(50.0)
+SOURCE = {"modulus": 12820.0, "tolerance": 1e-9, "source": "surface.h5"}
 GRINDING = {"friction": 0.4, "tangential_ratio": 0.5, "poisson": 0.3}
 HARDNESS = 2000.0
 
 
-FACES = faces_of(rough(5))
+FACES = interface(rough(5))
 
 
 @pytest.fixture(scope="module")
 def contact():
-    return contact_at_pressure(FACES, LOADING, **SOURCE)
+    return contact_at_pressure(FACES, LOAD, **SOURCE)
 
 
 def values(rows):
@@ -46,7 +46,7 @@ RADIUS, SPACING, MODULUS, POISSON = 1.0, 0.004, 10000.0, GRINDING["poisson"]
 def sphere():
     centres = (np.arange(96) - 47.5) * SPACING
     height = make_surface(-(centres[:, None] ** 2 + centres**2) / (2 * RADIUS), SPACING)
-    return contact_at_pressure(faces_of(height), Loading(MODULUS, 30.0, 1e-9), **SOURCE)
+    return contact_at_pressure(interface(height), Load(30.0), **SOURCE | {"modulus": MODULUS})
 
 
 @pytest.mark.parametrize("ratio", [0.3, 0.6, 0.9])
@@ -54,7 +54,7 @@ def test_sphere_sticks_and_moves_as_cattaneo_and_mindlin_say(sphere, ratio):
     friction = GRINDING["friction"]
     slip = solve_slip(sphere, **GRINDING | {"tangential_ratio": ratio})
     found = values(slip_rows("7", slip))["grinding"]
-    force = 30.0 * sphere.height.size * SPACING**2
+    force = 30.0 * sphere.pressure.size * SPACING**2
     radius, _ = hertz(force, RADIUS, MODULUS)
     # stick radius over contact radius is (1 - Q/μP)^(1/3)
     assert 1 - found["slip share"] == pytest.approx((1 - ratio) ** (2 / 3), abs=0.02)
@@ -117,8 +117,8 @@ def test_a_ceiling_below_a_mean_pressure_is_refused():
 
 def test_slip_and_ceiling_of_two_rough_faces_are_those_of_their_sum():
     lower, upper = rough(1), rough(2)
-    both = contact_at_pressure(faces_of(lower, upper), LOADING, **SOURCE)
-    alone = contact_at_pressure(faces_of(pressed_height(both)), LOADING, **SOURCE)
+    both = contact_at_pressure(interface(lower, upper), LOAD, **SOURCE)
+    alone = contact_at_pressure(interface(both.interface.pressed), LOAD, **SOURCE)
     for solve, options in ((solve_slip, GRINDING), (solve_ceiling, {"hardness_MPa": HARDNESS})):
         one, other = (solve(contact, **options) for contact in (both, alone))
         for name, variable in one.data_vars.items():

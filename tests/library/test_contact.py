@@ -2,78 +2,94 @@
 
 import numpy as np
 import pytest
-from contacts import rough
+import xarray as xr
+from contacts import interface, rough
 from gstlib.bem import load_path
 from gstlib.contact import (
-    Loading,
+    Contact,
+    Load,
     contact_at_pressure,
     contact_path,
-    faces_of,
-    laid_height,
     load_path_table,
-    pressed_height,
     turned_over,
 )
 from gstlib.errors import InputError
 from gstlib.microscale.patches import with_interface_stiffness
 
-LOADING = Loading(contact_modulus_MPa=12820.0, target_pressure_MPa=50.0, tolerance=1e-9)
-SOURCE = {"source": "surface.h5"}
+LOAD = Load(50.0)
+SOURCE = {"modulus": 12820.0, "tolerance": 1e-9, "source": "surface.h5"}
 PATH = SOURCE | {"steps": 4, "maximum_displacement_um": 50.0}
 
 
 HEIGHT = rough(5)
-FACES = faces_of(HEIGHT)
+FACES = interface(HEIGHT)
 
 
 @pytest.fixture(scope="module")
 def contact():
-    return contact_path(FACES, LOADING, **PATH)
+    return contact_path(FACES, LOAD, **PATH)
 
 
 def test_fields_units_and_settings_of_a_path(contact):
-    every = contact_path(FACES, LOADING, every_step=True, **PATH)
-    assert set(every.data_vars) - set(contact.data_vars) == {"path_pressure", "path_gap"}
+    every = contact_path(FACES, LOAD, every_step=True, **PATH)
+    stored, short = every.to_dataset(), contact.to_dataset()
+    assert set(stored.data_vars) - set(short.data_vars) == {"path_pressure", "path_gap"}
     units = {"pressure": "MPa", "gap": "mm", "path_pressure": "MPa", "path_stiffness": "MPa/mm"}
-    assert {name: every[name].attrs["units"] for name in units} == units
-    pressure, gap = every.path_pressure, every.path_gap
-    np.testing.assert_allclose(pressure.mean(("y", "x")), every.path_mean_pressure, rtol=1e-12)
-    np.testing.assert_array_equal((pressure > 0).mean(("y", "x")), every.path_contact_fraction)
+    assert {name: stored[name].attrs["units"] for name in units} == units
+    pressure, gap = every.pressure, every.gap
+    np.testing.assert_allclose(pressure.mean((1, 2)), every.mean_pressure, rtol=1e-12)
+    np.testing.assert_array_equal((pressure > 0).mean((1, 2)), every.contact_fraction)
     for found in (contact, every):
-        assert (found.pressure == pressure[-1]).all()
-        assert (found.gap == gap[-1]).all()
+        assert (found.final.pressure == pressure[-1]).all()
+        assert (found.final.gap == gap[-1]).all()
         for name in ("displacement", "mean_pressure", "contact_fraction", "residual"):
-            assert found[name] == every[f"path_{name}"][-1]
-        assert Loading.of(found) == LOADING
+            assert getattr(found.final, name) == getattr(every, name)[-1]
+        assert (found.final.load, found.final.modulus, found.final.tolerance) == (
+            LOAD,
+            12820.0,
+            1e-9,
+        )
+
+
+def same(one, other):
+    """Two contacts, number by number."""
+    xr.testing.assert_identical(one.to_dataset(), other.to_dataset())
+    return True
 
 
 @pytest.mark.parametrize(
     "faces",
     [
-        faces_of(HEIGHT, rough(6)),
-        faces_of(HEIGHT, slopes=(0.01, -0.02), surroundings=np.full(HEIGHT.shape, 1e-3)),
-        faces_of(HEIGHT, rough(6), slopes=(0.01, 0.0), surroundings=np.zeros(HEIGHT.shape)),
+        interface(HEIGHT, rough(6)),
+        interface(HEIGHT, slopes=(0.01, -0.02), surroundings=np.full(HEIGHT.shape, 1e-3)),
+        interface(HEIGHT, rough(6), slopes=(0.01, 0.0), surroundings=np.zeros(HEIGHT.shape)),
     ],
     ids=["scanned face", "placed", "placed with a scanned face"],
 )
 def test_the_variables_of_a_contact_are_the_same_in_every_case(faces):
-    found = contact_at_pressure(faces, LOADING, **SOURCE)
-    alike = contact_at_pressure(FACES, LOADING, **SOURCE)
-    assert set(found.variables) == set(alike.variables)
-    for name, variable in found.variables.items():
+    """And it is the same contact when it has been stored."""
+    found = contact_at_pressure(faces, LOAD, **SOURCE)
+    stored, alike = (of.to_dataset() for of in (found, contact_at_pressure(FACES, LOAD, **SOURCE)))
+    assert set(stored.variables) == set(alike.variables)
+    for name, variable in stored.variables.items():
         told = variable.dims, variable.dtype, variable.attrs
         assert told == (alike[name].dims, alike[name].dtype, alike[name].attrs), name
+    assert same(Contact.from_dataset(stored), found)
 
 
-def test_a_patch_is_placed_even_where_its_surroundings_press_nothing():
-    assert not FACES.placed
-    assert faces_of(HEIGHT, surroundings=np.zeros(HEIGHT.shape)).placed
+def test_a_patch_has_surroundings_even_where_they_press_nothing():
+    alone = contact_at_pressure(FACES, LOAD, **SOURCE)
+    among = interface(HEIGHT, surroundings=np.zeros(HEIGHT.shape))
+    placed = contact_at_pressure(among, LOAD, **SOURCE)
+    for contact, is_placed in ((alone, False), (placed, True)):
+        again = Contact.from_dataset(contact.to_dataset())
+        assert (again.interface.surroundings is not None) == is_placed
 
 
 def test_table_converts_to_micrometres(contact):
     """Against the solver's own path."""
     path = load_path(HEIGHT.values, 0.01, 12820.0, target_pressure=50.0, steps=4, tolerance=1e-9)
-    table = load_path_table(contact)
+    table = load_path_table(contact.to_dataset())
     assert table.step.tolist() == [1, 2, 3, 4]
     np.testing.assert_allclose(table.displacement_um, path.displacement * 1000)
     np.testing.assert_allclose(table.stiffness_MPa_per_um, path.stiffness / 1000)
@@ -82,10 +98,10 @@ def test_table_converts_to_micrometres(contact):
 
 
 def test_errors_of_the_solver_name_the_file_and_the_remedy():
-    high, little = LOADING._replace(target_pressure_MPa=5e3), {"maximum_displacement_um": 1.0}
+    high, little = Load(5e3), {"maximum_displacement_um": 1.0}
     with pytest.raises(InputError, match=r"surface\.h5.*5000 MPa cannot be reached.*Lower"):
         contact_path(FACES, high, **PATH | little)
-    beside = LOADING._replace(through=(0.12, 0.33))
+    beside = Load(50.0, through=(0.12, 0.33))
     with pytest.raises(
         InputError, match=r"surface\.h5: the stone tips over.*x 0\.33, y 0\.12 mm.*at_mm"
     ):
@@ -93,26 +109,27 @@ def test_errors_of_the_solver_name_the_file_and_the_remedy():
     spike = HEIGHT.copy()
     spike[3, 3] = np.inf
     with pytest.raises(InputError, match=r"surface\.h5: its contact could not be solved"):
-        contact_at_pressure(faces_of(spike), LOADING, **SOURCE)
+        contact_at_pressure(interface(spike), LOAD, **SOURCE)
 
 
 def test_full_contact_is_warned_of(caplog):
     """Heights a thousandth of the true ones, in nm for µm, are flat to the solver."""
-    contact_path(FACES, LOADING, **PATH)
+    contact_path(FACES, LOAD, **PATH)
     assert caplog.messages == []
-    contact_path(faces_of(1e-3 * HEIGHT), LOADING, **PATH)
+    contact_path(interface(1e-3 * HEIGHT), LOAD, **PATH)
     (warning,) = caplog.messages
     assert "surface.h5: 100 %" in warning
 
 
 def test_without_pressure_the_contact_is_empty():
-    nothing = LOADING._replace(target_pressure_MPa=0.0)
+    nothing = Load(0.0)
     empty = contact_path(FACES, nothing, **PATH)
-    assert not any(empty[name].any() for name in empty if name.startswith("path_"))
     for name in ("displacement", "mean_pressure", "contact_fraction", "residual"):
-        assert empty[name] == 0
-    assert not empty.pressure.any()
-    np.testing.assert_array_equal(empty.gap, HEIGHT.max() - HEIGHT)
+        assert not getattr(empty, name).any()
+        assert getattr(empty.final, name) == 0
+    assert not empty.stiffness.any()
+    assert not empty.final.pressure.any()
+    np.testing.assert_array_equal(empty.final.gap, HEIGHT.max() - HEIGHT)
     assert not contact_at_pressure(FACES, nothing, **SOURCE).pressure.any()
 
 
@@ -123,23 +140,23 @@ def test_a_plane_and_the_surroundings_enter_the_contact_and_not_the_stored_heigh
     y, x = (axis - axis.mean() for axis in (HEIGHT.y, HEIGHT.x))
     plane, sunk = 0.02 * y - 0.05 * x, 1e-3 * (x / x.max()) ** 2 + 0 * y
     sunk = sunk.transpose("y", "x").values
-    laid = faces_of(HEIGHT, slopes=(0.02, -0.05), surroundings=sunk)
+    laid = interface(HEIGHT, slopes=(0.02, -0.05), surroundings=sunk)
     heights = (HEIGHT + plane).transpose("y", "x")
-    np.testing.assert_allclose(laid_height(laid), heights, atol=1e-12)
-    np.testing.assert_allclose(pressed_height(laid), heights - sunk, atol=1e-12)
-    found = contact_at_pressure(laid, LOADING, **SOURCE)
-    summed = faces_of(HEIGHT.copy(data=heights - sunk))
-    alone = contact_at_pressure(summed, LOADING, **SOURCE)
+    np.testing.assert_allclose(laid.laid, heights, atol=1e-12)
+    np.testing.assert_allclose(laid.pressed, heights - sunk, atol=1e-12)
+    found = contact_at_pressure(laid, LOAD, **SOURCE)
+    summed = interface(HEIGHT.copy(data=heights - sunk))
+    alone = contact_at_pressure(summed, LOAD, **SOURCE)
     np.testing.assert_allclose(found.pressure, alone.pressure, atol=1e-6)
-    assert found.height.equals(HEIGHT)
+    assert found.interface.height.equals(HEIGHT)
 
 
 def test_the_stiffness_of_the_interface_leaves_out_that_of_a_flat_punch():
     """1.1516 E*/side for a square punch (Borodachev 1976); compliances add."""
-    square = contact_path(faces_of(rough(3, (64, 64))), LOADING, **PATH)
+    square = contact_path(interface(rough(3, (64, 64))), LOAD, **PATH)
     punch = 1.1516 * 12820.0 / 0.64
-    whole = square.path_stiffness.values
-    alone = with_interface_stiffness(square).path_interface_stiffness.values
+    whole = square.stiffness
+    alone = with_interface_stiffness(square).interface_stiffness
     np.testing.assert_allclose(1 / whole - 1 / alone, 1 / punch, rtol=6e-3)  # 64 elements a side
     assert (alone > whole).all()
 
@@ -147,13 +164,13 @@ def test_the_stiffness_of_the_interface_leaves_out_that_of_a_flat_punch():
 # Two rough faces.
 
 FILES = {"source": "counterface.h5", "patch_source": "7_T0.h5"}
-LIGHT = LOADING._replace(target_pressure_MPa=40.0, tolerance=1e-10)
+LIGHT = SOURCE | {"tolerance": 1e-10}
 
 
 def pressed(lower, upper):
     """The two, where `upper` is turned over onto `lower`."""
-    faces = faces_of(lower, turned_over(upper, lower, **FILES))
-    return contact_at_pressure(faces, LIGHT, **SOURCE)
+    faces = interface(lower, turned_over(upper, lower, **FILES))
+    return contact_at_pressure(faces, Load(40.0), **LIGHT)
 
 
 def test_who_presses_whom_does_not_matter():
@@ -164,7 +181,7 @@ def test_who_presses_whom_does_not_matter():
     np.testing.assert_allclose(
         onto_a.pressure, onto_b.pressure.values[:, ::-1], atol=1e-6 * float(onto_a.pressure.max())
     )
-    np.testing.assert_array_equal(pressed_height(onto_a), a.values + b.values[:, ::-1])
+    np.testing.assert_array_equal(onto_a.interface.pressed, a.values + b.values[:, ::-1])
 
 
 @pytest.mark.parametrize("other", [rough(2, shape=(20, 23)), rough(2, (20, 24), spacing=0.0101)])

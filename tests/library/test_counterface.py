@@ -22,8 +22,8 @@ from scipy.spatial.transform import Rotation
 SIDE, COUNT, EDGE = 4.0, 32, 0.125
 CORNERS = np.array([(0.0, 0, 0), (SIDE, 0, 0), (0, SIDE, 0)])
 SETTINGS = {
-    "contact_modulus_MPa": 1e4,
-    "target_pressure_MPa": 20.0,
+    "modulus": 1e4,
+    "mean_pressure": 20.0,
     "tolerance": 1e-8,
     "through": (SIDE / 2, SIDE / 2),
 }
@@ -197,9 +197,9 @@ def cap(radius, rings):
 
 def test_two_spheres_touch_as_hertz_says():
     """1/R = 1/R₁ + 1/R₂; the error falls with the meshes' edges, at up to 20,000 faces."""
-    radii, modulus = (40.0, 60.0), SETTINGS["contact_modulus_MPa"]
+    radii, modulus = (40.0, 60.0), SETTINGS["modulus"]
     radius = 1 / sum(1 / of for of in radii)
-    force = SETTINGS["target_pressure_MPa"] * SIDE**2
+    force = SETTINGS["mean_pressure"] * SIDE**2
     half_width = (3 * force * radius / (4 * modulus)) ** (1 / 3)
     peak = 3 * force / (2 * np.pi * half_width**2)
     errors = []
@@ -210,7 +210,7 @@ def test_two_spheres_touch_as_hertz_says():
         corners = CORNERS - (SIDE / 2, SIDE / 2, 0)
         pose = {"matrix": over.tolist()}
         _, contact = pressed(below, above, pose, corners=corners)
-        y, x = np.meshgrid(contact.y - SIDE / 2, contact.x - SIDE / 2, indexing="ij")
+        y, x = np.meshgrid(*(contact.pressure[axis] - SIDE / 2 for axis in "yx"), indexing="ij")
         expected = peak * np.sqrt(np.clip(1 - (x**2 + y**2) / half_width**2, 0, None))
         errors.append(float(np.sqrt(np.mean((contact.pressure.values - expected) ** 2))) / peak)
     assert errors[0] > 2 * errors[1] > 2 * errors[2]

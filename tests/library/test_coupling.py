@@ -62,8 +62,7 @@ def test_uniform_pressure_comes_through_and_none_far_from_contact():
     assert row.peak_pressure_MPa == 22.0
     assert row.force_N == pytest.approx(22.0 * 0.85**2)
     assert empty.pressure_MPa == empty.peak_pressure_MPa == 0
-    contacts = (of.to_dataset(name="pressure") for of in (uniform, far))
-    both = couple_scales(*contacts, places, patch_mm=0.85).iloc[0]
+    both = couple_scales(uniform, far, places, patch_mm=0.85).iloc[0]
     assert both.pressure_MPa == row.pressure_MPa
     assert both.square_pressure_MPa == 0
 

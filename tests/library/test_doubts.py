@@ -4,7 +4,8 @@ import re
 
 import numpy as np
 import pytest
-from gstlib.contact import Loading, contact_at_pressure, faces_of
+from contacts import interface
+from gstlib.contact import Load, contact_at_pressure
 from gstlib.macroscale.plausibility import contact_doubts
 from gstlib.surfaces.grid import make_surface
 
@@ -13,9 +14,9 @@ SIDE, COUNT = 6.0, 60  # mm, elements
 
 def pressed(height, *, force=200.0, through=(3.0, 3.0), element=SIDE / COUNT):
     surface = make_surface(height, element)
-    pressed = {"contact_modulus_MPa": 1e4, "tolerance": 1e-6}
-    loading = Loading.by_force(force, through, surface, **pressed)
-    return contact_at_pressure(faces_of(surface), loading, source="test")
+    settings = {"modulus": 1e4, "tolerance": 1e-6, "source": "test"}
+    load = Load.of_force(force, surface, through)
+    return contact_at_pressure(interface(surface), load, **settings)
 
 
 def places():

@@ -22,8 +22,8 @@ from gstlib.surfaces.grid import make_surface
 
 SIDE, COUNT, AROUND = 2.0, 32, 20
 SPACING = SIDE / COUNT
-SETTINGS = {"contact_modulus_MPa": 1e4, "tolerance": 1e-8}
-OF_PATCHES = {"patch_mm": 1.0, **SETTINGS}
+SETTINGS = {"modulus": 1e4, "tolerance": 1e-8}
+OF_PATCHES = {"patch_mm": 1.0, "contact_modulus_MPa": 1e4, "tolerance": 1e-8}
 MIDDLE, FORCE = (SIDE / 2, SIDE / 2), 20.0 * SIDE**2
 PATCHES = tiles(SIDE)
 
@@ -66,8 +66,8 @@ def test_a_pose_is_a_contact_at_rest_with_the_shifted_face():
     rows, columns = (slice(AROUND + by, AROUND + by + COUNT) for by in (2, -3))
     over = HEIGHT.copy(data=face().values[rows, columns])
     through = MIDDLE[0] - 2 * SPACING, MIDDLE[1] + 3 * SPACING
-    alone = press(HEIGHT, over, target_pressure_MPa=20.0, through=through, **SETTINGS)
-    level = press(HEIGHT, over, target_pressure_MPa=20.0, **SETTINGS)
+    alone = press(HEIGHT, over, mean_pressure=20.0, through=through, **SETTINGS)
+    level = press(HEIGHT, over, mean_pressure=20.0, **SETTINGS)
     assert abs(alone.pressure - level.pressure).max() > 10
     np.testing.assert_allclose(found.pressure_sum, alone.pressure, rtol=1e-4, atol=1e-3)
     assert float(found.displacement[0]) == pytest.approx(float(alone.displacement), rel=1e-6)
@@ -117,7 +117,7 @@ def test_a_stone_without_a_mesh_is_moved_by_its_point_of_force():
     gesture = Gesture(rounded_counterface(HEIGHT, 50.0, MIDDLE), False, SIDE, MIDDLE, pose)
     found = press_poses(HEIGHT, gesture, PATCHES, **OF_PATCHES)
     moved = rounded_counterface(HEIGHT, 50.0, there)
-    alone = press(HEIGHT, moved, target_pressure_MPa=20.0, through=there, **SETTINGS)
+    alone = press(HEIGHT, moved, mean_pressure=20.0, through=there, **SETTINGS)
     np.testing.assert_allclose(found.pressure_sum, alone.pressure, rtol=1e-4, atol=1e-3)
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from contacts import pressed
 from gst.patches import read_patches
-from gstlib.contact import Loading, contact_at_pressure, faces_of
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.mesh import grid_mesh
@@ -80,8 +80,7 @@ def test_flat_machined_surface_and_leica_grooves():
 )
 def test_contact_of_measured_patches(path, unit, size, pressure):
     height = prepared(read_scan(path, unit=unit), size).height
-    loading = Loading(12820.0, pressure, tolerance=1e-8)
-    contact = contact_at_pressure(faces_of(height), loading, source=path)
+    contact = pressed(height, mean_pressure=pressure, modulus=12820.0)
     assert float(contact.pressure.mean()) == pytest.approx(pressure, rel=1e-3)
     assert float(contact.residual) <= 1e-6
     assert 0.001 < float(contact.contact_fraction) < 1

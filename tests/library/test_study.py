@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from contacts import pressed
-from gstlib.contact import pressed_height
+from gstlib.contact import ContactPath
 from gstlib.io.store import Stored
 from gstlib.microscale.patches import LEVELLED, PLACED, Microscale, solve_patches
 from gstlib.surfaces.filtering import s_filtered
@@ -50,9 +50,8 @@ def stone():
     square = rough(9).assign(counterface=0 * rough(9).height, patch_mm=0.3)
     planes = {"y_mm": 0.4, "x_mm": 0.4, "rotation_deg": 0.0, "slope_y": 0.01, "slope_x": 0.0}
     square = square.assign({name: ("patch", [of] * 3) for name, of in planes.items()})
-    loading = {"contact_modulus_MPa": 1e4, "target_pressure_MPa": 5.0, "tolerance": 1e-8}
     square = square.assign_coords(patch=list("abc"))
-    return {"composite": square, "contact": pressed(square.height, **loading)}
+    return {"composite": square, "contact": pressed(square.height, mean_pressure=5.0)}
 
 
 def test_patches_are_solved_in_order_and_each_scan_is_read_once(scans, stone):
@@ -62,13 +61,14 @@ def test_patches_are_solved_in_order_and_each_scan_is_read_once(scans, stone):
     for patch, variant, contact in found:
         assert scans.looked_up == (["c"] if patch == "c" else ["c", "a"])
         order.append((patch, variant))
-        assert bool(contact.placed) == (variant == PLACED)
+        interface = contact.interface
+        assert (interface.surroundings is not None) == (variant == PLACED)
         name = "pressure_MPa" if variant == PLACED else "square_pressure_MPa"
         target = PRESSURES.set_index("patch")[name][patch]
-        assert contact.target_pressure == target
+        assert contact.load.mean_pressure == target
         assert float(contact.pressure.mean()) == pytest.approx(target, rel=1e-6)
-        np.testing.assert_array_equal(contact.height, scans.scans[patch].height)
-        assert (contact.slope_y == 0.01) == (variant == PLACED)
+        np.testing.assert_array_equal(interface.height, scans.scans[patch].height)
+        assert (interface.plane.slope_y == 0.01) == (variant == PLACED)
     assert order == [("c", PLACED), ("c", LEVELLED), ("a", PLACED), ("a", LEVELLED)]
 
 
@@ -76,7 +76,7 @@ def test_the_studys_own_variant_has_a_path_and_the_other_has_none(scans, stone):
     settings = SETTINGS._replace(steps=3)
     found = solve_patches(scans, PRESSURES, settings, variants=[LEVELLED, PLACED], **stone)
     for _, variant, contact in found:
-        assert ("path_interface_stiffness" in contact) == (variant == LEVELLED)
+        assert isinstance(contact, ContactPath) == (variant == LEVELLED)
 
 
 def test_the_scan_of_the_active_stone_is_turned_over_onto_every_patch(scans):
@@ -85,4 +85,4 @@ def test_the_scan_of_the_active_stone_is_turned_over_onto_every_patch(scans):
         scans, PRESSURES, settings, variants=[LEVELLED], counterface=face
     ):
         own, other = (s_filtered(of, 120.0).values for of in (scans.scans[patch].height, face))
-        np.testing.assert_allclose(pressed_height(contact), own + other[:, ::-1], atol=1e-15)
+        np.testing.assert_allclose(contact.interface.pressed, own + other[:, ::-1], atol=1e-15)

@@ -42,7 +42,7 @@ def mesh(error=0.0):
 
 def pressed(height, share=1.0, through=MIDDLE):
     """At rest, on elements as wide as those of the draws."""
-    loading = {"contact_modulus_MPa": share * MODULUS, "target_pressure_MPa": TARGET}
+    loading = {"modulus": share * MODULUS, "mean_pressure": TARGET}
     return press(coarser(height, 2), tolerance=1e-8, through=through, **loading)
 
 

@@ -1,5 +1,7 @@
 """How much wears: as on the square, and by a fit without the patch's own loss."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -18,13 +20,13 @@ from gstlib.wear.fit import wear_map, wear_stone
 from gstlib.wear.interlayer import fit_mat
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
-SETTINGS = {"contact_modulus_MPa": 1e4, "tolerance": 1e-9}
+SETTINGS = {"modulus": 1e4, "tolerance": 1e-9}
 PLACES, GRID = tiles(SIDE), {"shape": (COUNT, COUNT), "spacing": SIDE / COUNT}
 
 
 @pytest.fixture(scope="module")
 def square():
-    return pressed(rough(3, **GRID, rms_mm=0.004), target_pressure_MPa=20.0, **SETTINGS)
+    return pressed(rough(3, **GRID, rms_mm=0.004), mean_pressure=20.0, **SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -73,14 +75,12 @@ def test_losses_that_the_square_cannot_give_are_refused(square, pressures):
 
 
 def patch_of(pressure_MPa, seed=0):
-    return pressed(
-        rough(seed, (32, 32), rms_mm=0.001), target_pressure_MPa=pressure_MPa, **SETTINGS
-    )
+    return pressed(rough(seed, (32, 32), rms_mm=0.001), mean_pressure=pressure_MPa, **SETTINGS)
 
 
 def changed(contact, depth_mm, level_mm=1e-6):
     """The change without noise, of which scans see what exceeds the median."""
-    like, seen = contact.height, depth_mm - np.median(depth_mm)
+    like, seen = contact.interface.height, depth_mm - np.median(depth_mm)
     return xr.Dataset(
         {
             "change": like.copy(data=-seen),
@@ -99,7 +99,9 @@ def test_a_patch_loses_what_the_square_takes_off_it(square, pressures):
     assert float(depth.mean()) == pytest.approx(expected, rel=1e-9)
     assert float(depth.min()) == 0
     # It wears where it touches; on a grid, summits alone.
-    assert float(contact.height.where(depth > 0).mean()) > float(contact.height.mean())
+    assert float(contact.interface.height.where(depth > 0).mean()) > float(
+        contact.interface.height.mean()
+    )
     np.testing.assert_array_equal(wear_map(contact, found, None, "a").depth[0], depth)
     spared = found._replace(path=path.assign(pressed=path.pressed.where(path.patch != "a", 0.0)))
     assert float(wear_patch(contact, spared, "a").max()) == 0
@@ -109,7 +111,7 @@ def test_a_patch_loses_what_the_square_takes_off_it(square, pressures):
 def worn_by_both():
     """Six patches that a mat wore too, at κ of 2e-5 mm/MPa, as the square gives their pressures."""
     mat = Layer(300.0, 0.3, 0.2)
-    contact = pressed(rough(6, **GRID, rms_mm=0.003), target_pressure_MPa=20.0, **SETTINGS)
+    contact = pressed(rough(6, **GRID, rms_mm=0.003), mean_pressure=20.0, **SETTINGS)
     places = pd.concat([PLACES, PLACES.iloc[:2].assign(patch=["e", "f"], y_mm=1.0)])
     by_patch = patch_pressures(contact.pressure, places, size_mm=1.0)
     options, losses = {"patch_mm": 1.0, "steps": 6}, dict.fromkeys("abcdef", 0.4)
@@ -203,22 +205,23 @@ def test_a_patch_is_worn_at_its_pressure_in_each_step():
     contact, stone = patch_of(20.0), [0.0, 0.0, 20.0, 60.0]
     depth = wear_patch(contact, by_hand(stone, stone), "a", kappa=1e-5)
     options = {"mean_pressure": stone, "mean_loss": 1e-5 * 20.0, "steps": 4, "tolerance": 1e-9}
-    path = wear_path(contact.height.values, 0.01, 1e4, **options)
+    path = wear_path(contact.interface.height.values, 0.01, 1e4, **options)
     np.testing.assert_allclose(depth, path.depth, atol=1e-12)
 
 
 def test_a_mat_lies_among_the_pressures_that_are_under_it():
     """What it takes off does not depend on what the bare stone would press around the patch."""
     worn, alone = by_hand([0.0] * 4, [20.0] * 4), patch_of(20.0)
-    mat, shape = worn.mat, alone.height.shape
+    mat, shape = worn.mat, alone.pressure.shape
     options = {"size_mm": 0.32, "contact_modulus_MPa": 1e4, "layer": mat.layer}
     sunk = surroundings(mat.pressure, Place(0.5, 0.5, 0.0), shape, **options)
     assert np.ptp(sunk) > 1e-3
-    lower = alone.assign(height=alone.height - sunk)
+    face = alone.interface
+    lower = replace(alone, interface=replace(face, height=face.height - sunk))
     expected = wear_patch(lower, worn, "a", ratio=1.0, kappa=1e-5)
     assert expected.mean() == pytest.approx(1e-5 * 20.0 / 2)  # the mat's share of κ is half
     ramp = 2e-3 * np.linspace(0, 1, shape[1]) * np.ones(shape)
-    among = alone.assign(placed=True, surroundings=alone.height.copy(data=ramp))
+    among = replace(alone, interface=replace(face, surroundings=ramp))
     depth = wear_patch(among, worn, "a", ratio=1.0, kappa=1e-5)
     np.testing.assert_allclose(depth, expected, atol=1e-12)
 
@@ -260,8 +263,9 @@ def test_a_gesture_that_stays_in_place_wears_as_the_single_pose_does(square):
 
     The stone is symmetric, so that it is at rest however much has worn.
     """
-    height = square.height.copy(data=square.height.values + square.height.values[::-1, ::-1])
-    square = pressed(height, target_pressure_MPa=20.0, **SETTINGS)
+    height = square.interface.height
+    height = height.copy(data=height.values + height.values[::-1, ::-1])
+    square = pressed(height, mean_pressure=20.0, **SETTINGS)
     pressures = patch_pressures(square.pressure, PLACES, size_mm=1.0)
     wide = around(np.zeros((COUNT + 40, COUNT + 40)), SIDE / COUNT, 1.0)
     poses = stroke_poses(stroke_mm=1.0, poses=2, force_N=20.0 * SIDE**2).assign(x_mm=0.0)

@@ -11,7 +11,7 @@ import runpy
 import numpy as np
 import pytest
 from gst.figures.style import BLUE, save_figure
-from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.contact import Interface, Load, contact_at_pressure
 from gstlib.io.results import TABLES, columns_of
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_attributes, read_dataset
@@ -160,11 +160,11 @@ def test_the_whole_square_lies_in_the_true_face_at_rest(results, truth, config):
     """Its force is its share of the load; it lies as the stone does, among what presses around."""
     whole = read_dataset(results / "reference/contact.h5")
     true = read_dataset(results / "specimen/surface.h5").height.astype(float)
-    faces = faces_of(true_face(truth), read_dataset(results / "macroscale/surface.h5").counterface)
-    modulus = config["material"]["contact_modulus_MPa"]
-    to = {"contact_modulus_MPa": modulus, "tolerance": 1e-9}
-    loading = Loading.by_force(config["load"]["force_N"], (2.5, 2.5), faces.height, **to)
-    face = contact_at_pressure(faces, loading, source="truth")
+    over = read_dataset(results / "macroscale/surface.h5").counterface
+    interface = Interface(true_face(truth), over)
+    load = Load.of_force(config["load"]["force_N"], interface.height, (2.5, 2.5))
+    to = {"modulus": config["material"]["contact_modulus_MPa"], "tolerance": 1e-9}
+    face = contact_at_pressure(interface, load, source="truth", **to)
     share = float(in_square(face.pressure).sum() / face.pressure.sum())
     assert 0.5 < share <= 1
     assert force_on(whole) == pytest.approx(share * config["load"]["force_N"], rel=0.01)

@@ -3,12 +3,10 @@
 from pathlib import Path
 
 from gst.logs import run_script
-from gstlib.contact import LAID
+from gstlib.contact import Contact
 from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import write_table
 from gstlib.validation.single_scale import two_scales_table
-
-READ = *LAID, "pressure", "mean_pressure"
 
 
 def main(
@@ -21,7 +19,7 @@ def main(
     variants: list[str],
 ) -> None:
     by_variant = {
-        variant: Stored(dict(zip(patches, files, strict=True)), READ)
+        variant: Stored(dict(zip(patches, files, strict=True)), then=Contact.from_dataset)
         for variant, files in zip(variants, [contacts, others], strict=False)
     }
     write_table(table, two_scales_table(by_variant, read_dataset(reference)))

@@ -5,11 +5,10 @@ from pathlib import Path
 import pandas as pd
 
 from gst.logs import run_script
-from gstlib.contact import Loading, contact_at_pressure
 from gstlib.coupling.pressures import couple_scales
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import write_table
-from gstlib.macroscale.face import square_alone
+from gstlib.macroscale.equilibrium import solve_square
 
 
 def main(
@@ -20,13 +19,18 @@ def main(
     patches: dict[str, list],
     patch_mm: float,
     force_N: float,
-    **pressed: float,
+    contact_modulus_MPa: float,
+    tolerance: float,
 ) -> None:
-    square = square_alone(read_dataset(face, only=["height", "size_mm"]))
-    loading = Loading.by_force(force_N, None, square.height, **pressed)
-    alone = contact_at_pressure(square, loading, source=face)
-    whole = read_dataset(contact, only=["pressure"])
-    table = couple_scales(whole, alone, pd.DataFrame(patches), patch_mm=patch_mm)
+    alone = solve_square(
+        read_dataset(face, only=["height", "size_mm"]),
+        force_N=force_N,
+        modulus=contact_modulus_MPa,
+        tolerance=tolerance,
+        source=face,
+    )
+    whole = read_dataset(contact, only=["pressure"]).pressure
+    table = couple_scales(whole, alone.pressure, pd.DataFrame(patches), patch_mm=patch_mm)
     write_table(pressures, table)
 
 

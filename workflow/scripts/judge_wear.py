@@ -3,13 +3,12 @@
 from pathlib import Path
 
 from gst.logs import run_script
-from gstlib.contact import LAID
+from gstlib.contact import Contact
 from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_pressures, read_table, write_table
 from gstlib.validation.summary import judge_wear
 from gstlib.wear.archard import WornSquare
 
-READ = *LAID, "pressure"
 CHANGE = "change", "loss", "level_of_detection"
 
 
@@ -32,7 +31,7 @@ def main(
     square, mat = folder / "whole_square.h5", folder / "whole_mat.h5"
     predicted = square.exists()
     found = judge_wear(
-        Stored(dict(zip(worn, contacts, strict=True)), READ),
+        Stored(dict(zip(worn, contacts, strict=True)), then=Contact.from_dataset),
         Stored(dict(zip(worn, registered, strict=True)), CHANGE),
         Stored({patch: folder / f"{patch}.h5" for patch in worn} if predicted else {}),
         read_pressures(pressures),

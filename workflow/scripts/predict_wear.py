@@ -6,7 +6,7 @@ import pandas as pd
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.contact import Loading
+from gstlib.contact import Contact
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.macroscale.gesture import Gesture
@@ -32,10 +32,10 @@ def main(
     size_mm: float,
 ) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    pressed, gesture = read_dataset(contact), None
+    pressed, gesture = Contact.from_dataset(read_dataset(contact)), None
     if poses:
-        counterface = read_dataset(second).face if second else pressed.counterface
-        through = Loading.of(pressed).through
+        counterface = read_dataset(second).face if second else pressed.interface.counterface
+        through = pressed.load.through
         gesture = Gesture(counterface, bool(second), size_mm, through, pd.DataFrame(poses))
     settings = {"patch_mm": patch_mm, "steps": steps, "mat": mat}
     tables = read_pressures(pressures), read_table(registration)
@@ -46,7 +46,7 @@ def main(
     sources = [contact, pressures, registration]
     made = provenance(sources, settings)
     write_dataset(folder / "whole_square.h5", square.path, made)
-    before = Stored(dict(zip(worn, contacts, strict=True)))
+    before = Stored(dict(zip(worn, contacts, strict=True)), then=Contact.from_dataset)
     known = ["change", "loss", "level_of_detection"]
     changes = Stored(dict(zip(worn, registered, strict=True)), known)
     fitted = None

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from gst.logs import run_script
+from gstlib.contact import Contact
 from gstlib.io.store import Stored
 from gstlib.io.tables import read_pressures, studied_files, write_table
 from gstlib.microscale.slip_and_cap import case_table, check_ceiling, patch_rows
@@ -22,7 +23,9 @@ def main(
     if hardness_MPa is not None:
         by_patch = read_pressures(pressures)
         check_ceiling(by_patch[by_patch.patch.isin(studied)], hardness_MPa)
-    rows = patch_rows(Stored(studied), grinding=grinding, hardness_MPa=hardness_MPa)
+    rows = patch_rows(
+        Stored(studied, then=Contact.from_dataset), grinding=grinding, hardness_MPa=hardness_MPa
+    )
     write_table(table, case_table(rows))
 
 

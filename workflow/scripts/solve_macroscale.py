@@ -5,11 +5,9 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.contact import Loading, contact_path, faces_of
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import write_table
-from gstlib.macroscale.equilibrium import macroscale_table
-from gstlib.macroscale.face import square_alone
+from gstlib.macroscale.equilibrium import macroscale_table, solve_macroscale
 from gstlib.macroscale.plausibility import contact_doubts
 
 
@@ -26,15 +24,14 @@ def main(
     **settings: float,
 ) -> None:
     whole = read_dataset(face, only=["height", "counterface", "size_mm"])
-    pressed = {"contact_modulus_MPa": contact_modulus_MPa, "tolerance": tolerance}
-    faces = (
-        square_alone(whole) if through is None else faces_of(whole.height, whole.counterface)
-    )
-    loading = Loading.by_force(force_N, through, faces.height, **pressed)
-    solved = contact_path(faces, loading, source=face, every_step=True, **settings)
-    write_dataset(contact, solved, provenance([face], loading._asdict() | settings))
-    write_table(path, macroscale_table(solved))
-    for doubt in contact_doubts(solved, size_mm=float(whole.size_mm), patch_mm=patch_mm):
+    used = {"force_N": force_N, "through": through, "modulus": contact_modulus_MPa}
+    used |= {"tolerance": tolerance} | settings
+    solved = solve_macroscale(whole, source=face, **used)
+    stored = solved.to_dataset()
+    write_dataset(contact, stored, provenance([face], used))
+    write_table(path, macroscale_table(stored))
+    size_mm = float(whole.size_mm)
+    for doubt in contact_doubts(solved.final, size_mm=size_mm, patch_mm=patch_mm):
         logging.getLogger("gstlib").warning("%s", doubt)
 
 

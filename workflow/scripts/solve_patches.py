@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
+from gstlib.contact import Contact
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.io.tables import read_pressures
 from gstlib.microscale.patches import Microscale, solve_patches
@@ -27,7 +28,10 @@ def main(
 ) -> None:
     stone = {}
     if composite:
-        stone = {"composite": read_dataset(composite), "contact": read_dataset(contact)}
+        stone = {
+            "composite": read_dataset(composite),
+            "contact": Contact.from_dataset(read_dataset(contact)),
+        }
     scans = dict(zip(patches, t0, strict=True))
     of_variants = zip(variants, [contacts, others], strict=False)
     files = {variant: dict(zip(patches, given, strict=True)) for variant, given in of_variants}
@@ -42,7 +46,7 @@ def main(
     )
     for patch, variant, found in solved:
         made = provenance([scans[patch], *around], settings | {"variant": variant})
-        write_dataset(files[variant][patch], found, made)
+        write_dataset(files[variant][patch], found.to_dataset(), made)
 
 
 if "snakemake" in globals():

@@ -10,7 +10,7 @@ import xarray as xr
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.contact import Contact, Interface, contact_at_pressure
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.specimen.score import true_face
 from gstlib.surfaces.footprints import places_of
@@ -31,14 +31,19 @@ def main(
     s_filter_um: float | None,
     seed: int,
 ) -> None:
-    mesh, around = read_dataset(face), read_dataset(macroscale)
+    mesh, around = read_dataset(face), Contact.from_dataset(read_dataset(macroscale))
     inputs = [true_surface, truth] if truth else [face, composite, *t0]
     lying = read_dataset(truth).sel(epoch="T0") if truth else read_dataset(composite)
     table = lying[["x_mm", "y_mm", "rotation_deg"]].to_dataframe().reset_index()
     scan = read_dataset(t0[0], only=["height"]).height
     if truth:
-        faces = faces_of(true_face(lying), mesh.counterface)
-        around = contact_at_pressure(faces, Loading.of(around), source=truth)
+        around = contact_at_pressure(
+            Interface(true_face(lying), mesh.counterface),
+            around.load,
+            modulus=around.modulus,
+            tolerance=around.tolerance,
+            source=truth,
+        )
 
     def surfaces() -> Iterator[xr.DataArray]:
         if truth:

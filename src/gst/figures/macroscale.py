@@ -13,7 +13,7 @@ from matplotlib.patches import Polygon
 
 from gst.figures import maps, style
 from gst.figures.style import AMBER, BLACK, BLUE, GREY, MM_TO_UM, VERMILION, styled
-from gstlib.contact import laid_height
+from gstlib.contact import Interface
 from gstlib.surfaces.footprints import Place, outline
 from gstlib.surfaces.grid import spacing_of
 
@@ -61,7 +61,7 @@ def contact_steps_figure(contact: xr.Dataset, *, size_mm: float, steps: int = 8)
             f"contact {100 * float(state.path_contact_fraction):.2f} %"
         )
         drawn.append((title, height, {"marks": {BLACK: touching[step]}}))
-    faces, elastic = laid_height(contact), contact["pressure"].values > 0
+    faces, elastic = Interface.from_dataset(contact).laid, contact["pressure"].values > 0
     rigid = (faces > faces.max() - contact["displacement"]).values
     touched, overlapping = 100 * elastic.mean(), 100 * rigid.mean()
     title = f"last step: contact {touched:.2f} %\nrigid interpenetration {overlapping:.1f} %"

@@ -10,11 +10,11 @@ import numpy as np
 import xarray as xr
 
 from gstlib.bem import HalfSpace, Layer
-from gstlib.contact import faces_of, turned_over
+from gstlib.contact import Contact, Interface, turned_over
 from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.footprints import Place, footprint_weights, on_patch, rotated, spline_of
 from gstlib.surfaces.grid import spacing_of
-from gstlib.surfaces.leveling import remove_plane
+from gstlib.surfaces.leveling import Plane, remove_plane
 
 __all__ = ["place_patch", "placed_faces", "prepare_faces", "surroundings"]
 
@@ -64,9 +64,9 @@ def place_patch(
     height: xr.DataArray,
     face: xr.DataArray | None,
     composite: xr.Dataset,
-    contact: xr.Dataset,
+    contact: Contact,
     patch: str,
-) -> xr.Dataset:
+) -> Interface:
     """A patch as it lies on the stone at rest, among the pressures around it.
 
     Parameters
@@ -76,14 +76,9 @@ def place_patch(
     composite : xarray.Dataset
         The surface with the places and planes of its patches, from
         `gstlib.macroscale.composite.compose_surface`.
-    contact : xarray.Dataset
+    contact : Contact
         Its contact at the target pressure.
     patch : str
-
-    Returns
-    -------
-    xarray.Dataset
-        That of `placed_faces`.
     """
     at = composite.sel(patch=patch)
     slopes = float(at.slope_y), float(at.slope_x)
@@ -94,12 +89,12 @@ def place_patch(
 def placed_faces(
     height: xr.DataArray,
     face: xr.DataArray | None,
-    contact: xr.Dataset,
+    contact: Contact,
     place: Place,
     *,
     size_mm: float,
     slopes: tuple[float, float] = (0.0, 0.0),
-) -> xr.Dataset:
+) -> Interface:
     """A finer surface as it lies in the contact of a larger one that contains it.
 
     Parameters
@@ -108,7 +103,7 @@ def placed_faces(
         The finer surface, mm.
     face : (y, x) xarray.DataArray, optional
         A scan of what is pressed on it, mm, turned over.
-    contact : xarray.Dataset
+    contact : Contact
         Of the larger one.
     place : Place
         Where the finer one lies on it.
@@ -119,23 +114,21 @@ def placed_faces(
 
     Returns
     -------
-    xarray.Dataset
-        That of `gstlib.contact.faces_of`: the plane tilted as the larger surface is at rest; in
-        ``counterface`` the face that is pressed on the larger one there (a scan of that face lies
-        on its plane); ``surroundings``, what the pressures around it displace.
+    Interface
+        Its plane is tilted as the larger surface is at rest; its counterface is what is pressed on
+        the larger one there (a scan of that face lies on its plane); its surroundings are what the
+        pressures around it displace.
     """
     ny, nx = height.shape
     displaced = surroundings(
-        contact.pressure,
-        place,
-        (ny, nx),
-        size_mm=size_mm,
-        contact_modulus_MPa=float(contact.contact_modulus),
+        contact.pressure, place, (ny, nx), size_mm=size_mm, contact_modulus_MPa=contact.modulus
     )
-    if contact.counterface.values.any():
-        over = on_patch(spline_of(contact.counterface), place, (ny, nx), size_mm)
+    larger = contact.interface
+    if larger.counterface.values.any():
+        over = on_patch(spline_of(larger.counterface), place, (ny, nx), size_mm)
         posed = height.copy(data=over)
         face = posed if face is None else face + (posed - remove_plane(posed)[0])
-    tilt = rotated(float(contact.slope_y), float(contact.slope_x), -place.rotation_deg)
-    lies = slopes[0] + tilt[0], slopes[1] + tilt[1]
-    return faces_of(height, face, slopes=lies, surroundings=displaced)
+    tilt = rotated(larger.plane.slope_y, larger.plane.slope_x, -place.rotation_deg)
+    plane = Plane(0.0, slopes[0] + tilt[0], slopes[1] + tilt[1])
+    over_it = xr.zeros_like(height) if face is None else face
+    return Interface(height, over_it, plane, displaced)

@@ -24,7 +24,7 @@ import xarray as xr
 
 from gstlib.bem import contact_modulus
 from gstlib.conditions import study_modulus
-from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.contact import Interface, Load, contact_at_pressure
 from gstlib.coupling.pressures import patch_pressures
 from gstlib.macroscale.active_tool import face_in_pose
 from gstlib.macroscale.composite import compose_grid, draw_mesh_errors, plane_under
@@ -198,8 +198,13 @@ def pressure_intervals(
             y, x = errors.pose_um * 1e-3 * pose.standard_normal(2)
             size_mm = float(face.size_mm)
             over = face_in_pose(counterface, mesh, Place(y, x), size_mm=size_mm)
-        loading = Loading(float(modulus), force_N / area, _TOLERANCE, point)
-        contact = contact_at_pressure(faces_of(height, over), loading, source="macroscale")
+        contact = contact_at_pressure(
+            Interface(height, over),
+            Load(force_N / area, point),
+            modulus=float(modulus),
+            tolerance=_TOLERANCE,
+            source="macroscale",
+        )
         by_patch = patch_pressures(contact.pressure, places, size_mm=patch_mm)
         drawn.append(by_patch.pressure_MPa)
     low, high = np.percentile(drawn, _PERCENTILES, axis=0)

@@ -52,14 +52,18 @@ def patch_pressures(
 
 
 def couple_scales(
-    contact: xr.Dataset, square_contact: xr.Dataset, patches: pd.DataFrame, *, patch_mm: float
+    pressure: xr.DataArray,
+    square_pressure: xr.DataArray,
+    patches: pd.DataFrame,
+    *,
+    patch_mm: float,
 ) -> pd.DataFrame:
     """Pressure of each patch: the macroscale forces in its outline over its area (section 2.3).
 
-    `contact` is that of the stone at rest, `square_contact` that of the square alone on its mean
-    plane, the paper's, and `patch_mm` the side of a patch. The result is that of `patch_pressures`
-    with ``square_pressure_MPa``, the pressure by the square alone.
+    `pressure` (y, x), MPa, is that of the stone in equilibrium; `square_pressure` that of the
+    square alone on its mean plane, the paper's; `patch_mm` is the side of a patch. The result is
+    that of `patch_pressures` with ``square_pressure_MPa``, the pressure by the square alone.
     """
-    pressures = patch_pressures(contact.pressure, patches, size_mm=patch_mm)
-    alone = patch_pressures(square_contact.pressure, patches, size_mm=patch_mm)
+    pressures = patch_pressures(pressure, patches, size_mm=patch_mm)
+    alone = patch_pressures(square_pressure, patches, size_mm=patch_mm)
     return pressures.assign(square_pressure_MPa=alone.pressure_MPa)

@@ -8,7 +8,7 @@ filter): reading a damaged file gives an error, not wrong numbers.
 
 import io
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -155,14 +155,22 @@ class Stored(Mapping):
         By name, such as a patch's, or by several names.
     only : iterable of str, optional
         Variables to read; all by default.
+    then : callable, optional
+        Makes of each dataset what is looked up.
     """
 
-    def __init__(self, files: Mapping[Any, str | Path], only: Iterable[str] | None = None):
+    def __init__(
+        self,
+        files: Mapping[Any, str | Path],
+        only: Iterable[str] | None = None,
+        then: Callable[[xr.Dataset], Any] = lambda dataset: dataset,
+    ):
         self._files, self._only = dict(files), None if only is None else list(only)
+        self._then = then
 
-    def __getitem__(self, name: Any) -> xr.Dataset:
+    def __getitem__(self, name: Any) -> Any:
         _log.info("%s: %s", name, self._files[name])
-        return read_dataset(self._files[name], self._only)
+        return self._then(read_dataset(self._files[name], self._only))
 
     def __contains__(self, name: object) -> bool:
         return name in self._files  # a Mapping's own would read the file

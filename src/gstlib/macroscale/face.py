@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from gstlib.contact import faces_of
+from gstlib.contact import Interface
 from gstlib.errors import InputError
 from gstlib.macroscale.active_tool import (
     SecondStone,
@@ -132,9 +132,9 @@ def grid_macroscale(
     return gridded.assign(found), counterface
 
 
-def square_alone(face: xr.Dataset) -> xr.Dataset:
+def square_alone(face: xr.Dataset) -> Interface:
     """The paper's square: cut out of the face, on its mean plane, against a flat.
 
-    `face` is from `grid_macroscale`, the result that of `gstlib.contact.faces_of`.
+    `face` is from `grid_macroscale`.
     """
-    return faces_of(remove_plane(square_of(face.height, float(face.size_mm)))[0])
+    return Interface.on_flat(remove_plane(square_of(face.height, float(face.size_mm)))[0])

@@ -22,7 +22,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.bem import solve_contact
-from gstlib.contact import Loading, faces_of, from_corner, solved
+from gstlib.contact import Interface, Load, from_corner, log_state, solver_errors
 from gstlib.errors import ConfigError
 from gstlib.io.files import LARGEST_TABLE, check_size
 from gstlib.io.text import other_case
@@ -216,7 +216,7 @@ def press_poses(
     patches : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg``.
     contact_modulus_MPa, tolerance : float
-        As in `gstlib.contact.Loading`.
+        As in `gstlib.contact.Contact`.
     patch_mm : float
         Side of a patch.
     shown : collection of int
@@ -244,12 +244,19 @@ def press_poses(
     area = height.size * float(np.prod(spacing_of(height)))
     for pose in poses.itertuples():
         place = Place(pose.y_mm, pose.x_mm, pose.rotation_deg)
-        faces = faces_of(height, gesture.over(height, place))
-        pressure = pose.force_N / area
+        interface = Interface(height, gesture.over(height, place))
         through = gesture.through[0] + pose.y_mm, gesture.through[1] + pose.x_mm
-        loading = Loading(contact_modulus_MPa, pressure, tolerance, through)
-        load = {"mean_pressure": pressure, "through": from_corner(through, height)}
-        state = solved(solve_contact, faces, loading, "gesture", **load, **start)
+        load = Load(pose.force_N / area, through)
+        with solver_errors("gesture", load):
+            state = solve_contact(
+                *interface.for_solver,
+                contact_modulus_MPa,
+                mean_pressure=load.mean_pressure,
+                through=from_corner(through, height),
+                tolerance=tolerance,
+                **start,
+            )
+        log_state(state)
         start = {"initial_pressure": state.pressure}
         if pose.Index in shown:
             kept[pose.Index] = state.pressure

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import numpy as np
 import scipy
-import xarray as xr
 
+from gstlib.contact import Contact
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.grid import spacing_of
 
@@ -32,14 +32,14 @@ _NEAR = 0.02
 
 
 def contact_doubts(
-    contact: xr.Dataset, *, size_mm: float, patch_mm: float | None = None
+    contact: Contact, *, size_mm: float, patch_mm: float | None = None
 ) -> Iterator[str]:
-    """Sentences about a contact at the macroscale, from `gstlib.contact`; none if it is sound.
+    """Sentences about a contact at the macroscale, as stored; none if it is sound.
 
     `size_mm` is the side of the square; `patch_mm` is that of a patch, if there are any.
     """
-    pressure = contact.pressure.values
-    side = spacing_of(contact)[0] * len(contact.y)
+    pressure, plane = contact.pressure.values, contact.interface.plane
+    side = spacing_of(contact.pressure)[0] * len(contact.pressure.y)
     if (total := pressure.sum()) > 0:
         share = float(pressure[_along_edge(contact)].sum() / total)
         if share > _MOST_AT_EDGE:
@@ -55,7 +55,7 @@ def contact_doubts(
                 "elsewhere; check load.at_mm, the form of the active stone (counterface), and "
                 "square.points_mm"
             )
-    if (tilt := float(np.hypot(contact.slope_y, contact.slope_x))) > _STEEP:
+    if (tilt := float(np.hypot(plane.slope_y, plane.slope_x))) > _STEEP:
         yield (
             f"the stone rests tilted by {1e3 * tilt:.3g} mrad against the mean plane of the "
             "square, whose normal the heights and the force follow: pick square.points_mm again so "
@@ -78,7 +78,7 @@ def contact_doubts(
             "small shift makes the stone roll or tip onto other places: check load.at_mm, and read "
             "the intervals"
         )
-    element = max(spacing_of(contact))
+    element = max(spacing_of(contact.pressure))
     if patch_mm is not None and patch_mm < _FEWEST_ELEMENTS * element:
         yield (
             f"a patch of {patch_mm:g} mm is {patch_mm / element:.1f} elements wide, and "
@@ -86,24 +86,26 @@ def contact_doubts(
         )
 
 
-def _along_edge(contact: xr.Dataset) -> np.ndarray:
+def _along_edge(contact: Contact) -> np.ndarray:
     """Mask (ny, nx) of the elements near the edge of the grid, or of what there is of the stone."""
-    reach = max(1, round(_EDGE * len(contact.y)))
-    there = np.isfinite(contact.height.values + contact.counterface.values)
+    reach = max(1, round(_EDGE * len(contact.pressure.y)))
+    face = contact.interface
+    there = np.isfinite(face.height.values + face.counterface.values)
     inner = scipy.ndimage.binary_erosion(np.pad(there, 1), np.ones((3, 3)), iterations=reach)
     return ~inner[1:-1, 1:-1]
 
 
-def _inside_outline(contact: xr.Dataset) -> float | None:
+def _inside_outline(contact: Contact) -> float | None:
     """How far (mm) the point of force lies inside the convex outline of what touches.
 
     None for a contact on a fixed plane; NaN for one whose outline has no width.
     """
-    place = np.array([float(contact.through_y), float(contact.through_x)])
-    if np.isnan(place).any():
+    if contact.load.through is None:
         return None
+    place = np.array(contact.load.through)
     rows, columns = np.nonzero(contact.pressure.values > 0)
-    touching = np.column_stack([contact.y.values[rows], contact.x.values[columns]])
+    y, x = (contact.pressure[axis].values for axis in "yx")
+    touching = np.column_stack([y[rows], x[columns]])
     try:
         hull = scipy.spatial.ConvexHull(touching)
     except (scipy.spatial.QhullError, ValueError):

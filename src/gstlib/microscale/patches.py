@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -11,11 +12,12 @@ import xarray as xr
 
 from gstlib.bem import solve_contact
 from gstlib.contact import (
-    Loading,
-    along_path,
+    Contact,
+    ContactPath,
+    Interface,
+    Load,
     contact_at_pressure,
     contact_path,
-    faces_of,
     load_path_table,
 )
 from gstlib.coupling.embedding import place_patch, prepare_faces
@@ -46,7 +48,7 @@ class Microscale(NamedTuple):
     Attributes
     ----------
     contact_modulus_MPa, tolerance : float
-        As in `gstlib.contact.Loading`.
+        As in `gstlib.contact.Contact`.
     s_filter_um : float or None
         Nesting index of the S-filter that the scans pass.
     steps : int or None
@@ -69,9 +71,9 @@ def solve_patches(
     *,
     variants: Sequence[str],
     composite: xr.Dataset | None = None,
-    contact: xr.Dataset | None = None,
+    contact: Contact | None = None,
     counterface: xr.DataArray | None = None,
-) -> Iterator[tuple[str, str, xr.Dataset]]:
+) -> Iterator[tuple[str, str, Contact | ContactPath]]:
     """Press patches up to their own pressures, in each variant of the coupling (section 2.4).
 
     Parameters
@@ -91,10 +93,9 @@ def solve_patches(
     Yields
     ------
     patch, variant : str
-    contact : xarray.Dataset
-        Of the first variant that of `gstlib.contact.contact_path` with its
-        `gstlib.microscale.patches.with_interface_stiffness`, of the other that of
-        `gstlib.contact.contact_at_pressure`.
+    contact : ContactPath or Contact
+        Of the first variant with the path to it and the stiffness of the interface, if there are
+        steps.
     """
     if PLACED in variants and (composite is None or contact is None):
         raise ValueError("to be placed, patches need the composite surface and its contact")
@@ -105,17 +106,25 @@ def solve_patches(
             scans[patch].height, counterface, s_filter_um=settings.s_filter_um, source=source
         )
         for variant in variants:
-            faces = faces_of(height, pressed)
             if variant == PLACED and composite is not None and contact is not None:
-                faces = place_patch(height, pressed, composite, contact, patch)
-            target = float(of[_PRESSURES[variant]][patch])
-            loading = Loading(settings.contact_modulus_MPa, target, settings.tolerance)
+                interface = place_patch(height, pressed, composite, contact, patch)
+            else:
+                over = xr.zeros_like(height) if pressed is None else pressed
+                interface = Interface(height, over)
+            load = Load(float(of[_PRESSURES[variant]][patch]))
+            solved = {"modulus": settings.contact_modulus_MPa, "tolerance": settings.tolerance}
             if settings.steps is None or variant != variants[0]:
-                yield patch, variant, contact_at_pressure(faces, loading, source=source)
+                yield (
+                    patch,
+                    variant,
+                    contact_at_pressure(interface, load, source=source, **solved),
+                )
                 continue
             path = contact_path(
-                faces,
-                loading,
+                interface,
+                load,
+                modulus=settings.contact_modulus_MPa,
+                tolerance=settings.tolerance,
                 source=source,
                 steps=settings.steps,
                 maximum_displacement_um=settings.maximum_displacement_um,
@@ -134,27 +143,24 @@ LOAD_PATHS = (
 )
 
 
-def with_interface_stiffness(contact: xr.Dataset) -> xr.Dataset:
-    """A contact with the stiffness of the rough interface alone along its path.
+def with_interface_stiffness(path: ContactPath) -> ContactPath:
+    """A path with the stiffness of the rough interface alone along its path.
 
     A patch is cut out of the stone. Its displacement under a mean pressure has two parts: that of
     the interface, and that of the half-space under a load on the patch alone, which the
     surrounding stone does not share in the computation. The second is the compliance of a flat
     punch of the patch's outline, pressed in with the same solver; compliances in series add. Where
     nothing touches, the stiffness is 0.
-
-    `contact` is from `contact_path`; the result has ``path_interface_stiffness`` (step), MPa/mm.
     """
-    height = contact.height
-    punch = _punch_stiffness(height.shape, spacing_of(height), float(contact.contact_modulus))
-    stiffness = contact.path_stiffness.values
+    height, stiffness = path.final.interface.height, path.stiffness
+    punch = _punch_stiffness(height.shape, spacing_of(height), path.final.modulus)
     alone = np.divide(
         punch * stiffness,
         punch - stiffness,
         out=np.full_like(stiffness, np.inf),
         where=stiffness < punch,
     )
-    return contact.assign(along_path({"interface_stiffness": alone}))
+    return replace(path, interface_stiffness=alone)
 
 
 @lru_cache
@@ -170,7 +176,7 @@ def _punch_stiffness(
 def microscale_tables(contacts: Mapping[str, xr.Dataset]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The state of each patch at its own pressure, and its load path.
 
-    `contacts` are those of `gstlib.microscale.patches.solve_patches` by patch, with their paths.
+    `contacts` are those of `solve_patches` by patch, as stored (`ContactPath.to_dataset`).
     The residual is rounded up to a power of ten: its digits are rounding, which differs from
     processor to processor.
     """

@@ -14,7 +14,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.bem import solve_contact
-from gstlib.contact import Loading, solved
+from gstlib.contact import Contact, log_state, solver_errors
 from gstlib.errors import ConfigError
 from gstlib.io.results import columns_of
 
@@ -63,7 +63,7 @@ Row = tuple[str, str, str, str, float]
 
 
 def solve_slip(
-    contact: xr.Dataset,
+    contact: Contact,
     *,
     friction: float,
     tangential_ratio: float,
@@ -78,8 +78,8 @@ def solve_slip(
 
     Parameters
     ----------
-    contact : xarray.Dataset
-        Of two faces at one load, from `gstlib.contact`; it is pressed as it was.
+    contact : Contact
+        It is pressed as it was.
     friction : float
         Coulomb's μ, > 0.
     tangential_ratio : float
@@ -106,17 +106,18 @@ def solve_slip(
     The tangential over the normal compliance: K. L. Johnson, *Contact Mechanics* (1985), §7.2.
     """
     pressure, remaining = contact.pressure.values, 1 - tangential_ratio
-    reduced = solved(
-        solve_contact,
-        contact,
-        Loading.of(contact),
-        source,
-        mean_pressure=remaining * float(contact.mean_pressure),
-        initial_pressure=remaining * pressure,
-    )
+    with solver_errors(source, contact.load):
+        reduced = solve_contact(
+            *contact.interface.for_solver,
+            contact.modulus,
+            mean_pressure=remaining * contact.mean_pressure,
+            initial_pressure=remaining * pressure,
+            tolerance=contact.tolerance,
+        )
+    log_state(reduced)
     stick = reduced.contact & (pressure > 0)
     compliance_ratio = (2 - poisson) / (2 * (1 - poisson))
-    descent = float(contact.displacement) - reduced.displacement
+    descent = contact.displacement - reduced.displacement
     found = {
         "traction": friction * (pressure - reduced.pressure),
         "stick": stick,
@@ -127,7 +128,7 @@ def solve_slip(
 
 
 def solve_ceiling(
-    contact: xr.Dataset, *, hardness_MPa: float, source: str | Path = "patch"
+    contact: Contact, *, hardness_MPa: float, source: str | Path = "patch"
 ) -> xr.Dataset:
     """A solved contact solved again with a ceiling on its pressure, at the same mean pressure.
 
@@ -143,22 +144,22 @@ def solve_ceiling(
         depth of the yield; ``displacement`` mm, ``ceiling_share`` (of the contact), ``residual``
         and ``hardness`` MPa.
     """
-    loading = Loading.of(contact)
-    state = solved(
-        solve_contact,
-        contact,
-        loading,
-        source,
-        mean_pressure=loading.target_pressure_MPa,
-        pressure_limit=hardness_MPa,
-    )
+    with solver_errors(source, contact.load):
+        state = solve_contact(
+            *contact.interface.for_solver,
+            contact.modulus,
+            mean_pressure=contact.load.mean_pressure,
+            pressure_limit=hardness_MPa,
+            tolerance=contact.tolerance,
+        )
+    log_state(state)
     names = "pressure", "gap", "displacement", "ceiling_share", "residual"
     found = {name: getattr(state, name) for name in names}
     return _on_grid_of(contact, found | {"hardness": hardness_MPa})
 
 
 def patch_rows(
-    contacts: Mapping[str, xr.Dataset],
+    contacts: Mapping[str, Contact],
     *,
     grinding: Mapping[str, float] | None,
     hardness_MPa: float | None,
@@ -167,7 +168,7 @@ def patch_rows(
 
     Parameters
     ----------
-    contacts : mapping of str to xarray.Dataset
+    contacts : mapping of str to Contact
         By patch; each is looked up once.
     grinding : mapping, optional
         The arguments ``friction``, ``tangential_ratio`` and ``poisson`` of `solve_slip`; without
@@ -202,7 +203,7 @@ def slip_rows(patch: str, slip: xr.Dataset) -> Iterator[Row]:
     yield _GRINDING, patch, "tangential displacement", "um", displacement * 1e3
 
 
-def ceiling_rows(patch: str, contact: xr.Dataset, limited: xr.Dataset) -> Iterator[Row]:
+def ceiling_rows(patch: str, contact: Contact, limited: xr.Dataset) -> Iterator[Row]:
     """One patch without and with a ceiling on its pressure, from its contact and `solve_ceiling`.
 
     Without contact, the share at the ceiling is 0.
@@ -210,7 +211,7 @@ def ceiling_rows(patch: str, contact: xr.Dataset, limited: xr.Dataset) -> Iterat
     elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
     at_ceiling = limited.pressure.values >= float(limited.hardness)
     deepest = float(np.max(-limited.gap.values[at_ceiling], initial=0.0))
-    yield _STUDY, patch, "displacement", "um", float(contact.displacement) * 1e3
+    yield _STUDY, patch, "displacement", "um", contact.displacement * 1e3
     yield _STUDY, patch, "contact fraction", "1", float(elastic.mean())
     yield _STUDY, patch, "peak pressure", "MPa", float(contact.pressure.max())
     yield _CEILING, patch, "displacement", "um", float(limited.displacement) * 1e3
@@ -248,11 +249,11 @@ def check_ceiling(pressures: pd.DataFrame, hardness_MPa: float) -> None:
         )
 
 
-def _on_grid_of(contact: xr.Dataset, found: Mapping) -> xr.Dataset:
+def _on_grid_of(contact: Contact, found: Mapping) -> xr.Dataset:
     """Fields (y, x) and numbers of a case, with their units."""
     variables = {}
     for name, value in found.items():
         units, long_name = _VARIABLES[name]
         dims = ("y", "x") if np.ndim(value) else ()
         variables[name] = (dims, value, {"units": units, "long_name": long_name})
-    return xr.Dataset(variables, coords={"y": contact.y, "x": contact.x})
+    return xr.Dataset(variables, coords={"y": contact.pressure.y, "x": contact.pressure.x})

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gstlib.bem import Layer, ThirdBody, wear_path
-from gstlib.contact import Loading, contact_at_pressure, faces_of
+from gstlib.contact import Interface, Load, contact_at_pressure
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.surfaces.grid import axis_coordinates, make_surface
 from gstlib.validation.single_scale import placed_whole
@@ -42,15 +42,13 @@ def worn_by_law(stone: "Stone", mean_loss: float, *, with_mat: bool) -> np.ndarr
     along = axis_coordinates(_ELEMENTS + 2 * _AROUND, spacing) - _AROUND * spacing
     face = face.assign_coords({axis: face[axis].copy(data=along) for axis in "yx"})
     through = size_mm / 2 + _OFF_MIDDLE_MM[0], size_mm / 2 + _OFF_MIDDLE_MM[1]
-    loading = Loading.by_force(
-        _PRESSURE_MPA * size_mm**2,
-        through,
-        face,
-        contact_modulus_MPa=_CONTACT_MODULUS_MPA,
+    contact = contact_at_pressure(
+        Interface(face, rounded_counterface(face, _RADIUS_MM, through)),
+        Load.of_force(_PRESSURE_MPA * size_mm**2, face, through),
+        modulus=_CONTACT_MODULUS_MPA,
         tolerance=_TOLERANCE,
+        source="specimen",
     )
-    faces = faces_of(face, rounded_counterface(face, _RADIUS_MM, through))
-    contact = contact_at_pressure(faces, loading, source="specimen")
 
     whole = make_surface(stone.macroscale(stone.grid, stone.grid) + stone.detail, stone.spacing)
     whole = whole.assign_coords({axis: whole[axis].copy(data=stone.grid) for axis in "yx"})

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.contact import laid_height
+from gstlib.contact import Contact
 from gstlib.io.results import columns_of
 from gstlib.surfaces.grid import spacing_of
 from gstlib.validation.baselines import CEILING, RIVALS, Others, rival_depths
@@ -64,7 +64,7 @@ def other_patches(
     pressures: pd.DataFrame,
     registration: pd.DataFrame,
     fitted: Sequence[str],
-    contacts: Mapping[str, xr.Dataset],
+    contacts: Mapping[str, Contact],
     changes: Mapping[str, xr.Dataset],
 ) -> Others:
     """What the rivals know of the patches that the prediction is `fitted` to.
@@ -79,14 +79,14 @@ def other_patches(
     )
     depths = {}
     for patch in fitted:
-        height = laid_height(contacts[patch]).values
+        height = contacts[patch].interface.laid.values
         depths[patch] = height.max() - height[np.isfinite(changes[patch].change.values)]
     return Others.of(table.loc[list(fitted)], depths)
 
 
 def judge_patch(
     patch: str,
-    contact: xr.Dataset,
+    contact: Contact,
     change: xr.Dataset,
     predicted: xr.Dataset,
     others: Others,
@@ -100,9 +100,9 @@ def judge_patch(
     ----------
     patch : str
         Its id.
-    contact : xarray.Dataset
+    contact : Contact
         The patch's before use: ``pressure`` (y, x) in MPa, and its heights, which
-        the rivals see as the patch lies on the stone (`gstlib.contact.laid_height`).
+        the rivals see as the patch lies on the stone (`gstlib.contact.Interface.laid`).
     change : xarray.Dataset
         As from `gstlib.change.change.height_change`.
     predicted : xarray.Dataset
@@ -117,7 +117,7 @@ def judge_patch(
     valid = np.isfinite(change.change.values)
     lost, level = -change.change.values[valid], change.level_of_detection.values[valid]
     loss = change.loss.values.astype(bool) & valid
-    laid = laid_height(contact).values
+    laid = contact.interface.laid.values
     height = laid[valid]
     own = {
         str(depth.model.values): seen_depth(depth.values[valid]) for depth in predicted.depth

@@ -15,7 +15,7 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.contact import Loading, contact_at_pressure, faces_of, laid_height, pressed_height
+from gstlib.contact import Contact, Interface, Load, contact_at_pressure
 from gstlib.coupling.embedding import placed_faces
 from gstlib.coupling.placement import ALL
 from gstlib.io.results import columns_of
@@ -77,7 +77,7 @@ def composite_heights(
 
 
 def press_whole(
-    heights: xr.DataArray, contact: xr.Dataset, *, source: str | Path = "reference"
+    heights: xr.DataArray, contact: Contact, *, source: str | Path = "reference"
 ) -> xr.Dataset:
     """One contact of the whole square at the scans' resolution, in the stone at rest.
 
@@ -87,13 +87,18 @@ def press_whole(
     its plane, and ``pressure`` MPa (y, x), in single precision.
     """
     pressed, pressure_MPa = placed_whole(heights, contact)
-    loading = Loading(float(contact.contact_modulus), pressure_MPa, _TOLERANCE)
-    found = contact_at_pressure(faces_of(pressed), loading, source=source)
+    found = contact_at_pressure(
+        Interface.on_flat(pressed),
+        Load(pressure_MPa),
+        modulus=contact.modulus,
+        tolerance=_TOLERANCE,
+        source=source,
+    ).to_dataset()
     level = remove_plane(heights)[0].assign_attrs(heights.attrs)
     return found.assign(height=level)[["height", "pressure"]].astype(np.float32)
 
 
-def placed_whole(heights: xr.DataArray, contact: xr.Dataset) -> tuple[xr.DataArray, float]:
+def placed_whole(heights: xr.DataArray, contact: Contact) -> tuple[xr.DataArray, float]:
     """The square as it lies in the stone at rest, and its share of the force.
 
     Parameters as in `press_whole`. The result is the surface (y, x), mm, to press on a flat: on the
@@ -104,9 +109,11 @@ def placed_whole(heights: xr.DataArray, contact: xr.Dataset) -> tuple[xr.DataArr
     # a generated surface begins at its own first element, less than one from the corner
     middle = Place(*(float(heights[axis].mean()) for axis in "yx"))
     # one map in place of four: of so many points each takes memory
-    pressed = pressed_height(placed_faces(heights, None, contact, middle, size_mm=size))
+    pressed = placed_faces(heights, None, contact, middle, size_mm=size).pressed
     inside = footprint_weights(contact.pressure, middle, size)
-    force = float((contact.pressure.values * inside).sum() * np.prod(spacing_of(contact)))
+    force = float(
+        (contact.pressure.values * inside).sum() * np.prod(spacing_of(contact.pressure))
+    )
     return pressed, force / size**2
 
 
@@ -153,13 +160,13 @@ def patches_of_reference(
 
 
 def two_scales_table(
-    contacts: Mapping[str, Mapping[str, xr.Dataset]], reference: xr.Dataset
+    contacts: Mapping[str, Mapping[str, Contact]], reference: xr.Dataset
 ) -> pd.DataFrame:
     """Contact of the patches against the single-scale contact, by variant.
 
     Parameters
     ----------
-    contacts : mapping of str to mapping of str to xarray.Dataset
+    contacts : mapping of str to mapping of str to Contact
         By variant, the patches' contacts; each is looked up once.
     reference : xarray.Dataset
         From `patches_of_reference`, by ``draw``.
@@ -180,7 +187,7 @@ def two_scales_table(
         for patch, contact in of_patches.items():
             at = reference.sel(patch=patch)
             true = at.contact.values
-            order = np.argsort(-laid_height(contact).values, axis=None, kind="stable")
+            order = np.argsort(-contact.interface.laid.values, axis=None, kind="stable")
             highest = np.zeros_like(true)
             for mask, draw in zip(highest, true, strict=True):
                 mask.flat[order[: draw.sum()]] = True
@@ -188,7 +195,7 @@ def two_scales_table(
             for mask, found in zip((touching, highest), counts.values(), strict=True):
                 of = (mask & true).sum(), mask.sum(), true.sum(), true.size
                 found.append(np.array(of))
-            pressure = float(contact.mean_pressure)
+            pressure = contact.mean_pressure
             known.append((patch, pressure, float(at.pressure.mean())))
         known.append((ALL, np.nan, np.nan))
         for name, found in counts.items():

@@ -20,6 +20,7 @@ import pandas as pd
 import scipy
 import xarray as xr
 
+from gstlib.contact import Contact
 from gstlib.io.results import columns_of
 from gstlib.validation.baselines import CEILING, RIVALS
 from gstlib.validation.inference import (
@@ -229,7 +230,7 @@ def _worst(table: pd.DataFrame, expected: Sequence[str], column: str) -> _Row:
 
 
 def judge_wear(
-    contacts: Mapping[str, xr.Dataset],
+    contacts: Mapping[str, Contact],
     changes: Mapping[str, xr.Dataset],
     predicted: Mapping[str, xr.Dataset],
     pressures: pd.DataFrame,
@@ -245,7 +246,7 @@ def judge_wear(
 
     Parameters
     ----------
-    contacts, changes, predicted : mapping of str to xarray.Dataset
+    contacts, changes, predicted : mapping
         By patch: contact before use, height change, and the result of `gstlib.wear.fit.wear_map`,
         of which there are none where no wear is predicted.
     pressures, registration : pandas.DataFrame

@@ -34,8 +34,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import Layer, ThirdBody, solve_contact, wear_path
-from gstlib.contact import Loading, solved
+from gstlib.bem import Layer, ThirdBody, WearPath, solve_contact, wear_path
+from gstlib.contact import Contact, log_state, solver_errors
 from gstlib.coupling.embedding import surroundings
 from gstlib.coupling.pressures import patch_pressures
 from gstlib.errors import InputError
@@ -49,6 +49,7 @@ __all__ = [
     "Mat",
     "WornSquare",
     "seen_depth",
+    "wear_contact",
     "wear_patch",
     "wear_square",
 ]
@@ -120,7 +121,7 @@ class WornSquare(NamedTuple):
 
 
 def wear_square(
-    contact: xr.Dataset,
+    contact: Contact,
     pressures: pd.DataFrame,
     losses_um: Mapping[str, float],
     *,
@@ -133,7 +134,7 @@ def wear_square(
 
     Parameters
     ----------
-    contact : xarray.Dataset
+    contact : Contact
         The face's at the target load.
     pressures : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg`` of every patch, and ``pressure_MPa`` before use.
@@ -193,15 +194,35 @@ def wear_square(
     return WornSquare(path, None if mat is None else Mat(mat, _under_mat(contact, mat)))
 
 
-def _under_mat(contact: xr.Dataset, mat: Layer) -> xr.DataArray:
+def wear_contact(contact: Contact, source: str, **options: Any) -> WearPath:
+    """Wear the interface of a contact, with the `options` of `gstlib.bem.wear_path`."""
+    with solver_errors(source, contact.load):
+        path = wear_path(
+            *contact.interface.for_solver,
+            contact.modulus,
+            tolerance=contact.tolerance,
+            **options,
+        )
+    log_state(path.final)
+    return path
+
+
+def _under_mat(contact: Contact, mat: Layer) -> xr.DataArray:
     """Pressure (y, x) on the square under a mat before use, MPa."""
-    load = {"mean_pressure": float(contact.pressure.mean()), "layer": mat}
-    state = solved(solve_contact, contact, Loading.of(contact), "macroscale", **load)
+    with solver_errors("macroscale", contact.load):
+        state = solve_contact(
+            *contact.interface.for_solver,
+            contact.modulus,
+            mean_pressure=float(contact.pressure.mean()),
+            layer=mat,
+            tolerance=contact.tolerance,
+        )
+    log_state(state)
     return contact.pressure.copy(data=state.pressure)
 
 
 def _pressed(
-    contact: xr.Dataset,
+    contact: Contact,
     table: pd.DataFrame,
     kappa: float,
     ratio: float,
@@ -219,19 +240,19 @@ def _pressed(
         "third_body": ThirdBody(mat, share, target) if mat else None,
         "keep_states": True,
     }
-    path = solved(wear_path, contact, Loading.of(contact), "macroscale", **options)
+    path = wear_contact(contact, "macroscale", **options)
     pressed = np.zeros((len(_BODIES), steps + 1, len(table)))
     for body, states in enumerate(zip(*path.states, strict=True)):
         in_steps = []
         for state in states:
-            field = contact.height.copy(data=state.pressure)
+            field = contact.pressure.copy(data=state.pressure)
             in_steps.append(patch_pressures(field, table, size_mm=patch_mm).pressure_MPa)
         pressed[body, 1:] = kappa / steps * np.cumsum(in_steps, axis=0)
     return _path(np.linspace(0, kappa, steps + 1), pressed, table)
 
 
 def _pressed_in_poses(
-    contact: xr.Dataset,
+    contact: Contact,
     gesture: Gesture,
     table: pd.DataFrame,
     kappa: float,
@@ -242,16 +263,15 @@ def _pressed_in_poses(
 
     The exposure takes the place of the pressure, in units in which its mean is the mean pressure.
     """
-    target, height = float(contact.pressure.mean()), contact.height
-    loading = Loading.of(contact)
+    target, height = float(contact.pressure.mean()), contact.interface.height
     pressed = np.zeros((len(_BODIES), steps + 1, len(table)))
     for step in range(steps):
         batch = press_poses(
             height,
             gesture,
             table,
-            contact_modulus_MPa=loading.contact_modulus_MPa,
-            tolerance=loading.tolerance,
+            contact_modulus_MPa=contact.modulus,
+            tolerance=contact.tolerance,
             patch_mm=patch_mm,
         )
         found = exposure([batch])
@@ -280,7 +300,7 @@ def seen_depth(depth: np.ndarray) -> np.ndarray:
 
 
 def wear_patch(
-    contact: xr.Dataset,
+    contact: Contact,
     worn: WornSquare,
     patch: str,
     *,
@@ -292,7 +312,7 @@ def wear_patch(
 
     Parameters
     ----------
-    contact : xarray.Dataset
+    contact : Contact
         The patch's, before use.
     worn : WornSquare
     patch : str
@@ -313,15 +333,15 @@ def wear_patch(
     kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
     lost, options = _driven(contact, worn, patch, ratio, kappa)
     if not lost > 0:
-        return np.zeros(contact.height.shape)
+        return np.zeros(contact.pressure.shape)
     source = f"patch {patch}"
     if hardness_MPa is not None:
         options = _bounded(options, ratio, hardness_MPa)
-    return solved(wear_path, contact, Loading.of(contact), source, **options).depth
+    return wear_contact(contact, source, **options).depth
 
 
 def _driven(
-    contact: xr.Dataset, worn: WornSquare, patch: str, ratio: float, kappa: float
+    contact: Contact, worn: WornSquare, patch: str, ratio: float, kappa: float
 ) -> tuple[float, dict]:
     """Mean loss (mm) of a patch at a κ, and the settings of `wear_path` that lead to it."""
     at, steps = worn.path.sel(patch=patch, ratio=ratio), worn.path.sizes["step"] - 1
@@ -351,16 +371,17 @@ def _bounded(options: dict, ratio: float, hardness_MPa: float) -> dict:
     return options | bounded | {"mean_loss": options["mean_loss"] * borne / asked}
 
 
-def _lowered(contact: xr.Dataset, at: xr.Dataset, mat: Mat) -> np.ndarray | float:
+def _lowered(contact: Contact, at: xr.Dataset, mat: Mat) -> np.ndarray | float:
     """How much lower (mm) the surroundings under a mat put a patch than those of the bare stone."""
-    if not contact.placed:
+    around = contact.interface.surroundings
+    if around is None:
         return 0.0
     under_mat = surroundings(
         mat.pressure,
         Place.of(at),
-        contact.height.shape,
+        around.shape,
         size_mm=float(at.patch_mm),
-        contact_modulus_MPa=float(contact.contact_modulus),
+        contact_modulus_MPa=contact.modulus,
         layer=mat.layer,
     )
-    return under_mat - contact.surroundings.values
+    return under_mat - around

@@ -8,6 +8,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.bem import Layer
+from gstlib.contact import Contact
 from gstlib.errors import InputError
 from gstlib.macroscale.gesture import Gesture
 from gstlib.wear.archard import BARE, MAT, YIELDING, WornSquare, wear_patch, wear_square
@@ -18,7 +19,7 @@ _log = logging.getLogger(__name__)
 
 
 def wear_stone(
-    contact: xr.Dataset,
+    contact: Contact,
     pressures: pd.DataFrame,
     registration: pd.DataFrame,
     *,
@@ -60,7 +61,7 @@ def wear_stone(
 
 
 def wear_map(
-    contact: xr.Dataset,
+    contact: Contact,
     worn: WornSquare,
     fitted: xr.Dataset | None,
     patch: str,
@@ -71,7 +72,7 @@ def wear_map(
 
     Parameters
     ----------
-    contact : xarray.Dataset
+    contact : Contact
         The patch's contact before use.
     worn : WornSquare
     fitted : xarray.Dataset or None
@@ -102,5 +103,5 @@ def wear_map(
     described = {"units": "mm", "long_name": "predicted height loss"}
     return xr.Dataset(
         {"depth": (("model", "y", "x"), depth, described)},
-        coords={"model": list(found), "y": contact.y, "x": contact.x},
+        coords={"model": list(found), "y": contact.pressure.y, "x": contact.pressure.x},
     )

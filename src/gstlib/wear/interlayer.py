@@ -6,15 +6,14 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import wear_path
-from gstlib.contact import Loading, solved
-from gstlib.wear.archard import WornSquare, _driven, seen_depth
+from gstlib.contact import Contact
+from gstlib.wear.archard import WornSquare, _driven, seen_depth, wear_contact
 
 __all__ = ["fit_mat", "mat_misfits"]
 
 
 def mat_misfits(
-    contact: xr.Dataset, change: xr.Dataset, worn: WornSquare, patch: str
+    contact: Contact, change: xr.Dataset, worn: WornSquare, patch: str
 ) -> xr.Dataset:
     """How a patch's wear compares with its measured loss, by ratio, along the path of the square.
 
@@ -25,17 +24,17 @@ def mat_misfits(
         (ratio, step): sum over the points of (predicted − measured loss)², mm²; ``product`` (ratio,
         step): that of the errors of a step and the next.
     """
-    known, loading = np.isfinite(change.change.values), Loading.of(contact)
+    known = np.isfinite(change.change.values)
     lost = -change.change.values[known]
     steps = worn.path.sizes["step"] - 1
     found = np.zeros((3, len(worn.path.ratio), steps + 1))
     for row, ratio in enumerate(worn.path.ratio.values):
         kappa = float(worn.path.kappa.sel(ratio=ratio)[-1])
         total, options = _driven(contact, worn, patch, ratio, kappa)
-        depths = np.zeros((steps, *contact.height.shape))
+        depths: np.ndarray | tuple = np.zeros((steps, *contact.pressure.shape))
         if total > 0:
             options["keep_depths"] = True
-            depths = solved(wear_path, contact, loading, f"patch {patch}", **options).depths
+            depths = wear_contact(contact, f"patch {patch}", **options).depths
         before = -lost
         found[1, row, 0] = before @ before
         for step, depth in enumerate(depths, start=1):
@@ -59,7 +58,7 @@ def mat_misfits(
 
 
 def fit_mat(
-    worn: WornSquare, contacts: Mapping[str, xr.Dataset], changes: Mapping[str, xr.Dataset]
+    worn: WornSquare, contacts: Mapping[str, Contact], changes: Mapping[str, xr.Dataset]
 ) -> xr.Dataset:
     """Find the mat's coefficient, over the bare stone's, that fits the maps of loss best.
 
@@ -70,7 +69,7 @@ def fit_mat(
     ----------
     worn : WornSquare
         With a mat.
-    contacts, changes : mapping of str to xarray.Dataset
+    contacts, changes : mapping
         Contact before use and height change of each patch that lost height, by patch; each is
         looked up once.
 

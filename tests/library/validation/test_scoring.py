@@ -1,6 +1,7 @@
 """One patch, from its maps to its rows: agreement, errors, chance, and what is not tested."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -94,7 +95,7 @@ def test_scans_see_what_a_patch_loses_beyond_its_median(patch):
 
 def test_the_study_s_own_prediction_is_that_with_the_mat(patch):
     contact, change, predicted = patch
-    own, none = predicted.depth.values[0], np.zeros(contact.height.shape)
+    own, none = predicted.depth.values[0], np.zeros(contact.pressure.shape)
     found = judged((contact, change, map_of(none, mat=own, yielding=none)))
     assert found.row["mcc"] == table(found).mcc["mat"] > 0.3
     assert table(found).mcc["archard"] == 0
@@ -141,7 +142,7 @@ def test_what_cannot_be_tested_against_chance_says_so(patch, case):
 
 def test_the_profile_is_the_mean_loss_of_quarters_of_the_points(patch):
     contact, change, _ = patch
-    height, known = contact.height.values, np.isfinite(change.change.values)
+    height, known = contact.interface.height.values, np.isfinite(change.change.values)
     cut = np.maximum(height - np.quantile(height[known], 0.8), 0)
     found = judged((contact, change, map_of(cut)))
     bands = pd.DataFrame(found.bands, columns=columns_of("wear_profile"))
@@ -183,7 +184,8 @@ def test_a_rival_knows_the_summit_of_the_patch_and_not_its_loss(patch):
     own = table(judged(patch, "8")).drop(columns="patch")
     without = table(judged(patch, others=OTHERS.without("8"))).drop(columns="patch")
     pd.testing.assert_frame_equal(own, without)
-    spike = contact.copy(deep=True)
-    spike.height[5, 65] = 0.02  # where the change is not known
+    height = contact.interface.height.copy()
+    height[5, 65] = 0.02  # where the change is not known
+    spike = replace(contact, interface=replace(contact.interface, height=height))
     far = table(judged((spike, change, predicted)))
     assert far.predicted_volume_um3["rigid"] == 0 < own.predicted_volume_um3["rigid"]
