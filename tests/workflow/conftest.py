@@ -14,9 +14,10 @@ import pytest
 import yaml
 from filelock import FileLock
 from gst.config import read_config
+from gst.tables import write_table
 from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_pressures, read_table, write_table
+from gstlib.io.tables import read_pressures, read_table
 from gstlib.study import Study as InMemory
 from sweep import study_of
 

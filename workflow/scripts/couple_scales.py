@@ -5,10 +5,10 @@ from pathlib import Path
 import pandas as pd
 
 from gst.logs import run_script
+from gst.tables import write_table
 from gstlib.contact import Loading, contact_at_pressure
 from gstlib.coupling.pressures import couple_scales
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import write_table
 from gstlib.macroscale.face import square_alone
 
 

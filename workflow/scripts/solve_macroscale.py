@@ -5,9 +5,9 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
+from gst.tables import write_table
 from gstlib.contact import Loading, contact_path, faces_of
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.io.tables import write_table
 from gstlib.macroscale.equilibrium import macroscale_table
 from gstlib.macroscale.face import square_alone
 from gstlib.macroscale.plausibility import contact_doubts
