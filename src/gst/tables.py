@@ -13,7 +13,7 @@ from gstlib.io.tables import SIGNIFICANT_DIGITS
 
 __all__ = ["TABLES", "Column", "Table", "columns_of", "write_table"]
 
-SCHEMA = ROOT / "workflow/schemas/tables.yaml"
+_SCHEMA = ROOT / "workflow/schemas/tables.yaml"
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def _read(name: str, columns: dict[str, Any], **rest: Any) -> Table:
 def _read_schema() -> dict[str, Table]:
     # libyaml's loader, where there is one, takes a tenth of the time
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    content = yaml.load(SCHEMA.read_text(encoding="utf-8"), loader)
+    content = yaml.load(_SCHEMA.read_text(encoding="utf-8"), loader)
     return {name: _read(name, **said) for name, said in content.items()}
 
 
@@ -82,7 +82,7 @@ def write_table(path: str | Path, table: pd.DataFrame) -> None:
         table = pd.DataFrame(columns=expected)
     if list(table) != expected:
         raise ValueError(
-            f"{path} would have the columns {', '.join(table)}; {SCHEMA.name} lists "
+            f"{path} would have the columns {', '.join(table)}; {_SCHEMA.name} lists "
             f"{', '.join(expected)}"
         )
     tables.write_table(path, table, {name: columns[name].digits for name in expected})
