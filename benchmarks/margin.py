@@ -35,7 +35,7 @@ import yaml
 from commands import snakemake_command
 
 from gst.difference import compare_results
-from gstlib.io.results import Column
+from gst.tables import TABLES
 from gstlib.io.tables import ALL_DIGITS, printed
 
 ROOT = Path(__file__).parents[1]
@@ -67,11 +67,11 @@ def margins(before: Path, after: Path) -> Iterator[dict[str, object]]:
     """A row for each table of two result folders."""
     changes = compare_results(before, after)
     for file in sorted((before / "tables").glob("*.csv")):
-        of_table = changes[changes.table == file.name]
+        of_table, columns = changes[changes.table == file.name], TABLES[file.stem].columns
         numbers = of_table.dropna(subset="relative")
         moved, changed = [], len(of_table) - len(numbers)
         for change in numbers.itertuples():
-            digits = Column(change.column, "").digits
+            digits = columns[change.column].digits
             one, other = float(change.before), float(change.after)
             moved.append(abs(other - one) / last_unit(max(one, other, key=abs), digits))
             changed += printed(one, digits) != printed(other, digits)

@@ -26,7 +26,7 @@ from power import CONFIG as OF_SPECIMENS
 from scipy.stats import binomtest
 
 from gst.config import config_problems
-from gstlib.io.results import columns_of
+from gst.tables import columns_of
 from gstlib.io.tables import read_table
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.stone import Stone

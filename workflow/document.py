@@ -1,12 +1,13 @@
 """Write the parts of the documents that are generated from the code.
 
-README.md: the tables of results, from `gstlib.io.results`; workflow/report/tables: their captions.
+docs/tables.md: the tables of results, from their schema; workflow/report/tables: their captions.
 config/README.md: the tables of keys, from the JSON schemas. docs/assumptions.md: the modelling
 choices marked ``# ASSUME:`` in the code. docs/reference.md: what `gst --help` says. With --check,
 write nothing, and end with exit code 1 if the documents are out of date.
 """
 
 import argparse
+import itertools
 import re
 import textwrap
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ import yaml
 
 from gst.cli import main as gst
 from gst.config import resolved
-from gstlib.io.results import TABLES, Column, Table
+from gst.tables import TABLES, Column, Table
 
 ROOT = Path(__file__).parents[1]
 # A comment that begins with ASSUME, and the comment lines that continue it.
@@ -106,28 +107,32 @@ def commands() -> Iterator[str]:
 
 
 def results() -> Iterator[str]:
-    """The tables of results, a row each."""
-    yield "| in `results/tables/` | what it holds |\n|---|---|"
-    for name, listed in TABLES.items():
-        if listed.folder == "tables":
-            only = f" ({listed.only})" if listed.only else ""
-            yield f"| `{name}.csv` | {listed.title}{only} |"
+    """The tables of results by stage, each with its columns."""
+    for stage, listed in itertools.groupby(TABLES.values(), lambda one: one.stage):
+        yield f"## {stage}"
+        for one in listed:
+            only = f" ({one.only})" if one.only else ""
+            yield f"### `{one.file}`\n\n{one.title[0].upper()}{one.title[1:]}{only}."
+            rows = ["| column | unit | what it is |", "|---|---|---|"]
+            for name, column in one.columns.items():
+                key = "**" if name in one.key else ""
+                maybe = " (not always there)" if column.optional else ""
+                rows.append(f"| {key}`{name}`{key} | {column.unit} | {column.meaning}{maybe} |")
+            yield "\n".join(rows)
 
 
 def caption(listed: Table) -> str:
     """The caption of a table of results, with a line for each column; for Snakemake's report."""
-    text = textwrap.fill(
-        " ".join(listed.caption.split()), 110, break_long_words=False, break_on_hyphens=False
-    )
-    columns = "\n".join(map(described, listed.columns))
-    source = "{# made by `make docs` from src/gstlib/io/results.py #}"
+    text = textwrap.fill(listed.caption, 110, break_long_words=False, break_on_hyphens=False)
+    columns = "\n".join(itertools.starmap(described, listed.columns.items()))
+    source = "{# made by `make docs` from workflow/schemas/tables.yaml #}"
     return f"{source}\n{{% set config = snakemake.config %}}\n{text}\n\n{columns}\n"
 
 
-def described(column: Column) -> str:
+def described(name: str, column: Column) -> str:
     """What is said of a column under its table."""
     unit = f" ({column.unit})" if column.unit else ""
-    return f"- ``{column.name}``{unit}: {column.meaning}."
+    return f"- ``{name}``{unit}: {column.meaning}."
 
 
 def filled(document: str, parts: dict[str, str]) -> str:
@@ -149,8 +154,8 @@ def main() -> None:
         for name in ("config", "patches")
     )
     documents = {
-        "README.md": {"results": "\n".join(results())},
         "config/README.md": {"config": config_table(config), "patches": table(patches)},
+        "docs/tables.md": {"tables": "\n\n".join(results())},
         "docs/assumptions.md": {"assumptions": "\n".join(assumptions())},
         "docs/reference.md": {
             "commands": "\n\n".join(f"```\n{text}\n```" for text in commands())

@@ -1,8 +1,8 @@
 """What changed between two result folders: tables by row and column, and their provenance.
 
-A row is identified by its columns that name what it is about: as few, in the order of the table, as
-make it unique in both tables. Tables from another config may therefore have additional or
-missing rows; the rest is still compared.
+A row is identified by the key of its table, as the schema gives it (`gst.tables`). Tables from
+another config may therefore have additional or missing rows; the rest is still compared. A table
+that the schema does not list, or whose key does not tell its rows apart, is compared row by row.
 """
 
 import json
@@ -11,13 +11,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from gst.tables import TABLES
 from gstlib.errors import InputError
 
 __all__ = ["compare_results", "describe_changes"]
 
-# Columns that name what a row is about; where they tell all rows apart, they are its key.
-_KEYS = {"key", "patch", "place", "epoch", "model", "statistic", "against", "variant", "case"}
-_KEYS |= {"score", "quantity", "stage", "step", "band"}
+_PROVENANCE = "provenance"
 
 
 def compare_results(
@@ -49,7 +48,7 @@ def compare_results(
     changes: list[tuple] = []
     for name in sorted({*old, *new}):
         if name in old and name in new:
-            changes += [(name, *change) for change in _changes(old[name], new[name])]
+            changes += [(name, *change) for change in _changes(name, old[name], new[name])]
         else:
             there = ("present" if name in side else "" for side in (old, new))
             changes.append((name, "", "", *there))
@@ -96,20 +95,22 @@ def _read_tables(folder: Path) -> dict[str, pd.DataFrame]:
         raise InputError(folder, f"cannot be read: {error}", "Run the study again.") from error
     if content:
         values = pd.json_normalize(content).iloc[0].map(str).items()
-        tables["provenance"] = pd.DataFrame(values, columns=["key", "value"])
+        tables[_PROVENANCE] = pd.DataFrame(values, columns=["key", "value"])
     return tables
 
 
-def _changes(old: pd.DataFrame, new: pd.DataFrame) -> list[tuple[str, str, str, str]]:
+def _changes(
+    name: str, old: pd.DataFrame, new: pd.DataFrame
+) -> list[tuple[str, str, str, str]]:
     """Row, column, text before and text after of each cell that differs."""
-    key = _key(old, new)
+    key = _key(name, old, new)
     cells = []
     for table in (old, new):
         rows = [f"row {number}" for number in range(1, len(table) + 1)]
         if key:
             rows = []
             for row in table.to_dict("records"):
-                rows.append(", ".join(f"{name}={row[name]}" for name in key if row[name]))
+                rows.append(", ".join(f"{part}={row[part]}" for part in key if row[part]))
         cells.append(table.set_axis(rows).stack())
     both = pd.concat(cells, axis=1).fillna("")
     sides = [set(of.index.get_level_values(0)) for of in cells]
@@ -123,13 +124,10 @@ def _changes(old: pd.DataFrame, new: pd.DataFrame) -> list[tuple[str, str, str, 
     return list(changes)
 
 
-def _key(old: pd.DataFrame, new: pd.DataFrame) -> list[str] | None:
-    """The columns that identify a row in both tables; None if no columns do."""
-    common = [column for column in old.columns if column in new.columns]
-    named = [column for column in common if column in _KEYS]
-    for columns in (named, common):
-        for count in range(1, len(columns) + 1):
-            key = columns[:count]
-            if not any(table.duplicated(key).any() for table in (old, new)):
-                return key
-    return None
+def _key(name: str, *sides: pd.DataFrame) -> list[str]:
+    """The columns that identify a row on every side; empty where none do."""
+    listed = TABLES.get(Path(name).stem)
+    key = ["key"] if name == _PROVENANCE else listed.key if listed else []
+    if all(set(key) <= set(side) and not side[key].duplicated().any() for side in sides):
+        return key
+    return []

@@ -18,10 +18,10 @@ import xarray as xr
 from gst.amplitudes import UNIT_FACTOR, Amplitude, other_units
 from gst.config import thinner_than_a_point
 from gst.patches import COUNTERFACE, REPEAT, ScanFile, at_epoch
+from gst.tables import columns_of
 from gstlib.contact import check_grid
 from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.io.meshes import is_mesh, read_mesh
-from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan, read_scan, whole_scan
 from gstlib.macroscale.active_tool import SecondStone
 from gstlib.macroscale.face import grid_macroscale
@@ -39,8 +39,6 @@ __all__ = ["Asked", "Inputs", "check_inputs", "inspect_file"]
 _log = logging.getLogger(__name__)
 
 _MM_TO_UM = 1e3
-# Of a scan, besides patch, epoch and file.
-_FACTS = columns_of("inputs")[3:]
 # Share of the mesh's surface from which on something apart from the stone is no speck.
 _LARGE_BODY = 0.01
 # Fewest points along a patch of a coarser scan.
@@ -199,11 +197,8 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
             pieces[use.patch, use.epoch] = _Piece(
                 path, grid, (heights_hash, use.crop), Amplitude.of(path, piece, heights, place)
             )
-            rows.append(
-                {"patch": use.patch, "epoch": use.epoch, "file": path.name}
-                | {name: facts.get(name) for name in _FACTS}
-                | {"range_um": facts["highest_um"] - facts["lowest_um"]}
-            )
+            facts["range_um"] = facts["highest_um"] - facts["lowest_um"]
+            rows.append(facts | {"patch": use.patch, "epoch": use.epoch, "file": path.name})
     problems += _unlike_epochs(pieces)
     problems += _same_scans(pieces)
     at_t0 = {patch: piece for (patch, epoch), piece in pieces.items() if epoch == "T0"}

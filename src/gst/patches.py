@@ -29,9 +29,9 @@ import pandas as pd
 import yaml
 
 from gst import ROOT
+from gst.tables import columns_of
 from gstlib.errors import ConfigError
 from gstlib.io.files import LARGEST_TABLE, check_size, name_problem
-from gstlib.io.results import columns_of
 from gstlib.io.text import decoded, other_case, separator_of
 from gstlib.surfaces.footprints import Place, outline, places_of
 

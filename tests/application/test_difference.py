@@ -9,8 +9,8 @@ from gst.cli import main
 from gst.difference import compare_results, describe_changes
 
 TABLES = {
-    "patches.csv": "patch,pressure_MPa,in_study\n5,47.104,yes\n8,40.2,yes\n10,0,no\n",
-    "paths.csv": "patch,step,stiffness\n5,1,100.5\n5,2,200\n8,1,90\n",
+    "patch_pressures.csv": "patch,pressure_MPa,in_study\n5,47.104,yes\n8,40.2,yes\n10,0,no\n",
+    "microscale_paths.csv": "patch,step,stiffness\n5,1,100.5\n5,2,200\n8,1,90\n",
 }
 PROVENANCE = {"config": {"hardness": 2000.0, "published": None}, "software": {"gstlib": "0.1.0"}}
 
@@ -39,9 +39,9 @@ def run(*arguments):
 
 def test_value_by_row_and_column(folders):
     assert compare_results(*folders).empty
-    edit(folders[1], "tables/paths.csv", "5,2,200", "5,2,200.1")
+    edit(folders[1], "tables/microscale_paths.csv", "5,2,200", "5,2,200.1")
     (change,) = compare_results(*folders, tolerance=1e-4).itertuples(index=False)
-    assert change[:5] == ("paths.csv", "patch=5, step=2", "stiffness", "200", "200.1")
+    assert change[:5] == ("microscale_paths.csv", "patch=5, step=2", "stiffness", "200", "200.1")
     assert change.relative == pytest.approx(0.1 / 200.1)
     assert compare_results(*folders, tolerance=1e-3).empty
 
@@ -58,39 +58,44 @@ def test_value_by_row_and_column(folders):
     ],
 )
 def test_no_tolerance_for_zero_and_what_is_no_number(folders, old, new, relative):
-    edit(folders[1], "tables/patches.csv", old, new)
+    edit(folders[1], "tables/patch_pressures.csv", old, new)
     found = compare_results(*folders, tolerance=0.9).relative
     assert [None if value != value else value for value in found] == relative
 
 
 def test_rows_columns_and_tables_on_one_side(folders):
-    edit(folders[1], "tables/patches.csv", "8,40.2,yes\n", "")
-    edit(folders[0], "tables/paths.csv", "stiffness", "hardness")
+    edit(folders[1], "tables/patch_pressures.csv", "8,40.2,yes\n", "")
+    edit(folders[0], "tables/microscale_paths.csv", "stiffness", "hardness")
     (folders[0] / "tables/more.csv").write_text("a\n1\n")
     found = compare_results(*folders)
     changes = list(found.drop(columns="relative").itertuples(index=False, name=None))
     assert len(changes) == 1 + 1 + 2 * 3
     for change in [
         ("more.csv", "", "", "present", ""),
-        ("patches.csv", "patch=8", "", "present", ""),
-        ("paths.csv", "patch=5, step=1", "hardness", "100.5", ""),
-        ("paths.csv", "patch=5, step=1", "stiffness", "", "100.5"),
+        ("patch_pressures.csv", "patch=8", "", "present", ""),
+        ("microscale_paths.csv", "patch=5, step=1", "hardness", "100.5", ""),
+        ("microscale_paths.csv", "patch=5, step=1", "stiffness", "", "100.5"),
     ]:
         assert change in changes
     assert "  patch=8: present → (none)" in describe_changes(found)
 
 
-def test_rows_are_told_apart_by_what_they_are_about(folders):
-    """A value is no key, although it stands before the last part of one."""
-    header, row = "model,statistic,value,against", "archard,skill,{},{}"
+@pytest.mark.parametrize(
+    ("name", "rows"),
+    [
+        ("wear.csv", [f"patch=5, model={model}" for model in ("archard", "none")]),
+        ("patch_pressures.csv", ["row 1", "row 2"]),  # its key does not tell these rows apart
+        ("gridding.csv", ["row 1", "row 2"]),  # its key is not there
+        ("another.csv", ["row 1", "row 2"]),
+    ],
+)
+def test_rows_are_told_apart_by_the_key_of_the_schema(folders, name, rows):
     for folder, value in zip(folders, (1, 2), strict=True):
-        rows = "\n".join([header, row.format(value, "none"), row.format(value, "rigid")])
-        (folder / "tables/summary.csv").write_text(rows)
+        lines = ["patch,model,mcc", f"5,archard,{value}", f"5,none,{value}"]
+        (folder / "tables" / name).write_text("\n".join(lines))
     changes = compare_results(*folders)
-    assert changes.row.tolist() == [
-        f"model=archard, statistic=skill, against={rival}" for rival in ("none", "rigid")
-    ]
-    assert set(changes.column) == {"value"}
+    assert changes.row.tolist() == rows
+    assert set(changes.column) == {"mcc"}
 
 
 def test_command_and_its_exit_codes(folders, tmp_path):
@@ -100,12 +105,15 @@ def test_command_and_its_exit_codes(folders, tmp_path):
     change = "  key=config.hardness, value: 2000.0 → 1000.0  (0.5)"
     assert result.output.splitlines() == ["provenance: 1 change", change]
     assert run(folders[0], folders[0]).output.startswith("No difference between ")
-    edit(folders[1], "tables/patches.csv", "40.2", "50.2")
+    edit(folders[1], "tables/patch_pressures.csv", "40.2", "50.2")
     result = run(*folders)
     assert result.exit_code == 1
-    assert "patches.csv: 1 change\n  patch=8, pressure_MPa: 40.2 → 50.2  (0.2)\n" in result.output
-    assert result.output.splitlines()[-1].endswith("(exit code 1): patches.csv")
-    (folders[1] / "tables/patches.csv").write_text("")
+    assert (
+        "patch_pressures.csv: 1 change\n  patch=8, pressure_MPa: 40.2 → 50.2  (0.2)\n"
+        in result.output
+    )
+    assert result.output.splitlines()[-1].endswith("(exit code 1): patch_pressures.csv")
+    (folders[1] / "tables/patch_pressures.csv").write_text("")
     for folder, problem in ((tmp_path / "no", "has no tables"), (folders[1], "cannot be read")):
         result = run(folders[0], folder)
         assert result.exit_code == 2

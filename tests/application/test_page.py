@@ -13,7 +13,7 @@ from gst.chain import given_to, step_of, write_record
 from gst.config import read_config
 from gst.figures.style import STONE
 from gst.figures.tool import coloured_tool
-from gstlib.io.results import TABLES
+from gst.tables import TABLES
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import make_surface
 from PIL import Image
@@ -97,8 +97,8 @@ def test_the_caption_of_a_table_explains_its_columns_with_any_config(name, study
     template = (ROOT / f"workflow/report/tables/{name}.rst").read_text(encoding="utf-8")
     text = re.sub(r"<[^>]+>", "", page.caption_html(template, config=config))
     assert not re.search(r"[{}`]|None|made by", text)
-    for column in TABLES[name].columns:
-        assert f"{column.name}{column.unit and f' ({column.unit})'}: " in text
+    for column, said in TABLES[name].columns.items():
+        assert f"{column}{said.unit and f' ({said.unit})'}: " in text
 
 
 def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():

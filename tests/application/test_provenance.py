@@ -60,12 +60,13 @@ def test_commit_of_a_folder_and_its_changes(tmp_path):
 STEPS = "solve_patches", "tabulate_texture", "draw_figures", "write_page"
 
 
+def hashes():
+    source_hash.cache_clear()
+    return {name: source_hash(SCRIPTS / f"{name}.py") for name in STEPS}
+
+
 def test_the_hash_of_a_step_moves_with_every_module_that_it_runs_on(tmp_path, monkeypatch):
     """And with no other: a change of one module reruns what needs it."""
-
-    def hashes():
-        source_hash.cache_clear()
-        return {name: source_hash(SCRIPTS / f"{name}.py") for name in STEPS}
 
     before = hashes()
     for package in (gst, gstlib):
@@ -85,6 +86,19 @@ def test_the_hash_of_a_step_moves_with_every_module_that_it_runs_on(tmp_path, mo
         rooms |= {"gstlib/surfaces/grid.py": set(STEPS)}
         name = file.relative_to(tmp_path).as_posix()
         assert moved == rooms.get(name, moved), name
+
+
+def test_the_schema_of_the_tables_belongs_to_what_writes_one(tmp_path, monkeypatch):
+    schema = tmp_path / "workflow/schemas/tables.yaml"
+    schema.parent.mkdir(parents=True)
+    shutil.copy(gst.ROOT / schema.relative_to(tmp_path), schema)
+    before = hashes()
+    monkeypatch.setattr(gst, "ROOT", tmp_path)
+    assert hashes() == before
+    schema.write_text(schema.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    assert {name for name, is_now in hashes().items() if is_now != before[name]} == {
+        "tabulate_texture"
+    }
 
 
 def loaded_by(script):

@@ -32,8 +32,8 @@ def test_published_values_of_patches_whatever_their_names(tmp_path):
         "quantity,patch,unit,value\n# of the paper\npatch pressure,NA,MPa,11\n"
         "patch pressure,007,MPa,\nmean pressure,,MPa,21\n"
     )
-    script_of("compare_published").main(published, path, pressures, tmp_path / "table.csv")
-    rows = (tmp_path / "table.csv").read_text().splitlines()[1:]
+    script_of("compare_published").main(published, path, pressures, tmp_path / "published.csv")
+    rows = (tmp_path / "published.csv").read_text().splitlines()[1:]
     assert [row.split(",")[1:] for row in rows] == [
         ["NA", "MPa", "11", "12"],
         ["007", "MPa", "", "13"],
@@ -48,7 +48,7 @@ def test_a_doubtful_contact_of_the_stone_is_told(tmp_path, caplog):
     for variable in face.values():
         variable.attrs.update(units="mm", long_name="height")
     write_dataset(tmp_path / "face.h5", face)
-    files = [tmp_path / name for name in ("face.h5", "contact.h5", "path.csv")]
+    files = [tmp_path / name for name in ("face.h5", "contact.h5", "macroscale_path.csv")]
     settings = {"steps": 2, "tolerance": 1e-6, "maximum_displacement_um": 100.0}
     settings |= {"through": (2.5, 2.5), "contact_modulus_MPa": 1e4, "patch_mm": 0.85}
     script_of("solve_macroscale").main(*files, force_N=500.0, **settings)

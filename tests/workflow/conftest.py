@@ -14,7 +14,8 @@ import pytest
 import yaml
 from filelock import FileLock
 from gst.config import read_config
-from gstlib.io.tables import read_table, write_table
+from gst.tables import write_table
+from gstlib.io.tables import read_table
 from gstlib.study import Study as InMemory
 from sweep import study_of
 

@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from gst.figures.maps import FORCE_MAP
+from gst.tables import columns_of
 from gst.verdict import MODELS
-from gstlib.io.results import columns_of
 from gstlib.io.store import read_dataset
 from gstlib.surfaces.footprints import square_of
 from PIL import Image

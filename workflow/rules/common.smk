@@ -11,8 +11,8 @@ from gst.config import check_files, complete, counterface_mesh, read_study
 from gst.poses import batches_of, poses_of, reach_of
 from gst.patches import scan_files
 from gst.provenance import commit, program_hash, source_hash
+from gst.tables import TABLES
 from gstlib.conditions import load_force, load_point, study_modulus, study_poisson
-from gstlib.io.results import TABLES
 from gstlib.preprocess.mesh import elements_around
 
 # Two jobs of each kind for 25 patches, one on each of two cores; and at most as many of a kind as the
@@ -150,9 +150,9 @@ SHOWN = {}
 
 
 def table(name, category):
-    """A table of `gstlib.io.results`, with its place on the page and in the report."""
+    """A table of `gst.tables`, with its place on the page and in the report."""
     caption, title = f"tables/{name}.rst", TABLES[name].title
-    file = f"{RESULTS}/tables/{name}.csv"
+    file = f"{RESULTS}/{TABLES[name].file}"
     SHOWN[file] = str(CAPTIONS / caption), category, title
     place = {"caption": f"../report/{caption}", "category": category}
     return report(file, labels={"what": f"table: {title}"}, **place)

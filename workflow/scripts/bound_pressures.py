@@ -3,9 +3,10 @@
 from pathlib import Path
 
 from gst.logs import run_script
+from gst.tables import write_table
 from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_pressures, write_table
+from gstlib.io.tables import read_pressures
 
 
 def main(

@@ -5,8 +5,8 @@ from pathlib import Path
 from gst.inputs import Asked, check_inputs
 from gst.logs import run_script
 from gst.patches import ScanFile
+from gst.tables import write_table
 from gstlib.errors import InputsError
-from gstlib.io.tables import write_table
 
 
 def main(

@@ -5,9 +5,9 @@ from pathlib import Path
 import pandas as pd
 
 from gst.logs import run_script
+from gst.tables import columns_of, write_table
 from gstlib.errors import InputError
-from gstlib.io.results import columns_of
-from gstlib.io.tables import read_pressures, read_table, write_table
+from gstlib.io.tables import read_pressures, read_table
 
 
 def main(published: Path, path: Path, pressures: Path, table: Path) -> None:

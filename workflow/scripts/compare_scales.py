@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from gst.logs import run_script
+from gst.tables import write_table
 from gstlib.contact import Contact
 from gstlib.io.store import Stored, read_dataset
-from gstlib.io.tables import write_table
 from gstlib.validation.single_scale import two_scales_table
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import pandas as pd
 
 from gst.logs import run_script
+from gst.tables import write_table
 from gstlib.coupling.pressures import couple_scales
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import write_table
 from gstlib.macroscale.equilibrium import solve_square
 
 

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
+from gst.tables import write_table
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
-from gstlib.io.tables import write_table
 from gstlib.macroscale.active_tool import SecondStone
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.preprocess.mesh import gridding_table

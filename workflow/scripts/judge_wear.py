@@ -3,9 +3,10 @@
 from pathlib import Path
 
 from gst.logs import run_script
+from gst.tables import write_table
 from gstlib.contact import Contact
 from gstlib.io.store import Stored, read_dataset
-from gstlib.io.tables import read_pressures, read_table, write_table
+from gstlib.io.tables import read_pressures, read_table
 from gstlib.validation.summary import judge_wear
 from gstlib.wear.archard import WornSquare
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import pandas as pd
 
 from gst.logs import run_script
+from gst.tables import write_table
 from gstlib.coupling.placement import place_patches
 from gstlib.io.store import Stored, read_dataset
-from gstlib.io.tables import write_table
 
 
 def main(

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from gst.logs import run_script
+from gst.tables import write_table
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import write_table
 from gstlib.macroscale.sampling_sites import propose_places
 
 

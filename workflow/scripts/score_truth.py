@@ -3,8 +3,9 @@
 from pathlib import Path
 
 from gst.logs import run_script
+from gst.tables import write_table
 from gstlib.io.store import Stored, read_dataset
-from gstlib.io.tables import read_pressures, read_table, write_table
+from gstlib.io.tables import read_pressures, read_table
 from gstlib.specimen.score import score_truth
 
 

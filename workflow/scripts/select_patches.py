@@ -4,9 +4,10 @@ import logging
 from pathlib import Path
 
 from gst.logs import run_script
+from gst.tables import write_table
 from gstlib.change.selection import registration_table, select_patches
 from gstlib.io.store import Stored
-from gstlib.io.tables import read_pressures, write_table
+from gstlib.io.tables import read_pressures
 
 
 def main(

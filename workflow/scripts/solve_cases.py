@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from gst.logs import run_script
+from gst.tables import write_table
 from gstlib.contact import Contact
 from gstlib.io.store import Stored
-from gstlib.io.tables import read_pressures, studied_files, write_table
+from gstlib.io.tables import read_pressures, studied_files
 from gstlib.microscale.slip_and_cap import case_table, check_ceiling, patch_rows
 
 

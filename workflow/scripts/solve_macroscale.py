@@ -5,8 +5,8 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
+from gst.tables import write_table
 from gstlib.io.store import read_dataset, write_dataset
-from gstlib.io.tables import write_table
 from gstlib.macroscale.equilibrium import macroscale_table, solve_macroscale
 from gstlib.macroscale.plausibility import contact_doubts
 

@@ -3,8 +3,9 @@
 from pathlib import Path
 
 from gst.logs import run_script
+from gst.tables import write_table
 from gstlib.io.store import Stored
-from gstlib.io.tables import studied_files, write_table
+from gstlib.io.tables import studied_files
 from gstlib.microscale.patches import LOAD_PATHS, microscale_tables
 
 

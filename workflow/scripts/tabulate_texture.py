@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from gst.logs import run_script
+from gst.tables import write_table
 from gstlib.change.texture import measure_texture
 from gstlib.io.store import Stored
-from gstlib.io.tables import write_table
 
 
 def main(

@@ -7,12 +7,17 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.change.change import wear_summary
-from gstlib.io.results import columns_of
 
 __all__ = ["registration_table", "select_patches"]
 
 _log = logging.getLogger(__name__)
 
+# Of each patch, in the order of the table, before it is said whether that excludes the patch.
+_REGISTRATION = ["patch", "found", "shift_x_um", "shift_y_um", "rotation_deg", "overlap"]
+_REGISTRATION += ["correlation", "detail_correlation", "height_scale", "residual_um"]
+_REGISTRATION += ["change_sigma_um", "lateral_sigma_um", "level_of_detection_um", "detection"]
+_REGISTRATION += ["known_share", "loss_fraction", "gain_fraction", "loss_volume_um3"]
+_REGISTRATION += ["loss_depth_um", "loss_per_area_um", "noise_share", "believed"]
 # Noise raises as often as it lowers: if this many times as much rose as fell, something is wrong.
 _BEYOND_NOISE = 2
 
@@ -37,7 +42,7 @@ def registration_table(
         )
         rows.append({**change.attrs, **of, "patch": patch, **said})
     # what is excluded, and why, follows from the rest
-    table = pd.DataFrame(rows, columns=columns_of("registration")[:-2])
+    table = pd.DataFrame(rows, columns=_REGISTRATION)
     # the pressures have a table of their own: here all pass
     rules = {**selection, "minimum_pressure_MPa": 0.0}
     judged = select_patches(table.assign(pressure_MPa=1.0), table, rules)

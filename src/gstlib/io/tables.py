@@ -1,7 +1,7 @@
 """CSV tables: tidy, in a stable order, with fixed digits: `diff` shows real changes only."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +10,10 @@ import pandas as pd
 
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
-from gstlib.io.results import SIGNIFICANT_DIGITS, TABLES, Column
 
 __all__ = [
     "ALL_DIGITS",
+    "SIGNIFICANT_DIGITS",
     "printed",
     "read_pressures",
     "read_table",
@@ -21,6 +21,8 @@ __all__ = [
     "write_table",
 ]
 
+# Of a number in a table, unless its column has others.
+SIGNIFICANT_DIGITS = 5
 # Differences beyond these digits count as rounding.
 _KNOWN_DIGITS = 10
 _FORMULA = ("=", "+", "-", "@")
@@ -53,40 +55,22 @@ def _format(value: Any, digits: int) -> str:
     return f"'{text}" if isinstance(value, str) and text.startswith(_FORMULA) else text
 
 
-def write_table(path: str | Path, table: pd.DataFrame) -> None:
-    """Write `table` as CSV: floats with their column's digits, booleans as yes/no, NaN as empty.
+def write_table(
+    path: str | Path, table: pd.DataFrame, digits: Mapping[str, int] | None = None
+) -> None:
+    """Write `table` as CSV: floats with five digits, booleans as yes/no, NaN as empty.
 
-    The file is complete or absent; row order is the table's own.
-
-    Raises
-    ------
-    ValueError
-        `gstlib.io.results` lists the table with other columns.
+    `digits` gives columns another number of significant digits. The file is complete or absent;
+    row order is the table's own.
     """
-    path = Path(path)
-    _check_columns(path, list(table))
+    of_columns = digits or {}
 
     def words(column: pd.Series) -> pd.Series:
-        digits = Column(str(column.name), "").digits
-        return column.map(lambda value: _format(value, digits))
+        count = of_columns.get(str(column.name), SIGNIFICANT_DIGITS)
+        return column.map(lambda value: _format(value, count))
 
     text = table.astype(object).apply(words)
     write_whole(path, text.to_csv(index=False, lineterminator="\n").encode())
-
-
-def _check_columns(path: Path, columns: list[str]) -> None:
-    """Refuse other columns, or another order, than those of a table of results."""
-    listed = TABLES.get(path.stem)
-    if listed is None or path.parent.name != listed.folder:
-        return
-    expected = [
-        name for name in listed.meanings if name in columns or name not in listed.optional
-    ]
-    if columns != expected:
-        raise ValueError(
-            f"{path} would have the columns {', '.join(columns)}; gstlib.io.results lists "
-            f"{', '.join(expected)}"
-        )
 
 
 def read_table(path: str | Path, columns: Iterable[str] = ()) -> pd.DataFrame:

@@ -16,7 +16,6 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.io.results import columns_of
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.grid import spacing_of
 
@@ -74,7 +73,7 @@ def propose_places(found: xr.Dataset, *, size_mm: float, patch_mm: float) -> pd.
                     "touched": candidates.touched[row, column],
                 }
             )
-    return pd.DataFrame(rows, columns=columns_of("places"))
+    return pd.DataFrame(rows)
 
 
 class _Candidates(NamedTuple):

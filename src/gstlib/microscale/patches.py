@@ -21,7 +21,6 @@ from gstlib.contact import (
     load_path_table,
 )
 from gstlib.coupling.embedding import place_patch, prepare_faces
-from gstlib.io.results import columns_of
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = [
@@ -180,20 +179,23 @@ def microscale_tables(contacts: Mapping[str, xr.Dataset]) -> tuple[pd.DataFrame,
     The residual is rounded up to a power of ten: its digits are rounding, which differs from
     processor to processor.
     """
-    path, state = columns_of("microscale_paths"), columns_of("microscale_summary")
-    states, paths = [], [pd.DataFrame(columns=path)]
+    states, paths = [], []
     for patch, contact in contacts.items():
+        steps = load_path_table(contact)
         alone = contact.path_interface_stiffness.values * 1e-3
-        steps = load_path_table(contact).assign(
-            patch=patch, interface_stiffness_MPa_per_um=alone
-        )
-        residual = float(contact.residual)
+        steps["interface_stiffness_MPa_per_um"] = alone
+        last, residual = steps.iloc[-1], float(contact.residual)
         states.append(
-            steps.iloc[-1].to_dict()
-            | {
+            {
+                "patch": patch,
                 "target_pressure_MPa": float(contact.target_pressure),
+                **last[["mean_pressure_MPa", "displacement_um", "contact_fraction"]],
+                **last[["stiffness_MPa_per_um", "interface_stiffness_MPa_per_um"]],
                 "residual": 10.0 ** math.ceil(math.log10(residual)) if residual > 0 else 0.0,
             }
         )
-        paths.append(steps[path])
-    return pd.DataFrame(states, columns=state), pd.concat(paths[1:] or paths, ignore_index=True)
+        steps.insert(0, "patch", patch)
+        paths.append(steps)
+    if not paths:
+        return pd.DataFrame(), pd.DataFrame()
+    return pd.DataFrame(states), pd.concat(paths, ignore_index=True)

@@ -8,6 +8,7 @@ stored: `solve_slip` and `solve_ceiling` give them from a stored contact.
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,6 @@ import xarray as xr
 from gstlib.bem import solve_contact
 from gstlib.contact import Contact, log_state, solver_errors
 from gstlib.errors import ConfigError
-from gstlib.io.results import columns_of
 
 __all__ = [
     "case_table",
@@ -59,7 +59,15 @@ _VARIABLES = {
     "tangential_displacement": ("mm", "relative tangential displacement of the far fields"),
 }
 
-Row = tuple[str, str, str, str, float]
+
+class Row(NamedTuple):
+    """A row of ``cases.csv``."""
+
+    case: str
+    patch: str
+    quantity: str
+    unit: str
+    value: float
 
 
 def solve_slip(
@@ -177,10 +185,10 @@ def patch_rows(
         That of `solve_ceiling`, likewise.
     """
     if grinding is not None:
-        yield _GRINDING, _ALL, "friction", "1", float(grinding["friction"])
-        yield _GRINDING, _ALL, "tangential ratio", "1", float(grinding["tangential_ratio"])
+        yield Row(_GRINDING, _ALL, "friction", "1", float(grinding["friction"]))
+        yield Row(_GRINDING, _ALL, "tangential ratio", "1", float(grinding["tangential_ratio"]))
     if hardness_MPa is not None:
-        yield _CEILING, _ALL, "hardness", "MPa", float(hardness_MPa)
+        yield Row(_CEILING, _ALL, "hardness", "MPa", float(hardness_MPa))
     for patch, contact in contacts.items():
         source = f"patch {patch}"
         if grinding is not None:
@@ -198,9 +206,9 @@ def slip_rows(patch: str, slip: xr.Dataset) -> Iterator[Row]:
     sticking, slipping = int(slip.stick.sum()), int(slip.slip.sum())
     share = slipping / (sticking + slipping) if sticking + slipping else math.nan
     displacement = float(slip.tangential_displacement)
-    yield _GRINDING, patch, "mean traction", "MPa", float(slip.traction.values.mean())
-    yield _GRINDING, patch, "slip share", "1", share
-    yield _GRINDING, patch, "tangential displacement", "um", displacement * 1e3
+    yield Row(_GRINDING, patch, "mean traction", "MPa", float(slip.traction.values.mean()))
+    yield Row(_GRINDING, patch, "slip share", "1", share)
+    yield Row(_GRINDING, patch, "tangential displacement", "um", displacement * 1e3)
 
 
 def ceiling_rows(patch: str, contact: Contact, limited: xr.Dataset) -> Iterator[Row]:
@@ -211,21 +219,21 @@ def ceiling_rows(patch: str, contact: Contact, limited: xr.Dataset) -> Iterator[
     elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
     at_ceiling = limited.pressure.values >= float(limited.hardness)
     deepest = float(np.max(-limited.gap.values[at_ceiling], initial=0.0))
-    yield _STUDY, patch, "displacement", "um", contact.displacement * 1e3
-    yield _STUDY, patch, "contact fraction", "1", float(elastic.mean())
-    yield _STUDY, patch, "peak pressure", "MPa", float(contact.pressure.max())
-    yield _CEILING, patch, "displacement", "um", float(limited.displacement) * 1e3
-    yield _CEILING, patch, "contact fraction", "1", float(plastic.mean())
-    yield _CEILING, patch, "share at the ceiling", "1", float(limited.ceiling_share)
-    yield _CEILING, patch, "deepest yield", "um", deepest * 1e3
+    yield Row(_STUDY, patch, "displacement", "um", float(contact.displacement) * 1e3)
+    yield Row(_STUDY, patch, "contact fraction", "1", float(elastic.mean()))
+    yield Row(_STUDY, patch, "peak pressure", "MPa", float(contact.pressure.max()))
+    yield Row(_CEILING, patch, "displacement", "um", float(limited.displacement) * 1e3)
+    yield Row(_CEILING, patch, "contact fraction", "1", float(plastic.mean()))
+    yield Row(_CEILING, patch, "share at the ceiling", "1", float(limited.ceiling_share))
+    yield Row(_CEILING, patch, "deepest yield", "um", deepest * 1e3)
 
 
 def case_table(rows: Iterable[Row]) -> pd.DataFrame:
     """The table ``cases.csv``: the rows case by case, the study's own first."""
     cases = [_STUDY, _GRINDING, _CEILING]
     # stable: within a case the rows keep their order
-    ordered = sorted(rows, key=lambda row: cases.index(row[0]))
-    return pd.DataFrame(ordered, columns=columns_of("cases"))
+    ordered = sorted(rows, key=lambda row: cases.index(row.case))
+    return pd.DataFrame(ordered, columns=Row._fields)
 
 
 def check_ceiling(pressures: pd.DataFrame, hardness_MPa: float) -> None:

@@ -8,7 +8,6 @@ import scipy
 import xarray as xr
 
 from gstlib.errors import InputError
-from gstlib.io.results import columns_of
 from gstlib.io.scans import cut_scan, whole_scan
 from gstlib.preprocess.outliers import median_outliers, window_outliers
 from gstlib.surfaces.leveling import remove_plane
@@ -22,6 +21,10 @@ _MM_TO_UM = 1e3
 _WINDOW_HALF_WIDTH = 5
 # That of the windows of medians: of 49 points, a spike may take nearly half.
 _MEDIAN_HALF_WIDTH = 3
+
+# What was done to a scan, in the order of the table.
+_DONE = ["unmeasured", "filled", "outliers", "outlier_k", "tilt_x_mrad", "tilt_y_mrad"]
+_DONE += ["Sq_before_um", "Sq_after_um"]
 
 # ASSUME: once a mould is undone, rows of a scan run along the square's +y and columns along its +x,
 # up to the patch's rotation. The paper says which axis is flipped, not how the instrument lies.
@@ -134,9 +137,11 @@ def mould_of(mould: Mapping, flip: str) -> Mapping:
 
 def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFrame:
     """What was done to each scan, from the attributes of its dataset, by patch and epoch."""
-    columns = columns_of("preprocessing")
-    rows = [(*scan, *(attrs[name] for name in columns[2:])) for scan, attrs in scans.items()]
-    return pd.DataFrame(rows, columns=columns)
+    rows = [
+        {"patch": patch, "epoch": epoch} | {name: attrs[name] for name in _DONE}
+        for (patch, epoch), attrs in scans.items()
+    ]
+    return pd.DataFrame(rows)
 
 
 def check_unmeasured(surface: xr.DataArray, maximum_share: float) -> None:

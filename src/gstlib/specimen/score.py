@@ -12,7 +12,6 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.io.results import columns_of
 from gstlib.specimen.scanning import relocation
 from gstlib.surfaces.footprints import Place, square_of
 from gstlib.surfaces.grid import make_surface, spacing_of
@@ -63,12 +62,13 @@ def score_truth(
     pandas.DataFrame
         ``truth.csv``; ``patch`` is empty for the macroscale and the shift common to all patches.
     """
-    rows: list[tuple] = []
+    rows: list[dict] = []
 
     def add(stage: str, patch: str, scores: Iterable[_Row]) -> None:
         for quantity, unit, true, recovered in scores:
-            pair = float(true), float(recovered)
-            rows.append((stage, quantity, patch, unit, *pair, _error(*pair)))
+            about = {"stage": stage, "quantity": quantity, "patch": patch, "unit": unit}
+            pair = {"true": float(true), "recovered": float(recovered)}
+            rows.append({**about, **pair, "error": _error(**pair)})
 
     surface = _surface(truth)
     square = square_of(face["height"], spacing_of(surface)[0] * len(surface.y))
@@ -94,7 +94,7 @@ def score_truth(
             add(
                 "coupling", row.patch, [("pressure", "MPa", known[row.patch], row.pressure_MPa)]
             )
-    return pd.DataFrame(rows, columns=columns_of("truth"))
+    return pd.DataFrame(rows)
 
 
 def true_face(truth: xr.Dataset) -> xr.DataArray:

@@ -23,7 +23,6 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.contact import Contact
-from gstlib.io.results import columns_of
 from gstlib.surfaces.grid import spacing_of
 from gstlib.validation.baselines import CEILING, RIVALS, Others, rival_depths
 from gstlib.validation.masks import mask_counts, mask_scores
@@ -49,9 +48,10 @@ _BANDS = 4
 class JudgedPatch:
     """What is said of one patch."""
 
-    row: dict[str, Any]  # of validation_patches.csv
-    models: list[tuple]  # rows of wear.csv
-    bands: list[tuple]  # rows of wear_profile.csv
+    row: dict[str, Any]  # of validation_patches.csv, without what depends on other patches
+    untested: str  # why chance is not tested: "noise" or "undefined"; empty if it is
+    models: list[dict[str, Any]]  # rows of wear.csv
+    bands: list[dict[str, Any]]  # rows of wear_profile.csv
     places: Places  # of the study's own prediction, and of the loss
 
 
@@ -134,32 +134,39 @@ def judge_patch(
     element_um3 = float(np.prod(spacing_of(change))) * 1e9
     measured_um3 = float(lost[loss[valid]].sum()) * element_um3
     unworn = own[BARE] < level  # where the bare stone takes off less than is detected
-    models, scores = [], {}
+    models: dict[str, dict[str, Any]] = {}
     for model, depth in depths.items():
-        counts = mask_counts(depth > level, loss[valid], every)
-        found = {score: float(value) for score, value in mask_scores(*counts).items()}
-        error, volume = depth - lost, float(depth.clip(0).sum()) * element_um3
-        scores[model] = found | {"volume": volume, "error": _rms_um(error)}
-        marked = counts[1] / counts[3] if counts[3] else math.nan
-        agreement = found["mcc"], found["attainable_mcc"]
-        errors = _rms_um(error), _rms_um(error[unworn])
-        models.append((patch, model, marked, *agreement, volume, measured_um3, *errors))
+        counts, error = mask_counts(depth > level, loss[valid], every), depth - lost
+        scores = mask_scores(*counts)
+        models[model] = {
+            "patch": patch,
+            "model": model,
+            "marked_fraction": counts[1] / counts[3] if counts[3] else math.nan,
+            "mcc": float(scores["mcc"]),
+            "attainable_mcc": float(scores["attainable_mcc"]),
+            "predicted_volume_um3": float(depth.clip(0).sum()) * element_um3,
+            "measured_volume_um3": measured_um3,
+            "map_error_um": _rms_um(error),
+            "out_of_contact_um": _rms_um(error[unworn]),
+        }
     area_um2 = element_um3 * 1e-3 * np.count_nonzero(valid)
+    volume_um3, error_um = models[name]["predicted_volume_um3"], models[name]["map_error_um"]
     row: dict[str, Any] = {
         "patch": patch,
         "contact_fraction": float((contact.pressure.values > 0).mean()),
-        "predicted_loss_um": scores[name]["volume"] / area_um2 if area_um2 else math.nan,
-        "mcc": scores[name]["mcc"],
-        "attainable_mcc": scores[name]["attainable_mcc"],
-        "map_error": _over(scores[name]["error"], scores["none"]["error"]),
-        **{f"{model}_mcc": scores[model]["mcc"] for model in (*RIVALS, CEILING)},
+        "predicted_loss_um": volume_um3 / area_um2 if area_um2 else math.nan,
+        "mcc": models[name]["mcc"],
+        "attainable_mcc": models[name]["attainable_mcc"],
+        "map_error": _over(error_um, models["none"]["map_error_um"]),
+        **{f"{model}_mcc": models[model]["mcc"] for model in (*RIVALS, CEILING)},
     }
     mask = np.zeros(valid.shape, dtype=bool)
     mask[valid] = own[name] > level
     is_defined = math.isfinite(row["mcc"]) and bool((mask & valid).any())
-    row["untested"] = "noise" if not believed else "" if is_defined else "undefined"
+    untested = "noise" if not believed else "" if is_defined else "undefined"
     bands = _bands(patch, lost, loss, valid, height, own)
-    return JudgedPatch(row, models, bands, Places.of(mask, loss, valid))
+    places = Places.of(mask, loss, valid)
+    return JudgedPatch(row, untested, list(models.values()), bands, places)
 
 
 def by_chance(found: Sequence[JudgedPatch]) -> dict[str, np.ndarray]:
@@ -168,7 +175,7 @@ def by_chance(found: Sequence[JudgedPatch]) -> dict[str, np.ndarray]:
     See `gstlib.validation.nulls.swapped_mcc`.
     """
     predicted = {one.row["patch"]: one.places for one in found if one.places.masks()[0].any()}
-    tested = [one.row["patch"] for one in found if not one.row["untested"]]
+    tested = [one.row["patch"] for one in found if not one.untested]
     return {patch: swapped_mcc(patch, predicted) for patch in tested}
 
 
@@ -179,21 +186,18 @@ def judged_tables(
 
     `nulls` are those of `by_chance`; `counted` says which patches enter the statistics.
     """
-    columns = columns_of("validation_patches")
-    rows = [one.row | {"counted": counted[one.row["patch"]]} for one in found]
-    for row in rows:
-        null = nulls.get(row["patch"])
-        row["p_value"] = math.nan if null is None else p_value(float(null[0]), null[1:])
-    wear = [row for one in found for row in one.models]
-    bands = [row for one in found for row in one.bands]
-    table = pd.DataFrame(wear, columns=columns_of("wear"))
-    if MAT not in set(table.model):  # only that of a mat is compared
-        table = table.drop(columns="out_of_contact_um")
-    return {
-        "patches": pd.DataFrame(rows, columns=columns),
-        "wear": table,
-        "profile": pd.DataFrame(bands, columns=columns_of("wear_profile")),
-    }
+    patches = []
+    for one in found:
+        patch = one.row["patch"]
+        null = nulls.get(patch)
+        chance = math.nan if null is None else p_value(float(null[0]), null[1:])
+        first = {"patch": patch, "counted": counted[patch]}
+        patches.append(first | one.row | {"p_value": chance, "untested": one.untested})
+    wear = pd.DataFrame([row for one in found for row in one.models])
+    if MAT not in set(wear.get("model", [])):  # only that of a mat is compared
+        wear = wear.drop(columns="out_of_contact_um", errors="ignore")
+    profile = pd.DataFrame([row for one in found for row in one.bands])
+    return {"patches": pd.DataFrame(patches), "wear": wear, "profile": profile}
 
 
 def _bands(
@@ -203,7 +207,7 @@ def _bands(
     valid: np.ndarray,
     height: np.ndarray,
     own: Mapping[str, np.ndarray],
-) -> list[tuple]:
+) -> list[dict[str, Any]]:
     """Mean loss, µm, of the bands of a patch's points by height."""
     compared = {"measured": np.where(loss[valid], lost, 0.0), **own}
     rows = []
@@ -211,7 +215,7 @@ def _bands(
     for band, points in enumerate(order, start=1):
         for model, depth in compared.items():
             mean_um = 1e3 * float(depth.clip(0)[points].mean()) if points.size else math.nan
-            rows.append((patch, band, model, mean_um))
+            rows.append({"patch": patch, "band": band, "model": model, "loss_um": mean_um})
     return rows
 
 

@@ -18,7 +18,6 @@ import xarray as xr
 from gstlib.contact import Contact, Interface, Load, contact_at_pressure
 from gstlib.coupling.embedding import placed_faces
 from gstlib.coupling.placement import ALL
-from gstlib.io.results import columns_of
 from gstlib.macroscale.composite import compose
 from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.footprints import Place, footprint_weights, places_of, spline_of
@@ -204,7 +203,17 @@ def two_scales_table(
                 own = pressure if name == variant else np.nan
                 _, predicted, touching, points = each
                 scores = mask_scores(*each)
-                shown = (float(scores[score]) for score in ("precision", "recall", "f1"))
-                areas = predicted / points, touching / points
-                rows.append((patch, name, own, true_pressure, *areas, *shown))
-    return pd.DataFrame(rows, columns=columns_of("two_scales"))
+                rows.append(
+                    {
+                        "patch": patch,
+                        "variant": name,
+                        "pressure_MPa": own,
+                        "reference_pressure_MPa": true_pressure,
+                        "contact_fraction": predicted / points,
+                        "reference_contact_fraction": touching / points,
+                        "precision": float(scores["precision"]),
+                        "recall": float(scores["recall"]),
+                        "f1": float(scores["f1"]),
+                    }
+                )
+    return pd.DataFrame(rows)

@@ -21,7 +21,6 @@ import scipy
 import xarray as xr
 
 from gstlib.contact import Contact
-from gstlib.io.results import columns_of
 from gstlib.validation.baselines import CEILING, RIVALS
 from gstlib.validation.inference import (
     Draws,
@@ -102,7 +101,7 @@ def summarise(
     draws = Draws(np.random.default_rng(seed), resamples)
     counted = patches[patches.counted]
     rows: list[_Row] = []
-    judged = wear[wear.patch.isin(counted.patch)]
+    judged = wear[wear.patch.isin(counted.patch)] if len(wear) else wear
     if len(judged):
         rows += _model_rows(judged, draws)
         tested = [nulls[patch] for patch in counted.patch if patch in nulls]
@@ -115,8 +114,11 @@ def summarise(
     if expected_worst:
         columns = [*_EXTENTS, "predicted_loss_um", "pressure_MPa", "contact_fraction"]
         rows += [_worst(counted, expected_worst, column) for column in columns]
-    flat = [(model, name, *estimate, against) for model, name, estimate, against in rows]
-    return pd.DataFrame(flat, columns=columns_of("validation_summary"))
+    named = [
+        {"model": model, "statistic": name, **estimate._asdict(), "against": against}
+        for model, name, estimate, against in rows
+    ]
+    return pd.DataFrame(named)
 
 
 def patch_statistics(
@@ -130,7 +132,7 @@ def patch_statistics(
     of_registration = ["patch", "loss_fraction", "loss_per_area_um", "believed"]
     measured = registration.loc[registration.known_share > 0, of_registration]
     where = pressures[["patch", "x_mm", "y_mm", "pressure_MPa", "in_study"]]
-    predicted = patches[["patch", "contact_fraction", "predicted_loss_um"]]
+    predicted = patches.reindex(columns=["patch", "contact_fraction", "predicted_loss_um"])
     table = where.merge(measured, on="patch").merge(predicted, on="patch", how="left")
     table["touched"] = (table.pressure_MPa > 0).astype(float)
     table["believed"] = table.believed.astype(bool)

@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from gstlib.io.results import columns_of
 from gstlib.validation.baselines import CEILING, RIVALS
 from gstlib.validation.inference import Draws
 from gstlib.validation.summary import _chance_row, _model_rows, patch_statistics, summarise
@@ -30,7 +29,7 @@ def wear_of(patches, seed=3, **means):
                 | {"measured_volume_um3": measured[number], "marked_fraction": 0.1}
                 | {"map_error_um": error, "out_of_contact_um": error}
             )
-    return pd.DataFrame(rows, columns=columns_of("wear"))
+    return pd.DataFrame(rows)
 
 
 def statistics_of(patches, **changed):
@@ -65,7 +64,6 @@ def summary(patches="85123467", *, wear=None, nulls=None, mat=None, worst=(), **
     nulls = nulls_of(patches) if nulls is None else nulls
     chance = {"seed": 1, "resamples": 999}
     rows = summarise(statistics, wear, nulls, mat, expected_worst=worst, **chance)
-    assert list(rows) == columns_of("validation_summary")
     return rows.set_index(["model", "statistic"])
 
 
