@@ -12,7 +12,7 @@ must come as often as the level says; with one, their rate is the power (`reject
 
 import argparse
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
@@ -66,7 +66,7 @@ _PAIR = f"spearman({_PREDICTOR}, {_EXTENT})"
 # ASSUME: what can be had with fewer patches is that of so many drawn at random from a specimen's.
 _PATCH_COUNTS = (4, 6, 8, 10, 12)
 _RESAMPLES = 999  # draws of chance; intervals are not used here
-_OF_USE = "change", "registration", "selected", "worn_square"  # scans after use enter these
+_BEFORE_USE = "face", "composite", "contact", "square_contact", "pressures", "counterface"
 _TESTS = ["test", "drawn", "patches", "p_value"]
 
 
@@ -156,7 +156,7 @@ def specimen_studies(
 
     The later studies take from the first every stage that no scan after use enters.
 
-    `config` has ``seed``, ``specimen`` and the sections `gstlib.study.STUDY_SECTIONS`; each patch
+    `config` has ``seed``, ``specimen`` and the sections of a study; each patch
     has a T1; `specimen_seed` takes the place of that of ``specimen``.
     """
     specimens = make_specimens(
@@ -166,21 +166,28 @@ def specimen_studies(
         grid=config["macroscale"]["grid"],
         wear={name: WEARS[name] for name in wears},
     )
-    kept: dict[tuple[str, ...], Any] = {}
+    first: Study | None = None
     for wear, specimen in specimens.items():
         study = Study(
             config,
             patches,
             read_mesh=lambda specimen=specimen: specimen.mesh,  # type: ignore[misc]
             read_scan=lambda *of, specimen=specimen: specimen.scans[of],  # type: ignore[misc]
-            kept=kept,
         )
+        if first is not None:
+            take(study, first, _BEFORE_USE)
+            scans = {of: scan for of, scan in first.prepared.items() if of[1] != "T1"}
+            study.prepared.update(scans)
+            study.contacts.update(first.contacts)
         yield wear, study
-        kept = {
-            (stage, *of): found
-            for (stage, *of), found in study.kept.items()
-            if stage not in _OF_USE and of[1:] != ["T1"]
-        }
+        first = first or study
+
+
+def take(study: Study, other: Study, stages: Iterable[str]) -> None:
+    """Give a study the stages that another one has computed."""
+    for stage in stages:
+        if stage in vars(other):
+            setattr(study, stage, vars(other)[stage])
 
 
 def asked(ask: Callable[[Study], Any], study: Study) -> Any:
@@ -218,8 +225,8 @@ def p_values(study: Study, *, seed: Sequence[int]) -> pd.DataFrame:
                 rows.append((f"{side}: {name}", np.nan, row.n, p))
         elif name.startswith(("tested", "spearman")):
             rows.append((name, np.nan, row.n, row.p_value))
-    generator, places = np.random.default_rng(seed), study.selected()
-    known = patch_statistics(patches, study.registration(), places)
+    generator, places = np.random.default_rng(seed), study.selected
+    known = patch_statistics(patches, study.registration, places)
     known = known[known.counted]
     order = generator.permutation(len(known))
     for drawn in (count for count in _PATCH_COUNTS if count <= len(known)):

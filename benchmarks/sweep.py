@@ -77,7 +77,7 @@ def outcomes(study: Study) -> pd.DataFrame:
     the rank correlation of pressure with loss; the mean change of Sq from T0 to T1, µm. With 95 %
     intervals where there are any.
     """
-    selected = study.selected()
+    selected = study.selected
     none = math.nan, math.nan
     rows = [(_PRESSURE, row.patch, row.pressure_MPa, *none) for row in selected.itertuples()]
     rows.append(("studied", "", int(selected.in_study.sum()), *none))
@@ -88,8 +88,8 @@ def outcomes(study: Study) -> pd.DataFrame:
         for row in own[own.statistic.isin(_OF_PREDICTION)].itertuples():
             rows.append((row.statistic, "", row.value, row.low, row.high))
     texture = measure_texture(
-        {patch: study.prepared(patch, "T0") for patch in study.worn},
-        {patch: study.change(patch) for patch in study.worn},
+        {patch: study.prepared[patch, "T0"] for patch in study.worn},
+        {patch: study.changes[patch] for patch in study.worn},
         **study.config["texture"],
     )
     if len(texture):

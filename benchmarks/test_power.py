@@ -142,15 +142,15 @@ def test_the_later_studies_share_what_precedes_use_and_nothing_else():
     patches = pd.DataFrame(row | {"crop_x_mm": np.nan, "crop_y_mm": np.nan})
     found = {}
     for wear, study in specimen_studies(CONFIG, patches, 3):
-        assert ("worn_square",) not in study.kept
-        study.kept["worn_square",] = wear  # as if it had been asked for
-        stages = {"change": study.change("a"), "T0": study.prepared("a", "T0")}
-        stages |= {"T1": study.prepared("a", "T1"), "contact": study.patch_contact("a")}
-        found[wear] = stages | {"square": study.contact(), "places": study.pressures()}
-        found[wear]["selected"] = study.selected()
+        assert "worn_square" not in vars(study)
+        study.worn_square = wear  # as if it had been asked for
+        stages = {"change": study.changes["a"], "T0": study.prepared["a", "T0"]}
+        stages |= {"T1": study.prepared["a", "T1"], "contact": study.contacts["a"]}
+        found[wear] = stages | {"square": study.contact, "places": study.pressures}
+        found[wear]["selected"] = study.selected
     assert tuple(found) == BY_RULE
     _, another = next(specimen_studies(CONFIG, patches, 4))
-    assert not another.prepared("a", "T0").equals(study.prepared("a", "T0"))
+    assert not another.prepared["a", "T0"].equals(study.prepared["a", "T0"])
     summits = found.pop("summits")
     for other in found.values():
         shared = {stage for stage in summits if other[stage] is summits[stage]}

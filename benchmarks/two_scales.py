@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 import trimesh
 import xarray as xr
-from power import merged, specimen_config
+from power import merged, specimen_config, take
 
 from gst.patches import read_patches
 from gstlib.conditions import study_modulus
@@ -72,7 +72,6 @@ SEEDS = list(range(3001, 3021))
 RESAMPLES = 9999
 LOADED_MPA = 1.0
 # Stages that do not depend on the form of the active stone.
-FORMLESS = "prepared", "square_contact"
 # The face loses as much as the default specimen's square does, by Archard's law.
 LOST_MM, WEAR_STEPS = 0.25e-3, 4
 
@@ -164,19 +163,18 @@ def study_of(
 def under(study: Study, radius_mm: float) -> Study:
     """The same study, with an active stone of another radius."""
     middle = 2 * (study.config["square"]["size_mm"] / 2,)
-    over = rounded_counterface(study.face().height, radius_mm, middle)
-    formed = {
-        ("face",): study.face().assign(counterface=over),
-        ("composite",): study.composite().assign(counterface=over),
-    }
-    alike = {of: found for of, found in study.kept.items() if of[0] in FORMLESS}
-    return Study(
+    over = rounded_counterface(study.face.height, radius_mm, middle)
+    other = Study(
         merged(study.config, {"counterface": {"radius_mm": radius_mm}}),
         study.patches,
         read_mesh=study.read_mesh,
         read_scan=study.read_scan,
-        kept=alike | formed,
     )
+    take(other, study, ["square_contact"])
+    other.prepared.update(study.prepared)
+    other.face = study.face.assign(counterface=over)
+    other.composite = study.composite.assign(counterface=over)
+    return other
 
 
 def truth_of(
@@ -185,7 +183,7 @@ def truth_of(
     """The true stone at rest under the true force, which acts so far from the middle."""
     config, size_mm = study.config, stone.square_mm
     grid = config["macroscale"]["grid"]
-    measured = study.face().height
+    measured = study.face.height
     around = (measured.sizes["x"] - grid) // 2
     height = measured.copy(data=stone.face_means(grid, around))
     middle = size_mm / 2, size_mm / 2
@@ -265,7 +263,7 @@ class Predicted(NamedTuple):
 
     def reference(self, truth: Truth) -> xr.Dataset:
         """The true contact of every scan."""
-        scan = self.study.prepared(self.places.patch[0], "T0").height
+        scan = self.study.prepared[self.places.patch[0], "T0"].height
         return patches_of_reference(truth.pressure, places_of(self.places), scan)
 
 
@@ -290,7 +288,7 @@ def rows_of(predicted: Predicted, truth: Truth) -> dict[str, dict]:
     pooled = table[table.patch == ALL].set_index("variant")
     for variant, scores in pooled[SCORES].iterrows():
         rows.setdefault(variant, {}).update(scores)
-    rows[PLACED] |= tilt_errors(study.composite(), places)
+    rows[PLACED] |= tilt_errors(study.composite, places)
     rows[PLACED] |= {"patches": len(true), "loaded": (true > LOADED_MPA).sum()}
     return rows
 
@@ -309,11 +307,11 @@ def pressures_by_variant(
 ) -> dict[str, tuple[pd.Series, xr.DataArray]]:
     """The pressures of the patches, and the field that they are taken from."""
     study, field = predicted.study, truth.contact.pressure
-    given = study.pressures()
+    given = study.pressures
     true = patch_pressures(field, predicted.places, size_mm=predicted.patch_mm)
     return {
-        PLACED: (given.pressure_MPa, study.contact().pressure),
-        LEVELLED: (given.square_pressure_MPa, study.square_contact().pressure),
+        PLACED: (given.pressure_MPa, study.contact.pressure),
+        LEVELLED: (given.square_pressure_MPa, study.square_contact.pressure),
         TRUE: (true.pressure_MPa, field),
     }
 
@@ -355,8 +353,8 @@ def held_by_intervals(predicted: Predicted, truth: Truth, error_mm: float) -> di
     study, size_mm = predicted.study, predicted.size_mm
     errors = study.config["uncertainty"] | CAN_BE_KNOWN
     limits = pressure_intervals(
-        Macroscale(study.face(), study.composite(), None),
-        study.pressures(),
+        Macroscale(study.face, study.composite, None),
+        study.pressures,
         study.config["material"],
         Errors(**errors)._replace(force_point_mm=error_mm),
         force_N=predicted.force,

@@ -42,7 +42,7 @@ def judged(study: Study, strengths: Sequence[float]) -> pd.DataFrame:
     worn = asked(Study.worn_square, study)
     if worn is None:
         raise SystemExit("no wear is predicted")
-    contacts = {patch: study.patch_contact(patch) for patch in study.worn}
+    contacts = {patch: study.contacts[patch] for patch in study.worn}
     predicted = {}
     for patch, contact in contacts.items():
         maps = [wear_map(contact, worn, None, patch)]
@@ -53,15 +53,15 @@ def judged(study: Study, strengths: Sequence[float]) -> pd.DataFrame:
         predicted[patch] = xr.concat(maps, "model")
     tables = judge_wear(
         contacts,
-        {patch: study.change(patch) for patch in study.worn},
+        {patch: study.changes[patch] for patch in study.worn},
         predicted,
-        study.selected(),
-        study.registration(),
+        study.selected,
+        study.registration,
         fitted_to=worn.fitted_to,
         resamples=99,
     )
     known = tables["patches"][["patch", "counted"]]
-    known = known.merge(study.selected()[["patch", "pressure_MPa"]], on="patch")
+    known = known.merge(study.selected[["patch", "pressure_MPa"]], on="patch")
     return tables["wear"].merge(known, on="patch")
 
 

@@ -47,13 +47,13 @@ study = Study(
 said, first = [], patches.patch[0]
 for refused in (
     lambda: read_scan(given["scan"]),
-    lambda: measure_texture({first: study.prepared(first, "T0")}, {}, **config["texture"]),
+    lambda: measure_texture({first: study.prepared[first, "T0"]}, {}, **config["texture"]),
 ):
     try:
         refused()
     except InputError as error:
         said.append(str(error))
-json.dump({"force": study.pressures().force_N.tolist(), "said": said}, sys.stdout)
+json.dump({"force": study.pressures.force_N.tolist(), "said": said}, sys.stdout)
 """
 
 

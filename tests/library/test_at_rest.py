@@ -78,10 +78,9 @@ def study():
         middle, axes = (first + last) / 2, Rotation.from_rotvec([*(1e-3 * np.array(turn_mrad)), 0])
         mesh.vertices = axes.apply(mesh.vertices - middle) + middle
         options = {"read_mesh": lambda: mesh, "read_scan": lambda *of: made.scans[of]}
-        found = Study(complete(given | sections), patches, **options, kept=prepared)
-        for patch in patches.patch:
-            key = ("prepared", patch, "T0")
-            prepared.setdefault(key, found.prepared(patch, "T0"))
+        found = Study(complete(given | sections), patches, **options)
+        found.prepared.update(prepared)
+        prepared.update({(patch, "T0"): found.prepared[patch, "T0"] for patch in patches.patch})
         return found
 
     return study
@@ -91,12 +90,12 @@ def study():
 def test_a_mesh_that_lies_askew_in_its_frame_has_the_same_pressures(study, coupling):
     """By some mrad, which would move the contact to the edge of the face if the frame decided."""
     straight, askew = (study(turn, coupling=coupling) for turn in ((0, 0), (4.0, -3.0)))
-    pressures = [one.pressures().pressure_MPa for one in (straight, askew)]
+    pressures = [one.pressures.pressure_MPa for one in (straight, askew)]
     assert (pressures[0] > 1).sum() >= 3
     # where vertices lie, and what is drawn between scans, changes a little
     np.testing.assert_allclose(pressures[1], pressures[0], atol=0.03 * pressures[0].max())
     for slope in ("slope_y", "slope_x"):
-        assert abs(slope_of(askew.contact(), slope) - slope_of(straight.contact(), slope)) < 2e-4
+        assert abs(slope_of(askew.contact, slope) - slope_of(straight.contact, slope)) < 2e-4
 
 
 @pytest.mark.parametrize(
@@ -109,7 +108,7 @@ def test_a_mesh_that_lies_askew_in_its_frame_has_the_same_pressures(study, coupl
 )
 def test_the_forces_of_the_face_are_the_load_and_act_at_its_point(study, load, force_N, point):
     found = study(load=load)
-    contact, load = found.contact(), found.config["load"]
+    contact, load = found.contact, found.config["load"]
     force, centre = force_and_centre(contact)
     assert force == pytest.approx(force_N, rel=1e-9)
     np.testing.assert_allclose(centre, point, atol=1e-6)

@@ -18,6 +18,7 @@ import pytest
 import trimesh
 from gst.config import read_config
 from gstlib.change.texture import measure_texture
+from gstlib.contact import Contact
 from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
 from gstlib.coupling.placement import place_patches
 from gstlib.io.plu import write_plu
@@ -164,10 +165,13 @@ def kept(study):
     With the digits that files have: one of the last may turn a point of a mask.
     """
     own = in_memory(study)
-    for stage, name in {"face": "surface", "composite": "composite", "contact": "contact"}.items():
-        own.kept[stage,] = read_dataset(study.results / f"macroscale/{name}.h5")
-    own.kept["pressures",] = read_pressures(study.results / "coupling/pressures.csv")
-    own.kept["registration",] = read_table(study.results / "tables/registration.csv")
+    own.face, own.composite, contact = (
+        read_dataset(study.results / f"macroscale/{name}.h5")
+        for name in ("surface", "composite", "contact")
+    )
+    own.contact = Contact.from_dataset(contact)
+    own.pressures = read_pressures(study.results / "coupling/pressures.csv")
+    own.registration = read_table(study.results / "tables/registration.csv")
     return own
 
 
@@ -208,7 +212,7 @@ def test_the_stones_lie_on_each_other_as_they_were_made(generated, stored, table
 def test_turned_and_mirrored_scans_lie_on_the_stone_as_they_were_taken(generated, stored, table):
     face = {"counterface": {"scan": "results-tiny/specimen/scans/5_T0.plu"}}
     plain = in_memory(generated, merged(read_config(generated.folder / generated.config), face))
-    laid, made = stored("macroscale/composite"), plain.composite()
+    laid, made = stored("macroscale/composite"), plain.composite
     for patch in ALL:
         of, expected = laid.sel(patch=patch), made.sel(patch=patch)
         slopes = Place(0, 0, TURNED.get(patch, 0)).points(of.slope_y, of.slope_x)
@@ -219,21 +223,22 @@ def test_turned_and_mirrored_scans_lie_on_the_stone_as_they_were_taken(generated
         )
         np.testing.assert_allclose(*within, atol=5e-5)
     # between the patches, the detail is drawn with a density that depends a little on the turn
-    plain.kept["composite",] = made.assign(height=laid.height)
-    pressures, expected = table("patch_pressures"), plain.pressures()
+    plain.composite = made.assign(height=laid.height)
+    pressures, expected = table("patch_pressures"), plain.pressures
     np.testing.assert_allclose(pressures.pressure_MPa, expected.pressure_MPa, rtol=1e-3, atol=1e-3)
-    now, was = (of.set_index("patch") for of in (table("registration"), plain.registration()))
+    now, was = (of.set_index("patch") for of in (table("registration"), plain.registration))
     for patch in ALL:
         turned = TURNED.get(patch, 0)
         for epoch in epochs_of(patch):
-            found, made = stored(f"surfaces/{patch}_{epoch}"), plain.prepared(patch, epoch)
+            found, made = stored(f"surfaces/{patch}_{epoch}"), plain.prepared[patch, epoch]
             height = np.rot90(made.height, turned // 90)
             # what fills a hole depends a little on the turn
             good = ~np.rot90(made.filled | made.outlier, turned // 90)
             np.testing.assert_allclose(found.height.values[good], height[good], atol=5e-6)
             assert (found.filled.values == np.rot90(made.filled, turned // 90)).all()
         for variant, folder in {"placed": "", "levelled": "levelled/"}.items():
-            found, made = stored(f"microscale/{folder}{patch}"), plain.contact_in(variant, patch)
+            found = stored(f"microscale/{folder}{patch}")
+            made = plain.contact_in(variant, patch).to_dataset()
             for name in ("counterface", "surroundings", "pressure"):
                 # a scanned counterface does not turn with the patch
                 if name == "surroundings" or not turned:
@@ -253,16 +258,16 @@ def test_turned_and_mirrored_scans_lie_on_the_stone_as_they_were_taken(generated
 def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
     anew = in_memory(studied)
     np.testing.assert_allclose(
-        stored("macroscale/contact").pressure, anew.contact().pressure, atol=1.0
+        stored("macroscale/contact").pressure, anew.contact.pressure, atol=1.0
     )
-    tilts = (of.tilt_error_mrad for of in (stored("macroscale/composite"), anew.composite()))
+    tilts = (of.tilt_error_mrad for of in (stored("macroscale/composite"), anew.composite))
     np.testing.assert_allclose(*tilts, rtol=1e-6)
-    same(own.selected(), "patch_pressures")
-    same(anew.registration(), "registration")
-    scans = {patch: own.prepared(patch, "T0") for patch in ALL}
+    same(own.selected, "patch_pressures")
+    same(anew.registration, "registration")
+    scans = {patch: own.prepared[patch, "T0"] for patch in ALL}
     at = {"patch_mm": 0.85, **own.config["scans"]["mould"]}
-    same(place_patches(own.face().height, own.patches, scans, **at), "placement")
-    done = {(p, epoch): own.prepared(p, epoch).attrs for p in ALL for epoch in epochs_of(p)}
+    same(place_patches(own.face.height, own.patches, scans, **at), "placement")
+    done = {(p, epoch): own.prepared[p, epoch].attrs for p in ALL for epoch in epochs_of(p)}
     same(preprocessing_table(done), "preprocessing")
     contacts = {}
     for variant, folder in {"placed": "", "levelled": "levelled/"}.items():
@@ -276,8 +281,8 @@ def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
                 assert np.ptp(found.counterface.values) > 5e-3  # no flat, but a rough face
     same(two_scales_table(contacts, stored("reference/patches")), "two_scales")
     intervals = pressure_intervals(
-        Macroscale(own.face(), own.composite(), stored("macroscale/second_stone").face),
-        own.pressures(),
+        Macroscale(own.face, own.composite, stored("macroscale/second_stone").face),
+        own.pressures,
         errors=Errors(**own.config["uncertainty"]),
         force_N=550.0,
         through=(2.0, 3.2),
@@ -286,12 +291,12 @@ def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
         seed=1,
     )
     same(intervals, "patch_intervals")
-    changes = {patch: own.change(patch) for patch in WORN}
+    changes = {patch: own.changes[patch] for patch in WORN}
     same(measure_texture(scans, changes, **ASKED["texture"]), "texture")
     # the noise of two scans of 0.1 µm, less what the laying of one on the other smooths
     found = stored("registered/of_repeats").attrs
     assert 0.10 < found["level_mm2"] ** 0.5 * 1e3 < 0.15
-    assert own.detection() == pytest.approx((found["level_mm2"], found["lateral_mm2"]))
+    assert own.detection == pytest.approx((found["level_mm2"], found["lateral_mm2"]))
     assert set(table("registration").detection) == {"repeat"}
 
 
@@ -332,8 +337,8 @@ def test_what_was_not_scanned_is_drawn_anew(own, stored, table):
     of = table("two_scales").set_index(["variant", "patch"]).reference_pressure_MPa["placed"]
     pressures = of[reference.patch.values]
     np.testing.assert_allclose(pressures, reference.pressure.mean("draw"), rtol=1e-3, atol=1e-6)
-    scans = {patch: own.prepared(patch, "T0") for patch in ALL}
-    drawn = composite_heights(own.face(), own.composite(), scans, s_filter_um=5.0, seed=1, draw=0)
+    scans = {patch: own.prepared[patch, "T0"] for patch in ALL}
+    drawn = composite_heights(own.face, own.composite, scans, s_filter_um=5.0, seed=1, draw=0)
     first = stored("reference/contact").height
     np.testing.assert_allclose(first, remove_plane(drawn)[0], atol=1e-8)
 
@@ -378,8 +383,8 @@ def test_wear_follows_the_gesture(own, studied, stored, table, gesture, same):
     )
     np.testing.assert_allclose(rate, 5.5 * share, rtol=1e-3, atol=1e-4)
     judged = kept(studied)
-    judged.kept["worn_square",] = wear_stone(
-        own.contact(), own.selected(), own.registration(), patch_mm=0.85, steps=2, gesture=gesture
+    judged.worn_square = wear_stone(
+        own.contact, own.selected, own.registration, patch_mm=0.85, steps=2, gesture=gesture
     )
     found = judged.judged(seed=1, resamples=199)
     same(found["wear"], "wear")
