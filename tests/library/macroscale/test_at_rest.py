@@ -26,7 +26,7 @@ from gstlib.surfaces.leveling import Plane, remove_plane
 from gstlib.validation.single_scale import press_whole
 from scipy.spatial.transform import Rotation
 
-CONFIG = Path(__file__).parents[2] / "config"
+CONFIG = Path(__file__).parents[3] / "config"
 MODULUS = 1e4
 # A face of 6 mm around a square of 3 mm, whose corner is at (0, 0).
 SIZE, ELEMENT, COUNT, AROUND = 3.0, 0.1, 60, 15
