@@ -1,33 +1,36 @@
-"""The method: the stages of the study that join several rooms, in the order of the paper.
+"""The method: all stages of the study, in the order of the paper, each in the room of its name.
 
-Read it from top to bottom. It follows section 2 of Marulli, Sorrentino & Paggi (2024, J. Archaeol.
-Sci. Rep. 104939) and goes on where the paper stops. A stage that takes one room stands in that
-room, and is named here.
+It follows section 2 of Marulli, Sorrentino & Paggi (2024, J. Archaeol. Sci. Rep. 104939) and goes
+on where the paper stops. A room is a folder beside this file; it imports only from rooms that come
+before it.
 
-1. The use-face of the tool's mesh, over the square and around it, becomes heights on a grid
-   (`face.grid_macroscale`). The scans, cleaned (`prepare_patch`), are laid on it where they were
-   taken (`composite.compose_surface`). A rounded active stone, or a second mesh that was posed on
-   it, is pressed on the whole by the force of use, and both come to rest
-   (`contact.contact_path`); the hand wanders, and the stone moves (`gesture.press_poses`).
-2. Each scanned patch carries the macroscale forces in its outline (`coupling.couple_scales`): a
-   pressure with an interval (`uncertainty.pressure_intervals`). `placement.place_patches` checks
-   where the patches lie.
-3. T1 is registered to T0, which gives the height that use took away (`validation.change`), and the
-   texture is measured before and after use (`validation.texture`). `validation.selection` says
-   which patches enter the study.
-4. Each patch, as it lies on the stone, is pressed at the scan's resolution up to its own pressure
-   (`solve_patches`). Stick and slip and a ceiling on the pressure are further cases (`cases`).
-5. The square and its patches wear by Archard's law (`wear_stone`), which predicts the loss of a
-   patch from those of the others (`wear.wear_map`).
-6. The predicted loss is judged by the measured one, beside rivals that know as much
-   (`judge_wear`).
+1. `preprocess`: the use-face of the tool's mesh becomes heights on a grid (`mesh.grid_mesh`); scans
+   are cleaned, filled and levelled (`scans.prepare_patch`).
+2. `macroscale`: the face is the square and what is around it (`face.grid_macroscale`). The scans
+   are laid on it where they were taken (`composite.compose_surface`). A rounded active stone, or a
+   second mesh that was posed on it (`active_tool`), is pressed on the whole by the force of use,
+   and both come to rest (`gstlib.contact.contact_path`); the hand wanders, and the stone moves
+   (`gesture.press_poses`).
+3. `coupling`: each scanned patch carries the macroscale forces in its outline
+   (`pressures.couple_scales`): a pressure with an interval (`intervals.pressure_intervals`).
+   `placement.place_patches` checks where the patches lie.
+4. `microscale`: each patch, as it lies on the stone, is pressed at the scan's resolution up to its
+   own pressure (`patches.solve_patches`). Stick and slip and a ceiling on the pressure are further
+   cases (`slip_and_cap`).
+5. `change`: T1 is registered to T0, which gives the height that use took away
+   (`change.register_patch`), and the texture is measured before and after use
+   (`texture.measure_texture`). `selection.select_patches` says which patches enter the study.
+6. `wear`: the square and its patches wear by Archard's law (`fit.wear_stone`), which predicts the
+   loss of a patch from those of the others (`fit.wear_map`).
+7. `validation`: the predicted loss is judged by the measured one, beside rivals that know as much
+   (`summary.judge_wear`).
 
 Two variants of the coupling exist. In the paper's, `LEVELLED`, the square is cut out of the mesh,
 pressed flat on its mean plane up to a mean pressure, and a patch is pressed as its scan was
 levelled. In `PLACED`, the stone lies where its forces balance, the scans enter its face, and a
 patch keeps its plane in it and yields to the pressures around it. Both are held against one contact
 of the whole square at the scans' resolution, which is placed in the face likewise
-(`reference.press_whole`).
+(`validation.single_scale.press_whole`).
 
 The functions take and return datasets and tables, and read and write no file of results: the
 workflow's scripts do, one stage each. `Study` runs the same stages in memory, for sweeps over
@@ -37,8 +40,7 @@ Lengths are in mm and pressures in MPa unless a name says otherwise. Words mean 
 
 - a *surface* is heights on a grid, an array (y, x) in mm (`gstlib.surfaces.grid`);
 - the *face* is the dataset of `gstlib.macroscale.face.grid_macroscale`, the square and what is
-around it; the
-  *counterface* is what is pressed on it;
+  around it; the *counterface* is what is pressed on it;
 - *patches* is the patch table, *pressures* that table with the pressure of each patch;
 - *scans*, *contacts* and *changes* are prepared scans, contacts and height changes, each a dataset,
   by patch; such a mapping may read them when they are looked up (`gstlib.io.store.Stored`);
