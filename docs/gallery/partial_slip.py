@@ -3,6 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
+from gstlib.bem.closed_forms import Sphere
 from gstlib.contact import Interface, Load, contact_at_pressure
 from gstlib.microscale.slip_and_cap import solve_slip
 from gstlib.surfaces.grid import make_surface
@@ -18,9 +19,8 @@ on_flat, load = Interface.on_flat(sphere), Load(mean_pressure)
 contact = contact_at_pressure(on_flat, load, modulus=modulus, tolerance=1e-9)
 slip = solve_slip(contact, friction=friction, tangential_ratio=ratio, poisson=0.24)
 
-# the contact sticks within c = a (1 − Q/μP)^⅓ (Johnson, Contact Mechanics, eq. 7.44)
-a = (3 * mean_pressure * side**2 * radius / (4 * modulus)) ** (1 / 3)
-c = a * (1 - ratio) ** (1 / 3)
+# the contact sticks within c (Johnson, Contact Mechanics, eq. 7.44)
+c = Sphere(mean_pressure * side**2, radius, modulus).stick_radius(ratio)
 stick = np.sqrt(int(slip.stick.sum()) * (side / n) ** 2 / np.pi)
 force = float(slip.traction.sum()) / (friction * float(contact.pressure.sum()))
 print(f"radius that sticks: {stick:.4f} mm, Cattaneo and Mindlin {c:.4f} mm")

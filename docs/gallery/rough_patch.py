@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from gstlib.bem import contact_modulus, load_path
+from gstlib.bem.closed_forms import BUSH_SLOPE, PERSSON_SLOPE
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.scans import prepare_scan
@@ -32,15 +33,16 @@ slope = np.hypot(*np.gradient(height.values, *spacing_of(height)))
 load = path.mean_pressure / (modulus * np.sqrt(np.mean(slope**2)))
 print(f"contact: {100 * path.contact_fraction[-1]:.2f} % of the patch")
 print(f"highest pressure: {path.final.pressure.max():.0f} MPa")
-print(f"kappa: {path.contact_fraction[-1] / load[-1]:.2f} (theories: 1.60 and 2.51)")
+theories = f"{PERSSON_SLOPE:.2f} and {BUSH_SLOPE:.2f}"
+print(f"kappa: {path.contact_fraction[-1] / load[-1]:.2f} (theories: {theories})")
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
 left.imshow(height.values * 1e3, cmap="gray", origin="lower")
 left.contour(path.final.contact, [0.5], colors="tab:red", linewidths=0.8)
 left.set(title="height, and the edges of contact", xticks=[], yticks=[])
 right.plot(100 * load, 100 * path.contact_fraction, ".-", label="gstlib.bem")
-right.plot(100 * load, 160 * load, "--", label="Persson")
-right.plot(100 * load, 251 * load, ":", label="Bush, Gibson and Thomas")
+right.plot(100 * load, 100 * PERSSON_SLOPE * load, "--", label="Persson")
+right.plot(100 * load, 100 * BUSH_SLOPE * load, ":", label="Bush, Gibson and Thomas")
 right.set(xlabel="p/(E* h′)  (%)", ylabel="contact  (%)")
 right.legend()
 figure.savefig("rough_patch.png", dpi=120)

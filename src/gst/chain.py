@@ -26,7 +26,7 @@ __all__ = [
     "check_links",
 ]
 __all__ += ["given_to", "is_inside", "last_took", "made_in", "plan_again", "read_record"]
-__all__ += ["record_of", "step_of", "steps_of", "warnings_of", "write_record"]
+__all__ += ["record_of", "step_of", "steps_after", "steps_of", "warnings_of", "write_record"]
 
 # Steps that a run makes again, and why. The Snakefile fills it when it is read; `gst.scheduler`
 # hands it to Snakemake, and the display shows the reasons.
@@ -145,7 +145,9 @@ def _difference(results: Path, step: Step, seen: Digests) -> str | None:
             return "the program has changed" if name == "code" else _turned(name, before, after)
     for part in ("files", "inputs"):
         if changed := _changed(record[part], now[part]):
-            return f"{changed} has changed"
+            return (
+                f"{changed} {'is missing' if now[part].get(changed) == '' else 'has changed'}"
+            )
     if changed := _changed(record["outputs"], _digests(step.outputs, results, seen)):
         return f"{changed} is not as it was made"
     return None
@@ -211,8 +213,11 @@ def _breaks(results: Path, steps: Iterable[str]) -> Iterator[str]:
         for part in ("inputs", "outputs"):
             now = _digests([results / each for each in record[part]], results, seen)
             if changed := _changed(record[part], now):
+                file, verb = results / changed, "made" if part == "outputs" else "read"
+                if not file.exists():
+                    yield f"{file}, which the step {name} {verb}, is missing"
                 whose = "made it: cut, or edited" if part == "outputs" else "read it"
-                yield f"{results / changed} is not as the step {name} {whose}"
+                yield f"{file} is not as the step {name} {whose}"
         known = {
             path: digest for path, digest in record["files"].items() if Path(path).is_file()
         }
@@ -225,6 +230,25 @@ def made_in(results: Path) -> list[Path]:
     page = read_record(results, PAGE)
     steps = page["params"]["steps"] if page else []
     return [results / name for each in [*steps, PAGE] for name in _of(results, each, "outputs")]
+
+
+def steps_after(results: Path, folders: Iterable[str]) -> list[str]:
+    """The steps of a finished study that run again once some of its folders are removed.
+
+    Those that made something there, and those that read what runs again made.
+    """
+    page = read_record(results, PAGE)
+    left = [*page["params"]["steps"], PAGE] if page else []
+    read, made = (
+        {each: _of(results, each, part) for each in left} for part in ("inputs", "outputs")
+    )
+    gone = {name for each in left for name in made[each] if Path(name).parts[0] in {*folders}}
+    again: list[str] = []
+    while more := [each for each in left if gone & {*made[each], *read[each]}]:
+        again += more
+        left = [each for each in left if each not in more]
+        gone |= {name for each in more for name in made[each]}
+    return again
 
 
 def warnings_of(results: Path, step: str) -> list[str]:

@@ -128,14 +128,19 @@ def study(config, options, cores, profile, plan) -> None:
 
 @main.command()
 @_CONFIG
-def clean(config) -> None:
+@click.option(
+    "--intermediate",
+    is_flag=True,
+    help="Of a finished study, only what its stages gave to each other.",
+)
+def clean(config, intermediate) -> None:
     """Remove the results of CONFIG's study; asks first.
 
     Whole folders such as tables are removed; other files in the results folder stay.
     """
-    from gst.running import remove_results
+    from gst.running import remove_intermediate, remove_results
 
-    remove_results(config)
+    remove_intermediate(config) if intermediate else remove_results(config)
 
 
 @main.command()

@@ -154,8 +154,8 @@ def source_hash(script: str | Path) -> str:
     """Hash of the code that `script` runs on: itself, and every module of ours that it imports.
 
     A rule takes this hash as a parameter, so it runs again when that code has changed. What lies
-    beside a module under its name, such as ``page.css`` beside ``page.py``, belongs to it; to
-    `gst.tables` belongs the schema.
+    beside a module under its name, such as ``page.css`` beside ``page.py``, belongs to it, but not a
+    stub: what a name is offered as changes no result. To `gst.tables` belongs the schema.
     """
     modules: dict[str, Path] = {}
     ahead = {*_imported(Path(script), "")}
@@ -169,7 +169,9 @@ def source_hash(script: str | Path) -> str:
     parts = [(Path(script).name, Path(script))]
     for name, file in sorted(modules.items()):
         beside = file.parent.glob(f"{file.stem}.*")
-        parts += [(f"{name} {part.name}", part) for part in sorted(beside)]
+        parts += [
+            (f"{name} {part.name}", part) for part in sorted(beside) if part.suffix != ".pyi"
+        ]
     if "gst.tables" in modules:
         schema = gst.ROOT / "workflow/schemas/tables.yaml"
         parts.append((schema.name, schema))

@@ -12,18 +12,18 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from gst import ROOT
-from gst.chain import break_in, check_links
+from gst.chain import break_in, check_links, last_took, steps_after
 from gst.config import config_problems, read_config, refuse_config, refuse_study
 from gst.logs import PLAN
 from gst.provenance import refuse_other_study
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
-__all__ = ["is_report_current", "lay_out", "remove_results", "run_study"]
+__all__ = ["is_report_current", "lay_out", "remove_intermediate", "remove_results", "run_study"]
 
 # What a study makes in its folder, except hidden parts of files.
 MADE = (
@@ -47,6 +47,8 @@ MADE = (
     "tool.ply",
     "verdict.html",
 )
+# Of the folders in it, those that a reader needs; the others hold what one stage gives to the next.
+READ = ("figures", "logs", "tables")
 LOCKS = Path(".snakemake/locks")
 HOST = Path(".snakemake/host")  # the machine on which the last run was started
 # By default glibc takes new pages from the kernel for each large array, which clears them first,
@@ -227,11 +229,52 @@ def remove_results(config: Path) -> None:
     names = ", ".join(path.name for path in made)
     if input(f"Remove from {folder}: {names}? [y/N] ") != "y":
         return
-    for path in made:
-        is_folder = path.is_dir() and not path.is_symlink()
-        shutil.rmtree(path) if is_folder else path.unlink()
+    _remove(made)
     if not any(folder.iterdir()):
         folder.rmdir()
+
+
+def remove_intermediate(config: Path) -> None:
+    """Ask, and remove what a finished study's stages gave to each other; its results stay.
+
+    Raises
+    ------
+    InputError
+        The study is not finished, or its results are not those of this config.
+    """
+    read = _checked(config)
+    folder = Path(read["results"])
+    between = [folder / name for name in MADE if name not in READ and (folder / name).is_dir()]
+    if not between:
+        print(f"{folder} contains no intermediate results.")
+        return
+    check_links(folder)
+    if broken := break_in(folder, read):
+        remedy = "Finish the study first: what would be removed is needed for it."
+        raise InputError(folder, broken, remedy)
+    names = [path.name for path in between]
+    again = steps_after(folder, names)
+    took_s = sum(float(took.split()[0]) for step in again if (took := last_took(folder, step)))
+    print(
+        f"{folder}: {_size_mb(between):.1f} of {_size_mb([folder]):.1f} MB are what one stage gave "
+        f"to the next: {', '.join(names)}.\n"
+        "The page, tables, figures, records and logs stay. Export and pack the study first: "
+        "without these files it is no longer finished.\n"
+        f"A run then takes {len(again)} steps again, which took {took_s:.0f} s in all."
+    )
+    if input("Remove them? [y/N] ") == "y":
+        _remove(between)
+
+
+def _size_mb(paths: Iterable[Path]) -> float:
+    files = (file for path in paths for file in path.rglob("*") if not file.is_symlink())
+    return sum(file.stat().st_size for file in files if file.is_file()) / 1e6
+
+
+def _remove(paths: Iterable[Path]) -> None:
+    for path in paths:
+        is_folder = path.is_dir() and not path.is_symlink()
+        shutil.rmtree(path) if is_folder else path.unlink()
 
 
 def lay_out(folder: Path, name: str) -> list[Path]:

@@ -17,6 +17,7 @@ from gst.chain import (
     made_in,
     plan_again,
     record_of,
+    steps_after,
     write_record,
 )
 from gstlib.errors import InputError
@@ -102,6 +103,27 @@ def test_what_was_edited_is_made_again(study, name):
     assert again[step] == f"{name} is not as it was made"
     assert again.keys() == {"clean": {"clean", "wear", PAGE}, "wear": {"wear", PAGE}}[step]
     assert f"results/{name} is not as the step {step} made it" in break_in(results)
+
+
+@pytest.mark.parametrize(
+    ("folder", "reruns"),
+    [
+        ("1.h5", ["clean", "wear", PAGE]),
+        ("wear", ["wear", PAGE]),
+        ("index.html", [PAGE]),
+        ("we", []),
+    ],
+)
+def test_what_is_removed_reruns_what_made_it_and_what_reads_it(study, folder, reruns):
+    results, _ = study
+    assert steps_after(results, [folder]) == reruns
+
+
+def test_what_was_removed_is_said_to_be_missing(study):
+    results, steps = study
+    (results / "1.h5").unlink()
+    assert break_in(results) == "results/1.h5, which the step clean made, is missing"
+    assert plan_again(steps, results)["wear"] == "1.h5 is missing"
 
 
 @pytest.mark.parametrize("change", ["unlink", "add"])

@@ -45,17 +45,6 @@ def laid(function, place, size, points):
     return remove_plane(make_surface(heights, size / points))
 
 
-def hertz(force, radius, modulus):
-    """Hertz's contact of a sphere with a flat: half width (mm) and pressure(y, x) (MPa)."""
-    half_width = (3 * force * radius / (4 * modulus)) ** (1 / 3)
-    peak = 3 * force / (2 * np.pi * half_width**2)
-
-    def pressure(y, x):
-        return peak * np.sqrt(np.clip(1 - (y**2 + x**2) / half_width**2, 0, None))
-
-    return half_width, pressure
-
-
 def interface(height, counterface=None, slopes=(0.0, 0.0), surroundings=None):
     """Two faces (mm), the upper one a flat if there is none."""
     over = xr.zeros_like(height) if counterface is None else counterface

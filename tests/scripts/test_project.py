@@ -1,6 +1,7 @@
 """The project's own tools, in any order, and beside whatever a user keeps in its folder."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -27,3 +28,19 @@ def test_a_config_of_the_users_own_makes_no_document_stale(tmp_path):
         command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
     )
     assert result.returncode == 0, result.stderr
+
+
+def test_the_layout_names_what_there_is():
+    """All of `gst`; of the library every room, and the modules that the row of a room names."""
+    text = (ROOT / "docs/layout.md").read_text("utf-8")
+    for package in ("gstlib", "gst"):
+        table = re.search(rf"^## .*`src/{package}`\n(.*?)^## ", text, re.MULTILINE | re.DOTALL)[1]
+        folder, named = ROOT / "src" / package, set()
+        for first, says in re.findall(r"^\| (`.*?) \| (.*?) \|", table, re.MULTILINE):
+            rooms, modules = (set(re.findall(r"`(\w+[\w./]*)`", cell)) for cell in (first, says))
+            named |= rooms
+            if package == "gstlib" and len(rooms) == 1:
+                beside = {file.stem for file in (folder / rooms.pop()).glob("*.py")}
+                assert {name for name in modules if "/" not in name} <= beside, first
+        there = {file.name for file in folder.glob("[!_]*.py")}
+        assert named == there | {f"{file.parent.name}/" for file in folder.glob("*/__init__.py")}

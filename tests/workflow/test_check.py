@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from gst.running import READ
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
 from gstlib.surfaces.grid import spacing_of
@@ -169,6 +170,35 @@ def test_clean_removes_what_the_study_made_and_nothing_else(tiny):
     assert len(list(tiny.results.iterdir())) > 10
     tiny.gst("clean", tiny.config, said="y")
     assert list(tiny.results.iterdir()) == [mine]
+
+
+def test_what_no_reader_needs_can_go_from_a_finished_study(tiny):
+    """What then runs again is what was said, and the results that stay are not touched."""
+    page, clean = tiny.results / "index.html", ("clean", "--intermediate", tiny.config)
+    content = page.read_bytes()
+    page.unlink()
+    refused = tiny.gst(*clean, said="y")
+    assert (refused.returncode, "index.html" in refused.stderr) == (2, True)
+    page.write_bytes(content)
+
+    def sizes():
+        stats = {file: file.stat() for file in tiny.results.rglob("*") if file.is_file()}
+        return {file: (stat.st_size, stat.st_mtime_ns) for file, stat in stats.items()}
+
+    before = sizes()
+    assert "Remove them? [y/N]" in tiny.gst(*clean, said="n").stdout
+    assert sizes().keys() == before.keys()
+    said = tiny.gst(*clean, said="y").stdout
+    after = sizes()
+    assert after.items() <= before.items()
+    assert {path.name for path in tiny.results.iterdir() if path.is_dir()} == {*READ}
+    assert {file for file in before if file.parent == tiny.results} < after.keys()
+    freed, whole = map(float, re.findall(r": ([\d.]+) of ([\d.]+) MB", said)[0])
+    size, left = (1e-6 * sum(size for size, _ in of.values()) for of in (before, after))
+    assert (freed, whole) == pytest.approx((size - left, size), abs=0.1)
+    assert f"takes {len(tiny.planned())} steps again" in said
+    assert "is missing" in tiny.gst("check", tiny.config).stdout
+    assert "no intermediate results" in tiny.gst(*clean, said="y").stdout
 
 
 def make(target, *options, cwd=ROOT):

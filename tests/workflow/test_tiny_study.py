@@ -168,7 +168,7 @@ def test_the_whole_square_lies_in_the_true_face_at_rest(results, truth, config):
 
 
 def test_cases_are_those_of_the_stored_contacts(results, table, config):
-    """What they obey: tests/library/test_cases.py."""
+    """What they obey: tests/library/microscale/test_cases.py."""
     cases, pressures = table("cases"), table("patch_pressures")
     of_stone = cases[cases.patch.isna()].set_index(["case", "quantity"]).value
     for key, expected in {

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine, sphere
 from gstlib.bem import InvalidContactInput, load_path, solve_contact
+from gstlib.bem.closed_forms import Sphere
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -70,12 +71,12 @@ def test_stiffness_is_the_derivative(path, index):
 
 def test_stiffness_of_hertz_and_of_the_full_square():
     radius, force = 10.0, 20.0
-    a = (3 * force * radius / (4 * MODULUS)) ** (1 / 3)
-    n, side = 128, 3 * a
+    exact = Sphere(force, radius, MODULUS)
+    n, side = 128, 3 * exact.contact_radius
     path = load_path(
         sphere(n, side / n, radius), side / n, MODULUS, target_pressure=force / side**2, steps=2
     )
-    assert path.stiffness[-1] == pytest.approx(2 * MODULUS * a / side**2, rel=0.02)
+    assert path.stiffness[-1] == pytest.approx(exact.stiffness / side**2, rel=0.02)
     flat = load_path(np.zeros((64, 64)), 0.85 / 64, MODULUS, target_pressure=5.0, steps=2)
     np.testing.assert_allclose(flat.stiffness, 1.14617 * MODULUS / 0.85, rtol=1e-5)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine, sphere
 from gstlib.bem import InvalidContactInput, Layer, load_path, solve_contact
+from gstlib.bem.closed_forms import RoundPunch
 from gstlib.bem.rest import RestingLoad, settle
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -71,8 +72,7 @@ def test_three_caps_share_the_force_as_levers_do(slopes):
 
 
 def test_a_round_punch_tilts_as_johnson_says():
-    # K. L. Johnson, Contact Mechanics (1985), sect. 5.8 and eq. 5.36 in its rigid limit:
-    # θ = 3M/(4E*a³), with a that of a disc of the elements' area. First order in the element.
+    # The radius is that of a disc of the elements' area. First order in the element.
     force, radius, off = 100.0, 1.0, 0.2
     errors = []
     for n in (32, 64, 128):
@@ -82,8 +82,8 @@ def test_a_round_punch_tilts_as_johnson_says():
         state = resting(np.where(disc, 0.0, -np.inf), spacing, force, (radius, radius + off))
         assert np.array_equal(state.contact, disc)
         assert np.all(np.isposinf(state.gap[~disc]))
-        cube = (disc.sum() * spacing**2 / math.pi) ** 1.5
-        errors.append(state.tilt[1] / (3 * force * off / (4 * MODULUS * cube)) - 1)
+        punch = RoundPunch(force, spacing * math.sqrt(disc.sum() / math.pi), MODULUS)
+        errors.append(state.tilt[1] / punch.tilt(off) - 1)
         assert abs(state.tilt[0]) < 1e-6 * state.tilt[1]
     assert 0 < errors[-1] < 6e-3
     assert np.all(np.abs(np.log2(np.divide(errors[:-1], errors[1:])) - 1) < 0.15)

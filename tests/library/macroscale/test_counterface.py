@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 from contacts import pressed as press
+from gstlib.bem.closed_forms import Sphere
 from gstlib.errors import ConfigError, InputError
 from gstlib.macroscale.active_tool import (
     SecondStone,
@@ -200,8 +201,7 @@ def test_two_spheres_touch_as_hertz_says():
     radii, modulus = (40.0, 60.0), SETTINGS["modulus"]
     radius = 1 / sum(1 / of for of in radii)
     force = SETTINGS["mean_pressure"] * SIDE**2
-    half_width = (3 * force * radius / (4 * modulus)) ** (1 / 3)
-    peak = 3 * force / (2 * np.pi * half_width**2)
+    exact = Sphere(force, radius, modulus)
     errors = []
     for rings in (8, 16, 41):
         below, above = (cap(of, rings) for of in radii)
@@ -211,8 +211,8 @@ def test_two_spheres_touch_as_hertz_says():
         pose = {"matrix": over.tolist()}
         _, contact = pressed(below, above, pose, corners=corners)
         y, x = np.meshgrid(*(contact.pressure[axis] - SIDE / 2 for axis in "yx"), indexing="ij")
-        expected = peak * np.sqrt(np.clip(1 - (x**2 + y**2) / half_width**2, 0, None))
-        errors.append(float(np.sqrt(np.mean((contact.pressure.values - expected) ** 2))) / peak)
+        difference = contact.pressure.values - exact.pressure(x, y)
+        errors.append(float(np.sqrt(np.mean(difference**2))) / exact.peak_pressure)
     assert errors[0] > 2 * errors[1] > 2 * errors[2]
     assert errors[2] < 0.02
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pandas as pd
 import pytest
-from contacts import hertz, interface, rough
+from contacts import interface, rough
+from gstlib.bem.closed_forms import Sphere
 from gstlib.contact import Load, contact_at_pressure
 from gstlib.errors import ConfigError
 from gstlib.microscale.slip_and_cap import (
@@ -55,15 +56,15 @@ def test_sphere_sticks_and_moves_as_cattaneo_and_mindlin_say(sphere, ratio):
     slip = solve_slip(sphere, **GRINDING | {"tangential_ratio": ratio})
     found = values(slip_rows("7", slip))["grinding"]
     force = 30.0 * sphere.pressure.size * SPACING**2
-    radius, _ = hertz(force, RADIUS, MODULUS)
-    # stick radius over contact radius is (1 - Q/μP)^(1/3)
-    assert 1 - found["slip share"] == pytest.approx((1 - ratio) ** (2 / 3), abs=0.02)
+    exact = Sphere(force, RADIUS, MODULUS)
+    radius, stick = exact.contact_radius, exact.stick_radius(ratio)
+    assert 1 - found["slip share"] == pytest.approx((stick / radius) ** 2, abs=0.02)
     assert int(slip.slip.sum()) * SPACING**2 == pytest.approx(
-        np.pi * radius**2 * (1 - (1 - ratio) ** (2 / 3)), rel=0.05
+        np.pi * (radius**2 - stick**2), rel=0.05
     )
     assert found["mean traction"] == pytest.approx(friction * ratio * 30.0, rel=1e-9)
     compliances = (2 - POISSON) / (2 * (1 - POISSON))
-    closed = friction * compliances * radius**2 / RADIUS * (1 - (1 - ratio) ** (2 / 3))
+    closed = friction * compliances * (radius**2 - stick**2) / RADIUS
     assert found["tangential displacement"] == pytest.approx(1e3 * closed, rel=0.01)
     np.testing.assert_array_equal(slip.stick | slip.slip, sphere.pressure > 0)
     assert not (slip.stick & slip.slip).any()

@@ -1,0 +1,47 @@
+"""What `import gstlib` offers: few names, each documented, and none loaded before it is used."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import gstlib
+import pytest
+
+
+def test_the_names_are_few_and_shown():
+    assert 40 < len(gstlib.__all__) <= 60
+    assert set(gstlib.__all__) <= set(dir(gstlib))
+    with pytest.raises(AttributeError, match="no_such_name"):
+        _ = gstlib.no_such_name
+
+
+@pytest.mark.parametrize("name", gstlib.__all__)
+def test_a_name_is_found_and_has_a_summary(name):
+    summary = (getattr(gstlib, name).__doc__ or "").partition("\n")[0]
+    assert len(summary) > 10
+    assert not summary.startswith(f"{name}(")  # as dataclasses without a docstring have it
+
+
+def test_nothing_is_loaded_before_it_is_used():
+    """Each job of the workflow is a fresh interpreter."""
+    program = """
+import sys, gstlib
+def loaded(): return {name.partition(".")[0] for name in sys.modules} & {"numpy", "scipy", "xarray"}
+print(sorted(loaded()), gstlib.contact_modulus(1, 0, 1, 0), gstlib.bem.__name__, sorted(loaded()))
+"""
+    result = subprocess.run(
+        [sys.executable, "-c", program], check=True, capture_output=True, text=True
+    )
+    assert result.stdout == "[] 0.5 gstlib.bem ['numpy', 'scipy']\n"
+
+
+def test_the_program_itself_goes_by_the_rooms():
+    """What a step runs on is read from its imports, which the front door would hide."""
+    root = Path(__file__).parents[2]
+    for file in (*root.glob("src/**/*.py"), *root.glob("workflow/**/*.py")):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module == "gstlib":
+                assert {name.name for name in node.names} <= {"__version__"}, file
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+                assert node.value.id != "gstlib" or node.attr in {"__file__", "__version__"}, file
