@@ -154,7 +154,7 @@ def source_hash(script: str | Path) -> str:
     """Hash of the code that `script` runs on: itself, and every module of ours that it imports.
 
     A rule takes this hash as a parameter, so it runs again when that code has changed. What lies
-    beside a module under its name, such as ``page.css`` beside ``page.py``, belongs to it, but not a
+    beside a module under its name, such as ``page.css`` beside ``page.py``, belongs to it, but no
     stub: what a name is offered as changes no result. To `gst.tables` belongs the schema.
     """
     modules: dict[str, Path] = {}

@@ -96,7 +96,7 @@ def test_the_exposure_is_that_of_every_batch(tmp_path):
         patches = pd.DataFrame({"patch": ["A"], "x_mm": 2.0, "y_mm": 2.0, "rotation_deg": 0.0})
         write_dataset(file, press_poses(flat, gesture, patches, **settings))
     (tmp_path / "pressures.csv").write_text("patch,pressure_MPa\nA,2\n")
-    outputs = tmp_path / "fields.h5", tmp_path / "table.csv"
+    outputs = tmp_path / "fields.h5", tmp_path / "exposure.csv"
     script_of("gather_exposure").main(files, tmp_path / "pressures.csv", *outputs)
     # 32 N on 16 mm², over both halves of a millimetre
     assert float(read_dataset(outputs[0]).exposure.mean()) == pytest.approx(2.0)
