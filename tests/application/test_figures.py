@@ -65,7 +65,7 @@ def contact_at(heights, load):
     path = xr.DataArray(np.arange(1, 5) / 4, dims="step")
     along = {"displacement": 0.02 * path, "mean_pressure": 40 * path * load}
     along |= {"contact_fraction": 0.05 * path, "stiffness": 2e3 * path, "pressure": path * pressure}
-    found = contact_of(heights, pressure, displacement=0.02)
+    found = contact_of(heights, pressure, displacement=0.02).to_dataset()
     found = found.assign(mean_pressure=40.0 * load, contact_modulus=12820.0)
     return found.assign({f"path_{name}": values for name, values in along.items()})
 

@@ -75,15 +75,15 @@ def _agreement(predicted: xr.DataArray, change: xr.Dataset) -> dict[str, np.ndar
     A loss is predicted where the scans would show one beyond the level of detection.
     """
     known, loss = np.isfinite(change["change"].values), change["loss"].values.astype(bool)
-    foretold = np.zeros(known.shape, dtype=bool)
+    marked = np.zeros(known.shape, dtype=bool)
     if known.any():
         depth = seen_depth(predicted.values[known])
-        foretold[known] = depth > change["level_of_detection"].values[known]
+        marked[known] = depth > change["level_of_detection"].values[known]
     loss &= known
     return {
-        BLUE: loss & foretold,
-        AMBER: loss & ~foretold,
-        BLACK: foretold & ~loss,
+        BLUE: loss & marked,
+        AMBER: loss & ~marked,
+        BLACK: marked & ~loss,
         _UNKNOWN: ~known,
     }
 
