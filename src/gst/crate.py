@@ -19,6 +19,7 @@ from urllib.parse import quote
 import yaml
 
 import gst
+from gst.chain import is_inside
 from gst.provenance import program_hash
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
@@ -202,6 +203,11 @@ def _add_results(
     record = (results / "provenance.json").read_bytes()
     made = [crate.add_file("results/provenance.json", record, **said)]
     for entry in contents:
+        if not is_inside(entry["file"]):
+            problem = f"names a file outside the results: {entry['file']}"
+            raise InputError(
+                results / _RECORDS[1], problem, "Run the study again, then pack it."
+            )
         content = _unchanged(results / entry["file"], entry["sha256"])
         said["name"] = f"{entry['category'].partition(' ')[2]}: {entry['title']}"
         said["description"] = " ".join(fromstring(entry["caption"]).text_content().split())

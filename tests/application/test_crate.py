@@ -148,6 +148,10 @@ def test_the_run_ends_with_its_newest_result_and_has_the_authors_given(results):
     assert entities[entities["./"]["license"]["@id"]]["name"] == "CC-BY-4.0"
 
 
+def replaced(file, old, new):
+    file.write_text(file.read_text().replace(old, new))
+
+
 # What is done to a finished study in `out/results`, and what is said of it.
 DAMAGED = {
     "unfinished": (lambda: Path("out/results/contents.json").unlink(), "contents.json"),
@@ -158,6 +162,10 @@ DAMAGED = {
     "result gone": (lambda: Path("out/results/figures/wear.png").unlink(), "wear.png"),
     "result": (lambda: Path("out/results/tables/wear.csv").write_text("other"), "wear.csv"),
     "input": (lambda: Path("data/a.plu").write_text("other"), "data/a.plu"),
+    "contents from elsewhere": (
+        lambda: replaced(Path("out/results/contents.json"), "tables/wear.csv", "../../private"),
+        "outside the results: ../../private",
+    ),
     "elsewhere": (lambda: os.chdir("/"), "patches ü.tsv: this table of the study is missing"),
 }
 

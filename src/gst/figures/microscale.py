@@ -80,12 +80,7 @@ def _agreement(predicted: xr.DataArray, change: xr.Dataset) -> dict[str, np.ndar
         depth = seen_depth(predicted.values[known])
         marked[known] = depth > change["level_of_detection"].values[known]
     loss &= known
-    return {
-        BLUE: loss & marked,
-        AMBER: loss & ~marked,
-        BLACK: marked & ~loss,
-        _UNKNOWN: ~known,
-    }
+    return {BLUE: loss & marked, AMBER: loss & ~marked, BLACK: marked & ~loss, _UNKNOWN: ~known}
 
 
 @styled
