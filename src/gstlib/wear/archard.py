@@ -49,6 +49,7 @@ __all__ = [
     "Mat",
     "WornSquare",
     "seen_depth",
+    "wear_elastic_and_yielding",
     "wear_patch",
     "wear_square",
 ]
@@ -310,14 +311,38 @@ def wear_patch(
     ndarray, shape (ny, nx)
         The depth lost, mm.
     """
+    given = {"ratio": ratio, "kappa": kappa, "hardness_MPa": hardness_MPa}
+    return _depth_and_pressure(contact, worn, patch, **given)[0]
+
+
+def wear_elastic_and_yielding(
+    contact: xr.Dataset, worn: WornSquare, patch: str, *, hardness_MPa: float, **given: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """Depths of `wear_patch` without the ceiling and with it; one where nothing comes near it."""
+    elastic, highest = _depth_and_pressure(contact, worn, patch, **given)
+    if highest < _BORNE * hardness_MPa:
+        return elastic, elastic
+    return elastic, wear_patch(contact, worn, patch, hardness_MPa=hardness_MPa, **given)
+
+
+def _depth_and_pressure(
+    contact: xr.Dataset,
+    worn: WornSquare,
+    patch: str,
+    ratio: float = 0.0,
+    kappa: float | None = None,
+    hardness_MPa: float | None = None,
+) -> tuple[np.ndarray, float]:
+    """The depth of `wear_patch` (mm), and the highest pressure (MPa) of all its contacts."""
     kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
     lost, options = _driven(contact, worn, patch, ratio, kappa)
     if not lost > 0:
-        return np.zeros(contact.height.shape)
+        return np.zeros(contact.height.shape), 0.0
     source = f"patch {patch}"
     if hardness_MPa is not None:
         options = _bounded(options, ratio, hardness_MPa)
-    return solved(wear_path, contact, Loading.of(contact), source, **options).depth
+    path = solved(wear_path, contact, Loading.of(contact), source, **options)
+    return path.depth, path.highest_pressure
 
 
 def _driven(
