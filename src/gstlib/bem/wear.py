@@ -188,14 +188,19 @@ def wear_path(
         ContactProblem(surface, spacing, contact_modulus, rate, layer)
         for rate, (_, surface, _, layer) in zip(rates, bodies, strict=True)
     ]
-    depth, starts, curve = np.zeros_like(heights), [None] * len(bodies), []
+    depth, curve = np.zeros_like(heights), []
+    # The last pressure of each body, and its displacement.
+    starts: list[tuple] = [(None, None)] * len(bodies)
     states, depths, highest = [], [], 0.0
     for step in range(steps):
         reached = []
         for body, (rate, (_, _, pressures, _)) in enumerate(zip(rates, bodies, strict=True)):
             load = Load(force=pressures[step] * heights.size, pressure_limit=pressure_limit)
-            state = problems[body].solve(load, tolerance, starts[body])
-            starts[body], loss = state.pressure, rate * state.pressure
+            last, field = starts[body]
+            state = problems[body].solve(load, tolerance, last, field=field)
+            there, field = problems[body].relief > -math.inf, np.zeros_like(heights)
+            field[there] = state.gap[there] + problems[body].relief[there] + state.displacement
+            starts[body], loss = (state.pressure, field), rate * state.pressure
             depth += loss
             highest = max(highest, float(state.pressure.max()))
             lowered = [problem.lowered(loss) for problem in problems]

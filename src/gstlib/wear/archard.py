@@ -34,7 +34,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import Layer, ThirdBody, solve_contact, wear_path
+from gstlib.bem import Layer, ThirdBody, WearPath, solve_contact, wear_path
 from gstlib.contact import Loading, solved
 from gstlib.coupling.embedding import surroundings
 from gstlib.coupling.pressures import patch_pressures
@@ -311,38 +311,39 @@ def wear_patch(
     ndarray, shape (ny, nx)
         The depth lost, mm.
     """
-    given = {"ratio": ratio, "kappa": kappa, "hardness_MPa": hardness_MPa}
-    return _depth_and_pressure(contact, worn, patch, **given)[0]
-
-
-def wear_elastic_and_yielding(
-    contact: xr.Dataset, worn: WornSquare, patch: str, *, hardness_MPa: float, **given: Any
-) -> tuple[np.ndarray, np.ndarray]:
-    """Depths of `wear_patch` without the ceiling and with it; one where nothing comes near it."""
-    elastic, highest = _depth_and_pressure(contact, worn, patch, **given)
-    if highest < _BORNE * hardness_MPa:
-        return elastic, elastic
-    return elastic, wear_patch(contact, worn, patch, hardness_MPa=hardness_MPa, **given)
-
-
-def _depth_and_pressure(
-    contact: xr.Dataset,
-    worn: WornSquare,
-    patch: str,
-    ratio: float = 0.0,
-    kappa: float | None = None,
-    hardness_MPa: float | None = None,
-) -> tuple[np.ndarray, float]:
-    """The depth of `wear_patch` (mm), and the highest pressure (MPa) of all its contacts."""
     kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
     lost, options = _driven(contact, worn, patch, ratio, kappa)
     if not lost > 0:
-        return np.zeros(contact.height.shape), 0.0
-    source = f"patch {patch}"
+        return np.zeros(contact.height.shape)
     if hardness_MPa is not None:
         options = _bounded(options, ratio, hardness_MPa)
-    path = solved(wear_path, contact, Loading.of(contact), source, **options)
-    return path.depth, path.highest_pressure
+    return _worn(contact, patch, options).depth
+
+
+def wear_elastic_and_yielding(
+    contact: xr.Dataset,
+    worn: WornSquare,
+    patch: str,
+    *,
+    hardness_MPa: float,
+    ratio: float = 0.0,
+    kappa: float | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The depths of `wear_patch` without the ceiling and with it, in one go."""
+    kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
+    lost, options = _driven(contact, worn, patch, ratio, kappa)
+    if not lost > 0:
+        return (nothing := np.zeros(contact.height.shape)), nothing
+    elastic, bounded = _worn(contact, patch, options), _bounded(options, ratio, hardness_MPa)
+    # Where no pressure reaches the ceiling, each of its contacts is that without it.
+    is_borne = math.isclose(bounded["mean_loss"], lost, rel_tol=1e-12)
+    if is_borne and elastic.highest_pressure < hardness_MPa:
+        return elastic.depth, elastic.depth
+    return elastic.depth, _worn(contact, patch, bounded).depth
+
+
+def _worn(contact: xr.Dataset, patch: str, options: Mapping[str, Any]) -> WearPath:
+    return solved(wear_path, contact, Loading.of(contact), f"patch {patch}", **options)
 
 
 def _driven(
