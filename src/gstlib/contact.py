@@ -79,6 +79,8 @@ _VARIABLES = {
 }
 _DIMS: tuple[tuple[str, ...], ...] = ((), ("step",), ("y", "x"), ("step", "y", "x"))
 _FIELDS = "pressure", "gap"
+# Nothing is computed from it: half of its digits do.
+_SINGLE = "gap"
 _NUMBERS = "displacement", "mean_pressure", "contact_fraction", "residual"
 # Of a variable along a load path, beside that of the state at its end.
 _PATH = "path_"
@@ -252,8 +254,9 @@ def contact_at_pressure(
     -------
     xarray.Dataset
         `faces`, of a body that is free to tilt on the plane at which it rests; ``pressure`` MPa and
-        ``gap`` mm (y, x), NaN where a face is missing; ``displacement`` mm, ``mean_pressure`` MPa,
-        ``contact_fraction`` and ``residual``; and the loading: ``contact_modulus`` and
+        ``gap`` mm (y, x), NaN where a face is missing, the gap in single precision;
+        ``displacement`` mm, ``mean_pressure`` MPa, ``contact_fraction`` and ``residual``; and the
+        loading: ``contact_modulus`` and
         ``target_pressure``, MPa, ``tolerance``, ``through_y`` and ``through_x``, mm.
     """
     options: dict[str, Any] = {"mean_pressure": loading.target_pressure_MPa}
@@ -411,6 +414,7 @@ def _variables(values: Mapping, prefix: str = "") -> dict[str, tuple]:
     for name, value in values.items():
         units, long_name = _VARIABLES[name]
         attrs = {"units": units, "long_name": long_name}
+        value = np.float32(value) if name == _SINGLE else value
         variables[prefix + name] = _DIMS[np.ndim(value)], value, attrs
     return variables
 
