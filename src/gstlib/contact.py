@@ -80,6 +80,8 @@ _VARIABLES = {
 }
 _DIMS: tuple[tuple[str, ...], ...] = ((), ("step",), ("y", "x"), ("step", "y", "x"))
 _FIELDS = "pressure", "gap"
+# Nothing is computed from it: half of its digits do.
+_SINGLE = "gap"
 _NUMBERS = "displacement", "mean_pressure", "contact_fraction", "residual"
 # Of a variable along a load path, beside that of the state at its end.
 _PATH = "path_"
@@ -510,5 +512,6 @@ def _variables(values: Mapping, prefix: str = "") -> dict[str, tuple]:
     for name, value in values.items():
         units, long_name = _VARIABLES[name]
         attrs = {"units": units, "long_name": long_name}
+        value = np.float32(value) if name == _SINGLE else value
         variables[prefix + name] = _DIMS[np.ndim(value)], value, attrs
     return variables

@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from scipy import fft
+import scipy
 
 from .transforms import from_waves, from_waves_inplace, to_waves, to_waves_inplace
 
@@ -182,15 +182,15 @@ class SplitConvolution:
         """Waves of the far part's displacement, from those of the pressure."""
         size_y, size_x = self._coarse
         waves *= self._down
-        load = fft.irfft2(waves, (size_y, size_x), axes=(1, 0), norm="forward")
-        waves = fft.rfft2(self._far(load.T).T, axes=(1, 0))
+        load = scipy.fft.irfft2(waves, (size_y, size_x), axes=(1, 0), norm="forward")
+        waves = scipy.fft.rfft2(self._far(load.T).T, axes=(1, 0))
         waves *= self._up
         return waves
 
 
 def even_size(minimum):
     """Smallest even length not below `minimum` that the FFT handles fast."""
-    return 2 * fft.next_fast_len((minimum + 1) // 2)
+    return 2 * scipy.fft.next_fast_len((minimum + 1) // 2)
 
 
 def exact_padding(shape):
@@ -239,7 +239,7 @@ def kernel_spectrum(padded, kernel):
 
 def _even_spectrum(quadrant):
     """Spectrum of an even kernel, from wave number 0 on; overwrites the kernel's quadrant."""
-    return fft.dctn(quadrant, type=1, overwrite_x=True)
+    return scipy.fft.dctn(quadrant, type=1, overwrite_x=True)
 
 
 def _sigma(spacing):

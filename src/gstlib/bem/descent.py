@@ -63,6 +63,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
             halved, cautious, change = iterations, _PATIENCE, None
         if stalled or error > _LARGE_ERROR * violation:
             convolved, field, error = pressure, window.exact_displacement(pressure), 0.0
+            lowest_energy = math.inf
             continue
         iterations += 1
         relative = violation / load.deepest(rigid, relief)
@@ -137,8 +138,15 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
                 started, convolved, field = True, pressure, window.displacement(pressure)
                 error = APPROXIMATION_ERROR * field.max()
                 continue
-            convolved, field, error = pressure, window.exact_displacement(pressure), 0.0
-            # Bold steps alone may go round in circles.
+            # The first change is large, and so is its error.
+            if math.isinf(lowest_energy):
+                convolved, field, error = pressure, window.exact_displacement(pressure), 0.0
+            else:
+                cut_field = window.displacement(cut)
+                convolved, field = pressure, field + cut_field
+                error += APPROXIMATION_ERROR * np.abs(cut_field).max()
+            # Bold steps alone may go round in circles. An error stays as it is, but for what each
+            # step adds, so that energies can be compared until the field is computed again.
             given = rigid if load.force is None else 0.0
             energy = dot(pressure, 0.5 * field - relief - given)
             if energy >= lowest_energy:

@@ -276,11 +276,14 @@ class ContactProblem:
         problem.relief -= top
         return problem, -top
 
-    def solve(self, load, tolerance, initial_pressure=None, window=None, known=None):
+    def solve(
+        self, load, tolerance, initial_pressure=None, window=None, known=None, field=None
+    ):
         """Solve at one load; arguments as in :func:`solve_contact`, already checked.
 
         `window` : the elements to follow first; `initial_pressure`, shape (n,), is theirs then.
         `known` : a pressure on the window near the initial one, and its displacement (mm).
+        `field` : the exact displacement (mm) of the initial pressure on the grid; with a force.
         """
         if load.displacement == 0 or load.force == 0:
             nothing, tilt = np.zeros_like(self.relief), tuple(self.tilt.tolist())
@@ -301,6 +304,11 @@ class ContactProblem:
                 # So far from the force, it would be lost to rounding.
                 initial_pressure /= initial_pressure.max()
                 initial_pressure *= load.force / initial_pressure.sum()
+            elif field is not None:
+                scale = load.force / initial_pressure.sum()
+                if scale * initial_pressure.max() < load.pressure_limit:
+                    initial_pressure *= scale
+                    known = initial_pressure, scale * field
         return self._iterate(load, tolerance, initial_pressure, window, known)
 
     def _only_candidates(self, load):
@@ -363,7 +371,8 @@ class ContactProblem:
 
         Only elements of the window take part in the iterations, and `pressure` is theirs; if it is
         None, `pressure` is that of the grid, in C order and overwritten, and the window comes from
-        the gap under it. A state that is not to be `certified` is recomputed approximately.
+        the gap under it; what is `known` then is its displacement, exactly. A state that is not to
+        be `certified` is recomputed approximately.
         """
         before, iterations = self.half_space.convolutions, 0
         respond, inaccuracy = self.half_space.exact_displacement, 0.0
@@ -373,14 +382,17 @@ class ContactProblem:
                 APPROXIMATION_ERROR,
             )
         field, error = None, 0.0
-        if known is not None:
+        if known is not None and window is not None:
             # Only the difference is computed approximately.
             difference = window.displacement(pressure - known[0])
             field = known[1] + difference
-            error = APPROXIMATION_ERROR * np.abs(difference).max()
+            error, known = APPROXIMATION_ERROR * np.abs(difference).max(), None
         while True:
             if window is None:
-                state, field = self._recompute(load, pressure, respond, iterations, before)
+                field, known = None if known is None else known[1], None
+                state, field = self._recompute(
+                    load, pressure, respond, iterations, before, field
+                )
                 if max(state.residual, state.moment_residual) <= tolerance:
                     return state
                 if iterations >= MAX_ITERATIONS:
@@ -410,18 +422,19 @@ class ContactProblem:
             pressure.reshape(-1)[window.elements] = values
             window = None
 
-    def _recompute(self, load, pressure, respond, iterations, before):
+    def _recompute(self, load, pressure, respond, iterations, before, field=None):
         """State of a pressure field by a separate convolution, and its displacement.
 
         The pressure is scaled to the load, in place; the next convolution overwrites the
-        displacement.
+        displacement. It is not computed if the `field` is given.
         """
         contact = np.flatnonzero(pressure > 0)
         own = load.at(contact)
         loaded = own.scaled(pressure.reshape(-1)[contact])
         pressure.reshape(-1)[contact] = loaded
         force = float(loaded.sum())
-        field = respond(pressure) if force > 0 else np.zeros_like(pressure)
+        if field is None:
+            field = respond(pressure) if force > 0 else np.zeros_like(pressure)
         gap = field - self.relief
         deciding = contact
         if not own.decided_by(loaded):

@@ -69,6 +69,8 @@ class WearPath:
         Shape (steps,): of the contact of the worn surface after each step, see `ContactState`; of
         the bare stone, unless the third body does all the wear.
         The displacement is counted from the worn surface's own highest point (mm).
+    highest_pressure : float
+        Of all elements, bodies and steps (MPa).
     final : ContactState
         The last of these contacts.
     states : tuple of tuple of ContactState
@@ -85,6 +87,7 @@ class WearPath:
     mean_pressure: np.ndarray
     iterations: np.ndarray
     convolutions: np.ndarray
+    highest_pressure: float
     final: ContactState
     states: tuple[tuple[ContactState, ...], ...]
     depths: tuple[np.ndarray, ...]
@@ -167,10 +170,10 @@ def wear_path(
         raise InvalidContactInput("mean_pressure must be positive in one step at least (MPa)")
     if pressure_limit != math.inf:
         pressure_limit = checked_number("pressure_limit", pressure_limit, "MPa", positive=True)
-    highest = max(float(pressures.max()) for _, _, pressures, _ in bodies)
-    if highest >= pressure_limit:
+    hardest = max(float(pressures.max()) for _, _, pressures, _ in bodies)
+    if hardest >= pressure_limit:
         raise InvalidContactInput(
-            f"mean_pressure {highest:g} MPa is not below pressure_limit {pressure_limit:g} MPa"
+            f"mean_pressure {hardest:g} MPa is not below pressure_limit {pressure_limit:g} MPa"
         )
     mean_loss = checked_number("mean_loss", mean_loss, "mm")
     relief = float(np.ptp(heights[heights > -math.inf]))
@@ -185,15 +188,21 @@ def wear_path(
         ContactProblem(surface, spacing, contact_modulus, rate, layer)
         for rate, (_, surface, _, layer) in zip(rates, bodies, strict=True)
     ]
-    depth, starts, curve = np.zeros_like(heights), [None] * len(bodies), []
-    states, depths = [], []
+    depth, curve = np.zeros_like(heights), []
+    # The last pressure of each body, and its displacement.
+    starts: list[tuple] = [(None, None)] * len(bodies)
+    states, depths, highest = [], [], 0.0
     for step in range(steps):
         reached = []
         for body, (rate, (_, _, pressures, _)) in enumerate(zip(rates, bodies, strict=True)):
             load = Load(force=pressures[step] * heights.size, pressure_limit=pressure_limit)
-            state = problems[body].solve(load, tolerance, starts[body])
-            starts[body], loss = state.pressure, rate * state.pressure
+            last, field = starts[body]
+            state = problems[body].solve(load, tolerance, last, field=field)
+            there, field = problems[body].relief > -math.inf, np.zeros_like(heights)
+            field[there] = state.gap[there] + problems[body].relief[there] + state.displacement
+            starts[body], loss = (state.pressure, field), rate * state.pressure
             depth += loss
+            highest = max(highest, float(state.pressure.max()))
             lowered = [problem.lowered(loss) for problem in problems]
             problems = [problem for problem, _ in lowered]
             # Kp − w of the worn surface is (K + κI)p − w of that before: the gap is the same.
@@ -212,6 +221,7 @@ def wear_path(
     values = (np.array(column) for column in zip(*curve, strict=True))
     return WearPath(
         depth=depth,
+        highest_pressure=highest,
         final=reached[0],
         states=tuple(states),
         depths=tuple(depths),

@@ -295,7 +295,8 @@ def height_change(
         NaN outside the overlap; ``change``: T1 - T0 (mm), negative where material was lost, NaN
         where it is unknown; ``level_of_detection`` (mm), NaN there, too; ``loss``, ``gain``: where
         the change exceeds the level of detection, down or up, in spots of at least
-        `minimum_points`. Attributes: ``level_of_detection_um`` (median over the points),
+        `minimum_points`. ``level_of_detection`` is in single precision.
+        Attributes: ``level_of_detection_um`` (median over the points),
         ``change_sigma_um`` (robust standard deviation of the unchanged part), ``lateral_sigma_um``
         (lateral distance by which the measurements miss each other), ``known_share`` (of T0's
         area), ``detection`` (where the level of detection comes from: ``repeat``, ``own``, or
@@ -342,7 +343,7 @@ def height_change(
         {
             "t1": variable(after - datum, "mm", "height at T1 on the grid of T0"),
             "change": variable(change, "mm", "height change from T0 to T1"),
-            "level_of_detection": variable(limit, "mm", limit_name),
+            "level_of_detection": variable(limit.astype(np.float32), "mm", limit_name),
             "loss": variable(loss, "1", "height loss beyond the level of detection"),
             "gain": variable(gain, "1", "height gain beyond the level of detection"),
         },

@@ -62,7 +62,8 @@ def prepare_scan(
     -------
     xarray.Dataset
         ``height`` (y, x), mm, level, without NaN; ``filled`` and ``outlier`` (replaced), (y, x)
-        bool; ``measured`` (y, x), mm, the heights before all of this, the mould undone.
+        bool; ``measured`` (y, x), mm, the heights before all of this, the mould undone, in
+        single precision.
         Attributes: ``unmeasured``, ``filled``, ``outliers`` (counts), ``outlier_k`` (the rule's
         threshold), ``outlier_scale_um`` (of `median_outliers`, with that rule only),
         ``tilt_x_mrad``, ``tilt_y_mrad`` (of the plane removed), ``Sq_before_um`` (r.m.s. of the
@@ -114,7 +115,7 @@ def prepare_scan(
         )
     }
     return xr.Dataset(
-        {"height": level, **masks, "measured": stone},
+        {"height": level, **masks, "measured": stone.astype(np.float32)},
         attrs={
             **texts,
             "unmeasured": int(unmeasured.sum()),

@@ -50,6 +50,7 @@ __all__ = [
     "WornSquare",
     "seen_depth",
     "wear_contact",
+    "wear_elastic_and_yielding",
     "wear_patch",
     "wear_square",
 ]
@@ -334,10 +335,33 @@ def wear_patch(
     lost, options = _driven(contact, worn, patch, ratio, kappa)
     if not lost > 0:
         return np.zeros(contact.pressure.shape)
-    source = f"patch {patch}"
     if hardness_MPa is not None:
         options = _bounded(options, ratio, hardness_MPa)
-    return wear_contact(contact, source, **options).depth
+    return wear_contact(contact, f"patch {patch}", **options).depth
+
+
+def wear_elastic_and_yielding(
+    contact: Contact,
+    worn: WornSquare,
+    patch: str,
+    *,
+    hardness_MPa: float,
+    ratio: float = 0.0,
+    kappa: float | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The depths of `wear_patch` without the ceiling and with it, in one go."""
+    kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
+    lost, options = _driven(contact, worn, patch, ratio, kappa)
+    if not lost > 0:
+        return (nothing := np.zeros(contact.pressure.shape)), nothing
+    source = f"patch {patch}"
+    elastic = wear_contact(contact, source, **options)
+    bounded = _bounded(options, ratio, hardness_MPa)
+    # Where no pressure reaches the ceiling, each of its contacts is that without it.
+    is_borne = math.isclose(bounded["mean_loss"], lost, rel_tol=1e-12)
+    if is_borne and elastic.highest_pressure < hardness_MPa:
+        return elastic.depth, elastic.depth
+    return elastic.depth, wear_contact(contact, source, **bounded).depth
 
 
 def _driven(

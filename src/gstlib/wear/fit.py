@@ -11,7 +11,15 @@ from gstlib.bem import Layer
 from gstlib.contact import Contact
 from gstlib.errors import InputError
 from gstlib.macroscale.gesture import Gesture
-from gstlib.wear.archard import BARE, MAT, YIELDING, WornSquare, wear_patch, wear_square
+from gstlib.wear.archard import (
+    BARE,
+    MAT,
+    YIELDING,
+    WornSquare,
+    wear_elastic_and_yielding,
+    wear_patch,
+    wear_square,
+)
 
 __all__ = ["wear_map", "wear_stone"]
 
@@ -97,11 +105,16 @@ def wear_map(
                 fitted[name].sel(patch=patch) for name in ("mat_ratio", "mat_kappa")
             )
         found[MAT] = {"ratio": float(ratio), "kappa": float(kappa)}
-    if hardness_MPa is not None:
-        found[YIELDING] = list(found.values())[-1] | {"hardness_MPa": hardness_MPa}
-    depth = np.stack([wear_patch(contact, worn, patch, **given) for given in found.values()])
+    *others, last = found
+    depth = {model: wear_patch(contact, worn, patch, **found[model]) for model in others}
+    if hardness_MPa is None:
+        depth[last] = wear_patch(contact, worn, patch, **found[last])
+    else:
+        depth[last], depth[YIELDING] = wear_elastic_and_yielding(
+            contact, worn, patch, hardness_MPa=hardness_MPa, **found[last]
+        )
     described = {"units": "mm", "long_name": "predicted height loss"}
     return xr.Dataset(
-        {"depth": (("model", "y", "x"), depth, described)},
-        coords={"model": list(found), "y": contact.pressure.y, "x": contact.pressure.x},
+        {"depth": (("model", "y", "x"), np.stack([*depth.values()]), described)},
+        coords={"model": list(depth), "y": contact.pressure.y, "x": contact.pressure.x},
     )

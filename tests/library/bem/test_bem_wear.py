@@ -38,6 +38,16 @@ def test_the_final_contact_is_that_of_the_worn_surface(path):
     assert path.contact_fraction[-1] == pytest.approx(direct.contact_fraction, abs=2 / 80**2)
 
 
+def test_a_surface_with_a_hole_wears_around_it():
+    heights, *elastic = SURFACE
+    heights = np.where(np.add.outer(np.arange(80), np.arange(80)) < 40, -math.inf, heights)
+    path = wear_path(heights, *elastic, **WEAR, steps=3, tolerance=1e-9)
+    direct = solve_contact(heights - path.depth, *elastic, mean_pressure=76.0, tolerance=1e-10)
+    np.testing.assert_allclose(
+        path.final.pressure, direct.pressure, atol=1e-6 * direct.pressure.max()
+    )
+
+
 def test_nothing_wears_out_of_contact_and_nothing_grows(path):
     assert path.depth.min() == 0
     single = wear_path(*SURFACE, **WEAR, steps=1)

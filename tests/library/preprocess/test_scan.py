@@ -45,7 +45,7 @@ def test_stone_is_recovered(case, rule):
     kept = ~holes & ~scan.outlier.values
     assert np.abs(error[kept]).max() < 0.01 * stone.std()
     assert np.abs(error[spikes]).max() < 0.2 * stone.std()
-    np.testing.assert_array_equal(scan.measured, -raw.values[:, ::-1])
+    np.testing.assert_array_equal(scan.measured, np.float32(-raw.values[:, ::-1]))
 
 
 def test_every_step_is_counted(case):
@@ -87,11 +87,12 @@ def test_a_patch_is_cut_out_of_a_scan_before_it_is_prepared(case):
 
     assert prepare(None, 0.128).identical(prepare_scan(raw, **SETTINGS))
     # in the scan as measured, whose columns are the stone's reversed
-    piece = -raw.values[16:80, 64:128][:, ::-1]
+    measured = np.float32(raw.values)
+    piece = -measured[16:80, 64:128][:, ::-1]
     np.testing.assert_array_equal(prepare((-0.016, 0.032), 0.064).measured, piece)
-    np.testing.assert_array_equal(prepare(None, 0.128, False, None).measured, raw.values)
+    np.testing.assert_array_equal(prepare(None, 0.128, False, None).measured, measured)
     # a patch's own flip goes before the config's; none is one, too
-    for own, laid in (("y", raw.values[::-1]), ("none", raw.values), ("", raw.values[:, ::-1])):
+    for own, laid in (("y", measured[::-1]), ("none", measured), ("", measured[:, ::-1])):
         np.testing.assert_array_equal(prepare(None, 0.128, False, "x", own).measured, laid)
     with pytest.raises(InputError, match=r"a\.plu: the scan is 0\.128 × 0\.128 mm"):
         prepare(None, 0.064)

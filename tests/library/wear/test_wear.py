@@ -234,6 +234,11 @@ def test_summits_that_yield_spread_the_same_loss_wider(square, pressures):
     np.testing.assert_array_equal(elastic, wear_patch(contact, found, "a"))
     assert yielding.mean() == pytest.approx(elastic.mean(), rel=1e-9)
     assert yielding.max() < elastic.max()
+    # a ceiling above all pressures, 607 MPa here, is not pressed against, with the same result
+    for hardness_MPa in (500.0, 600.0, 610.0, 700.0):
+        depth = wear_map(contact, found, None, "a", hardness_MPa=hardness_MPa).depth
+        with_ceiling = wear_patch(contact, found, "a", hardness_MPa=hardness_MPa)
+        np.testing.assert_allclose(depth.sel(model="yielding"), with_ceiling, atol=1e-12)
     # each step takes off at most what the ceiling allows
     early = {"kappa": 1e-6, "hardness_MPa": 60.0}
     few = wear_patch(contact, found, "a", **early)
