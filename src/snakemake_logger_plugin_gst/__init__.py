@@ -88,7 +88,7 @@ class LogHandler(LogHandlerBase):
                 log.unlink(missing_ok=True)  # of an earlier run
                 self.steps[record.jobid] = what, log
                 self._say(f"{self._elapsed()}  {what}")
-                if why := AGAIN.get(record.rule_name):
+                if why := _again(record):
                     self._say(f"  again: {why}")
             case LogEvent.JOB_FINISHED if record.job_id in self.steps:
                 what, log = self.steps[record.job_id]
@@ -119,7 +119,7 @@ class LogHandler(LogHandlerBase):
             return
         what, log = record.rule_msg or record.rule_name, Path(record.log[0])
         self.steps[record.jobid] = what, log
-        why = AGAIN.get(record.rule_name) or _why(record.reason)
+        why = _again(record) or _why(record.reason)
         took = last_took(log.parents[1], log.stem)
         print(f"{record.rule_name}: {what}\n    {why}{f'; last took {took}' if took else ''}")
 
@@ -134,6 +134,12 @@ class LogHandler(LogHandlerBase):
 
     def _elapsed(self) -> str:
         return str(timedelta(seconds=round(time.monotonic() - self.start)))
+
+
+def _again(record: Any) -> str | None:
+    """Why a job is run again, or None; as the records say, or as was asked for by its rule."""
+    asked = (record.rule_name, *record.output)
+    return next((AGAIN[name] for name in asked if name in AGAIN), None)
 
 
 def _why(reason: str) -> str:

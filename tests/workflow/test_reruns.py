@@ -20,6 +20,7 @@ def test_the_whole_plan_is_known_before_anything_has_run(study):
             {"load": {"force_N": 550.0, "at_mm": [2.0, 3.0]}},
             {
                 "solve_macroscale",
+                "solve_square",
                 "couple_scales",
                 "bound_pressures",
                 "solve_reference",
@@ -35,11 +36,11 @@ def test_the_whole_plan_is_known_before_anything_has_run(study):
         (
             {"coupling": "levelled"},
             {"grid_macroscale", "solve_macroscale", "couple_scales", "solve_patches"},
-            {"prepare_T0_scans", "compose_surface", "solve_reference"},
+            {"prepare_scans", "compose_surface", "solve_reference"},
         ),
         (
             {"gesture": {"wander_mm": 0.5, "poses": 6}},
-            {"press_poses_1", "bound_pressures", "predict_wear"},
+            {"press_poses", "bound_pressures", "predict_wear"},
             {"solve_macroscale", "solve_patches"},
         ),
         ({"validation": {"resamples": 299}}, {"judge_wear", "draw_validation", "write_page"}, None),
@@ -47,7 +48,7 @@ def test_the_whole_plan_is_known_before_anything_has_run(study):
         (
             {"counterface": {"scan": "face.plu", "radius_mm": 200.0}},
             {"prepare_counterface", "solve_patches", "solve_cases"},
-            {"prepare_T0_scans", "solve_macroscale", "couple_scales", "register_patches"},
+            {"prepare_scans", "solve_macroscale", "couple_scales", "register_patches"},
         ),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
@@ -79,13 +80,13 @@ def test_what_no_step_reads_reruns_nothing_but_the_record(tiny, change):
 
 def test_a_scan_of_the_same_size_and_date_reruns_what_reads_it(measured, finished_tiny):
     """As after an unpacked archive, or `cp -p`; also when a first run was interrupted."""
-    measured.succeed("--until", "prepare_T0_scans")
+    measured.succeed("--until", "prepare_scans")
     scan = measured.folder / "data/scans/7_T0.plu"
     stat, content = scan.stat(), bytearray(scan.read_bytes())
     content[len(content) // 2] ^= 1
     scan.write_bytes(content)
     os.utime(scan, ns=(stat.st_atime_ns, stat.st_mtime_ns - 10**12))
-    assert "prepare_T0_scans" in measured.planned()
+    assert "prepare_scans" in measured.planned()
 
 
 def test_a_changed_file_of_the_page_reruns_no_stage(tiny, tmp_path):

@@ -54,7 +54,7 @@ def test_its_patches_are_pressed_as_the_stored_ones(own, results, same):
     variants = {"placed": "", "levelled": "levelled/"}
     contacts = {
         variant: {
-            patch: read_dataset(results / f"microscale/{folder}{patch}.h5") for patch in own.worn
+            patch: read_dataset(results / f"microscale/{folder}1/{patch}.h5") for patch in own.worn
         }
         for variant, folder in variants.items()
     }

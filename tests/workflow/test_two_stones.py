@@ -43,7 +43,7 @@ def test_both_faces_make_the_gap(two_stones, tmp_path):
     assert abs(np.corrcoef(*both)[0, 1]) < 0.7
     # and a patch is pressed by the face over it
     places = read_table(two_stones.results / "tables/patch_pressures.csv").set_index("patch")
-    for file in two_stones.results.glob("microscale/*.h5"):
+    for file in two_stones.results.glob("microscale/*/*.h5"):
         place, patch = places.loc[file.stem], read_dataset(file)
         away = {axis: abs(contact[axis] - place[f"{axis}_mm"]) for axis in "yx"}
         near = contact.counterface.where((away["y"] < 0.2) & (away["x"] < 0.2))
@@ -73,7 +73,7 @@ def test_the_pose_in_the_middle_of_a_stroke_is_the_single_one(two_stones):
 
 def test_wear_follows_the_gesture(two_stones):
     """Patches lose in proportion to their exposure, as long as little is lost."""
-    path = read_dataset(two_stones.results / "wear/whole_square.h5")
+    path = read_dataset(two_stones.results / "wear/square.h5")
     table = read_table(two_stones.results / "tables/exposure.csv").set_index("patch")
     first = path.pressed.sel(ratio=0, body="stone").isel(step=1).to_series()
     rate = first / float(path.kappa.sel(ratio=0)[1])

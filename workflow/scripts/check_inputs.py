@@ -6,6 +6,7 @@ from gst.inputs import Asked, check_inputs
 from gst.logs import run_script
 from gst.patches import ScanFile
 from gstlib.errors import InputsError
+from gstlib.io.files import write_whole
 from gstlib.io.tables import write_table
 
 
@@ -14,15 +15,17 @@ def main(
     counterface: Path,
     scans: list[Path],
     table: Path,
+    passed: Path,
     *,
     uses: list[ScanFile],
-    **settings: object,
+    asked: dict,
 ) -> None:
-    """`uses` are those of the `scans`; the file of the `counterface` is named in the settings."""
-    found = check_inputs(mesh, uses, Asked(**settings))
+    """`uses` are those of the `scans`; `asked` names the file of the `counterface`."""
+    found = check_inputs(mesh, uses, Asked(**asked))
     if found.problems:
         raise InputsError(found.problems)
     write_table(table, found.scans.drop(columns="range_um"))
+    write_whole(passed, b"")
 
 
 if "snakemake" in globals():

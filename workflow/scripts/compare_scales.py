@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gstlib.contact import LAID
 from gstlib.io.store import Stored, read_dataset
@@ -21,8 +22,8 @@ def main(
     variants: list[str],
 ) -> None:
     by_variant = {
-        variant: Stored(dict(zip(patches, files, strict=True)), READ)
-        for variant, files in zip(variants, [contacts, others], strict=False)
+        variant: Stored(files_of(folders, patches), READ)
+        for variant, folders in zip(variants, [contacts, others], strict=False)
     }
     write_table(table, two_scales_table(by_variant, read_dataset(reference)))
 

@@ -23,14 +23,15 @@ def main(
     contact_modulus_MPa: float,
     tolerance: float,
     patch_mm: float,
-    **settings: float,
+    steps: int,
+    maximum_displacement_um: float,
 ) -> None:
     whole = read_dataset(face, only=["height", "counterface", "size_mm"])
     pressed = {"contact_modulus_MPa": contact_modulus_MPa, "tolerance": tolerance}
-    faces = (
-        square_alone(whole) if through is None else faces_of(whole.height, whole.counterface)
-    )
+    rests = through is not None
+    faces = faces_of(whole.height, whole.counterface) if rests else square_alone(whole)
     loading = Loading.by_force(force_N, through, faces.height, **pressed)
+    settings = {"steps": steps, "maximum_displacement_um": maximum_displacement_um}
     solved = contact_path(faces, loading, source=face, every_step=True, **settings)
     write_dataset(contact, solved, provenance([face], loading._asdict() | settings))
     write_table(path, macroscale_table(solved))
