@@ -83,7 +83,7 @@ class LogHandler(LogHandlerBase):
             case LogEvent.RUN_INFO:
                 self.total = record.stats["total"]
                 self._say(f"{self.total} steps to do.")
-            case LogEvent.JOB_INFO if record.output:  # not a rule that only names others
+            case LogEvent.JOB_INFO if record.log:  # not a rule that only names others
                 what, log = record.rule_msg or record.rule_name, Path(record.log[0])
                 log.unlink(missing_ok=True)  # of an earlier run
                 self.steps[record.jobid] = what, log
@@ -115,7 +115,7 @@ class LogHandler(LogHandlerBase):
 
     def _plan(self, record: Any) -> None:
         """A step that would run: why, and how long it last took."""
-        if not record.output:  # a rule that only names others
+        if not record.log:  # a rule that only names others
             return
         what, log = record.rule_msg or record.rule_name, Path(record.log[0])
         self.steps[record.jobid] = what, log

@@ -58,16 +58,14 @@ rule register_patches:
         "../scripts/register_patches.py"
 
 
-def changes():
-    """The folders with the height changes."""
-    return expand(rules.register_patches.output.registered, batch=WORN_BATCHES)
+CHANGES = expand(rules.register_patches.output.registered, batch=WORN_BATCHES)
 
 
 # All patches in one job: loading the library of texture parameters takes as long as five patches.
 rule tabulate_texture:
     input:
         t0=surfaces("T0"),
-        registered=changes(),
+        registered=CHANGES,
     output:
         table=table("texture", "5 Validation" if WORN_PATCHES else "1 Inputs"),
     log:

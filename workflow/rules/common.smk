@@ -83,6 +83,35 @@ WORN_BATCHES = among(WORN_PATCHES)
 SCANNED_BATCHES = {"T0": BATCHES, "T1": WORN_BATCHES, "repeat": among(REPEATED_PATCHES)}
 
 
+def of_batch(column):
+    """What a column of the patch table says of each patch of a batch."""
+    return lambda wildcards: [
+        PATCHES[column][patch] for patch in SCANNED_BATCHES[wildcards.epoch][wildcards.batch]
+    ]
+
+
+def scans_of_batch(wildcards):
+    ids = SCANNED_BATCHES[wildcards.epoch][wildcards.batch]
+    return [f"{SCAN_FOLDER}/{PATCHES[wildcards.epoch.lower()][patch]}" for patch in ids]
+
+
+def crops_of_batch(wildcards):
+    """Centre [y, x] in mm of the piece to cut from each scan, or None for a whole scan."""
+    ids = SCANNED_BATCHES[wildcards.epoch][wildcards.batch]
+    crops = PATCHES.loc[ids, ["crop_y_mm", "crop_x_mm"]].itertuples(index=False)
+    return [None if y != y else [float(y), float(x)] for y, x in crops]
+
+
+def surfaces(epoch):
+    """The folders with the clean scans at an epoch; and that of a batch."""
+    batches = list(SCANNED_BATCHES[epoch])
+    return expand(rules.prepare_scans.output.surfaces, epoch=epoch, batch=batches)
+
+
+def surfaces_of_batch(epoch):
+    return expand(rules.prepare_scans.output.surfaces, epoch=epoch, allow_missing=True)
+
+
 def code(script):
     """Hash of the code that `script` runs on: a parameter, so that its change is a reason to rerun."""
     return source_hash(ROOT / "workflow/scripts" / script)
@@ -127,3 +156,26 @@ def table(name, category):
     SHOWN[file] = str(CAPTIONS / caption), category, title
     place = {"caption": f"../report/{caption}", "category": category}
     return report(file, labels={"what": f"table: {title}"}, **place)
+
+
+def picture(name, category, title):
+    """The PNG of a figure, with its place on the page and in the report."""
+    file = f"{RESULTS}/figures/{name}.png"
+    SHOWN[file] = str(CAPTIONS / f"{name}.rst"), category, title
+    # Kind and content share one label. From a second label with two values, Snakemake's report
+    # would make a switch, and fail where a content does not have both kinds.
+    labels = {"what": f"figure: {title}"}
+    return report(file, caption=f"../report/{name}.rst", category=category, labels=labels)
+
+
+def pictures_by_patch(name, category, title):
+    """A folder with one PNG per patch, with its place in the report."""
+
+    def labels(wildcards):
+        # The report sorts texts, and 10 before 2; a page does not show spaces in front.
+        longest = max(map(len, ALL_PATCHES))
+        return {"what": f"figure: {title}", "patch": wildcards.patch.rjust(longest)}
+
+    place = {"caption": f"../report/{name}.rst", "category": category, "labels": labels}
+    folder = directory(f"{RESULTS}/figures/{name}")
+    return report(folder, patterns=["{patch}.png"], **place)

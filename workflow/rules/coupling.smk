@@ -78,7 +78,7 @@ rule select_patches:
     input:
         pressures=rules.couple_scales.output.pressures,
         # of a later stage, which needs nothing of this one
-        registered=lambda _: changes(),
+        registered=lambda _: CHANGES,
     output:
         **({"registration": table("registration", "5 Validation")} if WORN_PATCHES else {}),
         table=table("patch_pressures", "3 Coupling"),

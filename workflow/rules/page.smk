@@ -7,29 +7,6 @@
 SOURCE_NOTE = "generated specimen" if GENERATED else None
 
 
-def picture(name, category, title):
-    """The PNG of a figure, with its place on the page and in the report."""
-    file = f"{RESULTS}/figures/{name}.png"
-    SHOWN[file] = str(CAPTIONS / f"{name}.rst"), category, title
-    # Kind and content share one label. From a second label with two values, Snakemake's report
-    # would make a switch, and fail where a content does not have both kinds.
-    labels = {"what": f"figure: {title}"}
-    return report(file, caption=f"../report/{name}.rst", category=category, labels=labels)
-
-
-def pictures_by_patch(name, category, title):
-    """A folder with one PNG per patch, with its place in the report."""
-
-    def labels(wildcards):
-        # The report sorts texts, and 10 before 2; a page does not show spaces in front.
-        longest = max(map(len, ALL_PATCHES))
-        return {"what": f"figure: {title}", "patch": wildcards.patch.rjust(longest)}
-
-    place = {"caption": f"../report/{name}.rst", "category": category, "labels": labels}
-    folder = directory(f"{RESULTS}/figures/{name}")
-    return report(folder, patterns=["{patch}.png"], **place)
-
-
 if SCANNED:
 
     rule draw_inputs:
@@ -77,7 +54,7 @@ if SCANNED:
             pressures=PRESSURES,
             intervals=rules.bound_pressures.output.table,
             contacts=CONTACTS,
-            registered=changes(),
+            registered=CHANGES,
         output:
             **(
                 {
@@ -129,7 +106,7 @@ if WORN_PATCHES:
         input:
             contacts=CONTACTS,
             t1=surfaces("T1"),
-            registered=changes(),
+            registered=CHANGES,
             depths=DEPTHS,
             pressures=PRESSURES,
             intervals=rules.bound_pressures.output.table,

@@ -3,9 +3,7 @@
 # grid, and clean scans.
 
 
-# Reports everything wrong with the files at once, before any other step reads one: each of those
-# waits for `passed`. It is empty, and kept while the files are checked again, so that nothing but
-# what reads a changed file runs again.
+# Reports everything wrong with the files at once, before any work.
 rule check_inputs:
     input:
         mesh=MESH,
@@ -13,9 +11,9 @@ rule check_inputs:
         scans=SCANS,
     output:
         table=table("inputs", "1 Inputs") if SCANNED else f"{RESULTS}/tables/inputs.csv",
-        passed=update(f"{RESULTS}/logs/inputs_passed"),
     log:
         f"{RESULTS}/logs/check_inputs.log",
+    priority: 100
     resources:
         mem_mb=growing(600, scan=60, mesh=12),
         runtime=growing(10, scans=0.1),
@@ -39,9 +37,24 @@ rule check_inputs:
         "../scripts/check_inputs.py"
 
 
+# Every step that reads a file waits for this one. It is made once: when files are checked again,
+# nothing but what reads a changed one runs again. (`ancient` would do, but Snakemake 9 then overlooks
+# steps that have to run for another reason.)
+PASSED = f"{RESULTS}/logs/inputs_passed"
+
+
+if not os.path.exists(PASSED):
+
+    rule pass_inputs:
+        input:
+            rules.check_inputs.output.table,
+        output:
+            touch(PASSED),
+
+
 rule grid_macroscale:
     input:
-        ancient(rules.check_inputs.output.passed),
+        PASSED,
         mesh=MESH,
         counterface=COUNTERFACE_MESH,
     output:
@@ -66,28 +79,9 @@ rule grid_macroscale:
 SECOND = rules.grid_macroscale.output.second if SECOND_STONE else []
 
 
-def of_batch(column):
-    """What a column of the patch table says of each patch of a batch."""
-    return lambda wildcards: [
-        PATCHES[column][patch] for patch in SCANNED_BATCHES[wildcards.epoch][wildcards.batch]
-    ]
-
-
-def scans_of_batch(wildcards):
-    ids = SCANNED_BATCHES[wildcards.epoch][wildcards.batch]
-    return [f"{SCAN_FOLDER}/{PATCHES[wildcards.epoch.lower()][patch]}" for patch in ids]
-
-
-def crops_of_batch(wildcards):
-    """Centre [y, x] in mm of the piece to cut from each scan, or None for a whole scan."""
-    ids = SCANNED_BATCHES[wildcards.epoch][wildcards.batch]
-    crops = PATCHES.loc[ids, ["crop_y_mm", "crop_x_mm"]].itertuples(index=False)
-    return [None if y != y else [float(y), float(x)] for y, x in crops]
-
-
 rule prepare_scans:
     input:
-        ancient(rules.check_inputs.output.passed),
+        PASSED,
         scans=scans_of_batch,
     output:
         surfaces=directory(f"{RESULTS}/surfaces/{{epoch}}/{{batch}}"),
@@ -110,21 +104,11 @@ rule prepare_scans:
         "../scripts/prepare_scans.py"
 
 
-def surfaces(epoch):
-    """The folders with the clean scans at an epoch; and that of a batch."""
-    batches = list(SCANNED_BATCHES[epoch])
-    return expand(rules.prepare_scans.output.surfaces, epoch=epoch, batch=batches)
-
-
-def surfaces_of_batch(epoch):
-    return expand(rules.prepare_scans.output.surfaces, epoch=epoch, allow_missing=True)
-
-
 if COUNTERFACE_SCAN:
 
     rule prepare_counterface:
         input:
-            ancient(rules.check_inputs.output.passed),
+            PASSED,
             scan=COUNTERFACE_SCAN,
         output:
             surface=f"{RESULTS}/surfaces/counterface.h5",

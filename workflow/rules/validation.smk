@@ -11,7 +11,7 @@ if WORN_PATCHES:
     rule judge_wear:
         input:
             contacts=expand(rules.solve_patches.output.contacts, batch=WORN_BATCHES),
-            registered=changes(),
+            registered=CHANGES,
             square=rules.fit_wear.output.square,
             mat=MAT,
             depths=DEPTHS,
@@ -118,7 +118,7 @@ if GENERATED:
             pressures=PRESSURES,
             t0=surfaces("T0"),
             t1=surfaces("T1"),
-            registered=changes(),
+            registered=CHANGES,
             two_scales=rules.compare_scales.output.table if REFERENCE else [],
         output:
             table=table("truth", "7 Against the truth"),

@@ -8,7 +8,7 @@ rule fit_wear:
         contact=rules.solve_macroscale.output.contact,
         second=SECOND if POSES is not None else [],
         contacts=CONTACTS if config["mat"] else [],
-        registered=changes() if config["mat"] else [],
+        registered=CHANGES if config["mat"] else [],
         pressures=PRESSURES,
         registration=rules.select_patches.output.registration,
     output:

@@ -6,7 +6,6 @@ from gst.inputs import Asked, check_inputs
 from gst.logs import run_script
 from gst.patches import ScanFile
 from gstlib.errors import InputsError
-from gstlib.io.files import write_whole
 from gstlib.io.tables import write_table
 
 
@@ -15,7 +14,6 @@ def main(
     counterface: Path,
     scans: list[Path],
     table: Path,
-    passed: Path,
     *,
     uses: list[ScanFile],
     asked: dict,
@@ -25,7 +23,6 @@ def main(
     if found.problems:
         raise InputsError(found.problems)
     write_table(table, found.scans.drop(columns="range_um"))
-    write_whole(passed, b"")
 
 
 if "snakemake" in globals():
