@@ -146,7 +146,7 @@ def test_ctrl_c_ends_a_run_in_a_sentence(study):
     assert process.returncode == 1
     assert said.endswith("Repeat the same command to continue from there.\n")
     assert len(said.splitlines()) < 8
-    assert not list((study.folder / ".snakemake/locks").iterdir())
+    assert not list((study.folder / ".snakemake/locks").glob("*"))
 
 
 @pytest.fixture
