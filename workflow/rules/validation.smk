@@ -25,7 +25,7 @@ if WORN_PATCHES:
         log:
             f"{RESULTS}/logs/judge_wear.log",
         resources:
-            mem_mb=growing(500, scan=160, scans=20),
+            mem_mb=growing(500, scan=100, scans=12),
             runtime=growing(10, scans=0.5),
         params:
             worn=WORN_PATCHES,

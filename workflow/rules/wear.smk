@@ -17,7 +17,7 @@ rule fit_wear:
     log:
         f"{RESULTS}/logs/fit_wear.log",
     resources:
-        mem_mb=growing(600, scan=400),
+        mem_mb=growing(600, scan=600 if config["mat"] else 0),
         runtime=growing(30, scans=1 if config["mat"] else 0),
     params:
         patches=WORN_PATCHES,
@@ -46,7 +46,7 @@ rule predict_wear:
     log:
         f"{RESULTS}/logs/predict_wear_{{batch}}.log",
     resources:
-        mem_mb=growing(500, scan=400),
+        mem_mb=growing(500, scan=700),
         runtime=growing(10, batch=2),
     params:
         patches=lambda wildcards: WORN_BATCHES[wildcards.batch],
