@@ -16,43 +16,43 @@ report: "workflow/report/study.rst"
 
 include: "workflow/rules/common.smk"
 include: "workflow/rules/specimen.smk"
+include: "workflow/rules/preprocess.smk"
 include: "workflow/rules/macroscale.smk"
-include: "workflow/rules/gesture.smk"
 
 
 if SCANNED:
 
     include: "workflow/rules/coupling.smk"
     include: "workflow/rules/microscale.smk"
+    include: "workflow/rules/change.smk"
+
+
+if WORN_PATCHES:
+
+    include: "workflow/rules/wear.smk"
+
+
+if SCANNED:
+
     include: "workflow/rules/validation.smk"
 
-else:
 
-    include: "workflow/rules/places.smk"
-
-
-include: "workflow/rules/figures.smk"
 include: "workflow/rules/page.smk"
 
 
-# All that the rules make, so that whatever is deleted is made again.
-MADE = [
-    str(file)
-    for one in workflow.rules
-    for file in one.output
-    if "{" not in file and file.startswith(f"{RESULTS}/")
-]
+STEPS = steps_of(workflow, Path(RESULTS))
 
 
 rule all:
     default_target: True
     input:
-        MADE,
+        # all that is made, so that whatever is deleted is made again
+        [str(file) for step in STEPS for file in step.outputs],
 
 
 # What a step would be given now decides whether it runs again, and not dates. Snakemake without
 # `gst study` has to be told.
 if workflow.is_main_process:
-    AGAIN.update(plan_again(steps_of(workflow, Path(RESULTS)), Path(RESULTS)))
+    AGAIN.update(plan_again(STEPS, Path(RESULTS)))
     if AGAIN and "gst.scheduler" not in sys.orig_argv:
         logger.warning(f"To make again what has changed, add: --forcerun {' '.join(AGAIN)}")

@@ -28,8 +28,9 @@ __all__ = [
 __all__ += ["given_to", "is_inside", "last_took", "made_in", "plan_again", "read_record"]
 __all__ += ["record_of", "step_of", "steps_after", "steps_of", "warnings_of", "write_record"]
 
-# Steps that a run makes again, and why. The Snakefile fills it when it is read; `gst.scheduler`
-# hands it to Snakemake, and the display shows the reasons.
+# What a run makes again, and why: of each such step an output, which stands for its job. The
+# Snakefile fills it when it is read; `gst.scheduler` hands it to Snakemake, and the display shows
+# the reasons.
 AGAIN: dict[str, str] = {}
 PAGE = "write_page"  # the last step: its record completes the chain
 _LOGS = "logs"
@@ -64,11 +65,28 @@ def step_of(log: str | Path, params: Mapping, inputs: Iterable, outputs: Iterabl
 
 
 def steps_of(workflow: Any, results: Path) -> list[Step]:
-    """The steps of a study, from the rules that Snakemake has read."""
-    rules = [rule for rule in workflow.rules if rule.log and not rule.has_wildcards()]
-    steps = [step_of(rule.log[0], rule.params, rule.input, rule.output) for rule in rules]
-    logs = [Path(rule.log[0]).parent for rule in rules]
-    return [step for step, folder in zip(steps, logs, strict=True) if folder == results / _LOGS]
+    """The steps of a study, from the rules that Snakemake has read.
+
+    A rule with wildcards has a step for each of its files that other steps read.
+    """
+    from snakemake.iocontainers import Wildcards
+
+    rules = [rule for rule in workflow.rules if rule.log]
+    rules = [rule for rule in rules if Path(rule.log[0]).parent == results / _LOGS]
+    open_rules = [rule for rule in rules if rule.has_wildcards()]
+    steps: dict[str, Step] = {}
+    jobs: list[tuple[Any, dict]] = [(rule, {}) for rule in rules if not rule.has_wildcards()]
+    for rule, values in jobs:  # which grow
+        wildcards = Wildcards(fromdict=values)
+        inputs, outputs = rule.expand_input(wildcards)[0], rule.expand_output(wildcards)[0]
+        params = rule.expand_params(wildcards, inputs, outputs, None)[0]
+        step = step_of(rule.expand_log(wildcards)[0], params, inputs, outputs)
+        if step.name not in steps:
+            steps[step.name] = step
+            own = [file for file in inputs if results in Path(file).parents]
+            makers = ((rule, file) for rule in open_rules for file in own)
+            jobs += [(rule, rule.get_wildcards(f)) for rule, f in makers if rule.is_producer(f)]
+    return list(steps.values())
 
 
 def record_of(results: Path, name: str) -> Path:
@@ -114,7 +132,7 @@ def read_record(results: Path, name: str) -> Record | None:
 
 
 def plan_again(steps: Iterable[Step], results: Path) -> dict[str, str]:
-    """The steps that would be given something else now, by name, and why.
+    """The steps that would be given something else now, each by an output of it, and why.
 
     A step that has made nothing yet is not among them: Snakemake runs it anyway. The dates of all
     other files are brought into the order in which steps make them; a copy may have lost it.
@@ -126,7 +144,7 @@ def plan_again(steps: Iterable[Step], results: Path) -> dict[str, str]:
         if not any(path.exists() for path in step.outputs):
             continue
         if why := _difference(results, step, seen):
-            again[step.name] = why
+            again[str(step.outputs[0])] = why
         else:
             current.append(step)
     _order_dates(current)

@@ -27,6 +27,8 @@ from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["export_study", "tool_with", "x3p_of"]
 
+# The files of each patch, in the folders of their batches.
+_BY_PATCH = {"T0": "surfaces/T0/*/*.h5", "change": "change/*/*.h5", "wear": "wear/*/*.h5"}
 # The format asks for a date; that of the export says nothing about a result.
 _NO_DATE = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -42,9 +44,13 @@ def export_study(results: Path, to: Path) -> list[Path]:
     check_chain(results)
     made = set(made_in(results))  # other files may be left of other configs
     written = []
-    for file in sorted(made & set(results.glob("surfaces/*_T0.h5"))):
-        patch = file.stem.removesuffix("_T0")
-        for name, field in _maps(results, patch, made):
+    stages = {
+        name: {file.stem.partition("_")[0]: file for file in made & set(results.glob(files))}
+        for name, files in _BY_PATCH.items()
+    }
+    for patch in sorted(stages["T0"]):
+        files = {stage: found[patch] for stage, found in stages.items() if patch in found}
+        for name, field in _maps(files):
             written.append(to / f"{patch}_{name}.x3p")
             title = f"patch {patch}: {field.attrs['long_name']}"
             write_whole(written[-1], x3p_of(field, title))
@@ -53,20 +59,18 @@ def export_study(results: Path, to: Path) -> list[Path]:
     return written
 
 
-def _maps(results: Path, patch: str, made: set[Path]) -> Iterator[tuple[str, xr.DataArray]]:
+def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:
     """The maps of a patch that the study has, on the grid of T0, by the ends of their names."""
-    before = read_dataset(results / f"surfaces/{patch}_T0.h5", only=["height", "filled"])
+    before = read_dataset(files["T0"], only=["height", "filled"])
     # what was filled from around it was not measured
     yield "T0", before.height.where(~before.filled)
-    change = results / f"registered/{patch}.h5"
-    if change in made:
+    if change := files.get("change"):
         found = read_dataset(change, only=["t1", "change"])
         if found.attrs["registration_found"]:
             yield "T1", found.t1
             loss = -found.change
             yield "loss", loss.assign_attrs(units="mm", long_name="measured height loss")
-    wear = results / f"wear/{patch}.h5"
-    if wear in made:
+    if wear := files.get("wear"):
         for depth in read_dataset(wear, only=["depth"]).depth:
             yield f"predicted_{depth.model.item()}", depth
 

@@ -27,6 +27,7 @@ __all__ = ["is_report_current", "lay_out", "remove_intermediate", "remove_result
 
 # What a study makes in its folder, except hidden parts of files.
 MADE = (
+    "change",
     "coupling",
     "figures",
     "gesture",
@@ -34,7 +35,6 @@ MADE = (
     "macroscale",
     "microscale",
     "reference",
-    "registered",
     "specimen",
     "surfaces",
     "tables",

@@ -83,12 +83,12 @@ class LogHandler(LogHandlerBase):
             case LogEvent.RUN_INFO:
                 self.total = record.stats["total"]
                 self._say(f"{self.total} steps to do.")
-            case LogEvent.JOB_INFO if record.output:  # not a rule that only names others
+            case LogEvent.JOB_INFO if record.log:  # not a rule that only names others
                 what, log = record.rule_msg or record.rule_name, Path(record.log[0])
                 log.unlink(missing_ok=True)  # of an earlier run
                 self.steps[record.jobid] = what, log
                 self._say(f"{self._elapsed()}  {what}")
-                if why := AGAIN.get(record.rule_name):
+                if why := _again(record):
                     self._say(f"  again: {why}")
             case LogEvent.JOB_FINISHED if record.job_id in self.steps:
                 what, log = self.steps[record.job_id]
@@ -115,11 +115,11 @@ class LogHandler(LogHandlerBase):
 
     def _plan(self, record: Any) -> None:
         """A step that would run: why, and how long it last took."""
-        if not record.output:  # a rule that only names others
+        if not record.log:  # a rule that only names others
             return
         what, log = record.rule_msg or record.rule_name, Path(record.log[0])
         self.steps[record.jobid] = what, log
-        why = AGAIN.get(record.rule_name) or _why(record.reason)
+        why = _again(record) or _why(record.reason)
         took = last_took(log.parents[1], log.stem)
         print(f"{record.rule_name}: {what}\n    {why}{f'; last took {took}' if took else ''}")
 
@@ -134,6 +134,12 @@ class LogHandler(LogHandlerBase):
 
     def _elapsed(self) -> str:
         return str(timedelta(seconds=round(time.monotonic() - self.start)))
+
+
+def _again(record: Any) -> str | None:
+    """Why a job is run again, or None; as the records say, or as was asked for by its rule."""
+    asked = (record.rule_name, *record.output)
+    return next((AGAIN[name] for name in asked if name in AGAIN), None)
 
 
 def _why(reason: str) -> str:

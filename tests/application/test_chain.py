@@ -73,7 +73,7 @@ def study(tmp_path, monkeypatch):
 )
 def test_another_param_is_a_reason(study, params, why):
     results, _ = study
-    assert plan_again(steps_in(results, **params), results) == {"clean": why}
+    assert plan_again(steps_in(results, **params), results) == {"results/1.h5": why}
 
 
 def rewrite(file, content):
@@ -87,7 +87,7 @@ def rewrite(file, content):
 def test_a_scan_of_the_same_size_and_date_is_seen(study):
     results, steps = study
     rewrite(SCAN, "HEIGHTS")
-    assert plan_again(steps, results) == {"clean": "scans/1.plu has changed"}
+    assert plan_again(steps, results) == {"results/1.h5": "scans/1.plu has changed"}
     assert break_in(results) == "scans/1.plu is not as the step clean read it"
     with pytest.raises(InputError, match=r"scans/1\.plu is not as the step clean read it"):
         certified_inputs(results, ["clean"], [SCAN])
@@ -98,10 +98,11 @@ def test_what_was_edited_is_made_again(study, name):
     results, steps = study
     file = results / name
     rewrite(file, file.read_text().upper())
-    step = "clean" if name == "1.h5" else "wear"
+    step, made = ("clean", "1.h5") if name == "1.h5" else ("wear", "wear")
     again = plan_again(steps, results)
-    assert again[step] == f"{name} is not as it was made"
-    assert again.keys() == {"clean": {"clean", "wear", PAGE}, "wear": {"wear", PAGE}}[step]
+    assert again[f"results/{made}"] == f"{name} is not as it was made"
+    follows = {"results/wear", "results/index.html"}
+    assert again.keys() == follows | {f"results/{made}"}
     assert f"results/{name} is not as the step {step} made it" in break_in(results)
 
 
@@ -133,7 +134,7 @@ def test_a_file_that_went_or_came_in_a_folder_is_seen(study, change):
         (results / "wear/1.png").unlink()
     else:
         (results / "wear/2.png").write_text("of another study")
-    assert {"wear", PAGE} == plan_again(steps, results).keys()
+    assert plan_again(steps, results).keys() == {"results/wear", "results/index.html"}
 
 
 def test_a_step_without_a_whole_record_is_run_again(study):
@@ -141,7 +142,7 @@ def test_a_step_without_a_whole_record_is_run_again(study):
     record = record_of(results, "wear")
     for content in (None, "", "[]", '{"params": {}}', record.read_text()[:-9]):
         record.unlink() if content is None else record.write_text(content)
-        assert plan_again(steps, results) == {"wear": "no record says how it was made"}
+        assert plan_again(steps, results) == {"results/wear": "no record says how it was made"}
         assert break_in(results) == "no record says what the step wear made"
 
 

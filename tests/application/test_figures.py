@@ -2,8 +2,6 @@
 
 import copy
 import io
-import runpy
-from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -14,6 +12,8 @@ import xarray as xr
 from contacts import contact_of
 from gst.figures import macroscale, maps, microscale, style, tables
 from gst.figures.maps import draw_footprints
+from gst.figures.study import Study, evenly
+from gst.figures.study import draw as draw_study
 from gst.figures.tool import check_figure, draw_square, draw_stone
 from gst.verdict import MODELS
 from gstlib.errors import InputError
@@ -123,7 +123,6 @@ MASKS = [
     ("two_scales", 1, style.BLACK, (PRESSURE > 0) & (PRESSURE <= 30)),
 ]
 VECTORS = {"overview": "pdf"}  # of the others, SVG
-SCRIPT = runpy.run_path(str(Path(__file__).parents[2] / "workflow/scripts/draw_figures.py"))
 CASES = [("13", {}), ("1", {"most": 1}), ("13", {"in_study": False})]
 CASES += [("3", {"pressure_MPa": [2.0, 9.0, 4.0], "in_study": True, "most": 1})]
 
@@ -259,40 +258,39 @@ def test_wear_shows_the_counted_patches_and_no_others():
 
 
 def run(folder, *names, most=2, **columns):
-    """Run the script on the study in files; `columns` change the table of pressures."""
-    datasets = {"change1": CHANGE, "change3": CHANGE, "square": SQUARE}
-    for name, dataset in (datasets | {f"contact{p}": c for p, c in CONTACTS.items()}).items():
+    """Draw figures of the study in files; `columns` change the table of pressures."""
+    datasets = {"change/1": CHANGE, "change/3": CHANGE, "square": SQUARE}
+    for name in ("change", "contact"):
+        (folder / name).mkdir()
+    for name, dataset in (datasets | {f"contact/{p}": c for p, c in CONTACTS.items()}).items():
         dataset.to_netcdf(folder / f"{name}.h5", engine="h5netcdf")
     PRESSURES.assign(**columns).to_csv(folder / "pressures.csv", index=False)
     files = {"contact": folder / "square.h5", "pressures": folder / "pressures.csv"}
-    files["contacts"] = [folder / f"contact{patch}.h5" for patch in "123"]
-    files["registered"] = [folder / f"change{patch}.h5" for patch in "13"]
-    files |= {f"{name}_png": folder / f"{name}.png" for name in names}
-    files |= {"patch_png": folder / "patch", "load_curves_svg": folder / "load_curves.svg"}
-    settings = {"patches": list("123"), "worn": list("13"), "places": {}, "patch_mm": 0.85}
-    settings |= {"size_mm": 5.0, "force_N": 550.0}
-    settings |= {"most_drawn_patches": most, "figures": names, "note": None, "mesh_unit": "mm"}
-    SCRIPT["main"](**settings, **files)
+    files |= {"contacts": [folder / "contact"], "registered": [folder / "change"]}
+    pictures = {f"{name}_png": folder / f"{name}.png" for name in names}
+    if "patch" in names:
+        pictures |= {"patch_png": folder / "patch", "load_curves_svg": folder / "load_curves.svg"}
+    study = Study(files, "123", "13", most, size_mm=5.0, patch_mm=0.85, force_N=550.0)
+    draw_study(study, pictures, note=None)
 
 
 @pytest.mark.parametrize(("drawn", "columns"), CASES)
-def test_script_draws_the_studied_patches_in_even_steps_of_pressure(tmp_path, columns, drawn):
-    assert SCRIPT["evenly"]("abcdefgh", 3) == ["a", "c", "f"]
+def test_study_draws_the_studied_patches_in_even_steps_of_pressure(tmp_path, columns, drawn):
+    assert evenly("abcdefgh", 3) == ["a", "c", "f"]
     run(tmp_path, "load_curves", "microscale_maps", "patch", **columns)
     assert sorted(path.stem for path in (tmp_path / "patch").iterdir()) == list(drawn)
     assert len(list(tmp_path.glob("*.[ps][nv]g"))) == 3
 
 
-def test_script_shows_the_loss_that_the_study_predicts(tmp_path):
+def test_study_shows_the_loss_that_the_study_predicts(tmp_path):
     models = xr.concat([PREDICTED, 2 * PREDICTED], pd.Index(["archard", "mat"], name="model"))
     models.to_dataset(name="depth").to_netcdf(tmp_path / "1.h5", engine="h5netcdf")
-    rest = dict.fromkeys(SCRIPT["Study"].__annotations__)
-    study = SCRIPT["Study"](**rest | {"files": {"worn_patches": tmp_path}})
+    study = Study({"depths": [tmp_path]})
     xr.testing.assert_allclose(study.predicted("1").drop_vars("model"), 2 * PREDICTED)
     assert study.predicted("2") is None
 
 
-def test_script_refuses_a_table_of_other_patches(tmp_path):
+def test_study_refuses_a_table_of_other_patches(tmp_path):
     with pytest.raises(InputError, match=r"pressures\.csv.*one row for each patch"):
         run(tmp_path, "microscale_maps", patch=["1", "2", "4"])
 

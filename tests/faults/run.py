@@ -175,9 +175,14 @@ def lose_column(path: Path) -> None:
 DAMAGES = {
     "HDF5, scan or mesh cut off": (
         cut_off,
-        ["surfaces/7_T0.h5", "microscale/7.h5", "specimen/scans/7_T0.plu", "specimen/mesh.stl"],
+        [
+            "surfaces/T0/1/7_T0.h5",
+            "microscale/1/7.h5",
+            "specimen/scans/7_T0.plu",
+            "specimen/mesh.stl",
+        ],
     ),
-    "one bit of an array flipped": (flip_bit, ["macroscale/contact.h5", "microscale/7.h5"]),
+    "one bit of an array flipped": (flip_bit, ["macroscale/contact.h5", "microscale/1/7.h5"]),
     "table without a column": (
         lose_column,
         ["tables/patch_pressures.csv", "coupling/pressures.csv"],

@@ -66,17 +66,19 @@ def test_a_form_taken_out_of_t1_is_warned_of_where_it_is_registered(tmp_path, ca
     rng = np.random.default_rng(1)
     x = np.tile(np.linspace(-1, 1, 64), (64, 1))
     texture = 1e-3 * scipy.ndimage.gaussian_filter(rng.standard_normal(x.shape), 1)
-    for name, form in (("t0", 3e-3 * x**2), ("bent", 3e-3 * x**2), ("flat", 0.0 * x)):
+    bent = 3e-3 * x**2
+    files = {"T0/A.h5": bent, "T0/B.h5": bent, "T1/A.h5": bent, "T1/B.h5": 0.0 * x}
+    for file, form in files.items():
         height = make_surface(texture + form + 1e-5 * rng.standard_normal(x.shape), 1.66e-3)
         no = xr.zeros_like(height, dtype=bool).assign_attrs(units="1", long_name="none")
         scan = xr.Dataset({"height": height, "filled": no, "outlier": no})
         scan["height"].attrs.update(units="mm", long_name="height")
-        write_dataset(tmp_path / f"{name}.h5", scan)
+        write_dataset(tmp_path / file, scan)
     script_of("register_patches").main(
-        2 * [tmp_path / "t0.h5"],
-        [tmp_path / "bent.h5", tmp_path / "flat.h5"],
+        [tmp_path / "T0"],
+        [tmp_path / "T1"],
         [],
-        [tmp_path / "a.h5", tmp_path / "b.h5"],
+        tmp_path / "change",
         patches=["A", "B"],
         maximum_shift_mm=0.02,
         minimum_points=2,

@@ -26,9 +26,9 @@ def exported(finished_tiny, tmp_path_factory):
 
 def stored(results):
     """The maps of a patch, mm, as the study holds them."""
-    before = read_dataset(results / f"surfaces/{PATCH}_T0.h5")
-    found = read_dataset(results / f"registered/{PATCH}.h5")
-    wear = read_dataset(results / f"wear/{PATCH}.h5").depth
+    before = read_dataset(results / f"surfaces/T0/1/{PATCH}_T0.h5")
+    found = read_dataset(results / f"change/1/{PATCH}.h5")
+    wear = read_dataset(results / f"wear/1/{PATCH}.h5").depth
     return {
         "T0": before.height.where(~before.filled),
         "T1": found.t1,

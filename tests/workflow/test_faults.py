@@ -43,7 +43,7 @@ def test_what_is_deleted_is_planned_again(tiny):
         (("coupling/pressures.csv",), {"couple_scales"}),
         (("verdict.html", "contents.json", "provenance.json"), {"write_page"}),
         (("reference/contact.h5",), {"solve_reference", "compare_scales"}),
-        (("microscale/levelled/7.h5",), {"solve_patches", "compare_scales"}),
+        (("microscale/levelled/1/7.h5",), {"solve_patches", "compare_scales"}),
     ):
         kept = {tiny.results / name: (tiny.results / name).read_bytes() for name in names}
         for file in kept:
@@ -56,7 +56,7 @@ def test_what_is_deleted_is_planned_again(tiny):
 def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
     """And nothing else; the plan says why. A deleted log is missed by nobody."""
     results, folder = tiny.results, tiny.results.name
-    cut, edited = results / "registered/7.h5", results / "tables/wear.csv"
+    cut, edited = results / "change/1/7.h5", results / "tables/wear.csv"
     gone, record = results / "figures/patch/7.png", results / "logs/compare_scales.json"
     whole = {file: file.read_bytes() for file in (cut, edited, gone)}
     before = tiny.tables()
@@ -66,16 +66,16 @@ def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
         file.unlink()
     said = tiny.gst("study", tiny.config, "--plan").stdout
     for step, why in (
-        ("register_patches", "registered/7.h5 is not as it was made"),
-        ("judge_wear", "registered/7.h5 has changed"),
-        ("draw_validation", "registered/7.h5 has changed"),
+        ("register_patches", "change/1/7.h5 is not as it was made"),
+        ("judge_wear", "change/1/7.h5 has changed"),
+        ("draw_validation", "change/1/7.h5 has changed"),
         ("compare_scales", "no record says how it was made"),
     ):
         assert re.search(rf"^{step}: .*\n    {re.escape(why)}; last took \d", said, re.MULTILINE)
     assert "solve_macroscale" not in said
     result = tiny.gst("study", tiny.config)
     assert result.returncode == 0, result.stderr
-    assert "again: registered/7.h5 is not as it was made" in result.stderr
+    assert "again: change/1/7.h5 is not as it was made" in result.stderr
     assert {file: file.read_bytes() for file in whole} == whole
     assert tiny.tables() == before
     assert record.is_file()
@@ -109,20 +109,20 @@ def test_nothing_outside_the_results_is_deleted(tiny):
     first, other = tiny.results, tiny.folder / "results-b"
     shutil.copytree(first, other)
     shutil.rmtree(tiny.folder / ".snakemake")
-    (first / "wear/7.h5").unlink()
+    (first / "wear/1/7.h5").unlink()
     before = {file: file.stat().st_mtime_ns for file in first.rglob("*")}
     tiny.change(results=other.name)
     said = tiny.gst("study", tiny.config, "--plan").stdout
     assert said.splitlines()[-1] == "Nothing to do."
     assert tiny.gst("study", tiny.config).returncode == 0
     assert {file: file.stat().st_mtime_ns for file in first.rglob("*")} == before
-    assert (other / "wear/7.h5").is_file()
+    assert (other / "wear/1/7.h5").is_file()
     (other / "wear").rename(tiny.folder / "elsewhere")
     (other / "wear").symlink_to(tiny.folder / "elsewhere")
     refused = tiny.gst("study", tiny.config)
     assert refused.returncode == 2
     assert "results-b/wear: is a link to" in refused.stderr
-    assert (tiny.folder / "elsewhere/7.h5").is_file()
+    assert (tiny.folder / "elsewhere/1/7.h5").is_file()
 
 
 def test_ctrl_c_ends_a_run_in_a_sentence(study):

@@ -230,14 +230,17 @@ def test_turned_and_mirrored_scans_lie_on_the_stone_as_they_were_taken(generated
     for patch in ALL:
         turned = TURNED.get(patch, 0)
         for epoch in epochs_of(patch):
-            found, made = stored(f"surfaces/{patch}_{epoch}"), plain.prepared[patch, epoch]
+            found, made = (
+                stored(f"surfaces/{epoch}/1/{patch}_{epoch}"),
+                plain.prepared[patch, epoch],
+            )
             height = np.rot90(made.height, turned // 90)
             # what fills a hole depends a little on the turn
             good = ~np.rot90(made.filled | made.outlier, turned // 90)
             np.testing.assert_allclose(found.height.values[good], height[good], atol=5e-6)
             assert (found.filled.values == np.rot90(made.filled, turned // 90)).all()
         for variant, folder in {"placed": "", "levelled": "levelled/"}.items():
-            found = stored(f"microscale/{folder}{patch}")
+            found = stored(f"microscale/{folder}1/{patch}")
             made = plain.contact_in(variant, patch).to_dataset()
             for name in ("counterface", "surroundings", "pressure"):
                 # a scanned counterface does not turn with the patch
@@ -271,15 +274,19 @@ def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
     same(preprocessing_table(done), "preprocessing")
     contacts = {}
     for variant, folder in {"placed": "", "levelled": "levelled/"}.items():
-        contacts[variant] = {patch: stored(f"microscale/{folder}{patch}") for patch in ALL}
+        contacts[variant] = {patch: stored(f"microscale/{folder}1/{patch}") for patch in ALL}
         for patch, found in contacts[variant].items():
-            expected = own.contact_in(variant, patch)
+            expected = own.contact_in(variant, patch).to_dataset()
             for name in ("height", "counterface", "surroundings", "slope_y", "slope_x"):
                 np.testing.assert_allclose(found[name], expected[name], atol=1e-7)
             np.testing.assert_allclose(found.pressure, expected.pressure, atol=1.0)
             if patch in ("7", "13"):
                 assert np.ptp(found.counterface.values) > 5e-3  # no flat, but a rough face
-    same(two_scales_table(contacts, stored("reference/patches")), "two_scales")
+    typed = {
+        variant: {patch: Contact.from_dataset(found) for patch, found in of.items()}
+        for variant, of in contacts.items()
+    }
+    same(two_scales_table(typed, stored("reference/patches")), "two_scales")
     intervals = pressure_intervals(
         Macroscale(own.face, own.composite, stored("macroscale/second_stone").face),
         own.pressures,
@@ -294,7 +301,7 @@ def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
     changes = {patch: own.changes[patch] for patch in WORN}
     same(measure_texture(scans, changes, **ASKED["texture"]), "texture")
     # the noise of two scans of 0.1 µm, less what the laying of one on the other smooths
-    found = stored("registered/of_repeats").attrs
+    found = stored("change/detection").attrs
     assert 0.10 < found["level_mm2"] ** 0.5 * 1e3 < 0.15
     assert own.detection == pytest.approx((found["level_mm2"], found["lateral_mm2"]))
     assert set(table("registration").detection) == {"repeat"}
@@ -314,7 +321,7 @@ def test_the_force_acts_where_it_is_said_on_stones_that_differ(stored, table):
     cases = table("cases").set_index(["case", "patch", "quantity"]).value.sort_index()
     assert "other modulus" not in cases.index
     for patch in ("7", "13"):  # the whole patch slides
-        found, grinding = stored(f"microscale/{patch}"), cases.loc["grinding", patch]
+        found, grinding = stored(f"microscale/1/{patch}"), cases.loc["grinding", patch]
         assert float(found.contact_modulus) == pytest.approx(1 / normal, rel=1e-12)
         moved_um = 0.3 * tangential / normal * cases["study", patch, "displacement"]
         assert grinding["tangential displacement"] == pytest.approx(moved_um, rel=1e-4)
@@ -375,7 +382,7 @@ def test_every_pose_is_pressed_as_the_table_says(stored, table, gesture):
 
 def test_wear_follows_the_gesture(own, studied, stored, table, gesture, same):
     """Patches lose in proportion to their exposure, as long as little is lost."""
-    path, of_gesture = stored("wear/whole_square"), table("exposure").set_index("patch")
+    path, of_gesture = stored("wear/square"), table("exposure").set_index("patch")
     first = path.pressed.sel(ratio=0, body="stone").isel(step=1).to_series()
     rate = first / float(path.kappa.sel(ratio=0)[1])
     share = of_gesture.exposure_N_per_mm[rate.index] / float(

@@ -86,7 +86,7 @@ def test_slurm_groups_are_of_rules_that_there_are_and_do_not_wait_for_themselves
     profile = yaml.safe_load((SLURM / "config.yaml").read_text())
     planned = set(re.findall(r"^(\w+) +\d+$", said, re.MULTILINE))
     on_request = {"compare_published", "gather_exposure"}
-    assert set(profile["groups"]) | set(profile["set-threads"]) <= planned | on_request
+    assert set(profile["groups"]) <= planned | on_request
     text = "".join(file.read_text() for file in ROOT.glob("workflow/rules/*.smk"))
     assert all(rule in text for rule in on_request)
     assert set(profile["group-components"]) <= set(profile["groups"].values())

@@ -1,9 +1,11 @@
 """A change reruns what depends on it and nothing else. Only plans are made here."""
 
 import os
+import re
 import shutil
 
 import pytest
+from gst.batches import share_out
 
 from .conftest import ROOT
 
@@ -25,7 +27,7 @@ def test_the_whole_plan_is_known_before_anything_has_run(study):
                 "solve_reference",
                 "judge_wear",
             },
-            {"grid_macroscale", "compose_surface", "place_patches", "register_patches"},
+            {"solve_square", "compose_surface", "place_patches", "register_patches"},
         ),
         (
             {"uncertainty": {"force_point_mm": 2.0}},
@@ -35,11 +37,11 @@ def test_the_whole_plan_is_known_before_anything_has_run(study):
         (
             {"coupling": "levelled"},
             {"grid_macroscale", "solve_macroscale", "couple_scales", "solve_patches"},
-            {"prepare_T0_scans", "compose_surface", "solve_reference"},
+            {"prepare_scans", "compose_surface", "solve_reference"},
         ),
         (
             {"gesture": {"wander_mm": 0.5, "poses": 6}},
-            {"press_poses_1", "bound_pressures", "predict_wear"},
+            {"press_poses", "bound_pressures", "predict_wear"},
             {"solve_macroscale", "solve_patches"},
         ),
         ({"validation": {"resamples": 299}}, {"judge_wear", "draw_validation", "write_page"}, None),
@@ -47,7 +49,7 @@ def test_the_whole_plan_is_known_before_anything_has_run(study):
         (
             {"counterface": {"scan": "face.plu", "radius_mm": 200.0}},
             {"prepare_counterface", "solve_patches", "solve_cases"},
-            {"prepare_T0_scans", "solve_macroscale", "couple_scales", "register_patches"},
+            {"prepare_scans", "solve_macroscale", "couple_scales", "register_patches"},
         ),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
@@ -79,13 +81,13 @@ def test_what_no_step_reads_reruns_nothing_but_the_record(tiny, change):
 
 def test_a_scan_of_the_same_size_and_date_reruns_what_reads_it(measured, finished_tiny):
     """As after an unpacked archive, or `cp -p`; also when a first run was interrupted."""
-    measured.succeed("--until", "prepare_T0_scans")
+    measured.succeed("--until", "prepare_scans")
     scan = measured.folder / "data/scans/7_T0.plu"
     stat, content = scan.stat(), bytearray(scan.read_bytes())
     content[len(content) // 2] ^= 1
     scan.write_bytes(content)
     os.utime(scan, ns=(stat.st_atime_ns, stat.st_mtime_ns - 10**12))
-    assert "prepare_T0_scans" in measured.planned()
+    assert "prepare_scans" in measured.planned()
 
 
 def test_a_changed_file_of_the_page_reruns_no_stage(tiny, tmp_path):
@@ -105,6 +107,62 @@ def test_a_changed_file_of_the_page_reruns_no_stage(tiny, tmp_path):
 
 
 def test_patches_are_shared_out_by_the_profile(tiny):
-    planned = tiny.planned("--config", "patches_per_job=4")
-    assert {"prepare_T0_scans_1", "prepare_T0_scans_2", "solve_patches_2"} <= planned
-    assert planned.isdisjoint({"generate_specimen", "grid_macroscale"})
+    few = "--config", "patches_per_job=4"
+    assert tiny.planned(*few).isdisjoint({"generate_specimen", "grid_macroscale"})
+    said = tiny.succeed("--dry-run", *few)
+    for step in ("Cleaning the scans at T0", "Registering T1 to T0", "Wearing the patches"):
+        assert {"1", "2"} == {*re.findall(rf"{step}: part (\d) of 2", said)}
+
+
+# --- Another patch ----------------------------------------------------------------------------
+
+
+FEW = "--config", "patches_per_job=2", "--until", "register_patches"
+ADDED = "8"
+
+
+def with_patch(table):
+    return f"{table}{ADDED}\t3.50\t3.50\t7_T0.plu\t7_T1.plu\n"
+
+
+def without_patch(table):
+    return "".join(line for line in table.splitlines(True) if not line.startswith("13\t"))
+
+
+def with_patch_moved(table):
+    return table.replace("13\t2.50", "13\t2.60")
+
+
+@pytest.mark.parametrize(
+    ("change", "patch"), [(with_patch, ADDED), (without_patch, "13"), (with_patch_moved, None)]
+)
+def test_another_patch_reruns_its_batch_alone(measured, change, patch):
+    """Of what is done patch by patch; the stone under all scans is another."""
+    table = measured.folder / "config/patches_tiny.tsv"
+    ids = [line.split("\t")[0] for line in table.read_text().splitlines()[2:]]
+    measured.succeed(*FEW)
+    before = table.read_text()
+    table.write_text(change(before))
+    assert table.read_text() != before
+    said = measured.succeed("--dry-run", *FEW)
+    found = set(re.findall(r"(Cleaning the scans at T.|Registering T1 to T0): part (\d+)", said))
+    batches = share_out({*ids, patch} - {None}, per_job=2)
+    assert len(batches) > 2
+    (own,) = [batch for batch, members in batches.items() if patch in members] or [None]
+    steps = "Cleaning the scans at T0", "Cleaning the scans at T1", "Registering T1 to T0"
+    assert found == ({(step, own) for step in steps} if own else set())
+
+
+def test_files_are_checked_before_any_is_read(measured):
+    """With a damaged one nothing begins. Once they have passed, a later check moves nothing."""
+    scan = measured.folder / "data/scans/13_T0.plu"
+    whole = scan.read_bytes()
+    scan.write_bytes(whole[:999])
+    assert measured.run("--until", "prepare_scans", "grid_macroscale").returncode != 0
+    assert {file.stem for file in measured.results.glob("logs/*")} == {"check_inputs"}
+    scan.write_bytes(whole)
+    measured.succeed("--until", "prepare_scans", "grid_macroscale")
+    (measured.results / "tables/inputs.csv").unlink()
+    again = measured.planned()
+    assert "check_inputs" in again
+    assert again.isdisjoint({"prepare_scans", "grid_macroscale", "pass_inputs"})

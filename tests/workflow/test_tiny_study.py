@@ -6,10 +6,10 @@ test_tiny_page.py.
 
 import json
 import re
-import runpy
 
 import numpy as np
 import pytest
+from gst.figures import study as figures
 from gst.figures.style import BLUE, save_figure
 from gst.tables import TABLES
 from gstlib.contact import Interface, Load, contact_at_pressure
@@ -24,7 +24,7 @@ from matplotlib.colors import to_rgb
 from power import merged
 from sweep import outcomes
 
-from .conftest import ROOT, assert_stored, in_memory
+from .conftest import assert_stored, in_memory
 
 # Of the tables listed, those that this study has no use for.
 ABSENT = {"exposure", "places", "published"}
@@ -61,13 +61,14 @@ def test_every_step_has_the_settings_of_the_config(results, config):
         "macroscale/surface": {**config["square"], "grid": 40, "face_mm": 10.0, "radius_mm": 200.0},
         "macroscale/composite": placed | {"placement_um": config["uncertainty"]["placement_um"]},
         "macroscale/contact": {"modulus": modulus, "steps": 6},
-        "microscale/13": {"contact_modulus_MPa": modulus} | config["microscale"],
-        "registered/13": {
+        "microscale/1/13": {"contact_modulus_MPa": modulus} | config["microscale"],
+        "change/1/13": {
             "maximum_shift_mm": config["registration"]["maximum_shift_mm"],
             "minimum_points": config["traces"]["minimum_points"],
         },
-        "surfaces/13_T1": {"scans": config["scans"], "preprocessing": config["preprocessing"]},
-        "wear/13": {"steps": 4, "mat": None, "hardness_MPa": 800.0, "patch_mm": 0.85},
+        "surfaces/T1/1/13_T1": {"scans": config["scans"], "preprocessing": config["preprocessing"]},
+        "wear/square": {"steps": 4, "mat": None, "patch_mm": 0.85},
+        "wear/1/13": {"mat": None, "hardness_MPa": 800.0},
         "reference/patches": placed,
     }
     for name, expected in named.items():
@@ -123,7 +124,7 @@ def test_scans_are_counted_as_they_are(results, table, config):
         assert row.spacing_x_um == pytest.approx(config["specimen"]["scan_spacing_um"])
         assert row.unmeasured == pytest.approx(float(raw.isnull().mean()), rel=1e-4)
         assert row.Sq_um == pytest.approx(float(remove_plane(raw)[0].std()), rel=1e-3)
-        surface = read_dataset(results / f"surfaces/{name}.h5")
+        surface = read_dataset(results / f"surfaces/{row.epoch}/1/{name}.h5")
         assert done.unmeasured == done.filled == raw.isnull().sum()
         assert done.outliers == surface.outlier.values.sum() > 0
         assert done.Sq_before_um == pytest.approx(float(raw.std()), rel=1e-4)
@@ -182,7 +183,7 @@ def test_cases_are_those_of_the_stored_contacts(results, table, config):
     of_patches = cases[cases.case.isin(["grinding", "ceiling"])].patch.dropna()
     assert of_patches.unique().tolist() == studied
     for patch in studied:
-        row, contact = rows[patch], read_dataset(results / f"microscale/{patch}.h5")
+        row, contact = rows[patch], read_dataset(results / f"microscale/1/{patch}.h5")
         pressure = contact.pressure.values
         share = np.prod([*config["grinding"].values()])
         assert row["grinding", "mean traction"] == pytest.approx(share * pressure.mean(), 1e-4)
@@ -229,39 +230,34 @@ def test_figures_are_drawn_from_the_stages_that_they_name(finished_tiny, results
     (of_patches,) = re.findall(
         r"^\S+/figures/patch\t.*\tdraw_validation\t.*", summary, re.MULTILINE
     )
-    assert all(f"surfaces/{patch}_T1.h5" in of_patches for patch in table("registration").patch)
-    script = runpy.run_path(str(ROOT / "workflow/scripts/draw_figures.py"))
+    assert "surfaces/T1/1," in of_patches
     patches = list(table("patch_pressures").patch)
-    files = {"contact": results / "macroscale/contact.h5", "worn_patches": results / "wear"}
+    files = {"contact": results / "macroscale/contact.h5", "depths": [results / "wear/1"]}
     files |= {"surface": results / "macroscale/surface.h5", "mesh": results / "specimen/mesh.stl"}
     files |= {"intervals": results / "tables/patch_intervals.csv"}
     files |= {"pressures": results / "tables/patch_pressures.csv"}
     files |= {"two_scales": results / "tables/two_scales.csv"}
     files |= {"reference": results / "reference/patches.h5"}
-    folders = {
-        "contacts": "microscale",
-        "others": "microscale/levelled",
-        "registered": "registered",
-    }
-    files |= {name: [results / f"{of}/{p}.h5" for p in patches] for name, of in folders.items()}
-    study = script["Study"](files, patches, patches, {}, 5.0, 550.0, 0.85, "mm", 100)
+    folders = {"contacts": "microscale", "others": "microscale/levelled", "registered": "change"}
+    files |= {name: [results / of / "1"] for name, of in folders.items()}
+    study = figures.Study(files, patches, patches, 100, {}, 5.0, 0.85, 550.0, "mm")
     for name in ("overview", "forces", "two_scales"):  # with the rule's files and settings
-        figure = script["figure_of"](name, study)
+        figure = figures.figure_of(name, study)
         save_figure(figure, tmp_path / "again.png", source_note="generated specimen")
         stored = results / f"figures/{name}.png"
         assert (tmp_path / "again.png").read_bytes() == stored.read_bytes(), name
     whole = read_dataset(files["contact"])
     square = in_square(whole.pressure)
-    title = script["figure_of"]("overview", study).axes[1].get_title()
+    title = figures.figure_of("overview", study).axes[1].get_title()
     borne = float(square.sum()) * 0.125**2
     assert title.endswith(f"{borne:.3g} of 550 N")
-    forces = script["figure_of"]("forces", study).axes[0]
+    forces = figures.figure_of("forces", study).axes[0]
     assert forces.images[0].get_array().shape[:2] == square.shape
     true = read_dataset(files["reference"]).contact.sel(patch="13").isel(draw=0).values
-    panels = script["figure_of"]("two_scales", study).axes
+    panels = figures.figure_of("two_scales", study).axes
     for axes, folder in zip(panels, ("microscale/levelled", "microscale"), strict=False):
         assert axes.get_title().startswith("patch 13")
-        found = read_dataset(results / f"{folder}/13.h5").pressure.values > 0
+        found = read_dataset(results / f"{folder}/1/13.h5").pressure.values > 0
         colours = axes.images[0].get_array()[..., :3]
         is_blue = np.isclose(colours, 255 * np.array(to_rgb(BLUE)), atol=2).all(axis=-1)
         assert is_blue.sum() == (found & true).sum()

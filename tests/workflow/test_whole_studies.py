@@ -52,7 +52,7 @@ def test_a_changed_scan_changes_its_own_patch_alone(tiny):
     before = tiny.fields()
     tiny.succeed()
     changed = {name for name, content in tiny.fields().items() if before[name] != content}
-    assert {name for name in changed if name.startswith("surfaces")} == {"surfaces/5_T1.h5"}
+    assert {name for name in changed if name.startswith("surfaces")} == {"surfaces/T1/1/5_T1.h5"}
     assert tiny.planned() == set()
 
 

@@ -1,4 +1,4 @@
-# What every stage shares: the checked configuration, the patch table, names of files.
+# What every stage shares: the checked configuration, the patch table, what a job needs.
 
 import math
 import os
@@ -6,45 +6,35 @@ import sys
 from pathlib import Path
 
 from gst import ROOT
+from gst.batches import share_out
 from gst.chain import AGAIN, plan_again, steps_of
 from gst.config import check_files, complete, counterface_mesh, read_study
-from gst.poses import batches_of, poses_of, reach_of
 from gst.patches import scan_files
+from gst.poses import batches_of, poses_of, reach_of
 from gst.provenance import commit, program_hash, source_hash
 from gst.tables import TABLES
 from gstlib.conditions import load_force, load_point, study_modulus, study_poisson
 from gstlib.preprocess.mesh import elements_around
 
-# Two jobs of each kind for 25 patches, one on each of two cores; and at most as many of a kind as the
-# profile for Slurm sends at a time. A start costs 1 s of CPU, a patch of 64 x 64 points 0.01 to 0.1 s.
-FEW, JOBS = 13, 20
 CAPTIONS = ROOT / "workflow/report"
 CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles)
 
-
-# Patches that share a job, from the profile; no result depends on it. Without it, enough that even
-# thousands of patches make a hundred jobs.
+# Patches that share a job, from the profile; no result depends on it.
 PER_JOB = config.pop("patches_per_job", None)
 config.update(complete(config))
 PATCHES = read_study(config, CONFIG_FILES)
 PATCHES = PATCHES.set_index("patch", drop=False)
 # Without a patch table, the study says where to scan, and what follows from scans is left out.
 SCANNED = config["patches"] is not None
-RESULTS = config["results"].rstrip("/")
+# as Snakemake names the files in it
+RESULTS = os.path.normpath(config["results"])
 SQUARE_MM = config["square"]["size_mm"]
 PATCH_MM = config["scans"]["size_mm"]
 GENERATED = config["specimen"] is not None
 # Of the coupling: the study's own, and the paper's to compare it with.
-VARIANTS = ["placed", "levelled"] if config["coupling"] == "placed" else ["levelled"]
+PLACED = config["coupling"] == "placed"
+VARIANTS = ["placed", "levelled"] if PLACED else ["levelled"]
 CONTACT_MODULUS_MPA = study_modulus(config["material"])
-# The cases that are solved beside the study; none of them, no table.
-CASES = {
-    "grinding": config["grinding"]
-    and {**config["grinding"], "poisson": study_poisson(config["material"])},
-    "hardness_MPa": config["hardness"],
-}
-if not any(CASES.values()):
-    CASES = {}
 
 ALL_PATCHES = list(PATCHES.index)
 WORN_PATCHES = [patch for patch in ALL_PATCHES if PATCHES.t1[patch]]
@@ -57,34 +47,69 @@ COUNTERFACE_SCAN = (config["counterface"] or {}).get("scan", [])
 SECOND_STONE = counterface_mesh(config, f"{RESULTS}/specimen")
 COUNTERFACE_MESH = SECOND_STONE["mesh"] if SECOND_STONE else []
 POSES = poses_of(config)
-SECOND = f"{RESULTS}/macroscale/second_stone.h5" if SECOND_STONE else []
 if SECOND_STONE:
     SECOND_STONE["reach_mm"] = reach_of(config)
-# What is pressed at the macroscale: the mesh alone, or the scans laid on it.
-PLACED = config["coupling"] == "placed"
-COMPOSITE = f"{RESULTS}/macroscale/composite.h5" if PLACED and SCANNED else []
-FACE = f"{RESULTS}/macroscale/surface.h5"
-PRESSED_FACE = COMPOSITE or FACE
 # The paper's square stays on its mean plane, and a flat presses it.
 LOAD = {
     "force_N": load_force(config["load"], SQUARE_MM),
     "through": load_point(config["load"], SQUARE_MM) if PLACED else None,
 }
-# The hand errs about its point of force, and wanders around it.
-FORCE_POINT_MM = math.hypot(
-    config["uncertainty"]["force_point_mm"], (config["gesture"] or {}).get("wander_mm", 0.0)
-)
 GRID = {
     "grid": config["macroscale"]["grid"],
     "face_mm": config["macroscale"]["face_mm"] if PLACED else None,
     "radius_mm": (config["counterface"] or {}).get("radius_mm") if PLACED else None,
 }
-REFERENCE = bool(COMPOSITE) and config["reference_draws"] is not None
-COUNTERFACE = f"{RESULTS}/surfaces/counterface.h5" if COUNTERFACE_SCAN else []
-# No patch has an underscore in its name.
-DETECTION = f"{RESULTS}/registered/of_repeats.h5" if REPEATED_PATCHES else []
+REFERENCE = PLACED and SCANNED and config["reference_draws"] is not None
 if not GENERATED:
     check_files(config, PATCHES, ", ".join(filter(None, [CONFIG_FILES, config["patches"]])))
+SCAN_USES = scan_files(PATCHES, SCAN_FOLDER, COUNTERFACE_SCAN or None)
+SCANS = sorted({str(use.path) for use in SCAN_USES})
+
+
+wildcard_constraints:
+    batch=r"\d+",
+    epoch="T0|T1|repeat",
+
+
+def among(patches):
+    """The batches that hold some of these patches, with those alone."""
+    shared = {batch: [p for p in ids if p in patches] for batch, ids in BATCHES.items()}
+    return {batch: ids for batch, ids in shared.items() if ids}
+
+
+# The patches of each job that takes several, by batch; all of them, and those with a T1 or a repeat.
+BATCHES = share_out(ALL_PATCHES, PER_JOB)
+WORN_BATCHES = among(WORN_PATCHES)
+SCANNED_BATCHES = {"T0": BATCHES, "T1": WORN_BATCHES, "repeat": among(REPEATED_PATCHES)}
+
+
+def of_batch(column):
+    """What a column of the patch table says of each patch of a batch."""
+    return lambda wildcards: [
+        PATCHES[column][patch] for patch in SCANNED_BATCHES[wildcards.epoch][wildcards.batch]
+    ]
+
+
+def scans_of_batch(wildcards):
+    ids = SCANNED_BATCHES[wildcards.epoch][wildcards.batch]
+    return [f"{SCAN_FOLDER}/{PATCHES[wildcards.epoch.lower()][patch]}" for patch in ids]
+
+
+def crops_of_batch(wildcards):
+    """Centre [y, x] in mm of the piece to cut from each scan, or None for a whole scan."""
+    ids = SCANNED_BATCHES[wildcards.epoch][wildcards.batch]
+    crops = PATCHES.loc[ids, ["crop_y_mm", "crop_x_mm"]].itertuples(index=False)
+    return [None if y != y else [float(y), float(x)] for y, x in crops]
+
+
+def surfaces(epoch):
+    """The folders with the clean scans at an epoch; and that of a batch."""
+    batches = list(SCANNED_BATCHES[epoch])
+    return expand(rules.prepare_scans.output.surfaces, epoch=epoch, batch=batches)
+
+
+def surfaces_of_batch(epoch):
+    return expand(rules.prepare_scans.output.surfaces, epoch=epoch, allow_missing=True)
 
 
 def code(script):
@@ -92,57 +117,32 @@ def code(script):
     return source_hash(ROOT / "workflow/scripts" / script)
 
 
-def scans_at(epoch, patches):
-    """The scans of the patches at `epoch` ("t0", "t1" or "repeat")."""
-    return [f"{SCAN_FOLDER}/{PATCHES[epoch][patch]}" for patch in patches]
-
-
-def surfaces(epoch, patches):
-    """The prepared scans of the patches at `epoch` ("T0", "T1" or "repeat")."""
-    return [f"{RESULTS}/surfaces/{patch}_{epoch}.h5" for patch in patches]
-
-
-def registered(patches):
-    """The height changes of the patches."""
-    return [f"{RESULTS}/registered/{patch}.h5" for patch in patches]
-
-
-def contacts(patches):
-    """The microscale contacts of the patches."""
-    return [f"{RESULTS}/microscale/{patch}.h5" for patch in patches]
-
-
-def other_contacts(patches):
-    """Those of the variant that the study's own is compared with, if there is one."""
-    return [f"{RESULTS}/microscale/{name}/{patch}.h5" for name in VARIANTS[1:] for patch in patches]
-
-
-def batches(patches):
-    """The patches of each job that takes several, by the end of the job's name."""
-    size = int(PER_JOB or max(FEW, math.ceil(len(ALL_PATCHES) / JOBS)))
-    parts = [patches[start : start + size] for start in range(0, len(patches), size)]
-    return {"" if len(parts) == 1 else f"_{i}": part for i, part in enumerate(parts, start=1)}
-
-
-def listed(patches):
-    """The patches of a job in a few words."""
-    return f"patches {patches[0]} to {patches[-1]}" if len(patches) > 1 else f"patch {patches[0]}"
-
-
-def crops_of(patches):
-    """Centre [y, x] in mm of the piece to cut from each patch's scan, or None for a whole scan."""
-    crops = PATCHES.loc[patches, ["crop_y_mm", "crop_x_mm"]]
-    return [None if y != y else [float(y), float(x)] for y, x in crops.itertuples(index=False)]
-
-
 def columns(*names):
     """Some columns of the patch table: what a script reads of it. A note reruns nothing."""
     return PATCHES[list(names)].to_dict("list")
 
 
-PLACES = columns("patch", "x_mm", "y_mm", "rotation_deg")
-SCAN_USES = scan_files(PATCHES, SCAN_FOLDER, COUNTERFACE_SCAN or None)
-SCANS = sorted({str(use.path) for use in SCAN_USES})
+def megabytes(files):
+    """Size of the largest of these files, as far as they exist already."""
+    return max((os.path.getsize(file) for file in files if os.path.exists(file)), default=0) / 1e6
+
+
+# What memory and time of a job grow with, in MB of scans as a specimen's are, 4 bytes a point: one
+# scan, those of a batch, all, or the whole square as if it were one scan; and in MB of the mesh.
+SCAN_MB = 4e-6 * config["specimen"]["scan_points"] ** 2 if GENERATED else megabytes(SCANS)
+SIZES_MB = {
+    "scan": SCAN_MB,
+    "batch": SCAN_MB * max(map(len, BATCHES.values()), default=0),
+    "scans": SCAN_MB * len(SCAN_USES),
+    "square": SCAN_MB * (SQUARE_MM / PATCH_MM) ** 2,
+    "mesh": 20 if GENERATED else megabytes([MESH]),
+}
+
+
+def growing(base, **by_size):
+    """A resource: `base`, and so much for each MB of a size; as much again at each attempt."""
+    need = math.ceil(base + sum(each * SIZES_MB[size] for size, each in by_size.items()))
+    return lambda wildcards, attempt: attempt * need
 
 
 # What the page shows: of each file its caption, its category and its title.
@@ -156,3 +156,26 @@ def table(name, category):
     SHOWN[file] = str(CAPTIONS / caption), category, title
     place = {"caption": f"../report/{caption}", "category": category}
     return report(file, labels={"what": f"table: {title}"}, **place)
+
+
+def picture(name, category, title):
+    """The PNG of a figure, with its place on the page and in the report."""
+    file = f"{RESULTS}/figures/{name}.png"
+    SHOWN[file] = str(CAPTIONS / f"{name}.rst"), category, title
+    # Kind and content share one label. From a second label with two values, Snakemake's report
+    # would make a switch, and fail where a content does not have both kinds.
+    labels = {"what": f"figure: {title}"}
+    return report(file, caption=f"../report/{name}.rst", category=category, labels=labels)
+
+
+def pictures_by_patch(name, category, title):
+    """A folder with one PNG per patch, with its place in the report."""
+
+    def labels(wildcards):
+        # The report sorts texts, and 10 before 2; a page does not show spaces in front.
+        longest = max(map(len, ALL_PATCHES))
+        return {"what": f"figure: {title}", "patch": wildcards.patch.rjust(longest)}
+
+    place = {"caption": f"../report/{name}.rst", "category": category, "labels": labels}
+    folder = directory(f"{RESULTS}/figures/{name}")
+    return report(folder, patterns=["{patch}.png"], **place)

@@ -1,73 +1,28 @@
-# The inputs, and the stone at rest under its load.
-# Takes: the mesh and every scan. Gives: a summary of their contents, the heights of the use-face on
-# a grid, and its contact at every load step.
+# The stone at rest under its load, and in the poses of a gesture.
+# Takes: the use-face on its grid, and the scans that are laid on it. Gives: its contact at every load
+# step, that of the paper's square alone, and the exposure that all poses of a gesture leave; before
+# anything is scanned, places to scan.
+
+import numpy as np
+
+PLACES = columns("patch", "x_mm", "y_mm", "rotation_deg")
+# What is pressed: the mesh alone, or the scans laid on it.
+COMPOSITE = []
+PRESSED_FACE = rules.grid_macroscale.output.face
 
 
-# Reports everything wrong with the files at once, before any work. No rule takes its output as
-# input, or all would rerun with it. It goes first by its priority, and alone because it asks for
-# more cores than there are; if it fails, no other rule starts.
-rule check_inputs:
-    input:
-        mesh=MESH,
-        counterface=COUNTERFACE_MESH,
-        scans=SCANS,
-    output:
-        table=table("inputs", "1 Inputs") if SCANNED else f"{RESULTS}/tables/inputs.csv",
-    log:
-        f"{RESULTS}/logs/check_inputs.log",
-    priority: 100
-    threads: 64
-    params:
-        uses=SCAN_USES,
-        mesh_unit=MESH_UNIT,
-        square=config["square"],
-        grid=GRID,
-        scan_settings=config["scans"],
-        maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
-        placed=bool(COMPOSITE),
-        reference=REFERENCE,
-        mat=config["mat"],
-        second_stone=SECOND_STONE,
-        code=code("check_inputs.py"),
-    message:
-        "Checking every file of the study"
-    script:
-        "../scripts/check_inputs.py"
-
-
-rule grid_macroscale:
-    input:
-        mesh=MESH,
-        counterface=COUNTERFACE_MESH,
-    output:
-        **({"second": SECOND} if SECOND else {}),
-        face=FACE,
-        table=table("gridding", "2 Macroscale"),
-    log:
-        f"{RESULTS}/logs/grid_macroscale.log",
-    params:
-        **GRID,
-        **config["square"],
-        interpolation=config["macroscale"]["interpolation"],
-        mesh_unit=MESH_UNIT,
-        second_stone=SECOND_STONE,
-        code=code("grid_macroscale.py"),
-    message:
-        "Interpolating {input.mesh} on the square and the face around it"
-    script:
-        "../scripts/grid_macroscale.py"
-
-
-if COMPOSITE:
+if PLACED and SCANNED:
 
     rule compose_surface:
         input:
-            face=FACE,
-            t0=surfaces("T0", ALL_PATCHES),
+            face=rules.grid_macroscale.output.face,
+            t0=surfaces("T0"),
         output:
-            composite=COMPOSITE,
+            composite=f"{RESULTS}/macroscale/composite.h5",
         log:
             f"{RESULTS}/logs/compose_surface.log",
+        resources:
+            mem_mb=growing(500, scan=100),
         params:
             patches=PLACES,
             patch_mm=PATCH_MM,
@@ -79,6 +34,8 @@ if COMPOSITE:
             "Laying the scans on the mesh"
         script:
             "../scripts/compose_surface.py"
+
+    COMPOSITE = PRESSED_FACE = rules.compose_surface.output.composite
 
 
 rule solve_macroscale:
@@ -102,3 +59,123 @@ rule solve_macroscale:
         "Pressing the stone with {params.force_N} N"
     script:
         "../scripts/solve_macroscale.py"
+
+
+# A levelled study presses nothing but the square.
+SQUARE_CONTACT = rules.solve_macroscale.output.contact
+
+
+if PLACED and SCANNED:
+
+    rule solve_square:
+        input:
+            face=rules.grid_macroscale.output.face,
+        output:
+            contact=f"{RESULTS}/macroscale/square.h5",
+        log:
+            f"{RESULTS}/logs/solve_square.log",
+        params:
+            force_N=LOAD["force_N"],
+            contact_modulus_MPa=CONTACT_MODULUS_MPA,
+            tolerance=config["macroscale"]["tolerance"],
+            code=code("solve_square.py"),
+        message:
+            "Pressing the paper's square alone"
+        script:
+            "../scripts/solve_square.py"
+
+    SQUARE_CONTACT = rules.solve_square.output.contact
+
+
+# By batch. A batch takes as long to start as a hundred poses to press.
+POSE_BATCHES = {str(n): batch for n, batch in enumerate(batches_of(POSES), start=1)}
+# Poses that a figure shows, in even steps.
+SHOWN_POSES = 4
+# The exposure that they leave.
+EXPOSURE = []
+
+
+if POSES is not None:
+
+    rule press_poses:
+        input:
+            face=PRESSED_FACE,
+            second=SECOND,
+        output:
+            batch=f"{RESULTS}/gesture/poses_{{batch}}.h5",
+        log:
+            f"{RESULTS}/logs/press_poses_{{batch}}.log",
+        params:
+            contact_modulus_MPa=CONTACT_MODULUS_MPA,
+            tolerance=config["macroscale"]["tolerance"],
+            patch_mm=PATCH_MM,
+            size_mm=SQUARE_MM,
+            through=LOAD["through"],
+            poses=lambda wildcards: POSE_BATCHES[wildcards.batch].to_dict(),
+            patches=PLACES,
+            shown=[
+                round(place)
+                for place in np.linspace(0, len(POSES) - 1, min(len(POSES), SHOWN_POSES))
+            ],
+            code=code("press_poses.py"),
+        message:
+            f"Pressing the stone in {len(POSES)} poses: part {{wildcards.batch}} of {len(POSE_BATCHES)}"
+        script:
+            "../scripts/press_poses.py"
+
+    rule gather_exposure:
+        input:
+            batches=expand(rules.press_poses.output.batch, batch=POSE_BATCHES),
+            pressures=(lambda _: rules.couple_scales.output.pressures) if SCANNED else [],
+        output:
+            **({"table": table("exposure", "3 Coupling")} if SCANNED else {}),
+            fields=f"{RESULTS}/gesture/exposure.h5",
+        log:
+            f"{RESULTS}/logs/gather_exposure.log",
+        params:
+            code=code("gather_exposure.py"),
+        message:
+            "Putting the poses together"
+        script:
+            "../scripts/gather_exposure.py"
+
+    EXPOSURE = rules.gather_exposure.output.fields
+
+
+if not SCANNED:
+
+    rule propose_places:
+        input:
+            exposure=EXPOSURE,
+        output:
+            table=table("places", "0 Overview"),
+        log:
+            f"{RESULTS}/logs/propose_places.log",
+        params:
+            size_mm=SQUARE_MM,
+            patch_mm=PATCH_MM,
+            code=code("propose_places.py"),
+        message:
+            "Looking for places to scan"
+        script:
+            "../scripts/propose_places.py"
+
+    rule colour_tool:
+        input:
+            mesh=MESH,
+            face=rules.grid_macroscale.output.face,
+            contact=rules.solve_macroscale.output.contact,
+            exposure=EXPOSURE,
+        output:
+            tool=f"{RESULTS}/tool.ply",
+        log:
+            f"{RESULTS}/logs/colour_tool.log",
+        resources:
+            mem_mb=growing(600, mesh=15),
+        params:
+            mesh_unit=MESH_UNIT,
+            code=code("colour_tool.py"),
+        message:
+            "Laying pressure and exposure on the tool: {output.tool}"
+        script:
+            "../scripts/colour_tool.py"

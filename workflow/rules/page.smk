@@ -1,14 +1,182 @@
-# The page that a person opens after a study.
-# Takes: every figure and table of the study, and the tool with the pressure on its square. Gives:
-# index.html, and the answer alone for the report; a record of all inputs and results.
+# The page that a person opens after a study, and its pictures, from stored results only.
+# Takes: HDF5 and tables of every stage, and the tool's mesh. Gives: a PNG of each figure, an SVG of curves
+# too, and folders with a PNG for each patch; index.html, and the answer alone for the report; a record of
+# all inputs and results. One job draws several figures: it takes longer to start than to draw one.
+
+# Nobody must take a figure of a generated stone for one of a real tool.
+SOURCE_NOTE = "generated specimen" if GENERATED else None
 
 
-# The study's own steps, whose records and warnings the page takes; none that other configs left in
-# the folder, or of other studies in the same run.
-STEPS = [step.name for step in steps_of(workflow, Path(RESULTS))]
+if SCANNED:
+
+    rule draw_inputs:
+        input:
+            surface=rules.grid_macroscale.output.face,
+            t0=surfaces("T0"),
+            t1=surfaces("T1"),
+        output:
+            inputs_png=picture("inputs", "1 Inputs", "square and scanned patches"),
+            preparation_png=pictures_by_patch("preparation", "1 Inputs", "preparation of the scans"),
+        log:
+            f"{RESULTS}/logs/draw_inputs.log",
+        resources:
+            mem_mb=growing(500, scan=100),
+        params:
+            patches=ALL_PATCHES,
+            worn=WORN_PATCHES,
+            most_drawn_patches=config["most_drawn_patches"],
+            places=PLACES,
+            size_mm=SQUARE_MM,
+            patch_mm=PATCH_MM,
+            note=SOURCE_NOTE,
+            code=code("draw_figures.py"),
+        message:
+            "Drawing the inputs"
+        script:
+            "../scripts/draw_figures.py"
+
+    rule draw_contact:
+        input:
+            **(
+                {
+                    "others": OTHER_CONTACTS,
+                    "reference": rules.solve_reference.output.patches,
+                    "two_scales": rules.compare_scales.output.table,
+                }
+                if REFERENCE
+                else {}
+            ),
+            **({"exposure": EXPOSURE} if EXPOSURE else {}),
+            **({"depths": DEPTHS} if WORN_PATCHES else {}),
+            mesh=MESH,
+            surface=rules.grid_macroscale.output.face,
+            contact=rules.solve_macroscale.output.contact,
+            pressures=PRESSURES,
+            intervals=rules.bound_pressures.output.table,
+            contacts=CONTACTS,
+            registered=CHANGES,
+        output:
+            **(
+                {
+                    "exposure_png": picture(
+                        "exposure", "3 Coupling", "what a gesture leaves on the square"
+                    )
+                }
+                if EXPOSURE
+                else {}
+            ),
+            **(
+                {"two_scales_png": picture("two_scales", "3 Coupling", "what two scales cost")}
+                if REFERENCE
+                else {}
+            ),
+            overview_png=picture("overview", "0 Overview", "the study at a glance"),
+            contact_steps_png=picture("contact_steps", "2 Macroscale", "contact as the load grows"),
+            forces_png=picture(
+                "forces", "3 Coupling", "contact forces and pressures of the patches"
+            ),
+            microscale_maps_png=picture("microscale_maps", "4 Microscale", "contact of every patch"),
+            load_curves_png=picture(
+                "load_curves", "4 Microscale", "area and pressure curves at both scales"
+            ),
+            load_curves_svg=f"{RESULTS}/figures/load_curves.svg",
+        log:
+            f"{RESULTS}/logs/draw_contact.log",
+        resources:
+            mem_mb=growing(700, scan=100, mesh=18),
+        params:
+            patches=ALL_PATCHES,
+            worn=WORN_PATCHES,
+            most_drawn_patches=config["most_drawn_patches"],
+            size_mm=SQUARE_MM,
+            patch_mm=PATCH_MM,
+            force_N=LOAD["force_N"],
+            mesh_unit=MESH_UNIT,
+            note=SOURCE_NOTE,
+            code=code("draw_figures.py"),
+        message:
+            "Drawing the contact"
+        script:
+            "../scripts/draw_figures.py"
+
+
+if WORN_PATCHES:
+
+    rule draw_validation:
+        input:
+            contacts=CONTACTS,
+            t1=surfaces("T1"),
+            registered=CHANGES,
+            depths=DEPTHS,
+            pressures=PRESSURES,
+            intervals=rules.bound_pressures.output.table,
+            registration=rules.select_patches.output.registration,
+            patches_table=rules.judge_wear.output.patches,
+            summary=rules.judge_wear.output.summary,
+            wear=rules.judge_wear.output.table,
+            wear_profile=rules.judge_wear.output.profile,
+            texture=rules.tabulate_texture.output.table,
+        output:
+            validation_png=picture(
+                "validation", "5 Validation", "the predicted loss beside its rivals"
+            ),
+            validation_svg=f"{RESULTS}/figures/validation.svg",
+            wear_png=picture(
+                "wear", "5 Validation", "how much each patch loses, and at which heights"
+            ),
+            wear_svg=f"{RESULTS}/figures/wear.svg",
+            patch_png=pictures_by_patch("patch", "5 Validation", "each patch before and after use"),
+            texture_png=picture("texture", "5 Validation", "surface texture before and after use"),
+            texture_svg=f"{RESULTS}/figures/texture.svg",
+        log:
+            f"{RESULTS}/logs/draw_validation.log",
+        resources:
+            mem_mb=growing(500, scan=120),
+        params:
+            patches=ALL_PATCHES,
+            worn=WORN_PATCHES,
+            most_drawn_patches=config["most_drawn_patches"],
+            note=SOURCE_NOTE,
+            code=code("draw_figures.py"),
+        message:
+            "Drawing the validation"
+        script:
+            "../scripts/draw_figures.py"
+
+
+if not SCANNED:
+
+    rule draw_places:
+        input:
+            mesh=MESH,
+            surface=rules.grid_macroscale.output.face,
+            contact=rules.solve_macroscale.output.contact,
+            exposure=EXPOSURE,
+            proposed=rules.propose_places.output.table,
+        output:
+            places_png=picture("places", "0 Overview", "where to scan: a sheet to print"),
+            places_pdf=f"{RESULTS}/figures/places.pdf",
+            contact_steps_png=picture("contact_steps", "2 Macroscale", "contact as the load grows"),
+            exposure_png=picture("exposure", "2 Macroscale", "what a gesture leaves on the face"),
+        log:
+            f"{RESULTS}/logs/draw_places.log",
+        resources:
+            mem_mb=growing(700, mesh=18),
+        params:
+            size_mm=SQUARE_MM,
+            patch_mm=PATCH_MM,
+            mesh_unit=MESH_UNIT,
+            note=SOURCE_NOTE,
+            code=code("draw_figures.py"),
+        message:
+            "Drawing where to scan"
+        script:
+            "../scripts/draw_figures.py"
+
+
 # Captions of the tables and figures on the page and, last, of the numbers behind a figure, which are
 # too many for it: `gst package` packs these, too.
-LOAD_PATHS = f"{RESULTS}/tables/microscale_paths.csv"
+LOAD_PATHS = rules.tabulate_microscale.output.paths if SCANNED else []
 CAPTIONED = dict(SHOWN)
 if SCANNED:
     CAPTIONED[LOAD_PATHS] = (
@@ -23,13 +191,13 @@ rule write_page:
     input:
         mesh=MESH,
         counterface=COUNTERFACE_MESH,
-        surface=f"{RESULTS}/macroscale/surface.h5",
-        contact=CONTACT,
+        surface=rules.grid_macroscale.output.face,
+        contact=rules.solve_macroscale.output.contact,
         shown=list(SHOWN),
-        exposure=f"{RESULTS}/gesture/exposure.h5" if POSES is not None else [],
-        behind=LOAD_PATHS if SCANNED else [],
+        exposure=EXPOSURE,
+        behind=LOAD_PATHS,
         captions=[caption for caption, _, _ in CAPTIONED.values()],
-        by_patch=f"{RESULTS}/figures/patch" if WORN_PATCHES else [],
+        by_patch=rules.draw_validation.output.patch_png if WORN_PATCHES else [],
         made_from=[*filter(None, [config["patches"], config["published"]])]
         + [
             (config["counterface"] or {}).get("mesh", []),
@@ -43,9 +211,13 @@ rule write_page:
         contents=f"{RESULTS}/contents.json",
     log:
         f"{RESULTS}/logs/write_page.log",
+    resources:
+        mem_mb=growing(650, mesh=12),
     params:
         titles=[[category, title] for _, category, title in CAPTIONED.values()],
-        steps=STEPS,
+        # The study's own, whose records and warnings the page takes; none that other configs left in
+        # the folder, or of other studies in the same run.
+        steps=[step.name for step in steps_of(workflow, Path(RESULTS))],
         places=PLACES,
         patch_mm=PATCH_MM,
         mesh_unit=MESH_UNIT,

@@ -23,6 +23,9 @@ if GENERATED:
             ],
         log:
             f"{RESULTS}/logs/generate_specimen.log",
+        resources:
+            mem_mb=growing(900, scan=220),
+            runtime=growing(10, scans=0.1),
         params:
             patches=columns("patch", "x_mm", "y_mm", "rotation_deg", "t0", "t1", "repeat"),
             specimen=config["specimen"],
@@ -37,29 +40,3 @@ if GENERATED:
             else "Making the specimen's mesh"
         script:
             "../scripts/generate_specimen.py"
-
-
-if GENERATED and SCANNED:
-
-    rule score_truth:
-        input:
-            truth=f"{RESULTS}/specimen/truth.h5",
-            surface=f"{RESULTS}/macroscale/surface.h5",
-            placement=f"{RESULTS}/tables/placement.csv",
-            pressures=f"{RESULTS}/tables/patch_pressures.csv",
-            t0=surfaces("T0", ALL_PATCHES),
-            t1=surfaces("T1", WORN_PATCHES),
-            registered=registered(WORN_PATCHES),
-            two_scales=f"{RESULTS}/tables/two_scales.csv" if REFERENCE else [],
-        output:
-            table=table("truth", "7 Against the truth"),
-        log:
-            f"{RESULTS}/logs/score_truth.log",
-        params:
-            patches=ALL_PATCHES,
-            worn=WORN_PATCHES,
-            code=code("score_truth.py"),
-        message:
-            "Scoring every stage against the specimen's truth"
-        script:
-            "../scripts/score_truth.py"

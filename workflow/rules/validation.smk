@@ -1,46 +1,22 @@
 # Was the prediction right?
-# Takes: the contact of the stone and of its patches, and T1 registered to T0. Gives: the loss of each
-# patch that the other patches foretell by Archard's law; how well it agrees with the measured one, beside
-# rivals that know as much; the texture of each patch before and after use.
-
-EXPECTED_WORST = config["validation"]["expected_worst"]
+# Takes: what the stages before found. Gives: how well the predicted loss agrees with the measured one,
+# beside rivals that know as much; the contact of the patches beside one contact of the whole square at
+# their resolution, and beside published figures; of a generated specimen every stage beside the truth.
 
 
 if WORN_PATCHES:
 
-    rule predict_wear:
-        input:
-            contact=f"{RESULTS}/macroscale/contact.h5",
-            second=SECOND if POSES is not None else [],
-            contacts=contacts(WORN_PATCHES),
-            registered=registered(WORN_PATCHES),
-            pressures=f"{RESULTS}/tables/patch_pressures.csv",
-            registration=f"{RESULTS}/tables/registration.csv",
-        output:
-            folder=directory(f"{RESULTS}/wear"),
-        log:
-            f"{RESULTS}/logs/predict_wear.log",
-        params:
-            worn=WORN_PATCHES,
-            patch_mm=PATCH_MM,
-            steps=config["wear_steps"],
-            mat=config["mat"],
-            hardness_MPa=config["hardness"],
-            poses=None if POSES is None else POSES.to_dict("list"),
-            size_mm=SQUARE_MM,
-            code=code("predict_wear.py"),
-        message:
-            "Wearing the square and its patches"
-        script:
-            "../scripts/predict_wear.py"
+    EXPECTED_WORST = config["validation"]["expected_worst"]
 
     rule judge_wear:
         input:
-            contacts=contacts(WORN_PATCHES),
-            registered=registered(WORN_PATCHES),
-            folder=f"{RESULTS}/wear",
-            pressures=f"{RESULTS}/tables/patch_pressures.csv",
-            registration=f"{RESULTS}/tables/registration.csv",
+            contacts=expand(rules.solve_patches.output.contacts, batch=WORN_BATCHES),
+            registered=CHANGES,
+            square=rules.fit_wear.output.square,
+            mat=MAT,
+            depths=DEPTHS,
+            pressures=PRESSURES,
+            registration=rules.select_patches.output.registration,
         output:
             patches=table("validation_patches", "5 Validation"),
             table=table("wear", "5 Validation"),
@@ -48,6 +24,9 @@ if WORN_PATCHES:
             summary=table("validation_summary", "5 Validation"),
         log:
             f"{RESULTS}/logs/judge_wear.log",
+        resources:
+            mem_mb=growing(500, scan=100, scans=12),
+            runtime=growing(10, scans=0.5),
         params:
             worn=WORN_PATCHES,
             # a claim about other patches says nothing about these
@@ -61,21 +40,98 @@ if WORN_PATCHES:
             "../scripts/judge_wear.py"
 
 
-# All patches in one job: loading the library of texture parameters takes as long as five patches.
-rule tabulate_texture:
-    input:
-        t0=surfaces("T0", ALL_PATCHES),
-        registered=registered(WORN_PATCHES),
-    output:
-        table=table("texture", "5 Validation" if WORN_PATCHES else "1 Inputs"),
-    log:
-        f"{RESULTS}/logs/tabulate_texture.log",
-    params:
-        patches=ALL_PATCHES,
-        worn=WORN_PATCHES,
-        texture=config["texture"],
-        code=code("tabulate_texture.py"),
-    message:
-        "Measuring the texture of the patches"
-    script:
-        "../scripts/tabulate_texture.py"
+if REFERENCE:
+
+    rule solve_reference:
+        input:
+            face=rules.grid_macroscale.output.face,
+            composite=COMPOSITE,
+            macroscale=rules.solve_macroscale.output.contact,
+            t0=surfaces("T0"),
+            true_surface=rules.generate_specimen.output.surface if GENERATED else [],
+            truth=rules.generate_specimen.output.truth if GENERATED else [],
+        output:
+            contact=f"{RESULTS}/reference/contact.h5",
+            patches=f"{RESULTS}/reference/patches.h5",
+        log:
+            f"{RESULTS}/logs/solve_reference.log",
+        resources:
+            mem_mb=growing(700, square=45),
+            runtime=growing(10, square=0.5 * config["reference_draws"]),
+        params:
+            draws=config["reference_draws"],
+            s_filter_um=config["microscale"]["s_filter_um"],
+            seed=config["seed"],
+            code=code("solve_reference.py"),
+        message:
+            "Pressing the whole square at the scans' resolution"
+        script:
+            "../scripts/solve_reference.py"
+
+    rule compare_scales:
+        input:
+            reference=rules.solve_reference.output.patches,
+            contacts=CONTACTS,
+            others=OTHER_CONTACTS,
+        output:
+            table=table("two_scales", "3 Coupling"),
+        log:
+            f"{RESULTS}/logs/compare_scales.log",
+        resources:
+            mem_mb=growing(500, scan=60),
+        params:
+            patches=ALL_PATCHES,
+            variants=VARIANTS,
+            code=code("compare_scales.py"),
+        message:
+            "Comparing the patches with the contact of the whole square"
+        script:
+            "../scripts/compare_scales.py"
+
+
+if config["published"] is not None:
+
+    rule compare_published:
+        input:
+            published=config["published"],
+            path=rules.solve_macroscale.output.path,
+            pressures=rules.couple_scales.output.pressures,
+        output:
+            table=table("published", "3 Coupling"),
+        log:
+            f"{RESULTS}/logs/compare_published.log",
+        params:
+            code=code("compare_published.py"),
+        message:
+            "Comparing computed with published figures"
+        script:
+            "../scripts/compare_published.py"
+
+
+if GENERATED:
+
+    rule score_truth:
+        input:
+            truth=rules.generate_specimen.output.truth,
+            surface=rules.grid_macroscale.output.face,
+            placement=rules.place_patches.output.table,
+            pressures=PRESSURES,
+            t0=surfaces("T0"),
+            t1=surfaces("T1"),
+            registered=CHANGES,
+            two_scales=rules.compare_scales.output.table if REFERENCE else [],
+        output:
+            table=table("truth", "7 Against the truth"),
+        log:
+            f"{RESULTS}/logs/score_truth.log",
+        resources:
+            mem_mb=growing(500, scan=160),
+            runtime=growing(10, scans=0.2),
+        params:
+            patches=ALL_PATCHES,
+            worn=WORN_PATCHES,
+            code=code("score_truth.py"),
+        message:
+            "Scoring every stage against the specimen's truth"
+        script:
+            "../scripts/score_truth.py"

@@ -17,16 +17,21 @@ def main(
     table: Path,
     *,
     uncertainty: dict[str, float],
-    **settings,
+    material: dict[str, float],
+    force_N: float,
+    through: tuple[float, float] | None,
+    patch_mm: float,
+    seed: int,
 ) -> None:
     macroscale = Macroscale(
         read_dataset(face),
         read_dataset(composite) if composite else None,
         read_dataset(second).face if second else None,
     )
-    errors = Errors(**uncertainty)
+    load = {"force_N": force_N, "through": through}
+    errors, given = Errors(**uncertainty), read_pressures(pressures)
     limits = pressure_intervals(
-        macroscale, read_pressures(pressures), errors=errors, **settings
+        macroscale, given, material, errors, **load, patch_mm=patch_mm, seed=seed
     )
     write_table(table, limits)
 

@@ -16,10 +16,10 @@ def main(
     table: Path,
     *,
     uses: list[ScanFile],
-    **settings: object,
+    asked: dict,
 ) -> None:
-    """`uses` are those of the `scans`; the file of the `counterface` is named in the settings."""
-    found = check_inputs(mesh, uses, Asked(**settings))
+    """`uses` are those of the `scans`; `asked` names the file of the `counterface`."""
+    found = check_inputs(mesh, uses, Asked(**asked))
     if found.problems:
         raise InputsError(found.problems)
     write_table(table, found.scans.drop(columns="range_um"))

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.tables import write_table
 from gstlib.contact import Contact
@@ -19,8 +20,8 @@ def main(
     variants: list[str],
 ) -> None:
     by_variant = {
-        variant: Stored(dict(zip(patches, files, strict=True)), then=Contact.from_dataset)
-        for variant, files in zip(variants, [contacts, others], strict=False)
+        variant: Stored(files_of(folders, patches), then=Contact.from_dataset)
+        for variant, folders in zip(variants, [contacts, others], strict=False)
     }
     write_table(table, two_scales_table(by_variant, read_dataset(reference)))
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.io.store import Stored, read_dataset, write_dataset
@@ -11,11 +12,26 @@ from gstlib.macroscale.composite import compose_surface
 
 
 def main(
-    face: Path, t0: list[Path], composite: Path, *, patches: dict[str, list], **settings
+    face: Path,
+    t0: list[Path],
+    composite: Path,
+    *,
+    patches: dict[str, list],
+    patch_mm: float,
+    s_filter_um: float | None,
+    placement_um: float,
+    seed: int,
 ) -> None:
-    scans = Stored(dict(zip(patches["patch"], t0, strict=True)), ["height"])
+    files = files_of(t0, patches["patch"])
+    settings = {
+        "patch_mm": patch_mm,
+        "s_filter_um": s_filter_um,
+        "placement_um": placement_um,
+        "seed": seed,
+    }
+    scans = Stored(files, ["height"])
     composed = compose_surface(read_dataset(face), pd.DataFrame(patches), scans, **settings)
-    write_dataset(composite, composed, provenance([face, *t0], settings))
+    write_dataset(composite, composed, provenance([face, *files.values()], settings))
 
 
 if "snakemake" in globals():

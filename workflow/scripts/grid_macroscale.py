@@ -21,13 +21,13 @@ def main(
     *,
     mesh_unit: str,
     second_stone: dict | None,
-    **settings,
+    gridding: dict,
 ) -> None:
     stone = read_mesh(mesh, unit=mesh_unit)
     other = SecondStone.read(**second_stone) if second_stone else None
-    gridded, of_other = grid_macroscale(stone, source=mesh, second_stone=other, **settings)
+    gridded, of_other = grid_macroscale(stone, source=mesh, second_stone=other, **gridding)
     inputs = [mesh, *([counterface] if other else [])]
-    made = provenance(inputs, {"mesh_unit": mesh_unit} | settings)
+    made = provenance(inputs, {"mesh_unit": mesh_unit} | gridding)
     write_dataset(face, gridded, made)
     if second is not None:
         write_dataset(second, of_other.to_dataset(name="face"), made)

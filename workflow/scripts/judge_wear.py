@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.tables import write_table
 from gstlib.contact import Contact
@@ -16,7 +17,9 @@ CHANGE = "change", "loss", "level_of_detection"
 def main(
     contacts: list[Path],
     registered: list[Path],
-    folder: Path,
+    square: Path,
+    mat: Path | list,
+    depths: list[Path],
     pressures: Path,
     registration: Path,
     patches: Path,
@@ -29,16 +32,15 @@ def main(
     seed: int,
     resamples: int,
 ) -> None:
-    square, mat = folder / "whole_square.h5", folder / "whole_mat.h5"
-    predicted = square.exists()
+    path = read_dataset(square)
     found = judge_wear(
-        Stored(dict(zip(worn, contacts, strict=True)), then=Contact.from_dataset),
-        Stored(dict(zip(worn, registered, strict=True)), CHANGE),
-        Stored({patch: folder / f"{patch}.h5" for patch in worn} if predicted else {}),
+        Stored(files_of(contacts, worn), then=Contact.from_dataset),
+        Stored(files_of(registered, worn), CHANGE),
+        Stored(files_of(depths, worn)),
         read_pressures(pressures),
         read_table(registration),
-        fitted_to=WornSquare(read_dataset(square), None).fitted_to if predicted else (),
-        mat=read_dataset(mat) if mat.exists() else None,
+        fitted_to=WornSquare(path, None).fitted_to if path.sizes else (),
+        mat=read_dataset(mat) if mat and path.sizes else None,
         expected_worst=expected_worst,
         seed=seed,
         resamples=resamples,

@@ -4,10 +4,13 @@ from pathlib import Path
 
 import xarray as xr
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.change.change import measure_detection
 from gstlib.io.store import Stored, write_dataset
+
+READ = "height", "filled", "outlier"
 
 
 def main(
@@ -16,14 +19,15 @@ def main(
     detection: Path,
     *,
     patches: list[str],
-    **settings: float,
+    maximum_shift_mm: float,
+    minimum_points: int,
 ) -> None:
-    names = "height", "filled", "outlier"
-    before = Stored(dict(zip(patches, t0, strict=True)), names)
-    again = Stored(dict(zip(patches, repeats, strict=True)), names)
-    found = measure_detection(before, again, **settings)
+    first, second = (files_of(folders, patches) for folders in (t0, repeats))
+    settings = {"maximum_shift_mm": maximum_shift_mm, "minimum_points": minimum_points}
+    found = measure_detection(Stored(first, READ), Stored(second, READ), **settings)
     attrs = found._asdict() if found else {}  # nothing where no repeat serves
-    write_dataset(detection, xr.Dataset(attrs=attrs), provenance([*t0, *repeats], settings))
+    made = provenance([*first.values(), *second.values()], settings)
+    write_dataset(detection, xr.Dataset(attrs=attrs), made)
 
 
 if "snakemake" in globals():

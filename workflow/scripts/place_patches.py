@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.tables import write_table
 from gstlib.coupling.placement import place_patches
@@ -19,7 +20,7 @@ def main(
     patch_mm: float,
     mould: dict,
 ) -> None:
-    scans = Stored(dict(zip(patches["patch"], t0, strict=True)), ["height"])
+    scans = Stored(files_of(t0, patches["patch"]), ["height"])
     surface = read_dataset(face, only=["height"]).height
     table_of = pd.DataFrame(patches)
     places = place_patches(surface, table_of, scans, patch_mm=patch_mm, **mould)

@@ -1,64 +1,43 @@
-"""Wear the square and its patches by Archard's law, as the losses of other patches foretell."""
+"""Wear a batch of patches by Archard's law, as the losses of other patches foretell."""
 
 from pathlib import Path
 
-import pandas as pd
-
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.provenance import provenance
+from gstlib.bem import Layer
 from gstlib.contact import Contact
-from gstlib.io.store import Stored, read_dataset, write_dataset
-from gstlib.io.tables import read_pressures, read_table
-from gstlib.macroscale.gesture import Gesture
-from gstlib.wear.fit import wear_map, wear_stone
-from gstlib.wear.interlayer import fit_mat
+from gstlib.io.store import read_dataset, write_dataset
+from gstlib.wear.archard import Mat, WornSquare
+from gstlib.wear.fit import wear_map
 
 
 def main(
-    contact: Path,
-    second: Path,
-    contacts: list[Path],
-    registered: list[Path],
-    pressures: Path,
-    registration: Path,
-    folder: Path,
+    square: Path,
+    mat: Path | list,
+    contacts: Path,
+    depths: Path,
     *,
-    worn: list[str],
-    patch_mm: float,
-    steps: int,
-    mat: dict[str, float] | None,
+    patches: list[str],
+    mat_layer: dict[str, float] | None,
     hardness_MPa: float | None,
-    poses: dict | None,
-    size_mm: float,
 ) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    pressed, gesture = Contact.from_dataset(read_dataset(contact)), None
-    if poses:
-        counterface = read_dataset(second).face if second else pressed.interface.counterface
-        through = pressed.load.through
-        gesture = Gesture(counterface, bool(second), size_mm, through, pd.DataFrame(poses))
-    settings = {"patch_mm": patch_mm, "steps": steps, "mat": mat}
-    tables = read_pressures(pressures), read_table(registration)
-    square = wear_stone(pressed, *tables, gesture=gesture, **settings)
-    if square is None:
+    """The folder stays empty where wear is not predicted."""
+    path, layer, fitted = read_dataset(square), None, None
+    depths.mkdir(exist_ok=True)
+    if not path.sizes:
         return
-    # no patch has an underscore in its name
-    sources = [contact, pressures, registration]
-    made = provenance(sources, settings)
-    write_dataset(folder / "whole_square.h5", square.path, made)
-    before = Stored(dict(zip(worn, contacts, strict=True)), then=Contact.from_dataset)
-    known = ["change", "loss", "level_of_detection"]
-    changes = Stored(dict(zip(worn, registered, strict=True)), known)
-    fitted = None
-    if square.mat:
-        fitted = fit_mat(square, before, changes)
-        write_dataset(
-            folder / "whole_mat.h5", fitted.assign(pressure=square.mat.pressure), made
-        )
-    made = provenance(sources, settings | {"hardness_MPa": hardness_MPa})
-    for patch in worn:
-        found = wear_map(before[patch], square, fitted, patch, hardness_MPa=hardness_MPa)
-        write_dataset(folder / f"{patch}.h5", found, made)
+    if mat_layer is not None:
+        fitted, thickness_mm = read_dataset(mat), mat_layer["thickness_um"] * 1e-3
+        layer = Layer(mat_layer["young_MPa"], mat_layer["poisson"], thickness_mm)
+        layer = Mat(layer, fitted.pressure)
+    worn, options = WornSquare(path, layer), {"hardness_MPa": hardness_MPa}
+    settings = options | {"mat": mat_layer}
+    for patch, file in files_of(contacts, patches).items():
+        contact = Contact.from_dataset(read_dataset(file))
+        found = wear_map(contact, worn, fitted, patch, **options)
+        made = provenance([square, *([mat] if mat else []), file], settings)
+        write_dataset(depths / f"{patch}.h5", found, made)
 
 
 if "snakemake" in globals():

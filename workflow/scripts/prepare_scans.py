@@ -1,4 +1,4 @@
-"""Read and clean the scans of several patches at one epoch."""
+"""Read and clean the scans of a batch of patches at one epoch."""
 
 import logging
 from pathlib import Path
@@ -12,25 +12,24 @@ from gstlib.preprocess.scans import prepare_patch
 
 def main(
     scans: list[Path],
-    surfaces: list[Path],
+    surfaces: Path,
     *,
+    patches: list[str],
+    epoch: str,
     crops: list,
     flips: list[str],
     settings: dict,
     preprocessing: dict,
-    epoch: str,
 ) -> None:
     read = None
-    for scan, surface, crop, flip in zip(scans, surfaces, crops, flips, strict=True):
+    for patch, scan, crop, flip in zip(patches, scans, crops, flips, strict=True):
         if read is None or read[0] != scan:  # several patches may be pieces of one scan
-            read = (
-                scan,
-                read_scan(scan, unit=settings["unit"], spacing_um=settings["spacing_um"]),
-            )
+            unit, spacing_um = settings["unit"], settings["spacing_um"]
+            read = scan, read_scan(scan, unit=unit, spacing_um=spacing_um)
         used = {"scans": settings, "preprocessing": preprocessing, "crop": crop, "flip": flip}
         prepared = prepare_patch(read[1], epoch=epoch, **used)
-        write_dataset(surface, prepared, provenance([scan], used))
-        logging.getLogger("gst").info("%s: %s", surface.stem, scan)
+        write_dataset(surfaces / f"{patch}_{epoch}.h5", prepared, provenance([scan], used))
+        logging.getLogger("gst").info("%s at %s: %s", patch, epoch, scan)
 
 
 if "snakemake" in globals():

@@ -19,11 +19,16 @@ def main(
     through: tuple[float, float],
     poses: dict,
     patches: dict,
-    **settings,
+    contact_modulus_MPa: float,
+    tolerance: float,
+    patch_mm: float,
+    shown: list[int],
 ) -> None:
     whole = read_dataset(face, only=["height", "counterface"])
     counterface = read_dataset(second).face if second else whole.counterface
     gesture = Gesture(counterface, bool(second), size_mm, through, pd.DataFrame(poses))
+    pressed = {"contact_modulus_MPa": contact_modulus_MPa, "tolerance": tolerance}
+    settings = pressed | {"patch_mm": patch_mm, "shown": shown}
     found = press_poses(whole.height, gesture, pd.DataFrame(patches), **settings)
     write_dataset(batch, found, provenance([face], settings))
 

@@ -1,35 +1,40 @@
-"""Register T1 to T0, patch by patch, and take the height change."""
+"""Register T1 to T0 in a batch of patches, one by one, and take the height change."""
 
 import logging
 from pathlib import Path
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.change.change import Detection, register_patch
 from gstlib.change.form import form_doubt
-from gstlib.io.store import Stored, read_attributes, write_dataset
+from gstlib.io.store import read_attributes, read_dataset, write_dataset
+
+READ = "height", "filled", "outlier"
 
 
 def main(
     t0: list[Path],
     t1: list[Path],
     detection: Path | list,
-    registered: list[Path],
+    registered: Path,
     *,
     patches: list[str],
-    **settings: float,
+    maximum_shift_mm: float,
+    minimum_points: int,
 ) -> None:
-    names = "height", "filled", "outlier"
-    before = Stored(dict(zip(patches, t0, strict=True)), names)
-    after = Stored(dict(zip(patches, t1, strict=True)), names)
+    first, second = files_of(t0, patches), files_of(t1, patches)
     measured = Detection.of(read_attributes(detection)) if detection else None
     further = [detection] if detection else []
-    for patch, first, second, change in zip(patches, t0, t1, registered, strict=True):
-        scans = before[patch], after[patch]
+    settings = {"maximum_shift_mm": maximum_shift_mm, "minimum_points": minimum_points}
+    for patch in patches:
+        files = [first[patch], second[patch]]
+        scans = [read_dataset(file, READ) for file in files]
+        logging.getLogger("gst").info("%s", patch)
         if doubt := form_doubt(*(scan.height for scan in scans)):
             logging.getLogger("gstlib").warning("patch %s: %s", patch, doubt)
         found = register_patch(*scans, patch=patch, detection=measured, **settings)
-        write_dataset(change, found, provenance([first, second, *further], settings))
+        write_dataset(registered / f"{patch}.h5", found, provenance(files + further, settings))
 
 
 if "snakemake" in globals():

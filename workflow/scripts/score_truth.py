@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.tables import write_table
 from gstlib.io.store import Stored, read_dataset
@@ -23,13 +24,13 @@ def main(
     patches: list[str],
     worn: list[str],
 ) -> None:
-    scans = {(patch, "T0"): file for patch, file in zip(patches, t0, strict=True)}
-    scans |= {(patch, "T1"): file for patch, file in zip(worn, t1, strict=True)}
+    scans = {(patch, "T0"): file for patch, file in files_of(t0, patches).items()}
+    scans |= {(patch, "T1"): file for patch, file in files_of(t1, worn).items()}
     scores = score_truth(
         read_dataset(truth),
         face=read_dataset(surface, only=["height"]),
         scans=Stored(scans),
-        changes=Stored(dict(zip(worn, registered, strict=True)), ["change", "loss"]),
+        changes=Stored(files_of(registered, worn), ["change", "loss"]),
         placement=read_table(placement),
         pressures=read_pressures(pressures),
         two_scales=read_table(two_scales) if two_scales else None,

@@ -3,6 +3,7 @@
 import logging
 from pathlib import Path
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.tables import write_table
 from gstlib.change.selection import registration_table, select_patches
@@ -20,7 +21,7 @@ def main(
     selection: dict[str, float],
     most_noise: float,
 ) -> None:
-    changes = Stored(dict(zip(worn, registered, strict=True)), ["change", "loss", "gain"])
+    changes = Stored(files_of(registered, worn), ["change", "loss", "gain"])
     quality = registration_table(changes, selection, most_noise=most_noise)
     selected = select_patches(read_pressures(pressures), quality, selection)
     if not selected.in_study.any():

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.tables import write_table
 from gstlib.contact import Contact
@@ -20,7 +21,8 @@ def main(
     grinding: Mapping[str, float] | None,
     hardness_MPa: float | None,
 ) -> None:
-    studied = studied_files(pressures, patches, contacts)
+    files = files_of(contacts, patches)
+    studied = studied_files(pressures, patches, [*files.values()])
     if hardness_MPa is not None:
         by_patch = read_pressures(pressures)
         check_ceiling(by_patch[by_patch.patch.isin(studied)], hardness_MPa)

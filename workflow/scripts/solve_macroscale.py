@@ -21,16 +21,17 @@ def main(
     contact_modulus_MPa: float,
     tolerance: float,
     patch_mm: float,
-    **settings: float,
+    steps: int,
+    maximum_displacement_um: float,
 ) -> None:
     whole = read_dataset(face, only=["height", "counterface", "size_mm"])
-    used = {"force_N": force_N, "through": through, "modulus": contact_modulus_MPa}
-    used |= {"tolerance": tolerance} | settings
-    solved = solve_macroscale(whole, source=face, **used)
-    stored = solved.to_dataset()
-    write_dataset(contact, stored, provenance([face], used))
+    settings = {"force_N": force_N, "through": through, "modulus": contact_modulus_MPa}
+    settings |= {"tolerance": tolerance, "steps": steps}
+    settings |= {"maximum_displacement_um": maximum_displacement_um}
+    solved = solve_macroscale(whole, source=face, **settings)
+    stored, size_mm = solved.to_dataset(), float(whole.size_mm)
+    write_dataset(contact, stored, provenance([face], settings))
     write_table(path, macroscale_table(stored))
-    size_mm = float(whole.size_mm)
     for doubt in contact_doubts(solved.final, size_mm=size_mm, patch_mm=patch_mm):
         logging.getLogger("gstlib").warning("%s", doubt)
 

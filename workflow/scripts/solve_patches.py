@@ -1,10 +1,11 @@
-"""Press each patch up to its own pressure, in every variant of the coupling.
+"""Press each patch of a batch up to its own pressure, in every variant of the coupling.
 
 The study's own variant, the first, is pressed step by step; the other at its pressure alone.
 """
 
 from pathlib import Path
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.contact import Contact
@@ -19,34 +20,28 @@ def main(
     pressures: Path,
     composite: Path,
     contact: Path,
-    contacts: list[Path],
-    others: list[Path],
+    contacts: Path,
+    others: Path | None = None,
     *,
     patches: list[str],
     variants: list[str],
-    **settings,
+    contact_modulus_MPa: float,
+    microscale: dict[str, float],
 ) -> None:
     stone = {}
     if composite:
-        stone = {
-            "composite": read_dataset(composite),
-            "contact": Contact.from_dataset(read_dataset(contact)),
-        }
-    scans = dict(zip(patches, t0, strict=True))
-    of_variants = zip(variants, [contacts, others], strict=False)
-    files = {variant: dict(zip(patches, given, strict=True)) for variant, given in of_variants}
+        stone["composite"] = read_dataset(composite)
+        stone["contact"] = Contact.from_dataset(read_dataset(contact))
+    if counterface:
+        stone["counterface"] = read_dataset(counterface).height
     around = [file for file in (counterface, composite, contact) if file]
-    solved = solve_patches(
-        Stored(scans, ["height"]),
-        read_pressures(pressures),
-        Microscale(**settings),
-        variants=variants,
-        counterface=read_dataset(counterface).height if counterface else None,
-        **stone,
-    )
-    for patch, variant, found in solved:
+    scans = files_of(t0, patches)
+    folders = dict(zip(variants, [contacts, others], strict=False))
+    settings = microscale | {"contact_modulus_MPa": contact_modulus_MPa}
+    given = Stored(scans, ["height"]), read_pressures(pressures), Microscale(**settings)
+    for patch, variant, found in solve_patches(*given, variants=variants, **stone):
         made = provenance([scans[patch], *around], settings | {"variant": variant})
-        write_dataset(files[variant][patch], found.to_dataset(), made)
+        write_dataset(folders[variant] / f"{patch}.h5", found.to_dataset(), made)
 
 
 if "snakemake" in globals():

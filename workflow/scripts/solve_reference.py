@@ -8,6 +8,7 @@ from pathlib import Path
 
 import xarray as xr
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.contact import Contact, Interface, contact_at_pressure
@@ -32,10 +33,11 @@ def main(
     seed: int,
 ) -> None:
     mesh, around = read_dataset(face), Contact.from_dataset(read_dataset(macroscale))
-    inputs = [true_surface, truth] if truth else [face, composite, *t0]
     lying = read_dataset(truth).sel(epoch="T0") if truth else read_dataset(composite)
     table = lying[["x_mm", "y_mm", "rotation_deg"]].to_dataframe().reset_index()
-    scan = read_dataset(t0[0], only=["height"]).height
+    scans = Stored(files := files_of(t0, table.patch), ["height"])
+    scan = scans[table.patch[0]].height
+    inputs = [true_surface, truth] if truth else [face, composite, *files.values()]
     if truth:
         around = contact_at_pressure(
             Interface(true_face(lying), mesh.counterface),
@@ -49,11 +51,9 @@ def main(
         if truth:
             yield read_dataset(true_surface).height.astype(float)
             return
-        composed = read_dataset(composite)
-        scans = Stored(dict(zip(composed.patch.values.tolist(), t0, strict=True)), ["height"])
         for draw in range(draws):
             yield composite_heights(
-                mesh, composed, scans, s_filter_um=s_filter_um, seed=seed, draw=draw
+                mesh, lying, scans, s_filter_um=s_filter_um, seed=seed, draw=draw
             )
 
     found = []

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.tables import write_table
 from gstlib.io.store import Stored
@@ -12,7 +13,8 @@ from gstlib.microscale.patches import LOAD_PATHS, microscale_tables
 def main(
     contacts: list[Path], pressures: Path, summary: Path, paths: Path, *, patches: list[str]
 ) -> None:
-    studied = studied_files(pressures, patches, contacts)
+    files = files_of(contacts, patches)
+    studied = studied_files(pressures, patches, [*files.values()])
     states, steps = microscale_tables(Stored(studied, LOAD_PATHS))
     write_table(summary, states)
     write_table(paths, steps)

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.tables import write_table
 from gstlib.io.store import read_attributes
@@ -9,24 +10,17 @@ from gstlib.preprocess.scans import preprocessing_table
 
 
 def main(
-    t0: list[Path],
-    t1: list[Path],
-    repeats: list[Path],
-    table: Path,
-    *,
-    patches: list[str],
-    worn: list[str],
-    repeated: list[str],
+    t0: list[Path], t1: list[Path], repeats: list[Path], table: Path, *, patches: list[str]
 ) -> None:
-    of_epochs = {"T0": (patches, t0), "T1": (worn, t1), "repeat": (repeated, repeats)}
+    epochs = {"T0": t0, "T1": t1, "repeat": repeats}
+    files = {epoch: files_of(folders, patches) for epoch, folders in epochs.items()}
     done = {
-        (patch, epoch): read_attributes(file)
-        for epoch, (scanned, files) in of_epochs.items()
-        for patch, file in zip(scanned, files, strict=True)
+        (patch, epoch): read_attributes(files[epoch][patch])
+        for patch in patches
+        for epoch in epochs
+        if patch in files[epoch]
     }
-    order = {patch: place for place, patch in enumerate(patches)}
-    scans = sorted(done, key=lambda scan: (order[scan[0]], scan[1]))
-    write_table(table, preprocessing_table({scan: done[scan] for scan in scans}))
+    write_table(table, preprocessing_table(done))
 
 
 if "snakemake" in globals():

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from gst.batches import files_of
 from gst.logs import run_script
 from gst.tables import write_table
 from gstlib.change.texture import measure_texture
@@ -17,8 +18,8 @@ def main(
     worn: list[str],
     texture: dict,
 ) -> None:
-    scans = Stored(dict(zip(patches, t0, strict=True)), ["height"])
-    changes = Stored(dict(zip(worn, registered, strict=True)), ["t1"])
+    scans = Stored(files_of(t0, patches), ["height"])
+    changes = Stored(files_of(registered, worn), ["t1"])
     write_table(table, measure_texture(scans, changes, **texture))
 
 

@@ -1,0 +1,46 @@
+"""The patches of a study shared out to jobs: a job takes longer to start than a patch to do."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from zlib import crc32
+
+__all__ = ["files_of", "share_out"]
+
+# About as many patches share a job: two jobs for 25, one on each of two cores.
+_PER_JOB = 13
+# Jobs of a kind; the profile for Slurm sends 20 at a time.
+_MOST_BATCHES = 16
+
+
+def share_out(patches: Sequence[str], per_job: float | None = None) -> dict[str, list[str]]:
+    """The patches of each batch, in their order, by the batch's name.
+
+    A patch stays in its batch when others come or go: its id alone decides, among as many batches
+    as a power of two. Only where that number changes, at about 13, 26, 52 … patches, all move.
+
+    Parameters
+    ----------
+    patches : sequence of str
+        Ids of all patches.
+    per_job : float, optional
+        About as many share a job, or more where that made more than 16 batches.
+    """
+    count = 1
+    while count < _MOST_BATCHES and len(patches) > count * (per_job or _PER_JOB):
+        count *= 2
+    batches: dict[str, list[str]] = {str(number): [] for number in range(1, count + 1)}
+    for patch in patches:
+        batches[str(1 + crc32(patch.encode()) % count)].append(patch)
+    return {batch: members for batch, members in batches.items() if members}
+
+
+def files_of(folders: Path | Iterable[Path], patches: Iterable[str]) -> dict[str, Path]:
+    """The files of the patches in the folders of their batches, by patch, where there is one.
+
+    A file has the name of its patch, and after ``_``, which no id has, perhaps an epoch.
+    """
+    folders = [folders] if isinstance(folders, Path) else folders
+    found = {
+        file.stem.partition("_")[0]: file for each in folders for file in each.glob("*.h5")
+    }
+    return {patch: found[patch] for patch in patches if patch in found}

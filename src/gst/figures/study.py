@@ -1,0 +1,258 @@
+"""The figures of a study, drawn from its stored results."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
+
+from gst.batches import files_of
+from gst.figures import macroscale, microscale, places, tables
+from gst.figures.style import message_figure, save_figure
+from gstlib.errors import InputError
+from gstlib.io.meshes import read_mesh
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import read_table
+from gstlib.surfaces.footprints import square_of
+from gstlib.surfaces.frames import FRAME, Frame, stored_frame
+from gstlib.validation.scoring import own_model
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["Study", "draw"]
+
+# Figures of patches in the study.
+OF_STUDIED = {"microscale_maps", "two_scales"}
+# Figures of predicted losses.
+OF_PREDICTED = {"validation", "wear"}
+# Patches of the figure of two scales, the hardest pressed.
+MOST_COMPARED = 8
+
+
+def evenly(patches: Sequence[str], most: int) -> list[str]:
+    """At most `most` of the patches, in even steps."""
+    count = min(len(patches), most)
+    return [patches[place * len(patches) // count] for place in range(count)]
+
+
+@dataclass(frozen=True)
+class Study:
+    """Files and settings that the figures are drawn from; each figure needs some of them.
+
+    Attributes
+    ----------
+    files : mapping
+        By name: a file, or the folders with a file for each patch.
+    patches, worn : sequence of str
+        All, and those with a T1.
+    most_drawn_patches : int
+        That are drawn one by one.
+    places : mapping, optional
+        Columns ``patch, x_mm, y_mm, rotation_deg``.
+    size_mm, patch_mm : float, optional
+        Sides of the square and of a patch.
+    force_N : float, optional
+    mesh_unit : str, optional
+    """
+
+    files: Mapping[str, Any]
+    patches: Sequence[str] = ()
+    worn: Sequence[str] = ()
+    most_drawn_patches: int = 0
+    places: Mapping[str, list] | None = None
+    size_mm: float = math.nan
+    patch_mm: float = math.nan
+    force_N: float = math.nan
+    mesh_unit: str = "mm"
+
+    def data(self, name: str, *only: str) -> xr.Dataset:
+        return read_dataset(self.files[name], only or None)
+
+    def square(self, name: str, *only: str) -> xr.Dataset:
+        """The part of a face that lies in the square."""
+        return square_of(self.data(name, *only), self.size_mm)
+
+    def by_patch(self, name: str, patches: Iterable[str], *only: str) -> dict[str, xr.Dataset]:
+        """Datasets of the patches that have a file in these folders."""
+        found = files_of(self.files[name], patches)
+        return {patch: read_dataset(file, only) for patch, file in found.items()}
+
+    def table(self, name: str, *columns: str) -> pd.DataFrame:
+        return read_table(self.files[name], columns)
+
+    @cached_property
+    def pressures(self) -> pd.DataFrame:
+        table = self.table("pressures")
+        if list(table["patch"]) != list(self.patches):
+            problem, remedy = (
+                "has not one row for each patch",
+                "Delete it and run the study again.",
+            )
+            raise InputError(self.files["pressures"], problem, remedy)
+        return table
+
+    @cached_property
+    def drawn(self) -> list[str]:
+        """The patches of the study that are drawn one by one, hardest pressed first."""
+        table = self.pressures.sort_values("pressure_MPa", ascending=False, kind="stable")
+        return evenly(list(table["patch"][table["in_study"]]), self.most_drawn_patches)
+
+    @cached_property
+    def contacts(self) -> dict[str, xr.Dataset]:
+        path = "displacement", "mean_pressure", "contact_fraction", "stiffness"
+        drawn = "height", "pressure", "mean_pressure", "contact_modulus"
+        return self.by_patch("contacts", self.drawn, *drawn, *(f"path_{name}" for name in path))
+
+    @cached_property
+    def tool(self) -> "tuple[trimesh.Trimesh, Frame]":
+        """The mesh, and the frame of its square."""
+        mesh = read_mesh(self.files["mesh"], unit=self.mesh_unit)
+        return mesh, stored_frame(self.data("surface", *FRAME))
+
+    @cached_property
+    def compared(self) -> list[str]:
+        """The patches with a T1 that are drawn one by one, hardest pressed first."""
+        table = self.pressures.sort_values("pressure_MPa", ascending=False, kind="stable")
+        worn = [patch for patch in table["patch"] if patch in self.worn]
+        return evenly(worn, self.most_drawn_patches)
+
+    def change(self, patch: str) -> xr.Dataset | None:
+        """Height change of a patch, with T1 as it was scanned where no change is known."""
+        if patch not in self.worn:
+            return None
+        only = "t1", "change", "level_of_detection", "loss", "gain"
+        change = self.by_patch("registered", [patch], *only)[patch]
+        if "t1" in self.files and change.change.isnull().all():
+            scanned = self.by_patch("t1", [patch], "height")[patch].height
+            change["t1"] = scanned
+        return change
+
+    def predicted(self, patch: str) -> xr.DataArray | None:
+        """Loss of a patch as the study predicts it, if it does."""
+        found = self.by_patch("depths", [patch], "depth") if "depths" in self.files else {}
+        if patch not in found:
+            return None
+        depth = found[patch].depth
+        return depth.sel(model=own_model(list(depth.model.values)))
+
+
+def figure_of(name: str, study: Study) -> Figure:
+    """A figure that is not of a single patch."""
+    size = {"patch_size_mm": study.patch_mm}
+    match name:
+        case "inputs":
+            height = study.square("surface", "height")["height"]
+            return macroscale.input_figure(height, pd.DataFrame(study.places), **size)
+        case "contact_steps":
+            return macroscale.contact_steps_figure(study.data("contact"), size_mm=study.size_mm)
+        case "forces":
+            limits = study.table("intervals", "patch", "low_MPa", "high_MPa")
+            pressures = study.pressures.merge(
+                limits[["patch", "low_MPa", "high_MPa"]], on="patch"
+            )
+            return macroscale.force_figure(study.square("contact"), pressures, **size)
+        case "exposure":
+            if "proposed" in study.files:  # nothing is scanned: the square in the face
+                middle = {"patch": "", "x_mm": study.size_mm / 2, "y_mm": study.size_mm / 2}
+                square = pd.DataFrame([middle | {"rotation_deg": 0.0}])
+                fields = study.data("exposure"), study.data("contact")
+                return macroscale.exposure_figure(*fields, square, patch_size_mm=study.size_mm)
+            in_square = study.square("exposure"), study.square("contact")
+            return macroscale.exposure_figure(*in_square, study.pressures, **size)
+        case "places":
+            left = study.data("exposure", "exposure", "touched")
+            proposed = study.table("proposed")
+            return places.places_figure(
+                *study.tool, left, proposed, size_mm=study.size_mm, **size
+            )
+        case "overview":
+            patch = next(iter(study.drawn), None)
+            of_patch: tuple[Any, Any, Any] = None, None, None
+            if patch is not None:
+                of_patch = study.contacts[patch], study.change(patch), study.predicted(patch)
+            return microscale.overview_figure(
+                study.square("contact"),
+                study.pressures,
+                *of_patch,
+                study.tool,
+                patch=patch,
+                force_N=study.force_N,
+                **size,
+            )
+        case "load_curves":
+            return microscale.load_curves_figure(study.square("contact"), study.contacts)
+        case "microscale_maps":
+            return microscale.microscale_maps_figure(study.contacts)
+        case "two_scales":
+            drawn = study.drawn[:MOST_COMPARED]
+            others = study.by_patch("others", drawn, "height", "pressure")
+            found = study.data("reference", "contact").contact.isel(draw=0)
+            return microscale.two_scales_figure(
+                {"levelled": others, "placed": study.contacts},
+                {patch: found.sel(patch=patch).values for patch in drawn},
+                study.table("two_scales"),
+            )
+        case "wear":
+            parts = (study.table(f"wear{part}") for part in ("", "_profile"))
+            patches = study.table("patches_table", "patch", "counted")
+            counted = patches.patch[patches.counted.astype(bool)]
+            return tables.wear_figure(*parts, study.table("intervals"), counted)
+        case "validation":
+            pressures = study.pressures[["patch", "pressure_MPa"]]
+            losses = study.table("registration", "patch").merge(pressures, on="patch")
+            return tables.validation_figure(
+                study.table("patches_table", "patch"), losses, study.table("summary")
+            )
+        case _:
+            return tables.texture_figure(study.table(name))
+
+
+def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
+    """`preparation` or `patch`: a figure for each of the patches."""
+    if name == "patch":
+        only = "height", "pressure", "mean_pressure"
+        for patch in study.compared:
+            contact = study.by_patch("contacts", [patch], *only)[patch]
+            parts = contact, study.change(patch), study.predicted(patch)
+            yield patch, microscale.patch_figure(*parts, patch=patch)
+        return
+    shown = evenly(study.patches, study.most_drawn_patches)
+    for patch in shown:
+        epochs = ["T0", "T1"] if patch in study.worn else ["T0"]
+        only = "measured", "filled", "outlier"
+        scans = {
+            epoch: study.by_patch(epoch.lower(), [patch], *only)[patch] for epoch in epochs
+        }
+        yield patch, microscale.preparation_figure(scans, patch=patch)
+
+
+def draw(study: Study, pictures: Mapping[str, Path], note: str | None) -> None:
+    """Draw figures of a study.
+
+    Parameters
+    ----------
+    study : Study
+    pictures : mapping
+        By the figure's name and, after ``_``, its kind: the PNG, for some an SVG or a PDF to print,
+        for `preparation` and `patch` a folder, for a PNG of each patch.
+    note : str or None
+        On the source; on each figure.
+    """
+    for name in (each.removesuffix("_png") for each in pictures if each.endswith("_png")):
+        png, empty = pictures[f"{name}_png"], None
+        vector = pictures.get(f"{name}_svg") or pictures.get(f"{name}_pdf")
+        if name in OF_STUDIED and not study.drawn:
+            empty = message_figure("No patch is in the microscale study.")
+        elif name in OF_PREDICTED and not len(study.table("wear")):
+            empty = message_figure("No loss of a patch could be predicted from the others'.")
+        if name in ("preparation", "patch"):
+            for patch, figure in [("none", empty)] if empty else figures_by_patch(name, study):
+                save_figure(figure, png / f"{patch}.png", source_note=note)
+        else:
+            save_figure(empty or figure_of(name, study), png, vector, source_note=note)

@@ -1,0 +1,218 @@
+"""The page of a study, with the answer, the contents and the record, from its stored results."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from gst.chain import certified_inputs
+from gst.page import (
+    Shown,
+    by_category,
+    caption_html,
+    embedded,
+    patch_records,
+    render,
+    tool_scene,
+    warned,
+)
+from gst.poses import poses_of
+from gst.provenance import study_provenance
+from gst.verdict import verdict, where_to_scan
+from gstlib.conditions import load_force
+from gstlib.io.files import sha256, write_whole
+from gstlib.io.meshes import read_mesh
+from gstlib.io.store import read_dataset
+from gstlib.io.tables import read_table
+from gstlib.macroscale.active_tool import SecondStone, posed_mesh
+from gstlib.macroscale.sampling_sites import concentration
+from gstlib.surfaces.footprints import square_of
+from gstlib.surfaces.frames import FRAME, stored_frame
+
+__all__ = ["StudyPage"]
+
+# Tables that the answer is computed from.
+_JUDGED = ["patch_pressures", "patch_intervals", "registration", "validation_patches"]
+_JUDGED += ["validation_summary", "exposure"]
+_PAGE = "0 Overview", "the page of the study"
+_WHAT = (
+    "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
+)
+
+
+@dataclass(frozen=True)
+class StudyPage:
+    """What the page of a study is made of.
+
+    Attributes
+    ----------
+    files : mapping
+        ``mesh, counterface, surface, contact, exposure``; ``shown``, the figures and tables on the
+        page, and ``behind``, that which is packed with them; ``captions`` of these; ``by_patch``,
+        the folder of the pictures of single patches; ``made_from``, the measured files. An empty
+        list stands for what the study does not have.
+    titles : sequence of (str, str)
+        Category and title of each that has a caption.
+    steps : sequence of str
+        Names of the study's steps, for their records and warnings.
+    places : mapping
+        Columns ``patch, x_mm, y_mm, rotation_deg``.
+    patch_mm : float
+        Side of a patch.
+    mesh_unit : str
+    second_stone : mapping or None
+        Of `SecondStone.read`.
+    config : mapping
+    """
+
+    files: Mapping[str, Any]
+    titles: Sequence[Sequence[str]]
+    steps: Sequence[str]
+    places: Mapping[str, list]
+    patch_mm: float
+    mesh_unit: str
+    second_stone: Mapping[str, Any] | None
+    config: Mapping[str, Any]
+
+    def write(
+        self,
+        page: Path,
+        report: Path,
+        record: Path,
+        contents: Path,
+        *,
+        commit: str | None,
+        program: str,
+    ) -> None:
+        """Write the page, the answer alone for the report, the record and the contents.
+
+        `commit` and `program` are those of the program.
+
+        Raises
+        ------
+        InputError
+            A result is not as its step made it.
+        """
+        results = page.parent
+        inputs = certified_inputs(results, self.steps, self.files["made_from"])
+        said = {"verdict": self.answer, "generated": self.config["specimen"] is not None}
+        overview = self._pictures["overview" if self.proposed is None else "places"]
+        shown = embedded(overview.read_bytes())
+        write_whole(report, render("page.report.html", **said, overview=shown).encode())
+        write_whole(page, render("page.html", **said, **self._content(results)).encode())
+        entries = [Shown(page, *_PAGE, _WHAT), *self.entries]
+        _write_json(contents, _listed(entries, results))
+        _write_json(record, study_provenance(self.config, inputs, commit, program))
+
+    @cached_property
+    def _tables(self) -> dict[str, Path]:
+        return {file.stem: file for file in self.files["shown"] if file.suffix == ".csv"}
+
+    @cached_property
+    def _pictures(self) -> dict[str, Path]:
+        return {file.stem: file for file in self.files["shown"] if file.suffix == ".png"}
+
+    @property
+    def _force_N(self) -> float:  # noqa: N802
+        return load_force(self.config["load"], self.config["square"]["size_mm"])
+
+    @cached_property
+    def proposed(self) -> pd.DataFrame | None:
+        """Places to scan, of a study without patches."""
+        return read_table(self._tables["places"]) if "places" in self._tables else None
+
+    @cached_property
+    def fields(self) -> list[xr.DataArray]:
+        """What the tool shows: pressure and, of a gesture, exposure."""
+        found = [read_dataset(self.files["contact"], only=["pressure"]).pressure]
+        found[0].attrs["title"] = "pressure"
+        if self.files["exposure"]:
+            exposure = read_dataset(self.files["exposure"], only=["exposure"]).exposure
+            found.append(exposure.assign_attrs(title="exposure"))
+        if self.proposed is not None:
+            return found
+        return [square_of(field, self.config["square"]["size_mm"]) for field in found]
+
+    @cached_property
+    def answer(self) -> Any:
+        """What the study found, in sentences."""
+        if self.proposed is not None:
+            left = read_dataset(self.files["exposure"], only=["exposure", "touched"])
+            size = {"size_mm": self.config["square"]["size_mm"], "patch_mm": self.patch_mm}
+            held = concentration(left, self.proposed, **size)
+            return where_to_scan(self.proposed, held, force_N=self._force_N)
+        poses = poses_of(self.config)
+        return verdict(
+            {name: read_table(self._tables[name]) for name in _JUDGED if name in self._tables},
+            force_N=self._force_N,
+            mat=self.config["mat"],
+            hardness_MPa=self.config["hardness"],
+            poses=None if poses is None else len(poses),
+            second=bool(self.files["counterface"]),
+        )
+
+    @cached_property
+    def entries(self) -> list[Shown]:
+        """Every figure and table with its caption."""
+        behind = [self.files["behind"]] if self.files["behind"] else []
+        listed = zip(
+            [*self.files["shown"], *behind], self.files["captions"], self.titles, strict=True
+        )
+        return [
+            Shown(file, category, title, self._caption(caption))
+            for file, caption, (category, title) in listed
+        ]
+
+    def _caption(self, file: Path) -> str:
+        return caption_html(file.read_text("utf-8"), config=self.config)
+
+    def _scene(self) -> dict[str, Any]:
+        """The tool in 3D."""
+        frame = stored_frame(read_dataset(self.files["surface"], only=FRAME))
+        size, other, places = self.config["square"]["size_mm"], None, self.places
+        if self.files["counterface"] and self.second_stone:
+            other = posed_mesh(SecondStone.read(**self.second_stone), frame, size_mm=size)
+        if self.proposed is not None:
+            places = self.proposed.rename(columns={"place": "patch"}).assign(rotation_deg=0.0)
+        tool = read_mesh(self.files["mesh"], unit=self.mesh_unit)
+        return tool_scene(tool, frame, self.fields, places, (size, self.patch_mm), other)
+
+    def _content(self, results: Path) -> dict[str, Any]:
+        scene, records = self._scene(), []
+        if self.proposed is None:
+            records = patch_records(self._tables, self.files["by_patch"] or None)
+        return {
+            "title": self.config["title"],
+            "force": self._force_N,
+            "proposed": [] if self.proposed is None else self.proposed.to_dict("records"),
+            "scene": scene,
+            "size": scene["frame"]["size"],
+            "records": {record["patch"]: record for record in records},
+            "warnings": warned(results, self.steps),
+            "shown": by_category(self.entries[: len(self.files["shown"])]),
+            "compared": "validation_summary" in self._tables,
+        }
+
+
+def _listed(entries: Sequence[Shown], results: Path) -> list[dict[str, str]]:
+    """What the results are, file by file."""
+    return [
+        {
+            "file": one.file.relative_to(results).as_posix(),
+            "category": one.category,
+            "title": one.title,
+            "caption": one.caption,
+            "sha256": sha256(one.file),
+        }
+        for one in entries
+    ]
+
+
+def _write_json(file: Path, content: object) -> None:
+    text = json.dumps(content, indent=1, ensure_ascii=False)
+    write_whole(file, f"{text}\n".encode())

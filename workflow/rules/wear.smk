@@ -1,0 +1,62 @@
+# What wear the contact predicts.
+# Takes: the contact of the stone and of its patches, and the height changes. Gives: the square as it
+# wears by Archard's law, fitted to the losses; and the loss of each patch that the other patches foretell.
+
+
+rule fit_wear:
+    input:
+        contact=rules.solve_macroscale.output.contact,
+        second=SECOND if POSES is not None else [],
+        contacts=CONTACTS if config["mat"] else [],
+        registered=CHANGES if config["mat"] else [],
+        pressures=PRESSURES,
+        registration=rules.select_patches.output.registration,
+    output:
+        **({"mat": f"{RESULTS}/wear/mat.h5"} if config["mat"] else {}),
+        square=f"{RESULTS}/wear/square.h5",
+    log:
+        f"{RESULTS}/logs/fit_wear.log",
+    resources:
+        mem_mb=growing(600, scan=600 if config["mat"] else 0),
+        runtime=growing(30, scans=1 if config["mat"] else 0),
+    params:
+        patches=WORN_PATCHES,
+        patch_mm=PATCH_MM,
+        steps=config["wear_steps"],
+        mat_layer=config["mat"],
+        poses=None if POSES is None else POSES.to_dict("list"),
+        size_mm=SQUARE_MM,
+        code=code("fit_wear.py"),
+    message:
+        "Wearing the square, and fitting its wear to the losses"
+    script:
+        "../scripts/fit_wear.py"
+
+
+MAT = rules.fit_wear.output.mat if config["mat"] else []
+
+
+rule predict_wear:
+    input:
+        square=rules.fit_wear.output.square,
+        mat=MAT,
+        contacts=rules.solve_patches.output.contacts,
+    output:
+        depths=directory(f"{RESULTS}/wear/{{batch}}"),
+    log:
+        f"{RESULTS}/logs/predict_wear_{{batch}}.log",
+    resources:
+        mem_mb=growing(500, scan=700),
+        runtime=growing(10, batch=2),
+    params:
+        patches=lambda wildcards: WORN_BATCHES[wildcards.batch],
+        mat_layer=config["mat"],
+        hardness_MPa=config["hardness"],
+        code=code("predict_wear.py"),
+    message:
+        f"Wearing the patches: part {{wildcards.batch}} of {len(BATCHES)}"
+    script:
+        "../scripts/predict_wear.py"
+
+
+DEPTHS = expand(rules.predict_wear.output.depths, batch=WORN_BATCHES)

@@ -1,0 +1,19 @@
+"""Read and clean the scan of the counterface."""
+
+from pathlib import Path
+
+from gst.logs import run_script
+from gst.provenance import provenance
+from gstlib.io.scans import read_scan
+from gstlib.io.store import write_dataset
+from gstlib.preprocess.scans import prepare_patch
+
+
+def main(scan: Path, surface: Path, *, settings: dict, preprocessing: dict) -> None:
+    read = read_scan(scan, unit=settings["unit"], spacing_um=settings["spacing_um"])
+    used = {"scans": settings, "preprocessing": preprocessing, "crop": None, "flip": ""}
+    write_dataset(surface, prepare_patch(read, epoch="T0", **used), provenance([scan], used))
+
+
+if "snakemake" in globals():
+    run_script(snakemake, main)

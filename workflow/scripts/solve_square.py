@@ -1,0 +1,21 @@
+"""Press the paper's square alone, on its mean plane."""
+
+from pathlib import Path
+
+from gst.logs import run_script
+from gst.provenance import provenance
+from gstlib.io.store import read_dataset, write_dataset
+from gstlib.macroscale.equilibrium import solve_square
+
+
+def main(
+    face: Path, contact: Path, *, force_N: float, contact_modulus_MPa: float, tolerance: float
+) -> None:
+    square = read_dataset(face, only=["height", "size_mm"])
+    settings = {"force_N": force_N, "modulus": contact_modulus_MPa, "tolerance": tolerance}
+    solved = solve_square(square, source=face, **settings)
+    write_dataset(contact, solved.to_dataset(), provenance([face], settings))
+
+
+if "snakemake" in globals():
+    run_script(snakemake, main)
