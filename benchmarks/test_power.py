@@ -105,11 +105,13 @@ class Judged:
     def _table(self, **columns):
         return pd.DataFrame({"patch": [str(number) for number in range(10)]} | columns)
 
+    @property
     def registration(self):
         rising = np.arange(10.0) % 5  # also over the first four of the nine
         lost = {"loss_fraction": rising, "loss_per_area_um": rising}
         return self._table(**lost, believed=True, known_share=1.0)
 
+    @property
     def selected(self):
         number = np.arange(10)
         places = {"x_mm": 1.0 * (number % 3), "y_mm": 1.0 * (number // 3)}

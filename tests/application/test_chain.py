@@ -124,7 +124,7 @@ def test_what_was_removed_is_said_to_be_missing(study):
     results, steps = study
     (results / "1.h5").unlink()
     assert break_in(results) == "results/1.h5, which the step clean made, is missing"
-    assert plan_again(steps, results)["wear"] == "1.h5 is missing"
+    assert plan_again(steps, results)["results/wear"] == "1.h5 is missing"
 
 
 @pytest.mark.parametrize("change", ["unlink", "add"])

@@ -202,8 +202,10 @@ def test_every_stage_is_scored_against_the_truth(results, truth, table, tmp_path
     found = score_truth(
         truth,
         face=read_dataset(results / "macroscale/surface.h5"),
-        scans={of: read_dataset(results / f"surfaces/{'_'.join(of)}.h5") for of in epochs},
-        changes={patch: read_dataset(results / f"registered/{patch}.h5") for patch in patches},
+        scans={
+            of: read_dataset(results / f"surfaces/{of[1]}/1/{'_'.join(of)}.h5") for of in epochs
+        },
+        changes={patch: read_dataset(results / f"change/1/{patch}.h5") for patch in patches},
         placement=table("placement"),
         pressures=table("patch_pressures"),
         two_scales=table("two_scales"),
