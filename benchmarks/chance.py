@@ -36,7 +36,7 @@ LONGEST_WAVES = 10, 20, 40, 80, 160, 320, 640  # points
 PREDICTED, LOST = (0.02, 0.3), (0.01, 0.3)  # shares of the patch
 SIDE, PATCHES, DISTANCES = 5, 12, 2.0
 JITTER = 1e-9  # for the smooth fields' Cholesky factor
-COUNTED = 6, 12, 25
+IN_STATISTICS = 6, 12, 25
 
 
 def highest(field: np.ndarray, share: float) -> np.ndarray:
@@ -89,7 +89,7 @@ def mean(count: int) -> Callable[[np.random.Generator], list[dict[str, float]]]:
 CASES: dict[str, Callable[[np.random.Generator], list[dict[str, float]]]] = {
     "waves": waves,
     "neighbours": neighbours,
-    **{f"mean of {count}": mean(count) for count in COUNTED},
+    **{f"mean of {count}": mean(count) for count in IN_STATISTICS},
 }
 
 

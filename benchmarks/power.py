@@ -1,13 +1,13 @@
 """How often does the study find a relation that is there, and one that is not?
 
-    python benchmarks/power.py [--first-seed 2001] [--specimens 100] [--mats 20] [--tables]
+    python benchmarks/power.py [--first-seed 2001] [--specimens 100] [--interlayers 20] [--tables]
 
 Many specimens are generated, each with its wear on summits, with the same wear placed at random,
 with wear in waves longer than a patch, and with wear by Archard's law; some are also worn with a
-mat, and studied with one. `p_values` takes the tests of the study on one of them; its rows go to
-benchmarks/results/power.csv. A claim is a p-value at or below a level. Without a relation, claims
-must come as often as the level says; with one, their rate is the power (`rejection_rates`).
-`--tables` prints the rates from the rows alone.
+interlayer, and studied with one. `p_values` takes the tests of the study on one of them; its rows
+go to benchmarks/results/power.csv. A claim is a p-value at or below a level. Without a relation,
+claims must come as often as the level says; with one, their rate is the power
+(`rejection_rates`). `--tables` prints the rates from the rows alone.
 """
 
 import argparse
@@ -54,10 +54,10 @@ __all__ += ["WEARS", "specimen_studies", "worn_patches"]
 
 ROOT = Path(__file__).parents[1]
 CONFIG, RESULT = ROOT / "benchmarks/power.yaml", ROOT / "benchmarks/results/power.csv"
-# How specimens wear for the study of the bare stone, and for that with a mat.
-BY_RULE, LAWS = ("summits", "random", "waves"), ("archard", "mat")
-OF_BARE, OF_MAT = (*BY_RULE, LAWS[0]), (BY_RULE[0], *LAWS)
-WITH_MAT = ", with a mat"
+# How specimens wear for the study of the bare stone, and for that with an interlayer.
+BY_RULE, LAWS = ("summits", "random", "waves"), ("archard", "interlayer")
+OF_BARE, OF_INTERLAYER = (*BY_RULE, LAWS[0]), (BY_RULE[0], *LAWS)
+WITH_INTERLAYER = ", with an interlayer"
 LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5)
 SHOWN = 0.05  # the level whose rates are printed
 _TAIL = 0.025  # on either side of a 95 % interval
@@ -105,7 +105,7 @@ def worn_at_random(stone: Stone) -> np.ndarray:
 
 
 def worn_in_waves(stone: Stone) -> np.ndarray:
-    """Wear of one depth, that of summits, on ``wear_share`` in waves longer than a patch."""
+    """Wear of one depth, that of summits, on ``wear_fraction`` in waves longer than a patch."""
     # ASSUME: wear that follows something other than heights, such as the hand's grip, varies over
     # lengths like the stone's. It has one depth, so it is detected wherever it lies.
     p, depth = stone.parameters, stone.wear_depth("summits")
@@ -116,7 +116,7 @@ def worn_in_waves(stone: Stone) -> np.ndarray:
         hurst_exponent=p.hurst_exponent,
         roll_off=ROLL_OFF_MM,
     )
-    worn = field > np.quantile(field, 1 - p.wear_share)
+    worn = field > np.quantile(field, 1 - p.wear_fraction)
     return np.where(worn, depth.sum() / max((depth > 0).sum(), 1), 0).astype(np.float32)
 
 
@@ -126,22 +126,23 @@ WEARS |= {"random": worn_at_random, "waves": worn_in_waves}
 
 
 def specimen_p_values(
-    config: Mapping[str, Any], patches: pd.DataFrame, specimen_seed: int, *, mat: bool
+    config: Mapping[str, Any], patches: pd.DataFrame, specimen_seed: int, *, interlayer: bool
 ) -> pd.DataFrame:
     """P-values of every test on one specimen, with each of its kinds of wear.
 
-    `config`, `patches` and `specimen_seed` are as in `specimen_studies`. Without `mat`, the study
-    knows nothing of the config's mat. With it, the specimen wears by rule and by each law, and the
-    names of the tests end with `WITH_MAT`. The result has ``seed, test, drawn, wear, p_value``.
+    `config`, `patches` and `specimen_seed` are as in `specimen_studies`. Without `interlayer`,
+    the study knows nothing of the config's interlayer. With it, the specimen wears by rule and by
+    each law, and the names of the tests end with `WITH_INTERLAYER`. The result has ``seed, test,
+    drawn, wear, p_value``.
     """
-    if not mat:
-        config = {**config, "mat": None}
+    if not interlayer:
+        config = {**config, "interlayer": None}
     found = []
     for wear, study in specimen_studies(
-        config, patches, specimen_seed, OF_MAT if mat else OF_BARE
+        config, patches, specimen_seed, OF_INTERLAYER if interlayer else OF_BARE
     ):
         table = p_values(study, seed=[config["seed"], specimen_seed])
-        found.append(table.assign(wear=wear, test=table.test + WITH_MAT * mat))
+        found.append(table.assign(wear=wear, test=table.test + WITH_INTERLAYER * interlayer))
     table = pd.concat(found, ignore_index=True).assign(seed=specimen_seed)
     return table[["seed", "test", "drawn", "wear", "p_value"]]
 
@@ -207,12 +208,12 @@ def p_values(study: Study, *, seed: Sequence[int]) -> pd.DataFrame:
 
     Random numbers are drawn from `seed`. The result has ``test, drawn, patches, p_value``.
     ``mcc`` is the test of a patch against chance; the others have the names of
-    ``validation_summary.csv``, of the study's own prediction. A gain over a rival or no loss is
+    ``validation_summary.csv``, of the study's own prediction. A gain over a baseline or no loss is
     claimed by ``better(...)`` and ``worse(...)``, one-sided: of the study's two-sided test, half
     its p-value on the side where the difference lies. The rank correlation of pressure and loss is
     also taken over so many patches ``drawn`` at random.
     """
-    tables = asked(lambda study: study.judged(seed=seed, resamples=_RESAMPLES), study)
+    tables = asked(lambda study: study.scored(seed=seed, resamples=_RESAMPLES), study)
     patches, summary = tables["patches"], tables["summary"]
     rows = [("mcc", np.nan, 1, p) for p in patches.p_value]
     own = own_model(list(summary.model))
@@ -227,7 +228,7 @@ def p_values(study: Study, *, seed: Sequence[int]) -> pd.DataFrame:
             rows.append((name, np.nan, row.n, row.p_value))
     generator, places = np.random.default_rng(seed), study.selected
     known = patch_statistics(patches, study.registration, places)
-    known = known[known.counted]
+    known = known[known.in_statistics]
     order = generator.permutation(len(known))
     for drawn in (count for count in _PATCH_COUNTS if count <= len(known)):
         chosen = known.iloc[np.sort(order[:drawn])]
@@ -276,7 +277,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--first-seed", type=int, default=2001)
     parser.add_argument("--specimens", type=int, default=100)
     parser.add_argument(
-        "--mats", type=int, default=20, help="of these, how many are studied with a mat"
+        "--interlayers",
+        type=int,
+        default=20,
+        help="of these, how many are studied with an interlayer",
     )
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--output", type=Path, default=RESULT)
@@ -291,9 +295,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with ProcessPoolExecutor(options.processes, mp_context=context) as processes:
             jobs = [
                 processes.submit(
-                    specimen_p_values, config, patches, options.first_seed + number, mat=mat
+                    specimen_p_values,
+                    config,
+                    patches,
+                    options.first_seed + number,
+                    interlayer=interlayer,
                 )
-                for mat, count in ((False, options.specimens), (True, options.mats))
+                for interlayer, count in (
+                    (False, options.specimens),
+                    (True, options.interlayers),
+                )
                 for number in range(count)
             ]
             for number, job in enumerate(jobs, start=1):

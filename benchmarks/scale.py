@@ -74,13 +74,13 @@ def write_study(patches: int, folder: Path, *, scans: bool) -> None:
         "macroscale": tiny["macroscale"]
         | {"grid": GRID * side, "face_mm": float(side), "maximum_displacement_um": 2000.0},
         "selection": {"minimum_pressure_MPa": 0.01, "minimum_overlap": 0.1},
-        "hardness": 5000.0,
+        "pressure_cap_MPa": 5000.0,
     }
     (folder / CONFIG).write_text(yaml.safe_dump(config))
     (folder / "data/scans").mkdir(parents=True)
     if scans:
         # flat, as the face of a larger stone is over a few mm, and no scan lost: all can be studied
-        pebble._CONCAVITY_MM = scanning._POOR_SHARE = 0.0
+        pebble._CONCAVITY_MM = scanning._POOR_FRACTION = 0.0
         enlarge_pebble(max(1.0, side / LARGEST_SQUARE_MM))
         places = read_patches(table, size_mm=side, patch_size_mm=default["scans"]["size_mm"])
         specimen = make_specimen(

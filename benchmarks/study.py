@@ -9,7 +9,7 @@ jobs       how many ran;
 wall_s     their wall times together, as Snakemake's `benchmark` measured them;
 cpu_s      their CPU times together;
 start_s    of these, starting: interpreter and imports;
-start_share  start_s / cpu_s.
+start_fraction  start_s / cpu_s.
 
 Each interpreter of the study notes at its end its CPU time and which modules it had loaded, so that
 imports made late or by chance count too. Starting is then measured bare: as many interpreters at a
@@ -155,7 +155,7 @@ def main() -> None:
     every = table.drop(columns="rule").sum()
     table.loc[len(table)] = ["all", int(every.jobs), every.wall_s, every.cpu_s, every.start_s]
     table.loc[len(table)] = ["snakemake", 1, wall, used["snakemake"].cpu_s, own]
-    table["start_share"] = table.start_s / table.cpu_s
+    table["start_fraction"] = table.start_s / table.cpu_s
     core = options.cores * wall
     header = (
         f"# {options.config} on {options.cores} cores of {os.cpu_count()} "

@@ -4,7 +4,7 @@
 
 The study runs in memory (`gstlib.study.Study`), as it is and once for each value in the settings.
 What comes out goes to build/sweep.csv, beside what comes out of the study itself; the largest
-changes are printed. A generated specimen is read from the results: run its study first.
+changes are printed. A synthetic specimen is read from the results: run its study first.
 """
 
 import argparse
@@ -25,7 +25,7 @@ from gstlib.change.texture import measure_texture
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.tables import write_table
-from gstlib.macroscale.active_tool import SecondStone
+from gstlib.macroscale.active_tool import ActiveTool
 from gstlib.study import Study
 from gstlib.validation.scoring import own_model
 
@@ -65,7 +65,7 @@ def study_of(config: Mapping, folder: Path = Path()) -> Study:
         read_mesh=lambda: read_mesh(folder / inputs["mesh"], unit=inputs["mesh_unit"]),
         read_scan=lambda *of: read_scan(folder / inputs["scan_folder"] / files.at[of], **known),
         read_face=(lambda: read_scan(folder / face, **known)) if face else None,
-        second_stone=SecondStone.read(**second) if second else None,
+        active_tool=ActiveTool.read(**second) if second else None,
     )
 
 
@@ -73,9 +73,9 @@ def outcomes(study: Study) -> pd.DataFrame:
     """What comes out of a study: ``output, patch, result, low, high``.
 
     The pressure of every patch; ``studied``, the number of patches in the study; of the predicted
-    loss the mean MCC, its gain over the best rival and the error of its maps over that of no loss;
-    the rank correlation of pressure with loss; the mean change of Sq from T0 to T1, µm. With 95 %
-    intervals where there are any.
+    loss the mean MCC, its gain over the best baseline and the error of its maps over that of no
+    loss; the rank correlation of pressure with loss; the mean change of Sq from T0 to T1, µm.
+    With 95 % intervals where there are any.
     """
     selected = study.selected
     none = math.nan, math.nan
@@ -83,7 +83,7 @@ def outcomes(study: Study) -> pd.DataFrame:
     rows.append(("studied", "", int(selected.in_study.sum()), *none))
     if study.worn:
         resamples = study.config["validation"]["resamples"]
-        summary = study.judged(seed=study.config["seed"], resamples=resamples)["summary"]
+        summary = study.scored(seed=study.config["seed"], resamples=resamples)["summary"]
         own = summary[summary.model.isin(["", own_model(list(summary.model))])]
         for row in own[own.statistic.isin(_OF_PREDICTION)].itertuples():
             rows.append((row.statistic, "", row.value, row.low, row.high))

@@ -52,7 +52,7 @@ def scales():
 
 
 def test_two_scales_by_form(scales):
-    shown = table("two_scales.md", "## With the point of force known")
+    shown = table("two_scales.md", "## With the load point known")
     cases = [
         (radius, variant) for radius in (60, 200, 1000) for variant in ("placed", "levelled")
     ]
@@ -130,7 +130,7 @@ def test_rates_of_the_tests():
         "better: relative(map_error)",
         "better: relative(volume_error)",
         "spearman(pressure_MPa, loss_fraction)",
-        "spearman(touched, loss_per_area_um)",
+        "spearman(touched, mean_wear_depth_um)",
     )
     for test, (_, *cells) in zip(tests, table("wear.md", "| claim |"), strict=True):
         for wear, cell in zip(power.OF_BARE, cells, strict=True):
@@ -181,7 +181,7 @@ def test_the_paper_quotes_the_benchmarks():
     assert all(abs(float(a) / b - 1) < 0.01 for a, b in zip(said, found, strict=True))
     found = verdict.model_table(read_table(verdict.RESULT)).set_index(["worn by", "model"])
     quoted = re.search(
-        r"coefficient of (\S+), and its best fair rival reaches (\S+): "
+        r"coefficient of (\S+), and its best fair baseline reaches (\S+): "
         r".*? it is (\S+) against (\S+)\.",
         text,
     ).groups()

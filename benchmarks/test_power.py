@@ -77,7 +77,7 @@ def test_rates_grow_with_the_level_and_lie_in_their_intervals(by_specimen):
 
 
 def tables_of(**values):
-    """What `Study.judged` gives, with these values and p-values of its statistics."""
+    """What `Study.scored` gives, with these values and p-values of its statistics."""
     rows = [
         ("archard", name, value, np.nan, np.nan, p, 9, "")
         for name, (value, p) in values.items()
@@ -93,13 +93,13 @@ def tables_of(**values):
     }
 
 
-class Judged:
+class Scored:
     """A study whose verdict is known, with nine of ten patches in it."""
 
     def __init__(self, tables):
         self.tables = tables
 
-    def judged(self, *, seed, resamples):
+    def scored(self, *, seed, resamples):
         return self.tables
 
     def _table(self, **columns):
@@ -108,8 +108,8 @@ class Judged:
     @property
     def registration(self):
         rising = np.arange(10.0) % 5  # also over the first four of the nine
-        lost = {"loss_fraction": rising, "loss_per_area_um": rising}
-        return self._table(**lost, believed=True, known_share=1.0)
+        lost = {"loss_fraction": rising, "mean_wear_depth_um": rising}
+        return self._table(**lost, above_noise=True, known_fraction=1.0)
 
     @property
     def selected(self):
@@ -120,7 +120,7 @@ class Judged:
 
 def test_a_difference_is_claimed_on_the_side_where_it_lies():
     values = {"gain(mcc)": (0.1, 0.04), "relative(map_error)": (1.2, 0.02)}
-    found = p_values(Judged(tables_of(**values)), seed=SEED)
+    found = p_values(Scored(tables_of(**values)), seed=SEED)
     alone = found[found.drawn.isna()].set_index("test").p_value
     assert alone["better: gain(mcc)"] == pytest.approx(0.02)
     assert alone["worse: gain(mcc)"] == pytest.approx(0.98)
@@ -133,13 +133,13 @@ def test_a_difference_is_claimed_on_the_side_where_it_lies():
     assert set(drawn.drawn) == {4, 6, 8}  # never the one that is not in the study
     assert (drawn.patches == drawn.drawn).all()
     of_four = [
-        p_values(Judged(tables_of(**values)), seed=[1, seed]).query("drawn == 4").p_value.item()
+        p_values(Scored(tables_of(**values)), seed=[1, seed]).query("drawn == 4").p_value.item()
         for seed in range(4)
     ]
     assert np.ptp(of_four) > 0.2  # other patches each time
 
 
-def test_the_later_studies_share_what_precedes_use_and_nothing_else():
+def test_the_later_studies_fraction_what_precedes_use_and_nothing_else():
     row = {"patch": ["a"], "x_mm": 2.5, "y_mm": 2.5, "rotation_deg": 0.0, "t0": "a", "t1": "b"}
     patches = pd.DataFrame(row | {"crop_x_mm": np.nan, "crop_y_mm": np.nan})
     found = {}
@@ -163,24 +163,28 @@ def test_the_later_studies_share_what_precedes_use_and_nothing_else():
 def test_the_specimens_are_those_of_a_study_that_can_be_run():
     config = specimen_config(OF_SPECIMENS)
     assert config_problems(config) == []
-    assert config["mat"]["young_MPa"] < config["material"]["young_1_MPa"]
+    assert config["interlayer"]["young_MPa"] < config["material"]["young_1_MPa"]
     coarse, fine = (of["specimen"]["scan_points"] for of in (config, DEFAULT))
     assert coarse < fine
 
 
-@pytest.mark.parametrize("mat", [False, True])
-def test_a_mat_is_asked_for_only_where_it_is_said(monkeypatch, mat):
+@pytest.mark.parametrize("interlayer", [False, True])
+def test_a_interlayer_is_asked_for_only_where_it_is_said(monkeypatch, interlayer):
     row = pd.DataFrame({"drawn": [np.nan], "p_value": 0.5, "test": "mcc"})
     asked = []
     monkeypatch.setattr(
         "power.specimen_studies",
-        lambda config, *of: (asked.append(config["mat"]) or (wear, None) for wear in of[-1]),
+        lambda config, *of: (
+            asked.append(config["interlayer"]) or (wear, None) for wear in of[-1]
+        ),
     )
     monkeypatch.setattr("power.p_values", lambda *_, seed: row)
-    table = specimen_p_values({"seed": 1, "mat": "soft"}, row, 2005, mat=mat)
-    assert set(asked) == {"soft" if mat else None}
-    assert set(table.wear) == ({"summits", *LAWS} if mat else {*BY_RULE, "archard"})
-    assert set(table.test) == {"mcc, with a mat" if mat else "mcc"}
+    table = specimen_p_values(
+        {"seed": 1, "interlayer": "soft"}, row, 2005, interlayer=interlayer
+    )
+    assert set(asked) == {"soft" if interlayer else None}
+    assert set(table.wear) == ({"summits", *LAWS} if interlayer else {*BY_RULE, "archard"})
+    assert set(table.test) == {"mcc, with an interlayer" if interlayer else "mcc"}
     assert set(table.seed) == {2005}
     assert len(rejection_rates(table)) == len(LEVELS) * len(table)
 
@@ -202,7 +206,7 @@ def test_wear_without_relation_has_its_shape_and_does_not_follow_the_heights():
         # up to four cycles over the square: waves longer than a patch
         long = {name: (of[:5, :5] ** 2).sum() / (of**2).sum() for name, of in spectra.items()}
         assert long["waves"] > 1.5 * long["summits"]
-        assert (depths["waves"] > 0).mean() == pytest.approx(parameters.wear_share, abs=1e-3)
+        assert (depths["waves"] > 0).mean() == pytest.approx(parameters.wear_fraction, abs=1e-3)
     for placement in ("random", "waves"):
         mean, spread = np.mean(relation[placement]), np.std(relation[placement], ddof=1)
         assert abs(mean) < 3 * spread / np.sqrt(6)  # on each, few and broad waves allow more
@@ -211,7 +215,7 @@ def test_wear_without_relation_has_its_shape_and_does_not_follow_the_heights():
 
 @pytest.mark.slow
 def test_two_specimens_from_their_making_to_the_rates(tmp_path, capsys):
-    """As small as that of the tiny study; one of them is studied with a mat, too."""
+    """As small as that of the tiny study; one of them is studied with an interlayer, too."""
     tiny = yaml.safe_load((FOLDER / "tiny.yaml").read_text())
     sections = {
         name: tiny[name] for name in ("patches", "specimen", "macroscale", "microscale")
@@ -219,11 +223,11 @@ def test_two_specimens_from_their_making_to_the_rates(tmp_path, capsys):
     small, rows = tmp_path / "small.yaml", tmp_path / "power.csv"
     small.write_text(yaml.safe_dump(sections | {"wear_steps": 2}))
     config = ["--config", str(OF_SPECIMENS), str(small), "--output", str(rows)]
-    main([*config, "--specimens", "2", "--mats", "1"])
+    main([*config, "--specimens", "2", "--interlayers", "1"])
     found = read_table(rows)
     assert set(found.wear) == {*BY_RULE, *LAWS}
     assert found.groupby("test").seed.nunique()["mcc"] == 2
-    assert set(found.seed[found.test.str.endswith("with a mat")]) == {2001}
+    assert set(found.seed[found.test.str.endswith("with an interlayer")]) == {2001}
     assert found.p_value.dropna().between(0, 1).all()
     printed = capsys.readouterr().out
     main([*config, "--tables"])

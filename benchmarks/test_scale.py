@@ -39,7 +39,7 @@ def test_study_is_valid(tmp_path, monkeypatch, patches):
 
 
 def test_its_files_can_be_read(tmp_path, monkeypatch, capsys):
-    for module, name in ((pebble, "_CONCAVITY_MM"), (scanning, "_POOR_SHARE")):
+    for module, name in ((pebble, "_CONCAVITY_MM"), (scanning, "_POOR_FRACTION")):
         # they are changed, and put back
         monkeypatch.setattr(module, name, getattr(module, name))
     write_study(9, tmp_path, scans=True)

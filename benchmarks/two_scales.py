@@ -1,11 +1,11 @@
-"""What the study's two shortcuts cost, over many generated specimens: docs/two_scales.md.
+"""What the study's two shortcuts cost, over many synthetic specimens: docs/two_scales.md.
 
     python benchmarks/two_scales.py [--plan forms errors detail] [--seeds 3001 ...]
 
 The study presses a coarse face and small patches, and the paper a square alone. Both are held
 against the stone at rest: the true face under the true force, and in it one contact of the true
-square at the scans' resolution. A *case* is a set of errors (`TRIALS`), a form of the active stone
-and how far, in mm along each axis, the true point of force lies from the middle, where the study
+square at the scans' resolution. A *case* is a set of errors (`TRIALS`), a form of the active tool
+and how far, in mm along each axis, the true load point lies from the middle, where the study
 takes it to be. Every case gives a row for each variant, written as soon as it is found; a case that
 the rows hold already is not computed again. Then the tables of the seeds are printed.
 
@@ -60,18 +60,18 @@ TRIALS: dict[str, dict] = {
     "S-filter none": {"microscale": {"s_filter_um": None}},
     "S-filter 10 µm": {"microscale": {"s_filter_um": 10.0}},
 }
-# The pebble's dish has about 1000 mm: that active stone fits it, so that the gap is flat but for
+# The pebble's dish has about 1000 mm: that active tool fits it, so that the gap is flat but for
 # 3 µm (r.m.s. over the face). A flat would rest on the rim, and the square would not touch.
 RADII_MM = 60.0, 200.0, 1000.0
 DISTANCES_MM = 0.0, 1.0, 3.0
 COARSE = {"specimen": {"scan_points": 128, "scan_spacing_um": 6.64}}
-CAN_BE_KNOWN = {"young_share": 0.0, "poisson": 0.0}  # the specimen's constants are
+CAN_BE_KNOWN = {"young_fraction": 0.0, "poisson": 0.0}  # the specimen's constants are
 EDGE = 0.02  # share of a side
 TRUE = "true face"
 SEEDS = list(range(3001, 3021))
 RESAMPLES = 9999
 LOADED_MPA = 1.0
-# Stages that do not depend on the form of the active stone.
+# Stages that do not depend on the form of the active tool.
 # The face loses as much as the default specimen's square does, by Archard's law.
 LOST_MM, WEAR_STEPS = 0.25e-3, 4
 
@@ -91,7 +91,7 @@ class Plan(NamedTuple):
 
 
 def cases_of(trials: list[str]) -> list[Case]:
-    """The default form, with the point of force known."""
+    """The default form, with the load point known."""
     return [Case(trial, 200.0, 0.0) for trial in trials]
 
 
@@ -161,7 +161,7 @@ def study_of(
 
 
 def under(study: Study, radius_mm: float) -> Study:
-    """The same study, with an active stone of another radius."""
+    """The same study, with an active tool of another radius."""
     middle = 2 * (study.config["square"]["size_mm"] / 2,)
     over = rounded_counterface(study.face.height, radius_mm, middle)
     other = Study(
@@ -214,7 +214,7 @@ def ratio(part: Any, whole: float) -> Any:
     return part / whole if whole > 0 else np.nan * part
 
 
-def edge_share(pressure: xr.DataArray) -> float:
+def edge_fraction(pressure: xr.DataArray) -> float:
     """Share of the load within 2 % of the side from the edges."""
     cut = round(EDGE * pressure.sizes["x"])
     rim = pressure.values.copy()
@@ -235,7 +235,7 @@ def volume_error(pressures: np.ndarray, lost: np.ndarray) -> float:
 
 
 class Predicted(NamedTuple):
-    """What a study says of a stone under one active stone, and what is true of its scans."""
+    """What a study says of a stone under one active tool, and what is true of its scans."""
 
     study: Study
     places: pd.DataFrame
@@ -280,8 +280,8 @@ def rows_of(predicted: Predicted, truth: Truth) -> dict[str, dict]:
         rows[variant] = misplaced(of_patch, true, predicted) | {
             "square_N": float(square.sum() * np.prod(spacing_of(field))),
             "peak_MPa": float(square.max()),
-            "edge_of_square": edge_share(square),
-            "edge_of_face": edge_share(field) if variant != LEVELLED else np.nan,
+            "edge_of_square": edge_fraction(square),
+            "edge_of_face": edge_fraction(field) if variant != LEVELLED else np.nan,
             "volume_error": volume_error(of_patch, lost),
         }
     table = two_scales_table(contacts, reference.expand_dims("draw"))
@@ -348,7 +348,7 @@ def tilt_errors(composite: xr.Dataset, places: pd.DataFrame) -> dict[str, float]
 def held_by_intervals(predicted: Predicted, truth: Truth, error_mm: float) -> dict[str, float]:
     """How many true pressures lie in their intervals, of all patches and of those under load.
 
-    The study knows the point of force up to `error_mm` along each axis.
+    The study knows the load point up to `error_mm` along each axis.
     """
     study, size_mm = predicted.study, predicted.size_mm
     errors = study.config["uncertainty"] | CAN_BE_KNOWN
@@ -356,7 +356,7 @@ def held_by_intervals(predicted: Predicted, truth: Truth, error_mm: float) -> di
         Macroscale(study.face, study.composite, None),
         study.pressures,
         study.config["material"],
-        Errors(**errors)._replace(force_point_mm=error_mm),
+        Errors(**errors)._replace(load_point_mm=error_mm),
         force_N=predicted.force,
         through=(size_mm / 2, size_mm / 2),
         patch_mm=predicted.patch_mm,

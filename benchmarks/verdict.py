@@ -1,4 +1,4 @@
-"""What the prediction of wear is worth, over generated specimens: the figures of docs/wear.md.
+"""What the prediction of wear is worth, over synthetic specimens: the figures of docs/wear.md.
 
     python benchmarks/verdict.py [--seeds 7001 ...] [--processes 2]
     python benchmarks/verdict.py --tables
@@ -7,7 +7,7 @@ Each stone of a fresh seed wears twice, on its summits by rule and by Archard's 
 through the study in memory, with the settings and errors of the default config. Rows of
 ``wear.csv`` go to `benchmarks/results/verdict.csv`; those that it holds already are not computed
 again. A stone takes some 3 minutes of CPU and 3.4 GB. The stones of the first seeds are also worn
-with ceilings on the pressure. `--tables` prints the tables of docs/wear.md from the rows alone.
+with caps on the pressure. `--tables` prints the tables of docs/wear.md from the rows alone.
 """
 
 import argparse
@@ -23,21 +23,21 @@ from power import asked, specimen_config, specimen_studies, worn_patches
 
 from gstlib.io.tables import read_table, write_table
 from gstlib.study import Study
-from gstlib.validation.baselines import CEILING, RIVALS
+from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.inference import Draws, exchange_p_value, mean_of, ratio_of_sums
-from gstlib.validation.summary import judge_wear
+from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import BARE, wear_patch
 from gstlib.wear.fit import wear_map
 
 RESULT = Path(__file__).parent / "results/verdict.csv"
 WORN_BY = ("summits", "archard")
 SEEDS = range(7001, 7021)
-# Ceilings on the pressure, MPa, that the first stones are worn with, too.
+# Caps on the pressure, MPa, that the first stones are worn with, too.
 STRENGTHS, WITH_STRENGTHS = (300.0, 1000.0, 2000.0), 3
 RESAMPLES = 9999
 
 
-def judged(study: Study, strengths: Sequence[float]) -> pd.DataFrame:
+def scored(study: Study, strengths: Sequence[float]) -> pd.DataFrame:
     """Rows of ``wear.csv`` of one specimen, and whether each patch is counted."""
     worn = asked(Study.worn_square, study)
     if worn is None:
@@ -47,11 +47,11 @@ def judged(study: Study, strengths: Sequence[float]) -> pd.DataFrame:
     for patch, contact in contacts.items():
         maps = [wear_map(contact, worn, None, patch)]
         for limit in strengths:
-            depth = wear_patch(contact, worn, patch, hardness_MPa=limit)
+            depth = wear_patch(contact, worn, patch, pressure_cap=limit)
             named = maps[0].assign_coords(model=[f"{limit:g} MPa"])
             maps.append(named.copy(data={"depth": depth[None]}))
         predicted[patch] = xr.concat(maps, "model")
-    tables = judge_wear(
+    tables = score_wear(
         contacts,
         {patch: study.changes[patch] for patch in study.worn},
         predicted,
@@ -60,7 +60,7 @@ def judged(study: Study, strengths: Sequence[float]) -> pd.DataFrame:
         fitted_to=worn.fitted_to,
         resamples=99,
     )
-    known = tables["patches"][["patch", "counted"]]
+    known = tables["patches"][["patch", "in_statistics"]]
     known = known.merge(study.selected[["patch", "pressure_MPa"]], on="patch")
     return tables["wear"].merge(known, on="patch")
 
@@ -70,7 +70,7 @@ def rows_of(seed: int, *, with_strengths: bool) -> pd.DataFrame:
     config = specimen_config()
     strengths = STRENGTHS if with_strengths else ()
     found = [
-        judged(study, strengths).assign(seed=seed, worn_by=worn_by)
+        scored(study, strengths).assign(seed=seed, worn_by=worn_by)
         for worn_by, study in specimen_studies(config, worn_patches(config), seed, WORN_BY)
     ]
     return pd.concat(found, ignore_index=True)
@@ -83,7 +83,7 @@ def model_table(rows: pd.DataFrame) -> pd.DataFrame:
     and its two-sided p-value.
     """
     found = []
-    for worn_by, of_kind in rows[rows.counted].groupby("worn_by", sort=False):
+    for worn_by, of_kind in rows[rows.in_statistics].groupby("worn_by", sort=False):
         volume_error = (of_kind.predicted_volume_um3 - of_kind.measured_volume_um3).abs()
         of_kind = of_kind.assign(volume_error=volume_error)
         by_stone = of_kind.groupby(["model", "seed"], sort=False)
@@ -93,7 +93,7 @@ def model_table(rows: pd.DataFrame) -> pd.DataFrame:
             for name in ("map_error_um", "volume_error")
         }
         attainable = by_stone.attainable_mcc.mean().unstack("model")
-        for model in (BARE, *RIVALS, CEILING):
+        for model in (BARE, *BASELINES, ORACLE):
             draws = Draws(np.random.default_rng(1), RESAMPLES)
             gain = (mcc[BARE] - mcc[model]).to_numpy()
             row = {"worn by": worn_by, "model": model, "stones": len(mcc)}
@@ -111,9 +111,9 @@ def model_table(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def strength_table(rows: pd.DataFrame) -> pd.DataFrame:
-    """By kind of wear: the elastic prediction and those with ceilings, on the same patches."""
+    """By kind of wear: the elastic prediction and those with caps, on the same patches."""
     names = [f"{limit:g} MPa" for limit in STRENGTHS]
-    tried = rows[rows.seed.isin(rows.seed[rows.model.isin(names)]) & rows.counted]
+    tried = rows[rows.seed.isin(rows.seed[rows.model.isin(names)]) & rows.in_statistics]
     tried = tried[tried.model.isin([BARE, *names])]
     table = tried.groupby(["worn_by", "model"], sort=False).agg(
         stones=("seed", "nunique"),

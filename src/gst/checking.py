@@ -22,7 +22,7 @@ from gstlib.contact import Contact, Interface, Load, contact_at_pressure
 from gstlib.coupling.placement import place_patches
 from gstlib.errors import GstError, InputsError
 from gstlib.io.files import check_writable
-from gstlib.macroscale.plausibility import contact_doubts
+from gstlib.macroscale.plausibility import plausibility_warnings
 from gstlib.macroscale.sampling_sites import CONTROL, COUNTS, EXPOSED
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.grid import coarser
@@ -85,13 +85,14 @@ def _summary(
         lines["gesture"] = (
             f"{len(poses)} poses, which slide by {poses.sliding_mm.sum():.4g} mm in all"
         )
-    if mat := config["mat"]:
-        lines["mat"] = (
-            f"{mat['thickness_um']:g} µm of {mat['young_MPa']:g} MPa, in turns with the bare stone"
+    if layer := config["interlayer"]:
+        lines["interlayer"] = (
+            f"{layer['thickness_um']:g} µm of {layer['young_MPa']:g} MPa, in turns with the bare "
+            "stone"
         )
     if rest is not None:
         lines["at rest"] = _rest(rest, size_mm)
-        for doubt in contact_doubts(rest, size_mm=size_mm):
+        for doubt in plausibility_warnings(rest, size_mm=size_mm):
             _log.warning("%s", doubt)
     if found is not None and found.stone is not None:
         size = " × ".join(f"{extent:.4g}" for extent in found.stone.extents)
@@ -122,13 +123,13 @@ def _state(config: dict) -> str:
 def _active_stone(
     config: dict, face: xr.Dataset | None, poses: pd.DataFrame | None
 ) -> dict[str, Any]:
-    """For the picture: the two stones over the face, where one is pushed, and what is between."""
+    """For the picture: the two tools over the face, where one is pushed, and what is between."""
     if face is None or config["coupling"] == "levelled":
         return {}
     through = np.array(load_point(config["load"], config["square"]["size_mm"]))
     moved = np.zeros((1, 2)) if poses is None else poses[["y_mm", "x_mm"]].to_numpy()
-    mat_um = config["mat"]["thickness_um"] if config["mat"] else None
-    return {"face": face, "pushed": through + moved, "mat_um": mat_um}
+    interlayer_um = config["interlayer"]["thickness_um"] if config["interlayer"] else None
+    return {"face": face, "pushed": through + moved, "interlayer_um": interlayer_um}
 
 
 def _patches(config: dict, patches: pd.DataFrame) -> str:
@@ -159,7 +160,7 @@ def _pressed(config: dict) -> str:
     form = config["counterface"] or {}
     other = f"a stone of {form['radius_mm']:g} mm radius" if form.get("radius_mm") else "a flat"
     if counterface_mesh(config, "") is not None:
-        other = "a second stone"
+        other = "a active tool"
     return (
         f"{square}, in a face of {macroscale['face_mm']:g} mm at rest under {other}; force "
         f"through x {x:g}, y {y:g} mm"
@@ -260,8 +261,8 @@ def check_study(path: Path) -> None:
             maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
             placed=placed,
             reference=placed and config["reference_draws"] is not None,
-            mat=config["mat"],
-            second_stone=second,
+            interlayer=config["interlayer"],
+            active_tool=second,
         )
         found = check_inputs(mesh if mesh.is_file() else None, scans, asked)
         problems += found.problems

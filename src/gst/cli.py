@@ -82,7 +82,7 @@ def main() -> None:
     type=click.Choice(gst.SHIPPED),
     default="own",
     show_default=True,
-    help="The shipped config to start from, such as config (the generated specimen) or tiny (the "
+    help="The shipped config to start from, such as config (the synthetic specimen) or tiny (the "
     "same in seconds).",
 )
 def new(folder, like) -> None:

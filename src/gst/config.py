@@ -304,33 +304,34 @@ def _contradictions(config: Mapping) -> Iterator[str]:
             f"{square['size_mm']} mm: a patch must fit in the square"
         )
     yield from _load_problems(config)
-    mat, stones = (
-        config["mat"],
+    interlayer, stones = (
+        config["interlayer"],
         [config["material"][f"young_{stone}_MPa"] for stone in (1, 2)],
     )
-    if mat is not None and mat["young_MPa"] >= min(stones):
+    if interlayer is not None and interlayer["young_MPa"] >= min(stones):
         yield (
-            f"'mat.young_MPa' is {mat['young_MPa']:g}, not below the stones' {min(stones):g} MPa: "
-            "a mat must be softer than the stones; lower it, or set mat to null"
+            f"'interlayer.young_MPa' is {interlayer['young_MPa']:g}, not below the stones' "
+            f"{min(stones):g} MPa: an interlayer must be softer than the stones; lower it, or set "
+            "interlayer to null"
         )
-    if mat is not None and config["specimen"] is not None:
+    if interlayer is not None and config["specimen"] is not None:
         spacing_um = config["specimen"]["scan_spacing_um"]
-        if mat["thickness_um"] < spacing_um:
-            fault = thinner_than_a_point(mat["thickness_um"], spacing_um)
-            yield f"'mat.thickness_um': {fault}; make it thicker, or set mat to null"
+        if interlayer["thickness_um"] < spacing_um:
+            fault = thinner_than_a_point(interlayer["thickness_um"], spacing_um)
+            yield f"'interlayer.thickness_um': {fault}; make it thicker, or set interlayer to null"
     if config["gesture"] is not None:
         if len(config["gesture"]) != 2 - ("table" in config["gesture"]):
             yield (
                 f"'gesture' is {config['gesture']}: give a table, or poses with stroke_mm or "
-                "wander_mm"
+                "load_point_scatter_mm"
             )
         if config["coupling"] == "levelled":
             yield (
                 "'gesture' needs a stone at rest, and coupling is levelled: set coupling to "
                 "placed, or gesture to null"
             )
-        if mat is not None:
-            yield "'gesture' and 'mat' cannot wear a stone together: set one of them to null"
+        if interlayer is not None:
+            yield "'gesture' and 'interlayer' cannot wear a stone together: set one of them to null"
     short, long = config["texture"]["s_filter_um"], config["texture"]["l_filter_um"]
     if long is not None and long <= short:
         yield (
@@ -378,10 +379,11 @@ def _patches_problems(config: Mapping) -> Iterator[str]:
         return
     if config["gesture"] is None:
         yield (
-            "'patches' and 'gesture' are null: where to scan depends on how the hand wanders; set "
-            "gesture, such as {wander_mm: 1, poses: 60}, or give a patch table"
+            "'patches' and 'gesture' are null: where to scan depends on how the load point "
+            "scatters; set gesture, such as {load_point_scatter_mm: 1, poses: 60}, or give a patch "
+            "table"
         )
-    idle = [name for name in ("published", "mat") if config[name] is not None]
+    idle = [name for name in ("published", "interlayer") if config[name] is not None]
     idle += ["counterface.scan"] if "scan" in (config["counterface"] or {}) else []
     if idle:
         yield (
@@ -398,11 +400,11 @@ def _load_problems(config: Mapping) -> Iterator[str]:
         yield f"'load' has {both} of force_N and pressure_MPa: give one, and set the other to null"
         return
     pressure = load_force(load, size_mm) / size_mm**2
-    if config["hardness"] is not None and config["hardness"] <= pressure:
+    if config["pressure_cap_MPa"] is not None and config["pressure_cap_MPa"] <= pressure:
         yield (
-            f"'hardness' is {config['hardness']} MPa, not above the mean pressure on the square, "
-            f"{pressure:.4g} MPa: no contact bears more than its hardness; raise it, or set it to "
-            "null"
+            f"'pressure_cap_MPa' is {config['pressure_cap_MPa']} MPa, not above the mean pressure "
+            f"on the square, {pressure:.4g} MPa: no contact bears more than that; raise it, or set "
+            "it to null"
         )
     if pressure > _CRUSHING_MPA:
         yield (
@@ -435,9 +437,9 @@ def _load_problems(config: Mapping) -> Iterator[str]:
 
 
 def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
-    """The active stone: its ``mesh``, ``mesh_unit`` and ``pose``; None if it is flat.
+    """The active tool: its ``mesh``, ``mesh_unit`` and ``pose``; None if it is flat.
 
-    `specimen` is the folder of a generated active stone, whose square is laid on the passive
+    `specimen` is the folder of a generated active tool, whose square is laid on the passive
     one's.
     """
     generated = config["specimen"] is not None
@@ -452,10 +454,10 @@ def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
 
 
 def thinner_than_a_point(thickness_um: float, spacing_um: float) -> str:
-    """What is wrong with a mat that is thinner than the spacing of the scans' points."""
+    """What is wrong with an interlayer that is thinner than the spacing of the scans' points."""
     return (
         f"{thickness_um:g} µm is less than the {spacing_um:.3g} µm between two points of a scan: "
-        "so thin a mat has no measurable effect"
+        "so thin an interlayer has no measurable effect"
     )
 
 

@@ -139,7 +139,7 @@ def pack_study(
 
     people = [crate.add(f"#{quote(name)}", "Person", name=name) for name in authors]
     stone, warning = (
-        ("generated specimen", _GENERATED) if generated else ("ground stone tool", "")
+        ("synthetic specimen", _GENERATED) if generated else ("ground stone tool", "")
     )
     packed = {results / entry["file"] for entry in contents} | {results / _RECORDS[0]}
     others = {file for file in results.rglob("[!.]*") if file.is_file()} - packed
@@ -183,7 +183,7 @@ def pack_study(
         mainEntity=workflow,
         mentions=action,
         citation=crate.entities["Snakefile"]["citation"],
-        keywords=cff["keywords"] + ["generated specimen"] * generated,
+        keywords=cff["keywords"] + ["synthetic specimen"] * generated,
     )
     profiles = [{"@id": _RO_CRATE}, {"@id": _WORKFLOW_CRATE}]
     crate.add(
@@ -238,7 +238,7 @@ def _add_inputs(crate: _Crate, record: Mapping[str, Any]) -> list[_Reference]:
             used.append(crate.add(f"#{quote(path)}", "CreativeWork", **said, contentSize=size))
     if config["specimen"] is not None:
         said = {
-            "name": "Generated specimen",
+            "name": "Synthetic specimen",
             "description": f"{_GENERATED}The workflow makes it.",
         }
         used.append(crate.add("#specimen", "CreativeWork", **said))

@@ -9,7 +9,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.change.change import measured_change, wear_summary
-from gstlib.change.form import form_doubt
+from gstlib.change.form import form_warning
 from gstlib.errors import InputError
 from gstlib.surfaces.grid import spacing_of
 
@@ -17,7 +17,7 @@ __all__ = ["epochs_on_each_other"]
 
 _log = logging.getLogger(__name__)
 
-# Wear takes height. Of generated specimens, whose T0 and T1 are right, no patch gained on a larger
+# Wear takes height. Of synthetic specimens, whose T0 and T1 are right, no patch gained on a larger
 # share of its points than it lost on; exchanged, four of five gain by these on more.
 _GAIN_OVER_LOSS = 1.2
 _GAIN_LESS_LOSS = 0.015
@@ -64,7 +64,7 @@ def epochs_on_each_other(
         except InputError as error:
             problems.append(InputError(row.t1, f"patch {patch}: {error.problem}", error.remedy))
             continue
-        doubt = form_doubt(before[patch].height, after.height)
+        doubt = form_warning(before[patch].height, after.height)
         if registration.found:
             if doubt:
                 _log.warning("%s: patch %s: %s", row.t1, patch, doubt)

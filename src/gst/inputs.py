@@ -23,7 +23,7 @@ from gstlib.contact import check_grid
 from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.scans import cut_scan, read_scan, whole_scan
-from gstlib.macroscale.active_tool import SecondStone
+from gstlib.macroscale.active_tool import ActiveTool
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.preprocess.scans import check_unmeasured, mould_of, prepare_scan
 from gstlib.surfaces.footprints import square_of
@@ -123,10 +123,10 @@ class Asked:
         Whether the scans are laid on the mesh: both must then see the same stone.
     reference : bool
         Whether the whole square is pressed at the scans' resolution, which takes memory.
-    mat : mapping or None
-        The section ``mat`` of the config.
-    second_stone : mapping or None
-        As in `gstlib.macroscale.active_tool.SecondStone.read`; None for a flat.
+    interlayer : mapping or None
+        The section ``interlayer`` of the config.
+    active_tool : mapping or None
+        As in `gstlib.macroscale.active_tool.ActiveTool.read`; None for a flat.
     """
 
     mesh_unit: str
@@ -136,8 +136,8 @@ class Asked:
     maximum_unmeasured: float
     placed: bool
     reference: bool
-    mat: Mapping | None
-    second_stone: Mapping | None
+    interlayer: Mapping | None
+    active_tool: Mapping | None
 
 
 def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Asked) -> Inputs:
@@ -206,10 +206,10 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
     if asked.reference:
         problems += _no_reference(at_t0, asked.square["size_mm"])
     coarsest = max((row[f"spacing_{axis}_um"] for row in rows for axis in "xy"), default=0.0)
-    if asked.mat is not None and asked.mat["thickness_um"] < coarsest:
-        thin = thinner_than_a_point(asked.mat["thickness_um"], coarsest)
-        remedy = "Make it thicker, or set mat to null."
-        problems.append(ConfigError("mat.thickness_um", thin, remedy))
+    if asked.interlayer is not None and asked.interlayer["thickness_um"] < coarsest:
+        thin = thinner_than_a_point(asked.interlayer["thickness_um"], coarsest)
+        remedy = "Make it thicker, or set interlayer to null."
+        problems.append(ConfigError("interlayer.thickness_um", thin, remedy))
     edge_mm = heights.attrs["mesh_edge_mm"] if heights is not None else None
     amplitudes = {patch: piece.amplitude for patch, piece in at_t0.items()}
     for fault in other_units(amplitudes, edge_mm):
@@ -260,15 +260,15 @@ def _mind_other_bodies(
 
 
 def _gridded(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> xr.Dataset:
-    """The face; errors also where the second stone misses it."""
-    second = asked.second_stone
+    """The face; errors also where the active tool misses it."""
+    second = asked.active_tool
     face, _ = grid_macroscale(
         stone,
         **asked.square,
         grid=asked.grid["grid"],
         face_mm=asked.grid["face_mm"],
         radius_mm=asked.grid["radius_mm"],
-        second_stone=SecondStone.read(**second) if second is not None else None,
+        active_tool=ActiveTool.read(**second) if second is not None else None,
         interpolation="linear",  # the fastest: to look at, and to hold scans against
         source=source,
     )

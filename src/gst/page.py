@@ -23,9 +23,9 @@ import xarray as xr
 from gst.chain import warnings_of
 from gst.verdict import MODELS
 from gstlib.io.tables import read_table
-from gstlib.validation.baselines import CEILING, RIVALS
+from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.scoring import own_model
-from gstlib.wear.archard import YIELDING
+from gstlib.wear.archard import CAPPED
 
 if TYPE_CHECKING:
     import markupsafe
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["Shown", "by_category", "caption_html", "embedded", "patch_records", "render"]
 __all__ += ["tool_scene", "warned"]
 
-# Faces of a second stone, which is drawn transparent over the first.
+# Faces of a active tool, which is drawn transparent over the first.
 _SECOND_FACES = 20_000
 _BESIDE = 0.2  # how much of the face the map shows beside the square, in sides of the square
 _COLOURS = 256  # the most that a PNG with one byte per pixel can have
@@ -141,7 +141,7 @@ def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dic
         of_tables["wear"] = of_models.get(own_model(list(of_models)), {})
         of_tables["mcc"] = {
             MODELS[name]: of_models[name]["mcc"]
-            for name in (YIELDING, *RIVALS, CEILING)
+            for name in (CAPPED, *BASELINES, ORACLE)
             if name in of_models
         }
         records.append({"patch": patch, "picture": shown} | of_tables)
@@ -168,7 +168,7 @@ def tool_scene(
     sizes_mm : (float, float)
         Sides of the square and of a patch.
     second : trimesh.Trimesh, optional
-        The active stone in its pose, in the tool's coordinates.
+        The active tool in its pose, in the tool's coordinates.
 
     Returns
     -------

@@ -56,7 +56,7 @@ COUNTERFACE = "counterface"  # in place of a patch's name
 # Epochs of a patch's scans, by their columns of the table. The repeat is a second scan without use.
 REPEAT = "repeat"
 EPOCHS = {"t0": "T0", "t1": "T1", "repeat": REPEAT}
-# What the scans of a generated specimen are.
+# What the scans of a synthetic specimen are.
 _GENERATED = ".plu"
 # A footprint may touch the square's edge; up to this much (mm) beyond it is rounding.
 _ROUNDING = 1e-9

@@ -1,4 +1,4 @@
-"""The poses of the active stone that a config asks for, and how far they reach."""
+"""The poses of the active tool that a config asks for, and how far they reach."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from gstlib.conditions import load_force
-from gstlib.macroscale.gesture import read_poses, stroke_poses, wander_poses
+from gstlib.macroscale.gesture import read_poses, scatter_poses, stroke_poses
 
 __all__ = ["batches_of", "poses_of", "reach_of"]
 
@@ -22,8 +22,8 @@ def poses_of(config: Mapping[str, Any]) -> pd.DataFrame | None:
     if "table" in gesture:
         return read_poses(gesture["table"], size_mm=config["square"]["size_mm"])
     force_N = load_force(config["load"], config["square"]["size_mm"])
-    if "wander_mm" in gesture:
-        return wander_poses(**gesture, force_N=force_N, seed=config["seed"])
+    if "load_point_scatter_mm" in gesture:
+        return scatter_poses(**gesture, force_N=force_N, seed=config["seed"])
     return stroke_poses(**gesture, force_N=force_N)
 
 
@@ -35,7 +35,7 @@ def batches_of(poses: pd.DataFrame | None) -> list[pd.DataFrame]:
 
 
 def reach_of(config: Mapping[str, Any]) -> float:
-    """How far around the passive face (mm) the active stone's own is needed.
+    """How far around the passive face (mm) the active tool's own is needed.
 
     That is for the poses of the gesture, if there is one, and for errors of the pose of five
     standard deviations.

@@ -76,7 +76,7 @@ def refuse_other_study(config: dict) -> None:
             raise InputError(
                 results,
                 f"holds the results of another study, '{made['title']}', of "
-                + (made["inputs"]["mesh"] if made["inputs"] else "a generated stone"),
+                + (made["inputs"]["mesh"] if made["inputs"] else "a synthetic stone"),
                 "Give `results` another name in the config; if it is the same study, keep its "
                 "title, and the name of its mesh or of its folder of scans.",
             )

@@ -29,7 +29,7 @@ from gstlib.io.files import sha256, write_whole
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
-from gstlib.macroscale.active_tool import SecondStone, posed_mesh
+from gstlib.macroscale.active_tool import ActiveTool, posed_mesh
 from gstlib.macroscale.sampling_sites import concentration
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import FRAME, stored_frame
@@ -37,8 +37,8 @@ from gstlib.surfaces.frames import FRAME, stored_frame
 __all__ = ["StudyPage"]
 
 # Tables that the answer is computed from.
-_JUDGED = ["patch_pressures", "patch_intervals", "registration", "validation_patches"]
-_JUDGED += ["validation_summary", "exposure"]
+_SCORED = ["patch_pressures", "patch_intervals", "registration", "validation_patches"]
+_SCORED += ["validation_summary", "exposure"]
 _PAGE = "0 Overview", "the page of the study"
 _WHAT = (
     "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
@@ -65,8 +65,8 @@ class StudyPage:
     patch_mm : float
         Side of a patch.
     mesh_unit : str
-    second_stone : mapping or None
-        Of `SecondStone.read`.
+    active_tool : mapping or None
+        Of `ActiveTool.read`.
     config : mapping
     """
 
@@ -76,7 +76,7 @@ class StudyPage:
     places: Mapping[str, list]
     patch_mm: float
     mesh_unit: str
-    second_stone: Mapping[str, Any] | None
+    active_tool: Mapping[str, Any] | None
     config: Mapping[str, Any]
 
     def write(
@@ -148,10 +148,10 @@ class StudyPage:
             return where_to_scan(self.proposed, held, force_N=self._force_N)
         poses = poses_of(self.config)
         return verdict(
-            {name: read_table(self._tables[name]) for name in _JUDGED if name in self._tables},
+            {name: read_table(self._tables[name]) for name in _SCORED if name in self._tables},
             force_N=self._force_N,
-            mat=self.config["mat"],
-            hardness_MPa=self.config["hardness"],
+            interlayer=self.config["interlayer"],
+            pressure_cap=self.config["pressure_cap_MPa"],
             poses=None if poses is None else len(poses),
             second=bool(self.files["counterface"]),
         )
@@ -175,8 +175,8 @@ class StudyPage:
         """The tool in 3D."""
         frame = stored_frame(read_dataset(self.files["surface"], only=FRAME))
         size, other, places = self.config["square"]["size_mm"], None, self.places
-        if self.files["counterface"] and self.second_stone:
-            other = posed_mesh(SecondStone.read(**self.second_stone), frame, size_mm=size)
+        if self.files["counterface"] and self.active_tool:
+            other = posed_mesh(ActiveTool.read(**self.active_tool), frame, size_mm=size)
         if self.proposed is not None:
             places = self.proposed.rename(columns={"place": "patch"}).assign(rotation_deg=0.0)
         tool = read_mesh(self.files["mesh"], unit=self.mesh_unit)

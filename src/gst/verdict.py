@@ -1,8 +1,8 @@
 """The answer of a study in a few sentences, computed from its tables.
 
-Whether the loss that the other patches foretell of each is right, and better than rivals that know
-as much; whether patches that nothing touches wear less; which patches carry the load. No sentence
-claims more than its numbers allow: a difference must show in an interval and in a test.
+Whether the loss that the other patches predict of each is right, and better than baselines that are
+given the same data; whether patches that nothing touches wear less; which patches carry the load.
+No sentence claims more than its numbers allow: a difference must show in an interval and in a test.
 """
 
 import math
@@ -12,27 +12,27 @@ from typing import Any
 import pandas as pd
 
 from gstlib.macroscale.sampling_sites import CONTROL, EXPOSED, Concentration
-from gstlib.validation.baselines import CEILING
+from gstlib.validation.baselines import ORACLE
 from gstlib.validation.scoring import own_model
-from gstlib.wear.archard import BARE, MAT, YIELDING
+from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
 __all__ = ["LEVEL", "MODELS", "sign_of", "verdict", "where_to_scan"]
 
 LEVEL = 0.05  # the usual one
-# The predictions, their rivals and the ceiling, in words.
+# The predictions, their baselines and the cap, in words.
 MODELS = {
     BARE: "Archard's law",
-    MAT: "Archard's law with a mat",
-    YIELDING: "the same with a ceiling on the pressure",
+    INTERLAYER: "Archard's law with an interlayer",
+    CAPPED: "the same with a cap on the pressure",
     "none": "no loss",
     "mean_volume": "a plane that cuts off the others' mean volume",
     "pressure_volume": "a plane that cuts off a volume in proportion to pressure",
-    "pressure_share": "a plane that wears a share in proportion to pressure",
+    "pressure_fraction": "a plane that wears a share in proportion to pressure",
     "rigid": "a rigid flat sunk equally deep into every patch",
-    CEILING: "a plane that wears the patch's own share",
+    ORACLE: "a plane that wears the patch's own share",
 }
-TOUCHED = "spearman(touched, loss_per_area_um)"
-# What a ceiling on the pressure is held against: Broz, Cook & Whitney 2006, Am. Mineral. 91:135.
+TOUCHED = "spearman(touched, mean_wear_depth_um)"
+# What a cap on the pressure is held against: Broz, Cook & Whitney 2006, Am. Mineral. 91:135.
 STRENGTH = "quartz indents at 11 to 12 GPa, quartzite is crushed at 0.15 to 0.3 GPa"
 # A longer list of names does not help a reader.
 _MOST_NAMED = 5
@@ -42,8 +42,8 @@ def verdict(
     tables: Mapping[str, pd.DataFrame],
     *,
     force_N: float,
-    mat: Mapping[str, float] | None = None,
-    hardness_MPa: float | None = None,
+    interlayer: Mapping[str, float] | None = None,
+    pressure_cap: float | None = None,
     poses: int | None = None,
     second: bool = False,
 ) -> list[str]:
@@ -57,12 +57,12 @@ def verdict(
         ``exposure``.
     force_N : float
         The whole load.
-    mat, hardness_MPa
-        The sections ``mat`` and ``hardness`` of the config.
+    interlayer, pressure_cap
+        The sections ``interlayer`` and ``pressure_cap_MPa`` of the config.
     poses : int, optional
         Of the gesture, if there is one.
     second : bool
-        Whether the active stone has a mesh.
+        Whether the active tool has a mesh.
     """
     pressures = tables["patch_pressures"]
     load = [_load(pressures, tables["patch_intervals"], force_N, second)]
@@ -77,7 +77,7 @@ def verdict(
         ]
     summary = tables["validation_summary"].fillna({"model": ""})
     summary = summary.set_index(["model", "statistic"]).sort_index()
-    models = set(summary.index.unique("model")) & {BARE, MAT}
+    models = set(summary.index.unique("model")) & {BARE, INTERLAYER}
     if not models:
         return [
             *load,
@@ -88,14 +88,15 @@ def verdict(
     law = "Archard's law"
     if poses is not None:
         law += f" over a gesture of {poses} poses"
-    if own == MAT and mat is not None:
-        law += f" with a mat of {mat['young_MPa']:g} MPa, {mat['thickness_um']:g} µm thick,"
-    judged = [_where(summary, own, law), _how_much(summary, own, hardness_MPa)]
-    if own == MAT:
-        judged.append(_without_mat(summary))
+    if own == INTERLAYER and interlayer is not None:
+        young, thick = interlayer["young_MPa"], interlayer["thickness_um"]
+        law += f" with an interlayer of {young:g} MPa, {thick:g} µm thick,"
+    scored = [_where(summary, own, law), _how_much(summary, own, pressure_cap)]
+    if own == INTERLAYER:
+        scored.append(_without_interlayer(summary))
     untouched = _untouched(summary, pressures, tables["registration"])
     chance = _against_chance(summary, own, tables["validation_patches"])
-    return [sentence for sentence in (*judged, untouched, chance, *load) if sentence]
+    return [sentence for sentence in (*scored, untouched, chance, *load) if sentence]
 
 
 def sign_of(row: Any) -> int:
@@ -111,7 +112,7 @@ def _load(
 ) -> str:
     """Which patches carry the load, and how well the highest pressure is known."""
     total, count = float(pressures["force_N"].sum()), len(pressures)
-    against = " against the second stone" * second
+    against = " against the active tool" * second
     if not total > 0:
         none = f"Under {force_N:g} N{against}, no scanned patch touches"
         may = intervals.loc[intervals["high_MPa"].fillna(0).idxmax()]
@@ -192,13 +193,13 @@ def _two_digits(value: float) -> str:
 
 
 def _where(summary: pd.DataFrame, own: str, law: str) -> str:
-    """Was the place of the loss predicted, and better than by the best rival?"""
+    """Was the place of the loss predicted, and better than by the best baseline?"""
     mean, gain = (summary.loc[(own, f"{name}(mcc)")] for name in ("mean", "gain"))
     if not mean.n:
         return (
             f"{law} predicts a loss, but no patch in the study lost enough to be compared with."
         )
-    rival = summary.value[gain.against, "mean(mcc)"]
+    baseline = summary.value[gain.against, "mean(mcc)"]
     interval = ""
     if math.isfinite(mean.low):
         interval = f"; 95 % interval {mean.low:.2f} to {mean.high:.2f}"
@@ -209,13 +210,13 @@ def _where(summary: pd.DataFrame, own: str, law: str) -> str:
     sentence = (
         f"From the wear of the other patches, {law} predicts where each patch lost height with a "
         f"mean MCC of {mean.value:.2f} (0 is chance, 1 perfect{interval}) "
-        f"over {patches}: {compared} the best rival that knows as much, {MODELS[gain.against]} "
-        f"({rival:.2f}, {_p(gain)})."
+        f"over {patches}: {compared} the best baseline that is given the same data, "
+        f"{MODELS[gain.against]} ({baseline:.2f}, {_p(gain)})."
     )
     return sentence.replace("-", "−")
 
 
-def _how_much(summary: pd.DataFrame, own: str, hardness_MPa: float | None) -> str:
+def _how_much(summary: pd.DataFrame, own: str, pressure_cap: float | None) -> str:
     """What masks of its areas could reach, errors of map and volume, and all if stone yields."""
     depth, volume = (summary.loc[(own, f"relative({of}_error)")] for of in ("map", "volume"))
     if not (math.isfinite(depth.value) and math.isfinite(volume.value)):
@@ -224,26 +225,27 @@ def _how_much(summary: pd.DataFrame, own: str, hardness_MPa: float | None) -> st
     sentence = (
         f"Masks of the predicted areas could reach {reached:.2f}. "
         f"Its maps err {_two_digits(depth.value)} times as much as no loss would ({_p(depth)}), "
-        f"its volumes {_two_digits(volume.value)} times as much as the best rival's ({_p(volume)})."
+        f"its volumes {_two_digits(volume.value)} times as much as the best baseline's "
+        f"({_p(volume)})."
     )
-    if (YIELDING, "mean(mcc)") in summary.index and hardness_MPa is not None:
+    if (CAPPED, "mean(mcc)") in summary.index and pressure_cap is not None:
         names = "mean(mcc)", "relative(map_error)", "relative(volume_error)"
-        mcc, *errors = (summary.value[YIELDING, name] for name in names)
+        mcc, *errors = (summary.value[CAPPED, name] for name in names)
         sentence += (
-            f" If no element bears more than {hardness_MPa:g} MPa ({STRENGTH}), the mean MCC is "
+            f" If no element bears more than {pressure_cap:g} MPa ({STRENGTH}), the mean MCC is "
             f"{mcc:.2f}, and these errors are {' and '.join(map(_two_digits, errors))} times."
         )
     return sentence.replace("-", "−")
 
 
-def _without_mat(summary: pd.DataFrame) -> str:
-    """Whether the mat foretells what was lost out of contact better than the bare stone."""
-    out = summary.loc[(MAT, "relative(out_of_contact)")]
+def _without_interlayer(summary: pd.DataFrame) -> str:
+    """Whether the interlayer predicts what was lost out of contact better than the bare stone."""
+    out = summary.loc[(INTERLAYER, "relative(out_of_contact)")]
     if not math.isfinite(out.value):
         return ""
     return (
-        f"Out of contact, where only a mat wears, its maps err {_two_digits(out.value)} times as "
-        f"much as those of the bare stone ({_p(out)})."
+        f"Out of contact, where only an interlayer wears, its maps err {_two_digits(out.value)} "
+        f"times as much as those of the bare stone ({_p(out)})."
     )
 
 
@@ -252,9 +254,11 @@ def _untouched(
 ) -> str:
     """Do patches that nothing touches wear less than those that are touched?"""
     known = pressures[["patch", "pressure_MPa"]].merge(registration, on="patch")
-    known = known[known.believed.astype(bool)].dropna(subset="loss_per_area_um")
+    known = known[known.above_noise.astype(bool)].dropna(subset="mean_wear_depth_um")
     is_touched = known.pressure_MPa > 0
-    untouched, touched = (known.loss_per_area_um[is_touched == side] for side in (False, True))
+    untouched, touched = (
+        known.mean_wear_depth_um[is_touched == side] for side in (False, True)
+    )
     if untouched.empty or touched.empty:
         return ""
     row = summary.loc[("", TOUCHED)]
@@ -273,7 +277,7 @@ def _untouched(
 
 def _against_chance(summary: pd.DataFrame, own: str, patches: pd.DataFrame) -> str:
     """On how many of the counted patches the places of the loss are better than chance."""
-    p_values = patches.p_value[patches.counted.astype(bool)]
+    p_values = patches.p_value[patches.in_statistics.astype(bool)]
     tested, untested = int(p_values.notna().sum()), int(p_values.isna().sum())
     if not tested:
         return "No patch can be tested against chance."

@@ -42,7 +42,7 @@ from .macroscale.face import grid_macroscale as grid_macroscale
 from .macroscale.gesture import press_poses as press_poses
 from .macroscale.sampling_sites import propose_places as propose_places
 from .microscale.patches import solve_patches as solve_patches
-from .microscale.slip_and_cap import solve_ceiling as solve_ceiling
+from .microscale.slip_and_cap import solve_capped as solve_capped
 from .microscale.slip_and_cap import solve_slip as solve_slip
 from .preprocess.scans import prepare_scan as prepare_scan
 from .specimen.generate import make_specimen as make_specimen
@@ -57,8 +57,8 @@ from .surfaces.grid import make_surface as make_surface
 from .surfaces.grid import spacing_of as spacing_of
 from .surfaces.leveling import remove_plane as remove_plane
 from .validation.single_scale import press_whole as press_whole
-from .validation.summary import judge_wear as judge_wear
+from .validation.summary import score_wear as score_wear
 from .wear.fit import wear_stone as wear_stone
-from .wear.interlayer import fit_mat as fit_mat
+from .wear.interlayer import fit_interlayer as fit_interlayer
 
 __version__: str

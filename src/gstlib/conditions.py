@@ -25,7 +25,7 @@ def study_poisson(material: Mapping) -> float:
     (2 − ν)/(2 (1 − ν)) is the sum of (2 − ν)/(4G) over the sum of (1 − ν)/(2G), tangential over
     normal compliance (Johnson, Contact Mechanics, §7.2).
     """
-    # ASSUME: where the two stones differ, their tangential compliances add; Dundurs' β, by which
+    # ASSUME: where the two tools differ, their tangential compliances add; Dundurs' β, by which
     # tangential tractions press unlike bodies apart, is neglected.
     poisson = [material["poisson_1"], material["poisson_2"]]
     young = [material["young_1_MPa"], material["young_2_MPa"]]

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import ContactError, ContactState, TipsOver, load_path, solve_contact
+from gstlib.bem import ContactError, ContactState, TippingError, load_path, solve_contact
 from gstlib.errors import InputError
 from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import Plane
@@ -43,7 +43,7 @@ _SAME_SPACING = 1e-6
 
 # ASSUME: the counterface is turned over about the patch's y axis, so that its scan's columns run
 # against the patch's x; the same piece of it, neither shifted nor worn, is pressed on every patch.
-# The paper's active stone is flat at both scales.
+# The paper's active tool is flat at both scales.
 
 _log = logging.getLogger(__name__)
 
@@ -61,14 +61,8 @@ _VARIABLES = {
     "contact_modulus": ("MPa", "contact modulus"),
     "target_pressure": ("MPa", "mean pressure asked for"),
     "tolerance": ("1", "largest residual asked for"),
-    "through_y": (
-        "mm",
-        "y of the point of force of a body free to tilt, NaN of one that is not",
-    ),
-    "through_x": (
-        "mm",
-        "x of the point of force of a body free to tilt, NaN of one that is not",
-    ),
+    "through_y": ("mm", "y of the load point of a body free to tilt, NaN of one that is not"),
+    "through_x": ("mm", "x of the load point of a body free to tilt, NaN of one that is not"),
     "pressure": ("MPa", "contact pressure"),
     "gap": ("mm", "gap between the bodies"),
     "displacement": ("mm", "far-field displacement from first touch"),
@@ -435,7 +429,7 @@ def turned_over(
     source: str | Path,
     patch_source: str | Path,
 ) -> xr.DataArray:
-    """Heights of the active stone's own face where it is pressed on a patch.
+    """Heights of the active tool's own face where it is pressed on a patch.
 
     `counterface` (ny, nx) has its heights, mm, positive out of it, seen from above its own face.
     The result is positive towards the patch, on the patch's grid: mirrored along x. `source` and
@@ -480,7 +474,7 @@ def solver_errors(source: str | Path, load: Load) -> Iterator[None]:
     """Give an `InputError` in the study's words where a solver of `gstlib.bem` gives up."""
     try:
         yield
-    except TipsOver as error:
+    except TippingError as error:
         y, x = load.through or (math.nan, math.nan)
         raise InputError(
             source,

@@ -7,23 +7,24 @@ before it.
 1. `preprocess`: the use-face of the tool's mesh becomes heights on a grid (`mesh.grid_mesh`); scans
    are cleaned, filled and levelled (`scans.prepare_patch`).
 2. `macroscale`: the face is the square and what is around it (`face.grid_macroscale`). The scans
-   are laid on it where they were taken (`composite.compose_surface`). A rounded active stone, or a
+   are laid on it where they were taken (`composite.compose_surface`). A rounded active tool, or a
    second mesh that was posed on it (`active_tool`), is pressed on the whole by the force of use,
-   and both come to rest (`gstlib.contact.contact_path`); the hand wanders, and the stone moves
-   (`gesture.press_poses`).
+   and both come to rest (`gstlib.contact.contact_path`); the load point scatters, and the stone
+   moves (`gesture.press_poses`).
 3. `coupling`: each scanned patch carries the macroscale forces in its outline
    (`pressures.couple_scales`): a pressure with an interval (`intervals.pressure_intervals`).
    `placement.place_patches` checks where the patches lie.
 4. `microscale`: each patch, as it lies on the stone, is pressed at the scan's resolution up to its
-   own pressure (`patches.solve_patches`). Stick and slip and a ceiling on the pressure are further
+   own pressure (`patches.solve_patches`). Stick and slip and a cap on the pressure are further
    cases (`slip_and_cap`).
 5. `change`: T1 is registered to T0, which gives the height that use took away
    (`change.register_patch`), and the texture is measured before and after use
    (`texture.measure_texture`). `selection.select_patches` says which patches enter the study.
 6. `wear`: the square and its patches wear by Archard's law (`fit.wear_stone`), which predicts the
    loss of a patch from those of the others (`fit.wear_map`).
-7. `validation`: the predicted loss is judged by the measured one, beside rivals that know as much
-   (`summary.judge_wear`).
+7. `validation`: the predicted loss is scored by the measured one, beside baselines that are given
+the same data
+   (`summary.score_wear`).
 
 Two variants of the coupling exist. In the paper's, `LEVELLED`, the square is cut out of the mesh,
 pressed flat on its mean plane up to a mean pressure, and a patch is pressed as its scan was
@@ -34,7 +35,7 @@ of the whole square at the scans' resolution, which is placed in the face likewi
 
 The functions take and return datasets and tables, and read and write no file of results: the
 workflow's scripts do, one stage each. `Study` runs the same stages in memory, for sweeps over
-settings and for many generated specimens.
+settings and for many synthetic specimens.
 
 Lengths are in mm and pressures in MPa unless a name says otherwise. Words mean the same everywhere:
 
@@ -59,16 +60,16 @@ from gstlib.change.selection import registration_table, select_patches
 from gstlib.conditions import load_force, load_point, study_modulus
 from gstlib.contact import Contact, Load, contact_at_pressure
 from gstlib.coupling.pressures import couple_scales
-from gstlib.macroscale.active_tool import SecondStone
+from gstlib.macroscale.active_tool import ActiveTool
 from gstlib.macroscale.composite import compose_surface
 from gstlib.macroscale.equilibrium import pressed_interface, solve_square
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.microscale.patches import PLACED, Microscale, solve_patches
 from gstlib.preprocess.scans import prepare_patch
-from gstlib.validation.summary import judge_wear
+from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
 from gstlib.wear.fit import wear_map, wear_stone
-from gstlib.wear.interlayer import fit_mat
+from gstlib.wear.interlayer import fit_interlayer
 
 if TYPE_CHECKING:
     import trimesh
@@ -107,9 +108,9 @@ class Study:
     read_scan : callable
         Gives the raw scan (y, x) of a patch at an epoch, ``("5", "T0")``; a repeat is an epoch.
     read_face : callable, optional
-        Gives the raw scan of the active stone's own face.
-    second_stone : SecondStone, optional
-        By default the active stone is a flat.
+        Gives the raw scan of the active tool's own face.
+    active_tool : ActiveTool, optional
+        By default the active tool is a flat.
 
     Attributes
     ----------
@@ -129,14 +130,14 @@ class Study:
         read_mesh: Callable[[], "trimesh.Trimesh"],
         read_scan: Callable[[str, str], xr.DataArray],
         read_face: Callable[[], xr.DataArray] | None = None,
-        second_stone: SecondStone | None = None,
+        active_tool: ActiveTool | None = None,
     ):
         self.config, self.patches = config, patches
         self.worn = patches.patch[patches.t1 != ""].tolist()
         twice = patches[patches["repeat"] != ""] if "repeat" in patches else patches[:0]
         self.repeated = twice.patch.tolist()
         self.read_mesh, self.read_scan, self.read_face = read_mesh, read_scan, read_face
-        self.second_stone = second_stone
+        self.active_tool = active_tool
         self.is_placed = config["coupling"] == PLACED
         self.modulus = study_modulus(config["material"])
         self.patch_mm = config["scans"]["size_mm"]
@@ -154,7 +155,7 @@ class Study:
         settings = {name: macroscale[name] for name in ("grid", "interpolation")}
         if self.is_placed:
             settings |= {"face_mm": macroscale["face_mm"], "radius_mm": form.get("radius_mm")}
-            settings["second_stone"] = self.second_stone
+            settings["active_tool"] = self.active_tool
         return grid_macroscale(self.read_mesh(), **self.config["square"], **settings)[0]
 
     @cached_property
@@ -195,7 +196,7 @@ class Study:
 
     @cached_property
     def counterface(self) -> xr.DataArray | None:
-        """The clean scan of the active stone's own face."""
+        """The clean scan of the active tool's own face."""
         return self._clean(self.read_face(), None).height if self.read_face else None
 
     @cached_property
@@ -211,8 +212,10 @@ class Study:
     def registration(self) -> pd.DataFrame:
         """How well T1 matches T0, and what was lost, from `registration_table`."""
         changes = {patch: self.changes[patch] for patch in self.worn}
-        most_noise = self.config["validation"]["most_noise"]
-        return registration_table(changes, self.config["selection"], most_noise=most_noise)
+        max_noise_fraction = self.config["validation"]["max_noise_fraction"]
+        return registration_table(
+            changes, self.config["selection"], max_noise_fraction=max_noise_fraction
+        )
 
     @cached_property
     def selected(self) -> pd.DataFrame:
@@ -228,7 +231,7 @@ class Study:
             self.registration,
             patch_mm=self.patch_mm,
             steps=self.config["wear_steps"],
-            mat=self.config["mat"],
+            interlayer=self.config["interlayer"],
         )
 
     def contact_in(self, variant: str, patch: str) -> Contact:
@@ -248,27 +251,27 @@ class Study:
         assert isinstance(contact, Contact)  # without steps there is no path
         return contact
 
-    def judged(self, *, seed: int | Sequence[int], resamples: int) -> dict[str, pd.DataFrame]:
-        """The tables of `judge_wear`."""
+    def scored(self, *, seed: int | Sequence[int], resamples: int) -> dict[str, pd.DataFrame]:
+        """The tables of `score_wear`."""
         contacts = {patch: self.contacts[patch] for patch in self.worn}
         changes = {patch: self.changes[patch] for patch in self.worn}
-        worn, mat, predicted = self.worn_square, None, {}
+        worn, interlayer, predicted = self.worn_square, None, {}
         if worn is not None:
-            mat = fit_mat(worn, contacts, changes) if worn.mat else None
-            hardness = self.config["hardness"]
+            interlayer = fit_interlayer(worn, contacts, changes) if worn.interlayer else None
+            cap = self.config["pressure_cap_MPa"]
             predicted = {
-                patch: wear_map(contact, worn, mat, patch, hardness_MPa=hardness)
+                patch: wear_map(contact, worn, interlayer, patch, pressure_cap=cap)
                 for patch, contact in contacts.items()
             }
-        return judge_wear(
+        return score_wear(
             contacts,
             changes,
             predicted,
             self.selected,
             self.registration,
             fitted_to=worn.fitted_to if worn else (),
-            mat=mat,
-            expected_worst=self.config["validation"]["expected_worst"],
+            interlayer=interlayer,
+            expected_most_worn=self.config["validation"]["expected_most_worn"],
             seed=seed,
             resamples=resamples,
         )

@@ -21,7 +21,7 @@ SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
 POINTS = [[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 5.0, 0.0]]
 SMALL = (np.array(POINTS) / 1000).tolist()
 SECOND = {"mesh": "b.ply", "pose": {"matrix": np.eye(4).tolist()}}
-MAT = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0}
+INTERLAYER = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0}
 INPUTS = {"mesh": "a", "mesh_unit": "mm", "scan_folder": "b"}
 
 
@@ -77,7 +77,7 @@ def test_every_key_is_typed(config):
 def test_numbers_are_finite(config, value):
     """Each key in turn; NaN is within any bounds that are tested by comparing."""
     config["counterface"] = SECOND | {"radius_mm": 200.0}
-    config |= {"mat": MAT, "gesture": {"wander_mm": 1.0, "poses": 5}}
+    config |= {"interlayer": INTERLAYER, "gesture": {"load_point_scatter_mm": 1.0, "poses": 5}}
     for path, _ in leaves(config):
         assert "give a finite number" in impossible(config, path, value)
     (corner,) = config_problems(changed(config, "square.points_mm", [[0, value, 0], *POINTS[1:]]))
@@ -124,10 +124,18 @@ def test_defaults_come_in_as_snakemake_merges_the_template(config, name):
         ("results", "config", "contains the patch table (config/patches.tsv)"),
         ("patches", "nowhere.tsv", "'patches': nowhere.tsv does not exist: correct the path"),
         ("patches", "{nowhere}.tsv", "contains braces"),
-        ("hardness", 22.0, "not above the mean pressure on the square, 22 MPa"),
+        ("pressure_cap_MPa", 22.0, "not above the mean pressure on the square, 22 MPa"),
         ("texture.l_filter_um", 8.0, "no wave passes both filters"),
-        ("mat", MAT | {"young_MPa": 19500.0}, "'mat.young_MPa' is 19500, not below the stones'"),
-        ("mat", MAT | {"thickness_um": 1.5}, "'mat.thickness_um': 1.5 µm is less than the 1.66 µm"),
+        (
+            "interlayer",
+            INTERLAYER | {"young_MPa": 19500.0},
+            "'interlayer.young_MPa' is 19500, not below the stones'",
+        ),
+        (
+            "interlayer",
+            INTERLAYER | {"thickness_um": 1.5},
+            "'interlayer.thickness_um': 1.5 µm is less than the 1.66 µm",
+        ),
         ("counterface", {"mesh_unit": "mm"}, "'mesh' is a dependency of 'mesh_unit'"),
         ("counterface", {"mesh": "b.ply"}, "'pose' is a dependency of 'mesh'"),
         ("counterface", SECOND | {"radius_mm": 200.0}, "a radius and a mesh: give one of them"),
@@ -146,12 +154,20 @@ def test_defaults_come_in_as_snakemake_merges_the_template(config, name):
         ("colour", "blue", "unknown keys ['colour']"),
         ("macroscale.steppes", 3, "did you mean steps for steppes?"),
         ("gesture", {"table": "a.tsv", "poses": 5}, "give a table, or poses with stroke_mm or"),
-        ("gesture", {"stroke_mm": 2.0, "wander_mm": 1.0, "poses": 5}, "too many properties"),
+        (
+            "gesture",
+            {"stroke_mm": 2.0, "load_point_scatter_mm": 1.0, "poses": 5},
+            "too many properties",
+        ),
         ("gesture", {"stroke_mm": 2.0}, "'poses' is a dependency of 'stroke_mm'"),
-        ("gesture", {"wander_mm": 2.0}, "'poses' is a dependency of 'wander_mm'"),
+        (
+            "gesture",
+            {"load_point_scatter_mm": 2.0},
+            "'poses' is a dependency of 'load_point_scatter_mm'",
+        ),
         # what can be used
         ("gesture", {"stroke_mm": 2.0, "poses": 5}, None),
-        ("gesture", {"wander_mm": 1.0, "poses": 5}, None),
+        ("gesture", {"load_point_scatter_mm": 1.0, "poses": 5}, None),
         ("gesture", {"table": "a.tsv"}, None),
         ("grinding", None, None),
         ("load", {"force_N": None, "pressure_MPa": 22.0, "at_mm": None}, None),
@@ -159,7 +175,7 @@ def test_defaults_come_in_as_snakemake_merges_the_template(config, name):
         ("macroscale.face_mm", 5.0, None),
         ("counterface", {"scan": "a.plu", "radius_mm": 50.0}, None),
         ("counterface", SECOND | {"scan": "a.plu", "mesh_unit": "cm"}, None),
-        ("mat", MAT, None),
+        ("interlayer", INTERLAYER, None),
     ],
 )
 def test_a_value_and_what_is_wrong_with_it(config, path, value, words):
@@ -173,14 +189,14 @@ def test_what_is_given_takes_the_place_of_a_default():
         "counterface": SECOND,
         "scans": {"mould": {"invert": False}},
         "square": 5,  # not a section
-        "hardness": None,
+        "pressure_cap_MPa": None,
     }
     whole = complete(given)
     assert whole["grinding"] == {"friction": 0.3, "tangential_ratio": 0.5}
     assert counterface_mesh(whole, "") == SECOND | {"mesh_unit": "mm"}
     assert complete({"load": {"pressure_MPa": 22.0}})["load"]["force_N"] is None
     assert whole["scans"]["mould"] == {"invert": False, "flip": "x"}
-    assert (whole["scans"]["size_mm"], whole["hardness"]) == (0.85, None)
+    assert (whole["scans"]["size_mm"], whole["pressure_cap_MPa"]) == (0.85, None)
     (problem,) = config_problems(whole)
     assert problem.startswith("'square' is 5: 5 is not of type 'object'")
     # the default modulus is that of the default constants alone
@@ -200,7 +216,7 @@ def test_decimal_commas_are_one_problem(config):
         assert word in problem
 
 
-def test_the_square_alone_knows_no_second_stone_and_no_gesture(config):
+def test_the_square_alone_knows_no_active_tool_and_no_gesture(config):
     """Nor does it care for the face, and where in it the force acts."""
     alone = config | {"coupling": "levelled"}
     assert config_problems(alone) == []
@@ -208,9 +224,9 @@ def test_the_square_alone_knows_no_second_stone_and_no_gesture(config):
     assert "'counterface.mesh' (or specimen.counterface_seed) needs a stone at rest" in second
     made = alone["specimen"] | {"counterface_seed": 8}
     assert config_problems(alone | {"specimen": made}) == [second]
-    (moved,) = config_problems(alone | {"gesture": {"wander_mm": 1.0, "poses": 5}})
+    (moved,) = config_problems(alone | {"gesture": {"load_point_scatter_mm": 1.0, "poses": 5}})
     assert "'gesture' needs a stone at rest" in moved
-    both = {"counterface": SECOND, "gesture": {"table": "poses.tsv"}, "mat": MAT}
+    both = {"counterface": SECOND, "gesture": {"table": "poses.tsv"}, "interlayer": INTERLAYER}
     assert "cannot wear a stone together" in "".join(config_problems(config | both))
     small = changed(changed(alone, "macroscale.face_mm", 4.0), "load.at_mm", [50.0, 0.0])
     assert config_problems(small) == []
@@ -292,7 +308,7 @@ def test_what_would_stop_a_run_before_its_first_step(tmp_path, monkeypatch, chan
     ],
 )
 def test_without_patches_a_mesh_is_enough_for_what_needs_none(config, change, words):
-    mesh_only = {"patches": None, "gesture": {"wander_mm": 1.0, "poses": 60}}
+    mesh_only = {"patches": None, "gesture": {"load_point_scatter_mm": 1.0, "poses": 60}}
     found = config_problems(complete(config | mesh_only | change))
     assert found == [] if words is None else words in found[0]
 

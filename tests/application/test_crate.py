@@ -126,8 +126,8 @@ def test_a_generated_specimen_cannot_pass_for_a_real_tool(results):
     record(results, specimen={"seed": 7})
     files, entities, action = packed(results)
     whole = entities["./"]
-    assert "generated specimen" in whole["name"]
-    assert "generated specimen" in whole["keywords"]
+    assert "synthetic specimen" in whole["name"]
+    assert "synthetic specimen" in whole["keywords"]
     assert {"@id": "#specimen"} in action["object"]
     for text in (whole["description"], files["README.md"].decode()):
         assert "says anything about a real tool" in text

@@ -12,7 +12,10 @@ TABLES = {
     "patch_pressures.csv": "patch,pressure_MPa,in_study\n5,47.104,yes\n8,40.2,yes\n10,0,no\n",
     "microscale_paths.csv": "patch,step,stiffness\n5,1,100.5\n5,2,200\n8,1,90\n",
 }
-PROVENANCE = {"config": {"hardness": 2000.0, "published": None}, "software": {"gstlib": "0.1.0"}}
+PROVENANCE = {
+    "config": {"pressure_cap_MPa": 2000.0, "published": None},
+    "software": {"gstlib": "0.1.0"},
+}
 
 
 @pytest.fixture
@@ -65,7 +68,7 @@ def test_no_tolerance_for_zero_and_what_is_no_number(folders, old, new, relative
 
 def test_rows_columns_and_tables_on_one_side(folders):
     edit(folders[1], "tables/patch_pressures.csv", "8,40.2,yes\n", "")
-    edit(folders[0], "tables/microscale_paths.csv", "stiffness", "hardness")
+    edit(folders[0], "tables/microscale_paths.csv", "stiffness", "pressure_cap_MPa")
     (folders[0] / "tables/more.csv").write_text("a\n1\n")
     found = compare_results(*folders)
     changes = list(found.drop(columns="relative").itertuples(index=False, name=None))
@@ -73,7 +76,7 @@ def test_rows_columns_and_tables_on_one_side(folders):
     for change in [
         ("more.csv", "", "", "present", ""),
         ("patch_pressures.csv", "patch=8", "", "present", ""),
-        ("microscale_paths.csv", "patch=5, step=1", "hardness", "100.5", ""),
+        ("microscale_paths.csv", "patch=5, step=1", "pressure_cap_MPa", "100.5", ""),
         ("microscale_paths.csv", "patch=5, step=1", "stiffness", "", "100.5"),
     ]:
         assert change in changes
@@ -102,7 +105,7 @@ def test_command_and_its_exit_codes(folders, tmp_path):
     edit(folders[1], "provenance.json", "2000.0", "1000.0")
     result = run(*folders)
     assert result.exit_code == 0  # the results are the same
-    change = "  key=config.hardness, value: 2000.0 → 1000.0  (0.5)"
+    change = "  key=config.pressure_cap_MPa, value: 2000.0 → 1000.0  (0.5)"
     assert result.output.splitlines() == ["provenance: 1 change", change]
     assert run(folders[0], folders[0]).output.startswith("No difference between ")
     edit(folders[1], "tables/patch_pressures.csv", "40.2", "50.2")

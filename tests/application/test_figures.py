@@ -33,14 +33,14 @@ def table(text):
 ALONE = {"message": "No patch."}
 PRESSURES = table("""patch x_mm y_mm rotation_deg pressure_MPa in_study low_MPa high_MPa
     1 0.5 0.5 0 40 True 1 90; 2 2.5 1.5 10 4 False 1 90; 3 4.5 4.4 -3 20 True 1 90""")
-LOSSES = table("""patch pressure_MPa loss_per_area_um believed; 1 40 0.1 True; 2 4 NA True
+LOSSES = table("""patch pressure_MPa mean_wear_depth_um above_noise; 1 40 0.1 True; 2 4 NA True
     3 20 0.2 True; 4 30 0.3 False; 5 0 0.01 True; 6 9 0.05 True""")
-COUNTED = table("patch counted; 1 True; 3 True; 5 False; 6 False")
+IN_STATISTICS = table("patch in_statistics; 1 True; 3 True; 5 False; 6 False")
 SUMMARY = table("""model statistic value low high p_value n
     archard mean(mcc) 0.5 0.4 0.6 NA 3; archard mean(attainable_mcc) 0.7 NA NA NA 3
-    rigid mean(mcc) 0.4 NA NA NA 3; own_area mean(mcc) 0.8 0.7 0.9 NA 3
+    rigid mean(mcc) 0.4 NA NA NA 3; oracle_area mean(mcc) 0.8 0.7 0.9 NA 3
     NA spearman(pressure_MPa,_loss_fraction) 0.5 -0.1 0.9 0.2 3
-    NA spearman(touched,_loss_per_area_um) 0.4 NA NA NA 4""")
+    NA spearman(touched,_mean_wear_depth_um) 0.4 NA NA NA 4""")
 WEAR = table("""patch model predicted_volume_um3 measured_volume_um3; 1 archard 1e5 2e5
     3 archard 3e5 4e5; 5 archard 0 9e5; 1 rigid 2e5 2e5; 3 rigid 9e5 4e5""")
 PROFILE = table("patch band model loss_um; 5 1 archard 9")
@@ -104,7 +104,7 @@ FROM = {
         SIZE | PATCH | {"force_N": 550.0},
     ),
     "contact_steps": ((SQUARE,), {"size_mm": 3.0}),
-    "validation": ((COUNTED, LOSSES, SUMMARY), {}),
+    "validation": ((IN_STATISTICS, LOSSES, SUMMARY), {}),
     "wear": ((WEAR, PROFILE, PRESSURES, ["1", "3"]), {}),
 }
 TOUCHED = {patch: CONTACTS[patch].pressure.values > 30 for patch in "13"}
@@ -147,11 +147,11 @@ def test_figure_has_the_same_bytes_each_time_and_leaves_its_input_alone(tmp_path
     for size in (10, 20):
         with matplotlib.rc_context({"font.size": size, "savefig.dpi": size}):
             figure = draw(name)
-            style.save_figure(figure, *files, source_note="generated specimen")
+            style.save_figure(figure, *files, source_note="synthetic specimen")
         contents.append([file.read_bytes() for file in files])
     assert contents[0] == contents[1]
     texts = [text.get_text() for text in figure.findobj(matplotlib.text.Text)]
-    assert "generated specimen" in texts
+    assert "synthetic specimen" in texts
     assert not any("nan" in text for text in texts)
     for now, then in zip(FROM[name][0], before, strict=True):
         if isinstance(now, tuple):
@@ -160,7 +160,7 @@ def test_figure_has_the_same_bytes_each_time_and_leaves_its_input_alone(tmp_path
             assert now.equals(then) if hasattr(now, "equals") else list(now) == list(then)
 
 
-def test_a_map_has_its_origin_its_scale_and_marks_in_their_share():
+def test_a_map_has_its_origin_its_scale_and_marks_in_their_fraction():
     mask = RNG.random((300, 300)) < 0.15
     _, (axes,) = style.panels(1, 1, (0.5, 0.5))
     maps.draw_map(axes, make_surface(np.zeros(mask.shape), 0.01), marks={"#000000": mask})
@@ -195,7 +195,7 @@ def test_forces_and_pressures_are_those_of_the_contact():
     assert corner == pytest.approx([2.5 - 0.425 * 1.1585, 1.5 + 0.425 * 0.8112], abs=1e-3)
 
 
-def test_epochs_share_their_colours_and_what_was_or_will_be_lost_is_red():
+def test_epochs_fraction_their_colours_and_what_was_or_will_be_lost_is_red():
     before, after, _, changed, predicted, _ = draw("patch").axes
     ends = [axes.child_axes[0].get_xticks().tolist() for axes in (before, after)]
     assert ends[0] == ends[1]
@@ -234,7 +234,7 @@ def test_curves_and_tables_are_drawn_as_they_are():
 def test_validation_shows_what_the_tables_say():
     agreement, extent = draw("validation").axes
     assert [text.get_text() for text in agreement.texts] == [
-        MODELS[name] for name in ("archard", "rigid", "own_area")
+        MODELS[name] for name in ("archard", "rigid", "oracle_area")
     ]
     assert points_of(agreement) == [[[0.5, 0]], [[0.4, 1]], [[0.8, 2]]]
     assert [0.4, 0] in agreement.lines[0].get_xydata().tolist()
@@ -283,7 +283,9 @@ def test_study_draws_the_studied_patches_in_even_steps_of_pressure(tmp_path, col
 
 
 def test_study_shows_the_loss_that_the_study_predicts(tmp_path):
-    models = xr.concat([PREDICTED, 2 * PREDICTED], pd.Index(["archard", "mat"], name="model"))
+    models = xr.concat(
+        [PREDICTED, 2 * PREDICTED], pd.Index(["archard", "interlayer"], name="model")
+    )
     models.to_dataset(name="depth").to_netcdf(tmp_path / "1.h5", engine="h5netcdf")
     study = Study({"depths": [tmp_path]})
     xr.testing.assert_allclose(study.predicted("1").drop_vars("model"), 2 * PREDICTED)

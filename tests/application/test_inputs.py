@@ -24,8 +24,8 @@ SETTINGS = {
     "maximum_unmeasured": 0.05,
     "placed": True,
     "reference": False,
-    "mat": None,
-    "second_stone": None,
+    "interlayer": None,
+    "active_tool": None,
 }
 
 
@@ -176,12 +176,12 @@ def test_many_equal_scans_are_a_problem_of_few_words(folder):
 
 
 @pytest.mark.parametrize("up_mm", [0.0, 1.0])
-def test_a_second_stone_that_misses_the_first_is_a_problem(folder, up_mm):
+def test_a_active_tool_that_misses_the_first_is_a_problem(folder, up_mm):
     stone(halvings=5).apply_translation((0, 0, 10)).export(folder / "other.stl")
     pose = np.eye(4)
     pose[2, 3] = up_mm
     second = {"mesh": folder / "other.stl", "mesh_unit": "mm", "reach_mm": 1.0}
-    found = problems_of(folder, [], second_stone=second | {"pose": {"matrix": pose.tolist()}})
+    found = problems_of(folder, [], active_tool=second | {"pose": {"matrix": pose.tolist()}})
     assert len(found) == (up_mm > 0)
     assert all("1 mm away from the passive one" in problem for problem in found)
 

@@ -76,7 +76,7 @@ def test_warnings_are_told_once_with_their_steps(tmp_path):
         "place_patches": ["patch 12 is shifted: check its place"],
         "prepare_T0_scans_1": ["a.plu: only Z, is read"],
         "prepare_T0_scans_2": ["a.plu: only Z, is read"],
-        "judge_wear": ["a.plu: only Z, is read", "all"],
+        "score_wear": ["a.plu: only Z, is read", "all"],
         "stale": ["of another config"],
     }
     for name, warned in texts.items():
@@ -85,13 +85,13 @@ def test_warnings_are_told_once_with_their_steps(tmp_path):
     steps = ["absent", *list(texts)[:-1]]
     assert [tuple(warning.values()) for warning in page.warned(tmp_path, steps)] == [
         ("patch 12 is shifted: check its place", ["place patches"], "12"),
-        ("a.plu: only Z, is read", ["prepare T0 scans", "judge wear"], None),
-        ("all", ["judge wear"], None),
+        ("a.plu: only Z, is read", ["prepare T0 scans", "score wear"], None),
+        ("all", ["score wear"], None),
     ]
 
 
 @pytest.mark.parametrize("name", TABLES)
-@pytest.mark.parametrize("study", ["config", "mat", "two_stones", "m12"])
+@pytest.mark.parametrize("study", ["config", "interlayer", "two_tools", "m12"])
 def test_the_caption_of_a_table_explains_its_columns_with_any_config(name, study):
     config = read_config(ROOT / f"config/{study}.yaml")
     template = (ROOT / f"workflow/report/tables/{name}.rst").read_text(encoding="utf-8")
@@ -104,5 +104,5 @@ def test_the_caption_of_a_table_explains_its_columns_with_any_config(name, study
 def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():
     for generated in (True, False):
         html = page.render("page.verdict.html", verdict=["a < b.", "5 %"], generated=generated)
-        assert ("Generated specimen" in html) == generated
+        assert ("Synthetic specimen" in html) == generated
         assert "<strong>a &lt; b.</strong><br> 5\xa0%</p>" in html

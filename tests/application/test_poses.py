@@ -1,4 +1,4 @@
-"""The poses that a config asks for, in batches, and how far they move the second stone."""
+"""The poses that a config asks for, in batches, and how far they move the active tool."""
 
 import numpy as np
 import pandas as pd

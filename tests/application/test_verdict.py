@@ -7,11 +7,11 @@ import pytest
 from gst.verdict import MODELS, where_to_scan
 from gst.verdict import verdict as verdict_of
 from gstlib.macroscale.sampling_sites import Concentration
-from gstlib.validation.baselines import CEILING, RIVALS
-from gstlib.wear.archard import BARE, MAT, YIELDING
+from gstlib.validation.baselines import BASELINES, ORACLE
+from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
 NAN = math.nan
-TOUCHED = "spearman(touched, loss_per_area_um)"
+TOUCHED = "spearman(touched, mean_wear_depth_um)"
 
 
 def verdict(tables, **more):
@@ -34,8 +34,7 @@ def compared(*, model=BARE, p_values=(0.01, 0.2, 0.3, NAN), touched=(), mean=(),
     rows += [{"model": "rigid", "statistic": "mean(mcc)"} | row | {"value": 0.4}]
     of = {"mean(mcc)": 0.45, "relative(map_error)": 0.7, "relative(volume_error)": 1.2}
     rows += [
-        {"model": YIELDING, "statistic": name} | row | {"value": value}
-        for name, value in of.items()
+        {"model": CAPPED, "statistic": name} | row | {"value": value} for name, value in of.items()
     ]
     better = {"value": 0.1, "low": 0.02, "high": 0.2, "p_value": 0.01, "against": "rigid"}
     for name, more in (
@@ -50,8 +49,10 @@ def compared(*, model=BARE, p_values=(0.01, 0.2, 0.3, NAN), touched=(), mean=(),
     more = {"low": 0.1, "high": 0.9, "p_value": 0.004}
     # read from a file, an empty cell is missing
     rows.append({"model": NAN, "statistic": TOUCHED} | row | more | dict(touched))
-    patches = pd.DataFrame({"patch": list("abcd"), "p_value": list(p_values), "counted": True})
-    lost = {"patch": list("abcd"), "loss_per_area_um": [0.2, 0.4, 0.6, 0.05], "believed": True}
+    patches = pd.DataFrame(
+        {"patch": list("abcd"), "p_value": list(p_values), "in_statistics": True}
+    )
+    lost = {"patch": list("abcd"), "mean_wear_depth_um": [0.2, 0.4, 0.6, 0.05], "above_noise": True}
     return loaded([1.0, 2.0, 3.0, 0.0]) | {
         "registration": pd.DataFrame(lost),
         "validation_patches": patches,
@@ -75,24 +76,24 @@ def test_the_fewest_patches_that_carry_most_of_the_load(forces, named, share, of
     assert f"{2 * max(forces):g} MPa (95 % interval 1 to 120)" in first
 
 
-def test_a_single_patch_has_no_share_and_none_may_be_touched():
+def test_a_single_patch_has_no_fraction_and_none_may_be_touched():
     assert verdict(loaded([3.0]))[0].startswith("Patch a bears the highest pressure, 6 MPa")
     none = verdict(loaded([0.0, 0.0]), second=True)[0]
-    assert "against the second stone, no scanned patch touches; within" in none
+    assert "against the active tool, no scanned patch touches; within" in none
     assert none.endswith("patch a may bear the most, up to 120 MPa.")
 
 
 @pytest.mark.parametrize(
     ("gain", "words"),
     [
-        ({}, ": better than the best rival"),
-        ({"value": -0.1, "low": -0.2, "high": -0.01}, ": worse than the best rival"),
-        ({"low": -0.1}, ": not shown to be better or worse than the best rival"),
-        ({"p_value": 0.06}, ": not shown to be better or worse than the best rival"),
+        ({}, ": better than the best baseline"),
+        ({"value": -0.1, "low": -0.2, "high": -0.01}, ": worse than the best baseline"),
+        ({"low": -0.1}, ": not shown to be better or worse than the best baseline"),
+        ({"p_value": 0.06}, ": not shown to be better or worse than the best baseline"),
         (dict.fromkeys(("low", "high", "p_value"), NAN), ": not shown to be better or worse than"),
     ],
 )
-def test_the_prediction_against_its_best_rival(gain, words):
+def test_the_prediction_against_its_best_baseline(gain, words):
     """A difference must show in the interval and in the test."""
     said = verdict(compared(gain=gain))[0]
     assert said.startswith("From the wear of the other patches, Archard's law predicts where")
@@ -107,22 +108,25 @@ def test_map_volume_and_the_yielding_case():
     errors = "Its maps err 0.6 times as much as no loss would (p = 0.03), its volumes 1.3 times"
     said = verdict(tables)[1]
     assert said.startswith("Masks of the predicted areas could reach 0.70. ")
-    assert said.endswith(f"{errors} as much as the best rival's (p = 1).")
-    said = verdict(tables, hardness_MPa=2000.0)[1]
+    assert said.endswith(f"{errors} as much as the best baseline's (p = 1).")
+    said = verdict(tables, pressure_cap=2000.0)[1]
     assert "If no element bears more than 2000 MPa (quartz indents at" in said
     assert said.endswith("the mean MCC is 0.45, and these errors are 0.7 and 1.2 times.")
 
 
-def test_mat_and_gesture_are_named():
-    mat = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 250.0}
+def test_interlayer_and_gesture_are_named():
+    interlayer = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 250.0}
     exposed = {"patch": ["a", "b"], "exposure_N_per_mm": [1.0, 3.0], "touched": [1.0, 0.25]}
-    tables = compared(model=MAT) | {"exposure": pd.DataFrame(exposed)}
-    first, _, out, *_, last = verdict(tables, mat=mat, poses=7)
-    assert "law over a gesture of 7 poses with a mat of 300 MPa, 250 µm thick, predicts" in first
+    tables = compared(model=INTERLAYER) | {"exposure": pd.DataFrame(exposed)}
+    first, _, out, *_, last = verdict(tables, interlayer=interlayer, poses=7)
+    assert (
+        "law over a gesture of 7 poses with an interlayer of 300 MPa, 250 µm thick, predicts"
+        in first
+    )
     assert "err 1.1 times as much as those of the bare stone (p = 0.02)" in out
     assert "patch b is exposed most; 25 % of them touch it" in last
-    # fitted, but with no mat: the bare stone is judged
-    assert "mat" not in verdict(compared(), mat=None)[0].replace("mate", "")
+    # fitted, but with no interlayer: the bare stone is scored
+    assert "interlayer" not in verdict(compared(), interlayer=None)[0].replace("mate", "")
 
 
 FALLING, NOTHING = {"low": -0.9, "high": -0.1}, {"low": NAN, "high": NAN, "p_value": NAN}
@@ -143,7 +147,7 @@ def test_untouched_patches(touched, words):
     assert said.startswith(lost)
     assert words in said
     tables = compared()
-    tables["registration"]["believed"] = [True, True, True, False]
+    tables["registration"]["above_noise"] = [True, True, True, False]
     assert not any("nothing touches" in sentence for sentence in verdict(tables))
 
 
@@ -166,7 +170,7 @@ def test_a_study_says_only_what_it_can():
 
 
 def test_every_model_has_words():
-    assert set(MODELS) == {BARE, MAT, YIELDING, *RIVALS, CEILING}
+    assert set(MODELS) == {BARE, INTERLAYER, CAPPED, *BASELINES, ORACLE}
 
 
 def test_where_to_scan_is_said_with_its_numbers():

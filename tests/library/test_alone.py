@@ -24,7 +24,7 @@ ABSENT = (
     "SurfaceTopography",
     "yaml",
 )
-# A generated specimen, from its scans to the loss that one patch foretells for another.
+# A synthetic specimen, from its scans to the loss that one patch predicts for another.
 PROGRAM = """
 import importlib, json, pkgutil, sys
 import pandas as pd

@@ -81,8 +81,8 @@ def test_a_worn_patch_loses_what_archard_says(run):
     assert sharp > blunt
 
 
-def test_two_stones_are_pressed_as_the_sum_of_their_gaps(run):
-    ((difference,), (flat,), (both,)), names = run("two_stones")
+def test_two_tools_are_pressed_as_the_sum_of_their_gaps(run):
+    ((difference,), (flat,), (both,)), names = run("two_tools")
     assert difference < 1e-6
     assert both < flat
     slab, handstone = (names[name].values for name in ("slab", "handstone"))

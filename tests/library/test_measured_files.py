@@ -38,7 +38,11 @@ def prepared(scan, size_mm):
         scan,
         crop=(0, 0),
         scans={"size_mm": size_mm, "mould": {"invert": False, "flip": None}},
-        preprocessing={"maximum_unmeasured": 0.05, "outlier_rule": "window", "outlier_share": 0.01},
+        preprocessing={
+            "maximum_unmeasured": 0.05,
+            "outlier_rule": "window",
+            "outlier_fraction": 0.01,
+        },
     )
 
 
@@ -73,7 +77,7 @@ def test_flat_machined_surface_and_leica_grooves():
     ("path", "unit", "size", "pressure"),
     [
         (PLU, None, 0.85, 22.0),
-        (LEICA, None, 0.19, 76.07),  # the paper's hardest pressed patch
+        (LEICA, None, 0.19, 76.07),  # the paper's most heavily loaded patch
         (ALICONA, None, 0.08, 76.07),
         (MAP, "um", 0.85, 22.0),
     ],

@@ -44,3 +44,19 @@ def test_the_layout_names_what_there_is():
                 assert {name for name in modules if "/" not in name} <= beside, first
         there = {file.name for file in folder.glob("[!_]*.py")}
         assert named == there | {f"{file.parent.name}/" for file in folder.glob("*/__init__.py")}
+
+
+# What the terms of the field took the place of. "mats" and "ceilings" stand in no compound, either.
+PRIVATE = (
+    r"rivals?|foretell\w*|foretold|knows? as much|hardest pressed|wanders?|believed|own_area"
+    r"|(active|second|other) stones?|point of force|minded|mats?|ceilings?|yielding|pressure_limit"
+    r"|hardness_MPa|TipsOver|InvalidContactInput|judge\w*|most_noise|expected_worst|\w+_share"
+    r"|loss_per_area_um|loss_depth_um|generated (specimen|stone)s?"
+)
+
+
+def test_terms_are_those_of_the_field():
+    places = "src", "workflow", "config", "docs", "README.md"
+    command = ["git", "grep", "-nwiE", PRIVATE, "--", *places]
+    said = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False).stdout
+    assert said == ""

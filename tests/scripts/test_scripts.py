@@ -58,7 +58,7 @@ def test_a_doubtful_contact_of_the_stone_is_told(tmp_path, caplog):
 def test_cases_and_what_they_tell_are_named_in_their_caption():
     text = (WORKFLOW / "report/tables/cases.rst").read_text(encoding="utf-8")
     said = "study", "grinding", "slip share", "mean traction"
-    said += "tangential displacement", "ceiling", "share at the ceiling", "deepest yield"
+    said += "tangential displacement", "cap", "share at the cap", "deepest yield"
     assert [name for name in said if f"``{name}``" not in " ".join(text.split())] == []
 
 

@@ -135,8 +135,14 @@ def test_everything_wrong_with_the_files_is_reported_at_once(measured):
         write_plu(file, heights.values[::2, ::2], 2 * spacing_of(heights)[1])
     mesh = data / "mesh.stl"
     trimesh.load_mesh(mesh).apply_scale(1e-3).export(mesh)
-    measured.change(mat={"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 9.0})
-    words = "5 problems", "mat.thickness_um", "reference_draws", "maximum_unmeasured", "mesh_unit"
+    measured.change(interlayer={"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 9.0})
+    words = (
+        "5 problems",
+        "interlayer.thickness_um",
+        "reference_draws",
+        "maximum_unmeasured",
+        "mesh_unit",
+    )
     words += "truncated", "data/mesh.stl", "7_T0.plu", "7_T1.plu", "5_T0.plu", "13_T0.plu"
     result = measured.run()
     for code, said in (check(measured), (result.returncode, result.stdout + result.stderr)):

@@ -34,11 +34,13 @@ def stored(results):
         "T1": found.t1,
         "loss": -found.change,
         "predicted_archard": wear.sel(model="archard"),
-        "predicted_yielding": wear.sel(model="yielding"),
+        "predicted_archard_capped": wear.sel(model="archard_capped"),
     }
 
 
-@pytest.mark.parametrize("name", ["T0", "T1", "loss", "predicted_archard", "predicted_yielding"])
+@pytest.mark.parametrize(
+    "name", ["T0", "T1", "loss", "predicted_archard", "predicted_archard_capped"]
+)
 def test_two_libraries_read_the_lengths(finished_tiny, exported, name):
     expected = stored(finished_tiny.results)[name]
     dy, dx = spacing_of(expected)

@@ -23,7 +23,7 @@ def begin(study):
 
 def test_a_failed_step_shows_its_own_error_and_nothing_else(tiny):
     tiny.change(
-        load={"force_N": 2.4e4}, macroscale={"maximum_displacement_um": 20.0}, hardness=None
+        load={"force_N": 2.4e4}, macroscale={"maximum_displacement_um": 20.0}, pressure_cap_MPa=None
     )
     result = tiny.run()
     assert result.returncode != 0
@@ -67,7 +67,7 @@ def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
     said = tiny.gst("study", tiny.config, "--plan").stdout
     for step, why in (
         ("register_patches", "change/1/7.h5 is not as it was made"),
-        ("judge_wear", "change/1/7.h5 has changed"),
+        ("score_wear", "change/1/7.h5 has changed"),
         ("draw_validation", "change/1/7.h5 has changed"),
         ("compare_scales", "no record says how it was made"),
     ):

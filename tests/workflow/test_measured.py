@@ -1,6 +1,6 @@
 """A study of measured files, with all that the generated one lacks.
 
-Its files are those of a generated stone, as a laboratory has them: the mesh in µm, a second tool
+Its files are those of a synthetic stone, as a laboratory has them: the mesh in µm, a second tool
 elsewhere in space and in inches, two scans taken turned, one mirrored by nothing, and one to be cut
 from a text without units; three patches scanned twice, and one never used. The stones differ, the
 force acts beside the middle, the hand moves the tool as a table says, and a patch that is left out
@@ -64,8 +64,8 @@ ASKED = {
     "uncertainty": {"pose_um": 200.0},
     "texture": {"s_filter_um": 30.0, "l_filter_um": 200.0},
     "grinding": {"friction": 0.3, "tangential_ratio": 1.0},
-    "hardness": 60.0,  # of which patch 10 bears more
-    "validation": {"expected_worst": ["7", "13"]},
+    "pressure_cap_MPa": 60.0,  # of which patch 10 bears more
+    "validation": {"expected_most_worn": ["7", "13"]},
     "wear_steps": 2,
 }
 
@@ -182,7 +182,7 @@ def own(studied):
 
 @pytest.fixture(scope="module")
 def gesture(studied):
-    second = read_dataset(studied.results / "macroscale/second_stone.h5").face
+    second = read_dataset(studied.results / "macroscale/active_tool.h5").face
     poses = read_poses(studied.folder / "poses.csv", size_mm=5.0)
     return Gesture(second, True, 5.0, (2.0, 3.2), poses)
 
@@ -201,7 +201,7 @@ def test_the_record_holds_every_measured_file(studied):
 
 
 def test_the_stones_lie_on_each_other_as_they_were_made(generated, stored, table):
-    for name, fields in {"surface": ["height", "counterface"], "second_stone": ["face"]}.items():
+    for name, fields in {"surface": ["height", "counterface"], "active_tool": ["face"]}.items():
         made = read_dataset(generated.results / f"macroscale/{name}.h5")
         for field in fields:
             np.testing.assert_allclose(stored(f"macroscale/{name}")[field], made[field], atol=2e-5)
@@ -288,7 +288,7 @@ def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
     }
     same(two_scales_table(typed, stored("reference/patches")), "two_scales")
     intervals = pressure_intervals(
-        Macroscale(own.face, own.composite, stored("macroscale/second_stone").face),
+        Macroscale(own.face, own.composite, stored("macroscale/active_tool").face),
         own.pressures,
         errors=Errors(**own.config["uncertainty"]),
         force_N=550.0,
@@ -326,7 +326,7 @@ def test_the_force_acts_where_it_is_said_on_stones_that_differ(stored, table):
         moved_um = 0.3 * tangential / normal * cases["study", patch, "displacement"]
         assert grinding["tangential displacement"] == pytest.approx(moved_um, rel=1e-4)
         assert grinding["mean traction"] == pytest.approx(0.3 * float(found.mean_pressure), 1e-4)
-        assert cases["ceiling", patch, "share at the ceiling"] > 0.9
+        assert cases["cap", patch, "share at the cap"] > 0.9
     # patch 10, left out of the study, bears more than the hardness
     left_out = table("patch_pressures").set_index("patch").loc["10"]
     assert (left_out.pressure_MPa > 60, left_out.in_study) == (True, False)
@@ -389,22 +389,22 @@ def test_wear_follows_the_gesture(own, studied, stored, table, gesture, same):
         stored("gesture/exposure").exposure.mean()
     )
     np.testing.assert_allclose(rate, 5.5 * share, rtol=1e-3, atol=1e-4)
-    judged = kept(studied)
-    judged.worn_square = wear_stone(
+    scored = kept(studied)
+    scored.worn_square = wear_stone(
         own.contact, own.selected, own.registration, patch_mm=0.85, steps=2, gesture=gesture
     )
-    found = judged.judged(seed=1, resamples=199)
+    found = scored.scored(seed=1, resamples=199)
     same(found["wear"], "wear")
     same(found["profile"], "wear_profile")
     same(found["patches"], "validation_patches")
     summary = table("validation_summary")
-    assert "expected_worst(7+13, pressure_MPa)" in set(summary.statistic)
+    assert "expected_most_worn(7+13, pressure_MPa)" in set(summary.statistic)
     assert len(summary) == len(found["summary"])
 
 
 def test_the_page_shows_both_stones_and_the_gesture(studied, stored):
     page = (studied.results / "index.html").read_text(encoding="utf-8")
-    assert "Generated specimen" not in page
+    assert "Synthetic specimen" not in page
     assert "what a gesture leaves on the square" in page
     assert "Archard&#39;s law over a gesture of 3 poses predicts" in page
     fields = [stored("macroscale/contact").pressure, stored("gesture/exposure").exposure]
@@ -429,28 +429,30 @@ def test_the_other_stone_is_lifted_on_the_page(studied, browser):
     assert pictures[0] != pictures[1]
 
 
-# --- With a mat --------------------------------------------------------------------
+# --- With an interlayer --------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
-def with_a_mat(studied, tmp_path_factory):
-    """The mat takes the place of the gesture."""
-    folder = tmp_path_factory.mktemp("mat") / "study"
+def with_a_interlayer(studied, tmp_path_factory):
+    """The interlayer takes the place of the gesture."""
+    folder = tmp_path_factory.mktemp("interlayer") / "study"
     shutil.copytree(studied.folder, folder, copy_function=shutil.copy2)
     study = Study(folder, studied.config)
-    mat = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0}
-    study.change(gesture=None, mat=mat)
+    interlayer = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 300.0}
+    study.change(gesture=None, interlayer=interlayer)
     study.succeed()
     return study
 
 
-def test_a_mat_takes_turns_with_the_bare_stone(with_a_mat, tmp_path):
-    judged = kept(with_a_mat).judged(seed=1, resamples=199)
-    for name, rows in {"wear": judged["wear"], "validation_summary": judged["summary"]}.items():
-        assert_stored(rows, with_a_mat.results / f"tables/{name}.csv", tmp_path)
-    assert {"archard", "mat", "yielding"} < set(judged["wear"].model)
-    page = (with_a_mat.results / "index.html").read_text(encoding="utf-8").replace("\xa0", " ")
-    assert "with a mat of 300 MPa, 300 µm thick, predicts" in page
+def test_a_interlayer_takes_turns_with_the_bare_stone(with_a_interlayer, tmp_path):
+    scored = kept(with_a_interlayer).scored(seed=1, resamples=199)
+    for name, rows in {"wear": scored["wear"], "validation_summary": scored["summary"]}.items():
+        assert_stored(rows, with_a_interlayer.results / f"tables/{name}.csv", tmp_path)
+    assert {"archard", "interlayer", "archard_capped"} < set(scored["wear"].model)
+    page = (
+        (with_a_interlayer.results / "index.html").read_text(encoding="utf-8").replace("\xa0", " ")
+    )
+    assert "with an interlayer of 300 MPa, 300 µm thick, predicts" in page
 
 
 # --- Other studies, refused -------------------------------------------------------------------

@@ -14,7 +14,7 @@ from gstlib.surfaces.frames import FRAME, stored_frame
 
 from .conftest import assert_stored, fresh
 
-GESTURE = {"wander_mm": 0.5, "poses": 6}
+GESTURE = {"load_point_scatter_mm": 0.5, "poses": 6}
 
 
 @pytest.fixture(scope="module")
@@ -108,8 +108,10 @@ def test_the_proposed_places_are_a_patch_table(where, tmp_path):
     assert pressures.force_N.filter(regex="^C").sum() < 0.05 * pressures.force_N.sum()
     assert (where.results / "specimen/scans/E1_T1.plu").exists()
     config = read_config(where.folder / where.config)
-    # the hand that wanders errs by so much more
-    errors = config["uncertainty"] | {"force_point_mm": np.hypot(1.0, GESTURE["wander_mm"])}
+    # a load point that scatters errs by so much more
+    errors = config["uncertainty"] | {
+        "load_point_mm": np.hypot(1.0, GESTURE["load_point_scatter_mm"])
+    }
     files = (where.results / f"macroscale/{name}.h5" for name in ("surface", "composite"))
     intervals = pressure_intervals(
         Macroscale(*map(read_dataset, files), None),

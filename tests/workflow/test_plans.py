@@ -14,10 +14,10 @@ CONFIGS = [
     "config.yaml",
     "m12.yaml",
     "mesh_only.yaml",
-    "mat.yaml",
+    "interlayer.yaml",
     "own.yaml",
     "pebble.yaml",
-    "two_stones.yaml",
+    "two_tools.yaml",
 ]
 # One environment with a locked set of packages serves the whole workflow (see the Makefile): an
 # environment for each rule would install the same packages again.

@@ -12,7 +12,7 @@ from .conftest import ROOT
 
 def test_the_whole_plan_is_known_before_anything_has_run(study):
     drawn = {"draw_inputs", "draw_contact", "draw_validation"}
-    assert {"generate_specimen", "solve_patches", "judge_wear", *drawn} <= study.planned()
+    assert {"generate_specimen", "solve_patches", "score_wear", *drawn} <= study.planned()
 
 
 @pytest.mark.parametrize(
@@ -25,12 +25,12 @@ def test_the_whole_plan_is_known_before_anything_has_run(study):
                 "couple_scales",
                 "bound_pressures",
                 "solve_reference",
-                "judge_wear",
+                "score_wear",
             },
             {"solve_square", "compose_surface", "place_patches", "register_patches"},
         ),
         (
-            {"uncertainty": {"force_point_mm": 2.0}},
+            {"uncertainty": {"load_point_mm": 2.0}},
             {"bound_pressures", "draw_contact"},
             {"solve_macroscale", "compose_surface", "solve_patches"},
         ),
@@ -40,11 +40,11 @@ def test_the_whole_plan_is_known_before_anything_has_run(study):
             {"prepare_scans", "compose_surface", "solve_reference"},
         ),
         (
-            {"gesture": {"wander_mm": 0.5, "poses": 6}},
+            {"gesture": {"load_point_scatter_mm": 0.5, "poses": 6}},
             {"press_poses", "bound_pressures", "predict_wear"},
             {"solve_macroscale", "solve_patches"},
         ),
-        ({"validation": {"resamples": 299}}, {"judge_wear", "draw_validation", "write_page"}, None),
+        ({"validation": {"resamples": 299}}, {"score_wear", "draw_validation", "write_page"}, None),
         ({"grinding": {"friction": 0.5}}, {"solve_cases", "write_page"}, None),
         (
             {"counterface": {"scan": "face.plu", "radius_mm": 200.0}},
@@ -103,7 +103,7 @@ def test_a_changed_file_of_the_page_reruns_no_stage(tiny, tmp_path):
     tiny.environment = {"PYTHONPATH": str(library)}
     planned = tiny.planned()
     assert "write_page" in planned
-    assert planned.isdisjoint({"solve_macroscale", "solve_patches", "predict_wear", "judge_wear"})
+    assert planned.isdisjoint({"solve_macroscale", "solve_patches", "predict_wear", "score_wear"})
 
 
 def test_patches_are_shared_out_by_the_profile(tiny):

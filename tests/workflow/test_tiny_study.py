@@ -67,8 +67,8 @@ def test_every_step_has_the_settings_of_the_config(results, config):
             "minimum_points": config["traces"]["minimum_points"],
         },
         "surfaces/T1/1/13_T1": {"scans": config["scans"], "preprocessing": config["preprocessing"]},
-        "wear/square": {"steps": 4, "mat": None, "patch_mm": 0.85},
-        "wear/1/13": {"mat": None, "hardness_MPa": 800.0},
+        "wear/square": {"steps": 4, "interlayer": None, "patch_mm": 0.85},
+        "wear/1/13": {"interlayer": None, "pressure_cap": 800.0},
         "reference/patches": placed,
     }
     for name, expected in named.items():
@@ -175,12 +175,12 @@ def test_cases_are_those_of_the_stored_contacts(results, table, config):
     for key, expected in {
         ("grinding", "friction"): config["grinding"]["friction"],
         ("grinding", "tangential ratio"): config["grinding"]["tangential_ratio"],
-        ("ceiling", "hardness"): config["hardness"],
+        ("cap", "pressure_cap_MPa"): config["pressure_cap_MPa"],
     }.items():
         assert of_stone[key] == pytest.approx(expected, rel=1e-4), key
     rows = cases.set_index(["patch", "case", "quantity"]).value
     studied = list(pressures.patch[pressures.in_study])
-    of_patches = cases[cases.case.isin(["grinding", "ceiling"])].patch.dropna()
+    of_patches = cases[cases.case.isin(["grinding", "cap"])].patch.dropna()
     assert of_patches.unique().tolist() == studied
     for patch in studied:
         row, contact = rows[patch], read_dataset(results / f"microscale/1/{patch}.h5")
@@ -189,7 +189,7 @@ def test_cases_are_those_of_the_stored_contacts(results, table, config):
         assert row["grinding", "mean traction"] == pytest.approx(share * pressure.mean(), 1e-4)
         assert row["study", "peak pressure"] == pytest.approx(pressure.max(), 1e-4)
         assert row["study", "contact fraction"] == pytest.approx((pressure > 0).mean(), 1e-4)
-        assert row["ceiling", "displacement"] > row["study", "displacement"]
+        assert row["cap", "displacement"] > row["study", "displacement"]
 
 
 # --- Wear and scores --------------------------------------------------------------------------
@@ -245,7 +245,7 @@ def test_figures_are_drawn_from_the_stages_that_they_name(finished_tiny, results
     study = figures.Study(files, patches, patches, 100, {}, 5.0, 0.85, 550.0, "mm")
     for name in ("overview", "forces", "two_scales"):  # with the rule's files and settings
         figure = figures.figure_of(name, study)
-        save_figure(figure, tmp_path / "again.png", source_note="generated specimen")
+        save_figure(figure, tmp_path / "again.png", source_note="synthetic specimen")
         stored = results / f"figures/{name}.png"
         assert (tmp_path / "again.png").read_bytes() == stored.read_bytes(), name
     whole = read_dataset(files["contact"])

@@ -61,7 +61,7 @@ def test_batches_and_drawn_patches_leave_the_tables_alone(tiny):
     tiny.change(most_drawn_patches=2)
     tiny.succeed("--config", "patches_per_job=4")
     assert tiny.tables() == before
-    # the hardest pressed and the middle one of those with a T1
+    # the most heavily loaded and the middle one of those with a T1
     pressures = read_table(tiny.results / "tables/patch_pressures.csv")
     ordered = pressures.sort_values("pressure_MPa", ascending=False, kind="stable").patch
     wanted = set(ordered.iloc[[0, len(ordered) // 2]])
@@ -98,6 +98,6 @@ def test_a_study_that_no_patch_enters(tiny):
         assert table.empty
         assert "patch" in table.columns
     cases = read_table(tiny.results / "tables/cases.csv")
-    assert cases.patch[cases.case.isin(["grinding", "ceiling"])].isna().all()
+    assert cases.patch[cases.case.isin(["grinding", "cap"])].isna().all()
     assert (tiny.results / "figures/overview.png").stat().st_size > 0
     assert "No patch enters the study" in (tiny.results / "index.html").read_text(encoding="utf-8")

@@ -43,12 +43,12 @@ MESH = f"{RESULTS}/specimen/mesh.stl" if GENERATED else config["inputs"]["mesh"]
 MESH_UNIT = "mm" if GENERATED else config["inputs"]["mesh_unit"]
 SCAN_FOLDER = f"{RESULTS}/specimen/scans" if GENERATED else config["inputs"]["scan_folder"]
 COUNTERFACE_SCAN = (config["counterface"] or {}).get("scan", [])
-# The active stone, where there is a mesh of it, and the poses of a gesture.
-SECOND_STONE = counterface_mesh(config, f"{RESULTS}/specimen")
-COUNTERFACE_MESH = SECOND_STONE["mesh"] if SECOND_STONE else []
+# The active tool, where there is a mesh of it, and the poses of a gesture.
+ACTIVE_TOOL = counterface_mesh(config, f"{RESULTS}/specimen")
+COUNTERFACE_MESH = ACTIVE_TOOL["mesh"] if ACTIVE_TOOL else []
 POSES = poses_of(config)
-if SECOND_STONE:
-    SECOND_STONE["reach_mm"] = reach_of(config)
+if ACTIVE_TOOL:
+    ACTIVE_TOOL["reach_mm"] = reach_of(config)
 # The paper's square stays on its mean plane, and a flat presses it.
 LOAD = {
     "force_N": load_force(config["load"], SQUARE_MM),

@@ -58,12 +58,12 @@ rule bound_pressures:
         **LOAD,
         material=config["material"],
         patch_mm=PATCH_MM,
-        # The hand errs about its point of force, and wanders around it.
+        # The hand errs about its load point, and scatters around it.
         uncertainty=config["uncertainty"]
         | {
-            "force_point_mm": math.hypot(
-                config["uncertainty"]["force_point_mm"],
-                (config["gesture"] or {}).get("wander_mm", 0.0),
+            "load_point_mm": math.hypot(
+                config["uncertainty"]["load_point_mm"],
+                (config["gesture"] or {}).get("load_point_scatter_mm", 0.0),
             )
         },
         seed=config["seed"],
@@ -89,7 +89,7 @@ rule select_patches:
     params:
         worn=WORN_PATCHES,
         selection=config["selection"],
-        most_noise=config["validation"]["most_noise"],
+        max_noise_fraction=config["validation"]["max_noise_fraction"],
         code=code("select_patches.py"),
     message:
         "Selecting the patches of the study"

@@ -1,7 +1,7 @@
 # Each patch against a flat, or against a counterface where the config names one.
 # Takes: the clean scans and the patches' pressures. Gives: the contact of every patch up to its own
 # pressure, and the cases that the config asks for: stick and slip under a tangential load (`grinding`), a
-# ceiling on the pressure (`hardness`).
+# cap on the pressure (`pressure_cap_MPa`).
 
 
 rule solve_patches:
@@ -59,7 +59,7 @@ rule tabulate_microscale:
 
 
 # The cases that are solved beside the study; none of them, no table.
-if config["grinding"] or config["hardness"]:
+if config["grinding"] or config["pressure_cap_MPa"]:
 
     rule solve_cases:
         input:
@@ -75,7 +75,7 @@ if config["grinding"] or config["hardness"]:
         params:
             grinding=config["grinding"]
             and {**config["grinding"], "poisson": study_poisson(config["material"])},
-            hardness_MPa=config["hardness"],
+            pressure_cap=config["pressure_cap_MPa"],
             patches=ALL_PATCHES,
             code=code("solve_cases.py"),
         message:

@@ -3,8 +3,8 @@
 # too, and folders with a PNG for each patch; index.html, and the answer alone for the report; a record of
 # all inputs and results. One job draws several figures: it takes longer to start than to draw one.
 
-# Nobody must take a figure of a generated stone for one of a real tool.
-SOURCE_NOTE = "generated specimen" if GENERATED else None
+# Nobody must take a figure of a synthetic stone for one of a real tool.
+SOURCE_NOTE = "synthetic specimen" if GENERATED else None
 
 
 if SCANNED:
@@ -111,14 +111,14 @@ if WORN_PATCHES:
             pressures=PRESSURES,
             intervals=rules.bound_pressures.output.table,
             registration=rules.select_patches.output.registration,
-            patches_table=rules.judge_wear.output.patches,
-            summary=rules.judge_wear.output.summary,
-            wear=rules.judge_wear.output.table,
-            wear_profile=rules.judge_wear.output.profile,
+            patches_table=rules.score_wear.output.patches,
+            summary=rules.score_wear.output.summary,
+            wear=rules.score_wear.output.table,
+            wear_profile=rules.score_wear.output.profile,
             texture=rules.tabulate_texture.output.table,
         output:
             validation_png=picture(
-                "validation", "5 Validation", "the predicted loss beside its rivals"
+                "validation", "5 Validation", "the predicted loss beside its baselines"
             ),
             validation_svg=f"{RESULTS}/figures/validation.svg",
             wear_png=picture(
@@ -221,7 +221,7 @@ rule write_page:
         places=PLACES,
         patch_mm=PATCH_MM,
         mesh_unit=MESH_UNIT,
-        second_stone=SECOND_STONE,
+        active_tool=ACTIVE_TOOL,
         config=config,
         commit=commit(ROOT),
         program=program_hash(),

@@ -27,8 +27,8 @@ rule check_inputs:
             "maximum_unmeasured": config["preprocessing"]["maximum_unmeasured"],
             "placed": PLACED and SCANNED,
             "reference": REFERENCE,
-            "mat": config["mat"],
-            "second_stone": SECOND_STONE,
+            "interlayer": config["interlayer"],
+            "active_tool": ACTIVE_TOOL,
         },
         code=code("check_inputs.py"),
     message:
@@ -58,7 +58,7 @@ rule grid_macroscale:
         mesh=MESH,
         counterface=COUNTERFACE_MESH,
     output:
-        **({"second": f"{RESULTS}/macroscale/second_stone.h5"} if SECOND_STONE else {}),
+        **({"second": f"{RESULTS}/macroscale/active_tool.h5"} if ACTIVE_TOOL else {}),
         face=f"{RESULTS}/macroscale/surface.h5",
         table=table("gridding", "2 Macroscale"),
     log:
@@ -68,7 +68,7 @@ rule grid_macroscale:
     params:
         gridding=GRID | config["square"] | {"interpolation": config["macroscale"]["interpolation"]},
         mesh_unit=MESH_UNIT,
-        second_stone=SECOND_STONE,
+        active_tool=ACTIVE_TOOL,
         code=code("grid_macroscale.py"),
     message:
         "Interpolating {input.mesh} on the square and the face around it"
@@ -76,7 +76,7 @@ rule grid_macroscale:
         "../scripts/grid_macroscale.py"
 
 
-SECOND = rules.grid_macroscale.output.second if SECOND_STONE else []
+SECOND = rules.grid_macroscale.output.second if ACTIVE_TOOL else []
 
 
 rule prepare_scans:

@@ -1,4 +1,4 @@
-# The generated specimen, if the config asks for one.
+# The synthetic specimen, if the config asks for one.
 # Takes: the patch table. Gives: a mesh, scans before and after use, and the truth about them; without
 # patches the mesh alone.
 

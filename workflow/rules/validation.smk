@@ -1,19 +1,19 @@
 # Was the prediction right?
 # Takes: what the stages before found. Gives: how well the predicted loss agrees with the measured one,
-# beside rivals that know as much; the contact of the patches beside one contact of the whole square at
-# their resolution, and beside published figures; of a generated specimen every stage beside the truth.
+# beside baselines that are given the same data; the contact of the patches beside one contact of the whole square at
+# their resolution, and beside published figures; of a synthetic specimen every stage beside the truth.
 
 
 if WORN_PATCHES:
 
-    EXPECTED_WORST = config["validation"]["expected_worst"]
+    EXPECTED_MOST_WORN = config["validation"]["expected_most_worn"]
 
-    rule judge_wear:
+    rule score_wear:
         input:
             contacts=expand(rules.solve_patches.output.contacts, batch=WORN_BATCHES),
             registered=CHANGES,
             square=rules.fit_wear.output.square,
-            mat=MAT,
+            interlayer=INTERLAYER,
             depths=DEPTHS,
             pressures=PRESSURES,
             registration=rules.select_patches.output.registration,
@@ -23,21 +23,21 @@ if WORN_PATCHES:
             profile=table("wear_profile", "5 Validation"),
             summary=table("validation_summary", "5 Validation"),
         log:
-            f"{RESULTS}/logs/judge_wear.log",
+            f"{RESULTS}/logs/score_wear.log",
         resources:
             mem_mb=growing(500, scan=100, scans=12),
             runtime=growing(10, scans=0.5),
         params:
             worn=WORN_PATCHES,
             # a claim about other patches says nothing about these
-            expected_worst=EXPECTED_WORST if set(EXPECTED_WORST) <= set(ALL_PATCHES) else [],
+            expected_most_worn=EXPECTED_MOST_WORN if set(EXPECTED_MOST_WORN) <= set(ALL_PATCHES) else [],
             seed=config["seed"],
             resamples=config["validation"]["resamples"],
-            code=code("judge_wear.py"),
+            code=code("score_wear.py"),
         message:
-            "Judging the predicted loss by the measured one"
+            "Scoring the predicted loss by the measured one"
         script:
-            "../scripts/judge_wear.py"
+            "../scripts/score_wear.py"
 
 
 if REFERENCE:

@@ -1,29 +1,29 @@
 # What wear the contact predicts.
 # Takes: the contact of the stone and of its patches, and the height changes. Gives: the square as it
-# wears by Archard's law, fitted to the losses; and the loss of each patch that the other patches foretell.
+# wears by Archard's law, fitted to the losses; and the loss of each patch that the other patches predict.
 
 
 rule fit_wear:
     input:
         contact=rules.solve_macroscale.output.contact,
         second=SECOND if POSES is not None else [],
-        contacts=CONTACTS if config["mat"] else [],
-        registered=CHANGES if config["mat"] else [],
+        contacts=CONTACTS if config["interlayer"] else [],
+        registered=CHANGES if config["interlayer"] else [],
         pressures=PRESSURES,
         registration=rules.select_patches.output.registration,
     output:
-        **({"mat": f"{RESULTS}/wear/mat.h5"} if config["mat"] else {}),
+        **({"interlayer": f"{RESULTS}/wear/interlayer.h5"} if config["interlayer"] else {}),
         square=f"{RESULTS}/wear/square.h5",
     log:
         f"{RESULTS}/logs/fit_wear.log",
     resources:
-        mem_mb=growing(600, scan=600 if config["mat"] else 0),
-        runtime=growing(30, scans=1 if config["mat"] else 0),
+        mem_mb=growing(600, scan=600 if config["interlayer"] else 0),
+        runtime=growing(30, scans=1 if config["interlayer"] else 0),
     params:
         patches=WORN_PATCHES,
         patch_mm=PATCH_MM,
         steps=config["wear_steps"],
-        mat_layer=config["mat"],
+        interlayer_layer=config["interlayer"],
         poses=None if POSES is None else POSES.to_dict("list"),
         size_mm=SQUARE_MM,
         code=code("fit_wear.py"),
@@ -33,13 +33,13 @@ rule fit_wear:
         "../scripts/fit_wear.py"
 
 
-MAT = rules.fit_wear.output.mat if config["mat"] else []
+INTERLAYER = rules.fit_wear.output.interlayer if config["interlayer"] else []
 
 
 rule predict_wear:
     input:
         square=rules.fit_wear.output.square,
-        mat=MAT,
+        interlayer=INTERLAYER,
         contacts=rules.solve_patches.output.contacts,
     output:
         depths=directory(f"{RESULTS}/wear/{{batch}}"),
@@ -50,8 +50,8 @@ rule predict_wear:
         runtime=growing(10, batch=2),
     params:
         patches=lambda wildcards: WORN_BATCHES[wildcards.batch],
-        mat_layer=config["mat"],
-        hardness_MPa=config["hardness"],
+        interlayer_layer=config["interlayer"],
+        pressure_cap=config["pressure_cap_MPa"],
         code=code("predict_wear.py"),
     message:
         f"Wearing the patches: part {{wildcards.batch}} of {len(BATCHES)}"

@@ -1,4 +1,4 @@
-"""Wear the square by Archard's law, and fit the law, and a mat, to the losses of the patches."""
+"""Wear the square by Archard's law, and fit law and interlayer to the losses of the patches."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.macroscale.gesture import Gesture
 from gstlib.wear.fit import wear_stone
-from gstlib.wear.interlayer import fit_mat
+from gstlib.wear.interlayer import fit_interlayer
 
 CHANGE = "change", "loss", "level_of_detection"
 
@@ -26,12 +26,12 @@ def main(
     pressures: Path,
     registration: Path,
     square: Path,
-    mat: Path | None = None,
+    interlayer: Path | None = None,
     *,
     patches: list[str],
     patch_mm: float,
     steps: int,
-    mat_layer: dict[str, float] | None,
+    interlayer_layer: dict[str, float] | None,
     poses: dict | None,
     size_mm: float,
 ) -> None:
@@ -41,18 +41,18 @@ def main(
         counterface = read_dataset(second).face if second else pressed.interface.counterface
         through = pressed.load.through
         gesture = Gesture(counterface, bool(second), size_mm, through, pd.DataFrame(poses))
-    settings = {"patch_mm": patch_mm, "steps": steps, "mat": mat_layer}
+    settings = {"patch_mm": patch_mm, "steps": steps, "interlayer": interlayer_layer}
     tables = read_pressures(pressures), read_table(registration)
     worn = wear_stone(pressed, *tables, gesture=gesture, **settings)
     made = provenance([contact, pressures, registration], settings)
     write_dataset(square, worn.path if worn else xr.Dataset(), made)
-    if mat is not None:
+    if interlayer is not None:
         fitted = xr.Dataset()
         if worn:
             before = Stored(files_of(contacts, patches), then=Contact.from_dataset)
-            fitted = fit_mat(worn, before, Stored(files_of(registered, patches), CHANGE))
-            fitted = fitted.assign(pressure=worn.mat.pressure)
-        write_dataset(mat, fitted, made)
+            fitted = fit_interlayer(worn, before, Stored(files_of(registered, patches), CHANGE))
+            fitted = fitted.assign(pressure=worn.interlayer.pressure)
+        write_dataset(interlayer, fitted, made)
 
 
 if "snakemake" in globals():

@@ -1,4 +1,4 @@
-"""Make the generated specimen: its mesh, its scans before and after use, and the truth.
+"""Make the synthetic specimen: its mesh, its scans before and after use, and the truth.
 
 Without patches, its mesh alone.
 """

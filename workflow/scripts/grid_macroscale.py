@@ -1,4 +1,4 @@
-"""Interpolate the mesh, and that of a second stone, on the square and the face around it."""
+"""Interpolate the mesh, and that of a active tool, on the square and the face around it."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from gst.provenance import provenance
 from gst.tables import write_table
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
-from gstlib.macroscale.active_tool import SecondStone
+from gstlib.macroscale.active_tool import ActiveTool
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.preprocess.mesh import gridding_table
 
@@ -20,12 +20,12 @@ def main(
     second: Path | None = None,
     *,
     mesh_unit: str,
-    second_stone: dict | None,
+    active_tool: dict | None,
     gridding: dict,
 ) -> None:
     stone = read_mesh(mesh, unit=mesh_unit)
-    other = SecondStone.read(**second_stone) if second_stone else None
-    gridded, of_other = grid_macroscale(stone, source=mesh, second_stone=other, **gridding)
+    other = ActiveTool.read(**active_tool) if active_tool else None
+    gridded, of_other = grid_macroscale(stone, source=mesh, active_tool=other, **gridding)
     inputs = [mesh, *([counterface] if other else [])]
     made = provenance(inputs, {"mesh_unit": mesh_unit} | gridding)
     write_dataset(face, gridded, made)

@@ -1,4 +1,4 @@
-"""Press the face in some poses of the active stone, one after the other."""
+"""Press the face in some poses of the active tool, one after the other."""
 
 from pathlib import Path
 

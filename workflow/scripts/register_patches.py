@@ -7,7 +7,7 @@ from gst.batches import files_of
 from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.change.change import Detection, register_patch
-from gstlib.change.form import form_doubt
+from gstlib.change.form import form_warning
 from gstlib.io.store import read_attributes, read_dataset, write_dataset
 
 READ = "height", "filled", "outlier"
@@ -31,7 +31,7 @@ def main(
         files = [first[patch], second[patch]]
         scans = [read_dataset(file, READ) for file in files]
         logging.getLogger("gst").info("%s", patch)
-        if doubt := form_doubt(*(scan.height for scan in scans)):
+        if doubt := form_warning(*(scan.height for scan in scans)):
             logging.getLogger("gstlib").warning("patch %s: %s", patch, doubt)
         found = register_patch(*scans, patch=patch, detection=measured, **settings)
         write_dataset(registered / f"{patch}.h5", found, provenance(files + further, settings))

@@ -1,4 +1,4 @@
-"""Score every stage against the generated specimen's truth."""
+"""Score every stage against the synthetic specimen's truth."""
 
 from pathlib import Path
 

@@ -19,10 +19,10 @@ def main(
     *,
     worn: list[str],
     selection: dict[str, float],
-    most_noise: float,
+    max_noise_fraction: float,
 ) -> None:
     changes = Stored(files_of(registered, worn), ["change", "loss", "gain"])
-    quality = registration_table(changes, selection, most_noise=most_noise)
+    quality = registration_table(changes, selection, max_noise_fraction=max_noise_fraction)
     selected = select_patches(read_pressures(pressures), quality, selection)
     if not selected.in_study.any():
         logging.getLogger("gst").warning(

@@ -1,4 +1,4 @@
-"""Solve what the config asks for: a grinding force, a ceiling."""
+"""Solve what the config asks for: a grinding force, a cap."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,7 +9,7 @@ from gst.tables import write_table
 from gstlib.contact import Contact
 from gstlib.io.store import Stored
 from gstlib.io.tables import read_pressures, studied_files
-from gstlib.microscale.slip_and_cap import case_table, check_ceiling, patch_rows
+from gstlib.microscale.slip_and_cap import case_table, check_cap, patch_rows
 
 
 def main(
@@ -19,15 +19,15 @@ def main(
     *,
     patches: list[str],
     grinding: Mapping[str, float] | None,
-    hardness_MPa: float | None,
+    pressure_cap: float | None,
 ) -> None:
     files = files_of(contacts, patches)
     studied = studied_files(pressures, patches, [*files.values()])
-    if hardness_MPa is not None:
+    if pressure_cap is not None:
         by_patch = read_pressures(pressures)
-        check_ceiling(by_patch[by_patch.patch.isin(studied)], hardness_MPa)
+        check_cap(by_patch[by_patch.patch.isin(studied)], pressure_cap)
     rows = patch_rows(
-        Stored(studied, then=Contact.from_dataset), grinding=grinding, hardness_MPa=hardness_MPa
+        Stored(studied, then=Contact.from_dataset), grinding=grinding, pressure_cap=pressure_cap
     )
     write_table(table, case_table(rows))
 

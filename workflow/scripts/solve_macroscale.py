@@ -8,7 +8,7 @@ from gst.provenance import provenance
 from gst.tables import write_table
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.macroscale.equilibrium import macroscale_table, solve_macroscale
-from gstlib.macroscale.plausibility import contact_doubts
+from gstlib.macroscale.plausibility import plausibility_warnings
 
 
 def main(
@@ -32,7 +32,7 @@ def main(
     stored, size_mm = solved.to_dataset(), float(whole.size_mm)
     write_dataset(contact, stored, provenance([face], settings))
     write_table(path, macroscale_table(stored))
-    for doubt in contact_doubts(solved.final, size_mm=size_mm, patch_mm=patch_mm):
+    for doubt in plausibility_warnings(solved.final, size_mm=size_mm, patch_mm=patch_mm):
         logging.getLogger("gstlib").warning("%s", doubt)
 
 

@@ -1,6 +1,6 @@
 """Press the whole square at the scans' resolution, once for each draw of what was not scanned.
 
-On a generated specimen it is the true surface, of which there is one, in the true face at rest.
+On a synthetic specimen it is the true surface, of which there is one, in the true face at rest.
 """
 
 from collections.abc import Iterator

@@ -17,14 +17,14 @@ def main(
     places: dict[str, list],
     patch_mm: float,
     mesh_unit: str,
-    second_stone: dict | None,
+    active_tool: dict | None,
     config: dict,
     commit: str | None,
     program: str,
     **files: Path | list[Path],
 ) -> None:
     """`files` are the inputs (see `StudyPage`)."""
-    study = StudyPage(files, titles, steps, places, patch_mm, mesh_unit, second_stone, config)
+    study = StudyPage(files, titles, steps, places, patch_mm, mesh_unit, active_tool, config)
     study.write(page, report, record, contents, commit=commit, program=program)
 
 

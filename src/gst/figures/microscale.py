@@ -149,7 +149,7 @@ def patch_figure(
         ("no change is known" if unknown.all() else lost, t0, changes | measured),
     ]
     marks = {}
-    if predicted is not None:  # as scans show it: counted from its median
+    if predicted is not None:  # as scans show it: in_statistics from its median
         depth = seen_depth(predicted.values * MM_TO_UM).clip(0)
         title = f"predicted from the others: mean {depth.mean():.2g} µm"
         drawn.append((title, t0, changes | {"values": -depth}))

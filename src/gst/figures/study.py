@@ -31,7 +31,7 @@ __all__ = ["Study", "draw"]
 OF_STUDIED = {"microscale_maps", "two_scales"}
 # Figures of predicted losses.
 OF_PREDICTED = {"validation", "wear"}
-# Patches of the figure of two scales, the hardest pressed.
+# Patches of the figure of two scales, the most heavily loaded.
 MOST_COMPARED = 8
 
 
@@ -99,7 +99,7 @@ class Study:
 
     @cached_property
     def drawn(self) -> list[str]:
-        """The patches of the study that are drawn one by one, hardest pressed first."""
+        """The patches of the study that are drawn one by one, most heavily loaded first."""
         table = self.pressures.sort_values("pressure_MPa", ascending=False, kind="stable")
         return evenly(list(table["patch"][table["in_study"]]), self.most_drawn_patches)
 
@@ -117,7 +117,7 @@ class Study:
 
     @cached_property
     def compared(self) -> list[str]:
-        """The patches with a T1 that are drawn one by one, hardest pressed first."""
+        """The patches with a T1 that are drawn one by one, most heavily loaded first."""
         table = self.pressures.sort_values("pressure_MPa", ascending=False, kind="stable")
         worn = [patch for patch in table["patch"] if patch in self.worn]
         return evenly(worn, self.most_drawn_patches)
@@ -200,9 +200,9 @@ def figure_of(name: str, study: Study) -> Figure:
             )
         case "wear":
             parts = (study.table(f"wear{part}") for part in ("", "_profile"))
-            patches = study.table("patches_table", "patch", "counted")
-            counted = patches.patch[patches.counted.astype(bool)]
-            return tables.wear_figure(*parts, study.table("intervals"), counted)
+            patches = study.table("patches_table", "patch", "in_statistics")
+            in_statistics = patches.patch[patches.in_statistics.astype(bool)]
+            return tables.wear_figure(*parts, study.table("intervals"), in_statistics)
         case "validation":
             pressures = study.pressures[["patch", "pressure_MPa"]]
             losses = study.table("registration", "patch").merge(pressures, on="patch")

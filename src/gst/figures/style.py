@@ -76,7 +76,7 @@ def save_figure(
     Parameters
     ----------
     source_note : str, optional
-        Small print in the corner, which marks pictures of a generated specimen as such.
+        Small print in the corner, which marks pictures of a synthetic specimen as such.
     """
     if source_note:
         look: dict[str, Any] = {

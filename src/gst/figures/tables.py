@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from gst.figures import style
 from gst.figures.style import AMBER, BLACK, BLUE, CHARTS, GREEN, GREY, VERMILION, styled
 from gst.verdict import MODELS, TOUCHED
-from gstlib.validation.baselines import CEILING
-from gstlib.wear.archard import BARE, MAT, YIELDING
+from gstlib.validation.baselines import ORACLE
+from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
 __all__ = ["texture_figure", "validation_figure", "wear_figure"]
 
@@ -25,15 +25,15 @@ _TEXTURE = {
     "Sal_um": "grain",
     "Str": "isotropy (1: in no direction)",
 }
-# Of the predictions; rivals are grey, and the ceiling is open.
-_LOOKS = {BARE: (BLUE, "o"), MAT: (GREEN, "D"), YIELDING: (AMBER, "s")}
+# Of the predictions; baselines are grey, and the cap is open.
+_LOOKS = {BARE: (BLUE, "o"), INTERLAYER: (GREEN, "D"), CAPPED: (AMBER, "s")}
 
 
 @styled
 def validation_figure(
     patches: pd.DataFrame, losses: pd.DataFrame, summary: pd.DataFrame
 ) -> Figure:
-    """Mean agreement of the prediction and its rivals with the loss, and loss against pressure.
+    """Mean agreement of the prediction and its baselines with the loss, and loss against pressure.
 
     Parameters
     ----------
@@ -46,19 +46,21 @@ def validation_figure(
     """
     figure, (agreement, extent) = style.panels(2, 2, (3.4, 3.0), (0.5, 0.15, 0.45, 0.45))
     _draw_agreement(agreement, summary)
-    counted = set(patches.patch[patches.counted.astype(bool)])
-    known = losses[losses.believed.astype(bool)].dropna(subset="loss_per_area_um")
-    is_touched, is_counted = known.pressure_MPa > 0, known.patch.isin(counted)
+    in_statistics = set(patches.patch[patches.in_statistics.astype(bool)])
+    known = losses[losses.above_noise.astype(bool)].dropna(subset="mean_wear_depth_um")
+    is_touched, is_in_statistics = known.pressure_MPa > 0, known.patch.isin(in_statistics)
     for name, those, colour, fill in (
-        ("in the study", is_touched & is_counted, VERMILION, VERMILION),
-        ("touched, left out", is_touched & ~is_counted, GREY, GREY),
+        ("in the study", is_touched & is_in_statistics, VERMILION, VERMILION),
+        ("touched, left out", is_touched & ~is_in_statistics, GREY, GREY),
         ("nothing touches it", ~is_touched, GREY, "white"),
     ):
-        at = known.pressure_MPa[those], known.loss_per_area_um[those]
+        at = known.pressure_MPa[those], known.mean_wear_depth_um[those]
         look = {"color": colour, "mfc": fill, "label": name, "clip_on": False, "zorder": 3}
         extent.plot(*at, "o", **look)
     for row in known[is_touched].itertuples():
-        style.write_beside(extent, row.patch, (row.pressure_MPa, row.loss_per_area_um), (3, 5))
+        style.write_beside(
+            extent, row.patch, (row.pressure_MPa, row.mean_wear_depth_um), (3, 5)
+        )
     extent.set(xlabel="pressure of the patch (MPa)", ylabel="loss per area (µm)")
     extent.set(xlim=(0, None), ylim=(0, None))
     title = "Do patches under more pressure wear more?"
@@ -83,7 +85,7 @@ def _draw_agreement(axes: Axes, summary: pd.DataFrame) -> None:
     attainable = summary[summary.statistic == "mean(attainable_mcc)"].set_index("model").value
     for place, row in enumerate(means.itertuples()):
         colour, marker = _LOOKS.get(row.Index, (GREY, "o"))
-        fill = "white" if row.Index == CEILING else colour
+        fill = "white" if row.Index == ORACLE else colour
         if math.isfinite(row.low):
             axes.plot([row.low, row.high], [place, place], color=colour)
         axes.plot(row.value, place, marker, color=colour, mfc=fill)
@@ -127,7 +129,10 @@ def texture_figure(table: pd.DataFrame) -> Figure:
 
 @styled
 def wear_figure(
-    table: pd.DataFrame, profile: pd.DataFrame, limits: pd.DataFrame, counted: Iterable[str]
+    table: pd.DataFrame,
+    profile: pd.DataFrame,
+    limits: pd.DataFrame,
+    in_statistics: Iterable[str],
 ) -> Figure:
     """Predicted against measured volume of every patch, and loss by height.
 
@@ -137,17 +142,17 @@ def wear_figure(
         ``wear.csv`` and ``wear_profile.csv``.
     limits : pandas.DataFrame
         ``patch_intervals.csv``: a volume and its interval are proportional to the pressure.
-    counted : iterable of str
+    in_statistics : iterable of str
         The patches that enter the statistics; only these are drawn.
     """
     figure, (volumes, heights) = style.panels(2, 2, (2.8, 2.8), (0.7, *CHARTS[1:]), head=0.25)
-    table, profile = (of[of.patch.isin(list(counted))] for of in (table, profile))
+    table, profile = (of[of.patch.isin(list(in_statistics))] for of in (table, profile))
     units = 1e5  # µm³
     models = [model for model in _LOOKS if model in set(table.model)]
     for model in models:
         of, (colour, marker) = table[table.model == model], _LOOKS[model]
         places = of.measured_volume_um3 / units, of.predicted_volume_um3 / units
-        look = {"mfc": "none"} if model == YIELDING else {}  # it may lie over the elastic one
+        look = {"mfc": "none"} if model == CAPPED else {}  # it may lie over the elastic one
         volumes.plot(*places, marker, color=colour, label=MODELS[model], **look)
         if model == BARE:
             share = limits.set_index("patch").loc[of.patch]
@@ -166,7 +171,7 @@ def wear_figure(
     means = profile.groupby(["model", "band"], sort=False).loss_um.mean()
     for model, (colour, marker) in ({"measured": (BLACK, "x")} | _LOOKS).items():
         if model in means:
-            look = {"mfc": "none", "ls": "--"} if model == YIELDING else {}
+            look = {"mfc": "none", "ls": "--"} if model == CAPPED else {}
             heights.plot(means[model], means[model].index, color=colour, marker=marker, **look)
     heights.annotate(
         "× measured", (means["measured"][3], 3), (8, -3), textcoords="offset points"

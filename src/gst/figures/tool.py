@@ -205,14 +205,14 @@ def check_figure(
     patch_size_mm: float,
     face: xr.Dataset | None = None,
     pushed: np.ndarray | None = None,
-    mat_um: float | None = None,
+    interlayer_um: float | None = None,
 ) -> Figure:
     """Where the square lies on the stone, in two views, and where the patches lie in the square.
 
     `mesh` is the stone (mm), `frame` and `size_mm` are those of the square; the others as in
     `gst.figures.macroscale.input_figure`. Without a height the square is left out. `face`, with
-    height and counterface (y, x), mm, gives a panel with the gap to the active stone, and the
-    points (n, 2) of (y, x), mm, through which it is `pushed`; its title names a mat.
+    height and counterface (y, x), mm, gives a panel with the gap to the active tool, and the
+    points (n, 2) of (y, x), mm, through which it is `pushed`; its title names an interlayer.
     """
     count = 2 + (height is not None) + (face is not None)
     figure, panels = style.panels(count, count, _PANEL, (0.55, 0.25, 0.3, 0.85))
@@ -234,11 +234,11 @@ def check_figure(
         axes, square = panels[-1], _UNIT * size_mm
         near = maps.HEIGHT_MAP.reversed()
         maps.draw_map(
-            axes, gap - gap.min(), cmap=near, ticks=True, bar="gap to the active stone (µm)"
+            axes, gap - gap.min(), cmap=near, ticks=True, bar="gap to the active tool (µm)"
         )
         axes.add_patch(Polygon(square, fill=False, edgecolor=VERMILION, lw=1.2))
         if pushed is not None:
             axes.plot(pushed[:, 1], pushed[:, 0], "+", color=VERMILION, markersize=4)
-        mat = f"; mat of {mat_um:g} µm" if mat_um else ""
-        axes.set_title(f"the active stone{mat}; + where it is pushed")
+        interlayer = f"; interlayer of {interlayer_um:g} µm" if interlayer_um else ""
+        axes.set_title(f"the active tool{interlayer}; + where it is pushed")
     return figure

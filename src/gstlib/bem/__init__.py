@@ -9,7 +9,7 @@ until the body is at rest; `load_path` does so step by step, and
 Units: mm, N, MPa. This package knows nothing of stones, files or workflows.
 """
 
-from .errors import ContactError, ConvergenceError, InvalidContactInput, TipsOver
+from .errors import ContactError, ContactInputError, ConvergenceError, TippingError
 from .halfspace import HalfSpace, contact_modulus
 from .layer import Layer
 from .loading import LoadPath, load_path
@@ -18,14 +18,14 @@ from .wear import ThirdBody, WearPath, wear_path
 
 __all__ = [
     "ContactError",
+    "ContactInputError",
     "ContactState",
     "ConvergenceError",
     "HalfSpace",
-    "InvalidContactInput",
     "Layer",
     "LoadPath",
     "ThirdBody",
-    "TipsOver",
+    "TippingError",
     "WearPath",
     "contact_modulus",
     "load_path",

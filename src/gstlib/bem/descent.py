@@ -55,7 +55,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
         opening = field - relief
         rigid = load.rigid(load.freedoms(pressure, opening))
         penetration = rigid - opening
-        free = np.where(penetration > 0, pressure < load.pressure_limit, pressure > 0)
+        free = np.where(penetration > 0, pressure < load.pressure_cap, pressure > 0)
         residual = penetration * free
         violation = np.abs(residual).max()
         stalled = iterations - halved > _PATIENCE and not cautious
@@ -85,7 +85,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
         preconditioned = direction
         # Directions whose displacement is known already: the last change and, unless load or
         # limit hold it, the pressure itself, which sets the level of the whole.
-        scalable = load.force is None and 0 < convolved.max() < load.pressure_limit
+        scalable = load.force is None and 0 < convolved.max() < load.pressure_cap
         level = [(convolved, field)] if scalable else []
         known = level if change is None else [(change, change_field), *level]
         if known:
@@ -127,7 +127,7 @@ def descend(window, load, relief, pressure, field, tolerance, error, iterations)
         convolved = convolved + change
         field = field + change_field
         # What the trial cut stays at its bound.
-        inside = (trial > 0) & (trial < load.pressure_limit)
+        inside = (trial > 0) & (trial < load.pressure_cap)
         pressure = load.admissible(
             np.where(inside, convolved, trial), None if lift is None else lift * inside
         )

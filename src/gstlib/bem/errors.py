@@ -6,9 +6,9 @@ import numpy as np
 
 __all__ = [
     "ContactError",
+    "ContactInputError",
     "ConvergenceError",
-    "InvalidContactInput",
-    "TipsOver",
+    "TippingError",
     "checked_array",
     "checked_number",
     "checked_tolerance",
@@ -19,11 +19,11 @@ class ContactError(Exception):
     """Base of every error raised by `gstlib.bem`."""
 
 
-class InvalidContactInput(ContactError, ValueError):  # noqa: N818 - named like ValueError
+class ContactInputError(ContactError, ValueError):
     """The problem makes no sense as stated: a wrong shape, NaN, a negative load and so on."""
 
 
-class TipsOver(InvalidContactInput):
+class TippingError(ContactInputError):
     """A force acts through a point that nothing can hold."""
 
 
@@ -36,10 +36,10 @@ def checked_number(name: str, value: object, unit: str, *, positive: bool = Fals
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
-        raise InvalidContactInput(f"{name} must be a number ({unit}), got {value!r}") from None
+        raise ContactInputError(f"{name} must be a number ({unit}), got {value!r}") from None
     if not 0 <= number < math.inf or (positive and number == 0):
         wanted = "positive and finite" if positive else "finite and not negative"
-        raise InvalidContactInput(f"{name} must be {wanted} ({unit}), got {value}")
+        raise ContactInputError(f"{name} must be {wanted} ({unit}), got {value}")
     return number
 
 
@@ -49,14 +49,14 @@ def checked_tolerance(tolerance: object) -> float:
         "tolerance", tolerance, "relative to the displacement", positive=True
     )
     if not number < 1:
-        raise InvalidContactInput(f"tolerance must be below 1, got {tolerance}")
+        raise ContactInputError(f"tolerance must be below 1, got {tolerance}")
     return number
 
 
 def checked_steps(steps: object) -> int:
     """A number of steps, at least 1."""
     if not isinstance(steps, int | np.integer) or steps < 1:
-        raise InvalidContactInput(f"steps must be an integer of at least 1, got {steps!r}")
+        raise ContactInputError(f"steps must be an integer of at least 1, got {steps!r}")
     return int(steps)
 
 
@@ -69,23 +69,23 @@ def checked_array(
     """
     if np.ma.is_masked(values) or np.iscomplexobj(values):
         kind = "complex" if np.iscomplexobj(values) else "masked"
-        raise InvalidContactInput(
+        raise ContactInputError(
             f"{name} has {kind} values: give finite real numbers everywhere"
         )
     try:
         array = np.asarray(values, dtype=float)
     except (TypeError, ValueError) as error:
-        raise InvalidContactInput(f"{name} must be an array of numbers: {error}") from None
+        raise ContactInputError(f"{name} must be an array of numbers: {error}") from None
     if array.ndim != 2 or array.size == 0:
-        raise InvalidContactInput(f"{name} must be a (ny, nx) array, got shape {array.shape}")
+        raise ContactInputError(f"{name} must be a (ny, nx) array, got shape {array.shape}")
     if shape is not None and array.shape != shape:
-        raise InvalidContactInput(f"{name} has shape {array.shape}, the surface {shape}")
+        raise ContactInputError(f"{name} has shape {array.shape}, the surface {shape}")
     missing = np.isneginf(array) if holes else np.zeros(array.shape, bool)
     bad = np.count_nonzero(~(np.isfinite(array) | missing))
     if bad:
-        raise InvalidContactInput(
+        raise ContactInputError(
             f"{name} has {bad} values that are NaN or infinite: fill unmeasured points first"
         )
     if missing.all():
-        raise InvalidContactInput(f"{name} are −inf everywhere: there is no surface to touch")
+        raise ContactInputError(f"{name} are −inf everywhere: there is no surface to touch")
     return array

@@ -20,7 +20,7 @@ from .convolution import (
     kernel_spectrum,
     love_kernel,
 )
-from .errors import InvalidContactInput, checked_array, checked_number
+from .errors import ContactInputError, checked_array, checked_number
 from .layer import Layer
 
 __all__ = ["APPROXIMATION_ERROR", "HalfSpace", "contact_modulus", "inverse_padding"]
@@ -55,7 +55,7 @@ def contact_modulus(
 
     Raises
     ------
-    InvalidContactInput
+    ContactInputError
         A constant outside its physical range.
 
     References
@@ -66,12 +66,12 @@ def contact_modulus(
     compliance = 0.0
     for body, young, poisson in ((1, young_1, poisson_1), (2, young_2, poisson_2)):
         if not young > 0:
-            raise InvalidContactInput(f"young_{body} must be positive (MPa), got {young}")
+            raise ContactInputError(f"young_{body} must be positive (MPa), got {young}")
         if not -1 < poisson <= 0.5:
-            raise InvalidContactInput(f"poisson_{body} must lie in (-1, 0.5], got {poisson}")
+            raise ContactInputError(f"poisson_{body} must lie in (-1, 0.5], got {poisson}")
         compliance += (1 - poisson**2) / young
     if compliance == 0:
-        raise InvalidContactInput("both bodies are rigid: one Young's modulus must be finite")
+        raise ContactInputError("both bodies are rigid: one Young's modulus must be finite")
     return 1 / compliance
 
 
@@ -104,7 +104,7 @@ class HalfSpace:
 
     Raises
     ------
-    InvalidContactInput
+    ContactInputError
         Empty shape, spacing or modulus not positive and finite.
 
     Examples
@@ -126,7 +126,7 @@ class HalfSpace:
         layer: Layer | None = None,
     ):
         if len(shape) != 2 or min(shape) < 1:
-            raise InvalidContactInput(f"shape must be (ny, nx), at least (1, 1), got {shape}")
+            raise ContactInputError(f"shape must be (ny, nx), at least (1, 1), got {shape}")
         self.shape = tuple(shape)
         dy, dx = np.broadcast_to(np.asarray(spacing), 2)
         self.spacing = (
@@ -180,7 +180,7 @@ class HalfSpace:
         """Displacement at element centres (mm) under a pressure, uniform on each element (MPa).
 
         Both are of shape (ny, nx). A pressure of another shape, or not of finite real numbers,
-        raises `InvalidContactInput`.
+        raises `ContactInputError`.
         """
         return self.exact_displacement(checked_array("pressure", pressure, self.shape)).copy()
 

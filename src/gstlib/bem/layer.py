@@ -1,4 +1,4 @@
-"""A compliant layer bonded to a rigid body: soft material between two stones, as an operator.
+"""A compliant layer bonded to a rigid body: soft material between two tools, as an operator.
 
 Under a point force F, with the layer's E*ₘ = E/(1 − ν²) and thickness t, the surface sinks at the
 distance r by
@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from .convolution import love_kernel
-from .errors import InvalidContactInput, checked_number
+from .errors import ContactInputError, checked_number
 
 __all__ = ["Layer"]
 
@@ -48,7 +48,7 @@ class Layer:
 
     Raises
     ------
-    InvalidContactInput
+    ContactInputError
         A constant outside its physical range.
     """
 
@@ -60,7 +60,7 @@ class Layer:
         checked_number("young", self.young, "MPa", positive=True)
         checked_number("thickness", self.thickness, "mm", positive=True)
         if not -1 < self.poisson <= 0.5:
-            raise InvalidContactInput(f"poisson must lie in (-1, 0.5], got {self.poisson}")
+            raise ContactInputError(f"poisson must lie in (-1, 0.5], got {self.poisson}")
 
     @property
     def modulus(self) -> float:

@@ -1,4 +1,4 @@
-"""The load of a contact: a displacement or a force, and a ceiling on the pressure."""
+"""The load of a contact: a displacement or a force, and a cap on the pressure."""
 
 import math
 from dataclasses import dataclass, replace
@@ -20,13 +20,13 @@ class Load:
         Far-field displacement (mm).
     force : float or None
         Sum of the elements' pressures (MPa).
-    pressure_limit : float
-        Ceiling on the pressure (MPa), may be infinite.
+    pressure_cap : float
+        Cap on the pressure (MPa), may be infinite.
     """
 
     displacement: float | None = None
     force: float | None = None
-    pressure_limit: float = math.inf
+    pressure_cap: float = math.inf
 
     def coarser(self, relief: np.ndarray) -> "Load":
         """The same load on elements twice as long, with their relief (mm)."""
@@ -41,8 +41,8 @@ class Load:
         if self.displacement is not None:
             return self.displacement
         elastic = pressure
-        if self.pressure_limit < math.inf:
-            elastic = pressure * (pressure < self.pressure_limit)
+        if self.pressure_cap < math.inf:
+            elastic = pressure * (pressure < self.pressure_cap)
         force = float(elastic.sum())
         if force > 0:
             return dot(elastic, opening) / force
@@ -86,7 +86,7 @@ class Load:
 
         clip(trial + c·lift, 0, limit) with the number c for which its sum is the force.
         """
-        limit, force = self.pressure_limit, self.force
+        limit, force = self.pressure_cap, self.force
         pressure = self._bounded(trial)
         if force is None or lift is None:
             return pressure
@@ -110,22 +110,22 @@ class Load:
         return pressure
 
     def _bounded(self, trial):
-        return trial.clip(0.0, self.pressure_limit)
+        return trial.clip(0.0, self.pressure_cap)
 
     def carried_by(self, pressure: np.ndarray) -> bool:
         """Whether a pressure ≥ 0 can be scaled to the force within its limit."""
         if self.force is None:
             return True
-        if self.pressure_limit == math.inf:
+        if self.pressure_cap == math.inf:
             return bool(pressure.any())
-        return bool(np.count_nonzero(pressure) * self.pressure_limit > self.force)
+        return bool(np.count_nonzero(pressure) * self.pressure_cap > self.force)
 
     def scaled(self, pressure: np.ndarray) -> np.ndarray:
         """A pressure ≥ 0 scaled to the force, except where it is at the limit; may be unchanged."""
         lift = pressure
-        if self.pressure_limit < math.inf:
-            pressure = np.minimum(pressure, self.pressure_limit)
-            lift = pressure * (pressure < self.pressure_limit)
+        if self.pressure_cap < math.inf:
+            pressure = np.minimum(pressure, self.pressure_cap)
+            lift = pressure * (pressure < self.pressure_cap)
         if self.force is None:
             return pressure
         return self.admissible(pressure, lift if lift.any() else pressure)

@@ -89,7 +89,7 @@ def load_path(
 
     Raises
     ------
-    InvalidContactInput
+    ContactInputError
         A negative target, no steps, and whatever `solve_contact` refuses.
     ConvergenceError
         A state did not reach the tolerance.

@@ -21,7 +21,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .errors import InvalidContactInput, TipsOver
+from .errors import ContactInputError, TippingError
 from .load import Load
 from .window import dot
 
@@ -262,7 +262,7 @@ def checked_point(through) -> np.ndarray:
     except (TypeError, ValueError):
         point = np.zeros(0)
     if point.shape != (2,) or not np.isfinite(point).all():
-        raise InvalidContactInput(f"through must be a point (y, x) in mm, got {through!r}")
+        raise ContactInputError(f"through must be a point (y, x) in mm, got {through!r}")
     return point
 
 
@@ -287,13 +287,13 @@ def resting(relief, half_space, force, through):
 
     Raises
     ------
-    InvalidContactInput
+    ContactInputError
         The point is not in the hull of the elements with surface.
     """
     spacing = np.array(half_space.spacing)
     supports = settle(relief, through / spacing - 0.5)
     if supports is None:
-        raise TipsOver(tipping(through, "lies outside all that can touch"))
+        raise TippingError(tipping(through, "lies outside all that can touch"))
     point, slopes, elements = supports
     length = float((relief.shape * spacing).max())
     load = RestingLoad(

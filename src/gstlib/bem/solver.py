@@ -30,9 +30,9 @@ import numpy as np
 
 from .descent import MAX_ITERATIONS, descend
 from .errors import (
+    ContactInputError,
     ConvergenceError,
-    InvalidContactInput,
-    TipsOver,
+    TippingError,
     checked_array,
     checked_number,
     checked_tolerance,
@@ -44,7 +44,7 @@ from .window import Window
 
 __all__ = ["ContactProblem", "ContactState", "solve_contact"]
 
-# ASSUME: a stone's strength, if `pressure_limit` gives one, acts as a ceiling on the pressure.
+# ASSUME: a stone's strength, if `pressure_cap` gives one, acts as a cap on the pressure.
 
 # Longest side of the coarsest grid, where a cold start costs next to nothing.
 _COARSEST = 64
@@ -58,7 +58,7 @@ _CANDIDATE_GAP = 0.03
 # Up to so many elements are followed alone if no others can touch.
 _FEW = 64
 # The recurrence continues to this share of the tolerance, so the recomputed residual meets it.
-_INNER_SHARE = 0.7
+_INNER_FRACTION = 0.7
 # Elements this many times higher than long come from a wrong unit, and overflow sums.
 _STEEPEST = 1e9
 
@@ -85,8 +85,8 @@ class ContactState:
         Spent on the finest grid, the final check included.
     residual : float
         Largest of abs(gap) where p > 0 and of −gap where p = 0, divided by `displacement`.
-    pressure_limit : float
-        The requested ceiling (MPa). Where the pressure reaches it, −gap is the depth by which the
+    pressure_cap : float
+        The requested cap (MPa). Where the pressure reaches it, −gap is the depth by which the
         surface has yielded, not a violation.
     tilt : (float, float)
         Slopes (y, x) by which the surface has tilted: this is the contact of
@@ -106,14 +106,14 @@ class ContactState:
     iterations: int
     convolutions: int
     residual: float
-    pressure_limit: float = math.inf
+    pressure_cap: float = math.inf
     tilt: tuple[float, float] = (0.0, 0.0)
     moment_residual: float = 0.0
 
     @property
-    def ceiling_share(self) -> float:
+    def capped_fraction(self) -> float:
         """Share of the contact whose pressure is at the limit; 0 without contact."""
-        at_limit = self.pressure[self.contact] >= self.pressure_limit
+        at_limit = self.pressure[self.contact] >= self.pressure_cap
         return float(at_limit.mean()) if at_limit.size else 0.0
 
     @property
@@ -131,7 +131,7 @@ def solve_contact(
     mean_pressure=None,
     through=None,
     initial_pressure=None,
-    pressure_limit=math.inf,
+    pressure_cap=math.inf,
     layer=None,
     tolerance=1e-6,
     workers=1,
@@ -160,8 +160,8 @@ def solve_contact(
         Start from this pressure (MPa) on the finest grid; by default, from coarser grids.
         Changes the cost, not the solution. It holds the tilt, too: a neighbour's pressure is all
         that a start near rest needs.
-    pressure_limit : float
-        Ceiling on the pressure, such as a hardness (MPa): the elastic, perfectly plastic contact
+    pressure_cap : float
+        Cap on the pressure, such as a hardness (MPa): the elastic, perfectly plastic contact
         p ≤ H of Almqvist et al. (Tribol. Int. 40 (2007) 574). Infinite by default; not with
         `through`.
     layer : Layer, optional
@@ -173,7 +173,7 @@ def solve_contact(
 
     Raises
     ------
-    InvalidContactInput
+    ContactInputError
         Heights with NaN or not two-dimensional, a negative or missing load, a wrong shape, a
         mean pressure not below the limit, a stone that tips over...
     ConvergenceError
@@ -195,20 +195,18 @@ def solve_contact(
     """
     problem = ContactProblem(heights, spacing, contact_modulus, layer=layer)
     if (displacement is None) == (mean_pressure is None):
-        raise InvalidContactInput(
-            "give exactly one of displacement (mm) and mean_pressure (MPa)"
-        )
-    if pressure_limit != math.inf:
-        pressure_limit = checked_number("pressure_limit", pressure_limit, "MPa", positive=True)
+        raise ContactInputError("give exactly one of displacement (mm) and mean_pressure (MPa)")
+    if pressure_cap != math.inf:
+        pressure_cap = checked_number("pressure_cap", pressure_cap, "MPa", positive=True)
     force = None
     if mean_pressure is None:
         displacement = checked_number("displacement", displacement, "mm")
     else:
         mean_pressure = checked_number("mean_pressure", mean_pressure, "MPa")
-        if mean_pressure >= pressure_limit:
-            raise InvalidContactInput(
-                f"mean_pressure {mean_pressure:g} MPa is not below pressure_limit "
-                f"{pressure_limit:g} MPa"
+        if mean_pressure >= pressure_cap:
+            raise ContactInputError(
+                f"mean_pressure {mean_pressure:g} MPa is not below pressure_cap "
+                f"{pressure_cap:g} MPa"
             )
         force = mean_pressure * problem.relief.size
     if initial_pressure is not None:
@@ -216,20 +214,20 @@ def solve_contact(
             "initial_pressure", initial_pressure, problem.relief.shape
         )
         if initial_pressure.min() < 0:
-            raise InvalidContactInput("initial_pressure must not be negative (MPa)")
+            raise ContactInputError("initial_pressure must not be negative (MPa)")
         initial_pressure = np.where(problem.relief > -math.inf, initial_pressure, 0.0)
-    load = Load(displacement, force, pressure_limit)
+    load = Load(displacement, force, pressure_cap)
     if through is not None:
-        if force is None or pressure_limit < math.inf:
-            raise InvalidContactInput(
+        if force is None or pressure_cap < math.inf:
+            raise ContactInputError(
                 "a force through a point needs mean_pressure (MPa), not displacement, and no "
-                "pressure_limit: solve at rest without it, add the plane of `tilt` to the heights "
+                "pressure_cap: solve at rest without it, add the plane of `tilt` to the heights "
                 "and press these on a fixed plane"
             )
         problem, load = problem.at_rest(force, checked_point(through))
     state = problem.solve(load, checked_tolerance(tolerance), initial_pressure)
     if tilted_too_far(state.tilt):
-        raise TipsOver(tipping(through, "would tilt it by more than 45°"))
+        raise TippingError(tipping(through, "would tilt it by more than 45°"))
     return state
 
 
@@ -253,7 +251,7 @@ class ContactProblem:
         self.relief, self.tilt = heights - heights.max(), np.zeros(2)
         height = -float(self.relief.min(where=self.relief > -math.inf, initial=0.0))
         if height > _STEEPEST * min(self.half_space.spacing):
-            raise InvalidContactInput(
+            raise ContactInputError(
                 f"heights range over {height:g} mm on elements of {spacing} mm: are both in mm?"
             )
 
@@ -288,7 +286,7 @@ class ContactProblem:
         if load.displacement == 0 or load.force == 0:
             nothing, tilt = np.zeros_like(self.relief), tuple(self.tilt.tolist())
             return ContactState(
-                nothing, -self.relief, 0.0, 0.0, 0.0, 0, 0, 0.0, load.pressure_limit, tilt
+                nothing, -self.relief, 0.0, 0.0, 0.0, 0, 0, 0.0, load.pressure_cap, tilt
             )
         few = self._only_candidates(load)
         if few.size:
@@ -306,7 +304,7 @@ class ContactProblem:
                 initial_pressure *= load.force / initial_pressure.sum()
             elif field is not None:
                 scale = load.force / initial_pressure.sum()
-                if scale * initial_pressure.max() < load.pressure_limit:
+                if scale * initial_pressure.max() < load.pressure_cap:
                     initial_pressure *= scale
                     known = initial_pressure, scale * field
         return self._iterate(load, tolerance, initial_pressure, window, known)
@@ -317,7 +315,7 @@ class ContactProblem:
         Among all the others, their pressure would be lost to rounding.
         """
         few = np.array([], dtype=np.intp)
-        if load.force is None or load.force >= load.pressure_limit:
+        if load.force is None or load.force >= load.pressure_cap:
             return few
         # One element that carries all the load sinks deepest.
         near = self.relief >= -self.half_space.self_influence * load.force
@@ -414,7 +412,7 @@ class ContactProblem:
                 relief,
                 pressure,
                 field,
-                _INNER_SHARE * tolerance,
+                _INNER_FRACTION * tolerance,
                 error,
                 iterations,
             )
@@ -447,7 +445,7 @@ class ContactProblem:
         gap -= rigid
         # Either the gap is open where there is pressure, or negative where there could be more.
         opened = gap.reshape(-1)[contact]
-        below = gap if load.pressure_limit == math.inf else gap[pressure < load.pressure_limit]
+        below = gap if load.pressure_cap == math.inf else gap[pressure < load.pressure_cap]
         violation = max(opened.max(initial=0.0), -below.min(initial=0.0))
         state = ContactState(
             pressure=pressure,
@@ -458,7 +456,7 @@ class ContactProblem:
             iterations=iterations,
             convolutions=self.half_space.convolutions - before,
             residual=float(violation / displacement),
-            pressure_limit=load.pressure_limit,
+            pressure_cap=load.pressure_cap,
             tilt=tuple((self.tilt + load.tilt(freedoms)).tolist()),
             moment_residual=own.eccentricity(loaded),
         )

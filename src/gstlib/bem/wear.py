@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .errors import (
-    InvalidContactInput,
+    ContactInputError,
     checked_array,
     checked_number,
     checked_steps,
@@ -102,7 +102,7 @@ def wear_path(
     mean_loss,
     steps=10,
     third_body=None,
-    pressure_limit=math.inf,
+    pressure_cap=math.inf,
     tolerance=1e-6,
     workers=1,
     keep_states=False,
@@ -125,8 +125,8 @@ def wear_path(
         Number of implicit steps.
     third_body : ThirdBody, optional
         A body between the surface and the elastic body for a share of the wear.
-    pressure_limit : float
-        Ceiling on the pressure in each step (MPa), as in `solve_contact`: what yields in a step is
+    pressure_cap : float
+        Cap on the pressure in each step (MPa), as in `solve_contact`: what yields in a step is
         as high as before in the next, but for what wore off.
     tolerance : float
         As in `solve_contact`, for each step.
@@ -135,7 +135,7 @@ def wear_path(
 
     Raises
     ------
-    InvalidContactInput
+    ContactInputError
         A mean loss deeper than the relief of the surface, no steps, another number of pressures
         than of steps, and whatever `solve_contact` refuses.
     ConvergenceError
@@ -155,7 +155,7 @@ def wear_path(
     steps, tolerance = checked_steps(steps), checked_tolerance(tolerance)
     share = third_body.share if third_body else 0.0
     if not 0 <= share <= 1:
-        raise InvalidContactInput(f"share of the third body must lie in [0, 1], got {share}")
+        raise ContactInputError(f"share of the third body must lie in [0, 1], got {share}")
     bodies: list[tuple] = [(1 - share, heights, mean_pressure, None)]
     if third_body:
         below = heights - third_body.lowered
@@ -167,18 +167,18 @@ def wear_path(
     ]
     total = sum(part * float(pressures.sum()) for part, _, pressures, _ in bodies)
     if not total > 0:
-        raise InvalidContactInput("mean_pressure must be positive in one step at least (MPa)")
-    if pressure_limit != math.inf:
-        pressure_limit = checked_number("pressure_limit", pressure_limit, "MPa", positive=True)
+        raise ContactInputError("mean_pressure must be positive in one step at least (MPa)")
+    if pressure_cap != math.inf:
+        pressure_cap = checked_number("pressure_cap", pressure_cap, "MPa", positive=True)
     hardest = max(float(pressures.max()) for _, _, pressures, _ in bodies)
-    if hardest >= pressure_limit:
-        raise InvalidContactInput(
-            f"mean_pressure {hardest:g} MPa is not below pressure_limit {pressure_limit:g} MPa"
+    if hardest >= pressure_cap:
+        raise ContactInputError(
+            f"mean_pressure {hardest:g} MPa is not below pressure_cap {pressure_cap:g} MPa"
         )
     mean_loss = checked_number("mean_loss", mean_loss, "mm")
     relief = float(np.ptp(heights[heights > -math.inf]))
     if mean_loss > relief:
-        raise InvalidContactInput(
+        raise ContactInputError(
             f"mean_loss {mean_loss:g} mm is more than the relief of the surface, {relief:g} mm: "
             "nothing would be left of it"
         )
@@ -195,7 +195,7 @@ def wear_path(
     for step in range(steps):
         reached = []
         for body, (rate, (_, _, pressures, _)) in enumerate(zip(rates, bodies, strict=True)):
-            load = Load(force=pressures[step] * heights.size, pressure_limit=pressure_limit)
+            load = Load(force=pressures[step] * heights.size, pressure_cap=pressure_cap)
             last, field = starts[body]
             state = problems[body].solve(load, tolerance, last, field=field)
             there, field = problems[body].relief > -math.inf, np.zeros_like(heights)
@@ -233,7 +233,7 @@ def _in_steps(mean_pressure, steps):
     """A mean pressure of each step."""
     pressures = np.atleast_1d(np.asarray(mean_pressure, dtype=float))
     if pressures.shape not in ((1,), (steps,)):
-        raise InvalidContactInput(
+        raise ContactInputError(
             f"mean_pressure must be one number or {steps}, one for each step, got {pressures.size}"
         )
     return np.broadcast_to(

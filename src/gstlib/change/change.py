@@ -13,7 +13,7 @@ two measurements miss each other. Points whose height was not measured at both e
 outliers) are unknown: no change is stated there.
 
 A patch that was scanned twice without use between shows the same error with no wear in it. Where
-there are such repeats, they give a and b for all patches, and no patch judges its own.
+there are such repeats, they give a and b for all patches, and no patch scores its own.
 """
 
 import logging
@@ -63,7 +63,7 @@ _SMALLEST = 1e-6
 _SLOPE_SMOOTHING = 1.0
 _LEAST_POINTS = 100
 # How much deeper, or shallower, the dales of T1 may be than those of T0 before a warning. Wear of a
-# quarter of a patch makes them a tenth shallower (generated specimen).
+# quarter of a patch makes them a tenth shallower (synthetic specimen).
 _ODD_HEIGHTS = 1.25
 # ASSUME: a repeat shows an unworn surface if at most this share of it lost, and gained, height in
 # spots beyond its own level of detection. Where neighbours err alike, noise alone marks 2.5 %.
@@ -162,7 +162,7 @@ def _no_repeat(registration: Registration, change: xr.Dataset) -> str | None:
     """Why a second scan does not show the error of the first, if it does not."""
     if not registration.found:
         return "it was not found on t0"
-    if not change.attrs["known_share"]:
+    if not change.attrs["known_fraction"]:
         return "hardly any point has a height of its own in both scans"
     scale = registration.height_scale
     if max(scale, 1 / scale) > _ODD_HEIGHTS:
@@ -188,7 +188,7 @@ def measured_change(
 
     `before` and `after` are prepared scans (`gstlib.preprocess.scans.prepare_scan`): ``height``,
     ``filled``, ``outlier``. Other parameters as in `register` and `height_change`, whose results
-    are returned. All change is unknown if the registration is not believed.
+    are returned. All change is unknown if the registration is not above_noise.
     """
     registration = register(before.height, after.height, maximum_shift_mm=maximum_shift_mm)
     replaced0, replaced1 = (
@@ -242,7 +242,7 @@ def register_patch(
     off = np.abs(np.divide(shift, spacing_of(before.height))).max()
     if registration.found and off < _CO_LOCATED:
         _log.info("patch %s: T1 was co-located with T0 already: off by %.2g points", patch, off)
-    if registration.found and not change.attrs["known_share"]:
+    if registration.found and not change.attrs["known_fraction"]:
         _log.warning(
             "patch %s: hardly any point has a height of its own at T0 and at T1 (%.0f %% and "
             "%.0f %% of the scans are holes or outliers, T1 covers %.0f %% of T0), so its wear is "
@@ -252,7 +252,7 @@ def register_patch(
             100 * (after.filled | after.outlier).values.mean(),
             100 * registration.overlap,
         )
-    if detection is not None and change.attrs["known_share"]:
+    if detection is not None and change.attrs["known_fraction"]:
         expected = change.attrs["level_of_detection_um"] / _LEVEL_OF_DETECTION
         scatter = change.attrs["change_sigma_um"] / expected
         if scatter > _ODD_SCATTER:
@@ -298,7 +298,7 @@ def height_change(
         `minimum_points`. ``level_of_detection`` is in single precision.
         Attributes: ``level_of_detection_um`` (median over the points),
         ``change_sigma_um`` (robust standard deviation of the unchanged part), ``lateral_sigma_um``
-        (lateral distance by which the measurements miss each other), ``known_share`` (of T0's
+        (lateral distance by which the measurements miss each other), ``known_fraction`` (of T0's
         area), ``detection`` (where the level of detection comes from: ``repeat``, ``own``, or
         empty). With fewer than 100 known points, all heights are NaN and nothing is known.
     """
@@ -352,7 +352,7 @@ def height_change(
             "level_of_detection_um": float(typical * 1e3),
             "change_sigma_um": float(sigma * 1e3),
             "lateral_sigma_um": float(np.sqrt(lateral) * 1e3),
-            "known_share": float(inside.mean()),
+            "known_fraction": float(inside.mean()),
             "detection": source,
         },
     )
@@ -362,11 +362,11 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
     """The extent of the traces on one patch, given a dataset as from `height_change`.
 
     ``loss_fraction`` and ``gain_fraction``: shares of the known points that lost and gained height
-    (equal for noise alone); ``loss_area_mm2``; ``loss_volume_um3``; ``loss_depth_um``: mean
-    depth where lost (NaN without loss); ``loss_per_area_um``: volume over the known area,
-    comparable between patches with different overlap; ``noise_share``: area that rose over area
-    that fell (NaN without loss): noise raises as often as it lowers, so this is the share of the
-    loss that it would explain.
+    (equal for noise alone); ``loss_area_mm2``; ``loss_volume_um3``; ``mean_depth_where_worn_um``:
+    mean depth where lost (NaN without loss); ``mean_wear_depth_um``: volume over the known area,
+    comparable between patches with different overlap; ``noise_fraction``: area that rose over
+    area that fell (NaN without loss): noise raises as often as it lowers, so this is the share of
+    the loss that it would explain.
     """
     dy, dx = spacing_of(registered)
     change = registered["change"].values
@@ -378,10 +378,10 @@ def wear_summary(registered: xr.Dataset) -> dict[str, float]:
         "loss_fraction": loss.sum() * share,
         "loss_area_mm2": float(loss.sum() * dy * dx),
         "loss_volume_um3": float(lost_um.sum() * dy * dx * 1e6),
-        "loss_depth_um": float(lost_um.mean()) if lost_um.size else np.nan,
-        "loss_per_area_um": float(lost_um.sum() * share),
+        "mean_depth_where_worn_um": float(lost_um.mean()) if lost_um.size else np.nan,
+        "mean_wear_depth_um": float(lost_um.sum() * share),
         "gain_fraction": float(gain.sum() * share),
-        "noise_share": float(gain.sum() / loss.sum()) if loss.any() else np.nan,
+        "noise_fraction": float(gain.sum() / loss.sum()) if loss.any() else np.nan,
     }
 
 

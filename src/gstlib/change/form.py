@@ -9,14 +9,14 @@ import numpy as np
 import xarray as xr
 from numpy.polynomial.legendre import legvander2d
 
-__all__ = ["form_doubt", "form_height"]
+__all__ = ["form_height", "form_warning"]
 
 _DEGREE = 4  # of what counts as form
 _POINTS = 64  # along a side, which these waves do not need more of
 # ASSUME: form that is so much lower in one of two scans, while their texture is not, was taken out.
-# In 400 pairs of made-up stones, worn by nine tenths above their upper third and displaced by up to
-# 40 of 128 elements, T1 had 0.38 to 1.4 times the form of T0; in the default study's 13, 0.86 to
-# 1.8 times. Without a polynomial of degree 8, it had at most 0.1 times as much.
+# In 400 pairs of synthetic stone, worn by nine tenths above their upper third and displaced by up
+# to 40 of 128 elements, T1 had 0.38 to 1.4 times the form of T0; in the default study's 13, 0.86
+# to 1.8 times. Without a polynomial of degree 8, it had at most 0.1 times as much.
 _MISSING = 0.2
 _SAME_TEXTURE = 0.5
 
@@ -34,7 +34,7 @@ def form_height(height: xr.DataArray) -> tuple[float, float]:
     return float(form.std()), float((heights.ravel() - powers @ factors).std())
 
 
-def form_doubt(t0: xr.DataArray, t1: xr.DataArray) -> str | None:
+def form_warning(t0: xr.DataArray, t1: xr.DataArray) -> str | None:
     """A sentence if the form of one of two level scans (mm) is missing in the other."""
     forms, textures = zip(*map(form_height, (t0, t1)), strict=True)
     if min(textures) < _SAME_TEXTURE * max(textures) or min(forms) >= _MISSING * max(forms):

@@ -37,13 +37,14 @@ _SEARCH_SIZES = 256, 1024
 # Band of the heights for the search: noise below this many elements is smoothed away, waves longer
 # than this share of the field are removed.
 _NOISE_ELEMENTS = 1.5
-_LONGEST_SHARE = 1 / 24
+_LONGEST_FRACTION = 1 / 24
 # The smaller the overlap, the more chance matches: smaller overlaps than this are not searched.
 _LEAST_OVERLAP = 0.25
 # Rotations (degrees) that the refinement may start from.
 _TURNS = 0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5, -2.0, 2.0
-# ASSUME: a registration is believed if the band-passed heights correlate by 0.5, and by 0.35 over
-# the square root of the overlap: unrelated surfaces reach 0.2 over that root by chance, seldom 0.3.
+# ASSUME: a registration is above the noise if the band-passed heights correlate by 0.5, and by
+# 0.35 over the square root of the overlap: unrelated surfaces reach 0.2 over that root by chance,
+# seldom 0.3.
 _LEAST_CORRELATION = 0.5
 _BEYOND_CHANCE = 0.35
 # ASSUME: no wear makes the dales of a patch half or twice as deep.
@@ -118,7 +119,7 @@ def register(
     factor = max(
         math.ceil(max(h.shape) / size) for h, size in zip((h0, h1), _SEARCH_SIZES, strict=True)
     )
-    longest = math.ceil(max(h0.shape) / factor) * _LONGEST_SHARE
+    longest = math.ceil(max(h0.shape) / factor) * _LONGEST_FRACTION
     detail0, detail1 = (_detail(h, factor, longest) for h in (h0, h1))
     scale = np.array([factor, factor, 1.0])
     left = 1 - maximum_shift_mm / np.asarray(spacing) / h0.shape

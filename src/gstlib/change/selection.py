@@ -16,43 +16,51 @@ _log = logging.getLogger(__name__)
 _REGISTRATION = ["patch", "found", "shift_x_um", "shift_y_um", "rotation_deg", "overlap"]
 _REGISTRATION += ["correlation", "detail_correlation", "height_scale", "residual_um"]
 _REGISTRATION += ["change_sigma_um", "lateral_sigma_um", "level_of_detection_um", "detection"]
-_REGISTRATION += ["known_share", "loss_fraction", "gain_fraction", "loss_volume_um3"]
-_REGISTRATION += ["loss_depth_um", "loss_per_area_um", "noise_share", "believed"]
+_REGISTRATION += ["known_fraction", "loss_fraction", "gain_fraction", "loss_volume_um3"]
+_REGISTRATION += [
+    "mean_depth_where_worn_um",
+    "mean_wear_depth_um",
+    "noise_fraction",
+    "above_noise",
+]
 # Noise raises as often as it lowers: if this many times as much rose as fell, something is wrong.
 _BEYOND_NOISE = 2
 
 
 def registration_table(
-    changes: Mapping[str, xr.Dataset], selection: Mapping[str, float], *, most_noise: float
+    changes: Mapping[str, xr.Dataset],
+    selection: Mapping[str, float],
+    *,
+    max_noise_fraction: float,
 ) -> pd.DataFrame:
     """How well T1 matches T0 on each patch, how much was lost, and which patches that excludes.
 
-    `changes` are the height changes by patch; each is looked up once. A loss is believed if the
-    area that rose is at most the share `most_noise` of the area that fell; a warning says where
-    more rose.
+    `changes` are the height changes by patch; each is looked up once. A loss is above the noise
+    if the area that rose is at most the share `max_noise_fraction` of the area that fell; a
+    warning says where more rose.
     """
     rows = []
     for patch, change in changes.items():
         of = wear_summary(change)
-        if warning := _odd_rise(patch, of, most_noise):
+        if warning := _odd_rise(patch, of, max_noise_fraction):
             _log.warning("%s", warning)
         said = {"found": bool(change.attrs["registration_found"])}
-        said["believed"] = (
-            not of["noise_share"] > most_noise and change.attrs["known_share"] > 0
+        said["above_noise"] = (
+            not of["noise_fraction"] > max_noise_fraction and change.attrs["known_fraction"] > 0
         )
         rows.append({**change.attrs, **of, "patch": patch, **said})
     # what is excluded, and why, follows from the rest
     table = pd.DataFrame(rows, columns=_REGISTRATION)
     # the pressures have a table of their own: here all pass
     rules = {**selection, "minimum_pressure_MPa": 0.0}
-    judged = select_patches(table.assign(pressure_MPa=1.0), table, rules)
-    return table.assign(excluded=~judged.in_study, reason=judged.reason)
+    scored = select_patches(table.assign(pressure_MPa=1.0), table, rules)
+    return table.assign(excluded=~scored.in_study, reason=scored.reason)
 
 
-def _odd_rise(patch: str, of: Mapping[str, float], most_noise: float) -> str | None:
+def _odd_rise(patch: str, of: Mapping[str, float], max_noise_fraction: float) -> str | None:
     """What to look into where much rose: use only removes material."""
     rose, fell, noise = (
-        100 * of[name] for name in ("gain_fraction", "loss_fraction", "noise_share")
+        100 * of[name] for name in ("gain_fraction", "loss_fraction", "noise_fraction")
     )
     if rose > _BEYOND_NOISE * fell:
         return (
@@ -61,7 +69,7 @@ def _odd_rise(patch: str, of: Mapping[str, float], most_noise: float) -> str | N
             "scans.mould.invert; if on some, check for t0 and t1 exchanged in the patch table, or "
             "for residue on the stone."
         )
-    if noise > 100 * most_noise:
+    if noise > 100 * max_noise_fraction:
         return (
             f"patch {patch}: {noise:.0f} % as much rose as fell, so the loss may be noise, which "
             "mimics wear of the highest points. It is not tested against chance, and left out of "

@@ -47,9 +47,9 @@ def prepare_faces(
     s_filter_um: float | None,
     source: str | Path,
 ) -> tuple[xr.DataArray, xr.DataArray | None]:
-    """A prepared scan and that of the active stone's own face, as they are pressed on each other.
+    """A prepared scan and that of the active tool's own face, as they are pressed on each other.
 
-    `height` (y, x) is the patch's, `face` (y, x) that of the active stone, None where it was not
+    `height` (y, x) is the patch's, `face` (y, x) that of the active tool, None where it was not
     scanned; `source` is the patch's file, for messages. Both go through the S-filter, and the face
     is turned over.
     """

@@ -10,7 +10,7 @@ beside them (docs/two_scales.md).
 
 # ASSUME: errors of place are normal, alike along both axes and independent from patch to patch; a
 # patch that would leave the face stays at its edge.
-# ASSUME: the point of force, too, errs normally and alike along both axes, but not to where there
+# ASSUME: the load point, too, errs normally and alike along both axes, but not to where there
 # is no stone: it would tip over in the hand; the force is known.
 # ASSUME: Young's moduli of both stones vary independently (lognormal), and so do their Poisson's
 # ratios (normal); which of the two readings of E* is right is not drawn.
@@ -35,7 +35,7 @@ from gstlib.surfaces.leveling import remove_plane
 __all__ = ["Errors", "Macroscale", "draw_contact_moduli", "draw_point", "pressure_intervals"]
 
 _DRAWS = 100
-# Draws of a point of force until one has stone under it.
+# Draws of a load point until one has stone under it.
 _TRIES = 100
 _PERCENTILES = (2.5, 97.5)
 # Of the contact in a draw; the printed digits of an interval depend on it no more.
@@ -48,23 +48,23 @@ class Errors(NamedTuple):
 
     Attributes
     ----------
-    young_share : float
+    young_fraction : float
         Of the logarithm of each Young's modulus.
     poisson : float
         Of each Poisson's ratio.
     placement_um : float
         Of a patch's place along each axis.
     pose_um : float
-        Of the place of a second stone.
-    force_point_mm : float
+        Of the place of a active tool.
+    load_point_mm : float
         Of the point through which the force acts, along each axis.
     """
 
-    young_share: float
+    young_fraction: float
     poisson: float
     placement_um: float
     pose_um: float
-    force_point_mm: float
+    load_point_mm: float
 
 
 class Macroscale(NamedTuple):
@@ -77,7 +77,7 @@ class Macroscale(NamedTuple):
     composite : xarray.Dataset or None
         From `gstlib.macroscale.composite.compose_surface`; None where the mesh alone is pressed.
     counterface : (y, x) xarray.DataArray or None
-        A second stone's, from `gstlib.macroscale.active_tool.grid_counterface`; None without one.
+        A active tool's, from `gstlib.macroscale.active_tool.grid_counterface`; None without one.
     """
 
     face: xr.Dataset
@@ -100,7 +100,7 @@ def draw_contact_moduli(
     for stone in (1, 2):
         young, ratio = material[f"young_{stone}_MPa"], material[f"poisson_{stone}"]
         nominal += [young, ratio]
-        drawn.append(young * np.exp(errors.young_share * generator.standard_normal(draws)))
+        drawn.append(young * np.exp(errors.young_fraction * generator.standard_normal(draws)))
         ratios = ratio + errors.poisson * generator.standard_normal(draws)
         # no stone is auxetic, nor above the ratio of the incompressible
         drawn.append(np.clip(ratios, min(0.0, ratio), max(0.5, ratio)))
@@ -189,9 +189,9 @@ def pressure_intervals(
             height = compose_grid(height, laid, patch_mm, composite.density, generator)
         over, point = nominal, through
         pose = np.random.default_rng([seed, 4, draw])
-        # first, so that it is the same with a second stone and without
+        # first, so that it is the same with a active tool and without
         if through is not None:
-            point = draw_point(mesh, through, errors.force_point_mm, pose)
+            point = draw_point(mesh, through, errors.load_point_mm, pose)
         else:
             height = remove_plane(height)[0]
         if counterface is not None:

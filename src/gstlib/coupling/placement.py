@@ -1,7 +1,7 @@
 """Do the patches lie where the patch table says?
 
 The mesh and a scan show the same stone, so their heights must correlate where the patch truly lies.
-On the generated specimen this finds the place of one patch to some 45 µm, more than its patches are
+On the synthetic specimen this finds the place of one patch to some 45 µm, more than its patches are
 misplaced: a small shift of one patch cannot be detected. Three faults can: a shift that all patches
 share, moulds that were undone wrongly, and, half of the time, a patch that lies somewhere else.
 """
@@ -47,19 +47,20 @@ _POINTS = 24
 # Largest shift tried along each axis, and step between shifts, in sides of a patch: 0.2 mm and
 # 35 µm for the paper's, where a peak is 0.2 mm wide.
 _REACH, _STEP = 1 / 4, 1 / 24
-# Fewer patches have no scatter to judge by: only how they are laid can show.
+# Fewer patches have no scatter to score by: only how they are laid can show.
 _FEWEST_PATCHES = 4
-# Another look than as given must fit by this over the root of the number of patches to be believed:
-# of 15, one may fit by chance. Where patches are not shifted, too, this much: of scans in wrong
-# places, 0.2 % of pairs, 0.6 % of triples and 0.7 % of fours fit so by chance (default study); of
-# pairs that lie right but reversed, 71 % are told, of triples 98 %, of single ones none.
+# Another orientation than as given must fit by this over the root of the number of patches to
+# count: of 15, one may fit by chance. Where patches are not shifted, too, this much: of scans in
+# wrong places, 0.2 % of pairs, 0.6 % of triples and 0.7 % of fours fit so by chance (default
+# study); of pairs that lie right but reversed, 71 % are told, of triples 98 %, of single ones
+# none.
 _BY_CHANCE, _BY_CHANCE_UNMOVED = 1.2, 1.0
 _CLEAR_LEAD = 0.25
 # Below this mean correlation the mesh does not show where patches lie, or none lies right. With
-# every place right it is 0.7 to 0.8 on generated specimens; with none, 0.
+# every place right it is 0.7 to 0.8 on synthetic specimens; with none, 0.
 _LOW = 0.5
 # A patch that correlates by less lies elsewhere. Of 525 patches in their right places none does, on
-# generated specimens with meshes coarse and noisy, too; of patches in wrong places, half do.
+# synthetic specimens with meshes coarse and noisy, too; of patches in wrong places, half do.
 _ELSEWHERE = 0.0
 
 
@@ -92,26 +93,26 @@ def place_patches(
     -------
     pandas.DataFrame
         A row for each patch, and one (`ALL`) for all together: ``correlation`` where the patch
-        table puts them, or, where all are shifted, after that shift; ``verdict``. For all together
+        table puts them, or, where all are shifted, after that shift; ``status``. For all together
         also the shift that they share (true less stated place, along the square's axes),
         ``shift_x_um, shift_y_um``, and its standard errors, NaN where there is no peak; and how
-        they look laid (``looks``), empty where that is not clear.
+        they look laid (``orientation``), empty where that is not clear.
     """
     steps = np.arange(-round(_REACH / _STEP), round(_REACH / _STEP) + 1) * _STEP * patch_mm
     maps = _correlations(surface, patches, scans, patch_mm, steps)
     last, centre = len(patches), len(steps) // 2
     table = pd.DataFrame({"patch": [*patches.patch, ALL], "correlation": np.nan})
-    table = table.reindex(columns=[*table, *_SHIFT]).assign(verdict=CANNOT_TELL, looks="")
+    table = table.reindex(columns=[*table, *_SHIFT]).assign(status=CANNOT_TELL, orientation="")
     correlation = maps[:, 0, centre, centre]
     table["correlation"] = [*correlation, correlation.mean()]
     if last < _FEWEST_PATCHES:
-        looks = table.loc[last, "looks"] = _unmoved_looks(maps)
-        if looks:
-            _warn_of_looks(looks, correlation.mean(), invert, flip)
+        orientation = table.loc[last, "orientation"] = _unmoved_orientation(maps)
+        if orientation:
+            _warn_of_orientation(orientation, correlation.mean(), invert, flip)
         return table
     shift, errors, p_value = _shared_shift(maps[:, 0], steps)
     table.loc[last, _SHIFT] = 1e3 * np.array([*shift[::-1], *errors[::-1]])
-    table.loc[last, "looks"] = looks = _looks(maps)
+    table.loc[last, "orientation"] = orientation = _orientation(maps)
     if p_value < _SIGNIFICANCE:
         row, column = (np.abs(steps - along).argmin() for along in shift)
         correlation = maps[:, 0, row, column]
@@ -119,12 +120,12 @@ def place_patches(
     if correlation.mean() >= _LOW:
         verdicts = np.where(correlation < _ELSEWHERE, ELSEWHERE, AGREES)
         whole = SHIFTED if p_value < _SIGNIFICANCE else AGREES
-        table["verdict"] = [*verdicts, whole if np.isfinite(p_value) else CANNOT_TELL]
-    apart = _laid_apart(patches, maps, invert, flip) if looks in ("", _AS_GIVEN) else []
+        table["status"] = [*verdicts, whole if np.isfinite(p_value) else CANNOT_TELL]
+    apart = _laid_apart(patches, maps, invert, flip) if orientation in ("", _AS_GIVEN) else []
     for text in apart:
         _log.warning("%s", text)
-    if looks not in ("", _AS_GIVEN):
-        _warn_of_looks(looks, table.correlation[last], invert, flip)
+    if orientation not in ("", _AS_GIVEN):
+        _warn_of_orientation(orientation, table.correlation[last], invert, flip)
     elif apart:
         pass  # what else does not fit may follow from these
     elif correlation.mean() < _LOW:
@@ -141,7 +142,7 @@ def place_patches(
             "y by %+.0f ± %.0f µm: check square.points_mm, or add this to the patch table",
             *(1e3 * np.array([shift, errors]).T[::-1].ravel()),
         )
-    for row in table[table.verdict == ELSEWHERE].itertuples(index=False):
+    for row in table[table.status == ELSEWHERE].itertuples(index=False):
         _log.warning(
             "patch %s does not correlate with the macroscale (%.2f): check its place in the patch "
             "table, and whether its scan is that of another patch",
@@ -158,7 +159,7 @@ def _correlations(
     patch_mm: float,
     steps: np.ndarray,
 ) -> np.ndarray:
-    """Correlation (patches, looks, k, k) of scans and square, at shifts (mm) along y and x."""
+    """Correlation (patches, orientations, k, k) of scans and square, at shifts (mm) along y, x."""
     from skimage.transform import resize_local_mean
 
     laid = []
@@ -167,12 +168,12 @@ def _correlations(
         for reversed_x, turn in _LAID.values():
             laid.append(np.rot90(coarse[:, ::-1] if reversed_x else coarse, -turn // 90))
     shape = len(patches), len(_LAID), _POINTS, _POINTS
-    looks, spline = _level(np.reshape(laid, shape)), spline_of(surface)
-    found = np.empty((*looks.shape[:2], len(steps), len(steps)))
+    orientation, spline = _level(np.reshape(laid, shape)), spline_of(surface)
+    found = np.empty((*orientation.shape[:2], len(steps), len(steps)))
     for row, column in np.ndindex(found.shape[2:]):
         places = places_of(moved(patches, (steps[row], steps[column]), surface, patch_mm))
         under = [on_patch(spline, place, 2 * (_POINTS,), patch_mm) for place in places.values()]
-        found[:, :, row, column] = np.einsum("pln,pn->pl", looks, _level(np.array(under)))
+        found[:, :, row, column] = np.einsum("pln,pn->pl", orientation, _level(np.array(under)))
     return np.concatenate([found, -found], axis=1)
 
 
@@ -216,8 +217,8 @@ def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
     return np.array(shift)
 
 
-def _looks(maps: np.ndarray) -> str:
-    """Which of `_LOOKS` maps (patches, looks, k, k) fit clearly best; empty if none does."""
+def _orientation(maps: np.ndarray) -> str:
+    """Which of `_LOOKS` maps (patches, orientations, k, k) fit clearly best; empty if none does."""
     tops = [np.unravel_index(one.argmax(), one.shape) for one in maps.mean(axis=0)]
     values = np.array([maps[:, look, *top] for look, top in enumerate(tops)])
     fits = values.mean(axis=1)
@@ -228,10 +229,10 @@ def _looks(maps: np.ndarray) -> str:
     by_chance = max(_LOW, _BY_CHANCE / np.sqrt(len(maps)))
     if clear and (best == 0 or fits[best] > by_chance):
         return _LOOKS[best]
-    return _unmoved_looks(maps)
+    return _unmoved_orientation(maps)
 
 
-def _unmoved_looks(maps: np.ndarray) -> str:
+def _unmoved_orientation(maps: np.ndarray) -> str:
     """Which of `_LOOKS` but the first fits better where the patches are; empty if none does."""
     middle = maps.shape[-1] // 2
     unmoved = maps[:, :, middle, middle].mean(axis=0)
@@ -241,9 +242,11 @@ def _unmoved_looks(maps: np.ndarray) -> str:
     return _LOOKS[best] if is_better else ""
 
 
-def _warn_of_looks(looks: str, correlation: float, invert: bool, flip: str | None) -> None:
+def _warn_of_orientation(
+    orientation: str, correlation: float, invert: bool, flip: str | None
+) -> None:
     message = "the patches fit the mesh %s, and not as given (correlation %.2f): %s"
-    _log.warning(message, looks, correlation, _remedy(looks, invert, flip))
+    _log.warning(message, orientation, correlation, _remedy(orientation, invert, flip))
 
 
 def _laid_apart(
@@ -256,28 +259,33 @@ def _laid_apart(
     flips = patches["flip"] if "flip" in patches else kinds.map(lambda _: "")
     said = []
     for (kind, own), rows in patches.groupby([kinds, flips], sort=True).indices.items():
-        looks = _looks(maps[rows]) if _FEWEST_PATCHES <= len(rows) < len(patches) else ""
-        if looks not in ("", _AS_GIVEN):
+        orientation = (
+            _orientation(maps[rows]) if _FEWEST_PATCHES <= len(rows) < len(patches) else ""
+        )
+        if orientation not in ("", _AS_GIVEN):
             laid = {"none": None, "": flip}.get(own, own)
             said.append(
-                f"patches {', '.join(patches.patch.iloc[rows])} ({kind}) fit the mesh {looks}, and "
-                f"not as given: {_remedy(looks, invert, laid, in_rows=True)}"
+                f"patches {', '.join(patches.patch.iloc[rows])} ({kind}) fit the mesh "
+                f"{orientation}, "
+                f"and not as given: {_remedy(orientation, invert, laid, in_rows=True)}"
             )
     return said
 
 
-def _remedy(looks: str, invert: bool, flip: str | None, *, in_rows: bool = False) -> str:
-    """The keys to set so that patches with these looks, whose mould was undone so, lie right.
+def _remedy(orientation: str, invert: bool, flip: str | None, *, in_rows: bool = False) -> str:
+    """The keys to set so that patches with these orientation, whose mould was undone so, lie right.
 
     They are those of the config, or those in the patches' rows of the patch table.
     """
     parts, key, none = [], "scans.mould.flip", "null"
     if in_rows:
         key, none = "flip in their rows of the patch table", "none"
-    if looks.startswith("inverted"):
+    if orientation.startswith("inverted"):
         inverted = f"scans.mould.invert to {str(not invert).lower()}"
         parts.append("the heights in their files to negative ones" if in_rows else inverted)
-    reversed_x, turn = _LAID[looks.removeprefix("inverted").removeprefix(" and ") or _AS_GIVEN]
+    reversed_x, turn = _LAID[
+        orientation.removeprefix("inverted").removeprefix(" and ") or _AS_GIVEN
+    ]
     # to reverse along y is to reverse along x and turn by 180°
     turn += 180 * (flip == "y")
     if reversed_x == (flip is not None):

@@ -1,6 +1,6 @@
 """The `.plu` format of Sensofar and Leica confocal profilers: reads and writes height maps.
 
-The paper's instrument writes it, and so does the generated specimen. SurfaceTopography reads it,
+The paper's instrument writes it, and so does the synthetic specimen. SurfaceTopography reads it,
 too, but takes longer to import than this reader takes for fifty scans. The layout is that of
 measured files (format version of 2012), as in Gwyddion's sensofar.c.
 """

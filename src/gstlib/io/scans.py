@@ -49,7 +49,7 @@ _LARGEST_NUMBER = 1e20
 _FEWEST_HELD, _FAR = 10, 5
 # A less distant height may be one too, if more than this share of the points has it, and ten times
 # as many as any other: heights measured in few steps are about equally frequent.
-_HELD_SHARE, _HELD_TIMES = 1e-3, 10
+_HELD_FRACTION, _HELD_TIMES = 1e-3, 10
 # A scan may differ from the study's size by this share: pixel sizes are rounded (512 × 1.66 µm is
 # 849.92 µm), and one row more or less does not matter.
 _SIZE_TOLERANCE = 0.01
@@ -413,7 +413,7 @@ def _mind_held(path: Path, heights: np.ndarray) -> None:
         _log.warning(message, path, count, held * 1e3)
         return
     second, most = np.sort([0, *counts])[-2:]
-    if most > max(_HELD_SHARE * heights.size, _HELD_TIMES * second):
+    if most > max(_HELD_FRACTION * heights.size, _HELD_TIMES * second):
         _log.warning(
             "%s: %.3g %% of the points have one height, %g µm. If that stands for unmeasured "
             "points, export them as empty cells or NaN",

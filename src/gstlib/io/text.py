@@ -169,7 +169,7 @@ def _refuse_cut_lines(path: Path, text: str, rows: Sequence[str], mark: str | No
 
 
 def _begins_with_numbers(row: str) -> bool:
-    """Whether a line is a row of numbers, not a header, judged by its first cells."""
+    """Whether a line is a row of numbers, not a header, scored by its first cells."""
     mark = separator_of(row)
     cells = row.split(mark)[:20]
     try:

@@ -1,15 +1,15 @@
-"""The active stone's own face over the square: posed on the passive stone, and moved on it.
+"""The active tool's own face over the square: posed on the passive tool, and moved on it.
 
 Only the gap between two faces enters a contact of half-spaces, so that the heights of both add
 (Bemporad & Paggi, Int. J. Solids Struct. 69-70 (2015) 465). All that a contact needs of the second
 stone is its heights over the square, positive towards the first.
 
-A pose says where the active stone stands on the passive one. Whichever way it is given, it comes
+A pose says where the active tool stands on the passive one. Whichever way it is given, it comes
 down to a frame of the active mesh: that of the square as seen on the active face, which is laid on
 the passive one turned over about the square's y axis, so that its x runs against the other's.
 """
 
-# ASSUME: an active stone that is not a mesh is round, a paraboloid of one radius, or flat. Its
+# ASSUME: an active tool that is not a mesh is round, a paraboloid of one radius, or flat. Its
 # summit may be anywhere: to move it is to tilt the stone, and at rest the stone finds its tilt
 # itself.
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import trimesh
 
 __all__ = [
-    "SecondStone",
+    "ActiveTool",
     "face_in_pose",
     "grid_counterface",
     "pose_frame",
@@ -45,8 +45,8 @@ _KEY = "counterface.pose"
 _RIGID = 1e-3
 
 
-class SecondStone(NamedTuple):
-    """The active stone, and where it stands on the passive one.
+class ActiveTool(NamedTuple):
+    """The active tool, and where it stands on the passive one.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class SecondStone(NamedTuple):
     @classmethod
     def read(
         cls, mesh: str | Path, *, mesh_unit: str, pose: Mapping, reach_mm: float
-    ) -> "SecondStone":
+    ) -> "ActiveTool":
         """The stone of a mesh's file, as in `gstlib.io.meshes.read_mesh`."""
         return cls(read_mesh(mesh, unit=mesh_unit), pose, reach_mm, str(mesh))
 
@@ -87,7 +87,7 @@ def pose_frame(
     frame : Frame
         Of the square on the passive mesh.
     mesh : trimesh.Trimesh
-        The active stone, mm.
+        The active tool, mm.
     size_mm : float
         Side of the square.
     source : str
@@ -101,7 +101,7 @@ def pose_frame(
     if "points_mm" in pose:
         try:
             return find_frame(pose["points_mm"], mesh, size_mm=size_mm, source=source)
-        except ConfigError as error:  # it names the passive stone's points
+        except ConfigError as error:  # it names the passive tool's points
             raise ConfigError(f"{_KEY}.points_mm", error.problem, error.remedy) from error
     matrix = np.asarray(pose["matrix"], float)
     turn, shift = matrix[:3, :3], matrix[:3, 3]
@@ -118,10 +118,10 @@ def pose_frame(
     return Frame(*(axis.tolist() for axis in axes))
 
 
-def posed_mesh(stone: SecondStone, frame: Frame, *, size_mm: float) -> "trimesh.Trimesh":
-    """The active stone (mm) where it stands on the passive one, but for its tilt, to be looked at.
+def posed_mesh(stone: ActiveTool, frame: Frame, *, size_mm: float) -> "trimesh.Trimesh":
+    """The active tool (mm) where it stands on the passive one, but for its tilt, to be looked at.
 
-    `frame` is that of the square, of side `size_mm`, on the passive stone.
+    `frame` is that of the square, of side `size_mm`, on the passive tool.
     """
     own = pose_frame(stone.pose, frame, stone.mesh, size_mm=size_mm, source=stone.source)
     turned = own.to_frame(stone.mesh.vertices) * (-1, 1, -1) + (size_mm, 0, 0)
@@ -133,7 +133,7 @@ def posed_mesh(stone: SecondStone, frame: Frame, *, size_mm: float) -> "trimesh.
 def rounded_counterface(
     height: xr.DataArray, radius_mm: float | None, middle: tuple[float, float]
 ) -> xr.DataArray:
-    """The face of an active stone of a radius over a surface (y, x), mm; 0 of a flat (None).
+    """The face of an active tool of a radius over a surface (y, x), mm; 0 of a flat (None).
 
     `middle` (y, x), mm, is where its summit lies.
     """
@@ -144,22 +144,22 @@ def rounded_counterface(
 
 
 def grid_counterface(
-    stone: SecondStone,
+    stone: ActiveTool,
     surface: xr.DataArray,
     frame: Frame,
     *,
     size_mm: float,
     interpolation: str,
 ) -> xr.DataArray:
-    """Heights of the active stone's face over the passive one's, and as far as it moves.
+    """Heights of the active tool's face over the passive one's, and as far as it moves.
 
     Parameters
     ----------
-    stone : SecondStone
+    stone : ActiveTool
     surface : (ny, nx) xarray.DataArray
-        Heights of the passive stone over the square and the face around it, mm above `frame`.
+        Heights of the passive tool over the square and the face around it, mm above `frame`.
     frame : Frame
-        Of the square on the passive stone.
+        Of the square on the passive tool.
     size_mm : float
         Side of the square.
     interpolation : str
@@ -168,13 +168,13 @@ def grid_counterface(
     Returns
     -------
     (my, mx) xarray.DataArray
-        Heights towards the passive stone, mm, in the square's coordinates, less the plane of those
+        Heights towards the passive tool, mm, in the square's coordinates, less the plane of those
         over the square; NaN where there is no stone.
 
     Raises
     ------
     InputError, ConfigError
-        The active stone misses the square or looks away from it; the stones are apart, or in each
+        The active tool misses the square or looks away from it; the stones are apart, or in each
         other, by more than their relief; or as in `grid_mesh` and `pose_frame`.
     """
     mesh, pose, source = stone.mesh, stone.pose, stone.source
@@ -195,7 +195,7 @@ def grid_counterface(
     except InputError as error:
         raise InputError(
             source,
-            f"the active stone, as it is posed: {error.problem}",
+            f"the active tool, as it is posed: {error.problem}",
             f"Check {_KEY} and counterface.mesh_unit in the config.",
         ) from error
     face = gridded.copy(data=gridded.values[:, ::-1]).assign_attrs(
@@ -210,7 +210,7 @@ def grid_counterface(
             where = "in" if gap < 0 else "away from"
             raise InputError(
                 source,
-                f"the active stone, as it is posed, is {abs(gap):.3g} mm {where} the passive one, "
+                f"the active tool, as it is posed, is {abs(gap):.3g} mm {where} the passive one, "
                 f"more than the {relief:.3g} mm between the summits and dales of both faces",
                 f"Check {_KEY}: the two must touch.",
             )
@@ -224,7 +224,7 @@ def face_in_pose(
 
     `face` is from `grid_counterface`; `height` (ny, nx) gives the grid, and `size_mm` is the side
     of the square. The stone turns about the middle of the square, from x towards y, and is then
-    shifted by ``y_mm, x_mm`` of `pose`. Where there is no active stone, the result is NaN.
+    shifted by ``y_mm, x_mm`` of `pose`. Where there is no active tool, the result is NaN.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def face_in_pose(
         if where.min() < low - half or where.max() > high + half:
             raise InputError(
                 "gesture",
-                f"a pose moves the active stone by ({pose.x_mm:g}, {pose.y_mm:g}) mm and "
+                f"a pose moves the active tool by ({pose.x_mm:g}, {pose.y_mm:g}) mm and "
                 f"{pose.rotation_deg:g}°, farther than its face is known",
                 "Move it less.",
             )

@@ -15,7 +15,7 @@ import xarray as xr
 from gstlib.contact import Interface
 from gstlib.errors import InputError
 from gstlib.macroscale.active_tool import (
-    SecondStone,
+    ActiveTool,
     face_in_pose,
     grid_counterface,
     rounded_counterface,
@@ -44,7 +44,7 @@ def grid_macroscale(
     grid: int,
     face_mm: float | None = None,
     radius_mm: float | None = None,
-    second_stone: SecondStone | None = None,
+    active_tool: ActiveTool | None = None,
     interpolation: str = "best",
     source: str | Path = "mesh",
 ) -> tuple[xr.Dataset, xr.DataArray | None]:
@@ -53,7 +53,7 @@ def grid_macroscale(
     Parameters
     ----------
     mesh : trimesh.Trimesh
-        The passive stone, mm.
+        The passive tool, mm.
     points_mm : (3, 3) array_like
         The square's corner and two points, as in `gstlib.surfaces.frames.frame_from_points`.
     size_mm, grid
@@ -62,9 +62,9 @@ def grid_macroscale(
         Side of the face, with the square in its middle; by default the square alone. It is made
         of whole elements.
     radius_mm : float, optional
-        Of the active stone; by default it is flat.
-    second_stone : SecondStone, optional
-        The active stone, in place of a radius.
+        Of the active tool; by default it is flat.
+    active_tool : ActiveTool, optional
+        The active tool, in place of a radius.
     interpolation : str
         As in `gstlib.preprocess.mesh.grid_mesh`.
     source : path
@@ -75,9 +75,9 @@ def grid_macroscale(
     face : xarray.Dataset
         That of `gstlib.preprocess.mesh.grid_mesh`, ``height`` without the plane of the square;
         its frame, as in `gstlib.surfaces.frames.stored_frame`; ``counterface`` (y, x), mm, the
-        active stone over it, 0 of a flat; ``size_mm``, the side of the square.
+        active tool over it, 0 of a flat; ``size_mm``, the side of the square.
     counterface : (y, x) xarray.DataArray or None
-        A second stone as far as it moves, from `gstlib.macroscale.active_tool.grid_counterface`.
+        A active tool as far as it moves, from `gstlib.macroscale.active_tool.grid_counterface`.
 
     Raises
     ------
@@ -119,9 +119,9 @@ def grid_macroscale(
         )
     counterface = None
     over = rounded_counterface(height, radius_mm, (size_mm / 2, size_mm / 2))
-    if second_stone is not None:
+    if active_tool is not None:
         counterface = grid_counterface(
-            second_stone, height, frame, size_mm=size_mm, interpolation=interpolation
+            active_tool, height, frame, size_mm=size_mm, interpolation=interpolation
         )
         over = face_in_pose(counterface, height, Place(0.0, 0.0), size_mm=size_mm)
     over.attrs = {"units": "mm", "long_name": "height of the counterface, 0 of a flat"}

@@ -1,6 +1,6 @@
-"""A gesture: many poses of the active stone, and what their contacts leave on the face together.
+"""A gesture: many poses of the active tool, and what their contacts leave on the face together.
 
-A second stone slides and turns on the first. A hand also wanders: the point through which it pushes
+A active tool slides and turns on the first. A hand also scatters: the point through which it pushes
 is never quite the same, and the stone comes to rest elsewhere. Each pose is a contact of its own,
 at rest. Kept of all are, on each element and each patch, the mean and the highest pressure, how
 often it is touched, and the exposure: pressure times sliding, summed over the poses, which is what
@@ -9,9 +9,9 @@ one before.
 """
 
 # ASSUME: each pose is a contact at rest under its own force, whose point moves with the active
-# stone; from one to the next the stones slide by the distance that the pose states.
-# ASSUME: a hand wanders about the stated point of force normally, alike along both axes, and slides
-# by the same distance wherever it pushes.
+# tool; from one to the next the stones slide by the distance that the pose states.
+# ASSUME: a load point scatters about the stated load point normally, alike along both axes, and
+# slides by the same distance wherever it pushes.
 
 from collections.abc import Collection, Iterable
 from pathlib import Path
@@ -36,8 +36,8 @@ __all__ = [
     "exposure_table",
     "press_poses",
     "read_poses",
+    "scatter_poses",
     "stroke_poses",
-    "wander_poses",
 ]
 
 # Columns of a gesture: the least number that each takes, and what stands for an absent one.
@@ -67,13 +67,13 @@ _VARIABLES = {
 
 
 class Gesture(NamedTuple):
-    """Poses of an active stone, and its face.
+    """Poses of an active tool, and its face.
 
     Attributes
     ----------
     counterface : (my, mx) xarray.DataArray
         From `gstlib.macroscale.active_tool.grid_counterface`; or of a flat or rounded stone its
-        heights over the face, for to move it is to move the point of force.
+        heights over the face, for to move it is to move the load point.
     is_mesh : bool
         Which of the two it is.
     size_mm : float
@@ -81,7 +81,7 @@ class Gesture(NamedTuple):
     through : (float, float)
         Where (y, x), mm, the force acts in the pose at (0, 0).
     poses : pandas.DataFrame
-        From `stroke_poses`, `wander_poses` or `read_poses`; the index numbers them.
+        From `stroke_poses`, `scatter_poses` or `read_poses`; the index numbers them.
     """
 
     counterface: xr.DataArray
@@ -91,7 +91,7 @@ class Gesture(NamedTuple):
     poses: pd.DataFrame
 
     def over(self, height: xr.DataArray, place: Place) -> xr.DataArray:
-        """The active stone over a face (y, x), mm, in a pose."""
+        """The active tool over a face (y, x), mm, in a pose."""
         if not self.is_mesh:
             return self.counterface
         return face_in_pose(self.counterface, height, place, size_mm=self.size_mm)
@@ -154,7 +154,7 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
 
 
 def stroke_poses(*, stroke_mm: float, poses: int, force_N: float) -> pd.DataFrame:
-    """The poses of a stroke along x, with its middle where the active stone is posed.
+    """The poses of a stroke along x, with its middle where the active tool is posed.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def stroke_poses(*, stroke_mm: float, poses: int, force_N: float) -> pd.DataFram
     Returns
     -------
     pandas.DataFrame
-        ``x_mm, y_mm`` (shift of the active stone along the square's axes), ``rotation_deg`` (its
+        ``x_mm, y_mm`` (shift of the active tool along the square's axes), ``rotation_deg`` (its
         turn about the middle of the square, from x towards y), ``force_N``, ``sliding_mm`` and
         ``turning_deg`` (how far it slides and turns in the pose) and ``weight``.
     """
@@ -181,13 +181,15 @@ def stroke_poses(*, stroke_mm: float, poses: int, force_N: float) -> pd.DataFram
     )
 
 
-def wander_poses(*, wander_mm: float, poses: int, force_N: float, seed: int) -> pd.DataFrame:
-    """The poses of a hand that wanders, a point of force each, as from `stroke_poses`.
+def scatter_poses(
+    *, load_point_scatter_mm: float, poses: int, force_N: float, seed: int
+) -> pd.DataFrame:
+    """The poses of a load point that scatters, a load point each, as from `stroke_poses`.
 
-    `wander_mm` is the standard deviation of the point along each axis. Every pose slides by 1 mm,
-    so that exposures are for so many mm of sliding as there are poses.
+    `load_point_scatter_mm` is the standard deviation of the point along each axis. Every pose
+    slides by 1 mm, so that exposures are for so many mm of sliding as there are poses.
     """
-    y, x = wander_mm * np.random.default_rng([seed, 5]).standard_normal((2, poses))
+    y, x = load_point_scatter_mm * np.random.default_rng([seed, 5]).standard_normal((2, poses))
     table = pd.DataFrame(0.0, index=range(poses), columns=list(_COLUMNS))
     # neighbours follow each other, and start from each other's contact
     order = np.argsort(np.arctan2(y, x))

@@ -13,7 +13,7 @@ from gstlib.contact import Contact
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.grid import spacing_of
 
-__all__ = ["contact_doubts"]
+__all__ = ["plausibility_warnings"]
 
 # Along an edge, so wide a strip (over the side) is told apart. Of a sound contact it bears next to
 # nothing; a square cut out of a stone and pressed alone bears a quarter of its load there
@@ -27,11 +27,11 @@ _LEAST_IN_SQUARE = 0.1
 _STEEP = 0.2
 # A patch's pressure is the sum over its elements: with fewer along a side, their edges decide it.
 _FEWEST_ELEMENTS = 5
-# A point of force so close to the outline of what touches (over the side) is about to cross it.
+# A load point so close to the outline of what touches (over the side) is about to cross it.
 _NEAR = 0.02
 
 
-def contact_doubts(
+def plausibility_warnings(
     contact: Contact, *, size_mm: float, patch_mm: float | None = None
 ) -> Iterator[str]:
     """Sentences about a contact at the macroscale, as stored; none if it is sound.
@@ -52,7 +52,7 @@ def contact_doubts(
         if inside < _LEAST_IN_SQUARE:
             yield (
                 f"only {100 * inside:.2g} % of the force lies in the square: the stone rests "
-                "elsewhere; check load.at_mm, the form of the active stone (counterface), and "
+                "elsewhere; check load.at_mm, the form of the active tool (counterface), and "
                 "square.points_mm"
             )
     if (tilt := float(np.hypot(plane.slope_y, plane.slope_x))) > _STEEP:
@@ -96,7 +96,7 @@ def _along_edge(contact: Contact) -> np.ndarray:
 
 
 def _inside_outline(contact: Contact) -> float | None:
-    """How far (mm) the point of force lies inside the convex outline of what touches.
+    """How far (mm) the load point lies inside the convex outline of what touches.
 
     None for a contact on a fixed plane; NaN for one whose outline has no width.
     """

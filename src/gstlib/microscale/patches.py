@@ -87,7 +87,7 @@ def solve_patches(
     composite, contact : xarray.Dataset
         As in `gstlib.coupling.embedding.place_patch`; for `PLACED`.
     counterface : (y, x) xarray.DataArray, optional
-        The prepared scan of the active stone's own face.
+        The prepared scan of the active tool's own face.
 
     Yields
     ------

@@ -1,8 +1,8 @@
 """Cases beside the study's own contacts: what would change, had it been asked otherwise?
 
-A grinding force, and a ceiling on the pressure, act on each patch in the study. The table of cases
+A grinding force, and a cap on the pressure, act on each patch in the study. The table of cases
 has one number a row, with the study's own beside it where the two are compared. Fields are not
-stored: `solve_slip` and `solve_ceiling` give them from a stored contact.
+stored: `solve_slip` and `solve_capped` give them from a stored contact.
 """
 
 import math
@@ -19,12 +19,12 @@ from gstlib.contact import Contact, log_state, solver_errors
 from gstlib.errors import ConfigError
 
 __all__ = [
+    "capped_rows",
     "case_table",
-    "ceiling_rows",
-    "check_ceiling",
+    "check_cap",
     "patch_rows",
     "slip_rows",
-    "solve_ceiling",
+    "solve_capped",
     "solve_slip",
 ]
 
@@ -43,16 +43,16 @@ __all__ = [
 # between. The paper has none.
 
 # The cases, in the order of the table. The first is the study itself.
-_STUDY, _GRINDING, _CEILING = "study", "grinding", "ceiling"
+_STUDY, _GRINDING, _CAP = "study", "grinding", "cap"
 _ALL = ""  # stands for a patch where a row is of all patches
 # Unit and long name of what a case consists of.
 _VARIABLES = {
     "pressure": ("MPa", "contact pressure"),
     "gap": ("mm", "gap between the bodies; minus the depth of yield"),
     "displacement": ("mm", "far-field displacement from first touch"),
-    "ceiling_share": ("1", "share of the contact at the ceiling"),
+    "capped_fraction": ("1", "share of the contact at the cap"),
     "residual": ("1", "largest violation of contact conditions"),
-    "hardness": ("MPa", "ceiling on the pressure"),
+    "pressure_cap": ("MPa", "cap on the pressure"),
     "traction": ("MPa", "tangential traction along the load"),
     "stick": ("1", "in contact, sticking"),
     "slip": ("1", "in contact, slipping"),
@@ -135,42 +135,42 @@ def solve_slip(
     return _on_grid_of(contact, found)
 
 
-def solve_ceiling(
-    contact: Contact, *, hardness_MPa: float, source: str | Path = "patch"
+def solve_capped(
+    contact: Contact, *, pressure_cap: float, source: str | Path = "patch"
 ) -> xr.Dataset:
-    """A solved contact solved again with a ceiling on its pressure, at the same mean pressure.
+    """A solved contact solved again with a cap on its pressure, at the same mean pressure.
 
     An elastic solution puts pressures on the summits of a stone that far exceed what any stone
     bears. The contact with p ≤ H says how much of the prediction rests on them.
 
-    `hardness_MPa` is the largest pressure that an element bears; the rest is as in `solve_slip`.
+    `pressure_cap` is the largest pressure that an element bears; the rest is as in `solve_slip`.
 
     Returns
     -------
     xarray.Dataset
-        ``pressure`` (y, x) MPa; ``gap`` (y, x) mm, where the pressure is at the ceiling minus the
-        depth of the yield; ``displacement`` mm, ``ceiling_share`` (of the contact), ``residual``
-        and ``hardness`` MPa.
+        ``pressure`` (y, x) MPa; ``gap`` (y, x) mm, where the pressure is at the cap minus the
+        depth of the yield; ``displacement`` mm, ``capped_fraction`` (of the contact), ``residual``
+        and ``pressure_cap`` MPa.
     """
     with solver_errors(source, contact.load):
         state = solve_contact(
             *contact.interface.for_solver,
             contact.modulus,
             mean_pressure=contact.load.mean_pressure,
-            pressure_limit=hardness_MPa,
+            pressure_cap=pressure_cap,
             tolerance=contact.tolerance,
         )
     log_state(state)
-    names = "pressure", "gap", "displacement", "ceiling_share", "residual"
+    names = "pressure", "gap", "displacement", "capped_fraction", "residual"
     found = {name: getattr(state, name) for name in names}
-    return _on_grid_of(contact, found | {"hardness": hardness_MPa})
+    return _on_grid_of(contact, found | {"pressure_cap": pressure_cap})
 
 
 def patch_rows(
     contacts: Mapping[str, Contact],
     *,
     grinding: Mapping[str, float] | None,
-    hardness_MPa: float | None,
+    pressure_cap: float | None,
 ) -> Iterator[Row]:
     """The cases of the patches in the study, patch by patch.
 
@@ -181,21 +181,21 @@ def patch_rows(
     grinding : mapping, optional
         The arguments ``friction``, ``tangential_ratio`` and ``poisson`` of `solve_slip`; without
         it the case is left out.
-    hardness_MPa : float, optional
-        That of `solve_ceiling`, likewise.
+    pressure_cap : float, optional
+        That of `solve_capped`, likewise.
     """
     if grinding is not None:
         yield Row(_GRINDING, _ALL, "friction", "1", float(grinding["friction"]))
         yield Row(_GRINDING, _ALL, "tangential ratio", "1", float(grinding["tangential_ratio"]))
-    if hardness_MPa is not None:
-        yield Row(_CEILING, _ALL, "hardness", "MPa", float(hardness_MPa))
+    if pressure_cap is not None:
+        yield Row(_CAP, _ALL, "pressure cap", "MPa", float(pressure_cap))
     for patch, contact in contacts.items():
         source = f"patch {patch}"
         if grinding is not None:
             yield from slip_rows(patch, solve_slip(contact, source=source, **grinding))
-        if hardness_MPa is not None:
-            limited = solve_ceiling(contact, source=source, hardness_MPa=hardness_MPa)
-            yield from ceiling_rows(patch, contact, limited)
+        if pressure_cap is not None:
+            limited = solve_capped(contact, source=source, pressure_cap=pressure_cap)
+            yield from capped_rows(patch, contact, limited)
 
 
 def slip_rows(patch: str, slip: xr.Dataset) -> Iterator[Row]:
@@ -211,33 +211,33 @@ def slip_rows(patch: str, slip: xr.Dataset) -> Iterator[Row]:
     yield Row(_GRINDING, patch, "tangential displacement", "um", displacement * 1e3)
 
 
-def ceiling_rows(patch: str, contact: Contact, limited: xr.Dataset) -> Iterator[Row]:
-    """One patch without and with a ceiling on its pressure, from its contact and `solve_ceiling`.
+def capped_rows(patch: str, contact: Contact, limited: xr.Dataset) -> Iterator[Row]:
+    """One patch without and with a cap on its pressure, from its contact and `solve_capped`.
 
-    Without contact, the share at the ceiling is 0.
+    Without contact, the share at the cap is 0.
     """
     elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
-    at_ceiling = limited.pressure.values >= float(limited.hardness)
-    deepest = float(np.max(-limited.gap.values[at_ceiling], initial=0.0))
+    at_cap = limited.pressure.values >= float(limited.pressure_cap)
+    deepest = float(np.max(-limited.gap.values[at_cap], initial=0.0))
     yield Row(_STUDY, patch, "displacement", "um", float(contact.displacement) * 1e3)
     yield Row(_STUDY, patch, "contact fraction", "1", float(elastic.mean()))
     yield Row(_STUDY, patch, "peak pressure", "MPa", float(contact.pressure.max()))
-    yield Row(_CEILING, patch, "displacement", "um", float(limited.displacement) * 1e3)
-    yield Row(_CEILING, patch, "contact fraction", "1", float(plastic.mean()))
-    yield Row(_CEILING, patch, "share at the ceiling", "1", float(limited.ceiling_share))
-    yield Row(_CEILING, patch, "deepest yield", "um", deepest * 1e3)
+    yield Row(_CAP, patch, "displacement", "um", float(limited.displacement) * 1e3)
+    yield Row(_CAP, patch, "contact fraction", "1", float(plastic.mean()))
+    yield Row(_CAP, patch, "share at the cap", "1", float(limited.capped_fraction))
+    yield Row(_CAP, patch, "deepest yield", "um", deepest * 1e3)
 
 
 def case_table(rows: Iterable[Row]) -> pd.DataFrame:
     """The table ``cases.csv``: the rows case by case, the study's own first."""
-    cases = [_STUDY, _GRINDING, _CEILING]
+    cases = [_STUDY, _GRINDING, _CAP]
     # stable: within a case the rows keep their order
     ordered = sorted(rows, key=lambda row: cases.index(row.case))
     return pd.DataFrame(ordered, columns=Row._fields)
 
 
-def check_ceiling(pressures: pd.DataFrame, hardness_MPa: float) -> None:
-    """Refuse a ceiling under which a patch could not carry its mean pressure.
+def check_cap(pressures: pd.DataFrame, pressure_cap: float) -> None:
+    """Refuse a cap under which a patch could not carry its mean pressure.
 
     `pressures` has ``patch, pressure_MPa`` of the patches in the study.
 
@@ -246,12 +246,12 @@ def check_ceiling(pressures: pd.DataFrame, hardness_MPa: float) -> None:
     ConfigError
         Its message lists these patches.
     """
-    soft = pressures[pressures.pressure_MPa >= hardness_MPa]
+    soft = pressures[pressures.pressure_MPa >= pressure_cap]
     if len(soft):
         listed = [f"{row.patch} ({row.pressure_MPa:.4g} MPa)" for row in soft.itertuples()]
         raise ConfigError(
             "config",
-            f"'hardness' is {hardness_MPa:g} MPa, not above the mean pressure of patch "
+            f"'pressure_cap_MPa' is {pressure_cap:g} MPa, not above the mean pressure of patch "
             + ", ".join(listed),
             "Raise it, or set it to null.",
         )

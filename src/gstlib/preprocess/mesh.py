@@ -29,11 +29,11 @@ _log = logging.getLogger(__name__)
 
 # ASSUME: holes of the mesh up to this share of the square are pin-holes of the scanner. They are
 # bridged by the interpolation, as the paper's would be.
-_BRIDGED_SHARE = 1e-2
+_BRIDGED_FRACTION = 1e-2
 # ASSUME: beyond the square, what the mesh does not show or shows twice is no stone: the use-face
 # ends or turns away there. In the square it is a fault.
 # ASSUME: overhangs up to this share of the square are specks of the scanner and are accepted.
-_FOLDED_SHARE = 1e-3
+_FOLDED_FRACTION = 1e-3
 # Heights of one element that differ by less (mm) count as one: the element lies on an edge.
 _SAME_HEIGHT = 1e-6
 # A face seen edge-on (area in mm²) covers nothing.
@@ -167,7 +167,7 @@ def grid_mesh(
     folded, bare = highest - lowest > _SAME_HEIGHT, np.isnan(highest)
     ends = (folded | bare) & ~of_square
     folded, bare = folded & of_square, bare & of_square
-    if folded.sum() > _FOLDED_SHARE * grid**2:
+    if folded.sum() > _FOLDED_FRACTION * grid**2:
         raise InputError(
             source,
             f"the mesh folds over within the square: {_describe(folded, of_square, x, y)} has two "
@@ -190,7 +190,7 @@ def grid_mesh(
         )
     heights = _gridded("linear", cloud, along, edge)
     missing = (np.isnan(heights) | bare) & of_square
-    if np.isnan(heights[of_square]).any() or bare.sum() > _BRIDGED_SHARE * grid**2:
+    if np.isnan(heights[of_square]).any() or bare.sum() > _BRIDGED_FRACTION * grid**2:
         raise InputError(
             source,
             f"the square sticks out of the mesh, or the mesh has a hole: there is no use-face in "

@@ -37,7 +37,7 @@ def prepare_scan(
     mould_flip: str | None = None,
     maximum_unmeasured: float = 0.1,
     outlier_rule: str = "median",
-    outlier_share: float = 0.01,
+    outlier_fraction: float = 0.01,
     outlier_median_threshold: float = 5.0,
 ) -> xr.Dataset:
     """Undo the mould, find the outliers, replace them and the unmeasured points, and level.
@@ -53,7 +53,7 @@ def prepare_scan(
     maximum_unmeasured : float
         Largest share (0 to 1) of unmeasured points accepted.
     outlier_rule : {"window", "median"}
-    outlier_share
+    outlier_fraction
         See `window_outliers`.
     outlier_median_threshold
         See `median_outliers`.
@@ -85,12 +85,12 @@ def prepare_scan(
     if outlier_rule == "window":
         # The paper's windows are full. A spike beside a hole spreads into the points filled here,
         # so these are filled again from the good points once the outliers are known. (Of the
-        # generated specimen's 131 050 filled points, 852 were more than 3 robust standard
+        # synthetic specimen's 131 050 filled points, 852 were more than 3 robust standard
         # deviations too high without this, 5 with it.)
         outlier, threshold = window_outliers(
             stone.copy(data=interpolate_holes(stone.values, unmeasured)),
             half_width=_WINDOW_HALF_WIDTH,
-            share=outlier_share,
+            share=outlier_fraction,
             measured=~unmeasured,
         )
     else:
@@ -145,7 +145,7 @@ def preprocessing_table(scans: Mapping[tuple[str, str], Mapping]) -> pd.DataFram
     return pd.DataFrame(rows)
 
 
-def check_unmeasured(surface: xr.DataArray, maximum_share: float) -> None:
+def check_unmeasured(surface: xr.DataArray, maximum_fraction: float) -> None:
     """Refuse a surface if more than a share (0 to 1) of it, or all of it, is NaN.
 
     Raises
@@ -153,11 +153,11 @@ def check_unmeasured(surface: xr.DataArray, maximum_share: float) -> None:
     InputError
     """
     holes = np.isnan(surface.values)
-    if holes.all() or holes.mean() > maximum_share:
+    if holes.all() or holes.mean() > maximum_fraction:
         raise InputError(
             surface.attrs.get("file", "scan"),
             f"{100 * holes.mean():.3g} % of the points are unmeasured ({holes.sum()} of "
-            f"{holes.size}), more than the limit of {100 * maximum_share:g} %",
+            f"{holes.size}), more than the limit of {100 * maximum_fraction:g} %",
             "Measure the patch again, leave it out of the patch table, or raise "
             "preprocessing.maximum_unmeasured in the config.",
         )

@@ -1,4 +1,4 @@
-"""Makes the generated specimen: mesh, scans before and after use, and the truth about them.
+"""Makes the synthetic specimen: mesh, scans before and after use, and the truth about them.
 
 The truth is a dataset. Maps of scans have the dims ``(patch, epoch, y, x)`` or ``(patch, y, x)``
 (then on the T0 scan) and are oriented as on the stone, not the mould. The macroscale surface has
@@ -48,7 +48,7 @@ _WEAR_THRESHOLD_UM = 0.5
 # they compress twice as well.
 _HEIGHT_STEP_MM = 2.0**-20
 
-# ASSUME: the generated second stone is as round as the default study's active stone.
+# ASSUME: the generated active tool is as round as the default study's active tool.
 _ACTIVE_RADIUS_MM = 200.0
 
 # What is true of a patch: units and meaning.
@@ -71,7 +71,7 @@ _DIMS = [(), ("epoch",), ("y", "x"), ("epoch", "y", "x")]
 
 
 class Specimen(NamedTuple):
-    """A generated specimen in memory, exactly as its files are read back.
+    """A synthetic specimen in memory, exactly as its files are read back.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class Specimen(NamedTuple):
 
 
 def counterface_stl(parameters: SpecimenParameters, square_mm: float) -> bytes:
-    """Binary STL of the second stone: of the same kind, use-face up, from ``counterface_seed``.
+    """Binary STL of the active tool: of the same kind, use-face up, from ``counterface_seed``.
 
     It is bent to a round one: two dished stones would only touch at their rims.
     """

@@ -1,8 +1,8 @@
-"""Wear of the generated stone by Archard's law, to test whether the study finds it again.
+"""Wear of the synthetic stone by Archard's law, to test whether the study finds it again.
 
-The stone comes to rest on a rounded active stone under a force that is off its middle. Its square
+The stone comes to rest on a rounded active tool under a force that is off its middle. Its square
 then wears at the scans' resolution, as one piece, in the place and under the force that it has
-there. Nothing of this is what the study assumes: constants, force, form of the active stone, point
+there. Nothing of this is what the study assumes: constants, force, form of the active tool, point
 of force and elements of the face are others.
 """
 
@@ -22,19 +22,20 @@ if TYPE_CHECKING:
 __all__ = ["worn_by_law"]
 
 # ASSUME: wear made by a law has these constants; the default study has 12,820 MPa, 550 N, 200 mm,
-# the middle of the square and elements of 50 µm. The mat is as stiff as hide or wood, and does half
-# of the wear. A gain on wear made by the law that predicts it is a check of the code, not evidence.
+# the middle of the square and elements of 50 µm. The interlayer is as stiff as hide or wood, and
+# does half of the wear. A gain on wear made by the law that predicts it is a check of the code,
+# not evidence.
 _CONTACT_MODULUS_MPA, _PRESSURE_MPA, _RADIUS_MM = 1e4, 20.0, 170.0
 _OFF_MIDDLE_MM = 0.5, -0.4  # of the force, along y and x
 _ELEMENTS, _AROUND = 64, 44  # of the face: in the square, and on each side of it
 _STEPS, _TOLERANCE = 4, 1e-6
-_MAT, _MAT_SHARE = Layer(young=300.0, poisson=0.3, thickness=0.3), 0.5
+_INTERLAYER, _INTERLAYER_FRACTION = Layer(young=300.0, poisson=0.3, thickness=0.3), 0.5
 
 
-def worn_by_law(stone: "Stone", mean_loss: float, *, with_mat: bool) -> np.ndarray:
+def worn_by_law(stone: "Stone", mean_loss: float, *, with_interlayer: bool) -> np.ndarray:
     """Depth lost on the grid of the stone's detail (n, n), mm, of the given mean.
 
-    With a mat, it takes turns with the bare stone.
+    With an interlayer, it takes turns with the bare stone.
     """
     size_mm = stone.square_mm
     spacing = size_mm / _ELEMENTS
@@ -60,7 +61,9 @@ def worn_by_law(stone: "Stone", mean_loss: float, *, with_mat: bool) -> np.ndarr
         mean_pressure=pressure_MPa,
         mean_loss=mean_loss,
         steps=_STEPS,
-        third_body=ThirdBody(_MAT, _MAT_SHARE, pressure_MPa) if with_mat else None,
+        third_body=ThirdBody(_INTERLAYER, _INTERLAYER_FRACTION, pressure_MPa)
+        if with_interlayer
+        else None,
         tolerance=_TOLERANCE,
     )
     return found.depth.astype(np.float32)

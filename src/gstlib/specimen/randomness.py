@@ -23,14 +23,14 @@ _SHORTEST_POINTS = 4.0
 
 @dataclass(frozen=True)
 class SpecimenParameters:
-    """What a generated specimen is made from.
+    """What a synthetic specimen is made from.
 
     Attributes
     ----------
     seed : int
         Of everything random.
     counterface_seed : int, optional
-        Of a second stone of the same kind; None for a flat.
+        Of a active tool of the same kind; None for a flat.
     mesh_edge_mm : float
         Mean edge length of the mesh.
     cut_off_wavelength_mm : float
@@ -55,9 +55,9 @@ class SpecimenParameters:
         R.m.s. of the T1 scan's place about that of T0, along each axis.
     noise_um : float
         R.m.s. of the instrument's noise, point by point.
-    spike_share : float
+    spike_fraction : float
         Share of points that are spikes.
-    wear_share : float
+    wear_fraction : float
         Share of the square where summits are worn to half of the full severity or more.
 
     Raises
@@ -74,7 +74,7 @@ class SpecimenParameters:
     scan_spacing_um: float
     unmeasured_size_um: float
     wear_placement: str
-    # ASSUME: the generated stone is like M12, whose data is not public: with this relief its square
+    # ASSUME: the synthetic stone is like M12, whose data is not public: with this relief its square
     # goes down by 27 µm to reach 22 MPa, as in the paper. The errors of mesh and scans are orders
     # of magnitude; the paper states none.
     mesh_noise_um: float = 0.5
@@ -83,8 +83,8 @@ class SpecimenParameters:
     placement_error_um: float = 30.0
     relocation_error_um: float = 40.0
     noise_um: float = 0.1
-    spike_share: float = 0.005
-    wear_share: float = 0.25
+    spike_fraction: float = 0.005
+    wear_fraction: float = 0.25
 
     def __post_init__(self) -> None:
         if self.shortest_wavelength_mm >= self.cut_off_wavelength_mm:

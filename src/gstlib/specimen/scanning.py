@@ -1,4 +1,4 @@
-"""Scanning the generated stone: where a scan is placed, and what the instrument records.
+"""Scanning the synthetic stone: where a scan is placed, and what the instrument records.
 
 A placement has its centre in the square's frame; the scan's columns run along +x, its rows along +y
 of a frame turned with it. The instrument measures a mould: heights are inverted, the map is flipped
@@ -26,20 +26,20 @@ __all__ = ["place_again", "place_scans", "poor_overlaps", "relocation", "sample"
 _ROTATION_ERROR_DEG, _TILT_MRAD = 0.05, 3.0
 # Share of the patches whose T1 scan is badly misplaced, to give registration hard cases, and the
 # share of the T0 scan's area that such a scan misses.
-_POOR_SHARE, _POOR_MISSED = 0.2, (0.4, 0.7)
+_POOR_FRACTION, _POOR_MISSED = 0.2, (0.4, 0.7)
 # Points around a scan that the interpolation uses.
 _REACH = 16
 # A spike is a point or a small blot: probability of 1, 2, ... points along its side. It is higher
 # than any wave of the detail; its sign is random.
 _SPIKE_SIDES, _SPIKE_HEIGHT_UM = (0.7, 0.2, 0.1), (15.0, 60.0)
-_UNMEASURED_SHARE = 0.01
+_UNMEASURED_FRACTION = 0.01
 
 
 def poor_overlaps(patches: list[str], seed: int) -> set[str]:
     """The patches whose T1 scan is badly misplaced: a fixed share, drawn at random."""
     names = sorted(patches)
     chosen = stream(seed, "poor overlap").permutation(len(names))
-    return {names[i] for i in chosen[: round(_POOR_SHARE * len(names))]}
+    return {names[i] for i in chosen[: round(_POOR_FRACTION * len(names))]}
 
 
 def place_scans(
@@ -148,7 +148,7 @@ def take_scan(
 def _blots(generator: np.random.Generator, points: int, p: SpecimenParameters) -> np.ndarray:
     """Unmeasured points, clustered in blots: the highest of a smooth field."""
     field = smooth_field(generator, points, p.scan_spacing_um, p.unmeasured_size_um)
-    heights, count = field.ravel(), round(_UNMEASURED_SHARE * field.size)
+    heights, count = field.ravel(), round(_UNMEASURED_FRACTION * field.size)
     lowest = np.partition(heights, heights.size - count)[heights.size - count]
     unmeasured = heights > lowest
     # of equally high points, the last ones
@@ -162,7 +162,7 @@ def _spikes(generator: np.random.Generator, points: int, p: SpecimenParameters) 
     heights = np.zeros((points, points))
     sides = np.arange(1, len(_SPIKE_SIDES) + 1)
     mean_area = float(np.dot(_SPIKE_SIDES, sides**2))
-    count = generator.poisson(p.spike_share * points**2 / mean_area)
+    count = generator.poisson(p.spike_fraction * points**2 / mean_area)
     rows, columns = generator.integers(0, points, (2, count))
     chosen = generator.choice(sides, count, p=_SPIKE_SIDES)
     values = generator.uniform(*_SPIKE_HEIGHT_UM, count) * generator.choice([-1.0, 1.0], count)

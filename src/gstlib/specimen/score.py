@@ -1,4 +1,4 @@
-"""Scores what each stage of the study recovered against the generated specimen's truth.
+"""Scores what each stage of the study recovered against the synthetic specimen's truth.
 
 Every row is a quantity with its true and its recovered value. Scores of masks (precision, recall)
 have 1 as their true value; biases and r.m.s. errors have 0.
@@ -190,10 +190,10 @@ def _wear_scores(at: xr.Dataset, registered: xr.Dataset) -> Iterator[_Row]:
     yield "change_bias_unworn", "um", 0, _mean(error[~worn])
     yield "change_bias_worn", "um", 0, _mean(error[deep])
     yield "change_rms_error", "um", 0, np.sqrt(np.mean(error**2))
-    yield "worn_share", "1", deep.mean(), (loss & (-change > threshold_um)).mean()
+    yield "worn_fraction", "1", deep.mean(), (loss & (-change > threshold_um)).mean()
     yield "loss_precision", "1", 1, _mean(worn[loss])
     yield "loss_recall", "1", 1, _mean(loss[deep])
-    yield "false_loss_share", "1", 0, _mean(loss[~worn])
+    yield "false_loss_fraction", "1", 0, _mean(loss[~worn])
     yield "mean_depth", "um", depth.mean(), np.where(loss, -change, 0.0).mean()
 
 

@@ -8,7 +8,7 @@ below the cut-off; it exists on the square and a margin, at the spacing of the s
 Use does three things. It flattens summits, more so where the macroscale surface is high, but partly
 at random. Chips break out, more of them in the same regions. Grit between the stones removes
 material anywhere, in valleys as on summits. Where these overlap, the deepest counts. Wear can
-instead follow a law: Archard's, with the bare stone or a mat.
+instead follow a law: Archard's, with the bare stone or an interlayer.
 """
 
 import numpy as np
@@ -65,13 +65,13 @@ _REFERENCE_LENGTH_UM = 250.0
 _FULL_SIGMA, _UNWORN_SIGMA = 1.0, 3.5
 # Chips: number per area at full severity, median radius, depth over radius; spread of the radii
 # (standard deviation of their logarithm), and the largest radius over the median one.
-_CHIPS_PER_MM2, _CHIP_RADIUS_UM, _CHIP_DEPTH_SHARE = 40.0, 15.0, 0.15
+_CHIPS_PER_MM2, _CHIP_RADIUS_UM, _CHIP_DEPTH_FRACTION = 40.0, 15.0, 0.15
 _CHIP_SPREAD, _CHIP_LARGEST = 0.4, 3.0
 # Loss at any height: share of the area, greatest depth, length over which it varies.
-_VALLEY_SHARE, _VALLEY_DEPTH_MM, _VALLEY_SIZE_MM = 0.02, 2e-3, 40e-3
+_VALLEY_FRACTION, _VALLEY_DEPTH_MM, _VALLEY_SIZE_MM = 0.02, 2e-3, 40e-3
 # Mean depth of wear by a law over that of wear on summits. It lies on fewer patches; with as much,
 # T1 no longer looks like T0 on some of them.
-_LAW_SHARE = 0.5
+_LAW_FRACTION = 0.5
 
 
 class Stone:
@@ -233,8 +233,8 @@ class Stone:
     def wear_depth(self, placement: str) -> np.ndarray:
         """Depth of the material lost between T0 and T1, mm, float32, on the grid of `detail`.
 
-        `placement` is "summits", or a law: "archard" or "mat". Wear by a law has half the mean
-        depth of wear on summits.
+        `placement` is "summits", or a law: "archard" or "interlayer". Wear by a law has half the
+        mean depth of wear on summits.
         """
         p, points = self.parameters, len(self.grid)
         step = max(1, int(_CHANCE_LENGTH_UM / _POINTS_PER_LENGTH / p.scan_spacing_um))
@@ -247,7 +247,7 @@ class Stone:
         generator = stream(p.seed, "wear", "severity")
         chance = smooth_field(generator, len(height), spacing, _CHANCE_LENGTH_UM * 1e-3)
         decides = height + chance * _CHANCE_UM * 1e-3
-        threshold = np.quantile(decides, 1 - p.wear_share)
+        threshold = np.quantile(decides, 1 - p.wear_fraction)
         severity = 1 / (1 + np.exp(-(decides - threshold) / (_SOFTNESS * decides.std())))
 
         # a summit stands out of the smoothed stone; the more severe the wear, the deeper the cut
@@ -263,15 +263,15 @@ class Stone:
         field = smooth_field(
             stream(p.seed, "wear", "valleys"), points, self.spacing, _VALLEY_SIZE_MM
         )
-        level = np.quantile(field[::4, ::4], 1 - _VALLEY_SHARE)
+        level = np.quantile(field[::4, ::4], 1 - _VALLEY_FRACTION)
         peak = max(float(field.max()) - level, np.finfo(np.float32).tiny)
         loss = np.sqrt(np.clip((field - level) / peak, 0, 1)) * _VALLEY_DEPTH_MM
         np.maximum(depth, loss, out=depth)
 
         self._break_chips(depth, severity, step)
         if placement != "summits":
-            mean_loss = _LAW_SHARE * float(depth.mean())
-            depth = worn_by_law(self, mean_loss, with_mat=placement == "mat")
+            mean_loss = _LAW_FRACTION * float(depth.mean())
+            depth = worn_by_law(self, mean_loss, with_interlayer=placement == "interlayer")
         return depth
 
     def _break_chips(self, depth: np.ndarray, severity: np.ndarray, step: int) -> None:
@@ -297,7 +297,7 @@ class Stone:
             v = (np.arange(window.shape[0]) + rows.start - row) / radius
             u = (np.arange(window.shape[1]) + columns.start - column) / radius
             bowl = 1 - v[:, None] ** 2 - u[None, :] ** 2
-            deepest = _CHIP_DEPTH_SHARE * radius * self.spacing
+            deepest = _CHIP_DEPTH_FRACTION * radius * self.spacing
             np.maximum(window, (deepest * bowl).astype(np.float32), out=window)
 
 

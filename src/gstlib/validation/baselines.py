@@ -1,17 +1,17 @@
-"""What the loss of a patch would be without the contact solution: rivals with equal knowledge.
+"""What the loss of a patch would be without the contact solution: baselines with equal knowledge.
 
 A prediction of a patch's loss knows its heights before use, where it lies in the stone, and what
-the *other* patches lost. So does each rival; none has seen what the patch itself lost:
+the *other* patches lost. So does each baseline; none has seen what the patch itself lost:
 
 - ``none``: no loss.
 - ``mean_volume``: a plane that cuts off the others' mean volume.
 - ``pressure_volume``: a plane that cuts off a volume in proportion to the patch's pressure.
-- ``pressure_share``: a plane that wears a share of the patch in proportion to its pressure.
+- ``pressure_fraction``: a plane that wears a share of the patch in proportion to its pressure.
 - ``rigid``: what a rigid flat cuts off at a displacement from first touch that is the same on all
   patches and gives the others their loss. The nearest model in print is that of Rausch et al.
   (2024, protocols.io 261ge346dl47), a rigid collision along a stroke.
 
-``own_area`` is no rival but a ceiling: a plane that wears the share of the patch that did wear.
+``oracle_area`` is no baseline but a cap: a plane that wears the share of the patch that did wear.
 """
 
 from collections.abc import Iterable
@@ -20,10 +20,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-__all__ = ["CEILING", "RIVALS", "Others", "rival_depths", "volumes_cut"]
+__all__ = ["BASELINES", "ORACLE", "Others", "baseline_depths", "volumes_cut"]
 
-RIVALS = "none", "mean_volume", "pressure_volume", "pressure_share", "rigid"
-CEILING = "own_area"
+BASELINES = "none", "mean_volume", "pressure_volume", "pressure_fraction", "rigid"
+ORACLE = "oracle_area"
 
 # Displacements of a rigid flat at which volumes are tabulated, closer together near first touch.
 _DISPLACEMENTS = 300
@@ -70,16 +70,16 @@ def volumes_cut(below: np.ndarray, displacements: Iterable[float]) -> np.ndarray
     return (reached * displacements - summed[reached]) / ordered.size
 
 
-def rival_depths(
+def baseline_depths(
     height: np.ndarray,
     level: np.ndarray,
     *,
     summit: float,
     pressure_MPa: float,
-    worn_share: float,
+    worn_fraction: float,
     others: Others,
 ) -> dict[str, np.ndarray]:
-    """The depth (n,), mm, that each rival, and the ceiling, takes off a patch's known points.
+    """The depth (n,), mm, that each baseline, and the cap, takes off a patch's known points.
 
     Parameters
     ----------
@@ -89,8 +89,8 @@ def rival_depths(
         The highest point of the patch, mm.
     pressure_MPa : float
         Of the patch before use.
-    worn_share : float
-        Share of the points that lost height; only the ceiling takes it.
+    worn_fraction : float
+        Share of the points that lost height; only the cap takes it.
     others : Others
         Without the patch itself.
     """
@@ -102,9 +102,9 @@ def rival_depths(
         "none": np.zeros(height.shape),
         "mean_volume": _cut_volume(height, float(table.loss_mm.mean())),
         "pressure_volume": _cut_volume(height, volume),
-        "pressure_share": _cut_share(height, level, share),
+        "pressure_fraction": _cut_fraction(height, level, share),
         "rigid": np.maximum(height - (summit - sunk), 0.0),
-        CEILING: _cut_share(height, level, worn_share),
+        ORACLE: _cut_fraction(height, level, worn_fraction),
     }
 
 
@@ -118,7 +118,7 @@ def _cut_volume(height: np.ndarray, volume: float) -> np.ndarray:
     return np.maximum(height - plane, 0.0)
 
 
-def _cut_share(height: np.ndarray, level: np.ndarray, share: float) -> np.ndarray:
+def _cut_fraction(height: np.ndarray, level: np.ndarray, share: float) -> np.ndarray:
     """Depth that a plane takes off which exceeds the level on a share of the points."""
     if not share > 0:
         return np.zeros(height.shape)

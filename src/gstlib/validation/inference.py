@@ -97,7 +97,7 @@ def percentile_interval(samples: np.ndarray, units: int) -> tuple[float, float]:
 
 
 def exchange_p_value(gain: np.ndarray, generator: np.random.Generator) -> float:
-    """Two-sided test of a mean gain, shape (patches,): model and rival exchanged patch by patch.
+    """Two-sided test of a mean gain, shape (patches,): model and baseline exchanged patch by patch.
 
     NaN for a single patch, or if no patch gains or loses.
     """

@@ -1,11 +1,11 @@
-"""Was the loss of a patch predicted right? As a mask, a map and a volume, beside its rivals.
+"""Was the loss of a patch predicted right? As a mask, a map and a volume, beside its baselines.
 
-What is judged is the loss that the other patches foretell of each patch
+What is scored is the loss that the other patches predict of each patch
 (`gstlib.wear.fit.wear_map`). Its *mask* is where it exceeds the level of detection, and agrees
 with where height was lost as well as Matthews' correlation coefficient says
 (`gstlib.validation.masks`). The error of the *map* is the r.m.s. of predicted less measured loss,
-over all points. The *volume* counts as far as two scans can show it. The rivals know as much as
-the prediction (`gstlib.validation.baselines`).
+over all points. The *volume* counts as far as two scans can show it. The baselines are given the
+same data as the prediction (`gstlib.validation.baselines`).
 
 Chance is what the masks of the other patches reach (`gstlib.validation.nulls`). Noise mimics
 agreement: a point that noise raises at T0 is predicted to wear, and looks worn at T1. No other
@@ -24,19 +24,19 @@ import xarray as xr
 
 from gstlib.contact import Contact
 from gstlib.surfaces.grid import spacing_of
-from gstlib.validation.baselines import CEILING, RIVALS, Others, rival_depths
+from gstlib.validation.baselines import BASELINES, ORACLE, Others, baseline_depths
 from gstlib.validation.masks import mask_counts, mask_scores
 from gstlib.validation.nulls import Places, p_value, swapped_mcc
-from gstlib.wear.archard import BARE, MAT, YIELDING, seen_depth
+from gstlib.wear.archard import BARE, CAPPED, INTERLAYER, seen_depth
 
 __all__ = [
     "BARE",
-    "MAT",
-    "YIELDING",
-    "JudgedPatch",
+    "CAPPED",
+    "INTERLAYER",
+    "ScoredPatch",
     "by_chance",
-    "judge_patch",
-    "judged_tables",
+    "score_patch",
+    "score_tables",
 ]
 __all__ += ["other_patches", "own_model"]
 
@@ -45,7 +45,7 @@ _BANDS = 4
 
 
 @dataclass(frozen=True)
-class JudgedPatch:
+class ScoredPatch:
     """What is said of one patch."""
 
     row: dict[str, Any]  # of validation_patches.csv, without what depends on other patches
@@ -56,8 +56,8 @@ class JudgedPatch:
 
 
 def own_model(models: Sequence[str]) -> str:
-    """The study's own prediction: with the mat, if there is one."""
-    return MAT if MAT in models else BARE
+    """The study's own prediction: with the interlayer, if there is one."""
+    return INTERLAYER if INTERLAYER in models else BARE
 
 
 def other_patches(
@@ -67,7 +67,7 @@ def other_patches(
     contacts: Mapping[str, Contact],
     changes: Mapping[str, xr.Dataset],
 ) -> Others:
-    """What the rivals know of the patches that the prediction is `fitted` to.
+    """What the baselines know of the patches that the prediction is `fitted` to.
 
     The tables are ``patch_pressures`` and ``registration``; each contact and each change of these
     patches is looked up once.
@@ -75,7 +75,7 @@ def other_patches(
     table = pressures.set_index("patch")[["pressure_MPa"]]
     known = registration.set_index("patch")
     table = table.assign(
-        loss_mm=known.loss_per_area_um * 1e-3, loss_fraction=known.loss_fraction
+        loss_mm=known.mean_wear_depth_um * 1e-3, loss_fraction=known.loss_fraction
     )
     depths = {}
     for patch in fitted:
@@ -84,7 +84,7 @@ def other_patches(
     return Others.of(table.loc[list(fitted)], depths)
 
 
-def judge_patch(
+def score_patch(
     patch: str,
     contact: Contact,
     change: xr.Dataset,
@@ -92,9 +92,9 @@ def judge_patch(
     others: Others,
     *,
     pressure_MPa: float,
-    believed: bool = True,
-) -> JudgedPatch:
-    """Judge the predicted loss of one patch by the measured one.
+    above_noise: bool = True,
+) -> ScoredPatch:
+    """Score the predicted loss of one patch by the measured one.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def judge_patch(
         Its id.
     contact : Contact
         The patch's before use: ``pressure`` (y, x) in MPa, and its heights, which
-        the rivals see as the patch lies on the stone (`gstlib.contact.Interface.laid`).
+        the baselines see as the patch lies on the stone (`gstlib.contact.Interface.laid`).
     change : xarray.Dataset
         As from `gstlib.change.change.height_change`.
     predicted : xarray.Dataset
@@ -111,7 +111,7 @@ def judge_patch(
         As from `other_patches`.
     pressure_MPa : float
         Of the patch before use.
-    believed : bool
+    above_noise : bool
         Whether the loss exceeds noise. If not, it is not tested against chance.
     """
     valid = np.isfinite(change.change.values)
@@ -122,12 +122,12 @@ def judge_patch(
     own = {
         str(depth.model.values): seen_depth(depth.values[valid]) for depth in predicted.depth
     }
-    depths = own | rival_depths(
+    depths = own | baseline_depths(
         height,
         level,
         summit=float(laid.max()),
         pressure_MPa=pressure_MPa,
-        worn_share=float(loss[valid].mean()) if valid.any() else 0.0,
+        worn_fraction=float(loss[valid].mean()) if valid.any() else 0.0,
         others=others.without(patch),
     )
     name, every = own_model(list(own)), np.ones(height.shape, dtype=bool)
@@ -158,18 +158,18 @@ def judge_patch(
         "mcc": models[name]["mcc"],
         "attainable_mcc": models[name]["attainable_mcc"],
         "map_error": _over(error_um, models["none"]["map_error_um"]),
-        **{f"{model}_mcc": models[model]["mcc"] for model in (*RIVALS, CEILING)},
+        **{f"{model}_mcc": models[model]["mcc"] for model in (*BASELINES, ORACLE)},
     }
     mask = np.zeros(valid.shape, dtype=bool)
     mask[valid] = own[name] > level
     is_defined = math.isfinite(row["mcc"]) and bool((mask & valid).any())
-    untested = "noise" if not believed else "" if is_defined else "undefined"
+    untested = "noise" if not above_noise else "" if is_defined else "undefined"
     bands = _bands(patch, lost, loss, valid, height, own)
     places = Places.of(mask, loss, valid)
-    return JudgedPatch(row, untested, list(models.values()), bands, places)
+    return ScoredPatch(row, untested, list(models.values()), bands, places)
 
 
-def by_chance(found: Sequence[JudgedPatch]) -> dict[str, np.ndarray]:
+def by_chance(found: Sequence[ScoredPatch]) -> dict[str, np.ndarray]:
     """MCC of each patch that can be tested, by patch: in place, then by chance.
 
     See `gstlib.validation.nulls.swapped_mcc`.
@@ -179,22 +179,24 @@ def by_chance(found: Sequence[JudgedPatch]) -> dict[str, np.ndarray]:
     return {patch: swapped_mcc(patch, predicted) for patch in tested}
 
 
-def judged_tables(
-    found: Sequence[JudgedPatch], nulls: Mapping[str, np.ndarray], counted: Mapping[str, bool]
+def score_tables(
+    found: Sequence[ScoredPatch],
+    nulls: Mapping[str, np.ndarray],
+    in_statistics: Mapping[str, bool],
 ) -> dict[str, pd.DataFrame]:
     """The tables ``patches``, ``wear`` and ``profile``; empty without patches.
 
-    `nulls` are those of `by_chance`; `counted` says which patches enter the statistics.
+    `nulls` are those of `by_chance`; `in_statistics` says which patches enter the statistics.
     """
     patches = []
     for one in found:
         patch = one.row["patch"]
         null = nulls.get(patch)
         chance = math.nan if null is None else p_value(float(null[0]), null[1:])
-        first = {"patch": patch, "counted": counted[patch]}
+        first = {"patch": patch, "in_statistics": in_statistics[patch]}
         patches.append(first | one.row | {"p_value": chance, "untested": one.untested})
     wear = pd.DataFrame([row for one in found for row in one.models])
-    if MAT not in set(wear.get("model", [])):  # only that of a mat is compared
+    if INTERLAYER not in set(wear.get("model", [])):  # only that of an interlayer is compared
         wear = wear.drop(columns="out_of_contact_um", errors="ignore")
     profile = pd.DataFrame([row for one in found for row in one.bands])
     return {"patches": pd.DataFrame(patches), "wear": wear, "profile": profile}

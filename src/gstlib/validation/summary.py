@@ -4,13 +4,12 @@ Every row of the summary is a statistic with its interval, its p-value, the numb
 what it is compared with (`gstlib.validation.inference`).
 """
 
-# ASSUME: the mat is tested only where the bare stone's loss is below detection, and its error there
-# must be 2 % smaller: errors of heights and loads let a mat gain a little on stones that never saw
-# one. So tested, none of 20 such stones is said to have had one, and all of 10 that had
-# (benchmarks/power.py).
-# ASSUME: the best rival is chosen on the patches on which it is compared. That can only make the
-# prediction look worse; a claim that the rival is better has its p-value multiplied by the number
-# of rivals (Bonferroni).
+# ASSUME: the interlayer is tested only where the bare stone's loss is below detection, and its
+# error there must be 2 % smaller: errors of heights and loads let an interlayer gain a little on
+# stones that never saw one. So tested, none of 20 such stones is said to have had one, and all of
+# 10 that had (benchmarks/power.py). ASSUME: the best baseline is chosen on the patches on which
+# it is compared. That can only make the prediction look worse; a claim that the baseline is
+# better has its p-value multiplied by the number of baselines (Bonferroni).
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,7 +20,7 @@ import scipy
 import xarray as xr
 
 from gstlib.contact import Contact
-from gstlib.validation.baselines import CEILING, RIVALS
+from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.inference import (
     Draws,
     Estimate,
@@ -34,20 +33,20 @@ from gstlib.validation.inference import (
 from gstlib.validation.nulls import p_value
 from gstlib.validation.scoring import (
     by_chance,
-    judge_patch,
-    judged_tables,
     other_patches,
     own_model,
+    score_patch,
+    score_tables,
 )
-from gstlib.wear.archard import BARE, MAT, YIELDING
+from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
-__all__ = ["judge_wear", "patch_statistics", "summarise"]
+__all__ = ["patch_statistics", "score_wear", "summarise"]
 
-_NONE = RIVALS[0]
+_NONE = BASELINES[0]
 # What a patch lost, as area and as volume, both over the area measured: patches overlap to
 # different shares.
-_EXTENTS = "loss_fraction", "loss_per_area_um"
-# A mat is detected if its error out of contact is below this share of the bare stone's.
+_EXTENTS = "loss_fraction", "mean_wear_depth_um"
+# An interlayer is detected if its error out of contact is below this share of the bare stone's.
 _ERROR_TO_BEAT = 0.98
 
 # model, statistic, estimate, against
@@ -58,11 +57,11 @@ def summarise(
     patches: pd.DataFrame,
     wear: pd.DataFrame,
     nulls: Mapping[str, np.ndarray],
-    mat: xr.Dataset | None,
+    interlayer: xr.Dataset | None,
     *,
     seed: int | Sequence[int],
     resamples: int,
-    expected_worst: Sequence[str] = (),
+    expected_most_worn: Sequence[str] = (),
 ) -> pd.DataFrame:
     """The table ``validation_summary.csv``.
 
@@ -71,49 +70,50 @@ def summarise(
     patches : pandas.DataFrame
         From `patch_statistics`.
     wear : pandas.DataFrame
-        The table ``wear`` of `gstlib.validation.scoring.judged_tables`.
+        The table ``wear`` of `gstlib.validation.scoring.score_tables`.
     nulls : mapping of str to ndarray
         From `gstlib.validation.scoring.by_chance`.
-    mat : xarray.Dataset or None
-        From `gstlib.wear.interlayer.fit_mat`; None without a mat.
+    interlayer : xarray.Dataset or None
+        From `gstlib.wear.interlayer.fit_interlayer`; None without an interlayer.
     seed, resamples : int
         Of the intervals and permutations; bootstrap samples of patches.
-    expected_worst : sequence of str
+    expected_most_worn : sequence of str
         Patches stated beforehand to be the worst worn.
 
     Returns
     -------
     pandas.DataFrame
         ``model, statistic, value, low, high, p_value, n, against``, with 95 % intervals, over the
-        patches that are counted. Of each prediction ``mean(mcc)``, ``mean(attainable_mcc)``, and
-        against the best rival ``gain(mcc)``, a mean difference, and ``relative(volume_error)``, a
-        ratio of summed absolute errors; of all models ``mean(mcc)`` and, against no loss,
-        ``relative(map_error)``. Two-sided tests exchange the two patch by patch.
-        ``tested_mean(mcc)``: over the patches on which chance can be tested, against the
-        predictions of other patches, one-sided. ``spearman(a, b)``: rank correlation over
-        patches of pressure with the lost area, and of whether a patch bears any pressure
+        patches that are in_statistics. Of each prediction ``mean(mcc)``,
+        ``mean(attainable_mcc)``, and against the best baseline ``gain(mcc)``, a mean difference,
+        and ``relative(volume_error)``, a ratio of summed absolute errors; of all models
+        ``mean(mcc)`` and, against no loss, ``relative(map_error)``. Two-sided tests exchange the
+        two patch by patch. ``tested_mean(mcc)``: over the patches on which chance can be tested,
+        against the predictions of other patches, one-sided. ``spearman(a, b)``: rank correlation
+        over patches of pressure with the lost area, and of whether a patch bears any pressure
         (``touched``) with the lost volume; the latter of patches in and out of the study.
-        ``expected_worst(5+8, column)``: share of these patches among the equally many largest (a
-        tie counts against it), with the p-value of a random ranking. With a mat ``mat_ratio``, its
-        coefficient over that of the bare stone, and ``relative(out_of_contact)``, its error over
-        98 % of the bare stone's where that takes off less than is detected.
+        ``expected_most_worn(5+8, column)``: share of these patches among the equally many largest
+        (a tie counts against it), with the p-value of a random ranking. With an interlayer
+        ``interlayer_ratio``, its coefficient over that of the bare stone, and
+        ``relative(out_of_contact)``, its error over 98 % of the bare stone's where that takes off
+        less than is detected.
     """
     draws = Draws(np.random.default_rng(seed), resamples)
-    counted = patches[patches.counted]
+    in_statistics = patches[patches.in_statistics]
     rows: list[_Row] = []
-    judged = wear[wear.patch.isin(counted.patch)] if len(wear) else wear
-    if len(judged):
-        rows += _model_rows(judged, draws)
-        tested = [nulls[patch] for patch in counted.patch if patch in nulls]
-        rows.append(_chance_row(own_model(list(judged.model)), tested, draws))
-        if mat is not None:
-            rows += _mat_rows(judged, mat, draws)
-    rows.append(_correlation(counted, "pressure_MPa", "loss_fraction", draws))
-    believed = patches[patches.believed]
-    rows.append(_correlation(believed, "touched", "loss_per_area_um", draws))
-    if expected_worst:
+    scored = wear[wear.patch.isin(in_statistics.patch)] if len(wear) else wear
+    if len(scored):
+        rows += _model_rows(scored, draws)
+        tested = [nulls[patch] for patch in in_statistics.patch if patch in nulls]
+        rows.append(_chance_row(own_model(list(scored.model)), tested, draws))
+        if interlayer is not None:
+            rows += _interlayer_rows(scored, interlayer, draws)
+    rows.append(_correlation(in_statistics, "pressure_MPa", "loss_fraction", draws))
+    above_noise = patches[patches.above_noise]
+    rows.append(_correlation(above_noise, "touched", "mean_wear_depth_um", draws))
+    if expected_most_worn:
         columns = [*_EXTENTS, "predicted_loss_um", "pressure_MPa", "contact_fraction"]
-        rows += [_worst(counted, expected_worst, column) for column in columns]
+        rows += [_worst(in_statistics, expected_most_worn, column) for column in columns]
     named = [
         {"model": model, "statistic": name, **estimate._asdict(), "against": against}
         for model, name, estimate, against in rows
@@ -129,38 +129,38 @@ def patch_statistics(
     The tables are ``validation_patches``, ``registration`` and ``patch_pressures``. A row for each
     patch with a known change, also where no loss is predicted.
     """
-    of_registration = ["patch", "loss_fraction", "loss_per_area_um", "believed"]
-    measured = registration.loc[registration.known_share > 0, of_registration]
+    of_registration = ["patch", "loss_fraction", "mean_wear_depth_um", "above_noise"]
+    measured = registration.loc[registration.known_fraction > 0, of_registration]
     where = pressures[["patch", "x_mm", "y_mm", "pressure_MPa", "in_study"]]
     predicted = patches.reindex(columns=["patch", "contact_fraction", "predicted_loss_um"])
     table = where.merge(measured, on="patch").merge(predicted, on="patch", how="left")
     table["touched"] = (table.pressure_MPa > 0).astype(float)
-    table["believed"] = table.believed.astype(bool)
-    table["counted"] = table.believed & table.in_study.astype(bool)
+    table["above_noise"] = table.above_noise.astype(bool)
+    table["in_statistics"] = table.above_noise & table.in_study.astype(bool)
     return table
 
 
-def _model_rows(judged: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
-    """How right the predictions are, beside their rivals."""
-    order = list(dict.fromkeys(judged.patch))
-    volume_error = (judged.predicted_volume_um3 - judged.measured_volume_um3).abs()
+def _model_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
+    """How right the predictions are, beside their baselines."""
+    order = list(dict.fromkeys(scored.patch))
+    volume_error = (scored.predicted_volume_um3 - scored.measured_volume_um3).abs()
     mcc, attainable, map_error, volume = (
-        judged.assign(volume_error=volume_error)
+        scored.assign(volume_error=volume_error)
         .pivot(index="patch", columns="model", values=name)
         .loc[order]
         for name in ("mcc", "attainable_mcc", "map_error_um", "volume_error")
     )
     # no place is right or wrong where nothing was lost: so it is for all models alike
     mcc, attainable = mcc.dropna(), attainable.dropna()
-    rivals = [name for name in RIVALS if name != _NONE]
-    for model in (BARE, MAT, YIELDING, *RIVALS, CEILING):
+    baselines = [name for name in BASELINES if name != _NONE]
+    for model in (BARE, INTERLAYER, CAPPED, *BASELINES, ORACLE):
         if model not in mcc:
             continue
         yield model, "mean(mcc)", mean_of(mcc[model].to_numpy(), draws), ""
-        if model in (BARE, MAT, YIELDING):
+        if model in (BARE, INTERLAYER, CAPPED):
             reached = mean_of(attainable[model].to_numpy(), draws)
             yield model, "mean(attainable_mcc)", reached, "any mask of its area"
-            best = str(mcc[rivals].mean().idxmax()) if len(mcc) else ""
+            best = str(mcc[baselines].mean().idxmax()) if len(mcc) else ""
             gain = (mcc[model] - mcc[best]).to_numpy() if best else np.zeros(0)
             p = _against_best(gain, draws)
             yield model, "gain(mcc)", mean_of(gain, draws, p), best
@@ -168,17 +168,17 @@ def _model_rows(judged: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
             errors = map_error[model].to_numpy(), map_error[_NONE].to_numpy()
             p = exchange_p_value(errors[1] - errors[0], draws.generator)
             yield model, "relative(map_error)", ratio_of_sums(*errors, draws, p), _NONE
-        if model in (BARE, MAT, YIELDING):
-            best = str(volume[list(RIVALS)].sum().idxmin())
+        if model in (BARE, INTERLAYER, CAPPED):
+            best = str(volume[list(BASELINES)].sum().idxmin())
             errors = volume[model].to_numpy(), volume[best].to_numpy()
             p = _against_best(errors[1] - errors[0], draws)
             yield model, "relative(volume_error)", ratio_of_sums(*errors, draws, p), best
 
 
 def _against_best(gain: np.ndarray, draws: Draws) -> float:
-    """Two-sided test of a mean gain over the best of the rivals."""
+    """Two-sided test of a mean gain over the best of the baselines."""
     p = exchange_p_value(gain, draws.generator)
-    return p if not gain.size or gain.mean() > 0 else min(1.0, len(RIVALS) * p)
+    return p if not gain.size or gain.mean() > 0 else min(1.0, len(BASELINES) * p)
 
 
 def _chance_row(own: str, nulls: Sequence[np.ndarray], draws: Draws) -> _Row:
@@ -194,20 +194,22 @@ def _chance_row(own: str, nulls: Sequence[np.ndarray], draws: Draws) -> _Row:
     return own, "tested_mean(mcc)", mean_of(values, draws, p), "other patches' predictions"
 
 
-def _mat_rows(judged: pd.DataFrame, mat: xr.Dataset, draws: Draws) -> Iterator[_Row]:
-    """Whether there was a mat between the stones, and how much of the wear it did."""
-    order = list(dict.fromkeys(judged.patch))
-    error = judged.pivot(index="patch", columns="model", values="out_of_contact_um")
+def _interlayer_rows(
+    scored: pd.DataFrame, interlayer: xr.Dataset, draws: Draws
+) -> Iterator[_Row]:
+    """Whether there was an interlayer between the stones, and how much of the wear it did."""
+    order = list(dict.fromkeys(scored.patch))
+    error = scored.pivot(index="patch", columns="model", values="out_of_contact_um")
     error = error.loc[order].fillna(0.0)
-    errors = error[MAT].to_numpy(), _ERROR_TO_BEAT * error[BARE].to_numpy()
+    errors = error[INTERLAYER].to_numpy(), _ERROR_TO_BEAT * error[BARE].to_numpy()
     p = exchange_p_value(errors[1] - errors[0], draws.generator)
-    yield MAT, "relative(out_of_contact)", ratio_of_sums(*errors, draws, p), BARE
-    misfit = mat.misfit.transpose("patch", "ratio").values
+    yield INTERLAYER, "relative(out_of_contact)", ratio_of_sums(*errors, draws, p), BARE
+    misfit = interlayer.misfit.transpose("patch", "ratio").values
     drawn = draws.generator.integers(0, len(misfit), (draws.resamples, len(misfit)))
-    samples = mat.ratio.values[misfit[drawn].sum(axis=1).argmin(axis=1)]
+    samples = interlayer.ratio.values[misfit[drawn].sum(axis=1).argmin(axis=1)]
     interval = percentile_interval(samples, len(misfit))
-    estimate = Estimate(float(mat.ratio_of_all), *interval, math.nan, len(misfit))
-    yield MAT, "mat_ratio", estimate, ""
+    estimate = Estimate(float(interlayer.ratio_of_all), *interval, math.nan, len(misfit))
+    yield INTERLAYER, "interlayer_ratio", estimate, ""
 
 
 def _correlation(table: pd.DataFrame, predictor: str, extent: str, draws: Draws) -> _Row:
@@ -227,11 +229,11 @@ def _worst(table: pd.DataFrame, expected: Sequence[str], column: str) -> _Row:
         p = float(
             scipy.stats.hypergeom.sf(within - 1, len(known), len(expected), len(expected))
         )
-    name = f"expected_worst({'+'.join(expected)}, {column})"
+    name = f"expected_most_worn({'+'.join(expected)}, {column})"
     return "", name, Estimate(share, math.nan, math.nan, p, len(known)), "random ranking"
 
 
-def judge_wear(
+def score_wear(
     contacts: Mapping[str, Contact],
     changes: Mapping[str, xr.Dataset],
     predicted: Mapping[str, xr.Dataset],
@@ -239,12 +241,12 @@ def judge_wear(
     registration: pd.DataFrame,
     *,
     fitted_to: Sequence[str],
-    mat: xr.Dataset | None = None,
-    expected_worst: Sequence[str] = (),
+    interlayer: xr.Dataset | None = None,
+    expected_most_worn: Sequence[str] = (),
     seed: int | Sequence[int],
     resamples: int,
 ) -> dict[str, pd.DataFrame]:
-    """Judge the loss that is predicted of each patch by the measured one, beside fair rivals.
+    """Score the loss that is predicted of each patch by the measured one, beside fair baselines.
 
     Parameters
     ----------
@@ -255,9 +257,9 @@ def judge_wear(
         The tables ``patch_pressures`` and ``registration``.
     fitted_to : sequence of str
         Patches whose losses the prediction is fitted to.
-    mat : xarray.Dataset, optional
-        From `gstlib.wear.interlayer.fit_mat`.
-    expected_worst : sequence of str
+    interlayer : xarray.Dataset, optional
+        From `gstlib.wear.interlayer.fit_interlayer`.
+    expected_most_worn : sequence of str
         Patches that were said beforehand to be the worst worn.
     seed, resamples : int
         Of the intervals and permutations; bootstrap samples of patches.
@@ -266,36 +268,37 @@ def judge_wear(
     -------
     dict of pandas.DataFrame
         ``patches`` and ``wear``, with a row for each patch with a known change and for each of its
-        models; ``profile``; and ``summary``, over the patches in the study whose loss is believed.
+        models; ``profile``; and ``summary``, over the patches in the study whose loss is above
+        the noise.
     """
-    known = registration[registration.known_share > 0].set_index("patch")
-    at = pressures.set_index("patch").join(known.believed, how="inner")
+    known = registration[registration.known_fraction > 0].set_index("patch")
+    at = pressures.set_index("patch").join(known.above_noise, how="inner")
     found = []
     if predicted:
         others = other_patches(pressures, registration, fitted_to, contacts, changes)
         for patch in at.index:
             found.append(
-                judge_patch(
+                score_patch(
                     patch,
                     contacts[patch],
                     changes[patch],
                     predicted[patch],
                     others,
                     pressure_MPa=float(at.pressure_MPa[patch]),
-                    believed=bool(at.believed[patch]),
+                    above_noise=bool(at.above_noise[patch]),
                 )
             )
     nulls = by_chance(found)
-    counted = (at.in_study.astype(bool) & at.believed.astype(bool)).to_dict()
-    tables = judged_tables(found, nulls, counted)
+    in_statistics = (at.in_study.astype(bool) & at.above_noise.astype(bool)).to_dict()
+    tables = score_tables(found, nulls, in_statistics)
     statistics = patch_statistics(tables["patches"], registration, pressures)
     tables["summary"] = summarise(
         statistics,
         tables["wear"],
         nulls,
-        mat,
+        interlayer,
         seed=seed,
         resamples=resamples,
-        expected_worst=expected_worst,
+        expected_most_worn=expected_most_worn,
     )
     return tables

@@ -1,29 +1,30 @@
 """How much wears: Archard's law on the square and on its patches, with one coefficient for a stone.
 
 What a patch loses in a step of sliding is κ p: wear coefficient × sliding, κ, times its pressure.
-The square wears as a whole, so pressures move from patch to patch as the hardest pressed sink
+The square wears as a whole, so pressures move from patch to patch as the most heavily loaded sink
 (`wear_square`); inside a patch, the summits wear first (`wear_patch`). The one unknown, κ, is
 fitted to the measured loss. A prediction for a patch uses the κ of all the *other* patches.
 
-Valleys wear too where something soft is between the stones: plants, hide, wood. A *mat*, an elastic
-layer that takes turns with the bare stone, stands for it. How its coefficient compares with that of
-the bare stone is fitted as κ is, to the maps of loss of the other patches (`fit_mat`).
+Valleys wear too where something soft is between the stones: plants, hide, wood. A *interlayer*,
+an elastic layer that takes turns with the bare stone, stands for it. How its coefficient compares
+with that of the bare stone is fitted as κ is, to the maps of loss of the other patches
+(`fit_interlayer`).
 
 `gstlib.validation` says how good the predictions are.
 """
 
-# ASSUME: κ is one number for the whole stone and all of its use; the active stone does not wear,
+# ASSUME: κ is one number for the whole stone and all of its use; the active tool does not wear,
 # and patches are pressed as before use by what surrounds them, at the pressure of each step.
 # ASSUME: while it wears, the stone keeps the tilt that it rests with before use.
 # ASSUME: κ makes the predicted and the measured loss of the patches equal in sum: a few deep
 # traces count more than many shallow ones. The measured loss is that beyond its level of detection.
-# ASSUME: a mat carries the same force over the square as the bare stone does, and is as thick
-# everywhere; what is behind it is rigid for it, and elastic by itself as without it.
+# ASSUME: an interlayer carries the same force over the square as the bare stone does, and is as
+# thick everywhere; what is behind it is rigid for it, and elastic by itself as without it.
 # ASSUME: where summits yield, a patch keeps the mean pressures of the elastic stone, but for what
-# it cannot bear: at most nine tenths of the ceiling. What yields in one step is as high as before
-# in the next, but for what wore off.
-# ASSUME: T1 is laid on T0 where most points are. No scan sees what a mat takes off all points
-# alike, so that a prediction, too, counts from the median of its depths.
+# it cannot bear: at most nine tenths of the cap. What yields in one step is as high as before in
+# the next, but for what wore off. ASSUME: T1 is laid on T0 where most points are. No scan sees
+# what an interlayer takes off all points alike, so that a prediction, too, counts from the median
+# of its depths.
 
 import math
 from collections.abc import Mapping
@@ -44,13 +45,13 @@ from gstlib.surfaces.footprints import Place
 
 __all__ = [
     "BARE",
-    "MAT",
-    "YIELDING",
-    "Mat",
+    "CAPPED",
+    "INTERLAYER",
+    "Interlayer",
     "WornSquare",
     "seen_depth",
     "wear_contact",
-    "wear_elastic_and_yielding",
+    "wear_elastic_and_capped",
     "wear_patch",
     "wear_square",
 ]
@@ -58,10 +59,10 @@ __all__ = [
 # The square wears to this many times the κ of the bare stone that its first pressures give, or to
 # more, where patches are then short of their losses.
 _REACHES = 1.5, 3.0, 6.0
-# Coefficients of the mat that are tried, over that of the bare stone.
+# Coefficients of the interlayer that are tried, over that of the bare stone.
 _RATIOS = 0.0, 0.1, 0.3, 1.0, 3.0
-_BODIES = "stone", "mat"
-# Largest mean pressure of a patch over the ceiling on the pressure of its elements.
+_BODIES = "stone", "interlayer"
+# Largest mean pressure of a patch over the cap on the pressure of its elements.
 _BORNE = 0.9
 
 _OF_PATCHES = "pressure_MPa", "x_mm", "y_mm", "rotation_deg"
@@ -80,10 +81,10 @@ _DESCRIBED = {
 
 
 # The predictions: Archard's law, and what is changed in it.
-BARE, MAT, YIELDING = "archard", "mat", "yielding"
+BARE, INTERLAYER, CAPPED = "archard", "interlayer", "archard_capped"
 
 
-class Mat(NamedTuple):
+class Interlayer(NamedTuple):
     """What takes turns with the bare stone.
 
     Attributes
@@ -103,17 +104,17 @@ class WornSquare(NamedTuple):
     Attributes
     ----------
     path : xarray.Dataset
-        By ``ratio`` of the mat's coefficient to the bare stone's, 0 alone without a mat: ``kappa``
-        (ratio, step), both bodies' together, mm/MPa, from 0 on; ``pressed`` (ratio, body, step,
-        patch): mean depth that one body alone would remove, mm. ``fitted`` (patch): κ of the bare
-        stone from the measured losses of all other patches; ``kappa_of_all``: from all.
-        ``measured`` (patch), mm, NaN where κ is not fitted to a patch; ``pressure_MPa`` before use
-        and ``x_mm, y_mm, rotation_deg`` (patch); ``patch_mm``.
-    mat : Mat or None
+        By ``ratio`` of the interlayer's coefficient to the bare stone's, 0 alone without an
+        interlayer: ``kappa`` (ratio, step), both bodies' together, mm/MPa, from 0 on; ``pressed``
+        (ratio, body, step, patch): mean depth that one body alone would remove, mm. ``fitted``
+        (patch): κ of the bare stone from the measured losses of all other patches;
+        ``kappa_of_all``: from all. ``measured`` (patch), mm, NaN where κ is not fitted to a
+        patch; ``pressure_MPa`` before use and ``x_mm, y_mm, rotation_deg`` (patch); ``patch_mm``.
+    interlayer : Interlayer or None
     """
 
     path: xr.Dataset
-    mat: Mat | None
+    interlayer: Interlayer | None
 
     @property
     def fitted_to(self) -> list[str]:
@@ -128,7 +129,7 @@ def wear_square(
     *,
     patch_mm: float,
     steps: int,
-    mat: Layer | None = None,
+    interlayer: Layer | None = None,
     gesture: Gesture | None = None,
 ) -> WornSquare:
     """Wear the square, follow the patches' pressures, and fit κ.
@@ -145,11 +146,11 @@ def wear_square(
         Side of a patch.
     steps : int
         Implicit steps of the path.
-    mat : gstlib.bem.Layer, optional
+    interlayer : gstlib.bem.Layer, optional
         What takes turns with the bare stone.
     gesture : Gesture, optional
         In each step all its poses take off what their pressure and sliding say, in place of the
-        single pose. Not with a mat.
+        single pose. Not with an interlayer.
 
     Raises
     ------
@@ -161,12 +162,18 @@ def wear_square(
     most = measured.sum() / table.pressure_MPa[measured.index].sum()
     for reach in _REACHES:
         if gesture is None:
-            # a mat adds to what the bare stone does
+            # an interlayer adds to what the bare stone does
             paths = [
                 _pressed(
-                    contact, table, (1 + ratio) * reach * most, ratio, mat, patch_mm, steps
+                    contact,
+                    table,
+                    (1 + ratio) * reach * most,
+                    ratio,
+                    interlayer,
+                    patch_mm,
+                    steps,
                 )
-                for ratio in (_RATIOS if mat else _RATIOS[:1])
+                for ratio in (_RATIOS if interlayer else _RATIOS[:1])
             ]
         else:
             paths = [_pressed_in_poses(contact, gesture, table, reach * most, patch_mm, steps)]
@@ -192,7 +199,12 @@ def wear_square(
     path = path.assign({name: ("patch", table[name]) for name in _OF_PATCHES})
     for name, (units, long_name) in _DESCRIBED.items():
         path[name].attrs.update(units=units, long_name=long_name)
-    return WornSquare(path, None if mat is None else Mat(mat, _under_mat(contact, mat)))
+    return WornSquare(
+        path,
+        None
+        if interlayer is None
+        else Interlayer(interlayer, _under_interlayer(contact, interlayer)),
+    )
 
 
 def wear_contact(contact: Contact, source: str, **options: Any) -> WearPath:
@@ -208,14 +220,14 @@ def wear_contact(contact: Contact, source: str, **options: Any) -> WearPath:
     return path
 
 
-def _under_mat(contact: Contact, mat: Layer) -> xr.DataArray:
-    """Pressure (y, x) on the square under a mat before use, MPa."""
+def _under_interlayer(contact: Contact, interlayer: Layer) -> xr.DataArray:
+    """Pressure (y, x) on the square under an interlayer before use, MPa."""
     with solver_errors("macroscale", contact.load):
         state = solve_contact(
             *contact.interface.for_solver,
             contact.modulus,
             mean_pressure=float(contact.pressure.mean()),
-            layer=mat,
+            layer=interlayer,
             tolerance=contact.tolerance,
         )
     log_state(state)
@@ -227,7 +239,7 @@ def _pressed(
     table: pd.DataFrame,
     kappa: float,
     ratio: float,
-    mat: Layer | None,
+    interlayer: Layer | None,
     patch_mm: float,
     steps: int,
 ) -> xr.Dataset:
@@ -238,7 +250,7 @@ def _pressed(
         "mean_pressure": target,
         "mean_loss": kappa * target,
         "steps": steps,
-        "third_body": ThirdBody(mat, share, target) if mat else None,
+        "third_body": ThirdBody(interlayer, share, target) if interlayer else None,
         "keep_states": True,
     }
     path = wear_contact(contact, "macroscale", **options)
@@ -307,7 +319,7 @@ def wear_patch(
     *,
     ratio: float = 0.0,
     kappa: float | None = None,
-    hardness_MPa: float | None = None,
+    pressure_cap: float | None = None,
 ) -> np.ndarray:
     """Wear a patch at the pressures that the wearing square gives it.
 
@@ -321,10 +333,10 @@ def wear_patch(
         One of those of `worn`.
     kappa : float, optional
         mm/MPa; by default that of the bare stone from the other patches.
-    hardness_MPa : float, optional
-        Ceiling on the pressure of an element. It moves wear within the patch; how much the patch
+    pressure_cap : float, optional
+        Cap on the pressure of an element. It moves wear within the patch; how much the patch
         loses depends on its mean pressure alone, of which it bears at most nine tenths of the
-        ceiling.
+        cap.
 
     Returns
     -------
@@ -335,31 +347,31 @@ def wear_patch(
     lost, options = _driven(contact, worn, patch, ratio, kappa)
     if not lost > 0:
         return np.zeros(contact.pressure.shape)
-    if hardness_MPa is not None:
-        options = _bounded(options, ratio, hardness_MPa)
+    if pressure_cap is not None:
+        options = _bounded(options, ratio, pressure_cap)
     return wear_contact(contact, f"patch {patch}", **options).depth
 
 
-def wear_elastic_and_yielding(
+def wear_elastic_and_capped(
     contact: Contact,
     worn: WornSquare,
     patch: str,
     *,
-    hardness_MPa: float,
+    pressure_cap: float,
     ratio: float = 0.0,
     kappa: float | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The depths of `wear_patch` without the ceiling and with it, in one go."""
+    """The depths of `wear_patch` without the cap and with it, in one go."""
     kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
     lost, options = _driven(contact, worn, patch, ratio, kappa)
     if not lost > 0:
         return (nothing := np.zeros(contact.pressure.shape)), nothing
     source = f"patch {patch}"
     elastic = wear_contact(contact, source, **options)
-    bounded = _bounded(options, ratio, hardness_MPa)
-    # Where no pressure reaches the ceiling, each of its contacts is that without it.
+    bounded = _bounded(options, ratio, pressure_cap)
+    # Where no pressure reaches the cap, each of its contacts is that without it.
     is_borne = math.isclose(bounded["mean_loss"], lost, rel_tol=1e-12)
-    if is_borne and elastic.highest_pressure < hardness_MPa:
+    if is_borne and elastic.highest_pressure < pressure_cap:
         return elastic.depth, elastic.depth
     return elastic.depth, wear_contact(contact, source, **bounded).depth
 
@@ -374,19 +386,19 @@ def _driven(
     stone, soft = (np.diff(of) / fine[1] for of in pressed)
     lost = (1 - share) * pressed[0][-1] + share * pressed[1][-1]
     options: dict[str, Any] = {"mean_pressure": stone, "mean_loss": lost, "steps": steps}
-    if ratio and worn.mat:
-        lowered = _lowered(contact, at, worn.mat)
-        options["third_body"] = ThirdBody(worn.mat.layer, share, soft, lowered)
+    if ratio and worn.interlayer:
+        lowered = _lowered(contact, at, worn.interlayer)
+        options["third_body"] = ThirdBody(worn.interlayer.layer, share, soft, lowered)
     return lost, options
 
 
-def _bounded(options: dict, ratio: float, hardness_MPa: float) -> dict:
-    """The settings of `_driven` with a ceiling on the pressure, and no more than it lets pass."""
-    most, share = _BORNE * hardness_MPa, ratio / (1 + ratio)
+def _bounded(options: dict, ratio: float, pressure_cap: float) -> dict:
+    """The settings of `_driven` with a cap on the pressure, and no more than it lets pass."""
+    most, share = _BORNE * pressure_cap, ratio / (1 + ratio)
     body, stone = options.get("third_body"), np.minimum(options["mean_pressure"], most)
     asked = (1 - share) * options["mean_pressure"].sum()
     borne = (1 - share) * stone.sum()
-    bounded: dict[str, Any] = {"mean_pressure": stone, "pressure_limit": hardness_MPa}
+    bounded: dict[str, Any] = {"mean_pressure": stone, "pressure_cap": pressure_cap}
     if body is not None:
         soft = np.minimum(body.mean_pressure, most)
         bounded["third_body"] = replace(body, mean_pressure=soft)
@@ -395,17 +407,17 @@ def _bounded(options: dict, ratio: float, hardness_MPa: float) -> dict:
     return options | bounded | {"mean_loss": options["mean_loss"] * borne / asked}
 
 
-def _lowered(contact: Contact, at: xr.Dataset, mat: Mat) -> np.ndarray | float:
-    """How much lower (mm) the surroundings under a mat put a patch than those of the bare stone."""
+def _lowered(contact: Contact, at: xr.Dataset, interlayer: Interlayer) -> np.ndarray | float:
+    """How much lower (mm) its surroundings put a patch under an interlayer than without one."""
     around = contact.interface.surroundings
     if around is None:
         return 0.0
-    under_mat = surroundings(
-        mat.pressure,
+    under_interlayer = surroundings(
+        interlayer.pressure,
         Place.of(at),
         around.shape,
         size_mm=float(at.patch_mm),
         contact_modulus_MPa=contact.modulus,
-        layer=mat.layer,
+        layer=interlayer.layer,
     )
-    return under_mat - around
+    return under_interlayer - around

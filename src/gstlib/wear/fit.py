@@ -13,10 +13,10 @@ from gstlib.errors import InputError
 from gstlib.macroscale.gesture import Gesture
 from gstlib.wear.archard import (
     BARE,
-    MAT,
-    YIELDING,
+    CAPPED,
+    INTERLAYER,
     WornSquare,
-    wear_elastic_and_yielding,
+    wear_elastic_and_capped,
     wear_patch,
     wear_square,
 )
@@ -33,21 +33,25 @@ def wear_stone(
     *,
     patch_mm: float,
     steps: int,
-    mat: Mapping[str, float] | None = None,
+    interlayer: Mapping[str, float] | None = None,
     gesture: Gesture | None = None,
 ) -> WornSquare | None:
     """Wear the face by Archard's law, and fit its coefficient to the measured losses.
 
     `contact` is the face's at the target load; `pressures` and `registration` are the tables
-    ``patch_pressures`` and ``registration``: the believed losses of patches in the study count;
-    `mat` is that section of the config. Other parameters and the result are those of
-    `gstlib.wear.archard.wear_square`; None, with a warning, where there is no fit.
+    ``patch_pressures`` and ``registration``: the loss above the noisees of patches in the study
+    count; `interlayer` is that section of the config. Other parameters and the result are those
+    of `gstlib.wear.archard.wear_square`; None, with a warning, where there is no fit.
     """
-    layer = Layer(mat["young_MPa"], mat["poisson"], mat["thickness_um"] * 1e-3) if mat else None
+    layer = (
+        Layer(interlayer["young_MPa"], interlayer["poisson"], interlayer["thickness_um"] * 1e-3)
+        if interlayer
+        else None
+    )
     known = pressures.merge(registration, on="patch").set_index("patch")
-    known = known[known.believed.astype(bool) & known.in_study.astype(bool)]
-    known = known.dropna(subset="loss_per_area_um")
-    if ((known.loss_per_area_um > 0) & (known.pressure_MPa > 0)).sum() < 2:
+    known = known[known.above_noise.astype(bool) & known.in_study.astype(bool)]
+    known = known.dropna(subset="mean_wear_depth_um")
+    if ((known.mean_wear_depth_um > 0) & (known.pressure_MPa > 0)).sum() < 2:
         _log.warning(
             "wear is not predicted: fewer than two patches under load lost height, so that its "
             "coefficient cannot be fitted to some and tested on others"
@@ -57,10 +61,10 @@ def wear_stone(
         return wear_square(
             contact,
             pressures,
-            known.loss_per_area_um.to_dict(),
+            known.mean_wear_depth_um.to_dict(),
             patch_mm=patch_mm,
             steps=steps,
-            mat=layer,
+            interlayer=layer,
             gesture=gesture,
         )
     except InputError as error:
@@ -74,7 +78,7 @@ def wear_map(
     fitted: xr.Dataset | None,
     patch: str,
     *,
-    hardness_MPa: float | None = None,
+    pressure_cap: float | None = None,
 ) -> xr.Dataset:
     """Loss of a patch, as the other patches predict it.
 
@@ -84,34 +88,36 @@ def wear_map(
         The patch's contact before use.
     worn : WornSquare
     fitted : xarray.Dataset or None
-        From `fit_mat`; None without a mat.
+        From `fit_interlayer`; None without an interlayer.
     patch : str
         Any patch of the square. The coefficient comes from all patches if it is none of those with
         a measured loss.
-    hardness_MPa : float, optional
+    pressure_cap : float, optional
         As in `wear_patch`.
 
     Returns
     -------
     xarray.Dataset
-        ``depth`` (model, y, x), mm, by ``archard``, the bare stone; where there is a mat, ``mat``;
-        and with a hardness ``yielding``, the last of these where summits yield.
+        ``depth`` (model, y, x), mm, by ``archard``, the bare stone; where there is an interlayer,
+        ``interlayer``; and with a hardness ``archard_capped``, the last of these where summits
+        yield.
     """
     found: dict[str, dict[str, float]] = {BARE: {}}
     if fitted is not None:
         ratio, kappa = fitted.ratio_of_all, fitted.kappa_of_all
         if patch in fitted.patch:
             ratio, kappa = (
-                fitted[name].sel(patch=patch) for name in ("mat_ratio", "mat_kappa")
+                fitted[name].sel(patch=patch)
+                for name in ("interlayer_ratio", "interlayer_kappa")
             )
-        found[MAT] = {"ratio": float(ratio), "kappa": float(kappa)}
+        found[INTERLAYER] = {"ratio": float(ratio), "kappa": float(kappa)}
     *others, last = found
     depth = {model: wear_patch(contact, worn, patch, **found[model]) for model in others}
-    if hardness_MPa is None:
+    if pressure_cap is None:
         depth[last] = wear_patch(contact, worn, patch, **found[last])
     else:
-        depth[last], depth[YIELDING] = wear_elastic_and_yielding(
-            contact, worn, patch, hardness_MPa=hardness_MPa, **found[last]
+        depth[last], depth[CAPPED] = wear_elastic_and_capped(
+            contact, worn, patch, pressure_cap=pressure_cap, **found[last]
         )
     described = {"units": "mm", "long_name": "predicted height loss"}
     return xr.Dataset(

@@ -9,10 +9,10 @@ import xarray as xr
 from gstlib.contact import Contact
 from gstlib.wear.archard import WornSquare, _driven, seen_depth, wear_contact
 
-__all__ = ["fit_mat", "mat_misfits"]
+__all__ = ["fit_interlayer", "interlayer_misfits"]
 
 
-def mat_misfits(
+def interlayer_misfits(
     contact: Contact, change: xr.Dataset, worn: WornSquare, patch: str
 ) -> xr.Dataset:
     """How a patch's wear compares with its measured loss, by ratio, along the path of the square.
@@ -57,10 +57,10 @@ def mat_misfits(
     )
 
 
-def fit_mat(
+def fit_interlayer(
     worn: WornSquare, contacts: Mapping[str, Contact], changes: Mapping[str, xr.Dataset]
 ) -> xr.Dataset:
-    """Find the mat's coefficient, over the bare stone's, that fits the maps of loss best.
+    """Find the interlayer's coefficient, over the bare stone's, that fits the maps of loss best.
 
     At each ratio κ makes the predicted losses, as far as scans see them, equal in sum to the
     measured ones.
@@ -68,7 +68,7 @@ def fit_mat(
     Parameters
     ----------
     worn : WornSquare
-        With a mat.
+        With an interlayer.
     contacts, changes : mapping
         Contact before use and height change of each patch that lost height, by patch; each is
         looked up once.
@@ -76,12 +76,12 @@ def fit_mat(
     Returns
     -------
     xarray.Dataset
-        ``misfit`` (ratio, patch), mm²: of each patch where all are fitted; ``mat_ratio`` and
-        ``mat_kappa`` (patch): fitted to all other patches; ``ratio_of_all`` and ``kappa_of_all``:
-        to all.
+        ``misfit`` (ratio, patch), mm²: of each patch where all are fitted; ``interlayer_ratio`` and
+        ``interlayer_kappa`` (patch): fitted to all other patches; ``ratio_of_all`` and
+        ``kappa_of_all``: to all.
     """
     by_patch = {
-        patch: mat_misfits(contacts[patch], changes[patch], worn, patch)
+        patch: interlayer_misfits(contacts[patch], changes[patch], worn, patch)
         for patch in worn.fitted_to
     }
     found = xr.concat(by_patch.values(), pd.Index(by_patch, name="patch"))
@@ -115,14 +115,17 @@ def fit_mat(
         kappas.append(kappa[best])
     best = int(all_misfits.sum(axis=1).argmin())
     misfit_of = {"units": "mm2", "long_name": "sum of squared differences of loss"}
-    ratio_of = {"units": "1", "long_name": "coefficient of the mat over that of the bare stone"}
-    kappa_of = {"units": "mm/MPa", "long_name": "κ of other patches, with the mat"}
-    of_all = "κ of all patches, with the mat"
+    ratio_of = {
+        "units": "1",
+        "long_name": "coefficient of the interlayer over that of the bare stone",
+    }
+    kappa_of = {"units": "mm/MPa", "long_name": "κ of other patches, with the interlayer"}
+    of_all = "κ of all patches, with the interlayer"
     return xr.Dataset(
         {
             "misfit": (("ratio", "patch"), all_misfits, misfit_of),
-            "mat_ratio": ("patch", ratios, ratio_of),
-            "mat_kappa": ("patch", kappas, kappa_of),
+            "interlayer_ratio": ("patch", ratios, ratio_of),
+            "interlayer_kappa": ("patch", kappas, kappa_of),
             "ratio_of_all": ((), float(worn.path.ratio[best]), ratio_of),
             "kappa_of_all": ((), float(kappas_of_all[best]), kappa_of | {"long_name": of_all}),
         },

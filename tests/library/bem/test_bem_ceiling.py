@@ -1,4 +1,4 @@
-"""The ceiling on pressure, p ≤ H."""
+"""The cap on pressure, p ≤ H."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def test_agrees_with_doubly_bounded_least_squares(limit):
     expected = lsq_linear(
         factor.T, np.linalg.solve(factor, overlap), (0, limit), method="bvls", tol=1e-14
     ).x
-    settings = {"pressure_limit": limit, "tolerance": 1e-11}
+    settings = {"pressure_cap": limit, "tolerance": 1e-11}
     state = solve_contact(SMALL, SPACING, MODULUS, displacement=0.004, **settings)
     np.testing.assert_allclose(state.pressure.ravel(), expected, atol=1e-8 * expected.max())
     assert np.array_equal(state.contact.ravel(), expected > 1e-9 * expected.max())
@@ -36,17 +36,17 @@ def test_converges_where_nearly_all_is_at_the_limit(mean_pressure):
     for excess in np.logspace(-4, -2, 12):
         limit = mean_pressure * (1 + excess)
         state = solve_contact(
-            heights, 0.1, 1e3, mean_pressure=mean_pressure, pressure_limit=limit, tolerance=1e-9
+            heights, 0.1, 1e3, mean_pressure=mean_pressure, pressure_cap=limit, tolerance=1e-9
         )
         assert state.residual <= 1e-9
         assert state.pressure.max() <= limit
         assert state.mean_pressure == pytest.approx(mean_pressure, rel=1e-12)
 
 
-def test_conditions_and_share_at_the_ceiling():
+def test_conditions_and_fraction_at_the_cap():
     heights, limit = self_affine(96, seed=1), 3000.0
     state = solve_contact(
-        heights, 0.85 / 96, MODULUS, mean_pressure=60.0, pressure_limit=limit, tolerance=1e-9
+        heights, 0.85 / 96, MODULUS, mean_pressure=60.0, pressure_cap=limit, tolerance=1e-9
     )
     at_limit = state.pressure == limit
     slack = 1e-9 * state.displacement
@@ -54,8 +54,8 @@ def test_conditions_and_share_at_the_ceiling():
     assert np.all(state.gap[at_limit] <= slack)
     assert np.all(abs(state.gap[state.contact & ~at_limit]) <= slack)
     assert np.all(state.gap[~state.contact] >= -slack)
-    assert state.ceiling_share == at_limit.sum() / state.contact.sum()
+    assert state.capped_fraction == at_limit.sum() / state.contact.sum()
     elastic = solve_contact(heights, 0.85 / 96, MODULUS, mean_pressure=60.0)
-    assert elastic.ceiling_share == 0
+    assert elastic.capped_fraction == 0
     assert state.contact_fraction > elastic.contact_fraction
     assert state.displacement > elastic.displacement

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine
-from gstlib.bem import HalfSpace, InvalidContactInput, contact_modulus, solve_contact
+from gstlib.bem import ContactInputError, HalfSpace, contact_modulus, solve_contact
 from gstlib.bem.convolution import SplitConvolution, love_kernel
 from gstlib.bem.halfspace import APPROXIMATION_ERROR
 from gstlib.bem.window import Window
@@ -29,7 +29,7 @@ def test_contact_modulus():
     ],
 )
 def test_unphysical_constants_are_refused(constants):
-    with pytest.raises(InvalidContactInput):
+    with pytest.raises(ContactInputError):
         contact_modulus(*constants)
 
 
@@ -147,5 +147,5 @@ def test_preconditioner_is_definite_and_better_than_the_short_range_alone(seed, 
     ],
 )
 def test_bad_input_is_refused(shape, spacing, modulus):
-    with pytest.raises(InvalidContactInput):
+    with pytest.raises(ContactInputError):
         HalfSpace(shape, spacing, modulus)

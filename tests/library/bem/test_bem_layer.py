@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bem_reference import self_affine
-from gstlib.bem import HalfSpace, InvalidContactInput, Layer, solve_contact
+from gstlib.bem import ContactInputError, HalfSpace, Layer, solve_contact
 
 RIGID = 1e9  # MPa, of what is behind the layer
 
@@ -113,5 +113,5 @@ def test_a_rough_contact_through_a_layer_is_certified_by_the_convolution():
 
 @pytest.mark.parametrize("wrong", [(0.0, 0.3, 0.1), (20.0, 0.6, 0.1), (20.0, 0.3, -1.0)])
 def test_impossible_layers_are_refused(wrong):
-    with pytest.raises(InvalidContactInput):
+    with pytest.raises(ContactInputError):
         Layer(*wrong)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine, sphere
-from gstlib.bem import InvalidContactInput, load_path, solve_contact
+from gstlib.bem import ContactInputError, load_path, solve_contact
 from gstlib.bem.closed_forms import Sphere
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -109,5 +109,5 @@ def test_without_pressure_nothing_touches():
     [{"target_pressure": -3.0}, {"target_pressure": np.nan}, {"steps": 0}, {"tolerance": -1}],
 )
 def test_bad_input_is_refused(change):
-    with pytest.raises(InvalidContactInput):
+    with pytest.raises(ContactInputError):
         load_path(*SURFACE, **({"target_pressure": 1.0} | change))

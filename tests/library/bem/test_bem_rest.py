@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from bem_reference import MODULUS, dense_matrix, self_affine, sphere
-from gstlib.bem import InvalidContactInput, Layer, load_path, solve_contact
+from gstlib.bem import ContactInputError, Layer, load_path, solve_contact
 from gstlib.bem.closed_forms import RoundPunch
 from gstlib.bem.rest import RestingLoad, settle
 from hypothesis import given, settings
@@ -55,7 +55,7 @@ def test_a_paraboloid_rolls_under_a_force_off_its_summit(elements):
 
 
 @pytest.mark.parametrize("slopes", [(0.0, 0.0), (0.05, -0.2)])
-def test_three_caps_share_the_force_as_levers_do(slopes):
+def test_three_caps_fraction_the_force_as_levers_do(slopes):
     shape, spacing, force, point = (120, 150), 0.05, 60.0, np.array([2.9, 3.3])
     y, x = places(shape, spacing)
     tops = [(1.0, 1.2, 4.0, 0.0), (5.0, 2.6, 9.0, 0.012), (2.4, 6.3, 2.0, -0.02)]
@@ -333,7 +333,7 @@ RIM[:, 6:] = -np.inf
         ({"through": 0.5}, r"through must be a point \(y, x\)"),
         ({"through": ("a", "b")}, r"through must be a point \(y, x\)"),
         ({"mean_pressure": None, "displacement": 1e-3}, "needs mean_pressure"),
-        ({"pressure_limit": 100.0}, "no pressure_limit"),
+        ({"pressure_cap": 100.0}, "no pressure_cap"),
         ({"heights": np.full((3, 3), -np.inf)}, "no surface"),
         ({"heights": np.where(np.eye(10) > 0, np.inf, 0)}, "10 values that are NaN or infinite"),
         ({"heights": np.where(np.eye(10) > 0, np.nan, 0)}, "10 values that are NaN or infinite"),
@@ -343,5 +343,5 @@ RIM[:, 6:] = -np.inf
 def test_what_cannot_rest_is_refused_in_a_sentence(change, message):
     arguments = {"heights": RIM, "mean_pressure": 1.0, "through": (0.5, 0.3)} | change
     heights = arguments.pop("heights")
-    with pytest.raises(InvalidContactInput, match=message):
+    with pytest.raises(ContactInputError, match=message):
         solve_contact(heights, 0.1, MODULUS, **arguments)

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from bem_reference import MODULUS, self_affine, sphere
-from gstlib.bem import InvalidContactInput, Layer, ThirdBody, solve_contact, wear_path
+from gstlib.bem import ContactInputError, Layer, ThirdBody, solve_contact, wear_path
 
 SPACING = 0.85 / 80
 SURFACE = self_affine(80, seed=2), SPACING, MODULUS
@@ -127,7 +127,7 @@ def test_stone_and_third_body_take_what_their_coefficients_and_forces_say():
     assert path.states[-1][1].contact_fraction > 2 * path.states[-1][0].contact_fraction
 
 
-def test_a_third_body_without_a_share_changes_nothing_and_alone_it_does_all(path):
+def test_a_third_body_without_a_fraction_changes_nothing_and_alone_it_does_all(path):
     body = ThirdBody(SOFT, 0.0, 20.0)
     same = wear_path(*SURFACE, **WEAR, steps=10, tolerance=1e-9, third_body=body)
     np.testing.assert_array_equal(same.depth, path.depth)
@@ -152,22 +152,22 @@ def test_two_bodies_in_turn_err_in_first_order():
     np.testing.assert_allclose(np.divide(changes[:-1], changes[1:]), 2, atol=0.3)
 
 
-def test_a_ceiling_bounds_what_a_step_takes_off_and_leaves_the_volume(path):
+def test_a_cap_bounds_what_a_step_takes_off_and_leaves_the_volume(path):
     limit, steps = 1500.0, 4
-    yielding = wear_path(*SURFACE, **WEAR, steps=steps, pressure_limit=limit, tolerance=1e-9)
+    yielding = wear_path(*SURFACE, **WEAR, steps=steps, pressure_cap=limit, tolerance=1e-9)
     elastic = wear_path(*SURFACE, **WEAR, steps=steps, tolerance=1e-9)
     assert elastic.final.pressure.max() > limit
     np.testing.assert_allclose(yielding.mean_loss, elastic.mean_loss, rtol=1e-12)
     most = limit * WEAR["mean_loss"] / WEAR["mean_pressure"]
     assert yielding.depth.max() <= most * (1 + 1e-9)
     assert elastic.depth.max() > most
-    # the last step is the contact with that ceiling of the surface that is left
+    # the last step is the contact with that cap of the surface that is left
     heights, spacing, modulus = SURFACE
     left = heights - yielding.depth
-    options = {"mean_pressure": 76.0, "pressure_limit": limit, "tolerance": 1e-9}
+    options = {"mean_pressure": 76.0, "pressure_cap": limit, "tolerance": 1e-9}
     state = solve_contact(left, spacing, modulus, **options)
     np.testing.assert_allclose(yielding.final.pressure, state.pressure, atol=1e-5 * limit)
-    far = wear_path(*SURFACE, **WEAR, steps=steps, pressure_limit=1e6, tolerance=1e-9)
+    far = wear_path(*SURFACE, **WEAR, steps=steps, pressure_cap=1e6, tolerance=1e-9)
     np.testing.assert_array_equal(far.depth, elastic.depth)
 
 
@@ -182,10 +182,10 @@ def test_a_ceiling_bounds_what_a_step_takes_off_and_leaves_the_volume(path):
         ({"steps": 0}, "steps"),
         ({"steps": 2.5}, "steps"),
         ({"third_body": ThirdBody(SOFT, 1.5, 1.0)}, "share"),
-        ({"pressure_limit": 76.0}, "not below pressure_limit"),
-        ({"pressure_limit": -1.0}, "pressure_limit"),
+        ({"pressure_cap": 76.0}, "not below pressure_cap"),
+        ({"pressure_cap": -1.0}, "pressure_cap"),
     ],
 )
 def test_bad_input_is_named(wrong, said):
-    with pytest.raises(InvalidContactInput, match=said):
+    with pytest.raises(ContactInputError, match=said):
         wear_path(*SURFACE, **{**WEAR, **wrong})

@@ -1,4 +1,4 @@
-"""Two measurements of one made-up stone: T0, and T1 worn, displaced, tilted and noisy."""
+"""Two measurements of one synthetic stone: T0, and T1 worn, displaced, tilted and noisy."""
 
 import numpy as np
 import pytest

@@ -61,14 +61,21 @@ def test_summary_of_a_plateau_by_hand():
     # a fortieth of the unchanged part is noise beyond its own level of detection
     assert summary["loss_fraction"] == pytest.approx(0.25 + 0.75 * 0.025, abs=0.01)
     assert summary["loss_area_mm2"] == pytest.approx(summary["loss_fraction"] * area)
-    assert summary["loss_depth_um"] == pytest.approx(0.5 / summary["loss_fraction"], rel=1e-3)
-    assert summary["loss_per_area_um"] == pytest.approx(0.5, rel=1e-3)
+    assert summary["mean_depth_where_worn_um"] == pytest.approx(
+        0.5 / summary["loss_fraction"], rel=1e-3
+    )
+    assert summary["mean_wear_depth_um"] == pytest.approx(0.5, rel=1e-3)
     assert summary["loss_volume_um3"] == pytest.approx(0.25 * area * 1e6 * 2.0, rel=1e-3)
     # shares and means are over the known points alone
     t1[:, :40] = np.nan
     half = wear_summary(height_change(t0, t1))
     assert half["loss_volume_um3"] == pytest.approx(summary["loss_volume_um3"] / 2, rel=1e-3)
-    for name in ("loss_per_area_um", "loss_depth_um", "loss_fraction", "noise_share"):
+    for name in (
+        "mean_wear_depth_um",
+        "mean_depth_where_worn_um",
+        "loss_fraction",
+        "noise_fraction",
+    ):
         assert half[name] == pytest.approx(summary[name], rel=0.1), name
 
 
@@ -126,7 +133,7 @@ def test_points_without_two_measured_heights_are_unknown():
     assert np.isnan(result["change"].values[~known]).all()
     np.testing.assert_array_equal(np.isnan(result["t1"]), np.isnan(t1))
     assert not result["loss"].values[~known].any()
-    assert result.attrs["known_share"] == pytest.approx(1 - 1700 / 6400)
+    assert result.attrs["known_fraction"] == pytest.approx(1 - 1700 / 6400)
     np.testing.assert_allclose(
         result["change"].values[known], height_change(t0, t1, known)["change"].values[known]
     )
@@ -215,7 +222,7 @@ def test_nothing_is_known_of_another_stone(remeasure):
     assert not result["loss"].any()
     summary = wear_summary(result)
     assert np.isnan(summary["loss_fraction"])
-    assert (result.attrs["known_share"], summary["loss_area_mm2"]) == (0, 0)
+    assert (result.attrs["known_fraction"], summary["loss_area_mm2"]) == (0, 0)
 
 
 def test_nothing_is_known_where_hardly_a_point_was_measured_at_both_epochs(remeasure, caplog):
@@ -231,7 +238,7 @@ def test_nothing_is_known_where_hardly_a_point_was_measured_at_both_epochs(remea
         minimum_points=8,
     )
     assert result.attrs["registration_found"]
-    assert result.attrs["known_share"] == 0
+    assert result.attrs["known_fraction"] == 0
     assert np.isnan(result["change"]).all()
     (warning,) = caplog.messages
     assert all(word in warning for word in ["patch 7:", "50 %", "covers 100 %", "not known"])
@@ -260,10 +267,10 @@ def test_heights_of_another_scale_are_told_from_wear(remeasure, caplog, factor, 
 SEARCH = {"maximum_shift_mm": 0.1, "minimum_points": 8}
 
 
-def scanned_twice(relief, *, noise=0.1e-3, wander=0.5, size=200, seed=0, loss=0.0, shift=(7, -4)):
+def scanned_twice(relief, *, noise=0.1e-3, scatter=0.5, size=200, seed=0, loss=0.0, shift=(7, -4)):
     """Two prepared scans of a stone with an r.m.s. `relief` (mm), the second laid elsewhere.
 
-    Each point of the second lies off its place by `wander` (r.m.s. along each axis, points), as
+    Each point of the second lies off its place by `scatter` (r.m.s. along each axis, points), as
     instruments distort; no shift of the whole map makes up for it.
     """
     rng = np.random.default_rng(seed)
@@ -272,7 +279,7 @@ def scanned_twice(relief, *, noise=0.1e-3, wander=0.5, size=200, seed=0, loss=0.
         field = scipy.ndimage.gaussian_filter(rng.standard_normal((2 * size,) * 2), scale)
         return field / field.std()
 
-    stone, off = relief * smooth(5), [wander * smooth(4) for _ in range(2)]
+    stone, off = relief * smooth(5), [scatter * smooth(4) for _ in range(2)]
     places = np.indices((size, size)) + size // 2
     once = stone[tuple(places)]
     moved = places - np.reshape(shift, (2, 1, 1))
@@ -292,15 +299,15 @@ def split(pairs):
     return [{patch: pair[i] for patch, pair in pairs.items()} for i in (0, 1)]
 
 
-@pytest.mark.parametrize(("noise", "wander"), [(0.1e-3, 0.5), (0.2e-3, 0.3), (0.1e-3, 0.0)])
-def test_repeats_give_the_noise_and_the_lateral_error(noise, wander):
+@pytest.mark.parametrize(("noise", "scatter"), [(0.1e-3, 0.5), (0.2e-3, 0.3), (0.1e-3, 0.0)])
+def test_repeats_give_the_noise_and_the_lateral_error(noise, scatter):
     pairs = {
-        name: scanned_twice(relief, noise=noise, wander=wander, seed=seed)
+        name: scanned_twice(relief, noise=noise, scatter=scatter, seed=seed)
         for seed, (name, relief) in enumerate({"smooth": 1.5e-3, "rough": 8e-3}.items())
     }
     found = measure_detection(*split(pairs), **SEARCH)
     assert found.level_mm2**0.5 == pytest.approx(2**0.5 * noise, rel=0.05)
-    assert found.lateral_mm2**0.5 == pytest.approx(wander * SPACING, rel=0.1, abs=0.05 * SPACING)
+    assert found.lateral_mm2**0.5 == pytest.approx(scatter * SPACING, rel=0.1, abs=0.05 * SPACING)
 
 
 def test_one_in_twenty_points_of_an_unworn_patch_exceeds_a_measured_level():
@@ -341,7 +348,7 @@ def test_wear_all_over_a_patch_does_not_hide_itself_from_repeats():
 @pytest.mark.parametrize(("noise", "warned"), [(0.1e-3, 0), (0.15e-3, 0), (0.4e-3, 1)])
 def test_a_scan_that_errs_more_than_the_repeats_is_told(caplog, noise, warned):
     found = Detection(level_mm2=2 * (0.1e-3) ** 2, lateral_mm2=0.0)
-    epochs = scanned_twice(5e-3, noise=noise, wander=0.0)
+    epochs = scanned_twice(5e-3, noise=noise, scatter=0.0)
     register_patch(*epochs, patch="7", detection=found, **SEARCH)
     assert sum("error of repeated scans" in message for message in caplog.messages) == warned
     register_patch(*epochs, patch="7", **SEARCH)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from gstlib.change.form import form_doubt, form_height
+from gstlib.change.form import form_height, form_warning
 from gstlib.surfaces.grid import make_surface
 from numpy.polynomial.legendre import legvander2d
 
@@ -34,19 +34,19 @@ def test_wear_and_another_place_are_no_doubt(seed):
     heights = stone(seed)
     top = np.quantile(heights, 0.7)
     worn = np.where(heights > top, top + 0.1 * (heights - top), heights)
-    assert form_doubt(scan(heights), scan(worn, at=(30, -20))) is None
-    assert form_doubt(scan(heights, degree=8), scan(worn, degree=8)) is None  # nothing shows it
-    assert form_doubt(scan(heights), scan(0.05 * heights)) is None  # ground flat
+    assert form_warning(scan(heights), scan(worn, at=(30, -20))) is None
+    assert form_warning(scan(heights, degree=8), scan(worn, degree=8)) is None  # nothing shows it
+    assert form_warning(scan(heights), scan(0.05 * heights)) is None  # ground flat
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_a_polynomial_taken_out_of_one_scan_is_seen(seed):
     heights = stone(seed)
     before, after = scan(heights), scan(heights, degree=8)
-    said = form_doubt(before, after)
+    said = form_warning(before, after)
     assert "as if a form had been taken out of T1 alone" in said
     assert f"those of T0 {1e3 * form_height(before)[0]:.2g} µm" in said
-    assert "taken out of T0 alone" in form_doubt(after, before)
+    assert "taken out of T0 alone" in form_warning(after, before)
 
 
 def test_the_form_is_what_a_polynomial_of_degree_four_has():

@@ -1,4 +1,4 @@
-"""What is believed of a loss, and what is said where much rose."""
+"""What is above the noise of a loss, and what is said where much rose."""
 
 import numpy as np
 import pandas as pd
@@ -23,7 +23,7 @@ def changed(rose, fell, *, found=True):
 
 
 @pytest.mark.parametrize(
-    ("rose", "fell", "believed", "words"),
+    ("rose", "fell", "above_noise", "words"),
     [
         (10, 100, True, []),
         (60, 100, False, ["60 % as much rose as fell", "minimum_points"]),
@@ -32,10 +32,10 @@ def changed(rose, fell, *, found=True):
         (0, 0, True, []),
     ],
 )
-def test_a_loss_is_believed_if_it_exceeds_noise(rose, fell, believed, words, caplog):
-    row = registration_table({"7": changed(rose, fell)}, RULES, most_noise=0.5).iloc[0]
-    assert row.believed == believed
-    assert row.noise_share == pytest.approx(rose / fell if fell else np.nan, nan_ok=True)
+def test_a_loss_is_believed_if_it_exceeds_noise(rose, fell, above_noise, words, caplog):
+    row = registration_table({"7": changed(rose, fell)}, RULES, max_noise_fraction=0.5).iloc[0]
+    assert row.above_noise == above_noise
+    assert row.noise_fraction == pytest.approx(rose / fell if fell else np.nan, nan_ok=True)
     assert bool(caplog.text) == bool(words)
     assert all(word in caplog.text for word in (["patch 7", *words] if words else []))
     assert not row.excluded
@@ -43,10 +43,12 @@ def test_a_loss_is_believed_if_it_exceeds_noise(rose, fell, believed, words, cap
 
 def test_where_no_change_is_known_no_loss_is_believed():
     change = changed(0, 0)
-    unknown = change.assign(change=change.change * np.nan).assign_attrs(known_share=0.0)
-    row = registration_table({"7": unknown}, RULES, most_noise=0.5).iloc[0]
-    assert not row.believed
-    lost = registration_table({"7": changed(0, 50, found=False)}, RULES, most_noise=0.5).iloc[0]
+    unknown = change.assign(change=change.change * np.nan).assign_attrs(known_fraction=0.0)
+    row = registration_table({"7": unknown}, RULES, max_noise_fraction=0.5).iloc[0]
+    assert not row.above_noise
+    lost = registration_table(
+        {"7": changed(0, 50, found=False)}, RULES, max_noise_fraction=0.5
+    ).iloc[0]
     assert (lost.excluded, lost.reason) == (True, "T1 was not found on T0")
 
 

@@ -135,7 +135,7 @@ def test_neither_datum_nor_tilt_nor_axes_matter_and_upside_down_summits_are_dale
     ("short", "long", "passed"),
     [(32.0, None, 0.5), (1e-3, 64.0, 1 - 2**-4), (16.0, 64.0, 2**-0.25 * (1 - 2**-4))],
 )
-def test_share_of_a_wave_that_passes_the_filters(axis, short, long, passed):
+def test_fraction_of_a_wave_that_passes_the_filters(axis, short, long, passed):
     """A wave of 32 µm on elements that are not square; whole waves, so that it has no plane."""
     spacing = (0.5, 1.0) if axis else (1.0, 0.5)
     heights = np.tile(np.cos(waves(256, 8)), (512, 1))

@@ -47,18 +47,18 @@ def place(square, heights, rotation_deg=0.0, columns=None, **mould):
 
 
 @pytest.mark.parametrize("rotation", [0.0, -7.0, 90.0])
-def test_a_shift_that_all_share_is_found_whatever_planes_and_scales_are(rotation, caplog):
+def test_a_shift_that_all_fraction_is_found_whatever_planes_and_scales_are(rotation, caplog):
     stone = Waves(3)
     heights = [stone.patch(y + 0.06, x - 0.09, rotation) for y, x in NINE]
     heights = [2.0 * (height + 0.01 * height.x - 0.02 * height.y + 3) for height in heights]
     square = stone.square()
     found = place(square + 0.01 * square.y, heights, rotation_deg=rotation)
     row = found.loc[ALL]
-    assert (row.verdict, row.looks) == (SHIFTED, "as given")
+    assert (row.status, row.orientation) == (SHIFTED, "as given")
     assert (row.shift_x_um, row.shift_y_um) == pytest.approx((-90, 60), abs=5)
     # after that shift, to the nearest step, the surfaces are one
     assert (found.correlation > 0.99).all()
-    assert (found.verdict.drop(index=ALL) == AGREES).all()
+    assert (found.status.drop(index=ALL) == AGREES).all()
     assert f"shifted in x by {row.shift_x_um:+.0f} ± {row.shift_x_error_um:.0f} µm" in caplog.text
 
 
@@ -72,7 +72,7 @@ def test_the_error_is_that_of_the_shift_and_alarms_are_rare(caplog):
         found = place(stone.square(), heights)
         row = found.loc[ALL]
         off += [row[f"shift_{axis}_um"] / row[f"shift_{axis}_error_um"] for axis in "xy"]
-        alarms += (found.verdict != AGREES).sum()
+        alarms += (found.status != AGREES).sum()
     assert 0.4 < np.median(np.abs(off)) < 1.0
     assert np.mean(np.abs(off) < 3) > 0.9
     assert alarms == len(caplog.records) <= 1
@@ -81,16 +81,16 @@ def test_the_error_is_that_of_the_shift_and_alarms_are_rare(caplog):
 def test_patches_of_another_stone_or_of_wrong_places_are_noticed(caplog):
     stone, other = Waves(6), Waves(1006)
     heights, square = [stone.patch(y, x) for y, x in NINE], stone.square()
-    assert (place(square, heights).verdict == AGREES).all()
+    assert (place(square, heights).status == AGREES).all()
     assert caplog.text == ""
     # two exchanged: half of such are found, these two among them
     swapped = place(square, [heights[i] for i in (0, 7, 2, 3, 4, 5, 6, 1, 8)])
-    assert list(swapped.index[swapped.verdict == ELSEWHERE]) == ["2", "8"]
+    assert list(swapped.index[swapped.status == ELSEWHERE]) == ["2", "8"]
     assert caplog.text.count("whether its scan is that of another patch") == 2
     for wrong in ([other.patch(y, x) for y, x in NINE], heights[4:] + heights[:4]):
         caplog.clear()
         found = place(square, wrong)
-        assert (found.verdict == CANNOT_TELL).all()
+        assert (found.status == CANNOT_TELL).all()
         assert "check its x_mm and y_mm" in caplog.text
 
 
@@ -140,5 +140,5 @@ def test_of_few_patches_a_clear_flip_is_told_and_of_one_none(caplog, count, told
     laid = [stone.patch(y, x) for y, x in NINE[:count]]
     laid = [height.copy(data=height.values[:, ::-1]) for height in laid]
     found = place(stone.square(), laid)
-    assert (found.verdict == CANNOT_TELL).all()
+    assert (found.status == CANNOT_TELL).all()
     assert (": set scans.mould.flip to x" in caplog.text) == told

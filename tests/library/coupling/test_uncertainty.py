@@ -27,7 +27,9 @@ PLACES = pd.DataFrame(
 MODULUS, TARGET = 10000.0, 15.0  # MPa
 FORCE = TARGET * (COUNT * SPACING) ** 2
 MIDDLE = (COUNT * SPACING / 2, COUNT * SPACING / 2)
-NO_ERRORS = Errors(young_share=0.0, poisson=0.0, placement_um=0.0, pose_um=0.0, force_point_mm=0.0)
+NO_ERRORS = Errors(
+    young_fraction=0.0, poisson=0.0, placement_um=0.0, pose_um=0.0, load_point_mm=0.0
+)
 
 
 def stone(y, x):
@@ -74,7 +76,7 @@ def intervals(monkeypatch):
 
 
 def test_the_square_alone_is_pressed_on_its_mean_plane(intervals):
-    """Where no point of force is given, the stone does not tilt."""
+    """Where no load point is given, the stone does not tilt."""
     found = intervals(np.ones(2), through=None)
     alone = pressed(remove_plane(mesh().height)[0], through=None)
     expected = patch_pressures(alone.pressure, PLACES, size_mm=PATCH).pressure_MPa
@@ -83,7 +85,7 @@ def test_the_square_alone_is_pressed_on_its_mean_plane(intervals):
 
 
 def test_the_point_of_force_alone_gives_the_pressures_at_rest_under_it(intervals):
-    found, drawn = intervals(np.ones(20), force_point_mm=0.1), []
+    found, drawn = intervals(np.ones(20), load_point_mm=0.1), []
     for draw in range(20):
         y, x = 0.1 * np.random.default_rng([1, 4, draw]).standard_normal(2)
         field = pressed(mesh().height, through=(MIDDLE[0] + y, MIDDLE[1] + x)).pressure
@@ -139,10 +141,10 @@ def test_detail_between_the_scans_is_drawn_anew_and_planes_are_told(intervals):
 
 
 def test_moduli_vary_as_their_stones_do():
-    def draw(young_share, poisson, stones=STONES):
+    def draw(young_fraction, poisson, stones=STONES):
         return draw_contact_moduli(
             stones,
-            NO_ERRORS._replace(young_share=young_share, poisson=poisson),
+            NO_ERRORS._replace(young_fraction=young_fraction, poisson=poisson),
             draws=20000,
             generator=np.random.default_rng(3),
         )
@@ -158,7 +160,7 @@ def test_moduli_vary_as_their_stones_do():
     assert draw(0.0, 0.02).std() == pytest.approx(0.02 * 0.5 / 0.9375 / np.sqrt(2), rel=0.03)
 
 
-def test_a_second_stone_adds_the_error_of_its_pose(intervals):
+def test_a_active_tool_adds_the_error_of_its_pose(intervals):
     """A flat face adds nothing; a rough one adds more, the less certain its position."""
     at = axis_coordinates(3 * COUNT, SPACING) - COUNT * SPACING
 

@@ -117,7 +117,7 @@ def test_the_forces_of_the_face_are_the_load_and_act_at_its_point(study, load, f
     assert load_point(load, 5.0) == contact.load.through == point
 
 
-# --- Planes and points of force ------------------------------------------------------------------
+# --- Planes and load point ------------------------------------------------------------------
 
 
 def test_a_plane_changes_the_tilt_by_itself_and_nothing_else():
@@ -155,7 +155,7 @@ def test_the_load_path_of_a_face_at_rest_ends_at_its_contact():
 
 @pytest.mark.parametrize("own_radius", [None, -120.0, 60.0])
 def test_a_rounded_stone_touches_as_hertz_says(own_radius):
-    """A flat, a hollow and a round face: 1/R = 1/R₁ + 1/R₂, below the point of force."""
+    """A flat, a hollow and a round face: 1/R = 1/R₁ + 1/R₂, below the load point."""
     radius, through = 40.0, (1.7, 1.3)
     face = 0 * rough()
     if own_radius is not None:
@@ -184,7 +184,7 @@ def test_where_there_is_no_stone_nothing_is_borne():
     pit = at_rest(cut.fillna(-1.0))
     scale = float(pit.pressure.max())
     np.testing.assert_allclose(contact.pressure, pit.pressure, atol=1e-5 * scale)
-    # a missing active stone bears as little as a missing passive one
+    # a missing active tool bears as little as a missing passive one
     over = 0 * face.where(~absent)
     other = at_rest(face, over)
     np.testing.assert_allclose(other.pressure, contact.pressure, atol=1e-5 * scale)
@@ -242,7 +242,7 @@ def test_a_scan_turned_by_any_angle_lies_on_the_turned_plane(larger):
     expected = tilt[0] * (y - place.y_mm) + tilt[1] * (x - place.x_mm)
     np.testing.assert_allclose(laid, expected, atol=1e-12)
     assert np.ptp(expected) > 1e-3
-    # a scan of the active stone lies on the plane that its face has there
+    # a scan of the active tool lies on the plane that its face has there
     scan = piece.copy(data=np.random.default_rng(1).standard_normal(piece.shape))
     scanned = placed_faces(piece, scan, larger, place, size_mm=1.2).counterface
     level, _ = remove_plane(faces.counterface)

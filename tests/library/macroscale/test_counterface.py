@@ -1,4 +1,4 @@
-"""Two stones: halves of a block, spheres, and poses that say the same in two ways."""
+"""Two tools: halves of a block, spheres, and poses that say the same in two ways."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from contacts import pressed as press
 from gstlib.bem.closed_forms import Sphere
 from gstlib.errors import ConfigError, InputError
 from gstlib.macroscale.active_tool import (
-    SecondStone,
+    ActiveTool,
     face_in_pose,
     grid_counterface,
     pose_frame,
@@ -64,14 +64,14 @@ def at(points, matrix):
 
 
 def pressed(passive, active=None, pose=None, corners=CORNERS):
-    """The square with the active stone on it, and its contact at rest."""
-    stone = None if active is None else SecondStone(active, pose, 0.0, "active.ply")
+    """The square with the active tool on it, and its contact at rest."""
+    stone = None if active is None else ActiveTool(active, pose, 0.0, "active.ply")
     square, _ = grid_macroscale(
         passive,
         points_mm=np.asarray(corners).tolist(),
         size_mm=SIDE,
         grid=COUNT,
-        second_stone=stone,
+        active_tool=stone,
         source="passive.ply",
         interpolation="linear",
     )
@@ -106,7 +106,7 @@ def test_halves_of_a_block_fit(block, way):
 @pytest.mark.parametrize("way", ["points_mm", "matrix"])
 def test_the_posed_mesh_is_back_in_its_place(block, way):
     lower, upper, away = block
-    stone = SecondStone(upper, {way: poses(away)[way]}, 0.0, "upper.ply")
+    stone = ActiveTool(upper, {way: poses(away)[way]}, 0.0, "upper.ply")
     back = posed_mesh(stone, frame_from_points(CORNERS), size_mm=SIDE)
     np.testing.assert_allclose(back.vertices, lower.vertices, atol=1e-9)
 
@@ -130,7 +130,7 @@ def test_a_moved_face_is_that_of_a_moved_stone(block):
     frame = frame_from_points(CORNERS)
     surface, _ = pressed(lower)
     options = {"size_mm": SIDE, "interpolation": "cubic"}
-    stone = SecondStone(upper, {"matrix": back}, 1.5, "active.ply")
+    stone = ActiveTool(upper, {"matrix": back}, 1.5, "active.ply")
     wide = grid_counterface(stone, surface.height, frame, **options)
     middle = (SIDE / 2, SIDE / 2, 0)
     turn = trimesh.transformations.rotation_matrix(np.radians(10), (0, 0, 1), middle)

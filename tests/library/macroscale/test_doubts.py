@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from contacts import interface
 from gstlib.contact import Load, contact_at_pressure
-from gstlib.macroscale.plausibility import contact_doubts
+from gstlib.macroscale.plausibility import plausibility_warnings
 from gstlib.surfaces.grid import make_surface
 
 SIDE, COUNT = 6.0, 60  # mm, elements
@@ -35,7 +35,7 @@ TRIANGLE = (-1.2, -1.2), (-1.2, 1.2), (1.4, 0.0)
 
 
 def said(contact, **settings):
-    return list(contact_doubts(contact, **{"size_mm": SIDE, "patch_mm": 0.8} | settings))
+    return list(plausibility_warnings(contact, **{"size_mm": SIDE, "patch_mm": 0.8} | settings))
 
 
 def test_a_sound_contact_raises_no_doubt():

@@ -14,8 +14,8 @@ from gstlib.macroscale.gesture import (
     exposure_table,
     press_poses,
     read_poses,
+    scatter_poses,
     stroke_poses,
-    wander_poses,
 )
 from gstlib.specimen.randomness import smooth_field
 from gstlib.surfaces.grid import make_surface
@@ -122,8 +122,8 @@ def test_a_stone_without_a_mesh_is_moved_by_its_point_of_force():
 
 
 def test_a_hand_wanders_normally_and_as_its_seed_says():
-    settings = {"wander_mm": 1.5, "poses": 4000, "force_N": FORCE}
-    poses, again, other = (wander_poses(**settings, seed=seed) for seed in (3, 3, 4))
+    settings = {"load_point_scatter_mm": 1.5, "poses": 4000, "force_N": FORCE}
+    poses, again, other = (scatter_poses(**settings, seed=seed) for seed in (3, 3, 4))
     pd.testing.assert_frame_equal(poses, again)
     assert not poses.x_mm.equals(other.x_mm)
     points = poses[["x_mm", "y_mm"]]

@@ -1,4 +1,4 @@
-"""Slip and a ceiling: closed forms, what they obey, and the rows of the table."""
+"""Slip and a cap: closed forms, what they obey, and the rows of the table."""
 
 import numpy as np
 import pandas as pd
@@ -8,12 +8,12 @@ from gstlib.bem.closed_forms import Sphere
 from gstlib.contact import Load, contact_at_pressure
 from gstlib.errors import ConfigError
 from gstlib.microscale.slip_and_cap import (
+    capped_rows,
     case_table,
-    ceiling_rows,
-    check_ceiling,
+    check_cap,
     patch_rows,
     slip_rows,
-    solve_ceiling,
+    solve_capped,
     solve_slip,
 )
 from gstlib.surfaces.grid import make_surface
@@ -21,7 +21,7 @@ from gstlib.surfaces.grid import make_surface
 LOAD = Load(50.0)
 SOURCE = {"modulus": 12820.0, "tolerance": 1e-9, "source": "surface.h5"}
 GRINDING = {"friction": 0.4, "tangential_ratio": 0.5, "poisson": 0.3}
-HARDNESS = 2000.0
+PRESSURE_CAP = 2000.0
 
 
 FACES = interface(rough(5))
@@ -85,42 +85,42 @@ def test_coulomb_holds_and_everything_slips_at_the_end(contact):
     np.testing.assert_allclose(all_of_it.traction, limit)
 
 
-# A ceiling on the pressure.
+# A cap on the pressure.
 
 
-def test_a_ceiling_holds_and_its_rows_agree_with_the_fields(contact):
+def test_a_cap_holds_and_its_rows_agree_with_the_fields(contact):
     hardness = 0.3 * float(contact.pressure.max())
-    limited = solve_ceiling(contact, hardness_MPa=hardness)
-    found = values(ceiling_rows("7", contact, limited))
-    ceiling, study = found["ceiling"], found["study"]
+    limited = solve_capped(contact, pressure_cap=hardness)
+    found = values(capped_rows("7", contact, limited))
+    cap, study = found["cap"], found["study"]
     elastic, plastic = contact.pressure.values > 0, limited.pressure.values > 0
-    at_ceiling = limited.pressure.values == hardness
+    at_cap = limited.pressure.values == hardness
     assert limited.pressure.max() == hardness
     assert float(limited.pressure.mean()) == pytest.approx(50.0, rel=1e-9)
     assert study["contact fraction"] == elastic.mean()
-    assert ceiling["share at the ceiling"] == pytest.approx(at_ceiling.sum() / plastic.sum())
-    assert ceiling["contact fraction"] == plastic.mean() > study["contact fraction"]
-    assert ceiling["displacement"] > study["displacement"]
-    assert ceiling["deepest yield"] == pytest.approx(-1e3 * float(limited.gap.min()))
-    assert ceiling["deepest yield"] > 0
+    assert cap["share at the cap"] == pytest.approx(at_cap.sum() / plastic.sum())
+    assert cap["contact fraction"] == plastic.mean() > study["contact fraction"]
+    assert cap["displacement"] > study["displacement"]
+    assert cap["deepest yield"] == pytest.approx(-1e3 * float(limited.gap.min()))
+    assert cap["deepest yield"] > 0
 
 
-def test_a_ceiling_below_a_mean_pressure_is_refused():
+def test_a_cap_below_a_mean_pressure_is_refused():
     pressures = pd.DataFrame({"patch": ["3", "7"], "pressure_MPa": [12.0, 40.0]})
-    check_ceiling(pressures, 40.1)
-    soft = r"'hardness' is 40 MPa, not above the mean pressure of patch 7 \(40 MPa\)\."
+    check_cap(pressures, 40.1)
+    soft = r"'pressure_cap_MPa' is 40 MPa, not above the mean pressure of patch 7 \(40 MPa\)\."
     with pytest.raises(ConfigError, match=soft):
-        check_ceiling(pressures, 40.0)
+        check_cap(pressures, 40.0)
 
 
 # Both.
 
 
-def test_slip_and_ceiling_of_two_rough_faces_are_those_of_their_sum():
+def test_slip_and_cap_of_two_rough_faces_are_those_of_their_sum():
     lower, upper = rough(1), rough(2)
     both = contact_at_pressure(interface(lower, upper), LOAD, **SOURCE)
     alone = contact_at_pressure(interface(both.interface.pressed), LOAD, **SOURCE)
-    for solve, options in ((solve_slip, GRINDING), (solve_ceiling, {"hardness_MPa": HARDNESS})):
+    for solve, options in ((solve_slip, GRINDING), (solve_capped, {"pressure_cap": PRESSURE_CAP})):
         one, other = (solve(contact, **options) for contact in (both, alone))
         for name, variable in one.data_vars.items():
             np.testing.assert_allclose(variable, other[name], atol=1e-4)
@@ -135,13 +135,13 @@ def test_the_cases_asked_for_are_those_that_are_solved(contact):
     for grinding, hardness, cases in (
         (None, None, []),
         (GRINDING, None, ["grinding"]),
-        (None, HARDNESS, ["study", "ceiling"]),
-        (GRINDING, HARDNESS, ["study", "grinding", "ceiling"]),
+        (None, PRESSURE_CAP, ["study", "cap"]),
+        (GRINDING, PRESSURE_CAP, ["study", "grinding", "cap"]),
     ):
-        table = case_table(patch_rows(patches, grinding=grinding, hardness_MPa=hardness))
+        table = case_table(patch_rows(patches, grinding=grinding, pressure_cap=hardness))
         assert list(table.columns) == ["case", "patch", "quantity", "unit", "value"]
         assert table.case.unique().tolist() == cases
         assert table.patch[table.patch != ""].unique().tolist() == ["7", "5"] * bool(cases)
         assert not table.duplicated(["case", "patch", "quantity"]).any()
     settings = table[table.patch == ""].set_index("quantity").value.to_dict()
-    assert settings == {"friction": 0.4, "tangential ratio": 0.5, "hardness": HARDNESS}
+    assert settings == {"friction": 0.4, "tangential ratio": 0.5, "pressure cap": PRESSURE_CAP}

@@ -67,7 +67,7 @@ def test_median_rule_is_the_rule_as_written():
 
 @settings(max_examples=12, deadline=None)
 @given(st.integers(0, 1000), st.floats(0, 0.1), st.integers(1, 6), st.floats(0, 0.5))
-def test_window_rule_takes_the_share_of_the_measured_points_and_no_others(
+def test_window_rule_takes_the_fraction_of_the_measured_points_and_no_others(
     seed, share, half_width, unmeasured
 ):
     surface = make_surface(rough(seed), 1e-3)

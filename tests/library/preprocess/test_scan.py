@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import binary_dilation, gaussian_filter
 
-PREPROCESSING = {"maximum_unmeasured": 0.05, "outlier_share": 0.01}
+PREPROCESSING = {"maximum_unmeasured": 0.05, "outlier_fraction": 0.01}
 SETTINGS = PREPROCESSING | {"mould_invert": True, "mould_flip": "x"}
 
 

@@ -99,7 +99,7 @@ def test_scan_is_the_truth_with_tilt_noise_spikes_and_holes(specimen, truth, par
         assert np.abs(noise[clean]).max() < 6 * parameters.noise_um
         spikes = np.abs(noise[at.outlier.values])
         assert (np.abs(spikes - 37.5) < 22.5 + 6 * parameters.noise_um).all()  # 15 to 60 µm
-    assert truth.outlier.values.mean() == pytest.approx(parameters.spike_share, rel=0.2)
+    assert truth.outlier.values.mean() == pytest.approx(parameters.spike_fraction, rel=0.2)
     noise_and_tilt = truth[["unmeasured", "plane_x_mrad"]].astype(float).diff("epoch")
     assert noise_and_tilt.any(["y", "x"]).all().to_array().all()
 

@@ -24,7 +24,7 @@ def stone():
 
 @pytest.fixture(scope="module")
 def bare(stone):
-    return worn_by_law(stone, 2e-4, with_mat=False)
+    return worn_by_law(stone, 2e-4, with_interlayer=False)
 
 
 def test_it_loses_what_it_is_told_to_at_its_summits(stone, bare):
@@ -43,11 +43,11 @@ def test_it_lies_at_rest_and_not_on_its_mean_plane(stone, bare):
         stone.face_means(count, around)
         + 2e-3 * (np.arange(count + 2 * around) - around + 0.5)[:, None] * 5.0 / count
     )
-    again = worn_by_law(tilted, 2e-4, with_mat=False)
+    again = worn_by_law(tilted, 2e-4, with_interlayer=False)
     assert np.abs(again - bare).max() < 0.02 * bare.max()
 
 
-def test_a_mat_wears_valleys_too(stone, bare):
-    soft = worn_by_law(stone, 2e-4, with_mat=True)
+def test_a_interlayer_wears_valleys_too(stone, bare):
+    soft = worn_by_law(stone, 2e-4, with_interlayer=True)
     assert soft.mean() == pytest.approx(2e-4, rel=1e-6)
     assert (soft > 0).mean() > 1.3 * (bare > 0).mean()

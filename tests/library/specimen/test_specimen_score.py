@@ -114,7 +114,7 @@ def test_shallow_traces_are_neither_false_nor_missed_and_only_the_overlap_counts
     assert registered.loss.sum() > deep.sum()
     registered["loss"] = deep
     table = score_truth(truth, **results)
-    for quantity in ("loss_precision", "loss_recall", "false_loss_share", "worn_share"):
+    for quantity in ("loss_precision", "loss_recall", "false_loss_fraction", "worn_fraction"):
         assert errors(table, quantity) == pytest.approx(0, abs=1e-12)
     off = 0.2e-3 * (truth.sel(patch="10").wear_depth > 0) + 0.1e-3
     registered["change"] = (registered.change + off).where(registered.x < 0.4)

@@ -59,7 +59,7 @@ def test_a_ratio_is_that_of_the_sums_and_its_interval_resamples_both_together():
     assert mixed.low < mixed.value == 1 < mixed.high
 
 
-def test_exchanging_model_and_rival_is_exact_for_few_patches():
+def test_exchanging_model_and_baseline_is_exact_for_few_patches():
     gain = np.array([0.1, 0.2, 0.15, 0.05, 0.3])
     assert exchange_p_value(gain, np.random.default_rng(0)) == pytest.approx(2 / 2**5)
     assert exchange_p_value(-gain, np.random.default_rng(0)) == pytest.approx(2 / 2**5)
@@ -74,16 +74,16 @@ def table(seed=0, n=8):
             "pressure_MPa": rng.permutation(n) * 10.0,
             "contact_fraction": rng.random(n),
             "loss_fraction": rng.random(n),
-            "loss_per_area_um": rng.random(n),
+            "mean_wear_depth_um": rng.random(n),
         }
     )
 
 
 def test_rank_correlation_agrees_with_scipy():
     data = table()
-    data["loss_per_area_um"] = data["loss_per_area_um"].round(1)  # with ties
+    data["mean_wear_depth_um"] = data["mean_wear_depth_um"].round(1)  # with ties
     data["loss_fraction"] = np.exp(data["pressure_MPa"] / 30)
-    pair = "contact_fraction", "loss_per_area_um"
+    pair = "contact_fraction", "mean_wear_depth_um"
     tied = rank_correlation(data, *pair, draws(), places=())
     assert tied.value == pytest.approx(spearmanr(*data[[*pair]].to_numpy().T).statistic)
     found = rank_correlation(data, *PAIR, draws(), places=())

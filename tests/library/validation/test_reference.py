@@ -102,7 +102,7 @@ def test_scores_against_the_reference_by_hand():
     assert scores[["precision", "recall", "f1"]].isna().all(axis=None)
 
 
-def test_the_rival_marks_the_highest_points_of_the_laid_surface():
+def test_the_baseline_marks_the_highest_points_of_the_laid_surface():
     first = np.zeros((POINTS, POINTS), bool)
     first[0] = True
     none = np.zeros((POINTS, POINTS))

@@ -1,4 +1,4 @@
-"""Over the patches: the prediction beside its rivals, chance, untouched patches, a stated claim."""
+"""Over the patches: the prediction beside baselines, chance, untouched patches, a stated claim."""
 
 import math
 from itertools import combinations
@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from gstlib.validation.baselines import CEILING, RIVALS
+from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.inference import Draws
 from gstlib.validation.summary import _chance_row, _model_rows, patch_statistics, summarise
 
-MODELS = ("archard", *RIVALS, CEILING)
+MODELS = ("archard", *BASELINES, ORACLE)
 
 
 def wear_of(patches, seed=3, **means):
@@ -41,10 +41,10 @@ def statistics_of(patches, **changed):
         "x_mm": np.arange(count) % 3.0,
         "y_mm": np.arange(count) // 3.0,
     }
-    table |= {"counted": True, "believed": True, "touched": 1.0}
+    table |= {"in_statistics": True, "above_noise": True, "touched": 1.0}
     for name in ("pressure_MPa", "contact_fraction", "predicted_loss_um"):
         table[name] = falling
-    table |= {"loss_fraction": falling, "loss_per_area_um": falling} | changed
+    table |= {"loss_fraction": falling, "mean_wear_depth_um": falling} | changed
     return pd.DataFrame(table)
 
 
@@ -58,12 +58,12 @@ def nulls_of(patches, values=None, draws=199):
     }
 
 
-def summary(patches="85123467", *, wear=None, nulls=None, mat=None, worst=(), **changed):
+def summary(patches="85123467", *, wear=None, nulls=None, interlayer=None, worst=(), **changed):
     statistics = statistics_of(patches, **changed)
     wear = wear_of(list(patches)) if wear is None else wear
     nulls = nulls_of(patches) if nulls is None else nulls
     chance = {"seed": 1, "resamples": 999}
-    rows = summarise(statistics, wear, nulls, mat, expected_worst=worst, **chance)
+    rows = summarise(statistics, wear, nulls, interlayer, expected_most_worn=worst, **chance)
     return rows.set_index(["model", "statistic"])
 
 
@@ -74,16 +74,16 @@ def model_rows(wear):
     return pd.DataFrame(found).T
 
 
-def test_the_gain_is_over_the_best_rival_and_paired():
+def test_the_gain_is_over_the_best_baseline_and_paired():
     patches = list("85123467")
     wear = wear_of(patches, archard=0.5, rigid=0.4, mean_volume=0.35)
     rows = model_rows(wear)
     row = rows.loc["archard", "gain(mcc)"]
     assert row.against == "rigid"
     assert row.value == pytest.approx(0.1, abs=0.02)
-    # the difference of two patches does not blur that of model and rival
+    # the difference of two patches does not blur that of model and baseline
     assert 0.05 < row.low < row.value < row.high
-    # exact: 2 of the 2⁸ ways to exchange model and rival
+    # exact: 2 of the 2⁸ ways to exchange model and baseline
     assert row.p_value == pytest.approx(2 / 2**8)
     by_model = wear.groupby("model").mcc.mean()
     for model in MODELS:
@@ -91,14 +91,14 @@ def test_the_gain_is_over_the_best_rival_and_paired():
     assert rows.loc[("archard", "mean(attainable_mcc)"), "value"] == pytest.approx(0.9)
 
 
-def test_a_rival_that_is_better_was_chosen_among_five():
+def test_a_baseline_that_is_better_was_chosen_among_five():
     wear = wear_of(list("85123467"), archard=0.3, rigid=0.5)
     row = model_rows(wear).loc["archard", "gain(mcc)"]
     assert row.high < 0
     assert row.p_value == pytest.approx(5 * 2 / 2**8)
 
 
-def test_errors_are_over_those_of_no_loss_and_of_the_best_rival():
+def test_errors_are_over_those_of_no_loss_and_of_the_best_baseline():
     wear = wear_of(list("85123467"), archard=0.8, none=0.0, pressure_volume=0.6)
     rows = model_rows(wear)
     of_map = rows.loc["archard", "relative(map_error)"]
@@ -111,7 +111,7 @@ def test_errors_are_over_those_of_no_loss_and_of_the_best_rival():
 
 
 def test_no_gain_is_claimed_without_one_more_often_than_the_level_says():
-    """Also not where all rivals are as good as the model, and the luckiest one is the best."""
+    """Also not where all baselines are as good as the model, and the luckiest one is the best."""
     alike = dict.fromkeys(MODELS, 0.4)
     better = worse = 0
     for seed in range(60):
@@ -138,7 +138,7 @@ def test_patches_that_each_say_little_say_much_together():
     # the mean that is printed is that of the patches that are tested and count
     few = {patch: nulls[patch] for patch in "8523"}
     counted = [patch not in "23" for patch in "85123467"]
-    row = summary(nulls=few, counted=counted).loc["archard", "tested_mean(mcc)"]
+    row = summary(nulls=few, in_statistics=counted).loc["archard", "tested_mean(mcc)"]
     assert (row.value, row.n) == (pytest.approx(0.12), 2)
 
 
@@ -150,14 +150,14 @@ def test_the_mean_is_above_chance_as_often_as_the_level_says():
 
 def test_a_patch_that_does_not_count_counts_nowhere_but_among_the_untouched():
     counted = [True] * 7 + [False]
-    rows = summary(counted=counted, touched=[1.0] * 6 + [0.0] * 2)
-    alone = rows.drop(index=("", "spearman(touched, loss_per_area_um)"))
+    rows = summary(in_statistics=counted, touched=[1.0] * 6 + [0.0] * 2)
+    alone = rows.drop(index=("", "spearman(touched, mean_wear_depth_um)"))
     assert set(alone.n) == {7}
-    of_touch = rows.loc["", "spearman(touched, loss_per_area_um)"]
+    of_touch = rows.loc["", "spearman(touched, mean_wear_depth_um)"]
     assert of_touch.n == 8
     assert of_touch.value > 0.5
-    unsure = summary(believed=[True] * 7 + [False], touched=[1.0] * 6 + [0.0] * 2)
-    assert unsure.loc[("", "spearman(touched, loss_per_area_um)"), "n"] == 7
+    unsure = summary(above_noise=[True] * 7 + [False], touched=[1.0] * 6 + [0.0] * 2)
+    assert unsure.loc[("", "spearman(touched, mean_wear_depth_um)"), "n"] == 7
 
 
 def test_without_predictions_there_are_correlations_alone():
@@ -168,30 +168,38 @@ def test_without_predictions_there_are_correlations_alone():
     assert nothing.value.isna().all()
 
 
-def test_a_mat_that_saves_a_hundredth_of_the_error_is_not_told():
-    """Errors of measurement let a mat gain as much on stones that never saw one."""
+def test_a_interlayer_that_saves_a_hundredth_of_the_error_is_not_told():
+    """Errors of measurement let an interlayer gain as much on stones that never saw one."""
     patches = list("85123467")
     misfit = np.tile([[2.0, 1.0, 3.0]], (8, 1))
-    mat = xr.Dataset(
+    interlayer = xr.Dataset(
         {"misfit": (("patch", "ratio"), misfit), "ratio_of_all": 0.3},
         coords={"patch": patches, "ratio": [0.0, 0.3, 1.0]},
     )
     for error, told in ((0.99, False), (0.5, True)):
-        wear = wear_of(patches, mat=0.1)
+        wear = wear_of(patches, interlayer=0.1)
         wear.loc[wear.model == "archard", "out_of_contact_um"] = 1.0
-        wear.loc[wear.model == "mat", "out_of_contact_um"] = error
-        rows = summary(wear=wear, mat=mat)
-        row = rows.loc["mat", "relative(out_of_contact)"]
+        wear.loc[wear.model == "interlayer", "out_of_contact_um"] = error
+        rows = summary(wear=wear, interlayer=interlayer)
+        row = rows.loc["interlayer", "relative(out_of_contact)"]
         assert (row.value, row.against) == (pytest.approx(error / 0.98), "archard")
         assert (row.value < 1 and row.p_value < 0.05) == told
-        assert tuple(rows.loc["mat", "mat_ratio"][["value", "low", "high"]]) == (0.3, 0.3, 0.3)
+        assert tuple(rows.loc["interlayer", "interlayer_ratio"][["value", "low", "high"]]) == (
+            0.3,
+            0.3,
+            0.3,
+        )
     # the interval is over patches: half of them say that there was none, half that it did most
-    mat["misfit"][:] = np.repeat([[1.0, 3.0, 4.0], [4.0, 3.0, 1.0]], 4, axis=0)
-    assert tuple(summary(wear=wear, mat=mat).loc["mat", "mat_ratio"][["low", "high"]]) == (0, 1)
+    interlayer["misfit"][:] = np.repeat([[1.0, 3.0, 4.0], [4.0, 3.0, 1.0]], 4, axis=0)
+    assert tuple(
+        summary(wear=wear, interlayer=interlayer).loc["interlayer", "interlayer_ratio"][
+            ["low", "high"]
+        ]
+    ) == (0, 1)
 
 
 def test_the_papers_claim_is_exact():
-    claim = "", "expected_worst(5+8, loss_fraction)"
+    claim = "", "expected_most_worn(5+8, loss_fraction)"
     both = summary(worst=["5", "8"]).loc[claim]
     assert both["against"] == "random ranking"
     assert (both["value"], both["p_value"]) == (1, pytest.approx(1 / math.comb(8, 2)))
@@ -204,7 +212,7 @@ def test_the_papers_claim_is_exact():
     tied = summary(worst=["5", "8"], loss_fraction=[8.0, 7.0, 7.0, 5, 4, 3, 2, 1]).loc[claim]
     assert tied.value == 0.5
     # a claim about patches without a value has none
-    missing = summary(worst=["5", "9"]).loc["", "expected_worst(5+9, loss_fraction)"]
+    missing = summary(worst=["5", "9"]).loc["", "expected_most_worn(5+9, loss_fraction)"]
     gone = summary(worst=["5", "8"], loss_fraction=[math.nan, 7, 6, 5, 4, 3, 2, 1]).loc[claim]
     assert np.isnan([missing.value, missing.p_value, gone.value]).all()
     assert gone.n == 7
@@ -213,14 +221,16 @@ def test_the_papers_claim_is_exact():
 def test_statistics_come_from_the_tables_of_each_patch_also_without_a_prediction():
     patches = pd.DataFrame({"patch": ["a", "b"], "contact_fraction": 0.1, "predicted_loss_um": 0.2})
     registration = pd.DataFrame({"patch": ["b", "a", "c"], "loss_fraction": [0.1, 0.2, np.nan]})
-    registration = registration.assign(loss_per_area_um=[0.3, 0.4, np.nan], known_share=[1, 1, 0])
-    registration["believed"] = [False, True, False]
+    registration = registration.assign(
+        mean_wear_depth_um=[0.3, 0.4, np.nan], known_fraction=[1, 1, 0]
+    )
+    registration["above_noise"] = [False, True, False]
     pressures = pd.DataFrame({"patch": ["a", "b", "c"], "x_mm": 1.0, "y_mm": 2.0, "in_study": True})
     pressures["pressure_MPa"] = [0.0, 5.0, 1.0]
     table = patch_statistics(patches, registration, pressures).set_index("patch")
     assert table.touched.to_dict() == {"a": 0.0, "b": 1.0}  # of c nothing is known
-    assert table.loss_per_area_um.tolist() == [0.4, 0.3]
-    assert table.counted.tolist() == [True, False]
+    assert table.mean_wear_depth_um.tolist() == [0.4, 0.3]
+    assert table.in_statistics.tolist() == [True, False]
     alone = patch_statistics(patches[:0], registration, pressures)
     assert alone.predicted_loss_um.isna().all()
     assert alone.touched.tolist() == [0.0, 1.0]

@@ -14,10 +14,10 @@ from gstlib.errors import InputError
 from gstlib.macroscale.gesture import Gesture, stroke_poses
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import make_surface
-from gstlib.validation.summary import judge_wear
-from gstlib.wear.archard import Mat, WornSquare, wear_patch, wear_square
+from gstlib.validation.summary import score_wear
+from gstlib.wear.archard import Interlayer, WornSquare, wear_patch, wear_square
 from gstlib.wear.fit import wear_map, wear_stone
-from gstlib.wear.interlayer import fit_mat
+from gstlib.wear.interlayer import fit_interlayer
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
 SETTINGS = {"modulus": 1e4, "tolerance": 1e-9}
@@ -109,51 +109,53 @@ def test_a_patch_loses_what_the_square_takes_off_it(square, pressures):
 
 @pytest.fixture(scope="module")
 def worn_by_both():
-    """Six patches that a mat wore too, at κ of 2e-5 mm/MPa, as the square gives their pressures."""
-    mat = Layer(300.0, 0.3, 0.2)
+    """Six patches that an interlayer wore too, at κ of 2e-5 mm/MPa, as the square presses them."""
+    interlayer = Layer(300.0, 0.3, 0.2)
     contact = pressed(rough(6, **GRID, rms_mm=0.003), mean_pressure=20.0, **SETTINGS)
     places = pd.concat([PLACES, PLACES.iloc[:2].assign(patch=["e", "f"], y_mm=1.0)])
     by_patch = patch_pressures(contact.pressure, places, size_mm=1.0)
     options, losses = {"patch_mm": 1.0, "steps": 6}, dict.fromkeys("abcdef", 0.4)
-    guess = wear_square(contact, by_patch, losses, **options, mat=mat)
+    guess = wear_square(contact, by_patch, losses, **options, interlayer=interlayer)
     contacts, changes = {}, {}
     for number, patch in enumerate(by_patch.itertuples()):
         unworn = contacts[patch.patch] = patch_of(patch.pressure_MPa, seed=number)
         depth = wear_patch(unworn, guess, patch.patch, ratio=1.0, kappa=2e-5)
         changes[patch.patch] = changed(unworn, depth)
-    registration = pd.DataFrame({"patch": list(changes), "believed": True, "known_share": 1.0})
-    registration["loss_per_area_um"] = [
+    registration = pd.DataFrame(
+        {"patch": list(changes), "above_noise": True, "known_fraction": 1.0}
+    )
+    registration["mean_wear_depth_um"] = [
         1e3 * float((-of.change).clip(0).mean()) for of in changes.values()
     ]
     registration["loss_fraction"] = [float(of.loss.mean()) for of in changes.values()]
     tables = by_patch.assign(in_study=True), registration
     layer = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 200.0}
-    worn = wear_stone(contact, *tables, **options, mat=layer)
-    assert worn.mat.layer == mat
+    worn = wear_stone(contact, *tables, **options, interlayer=layer)
+    assert worn.interlayer.layer == interlayer
     # under something soft, more of the square bears the same force
-    assert float(worn.mat.pressure.mean()) == pytest.approx(20.0, rel=1e-6)
-    assert (worn.mat.pressure > 0).mean() > 1.5 * (contact.pressure > 0).mean()
-    return worn, contacts, changes, fit_mat(worn, contacts, changes), tables
+    assert float(worn.interlayer.pressure.mean()) == pytest.approx(20.0, rel=1e-6)
+    assert (worn.interlayer.pressure > 0).mean() > 1.5 * (contact.pressure > 0).mean()
+    return worn, contacts, changes, fit_interlayer(worn, contacts, changes), tables
 
 
-def test_a_mat_is_found_by_its_traces_with_both_coefficients(worn_by_both):
+def test_a_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_both):
     worn, contacts, changes, fitted, tables = worn_by_both
     assert fitted.ratio_of_all == 1.0
-    np.testing.assert_array_equal(fitted.mat_ratio, 1.0)
-    np.testing.assert_allclose(fitted.mat_kappa, 2e-5, rtol=0.05)
+    np.testing.assert_array_equal(fitted.interlayer_ratio, 1.0)
+    np.testing.assert_allclose(fitted.interlayer_kappa, 2e-5, rtol=0.05)
     predicted = {patch: wear_map(contacts[patch], worn, fitted, patch) for patch in contacts}
     chance = {"seed": 1, "resamples": 99}
-    found = judge_wear(
-        contacts, changes, predicted, *tables, fitted_to=worn.fitted_to, mat=fitted, **chance
+    found = score_wear(
+        contacts, changes, predicted, *tables, fitted_to=worn.fitted_to, interlayer=fitted, **chance
     )
     error = found["wear"].pivot(index="patch", columns="model", values="map_error_um")
-    assert (error["mat"] < 0.5 * error["archard"]).all()
+    assert (error["interlayer"] < 0.5 * error["archard"]).all()
     rows = found["summary"].set_index(["model", "statistic"])
-    told = rows.loc["mat", "relative(out_of_contact)"]
+    told = rows.loc["interlayer", "relative(out_of_contact)"]
     assert told.value < 0.5
     assert told.p_value == pytest.approx(2 / 2**6)  # each of six patches says so
-    assert rows.loc[("mat", "mat_ratio"), "value"] == 1
-    assert set(found["profile"].model) == {"measured", "archard", "mat"}
+    assert rows.loc[("interlayer", "interlayer_ratio"), "value"] == 1
+    assert set(found["profile"].model) == {"measured", "archard", "interlayer"}
 
 
 def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
@@ -164,28 +166,32 @@ def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
     odd = changes | {"a": changed(contacts["a"], bare)}
     lost = path.measured.where(path.patch != "a", float(bare.mean()))
     other = worn._replace(path=path.assign(measured=lost))
-    again = fit_mat(other, contacts, odd)
-    for name in ("mat_ratio", "mat_kappa"):
+    again = fit_interlayer(other, contacts, odd)
+    for name in ("interlayer_ratio", "interlayer_kappa"):
         assert float(again[name].sel(patch="a")) == float(fitted[name].sel(patch="a"))
-    assert (again.mat_kappa != fitted.mat_kappa).sum() == 5
-    maps = wear_map(contacts["a"], other, again, "a", hardness_MPa=1e6).depth
-    ratio, kappa = (float(again[name].sel(patch="a")) for name in ("mat_ratio", "mat_kappa"))
+    assert (again.interlayer_kappa != fitted.interlayer_kappa).sum() == 5
+    maps = wear_map(contacts["a"], other, again, "a", pressure_cap=1e6).depth
+    ratio, kappa = (
+        float(again[name].sel(patch="a")) for name in ("interlayer_ratio", "interlayer_kappa")
+    )
     expected = wear_patch(contacts["a"], other, "a", ratio=ratio, kappa=kappa)
-    np.testing.assert_array_equal(maps.sel(model="mat"), expected)
-    np.testing.assert_array_equal(maps.sel(model="yielding"), expected)  # nothing yields so early
+    np.testing.assert_array_equal(maps.sel(model="interlayer"), expected)
+    np.testing.assert_array_equal(
+        maps.sel(model="archard_capped"), expected
+    )  # nothing yields so early
     out = again.sel(patch=list("bcdef"))
-    depth = wear_map(contacts["a"], other, out, "a").sel(model="mat").depth
+    depth = wear_map(contacts["a"], other, out, "a").sel(model="interlayer").depth
     ratio, kappa = float(out.ratio_of_all), float(out.kappa_of_all)
     expected = wear_patch(contacts["a"], other, "a", ratio=ratio, kappa=kappa)
     np.testing.assert_array_equal(depth, expected)
     # what neither body can press, is not lost
-    soft = wear_patch(contacts["a"], worn, "a", ratio=1.0, kappa=1e-6, hardness_MPa=10.0)
+    soft = wear_patch(contacts["a"], worn, "a", ratio=1.0, kappa=1e-6, pressure_cap=10.0)
     assert soft.mean() == pytest.approx(1e-6 * 9.0, rel=1e-6)
 
 
-def by_hand(stone, mat, kappa=1e-5):
-    """A square under which patch a is pressed (MPa) by stone and mat as said, step by step."""
-    pressed = kappa / len(stone) * np.cumsum([[0.0, *stone], [0.0, *mat]], axis=1)
+def by_hand(stone, interlayer, kappa=1e-5):
+    """A square that presses patch a (MPa) by stone and interlayer as said, step by step."""
+    pressed = kappa / len(stone) * np.cumsum([[0.0, *stone], [0.0, *interlayer]], axis=1)
     numbers = {"x_mm": 0.5, "y_mm": 0.5, "rotation_deg": 0.0}
     path = xr.Dataset(
         {
@@ -194,11 +200,11 @@ def by_hand(stone, mat, kappa=1e-5):
             "patch_mm": 0.32,
         }
         | {name: ("patch", [at]) for name, at in numbers.items()},
-        coords={"ratio": [0.0, 1.0], "body": ["stone", "mat"], "patch": ["a"]},
+        coords={"ratio": [0.0, 1.0], "body": ["stone", "interlayer"], "patch": ["a"]},
     )
     field = make_surface(np.zeros((COUNT, COUNT)), SIDE / COUNT)
-    field[10, 16] = 2000.0  # beside the patch, within reach of the mat
-    return WornSquare(path, Mat(Layer(300.0, 0.3, 0.2), field))
+    field[10, 16] = 2000.0  # beside the patch, within reach of the interlayer
+    return WornSquare(path, Interlayer(Layer(300.0, 0.3, 0.2), field))
 
 
 def test_a_patch_is_worn_at_its_pressure_in_each_step():
@@ -209,17 +215,17 @@ def test_a_patch_is_worn_at_its_pressure_in_each_step():
     np.testing.assert_allclose(depth, path.depth, atol=1e-12)
 
 
-def test_a_mat_lies_among_the_pressures_that_are_under_it():
+def test_a_interlayer_lies_among_the_pressures_that_are_under_it():
     """What it takes off does not depend on what the bare stone would press around the patch."""
     worn, alone = by_hand([0.0] * 4, [20.0] * 4), patch_of(20.0)
-    mat, shape = worn.mat, alone.pressure.shape
-    options = {"size_mm": 0.32, "contact_modulus_MPa": 1e4, "layer": mat.layer}
-    sunk = surroundings(mat.pressure, Place(0.5, 0.5, 0.0), shape, **options)
+    interlayer, shape = worn.interlayer, alone.pressure.shape
+    options = {"size_mm": 0.32, "contact_modulus_MPa": 1e4, "layer": interlayer.layer}
+    sunk = surroundings(interlayer.pressure, Place(0.5, 0.5, 0.0), shape, **options)
     assert np.ptp(sunk) > 1e-3
     face = alone.interface
     lower = replace(alone, interface=replace(face, height=face.height - sunk))
     expected = wear_patch(lower, worn, "a", ratio=1.0, kappa=1e-5)
-    assert expected.mean() == pytest.approx(1e-5 * 20.0 / 2)  # the mat's share of κ is half
+    assert expected.mean() == pytest.approx(1e-5 * 20.0 / 2)  # the interlayer's share of κ is half
     ramp = 2e-3 * np.linspace(0, 1, shape[1]) * np.ones(shape)
     among = replace(alone, interface=replace(face, surroundings=ramp))
     depth = wear_patch(among, worn, "a", ratio=1.0, kappa=1e-5)
@@ -229,18 +235,18 @@ def test_a_mat_lies_among_the_pressures_that_are_under_it():
 def test_summits_that_yield_spread_the_same_loss_wider(square, pressures):
     found = worn(square, pressures, dict.fromkeys("abcd", 0.4))
     contact = patch_of(float(pressures.pressure_MPa[0]))
-    maps = wear_map(contact, found, None, "a", hardness_MPa=100.0)
+    maps = wear_map(contact, found, None, "a", pressure_cap=100.0)
     elastic, yielding = maps.depth.values
     np.testing.assert_array_equal(elastic, wear_patch(contact, found, "a"))
     assert yielding.mean() == pytest.approx(elastic.mean(), rel=1e-9)
     assert yielding.max() < elastic.max()
-    # a ceiling above all pressures, 607 MPa here, is not pressed against, with the same result
-    for hardness_MPa in (500.0, 600.0, 610.0, 700.0):
-        depth = wear_map(contact, found, None, "a", hardness_MPa=hardness_MPa).depth
-        with_ceiling = wear_patch(contact, found, "a", hardness_MPa=hardness_MPa)
-        np.testing.assert_allclose(depth.sel(model="yielding"), with_ceiling, atol=1e-12)
-    # each step takes off at most what the ceiling allows
-    early = {"kappa": 1e-6, "hardness_MPa": 60.0}
+    # a cap above all pressures, 607 MPa here, is not pressed against, with the same result
+    for pressure_cap in (500.0, 600.0, 610.0, 700.0):
+        depth = wear_map(contact, found, None, "a", pressure_cap=pressure_cap).depth
+        with_cap = wear_patch(contact, found, "a", pressure_cap=pressure_cap)
+        np.testing.assert_allclose(depth.sel(model="archard_capped"), with_cap, atol=1e-12)
+    # each step takes off at most what the cap allows
+    early = {"kappa": 1e-6, "pressure_cap": 60.0}
     few = wear_patch(contact, found, "a", **early)
     assert few.max() == pytest.approx(1e-6 * 60.0)
     assert (few > 0).sum() > 1.1 * (wear_patch(contact, found, "a", kappa=1e-6) > 0).sum()
@@ -248,13 +254,17 @@ def test_summits_that_yield_spread_the_same_loss_wider(square, pressures):
 
 def test_without_two_worn_patches_there_is_a_sentence(square, pressures, caplog):
     registration = pd.DataFrame(
-        {"patch": list("abc"), "believed": [True, True, False], "loss_per_area_um": [0.4, 0.0, 0.4]}
+        {
+            "patch": list("abc"),
+            "above_noise": [True, True, False],
+            "mean_wear_depth_um": [0.4, 0.0, 0.4],
+        }
     )
     pressures, options = pressures.assign(in_study=True), {"patch_mm": 1.0, "steps": 2}
     assert wear_stone(square, pressures, registration, **options) is None
     assert "wear is not predicted: fewer than two patches" in caplog.text
-    registration["believed"] = True
-    registration["loss_per_area_um"] = [0.4, np.nan, 0.4]  # the change of b is not known
+    registration["above_noise"] = True
+    registration["mean_wear_depth_um"] = [0.4, np.nan, 0.4]  # the change of b is not known
     worn = wear_stone(square, pressures, registration, **options)
     assert worn.fitted_to == ["a", "c"]
     assert worn.path.measured.sel(patch="c") == pytest.approx(0.4e-3)

@@ -40,4 +40,4 @@ figure, axes = plt.subplots(1, 3, figsize=(10, 3.6), layout="constrained")
 for axis, (title, pressure) in zip(axes, panels.items(), strict=True):
     axis.imshow(pressure > 0, cmap="gray_r", origin="lower")
     axis.set(title=f"contact of the slab, {title}", xticks=[], yticks=[])
-figure.savefig("two_stones.png", dpi=120)
+figure.savefig("two_tools.png", dpi=120)

@@ -1,6 +1,6 @@
 """Two measured stones: the pebble against the rock of ../shared/data, in 100 poses of a stroke.
 
-Prints what a pose costs, its memory, and what comes out; draws it to build/two_stones.png. The
+Prints what a pose costs, its memory, and what comes out; draws it to build/two_tools.png. The
 rock's mesh is an open sheet of another stone: nothing here is a result about the use of the pebble.
 """
 
@@ -16,7 +16,7 @@ from gst.patches import read_patches
 from gstlib.contact import Interface, Load, contact_at_pressure
 from gstlib.coupling.pressures import couple_scales
 from gstlib.io.meshes import read_mesh
-from gstlib.macroscale.active_tool import SecondStone
+from gstlib.macroscale.active_tool import ActiveTool
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.macroscale.gesture import (
     Gesture,
@@ -49,7 +49,7 @@ def main() -> None:
         face_mm=FACE_MM,
         interpolation="linear",
         source="pebble",
-        second_stone=SecondStone(rock, {"points_mm": corners}, 3.0, ROCK),
+        active_tool=ActiveTool(rock, {"points_mm": corners}, 3.0, ROCK),
     )
     poses = stroke_poses(stroke_mm=6.0, poses=100, force_N=FORCE_N)
     through = size / 2, size / 2
@@ -74,7 +74,7 @@ def main() -> None:
     print(exposure_table(found, pressures).round(3).to_string(index=False))
     on_square = (square_of(of, size) for of in (found, single.to_dataset()))
     figure = exposure_figure(*on_square, patches, patch_size_mm=PATCH_MM)
-    picture = Path("build/two_stones.png")
+    picture = Path("build/two_tools.png")
     picture.parent.mkdir(exist_ok=True)
     save_figure(figure, picture)
     print(picture)

@@ -1,9 +1,9 @@
-"""The rivals do what they say, with what the other patches lost and nothing of the patch's own."""
+"""The baselines do what they say, with the losses of other patches and none of the patch's own."""
 
 import numpy as np
 import pandas as pd
 import pytest
-from gstlib.validation.baselines import CEILING, RIVALS, Others, rival_depths, volumes_cut
+from gstlib.validation.baselines import BASELINES, ORACLE, Others, baseline_depths, volumes_cut
 
 RNG = np.random.default_rng(1)
 HEIGHTS = {patch: 1e-3 * RNG.standard_normal(5000) for patch in "abcd"}
@@ -21,29 +21,29 @@ def others():
     return Others.of(TABLE, {patch: of.max() - of for patch, of in HEIGHTS.items()})
 
 
-def depths(patch="a", *, worn_share=0.1, level=2e-4, known=others, **changed):
+def depths(patch="a", *, worn_fraction=0.1, level=2e-4, known=others, **changed):
     height = HEIGHTS[patch]
     options = {"pressure_MPa": TABLE.pressure_MPa[patch]} | changed
-    return rival_depths(
+    return baseline_depths(
         height,
         np.full(height.shape, level),
         summit=float(height.max()),
-        worn_share=worn_share,
+        worn_fraction=worn_fraction,
         others=known().without(patch),
         **options,
     )
 
 
-def test_each_rival_cuts_what_it_is_told_to():
+def test_each_baseline_cuts_what_it_is_told_to():
     found = depths()
-    assert set(found) == {*RIVALS, CEILING}
+    assert set(found) == {*BASELINES, ORACLE}
     assert not found["none"].any()
     assert found["mean_volume"].mean() == pytest.approx(4e-5)
     assert found["pressure_volume"].mean() == pytest.approx(10 * 12e-5 / 90)
-    assert np.mean(found["pressure_share"] > 2e-4) == pytest.approx(10 * 0.12 / 90, abs=2e-4)
-    assert np.mean(found[CEILING] > 2e-4) == pytest.approx(0.1, abs=2e-4)
+    assert np.mean(found["pressure_fraction"] > 2e-4) == pytest.approx(10 * 0.12 / 90, abs=2e-4)
+    assert np.mean(found[ORACLE] > 2e-4) == pytest.approx(0.1, abs=2e-4)
     # a plane cuts: what is higher loses more, down to one height
-    for name in (*RIVALS[1:], CEILING):
+    for name in (*BASELINES[1:], ORACLE):
         left = HEIGHTS["a"] - found[name]
         np.testing.assert_allclose(left[found[name] > 0], left.max(), atol=1e-12)
 
@@ -57,19 +57,19 @@ def test_the_rigid_flat_goes_as_deep_on_each_patch_and_gives_the_others_their_lo
     assert lost == pytest.approx(12e-5, rel=1e-3)
 
 
-def test_no_rival_sees_what_the_patch_itself_lost():
+def test_no_baseline_sees_what_the_patch_itself_lost():
     mine = TABLE.copy()
     mine.loc["a", ["loss_mm", "loss_fraction"]] = 1.0
     changed = Others.of(mine, {patch: of.max() - of for patch, of in HEIGHTS.items()})
-    for name, depth in depths(known=lambda: changed, worn_share=0.5).items():
+    for name, depth in depths(known=lambda: changed, worn_fraction=0.5).items():
         same = np.array_equal(depth, depths()[name])
-        assert same == (name != CEILING), name
+        assert same == (name != ORACLE), name
 
 
 def test_a_patch_that_bears_nothing_is_spared_by_those_that_know_pressures():
-    found = depths(pressure_MPa=0.0, worn_share=0.0)
+    found = depths(pressure_MPa=0.0, worn_fraction=0.0)
     silent = {name for name, depth in found.items() if not depth.any()}
-    assert silent == {"none", "pressure_volume", "pressure_share", CEILING}
+    assert silent == {"none", "pressure_volume", "pressure_fraction", ORACLE}
 
 
 def test_volumes_that_a_flat_cuts_off_by_brute_force():

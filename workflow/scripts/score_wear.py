@@ -1,4 +1,4 @@
-"""Judge the predicted loss of the patches by the measured one, beside rivals that know as much."""
+"""Score the predicted loss of the patches by the measured one, beside baselines."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from gst.tables import write_table
 from gstlib.contact import Contact
 from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_pressures, read_table
-from gstlib.validation.summary import judge_wear
+from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
 
 CHANGE = "change", "loss", "level_of_detection"
@@ -18,7 +18,7 @@ def main(
     contacts: list[Path],
     registered: list[Path],
     square: Path,
-    mat: Path | list,
+    interlayer: Path | list,
     depths: list[Path],
     pressures: Path,
     registration: Path,
@@ -28,20 +28,20 @@ def main(
     summary: Path,
     *,
     worn: list[str],
-    expected_worst: list[str],
+    expected_most_worn: list[str],
     seed: int,
     resamples: int,
 ) -> None:
     path = read_dataset(square)
-    found = judge_wear(
+    found = score_wear(
         Stored(files_of(contacts, worn), then=Contact.from_dataset),
         Stored(files_of(registered, worn), CHANGE),
         Stored(files_of(depths, worn)),
         read_pressures(pressures),
         read_table(registration),
         fitted_to=WornSquare(path, None).fitted_to if path.sizes else (),
-        mat=read_dataset(mat) if mat and path.sizes else None,
-        expected_worst=expected_worst,
+        interlayer=read_dataset(interlayer) if interlayer and path.sizes else None,
+        expected_most_worn=expected_most_worn,
         seed=seed,
         resamples=resamples,
     )
