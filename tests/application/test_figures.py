@@ -23,10 +23,10 @@ from matplotlib.figure import Figure
 
 
 def table(text):
-    """A table as its stage writes it; an underscore stands for a space."""
+    """A table as its stage writes it; an underscore after a comma stands for a space."""
     lines = [line.strip().replace(" ", "|") for line in text.replace("; ", "\n").splitlines()]
     rows = pd.read_csv(io.StringIO("\n".join(lines)), sep="|", dtype={"patch": str})
-    return rows.replace("_(?=loss)", " ", regex=True)
+    return rows.replace("(?<=,)_", " ", regex=True)
 
 
 # What figures of one table are drawn from; of three patches, "2" is not in the study.

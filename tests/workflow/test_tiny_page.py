@@ -143,7 +143,7 @@ def test_a_card_says_what_is_known_of_its_patch(page, known, table):
             "In the statistics over patches": "yes" if row.in_statistics else "no",
             "T1 on T0": laid,
             "Smallest change detected": f"{number(row.level_of_detection_um, 2)} µm",
-            "Position on the mesh": row.verdict,
+            "Position on the mesh": row.status,
         } | ({"Displacement": f"{number(row.displacement_um)} µm"} if row.in_study else {})
         others = text_of(card.find_class("others")[0]).removeprefix("MCC of others: ")
         assert others.removesuffix(".").split("; ") == [

@@ -175,7 +175,7 @@ def test_cases_are_those_of_the_stored_contacts(results, table, config):
     for key, expected in {
         ("grinding", "friction"): config["grinding"]["friction"],
         ("grinding", "tangential ratio"): config["grinding"]["tangential_ratio"],
-        ("cap", "pressure_cap_MPa"): config["pressure_cap_MPa"],
+        ("cap", "pressure cap"): config["pressure_cap_MPa"],
     }.items():
         assert of_stone[key] == pytest.approx(expected, rel=1e-4), key
     rows = cases.set_index(["patch", "case", "quantity"]).value
