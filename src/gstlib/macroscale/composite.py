@@ -279,8 +279,13 @@ def _density(heights: np.ndarray, side_mm: float) -> tuple[np.ndarray, np.ndarra
     power = np.abs(scipy.fft.rfft2((heights - heights.mean()) * window)) ** 2
     ring = np.rint(_frequency((count, count), step) * side_mm).astype(int)
     within = (ring > 0) & (ring <= count // 2)
-    total = np.bincount(ring[within], power[within])[1:]
-    mean = total / np.bincount(ring[within])[1:]
+    # A term of the half plane stands for its conjugate too, but not where it lies on the edge.
+    stands_for = np.full(power.shape, 2.0)
+    stands_for[:, 0] = 1
+    if count % 2 == 0:
+        stands_for[:, -1] = 1
+    total = np.bincount(ring[within], (stands_for * power)[within])[1:]
+    mean = total / np.bincount(ring[within], stands_for[within])[1:]
     return np.arange(1, len(mean) + 1) / side_mm, mean * (step / count) ** 2
 
 

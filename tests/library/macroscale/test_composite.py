@@ -114,6 +114,22 @@ def test_detail_between_the_scans_has_their_spectrum():
     assert abs(composed(seed=2).height - found.height).max() > 1e-5
 
 
+@pytest.mark.parametrize("points", [POINTS, POINTS + 1])
+def test_the_spectrum_is_that_of_scans_turned_a_quarter(points):
+    """Waves along x and along y count alike."""
+    at = axis_coordinates(points, PATCH / points)
+    grooves = np.broadcast_to(1e-3 * np.sin(2 * np.pi * 9 * at / PATCH), 2 * (points,))
+    flat = mesh_surface()
+    flat["height"] = flat.height.copy(data=np.zeros(flat.height.shape))
+    densities = []
+    for turn in (0, 1):
+        scan = make_surface(np.rot90(grooves, turn), PATCH / points).to_dataset(name="height")
+        of = dict.fromkeys(PLACES.patch, scan)
+        settings = {"patch_mm": PATCH, "s_filter_um": None, "placement_um": 10.0, "seed": 1}
+        densities.append(compose_surface(flat, PLACES, of, **settings).density)
+    np.testing.assert_allclose(densities[0], densities[1], rtol=1e-9, atol=1e-20)
+
+
 def test_the_mesh_errors_have_the_size_of_the_left_out_errors():
     face = mesh_surface(error=2e-3)
     drawn = draw_mesh_errors(face, face.height, 50, np.random.default_rng(0))
