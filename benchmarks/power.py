@@ -215,7 +215,8 @@ def p_values(study: Study, *, seed: Sequence[int]) -> pd.DataFrame:
     """
     tables = asked(lambda study: study.scored(seed=seed, resamples=_RESAMPLES), study)
     patches, summary = tables["patches"], tables["summary"]
-    rows = [("mcc", np.nan, 1, p) for p in patches.p_value]
+    of_patches = patches.get("p_value", [])  # none without a prediction
+    rows = [("mcc", np.nan, 1, p) for p in of_patches]
     own = own_model(list(summary.model))
     for row in summary[summary.model.isin(["", own])].itertuples():
         name = row.statistic
