@@ -41,7 +41,6 @@ __all__ = [
 ]
 
 _SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
-_MODULUS = "contact_modulus_MPa"
 # Corners are clicked or typed: the square's sides may be off by this share.
 _SIDE_TOLERANCE = 0.1
 # ASSUME: no stone bears a mean pressure (MPa) like this; quartzite is crushed at 150 to 300 MPa.
@@ -63,14 +62,9 @@ def complete(config: Mapping) -> dict:
     """A config with the defaults of all omitted keys; `config` is not altered.
 
     In a section given in part, the other keys take their defaults. A null stays null, and a
-    list replaces a default list. The contact modulus by default is the paper's, for its elastic
-    constants; of constants that are given without it, it is null, to be computed from them.
-    Nothing is checked: unknown keys and values of a wrong type stay.
+    list replaces a default list. Nothing is checked: unknown keys and values of a wrong type stay.
     """
     whole = _validator().schema
-    material = config.get("material")
-    if isinstance(material, Mapping) and material and _MODULUS not in material:
-        config = {**config, "material": {**material, _MODULUS: None}}
     return _completed(config, whole, whole)
 
 

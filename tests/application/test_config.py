@@ -199,10 +199,6 @@ def test_what_is_given_takes_the_place_of_a_default():
     assert (whole["scans"]["size_mm"], whole["pressure_cap_MPa"]) == (0.85, None)
     (problem,) = config_problems(whole)
     assert problem.startswith("'square' is 5: 5 is not of type 'object'")
-    # the default modulus is that of the default constants alone
-    material = {"young_1_MPa": 70000.0}
-    assert complete({"material": material})["material"]["contact_modulus_MPa"] is None
-    assert complete({"material": {}})["material"]["contact_modulus_MPa"] == 12820.0
     complete({})["square"]["points_mm"][0][0] = 9.0  # of a default nothing is shared
     assert complete({})["square"]["points_mm"][0][0] == 2.5
 

@@ -143,7 +143,10 @@ def two_studies(study):
     """A folder with a workflow of two tiny studies, and the config of each."""
     tiny = yaml.safe_load((study.folder / study.config).read_text())
     other = {"seed": 5, "grinding": None, "pressure_cap_MPa": None}
-    other |= {"material": {"contact_modulus_MPa": None}, "specimen": tiny["specimen"] | {"seed": 9}}
+    other |= {
+        "material": {"contact_modulus_MPa": 12820.0},
+        "specimen": tiny["specimen"] | {"seed": 9},
+    }
     other |= {"title": "another stone", "results": "second/results"}
     configs = {"first": tiny, "second": tiny | other}
     (study.folder / "config/both.yaml").write_text(yaml.safe_dump(configs))

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["worn_by_law"]
 
-# ASSUME: wear made by a law has these constants; the default study has 12,820 MPa, 550 N, 200 mm,
+# ASSUME: wear made by a law has these constants; the default study has 10,346 MPa, 550 N, 200 mm,
 # the middle of the square and elements of 50 µm. The interlayer is as stiff as hide or wood, and
 # does half of the wear. A gain on wear made by the law that predicts it is a check of the code,
 # not evidence.
