@@ -92,7 +92,7 @@ class Run:
 
     def said(self, job: str) -> str:
         """Slurm's own log of a job that failed."""
-        return next(self.log.parent.glob(f".snakemake/slurm_logs/*/{job}.log")).read_text()
+        return next(self.log.parent.glob(f".snakemake/slurm_logs/**/{job}.log")).read_text()
 
     def states(self) -> dict[str, str]:
         """What became of every job of the run, by Slurm's records: its state by its id."""
@@ -116,7 +116,7 @@ def freeze(job: str) -> None:
 
 
 def test_a_study_with_faults_of_jobs_is_the_one_of_one_machine(finished_tiny, tmp_path):
-    """One job is given too little memory, one hangs past its time limit, one is cancelled; a
+    """Two jobs are given too little memory, one hangs past its time limit, one is cancelled; a
     second attempt mends them."""
     study = fresh(tmp_path / "study")
     memory = "prepare_scans:mem_mb=100 * attempt ** 4"
@@ -125,18 +125,19 @@ def test_a_study_with_faults_of_jobs_is_the_one_of_one_machine(finished_tiny, tm
     try:
         frozen = run.job("grid_macroscale", running=True)
         freeze(frozen)
-        cancelled = run.job("prepare_scans/T1_1", running=True)
+        starved = [run.job(f"prepare_scans/{epoch}_1") for epoch in ("T0", "T1")]
+        cancelled = run.job("register_patches", running=True)
         subprocess.run(["scancel", cancelled], check=True)
-        starved = run.job("prepare_scans/T0_1")
         assert run.finish() == 0, run.log.read_text()
     finally:
         run.kill()
     assert "DUE TO TIME LIMIT" in run.said(frozen)
-    assert "exceeded memory limit" in run.said(starved)
+    assert all("exceeded memory limit" in run.said(job) for job in starved)
     states = run.states()
     assert states[cancelled] == "CANCELLED"
-    others = [states[job] for job in run.submitted() if job not in (frozen, starved, cancelled)]
-    assert others == ["COMPLETED"] * (len(run.submitted()) - 3)
+    faulty = {frozen, cancelled, *starved}
+    others = [states[job] for job in run.submitted() if job not in faulty]
+    assert others == ["COMPLETED"] * (len(run.submitted()) - 4)
     # short jobs are grouped, and nothing but the target is left to the machine that submits
     assert 5 < len(others) < 20
     assert set(re.findall(r"localrule (\w+)", run.record())) == {"all", "pass_inputs"}
