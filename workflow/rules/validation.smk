@@ -30,7 +30,9 @@ if WORN_PATCHES:
         params:
             worn=WORN_PATCHES,
             # a claim about other patches says nothing about these
-            expected_most_worn=EXPECTED_MOST_WORN if set(EXPECTED_MOST_WORN) <= set(ALL_PATCHES) else [],
+            expected_most_worn=(
+                EXPECTED_MOST_WORN if set(EXPECTED_MOST_WORN) <= set(ALL_PATCHES) else []
+            ),
             seed=config["seed"],
             resamples=config["validation"]["resamples"],
             code=code("score_wear.py"),
