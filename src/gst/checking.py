@@ -160,7 +160,7 @@ def _pressed(config: dict) -> str:
     form = config["counterface"] or {}
     other = f"a stone of {form['radius_mm']:g} mm radius" if form.get("radius_mm") else "a flat"
     if counterface_mesh(config, "") is not None:
-        other = "a active tool"
+        other = "an active tool"
     return (
         f"{square}, in a face of {macroscale['face_mm']:g} mm at rest under {other}; force "
         f"through x {x:g}, y {y:g} mm"

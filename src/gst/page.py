@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["Shown", "by_category", "caption_html", "embedded", "patch_records", "render"]
 __all__ += ["tool_scene", "warned"]
 
-# Faces of a active tool, which is drawn transparent over the first.
+# Faces of an active tool, which is drawn transparent over the first.
 _SECOND_FACES = 20_000
 _BESIDE = 0.2  # how much of the face the map shows beside the square, in sides of the square
 _COLOURS = 256  # the most that a PNG with one byte per pixel can have

@@ -1,4 +1,4 @@
-"""Interpolate the mesh, and that of a active tool, on the square and the face around it."""
+"""Interpolate the mesh, and that of an active tool, on the square and the face around it."""
 
 from pathlib import Path
 

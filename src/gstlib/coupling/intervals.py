@@ -55,7 +55,7 @@ class Errors(NamedTuple):
     placement_um : float
         Of a patch's place along each axis.
     pose_um : float
-        Of the place of a active tool.
+        Of the place of an active tool.
     load_point_mm : float
         Of the point through which the force acts, along each axis.
     """
@@ -77,7 +77,7 @@ class Macroscale(NamedTuple):
     composite : xarray.Dataset or None
         From `gstlib.macroscale.composite.compose_surface`; None where the mesh alone is pressed.
     counterface : (y, x) xarray.DataArray or None
-        A active tool's, from `gstlib.macroscale.active_tool.grid_counterface`; None without one.
+        An active tool's, from `gstlib.macroscale.active_tool.grid_counterface`; None without one.
     """
 
     face: xr.Dataset
@@ -189,7 +189,7 @@ def pressure_intervals(
             height = compose_grid(height, laid, patch_mm, composite.density, generator)
         over, point = nominal, through
         pose = np.random.default_rng([seed, 4, draw])
-        # first, so that it is the same with a active tool and without
+        # first, so that it is the same with an active tool and without
         if through is not None:
             point = draw_point(mesh, through, errors.load_point_mm, pose)
         else:

@@ -77,7 +77,7 @@ def grid_macroscale(
         its frame, as in `gstlib.surfaces.frames.stored_frame`; ``counterface`` (y, x), mm, the
         active tool over it, 0 of a flat; ``size_mm``, the side of the square.
     counterface : (y, x) xarray.DataArray or None
-        A active tool as far as it moves, from `gstlib.macroscale.active_tool.grid_counterface`.
+        An active tool as far as it moves, from `gstlib.macroscale.active_tool.grid_counterface`.
 
     Raises
     ------

@@ -1,11 +1,11 @@
 """A gesture: many poses of the active tool, and what their contacts leave on the face together.
 
-A active tool slides and turns on the first. A hand also scatters: the point through which it pushes
-is never quite the same, and the stone comes to rest elsewhere. Each pose is a contact of its own,
-at rest. Kept of all are, on each element and each patch, the mean and the highest pressure, how
-often it is touched, and the exposure: pressure times sliding, summed over the poses, which is what
-Archard's law takes. Poses that follow each other are alike, so that each contact starts from the
-one before.
+The active tool slides and turns on the passive one. A hand also scatters: the point through which
+it pushes is never quite the same, and the stone comes to rest elsewhere. Each pose is a contact of
+its own, at rest. Kept of all are, on each element and each patch, the mean and the highest
+pressure, how often it is touched, and the exposure: pressure times sliding, summed over the poses,
+which is what Archard's law takes. Poses that follow each other are alike, so that each contact
+starts from the one before.
 """
 
 # ASSUME: each pose is a contact at rest under its own force, whose point moves with the active

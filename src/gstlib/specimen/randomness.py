@@ -30,7 +30,7 @@ class SpecimenParameters:
     seed : int
         Of everything random.
     counterface_seed : int, optional
-        Of a active tool of the same kind; None for a flat.
+        Of an active tool of the same kind; None for a flat.
     mesh_edge_mm : float
         Mean edge length of the mesh.
     cut_off_wavelength_mm : float
