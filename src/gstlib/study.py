@@ -23,8 +23,7 @@ before it.
 6. `wear`: the square and its patches wear by Archard's law (`fit.wear_stone`), which predicts the
    loss of a patch from those of the others (`fit.wear_map`).
 7. `validation`: the predicted loss is scored by the measured one, beside baselines that are given
-the same data
-   (`summary.score_wear`).
+   the same data (`summary.score_wear`).
 
 Two variants of the coupling exist. In the paper's, `LEVELLED`, the square is cut out of the mesh,
 pressed flat on its mean plane up to a mean pressure, and a patch is pressed as its scan was
