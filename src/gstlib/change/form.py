@@ -14,7 +14,7 @@ __all__ = ["form_height", "form_warning"]
 _DEGREE = 4  # of what counts as form
 _POINTS = 64  # along a side, which these waves do not need more of
 # ASSUME: form that is so much lower in one of two scans, while their texture is not, was taken out.
-# In 400 pairs of synthetic stone, worn by nine tenths above their upper third and displaced by up
+# In 400 pairs of synthetic stones, worn by nine tenths above their upper third and displaced by up
 # to 40 of 128 elements, T1 had 0.38 to 1.4 times the form of T0; in the default study's 13, 0.86
 # to 1.8 times. Without a polynomial of degree 8, it had at most 0.1 times as much.
 _MISSING = 0.2

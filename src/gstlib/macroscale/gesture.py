@@ -10,8 +10,8 @@ starts from the one before.
 
 # ASSUME: each pose is a contact at rest under its own force, whose point moves with the active
 # tool; from one to the next the stones slide by the distance that the pose states.
-# ASSUME: a load point scatters about the stated load point normally, alike along both axes, and
-# slides by the same distance wherever it pushes.
+# ASSUME: the load point scatters about the stated one normally, alike along both axes, and the
+# stone slides by the same distance wherever the hand pushes.
 
 from collections.abc import Collection, Iterable
 from pathlib import Path
