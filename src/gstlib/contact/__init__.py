@@ -1,0 +1,29 @@
+"""Two faces in, a contact out: at one load, or along the path to it.
+
+`gstlib.bem` computes with arrays. Here are the study's surfaces, with names and units, and the
+solver's errors in the study's words: an `Interface` under a `Load` gives a `Contact`, or a
+`ContactPath`. Where no pressure is asked for, the contact is empty: its pressure, displacement and
+stiffness are 0, and shares of the contact are NaN.
+"""
+
+from .counterface import check_grid, turned_over
+from .interface import LEVEL, Interface
+from .load import Load, from_corner
+from .solve import contact_at_pressure, contact_path, log_state, solver_errors
+from .state import Contact, ContactPath, load_path_table
+
+__all__ = [
+    "LEVEL",
+    "Contact",
+    "ContactPath",
+    "Interface",
+    "Load",
+    "check_grid",
+    "contact_at_pressure",
+    "contact_path",
+    "from_corner",
+    "load_path_table",
+    "log_state",
+    "solver_errors",
+    "turned_over",
+]

@@ -1,0 +1,98 @@
+"""Two faces as they are pressed on each other."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.leveling import Plane
+
+__all__ = ["LEVEL", "Interface"]
+
+# The plane of a surface that lies as it is.
+LEVEL = Plane(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Interface:
+    """Two faces as they are pressed on each other.
+
+    Attributes
+    ----------
+    height : (y, x) xarray.DataArray
+        A surface, level, mm; NaN where there is none.
+    counterface : (y, x) xarray.DataArray
+        What is pressed on it, mm, positive towards it, as from `turned_over`; NaN where there is
+        none, 0 of a flat.
+    plane : Plane
+        On which the surface is laid; only its slopes count.
+    surroundings : (ny, nx) ndarray or None
+        Displacement (mm, into the stone) by what presses around it; None of one that is alone.
+    """
+
+    height: xr.DataArray
+    counterface: xr.DataArray
+    plane: Plane = LEVEL
+    surroundings: np.ndarray | None = None
+
+    @classmethod
+    def on_flat(cls, height: xr.DataArray) -> "Interface":
+        """A surface under a flat."""
+        return cls(height, xr.zeros_like(height))
+
+    @classmethod
+    def from_dataset(cls, stored: xr.Dataset) -> "Interface":
+        """From what `Contact.to_dataset` gives."""
+        plane = Plane(0.0, float(stored.slope_y), float(stored.slope_x))
+        around = stored.surroundings.values if bool(stored.placed) else None
+        return cls(stored.height, stored.counterface, plane, around)
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """What it consists of, by the names under which `from_dataset` reads it."""
+        alone = self.surroundings is None
+        return {
+            "height": self.height.values,
+            "counterface": self.counterface.values,
+            "surroundings": np.zeros(self.height.shape) if alone else self.surroundings,
+            "slope_y": self.plane.slope_y,
+            "slope_x": self.plane.slope_x,
+            "placed": not alone,
+        }
+
+    @property
+    def laid(self) -> xr.DataArray:
+        """Heights (mm) of the surface as it lies on the stone, with those of the face on it.
+
+        Notes
+        -----
+        Only the gap between two faces enters a contact of half-spaces, so that heights add
+        (Bemporad & Paggi, Int. J. Solids Struct. 69-70 (2015) 465).
+        """
+        plane = replace(self.plane, offset=0.0).heights(self.height)
+        return self.height.copy(data=self.height.values + plane + self.counterface.values)
+
+    @property
+    def pressed(self) -> xr.DataArray:
+        """Heights (mm) of the surface that touches a flat as the two faces touch each other.
+
+        Those of `laid` less the displacement by the surroundings.
+        """
+        laid = self.laid
+        if self.surroundings is None:
+            return laid
+        return laid.copy(data=laid.values - self.surroundings)
+
+    @property
+    def for_solver(self) -> tuple[np.ndarray, tuple[float, float]]:
+        """Heights and spacing, as `gstlib.bem` takes them: where a face is missing, −∞."""
+        heights = self.pressed
+        missing = np.isnan(heights.values)
+        return np.where(missing, -np.inf, heights.values), spacing_of(heights)
+
+    def tilted(self, tilt: tuple[float, float]) -> "Interface":
+        """The same, with the surface tilted further, by slopes along y and x."""
+        slope_y, slope_x = self.plane.slope_y + tilt[0], self.plane.slope_x + tilt[1]
+        return replace(self, plane=replace(self.plane, slope_y=slope_y, slope_x=slope_x))

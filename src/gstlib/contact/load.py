@@ -1,0 +1,57 @@
+"""What presses two faces on each other: a mean pressure, and the point through which it acts."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from gstlib.surfaces.grid import spacing_of
+
+__all__ = ["Load", "from_corner"]
+
+
+class Load(NamedTuple):
+    """What presses two faces on each other.
+
+    Attributes
+    ----------
+    mean_pressure : float
+        MPa, over the nominal area.
+    through : (float, float) or None
+        Place (y, x), mm, on the surface, through which the force acts on a body that is free to
+        tilt; without one its plane stays as it is.
+    """
+
+    mean_pressure: float
+    through: tuple[float, float] | None = None
+
+    @classmethod
+    def of_force(
+        cls, force_N: float, surface: xr.DataArray, through: tuple[float, float] | None = None
+    ) -> "Load":
+        """A force (N) on a surface."""
+        area = surface.size * float(np.prod(spacing_of(surface)))
+        return cls(force_N / area, through)
+
+    @classmethod
+    def from_dataset(cls, stored: xr.Dataset) -> "Load":
+        """From what `gstlib.contact.Contact.to_dataset` gives."""
+        through = float(stored.through_y), float(stored.through_x)
+        is_free = not math.isnan(through[0])
+        return cls(float(stored.target_pressure), through if is_free else None)
+
+    @property
+    def parts(self) -> dict[str, float]:
+        """What it consists of, by the names under which `from_dataset` reads it."""
+        y, x = self.through or (math.nan, math.nan)
+        return {"target_pressure": self.mean_pressure, "through_y": y, "through_x": x}
+
+
+def from_corner(place: tuple[float, float], surface: xr.DataArray) -> tuple[float, float]:
+    """A place (y, x), mm, on a surface, counted from the corner of its grid."""
+    y, x = (
+        along - (float(surface[axis][0]) - step / 2)
+        for along, axis, step in zip(place, "yx", spacing_of(surface), strict=True)
+    )
+    return y, x

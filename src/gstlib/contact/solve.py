@@ -1,0 +1,190 @@
+"""Press two faces on each other: up to a load, or step by step along the path to it."""
+
+import logging
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from gstlib.bem import (
+    ContactError,
+    ContactState,
+    LoadPath,
+    TippingError,
+    load_path,
+    solve_contact,
+)
+from gstlib.contact.dataset import FIELDS, NUMBERS
+from gstlib.contact.interface import Interface
+from gstlib.contact.load import Load, from_corner
+from gstlib.contact.state import Contact, ContactPath
+from gstlib.errors import InputError
+
+__all__ = ["contact_at_pressure", "contact_path", "log_state", "solver_errors"]
+
+_log = logging.getLogger(__name__)
+
+# Contact fraction above which the inputs are suspect: rough stones touch on a few per cent, and in
+# nearly full contact the heights hardly matter.
+_FULL = 0.95
+
+
+def contact_path(
+    interface: Interface,
+    load: Load,
+    *,
+    modulus: float,
+    tolerance: float,
+    steps: int,
+    maximum_displacement_um: float,
+    every_step: bool = False,
+    source: str | Path = "surface",
+) -> ContactPath:
+    """Contact of two faces along a load path up to a load.
+
+    Parameters
+    ----------
+    interface : Interface
+    load : Load
+    modulus, tolerance : float
+        As in `Contact`.
+    steps : int
+        See `gstlib.bem.load_path`.
+    maximum_displacement_um : float
+        Largest far-field displacement allowed, µm.
+    every_step : bool
+        Keep pressure and gap of every step, too.
+    source : path
+        The file that the surface comes from, for error messages.
+
+    Raises
+    ------
+    InputError
+        The load is not reached within `maximum_displacement_um`, or the solver gives up.
+    """
+    if load.through is not None:
+        # ASSUME: on the way to the target load a body has the tilt that it has in the end.
+        solved = {"modulus": modulus, "tolerance": tolerance}
+        interface = contact_at_pressure(interface, load, source=source, **solved).interface
+    with solver_errors(source, load):
+        path = load_path(
+            *interface.for_solver,
+            modulus,
+            target_pressure=load.mean_pressure,
+            steps=steps,
+            keep_states=every_step,
+            tolerance=tolerance,
+        )
+    log_state(path.final)
+    _check_displacement(path, load, maximum_displacement_um, source)
+    _warn_if_full(path, source)
+    along: dict[str, Any] = {name: getattr(path, name) for name in (*NUMBERS, "stiffness")}
+    if every_step:
+        for name in FIELDS:
+            along[name] = np.stack([_finite(getattr(state, name)) for state in path.states])
+    return ContactPath(_contact(interface, load, modulus, tolerance, path.final), **along)
+
+
+def contact_at_pressure(
+    interface: Interface,
+    load: Load,
+    *,
+    modulus: float,
+    tolerance: float,
+    source: str | Path = "surface",
+) -> Contact:
+    """Contact of two faces at a load alone, without the path to it.
+
+    Parameters and errors are those of `contact_path`.
+    """
+    through = None if load.through is None else from_corner(load.through, interface.height)
+    with solver_errors(source, load):
+        state = solve_contact(
+            *interface.for_solver,
+            modulus,
+            mean_pressure=load.mean_pressure,
+            through=through,
+            tolerance=tolerance,
+        )
+    log_state(state)
+    if through is not None:
+        interface = interface.tilted(state.tilt)
+    return _contact(interface, load, modulus, tolerance, state)
+
+
+def _check_displacement(
+    path: LoadPath, load: Load, maximum_um: float, source: str | Path
+) -> None:
+    """Refuse a load that takes more displacement than is allowed."""
+    needed_um = path.final.displacement * 1e3
+    if needed_um > maximum_um:
+        raise InputError(
+            source,
+            f"the target pressure of {load.mean_pressure:g} MPa cannot be reached within "
+            f"{maximum_um:g} µm of displacement: it takes {needed_um:.4g} µm",
+            "Lower the load or raise maximum_displacement_um in the config.",
+        )
+
+
+def _warn_if_full(path: LoadPath, source: str | Path) -> None:
+    """Warn where nearly the whole surface touches."""
+    touching = float(path.final.contact_fraction)
+    if touching > _FULL:
+        logging.getLogger("gstlib").warning(
+            "%s: %.0f %% of the surface touches, and rough stones touch on a few per cent: check "
+            "the unit of its heights, the target pressure and the elastic constants",
+            source,
+            100 * touching,
+        )
+
+
+def _contact(
+    interface: Interface, load: Load, modulus: float, tolerance: float, state: ContactState
+) -> Contact:
+    """What came of an interface under a load."""
+    pressure, gap = (
+        xr.DataArray(_finite(getattr(state, name)), interface.height.coords, ("y", "x"))
+        for name in FIELDS
+    )
+    numbers = (float(getattr(state, name)) for name in NUMBERS)
+    return Contact(interface, load, modulus, tolerance, pressure, gap, *numbers)
+
+
+def _finite(field: np.ndarray) -> np.ndarray:
+    """A field (ny, nx) of a contact, NaN in place of infinite where a face is missing."""
+    return np.where(np.isinf(field), np.nan, field)
+
+
+@contextmanager
+def solver_errors(source: str | Path, load: Load) -> Iterator[None]:
+    """Give an `InputError` in the study's words where a solver of `gstlib.bem` gives up."""
+    try:
+        yield
+    except TippingError as error:
+        y, x = load.through or (math.nan, math.nan)
+        raise InputError(
+            source,
+            f"the stone tips over: its force acts through x {x:g}, y {y:g} mm of the square's "
+            "axes, where nothing that touches can hold it",
+            "Move load.at_mm to a place between summits of the face, or check macroscale.face_mm.",
+        ) from error
+    except ContactError as error:
+        raise InputError(
+            source, f"its contact could not be solved: {error}", "Look at the surface's figure."
+        ) from error
+
+
+def log_state(state: Any) -> None:
+    """Log what a solver found: a state, or the end of a path."""
+    _log.info(
+        "%g MPa: displacement %.4f µm, contact %.4g %%, residual %.1e, %d iterations",
+        state.mean_pressure,
+        state.displacement * 1e3,
+        state.contact_fraction * 100,
+        state.residual,
+        state.iterations,
+    )
