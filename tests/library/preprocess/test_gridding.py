@@ -6,7 +6,7 @@ import pytest
 import trimesh
 from gstlib.errors import InputError
 from gstlib.macroscale.face import grid_macroscale
-from gstlib.preprocess import mesh as gridding
+from gstlib.preprocess import interpolation, use_face
 from gstlib.preprocess.mesh import grid_mesh, gridding_table
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import Frame
@@ -207,7 +207,9 @@ def test_on_a_smooth_surface_a_smooth_interpolation_is_best():
 )
 def test_a_tie_goes_to_the_simpler(rms, chosen, monkeypatch):
     errors = 1e-3 * np.array(rms)[:, None] * [1.0, -1.0]
-    monkeypatch.setattr(gridding, "_left_out", lambda cloud, inside, tried: (inside[:2], errors))
+    monkeypatch.setattr(
+        interpolation, "_left_out", lambda cloud, inside, tried: (inside[:2], errors)
+    )
     surface = gridded(sheet(smooth, edge=0.5))
     assert surface.height.attrs["interpolation"] == chosen
     np.testing.assert_allclose(surface.left_out_rms, 1e-3 * np.array(rms))
@@ -216,7 +218,7 @@ def test_a_tie_goes_to_the_simpler(rms, chosen, monkeypatch):
 
 def test_errors_are_those_of_a_group_left_out(monkeypatch):
     mesh = sheet(smooth)
-    monkeypatch.setattr(gridding, "_MARGIN_MM", 9.0)  # the cloud is the whole sheet
+    monkeypatch.setattr(use_face, "_MARGIN_MM", 9.0)  # the cloud is the whole sheet
     surface = gridded(mesh, interpolation="linear")
     x, y, z = mesh.vertices.T
     inside = np.flatnonzero((np.abs(x - 2.5) <= 2.5) & (np.abs(y - 2.5) <= 2.5))
@@ -279,7 +281,7 @@ def test_a_cubic_on_nodes_is_that_on_every_element(monkeypatch):
     """Where elements are much smaller than the mesh's edges, nodes hold the cubic."""
     mesh = sheet(smooth, edge=0.4)
     found = grid(mesh, interpolation="cubic")
-    monkeypatch.setattr(gridding, "_POINTS_PER_EDGE", 1e3)
+    monkeypatch.setattr(interpolation, "_POINTS_PER_EDGE", 1e3)
     on_all = grid(mesh, interpolation="cubic")
     exact = smooth(*np.meshgrid(found.x, found.y))
     misfit, error = (float(np.sqrt((of**2).mean())) for of in (found - on_all, on_all - exact))
