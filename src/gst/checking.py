@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -26,6 +26,9 @@ from gstlib.macroscale.plausibility import plausibility_warnings
 from gstlib.macroscale.sampling_sites import CONTROL, COUNTS, EXPOSED
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.grid import coarser
+
+if TYPE_CHECKING:
+    from gst.figures.tool import PressedFace
 
 __all__ = ["check_study"]
 
@@ -122,14 +125,16 @@ def _state(config: dict) -> str:
 
 def _active_stone(
     config: dict, face: xr.Dataset | None, poses: pd.DataFrame | None
-) -> dict[str, Any]:
+) -> "PressedFace | None":
     """For the picture: the two tools over the face, where one is pushed, and what is between."""
+    from gst.figures.tool import PressedFace
+
     if face is None or config["coupling"] == "levelled":
-        return {}
+        return None
     through = np.array(load_point(config["load"], config["square"]["size_mm"]))
     moved = np.zeros((1, 2)) if poses is None else poses[["y_mm", "x_mm"]].to_numpy()
     interlayer_um = config["interlayer"]["thickness_um"] if config["interlayer"] else None
-    return {"face": face, "pushed": through + moved, "interlayer_um": interlayer_um}
+    return PressedFace(face, through + moved, interlayer_um)
 
 
 def _patches(config: dict, patches: pd.DataFrame) -> str:
@@ -293,7 +298,7 @@ def check_study(path: Path) -> None:
             patches,
             size_mm=size_mm,
             patch_size_mm=config["scans"]["size_mm"],
-            **_active_stone(config, found.face, poses),
+            pressed=_active_stone(config, found.face, poses),
         )
         save_figure(figure, picture)
         print(f"  {'picture':<11} {picture}: the square on the stone, and the patches in it")

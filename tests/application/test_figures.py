@@ -12,9 +12,10 @@ import xarray as xr
 from contacts import contact_of
 from gst.figures import macroscale, maps, microscale, style, tables
 from gst.figures.maps import draw_footprints
+from gst.figures.microscale import PatchResult
 from gst.figures.study import Study, evenly
 from gst.figures.study import draw as draw_study
-from gst.figures.tool import check_figure, draw_square, draw_stone
+from gst.figures.tool import PressedFace, check_figure, draw_square, draw_stone
 from gst.verdict import MODELS
 from gstlib.errors import InputError
 from gstlib.surfaces.frames import Frame
@@ -88,6 +89,7 @@ PREPARED = {"height": T0, "measured": T0.where(T0 < 4e-3), "filled": T0 >= 4e-3}
 PREPARED = xr.Dataset(PREPARED | {"outlier": T0 < -4e-3})
 PREPARED.attrs = {"Sq_before_um": 3.0, "Sq_after_um": 2.0}
 SIZE, PATCH = {"patch_size_mm": 0.85}, {"patch": "1"}
+RESULT = PatchResult("1", CONTACTS["1"], CHANGE, PREDICTED)
 TOOL = (
     trimesh.creation.box((9, 9, 4)).subdivide_to_size(0.5),
     Frame(origin=(-2.5, -2.5, 2), x_axis=(1, 0, 0), normal=(0, 0, 1)),
@@ -98,11 +100,8 @@ FROM = {
     "force": ((SQUARE, PRESSURES), SIZE),
     "preparation": (({"T0": PREPARED, "T1": PREPARED},), PATCH),
     "load_curves": ((SQUARE, CONTACTS), {}),
-    "patch": ((CONTACTS["1"], CHANGE, PREDICTED), PATCH),
-    "overview": (
-        (SQUARE, PRESSURES, CONTACTS["1"], CHANGE, PREDICTED, TOOL),
-        SIZE | PATCH | {"force_N": 550.0},
-    ),
+    "patch": ((RESULT,), {}),
+    "overview": ((SQUARE, PRESSURES, TOOL, RESULT), SIZE | {"force_N": 550.0}),
     "contact_steps": ((SQUARE,), {"size_mm": 3.0}),
     "validation": ((IN_STATISTICS, LOSSES, SUMMARY), {}),
     "wear": ((WEAR, PROFILE, PRESSURES, ["1", "3"]), {}),
@@ -140,9 +139,15 @@ def picture_of(axes):
     return np.asarray(axes.images[0].get_array()) / 255
 
 
+def inputs_of(name):
+    """What a figure is drawn from, one by one."""
+    for given in FROM[name][0]:
+        yield from vars(given).values() if isinstance(given, PatchResult) else [given]
+
+
 @pytest.mark.parametrize("name", FROM)
 def test_figure_has_the_same_bytes_each_time_and_leaves_its_input_alone(tmp_path, name):
-    before, contents = copy.deepcopy(FROM[name][0]), []
+    before, contents = copy.deepcopy(list(inputs_of(name))), []
     files = [tmp_path / f"figure.{kind}" for kind in ("png", VECTORS.get(name, "svg"))]
     for size in (10, 20):
         with matplotlib.rc_context({"font.size": size, "savefig.dpi": size}):
@@ -153,7 +158,7 @@ def test_figure_has_the_same_bytes_each_time_and_leaves_its_input_alone(tmp_path
     texts = [text.get_text() for text in figure.findobj(matplotlib.text.Text)]
     assert "synthetic specimen" in texts
     assert not any("nan" in text for text in texts)
-    for now, then in zip(FROM[name][0], before, strict=True):
+    for now, then in zip(inputs_of(name), before, strict=True):
         if isinstance(now, tuple):
             assert (now[0].vertices == then[0].vertices).all()
         else:
@@ -213,7 +218,8 @@ def test_a_patch_without_a_known_change_shows_its_scans_and_says_so():
     nothing |= {"t1": T0, "gain": nothing["loss"]}
     change = CHANGE.assign(nothing).assign_attrs(level_of_detection_um=np.nan)
     for predicted, count in ((None, 4), (PREDICTED, 5)):
-        axes = microscale.patch_figure(CONTACTS["1"], change, predicted, patch="1").axes
+        result = PatchResult("1", CONTACTS["1"], change, predicted)
+        axes = microscale.patch_figure(result).axes
         titles = [panel.get_title() for panel in axes]
         assert titles[1] == "T1, after use, not laid on T0"
         assert titles[3] == "no change is known"
@@ -361,7 +367,8 @@ def test_the_check_shows_the_active_stone_and_where_it_is_pushed():
     pushed = np.array([[1.0, 2.0], [3.0, 4.0]])
     sizes = {"size_mm": 5.0, "patch_size_mm": 0.85}
     assert len(check_figure(stone(), frame, None, pd.DataFrame(), **sizes).axes) == 2
-    figure = check_figure(stone(), frame, None, pd.DataFrame(), face=face, pushed=pushed, **sizes)
+    pressed = PressedFace(face, pushed)
+    figure = check_figure(stone(), frame, None, pd.DataFrame(), pressed=pressed, **sizes)
     (picture,) = figure.axes[2].images
     brightness = picture.get_array().sum(axis=2)
     assert brightness[2, 2] > brightness[0, 0]  # the nearer, the brighter

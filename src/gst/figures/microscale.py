@@ -5,20 +5,17 @@ Parameters that the figures share:
 contacts : mapping of patch to xarray.Dataset
     ``height``, ``pressure`` (y, x) of the final state, and the load path (step):
     ``displacement``, ``mean_pressure``, ``contact_fraction``, ``stiffness``.
-changes : mapping of patch to xarray.Dataset
-    ``t1``, ``change``, ``level_of_detection``, ``loss``, ``gain`` (y, x) and the attributes
-    ``level_of_detection_um``, ``overlap``.
-predicted : (y, x) xarray.DataArray
-    Depth that the study's own prediction takes off a patch, mm.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
@@ -32,12 +29,35 @@ from gstlib.wear.archard import seen_depth
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["load_curves_figure", "microscale_maps_figure", "overview_figure", "patch_figure"]
-__all__ += ["preparation_figure", "two_scales_figure"]
+__all__ = ["PatchResult", "load_curves_figure", "microscale_maps_figure", "overview_figure"]
+__all__ += ["patch_figure", "preparation_figure", "two_scales_figure"]
 
 _UNKNOWN = "#ffffff"
 _AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": BLACK}
 _BELOW = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.025)}  # the last panels of a row
+
+
+@dataclass(frozen=True)
+class PatchResult:
+    """What the study found on one patch.
+
+    Attributes
+    ----------
+    patch : str
+    contact : xarray.Dataset
+        ``height``, ``pressure`` (y, x) and ``mean_pressure`` of its contact before use.
+    change : xarray.Dataset or None
+        ``t1``, ``change``, ``level_of_detection``, ``loss``, ``gain`` (y, x) and the attributes
+        ``level_of_detection_um``, ``overlap``. Where no change is known, ``t1`` is the scan by
+        itself. None without a T1.
+    predicted : (y, x) xarray.DataArray or None
+        Depth that the study's own prediction takes off it, mm; None if no loss is predicted.
+    """
+
+    patch: str
+    contact: xr.Dataset
+    change: xr.Dataset | None
+    predicted: xr.DataArray | None
 
 
 @styled
@@ -115,106 +135,122 @@ def two_scales_figure(
 
 
 @styled
-def patch_figure(
-    contact: xr.Dataset, change: xr.Dataset, predicted: xr.DataArray | None, *, patch: str
-) -> Figure:
-    """One patch before and after use, its contact, its change and its predicted loss (Fig. 11).
-
-    `contact`, `change` and `predicted`, None if no loss is predicted, are those of `patch`. Where
-    no change is known, ``t1`` of `change` is the scan by itself.
-    """
-    t0, t1, values = contact["height"], change["t1"], change["change"].values * MM_TO_UM
-    heights = maps.HEIGHTS | {"norm": maps.height_norm(t0, t1)}
-    # changes that noise can explain are drawn as no change
-    loss, unknown = change["loss"].values, np.isnan(values)
-    shown = np.where(loss | change["gain"].values, values, 0.0 * values)
-    limit = change.attrs["level_of_detection_um"]  # NaN where no change is known
-    bound = float(
-        np.nanmax([np.quantile(np.abs(np.nan_to_num(values)), 0.995) or 1, 2 * limit])
-    )
-    label = "height change (µm), 0 where not detected"
-    changes = {"cmap": maps.CHANGE_MAP, "norm": Normalize(-bound, bound)}
+def patch_figure(result: PatchResult) -> Figure:
+    """One patch with a T1: its scans, its contact, its change and its predicted loss (Fig. 11)."""
+    contact, change, predicted = result.contact, result.change, result.predicted
+    assert change is not None  # it has a T1
+    t0, t1 = contact["height"], change["t1"]
+    unknown = np.isnan(change["change"].values)
+    nowhere = bool(unknown.all())
     known = max(np.count_nonzero(~unknown), 1)
-    lost = f"lost more than {limit:.2f} µm: {100 * loss.sum() / known:.1f} %"
-    measured = {"values": shown, "marks": {_UNKNOWN: unknown}, "bar": label}
     touching = contact["pressure"].values > 0
+
+    heights = maps.HEIGHTS | {"norm": maps.height_norm(t0, t1)}
+    colours = {"cmap": maps.CHANGE_MAP, "norm": _change_norm(change)}
+    label = "height change (µm), 0 where not detected"
+    measured = {"values": _detected(change), "marks": {_UNKNOWN: unknown}, "bar": label}
+    lost_percent = 100 * change["loss"].values.sum() / known
+    limit = change.attrs["level_of_detection_um"]
+    lost = f"lost more than {limit:.2f} µm: {lost_percent:.1f} %"
+
     drawn = [
         ("T0, before use", t0, heights),
-        ("T1, after use" + ", not laid on T0" * bool(unknown.all()), t1, heights),
-        (
-            f"contact before use: {100 * touching.mean():.2f} %",
-            t0,
-            {"marks": {BLACK: touching}},
-        ),
-        ("no change is known" if unknown.all() else lost, t0, changes | measured),
+        ("T1, after use" + ", not laid on T0" * nowhere, t1, heights),
+        (f"contact before use: {100 * touching.mean():.2f} %", t0, _marked(BLACK, touching)),
+        ("no change is known" if nowhere else lost, t0, colours | measured),
     ]
-    marks = {}
-    if predicted is not None:  # as scans show it: in_statistics from its median
-        depth = seen_depth(predicted.values * MM_TO_UM).clip(0)
+    agreement = {}
+    if predicted is not None:
+        depth = seen_depth(predicted.values * MM_TO_UM).clip(
+            0
+        )  # from its median, as scans show it
         title = f"predicted from the others: mean {depth.mean():.2g} µm"
-        drawn.append((title, t0, changes | {"values": -depth}))
-        if not unknown.all():
-            marks = _agreement(predicted, change)
-            drawn.append(("predicted and measured loss", t0, {"marks": marks}))
+        drawn.append((title, t0, colours | {"values": -depth}))
+        if not nowhere:
+            agreement = _agreement(predicted, change)
+            drawn.append(("predicted and measured loss", t0, {"marks": agreement}))
+
     figure = maps.draw_maps(drawn, 3, 2.1, (0.05, 0.05, 0.3, 0.35), head=0.2)
     pressure, overlap = float(contact["mean_pressure"]), change.attrs["overlap"]
-    covers = (
-        "T1 was not found on T0" if unknown.all() else f"T1 covers {100 * overlap:.0f} % of T0"
-    )
-    figure.suptitle(f"patch {patch}: {style.short(pressure)} MPa, {covers}")
-    if marks:
-        shares = {
-            f"{name} {100 * marks[c].sum() / known:.1f} %": c for name, c in _AGREEMENT.items()
-        }
-        style.colour_legend(figure, shares, **_BELOW)
+    covers = "T1 was not found on T0" if nowhere else f"T1 covers {100 * overlap:.0f} % of T0"
+    figure.suptitle(f"patch {result.patch}: {style.short(pressure)} MPa, {covers}")
+    if agreement:
+        percent = {c: 100 * mask.sum() / known for c, mask in agreement.items()}
+        named = {f"{name} {percent[c]:.1f} %": c for name, c in _AGREEMENT.items()}
+        style.colour_legend(figure, named, **_BELOW)
     return figure
+
+
+def _marked(colour: str, mask: np.ndarray) -> dict:
+    """The look of a map with a mask in a colour."""
+    return {"marks": {colour: mask}}
+
+
+def _detected(change: xr.Dataset) -> np.ndarray:
+    """Height change (µm), 0 where noise can explain it, NaN where it is not known."""
+    values = change["change"].values * MM_TO_UM
+    return np.where(change["loss"].values | change["gain"].values, values, 0.0 * values)
+
+
+def _change_norm(change: xr.Dataset) -> Normalize:
+    """Colours of height changes (µm): as far as nearly all of them, or twice what is detected."""
+    values = np.abs(np.nan_to_num(change["change"].values * MM_TO_UM))
+    most = np.quantile(values, 0.995) or 1
+    limit = change.attrs["level_of_detection_um"]  # NaN where no change is known
+    bound = float(np.nanmax([most, 2 * limit]))
+    return Normalize(-bound, bound)
 
 
 @styled
 def overview_figure(
     square: xr.Dataset,
     pressures: pd.DataFrame,
-    contact: xr.Dataset | None,
-    change: xr.Dataset | None,
-    predicted: xr.DataArray | None,
     tool: tuple["trimesh.Trimesh", Frame],
+    result: PatchResult | None,
     *,
-    patch: str | None,
     patch_size_mm: float,
     force_N: float,
 ) -> Figure:
     """The study at a glance: the tool, forces on its square, one patch's contact, measured loss.
 
     `square` is the contact of the square under its part of `force_N`; `pressures` is
-    ``patch_pressures.csv``; `contact`, `change` and `predicted` are those of `patch`, whose panels
-    are left out where there are none; `tool` is the mesh, mm, and the frame of its square.
+    ``patch_pressures.csv``; `tool` is the mesh, mm, and the frame of its square. Panels of the
+    patch are left out for which there is no `result`.
     """
-    worn = change is not None and predicted is not None
-    count = 2 + (contact is not None) + worn
-    figure, (whole, *axes) = style.panels(count, count, (2.6, 2.6), (0.05, 0.05, 0.4, 0.2))
+    agreement = None
+    if result is not None and result.change is not None and result.predicted is not None:
+        agreement = _agreement(result.predicted, result.change)
+    count = 2 + (result is not None) + (agreement is not None)
+    figure, (whole, forces, *axes) = style.panels(
+        count, count, (2.6, 2.6), (0.05, 0.05, 0.4, 0.2)
+    )
     draw_tool(whole, *tool, square["pressure"])
     whole.set_title("1  the tool and its square\npressures on it in colour")
-    maps.draw_forces(axes[0], square)
-    maps.draw_footprints(axes[0], pressures, patch_size_mm, colour=BLUE)
+    maps.draw_forces(forces, square)
+    maps.draw_footprints(forces, pressures, patch_size_mm, colour=BLUE)
     force = float(square["pressure"].sum()) * float(np.prod(spacing_of(square)))
     shares = f"{style.short(force)} of {style.short(force_N)} N"
-    axes[0].set_title(f"2  contact forces on the square\n{shares}")
-    maps.scale_bar(axes[0])
-    if contact is None:
-        return figure
-    touching = contact["pressure"].values > 0
-    pressure = float(contact["mean_pressure"])
-    maps.draw_map(axes[1], contact["height"], marks={BLACK: touching})
-    axes[1].set_title(
-        f"3  predicted contact, patch {patch}\n"
+    forces.set_title(f"2  contact forces on the square\n{shares}")
+    maps.scale_bar(forces)
+    if result is not None:
+        _draw_contact(axes[0], result)
+        if agreement is not None:
+            maps.draw_map(axes[1], result.contact["height"], marks=agreement)
+            axes[1].set_title("4  measured loss\nagainst the predicted one")
+            style.colour_legend(figure, _AGREEMENT, **_BELOW)
+    return figure
+
+
+def _draw_contact(axes: Axes, result: PatchResult) -> None:
+    """The third panel of the overview: where the patch touches."""
+    touching = result.contact["pressure"].values > 0
+    pressure = float(result.contact["mean_pressure"])
+    maps.draw_map(axes, result.contact["height"], marks={BLACK: touching})
+    axes.set_title(
+        f"3  predicted contact, patch {result.patch}\n"
         f"{pressure:.1f} MPa, {100 * touching.mean():.1f} % of the area"
     )
-    maps.scale_bar(axes[1])
-    if change is not None and predicted is not None:
-        maps.draw_map(axes[2], contact["height"], marks=_agreement(predicted, change))
-        axes[2].set_title("4  measured loss\nagainst the predicted one")
-        style.colour_legend(figure, _AGREEMENT, **_BELOW)
-    return figure
+    maps.scale_bar(axes)
 
 
 @styled

@@ -1,7 +1,7 @@
 """The figures of a study, drawn from its stored results."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from gst.batches import files_of
 from gst.figures import macroscale, microscale, places, tables
+from gst.figures.microscale import PatchResult
 from gst.figures.style import message_figure, save_figure
 from gstlib.errors import InputError
 from gstlib.io.meshes import read_mesh
@@ -142,75 +143,119 @@ class Study:
         return depth.sel(model=own_model(list(depth.model.values)))
 
 
+def _inputs(study: Study) -> Figure:
+    height = study.square("surface", "height")["height"]
+    places = pd.DataFrame(study.places)
+    return macroscale.input_figure(height, places, patch_size_mm=study.patch_mm)
+
+
+def _contact_steps(study: Study) -> Figure:
+    return macroscale.contact_steps_figure(study.data("contact"), size_mm=study.size_mm)
+
+
+def _forces(study: Study) -> Figure:
+    limits = study.table("intervals", "patch", "low_MPa", "high_MPa")
+    limits = limits[["patch", "low_MPa", "high_MPa"]]
+    pressures = study.pressures.merge(limits, on="patch")
+    square = study.square("contact")
+    return macroscale.force_figure(square, pressures, patch_size_mm=study.patch_mm)
+
+
+def _exposure(study: Study) -> Figure:
+    if "proposed" in study.files:
+        return _exposure_of_face(study)
+    in_square = study.square("exposure"), study.square("contact")
+    size = {"patch_size_mm": study.patch_mm}
+    return macroscale.exposure_figure(*in_square, study.pressures, **size)
+
+
+def _exposure_of_face(study: Study) -> Figure:
+    """Where nothing is scanned: the square in the face."""
+    middle = {"patch": "", "x_mm": study.size_mm / 2, "y_mm": study.size_mm / 2}
+    square = pd.DataFrame([middle | {"rotation_deg": 0.0}])
+    fields = study.data("exposure"), study.data("contact")
+    return macroscale.exposure_figure(*fields, square, patch_size_mm=study.size_mm)
+
+
+def _places(study: Study) -> Figure:
+    left = study.data("exposure", "exposure", "touched")
+    sizes = {"size_mm": study.size_mm, "patch_size_mm": study.patch_mm}
+    return places.places_figure(*study.tool, left, study.table("proposed"), **sizes)
+
+
+def _overview(study: Study) -> Figure:
+    shown = next(iter(study.drawn), None)
+    result = None
+    if shown is not None:
+        change, predicted = study.change(shown), study.predicted(shown)
+        result = PatchResult(shown, study.contacts[shown], change, predicted)
+    return microscale.overview_figure(
+        study.square("contact"),
+        study.pressures,
+        study.tool,
+        result,
+        patch_size_mm=study.patch_mm,
+        force_N=study.force_N,
+    )
+
+
+def _load_curves(study: Study) -> Figure:
+    return microscale.load_curves_figure(study.square("contact"), study.contacts)
+
+
+def _microscale_maps(study: Study) -> Figure:
+    return microscale.microscale_maps_figure(study.contacts)
+
+
+def _two_scales(study: Study) -> Figure:
+    drawn = study.drawn[:MOST_COMPARED]
+    others = study.by_patch("others", drawn, "height", "pressure")
+    touches = study.data("reference", "contact").contact.isel(draw=0)
+    return microscale.two_scales_figure(
+        {"levelled": others, "placed": study.contacts},
+        {patch: touches.sel(patch=patch).values for patch in drawn},
+        study.table("two_scales"),
+    )
+
+
+def _wear(study: Study) -> Figure:
+    patches = study.table("patches_table", "patch", "in_statistics")
+    in_statistics = patches.patch[patches.in_statistics.astype(bool)]
+    wear, profile = study.table("wear"), study.table("wear_profile")
+    return tables.wear_figure(wear, profile, study.table("intervals"), in_statistics)
+
+
+def _validation(study: Study) -> Figure:
+    pressures = study.pressures[["patch", "pressure_MPa"]]
+    losses = study.table("registration", "patch").merge(pressures, on="patch")
+    patches = study.table("patches_table", "patch")
+    return tables.validation_figure(patches, losses, study.table("summary"))
+
+
+def _texture(study: Study) -> Figure:
+    return tables.texture_figure(study.table("texture"))
+
+
+# Figures that are not of a single patch.
+_FIGURES: dict[str, Callable[[Study], Figure]] = {
+    "inputs": _inputs,
+    "contact_steps": _contact_steps,
+    "forces": _forces,
+    "exposure": _exposure,
+    "places": _places,
+    "overview": _overview,
+    "load_curves": _load_curves,
+    "microscale_maps": _microscale_maps,
+    "two_scales": _two_scales,
+    "wear": _wear,
+    "validation": _validation,
+    "texture": _texture,
+}
+
+
 def figure_of(name: str, study: Study) -> Figure:
     """A figure that is not of a single patch."""
-    size = {"patch_size_mm": study.patch_mm}
-    match name:
-        case "inputs":
-            height = study.square("surface", "height")["height"]
-            return macroscale.input_figure(height, pd.DataFrame(study.places), **size)
-        case "contact_steps":
-            return macroscale.contact_steps_figure(study.data("contact"), size_mm=study.size_mm)
-        case "forces":
-            limits = study.table("intervals", "patch", "low_MPa", "high_MPa")
-            pressures = study.pressures.merge(
-                limits[["patch", "low_MPa", "high_MPa"]], on="patch"
-            )
-            return macroscale.force_figure(study.square("contact"), pressures, **size)
-        case "exposure":
-            if "proposed" in study.files:  # nothing is scanned: the square in the face
-                middle = {"patch": "", "x_mm": study.size_mm / 2, "y_mm": study.size_mm / 2}
-                square = pd.DataFrame([middle | {"rotation_deg": 0.0}])
-                fields = study.data("exposure"), study.data("contact")
-                return macroscale.exposure_figure(*fields, square, patch_size_mm=study.size_mm)
-            in_square = study.square("exposure"), study.square("contact")
-            return macroscale.exposure_figure(*in_square, study.pressures, **size)
-        case "places":
-            left = study.data("exposure", "exposure", "touched")
-            proposed = study.table("proposed")
-            return places.places_figure(
-                *study.tool, left, proposed, size_mm=study.size_mm, **size
-            )
-        case "overview":
-            patch = next(iter(study.drawn), None)
-            of_patch: tuple[Any, Any, Any] = None, None, None
-            if patch is not None:
-                of_patch = study.contacts[patch], study.change(patch), study.predicted(patch)
-            return microscale.overview_figure(
-                study.square("contact"),
-                study.pressures,
-                *of_patch,
-                study.tool,
-                patch=patch,
-                force_N=study.force_N,
-                **size,
-            )
-        case "load_curves":
-            return microscale.load_curves_figure(study.square("contact"), study.contacts)
-        case "microscale_maps":
-            return microscale.microscale_maps_figure(study.contacts)
-        case "two_scales":
-            drawn = study.drawn[:MOST_COMPARED]
-            others = study.by_patch("others", drawn, "height", "pressure")
-            found = study.data("reference", "contact").contact.isel(draw=0)
-            return microscale.two_scales_figure(
-                {"levelled": others, "placed": study.contacts},
-                {patch: found.sel(patch=patch).values for patch in drawn},
-                study.table("two_scales"),
-            )
-        case "wear":
-            parts = (study.table(f"wear{part}") for part in ("", "_profile"))
-            patches = study.table("patches_table", "patch", "in_statistics")
-            in_statistics = patches.patch[patches.in_statistics.astype(bool)]
-            return tables.wear_figure(*parts, study.table("intervals"), in_statistics)
-        case "validation":
-            pressures = study.pressures[["patch", "pressure_MPa"]]
-            losses = study.table("registration", "patch").merge(pressures, on="patch")
-            return tables.validation_figure(
-                study.table("patches_table", "patch"), losses, study.table("summary")
-            )
-        case _:
-            return tables.texture_figure(study.table(name))
+    return _FIGURES[name](study)
 
 
 def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
@@ -219,8 +264,9 @@ def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
         only = "height", "pressure", "mean_pressure"
         for patch in study.compared:
             contact = study.by_patch("contacts", [patch], *only)[patch]
-            parts = contact, study.change(patch), study.predicted(patch)
-            yield patch, microscale.patch_figure(*parts, patch=patch)
+            change, predicted = study.change(patch), study.predicted(patch)
+            result = PatchResult(patch, contact, change, predicted)
+            yield patch, microscale.patch_figure(result)
         return
     shown = evenly(study.patches, study.most_drawn_patches)
     for patch in shown:

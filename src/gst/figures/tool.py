@@ -4,7 +4,7 @@ A view is a `Frame`: x to the right, y up, the normal towards the eye, as in the
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -26,7 +26,14 @@ from gstlib.surfaces.grid import make_surface, spacing_of
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["check_figure", "coloured_tool", "cut_tool", "draw_square", "draw_stone"]
+__all__ = [
+    "PressedFace",
+    "check_figure",
+    "coloured_tool",
+    "cut_tool",
+    "draw_square",
+    "draw_stone",
+]
 __all__ += ["draw_tool", "outline_on", "tool_view"]
 
 # Direction from which the tool is seen, in the square's axes: oblique, to show its shape.
@@ -194,6 +201,24 @@ def draw_tool(
     draw_square(axes, view, frame, _size_of(pressure), names=())
 
 
+class PressedFace(NamedTuple):
+    """The face, and how the active tool is pressed on it.
+
+    Attributes
+    ----------
+    face : xarray.Dataset
+        ``height`` and ``counterface`` (y, x), mm.
+    pushed : (n, 2) ndarray
+        Points (y, x), mm, through which the tool is pushed.
+    interlayer_um : float or None
+        Thickness of what is between.
+    """
+
+    face: xr.Dataset
+    pushed: np.ndarray
+    interlayer_um: float | None = None
+
+
 @styled
 def check_figure(
     mesh: "trimesh.Trimesh",
@@ -203,18 +228,15 @@ def check_figure(
     *,
     size_mm: float,
     patch_size_mm: float,
-    face: xr.Dataset | None = None,
-    pushed: np.ndarray | None = None,
-    interlayer_um: float | None = None,
+    pressed: PressedFace | None = None,
 ) -> Figure:
     """Where the square lies on the stone, in two views, and where the patches lie in the square.
 
     `mesh` is the stone (mm), `frame` and `size_mm` are those of the square; the others as in
-    `gst.figures.macroscale.input_figure`. Without a height the square is left out. `face`, with
-    height and counterface (y, x), mm, gives a panel with the gap to the active tool, and the
-    points (n, 2) of (y, x), mm, through which it is `pushed`; its title names an interlayer.
+    `gst.figures.macroscale.input_figure`. Without a height the square is left out. What is
+    `pressed` gives a panel with the gap between the tools.
     """
-    count = 2 + (height is not None) + (face is not None)
+    count = 2 + (height is not None) + (pressed is not None)
     figure, panels = style.panels(count, count, _PANEL, (0.55, 0.25, 0.3, 0.85))
     mesh = coarsen(mesh, faces=_FACES)
     views = {
@@ -228,17 +250,21 @@ def check_figure(
         axes.set_title(name)
     if height is not None:
         draw_places(panels[2], height, patches, patch_size_mm)
-    if face is not None:
-        # both are positive towards each other
-        gap = -face.height - face.counterface
-        axes, square = panels[-1], _UNIT * size_mm
-        near = maps.HEIGHT_MAP.reversed()
-        maps.draw_map(
-            axes, gap - gap.min(), cmap=near, ticks=True, bar="gap to the active tool (µm)"
-        )
-        axes.add_patch(Polygon(square, fill=False, edgecolor=VERMILION, lw=1.2))
-        if pushed is not None:
-            axes.plot(pushed[:, 1], pushed[:, 0], "+", color=VERMILION, markersize=4)
-        interlayer = f"; interlayer of {interlayer_um:g} µm" if interlayer_um else ""
-        axes.set_title(f"the active tool{interlayer}; + where it is pushed")
+    if pressed is not None:
+        _draw_gap(panels[-1], pressed, size_mm)
     return figure
+
+
+def _draw_gap(axes: Axes, pressed: PressedFace, size_mm: float) -> None:
+    """The gap to the active tool, the nearer the brighter, and where it is pushed."""
+    # both are positive towards each other
+    gap = -pressed.face.height - pressed.face.counterface
+    near = maps.HEIGHT_MAP.reversed()
+    bar = "gap to the active tool (µm)"
+    maps.draw_map(axes, gap - gap.min(), cmap=near, ticks=True, bar=bar)
+    axes.add_patch(Polygon(_UNIT * size_mm, fill=False, edgecolor=VERMILION, lw=1.2))
+    y, x = pressed.pushed.T
+    axes.plot(x, y, "+", color=VERMILION, markersize=4)
+    thickness_um = pressed.interlayer_um
+    interlayer = f"; interlayer of {thickness_um:g} µm" if thickness_um else ""
+    axes.set_title(f"the active tool{interlayer}; + where it is pushed")
