@@ -27,7 +27,7 @@ from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.inference import Draws, exchange_p_value, mean_of, ratio_of_sums
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import BARE, wear_patch
-from gstlib.wear.fit import wear_map
+from gstlib.wear.fit import Prediction, wear_map
 
 RESULT = Path(__file__).parent / "results/verdict.csv"
 WORN_BY = ("summits", "archard")
@@ -54,10 +54,10 @@ def scored(study: Study, strengths: Sequence[float]) -> pd.DataFrame:
     tables = score_wear(
         contacts,
         {patch: study.changes[patch] for patch in study.worn},
-        predicted,
+        Prediction(predicted, worn.fitted_to),
         study.selected,
         study.registration,
-        fitted_to=worn.fitted_to,
+        seed=1,
         resamples=99,
     )
     known = tables["patches"][["patch", "in_statistics"]]

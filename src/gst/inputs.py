@@ -23,7 +23,7 @@ from gstlib.contact import check_grid
 from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.scans import cut_scan, read_scan, whole_scan
-from gstlib.macroscale.active_tool import ActiveTool
+from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.preprocess.scans import check_unmeasured, mould_of, prepare_scan
 from gstlib.surfaces.footprints import square_of
@@ -261,14 +261,13 @@ def _mind_other_bodies(
 
 def _gridded(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> xr.Dataset:
     """The face; errors also where the active tool misses it."""
-    second = asked.active_tool
+    second, rounded = asked.active_tool, RoundedTool(asked.grid["radius_mm"])
     face, _ = grid_macroscale(
         stone,
         **asked.square,
         grid=asked.grid["grid"],
         face_mm=asked.grid["face_mm"],
-        radius_mm=asked.grid["radius_mm"],
-        active_tool=ActiveTool.read(**second) if second is not None else None,
+        active_tool=rounded if second is None else ActiveTool.read(**second),
         interpolation="linear",  # the fastest: to look at, and to hold scans against
         source=source,
     )

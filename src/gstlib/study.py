@@ -59,7 +59,7 @@ from gstlib.change.selection import registration_table, select_patches
 from gstlib.conditions import load_force, load_point, study_modulus
 from gstlib.contact import Contact, Load, contact_at_pressure
 from gstlib.coupling.pressures import couple_scales
-from gstlib.macroscale.active_tool import ActiveTool
+from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
 from gstlib.macroscale.composite import compose_surface
 from gstlib.macroscale.equilibrium import pressed_interface, solve_square
 from gstlib.macroscale.face import grid_macroscale
@@ -67,7 +67,7 @@ from gstlib.microscale.patches import PLACED, Microscale, solve_patches
 from gstlib.preprocess.scans import prepare_patch
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
-from gstlib.wear.fit import wear_map, wear_stone
+from gstlib.wear.fit import Prediction, wear_map, wear_stone
 from gstlib.wear.interlayer import fit_interlayer
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ class Study:
     read_face : callable, optional
         Gives the raw scan of the active tool's own face.
     active_tool : ActiveTool, optional
-        By default the active tool is a flat.
+        By default the active tool is flat, or rounded as the config says.
 
     Attributes
     ----------
@@ -153,8 +153,9 @@ class Study:
         macroscale, form = self.config["macroscale"], self.config["counterface"] or {}
         settings = {name: macroscale[name] for name in ("grid", "interpolation")}
         if self.is_placed:
-            settings |= {"face_mm": macroscale["face_mm"], "radius_mm": form.get("radius_mm")}
-            settings["active_tool"] = self.active_tool
+            rounded = RoundedTool(form.get("radius_mm"))
+            settings["face_mm"] = macroscale["face_mm"]
+            settings["active_tool"] = self.active_tool or rounded
         return grid_macroscale(self.read_mesh(), **self.config["square"], **settings)[0]
 
     @cached_property
@@ -254,22 +255,21 @@ class Study:
         """The tables of `score_wear`."""
         contacts = {patch: self.contacts[patch] for patch in self.worn}
         changes = {patch: self.changes[patch] for patch in self.worn}
-        worn, interlayer, predicted = self.worn_square, None, {}
+        worn, prediction = self.worn_square, Prediction({})
         if worn is not None:
             interlayer = fit_interlayer(worn, contacts, changes) if worn.interlayer else None
             cap = self.config["pressure_cap_MPa"]
-            predicted = {
+            depths = {
                 patch: wear_map(contact, worn, interlayer, patch, pressure_cap=cap)
                 for patch, contact in contacts.items()
             }
+            prediction = Prediction(depths, worn.fitted_to, interlayer)
         return score_wear(
             contacts,
             changes,
-            predicted,
+            prediction,
             self.selected,
             self.registration,
-            fitted_to=worn.fitted_to if worn else (),
-            interlayer=interlayer,
             expected_most_worn=self.config["validation"]["expected_most_worn"],
             seed=seed,
             resamples=resamples,

@@ -7,7 +7,7 @@ from gst.provenance import provenance
 from gst.tables import write_table
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
-from gstlib.macroscale.active_tool import ActiveTool
+from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.preprocess.mesh import gridding_table
 
@@ -24,9 +24,11 @@ def main(
     gridding: dict,
 ) -> None:
     stone = read_mesh(mesh, unit=mesh_unit)
-    other = ActiveTool.read(**active_tool) if active_tool else None
-    gridded, of_other = grid_macroscale(stone, source=mesh, active_tool=other, **gridding)
-    inputs = [mesh, *([counterface] if other else [])]
+    grid = {name: value for name, value in gridding.items() if name != "radius_mm"}
+    rounded = RoundedTool(gridding["radius_mm"])
+    tool = ActiveTool.read(**active_tool) if active_tool else rounded
+    gridded, of_other = grid_macroscale(stone, source=mesh, active_tool=tool, **grid)
+    inputs = [mesh, *([counterface] if active_tool else [])]
     made = provenance(inputs, {"mesh_unit": mesh_unit} | gridding)
     write_dataset(face, gridded, made)
     if second is not None:

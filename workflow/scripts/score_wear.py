@@ -10,6 +10,7 @@ from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
+from gstlib.wear.fit import Prediction
 
 CHANGE = "change", "loss", "level_of_detection"
 
@@ -32,15 +33,17 @@ def main(
     seed: int,
     resamples: int,
 ) -> None:
-    path = read_dataset(square)
+    path, losses = read_dataset(square), Stored(files_of(depths, worn))
+    prediction = Prediction(losses)
+    if path.sizes:
+        layer = read_dataset(interlayer) if interlayer else None
+        prediction = Prediction(losses, WornSquare(path, None).fitted_to, layer)
     found = score_wear(
         Stored(files_of(contacts, worn), then=Contact.from_dataset),
         Stored(files_of(registered, worn), CHANGE),
-        Stored(files_of(depths, worn)),
+        prediction,
         read_pressures(pressures),
         read_table(registration),
-        fitted_to=WornSquare(path, None).fitted_to if path.sizes else (),
-        interlayer=read_dataset(interlayer) if interlayer and path.sizes else None,
         expected_most_worn=expected_most_worn,
         seed=seed,
         resamples=resamples,

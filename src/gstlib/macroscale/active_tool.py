@@ -32,7 +32,9 @@ if TYPE_CHECKING:
     import trimesh
 
 __all__ = [
+    "FLAT",
     "ActiveTool",
+    "RoundedTool",
     "face_in_pose",
     "grid_counterface",
     "pose_frame",
@@ -45,8 +47,17 @@ _KEY = "counterface.pose"
 _RIGID = 1e-3
 
 
+class RoundedTool(NamedTuple):
+    """An active tool of one radius (mm), with its summit over the middle; None of a flat."""
+
+    radius_mm: float | None
+
+
+FLAT = RoundedTool(None)
+
+
 class ActiveTool(NamedTuple):
-    """The active tool, and where it stands on the passive one.
+    """The mesh of an active tool, and where it stands on the passive one.
 
     Attributes
     ----------

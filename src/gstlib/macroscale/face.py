@@ -15,7 +15,9 @@ import xarray as xr
 from gstlib.contact import Interface
 from gstlib.errors import InputError
 from gstlib.macroscale.active_tool import (
+    FLAT,
     ActiveTool,
+    RoundedTool,
     face_in_pose,
     grid_counterface,
     rounded_counterface,
@@ -43,8 +45,7 @@ def grid_macroscale(
     size_mm: float,
     grid: int,
     face_mm: float | None = None,
-    radius_mm: float | None = None,
-    active_tool: ActiveTool | None = None,
+    active_tool: ActiveTool | RoundedTool = FLAT,
     interpolation: str = "best",
     source: str | Path = "mesh",
 ) -> tuple[xr.Dataset, xr.DataArray | None]:
@@ -61,10 +62,8 @@ def grid_macroscale(
     face_mm : float, optional
         Side of the face, with the square in its middle; by default the square alone. It is made
         of whole elements.
-    radius_mm : float, optional
-        Of the active tool; by default it is flat.
-    active_tool : ActiveTool, optional
-        The active tool, in place of a radius.
+    active_tool : ActiveTool or RoundedTool
+        The active tool; by default it is flat.
     interpolation : str
         As in `gstlib.preprocess.mesh.grid_mesh`.
     source : path
@@ -77,7 +76,8 @@ def grid_macroscale(
         its frame, as in `gstlib.surfaces.frames.stored_frame`; ``counterface`` (y, x), mm, the
         active tool over it, 0 of a flat; ``size_mm``, the side of the square.
     counterface : (y, x) xarray.DataArray or None
-        An active tool as far as it moves, from `gstlib.macroscale.active_tool.grid_counterface`.
+        The mesh of an active tool, as far as it moves, from
+        `gstlib.macroscale.active_tool.grid_counterface`.
 
     Raises
     ------
@@ -95,7 +95,27 @@ def grid_macroscale(
         source=str(source),
     )
     height = gridded.height
-    if (absent := float(np.isnan(height.values).mean())) > _MOST_ABSENT:
+    _check_extent(height, face_mm or size_mm, source)
+    if isinstance(active_tool, ActiveTool):
+        counterface = grid_counterface(
+            active_tool, height, frame, size_mm=size_mm, interpolation=interpolation
+        )
+        over = face_in_pose(counterface, height, Place(0.0, 0.0), size_mm=size_mm)
+    else:
+        counterface = None
+        over = rounded_counterface(height, active_tool.radius_mm, (size_mm / 2, size_mm / 2))
+    over.attrs = {"units": "mm", "long_name": "height of the counterface, 0 of a flat"}
+    _, plane = remove_plane(square_of(height, size_mm))
+    face = {"height": height.copy(data=height.values - plane.heights(height))}
+    face |= {"counterface": over} | frame_variables(frame)
+    face["size_mm"] = (), size_mm, {"units": "mm", "long_name": "side of the square"}
+    return gridded.assign(face), counterface
+
+
+def _check_extent(height: xr.DataArray, face_mm: float, source: str | Path) -> None:
+    """Refuse a face that is mostly beyond the stone; warn of one that is large for the stone."""
+    absent = float(np.isnan(height.values).mean())
+    if absent > _MOST_ABSENT:
         raise InputError(
             source,
             f"{100 * absent:.0f} % of the face of {face_mm:g} mm lies beyond the stone",
@@ -109,27 +129,14 @@ def grid_macroscale(
             100 * absent,
             face_mm,
         )
-    if (thickness := gridded.height.attrs["thickness_mm"]) < (face_mm or size_mm):
+    if (thickness := height.attrs["thickness_mm"]) < face_mm:
         _log.warning(
             "%s: the stone is %.3g mm thick under the square, less than the %g mm of its face: it "
             "bends, and the contact of half-spaces that is solved does not; take a smaller face",
             source,
             thickness,
-            face_mm or size_mm,
+            face_mm,
         )
-    counterface = None
-    over = rounded_counterface(height, radius_mm, (size_mm / 2, size_mm / 2))
-    if active_tool is not None:
-        counterface = grid_counterface(
-            active_tool, height, frame, size_mm=size_mm, interpolation=interpolation
-        )
-        over = face_in_pose(counterface, height, Place(0.0, 0.0), size_mm=size_mm)
-    over.attrs = {"units": "mm", "long_name": "height of the counterface, 0 of a flat"}
-    _, plane = remove_plane(square_of(height, size_mm))
-    found = {"height": height.copy(data=height.values - plane.heights(height))}
-    found |= {"counterface": over} | frame_variables(frame)
-    found["size_mm"] = (), size_mm, {"units": "mm", "long_name": "side of the square"}
-    return gridded.assign(found), counterface
 
 
 def square_alone(face: xr.Dataset) -> Interface:

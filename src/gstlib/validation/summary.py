@@ -39,6 +39,7 @@ from gstlib.validation.scoring import (
     score_tables,
 )
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
+from gstlib.wear.fit import Prediction
 
 __all__ = ["patch_statistics", "score_wear", "summarise"]
 
@@ -236,12 +237,10 @@ def _worst(table: pd.DataFrame, expected: Sequence[str], column: str) -> _Row:
 def score_wear(
     contacts: Mapping[str, Contact],
     changes: Mapping[str, xr.Dataset],
-    predicted: Mapping[str, xr.Dataset],
+    prediction: Prediction,
     pressures: pd.DataFrame,
     registration: pd.DataFrame,
     *,
-    fitted_to: Sequence[str],
-    interlayer: xr.Dataset | None = None,
     expected_most_worn: Sequence[str] = (),
     seed: int | Sequence[int],
     resamples: int,
@@ -250,15 +249,11 @@ def score_wear(
 
     Parameters
     ----------
-    contacts, changes, predicted : mapping
-        By patch: contact before use, height change, and the result of `gstlib.wear.fit.wear_map`,
-        of which there are none where no wear is predicted.
+    contacts, changes : mapping
+        By patch: contact before use, and height change.
+    prediction : Prediction
     pressures, registration : pandas.DataFrame
         The tables ``patch_pressures`` and ``registration``.
-    fitted_to : sequence of str
-        Patches whose losses the prediction is fitted to.
-    interlayer : xarray.Dataset, optional
-        From `gstlib.wear.interlayer.fit_interlayer`.
     expected_most_worn : sequence of str
         Patches that were said beforehand to be the worst worn.
     seed, resamples : int
@@ -273,30 +268,30 @@ def score_wear(
     """
     known = registration[registration.known_fraction > 0].set_index("patch")
     at = pressures.set_index("patch").join(known.above_noise, how="inner")
-    found = []
-    if predicted:
+    scores = []
+    if prediction.depths:
+        fitted_to = prediction.fitted_to
         others = other_patches(pressures, registration, fitted_to, contacts, changes)
         for patch in at.index:
-            found.append(
-                score_patch(
-                    patch,
-                    contacts[patch],
-                    changes[patch],
-                    predicted[patch],
-                    others,
-                    pressure_MPa=float(at.pressure_MPa[patch]),
-                    above_noise=bool(at.above_noise[patch]),
-                )
+            score = score_patch(
+                patch,
+                contacts[patch],
+                changes[patch],
+                prediction.depths[patch],
+                others,
+                pressure_MPa=float(at.pressure_MPa[patch]),
+                above_noise=bool(at.above_noise[patch]),
             )
-    nulls = by_chance(found)
+            scores.append(score)
+    nulls = by_chance(scores)
     in_statistics = (at.in_study.astype(bool) & at.above_noise.astype(bool)).to_dict()
-    tables = score_tables(found, nulls, in_statistics)
+    tables = score_tables(scores, nulls, in_statistics)
     statistics = patch_statistics(tables["patches"], registration, pressures)
     tables["summary"] = summarise(
         statistics,
         tables["wear"],
         nulls,
-        interlayer,
+        prediction.interlayer,
         seed=seed,
         resamples=resamples,
         expected_most_worn=expected_most_worn,

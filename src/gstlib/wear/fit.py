@@ -1,7 +1,8 @@
 """Wear fitted to the losses of the patches, and the loss of each from those of the others."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,9 +22,27 @@ from gstlib.wear.archard import (
     wear_square,
 )
 
-__all__ = ["wear_map", "wear_stone"]
+__all__ = ["Prediction", "wear_map", "wear_stone"]
 
 _log = logging.getLogger(__name__)
+
+
+class Prediction(NamedTuple):
+    """What the wear of a stone predicts of its patches.
+
+    Attributes
+    ----------
+    depths : mapping of str to xarray.Dataset
+        From `wear_map`, by patch; there are none where no wear is predicted.
+    fitted_to : sequence of str
+        Patches whose measured losses it is fitted to.
+    interlayer : xarray.Dataset or None
+        From `gstlib.wear.interlayer.fit_interlayer`; None without an interlayer.
+    """
+
+    depths: Mapping[str, xr.Dataset]
+    fitted_to: Sequence[str] = ()
+    interlayer: xr.Dataset | None = None
 
 
 def wear_stone(
@@ -39,7 +58,7 @@ def wear_stone(
     """Wear the face by Archard's law, and fit its coefficient to the measured losses.
 
     `contact` is the face's at the target load; `pressures` and `registration` are the tables
-    ``patch_pressures`` and ``registration``: the loss above the noisees of patches in the study
+    ``patch_pressures`` and ``registration``: the loss above the noise of patches in the study
     count; `interlayer` is that section of the config. Other parameters and the result are those
     of `gstlib.wear.archard.wear_square`; None, with a warning, where there is no fit.
     """

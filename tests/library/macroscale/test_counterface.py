@@ -7,6 +7,7 @@ from contacts import pressed as press
 from gstlib.bem.closed_forms import Sphere
 from gstlib.errors import ConfigError, InputError
 from gstlib.macroscale.active_tool import (
+    FLAT,
     ActiveTool,
     face_in_pose,
     grid_counterface,
@@ -65,7 +66,7 @@ def at(points, matrix):
 
 def pressed(passive, active=None, pose=None, corners=CORNERS):
     """The square with the active tool on it, and its contact at rest."""
-    stone = None if active is None else ActiveTool(active, pose, 0.0, "active.ply")
+    stone = FLAT if active is None else ActiveTool(active, pose, 0.0, "active.ply")
     square, _ = grid_macroscale(
         passive,
         points_mm=np.asarray(corners).tolist(),

@@ -16,7 +16,7 @@ from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import make_surface
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import Interlayer, WornSquare, wear_patch, wear_square
-from gstlib.wear.fit import wear_map, wear_stone
+from gstlib.wear.fit import Prediction, wear_map, wear_stone
 from gstlib.wear.interlayer import fit_interlayer
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
@@ -143,11 +143,9 @@ def test_a_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_both
     assert fitted.ratio_of_all == 1.0
     np.testing.assert_array_equal(fitted.interlayer_ratio, 1.0)
     np.testing.assert_allclose(fitted.interlayer_kappa, 2e-5, rtol=0.05)
-    predicted = {patch: wear_map(contacts[patch], worn, fitted, patch) for patch in contacts}
-    chance = {"seed": 1, "resamples": 99}
-    found = score_wear(
-        contacts, changes, predicted, *tables, fitted_to=worn.fitted_to, interlayer=fitted, **chance
-    )
+    depths = {patch: wear_map(contacts[patch], worn, fitted, patch) for patch in contacts}
+    prediction = Prediction(depths, worn.fitted_to, fitted)
+    found = score_wear(contacts, changes, prediction, *tables, seed=1, resamples=99)
     error = found["wear"].pivot(index="patch", columns="model", values="map_error_um")
     assert (error["interlayer"] < 0.5 * error["archard"]).all()
     rows = found["summary"].set_index(["model", "statistic"])
