@@ -9,6 +9,7 @@ share, moulds that were undone wrongly, and, half of the time, a patch that lies
 import logging
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -98,58 +99,102 @@ def place_patches(
         ``shift_x_um, shift_y_um``, and its standard errors, NaN where there is no peak; and how
         they look laid (``orientation``), empty where that is not clear.
     """
-    steps = np.arange(-round(_REACH / _STEP), round(_REACH / _STEP) + 1) * _STEP * patch_mm
+    half = round(_REACH / _STEP)
+    steps = np.arange(-half, half + 1) * _STEP * patch_mm
     maps = _correlations(surface, patches, scans, patch_mm, steps)
-    last, centre = len(patches), len(steps) // 2
-    table = pd.DataFrame({"patch": [*patches.patch, ALL], "correlation": np.nan})
-    table = table.reindex(columns=[*table, *_SHIFT]).assign(status=CANNOT_TELL, orientation="")
-    correlation = maps[:, 0, centre, centre]
-    table["correlation"] = [*correlation, correlation.mean()]
-    if last < _FEWEST_PATCHES:
-        orientation = table.loc[last, "orientation"] = _unmoved_orientation(maps)
+    as_given, mould = maps[:, 0], _Mould(invert, flip)
+    correlation = as_given[:, half, half]
+    if len(patches) < _FEWEST_PATCHES:
+        orientation = _unmoved_orientation(maps)
         if orientation:
-            _warn_of_orientation(orientation, correlation.mean(), invert, flip)
-        return table
-    shift, errors, p_value = _shared_shift(maps[:, 0], steps)
-    table.loc[last, _SHIFT] = 1e3 * np.array([*shift[::-1], *errors[::-1]])
-    table.loc[last, "orientation"] = orientation = _orientation(maps)
-    if p_value < _SIGNIFICANCE:
-        row, column = (np.abs(steps - along).argmin() for along in shift)
-        correlation = maps[:, 0, row, column]
-        table["correlation"] = [*correlation, correlation.mean()]
-    if correlation.mean() >= _LOW:
-        verdicts = np.where(correlation < _ELSEWHERE, ELSEWHERE, AGREES)
-        whole = SHIFTED if p_value < _SIGNIFICANCE else AGREES
-        table["status"] = [*verdicts, whole if np.isfinite(p_value) else CANNOT_TELL]
-    apart = _laid_apart(patches, maps, invert, flip) if orientation in ("", _AS_GIVEN) else []
-    for text in apart:
-        _log.warning("%s", text)
+            _warn_of_orientation(orientation, correlation.mean(), mould)
+        return _table(patches, correlation, orientation)
+    shared = _shared_shift(as_given, steps)
+    if shared.is_sure:
+        row, column = (np.abs(steps - along).argmin() for along in shared.shift)
+        correlation = as_given[:, row, column]
+    orientation = _orientation(maps)
+    table = _table(patches, correlation, orientation, shared)
     if orientation not in ("", _AS_GIVEN):
-        _warn_of_orientation(orientation, table.correlation[last], invert, flip)
-    elif apart:
-        pass  # what else does not fit may follow from these
-    elif correlation.mean() < _LOW:
+        _warn_of_orientation(orientation, correlation.mean(), mould)
+    elif apart := _laid_apart(patches, maps, mould):
+        for text in apart:  # what else does not fit may follow from these
+            _log.warning("%s", text)
+    else:
+        _warn_of_places(correlation.mean(), shared)
+    for elsewhere in table[table.status == ELSEWHERE].itertuples(index=False):
+        _log.warning(
+            "patch %s does not correlate with the macroscale (%.2f): check its place in the patch "
+            "table, and whether its scan is that of another patch",
+            elsewhere.patch,
+            elsewhere.correlation,
+        )
+    return table
+
+
+class _Mould(NamedTuple):
+    """How moulds were undone: whether heights were inverted, and along which axis turned over."""
+
+    invert: bool
+    flip: str | None
+
+
+class _Shift(NamedTuple):
+    """The shift (y, x) that all patches share, its standard errors, mm, and its p-value."""
+
+    shift: np.ndarray
+    errors: np.ndarray
+    p_value: float
+
+    @property
+    def is_sure(self) -> bool:
+        return self.p_value < _SIGNIFICANCE
+
+    @property
+    def along_x_and_y(self) -> tuple[np.ndarray, np.ndarray]:
+        """Shift and errors along x and y, µm."""
+        return 1e3 * self.shift[::-1], 1e3 * self.errors[::-1]
+
+
+def _table(
+    patches: pd.DataFrame,
+    correlation: np.ndarray,
+    orientation: str,
+    shared: _Shift | None = None,
+) -> pd.DataFrame:
+    """The result of `place_patches`; of too few patches nothing is shared."""
+    last, mean = len(patches), correlation.mean()
+    names, correlations = [*patches.patch, ALL], [*correlation, mean]
+    table = pd.DataFrame({"patch": names, "correlation": correlations})
+    table = table.reindex(columns=[*table, *_SHIFT]).assign(status=CANNOT_TELL, orientation="")
+    table.loc[last, "orientation"] = orientation
+    if shared is None:
+        return table
+    table.loc[last, _SHIFT] = np.concatenate(shared.along_x_and_y)
+    if mean >= _LOW:
+        each = np.where(correlation < _ELSEWHERE, ELSEWHERE, AGREES)
+        together = SHIFTED if shared.is_sure else AGREES
+        table["status"] = [*each, together if np.isfinite(shared.p_value) else CANNOT_TELL]
+    return table
+
+
+def _warn_of_places(correlation: float, shared: _Shift) -> None:
+    """Warn where no patch, or every patch, lies elsewhere."""
+    if correlation < _LOW:
         _log.warning(
             "the patches together correlate with the macroscale by no more than %.2f, as if few or "
             "none of them lay where the patch table says: check its x_mm and y_mm, "
             "square.points_mm, and the units of mesh and scans (a mesh that is too smooth looks "
             "the same)",
-            correlation.mean(),
+            correlation,
         )
-    elif p_value < _SIGNIFICANCE:
+    elif shared.is_sure:
+        (x, y), (error_x, error_y) = shared.along_x_and_y
         _log.warning(
             "all patches together fit the macroscale best when shifted in x by %+.0f ± %.0f µm and "
             "y by %+.0f ± %.0f µm: check square.points_mm, or add this to the patch table",
-            *(1e3 * np.array([shift, errors]).T[::-1].ravel()),
+            *(x, error_x, y, error_y),
         )
-    for row in table[table.status == ELSEWHERE].itertuples(index=False):
-        _log.warning(
-            "patch %s does not correlate with the macroscale (%.2f): check its place in the patch "
-            "table, and whether its scan is that of another patch",
-            row.patch,
-            row.correlation,
-        )
-    return table
 
 
 def _correlations(
@@ -160,48 +205,54 @@ def _correlations(
     steps: np.ndarray,
 ) -> np.ndarray:
     """Correlation (patches, orientations, k, k) of scans and square, at shifts (mm) along y, x."""
+    looks = _level(np.array([_laid(scans[patch].height) for patch in patches.patch]))
+    spline = spline_of(surface)
+    found = np.empty((*looks.shape[:2], len(steps), len(steps)))
+    for row, column in np.ndindex(found.shape[2:]):
+        shifted = moved(patches, (steps[row], steps[column]), surface, patch_mm)
+        places = places_of(shifted).values()
+        under = [on_patch(spline, place, 2 * (_POINTS,), patch_mm) for place in places]
+        found[:, :, row, column] = np.einsum("pln,pn->pl", looks, _level(np.array(under)))
+    return np.concatenate([found, -found], axis=1)
+
+
+def _laid(height: xr.DataArray) -> list[np.ndarray]:
+    """A scan on coarse points, laid in each of the ways."""
     from skimage.transform import resize_local_mean
 
+    coarse = resize_local_mean(height.values, 2 * (_POINTS,))
     laid = []
-    for patch in patches.patch:
-        coarse = resize_local_mean(scans[patch].height.values, 2 * (_POINTS,))
-        for reversed_x, turn in _LAID.values():
-            laid.append(np.rot90(coarse[:, ::-1] if reversed_x else coarse, -turn // 90))
-    shape = len(patches), len(_LAID), _POINTS, _POINTS
-    orientation, spline = _level(np.reshape(laid, shape)), spline_of(surface)
-    found = np.empty((*orientation.shape[:2], len(steps), len(steps)))
-    for row, column in np.ndindex(found.shape[2:]):
-        places = places_of(moved(patches, (steps[row], steps[column]), surface, patch_mm))
-        under = [on_patch(spline, place, 2 * (_POINTS,), patch_mm) for place in places.values()]
-        found[:, :, row, column] = np.einsum("pln,pn->pl", orientation, _level(np.array(under)))
-    return np.concatenate([found, -found], axis=1)
+    for reversed_x, turn in _LAID.values():
+        seen = coarse[:, ::-1] if reversed_x else coarse
+        laid.append(np.rot90(seen, -turn // 90))
+    return laid
 
 
 def _level(heights: np.ndarray) -> np.ndarray:
     """Heights (..., points, points) less their planes, as vectors of length 1; flat ones are 0."""
     y, x = np.indices(2 * (_POINTS,))
-    planes = np.linalg.qr(np.stack([np.ones_like(x), y, x], axis=-1).reshape(-1, 3))[0]
+    powers = np.stack([np.ones_like(x), y, x], axis=-1)
+    planes, _ = np.linalg.qr(powers.reshape(-1, 3))
     flat = heights.reshape(*heights.shape[:-2], -1)
     flat = flat - flat @ planes @ planes.T
     length = np.linalg.norm(flat, axis=-1, keepdims=True)
     return flat / np.where(length > 0, length, 1.0)
 
 
-def _shared_shift(maps: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Shift (y, x) at the peak of the mean of maps (patches, k, k); its errors, mm; its p-value.
+def _shared_shift(maps: np.ndarray, steps: np.ndarray) -> _Shift:
+    """Shift at the peak of the mean of maps (patches, k, k).
 
     The errors are those of the jackknife over the patches, the test is Hotelling's.
     """
     number, total = len(maps), maps.sum(axis=0)
     shift = _peak(total, steps)
-    covariance = (number - 1) * np.cov(
-        [_peak(total - one, steps) for one in maps], rowvar=False, bias=True
-    )
+    without = [_peak(total - one, steps) for one in maps]
+    covariance = (number - 1) * np.cov(without, rowvar=False, bias=True)
     errors = np.sqrt(np.diag(covariance))
     if not errors.all() or np.isnan(errors).any():
-        return shift, errors, np.nan
+        return _Shift(shift, errors, np.nan)
     ratio = shift @ np.linalg.solve(covariance, shift) / 2 * (number - 2) / (number - 1)
-    return shift, errors, float(scipy.special.fdtrc(2, number - 2, ratio))
+    return _Shift(shift, errors, float(scipy.special.fdtrc(2, number - 2, ratio)))
 
 
 def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
@@ -213,7 +264,8 @@ def _peak(values: np.ndarray, steps: np.ndarray) -> np.ndarray:
     for at, along in ((row, values[:, column]), (column, values[row])):
         before, top, after = along[at - 1 : at + 2]
         bend = before - 2 * top + after
-        shift.append(steps[at] + (steps[1] - steps[0]) * (before - after) / (2 * bend or 1))
+        step = steps[1] - steps[0]
+        shift.append(steps[at] + step * (before - after) / (2 * bend or 1))
     return np.array(shift)
 
 
@@ -242,16 +294,12 @@ def _unmoved_orientation(maps: np.ndarray) -> str:
     return _LOOKS[best] if is_better else ""
 
 
-def _warn_of_orientation(
-    orientation: str, correlation: float, invert: bool, flip: str | None
-) -> None:
+def _warn_of_orientation(orientation: str, correlation: float, mould: _Mould) -> None:
     message = "the patches fit the mesh %s, and not as given (correlation %.2f): %s"
-    _log.warning(message, orientation, correlation, _remedy(orientation, invert, flip))
+    _log.warning(message, orientation, correlation, _remedy(orientation, mould))
 
 
-def _laid_apart(
-    patches: pd.DataFrame, maps: np.ndarray, invert: bool, flip: str | None
-) -> list[str]:
+def _laid_apart(patches: pd.DataFrame, maps: np.ndarray, mould: _Mould) -> list[str]:
     """Warnings of scans of one instrument, as their format tells, that alone are laid wrongly."""
     if "t0" not in patches:
         return []
@@ -259,21 +307,22 @@ def _laid_apart(
     flips = patches["flip"] if "flip" in patches else kinds.map(lambda _: "")
     said = []
     for (kind, own), rows in patches.groupby([kinds, flips], sort=True).indices.items():
-        orientation = (
-            _orientation(maps[rows]) if _FEWEST_PATCHES <= len(rows) < len(patches) else ""
+        if not _FEWEST_PATCHES <= len(rows) < len(patches):
+            continue
+        orientation = _orientation(maps[rows])
+        if orientation in ("", _AS_GIVEN):
+            continue
+        flip = {"none": None, "": mould.flip}.get(own, own)
+        remedy = _remedy(orientation, mould._replace(flip=flip), in_rows=True)
+        names = ", ".join(patches.patch.iloc[rows])
+        said.append(
+            f"patches {names} ({kind}) fit the mesh {orientation}, and not as given: {remedy}"
         )
-        if orientation not in ("", _AS_GIVEN):
-            laid = {"none": None, "": flip}.get(own, own)
-            said.append(
-                f"patches {', '.join(patches.patch.iloc[rows])} ({kind}) fit the mesh "
-                f"{orientation}, "
-                f"and not as given: {_remedy(orientation, invert, laid, in_rows=True)}"
-            )
     return said
 
 
-def _remedy(orientation: str, invert: bool, flip: str | None, *, in_rows: bool = False) -> str:
-    """The keys to set so that patches with these orientation, whose mould was undone so, lie right.
+def _remedy(orientation: str, mould: _Mould, *, in_rows: bool = False) -> str:
+    """The keys to set so that patches with this orientation, whose mould was undone so, lie right.
 
     They are those of the config, or those in the patches' rows of the patch table.
     """
@@ -281,19 +330,18 @@ def _remedy(orientation: str, invert: bool, flip: str | None, *, in_rows: bool =
     if in_rows:
         key, none = "flip in their rows of the patch table", "none"
     if orientation.startswith("inverted"):
-        inverted = f"scans.mould.invert to {str(not invert).lower()}"
+        inverted = f"scans.mould.invert to {str(not mould.invert).lower()}"
         parts.append("the heights in their files to negative ones" if in_rows else inverted)
-    reversed_x, turn = _LAID[
-        orientation.removeprefix("inverted").removeprefix(" and ") or _AS_GIVEN
-    ]
+    laid = orientation.removeprefix("inverted").removeprefix(" and ")
+    reversed_x, turn = _LAID[laid or _AS_GIVEN]
     # to reverse along y is to reverse along x and turn by 180°
-    turn += 180 * (flip == "y")
-    if reversed_x == (flip is not None):
+    turn += 180 * (mould.flip == "y")
+    if reversed_x == (mould.flip is not None):
         right = None
     else:
         right = "x" if turn % 360 in (0, 90) else "y"
         turn += 180 * (right == "y")
-    if right != flip:
+    if right != mould.flip:
         parts.append(f"{key} to {right or none}")
     said = f"set {' and '.join(parts)}" if parts else ""
     if turn := turn % 360:
