@@ -74,7 +74,7 @@ class LogHandler(LogHandlerBase):
         self.is_closed, self.total = True, 0  # Snakemake closes its handlers more than once
         super().close()
 
-    def _show(self, record: Any) -> None:
+    def _show(self, record: Any) -> None:  # noqa: C901, a case for each event
         match getattr(record, "event", None):
             case LogEvent.JOB_INFO if self.is_plan:
                 self._plan(record)

@@ -28,7 +28,10 @@ _PATIENCE = 80
 _LARGE_ERROR = 0.3
 
 
-def descend(window, load, relief, pressure, field, tolerance, error, iterations):
+# The inner loop: its steps share nearly all of their state.
+def descend(  # noqa: C901, PLR0915
+    window, load, relief, pressure, field, tolerance, error, iterations
+):
     """Improve a pressure until the residual of the recurrence is below the tolerance.
 
     Each iteration adds a change whose displacement is computed approximately; errors thus scale

@@ -122,7 +122,8 @@ class ContactState:
         return self.pressure > 0
 
 
-def solve_contact(
+# Its options are keywords.
+def solve_contact(  # noqa: PLR0913
     heights,
     spacing,
     contact_modulus,

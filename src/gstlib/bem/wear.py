@@ -93,7 +93,8 @@ class WearPath:
     depths: tuple[np.ndarray, ...]
 
 
-def wear_path(
+# Its options are keywords; it is the inner loop of wear, whose steps share their state.
+def wear_path(  # noqa: C901, PLR0913
     heights,
     spacing,
     contact_modulus,
