@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from gst.figures.maps import HEIGHTS, draw_map
 from gst.figures.style import panels, styled
-from gst.figures.tool import draw_stone
+from gst.figures.tool import FACES, draw_stone
 from gst.viewer import coarsen
 from gstlib.surfaces.frames import Frame
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 __all__ = ["inspected_figure"]
 
 _SIDE = 3.6  # inches
-_FACES = 60_000  # each is a pixel or two
 # From where a mesh is seen: the directions to the right, and towards the eye.
 _VIEWS = {
     "from +z": ((1, 0, 0), (0, 0, 1)),
@@ -36,7 +35,7 @@ def inspected_figure(content: "xr.DataArray | trimesh.Trimesh", name: str) -> Fi
         axes.set_title(f"{name}, without its plane")
         return figure
     figure, views = panels(len(_VIEWS), len(_VIEWS), (_SIDE, _SIDE))
-    mesh = coarsen(content, faces=_FACES)
+    mesh = coarsen(content, faces=FACES)
     for axes, (title, directions) in zip(views, _VIEWS.items(), strict=True):
         draw_stone(axes, mesh, Frame(mesh.bounds.mean(axis=0), *directions))
         axes.set_title(f"{name}, {title}")

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from gst.figures import maps, style
-from gst.figures.style import AMBER, BLACK, BLUE, GREY, MM_TO_UM, VERMILION, styled
+from gst.figures.style import AMBER, BLACK, BLUE, GREY, VERMILION, styled
 from gstlib.contact import Interface
 from gstlib.surfaces.footprints import Place, outline
-from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
 __all__ = ["contact_steps_figure", "draw_places", "exposure_figure", "force_figure"]
 __all__ += ["input_figure"]

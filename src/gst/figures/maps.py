@@ -22,9 +22,9 @@ from matplotlib.patheffects import withStroke
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 from PIL import Image
 
-from gst.figures.style import DPI, MM_TO_UM, PALE, VERMILION, panels, short
+from gst.figures.style import DPI, PALE, VERMILION, panels, short
 from gstlib.surfaces.footprints import outline, places_of
-from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
 __all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHTS", "HEIGHT_MAP", "OUTLINE", "draw_footprints"]
 __all__ += [

@@ -20,10 +20,10 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from gst.figures import maps, style
-from gst.figures.style import AMBER, BLACK, BLUE, MM_TO_UM, VERMILION, styled
+from gst.figures.style import AMBER, BLACK, BLUE, VERMILION, styled
 from gst.figures.tool import draw_tool
 from gstlib.surfaces.frames import Frame
-from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 from gstlib.wear.archard import seen_depth
 
 if TYPE_CHECKING:

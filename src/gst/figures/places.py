@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from gst.figures import maps
 from gst.figures.style import BLACK, BLUE, GREY, VERMILION, short, styled
-from gst.figures.tool import draw_square, draw_stone
+from gst.figures.tool import FACES, draw_square, draw_stone
 from gst.viewer import coarsen
 from gstlib.macroscale.sampling_sites import EXPOSED
 from gstlib.surfaces.footprints import Place, outline, square_of
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 __all__ = ["places_figure"]
 
 _PAGE = (7.4, 9.6)  # inches: fits A4 and letter
-_FACES = 60_000
 _LINE = 0.21  # of the table, inches
 _STOPS = {"place": 0.0, "x (mm)": 0.75, "y (mm)": 1.3, "N/mm": 1.85, "touched": 2.45}
 
@@ -56,7 +55,7 @@ def places_figure(
     stone, face = _panel(figure, 0.3, 5.75, 2.9), _panel(figure, 4.2, 5.75, 2.9)
     square = _panel(figure, 0.55, 1.1, 4.1)
     view = Frame(np.mean(mesh.bounds, axis=0), frame.x_axis, frame.normal)
-    draw_stone(stone, coarsen(mesh, faces=_FACES), view)
+    draw_stone(stone, coarsen(mesh, faces=FACES), view)
     draw_square(stone, view, frame, size_mm)
     stone.set_title("the stone, seen along the square's normal")
     touched = exposure.touched.values > 0

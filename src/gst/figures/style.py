@@ -18,11 +18,10 @@ from matplotlib.patches import Patch
 
 from gstlib.io.files import write_whole
 
-__all__ = ["AMBER", "BLACK", "BLUE", "CHARTS", "DPI", "GREY", "LEGIBLE", "MAPS", "MM_TO_UM"]
+__all__ = ["AMBER", "BLACK", "BLUE", "CHARTS", "DPI", "GREY", "LEGIBLE", "MAPS"]
 __all__ += ["PALE", "STONE", "VERMILION", "colour_legend", "message_figure", "name_patches"]
 __all__ += ["panels", "save_figure", "short", "styled", "write_beside"]
 
-MM_TO_UM = 1e3
 DPI = 120
 LEGIBLE = 40  # so many patches can be named side by side
 

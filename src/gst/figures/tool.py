@@ -38,7 +38,7 @@ __all__ += ["draw_tool", "outline_on", "tool_view"]
 
 # Direction from which the tool is seen, in the square's axes: oblique, to show its shape.
 _VIEW = np.array([-0.35, -0.55, 1.0])
-_FACES = 60_000  # each is a pixel or two: more would not be seen; a page takes 24 bytes of each
+FACES = 60_000  # each is a pixel or two: more would not be seen; a page takes 24 bytes of each
 _LIGHT = np.array([-1.0, 1.0, 1.4]) / 2  # from the upper left
 _PANEL = (3.6, 3.6)
 # Edges over a wider face are no shorter than this share of it.
@@ -81,7 +81,7 @@ def cut_tool(
 
 
 def coloured_tool(
-    mesh: "trimesh.Trimesh", frame: Frame, *fields: xr.DataArray, faces: int = _FACES
+    mesh: "trimesh.Trimesh", frame: Frame, *fields: xr.DataArray, faces: int = FACES
 ) -> tuple[Any, ...]:
     """A mesh with fewer faces, except over the fields, whose faces are cut as fine as their grid.
 
@@ -238,7 +238,7 @@ def check_figure(
     """
     count = 2 + (height is not None) + (pressed is not None)
     figure, panels = style.panels(count, count, _PANEL, (0.55, 0.25, 0.3, 0.85))
-    mesh = coarsen(mesh, faces=_FACES)
+    mesh = coarsen(mesh, faces=FACES)
     views = {
         "along the square's normal": frame.axes[2],
         "45° from it": frame.axes[1:].sum(axis=0),

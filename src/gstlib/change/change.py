@@ -26,8 +26,16 @@ import pandas as pd
 import scipy
 import xarray as xr
 
-from gstlib.change.registration import Registration, apply_registration, least_squares, register
+from gstlib.change.registration import (
+    LEAST_POINTS,
+    Registration,
+    apply_registration,
+    least_squares,
+    register,
+    robust_sigma,
+)
 from gstlib.errors import InputError
+from gstlib.preprocess.outliers import MAD_TO_SIGMA
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = [
@@ -50,7 +58,6 @@ _LEVEL_OF_DETECTION = 1.96
 _RESOLUTION = 1e-7
 # Points farther than this from the plane, in standard deviations, are left out of the fit.
 _TRIM = 3.0
-_MAD_TO_SIGMA = 1.4826
 # The trimmed set settles in a few rounds, or soon alternates; this bound is only a safeguard.
 _ROUNDS = 50
 # The variance is fitted to this many groups of points of similar slope, this many times.
@@ -61,7 +68,6 @@ _GROUP_SIZE, _LEAST_GROUPS = 250, 4
 _SMALLEST = 1e-6
 # Slopes are taken from heights smoothed over this many points: a single point's slope is noise.
 _SLOPE_SMOOTHING = 1.0
-_LEAST_POINTS = 100
 # How much deeper, or shallower, the dales of T1 may be than those of T0 before a warning. Wear of a
 # quarter of a patch makes them a tenth shallower (synthetic specimen).
 _ODD_HEIGHTS = 1.25
@@ -307,7 +313,7 @@ def height_change(
     inside = np.isfinite(difference)
     if known is not None:
         inside &= known
-    if inside.sum() < _LEAST_POINTS:
+    if inside.sum() < LEAST_POINTS:
         inside[:] = False
     datum, limit = np.full((2, *t0.shape), np.nan)
     sigma = lateral = typical = math.nan
@@ -412,7 +418,8 @@ def _variance_by_slope(
 
     The arrays (n,) are those of the known points; `kept` marks the unchanged ones, to begin with.
     """
-    level, lateral = (_MAD_TO_SIGMA * float(np.median(np.abs(change[kept])))) ** 2, 0.0
+    spread = MAD_TO_SIGMA * float(np.median(np.abs(change[kept])))
+    level, lateral = spread**2, 0.0
     count = max(1, min(_SLOPE_GROUPS, change.size // _GROUP_SIZE))
     edges = np.quantile(steepness, np.linspace(0, 1, count + 1)[1:-1])
     group = np.searchsorted(edges, steepness)
@@ -422,7 +429,7 @@ def _variance_by_slope(
         found = groups.agg({"slope": "mean", "change": "median"})[
             groups.size() >= _GROUP_SIZE / 2
         ]
-        slopes, variances = found.slope.values, (_MAD_TO_SIGMA * found.change.values) ** 2
+        slopes, variances = found.slope.values, (MAD_TO_SIGMA * found.change.values) ** 2
         if len(found) < _LEAST_GROUPS or not variances.any():
             break
         scale = float(slopes.max()) or 1.0
@@ -464,7 +471,7 @@ def _unchanged_plane(
     # the shortest half is wide if much has worn; the kept points give the spread of the rest
     for _ in range(_ROUNDS):
         left = values - np.einsum("i,ij->j", plane, design)
-        sigma = _MAD_TO_SIGMA * float(np.median(np.abs(left[kept] - np.median(left[kept]))))
+        sigma = robust_sigma(left[kept])
         now = np.abs(left) <= _TRIM * sigma
         if (now == kept).all() or now.sum() < 3:
             break

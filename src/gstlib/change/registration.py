@@ -26,10 +26,18 @@ import scipy
 import xarray as xr
 
 from gstlib.errors import InputError
+from gstlib.preprocess.outliers import MAD_TO_SIGMA
 from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["Registration", "apply_registration", "least_squares", "register"]
+__all__ = [
+    "LEAST_POINTS",
+    "Registration",
+    "apply_registration",
+    "least_squares",
+    "register",
+    "robust_sigma",
+]
 
 # The search runs on grids on which reference and moving surface have at most so many elements a
 # side: its peak is accurate to a fraction of a coarse element, which the refinement corrects.
@@ -54,10 +62,10 @@ _LEVELS = (6.0, 4), (3.0, 3), (1.0, 2)
 # Gauss-Newton steps below this many elements change nothing measurable.
 _SMALLEST_STEP = 0.005
 _STEPS_PER_LEVEL = 12
-_LEAST_POINTS = 100
+# Fewer points have no plane or pose that is worth fitting.
+LEAST_POINTS = 100
 # 95 % efficiency at the normal distribution (Holland and Welsch 1977).
 _BIWEIGHT = 4.685
-_MAD_TO_SIGMA = 1.4826
 # Interpolation weights below this are rounding.
 _ROUNDING = 1e-6
 
@@ -151,7 +159,7 @@ def register(
         correlation=_pearson(flat0, flat1),
         detail_correlation=quality,
         height_scale=height_scale,
-        residual_mm=_robust_sigma(flat1 - flat0),
+        residual_mm=robust_sigma(flat1 - flat0),
         found=bool(quality >= _LEAST_CORRELATION and beyond_chance),
     )
 
@@ -196,7 +204,7 @@ def _detail(heights: np.ndarray, factor: int, longest: float) -> np.ndarray:
     fine = scipy.ndimage.gaussian_filter(heights, max(_NOISE_ELEMENTS, factor / 2))
     coarse = fine[::factor, ::factor]
     detail = coarse - scipy.ndimage.gaussian_filter(coarse, longest)
-    bound = 3 * _robust_sigma(detail)
+    bound = 3 * robust_sigma(detail)
     return np.clip(detail, -bound, bound)
 
 
@@ -266,7 +274,7 @@ def _refine(h0: np.ndarray, h1: np.ndarray, pose: np.ndarray) -> np.ndarray:
         for _ in range(_STEPS_PER_LEVEL):
             moved = _sample(smooth1, pose, h0.shape, stride=stride)
             inside = np.isfinite(moved)
-            if inside.sum() < _LEAST_POINTS:
+            if inside.sum() < LEAST_POINTS:
                 break  # the next level takes more points of the same overlap
             residual = (moved - smooth0[::stride, ::stride])[inside]
             dy = (y[inside] - pose[0] - (h1.shape[0] - 1) / 2) / half
@@ -290,7 +298,7 @@ def _robust_fit(design: np.ndarray, values: np.ndarray, plane: np.ndarray) -> np
     """Least squares with biweights of the residuals of the last plane, the first three rows."""
     left = values - np.einsum("i,ij->j", plane, design[:3])
     left -= np.median(left)
-    bound = _BIWEIGHT * _robust_sigma(left)
+    bound = _BIWEIGHT * robust_sigma(left)
     weight = np.clip(1 - (left / bound) ** 2, 0, None) ** 2 if bound > 0 else 1.0
     return least_squares(design, values, weight)
 
@@ -318,5 +326,6 @@ def _pearson(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.sum(a * b)) / scale if scale > 0 else 0.0
 
 
-def _robust_sigma(values: np.ndarray) -> float:
-    return _MAD_TO_SIGMA * float(np.median(np.abs(values - np.median(values))))
+def robust_sigma(values: np.ndarray) -> float:
+    """Standard deviation of values, by their median absolute deviation."""
+    return MAD_TO_SIGMA * float(np.median(np.abs(values - np.median(values))))

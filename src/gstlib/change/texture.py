@@ -16,7 +16,7 @@ import xarray as xr
 
 from gstlib.errors import InputError
 from gstlib.surfaces.filtering import low_pass
-from gstlib.surfaces.grid import spacing_of
+from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["measure_texture", "texture_rows"]
@@ -35,7 +35,6 @@ _COLUMNS = {
     **{symbol: f"{symbol}_um3_per_um2" for symbol in ("Vmp", "Vmc", "Vvc", "Vvv")},
 }
 
-_MM_TO_UM = 1e3
 # Defaults of ISO 25178-3: material ratios (%) that separate peaks from core and core from dales.
 _PEAKS, _DALES = 10.0, 80.0
 # The equivalent line is that of the flattest part of the material ratio curve, this wide (%).
@@ -107,7 +106,7 @@ def texture_rows(
     if registered is not None and registered.attrs["registration_found"]:
         window = _measured_rectangle(np.isfinite(registered["t1"].values))
         # the standard's evaluation area has sides of at least one nesting index of the L-filter
-        least = (l_filter_um or s_filter_um) / _MM_TO_UM
+        least = (l_filter_um or s_filter_um) / MM_TO_UM
         if (np.multiply(t0[window].shape, spacing) >= least).all():
             epochs = {"T0": t0[window], "T1": registered["t1"][window]}
     values = {
@@ -138,7 +137,7 @@ def _parameters(
             "texture", problem, "Install it: pip install 'gstlib[texture]'"
         ) from error
 
-    dy, dx = (step * _MM_TO_UM for step in spacing)
+    dy, dx = (step * MM_TO_UM for step in spacing)
     # Waves that pass the S-filter vary over its nesting index: two points in that length give the
     # same autocorrelation as all, at a fraction of the cost.
     every_y, every_x = (max(1, int(s_filter_um / (2 * step) + _ROUNDING)) for step in (dy, dx))
@@ -190,8 +189,8 @@ def _scale_limited(
     surface: xr.DataArray, s_filter_um: float, l_filter_um: float | None
 ) -> np.ndarray:
     """Heights (µm) without their plane, and without the waves that the filters remove."""
-    spacing = [_MM_TO_UM * step for step in spacing_of(surface)]
-    heights = low_pass(remove_plane(surface)[0].values * _MM_TO_UM, spacing, s_filter_um)
+    spacing = [MM_TO_UM * step for step in spacing_of(surface)]
+    heights = low_pass(remove_plane(surface)[0].values * MM_TO_UM, spacing, s_filter_um)
     if l_filter_um is not None:
         heights = heights - low_pass(heights, spacing, l_filter_um)
     return heights

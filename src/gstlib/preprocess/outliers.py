@@ -22,14 +22,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["median_outliers", "window_outliers"]
+__all__ = ["MAD_TO_SIGMA", "median_outliers", "window_outliers"]
 
 # An r.m.s. below this share of the largest height is rounding of the running sums, not roughness.
 _ROUNDING = 1e-7
 # Deviations below this share of the largest measured height are rounding in double precision.
 _DOUBLE_ROUNDING = 1e-12
 # Standard deviation of normal noise over its median absolute deviation.
-_NORMAL = 1.4826
+MAD_TO_SIGMA = 1.4826
 
 
 def window_outliers(
@@ -104,14 +104,14 @@ def median_outliers(
     # ASSUME: S is no less than that of the whole map. Without this bound, a spot much smoother than
     # the rest would have its small unevenness marked as outliers.
     scale = max(
-        _NORMAL * float(np.median(off[measured])),
+        MAD_TO_SIGMA * float(np.median(off[measured])),
         _DOUBLE_ROUNDING * float(np.nanmax(np.abs(surface.values))),
     )
     # Because of that bound only these points can be outliers: few enough to gather their windows.
     at = np.nonzero(off > threshold * scale)
     around = _windows(heights, half_width)[at].reshape(-1, (2 * half_width + 1) ** 2)
     median = np.nanmedian(around, axis=1)
-    local = _NORMAL * np.nanmedian(np.abs(around - median[:, None]), axis=1)
+    local = MAD_TO_SIGMA * np.nanmedian(np.abs(around - median[:, None]), axis=1)
     outlier = np.zeros(heights.shape, dtype=bool)
     outlier[at] = np.abs(heights[at] - median) > threshold * np.maximum(local, scale)
     return outlier, scale

@@ -10,12 +10,12 @@ import xarray as xr
 from gstlib.errors import InputError
 from gstlib.io.scans import cut_scan, whole_scan
 from gstlib.preprocess.outliers import median_outliers, window_outliers
+from gstlib.surfaces.grid import MM_TO_UM
 from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["check_unmeasured", "interpolate_holes", "mould_of", "prepare_patch", "prepare_scan"]
 __all__ += ["preprocessing_table"]
 
-_MM_TO_UM = 1e3
 # ASSUME: r of the paper's windows, in points, is not published. At 5 a window of 121 points finds
 # spikes of up to 15 points.
 _WINDOW_HALF_WIDTH = 5
@@ -98,7 +98,7 @@ def prepare_scan(
         outlier, scale = median_outliers(
             stone, half_width=_MEDIAN_HALF_WIDTH, threshold=threshold
         )
-        of_rule["outlier_scale_um"] = _MM_TO_UM * scale
+        of_rule["outlier_scale_um"] = MM_TO_UM * scale
     # ASSUME: an outlier, like an unmeasured point, gets the value interpolated linearly from the
     # good points around it. On a slope, a mean over the window would differ from its neighbours.
     clean = stone.copy(data=interpolate_holes(stone.values, unmeasured | outlier))
@@ -125,8 +125,8 @@ def prepare_scan(
             **of_rule,
             "tilt_x_mrad": plane.tilt_x_mrad,
             "tilt_y_mrad": plane.tilt_y_mrad,
-            "Sq_before_um": _MM_TO_UM * float(np.nanstd(raw.values)),
-            "Sq_after_um": _MM_TO_UM * float(np.std(level.values)),
+            "Sq_before_um": MM_TO_UM * float(np.nanstd(raw.values)),
+            "Sq_after_um": MM_TO_UM * float(np.std(level.values)),
         },
     )
 

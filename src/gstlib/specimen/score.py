@@ -14,14 +14,13 @@ import xarray as xr
 
 from gstlib.specimen.scanning import relocation
 from gstlib.surfaces.footprints import Place, square_of
-from gstlib.surfaces.grid import make_surface, spacing_of
+from gstlib.surfaces.grid import MM_TO_UM, make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["score_truth", "true_face"]
 
 # Significant digits of the larger number that are kept in the difference of two.
 _ERROR_DIGITS = 7
-_UM = 1e3
 # A missed spike is compared with the points up to this far from it. The counterface touches it
 # first if it stands so many robust standard deviations above them.
 _AROUND, _STANDS_OUT = 5, 3.0
@@ -85,7 +84,9 @@ def score_truth(
         add("wear", patch, _wear_scores(at, change))
     together, at = placement.iloc[-1], pressures.set_index("patch").loc[truth.patch.values]
     for axis in "xy":
-        shift = float((truth[f"{axis}_mm"].sel(epoch="T0") - at[f"{axis}_mm"]).mean()) * _UM
+        shift = (
+            float((truth[f"{axis}_mm"].sel(epoch="T0") - at[f"{axis}_mm"]).mean()) * MM_TO_UM
+        )
         found = together[f"shift_{axis}_um"]
         add("placement", "", [(f"shared shift_{axis}", "um", shift, found)])
     if two_scales is not None:
@@ -118,7 +119,7 @@ def _error(true: float, recovered: float) -> float:
 
 def _level(heights: xr.DataArray) -> np.ndarray:
     """Heights (µm, from mm) without their plane."""
-    return remove_plane(heights.astype(float))[0].values * _UM
+    return remove_plane(heights.astype(float))[0].values * MM_TO_UM
 
 
 def _height_scores(epoch: str, true: np.ndarray, found: np.ndarray) -> Iterator[_Row]:
@@ -155,7 +156,7 @@ def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterato
         around = tuple(slice(max(i - _AROUND, 0), i + _AROUND + 1) for i in (row, column))
         good = heights[around][~(outlier | unmeasured)[around]]
         high[row, column] = not good.size or (
-            heights[row, column] - np.median(good) > _STANDS_OUT * scale_um / _UM
+            heights[row, column] - np.median(good) > _STANDS_OUT * scale_um / MM_TO_UM
         )
     spikes = scipy.ndimage.label(high, np.ones((3, 3)))[1]
     yield f"{epoch} leftover_spikes", "1", 0, spikes
@@ -166,7 +167,7 @@ def _registration_scores(at: xr.Dataset, found: dict) -> Iterator[_Row]:
     t0, t1 = (Place.of(at.sel(epoch=epoch)) for epoch in ("T0", "T1"))
     shift_y, shift_x = relocation(t0, t1)
     for axis, shift in (("x", shift_x), ("y", shift_y)):
-        yield f"shift_{axis}", "um", shift * _UM, found[f"shift_{axis}_um"]
+        yield f"shift_{axis}", "um", shift * MM_TO_UM, found[f"shift_{axis}_um"]
     yield "rotation", "deg", t1.rotation_deg - t0.rotation_deg, found["rotation_deg"]
     yield "overlap", "1", at.overlap, found["overlap"]
 
@@ -178,8 +179,8 @@ def _wear_scores(at: xr.Dataset, registered: xr.Dataset) -> Iterator[_Row]:
     counts all wear, recall only the deeper wear.
     """
     threshold_um = at.attrs["wear_threshold_um"]
-    change = registered["change"].values * _UM
-    depth = at.wear_depth.values * _UM
+    change = registered["change"].values * MM_TO_UM
+    depth = at.wear_depth.values * MM_TO_UM
     known = np.isfinite(change)
     if not known.any():
         return

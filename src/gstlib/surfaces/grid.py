@@ -10,7 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
-__all__ = ["axis_coordinates", "coarser", "make_surface", "spacing_of"]
+__all__ = ["MM_TO_UM", "axis_coordinates", "coarser", "make_surface", "spacing_of"]
+
+MM_TO_UM = 1e3
 
 
 def axis_coordinates(count: int, spacing: float) -> np.ndarray:

@@ -14,6 +14,8 @@ import numpy as np
 import pandas as pd
 import scipy
 
+from gstlib.validation.masks import ratio
+
 __all__ = [
     "Draws",
     "Estimate",
@@ -72,8 +74,8 @@ def ratio_of_sums(
     """Ratio of the sums over the patches of two quantities (patches,), with its interval."""
     count = len(part)
     drawn = draws.generator.integers(0, max(count, 1), (draws.resamples, count))
-    samples = _ratio(part[drawn].sum(axis=1), whole[drawn].sum(axis=1))
-    value = float(_ratio(part.sum(), whole.sum()))
+    samples = ratio(part[drawn].sum(axis=1), whole[drawn].sum(axis=1))
+    value = float(ratio(part.sum(), whole.sum()))
     return Estimate(value, *percentile_interval(samples, count), p_value, count)
 
 
@@ -211,9 +213,4 @@ def _spearman(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     )
     scale = np.sqrt((a * a).sum(axis=-1) * (b * b).sum(axis=-1))
     product = (a * b).sum(axis=-1)
-    return _ratio(product, scale)
-
-
-def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
-    """Part over whole; NaN where the whole is 0."""
-    return np.divide(part, whole, out=np.full(np.shape(part), np.nan), where=whole > 0)
+    return ratio(product, scale)

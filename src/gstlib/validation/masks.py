@@ -15,7 +15,7 @@ many predicted, how many observed, and how many there are.
 
 import numpy as np
 
-__all__ = ["mask_counts", "mask_scores"]
+__all__ = ["mask_counts", "mask_scores", "ratio"]
 
 
 def mask_counts(mask: np.ndarray, observed: np.ndarray, valid: np.ndarray) -> tuple[int, ...]:
@@ -31,19 +31,20 @@ def mask_scores(hits, predicted, observed, measured) -> dict[str, np.ndarray]:
     spread = predicted * (measured - predicted) * observed * (measured - observed)
     product = hits * measured - predicted * observed
     low, high = np.minimum(predicted, observed), np.maximum(predicted, observed)
-    attainable = np.sqrt(_ratio(low * (measured - high), high * (measured - low)))
+    attainable = np.sqrt(ratio(low * (measured - high), high * (measured - low)))
     # a prediction that marks no place, or all of them, says nothing about places
     defined = (observed > 0) & (observed < measured)
     says_nothing = defined & (spread == 0)
     return {
-        "precision": _ratio(hits, predicted),
-        "recall": _ratio(hits, observed),
-        "f1": _ratio(2 * hits, predicted + observed),
-        "mcc": np.where(says_nothing, 0.0, _ratio(product, np.sqrt(spread))),
+        "precision": ratio(hits, predicted),
+        "recall": ratio(hits, observed),
+        "f1": ratio(2 * hits, predicted + observed),
+        "mcc": np.where(says_nothing, 0.0, ratio(product, np.sqrt(spread))),
         "attainable_mcc": np.where(defined, attainable, np.nan),
     }
 
 
-def _ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
+def ratio(part: np.ndarray, whole: np.ndarray) -> np.ndarray:
     """Part over whole; NaN where the whole is 0."""
-    return np.divide(part, whole, out=np.full(np.shape(part), np.nan), where=whole > 0)
+    unknown = np.full(np.shape(part), np.nan)
+    return np.divide(part, whole, out=unknown, where=whole > 0)
