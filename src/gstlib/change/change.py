@@ -201,13 +201,11 @@ def measured_change(
         (epoch.filled.astype(bool) | epoch.outlier.astype(bool)).values
         for epoch in (before, after)
     )
-    on_t0, replaced = apply_registration(
-        after.height, replaced1, registration, like=before.height
-    )
+    t0, t1 = before.height, after.height
+    on_t0, replaced = apply_registration(t1, replaced1, registration, like=t0)
     known = ~(replaced0 | replaced) & registration.found
-    return registration, height_change(
-        before.height, on_t0, known, minimum_points=minimum_points, detection=detection
-    )
+    change = height_change(t0, on_t0, known, minimum_points=minimum_points, detection=detection)
+    return registration, change
 
 
 def register_patch(
@@ -235,8 +233,23 @@ def register_patch(
     except InputError as error:  # it names the epoch, but not the patch
         source = f"patch {patch}, {error.source}"
         raise InputError(source, error.problem, error.remedy) from error
+    if registration.found:
+        _report(patch, registration, before, after, change)
+    if detection is not None and change.attrs["known_fraction"]:
+        _warn_of_scatter(patch, change)
+    return change.assign_attrs(registration.as_attrs())
+
+
+def _report(
+    patch: str,
+    registration: Registration,
+    before: xr.Dataset,
+    after: xr.Dataset,
+    change: xr.Dataset,
+) -> None:
+    """Log what is odd about a patch whose T1 was found on its T0."""
     scale = registration.height_scale
-    if registration.found and max(scale, 1 / scale) > _ODD_HEIGHTS:
+    if max(scale, 1 / scale) > _ODD_HEIGHTS:
         _log.warning(
             "patch %s: its dales at T1 are %.3g times as deep as at T0. If that is not wear all "
             "over the patch, the heights of one scan are calibrated otherwise: measured wear is "
@@ -246,9 +259,9 @@ def register_patch(
         )
     shift = registration.shift_y_mm, registration.shift_x_mm
     off = np.abs(np.divide(shift, spacing_of(before.height))).max()
-    if registration.found and off < _CO_LOCATED:
+    if off < _CO_LOCATED:
         _log.info("patch %s: T1 was co-located with T0 already: off by %.2g points", patch, off)
-    if registration.found and not change.attrs["known_fraction"]:
+    if not change.attrs["known_fraction"]:
         _log.warning(
             "patch %s: hardly any point has a height of its own at T0 and at T1 (%.0f %% and "
             "%.0f %% of the scans are holes or outliers, T1 covers %.0f %% of T0), so its wear is "
@@ -258,18 +271,20 @@ def register_patch(
             100 * (after.filled | after.outlier).values.mean(),
             100 * registration.overlap,
         )
-    if detection is not None and change.attrs["known_fraction"]:
-        expected = change.attrs["level_of_detection_um"] / _LEVEL_OF_DETECTION
-        scatter = change.attrs["change_sigma_um"] / expected
-        if scatter > _ODD_SCATTER:
-            _log.warning(
-                "patch %s: its least changed part differs between T0 and T1 by %.3g times the "
-                "error of repeated scans. If that is not wear all over the patch, T1 was scanned "
-                "otherwise than the repeats, and much of its loss and gain is error",
-                patch,
-                scatter,
-            )
-    return change.assign_attrs(registration.as_attrs())
+
+
+def _warn_of_scatter(patch: str, change: xr.Dataset) -> None:
+    """Warn where T1 scatters more about T0 than repeated scans do."""
+    expected = change.attrs["level_of_detection_um"] / _LEVEL_OF_DETECTION
+    scatter = change.attrs["change_sigma_um"] / expected
+    if scatter > _ODD_SCATTER:
+        _log.warning(
+            "patch %s: its least changed part differs between T0 and T1 by %.3g times the "
+            "error of repeated scans. If that is not wear all over the patch, T1 was scanned "
+            "otherwise than the repeats, and much of its loss and gain is error",
+            patch,
+            scatter,
+        )
 
 
 def height_change(
@@ -320,15 +335,15 @@ def height_change(
     source = ""
     if inside.any():
         places = [np.linspace(-0.5, 0.5, count, endpoint=False) for count in t0.shape]
-        planes = np.stack([np.ones(t0.shape), *np.meshgrid(*places, indexing="ij")])
+        y, x = np.meshgrid(*places, indexing="ij")
+        planes = np.stack([np.ones(t0.shape), y, x])
         plane, sigma, kept = _unchanged_plane(planes[:, inside], difference[inside])
         datum = np.einsum("i,ijk->jk", plane, planes)
         steepness = _steepness(t0)
         if detection is None:
             source = "own"
-            level, lateral = _variance_by_slope(
-                (difference - datum)[inside], steepness[inside], kept
-            )
+            left = (difference - datum)[inside]
+            level, lateral = _variance_by_slope(left, steepness[inside], kept)
         else:
             source = "repeat"
             level, lateral = detection
@@ -342,9 +357,8 @@ def height_change(
         return ("y", "x"), values, {"units": units, "long_name": long_name}
 
     limit_name = "height change that noise exceeds on one point in twenty"
-    loss, gain = (
-        _spots(beyond, minimum_points) for beyond in (change < -limit, change > limit)
-    )
+    loss = _spots(change < -limit, minimum_points)
+    gain = _spots(change > limit, minimum_points)
     return xr.Dataset(
         {
             "t1": variable(after - datum, "mm", "height at T1 on the grid of T0"),
@@ -403,12 +417,11 @@ def _spots(beyond: np.ndarray, minimum_points: int) -> np.ndarray:
 
 def _steepness(surface: xr.DataArray) -> np.ndarray:
     """Squared slope of smoothed heights, free of single points' noise."""
-    squares = [
-        (scipy.ndimage.gaussian_filter(surface.values, _SLOPE_SMOOTHING, order=order) / step)
-        ** 2
-        for order, step in zip(((1, 0), (0, 1)), spacing_of(surface), strict=True)
-    ]
-    return squares[0] + squares[1]
+    dy, dx = spacing_of(surface)
+    heights = surface.values
+    rise_y = scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=(1, 0))
+    rise_x = scipy.ndimage.gaussian_filter(heights, _SLOPE_SMOOTHING, order=(0, 1))
+    return (rise_y / dy) ** 2 + (rise_x / dx) ** 2
 
 
 def _variance_by_slope(
@@ -426,19 +439,18 @@ def _variance_by_slope(
     for _ in range(_SLOPE_ROUNDS):
         points = pd.DataFrame({"slope": steepness[kept], "change": np.abs(change[kept])})
         groups = points.groupby(group[kept])
-        found = groups.agg({"slope": "mean", "change": "median"})[
-            groups.size() >= _GROUP_SIZE / 2
-        ]
-        slopes, variances = found.slope.values, (MAD_TO_SIGMA * found.change.values) ** 2
+        is_large = groups.size() >= _GROUP_SIZE / 2
+        found = groups.agg({"slope": "mean", "change": "median"})[is_large]
+        slopes = found.slope.values
+        variances = (MAD_TO_SIGMA * found.change.values) ** 2
         if len(found) < _LEAST_GROUPS or not variances.any():
             break
         scale = float(slopes.max()) or 1.0
         # the error of a variance is proportional to it; the fitted variance is used, because the
         # measured one would favour groups that came out small
         weight = 1 / np.maximum(level + lateral * slopes, _SMALLEST * variances.max())
-        (level, lateral), _ = scipy.optimize.nnls(
-            np.stack([weight, weight * slopes / scale], axis=1), weight * variances
-        )
+        design = np.stack([weight, weight * slopes / scale], axis=1)
+        (level, lateral), _ = scipy.optimize.nnls(design, weight * variances)
         lateral /= scale
         # steep points may be off by more than the fit of the plane allows
         kept = np.abs(change) <= _TRIM * np.sqrt(level + lateral * steepness)

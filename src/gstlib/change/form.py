@@ -25,13 +25,17 @@ def form_height(height: xr.DataArray) -> tuple[float, float]:
     """R.m.s. heights (mm) of the polynomial of degree 4 without its plane, and of what remains."""
     every = max(1, min(height.shape) // _POINTS)
     heights = height.values[::every, ::every]
-    y, x = np.meshgrid(*(np.linspace(-1, 1, n) for n in heights.shape), indexing="ij")
-    degree = np.add.outer(*2 * [np.arange(_DEGREE + 1)]).ravel()
-    powers = legvander2d(y.ravel(), x.ravel(), [_DEGREE, _DEGREE])[:, degree <= _DEGREE]
+    along = [np.linspace(-1, 1, count) for count in heights.shape]
+    y, x = np.meshgrid(*along, indexing="ij")
+    degrees = np.arange(_DEGREE + 1)
+    degree = np.add.outer(degrees, degrees).ravel()
+    every_power = legvander2d(y.ravel(), x.ravel(), [_DEGREE, _DEGREE])
+    powers = every_power[:, degree <= _DEGREE]
     is_form = degree[degree <= _DEGREE] > 1
-    factors = np.linalg.lstsq(powers, heights.ravel(), rcond=None)[0]
+    factors, *_ = np.linalg.lstsq(powers, heights.ravel(), rcond=None)
     form = powers[:, is_form] @ factors[is_form]
-    return float(form.std()), float((heights.ravel() - powers @ factors).std())
+    texture = heights.ravel() - powers @ factors
+    return float(form.std()), float(texture.std())
 
 
 def form_warning(t0: xr.DataArray, t1: xr.DataArray) -> str | None:

@@ -92,11 +92,13 @@ class Registration:
 
     def as_attrs(self) -> dict[str, float]:
         """Attributes for a file: lengths in µm, `found` as 1 or 0."""
-        return {
-            name.replace("_mm", "_um"): value * 1e3 if name.endswith("_mm") else value
-            for name, value in asdict(self).items()
-            if name != "found"
-        } | {"registration_found": int(self.found)}
+        attrs: dict[str, float] = {}
+        for name, value in asdict(self).items():
+            if name.endswith("_mm"):
+                attrs[name.replace("_mm", "_um")] = value * 1e3
+            elif name != "found":
+                attrs[name] = value
+        return attrs | {"registration_found": int(self.found)}
 
 
 def register(
@@ -188,12 +190,14 @@ def least_squares(
     weighted = design * weight
     # einsum, not a product of matrices: BLAS adds up in an order that changes from run to run
     normal = np.einsum("ik,jk->ij", weighted, design)
-    return np.linalg.lstsq(normal, np.einsum("ik,k->i", weighted, values), rcond=None)[0]
+    right = np.einsum("ik,k->i", weighted, values)
+    return np.linalg.lstsq(normal, right, rcond=None)[0]
 
 
 def _corner_offset(reference: xr.DataArray, moving: xr.DataArray) -> np.ndarray:
     """First coordinates (y, x) of the moving grid minus those of the reference, mm."""
-    return np.array([float(moving[axis][0]) - float(reference[axis][0]) for axis in "yx"])
+    offset = [float(moving[axis][0]) - float(reference[axis][0]) for axis in "yx"]
+    return np.array(offset)
 
 
 def _detail(heights: np.ndarray, factor: int, longest: float) -> np.ndarray:
@@ -226,11 +230,13 @@ def _search(a: np.ndarray, b: np.ndarray, least_overlap: float) -> np.ndarray:
     middle = shift + np.subtract(b.shape, 1) / 2
     arm = np.clip(middle, 0, np.subtract(a.shape, 1)) - middle
     poses = []
+    y, x = arm
     for turn in np.radians(_TURNS):
-        (sine, cosine), (y, x) = (math.sin(turn), math.cos(turn)), arm
+        sine, cosine = math.sin(turn), math.cos(turn)
         turned = np.array([cosine * y + sine * x, cosine * x - sine * y])
         poses.append(np.array([*(shift + arm - turned), turn]))
-    return poses[int(np.argmax([_compare_details(a, b, pose)[0] for pose in poses]))]
+    quality = [_compare_details(a, b, pose)[0] for pose in poses]
+    return poses[int(np.argmax(quality))]
 
 
 def _spline(heights: np.ndarray) -> np.ndarray:
@@ -251,14 +257,16 @@ def _sample(
     y, x = np.ogrid[: shape[0] : stride, : shape[1] : stride]
     dy, dx = y - pose[0] - centre_y, x - pose[1] - centre_x
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
-    rows, columns = cosine * dy - sine * dx + centre_y, sine * dy + cosine * dx + centre_x
+    rows = cosine * dy - sine * dx + centre_y
+    columns = sine * dy + cosine * dx + centre_x
     values = scipy.ndimage.map_coordinates(
         coefficients, [rows, columns], order=order, mode="mirror", prefilter=False
     )
     # elements extend half a spacing beyond their centres
     bottom, right = coefficients.shape[0] - 0.5, coefficients.shape[1] - 0.5
-    inside = (rows >= -0.5) & (rows <= bottom) & (columns >= -0.5) & (columns <= right)
-    return np.where(inside, values, np.nan)
+    inside_y = (rows >= -0.5) & (rows <= bottom)
+    inside_x = (columns >= -0.5) & (columns <= right)
+    return np.where(inside_y & inside_x, values, np.nan)
 
 
 def _refine(h0: np.ndarray, h1: np.ndarray, pose: np.ndarray) -> np.ndarray:
@@ -314,15 +322,23 @@ def _compare_details(a: np.ndarray, b: np.ndarray, pose: np.ndarray) -> tuple[fl
     if not one.size:
         return 0.0, math.nan
     low = one <= np.median(one)
-    first, second = (float(np.mean((h[low] - np.median(h)) ** 2)) for h in (one, other))
-    return _pearson(one, other), math.sqrt(second / first) if first > 0 else math.nan
+    first, second = _depth_of_dales(one, low), _depth_of_dales(other, low)
+    scale = math.sqrt(second / first) if first > 0 else math.nan
+    return _pearson(one, other), scale
+
+
+def _depth_of_dales(heights: np.ndarray, low: np.ndarray) -> float:
+    """Mean square depth of the `low` points below the median."""
+    depth = heights[low] - np.median(heights)
+    return float(np.mean(depth**2))
 
 
 def _pearson(a: np.ndarray, b: np.ndarray) -> float:
     if a.size < 3:
         return 0.0
     a, b = a - a.mean(), b - b.mean()
-    scale = math.sqrt(float(np.sum(a * a)) * float(np.sum(b * b)))
+    squares = float(np.sum(a * a)), float(np.sum(b * b))
+    scale = math.sqrt(squares[0] * squares[1])
     return float(np.sum(a * b)) / scale if scale > 0 else 0.0
 
 

@@ -109,12 +109,10 @@ def texture_rows(
         least = (l_filter_um or s_filter_um) / MM_TO_UM
         if (np.multiply(t0[window].shape, spacing) >= least).all():
             epochs = {"T0": t0[window], "T1": registered["t1"][window]}
-    values = {
-        epoch: _parameters(
-            _scale_limited(surface, s_filter_um, l_filter_um), spacing, s_filter_um
-        )
-        for epoch, surface in epochs.items()
-    }
+    values = {}
+    for epoch, surface in epochs.items():
+        limited = _scale_limited(surface, s_filter_um, l_filter_um)
+        values[epoch] = _parameters(limited, spacing, s_filter_um)
     if "T1" in values:
         before, after = values["T0"], values["T1"]
         values["change"] = {name: after[name] - before[name] for name in before}
@@ -140,7 +138,8 @@ def _parameters(
     dy, dx = (step * MM_TO_UM for step in spacing)
     # Waves that pass the S-filter vary over its nesting index: two points in that length give the
     # same autocorrelation as all, at a fraction of the cost.
-    every_y, every_x = (max(1, int(s_filter_um / (2 * step) + _ROUNDING)) for step in (dy, dx))
+    halves = (s_filter_um / (2 * step) for step in (dy, dx))
+    every_y, every_x = (max(1, int(points + _ROUNDING)) for points in halves)
     values = _material_ratio(heights)
     with warnings.catch_warnings(action="ignore"):
         # about different steps in x and y, which do not harm these parameters; and about NaN, if
@@ -164,10 +163,12 @@ def _material_ratio(heights: np.ndarray) -> dict[str, float]:
     curve = np.quantile(heights, 1 - ratio / 100)
     starts = ratio[ratio <= 100 - _LINE_WIDTH]
     # the secant of the smallest gradient; the curve falls
-    first = int(np.argmax(np.interp(starts + _LINE_WIDTH, ratio, curve) - curve[: starts.size]))
+    rise = np.interp(starts + _LINE_WIDTH, ratio, curve) - curve[: starts.size]
+    first = int(np.argmax(rise))
     last = np.searchsorted(ratio, starts[first] + _LINE_WIDTH, side="right")
     slope, top = np.polyfit(ratio[first:last], curve[first:last], 1)
-    smr1, smr2 = np.interp([top, top + 100 * slope], curve[::-1], ratio[::-1])
+    ends = [top, top + 100 * slope]
+    smr1, smr2 = np.interp(ends, curve[::-1], ratio[::-1])
     levels = np.interp([smr1, smr2, _PEAKS, _DALES], ratio, curve)
     peaks, _, material, core = (np.maximum(heights - level, 0).mean() for level in levels)
     _, dales, void, deep = (np.maximum(level - heights, 0).mean() for level in levels)
@@ -190,7 +191,8 @@ def _scale_limited(
 ) -> np.ndarray:
     """Heights (µm) without their plane, and without the waves that the filters remove."""
     spacing = [MM_TO_UM * step for step in spacing_of(surface)]
-    heights = low_pass(remove_plane(surface)[0].values * MM_TO_UM, spacing, s_filter_um)
+    level, _ = remove_plane(surface)
+    heights = low_pass(level.values * MM_TO_UM, spacing, s_filter_um)
     if l_filter_um is not None:
         heights = heights - low_pass(heights, spacing, l_filter_um)
     return heights

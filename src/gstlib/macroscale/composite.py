@@ -15,7 +15,7 @@ prediction inside a patch needs most (docs/two_scales.md).
 # independently from vertex to vertex.
 # ASSUME: where outlines overlap, the surface is the mean of their scans.
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -107,7 +107,8 @@ def compose_surface(
         shape = shape or height.shape  # of the first: densities need the same frequencies
         under = height.copy(data=on_patch(spline, place, height.shape, patch_mm))
         beyond = height.values - remove_plane(under)[0].values
-        frequency, density = _density(resize_local_mean(beyond, 2 * (min(shape),)), patch_mm)
+        even = resize_local_mean(beyond, 2 * (min(shape),))
+        frequency, density = _density(even, patch_mm)
         densities.append(density)
         coarse.append(resize_local_mean(height.values, 2 * (points,)))
     spectrum = xr.DataArray(
@@ -127,20 +128,9 @@ def compose_surface(
     ]
     laid = zip(places.values(), planes, coarse, strict=True)
     level = compose_grid(face.height, laid, patch_mm, spectrum, seed)
-    numbers = {
-        "x_mm": ("mm", "centre along x", [place.x_mm for place in places.values()]),
-        "y_mm": ("mm", "centre along y", [place.y_mm for place in places.values()]),
-        "rotation_deg": ("degree", "turn", [place.rotation_deg for place in places.values()]),
-        "offset": ("mm", "height of the plane", [plane.offset for plane in planes]),
-        "slope_y": ("1", "slope of the plane along y", [plane.slope_y for plane in planes]),
-        "slope_x": ("1", "slope of the plane along x", [plane.slope_x for plane in planes]),
-        "tilt_mrad": ("mrad", "tilt of the mesh's plane", tilt),
-        "tilt_error_mrad": ("mrad", "standard error of the tilt along each axis", error),
-        "known": ("1", "plane known better than by levelling", known),
-    }
-    described = {"units": "mm", "long_name": "levelled scan on a coarse grid"}
     level.attrs = {"units": "mm", "long_name": "height of the composite surface"}
-    return xr.Dataset(
+    described = {"units": "mm", "long_name": "levelled scan on a coarse grid"}
+    composite = xr.Dataset(
         {
             "height": level,
             "density": spectrum,
@@ -148,13 +138,33 @@ def compose_surface(
             "counterface": face.counterface,
             "size_mm": face.size_mm,
             "patch_mm": ((), patch_mm, {"units": "mm", "long_name": "side of a patch"}),
-        }
-        | {
-            name: ("patch", values, {"units": units, "long_name": text})
-            for name, (units, text, values) in numbers.items()
         },
         coords={"patch": list(places)},
     )
+    tilts = {
+        "tilt_mrad": ("mrad", "tilt of the mesh's plane", tilt),
+        "tilt_error_mrad": ("mrad", "standard error of the tilt along each axis", error),
+        "known": ("1", "plane known better than by levelling", known),
+    }
+    numbers = _lying(list(places.values()), planes) | tilts
+    return composite.assign(
+        {
+            name: ("patch", values, {"units": units, "long_name": text})
+            for name, (units, text, values) in numbers.items()
+        }
+    )
+
+
+def _lying(places: Sequence[Place], planes: Sequence[Plane]) -> dict[str, tuple]:
+    """Where patches lie, and on which planes: unit, long name and values of each number."""
+    return {
+        "x_mm": ("mm", "centre along x", [place.x_mm for place in places]),
+        "y_mm": ("mm", "centre along y", [place.y_mm for place in places]),
+        "rotation_deg": ("degree", "turn", [place.rotation_deg for place in places]),
+        "offset": ("mm", "height of the plane", [plane.offset for plane in planes]),
+        "slope_y": ("1", "slope of the plane along y", [plane.slope_y for plane in planes]),
+        "slope_x": ("1", "slope of the plane along x", [plane.slope_x for plane in planes]),
+    }
 
 
 def compose(
@@ -222,9 +232,8 @@ def refined(surface: xr.DataArray, parts: int) -> xr.DataArray:
         axis: float(surface[axis][0]) - step / 2
         for axis, step in zip("yx", spacing_of(surface), strict=True)
     }
-    return fine.assign_coords(
-        {axis: fine[axis].copy(data=fine[axis].values + at) for axis, at in corner.items()}
-    )
+    moved = {axis: fine[axis].copy(data=fine[axis].values + at) for axis, at in corner.items()}
+    return fine.assign_coords(moved)
 
 
 def draw_mesh_errors(
@@ -235,13 +244,15 @@ def draw_mesh_errors(
     At each vertex of the `face` its left-out error times a normal number, linear between vertices.
     """
     vertices = np.stack([face.vertex_y.values, face.vertex_x.values], axis=1)
-    errors = face.left_out_error.values[:, None] * generator.standard_normal(
-        (len(vertices), draws)
-    )
-    at = np.stack(np.meshgrid(grid.y.values, grid.x.values, indexing="ij"), axis=-1)
-    found = scipy.interpolate.LinearNDInterpolator(vertices, errors)(at)
+    drawn = generator.standard_normal((len(vertices), draws))
+    errors = face.left_out_error.values[:, None] * drawn
+    y, x = np.meshgrid(grid.y.values, grid.x.values, indexing="ij")
+    at = np.stack([y, x], axis=-1)
+    linear = scipy.interpolate.LinearNDInterpolator(vertices, errors)
+    nearest = scipy.interpolate.NearestNDInterpolator(vertices, errors)
+    found = linear(at)
     outside = np.isnan(found[..., 0])
-    found[outside] = scipy.interpolate.NearestNDInterpolator(vertices, errors)(at[outside])
+    found[outside] = nearest(at[outside])
     return np.moveaxis(found, -1, 0)
 
 
@@ -268,15 +279,17 @@ def _plane_errors(
     along = axis_coordinates(_PLANE_POINTS, step) - patch_mm / 2
     blocks = field.reshape(2 * (_TILT_PATCHES, _PLANE_POINTS)).mean(axis=3)
     unseen = np.einsum("ijk,j->ik", blocks, along) / (along @ along)
-    return 1e3 * np.sqrt(slopes.var(axis=0, ddof=1).mean(axis=1) + (unseen**2).mean())
+    variance = slopes.var(axis=0, ddof=1).mean(axis=1)
+    return 1e3 * np.sqrt(variance + (unseen**2).mean())
 
 
 def _density(heights: np.ndarray, side_mm: float) -> tuple[np.ndarray, np.ndarray]:
     """Power spectral density (mm⁴) of heights (n, n), over all directions, by frequency (1/mm)."""
     count, step = len(heights), side_mm / len(heights)
-    window = np.hanning(count + 2)[1:-1]
-    window = window[:, None] * window / (window**2).mean()
-    power = np.abs(scipy.fft.rfft2((heights - heights.mean()) * window)) ** 2
+    taper = np.hanning(count + 2)[1:-1]
+    window = taper[:, None] * taper / (taper**2).mean()
+    waves = scipy.fft.rfft2((heights - heights.mean()) * window)
+    power = np.abs(waves) ** 2
     ring = np.rint(_frequency((count, count), step) * side_mm).astype(int)
     within = (ring > 0) & (ring <= count // 2)
     # A term of the half plane stands for its conjugate too, but not where it lies on the edge.
@@ -301,15 +314,16 @@ def _random_field(
     at = _frequency(fast, spacing)
     at[0, 0] = np.inf  # no mean
     known = density.frequency.values
-    smallest = np.finfo(float).tiny
-    amplitude = np.interp(
-        np.log(at), np.log(known), np.log(np.maximum(density.values, smallest)) / 2
-    )
+    powers = np.maximum(density.values, np.finfo(float).tiny)
+    amplitude = np.interp(np.log(at), np.log(known), np.log(powers) / 2)
     spectrum *= np.where(at <= known[-1], np.exp(amplitude), 0) / spacing
-    return scipy.fft.irfft2(spectrum, fast, overwrite_x=True)[: shape[0], : shape[1]]
+    field = scipy.fft.irfft2(spectrum, fast, overwrite_x=True)
+    return field[: shape[0], : shape[1]]
 
 
 def _frequency(shape: Iterable[int], spacing: float) -> np.ndarray:
     """Spatial frequency of every term of a real two-dimensional transform."""
     ny, nx = shape
-    return np.hypot(scipy.fft.fftfreq(ny, spacing)[:, None], scipy.fft.rfftfreq(nx, spacing))
+    along_y = scipy.fft.fftfreq(ny, spacing)
+    along_x = scipy.fft.rfftfreq(nx, spacing)
+    return np.hypot(along_y[:, None], along_x)

@@ -120,7 +120,8 @@ def _candidates(found: xr.Dataset, size_mm: float, patch_mm: float) -> _Candidat
 def _centres(element: float, size_mm: float, patch_mm: float) -> np.ndarray:
     """Centres (mm), along either axis, of the places that fit in the square."""
     first, last = patch_mm / 2 - _ROUNDING, size_mm - patch_mm / 2 + _ROUNDING
-    whole = np.arange(np.ceil(first / element), np.floor(last / element) + 1) * element
+    steps = np.arange(np.ceil(first / element), np.floor(last / element) + 1)
+    whole = steps * element
     # of a patch as wide as the square there is one place only
     return whole if len(whole) else np.array([size_mm / 2])
 

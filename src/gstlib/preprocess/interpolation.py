@@ -58,7 +58,8 @@ def compare(interpolation: str, cloud: np.ndarray, bounds: tuple[float, float]) 
     """The interpolation asked for, or all of them, on the vertices of a cloud within bounds."""
     tried = _INTERPOLATIONS if interpolation == "best" else (interpolation,)
     low, high = bounds
-    inside = ((cloud[:, :2] >= low) & (cloud[:, :2] <= high)).all(axis=1)
+    places = cloud[:, :2]
+    inside = ((places >= low) & (places <= high)).all(axis=1)
     vertex, errors = _left_out(cloud, np.flatnonzero(inside), tried)
     rms = np.sqrt((errors**2).mean(axis=1))
     best = int(np.argmax(rms <= (1 + _TIE) * rms.min()))
@@ -72,8 +73,10 @@ def _left_out(
     inside = inside[:: 1 + len(inside) // _MOST_LEFT_OUT]
     group = np.random.default_rng(_SEED).permutation(len(inside)) % _GROUPS
     errors = np.empty((len(tried), len(inside)))
-    for out in (group == number for number in range(_GROUPS)):
-        left, others = cloud[inside[out]], np.delete(cloud, inside[out], axis=0)
+    for number in range(_GROUPS):
+        out = group == number
+        left = cloud[inside[out]]
+        others = np.delete(cloud, inside[out], axis=0)
         for row, kind in zip(errors, tried, strict=True):
             row[out] = left[:, 2] - _predicted(kind, others, left[:, :2])
     known = ~np.isnan(errors).any(axis=0)

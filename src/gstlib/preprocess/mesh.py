@@ -124,7 +124,8 @@ def grid_mesh(
 
 def _check_vertices(cloud: np.ndarray, size_mm: float, source: str) -> None:
     """Refuse a mesh that is too coarse to say how well it is interpolated."""
-    in_square = ((cloud[:, :2] >= 0) & (cloud[:, :2] <= size_mm)).all(axis=1)
+    places = cloud[:, :2]
+    in_square = ((places >= 0) & (places <= size_mm)).all(axis=1)
     if (count := int(in_square.sum())) < _FEWEST:
         raise InputError(
             source,

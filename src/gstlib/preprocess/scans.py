@@ -171,15 +171,18 @@ def interpolate_holes(heights: np.ndarray, holes: np.ndarray) -> np.ndarray:
     own fence, and only the fences have to be triangulated.
     """
     result = heights.copy()
-    fence = np.argwhere(scipy.ndimage.binary_dilation(holes, np.ones((3, 3))) & ~holes)
+    around = scipy.ndimage.binary_dilation(holes, np.ones((3, 3)))
+    fence = np.argwhere(around & ~holes)
     known = heights[tuple(fence.T)]
     try:
-        result[holes] = scipy.interpolate.LinearNDInterpolator(fence, known)(np.argwhere(holes))
+        linear = scipy.interpolate.LinearNDInterpolator(fence, known)
+        result[holes] = linear(np.argwhere(holes))
     except (scipy.spatial.QhullError, ValueError):  # no points, or all on one line
         result[holes] = np.nan
     rest = np.isnan(result)
     if rest.any():
-        result[rest] = scipy.interpolate.NearestNDInterpolator(fence, known)(np.argwhere(rest))
+        nearest = scipy.interpolate.NearestNDInterpolator(fence, known)
+        result[rest] = nearest(np.argwhere(rest))
     return result
 
 

@@ -46,7 +46,8 @@ _WIDTH_SCALE = float(np.sqrt(1 - _WIDEST**2) * (1 + _TAPER * _WIDEST))
 def rim_distance_squared(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """rho² of the place (x, y) in mm: 0 at the centre of the use-face, 1 at the rim."""
     u = x / _HALF_X
-    return u**2 + (y * _WIDTH_SCALE / (_HALF_Y * (1 + _TAPER * u))) ** 2
+    half_width = _HALF_Y * (1 + _TAPER * u)
+    return u**2 + (y * _WIDTH_SCALE / half_width) ** 2
 
 
 def use_face(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -67,10 +68,12 @@ def surface_points(colatitude: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
     rho = np.sin(colatitude)
     u = rho * np.cos(azimuth)
     v = rho * np.sin(azimuth) * (1 + _TAPER * u) / _WIDTH_SCALE
-    crest = _above(np.linspace(0, 1, 10001)).max()
+    crest = float(_above(np.linspace(0, 1, 10001)).max())
     upper = _above(rho**2)
-    lower = -(OUTER_SIZE_MM[2] - float(crest)) * np.clip(1 - rho**2, 0, 1) ** _RIM_EXPONENT
-    z = np.where(colatitude <= np.pi / 2, upper, lower) - _above(np.zeros(()))
+    bowl = np.clip(1 - rho**2, 0, 1) ** _RIM_EXPONENT
+    lower = -(OUTER_SIZE_MM[2] - crest) * bowl
+    z = np.where(colatitude <= np.pi / 2, upper, lower)
+    z -= _above(np.zeros(()))
     return np.stack([_HALF_X * u, _HALF_Y * v, z], axis=-1)
 
 
@@ -92,7 +95,8 @@ def even_triangulation(edge_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarr
     sphere = _on_sphere(colatitude, azimuth, nodes)
     faces = scipy.spatial.ConvexHull(sphere).simplices
     a, b, c = (sphere[faces[:, corner]] for corner in range(3))
-    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c) < 0
+    normal = np.cross(b - a, c - a)
+    inward = np.einsum("ij,ij->i", normal, a + b + c) < 0
     faces[inward] = faces[inward][:, ::-1]
     return surface_points(colatitude, azimuth), faces, colatitude <= np.pi / 2
 
@@ -105,9 +109,8 @@ def _even_spiral(area: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """
     rows, columns = area.shape
     by_row = np.concatenate([[0.0], np.cumsum(area.sum(axis=1))])
-    row = np.interp(
-        (np.arange(count) + 0.5) / count, by_row / by_row[-1], np.arange(rows + 1.0)
-    )
+    wanted = (np.arange(count) + 0.5) / count
+    row = np.interp(wanted, by_row / by_row[-1], np.arange(rows + 1.0))
     # share of the row's area up to each column, inverted once per row on a regular grid of shares
     shares = np.linspace(0, 1, 2 * columns + 1)
     inverse = np.empty((rows, len(shares)))
@@ -116,9 +119,8 @@ def _even_spiral(area: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         inverse[i] = np.interp(shares, along / along[-1], np.arange(columns + 1.0))
     golden = (np.sqrt(5) - 1) / 2
     share = np.mod(np.arange(count) * golden, 1.0)
-    column = scipy.ndimage.map_coordinates(
-        inverse, [row - 0.5, share * (len(shares) - 1)], order=1, mode="nearest"
-    )
+    at = [row - 0.5, share * (len(shares) - 1)]
+    column = scipy.ndimage.map_coordinates(inverse, at, order=1, mode="nearest")
     return row * (np.pi / rows), column * (2 * np.pi / columns)
 
 
@@ -131,7 +133,8 @@ def _on_sphere(colatitude: np.ndarray, azimuth: np.ndarray, nodes: np.ndarray) -
     """
     radius = np.sqrt(_HALF_X * _HALF_Y)
     t = np.linspace(0, np.pi, len(nodes))
-    arc = np.hypot(np.diff(radius * np.sin(t)), np.diff(nodes[:, 0, 2]))
+    outwards = np.diff(radius * np.sin(t))
+    arc = np.hypot(outwards, np.diff(nodes[:, 0, 2]))
     middle = (t[1:] + t[:-1]) / 2
     slope = (arc / np.diff(t) / radius - 1) / np.sin(middle)
     integral = np.concatenate([[0.0], np.cumsum(slope * np.diff(t))])

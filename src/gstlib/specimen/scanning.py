@@ -105,10 +105,10 @@ def sample(
         )
     low = np.maximum(np.floor(corners[:, 0]).astype(int) - _REACH, 0)
     high = np.ceil(corners[:, 1]).astype(int) + _REACH + 1
-    crop = field[low[0] : high[0], low[1] : high[1]].astype(float)
-    return scipy.ndimage.map_coordinates(
-        crop, [row - low[0], column - low[1]], order=order, mode="nearest"
-    )
+    rows, columns = (slice(first, last) for first, last in zip(low, high, strict=True))
+    crop = field[rows, columns].astype(float)
+    at = [row - low[0], column - low[1]]
+    return scipy.ndimage.map_coordinates(crop, at, order=order, mode="nearest")
 
 
 def take_scan(
@@ -140,7 +140,8 @@ def take_scan(
     }
     # The mould inverts heights and flips the map. Files hold single precision in µm; readers give
     # seven digits of a spacing.
-    read = (-height[:, ::-1] * 1e3).astype(np.float32).astype(float) * 1e-3
+    stored_um = (-height[:, ::-1] * 1e3).astype(np.float32)
+    read = stored_um.astype(float) * 1e-3
     spacing = float(f"{p.scan_spacing_mm:.7g}")
     return make_surface(read, spacing, long_name="height as measured"), truth
 
@@ -148,12 +149,15 @@ def take_scan(
 def _blots(generator: np.random.Generator, points: int, p: SpecimenParameters) -> np.ndarray:
     """Unmeasured points, clustered in blots: the highest of a smooth field."""
     field = smooth_field(generator, points, p.scan_spacing_um, p.unmeasured_size_um)
-    heights, count = field.ravel(), round(_UNMEASURED_FRACTION * field.size)
-    lowest = np.partition(heights, heights.size - count)[heights.size - count]
+    heights = field.ravel()
+    count = round(_UNMEASURED_FRACTION * field.size)
+    rank = heights.size - count
+    lowest = np.partition(heights, rank)[rank]
     unmeasured = heights > lowest
     # of equally high points, the last ones
     equal = np.flatnonzero(heights == lowest)
-    unmeasured[equal[len(equal) - (count - np.count_nonzero(unmeasured)) :]] = True
+    wanted = count - np.count_nonzero(unmeasured)
+    unmeasured[equal[len(equal) - wanted :]] = True
     return unmeasured.reshape(field.shape)
 
 
@@ -165,7 +169,8 @@ def _spikes(generator: np.random.Generator, points: int, p: SpecimenParameters) 
     count = generator.poisson(p.spike_fraction * points**2 / mean_area)
     rows, columns = generator.integers(0, points, (2, count))
     chosen = generator.choice(sides, count, p=_SPIKE_SIDES)
-    values = generator.uniform(*_SPIKE_HEIGHT_UM, count) * generator.choice([-1.0, 1.0], count)
-    for row, column, side, value in zip(rows, columns, chosen, values * 1e-3, strict=True):
+    sizes_um = generator.uniform(*_SPIKE_HEIGHT_UM, count)
+    values = sizes_um * generator.choice([-1.0, 1.0], count) * 1e-3
+    for row, column, side, value in zip(rows, columns, chosen, values, strict=True):
         heights[row : row + side, column : column + side] = value
     return heights

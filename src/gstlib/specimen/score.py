@@ -82,19 +82,20 @@ def score_truth(
         at = truth.sel(patch=patch)
         add("registration", patch, _registration_scores(at, change.attrs))
         add("wear", patch, _wear_scores(at, change))
-    together, at = placement.iloc[-1], pressures.set_index("patch").loc[truth.patch.values]
+    stated = pressures.set_index("patch").loc[truth.patch.values]
+    together = placement.iloc[-1]
     for axis in "xy":
-        shift = (
-            float((truth[f"{axis}_mm"].sel(epoch="T0") - at[f"{axis}_mm"]).mean()) * MM_TO_UM
-        )
+        name = f"{axis}_mm"
+        off = truth[name].sel(epoch="T0") - stated[name]
+        shift = float(off.mean()) * MM_TO_UM
         found = together[f"shift_{axis}_um"]
         add("placement", "", [(f"shared shift_{axis}", "um", shift, found)])
     if two_scales is not None:
-        known = two_scales.drop_duplicates("patch").set_index("patch").reference_pressure_MPa
+        of_patches = two_scales.drop_duplicates("patch").set_index("patch")
+        known = of_patches.reference_pressure_MPa
         for row in pressures.itertuples():
-            add(
-                "coupling", row.patch, [("pressure", "MPa", known[row.patch], row.pressure_MPa)]
-            )
+            scores = [("pressure", "MPa", known[row.patch], row.pressure_MPa)]
+            add("coupling", row.patch, scores)
     return pd.DataFrame(rows)
 
 
@@ -119,7 +120,8 @@ def _error(true: float, recovered: float) -> float:
 
 def _level(heights: xr.DataArray) -> np.ndarray:
     """Heights (µm, from mm) without their plane."""
-    return remove_plane(heights.astype(float))[0].values * MM_TO_UM
+    level, _ = remove_plane(heights.astype(float))
+    return level.values * MM_TO_UM
 
 
 def _height_scores(epoch: str, true: np.ndarray, found: np.ndarray) -> Iterator[_Row]:
@@ -152,13 +154,14 @@ def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterato
         return
     # missed spikes that stand above the well-measured points around them, and so touch first
     heights, high = scan["measured"].values, np.zeros_like(outlier)
+    least = _STANDS_OUT * scale_um / MM_TO_UM
+    is_good = ~(outlier | unmeasured)
     for row, column in np.argwhere(outlier & ~found):
-        around = tuple(slice(max(i - _AROUND, 0), i + _AROUND + 1) for i in (row, column))
-        good = heights[around][~(outlier | unmeasured)[around]]
-        high[row, column] = not good.size or (
-            heights[row, column] - np.median(good) > _STANDS_OUT * scale_um / MM_TO_UM
-        )
-    spikes = scipy.ndimage.label(high, np.ones((3, 3)))[1]
+        rows, columns = (slice(max(i - _AROUND, 0), i + _AROUND + 1) for i in (row, column))
+        good = heights[rows, columns][is_good[rows, columns]]
+        stands_out = heights[row, column] - np.median(good) > least if good.size else True
+        high[row, column] = stands_out
+    _, spikes = scipy.ndimage.label(high, np.ones((3, 3)))
     yield f"{epoch} leftover_spikes", "1", 0, spikes
 
 

@@ -150,9 +150,8 @@ class Stone:
         nodes = []
         for positions in (y, x):
             first, last = (positions[[0, -1]] - self.square_mm / 2) / self.waviness_spacing
-            nodes.append(
-                np.arange(np.floor(first) - _SPLINE_PAD, np.ceil(last) + _SPLINE_PAD + 1)
-            )
+            low, high = np.floor(first) - _SPLINE_PAD, np.ceil(last) + _SPLINE_PAD
+            nodes.append(np.arange(low, high + 1))
         elements = ((along.astype(int) + count // 2) % count for along in nodes)
         nodes_y, nodes_x = (
             along * self.waviness_spacing + self.square_mm / 2 for along in nodes
@@ -204,9 +203,11 @@ class Stone:
         """The detail (mm) averaged over each of (count, count) elements of the square."""
         edges = np.searchsorted(self.grid, np.arange(count + 1) * self.square_mm / count)
         points = np.diff(edges)
-        inside = self.detail[edges[0] : edges[-1], edges[0] : edges[-1]].astype(float)
-        rows = np.add.reduceat(inside, edges[:-1] - edges[0], axis=0)
-        sums = np.add.reduceat(rows, edges[:-1] - edges[0], axis=1)
+        square = slice(edges[0], edges[-1])
+        inside = self.detail[square, square].astype(float)
+        starts = edges[:-1] - edges[0]
+        rows = np.add.reduceat(inside, starts, axis=0)
+        sums = np.add.reduceat(rows, starts, axis=1)
         return sums / np.outer(points, points)
 
     def mesh(self) -> tuple[np.ndarray, np.ndarray]:
@@ -223,7 +224,8 @@ class Stone:
         fade = along**2 * (3 - 2 * along)
         # The underside has the waves half a period away, and its heights point down.
         offset = np.where(upper, 0.0, len(self.waviness) * self.waviness_spacing / 2)
-        waves = self.waves(self.square_mm / 2 - y + offset, self.square_mm / 2 - x + offset)
+        middle = self.square_mm / 2
+        waves = self.waves(middle - y + offset, middle - x + offset)
         # ASSUME: photogrammetry is a sharp low-pass at the cut-off, plus white noise in height.
         noise = stream(p.seed, "mesh").normal(0.0, p.mesh_noise_um * 1e-3, len(vertices))
         vertices[:, 2] += fade * np.where(upper, waves, -waves)
@@ -239,7 +241,8 @@ class Stone:
         p, points = self.parameters, len(self.grid)
         step = max(1, int(_CHANCE_LENGTH_UM / _POINTS_PER_LENGTH / p.scan_spacing_um))
         spacing = step * self.spacing
-        coarse = self.grid[0] + np.arange(-(-(points - 1) // step) + 1) * step * self.spacing
+        steps = np.arange(-(-(points - 1) // step) + 1)
+        coarse = self.grid[0] + steps * step * self.spacing
         level, _ = remove_plane(make_surface(self.macroscale(coarse, coarse), spacing))
         height = level.values
 
@@ -248,21 +251,20 @@ class Stone:
         chance = smooth_field(generator, len(height), spacing, _CHANCE_LENGTH_UM * 1e-3)
         decides = height + chance * _CHANCE_UM * 1e-3
         threshold = np.quantile(decides, 1 - p.wear_fraction)
-        severity = 1 / (1 + np.exp(-(decides - threshold) / (_SOFTNESS * decides.std())))
+        softness = _SOFTNESS * decides.std()
+        severity = 1 / (1 + np.exp(-(decides - threshold) / softness))
 
         # a summit stands out of the smoothed stone; the more severe the wear, the deeper the cut
         smoothing = _REFERENCE_LENGTH_UM * 1e-3 / spacing
         waves = height - scipy.ndimage.gaussian_filter(height, smoothing, mode="nearest")
         sigma = float(np.hypot(waves.std(), self.detail.std()))
         cut = sigma * (_UNWORN_SIGMA - (_UNWORN_SIGMA - _FULL_SIGMA) * severity)
-        depth = self.detail - _bilinear(
-            (cut - waves).astype(np.float32), np.arange(points) / step
-        )
+        left = (cut - waves).astype(np.float32)
+        depth = self.detail - _bilinear(left, np.arange(points) / step)
         np.maximum(depth, 0, out=depth)
 
-        field = smooth_field(
-            stream(p.seed, "wear", "valleys"), points, self.spacing, _VALLEY_SIZE_MM
-        )
+        generator = stream(p.seed, "wear", "valleys")
+        field = smooth_field(generator, points, self.spacing, _VALLEY_SIZE_MM)
         level = np.quantile(field[::4, ::4], 1 - _VALLEY_FRACTION)
         peak = max(float(field.max()) - level, np.finfo(np.float32).tiny)
         loss = np.sqrt(np.clip((field - level) / peak, 0, 1)) * _VALLEY_DEPTH_MM
@@ -281,12 +283,10 @@ class Stone:
         tried = generator.poisson(_CHIPS_PER_MM2 * extent**2)
         places = generator.random((tried, 2)) * len(depth)
         spread = np.exp(_CHIP_SPREAD * generator.standard_normal(tried))
-        radii = (
-            _CHIP_RADIUS_UM
-            * np.minimum(spread, _CHIP_LARGEST)
-            / self.parameters.scan_spacing_um
-        )
-        kept = generator.random(tried) < severity[tuple((places / step).astype(int).T)]
+        radii_um = _CHIP_RADIUS_UM * np.minimum(spread, _CHIP_LARGEST)
+        radii = radii_um / self.parameters.scan_spacing_um
+        severity_there = severity[tuple((places / step).astype(int).T)]
+        kept = generator.random(tried) < severity_there
         for (row, column), radius in zip(places[kept], radii[kept], strict=True):
             reach = int(radius) + 1
             rows, columns = (
@@ -305,5 +305,6 @@ def _bilinear(coarse: np.ndarray, places: np.ndarray) -> np.ndarray:
     """A coarse grid at the fractional indices `places` of its rows and of its columns."""
     low = np.minimum(places.astype(int), len(coarse) - 2)
     weight = (places - low).astype(coarse.dtype)
-    rows = coarse[low] * (1 - weight[:, None]) + coarse[low + 1] * weight[:, None]
+    down = weight[:, None]
+    rows = coarse[low] * (1 - down) + coarse[low + 1] * down
     return rows[:, low] * (1 - weight) + rows[:, low + 1] * weight

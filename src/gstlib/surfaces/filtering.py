@@ -15,7 +15,8 @@ def s_filtered(height: xr.DataArray, nesting_um: float | None) -> xr.DataArray:
     """Heights (y, x) without waves shorter than the nesting index; unchanged if that is None."""
     if nesting_um is None:
         return height
-    return height.copy(data=low_pass(height.values, spacing_of(height), nesting_um * 1e-3))
+    smooth = low_pass(height.values, spacing_of(height), nesting_um * 1e-3)
+    return height.copy(data=smooth)
 
 
 def low_pass(heights: np.ndarray, spacing: Sequence[float], nesting: float) -> np.ndarray:
@@ -46,9 +47,11 @@ def low_pass(heights: np.ndarray, spacing: Sequence[float], nesting: float) -> n
         count = len(heights)
         # The line between both ends is long-wave; what is left is zero there, odd about both
         # ends, and so a sum of sines, of which each has its exact weight.
-        low = heights[0] + np.linspace(0, 1, count)[:, None] * (heights[-1] - heights[0])
+        first, last = heights[0], heights[-1]
+        low = first + np.linspace(0, 1, count)[:, None] * (last - first)
         waves = scipy.fft.dst((heights - low)[1:-1], type=1, axis=0)
         ratio = nesting * np.arange(1, count - 1) / (2 * (count - 1) * step)
-        low[1:-1] += scipy.fft.idst(np.exp2(-(ratio**2))[:, None] * waves, type=1, axis=0)
+        weight = np.exp2(-(ratio**2))
+        low[1:-1] += scipy.fft.idst(weight[:, None] * waves, type=1, axis=0)
         heights = np.moveaxis(low, 0, axis)
     return heights

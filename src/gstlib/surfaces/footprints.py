@@ -4,7 +4,7 @@ On the square, y comes before x everywhere, as rows come before columns.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -12,9 +12,6 @@ import scipy
 import xarray as xr
 
 from gstlib.surfaces.grid import axis_coordinates, spacing_of
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = [
     "Place",
@@ -33,7 +30,8 @@ __all__ = [
 def rotated(v: Any, u: Any, rotation_deg: float) -> tuple[Any, Any]:
     """Offsets along y and x of what lies (v, u) along axes that are turned from x towards y."""
     turn = np.radians(rotation_deg)
-    return np.cos(turn) * v + np.sin(turn) * u, np.cos(turn) * u - np.sin(turn) * v
+    cosine, sine = np.cos(turn), np.sin(turn)
+    return cosine * v + sine * u, cosine * u - sine * v
 
 
 class Place(NamedTuple):
@@ -85,8 +83,11 @@ def _filled(values: np.ndarray) -> np.ndarray:
 
 def square_of(field: xr.DataArray | xr.Dataset, size_mm: float) -> Any:
     """The part of a field (..., y, x) of the face that lies in the square of this side."""
-    inside = {axis: (field[axis].values > 0) & (field[axis].values < size_mm) for axis in "yx"}
-    return field.isel({axis: np.flatnonzero(of) for axis, of in inside.items()})
+    inside = {}
+    for axis in "yx":
+        along = field[axis].values
+        inside[axis] = np.flatnonzero((along > 0) & (along < size_mm))
+    return field.isel(inside)
 
 
 def on_patch(
@@ -126,10 +127,14 @@ def footprint_weights(grid: xr.DataArray, place: Place, size_mm: float) -> np.nd
     import shapely
 
     y, x = np.meshgrid(y, x, indexing="ij")
-    near = (abs(y - place.y_mm) < size_mm + dy) & (abs(x - place.x_mm) < size_mm + dx)
-    y, x, weights = y[near], x[near], np.zeros(near.shape)
+    near_y = abs(y - place.y_mm) < size_mm + dy
+    near_x = abs(x - place.x_mm) < size_mm + dx
+    near = near_y & near_x
+    y, x = y[near], x[near]
     elements = shapely.box(x - dx / 2, y - dy / 2, x + dx / 2, y + dy / 2)
-    inside = shapely.intersection(elements, shapely.polygons(outline(place, size_mm)))
+    footprint = shapely.polygons(outline(place, size_mm))
+    inside = shapely.intersection(elements, footprint)
+    weights = np.zeros(near.shape)
     weights[near] = shapely.area(inside) / (dy * dx)
     return weights
 

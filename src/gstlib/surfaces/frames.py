@@ -94,7 +94,8 @@ def frame_from_points(points: Sequence[Sequence[float]]) -> Frame:
     corners = np.asarray(points, dtype=float)
     first, second = corners[1:] - corners[0]
     normal = np.cross(first, second)
-    if not np.linalg.norm(normal) > _IN_LINE * np.linalg.norm(first) * np.linalg.norm(second):
+    least = _IN_LINE * np.linalg.norm(first) * np.linalg.norm(second)
+    if not np.linalg.norm(normal) > least:
         raise ConfigError(
             "square.points_mm",
             f"the points {corners.tolist()} are in line, or two of them are the same",
@@ -175,12 +176,12 @@ def over_face(
     is_over : (n,) ndarray of bool
     """
     places = frame.to_frame(mesh.vertices)
-    low, high = (
-        np.array([face[axis].values[end] for axis in "xy"]) + side * spacing_of(face)[0]
-        for end, side in ((0, -0.5), (-1, 0.5))
-    )
+    half = 0.5 * spacing_of(face)[0]
+    low = np.array([face[axis].values[0] for axis in "xy"]) - half
+    high = np.array([face[axis].values[-1] for axis in "xy"]) + half
     faces_out = mesh.vertex_normals @ np.array(frame.normal) > 0
-    is_over = ((places[:, :2] >= low - margin) & (places[:, :2] <= high + margin)).all(axis=1)
+    x_and_y = places[:, :2]
+    is_over = ((x_and_y >= low - margin) & (x_and_y <= high + margin)).all(axis=1)
     over = np.flatnonzero(is_over & faces_out)
     # If an arm of the stone lies above or below, the face is on the side nearest to its plane.
     nearest = places[over[np.argmin(np.abs(places[over, 2]))], 2]
@@ -191,13 +192,16 @@ def over_face(
 def on_mesh(field: xr.DataArray, mesh: "trimesh.Trimesh", frame: Frame) -> np.ndarray:
     """A field (y, x) of the face at each vertex of a mesh: that of its element, 0 elsewhere."""
     places, is_over = over_face(mesh, frame, field)
-    row, column = (
-        np.clip(((places[is_over, axis] - at[0]) / step + 0.5).astype(int), 0, len(at) - 1)
-        for axis, at, step in (
-            (1, field.y.values, spacing_of(field)[0]),
-            (0, field.x.values, spacing_of(field)[1]),
-        )
-    )
+    x, y, _ = places[is_over].T
+    dy, dx = spacing_of(field)
+    row = _nearest(y, field.y.values, dy)
+    column = _nearest(x, field.x.values, dx)
     found = np.zeros(len(places))
     found[is_over] = np.nan_to_num(field.values[row, column])
     return found
+
+
+def _nearest(places: np.ndarray, centres: np.ndarray, step: float) -> np.ndarray:
+    """Indices of the element centres that are nearest to places."""
+    index = ((places - centres[0]) / step + 0.5).astype(int)
+    return np.clip(index, 0, len(centres) - 1)

@@ -78,12 +78,14 @@ def fit_plane(heights: np.ndarray, y: np.ndarray, x: np.ndarray, *, source: str 
     # Sums along rows and columns avoid a matrix of all the points. Centring on the fitted points
     # separates the two slopes from the offset, and keeps the sums free of cancellation.
     per_row, per_column = used.sum(axis=1), used.sum(axis=0)
-    y_mean, x_mean = _dot(per_row, y) / max(count, 1), _dot(per_column, x) / max(count, 1)
+    y_mean = _dot(per_row, y) / max(count, 1)
+    x_mean = _dot(per_column, x) / max(count, 1)
     dy, dx = y - y_mean, x - x_mean
     z_mean = heights[used].mean() if count else math.nan
     z = np.where(used, heights - z_mean, 0.0)
     yy, xx = _dot(per_row, dy**2), _dot(per_column, dx**2)
-    xy = _dot(dy, np.where(used, dx, 0.0).sum(axis=1))
+    dx_of_rows = np.where(used, dx, 0.0).sum(axis=1)
+    xy = _dot(dy, dx_of_rows)
     determinant = yy * xx - xy**2
     if not determinant > 1e-12 * (yy + xx) ** 2:
         raise InputError(
@@ -91,8 +93,10 @@ def fit_plane(heights: np.ndarray, y: np.ndarray, x: np.ndarray, *, source: str 
             f"a plane cannot be fitted to {count} measured points on one line",
             "Measure the patch again.",
         )
-    zy, zx = _dot(dy, z.sum(axis=1)), _dot(dx, z.sum(axis=0))
-    slope_y, slope_x = (xx * zy - xy * zx) / determinant, (yy * zx - xy * zy) / determinant
+    zy = _dot(dy, z.sum(axis=1))
+    zx = _dot(dx, z.sum(axis=0))
+    slope_y = (xx * zy - xy * zx) / determinant
+    slope_x = (yy * zx - xy * zy) / determinant
     offset = z_mean - slope_y * y_mean - slope_x * x_mean
     return Plane(float(offset), float(slope_y), float(slope_x))
 
@@ -105,4 +109,6 @@ def _dot(one: np.ndarray, other: np.ndarray) -> float:
 def _centred(surface: xr.DataArray) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates y and x (mm) from the centre of the grid."""
     y, x = surface.y.values, surface.x.values
-    return y - (y[0] + y[-1]) / 2, x - (x[0] + x[-1]) / 2
+    middle_y = (y[0] + y[-1]) / 2
+    middle_x = (x[0] + x[-1]) / 2
+    return y - middle_y, x - middle_x

@@ -98,9 +98,10 @@ def baseline_depths(
     per_pressure = table[["loss_mm", "loss_fraction"]].sum() / table.pressure_MPa.sum()
     volume, share = (float(of) for of in per_pressure * pressure_MPa)
     sunk = np.interp(table.loss_mm.sum(), others.cut.sum(axis=1), others.displacements)
+    mean_loss = float(table.loss_mm.mean())
     return {
         "none": np.zeros(height.shape),
-        "mean_volume": _cut_volume(height, float(table.loss_mm.mean())),
+        "mean_volume": _cut_volume(height, mean_loss),
         "pressure_volume": _cut_volume(height, volume),
         "pressure_fraction": _cut_fraction(height, level, share),
         "rigid": np.maximum(height - (summit - sunk), 0.0),

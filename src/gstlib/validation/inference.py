@@ -91,9 +91,8 @@ def percentile_interval(samples: np.ndarray, units: int) -> tuple[float, float]:
     samples = samples[np.isfinite(samples)]
     if units < _FEWEST_UNITS or not samples.size:
         return math.nan, math.nan
-    tail = scipy.special.ndtr(
-        scipy.special.stdtrit(units - 1, (1 - _CONFIDENCE) / 2) * math.sqrt(units / (units - 1))
-    )
+    student = scipy.special.stdtrit(units - 1, (1 - _CONFIDENCE) / 2)
+    tail = scipy.special.ndtr(student * math.sqrt(units / (units - 1)))
     low, high = np.quantile(samples, [tail, 1 - tail])
     return float(low), float(high)
 
@@ -167,10 +166,10 @@ def spatial_p_value(
     freedom = max(_effective_patches(x, y, places), _FEWEST_EFFECTIVE) - 2
     correlation = float(np.clip(np.corrcoef(x, y)[0, 1], -1, 1))
     spread = math.sqrt((1 - correlation**2) / freedom)
-    spatial = (
-        float(2 * scipy.stats.t.sf(abs(correlation) / spread, freedom)) if spread > 0 else 0.0
-    )
-    return max(permuted, spatial)
+    if not spread > 0:
+        return max(permuted, 0.0)
+    spatial = 2 * scipy.stats.t.sf(abs(correlation) / spread, freedom)
+    return max(permuted, float(spatial))
 
 
 def _effective_patches(x: np.ndarray, y: np.ndarray, places: np.ndarray) -> float:
@@ -208,9 +207,13 @@ def _covariance(values: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 def _spearman(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Spearman's correlation along the last axis; NaN where one of them is constant."""
-    a, b = (
-        scipy.stats.rankdata(values, axis=-1) - (values.shape[-1] + 1) / 2 for values in (x, y)
-    )
-    scale = np.sqrt((a * a).sum(axis=-1) * (b * b).sum(axis=-1))
+    a, b = _centred_ranks(x), _centred_ranks(y)
+    squares = (a * a).sum(axis=-1), (b * b).sum(axis=-1)
     product = (a * b).sum(axis=-1)
-    return ratio(product, scale)
+    return ratio(product, np.sqrt(squares[0] * squares[1]))
+
+
+def _centred_ranks(values: np.ndarray) -> np.ndarray:
+    """Ranks along the last axis, less their mean."""
+    ranks = scipy.stats.rankdata(values, axis=-1)
+    return ranks - (values.shape[-1] + 1) / 2

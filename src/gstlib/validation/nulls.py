@@ -49,15 +49,13 @@ class Places:
     def of(cls, predicted: np.ndarray, lost: np.ndarray, known: np.ndarray) -> "Places":
         """Of three masks (ny, nx); the first is known everywhere."""
         ny, nx = known.shape
-        return cls(
-            np.packbits([predicted.ravel(), lost.ravel(), known.ravel()], axis=1), (ny, nx)
-        )
+        masks = [mask.ravel() for mask in (predicted, lost, known)]
+        return cls(np.packbits(masks, axis=1), (ny, nx))
 
     def masks(self) -> np.ndarray:
         """The three masks, (3, ny, nx)."""
-        return np.unpackbits(self.bits, axis=1, count=math.prod(self.shape)).reshape(
-            3, *self.shape
-        )
+        masks = np.unpackbits(self.bits, axis=1, count=math.prod(self.shape))
+        return masks.reshape(3, *self.shape)
 
 
 def swapped_mcc(patch: str, places: Mapping[str, Places]) -> np.ndarray:
@@ -72,11 +70,10 @@ def swapped_mcc(patch: str, places: Mapping[str, Places]) -> np.ndarray:
     others = others[:: math.ceil(len(others) / _MOST_PATCHES) or 1]
     # turning the loss is turning the predictions, and takes one product for all of them
     _, lost, known = own.masks()
-    turned = np.array([side for of in (lost, known) for side in _sides(of)], dtype=np.float32)
+    turned = np.array([*_sides(lost), *_sides(known)], dtype=np.float32)
     columns = turned.reshape(len(turned), -1).T
-    predicted = np.array(
-        [places[name].masks()[0].ravel() for name in (patch, *others)], dtype=np.float32
-    )
+    marks = [places[name].masks()[0].ravel() for name in (patch, *others)]
+    predicted = np.array(marks, dtype=np.float32)
     # exact: sums of ones below 2^24
     hits, marked = np.split(predicted @ columns, 2, axis=1)
     return mask_scores(hits, marked, lost.sum(), known.sum())["mcc"].ravel()
@@ -97,4 +94,5 @@ def p_value(value: float, null: np.ndarray) -> float:
     null = null[np.isfinite(null)]
     if math.isnan(value) or not null.size:
         return math.nan
-    return float((1 + (null >= value - _TIE).sum()) / (1 + null.size))
+    reached = (null >= value - _TIE).sum()
+    return float((1 + reached) / (1 + null.size))

@@ -119,9 +119,9 @@ def score_patch(
     loss = change.loss.values.astype(bool) & valid
     laid = contact.interface.laid.values
     height = laid[valid]
-    own = {
-        str(depth.model.values): seen_depth(depth.values[valid]) for depth in predicted.depth
-    }
+    own = {}
+    for depth in predicted.depth:
+        own[str(depth.model.values)] = seen_depth(depth.values[valid])
     depths = own | baseline_depths(
         height,
         level,
@@ -136,8 +136,9 @@ def score_patch(
     unworn = own[BARE] < level  # where the bare stone takes off less than is detected
     models: dict[str, dict[str, Any]] = {}
     for model, depth in depths.items():
-        counts, error = mask_counts(depth > level, loss[valid], every), depth - lost
+        counts = mask_counts(depth > level, loss[valid], every)
         scores = mask_scores(*counts)
+        error = depth - lost
         models[model] = {
             "patch": patch,
             "model": model,
@@ -174,7 +175,11 @@ def by_chance(found: Sequence[ScoredPatch]) -> dict[str, np.ndarray]:
 
     See `gstlib.validation.nulls.swapped_mcc`.
     """
-    predicted = {one.row["patch"]: one.places for one in found if one.places.masks()[0].any()}
+    predicted = {}
+    for one in found:
+        marked, _, _ = one.places.masks()
+        if marked.any():
+            predicted[one.row["patch"]] = one.places
     tested = [one.row["patch"] for one in found if not one.untested]
     return {patch: swapped_mcc(patch, predicted) for patch in tested}
 
