@@ -6,14 +6,8 @@ unit, NaN where unmeasured; the spacing (dy, dx) in that unit, None if the file 
 the length of the unit in mm, None likewise; and what the file says about the instrument.
 """
 
-import io
 import logging
 import math
-import re
-import struct
-import warnings
-import zipfile
-import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -21,7 +15,8 @@ import numpy as np
 import xarray as xr
 
 from gstlib.errors import InputError
-from gstlib.io.files import check_size, check_unpacked, check_unpacked_size
+from gstlib.io.files import check_size
+from gstlib.io.instruments import RawMap, plain_text, read_instrument_file
 from gstlib.io.plu import read_plu
 from gstlib.io.text import SCAN_UNITS, read_matrix, read_points
 from gstlib.surfaces.grid import make_surface, spacing_of
@@ -30,17 +25,8 @@ __all__ = ["cut_scan", "read_scan", "whole_scan"]
 
 _log = logging.getLogger(__name__)
 
-# Formats that SurfaceTopography does not read for us: we read text more strictly; its `hgt` reader
-# checks no signature and takes any bytes for heights; its `nms` reader takes the field to be a
-# million times as large.
-_NOT_LEFT = {"asc", "hgt", "nms", "plu", "xyz"}
-# Objects in Digital Surf files without heights: binary, intensity and colour images, spectra.
-_SUR_NO_HEIGHTS = {3, 10, 12, 20, 21}
 # What any profilometer can have measured (mm); outside this range the unit is wrong.
 _LARGEST_FIELD, _LARGEST_RANGE = 50.0, 10.0
-_MOST_POINTS = 1 << 26
-# Measured heights take at least half a byte each, however packed; a small map may hold nothing.
-_POINTS_PER_BYTE, _FEW_POINTS = 2, 1 << 22
 _SMALLEST_SPACING, _LARGEST_SPACING = 1e-6, 0.5
 # Heights (mm) beyond this are the largest numbers of a format, in whatever unit.
 _LARGEST_NUMBER = 1e20
@@ -55,20 +41,6 @@ _HELD_FRACTION, _HELD_TIMES = 1e-3, 10
 _SIZE_TOLERANCE = 0.01
 # Spacings come from float32 numbers or text; digits beyond these are noise.
 _SPACING_DIGITS = 7
-_LONGEST_TEXT = 200
-_AS_MEASURED = (
-    "%s: an .mnt holds the map as it was measured; what was levelled, shifted or extracted from it "
-    "in Mountains is not applied. Save that map as .sur"
-)
-# In a Digital Surf header six units begin at byte 180, 16 bytes each, in Latin-1. Some programs
-# write µ, or the Greek letter, in UTF-8.
-_SUR_MARKS = b"DIGITAL SURF", b"DSCOMPRESSED"
-_SUR_UNITS, _SUR_UNIT = range(180, 276, 16), 16
-# Length of the header; where it states those of comment and private zone, which follow it.
-_SUR_HEADER, _SUR_ZONES = 512, 334
-_MICRO, _OTHER_MICRO = b"\xb5", ("µ".encode(), "μ".encode())
-
-_Raw = tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str]]
 
 
 def read_scan(
@@ -115,12 +87,12 @@ def read_scan(
     if path.stat().st_size == 0:
         raise InputError(path, "the file is empty", "Copy it, or export it, again.")
     check_size(path)
-    readers: dict[str, Callable[[Path], _Raw]] = {
+    readers: dict[str, Callable[[Path], RawMap]] = {
         **dict.fromkeys((".plu", ".apx"), read_plu),
         **dict.fromkeys((".csv", ".txt", ".asc"), read_matrix),
         ".xyz": read_points,
     }
-    read = readers.get(path.suffix.lower(), _read_instrument_file)
+    read = readers.get(path.suffix.lower(), read_instrument_file)
     raw, steps, length, attrs = read(path)
     if length is None and unit is not None:
         length = SCAN_UNITS[unit]
@@ -138,8 +110,9 @@ def read_scan(
     heights[np.abs(heights) > _LARGEST_NUMBER] = np.nan
     _mind_held(path, heights)
     _check_plausible(path, heights, spacing)
+    _refuse_lost_block(path, heights)
     _mind_step_too_few(path, heights.shape, spacing)
-    attrs = {name: _plain_text(value) for name, value in attrs.items()}
+    attrs = {name: plain_text(value) for name, value in attrs.items()}
     if "layer" in attrs:
         _log.warning("%s: only %s, is read", path, attrs["layer"])
     return make_surface(heights, spacing, long_name="height as measured").assign_attrs(
@@ -179,145 +152,6 @@ def _mind_step_too_few(path: Path, shape: tuple[int, ...], spacing: tuple[float,
                 1e3 * dy,
                 1e3 * true_x,
             )
-
-
-def _read_instrument_file(path: Path) -> _Raw:
-    """Read the first height map of a file through SurfaceTopography.
-
-    It returns heights as [ix, iy], in a unit that differs between files (Röttger et al. 2022, Surf.
-    Topogr.: Metrol. Prop. 10:035032).
-    """
-    try:  # here, for its import takes a second or two
-        from SurfaceTopography.IO import open_topography, readers
-        from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
-    except ImportError as error:
-        problem = "cannot be read: SurfaceTopography, which reads its format, is not installed"
-        raise InputError(path, problem, "Install it: pip install 'gstlib[formats]'") from error
-
-    formats = {
-        f".{ending}": reader.format()
-        for reader in readers
-        for ending in reader.file_extensions()
-        if reader.format() not in _NOT_LEFT
-    }
-    own_format = (
-        "Export the scan in the instrument's own format (.plu, .plux, .al3d, .sur, ...)."
-    )
-    if path.suffix.lower() not in formats:
-        problem = f"cannot be read as a height map: the ending '{path.suffix}' is unknown"
-        raise InputError(path, problem, own_format)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore"
-            )  # about odd dates and numbers; what matters is checked
-            reader = open_topography(_unwrapped(path), format=formats[path.suffix.lower()])
-            maps = [c for c in reader.channels if c.dim == 2 and c.is_height_channel]
-            kind = reader.metadata["header"]["type"] if reader.format() == "sur" else None
-            if not maps or kind in _SUR_NO_HEIGHTS:
-                raise ValueError("it holds no map of heights")
-            channel = maps[0]
-            most = max(_FEW_POINTS, _POINTS_PER_BYTE * path.stat().st_size)
-            if math.prod(channel.nb_grid_pts) > min(_MOST_POINTS, most):
-                nx, ny = channel.nb_grid_pts
-                raise ValueError(f"it announces {nx} × {ny} points, more than it can hold")
-            stated = channel.physical_sizes is not None
-            topography = channel.topography(**{} if stated else {"physical_sizes": (1.0, 1.0)})
-            masked: np.ma.MaskedArray = np.ma.asarray(topography.heights(), dtype=float)
-            heights: np.ndarray = masked.filled(np.nan).T
-            if heights.shape != tuple(channel.nb_grid_pts)[::-1]:
-                raise ValueError(f"{heights.shape} points for {channel.nb_grid_pts} announced")
-            unit, (size_x, size_y) = topography.unit, topography.physical_sizes
-            length = None if unit is None else get_unit_conversion_factor(unit, "mm")
-            ny, nx = heights.shape
-            spacing = (float(size_y) / ny, float(size_x) / nx) if stated else None
-            if reader.format() == "mnt":
-                _log.warning(_AS_MEASURED, path)
-    except (InputError, MemoryError):
-        raise
-    except Exception as error:  # the readers raise whatever their parsers raise
-        reason = _plain_text(f"{type(error).__name__}: {error} {error.__cause__ or ''}")
-        problem = (
-            f"cannot be read as a height map ({reason}): it is damaged or in another format"
-        )
-        raise InputError(path, problem, own_format) from error
-    instrument = topography.info.get("instrument") or {}
-    known = {
-        "instrument": instrument.get("name"),
-        "vendor": instrument.get("vendor"),
-        "acquired": topography.info.get("acquisition_time"),
-        "layer": f"{channel.name}, the first of {len(maps)} height maps" if maps[1:] else None,
-    }
-    attrs = {name: str(value) for name, value in known.items() if value is not None}
-    return heights, spacing, length, attrs
-
-
-def _unwrapped(path: Path) -> str | io.BytesIO:
-    """A file in the form that SurfaceTopography reads: `.sur` and `.x3p` by their standards.
-
-    Some programs zip the folder around the `.x3p`'s members, or write its revision with another
-    dash; the later revision has the same members.
-    """
-    content = io.BytesIO()
-    with path.open("rb") as file:
-        mark = file.read(12)
-        if path.suffix.lower() == ".x3p":
-            with zipfile.ZipFile(file) as given, zipfile.ZipFile(content, "w") as plain:
-                names = [name for name in given.namelist() if f"/{name}".endswith("/main.xml")]
-                main = min(names, key=len, default="")
-                check_unpacked(path, given, [main])
-                record = given.read(main)
-                folder = main.removesuffix("main.xml")
-                # no other member is needed, whatever it holds
-                named = [
-                    name
-                    for name in given.namelist()
-                    if name.startswith(folder) and name.removeprefix(folder).encode() in record
-                ]
-                check_unpacked(path, given, named)
-                revision = rb"\g<1>ISO5436 - 2000"
-                plain.writestr("main.xml", re.sub(rb"(<Revision>)[^<]*", revision, record))
-                for name in named:
-                    plain.writestr(name.removeprefix(folder), given.read(name))
-        elif mark in _SUR_MARKS:
-            content.write(_plain_sur(path, mark + file.read()))
-        else:
-            if zipfile.is_zipfile(path):
-                with zipfile.ZipFile(path) as given:
-                    check_unpacked(path, given)
-            return str(path)
-    content.seek(0)
-    return content
-
-
-def _plain_sur(path: Path, content: bytes) -> bytes:
-    """A `.sur` without compression, with the micro signs of its units in Latin-1."""
-    plain = bytearray(content)
-    if content.startswith(b"DSCOMPRESSED"):
-        start = _SUR_HEADER + sum(struct.unpack_from("<HH", content, _SUR_ZONES))
-        (streams,) = struct.unpack_from("<I", content, start)
-        sizes = np.frombuffer(content, "<u4", 2 * streams, start + 4).reshape(-1, 2).tolist()
-        check_unpacked_size(path, sum(size for size, _ in sizes))
-        plain = bytearray(b"DIGITAL SURF" + content[12:start])
-        at = start + 4 + 8 * streams
-        for size, packed in sizes:
-            # no more than is stated, whatever the stream holds
-            plain += zlib.decompressobj().decompress(content[at : at + packed], size)
-            at += packed
-    for start in _SUR_UNITS:
-        unit = bytes(plain[start : start + _SUR_UNIT]).strip(b" \0")
-        for other in _OTHER_MICRO:
-            unit = unit.replace(other, _MICRO)
-        plain[start : start + _SUR_UNIT] = unit.ljust(_SUR_UNIT, b"\0")
-    return bytes(plain)
-
-
-def _plain_text(value: str) -> str:
-    """One short line of printable text: HDF5 attributes hold no NUL and no lone surrogate."""
-    text = value.encode("utf-8", "replace").decode("utf-8")
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())[
-        :_LONGEST_TEXT
-    ]
 
 
 def cut_scan(
@@ -420,6 +254,29 @@ def _mind_held(path: Path, heights: np.ndarray) -> None:
             path,
             100 * most / heights.size,
             distinct[np.argmax(counts)] * 1e3,
+        )
+
+
+def _refuse_lost_block(path: Path, heights: np.ndarray) -> None:
+    """Refuse zeros one behind the other, as where a block of the file was lost.
+
+    If they stand for unmeasured points, they begin and end with a line of the map, or are in
+    several lines, in each about as many. In a smooth map, other heights are repeated, too.
+    """
+    flat, width = heights.ravel(), heights.shape[1]
+    starts = np.flatnonzero(np.diff(flat, prepend=np.nan) != 0)
+    lengths = np.diff(starts, append=flat.size)
+    longest = int(np.argmax(lengths))
+    start, count = int(starts[longest]), int(lengths[longest])
+    repeated = int(np.delete(lengths, longest).max(initial=1))
+    whole_lines = start % width == count % width == 0
+    most_elsewhere = min(count // _HELD_TIMES, _FEWEST_HELD - 1)
+    if flat[start] == 0 and not whole_lines and repeated <= most_elsewhere:
+        raise InputError(
+            path,
+            f"{count} heights one behind the other, from number {start + 1} on, are 0, and "
+            f"elsewhere at most {repeated} are equal: a block of the file is lost",
+            "Copy the file, or export the scan, again.",
         )
 
 

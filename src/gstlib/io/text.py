@@ -5,7 +5,9 @@ damaged file. Of headers, those of Gwyddion's matrices and of ESRI's grids are u
 leave unit and spacing to the config.
 """
 
+import itertools
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -30,6 +32,11 @@ _GRID_TOLERANCE = 0.05
 # If points fill a smaller share of their grid, they are scattered, or one of them is far off.
 _LEAST_FILLED = 0.25
 _LARGEST_SIDE = 1 << 16
+# A last line that lacks more points than so many times the longest row of unmeasured ones is cut.
+_CUT_TIMES = 2
+# Numbers of a column of points, or of a matrix, are written with equally many decimals, or with
+# many different counts. If up to this share of them differs, digits were lost or added.
+_ODD_FRACTION = 1e-3
 
 
 def read_matrix(
@@ -147,13 +154,18 @@ def _read_rows(path: Path, columns: Sequence[int] | None = None) -> tuple[str, n
     if mark and all(row.endswith(mark) for row in rows):  # which adds one empty cell
         rows = [row[:-1] for row in rows] if columns is None else rows
     try:
-        return "\n".join(lines[:first]), _numbers(rows, mark, columns)
+        numbers = _numbers(rows, mark, columns)
     except ValueError as error:
         problem = (
             f"from line {first + 1} on, is not a table of numbers: {str(error).split(';')[0]}"
         )
         remedy = "Unmeasured points are empty cells, NaN, BAD or ---; comments begin with '#'."
         raise InputError(path, problem, f"Export or copy the file again. {remedy}") from error
+    if columns is None:
+        _refuse_odd_decimals(path, rows, mark)
+    for n in columns or ():
+        _refuse_odd_decimals(path, (row.split(mark)[n] for row in rows), mark)
+    return "\n".join(lines[:first]), numbers
 
 
 def _refuse_cut_lines(path: Path, text: str, rows: Sequence[str], mark: str | None) -> None:
@@ -166,6 +178,21 @@ def _refuse_cut_lines(path: Path, text: str, rows: Sequence[str], mark: str | No
     if other is not None:
         problem = f"has rows of {count} and of {len(other.split(mark))} cells: it is damaged"
         raise InputError(path, problem, "Export or copy the file again.")
+
+
+def _refuse_odd_decimals(path: Path, cells: Iterable[str], mark: str | None) -> None:
+    """Refuse numbers that have lost digits, or been given some, where all have equally many."""
+    decimals = re.compile(r"\.(\d+)" if mark == "," else r"[.,](\d+)")
+    found = itertools.chain.from_iterable(map(decimals.findall, cells))
+    (usual, count), *others = Counter(map(len, found)).most_common() or [(0, 0)]
+    odd = sum(times for _, times in others)
+    if 0 < odd <= _ODD_FRACTION * count:
+        raise InputError(
+            path,
+            f"{count} of its numbers have {usual} decimals, and {odd} others, such as "
+            f"{others[-1][0]}: it is damaged",
+            "Export or copy the file again. If you changed numbers, write all decimals.",
+        )
 
 
 def _begins_with_numbers(row: str) -> bool:
@@ -207,16 +234,22 @@ def _grid_lines(path: Path, values: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _refuse_cut_grid(path: Path, rows: np.ndarray, columns: np.ndarray) -> None:
-    """Refuse points of a full grid, in whatever order, but for the rest of its last line."""
-    for across, along in ((rows, columns), (columns, rows)):
-        length = along.max() + 1
-        across, along = (n if n[0] == 0 else n.max() - n for n in (across, along))
-        missing = -len(rows) % length
-        if missing and (across * length + along == np.arange(len(rows))).all():
+    """Refuse points in the order of a grid that lack the rest of its last line.
+
+    Points that were not measured may be left out there, too, but then others are elsewhere.
+    """
+    for lines, places in ((rows, columns), (columns, rows)):
+        length = places.max() + 1
+        ahead = np.median(np.diff(places)) > 0
+        lines = lines if lines[0] <= lines[-1] else lines.max() - lines
+        order = lines * length + (places if ahead else length - 1 - places)
+        steps = np.diff(order, prepend=-1)
+        missing = -(order[-1] + 1) % length
+        if (steps > 0).all() and missing > _CUT_TIMES * (steps.max() - 1):
             raise InputError(
                 path,
-                f"the last line of its grid lacks {missing} of {length} points, and no other lacks "
-                "any: it is cut",
+                f"the last line of its grid lacks {missing} of {length} points, and elsewhere at "
+                f"most {steps.max() - 1} are missing in a row: it is cut",
                 "Export or copy the file again. Write unmeasured points as NaN, if it is whole.",
             )
 

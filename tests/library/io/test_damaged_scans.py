@@ -67,6 +67,130 @@ def test_plu_with_bytes_missing_or_added(tmp_path, damage, unmeasured):
         refused(path, "holds heights from .* but states .* damaged")
 
 
+BINARY = ["sur", "sur, compressed", "sdf"]
+
+
+@pytest.fixture
+def rough():
+    return np.random.default_rng(2).normal(size=(20, 30)) * 1e-3
+
+
+@pytest.mark.parametrize("name", BINARY)
+@pytest.mark.parametrize("place", [70, 560, 900, 2000, -1])
+@pytest.mark.parametrize("new", [b"\1", b"\0\0", b"7" * 8, bytes(400)])
+def test_bytes_added_to_a_binary_file(tmp_path, rough, name, place, new):
+    """What stands behind the heights is then no further object, and no text."""
+    path, _ = _written(tmp_path, name, rough)
+    content = path.read_bytes()
+    path.write_bytes(content[:place] + new + content[place:])
+    refused(path)
+    path.write_bytes(content + new)
+    refused(path, f"{len(new)} bytes stand behind its heights that cannot follow them")
+
+
+@pytest.mark.parametrize(
+    ("name", "more"),
+    [
+        ("sur", b"DIGITAL SURF and a further object"),
+        ("sur", b"DSCOMPRESSED and a further object"),
+        ("sur, compressed", b"DSCOMPRESSED and a further object"),
+        ("sdf", b"\r\n"),
+        ("sdf", b"Operator = Tom Jones\n*"),
+        ("sdf", b"\n< OperatorName > Tom Jones < / OperatorName >\n*"),
+    ],
+)
+def test_what_may_follow_heights_is_read_over(tmp_path, rough, name, more):
+    path, sample = _written(tmp_path, name, rough)
+    path.write_bytes(path.read_bytes() + more)
+    np.testing.assert_allclose(_read(path, sample).values, rough, atol=2e-9)
+
+
+@pytest.mark.parametrize("name", BINARY[:2])
+@pytest.mark.parametrize(("at", "may_be", "is_wrong"), [(100, 0, 1), (104, -1, -2)])
+def test_a_sur_with_heights_beyond_those_that_it_states(
+    tmp_path, rough, name, at, may_be, is_wrong
+):
+    """Unmeasured heights are 2 below the lowest (at byte 100), saturated 1 above the highest."""
+    rough[3, 4] = math.nan
+    path, sample = _written(tmp_path, name, rough)
+    content = bytearray(path.read_bytes())
+    (stated,) = struct.unpack_from("<i", content, at)
+    for change in (may_be, is_wrong):
+        struct.pack_into("<i", content, at, stated + change)
+        path.write_bytes(content)
+        if change == may_be:
+            np.testing.assert_allclose(_read(path, sample).values, rough, atol=2e-9)
+        else:
+            refused(path, "holds heights from .* but states .* damaged")
+
+
+def test_a_compressed_sur_that_does_not_unpack_to_what_it_states(tmp_path, rough):
+    path, _ = _written(tmp_path, "sur, compressed", rough)
+    content, start = path.read_bytes(), 512 + len(b"a comment")
+    for at, change in ((start + 4, 4), (start + 4, -4), (len(content) - 1, 1)):
+        damaged = bytearray(content)  # the size of the heights, or their checksum
+        damaged[at] = (damaged[at] + change) % 256
+        path.write_bytes(damaged)
+        refused(path, "do not unpack to|incorrect data check")
+    packed = len(content) - start - 12
+    path.write_bytes(
+        content[: start + 8] + struct.pack("<I", packed - 4) + content[start + 12 : -4]
+    )
+    refused(path, "do not unpack to")  # without its checksum
+
+
+@pytest.mark.parametrize("name", ["plu", *BINARY])
+def test_a_lost_block_is_not_read_as_heights(tmp_path, rough, name):
+    """Zeros in one row through the file, from within a line of the map to within another."""
+    for first, count in ((40, 15), (40, 200), (400, 200)):
+        damaged = rough.ravel().copy()
+        damaged[first : first + count] = 0
+        path, _ = _written(tmp_path, name, damaged.reshape(rough.shape))
+        refused(path, f"{count} heights one behind the other, from number {first + 1} on, are 0")
+
+
+def test_zeros_that_a_lost_block_does_not_leave_are_read(tmp_path, rough):
+    """Whole lines, unmeasured spots, a few points, flat ground, and a plane with a spike."""
+    for part, value in (
+        (np.s_[4:6], 0),
+        (np.s_[3:9, 4:16], 0),
+        (np.s_[5, 3:12], 0),
+        (np.s_[7, 2:28], 1e-3),
+        (np.s_[:], [*28 * [0], 1, 0]),
+        (np.s_[:17], 0),
+    ):
+        heights = rough.copy()
+        heights[part] = value
+        path, sample = _written(tmp_path, "plu", heights)
+        np.testing.assert_allclose(_read(path, sample).values, heights, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["xyz", "csv", "csv, decimal commas", "txt"])
+def test_numbers_that_lost_digits_or_were_given_some(tmp_path, name):
+    """All are written with as many decimals, but the one that is damaged."""
+    heights = np.random.default_rng(2).normal(size=(40, 30)).round(4)
+    sample = FORMATS[name]
+    path = tmp_path / f"a{sample.ending}"
+    if name == "xyz":
+        y, x = np.indices(heights.shape)
+        rows, mark = np.column_stack([x.ravel(), y.ravel(), heights.ravel()]), " "
+    else:
+        rows, mark = heights, {"csv": ",", "txt": " "}.get(name, ";")
+    np.savetxt(path, rows, fmt="%.4f", delimiter=mark)
+    text = path.read_text().replace(".", "," if mark == ";" else ".")
+    number = f"{heights[7, 9]:.4f}".replace(".", "," if mark == ";" else ".")
+    assert text.count(number) == 1
+    for written in (text, text.replace(number, "NaN")):
+        path.write_text(written)
+        _read(path, sample)
+    for odd in (number[:-1], number[:-2], number + "3"):
+        path.write_text(text.replace(number, odd))
+        refused(path, "of its numbers have 4 decimals, and 1 others", **sample.options(1e-3))
+    if name == "xyz":
+        path.write_text(text.replace(f" 7.0000 {number}", f" 7.000 {number}"))
+        refused(path, "of its numbers have 4 decimals, and 1 others", unit="um")
+
+
 @pytest.mark.parametrize(
     ("order", "kept"),
     [
@@ -87,6 +211,27 @@ def test_points_that_end_within_a_line_of_the_grid(tmp_path, heights, order, kep
     refused(path, "the last line of its grid .*cut", unit="um")
     path.write_text("".join(np.delete(lines, 12)))  # one that is not measured
     assert np.isnan(_read(path, FORMATS["xyz"]).values).sum() == 1
+
+
+@pytest.mark.parametrize("transposed", [False, True])
+def test_points_that_end_within_a_line_of_a_grid_with_gaps(tmp_path, transposed):
+    """Elsewhere up to three of them are missing in a row, and at the end more than six."""
+    path = tmp_path / "a.xyz"
+    heights = np.random.default_rng(2).normal(size=(12, 20)) * 1e-3
+    heights[3, 4:7] = heights[8, 9] = heights[9, 3:5] = math.nan
+    order = np.arange(240).reshape(12, 20)
+    for unmeasured, cut in ((3, False), (6, False), (7, True), (15, True)):
+        heights[-1, 13:] = 1e-3
+        heights[-1, 20 - unmeasured :] = math.nan
+        if transposed:
+            FORMATS["xyz"].write(path, heights.T, SPACING, order=order.reshape(20, 12).T.ravel())
+        else:
+            FORMATS["xyz"].write(path, heights, SPACING)
+        if cut:
+            refused(path, f"lacks {unmeasured} of 20 points, and elsewhere at most 3", unit="um")
+        else:
+            scan = _read(path, FORMATS["xyz"])
+            assert np.isnan(scan.values).sum() == 6 + unmeasured
 
 
 def test_points_with_a_line_cut_or_joined(tmp_path, heights):

@@ -1,0 +1,293 @@
+"""Files of instruments, read through SurfaceTopography once they are seen to be whole.
+
+It reads heights from where the header puts them, whatever stands behind: a byte that was added
+before them shifts them all. Where a format says what follows its heights, that is checked here.
+"""
+
+import io
+import logging
+import math
+import re
+import struct
+import warnings
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from gstlib.errors import InputError
+from gstlib.io.files import check_unpacked, check_unpacked_size
+
+__all__ = ["RawMap", "plain_text", "read_instrument_file"]
+
+_log = logging.getLogger(__name__)
+
+RawMap = tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str]]
+
+# Formats that SurfaceTopography does not read for us: we read text more strictly; its `hgt` reader
+# checks no signature and takes any bytes for heights; its `nms` reader takes the field to be a
+# million times as large.
+_NOT_LEFT = {"asc", "hgt", "nms", "plu", "xyz"}
+_MOST_POINTS = 1 << 26
+# Measured heights take at least half a byte each, however packed; a small map may hold nothing.
+_POINTS_PER_BYTE, _FEW_POINTS = 2, 1 << 22
+_LONGEST_TEXT = 200
+_AS_MEASURED = (
+    "%s: an .mnt holds the map as it was measured; what was levelled, shifted or extracted from it "
+    "in Mountains is not applied. Save that map as .sur"
+)
+# The header of a Digital Surf file, as far as it is needed here: what it holds, the bits of a
+# height, the lowest and the highest, the points, and the bytes of two zones that follow it.
+_SUR_MARKS = b"DIGITAL SURF", b"DSCOMPRESSED"
+_SUR_HEADER = np.dtype(
+    {
+        "names": ["kind", "bits", "lowest", "highest", "nx", "ny", "comment", "private"],
+        "formats": ["<u2", "<u2", "<i4", "<i4", "<i4", "<i4", "<u2", "<u2"],
+        "offsets": [18, 98, 100, 104, 108, 112, 334, 336],
+        "itemsize": 512,
+    }
+)
+# Kinds without heights: binary, intensity and colour images, spectra.
+_SUR_NO_HEIGHTS = {3, 10, 12, 20, 21}
+# Unmeasured heights are 2 below the lowest; saturated ones are 1 below it or above the highest.
+_SUR_BELOW, _SUR_ABOVE = 2, 1
+# Six units begin at byte 180, 16 bytes each, in Latin-1. Some programs write µ, or the Greek
+# letter, in UTF-8.
+_SUR_UNITS, _SUR_UNIT = range(180, 276, 16), 16
+_MICRO, _OTHER_MICRO = b"\xb5", ("µ".encode(), "μ".encode())
+# The header of a binary .sdf, likewise, and the bytes of a height of each type.
+_SDF_MARK, _SDF_SIZES = b"bISO-1.0", (1, 2, 4, 4, 1, 2, 4, 8)
+_SDF_HEADER = np.dtype(
+    {
+        "names": ["nx", "ny", "type"],
+        "formats": ["<u2", "<u2", "u1"],
+        "offsets": [42, 44, 79],
+        "itemsize": 81,
+    }
+)
+# What may follow its heights: lines `name = value`, or tags.
+_SDF_TRAILER = re.compile(rb"\s*(<\s*[A-Za-z]|[A-Za-z]\w*\s*=|\x1a|$)")
+_NO_HEIGHTS = "it holds no map of heights"
+_COPY_AGAIN = "Copy the file, or export the scan, again."
+_OWN_FORMAT = "Export the scan in the instrument's own format (.plu, .plux, .al3d, .sur, ...)."
+
+
+def read_instrument_file(path: Path) -> RawMap:
+    """Read the first height map of a file, as a reader of `gstlib.io.scans`.
+
+    SurfaceTopography returns heights as [ix, iy], in a unit that differs between files (Röttger et
+    al. 2022, Surf. Topogr.: Metrol. Prop. 10:035032).
+    """
+    known_as = _format_of(path)
+    try:
+        with warnings.catch_warnings():
+            # about odd dates and numbers; what matters is checked
+            warnings.simplefilter("ignore")
+            return _first_map(path, known_as)
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:  # the readers raise whatever their parsers raise
+        reason = plain_text(f"{type(error).__name__}: {error} {error.__cause__ or ''}")
+        problem = (
+            f"cannot be read as a height map ({reason}): it is damaged or in another format"
+        )
+        raise InputError(path, problem, _OWN_FORMAT) from error
+
+
+def plain_text(value: str) -> str:
+    """One short line of printable text: HDF5 attributes hold no NUL and no lone surrogate."""
+    text = value.encode("utf-8", "replace").decode("utf-8")
+    printable = "".join(c if c.isprintable() else " " for c in text)
+    return " ".join(printable.split())[:_LONGEST_TEXT]
+
+
+def _format_of(path: Path) -> str:
+    """What SurfaceTopography calls the format of files of this ending."""
+    try:  # here, for its import takes a second or two
+        from SurfaceTopography.IO import readers
+    except ImportError as error:
+        problem = "cannot be read: SurfaceTopography, which reads its format, is not installed"
+        raise InputError(path, problem, "Install it: pip install 'gstlib[formats]'") from error
+
+    formats: dict[str, str] = {
+        f".{ending}": reader.format()
+        for reader in readers
+        for ending in reader.file_extensions()
+        if reader.format() not in _NOT_LEFT
+    }
+    if path.suffix.lower() not in formats:
+        problem = f"cannot be read as a height map: the ending '{path.suffix}' is unknown"
+        raise InputError(path, problem, _OWN_FORMAT)
+    return formats[path.suffix.lower()]
+
+
+def _first_map(path: Path, known_as: str) -> RawMap:
+    """The first height map of a file in a format of SurfaceTopography."""
+    from SurfaceTopography.IO import open_topography
+    from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
+
+    reader = open_topography(_checked(path), format=known_as)
+    maps = [c for c in reader.channels if c.dim == 2 and c.is_height_channel]
+    if not maps:
+        raise ValueError(_NO_HEIGHTS)
+    channel = maps[0]
+    _refuse_many_points(path, channel.nb_grid_pts)
+    stated = channel.physical_sizes is not None
+    topography = channel.topography(**{} if stated else {"physical_sizes": (1.0, 1.0)})
+    masked: np.ma.MaskedArray = np.ma.asarray(topography.heights(), dtype=float)
+    heights: np.ndarray = masked.filled(np.nan).T
+    if heights.shape != tuple(channel.nb_grid_pts)[::-1]:
+        raise ValueError(f"{heights.shape} points for {channel.nb_grid_pts} announced")
+    (size_x, size_y), (ny, nx) = topography.physical_sizes, heights.shape
+    spacing = (float(size_y) / ny, float(size_x) / nx) if stated else None
+    unit = topography.unit
+    length = None if unit is None else get_unit_conversion_factor(unit, "mm")
+    if known_as == "mnt":
+        _log.warning(_AS_MEASURED, path)
+    attrs = _instrument(topography.info)
+    if maps[1:]:
+        attrs["layer"] = f"{channel.name}, the first of {len(maps)} height maps"
+    return heights, spacing, length, attrs
+
+
+def _refuse_many_points(path: Path, points: tuple[int, int]) -> None:
+    most = max(_FEW_POINTS, _POINTS_PER_BYTE * path.stat().st_size)
+    if math.prod(points) > min(_MOST_POINTS, most):
+        raise ValueError(
+            f"it announces {points[0]} × {points[1]} points, more than it can hold"
+        )
+
+
+def _instrument(info: Any) -> dict[str, str]:
+    """What the file says about the instrument and the time."""
+    instrument = info.get("instrument") or {}
+    known = {
+        "instrument": instrument.get("name"),
+        "vendor": instrument.get("vendor"),
+        "acquired": info.get("acquisition_time"),
+    }
+    return {name: str(value) for name, value in known.items() if value is not None}
+
+
+def _checked(path: Path) -> str | io.BytesIO:
+    """A file that is not seen to be damaged, in the form that SurfaceTopography reads."""
+    with path.open("rb") as file:
+        mark = file.read(12)
+        if path.suffix.lower() == ".x3p":
+            return _plain_x3p(path)
+        if mark in _SUR_MARKS:
+            return io.BytesIO(_plain_sur(path, mark + file.read()))
+        if mark.startswith(_SDF_MARK):
+            _check_sdf(path, file)
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as given:
+            check_unpacked(path, given)
+    return str(path)
+
+
+def _plain_x3p(path: Path) -> io.BytesIO:
+    """An `.x3p` as its standard has it, with the members that it needs.
+
+    Some programs zip the folder around them, or write the revision with another dash; the later
+    revision has the same members.
+    """
+    content = io.BytesIO()
+    with zipfile.ZipFile(path) as given, zipfile.ZipFile(content, "w") as plain:
+        names = [name for name in given.namelist() if f"/{name}".endswith("/main.xml")]
+        main = min(names, key=len, default="")
+        check_unpacked(path, given, [main])
+        record = given.read(main)
+        folder = main.removesuffix("main.xml")
+        # no other member is needed, whatever it holds
+        named = [
+            name
+            for name in given.namelist()
+            if name.startswith(folder) and name.removeprefix(folder).encode() in record
+        ]
+        check_unpacked(path, given, named)
+        revision = rb"\g<1>ISO5436 - 2000"
+        plain.writestr("main.xml", re.sub(rb"(<Revision>)[^<]*", revision, record))
+        for name in named:
+            plain.writestr(name.removeprefix(folder), given.read(name))
+    content.seek(0)
+    return content
+
+
+def _plain_sur(path: Path, content: bytes) -> bytes:
+    """A `.sur` without compression, with the micro signs of its units in Latin-1."""
+    (header,) = np.frombuffer(content, _SUR_HEADER, 1)
+    if header["kind"] in _SUR_NO_HEIGHTS:
+        raise ValueError(_NO_HEIGHTS)
+    start = _SUR_HEADER.itemsize + int(header["comment"]) + int(header["private"])
+    plain, behind = bytearray(content), b""
+    if content.startswith(b"DSCOMPRESSED"):
+        heights, at = _unpacked_sur(path, content, start)
+        plain, behind = bytearray(b"DIGITAL SURF" + content[12:start] + heights), content[at:]
+    _check_sur(path, header, plain, start, behind)
+    for unit_at in _SUR_UNITS:
+        unit = bytes(plain[unit_at : unit_at + _SUR_UNIT]).strip(b" \0")
+        for other in _OTHER_MICRO:
+            unit = unit.replace(other, _MICRO)
+        plain[unit_at : unit_at + _SUR_UNIT] = unit.ljust(_SUR_UNIT, b"\0")
+    return bytes(plain)
+
+
+def _unpacked_sur(path: Path, content: bytes, start: int) -> tuple[bytes, int]:
+    """Heights of a compressed `.sur`, from byte `start` on, and the byte behind them."""
+    (streams,) = struct.unpack_from("<I", content, start)
+    sizes = np.frombuffer(content, "<u4", 2 * streams, start + 4).reshape(-1, 2).tolist()
+    check_unpacked_size(path, sum(size for size, _ in sizes))
+    heights, at = b"", start + 4 + 8 * streams
+    for size, packed in sizes:
+        stream = zlib.decompressobj()
+        # no more than is stated, whatever the stream holds, but for a byte that shows its end
+        part = stream.decompress(content[at : at + packed], size + 1)
+        if len(part) != size or not stream.eof:
+            raise InputError(path, f"its heights do not unpack to {size} bytes", _COPY_AGAIN)
+        heights += part
+        at += packed
+    return heights, at
+
+
+def _check_sur(
+    path: Path, header: np.void, plain: bytearray, start: int, behind: bytes
+) -> None:
+    """Refuse heights, from byte `start` on, beyond the stated ones, or with odd bytes behind them.
+
+    A further object may follow, and begins with its mark.
+    """
+    lowest, highest, nx, ny = (int(header[n]) for n in ("lowest", "highest", "nx", "ny"))
+    heights = np.frombuffer(plain, f"<i{header['bits'] // 8}", nx * ny, start)
+    behind = bytes(plain[start + heights.nbytes :]) + behind
+    if behind and not behind.startswith(_SUR_MARKS):
+        raise _odd_end(path, len(behind))
+    if heights.size and lowest < highest:  # some programs may state neither
+        found = int(heights.min()), int(heights.max())
+        if found[0] < lowest - _SUR_BELOW or found[1] > highest + _SUR_ABOVE:
+            problem = (
+                f"holds heights from {found[0]} to {found[1]}, but states {lowest} to {highest} "
+                "(steps of the file): it is damaged"
+            )
+            raise InputError(path, problem, _COPY_AGAIN)
+
+
+def _check_sdf(path: Path, file: BinaryIO) -> None:
+    """Refuse a binary `.sdf` with anything but text behind its heights."""
+    file.seek(0)
+    (header,) = np.frombuffer(file.read(_SDF_HEADER.itemsize), _SDF_HEADER, 1)
+    size = _SDF_SIZES[header["type"]] * int(header["nx"]) * int(header["ny"])
+    file.seek(_SDF_HEADER.itemsize + size)
+    behind = file.read()
+    if not _SDF_TRAILER.match(behind):
+        raise _odd_end(path, len(behind))
+
+
+def _odd_end(path: Path, count: int) -> InputError:
+    return InputError(
+        path,
+        f"{count} bytes stand behind its heights that cannot follow them: bytes were added, or the "
+        "heights begin elsewhere",
+        f"{_COPY_AGAIN} If that does not help, export it as .x3p or .plux.",
+    )
