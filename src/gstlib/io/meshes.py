@@ -5,13 +5,14 @@ must never pass for a smaller stone, so the number of its faces is compared with
 """
 
 import io
+import itertools
 import json
 import logging
 import re
 import warnings
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,12 +43,21 @@ _CLOSED = 0.01
 # A stone is one part; each takes trimesh a quarter of a millisecond, whatever is in it.
 _MOST_PARTS = 10_000
 # Faces and vertices that are zeros, as in a lost block of the file: so many, and ten times as many
-# as are in any other place. Rounding shrinks triangles to points, too, but everywhere.
-_FEWEST_EMPTY, _FEWEST_ZEROS, _ZEROS_TIMES = 3, 10, 10
+# as are in any other place, where one vertex is. Rounding shrinks triangles to points, too, but
+# everywhere.
+_FEWEST_EMPTY, _ZEROS_TIMES = 3, 10
 # Bytes of a 3MF's XML, each of which takes thirty of memory: a stone of a million triangles.
 _LONGEST_XML = 1 << 26
 # Bytes of a face in an OBJ: of a thousand corners, which trimesh needs a thousand times for.
 _LONGEST_FACE = 10_000
+# Types of numbers in a PLY, and those of NumPy.
+_PLY_TYPES = {
+    b"char": "i1", b"uchar": "u1", b"short": "i2", b"ushort": "u2", b"int": "i4", b"uint": "u4",
+    b"float": "f4", b"double": "f8", b"int8": "i1", b"uint8": "u1", b"int16": "i2",
+    b"uint16": "u2", b"int32": "i4", b"uint32": "u4", b"float32": "f4", b"float64": "f8",
+}  # fmt: skip
+# How many rows an element of a PLY has, and the words of the header that describe its properties.
+_PlyElement = tuple[int, list[list[bytes]]]
 _EXPORT_AGAIN = "Export the mesh again as triangles (binary STL or PLY)."
 
 
@@ -81,68 +91,17 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     path = Path(path)
     if unit not in (None, *_UNITS):
         raise InputError(path, f"unknown mesh unit {unit!r}", f"Use one of {list(_UNITS)}.")
-    if not path.is_file():
-        raise InputError(path, "no such file", "Correct the path of the mesh in the config.")
-    if path.suffix.lower() not in _READ:
-        problem = f"'{path.suffix}' is not a mesh format that is read here"
-        raise InputError(path, problem, f"Export the mesh as one of {', '.join(_READ)}.")
-    check_size(path)
-    if zipfile.is_zipfile(path):
-        try:
-            with zipfile.ZipFile(path) as archive:
-                check_unpacked(path, archive)
-                models = [name for name in archive.namelist() if name.endswith(".model")]
-                _refuse_long_xml(sum(archive.getinfo(model).file_size for model in models))
-                _refuse_parts(sum(archive.read(model).count(b"<item") for model in models))
-        except (
-            OSError,
-            zipfile.BadZipFile,
-            zlib.error,
-            NotImplementedError,
-            ValueError,
-        ) as error:
-            raise InputError(
-                path, f"is damaged, or too large ({error})", _EXPORT_AGAIN
-            ) from error
-    if not (content := path.read_bytes()):
-        raise InputError(path, "the file is empty", "Copy it, or export it, again.")
+    content = _read_content(path)
     announced = _announced_faces(path, content)
     vertices, faces, stated = _load(path, content)
-    if announced not in (None, len(faces)):
-        raise InputError(
-            path,
-            f"{len(faces)} triangles can be read, but the file states {announced}: it is cut or "
-            "damaged, or its faces are not triangles",
-            _EXPORT_AGAIN,
-        )
-    if len(faces) == 0:
-        raise InputError(path, "the mesh has no faces", "Export it again, with its triangles.")
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        problem = f"a face refers to a vertex outside its {len(vertices)}: it is cut or damaged"
-        raise InputError(path, problem, _EXPORT_AGAIN)
-    bad = int((~np.isfinite(vertices)).any(axis=1).sum())
-    if bad:
-        raise InputError(
-            path, f"{bad} of {len(vertices)} vertices are not numbers", "Repair it."
-        )
-    unit = unit or stated or "mm"
-    if stated not in (None, unit) and path.suffix.lower() == ".3mf":
-        problem = f"states its unit, {stated}, and is to be read in {unit}"
-        raise InputError(path, problem, f"Set mesh_unit: {stated}.")
-    _check_size(path, float(np.ptp(vertices, axis=0).max()), unit)
-    if stated not in (None, unit):
-        message = "%s: GLB is in %s by its specification, but is read in %s, as given"
-        _log.warning(message, path, stated, unit)
+    _check_faces(path, vertices, faces, announced)
+    unit = _unit_to_read_in(path, unit, stated)
+    _check_extent(path, float(np.ptp(vertices, axis=0).max()), unit)
     metadata = {"file_unit": unit, "states_unit": stated is not None}
     mesh = trimesh.Trimesh(vertices * _UNITS[unit], faces, process=False, metadata=metadata)
     mesh.merge_vertices()
     _refuse_zeros(path, vertices, faces, mesh)
-    areas = mesh.triangles_cross
-    closed = np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum()
-    # measured from its middle, so pin-holes far from the origin matter little
-    if closed and ((mesh.triangles_center - mesh.bounds.mean(axis=0)) * areas).sum() < 0:
-        _log.warning("the mesh is inside out (its volume is negative): its faces were turned")
-        mesh.invert()
+    _turn_outwards(mesh)
     return mesh
 
 
@@ -166,42 +125,209 @@ def is_mesh(path: str | Path) -> bool:
     return Path(path).suffix.lower() in _READ + _NOT_READ
 
 
+def _read_content(path: Path) -> bytes:
+    """All bytes of a mesh's file, if it is none that would fill the memory."""
+    if not path.is_file():
+        raise InputError(path, "no such file", "Correct the path of the mesh in the config.")
+    if path.suffix.lower() not in _READ:
+        problem = f"'{path.suffix}' is not a mesh format that is read here"
+        raise InputError(path, problem, f"Export the mesh as one of {', '.join(_READ)}.")
+    check_size(path)
+    if zipfile.is_zipfile(path):
+        _check_archive(path)
+    if not (content := path.read_bytes()):
+        raise InputError(path, "the file is empty", "Copy it, or export it, again.")
+    return content
+
+
+def _check_archive(path: Path) -> None:
+    """Refuse a 3MF that is damaged, or whose models are too large."""
+    unreadable = OSError, zipfile.BadZipFile, zlib.error, NotImplementedError, ValueError
+    try:
+        with zipfile.ZipFile(path) as archive:
+            check_unpacked(path, archive)
+            models = [name for name in archive.namelist() if name.endswith(".model")]
+            _refuse_long_xml(sum(archive.getinfo(model).file_size for model in models))
+            _refuse_parts(sum(archive.read(model).count(b"<item") for model in models))
+    except unreadable as error:
+        raise InputError(path, f"is damaged, or too large ({error})", _EXPORT_AGAIN) from error
+
+
+def _check_faces(
+    path: Path, vertices: np.ndarray, faces: np.ndarray, announced: int | None
+) -> None:
+    """Refuse faces that are not all that the file states, and vertices that are no places."""
+    if announced not in (None, len(faces)):
+        raise InputError(
+            path,
+            f"{len(faces)} triangles can be read, but the file states {announced}: it is cut or "
+            "damaged, or its faces are not triangles",
+            _EXPORT_AGAIN,
+        )
+    if len(faces) == 0:
+        raise InputError(path, "the mesh has no faces", "Export it again, with its triangles.")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        problem = f"a face refers to a vertex outside its {len(vertices)}: it is cut or damaged"
+        raise InputError(path, problem, _EXPORT_AGAIN)
+    if bad := int((~np.isfinite(vertices)).any(axis=1).sum()):
+        raise InputError(
+            path, f"{bad} of {len(vertices)} vertices are not numbers", "Repair it."
+        )
+
+
+def _unit_to_read_in(path: Path, given: str | None, stated: str | None) -> str:
+    """The unit that the user gave or the file states, if they do not contradict each other."""
+    unit = given or stated or "mm"
+    if stated not in (None, unit):
+        if path.suffix.lower() == ".3mf":
+            problem = f"states its unit, {stated}, and is to be read in {unit}"
+            raise InputError(path, problem, f"Set mesh_unit: {stated}.")
+        message = "%s: GLB is in %s by its specification, but is read in %s, as given"
+        _log.warning(message, path, stated, unit)
+    return unit
+
+
+def _turn_outwards(mesh: "trimesh.Trimesh") -> None:
+    """Turn the faces of a closed mesh that is inside out."""
+    areas = mesh.triangles_cross
+    closed = np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum()
+    # measured from its middle, so pin-holes far from the origin matter little
+    if closed and ((mesh.triangles_center - mesh.bounds.mean(axis=0)) * areas).sum() < 0:
+        _log.warning("the mesh is inside out (its volume is negative): its faces were turned")
+        mesh.invert()
+
+
 def _announced_faces(path: Path, content: bytes) -> int | None:
-    """Number of faces that the file states, None if the format states none."""
+    """Number of faces that the file states, None if the format states none.
+
+    Content that contradicts itself is refused.
+    """
     kind = path.suffix.lower()
     if kind == ".stl":
-        # Some binary files begin with "solid" too, but no text has zero bytes.
-        if b"\0" in content:
-            return int.from_bytes(content[80:84], "little")
-        if not content.rstrip().rsplit(b"\n", 1)[-1].lstrip().lower().startswith(b"endsolid"):
-            raise InputError(
-                path, "ends without 'endsolid': it is cut, or no STL", _EXPORT_AGAIN
-            )
-        return content.lower().count(b"endfacet")
-    header = content.partition(b"end_header")[0] if kind == ".ply" else content
-    is_text = kind in (".obj", ".off") or (kind == ".ply" and b"format ascii" in header)
-    if is_text and not content.endswith((b"\n", b"\r")):
-        raise InputError(path, "ends within a line: it is cut", _EXPORT_AGAIN)
-    if is_text and b"\0" in content:
-        raise InputError(path, "is text with zero bytes in it: it is damaged", _EXPORT_AGAIN)
+        return _faces_of_stl(path, content)
     if kind == ".ply":
-        found = re.search(rb"^element\s+face\s+(\d+)", header, re.MULTILINE)
-        if found and is_text:
-            stated = re.findall(rb"^element\s+\w+\s+(\d+)", header, re.MULTILINE)
-            _check_rows(path, content[len(header) :], sum(map(int, stated)))
-    elif kind == ".off":
-        found = re.match(rb"(?:\s|#.*\n)*C?OFF(?:\s|#.*\n)*(?=\d+\s+(\d+)\s)", content)
-        if found:
-            body = content[found.end() :]
-            _check_rows(path, body, sum(map(int, body.split(maxsplit=2)[:2])))
-    else:
-        if kind == ".obj":
-            _refuse_odd_obj(path, content)
-        return None
+        return _faces_of_ply(path, content)
+    if kind == ".off":
+        return _faces_of_off(path, content)
+    if kind == ".obj":
+        _refuse_odd_text(path, content)
+        _refuse_odd_obj(path, content)
+    return None
+
+
+def _faces_of_stl(path: Path, content: bytes) -> int:
+    # Some binary files begin with "solid" too, but no text has zero bytes.
+    if b"\0" in content:
+        return int.from_bytes(content[80:84], "little")
+    if not content.rstrip().rsplit(b"\n", 1)[-1].lstrip().lower().startswith(b"endsolid"):
+        raise InputError(path, "ends without 'endsolid': it is cut, or no STL", _EXPORT_AGAIN)
+    return content.lower().count(b"endfacet")
+
+
+def _faces_of_off(path: Path, content: bytes) -> int:
+    _refuse_odd_text(path, content)
+    found = re.match(rb"(?:\s|#.*\n)*C?OFF(?:\s|#.*\n)*(?=\d+\s+(\d+)\s)", content)
     if found is None:
-        problem = f"does not begin with the header of {kind[1:].upper()} with its faces"
-        raise InputError(path, problem, "Correct its ending, or export it again.")
+        raise _no_header(path)
+    body = content[found.end() :]
+    _check_rows(path, body, sum(map(int, body.split(maxsplit=2)[:2])))
     return int(found[1])
+
+
+def _faces_of_ply(path: Path, content: bytes) -> int:
+    header, end, body = content.partition(b"end_header")
+    elements = _ply_elements(header)
+    if b"face" not in elements:
+        raise _no_header(path)
+    if b"format ascii" in header:
+        _refuse_odd_text(path, content)
+        _check_rows(path, end + body, sum(count for count, _ in elements.values()))
+        _check_ply_cells(path, elements.values(), body)
+    else:
+        order = ">" if b"binary_big_endian" in header else "<"
+        _check_ply_lists(path, elements.values(), order, body.partition(b"\n")[2])
+    return elements[b"face"][0]
+
+
+def _no_header(path: Path) -> InputError:
+    problem = f"does not begin with the header of {path.suffix[1:].upper()} with its faces"
+    return InputError(path, problem, "Correct its ending, or export it again.")
+
+
+def _refuse_odd_text(path: Path, content: bytes) -> None:
+    if not content.endswith((b"\n", b"\r")):
+        raise InputError(path, "ends within a line: it is cut", _EXPORT_AGAIN)
+    if b"\0" in content:
+        raise InputError(path, "is text with zero bytes in it: it is damaged", _EXPORT_AGAIN)
+
+
+def _ply_elements(header: bytes) -> dict[bytes, _PlyElement]:
+    """Elements of a PLY by name, in the order of the file."""
+    elements: dict[bytes, _PlyElement] = {}
+    for line in header.splitlines():
+        if found := re.match(rb"element\s+(\w+)\s+(\d+)", line):
+            properties: list[list[bytes]] = []
+            elements[found[1]] = int(found[2]), properties
+        elif elements and line.startswith(b"property"):
+            properties.append(line.split()[1:-1])
+    return elements
+
+
+def _check_ply_cells(path: Path, elements: Iterable[_PlyElement], body: bytes) -> None:
+    """Refuse text whose rows have more or fewer cells than the header says.
+
+    trimesh takes all lists to be as long as the first, and drops what is left.
+    """
+    rows = (row for row in map(bytes.split, body.splitlines()) if row and row[0][:1] != b"#")
+    for count, properties in elements:
+        for row in itertools.islice(rows, count):
+            if not _has_cells(row, properties):
+                problem = f"has a row that its header does not describe: {row[:9]}"
+                raise InputError(path, problem, _EXPORT_AGAIN)
+
+
+def _has_cells(row: Sequence[bytes], properties: Iterable[Sequence[bytes]]) -> bool:
+    at = 0
+    try:
+        for words in properties:
+            at += 1 + int(row[at]) if words[0] == b"list" else 1
+    except (IndexError, ValueError):
+        return False
+    return at == len(row)
+
+
+def _check_ply_lists(
+    path: Path, elements: Iterable[_PlyElement], order: str, body: bytes
+) -> None:
+    """Refuse a binary PLY with lists that are not as long as the first of their property."""
+    at = 0
+    try:
+        for count, properties in elements:
+            if not count:
+                continue
+            rows = np.frombuffer(body, _ply_row(properties, order, body, at), count, at)
+            lengths = [rows[name] for name in rows.dtype.names or () if name[0] == "n"]
+            if any((length != length[:1]).any() for length in lengths):
+                problem = "is damaged, or its faces are not all triangles"
+                raise InputError(path, problem, _EXPORT_AGAIN)
+            at += rows.nbytes
+    except (IndexError, KeyError, ValueError) as error:
+        raise InputError(path, f"cannot be read as PLY ({error})", _EXPORT_AGAIN) from error
+
+
+def _ply_row(
+    properties: Iterable[Sequence[bytes]], order: str, body: bytes, at: int
+) -> np.dtype[Any]:
+    """A row of a PLY's element, with its lists as long as those in the row at byte `at`."""
+    fields: list[Any] = []
+    for number, (kind, *of) in enumerate(properties):
+        if kind == b"list":
+            length_type, item = (order + _PLY_TYPES[word] for word in of)
+            (length,) = np.frombuffer(body, length_type, 1, at + np.dtype(fields).itemsize)
+            fields += [(f"n{number}", length_type), (f"items {number}", item, int(length))]
+        else:
+            fields.append((f"value {number}", order + _PLY_TYPES[kind]))
+    return np.dtype(fields)
 
 
 def _check_rows(path: Path, body: bytes, stated: int) -> None:
@@ -291,16 +417,17 @@ def _refuse_unlikely_header(content: bytes) -> None:
 def _refuse_zeros(
     path: Path, vertices: np.ndarray, faces: np.ndarray, merged: "trimesh.Trimesh"
 ) -> None:
-    """Refuse zeros where vertices or faces were: triangles, or many vertices, in one place."""
+    """Refuse zeros where vertices or faces were: triangles, or several vertices, in one place."""
     shrunk = (merged.faces == merged.faces[:, :1]).all(axis=1)
     lost = shrunk & ((faces == 0).all(axis=1) | ~merged.triangles.any(axis=(1, 2)))
     elsewhere = int(np.bincount(merged.faces[shrunk & ~lost, 0]).max(initial=0))
     if (count := int(lost.sum())) >= _FEWEST_EMPTY and count > _ZEROS_TIMES * elsewhere:
         _refuse_lost(path, count, "faces")
-    lost = ~vertices.any(axis=1)
-    if (count := int(lost.sum())) > _FEWEST_ZEROS:
-        _, copies = np.unique(vertices[~lost], axis=0, return_counts=True)
-        if count > _ZEROS_TIMES * copies.max(initial=0):
+    corners = vertices[np.unique(faces)]
+    lost = ~corners.any(axis=1)
+    if (count := int(lost.sum())) >= _FEWEST_EMPTY:
+        _, copies = np.unique(corners[~lost], axis=0, return_counts=True)
+        if count - 1 > _ZEROS_TIMES * (copies.max(initial=1) - 1):
             _refuse_lost(path, count, "vertices")
 
 
@@ -309,7 +436,7 @@ def _refuse_lost(path: Path, count: int, what: str) -> None:
     raise InputError(path, problem, "Copy it, or export it, again.")
 
 
-def _check_size(path: Path, extent: float, unit: str) -> None:
+def _check_extent(path: Path, extent: float, unit: str) -> None:
     """Refuse a mesh whose largest extent (in `unit`) is not that of a stone."""
     if _SMALLEST_STONE <= extent * _UNITS[unit] <= _LARGEST_STONE:
         return

@@ -200,6 +200,20 @@ def test_cut_files_are_refused(write, name):
         ("whole.3mf", b"PK\1\2", b"PK\1\3", "is damaged"),
         ("ascii.stl", b"-20.0", b"nan", "are not numbers"),
         ("little.ply", np.float32(-20).tobytes(), np.float32("nan").tobytes(), "are not numbers"),
+        ("ascii.ply", b"-20 ", b"-2 0 ", "a row that its header does not describe"),
+        ("ascii.ply", b"\n5 3 ", b"\n5 33 ", "a row that its header does not describe"),
+        ("ascii.ply", b" 9\n", b"\n", "a row that its header does not describe"),
+        # the last face, of 14 bytes, has none or seven corners
+        *(
+            (
+                name,
+                FILES[name][-14:],
+                FILES[name][-14:-13] + corners + FILES[name][-12:],
+                "not all triangles",
+            )
+            for name in ("little.ply", "big.ply")
+            for corners in (b"\0", b"\7")
+        ),
         ("text.off", b"\n3 ", b"\n3 0 1 2\n3 ", "has 75 rows, but states 74"),
         ("ascii.ply", b"\n5 3 ", b"\n0 0 0 9\n5 3 ", "has 75 rows, but states 74"),
         ("plain.obj", b"\nf 1 ", b"\n3 1 ", "a line that begins with a number"),
@@ -241,8 +255,24 @@ def test_a_mesh_with_a_block_of_zeros_is_refused(tmp_path, kind, at, share):
     first = round(at * len(content)) if kind != "glb" else content.index(b"BIN\0") + 70_000
     lost = round(share * len(content))
     (tmp_path / f"a.{kind}").write_bytes(content[:first] + bytes(lost) + content[first + lost :])
-    what = "faces" if kind == "stl" else "(faces|vertices)"
-    refused(tmp_path / f"a.{kind}", f"of its {what} are nothing but zeros", unit="mm")
+    refused(tmp_path / f"a.{kind}", "are nothing but zeros|not all triangles", unit="mm")
+
+
+@pytest.mark.parametrize("kind", ["ply", "glb"])
+def test_three_vertices_of_zeros_are_too_many(tmp_path, kind):
+    """Two may be two points of a stone, and vertices of no face do not matter."""
+    ball = uneven()
+    for lost, is_refused in ((2, False), (3, True)):
+        mesh = ball.copy()
+        mesh.vertices[100 : 100 + lost] = 0
+        mesh.export(tmp_path / f"a.{kind}")
+        if is_refused:
+            refused(tmp_path / f"a.{kind}", "3 of its vertices are nothing but zeros", unit="mm")
+        else:
+            read_mesh(tmp_path / f"a.{kind}", unit="mm")
+    more = trimesh.Trimesh(np.vstack([ball.vertices, np.zeros((50, 3))]), ball.faces, process=False)
+    more.export(tmp_path / "a.ply")
+    assert read_mesh(tmp_path / "a.ply").volume == pytest.approx(ball.volume, rel=1e-6)
 
 
 def test_triangles_that_rounding_shrinks_and_copies_of_the_origin_are_read(tmp_path):
