@@ -62,8 +62,8 @@ def job_log(path: str | Path) -> Iterator[logging.Logger]:
         file = _LogFile(path, screen)
     except OSError as error:
         raise SystemExit(f"\nERROR: {cannot_write(path, error)}\n") from None
-    log, *others = (logging.getLogger(name) for name in _LOGGERS)
-    for each in (log, *others):
+    log, *_ = levels = {each: each.level for each in map(logging.getLogger, _LOGGERS)}
+    for each in levels:
         each.setLevel(logging.INFO)
         each.addHandler(file)  # before the screen, which may have to take its place
         each.addHandler(screen)
@@ -81,9 +81,11 @@ def job_log(path: str | Path) -> Iterator[logging.Logger]:
         raise SystemExit(1) from None
     finally:
         for handler in (file, screen):
-            for each in (log, *others):
+            for each in levels:
                 each.removeHandler(handler)
             handler.close()
+        for each, level in levels.items():
+            each.setLevel(level)
 
 
 def logged(log: Path, level: str) -> list[str]:

@@ -31,12 +31,14 @@ def test_an_error_of_the_user_is_one_line_and_a_bug_in_the_program_a_traceback(t
 
 
 def test_warnings_reach_the_log(tmp_path, capsys):
+    level = logging.getLogger("gstlib").level
     with job_log(tmp_path / "job.log"):
         logging.getLogger("gstlib.anything").info("step 1")
         warnings.warn("contact at the border", UserWarning, stacklevel=1)
     text = (tmp_path / "job.log").read_text()
     assert text.splitlines() == ["INFO step 1", "WARNING UserWarning: contact at the border"]
     assert "contact at the border" in capsys.readouterr().err
+    assert logging.getLogger("gstlib").level == level
 
 
 class Run:
