@@ -93,8 +93,7 @@ def grid_mesh(
     _check_holes(heights, use_face.bare, layout, source)
     left_out = compare(interpolation, cloud, layout.bounds)
     if left_out.chosen != "linear":  # the linear heights exist already
-        smooth = interpolate(left_out.chosen, cloud, layout.along, edge)
-        heights = np.where(np.isnan(heights), np.nan, smooth)
+        heights = interpolate(left_out.chosen, cloud, layout.along, edge)
     surface = make_surface(
         np.where(use_face.ends, np.nan, heights),
         layout.spacing,
