@@ -369,7 +369,7 @@ def test_what_is_wrong_with_all_files_is_said_once(folder):
     for epoch in ("T0", "T1"):
         (folder / f"1_{epoch}.csv").write_text("1,2,4\n3,4,0\n7,1,2\n", encoding="utf-8")
     files = [ScanFile(folder / f"1_{epoch}.csv", "1", epoch) for epoch in ("T0", "T1")]
-    found = check_inputs(None, files, Asked(**SETTINGS))
+    found = check_inputs(None, files, Asked(**SETTINGS | {"reference": True}))
     message = str(InputsError(found.problems))
     assert "problems" not in message
     for word in ("1_T0.csv, ", "1_T1.csv: ", "scans.unit", "scans.spacing_um"):

@@ -14,7 +14,7 @@ from gstlib.io.scans import read_scan
 from gstlib.surfaces.grid import spacing_of
 from numpy.polynomial.legendre import legvander2d
 
-from .conftest import ROOT, as_measured, run
+from .conftest import ROOT, as_measured, in_memory, run
 
 
 def check(study):
@@ -29,13 +29,25 @@ def missing(said, *words):
 
 
 def test_good_files(measured):
+    measured.change(load={"force_N": 550.0, "at_mm": [3.2, 2.0]})
     code, said = check(measured)
     assert code == 0, said
+    assert "force through x 3.2, y 2 mm" in said
+    plane = in_memory(measured).contact.interface.plane
+    (tilt,) = re.findall(r"tilted by ([\d.]+) mrad", said)
+    assert float(tilt) == pytest.approx(1e3 * np.hypot(plane.slope_y, plane.slope_x), rel=0.2)  # of the mesh alone
     words = ("E* = 10346 MPa, from the elastic constants", "No problems found, but 1 warning")
     facts = ("up to 64 × 64 points; Sq ", " mm along its x, y, z; mean edge length ")
     assert missing(said, *words, *facts) == []
     assert said.count("WARNING") == 1  # the mesh is too coarse to check the heights' unit
     assert [file.name for file in measured.results.iterdir()] == ["check.png"]
+
+
+def test_a_load_that_nothing_can_hold_is_told(measured):
+    measured.change(load={"force_N": 550.0, "at_mm": [0.0, 0.0]}, macroscale={"face_mm": 5.0})
+    code, said = check(measured)
+    assert code == 2
+    assert missing(said, "the stone tips over", "x 0, y 0 mm", "load.at_mm") == []
 
 
 def test_every_problem_of_a_config(study):

@@ -27,6 +27,7 @@ from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.macroscale.gesture import Gesture, read_poses
 from gstlib.preprocess.scans import preprocessing_table
+from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.footprints import Place, square_of
 from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import remove_plane
@@ -302,10 +303,12 @@ def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
     found = stored("change/detection").attrs
     assert 0.10 < found["level_mm2"] ** 0.5 * 1e3 < 0.15
     assert own.detection == pytest.approx((found["level_mm2"], found["lateral_mm2"]))
+    scanned = {f"{patch}_{epoch}.h5" for patch in TWICE for epoch in ("T0", "repeat")}
+    assert set(json.loads(found["input_sha256"])) == scanned
     assert set(table("registration").detection) == {"repeat"}
 
 
-def test_the_force_acts_where_it_is_said_on_stones_that_differ(stored, table):
+def test_the_force_acts_where_it_is_said_on_stones_that_differ(studied, stored, table):
     contact, path = stored("macroscale/contact"), table("macroscale_path").iloc[-1]
     dy, dx = spacing_of(contact)
     assert float(contact.pressure.sum() * dy * dx) == pytest.approx(550, rel=1e-6)
@@ -329,6 +332,7 @@ def test_the_force_acts_where_it_is_said_on_stones_that_differ(stored, table):
     left_out = table("patch_pressures").set_index("patch").loc["10"]
     assert (left_out.pressure_MPa > 60, left_out.in_study) == (True, False)
     assert "10" not in set(table("cases").patch)
+    assert "no patch enters" not in (studied.results / "logs/select_patches.log").read_text()
     # published figures stand beside those computed
     names = ["mean_pressure_MPa", "displacement_um", "contact_fraction"]
     expected = [*path[names], table("patch_pressures").pressure_MPa[4]]
@@ -343,9 +347,17 @@ def test_what_was_not_scanned_is_drawn_anew(own, stored, table):
     pressures = of[reference.patch.values]
     np.testing.assert_allclose(pressures, reference.pressure.mean("draw"), rtol=1e-3, atol=1e-6)
     scans = {patch: own.prepared[patch, "T0"] for patch in ALL}
-    drawn = composite_heights(own.face, own.composite, scans, s_filter_um=5.0, seed=1, draw=0)
+    of, alike = (own.face, own.composite), {"seed": 1, "draw": 0}
+    drawn = composite_heights(*of, scans, s_filter_um=5.0, **alike)
     first = stored("reference/contact").height
     np.testing.assert_allclose(first, remove_plane(drawn)[0], atol=1e-8)
+    smooth = {
+        patch: scan.assign(height=s_filtered(scan.height, 50.0)) for patch, scan in scans.items()
+    }
+    filtered = composite_heights(*of, scans, s_filter_um=50.0, **alike)
+    np.testing.assert_array_equal(
+        filtered, composite_heights(*of, smooth, s_filter_um=None, **alike)
+    )
 
 
 def test_every_pose_is_pressed_as_the_table_says(stored, table, gesture):
@@ -453,7 +465,15 @@ def test_a_interlayer_takes_turns_with_the_bare_stone(with_a_interlayer, tmp_pat
     assert "with an interlayer of 300 MPa, 300 µm thick, predicts" in page
 
 
-# --- Other studies, refused -------------------------------------------------------------------
+# --- Other files, and other studies ------------------------------------------------------------
+
+
+def test_another_published_figure_is_compared_again(studied):
+    published = studied.folder / "published.csv"
+    content = published.read_text()
+    published.write_text(content.replace("MPa,5", "MPa,6"))
+    assert "compare_published" in studied.planned()
+    published.write_text(content)
 
 
 def test_results_of_other_studies_are_refused(studied):

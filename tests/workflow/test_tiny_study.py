@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from gst.figures import study as figures
 from gst.figures.style import BLUE, save_figure
+from gst.provenance import commit, program_hash
 from gst.tables import TABLES
 from gstlib.conditions import study_modulus
 from gstlib.contact import Interface, Load, contact_at_pressure
@@ -25,7 +26,7 @@ from matplotlib.colors import to_rgb
 from power import merged
 from sweep import outcomes
 
-from .conftest import assert_stored, in_memory
+from .conftest import ROOT, assert_stored, in_memory
 
 # Of the tables listed, those that this study has no use for.
 ABSENT = {"exposure", "places", "published"}
@@ -59,7 +60,8 @@ def test_every_step_has_the_settings_of_the_config(results, config):
     placed = {"s_filter_um": config["microscale"]["s_filter_um"], "seed": config["seed"]}
     modulus = study_modulus(config["material"])
     named = {
-        "macroscale/surface": {**config["square"], "grid": 40, "face_mm": 10.0, "radius_mm": 200.0},
+        "macroscale/surface": config["square"]
+        | {"grid": 40, "face_mm": 10.0, "radius_mm": 200.0, "interpolation": "best"},
         "macroscale/composite": placed | {"placement_um": config["uncertainty"]["placement_um"]},
         "macroscale/contact": {"modulus": modulus, "steps": 6},
         "microscale/1/13": {"contact_modulus_MPa": modulus} | config["microscale"],
@@ -77,8 +79,11 @@ def test_every_step_has_the_settings_of_the_config(results, config):
         assert {key: settings.get(key, "lost") for key in expected} == expected, name
 
 
-def test_the_record_holds_the_whole_config(results, config):
-    assert json.loads((results / "provenance.json").read_text())["config"] == config
+def test_the_record_holds_the_whole_config_and_the_program(results, config):
+    record = json.loads((results / "provenance.json").read_text())
+    assert record["config"] == config
+    found = {name: record["software"][name] for name in ("commit", "program")}
+    assert found == {"commit": commit(ROOT), "program": program_hash()}
 
 
 def test_every_figure_is_a_picture_of_something(results):

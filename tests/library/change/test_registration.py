@@ -49,6 +49,16 @@ def test_stones_that_have_nothing_in_common_are_not_found(scans, monkeypatch):
     assert not any(above_noise)
 
 
+def test_found_are_details_that_correlate_by_a_half(scans):
+    """T1 has details of another stone, more and more of them."""
+    t0, t1 = scans(1)
+    pairs = ((t0, t1 + share * scans(2)[0].values) for share in np.linspace(1.4, 2.1, 15))
+    found = [register(*pair, maximum_shift_mm=0.05) for pair in pairs]
+    above = np.array([each.detail_correlation for each in found]) - 0.5
+    assert -0.03 < above[above < 0].max() < above[above > 0].min() < 0.03
+    assert [each.found for each in found] == list(above >= 0)
+
+
 @pytest.mark.parametrize("share", [0.8, 0.95])
 def test_beyond_reach_nothing_wrong_is_believed(scans, share):
     for seed in range(4):

@@ -170,6 +170,13 @@ def test_a_square_that_cannot_be_gridded(match, mesh, frame):
     assert "stone.stl" in str(caught.value)
 
 
+def test_as_many_vertices_as_are_needed_are_enough(monkeypatch):
+    mesh = sheet(hills, edge=1.0)
+    inside = (abs(mesh.vertices[:, :2] - 2.5) <= 2.5).all(axis=1)
+    monkeypatch.setattr(gridding, "_FEWEST", int(inside.sum()))
+    assert grid(mesh).attrs["mesh_points"] >= inside.sum()
+
+
 # --- Left-out vertices ------------------------------------------------------------------------
 
 
