@@ -26,10 +26,11 @@ def test_same_content_same_bytes_whenever_written(tmp_path):
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
 
 
-def test_units_are_required(tmp_path):
+@pytest.mark.parametrize("name", ["units", "long_name"])
+def test_units_and_long_names_are_required(tmp_path, name):
     bare = dataset()
-    del bare.height.attrs["units"]
-    with pytest.raises(ValueError, match="'height' lacks units"):
+    del bare.height.attrs[name]
+    with pytest.raises(ValueError, match=f"'height' lacks {name}"):
         write_dataset(tmp_path / "a.h5", bare)
     assert list(tmp_path.iterdir()) == []
 
