@@ -302,7 +302,7 @@ def test_an_edge_of_the_mesh_in_the_face_is_no_stone_and_is_warned_of(caplog):
     cut = macroscale(sheet(hills, low=-4.0, high=6.5), 10.0)
     absent = np.isnan(cut.height)
     (warning,) = caplog.messages
-    assert f"{100 * float(absent.mean()):.2g} % of the face of 10 mm has no stone" in warning
+    assert f": {100 * float(absent.mean()):.2g} % of the face of 10 mm has no stone" in warning
     beyond = (cut.x > 6.5) | (cut.y > 6.5)
     np.testing.assert_array_equal(absent, beyond.transpose("y", "x"))
     # planes are those of the square
