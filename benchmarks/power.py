@@ -24,8 +24,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import beta
 
-from gst.config import complete, read_study
-from gst.config_file import read_config_file
+from gst.config import complete, read_config_file, read_study
 from gstlib.errors import InputError
 from gstlib.io.tables import read_table, write_table
 from gstlib.specimen.generate import make_specimens

@@ -17,7 +17,6 @@ import click
 import yaml
 
 from gst.cli import main as gst
-from gst.config import resolved
 from gst.tables import TABLES, Column, Table
 
 ROOT = Path(__file__).parents[1]
@@ -29,18 +28,17 @@ SIGNS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "ma
 
 def keys(node: dict, schema: dict, prefix: str = "") -> Iterator[tuple[str, str, str, str]]:
     """Every key below `node`: its full name, possible values, default and description."""
-    for branch in [node, *node.get("oneOf", [])]:
-        section = resolved(branch, schema)
-        for name, part in section.get("properties", {}).items():
-            full = resolved(part, schema)
-            default = "required" if name in section.get("required", []) else default_of(full)
-            yield (
-                f"{prefix}{name}",
-                allowed(full, schema),
-                default,
-                full.get("description", ""),
-            )
-            yield from keys(full, schema, f"{prefix}{name}.")
+    for name, part in node.get("properties", {}).items():
+        full = resolved(part, schema)
+        default = "required" if name in node.get("required", []) else default_of(full)
+        yield f"{prefix}{name}", allowed(full, schema), default, full.get("description", "")
+        yield from keys(full, schema, f"{prefix}{name}.")
+
+
+def resolved(rule: dict, schema: dict) -> dict:
+    """A rule of the schema, merged with the one in ``$defs`` that it refers to, if any."""
+    name = rule.get("$ref", "").removeprefix("#/$defs/")
+    return {**schema["$defs"][name], **rule} if name else rule
 
 
 def leaves(schema: dict) -> list[str]:
@@ -64,8 +62,6 @@ def default_of(node: dict) -> str:
 def allowed(node: dict, schema: dict) -> str:
     """The values that a key may take, in words."""
     node = resolved(node, schema)
-    if "oneOf" in node:
-        return " or ".join(allowed(branch, schema) for branch in node["oneOf"])
     if "enum" in node:
         return ", ".join("null" if value is None else str(value) for value in node["enum"])
     kinds = node["type"] if isinstance(node["type"], list) else [node["type"]]
@@ -149,12 +145,16 @@ def main() -> None:
     parser.add_argument("--check", action="store_true")
     check = parser.parse_args().check
     schemas = ROOT / "workflow" / "schemas"
-    config, patches = (
+    config, patches, poses = (
         yaml.safe_load((schemas / f"{name}.schema.yaml").read_text("utf-8"))
-        for name in ("config", "patches")
+        for name in ("config", "patches", "poses")
     )
     documents = {
-        "config/README.md": {"config": config_table(config), "patches": table(patches)},
+        "config/README.md": {
+            "config": config_table(config),
+            "patches": table(patches),
+            "poses": table(poses),
+        },
         "docs/tables.md": {"tables": "\n\n".join(results())},
         "docs/assumptions.md": {"assumptions": "\n".join(assumptions())},
         "docs/reference.md": {

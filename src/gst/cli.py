@@ -4,46 +4,23 @@ Every command ends with one of these exit codes; `study`, once Snakemake runs, w
 
 - 0: what was asked for is done
 - 1: `diff` found tables that differ
-- 2: it cannot be done (any `GstError`), was asked for wrongly, or was broken off
+- 2: it cannot be done (any `GstError` or `OSError`), was asked for wrongly, or was broken off
 """
 
-import math
-import os
 import sys
 from pathlib import Path
-from typing import Any
 
 import click
 
 import gst
 import gstlib
 from gstlib.errors import GstError
-from gstlib.io.files import name_problem
 
 __all__ = ["main"]
 
 
-class _Path(click.Path):
-    """A path that a file may have, whether there is one or not."""
-
-    def convert(self, value: Any, *where: Any) -> Path:
-        # a name from an old disk may have bytes that are no UTF-8
-        if problem := name_problem(os.fsencode(value).decode(errors="replace")):
-            self.fail(problem, *where)
-        return Path(value)
-
-
-class _Number(click.FloatRange):
-    """A finite number; no bound of `FloatRange` refuses NaN."""
-
-    def convert(self, value: Any, *where: Any) -> float:
-        number = super().convert(value, *where)
-        if not math.isfinite(number):
-            self.fail(f"{value} is not finite", *where)
-        return number
-
-
-_PATH = _Path()
+_SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
+_PATH = click.Path(path_type=Path)
 _CONFIG = click.argument("config", type=_PATH, default="config/config.yaml")
 
 # What messages name by its key in the config is an option of `gst inspect`.
@@ -52,12 +29,12 @@ _OF_INSPECT |= {"scans.spacing_um in the config": "--spacing-um"}
 
 
 class _Commands(click.Group):
-    """Commands that end with the message of a `GstError` and exit code 2."""
+    """Commands that end with the message of an error and exit code 2."""
 
     def invoke(self, ctx: click.Context) -> None:
         try:
             super().invoke(ctx)
-        except GstError as error:
+        except (GstError, OSError) as error:  # such as a name that is too long
             click.echo(f"ERROR: {error}", err=True)
             ctx.exit(2)
         except (EOFError, KeyboardInterrupt):
@@ -65,7 +42,7 @@ class _Commands(click.Group):
             ctx.exit(2)
 
 
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=_Commands, context_settings=_SETTINGS)
 @click.version_option(gstlib.__version__, prog_name="gst")
 def main() -> None:
     """Where does a ground stone tool wear? Set up, check and run a study; inspect its files.
@@ -81,7 +58,6 @@ def main() -> None:
     "--like",
     type=click.Choice(gst.SHIPPED),
     default="own",
-    show_default=True,
     help="The shipped config to start from, such as config (the synthetic specimen) or tiny (the "
     "same in seconds).",
 )
@@ -111,14 +87,14 @@ def check(config) -> None:
 @click.argument("options", metavar="[SNAKEMAKE OPTIONS]...", nargs=-1, type=click.UNPROCESSED)
 @click.option("--cores", help="Jobs at a time; by default as in the profile, which has 2.")
 @click.option(
-    "--profile",
-    default="default",
-    show_default=True,
-    help="default, slurm, or your own folder in profiles.",
+    "--profile", default="default", help="default, slurm, or your own folder in profiles."
 )
 @click.option("--plan", is_flag=True, help="Only show what would run.")
 def study(config, options, cores, profile, plan) -> None:
-    """Run the study of CONFIG in this folder. Options of Snakemake may follow CONFIG."""
+    """Run the study of CONFIG in this folder.
+
+    Options of Snakemake may follow CONFIG, such as --report FILE for its report.
+    """
     if str(config).startswith("-"):
         raise click.UsageError(f"name CONFIG before Snakemake's option {config}")
     from gst.running import run_study
@@ -138,9 +114,9 @@ def clean(config, intermediate) -> None:
 
     Whole folders such as tables are removed; other files in the results folder stay.
     """
-    from gst.running import remove_intermediate, remove_results
+    from gst.running import remove_results
 
-    remove_intermediate(config) if intermediate else remove_results(config)
+    remove_results(config, intermediate=intermediate)
 
 
 @main.command()
@@ -152,7 +128,7 @@ def clean(config, intermediate) -> None:
 )
 @click.option(
     "--spacing-um",
-    type=_Number(min=0, min_open=True),
+    type=click.FloatRange(min=0, min_open=True),
     help="Point spacing (µm) of text files that do not state it.",
 )
 @click.option("--pictures", type=_PATH, help="A folder for a picture (PNG) of each file.")
@@ -196,17 +172,15 @@ def inspect(files, unit, spacing_um, pictures) -> None:
 )
 @click.option(
     "--size",
-    type=_Number(0, 100, min_open=True),
+    type=click.FloatRange(0, 100, min_open=True),
     default=5.0,
-    show_default=True,
     help="Side of the square (mm).",
 )
 @click.option("--patches", type=_PATH, help="A patch table to draw on the square.")
 @click.option(
     "--patch-size",
-    type=_Number(0, 50, min_open=True),
+    type=click.FloatRange(0, 50, min_open=True),
     default=0.85,
-    show_default=True,
     help="Side of a patch (mm).",
 )
 @click.option("--output", type=_PATH, default="pick.html", show_default=True, help="The page.")
@@ -233,9 +207,8 @@ def pick(mesh, unit, size, patches, patch_size, output) -> None:
 @click.argument("after", type=_PATH)
 @click.option(
     "--tolerance",
-    type=_Number(min=0),
+    type=click.FloatRange(min=0),
     default=0.0,
-    show_default=True,
     help="Relative difference up to which numbers count as equal.",
 )
 def diff(before, after, tolerance) -> None:
@@ -275,10 +248,8 @@ def export(results, to) -> None:
 @click.option("--license", "licence", help="Licence of the results, such as CC-BY-4.0 (SPDX).")
 def package(results, output, authors, licence) -> None:
     """Pack a finished study into one zip for an archive or a paper (a Workflow Run RO-Crate)."""
-    from gst.chain import check_chain
     from gst.crate import pack_study
 
-    check_chain(results)
     output = output or Path(f"{results.resolve().name}.zip")
     count = pack_study(results, output, authors=authors, licence=licence)
     click.echo(f"{output}: {count} files, {output.stat().st_size / 1e6:.1f} MB")

@@ -1,15 +1,18 @@
 """The poses of the active tool that a config asks for, and how far they reach."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from gst.user_tables import read_rows
 from gstlib.conditions import load_force
-from gstlib.macroscale.gesture import read_poses, scatter_poses, stroke_poses
+from gstlib.errors import ConfigError
+from gstlib.macroscale.gesture import scatter_poses, stroke_poses
 
-__all__ = ["batches_of", "poses_of", "reach_of"]
+__all__ = ["batches_of", "poses_of", "reach_of", "read_poses"]
 
 # A job takes as long to start as a hundred poses to press.
 _IN_BATCH = 200
@@ -25,6 +28,22 @@ def poses_of(config: Mapping[str, Any]) -> pd.DataFrame | None:
     if "load_point_scatter_mm" in gesture:
         return scatter_poses(**gesture, force_N=force_N, seed=config["seed"])
     return stroke_poses(**gesture, force_N=force_N)
+
+
+def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
+    """The poses of a table, with the columns of `gstlib.macroscale.gesture.stroke_poses`.
+
+    `workflow/schemas/poses.schema.yaml` describes a row, which has a force, or a pressure on the
+    square of side `size_mm`. A `ConfigError` lists all that is wrong, with line numbers.
+    """
+    table = read_rows(path, "poses")
+    rows = table.rows
+    unclear = rows.index[rows.force_N.isna() == rows.pressure_MPa.isna()]
+    table.refuse((line, "give one of force_N and pressure_MPa") for line in unclear)
+    if not rows.weight.any():
+        raise ConfigError(path, "no pose has a weight", "Give weights above 0.")
+    pressure_MPa = rows.pop("pressure_MPa")
+    return rows.fillna({"force_N": pressure_MPa * size_mm**2}).reset_index(drop=True)
 
 
 def batches_of(poses: pd.DataFrame | None) -> list[pd.DataFrame]:

@@ -6,12 +6,18 @@ import runpy
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 import yaml
 from gst import SHIPPED
-from gst.config import check_files, complete, config_problems, counterface_mesh, refuse_study
-from gst.config_file import read_config_file
+from gst.config import (
+    check_files,
+    complete,
+    config_problems,
+    counterface_mesh,
+    read_config_file,
+    refuse_study,
+)
+from gst.user_tables import rows_of
 from gstlib.conditions import study_poisson
 from gstlib.errors import ConfigError
 from snakemake.utils import update_config
@@ -73,7 +79,7 @@ def test_every_key_is_typed(config):
     assert "'inputs' lacks ['mesh_unit']" in config_problems(without)[0]
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 10**30, 2**20000], ids="abcde")
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 10**30], ids="abcd")
 def test_numbers_are_finite(config, value):
     """Each key in turn; NaN is within any bounds that are tested by comparing."""
     config["counterface"] = SECOND | {"radius_mm": 200.0}
@@ -82,16 +88,6 @@ def test_numbers_are_finite(config, value):
         assert "give a finite number" in impossible(config, path, value)
     (corner,) = config_problems(changed(config, "square.points_mm", [[0, value, 0], *POINTS[1:]]))
     assert corner.startswith("'square.points_mm.0.1' is ")
-
-
-@pytest.mark.parametrize("value", ["a\0.tsv", "\ud800", "a" * 300, 2500 * "a/"], ids="abcd")
-def test_a_path_that_no_file_can_have(config, value):
-    config |= {"inputs": INPUTS, "counterface": SECOND | {"scan": "a.plu"}}
-    config["gesture"] = {"table": "poses.tsv"}
-    paths = ["results", "patches", "published", "inputs.mesh", "inputs.scan_folder"]
-    for path in [*paths, "counterface.scan", "counterface.mesh", "gesture.table"]:
-        impossible(config, path, value)
-    assert config_problems(complete({"title": 40 * "eine Reibplatte aus Quarzit "})) == []
 
 
 def test_the_template_states_every_default(config):
@@ -203,13 +199,16 @@ def test_what_is_given_takes_the_place_of_a_default():
     assert complete({})["square"]["points_mm"][0][0] == 2.5
 
 
-def test_decimal_commas_are_one_problem(config):
+def test_decimal_commas(config):
     """YAML takes a number with one for text, and in a list for two numbers."""
-    corner = yaml.safe_load("[2,5, 2,5, 0,0]")
-    points = changed(config, "square.points_mm", [corner, [1, 2, 3], corner])
-    (problem,) = config_problems(changed(points, "microscale.steps", "2,5"))
-    for word in ("decimal points", "microscale.steps", "points_mm.0", "points_mm.2"):
-        assert word in problem
+    points = yaml.safe_load("[[2,5, 2,5, 0,0], [1, 2, 3], [0, 1, 2]]")
+    steps, corner = config_problems(
+        changed(changed(config, "square.points_mm", points), "microscale.steps", "2,5")
+    )
+    assert steps.startswith("'microscale.steps' is '2,5'")
+    assert "with a point" in steps
+    assert corner.startswith("'square.points_mm.0' is ")
+    assert "decimal points, not commas" in corner
 
 
 def test_the_square_alone_knows_no_active_tool_and_no_gesture(config):
@@ -242,23 +241,25 @@ def test_files_that_cannot_be_used_are_listed_with_those_of_like_names(config, t
         (tmp_path / name).touch()
     config["inputs"] = {"mesh": f"{tmp_path}/mesh.stl", "scan_folder": f"{tmp_path}/"}
     config["counterface"] = {"scan": f"{tmp_path}/S5_T1.plu"}
-    columns = ["patch", "t0", "t1", "repeat"]
-    check_files(
-        config, pd.DataFrame([("5", "s5_t0.plu", "", "")], columns=columns), source="m.yaml"
-    )
-    rows = [("5", "S5_T0.PLU", "", "again.plu"), ("6", "S6_T1.plu", "S5_T1.plu", "")]
+
+    def patches(*rows):
+        named = [dict(zip(("patch", "t0", "t1", "repeat"), row, strict=True)) for row in rows]
+        return rows_of("patches", dict(enumerate(named)))
+
+    check_files(config, patches(("5", "s5_t0.plu", "", "")), source="m.yaml")
+    rows = [("5", "s5_T0.plu", "", "again.plu"), ("6", "other.sur", "S5_T1.plu", "")]
     rows += [("7", "s7_T0.plu", "8{1}.plu", "")]
     config["counterface"] = {"scan": "gone.plu"}
     with pytest.raises(ConfigError) as raised:
-        check_files(config, pd.DataFrame(rows, columns=columns), source="m.yaml")
+        check_files(config, patches(*rows), source="m.yaml")
     first, *lines, remedy = str(raised.value).splitlines()
     assert first == "m.yaml: 6 of 8 files cannot be used"
     assert "relative to the working folder" in remedy
     listed = {line.split(":")[0][4:]: line for line in lines}
     assert "gone.plu does not exist" in listed["counterface's scan"]
-    assert "S5_T0.PLU does not exist (did you mean s5_t0.plu?)" in listed["patch 5 at T0"]
+    assert "s5_T0.plu does not exist (did you mean s5_t0.plu?)" in listed["patch 5 at T0"]
     assert "again.plu does not exist" in listed["repeat of patch 5"]
-    assert "S5_T1" not in listed["patch 6 at T0"]  # it is patch 6 at T1
+    assert listed["patch 6 at T0"].endswith("other.sur does not exist")
     assert "did you mean s7-T0.plu?" in listed["patch 7 at T0"]
     assert "braces, which Snakemake reads as a placeholder" in listed["patch 7 at T1"]
 
@@ -271,8 +272,8 @@ BAD_TABLE, BAD_POSES = "patch,x_mm,y_mm,t0\n1,9,1,a\n", "x_mm,y_mm\n1,1\n"
     [
         ({}, None),
         ({"seed": -1}, "'seed' is -1"),
-        ({"patches": "bad.csv"}, "bad.csv: 1 problem in the patch table"),
-        ({"gesture": {"table": "poses.csv"}}, "poses.csv: 1 poses, missing columns"),
+        ({"patches": "bad.csv"}, "bad.csv: 1 problem in this table"),
+        ({"gesture": {"table": "poses.csv"}}, "poses.csv: missing columns"),
         ({"gesture": {"table": "gone.csv"}}, "gone.csv: cannot be read"),
         ({"specimen": None, "inputs": INPUTS}, "files cannot be used\n  - mesh: a does not exist"),
     ],
@@ -330,7 +331,7 @@ def test_poisson_stands_for_the_compliances_of_both_stones(first, second):
         (b'title: "\x07"\n', "#x0007"),
         (b"title: 2024-13-45\n", "month must be in 1..12"),
         (b"seed: " + 5000 * b"1", "digits"),
-        (b"load: &a {f: [*a]}\n", "aliases"),
+        (b"load: &a {f: [*a]}\n", "by an alias (*)"),
         (b"# a stone\ntitle: Fl\xe4che\n", "byte 0xe4"),
         (b"- a\n- b\n", "holds ['a', 'b'], not keys"),
         (b"# nothing\n", "holds None"),

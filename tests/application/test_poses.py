@@ -3,9 +3,55 @@
 import numpy as np
 import pandas as pd
 import pytest
-from gst.poses import batches_of, reach_of
+from gst.poses import batches_of, reach_of, read_poses
+from gstlib.errors import ConfigError
 
+SIDE = 4.0
 TABLE = "x_mm\ty_mm\tforce_N\tsliding_mm\tweight\n0.1\t0\t20\t0.5\t1\n-0.1\t0\t20\t0.5\t2\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "force_N"),
+    [
+        ("# a short stroke\n" + TABLE, 20),
+        (TABLE.replace("force_N", "pressure_MPa"), 20 * SIDE**2),
+        (TABLE.replace(".", ","), 20),
+        (TABLE.replace("\t", ";").replace(".", ","), 20),
+        (TABLE.replace("force_N", "Force_N"), 20),
+    ],
+    ids=["N", "MPa", "decimal commas", "semicolons", "capitals"],
+)
+def test_a_table_of_poses_is_read(tmp_path, text, force_N):
+    (tmp_path / "poses.csv").write_text(text)
+    poses = read_poses(tmp_path / "poses.csv", size_mm=SIDE)
+    assert poses.x_mm.tolist() == [0.1, -0.1]
+    assert poses.weight.tolist() == [1, 2]
+    assert poses.rotation_deg.tolist() == poses.turning_deg.tolist() == [0, 0]
+    assert poses.force_N.tolist() == [force_N, force_N]
+    assert poses.index.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ("weight", "mass", r"missing columns \['weight'\], unknown columns \['mass'\]"),
+        ("\t20\t0.5\t2", "\tmuch\t0.5\t2", "line 3: force_N is 'much', not a number"),
+        ("\t20\t0.5\t2", "\tinf\t0.5\t2", "line 3: force_N is 'inf', not a number"),
+        ("\t20\t0.5\t2", "\t20\t-1\t2", "line 3: sliding_mm is -1"),
+        ("0.5\t1\n", "0.5\t\n", "line 2: weight is empty"),
+        ("\t20\t0.5\t2", "\t0\t0.5\t2", "line 3: force_N is 0"),
+        ("\t20\t0.5\t2", "\t\t0.5\t2", "line 3: give one of force_N and pressure_MPa"),
+        (TABLE, TABLE.replace("5\t2", "5\t0").replace("5\t1", "5\t0"), "no pose has a weight"),
+        (TABLE[TABLE.index("\n") + 1 :], "", "no rows"),
+        (TABLE, "x_mm,y_mm,force_N,sliding_mm,weight\n0,1,0,20,0,5,1\n", "decimal commas"),
+    ],
+)
+def test_a_faulty_table_of_poses_is_refused(tmp_path, old, new, named):
+    path = tmp_path / "poses.tsv"
+    path.write_text(TABLE.replace(old, new))
+    with pytest.raises(ConfigError, match=named) as caught:
+        read_poses(path, size_mm=SIDE)
+    assert str(path) in str(caught.value)
 
 
 def test_the_face_is_known_as_far_as_the_poses_reach(tmp_path):

@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 import trimesh
 from gst.config import read_config
+from gst.poses import read_poses
 from gstlib.change.texture import measure_texture
 from gstlib.contact import Contact
 from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
@@ -25,7 +26,7 @@ from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
-from gstlib.macroscale.gesture import Gesture, read_poses
+from gstlib.macroscale.gesture import Gesture
 from gstlib.preprocess.scans import preprocessing_table
 from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.footprints import Place, square_of

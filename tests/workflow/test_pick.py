@@ -8,8 +8,7 @@ import trimesh
 import yaml
 from click.testing import CliRunner
 from gst.cli import main
-from gst.config import config_problems
-from gst.config_file import read_config_file
+from gst.config import config_problems, read_config_file
 from gstlib.surfaces.frames import find_frame, frame_from_points
 
 from .conftest import ROOT, opened

@@ -8,7 +8,6 @@ import errno
 import glob
 import hashlib
 import os
-import re
 import tempfile
 import zipfile
 from collections.abc import Collection
@@ -17,7 +16,7 @@ from pathlib import Path
 from gstlib.errors import InputError, OutputError
 
 __all__ = ["LARGEST_TABLE", "cannot_write", "check_size", "check_unpacked"]
-__all__ += ["check_unpacked_size", "check_writable", "name_problem", "sha256", "write_whole"]
+__all__ += ["check_unpacked_size", "check_writable", "sha256", "write_whole"]
 
 # Bytes that are read of one file, and unpacked of an archive: a stone of twenty million triangles,
 # a map of 8000² points. Tables and configs are far smaller. What claims more is damaged, or made to
@@ -28,10 +27,6 @@ LARGEST_TABLE = 1_000_000
 # Measured heights shrink by less than 4 when packed, meshes in XML by less than 10: what shrank by
 # more than this is empty, unless it is small even so.
 _PACKED_AT_MOST, _SMALL = 20, 1 << 24
-# What systems take as a path: characters in all, and bytes between two slashes.
-_LONGEST_PATH, _LONGEST_NAME = 1000, 255
-# Controls, but for tab and line feed, and halves of characters, which no encoding has.
-_NO_TEXT = re.compile(r"[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]")
 
 _IN_WORDS = {
     errno.ENOSPC: ("the disk is full", "Make room on it"),
@@ -58,19 +53,6 @@ def check_size(path: str | Path, largest: int = _LARGEST) -> None:
             f"has {_megabytes(size)} MB, and at most {_megabytes(largest)} MB are read",
             "Export it again, smaller: this is more than any stone, scan or table needs.",
         )
-
-
-def name_problem(path: str) -> str | None:
-    """Why no file can have this path, as the rest of a sentence about it; None if one can."""
-    if found := _NO_TEXT.search(path):
-        return f"contains the character {found[0]!r}"
-    longest = max(len(part.encode()) for part in path.split("/"))
-    if len(path) > _LONGEST_PATH or longest > _LONGEST_NAME:
-        return (
-            f"begins with {path[:40]!r} and has {len(path)} characters, more than the path of a "
-            f"file may have: {_LONGEST_PATH} in all, {_LONGEST_NAME} bytes between two slashes"
-        )
-    return None
 
 
 def _megabytes(size: int) -> str:

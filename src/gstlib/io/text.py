@@ -15,7 +15,7 @@ import numpy as np
 
 from gstlib.errors import InputError
 
-__all__ = ["SCAN_UNITS", "decoded", "other_case", "read_matrix", "read_points", "separator_of"]
+__all__ = ["SCAN_UNITS", "decoded", "read_matrix", "read_points", "separator_of"]
 
 # Length of each unit in mm.
 SCAN_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
@@ -114,17 +114,6 @@ def separator_of(line: str) -> str | None:
     [';', '\\t', ',', None]
     """
     return next((mark for mark in ";\t," if mark in line), None)
-
-
-def other_case(unknown: Iterable[str], known: Iterable[str]) -> str:
-    """What to write for `unknown` names that differ from `known` ones in case; else nothing.
-
-    >>> other_case(["X_mm", "z_mm"], ["x_mm", "y_mm"])
-    'Write x_mm for X_mm: case matters. '
-    """
-    lower = {name.lower(): name for name in known}
-    meant = [f"{lower[name.lower()]} for {name}" for name in unknown if name.lower() in lower]
-    return f"Write {', '.join(meant)}: case matters. " if meant else ""
 
 
 def decoded(content: bytes) -> str:

@@ -14,7 +14,6 @@ starts from the one before.
 # stone slides by the same distance wherever the hand pushes.
 
 from collections.abc import Collection, Iterable
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,9 +22,6 @@ import xarray as xr
 
 from gstlib.bem import solve_contact
 from gstlib.contact import Interface, Load, from_corner, log_state, solver_errors
-from gstlib.errors import ConfigError
-from gstlib.io.files import LARGEST_TABLE, check_size
-from gstlib.io.text import other_case
 from gstlib.macroscale.active_tool import face_in_pose
 from gstlib.surfaces.footprints import Place, footprint_weights, places_of
 from gstlib.surfaces.grid import spacing_of
@@ -35,21 +31,12 @@ __all__ = [
     "exposure",
     "exposure_table",
     "press_poses",
-    "read_poses",
     "scatter_poses",
     "stroke_poses",
 ]
 
-# Columns of a gesture: the least number that each takes, and what stands for an absent one.
-_COLUMNS: dict[str, tuple[float, float | None]] = {
-    "x_mm": (-np.inf, None),
-    "y_mm": (-np.inf, None),
-    "rotation_deg": (-np.inf, 0.0),
-    "force_N": (0.0, None),
-    "sliding_mm": (0.0, None),
-    "turning_deg": (0.0, 0.0),
-    "weight": (0.0, None),
-}
+# Columns of the poses of a gesture.
+_COLUMNS = ["x_mm", "y_mm", "rotation_deg", "force_N", "sliding_mm", "turning_deg", "weight"]
 _VARIABLES = {
     "mean_pressure": ("MPa", "mean contact pressure of the poses"),
     "pressure_sum": ("MPa", "sum of the contact pressures of the poses"),
@@ -81,7 +68,7 @@ class Gesture(NamedTuple):
     through : (float, float)
         Where (y, x), mm, the force acts in the pose at (0, 0).
     poses : pandas.DataFrame
-        From `stroke_poses`, `scatter_poses` or `read_poses`; the index numbers them.
+        From `stroke_poses` or `scatter_poses`, or a table of their columns; the index numbers them.
     """
 
     counterface: xr.DataArray
@@ -95,62 +82,6 @@ class Gesture(NamedTuple):
         if not self.is_mesh:
             return self.counterface
         return face_in_pose(self.counterface, height, place, size_mm=self.size_mm)
-
-
-def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
-    """The poses of a gesture from a table, a row each, with the columns of `stroke_poses`.
-
-    The file is text, its cells are separated by tabs, commas or semicolons; a line that begins with
-    # is a comment. Unless commas separate them, numbers may have decimal commas. Without
-    ``rotation_deg`` or ``turning_deg`` they are 0. In place of ``force_N`` there may be
-    ``pressure_MPa``, on the square of side `size_mm`.
-
-    Raises
-    ------
-    ConfigError
-        There are no poses, a column is unknown or missing, or a cell is no number in its range.
-    """
-    try:
-        check_size(path, LARGEST_TABLE)
-        table = pd.read_csv(
-            path, sep=None, engine="python", comment="#", skipinitialspace=True, dtype=str
-        )
-    except (OSError, ValueError) as error:
-        raise ConfigError(path, f"cannot be read ({error})", "Save it as UTF-8 CSV.") from error
-    if not isinstance(table.index, pd.RangeIndex):  # pandas takes what is too much for names
-        raise ConfigError(
-            path,
-            "has rows with more cells than the line of column names, as decimal commas give "
-            "between commas",
-            "Separate the cells by semicolons or tabs, or write decimal points.",
-        )
-    pressed_on = 1.0
-    if "force_N" not in table and "pressure_MPa" in table:
-        table, pressed_on = table.rename(columns={"pressure_MPa": "force_N"}), size_mm**2
-    unknown = [name for name in table if name not in _COLUMNS]
-    missing = [name for name, (_, of) in _COLUMNS.items() if of is None and name not in table]
-    if unknown or missing or table.empty:
-        raise ConfigError(
-            path,
-            f"{len(table)} poses, missing columns {missing}, unknown columns {unknown}",
-            other_case(unknown, [*_COLUMNS, "pressure_MPa"])
-            + f"Give a line of column names and a line for each pose; columns: {list(_COLUMNS)}.",
-        )
-    for name, (least, absent) in _COLUMNS.items():
-        given = table.get(name, pd.Series(str(absent), index=table.index))
-        numbers = pd.to_numeric(given.str.replace(",", "."), errors="coerce")
-        for row in np.flatnonzero(~(np.isfinite(numbers) & (numbers >= least))):
-            raise ConfigError(
-                path,
-                f"pose {row + 1}: {name} is {given[row]}",
-                "Give a number" + (f" from {least:g} on." if np.isfinite(least) else "."),
-            )
-        table[name] = numbers
-    table["force_N"] *= pressed_on
-    if not ((table.weight > 0).any() and (table.force_N > 0).all()):
-        problem = "no pose has a weight, or one has no force"
-        raise ConfigError(path, problem, "Give weights and forces above 0.")
-    return table[list(_COLUMNS)]
 
 
 def stroke_poses(*, stroke_mm: float, poses: int, force_N: float) -> pd.DataFrame:
@@ -172,7 +103,7 @@ def stroke_poses(*, stroke_mm: float, poses: int, force_N: float) -> pd.DataFram
         turn about the middle of the square, from x towards y), ``force_N``, ``sliding_mm`` and
         ``turning_deg`` (how far it slides and turns in the pose) and ``weight``.
     """
-    table = pd.DataFrame(0.0, index=range(poses), columns=list(_COLUMNS))
+    table = pd.DataFrame(0.0, index=range(poses), columns=_COLUMNS)
     return table.assign(
         x_mm=stroke_mm * (np.linspace(-0.5, 0.5, poses) if poses > 1 else 0.0),
         force_N=force_N,
@@ -190,7 +121,7 @@ def scatter_poses(
     slides by 1 mm, so that exposures are for so many mm of sliding as there are poses.
     """
     y, x = load_point_scatter_mm * np.random.default_rng([seed, 5]).standard_normal((2, poses))
-    table = pd.DataFrame(0.0, index=range(poses), columns=list(_COLUMNS))
+    table = pd.DataFrame(0.0, index=range(poses), columns=_COLUMNS)
     # neighbours follow each other, and start from each other's contact
     order = np.argsort(np.arctan2(y, x))
     return table.assign(

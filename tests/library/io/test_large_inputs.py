@@ -8,12 +8,12 @@ import zipfile
 import numpy as np
 import pytest
 import trimesh
-from gst.config_file import read_config_file
+from gst.config import read_config_file
 from gst.patches import read_patches
+from gst.poses import read_poses
 from gstlib.errors import ConfigError, InputError
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
-from gstlib.macroscale.gesture import read_poses
 from scan_files import FORMATS, write_sur, zipped
 
 

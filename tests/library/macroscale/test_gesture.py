@@ -1,4 +1,4 @@
-"""Many poses of a stone on another: known sums, and tables of poses."""
+"""Many poses of a stone on another: known sums."""
 
 import numpy as np
 import pandas as pd
@@ -6,14 +6,12 @@ import pytest
 import xarray as xr
 from contacts import around, tiles
 from contacts import pressed as press
-from gstlib.errors import ConfigError
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.macroscale.gesture import (
     Gesture,
     exposure,
     exposure_table,
     press_poses,
-    read_poses,
     scatter_poses,
     stroke_poses,
 )
@@ -142,47 +140,3 @@ def test_a_stroke_has_its_middle_in_the_pose():
     assert along.sliding_mm.sum() == pytest.approx(1.0)
     assert (along[["force_N", "weight", "y_mm", "rotation_deg"]] == [FORCE, 1, 0, 0]).all(axis=None)
     assert stroke_poses(stroke_mm=1.0, poses=1, force_N=FORCE).x_mm.tolist() == [0]
-
-
-TABLE = "x_mm\ty_mm\tforce_N\tsliding_mm\tweight\n0.1\t0\t20\t0.5\t1\n-0.1\t0\t20\t0.5\t2\n"
-
-
-@pytest.mark.parametrize(
-    ("text", "force_N"),
-    [
-        ("# a short stroke\n" + TABLE, 20),
-        (TABLE.replace("force_N", "pressure_MPa"), 20 * SIDE**2),
-        (TABLE.replace(".", ","), 20),
-        (TABLE.replace("\t", ";").replace(".", ","), 20),
-    ],
-    ids=["N", "MPa", "decimal commas", "semicolons"],
-)
-def test_a_table_of_poses_is_read(tmp_path, text, force_N):
-    (tmp_path / "poses.csv").write_text(text)
-    poses = read_poses(tmp_path / "poses.csv", size_mm=SIDE)
-    assert poses.x_mm.tolist() == [0.1, -0.1]
-    assert poses.weight.tolist() == [1, 2]
-    assert poses.rotation_deg.tolist() == poses.turning_deg.tolist() == [0, 0]
-    assert poses.force_N.tolist() == [force_N, force_N]
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "named"),
-    [
-        ("weight", "mass", r"missing columns \['weight'\], unknown columns \['mass'\]"),
-        ("force_N", "Force_N", "Write force_N for Force_N"),
-        ("\t20\t0.5\t2", "\tmuch\t0.5\t2", "pose 2: force_N is much"),
-        ("\t20\t0.5\t2", "\tinf\t0.5\t2", "pose 2: force_N is inf"),
-        ("\t20\t0.5\t2", "\t20\t-1\t2", "pose 2: sliding_mm is -1"),
-        ("0.5\t1\n", "0.5\t\n", "pose 1: weight is nan"),
-        ("\t20\t0.5\t2", "\t0\t0.5\t2", "one has no force"),
-        (TABLE[TABLE.index("\n") + 1 :], "", "0 poses"),
-        (TABLE, "x_mm,y_mm,force_N,sliding_mm,weight\n0,1,0,20,0,5,1\n", "decimal commas"),
-    ],
-)
-def test_a_faulty_table_of_poses_is_refused(tmp_path, old, new, named):
-    path = tmp_path / "poses.tsv"
-    path.write_text(TABLE.replace(old, new))
-    with pytest.raises(ConfigError, match=named) as caught:
-        read_poses(path, size_mm=SIDE)
-    assert str(path) in str(caught.value)

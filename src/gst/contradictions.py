@@ -1,0 +1,205 @@
+"""What no schema can express: values of a config that cannot go together.
+
+The config is whole, and each value alone fits the schema. Each problem is a sentence with its key,
+its value and the remedy.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from gst.named_files import input_in_results, path_problem
+from gstlib.conditions import load_force, load_point
+from gstlib.errors import ConfigError
+from gstlib.surfaces.frames import frame_from_points
+
+__all__ = ["contradictions", "counterface_mesh", "thinner_than_a_point"]
+
+# Corners are clicked or typed: the square's sides may be off by this share.
+_SIDE_TOLERANCE = 0.1
+# ASSUME: no stone bears a mean pressure (MPa) like this; quartzite is crushed at 150 to 300 MPa.
+_CRUSHING_MPA = 1000.0
+
+
+def contradictions(config: Mapping) -> Iterator[str]:
+    """Everything in a config that cannot go together."""
+    yield from _in_files(config)
+    yield from _in_squares(config)
+    yield from _without_patches(config)
+    yield from _in_load(config)
+    yield from _in_active_tool(config)
+    yield from _in_interlayer(config)
+    yield from _in_gesture(config)
+    short, long = config["texture"]["s_filter_um"], config["texture"]["l_filter_um"]
+    if long is not None and long <= short:
+        yield (
+            f"'texture.l_filter_um' is {long}, not above texture.s_filter_um, {short}: no wave "
+            "passes both filters; raise it, or set it to null"
+        )
+
+
+def _in_files(config: Mapping) -> Iterator[str]:
+    inputs = config["inputs"]
+    if (config["specimen"] is None) == (inputs is None):
+        yield (
+            "give exactly one of 'specimen' (generated) and 'inputs' (your files); set the other "
+            "to null"
+        )
+    if inside := input_in_results(config):
+        yield (
+            f"'results' is {config['results']!r}, a folder that contains {inside}: name a folder "
+            "for the results alone"
+        )
+    if config["patches"] is not None and inputs is not None and inputs["scan_folder"] is None:
+        yield "'inputs' lacks ['scan_folder'], where the scans of the patch table are: add it"
+    for name in ("patches", "published"):
+        if config[name] is not None and (problem := path_problem(config[name])):
+            yield f"'{name}': {problem}: correct the path"
+
+
+def _in_squares(config: Mapping) -> Iterator[str]:
+    size_mm, pose = config["square"]["size_mm"], (config["counterface"] or {}).get("pose", {})
+    yield from _square_problems("square.points_mm", config["square"]["points_mm"], size_mm)
+    if "points_mm" in pose:
+        yield from _square_problems("counterface.pose.points_mm", pose["points_mm"], size_mm)
+    if config["scans"]["size_mm"] > size_mm:
+        yield (
+            f"'scans.size_mm' is {config['scans']['size_mm']}, more than the square's "
+            f"{size_mm} mm: a patch must fit in the square"
+        )
+
+
+def _square_problems(key: str, points: Sequence, size_mm: float) -> Iterator[str]:
+    """What is wrong with three corners of a square of this size."""
+    try:
+        frame_from_points(points)
+    except ConfigError as error:
+        yield f"'{key}': {error.problem}: {error.remedy}"
+        return
+    sides = np.linalg.norm(np.subtract(points[1:], points[0]), axis=1)
+    if (abs(sides - size_mm) > _SIDE_TOLERANCE * size_mm).any():
+        yield (
+            f"'{key}' are corners {sides[0]:.3g} and {sides[1]:.3g} mm apart, and square.size_mm "
+            f"is {size_mm:g}: give the points in mm, at the corners of the square, or correct its "
+            "size"
+        )
+
+
+def _without_patches(config: Mapping) -> Iterator[str]:
+    if config["patches"] is not None:
+        return
+    if config["gesture"] is None:
+        yield (
+            "'patches' and 'gesture' are null: where to scan depends on how the load point "
+            "scatters; set gesture, such as {load_point_scatter_mm: 1, poses: 60}, or give a patch "
+            "table"
+        )
+    idle = [name for name in ("published", "interlayer") if config[name] is not None]
+    idle += ["counterface.scan"] if "scan" in (config["counterface"] or {}) else []
+    if idle:
+        yield (
+            f"'patches' is null, and {' and '.join(idle)} need{'s' * (len(idle) == 1)} scanned "
+            "patches: take out what needs them, or give a patch table"
+        )
+
+
+def _in_load(config: Mapping) -> Iterator[str]:
+    """What is wrong with the load, and with what bears it."""
+    load, size_mm = config["load"], config["square"]["size_mm"]
+    if (load["force_N"] is None) == (load["pressure_MPa"] is None):
+        both = "both" if load["force_N"] is not None else "neither"
+        yield f"'load' has {both} of force_N and pressure_MPa: give one, and set the other to null"
+        return
+    pressure, cap = load_force(load, size_mm) / size_mm**2, config["pressure_cap_MPa"]
+    if cap is not None and cap <= pressure:
+        yield (
+            f"'pressure_cap_MPa' is {cap} MPa, not above the mean pressure on the square, "
+            f"{pressure:.4g} MPa: no contact bears more than that; raise it, or set it to null"
+        )
+    if pressure > _CRUSHING_MPA:
+        yield (
+            f"'load' presses the square of {size_mm:g} mm with {pressure:.4g} MPa on average, and "
+            "no stone bears that (quartzite is crushed at 150 to 300 MPa): give the force of use "
+            "in N, which for a hand is some tens to some hundreds"
+        )
+    if config["coupling"] == "levelled":
+        return
+    face_mm = config["macroscale"]["face_mm"]
+    if face_mm < size_mm:
+        yield (
+            f"'macroscale.face_mm' is {face_mm:g}, less than the square's {size_mm:g} mm: the face "
+            "contains the square; make it larger"
+        )
+    low, high = (size_mm - face_mm) / 2, (size_mm + face_mm) / 2
+    if not all(low < along < high for along in load_point(load, size_mm)):
+        yield (
+            f"'load.at_mm' is {load['at_mm']}, outside the face, which reaches from {low:g} to "
+            f"{high:g} mm: the stone would tip over; move it inside"
+        )
+
+
+def _in_active_tool(config: Mapping) -> Iterator[str]:
+    form = config["counterface"] or {}
+    if form.get("radius_mm") and "mesh" in form:
+        yield "'counterface' has a radius and a mesh: give one of them"
+    if config["coupling"] == "levelled" and counterface_mesh(config, "") is not None:
+        yield (
+            "'counterface.mesh' (or specimen.counterface_seed) needs a stone at rest, and "
+            "coupling is levelled, which presses a flat: set coupling to placed"
+        )
+
+
+def _in_interlayer(config: Mapping) -> Iterator[str]:
+    if (layer := config["interlayer"]) is None:
+        return
+    stones_MPa = min(config["material"][f"young_{stone}_MPa"] for stone in (1, 2))
+    if layer["young_MPa"] >= stones_MPa:
+        yield (
+            f"'interlayer.young_MPa' is {layer['young_MPa']:g}, not below the stones' "
+            f"{stones_MPa:g} MPa: an interlayer must be softer than the stones; lower it, or set "
+            "interlayer to null"
+        )
+    spacing_um = (config["specimen"] or {}).get("scan_spacing_um", 0.0)
+    if layer["thickness_um"] < spacing_um:
+        fault = thinner_than_a_point(layer["thickness_um"], spacing_um)
+        yield f"'interlayer.thickness_um': {fault}; make it thicker, or set interlayer to null"
+
+
+def _in_gesture(config: Mapping) -> Iterator[str]:
+    if (gesture := config["gesture"]) is None:
+        return
+    if len(gesture) != 2 - ("table" in gesture):
+        yield (
+            f"'gesture' is {gesture}: give a table, or poses with stroke_mm or "
+            "load_point_scatter_mm"
+        )
+    if config["coupling"] == "levelled":
+        yield (
+            "'gesture' needs a stone at rest, and coupling is levelled: set coupling to placed, "
+            "or gesture to null"
+        )
+    if config["interlayer"] is not None:
+        yield "'gesture' and 'interlayer' cannot wear a stone together: set one of them to null"
+
+
+def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
+    """The active tool: its ``mesh``, ``mesh_unit`` and ``pose``; None if it is flat.
+
+    `specimen` is the folder of a synthetic active tool, whose square is laid on the passive one's.
+    """
+    if (config["specimen"] or {}).get("counterface_seed") is not None:
+        pose = {"points_mm": config["square"]["points_mm"]}
+        return {"mesh": f"{specimen}/counterface.stl", "mesh_unit": "mm", "pose": pose}
+    given = config["counterface"] or {}
+    if "mesh" not in given:
+        return None
+    # no default of the schema, which a stone without a mesh would get, too
+    return {"mesh_unit": "mm"} | {name: of for name, of in given.items() if name != "scan"}
+
+
+def thinner_than_a_point(thickness_um: float, spacing_um: float) -> str:
+    """What is wrong with an interlayer that is thinner than the spacing of the scans' points."""
+    return (
+        f"{thickness_um:g} µm is less than the {spacing_um:.3g} µm between two points of a scan: "
+        "so thin an interlayer has no measurable effect"
+    )

@@ -1,0 +1,172 @@
+"""Tables that a user writes, each row checked against a schema: patches and poses.
+
+Text as spreadsheets write it, in UTF-8 or (with its mark) UTF-16. Tabs, commas or semicolons
+separate the cells, as in the line of column names; unless commas separate them, numbers may have
+decimal commas. ``#`` begins a comment line. `workflow/schemas/NAME.schema.yaml` describes a row:
+its columns, their types and bounds, and what stands for an empty cell.
+"""
+
+import csv
+import math
+from collections.abc import Collection, Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+import yaml
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import ValidationError
+
+from gst import ROOT
+from gstlib.errors import ConfigError
+from gstlib.io.files import LARGEST_TABLE, check_size
+from gstlib.io.text import decoded, separator_of
+
+__all__ = ["Problem", "UserTable", "read_rows", "rows_of"]
+
+# A square of 5 mm holds some forty patches side by side; a gesture has some hundred poses.
+_MOST_ROWS = 10_000
+
+Problem = tuple[int, str]  # a line number, and what is wrong there
+
+
+class UserTable(NamedTuple):
+    """A table as it was read."""
+
+    path: Path
+    columns: list[str]  # that the file has
+    # Every column of the schema, by line number. Missing text is "" and missing numbers are NaN,
+    # unless the schema has a default.
+    rows: pd.DataFrame
+    problems: list[Problem]
+
+    def refuse(self, more: Iterable[Problem] = ()) -> None:
+        """Raise a `ConfigError` that lists all problems, and `more`, if there are any."""
+        listed = []
+        for line, text in sorted([*self.problems, *more], key=lambda problem: problem[0]):
+            patch = self.rows.loc[line].get("patch")
+            listed.append(f"\n  - line {line}{f' (patch {patch})' if patch else ''}: {text}")
+        if listed:
+            count = f"{len(listed)} problem{'s' * (len(listed) > 1)}"
+            raise ConfigError(
+                self.path,
+                f"{count} in this table{''.join(listed)}\n ",
+                "Correct these rows; config/README.md describes the columns. Between cells, "
+                "commas leave no room for decimal commas: use semicolons or tabs.",
+            )
+
+
+def read_rows(
+    path: str | Path,
+    name: str,
+    *,
+    renamed: Mapping[str, str] | None = None,
+    ignored: Collection[str] = (),
+) -> UserTable:
+    """Read a table whose rows the schema `name` describes, and check each row.
+
+    Columns are known in whatever case. `renamed` has other names for some, which count where the
+    schema's own are not there; the columns `ignored` are for readers. Raises a `ConfigError` if it
+    is no text, or has no rows, or not the columns.
+    """
+    path, schema = Path(path), _schema(name)
+    known = schema["properties"]
+    header, mark, lines = _read_lines(path)
+    columns = [{column.lower(): column for column in known}.get(c.lower(), c) for c in header]
+    for other, own in (renamed or {}).items():
+        columns = [own if c == other and own not in columns else c for c in columns]
+    missing = [column for column in schema["required"] if column not in columns]
+    unknown = [column for column in columns if column not in {*known, *ignored}]
+    if missing or unknown:
+        raise ConfigError(
+            path,
+            f"missing columns {missing}, unknown columns {unknown} (found {header})",
+            f"Known columns: {list(known)}, separated by tabs, commas or semicolons.",
+        )
+    validator = Draft202012Validator(schema)
+    rows: dict[int, dict[str, Any]] = {}
+    problems: list[Problem] = []
+    for line, cells in lines:
+        row = rows[line] = {
+            column: cell if known[column]["type"] == "string" else _number(cell, mark)
+            for column, cell in zip(columns, cells, strict=False)
+            if cell and column in known
+        }
+        problems += [(line, _explain(error)) for error in validator.iter_errors(row)]
+        if any(cells[len(columns) :]):
+            problems.append((line, f"{len(cells)} cells in {len(columns)} columns"))
+    return UserTable(path, columns, rows_of(name, rows), problems)
+
+
+def rows_of(name: str, rows: Mapping[int, Mapping[str, Any]]) -> pd.DataFrame:
+    """Rows with every column of a schema, as in `UserTable`."""
+    table = pd.DataFrame(index=[*rows])
+    for column, rule in _schema(name)["properties"].items():
+        is_text = rule["type"] == "string"
+        empty = rule.get("default", "" if is_text else math.nan)
+        cells = pd.Series(
+            [row.get(column, empty) for row in rows.values()], table.index, object
+        )
+        # what is no number is among the problems
+        numbers = pd.to_numeric(cells, errors="coerce").astype(float)
+        table[column] = cells.astype(str) if is_text else numbers
+    return table
+
+
+def _schema(name: str) -> dict[str, Any]:
+    file = ROOT / f"workflow/schemas/{name}.schema.yaml"
+    return yaml.safe_load(file.read_text(encoding="utf-8"))
+
+
+def _read_lines(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]]:
+    """The column names, what separates the cells, and the cells of each row by line number."""
+    try:
+        check_size(path, LARGEST_TABLE)
+        text = decoded(path.read_bytes()).splitlines()
+        # A spreadsheet puts a comment in quotes, and writes blank rows as rows of empty cells.
+        said = [line for line in text if line.strip(' \t,;"') and not _is_comment(line)]
+        mark = separator_of(said[0] if said else "") or ","
+        reader = csv.reader(text, delimiter=mark)
+        lines = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        remedy = "Correct its path in the config, or save it as CSV in UTF-8."
+        raise ConfigError(path, f"cannot be read ({error})", remedy) from error
+    lines = [(n, cells) for n, cells in lines if any(cells) and not _is_comment(cells[0])]
+    count = len(lines) - 1
+    if not 1 <= count <= _MOST_ROWS:
+        raise ConfigError(
+            path,
+            f"the table has {count if count > 0 else 'no'} rows",
+            f"Give a line of column names and at most {_MOST_ROWS} rows, a line each.",
+        )
+    header = lines[0][1]
+    while not header[-1]:  # as long as the widest row
+        header.pop()
+    return header, mark, lines[1:]
+
+
+def _is_comment(line: str) -> bool:
+    return line.lstrip(' "').startswith("#")
+
+
+def _number(cell: str, mark: str) -> float | str:
+    """The number in a cell; the cell itself if it is not a finite number."""
+    try:
+        value = float(cell if mark == "," else cell.replace(",", "."))
+    except ValueError:
+        return cell
+    return value if math.isfinite(value) else cell
+
+
+def _explain(error: ValidationError) -> str:
+    """What is wrong with a cell."""
+    # one that is absent is named by the message, and perhaps what asks for it
+    if not error.absolute_path:
+        name, *asking = error.message.split("'")[1::2]
+        return f"{name} is empty" + (f", but {asking[0]} is given" if asking else "")
+    name = error.absolute_path[-1]
+    if error.validator == "type":
+        return f"{name} is {error.instance!r}, not a number"
+    # a pattern is for the machine
+    said = "" if error.validator == "pattern" else f": {error.message}"
+    return f"{name} is {error.instance!r}{said} [{error.schema['description']}]"
