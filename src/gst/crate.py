@@ -1,120 +1,89 @@
 """A finished study as one zip, for an archive or a paper: a Workflow Run RO-Crate.
 
 The profile (w3id.org/ro/wfrun/workflow/0.5, on RO-Crate 1.1) describes a run as an action: the
-workflow, with a config and inputs, made the results. Metadata are a flat list of entities, and are
-written here as such: the library rocrate would save ten lines, and dates what it zips. The date of
-packing does not enter them: the same results give the same bytes.
+workflow, with a config and inputs, made the results. `crate.yaml`, beside this file, is the
+template of that description. The date of packing does not enter it: the same results give the same
+bytes.
 """
 
 import hashlib
+import importlib.resources
 import io
 import json
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import quote
 
+import jinja2
 import yaml
+from lxml.html import fromstring
 
-import gst
-from gst.chain import is_inside
+from gst import ROOT
+from gst.chain import check_chain, is_inside
 from gst.provenance import program_hash
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
 
 __all__ = ["pack_study"]
 
-_RO_CRATE = "https://w3id.org/ro/crate/1.1"
-_WORKFLOW_CRATE = "https://w3id.org/workflowhub/workflow-ro-crate/1.0"
 _PROFILES = {
-    "https://w3id.org/ro/wfrun/process/0.5": "Process Run Crate",
-    "https://w3id.org/ro/wfrun/workflow/0.5": "Workflow Run Crate",
-    _WORKFLOW_CRATE: "Workflow RO-Crate",
+    "Process Run Crate": "https://w3id.org/ro/wfrun/process/0.5",
+    "Workflow Run Crate": "https://w3id.org/ro/wfrun/workflow/0.5",
+    "Workflow RO-Crate": "https://w3id.org/workflowhub/workflow-ro-crate/1.0",
 }
-_FORMATS = {".md": "text/markdown", ".tsv": "text/tab-separated-values", ".yaml": "text/yaml"}
-_FORMATS |= {".csv": "text/csv", ".html": "text/html", ".png": "image/png"}
-_FORMATS |= {".json": "application/json"}
-_RECORDS = "provenance.json", "contents.json"  # of what a study was made, and what it made
+_CONTEXT = ["https://w3id.org/ro/crate/1.1/context", {"sha256": "http://schema.org/sha256"}]
+_FORMATS = {
+    ".csv": "text/csv",
+    ".html": "text/html",
+    ".json": "application/json",
+    ".md": "text/markdown",
+    ".png": "image/png",
+    ".tsv": "text/tab-separated-values",
+    ".yaml": "text/yaml",
+}
+# Of what a study was made, and what it made.
+_RECORD, _CONTENTS = "provenance.json", "contents.json"
+_DEFAULT = "config/config.yaml"
 _GENERATED = (
     "The specimen is generated: a program made the stone, its scans and its wear. Nothing here "
     "says anything about a real tool. "
 )
-_Reference = dict[str, str]
 
 
-class _Crate:
-    """The files of the zip, by their paths in it, and the entities that describe it."""
+@dataclass(frozen=True)
+class _File:
+    """A file of the zip, and what is said of it."""
 
-    def __init__(self) -> None:
-        self.files: dict[str, bytes] = {}
-        # The entities of the metadata and of the whole come first, and are filled in last.
-        self.entities: dict[str, dict[str, Any]] = {"ro-crate-metadata.json": {}, "./": {}}
+    place: str
+    content: bytes
+    name: str = ""
+    description: str = ""
 
-    def add(self, place: str, kind: str | list[str], /, **properties: Any) -> _Reference:
-        """Describe something; an empty list is left out, a list of one value becomes that value."""
-        entity = self.entities[place] = {"@id": place, "@type": kind}
-        for name, value in properties.items():
-            if value != []:
-                single = isinstance(value, list) and len(value) == 1
-                entity[name] = value[0] if single else value
-        return {"@id": place}
+    @property
+    def id(self) -> str:
+        return quote(self.place)
 
-    def add_file(
-        self, place: str, content: bytes, kind: str | list[str] = "File", /, **properties: Any
-    ) -> _Reference:
-        self.files[place] = content
-        properties["encodingFormat"] = _FORMATS.get(PurePosixPath(place).suffix, "text/plain")
-        properties["contentSize"] = str(len(content))
-        properties["sha256"] = hashlib.sha256(content).hexdigest()
-        return self.add(quote(place), kind, **properties)
+    @property
+    def format(self) -> str:
+        return _FORMATS.get(PurePosixPath(self.place).suffix, "text/plain")
 
-    def add_author(self, author: Mapping[str, str]) -> _Reference:
-        """A person, or a group if it has a ``name``, as in `CITATION.cff`."""
-        kind = "Organization" if "name" in author else "Person"
-        name = author.get("name") or f"{author['given-names']} {author['family-names']}"
-        return self.add(f"#{quote(name)}", kind, name=name)
-
-    def add_licence(self, name: str) -> _Reference:
-        return self.add(f"https://spdx.org/licenses/{quote(name)}", "CreativeWork", name=name)
-
-    def zipped(self) -> bytes:
-        context = [f"{_RO_CRATE}/context", {"sha256": "http://schema.org/sha256"}]
-        metadata = {"@context": context, "@graph": list(self.entities.values())}
-        text = json.dumps(metadata, indent=1, ensure_ascii=False) + "\n"
-        content = io.BytesIO()
-        with zipfile.ZipFile(content, "w") as archive:
-            for place, data in {"ro-crate-metadata.json": text.encode(), **self.files}.items():
-                info = zipfile.ZipInfo(place)  # dated 1980
-                info.compress_type, info.create_system = zipfile.ZIP_DEFLATED, 3
-                info.external_attr = (0o755 if place.endswith("/") else 0o644) << 16
-                archive.writestr(info, data, compresslevel=9)
-        return content.getvalue()
+    @property
+    def sha256(self) -> str:
+        return hashlib.sha256(self.content).hexdigest()
 
 
 def pack_study(
-    results: str | Path,
-    target: str | Path,
-    *,
-    authors: Iterable[str] = (),
-    licence: str | None = None,
+    results: Path, target: Path, *, authors: Iterable[str] = (), licence: str | None = None
 ) -> int:
     """Pack a finished study: page, tables, figures, config, patch table, workflow and metadata.
 
     Fields (HDF5), logs and measured inputs are left out; the metadata name them, the inputs with
-    their SHA-256. The date of the run is that of its newest result.
-
-    Parameters
-    ----------
-    results : path
-        Folder of the config's key ``results``.
-    target : path
-        The zip to write.
-    authors : iterable of str
-        Authors of the study; the workflow has its own.
-    licence : str, optional
-        Of the results, by its SPDX identifier, such as CC-BY-4.0.
+    their SHA-256. The date of the run is that of its newest result. `authors` and `licence` (SPDX,
+    such as CC-BY-4.0) are those of the results; the workflow has its own.
 
     Returns
     -------
@@ -124,200 +93,165 @@ def pack_study(
     Raises
     ------
     InputError
-        `results` has no finished study, a result or an input has changed since, a table of the
-        study is missing, or another version of the program made the results.
+        `results` has no finished study, a file has changed since, a table of the study is missing,
+        or another version of the program made the results.
     OutputError
         `target` cannot be written.
     """
-    results, root, crate = Path(results), gst.ROOT, _Crate()
-    record, contents = (_read(results / name) for name in _RECORDS)
-    config, generated = record["config"], record["config"]["specimen"] is not None
-    made = _add_results(crate, results, contents)
-    used = _add_inputs(crate, record)
-    cff = yaml.safe_load((root / "CITATION.cff").read_text(encoding="utf-8"))
-    workflow = _add_workflow(crate, root, cff, record["software"])
-
-    people = [crate.add(f"#{quote(name)}", "Person", name=name) for name in authors]
-    stone, warning = (
-        ("synthetic specimen", _GENERATED) if generated else ("ground stone tool", "")
+    check_chain(results)
+    record, contents = (
+        json.loads((results / name).read_text(encoding="utf-8"))
+        for name in (_RECORD, _CONTENTS)
     )
-    packed = {results / entry["file"] for entry in contents} | {results / _RECORDS[0]}
-    others = {file for file in results.rglob("[!.]*") if file.is_file()} - packed
-    left_out = sorted({file.relative_to(results).parts[0] for file in others})
-    about = {
+    config, software = record["config"], record["software"]
+    generated = config["specimen"] is not None
+    made, tables = _results(results, contents), _tables(record)
+    snakefile, *parts = _workflow(software)
+    about = _about(config, _left_out(results, [file.place for file in made]))
+    readme = f"# {about['name']}\n\n{about['description']}\n"
+    default = (ROOT / _DEFAULT).read_bytes()
+    files = [
+        *made,
+        *tables,
+        _File(_DEFAULT, default, "Default config", "Read if no other is given."),
+        _File("README.md", readme.encode(), "Read me", "What is in this folder."),
+    ]
+    named = [file.name for file in tables]
+    inputs = {path: digest for path, digest in record["inputs"].items() if path not in named}
+    used = [file.id for file in tables] + [f"#{quote(path)}" for path in inputs]
+    metadata = _metadata(
+        **about,
+        title=config["title"],
+        generated=generated,
+        ended=_ended(results, contents),
+        authors=[_author({"name": name}, "Person") for name in authors],
+        licence=licence,
+        software=software,
+        version=_version(software),
+        snakefile=snakefile,
+        files=files,
+        inputs=inputs,
+        made=[file.id for file in made],
+        used=used + ["#specimen"] * generated,
+    )
+    files += [snakefile, *parts, _File("ro-crate-metadata.json", metadata)]
+    write_whole(target, _zipped([*files, _File("workflow/", b"")]))
+    return len(files)
+
+
+def _about(config: Mapping[str, Any], left_out: str) -> dict[str, str]:
+    """Name and description of the whole."""
+    stone, warning = "ground stone tool", ""
+    if config["specimen"] is not None:
+        stone, warning = "synthetic specimen", _GENERATED
+    return {
         "name": f"Where a {stone} wears: {config['title']}",
         "description": f"{warning}Results of the study “{config['title']}”, by multi-scale contact "
         "mechanics. Open results/index.html. config/study.yaml is the config as it was run. Left "
         "out, because the workflow can make them again from the inputs: other files of "
-        f"{', '.join(left_out)}.",
+        f"{left_out}.",
     }
-    readme = f"# {about['name']}\n\n{about['description']}\n"
-    crate.add_file("README.md", readme.encode(), about={"@id": "./"})
-    newest = max(file.stat().st_mtime for file in packed)
-    ended = datetime.fromtimestamp(newest, UTC).replace(microsecond=0).isoformat()
-    action = crate.add(
-        "#study",
-        "CreateAction",
-        name=f"The study “{config['title']}”",
-        description="It ended when the newest of the packed results was written.",
-        instrument=workflow,
-        object=used,
-        result=made,
-        endTime=ended,
-        agent=people,
-    )
-    parts = [*map(quote, crate.files)]
-    unlicensed = "None is stated: ask the authors of the results before you use them."
-    crate.add(
-        "./",
-        "Dataset",
-        **about,
-        datePublished=ended[:10],  # a crate must have one: the day of the results
-        license=crate.add_licence(licence) if licence else unlicensed,
-        author=people,
-        conformsTo=[
-            crate.add(profile, "CreativeWork", name=name, version=profile.rpartition("/")[2])
-            for profile, name in _PROFILES.items()
-        ],
-        hasPart=[{"@id": part} for part in parts if part in crate.entities],
-        mainEntity=workflow,
-        mentions=action,
-        citation=crate.entities["Snakefile"]["citation"],
-        keywords=cff["keywords"] + ["synthetic specimen"] * generated,
-    )
-    profiles = [{"@id": _RO_CRATE}, {"@id": _WORKFLOW_CRATE}]
-    crate.add(
-        "ro-crate-metadata.json", "CreativeWork", about={"@id": "./"}, conformsTo=profiles
-    )
-    write_whole(target, crate.zipped())
-    return 1 + sum(not place.endswith("/") for place in crate.files)
 
 
-def _add_results(
-    crate: _Crate, results: Path, contents: list[dict[str, str]]
-) -> list[_Reference]:
-    """The page and its contents, as they were when the study ended."""
-    from lxml.html import fromstring
+def _left_out(results: Path, packed: Collection[str]) -> str:
+    """Where in the results there are files that are not packed."""
+    names = [file.relative_to(results) for file in results.rglob("[!.]*") if file.is_file()]
+    return ", ".join(
+        sorted({name.parts[0] for name in names if f"results/{name}" not in packed})
+    )
 
-    said = {"name": "Provenance", "description": "Config, SHA-256 of every input, versions."}
-    record = (results / "provenance.json").read_bytes()
-    made = [crate.add_file("results/provenance.json", record, **said)]
+
+def _ended(results: Path, contents: Iterable[Mapping[str, str]]) -> str:
+    """When the newest of the results was written."""
+    files = [results / _RECORD, *(results / entry["file"] for entry in contents)]
+    newest = max(file.stat().st_mtime for file in files)
+    return datetime.fromtimestamp(newest, UTC).replace(microsecond=0).isoformat()
+
+
+def _results(results: Path, contents: Iterable[Mapping[str, str]]) -> list[_File]:
+    """The page and its contents, with their captions, and the record."""
+    said = "Provenance", "Config, SHA-256 of every input, versions."
+    files = [_File(f"results/{_RECORD}", (results / _RECORD).read_bytes(), *said)]
     for entry in contents:
-        if not is_inside(entry["file"]):
-            problem = f"names a file outside the results: {entry['file']}"
-            raise InputError(
-                results / _RECORDS[1], problem, "Run the study again, then pack it."
-            )
-        content = _unchanged(results / entry["file"], entry["sha256"])
-        said["name"] = f"{entry['category'].partition(' ')[2]}: {entry['title']}"
-        said["description"] = " ".join(fromstring(entry["caption"]).text_content().split())
-        made.append(crate.add_file(f"results/{entry['file']}", content, **said))
-    return made
+        file = entry["file"]
+        if not is_inside(file):
+            problem = f"names a file outside the results: {file}"
+            remedy = "Run the study again, then pack it."
+            raise InputError(results / _CONTENTS, problem, remedy)
+        title = f"{entry['category'].partition(' ')[2]}: {entry['title']}"
+        caption = " ".join(fromstring(entry["caption"]).text_content().split())
+        files.append(_File(f"results/{file}", (results / file).read_bytes(), title, caption))
+    return files
 
 
-def _add_inputs(crate: _Crate, record: Mapping[str, Any]) -> list[_Reference]:
-    """The config and the study's own tables, as files; measured inputs, by their SHA-256."""
+def _tables(record: Mapping[str, Any]) -> list[_File]:
+    """The config and the tables that it names."""
     config = record["config"]
     text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
-    said = {"name": "The config as it was run", "description": "Defaults included."}
-    used = [crate.add_file("config/study.yaml", text.encode(), **said)]
-    tables = config["patches"], config["published"], (config["gesture"] or {}).get("table")
-    for path, digest in record["inputs"].items():
-        content = _unchanged(Path(path), digest) if Path(path).is_file() else None
-        if path in tables:
-            if content is None:
+    said = "The config as it was run", "Defaults included."
+    files = [_File("config/study.yaml", text.encode(), *said)]
+    named = config["patches"], config["published"], (config["gesture"] or {}).get("table")
+    for path in record["inputs"]:
+        if path in named:
+            if not Path(path).is_file():
                 remedy = "Pack the study in the folder where it ran."
                 raise InputError(path, "this table of the study is missing", remedy)
-            inside = not Path(path).is_absolute() and ".." not in Path(path).parts
-            place = path if inside else f"inputs/{Path(path).name}"
-            said = {"name": path, "description": "A table that the config names."}
-            used.append(crate.add_file(place, content, **said))
-        else:
-            said = {"name": path, "description": "An input, not packed.", "sha256": digest}
-            size = [] if content is None else str(len(content))
-            used.append(crate.add(f"#{quote(path)}", "CreativeWork", **said, contentSize=size))
-    if config["specimen"] is not None:
-        said = {
-            "name": "Synthetic specimen",
-            "description": f"{_GENERATED}The workflow makes it.",
-        }
-        used.append(crate.add("#specimen", "CreativeWork", **said))
-    return used
+            place = path if is_inside(path) else f"inputs/{Path(path).name}"
+            said = path, "A table that the config names."
+            files.append(_File(place, Path(path).read_bytes(), *said))
+    return files
 
 
-def _add_workflow(
-    crate: _Crate, root: Path, cff: Mapping[str, Any], software: Mapping[str, Any]
-) -> _Reference:
-    """The workflow, which must be the one that made the results; its requirements; its paper."""
+def _workflow(software: Mapping[str, Any]) -> list[_File]:
+    """The workflow, which must be the one that made the results, the Snakefile first."""
     if software["program"] != program_hash():
-        was = f"gstlib {software['gstlib']}, commit {software['commit']}"
-        problem = f"another version of the program made the results ({was})"
-        raise InputError(
-            root, problem, "Run the study again: only steps that have changed are redone."
-        )
-    whose = {
-        "author": [crate.add_author(author) for author in cff["authors"]],
-        "license": crate.add_licence(cff["license"]),
-    }
-    parts = [file for file in sorted((root / "workflow").rglob("[!.]*.*")) if file.is_file()]
-    # Among the workflow's parts, not at the root: the results have their own authors and licence.
-    files = {f"workflow/{name}": root / name for name in ("CITATION.cff", "LICENSE")}
-    files |= {
-        file.relative_to(root).as_posix(): file for file in parts if file.suffix != ".pyc"
-    }
-    crate.files |= {"workflow/": b""} | {
-        place: file.read_bytes() for place, file in files.items()
-    }
-    said = {
-        "name": "Parts of the workflow",
-        "description": "Rules, scripts, schemas, captions.",
-    }
-    crate.add("workflow/", "Dataset", **said, **whose)
-    said = {"name": "Default config", "description": "Read if no other is given."}
-    crate.add_file("config/config.yaml", (root / "config/config.yaml").read_bytes(), **said)
-    paper, versions = cff["preferred-citation"], software["packages"]
-    return crate.add_file(
-        "Snakefile",
-        (root / "Snakefile").read_bytes(),
-        ["File", "SoftwareSourceCode", "ComputationalWorkflow"],
-        name=cff["title"],
-        description=cff["abstract"],
-        version=f"{software['gstlib']} (commit {software['commit']})"
-        if software["commit"]
-        else software["gstlib"],
-        conformsTo={"@id": "https://bioschemas.org/profiles/ComputationalWorkflow/1.0-RELEASE"},
-        programmingLanguage=crate.add(
-            "https://w3id.org/workflowhub/workflow-ro-crate#snakemake",
-            "ComputerLanguage",
-            name="Snakemake",
-            url={"@id": "https://snakemake.readthedocs.io"},
-            version=versions["snakemake"],
-        ),
-        softwareRequirements=[f"Python {software['python']}"]
-        + [f"{name} {version}" for name, version in versions.items()],
-        citation=crate.add(
-            f"https://doi.org/{paper['doi']}",
-            "ScholarlyArticle",
-            name=paper["title"],
-            author=[crate.add_author(author) for author in paper["authors"]],
-            datePublished=str(paper["year"]),
-        ),
-        **whose,
+        problem = f"another version of the program made the results: {_version(software)}"
+        remedy = "Run the study again: only steps that have changed are redone."
+        raise InputError(ROOT, problem, remedy)
+    # The results have their own authors and licence, so those of the workflow are not at the root.
+    places = {"Snakefile": "Snakefile", "CITATION.cff": "workflow/CITATION.cff"}
+    places["LICENSE"] = "workflow/LICENSE"
+    for file in sorted((ROOT / "workflow").rglob("[!.]*.*")):
+        if file.is_file() and file.suffix != ".pyc":
+            name = file.relative_to(ROOT).as_posix()
+            places[name] = name
+    return [_File(place, (ROOT / name).read_bytes()) for name, place in places.items()]
+
+
+def _version(software: Mapping[str, Any]) -> str:
+    commit = software["commit"]
+    return software["gstlib"] + (f" (commit {commit})" if commit else "")
+
+
+def _author(author: Mapping[str, str], named: str = "Organization") -> dict[str, str]:
+    """An author as in `CITATION.cff`; one with a ``name`` alone is `named` a group, or a person."""
+    kind = named if "name" in author else "Person"
+    name = author.get("name") or f"{author['given-names']} {author['family-names']}"
+    return {"id": f"#{quote(name)}", "kind": kind, "name": name}
+
+
+def _metadata(**said: Any) -> bytes:
+    """The description of the package, from its template."""
+    cff = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    for work in (cff, cff["preferred-citation"]):
+        work["authors"] = [_author(author) for author in work["authors"]]
+    around = jinja2.Environment(
+        trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
     )
+    template = (importlib.resources.files("gst") / "crate.yaml").read_text(encoding="utf-8")
+    text = around.from_string(template).render(**said, cff=cff, profiles=_PROFILES)
+    entities = yaml.safe_load(text)
+    content = {"@context": _CONTEXT, "@graph": entities}
+    return (json.dumps(content, indent=1, ensure_ascii=False) + "\n").encode()
 
 
-def _read(file: Path) -> Any:
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        problem = "cannot be read: this folder has no finished study"
-        raise InputError(file, problem, "Run the study, then pack it.") from error
-
-
-def _unchanged(file: Path, digest: str) -> bytes:
-    """The content of a file, which must be the one that the study recorded."""
-    content = file.read_bytes() if file.is_file() else b""
-    if hashlib.sha256(content).hexdigest() != digest:
-        problem = "is missing, or has changed since the study ended"
-        raise InputError(file, problem, "Run the study again, then pack it.")
-    return content
+def _zipped(files: Iterable[_File]) -> bytes:
+    """A zip of files that are dated 1980, and in the order of their names."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        for file in sorted(files, key=lambda file: file.place):
+            info = zipfile.ZipInfo(file.place)
+            info.compress_type, info.create_system = zipfile.ZIP_DEFLATED, 3
+            info.external_attr = (0o755 if info.is_dir() else 0o644) << 16
+            archive.writestr(info, file.content, compresslevel=9)
+    return content.getvalue()
