@@ -34,7 +34,7 @@ $(READY): requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
-study: $(READY) ## run the whole study and build its report
+study: $(READY) ## run the whole study
 	@$(STUDY) "$(CONFIG)"
 
 check: $(READY) ## check config, patch table and every file, and say what a run would do

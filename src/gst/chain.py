@@ -25,8 +25,8 @@ __all__ = [
     "check_chain",
     "check_links",
 ]
-__all__ += ["given_to", "is_inside", "last_took", "made_in", "plan_again", "read_record"]
-__all__ += ["record_of", "step_of", "steps_after", "steps_of", "warnings_of", "write_record"]
+__all__ += ["given_to", "is_inside", "last_took", "made_in", "plan_again", "record_of"]
+__all__ += ["step_of", "steps_of", "warnings_of", "write_record"]
 
 # What a run makes again, and why: of each such step an output, which stands for its job. The
 # Snakefile fills it when it is read; `gst.scheduler` hands it to Snakemake, and the display shows
@@ -42,18 +42,9 @@ Digests = dict[Path, str]
 
 
 class Step(NamedTuple):
-    """A step as the workflow has it.
+    """A step as the workflow has it; a folder stands for all files in it."""
 
-    Attributes
-    ----------
-    name : str
-        Of its log and its record.
-    params : mapping
-    inputs, outputs : list of Path
-        Files, or folders, which stand for all files in them.
-    """
-
-    name: str
+    name: str  # of its log and its record
     params: Mapping[str, Any]
     inputs: list[Path]
     outputs: list[Path]
@@ -71,21 +62,22 @@ def steps_of(workflow: Any, results: Path) -> list[Step]:
     """
     from snakemake.iocontainers import Wildcards
 
-    rules = [rule for rule in workflow.rules if rule.log]
-    rules = [rule for rule in rules if Path(rule.log[0]).parent == results / _LOGS]
-    open_rules = [rule for rule in rules if rule.has_wildcards()]
-    steps: dict[str, Step] = {}
+    logs = results / _LOGS
+    rules = [rule for rule in workflow.rules if rule.log and Path(rule.log[0]).parent == logs]
+    with_wildcards = [rule for rule in rules if rule.has_wildcards()]
     jobs: list[tuple[Any, dict]] = [(rule, {}) for rule in rules if not rule.has_wildcards()]
+    steps: dict[str, Step] = {}
     for rule, values in jobs:  # which grow
         wildcards = Wildcards(fromdict=values)
         inputs, outputs = rule.expand_input(wildcards)[0], rule.expand_output(wildcards)[0]
         params = rule.expand_params(wildcards, inputs, outputs, None)[0]
         step = step_of(rule.expand_log(wildcards)[0], params, inputs, outputs)
-        if step.name not in steps:
-            steps[step.name] = step
-            own = [file for file in inputs if results in Path(file).parents]
-            makers = ((rule, file) for rule in open_rules for file in own)
-            jobs += [(rule, rule.get_wildcards(f)) for rule, f in makers if rule.is_producer(f)]
+        if step.name in steps:
+            continue
+        steps[step.name] = step
+        for file in (file for file in inputs if results in Path(file).parents):
+            makers = [maker for maker in with_wildcards if maker.is_producer(file)]
+            jobs += [(maker, maker.get_wildcards(file)) for maker in makers]
     return list(steps.values())
 
 
@@ -124,11 +116,10 @@ def read_record(results: Path, name: str) -> Record | None:
         record = json.loads(record_of(results, name).read_text(encoding="utf-8"))
         parts = [record[part] for part in ("params", "inputs", "files", "outputs")]
         names = [*record["inputs"], *record["outputs"]]
-        is_whole = all(isinstance(part, dict) for part in parts)
-        is_whole &= all(isinstance(text, str) for text in record["warnings"])
+        is_whole = all(isinstance(part, dict) for part in parts) and "warnings" in record
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return record if is_whole and all(is_inside(each) for each in names) else None
+    return record if is_whole and all(map(is_inside, names)) else None
 
 
 def plan_again(steps: Iterable[Step], results: Path) -> dict[str, str]:
@@ -157,17 +148,14 @@ def _difference(results: Path, step: Step, seen: Digests) -> str | None:
     if record is None:
         return "no record says how it was made"
     now = given_to(results, step, seen)
-    for name in sorted({*record["params"], *now["params"]}):
+    if name := _changed(record["params"], now["params"]):
         before, after = (part["params"].get(name) for part in (record, now))
-        if before != after:
-            return "the program has changed" if name == "code" else _turned(name, before, after)
+        return "the program has changed" if name == "code" else _turned(name, before, after)
     for part in ("files", "inputs"):
-        if changed := _changed(record[part], now[part]):
-            return (
-                f"{changed} {'is missing' if now[part].get(changed) == '' else 'has changed'}"
-            )
-    if changed := _changed(record["outputs"], _digests(step.outputs, results, seen)):
-        return f"{changed} is not as it was made"
+        if name := _changed(record[part], now[part]):
+            return f"{name} {'is missing' if now[part].get(name) == '' else 'has changed'}"
+    if name := _changed(record["outputs"], _digests(step.outputs, results, seen)):
+        return f"{name} is not as it was made"
     return None
 
 
@@ -177,26 +165,18 @@ def break_in(results: Path, config: Mapping[str, Any] | None = None) -> str | No
     With a `config`, the page must be that of this config. A measured file that is no longer in its
     place breaks nothing.
     """
-    page = read_record(results, PAGE)
-    if page is None:
+    if not (steps := _steps_in(results)):
         return "this folder holds no finished study"
-    if config is not None and page["params"]["config"] != _plain(config, results):
+    made_with = _of(results, PAGE, "params").get("config")
+    if config is not None and made_with != _plain(config, results):
         return "the results were made with another config"
-    return next(_breaks(results, [*page["params"]["steps"], PAGE]), None)
+    return next(_breaks(results, steps), None)
 
 
 def check_chain(results: Path) -> None:
-    """Refuse results that are no finished study, or whose chain is broken.
-
-    Raises
-    ------
-    InputError
-    """
+    """Raise an `InputError` if results are no finished study, or their chain is broken."""
     check_links(results)
-    if problem := break_in(results):
-        raise InputError(
-            results, problem, "Run the study (again); it makes anew what has changed."
-        )
+    _refuse(results, break_in(results))
 
 
 def certified_inputs(
@@ -204,20 +184,20 @@ def certified_inputs(
 ) -> dict[str, str]:
     """SHA-256, by path, of measured `files` as the `steps` read them.
 
-    Raises
-    ------
-    InputError
-        The chain is broken: a file is not as its step made it, or not as a step read it.
+    Raises an `InputError` if a file is not as its step made it, or not as a step read it.
     """
     steps = list(steps)
-    for problem in _breaks(results, steps):
-        raise InputError(
-            results, problem, "Run the study again: what has changed is made anew."
-        )
-    read = {
-        name: digest for each in steps for name, digest in _of(results, each, "files").items()
-    }
+    _refuse(results, next(_breaks(results, steps), None))
+    read: dict[str, str] = {}
+    for each in steps:
+        read |= _of(results, each, "files")
     return {str(path): read.get(str(path)) or sha256(path) for path in sorted(files, key=str)}
+
+
+def _refuse(results: Path, problem: str | None) -> None:
+    if problem is not None:
+        remedy = "Run the study (again); it makes anew what has changed."
+        raise InputError(results, problem, remedy)
 
 
 def _breaks(results: Path, steps: Iterable[str]) -> Iterator[str]:
@@ -231,48 +211,32 @@ def _breaks(results: Path, steps: Iterable[str]) -> Iterator[str]:
         for part in ("inputs", "outputs"):
             now = _digests([results / each for each in record[part]], results, seen)
             if changed := _changed(record[part], now):
-                file, verb = results / changed, "made" if part == "outputs" else "read"
-                if not file.exists():
-                    yield f"{file}, which the step {name} {verb}, is missing"
-                whose = "made it: cut, or edited" if part == "outputs" else "read it"
-                yield f"{file} is not as the step {name} {whose}"
-        known = {
-            path: digest for path, digest in record["files"].items() if Path(path).is_file()
-        }
+                file, did = results / changed, "read" if part == "inputs" else "made"
+                if file.exists():
+                    edited = ": cut, or edited" if part == "outputs" else ""
+                    yield f"{file} is not as the step {name} {did} it{edited}"
+                else:
+                    yield f"{file}, which the step {name} {did}, is missing"
+        known = {path: of for path, of in record["files"].items() if Path(path).is_file()}
         if changed := _changed(known, _digests(map(Path, known), None, seen)):
             yield f"{changed} is not as the step {name} read it"
 
 
 def made_in(results: Path) -> list[Path]:
     """Every file of a finished study, as its steps recorded them."""
+    steps = _steps_in(results)
+    return [results / name for each in steps for name in _of(results, each, "outputs")]
+
+
+def _steps_in(results: Path) -> list[str]:
+    """The steps of a finished study, the page last; none if there is no such study."""
     page = read_record(results, PAGE)
-    steps = page["params"]["steps"] if page else []
-    return [results / name for each in [*steps, PAGE] for name in _of(results, each, "outputs")]
-
-
-def steps_after(results: Path, folders: Iterable[str]) -> list[str]:
-    """The steps of a finished study that run again once some of its folders are removed.
-
-    Those that made something there, and those that read what runs again made.
-    """
-    page = read_record(results, PAGE)
-    left = [*page["params"]["steps"], PAGE] if page else []
-    read, made = (
-        {each: _of(results, each, part) for each in left} for part in ("inputs", "outputs")
-    )
-    gone = {name for each in left for name in made[each] if Path(name).parts[0] in {*folders}}
-    again: list[str] = []
-    while more := [each for each in left if gone & {*made[each], *read[each]}]:
-        again += more
-        left = [each for each in left if each not in more]
-        gone |= {name for each in more for name in made[each]}
-    return again
+    return [*page["params"]["steps"], PAGE] if page else []
 
 
 def warnings_of(results: Path, step: str) -> list[str]:
     """What a step warned of when it last ran."""
-    record = read_record(results, step)
-    return record["warnings"] if record else []
+    return _of(results, step, "warnings") or []
 
 
 def last_took(results: Path, step: str) -> str:
@@ -283,12 +247,7 @@ def last_took(results: Path, step: str) -> str:
 
 
 def check_links(results: Path) -> None:
-    """Refuse links in the results that lead out of them: a study writes nowhere else.
-
-    Raises
-    ------
-    InputError
-    """
+    """Raise an `InputError` if a link in the results leads out: a study writes nowhere else."""
     whole = results.resolve()
     for folder, folders, files in os.walk(results):
         for name in (*folders, *files):
@@ -298,7 +257,7 @@ def check_links(results: Path) -> None:
                 raise InputError(path, problem, "Remove the link: a study writes only there.")
 
 
-def _of(results: Path, step: str, part: str) -> dict[str, str]:
+def _of(results: Path, step: str, part: str) -> Any:
     record = read_record(results, step)
     return record[part] if record else {}
 
@@ -352,16 +311,12 @@ def _turned(name: str, before: Any, after: Any) -> str:
 
 def _order_dates(steps: list[Step]) -> None:
     """Give outputs that are as recorded one date if some input is younger; contents stay."""
-    read = [[*map(_dated, step.inputs)] for step in steps]
-    made = [[*map(_dated, step.outputs)] for step in steps]
-    dates = {file: file.stat().st_mtime_ns for files in read + made for file in files}
-    if any(
-        max(map(dates.__getitem__, inputs), default=0) > min(map(dates.__getitem__, outputs))
-        for inputs, outputs in zip(read, made, strict=True)
-    ):
-        newest = max(dates.values())
-        for file in (file for files in made for file in files):
-            os.utime(file, ns=(newest, newest))
+    read = [[_dated(path).stat().st_mtime_ns for path in step.inputs] for step in steps]
+    made = [[_dated(path).stat().st_mtime_ns for path in step.outputs] for step in steps]
+    if any(max(old, default=0) > min(new) for old, new in zip(read, made, strict=True)):
+        newest = max(date for dates in read + made for date in dates)
+        for path in (path for step in steps for path in step.outputs):
+            os.utime(_dated(path), ns=(newest, newest))
 
 
 def _dated(path: Path) -> Path:

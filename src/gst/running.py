@@ -15,40 +15,42 @@ import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import psutil
+
 from gst import ROOT
-from gst.chain import break_in, check_links, last_took, steps_after
+from gst.chain import break_in, check_links
 from gst.config import config_problems, read_config, refuse_config, refuse_study
 from gst.logs import PLAN
 from gst.provenance import refuse_other_study
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
-__all__ = ["is_report_current", "lay_out", "remove_intermediate", "remove_results", "run_study"]
+__all__ = ["lay_out", "remove_results", "run_study"]
 
-# What a study makes in its folder, except hidden parts of files.
-MADE = (
+# Folders of the results that a reader needs, and those with what one stage gives to the next.
+READ = ("figures", "logs", "tables")
+BETWEEN = (
     "change",
     "coupling",
-    "figures",
     "gesture",
-    "logs",
     "macroscale",
     "microscale",
     "reference",
     "specimen",
     "surfaces",
-    "tables",
     "wear",
+)
+# What a study makes in its folder, except hidden parts of files.
+MADE = (
+    *BETWEEN,
+    *READ,
     "check.png",
     "contents.json",
     "index.html",
     "provenance.json",
-    "report.html",
     "tool.ply",
     "verdict.html",
 )
-# Of the folders in it, those that a reader needs; the others hold what one stage gives to the next.
-READ = ("figures", "logs", "tables")
 LOCKS = Path(".snakemake/locks")
 HOST = Path(".snakemake/host")  # the machine on which the last run was started
 # By default glibc takes new pages from the kernel for each large array, which clears them first,
@@ -58,32 +60,15 @@ _SCHEDULERS = {"snakemake", "gst.scheduler"}
 _PLANNING = {"-n", "--dry-run", "--dryrun"}
 _REFUSED = {"--config", "-C", "--configfile", "--configfiles"}  # gst reads CONFIG, too,
 _REFUSED |= {"--directory", "-d", "--snakefile", "-s"}  # and looks for the results here
-# What the report shows, and the logs of the steps, whose dates show when they ran.
-SHOWN = ("provenance.json", "verdict.html", "tables/*.csv", "figures/**/*.png", "logs/**/*.log")
 
 
 def run_study(
     config: Path, *, cores: str | None, profile: str, plan: bool, options: Sequence[str]
 ) -> int:
-    """Run a study in the working folder, build its report, and say what to open.
+    """Run a study in the working folder, and say what to open; the exit code is Snakemake's.
 
-    Parameters
-    ----------
-    config : Path
-        The config file.
-    cores : str, optional
-        Jobs at a time on this machine: a number, or ``all``; by default those of the profile.
-    profile : str
-        A folder in ``profiles`` of the working folder, or of gstlib.
-    plan : bool
-        Only show what would run.
-    options : sequence of str
-        Further Snakemake options, except folder and config.
-
-    Returns
-    -------
-    int
-        The exit code: 0, or Snakemake's.
+    `cores`, `profile` and `plan` are as on the command line; `options` are further ones of
+    Snakemake.
 
     Raises
     ------
@@ -95,15 +80,11 @@ def run_study(
     refuse_study(read, str(config))
     if refused := sorted({option.partition("=")[0] for option in options} & _REFUSED):
         problem = f"{refused[0]} would make Snakemake look elsewhere than gst"
-        raise InputError(
-            "gst study", problem, "Give gst another CONFIG, or start it elsewhere."
-        )
-    plan = plan or not _PLANNING.isdisjoint(options)
+        remedy = "Give gst another CONFIG, or start it elsewhere."
+        raise InputError("gst study", problem, remedy)
     if importlib.util.find_spec("snakemake") is None:
-        remedy = "Install it: pip install 'gstlib[workflow]'"
-        raise InputError(
-            "gst study", "Snakemake, which runs the study, is not installed", remedy
-        )
+        problem = "Snakemake, which runs the study, is not installed"
+        raise InputError("gst study", problem, "Install it: pip install 'gstlib[workflow]'")
     here = Path("profiles") / profile
     folder = next((each for each in (here, ROOT / here) if each.is_dir()), None)
     if folder is None:
@@ -111,46 +92,22 @@ def run_study(
     results = Path(read["results"])
     refuse_other_study(read)
     check_links(results)
+    plan = plan or not _PLANNING.isdisjoint(options)
     if not plan:
         check_writable(results)
         claim_folder(config)
     command: list[object] = ["--workflow-profile", folder]
     command += ["--cores", cores] if cores else []
-    command += [*options, *(["--dry-run"] if plan else [])]
-    command += ["--configfile", config, "--"]
-    if code := _snakemake(*command, environment={PLAN: "1"} if plan else {}):
+    command += ["--dry-run"] if plan else []
+    command += [*options, "--configfile", config, "--"]
+    code = _snakemake(*command, environment={PLAN: "1"} if plan else {})
+    if code or plan:
         return code
-    if plan:
-        return 0
-    page, report = results / "index.html", results / "report.html"
     if broken := break_in(results, read):  # the options asked for less
         print(f"The study is not finished: {broken}.")
         return 0
-    if not is_report_current(results):
-        # Half a report is newer than everything that it shows, and would count as whole.
-        part = report.with_name(".report.part.html")
-        if code := _snakemake("--report", part, "--configfile", config, is_shown=False):
-            return code
-        _write_without_paths(report, part)
-    print(f"Done. Open {page} in a browser.")
-    print(f"The archive of the study: {report}; its tables: {results / 'tables'}")
+    print(f"Done. Open {results / 'index.html'} in a browser.")
     return 0
-
-
-def _write_without_paths(report: Path, part: Path) -> None:
-    """Move a report of Snakemake to its place, without the folders of this machine in it."""
-    content = part.read_bytes()
-    for folder in (ROOT, Path.cwd()):
-        content = content.replace(f"{folder.as_posix()}/".encode(), b"")
-    write_whole(report, content)
-    part.unlink()
-
-
-def _checked(config: Path) -> dict:
-    """The whole config of a file; a `ConfigError` if it cannot be used."""
-    read = read_config(config)
-    refuse_config(config_problems(read), str(config))
-    return read
 
 
 def _snakemake(
@@ -158,10 +115,10 @@ def _snakemake(
 ) -> int:
     """Run Snakemake, and return its exit code. If not shown, its output appears only on failure."""
     command = [sys.executable, "-m", "gst.scheduler", "--snakefile", ROOT / "Snakefile"]
+    words = list(map(str, [*command, *arguments]))
+    around = _REUSE_MEMORY | os.environ | (environment or {})
     with tempfile.TemporaryFile("w+") as kept:
         said = None if is_shown else kept
-        words = list(map(str, [*command, *arguments]))
-        around = _REUSE_MEMORY | os.environ | (environment or {})
         # in a group of its own: Ctrl-C would end the jobs in the middle of their imports, too
         with subprocess.Popen(
             words, stdout=said, stderr=said, env=around, process_group=0
@@ -179,17 +136,8 @@ def _snakemake(
     return process.returncode
 
 
-def is_report_current(results: Path) -> bool:
-    """Whether the report exists and is no older than its contents."""
-    report = results / "report.html"
-    dates = [file.stat().st_mtime_ns for pattern in SHOWN for file in results.glob(pattern)]
-    return report.is_file() and report.stat().st_mtime_ns >= max(dates, default=0)
-
-
 def alive() -> list[int]:
     """Snakemake's processes and their jobs in this folder, on this machine, by number."""
-    import psutil
-
     found = []
     for process in psutil.process_iter(["cwd", "cmdline"]):
         command = process.info["cmdline"] or []
@@ -211,59 +159,50 @@ def claim_folder(config: Path) -> None:
             raise InputError(Path.cwd(), problem, remedy)
         if host != platform.node():
             problem = f"a run that was started on {host} may still be at work in this folder"
-            raise InputError(
-                Path.cwd(), problem, f"If it is not, remove {LOCKS} and try again."
-            )
+            remedy = f"If it is not, remove {LOCKS} and try again."
+            raise InputError(Path.cwd(), problem, remedy)
         _snakemake("--unlock", "--configfile", config, is_shown=False)
     HOST.write_text(platform.node(), encoding="utf-8")
 
 
-def remove_results(config: Path) -> None:
-    """Ask, and remove what a study made in its folder; the folder too, if nothing else is in it."""
-    folder = Path(_checked(config)["results"])
-    made = [folder / name for name in MADE if (folder / name).exists()]
-    made += folder.glob(".*.part*")
-    if not made:
-        print(f"{folder} contains no results of a study.")
-        return
-    names = ", ".join(path.name for path in made)
-    if input(f"Remove from {folder}: {names}? [y/N] ") != "y":
-        return
-    _remove(made)
-    if not any(folder.iterdir()):
-        folder.rmdir()
+def remove_results(config: Path, *, intermediate: bool) -> None:
+    """Ask, and remove what a study made in its folder; the folder too, if nothing else is in it.
 
-
-def remove_intermediate(config: Path) -> None:
-    """Ask, and remove what a finished study's stages gave to each other; its results stay.
+    Or of a finished study only the `intermediate` results, which its stages gave to each other.
 
     Raises
     ------
     InputError
-        The study is not finished, or its results are not those of this config.
+        Of intermediate results: the study is not finished, or not that of this config.
     """
-    read = _checked(config)
+    read = read_config(config)
+    refuse_config(config_problems(read), str(config))
     folder = Path(read["results"])
-    between = [folder / name for name in MADE if name not in READ and (folder / name).is_dir()]
-    if not between:
-        print(f"{folder} contains no intermediate results.")
+    made = [folder / name for name in (BETWEEN if intermediate else MADE)]
+    made = [path for path in made if path.exists()]
+    made += [] if intermediate else folder.glob(".*.part*")
+    if not made:
+        what = "intermediate results" if intermediate else "results of a study"
+        print(f"{folder} contains no {what}.")
         return
-    check_links(folder)
-    if broken := break_in(folder, read):
-        remedy = "Finish the study first: what would be removed is needed for it."
-        raise InputError(folder, broken, remedy)
-    names = [path.name for path in between]
-    again = steps_after(folder, names)
-    took_s = sum(float(took.split()[0]) for step in again if (took := last_took(folder, step)))
-    print(
-        f"{folder}: {_size_mb(between):.1f} of {_size_mb([folder]):.1f} MB are what one stage gave "
-        f"to the next: {', '.join(names)}.\n"
-        "The page, tables, figures, records and logs stay. Export and pack the study first: "
-        "without these files it is no longer finished.\n"
-        f"A run then takes {len(again)} steps again, which took {took_s:.0f} s in all."
-    )
-    if input("Remove them? [y/N] ") == "y":
-        _remove(between)
+    if intermediate:
+        check_links(folder)
+        if broken := break_in(folder, read):
+            remedy = "Finish the study first: what would be removed is needed for it."
+            raise InputError(folder, broken, remedy)
+        print(
+            f"{_size_mb(made):.1f} of {_size_mb([folder]):.1f} MB are what one stage gave to the "
+            "next. The page, tables, figures, records and logs stay. Export and pack the study "
+            "first: without these files it is no longer finished, until a run makes them again."
+        )
+    names = ", ".join(path.name for path in made)
+    if input(f"Remove from {folder}: {names}? [y/N] ") != "y":
+        return
+    for path in made:
+        is_folder = path.is_dir() and not path.is_symlink()
+        shutil.rmtree(path) if is_folder else path.unlink()
+    if not any(folder.iterdir()):
+        folder.rmdir()
 
 
 def _size_mb(paths: Iterable[Path]) -> float:
@@ -271,26 +210,8 @@ def _size_mb(paths: Iterable[Path]) -> float:
     return sum(file.stat().st_size for file in files if file.is_file()) / 1e6
 
 
-def _remove(paths: Iterable[Path]) -> None:
-    for path in paths:
-        is_folder = path.is_dir() and not path.is_symlink()
-        shutil.rmtree(path) if is_folder else path.unlink()
-
-
 def lay_out(folder: Path, name: str) -> list[Path]:
-    """Copy a shipped config, the tables that it names and their description into a folder.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the new study; made if it does not exist.
-    name : str
-        Of the config, such as ``own``.
-
-    Returns
-    -------
-    list of Path
-        The copies.
+    """Copy a shipped config, the tables that it names and their description; the copies.
 
     Raises
     ------

@@ -17,7 +17,6 @@ from gst.chain import (
     made_in,
     plan_again,
     record_of,
-    steps_after,
     write_record,
 )
 from gstlib.errors import InputError
@@ -104,20 +103,6 @@ def test_what_was_edited_is_made_again(study, name):
     follows = {"results/wear", "results/index.html"}
     assert again.keys() == follows | {f"results/{made}"}
     assert f"results/{name} is not as the step {step} made it" in break_in(results)
-
-
-@pytest.mark.parametrize(
-    ("folder", "reruns"),
-    [
-        ("1.h5", ["clean", "wear", PAGE]),
-        ("wear", ["wear", PAGE]),
-        ("index.html", [PAGE]),
-        ("we", []),
-    ],
-)
-def test_what_is_removed_reruns_what_made_it_and_what_reads_it(study, folder, reruns):
-    results, _ = study
-    assert steps_after(results, [folder]) == reruns
 
 
 def test_what_was_removed_is_said_to_be_missing(study):

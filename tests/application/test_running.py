@@ -1,4 +1,4 @@
-"""What surrounds a run: a study is laid out; when a report is made anew."""
+"""What surrounds a run: a study is laid out, refused, ended."""
 
 import os
 import shutil
@@ -10,26 +10,9 @@ from types import SimpleNamespace
 
 import gst
 import pytest
-from gst.running import is_report_current, lay_out, run_study
+from gst.running import lay_out, run_study
 from gst.scheduler import end
 from gstlib.errors import InputError
-
-
-def test_a_report_is_made_anew_when_something_that_it_shows_is_younger(tmp_path):
-    parts = ["provenance.json", "verdict.html", "tables/a.csv", "figures/patch/1.png"]
-    parts += ["logs/solve_patches.log"]
-    for name in ("report.html", *parts):
-        file = tmp_path / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.touch()
-        os.utime(file, (1e9, 1e9))
-    assert is_report_current(tmp_path)
-    for name in parts:
-        os.utime(tmp_path / name, (1e9 + 1, 1e9 + 1))
-        assert not is_report_current(tmp_path), name
-        os.utime(tmp_path / name, (1e9, 1e9))
-    (tmp_path / "report.html").unlink()
-    assert not is_report_current(tmp_path)
 
 
 def test_a_study_is_laid_out_once_and_like_a_shipped_one(tmp_path):
