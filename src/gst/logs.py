@@ -99,13 +99,9 @@ def logged(log: Path, level: str) -> list[str]:
 def run_script(snakemake: Any, main: Callable[..., None]) -> None:
     """Call a script's `main` with the rule's named inputs, outputs and params, all by keyword.
 
-    Parameters
-    ----------
-    snakemake : object
-        The object that Snakemake puts into a script. Files become paths, or lists of paths;
-        an empty list stands for an input that the study does not have. The param ``code`` is
-        left out: it only shows Snakemake that the library has changed.
-    main : callable
+    `snakemake` is the object that Snakemake puts into a script. Files become paths, or lists of
+    paths; an empty list stands for an input that the study does not have. The param ``code`` is
+    left out: it only shows that the program has changed.
     """
     files: dict[str, Path | list[Path]] = {}
     for names in (snakemake.input, snakemake.output):
@@ -118,9 +114,8 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
     results = Path(snakemake.log[0]).parents[1]
     step = step_of(snakemake.log[0], snakemake.params, snakemake.input, snakemake.output)
     with job_log(snakemake.log[0]) as log:
-        record_of(results, step.name).unlink(
-            missing_ok=True
-        )  # of files that are about to change
+        # of files that are about to change
+        record_of(results, step.name).unlink(missing_ok=True)
         given = given_to(results, step)
         main(**files, **settings)
         write_record(results, step, given, logged(Path(snakemake.log[0]), "WARNING"))

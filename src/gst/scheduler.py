@@ -4,8 +4,10 @@ It runs again what the chain of records asks for (`gst.chain`), and not what Sna
 would, which know a step by its files' dates. It ends when it is told to.
 """
 
+import io
 import sys
 import threading
+from contextlib import redirect_stderr
 from typing import Any
 
 from snakemake.cli import args_to_api, parse_args
@@ -23,16 +25,26 @@ def end(scheduler: JobScheduler, *_: Any) -> None:
     threading.Thread(target=_end_gracefully, args=[scheduler]).start()
 
 
+def _parsed(words: list[str]) -> tuple[Any, Any]:
+    """Snakemake's parser, and what it makes of these words; not its line that names the profile."""
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said):
+            return parse_args(words)
+    finally:
+        lines = said.getvalue().splitlines(keepends=True)
+        sys.stderr.writelines(line for line in lines if not line.startswith("Using "))
+
+
 def main() -> None:
     """Run Snakemake; the exit code is 0 if all went well, else 1."""
     JobScheduler.exit_gracefully = end
     try:
-        parser, arguments = parse_args(sys.argv[1:])
+        parser, arguments = _parsed(sys.argv[1:])
         AGAIN.update(dict.fromkeys(arguments.forcerun, "asked for"))
         arguments.forcerun = AGAIN  # the Snakefile adds to it before Snakemake looks
-        arguments.rerun_triggers = {
-            RerunTrigger.MTIME
-        }  # it cannot do without; `plan_again` knows
+        # it cannot do without; `plan_again` knows
+        arguments.rerun_triggers = {RerunTrigger.MTIME}
         is_done = args_to_api(arguments, parser)
     except Exception as error:
         print_exception(error)

@@ -43,13 +43,13 @@ class LogHandler(LogHandlerBase):
     writes_to_stream = has_filter = True
 
     def __post_init__(self) -> None:
-        self.is_plan = self.common_settings.dryrun and PLAN in os.environ
-        others = ["quiet", "verbose", "debug_dag", "printshellcmds"]
-        others += [] if self.is_plan else ["dryrun"]
-        self.writes_to_stream = not any(getattr(self.common_settings, name) for name in others)
+        asked = self.common_settings
+        self.is_plan = asked.dryrun and PLAN in os.environ
+        other = asked.quiet or asked.verbose or asked.debug_dag or asked.printshellcmds
+        self.writes_to_stream = not other and asked.dryrun == self.is_plan
         self.start, self.total, self.done = time.monotonic(), 0, 0
         self.is_closed = False
-        self.steps: dict[int, tuple[str, Path]] = {}  # the message of each, and its log
+        self.steps: dict[int, tuple[str, Path]] = {}  # what each does, and its log
         if self.writes_to_stream:
             os.environ[FILE_ONLY] = "1"  # for the steps, which inherit it
 
@@ -61,35 +61,31 @@ class LogHandler(LogHandlerBase):
             self.handleError(record)
 
     def close(self) -> None:
+        if not self.is_closed:  # Snakemake closes its handlers more than once
+            self._end()
+        self.is_closed = True
+        super().close()
+
+    def _end(self) -> None:
         if self.is_plan:
-            if not self.is_closed:
-                print(f"{len(self.steps)} steps would run." if self.steps else "Nothing to do.")
+            print(f"{len(self.steps)} steps would run." if self.steps else "Nothing to do.")
         elif self.done < self.total:
-            how = (
-                f"Stopped with {self.done} of {self.total} steps done, after {self._elapsed()}."
+            how_far = f"{self.done} of {self.total} steps done, after {self._elapsed()}"
+            self._say(
+                f"Stopped with {how_far}. Repeat the same command to continue from there."
             )
-            self._say(f"{how} Repeat the same command to continue from there.")
         elif self.total:
             self._say(f"All {self.done} steps are done, after {self._elapsed()}.")
-        self.is_closed, self.total = True, 0  # Snakemake closes its handlers more than once
-        super().close()
 
     def _show(self, record: Any) -> None:  # noqa: C901, a case for each event
         match getattr(record, "event", None):
-            case LogEvent.JOB_INFO if self.is_plan:
-                self._plan(record)
+            case LogEvent.JOB_INFO if record.log:  # not a rule that only names others
+                self._begin(record)
             case _ if self.is_plan and record.levelno <= INFO:
                 pass
             case LogEvent.RUN_INFO:
                 self.total = record.stats["total"]
                 self._say(f"{self.total} steps to do.")
-            case LogEvent.JOB_INFO if record.log:  # not a rule that only names others
-                what, log = record.rule_msg or record.rule_name, Path(record.log[0])
-                log.unlink(missing_ok=True)  # of an earlier run
-                self.steps[record.jobid] = what, log
-                self._say(f"{self._elapsed()}  {what}")
-                if why := _again(record):
-                    self._say(f"  again: {why}")
             case LogEvent.JOB_FINISHED if record.job_id in self.steps:
                 what, log = self.steps[record.job_id]
                 for text in logged(log, "WARNING"):
@@ -113,15 +109,22 @@ class LogHandler(LogHandlerBase):
                 if text.startswith(_WANTED) or record.levelno > INFO:
                     self._say(text)
 
-    def _plan(self, record: Any) -> None:
-        """A step that would run: why, and how long it last took."""
-        if not record.log:  # a rule that only names others
-            return
+    def _begin(self, record: Any) -> None:
+        """A step that begins; or that would run, why, and how long it last took."""
         what, log = record.rule_msg or record.rule_name, Path(record.log[0])
         self.steps[record.jobid] = what, log
-        why = _again(record) or _why(record.reason)
-        took = last_took(log.parents[1], log.stem)
-        print(f"{record.rule_name}: {what}\n    {why}{f'; last took {took}' if took else ''}")
+        # as the records say, or as was asked for by the rule's name
+        asked = (record.rule_name, *record.output)
+        again = next((AGAIN[name] for name in asked if name in AGAIN), None)
+        if self.is_plan:
+            took = last_took(log.parents[1], log.stem)
+            why = (again or _why(record.reason)) + (f"; last took {took}" if took else "")
+            print(f"{record.rule_name}: {what}\n    {why}")
+            return
+        log.unlink(missing_ok=True)  # of an earlier run
+        self._say(f"{self._elapsed()}  {what}")
+        if again:
+            self._say(f"  again: {again}")
 
     def _fail(self, job: int, reason: str) -> None:
         what, log = self.steps[job]
@@ -134,12 +137,6 @@ class LogHandler(LogHandlerBase):
 
     def _elapsed(self) -> str:
         return str(timedelta(seconds=round(time.monotonic() - self.start)))
-
-
-def _again(record: Any) -> str | None:
-    """Why a job is run again, or None; as the records say, or as was asked for by its rule."""
-    asked = (record.rule_name, *record.output)
-    return next((AGAIN[name] for name in asked if name in AGAIN), None)
 
 
 def _why(reason: str) -> str:

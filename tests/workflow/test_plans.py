@@ -63,6 +63,7 @@ def test_gst_plans_what_it_is_asked_for(study):
         result = study.gst("study", "config/tiny.yaml", *options)
         assert result.returncode == 0, result.stderr
         assert planned in result.stdout + result.stderr
+        assert "profile" not in result.stderr
     assert not (study.folder / "results-tiny").exists()
     for options, said in (
         (["-n", "config/tiny.yaml"], "name CONFIG before"),
