@@ -6,6 +6,7 @@ that the schema does not list, or whose key does not tell its rows apart, is com
 """
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,14 +23,7 @@ _PROVENANCE = "provenance"
 def compare_results(
     before: str | Path, after: str | Path, tolerance: float = 0.0
 ) -> pd.DataFrame:
-    """Compare two result folders.
-
-    Parameters
-    ----------
-    before, after : path
-        Folders of the config's key ``results``.
-    tolerance : float
-        Numbers whose relative difference is at most this count as equal.
+    """Compare two result folders; numbers that differ by at most `tolerance` count as equal.
 
     Returns
     -------
@@ -44,23 +38,20 @@ def compare_results(
     InputError
         A folder has no tables, or a file in it cannot be read.
     """
-    old, new = (_read_tables(Path(folder)) for folder in (before, after))
-    changes: list[tuple] = []
-    for name in sorted({*old, *new}):
-        if name in old and name in new:
-            changes += [(name, *change) for change in _changes(name, old[name], new[name])]
+    sides = [_read_tables(Path(folder)) for folder in (before, after)]
+    changes: list[tuple[str, ...]] = []
+    for name in sorted({*sides[0], *sides[1]}):
+        tables = [side[name] for side in sides if name in side]
+        if len(tables) == 2:
+            changes += [(name, *change) for change in _changes(name, *tables)]
         else:
-            there = ("present" if name in side else "" for side in (old, new))
-            changes.append((name, "", "", *there))
-    found = pd.DataFrame(
-        changes, columns=["table", "row", "column", "before", "after"], dtype=str
-    )
-    numbers = found[["before", "after"]].apply(pd.to_numeric, errors="coerce")
-    numbers = numbers.astype(float).replace([np.inf, -np.inf], np.nan)
-    largest = numbers.abs().max(axis=1, skipna=False)
-    found["relative"] = (numbers.after - numbers.before).abs() / largest.where(
-        largest != 0, 1.0
-    )
+            changes.append((name, "", "", *("present" * (name in side) for side in sides)))
+    columns = ["table", "row", "column", "before", "after"]
+    found = pd.DataFrame(changes, columns=columns, dtype=str)
+    old, new = (pd.to_numeric(found[side], errors="coerce") for side in columns[-2:])
+    largest = np.maximum(old.abs(), new.abs())
+    relative = (new - old).abs() / largest.where(largest != 0, 1.0)
+    found["relative"] = relative.where(np.isfinite(largest))
     return found[~(found.relative <= tolerance)].reset_index(drop=True)
 
 
@@ -73,9 +64,8 @@ def describe_changes(changes: pd.DataFrame, at_most: int = 20) -> str:
         for change in largest_first.head(at_most).itertuples():
             place = ", ".join(filter(None, [change.row, change.column]))
             by = "" if np.isnan(change.relative) else f"  ({change.relative:.2g})"
-            lines.append(
-                f"  {place}: {change.before or '(none)'} → {change.after or '(none)'}{by}"
-            )
+            values = f"{change.before or '(none)'} → {change.after or '(none)'}"
+            lines.append(f"  {place}: {values}{by}")
         lines += [f"  ... and {len(found) - at_most} more"] if len(found) > at_most else []
     return "\n".join(lines)
 
@@ -85,11 +75,10 @@ def _read_tables(folder: Path) -> dict[str, pd.DataFrame]:
     files = sorted((folder / "tables").glob("*.csv"))
     if not files:
         raise InputError(folder, "has no tables/*.csv", "Name the results folder of a study.")
+    as_text = {"dtype": str, "keep_default_na": False}
     record = folder / "provenance.json"
     try:
-        tables = {
-            file.name: pd.read_csv(file, dtype=str, keep_default_na=False) for file in files
-        }
+        tables = {file.name: pd.read_csv(file, **as_text) for file in files}
         content = json.loads(record.read_text(encoding="utf-8")) if record.is_file() else {}
     except ValueError as error:
         raise InputError(folder, f"cannot be read: {error}", "Run the study again.") from error
@@ -99,35 +88,31 @@ def _read_tables(folder: Path) -> dict[str, pd.DataFrame]:
     return tables
 
 
-def _changes(
-    name: str, old: pd.DataFrame, new: pd.DataFrame
-) -> list[tuple[str, str, str, str]]:
+def _changes(name: str, *sides: pd.DataFrame) -> list[tuple[str, str, str, str]]:
     """Row, column, text before and text after of each cell that differs."""
-    key = _key(name, old, new)
-    cells = []
-    for table in (old, new):
-        rows = [f"row {number}" for number in range(1, len(table) + 1)]
-        if key:
-            rows = []
-            for row in table.to_dict("records"):
-                rows.append(", ".join(f"{part}={row[part]}" for part in key if row[part]))
-        cells.append(table.set_axis(rows).stack())
-    both = pd.concat(cells, axis=1).fillna("")
-    sides = [set(of.index.get_level_values(0)) for of in cells]
-    changes: dict[tuple[str, str, str, str], None] = {}
-    for (row, column), before, after in both.itertuples():
-        there = [row in side for side in sides]
-        if not all(there):
-            changes[row, "", *("present" if side else "" for side in there)] = None
-        elif before != after:
-            changes[row, column, before, after] = None
+    key = _key(name, sides)
+    cells = [side.set_axis(_rows(side, key)).stack() for side in sides]
+    rows = [{*side.index.get_level_values(0)} for side in cells]
+    changes: dict[tuple[str, str, str, str], None] = {}  # which keeps one of each
+    for (row, column), *texts in pd.concat(cells, axis=1).fillna("").itertuples():
+        if not all(row in side for side in rows):
+            changes[row, "", *("present" * (row in side) for side in rows)] = None
+        elif texts[0] != texts[1]:
+            changes[row, column, *texts] = None
     return list(changes)
 
 
-def _key(name: str, *sides: pd.DataFrame) -> list[str]:
+def _rows(table: pd.DataFrame, key: list[str]) -> list[str]:
+    """A name for each row: what its key says, or its number."""
+    if not key:
+        return [f"row {number}" for number in range(1, len(table) + 1)]
+    rows = table[key].to_dict("records")
+    return [", ".join(f"{part}={of}" for part, of in row.items() if of) for row in rows]
+
+
+def _key(name: str, sides: Sequence[pd.DataFrame]) -> list[str]:
     """The columns that identify a row on every side; empty where none do."""
     listed = TABLES.get(Path(name).stem)
     key = ["key"] if name == _PROVENANCE else listed.key if listed else []
-    if all(set(key) <= set(side) and not side[key].duplicated().any() for side in sides):
-        return key
-    return []
+    is_unique = [{*key} <= {*side} and not side[key].duplicated().any() for side in sides]
+    return key if all(is_unique) else []

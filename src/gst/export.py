@@ -16,7 +16,6 @@ import xarray as xr
 
 from gst.chain import check_chain, made_in
 from gst.figures.tool import cut_tool
-from gstlib.errors import InputError
 from gstlib.io.files import write_whole
 from gstlib.io.meshes import ply_with, read_mesh
 from gstlib.io.store import read_dataset
@@ -36,27 +35,23 @@ _NO_DATE = datetime(1970, 1, 1, tzinfo=UTC)
 def export_study(results: Path, to: Path) -> list[Path]:
     """Write the maps of every patch, and the tool, into a folder; the files written.
 
-    Raises
-    ------
-    InputError
-        The folder holds no finished study, a file has changed since, or its mesh is elsewhere.
+    Raises an `InputError` if the folder holds no finished study, a file has changed since, or its
+    mesh is elsewhere.
     """
     check_chain(results)
     made = set(made_in(results))  # other files may be left of other configs
-    written = []
-    stages = {
-        name: {file.stem.partition("_")[0]: file for file in made & set(results.glob(files))}
-        for name, files in _BY_PATCH.items()
-    }
-    for patch in sorted(stages["T0"]):
-        files = {stage: found[patch] for stage, found in stages.items() if patch in found}
-        for name, field in _maps(files):
-            written.append(to / f"{patch}_{name}.x3p")
+    by_patch: dict[str, dict[str, Path]] = {}
+    for stage, files in _BY_PATCH.items():
+        for file in made & set(results.glob(files)):
+            by_patch.setdefault(file.stem.partition("_")[0], {})[stage] = file
+    contents = {to / "tool.ply": _tool(results, made)}
+    for patch, stages in sorted(by_patch.items()):
+        for name, field in _maps(stages):
             title = f"patch {patch}: {field.attrs['long_name']}"
-            write_whole(written[-1], x3p_of(field, title))
-    written.append(to / "tool.ply")
-    write_whole(written[-1], _tool(results, made))
-    return written
+            contents[to / f"{patch}_{name}.x3p"] = x3p_of(field, title)
+    for file, content in contents.items():
+        write_whole(file, content)
+    return list(contents)
 
 
 def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:
@@ -89,11 +84,7 @@ def x3p_of(heights: xr.DataArray, title: str) -> bytes:
 
 def _tool(results: Path, made: set[Path]) -> bytes:
     """The tool as PLY, with pressure, patches and, of a gesture, exposure at its vertices."""
-    try:
-        config = json.loads((results / "provenance.json").read_text(encoding="utf-8"))["config"]
-    except (OSError, ValueError, KeyError) as error:
-        remedy = "Give the results folder of a finished study."
-        raise InputError(results, "holds no finished study", remedy) from error
+    config = json.loads((results / "provenance.json").read_text(encoding="utf-8"))["config"]
     specimen = {"mesh": results / "specimen/mesh.stl", "mesh_unit": "mm"}
     inputs: dict[str, Any] = config["inputs"] or specimen
     grid = read_dataset(results / "macroscale/contact.h5", only=["pressure"]).pressure

@@ -30,36 +30,20 @@ def pick_page(
     patches: pd.DataFrame | None = None,
     patch_size_mm: float = 0.85,
 ) -> str:
-    """A page (HTML) to pick the square on a stone.
+    """A page (HTML) to pick the square on a stone (mm).
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The stone, mm.
-    name, unit : str
-        The mesh's file and its unit, for the config.
-    size_mm : float
-        Side of the square, to begin with.
-    patches : pandas.DataFrame, optional
-        ``patch, x_mm, y_mm, rotation_deg``: drawn on the square.
-    patch_size_mm : float
-        Side of a patch.
-
-    Raises
-    ------
-    InputError
-        three.js is not found.
+    `name` and `unit` are of the mesh's file, for the config. The square has a side of `size_mm`, to
+    begin with; `patches` (``patch, x_mm, y_mm, rotation_deg``) are drawn on it.
     """
     shown = coarsen(mesh)
-    rows = (
-        [] if patches is None else patches[["patch", "x_mm", "y_mm", "rotation_deg"]].to_numpy()
-    )
+    columns = {"patch": "name", "x_mm": "x", "y_mm": "y", "rotation_deg": "turn"}
+    drawn = pd.DataFrame(patches, columns=[*columns]).rename(columns=columns)
     data = {
         "stone": stone_data(shown),
         "name": name,
         "unit": unit,
         "size": size_mm,
-        "patches": [dict(zip(("name", "x", "y", "turn"), row, strict=True)) for row in rows],
+        "patches": drawn.to_dict("records"),
         "patch_size": patch_size_mm,
     }
     note = f"All {len(mesh.faces):,} triangles of the mesh are shown."

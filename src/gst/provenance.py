@@ -6,14 +6,14 @@ import hashlib
 import json
 import os
 import platform
-import re
 import subprocess
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+
+from packaging.requirements import Requirement
 
 import gst
 import gstlib
@@ -53,44 +53,39 @@ def _sha256(path: str | Path, changed_ns: int) -> str:
     return sha256(path)
 
 
-def refuse_other_study(config: dict) -> None:
-    """Refuse a folder with the results of another study.
+def refuse_other_study(config: Mapping[str, Any]) -> None:
+    """Raise an `InputError` if a folder has the results of another study.
 
     A study may get another title; or its mesh another name, or its scans another folder.
-
-    Raises
-    ------
-    InputError
     """
     results = Path(config["results"])
-    record = results / "provenance.json"
-    if not record.is_file():
+    try:
+        written = json.loads((results / "provenance.json").read_text(encoding="utf-8"))
+        made = written["config"]
+    except (OSError, ValueError, KeyError):  # none, or half written: the study writes it anew
         return
-    with suppress(ValueError):  # half written: the study writes it anew
-        written = json.loads(record.read_text(encoding="utf-8"))
-        made = written.get("config", config)
-        has_other_files = made["inputs"] != config["inputs"]
-        if has_other_files and (
-            made["title"] != config["title"] or _all_other(written, config)
-        ):
-            raise InputError(
-                results,
-                f"holds the results of another study, '{made['title']}', of "
-                + (made["inputs"]["mesh"] if made["inputs"] else "a synthetic stone"),
-                "Give `results` another name in the config; if it is the same study, keep its "
-                "title, and the name of its mesh or of its folder of scans.",
-            )
+    if not _is_same_study(made, config, written["inputs"].values()):
+        stone = made["inputs"]["mesh"] if made["inputs"] else "a synthetic stone"
+        raise InputError(
+            results,
+            f"holds the results of another study, '{made['title']}', of {stone}",
+            "Give `results` another name in the config; if it is the same study, keep its title, "
+            "and the name of its mesh or of its folder of scans.",
+        )
 
 
-def _all_other(written: Mapping[str, Any], config: Mapping[str, Any]) -> bool:
-    """Whether a study has neither the mesh nor the folder of scans that a record names."""
-    made, now = written["config"]["inputs"], config["inputs"]
-    if made is None or now is None:
+def _is_same_study(
+    made: Mapping[str, Any], config: Mapping[str, Any], digests: Iterable[str]
+) -> bool:
+    """Whether the stone of a config is that of results; `digests` are those of their inputs."""
+    before, now = made["inputs"], config["inputs"]
+    if before == now:
         return True
-    if made["mesh"] == now["mesh"] or (now["scan_folder"] or "") == made["scan_folder"]:
+    if before is None or now is None or made["title"] != config["title"]:
         return False
-    mesh = Path(now["mesh"])
-    return not (mesh.is_file() and sha256(mesh) in written["inputs"].values())
+    if before["mesh"] == now["mesh"] or before["scan_folder"] == (now["scan_folder"] or ""):
+        return True
+    return Path(now["mesh"]).is_file() and sha256(now["mesh"]) in digests
 
 
 def study_provenance(
@@ -98,10 +93,8 @@ def study_provenance(
 ) -> dict[str, object]:
     """The provenance of all results of a study; the same on every machine.
 
-    `config` is complete, with defaults; `inputs` are the SHA-256 of measured files and tables by
-    path; `commit` and `program` (`program_hash`) are those of the program. The result has
-    ``config``; ``inputs``; ``software``: gstlib, its commit and hash, Python, and the version of
-    every package that gstlib requires.
+    `config` is complete; `inputs` are the SHA-256 of measured files and tables by path; `commit`
+    and `program` (`program_hash`) are those of the program.
     """
     return {
         "config": dict(config),
@@ -121,11 +114,12 @@ def _packages() -> dict[str, str]:
     """Version of every package that gstlib and its workflow require."""
     required = set()
     for text in metadata.requires("gstlib") or []:
-        name = re.split(r"[^A-Za-z0-9._-]", text, maxsplit=1)[0]
-        extra = re.search(r"extra == ['\"](\w+)", text)
-        if name != "gstlib" and (extra is None or extra[1] in _EXTRAS):
-            required.add(name)
-    return {name: metadata.version(name) for name in sorted(required, key=str.lower)}
+        package = Requirement(text)
+        for extra in ("", *_EXTRAS):
+            if package.marker is None or package.marker.evaluate({"extra": extra}):
+                required.add(package.name)
+    names = sorted(required - {"gstlib"}, key=str.lower)
+    return {name: metadata.version(name) for name in names}
 
 
 @functools.cache
@@ -165,20 +159,17 @@ def source_hash(script: str | Path) -> str:
     stub: what a name is offered as changes no result. To `gst.tables` belongs the schema.
     """
     modules: dict[str, Path] = {}
-    ahead = {*_imported(Path(script), "")}
+    ahead = {*_imported(Path(script))}
     while ahead:
         name = ahead.pop()
         if name not in modules and name not in _RECORDING and (file := _source(name)):
             modules[name] = file
-            ahead |= _imported(
-                file, name if file.name == "__init__.py" else name.rpartition(".")[0]
-            )
+            ahead |= _imported(file)
     parts = [(Path(script).name, Path(script))]
     for name, file in sorted(modules.items()):
-        beside = file.parent.glob(f"{file.stem}.*")
-        parts += [
-            (f"{name} {part.name}", part) for part in sorted(beside) if part.suffix != ".pyi"
-        ]
+        for part in sorted(file.parent.glob(f"{file.stem}.*")):
+            if part.suffix != ".pyi":
+                parts.append((f"{name} {part.name}", part))
     if "gst.tables" in modules:
         schema = gst.ROOT / "workflow/schemas/tables.yaml"
         parts.append((schema.name, schema))
@@ -186,17 +177,15 @@ def source_hash(script: str | Path) -> str:
 
 
 @functools.cache
-def _imported(file: Path, package: str) -> set[str]:
+def _imported(file: Path) -> set[str]:
     """Names of our modules that a file imports, anywhere in it, and of their packages."""
-    names = set()
+    names: list[str] = []
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            above = package.split(".")[: 1 - node.level or None] if node.level else []
-            base = ".".join([*above, *filter(None, [node.module])])
-            names |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
-    ours = [name.split(".") for name in names if name.partition(".")[0] in {"gst", "gstlib"}]
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):  # none is relative
+            names += [f"{node.module}.{alias.name}" for alias in node.names]
+    ours = [name.split(".") for name in names if name.startswith("gst")]
     return {".".join(parts[:end]) for parts in ours for end in range(1, len(parts) + 1)}
 
 

@@ -1,8 +1,7 @@
 """The tables of a study, as ``workflow/schemas/tables.yaml`` describes them."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import pandas as pd
 import yaml
@@ -16,8 +15,7 @@ __all__ = ["TABLES", "Column", "Table", "columns_of", "write_table"]
 _SCHEMA = ROOT / "workflow/schemas/tables.yaml"
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """A column of a table; the schema says what the fields are."""
 
     meaning: str
@@ -26,8 +24,7 @@ class Column:
     optional: bool = False
 
 
-@dataclass(frozen=True)
-class Table:
+class Table(NamedTuple):
     """A table of results; the schema says what the fields are."""
 
     file: str
@@ -39,19 +36,16 @@ class Table:
     only: str = ""
 
 
-def _read(name: str, columns: dict[str, Any], **rest: Any) -> Table:
-    described = {
-        column: Column(**(said if isinstance(said, dict) else {"meaning": said}))
-        for column, said in columns.items()
-    }
-    return Table(**{"file": f"tables/{name}.csv"} | rest, columns=described)
-
-
 def _read_schema() -> dict[str, Table]:
     # libyaml's loader, where there is one, takes a tenth of the time
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    content = yaml.load(_SCHEMA.read_text(encoding="utf-8"), loader)
-    return {name: _read(name, **said) for name, said in content.items()}
+    tables = yaml.load(_SCHEMA.read_text(encoding="utf-8"), loader)
+    for name, table in tables.items():
+        for column, said in table["columns"].items():
+            described = said if isinstance(said, dict) else {"meaning": said}
+            table["columns"][column] = Column(**described)
+        tables[name] = Table(**{"file": f"tables/{name}.csv"} | table)
+    return tables
 
 
 TABLES = _read_schema()
@@ -66,12 +60,8 @@ def write_table(path: str | Path, table: pd.DataFrame) -> None:
     """Write a table of a study as CSV, with the digits that the schema gives each column.
 
     `path` is named after the table. One without rows gets the columns that are never missing. The
-    rest is as in `gstlib.io.tables.write_table`.
-
-    Raises
-    ------
-    ValueError
-        The schema lists the table with other columns, or in another order.
+    rest is as in `gstlib.io.tables.write_table`. Raises a `ValueError` if the schema lists other
+    columns, or in another order.
     """
     path = Path(path)
     columns = TABLES[path.stem].columns
