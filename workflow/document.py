@@ -145,15 +145,16 @@ def main() -> None:
     parser.add_argument("--check", action="store_true")
     check = parser.parse_args().check
     schemas = ROOT / "workflow" / "schemas"
-    config, patches, poses = (
+    config, patches, poses, published = (
         yaml.safe_load((schemas / f"{name}.schema.yaml").read_text("utf-8"))
-        for name in ("config", "patches", "poses")
+        for name in ("config", "patches", "poses", "published")
     )
     documents = {
         "config/README.md": {
             "config": config_table(config),
             "patches": table(patches),
             "poses": table(poses),
+            "published": table(published),
         },
         "docs/tables.md": {"tables": "\n\n".join(results())},
         "docs/assumptions.md": {"assumptions": "\n".join(assumptions())},

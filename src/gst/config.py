@@ -22,6 +22,7 @@ from gst.contradictions import contradictions, counterface_mesh, thinner_than_a_
 from gst.named_files import check_files
 from gst.patches import no_patches, read_patches
 from gst.poses import poses_of
+from gst.user_tables import read_rows
 from gstlib.errors import ConfigError
 from gstlib.io.files import check_size
 
@@ -64,10 +65,8 @@ def read_config_file(path: str | Path) -> dict:
     except OSError as error:
         remedy = "Correct its path, or make one with `gst new`."
         raise ConfigError(path, f"cannot be opened ({error.strerror})", remedy) from None
-    except RecursionError:
-        remedy = "Indent its keys as in config/config.yaml."
-        raise ConfigError(path, "nests lists or keys too deeply", remedy) from None
-    except (ValueError, yaml.YAMLError) as error:  # also of a date or number that is none
+    # also of a date or number that is none, or of lists in lists without end
+    except (ValueError, RecursionError, yaml.YAMLError) as error:
         problem = f"is not YAML in UTF-8: {' '.join(str(error).split())}"
         remedy = (
             "Correct that line, or the one before it: put text with a colon in quotes, and "
@@ -139,6 +138,8 @@ def refuse_study(config: Mapping, source: str) -> None:
     """
     patches = read_study(config, source)
     poses_of(config)
+    if config["published"] is not None:
+        read_rows(config["published"], "published").refuse()
     if config["inputs"] is not None:
         check_files(config, patches, ", ".join(filter(None, [source, config["patches"]])))
 

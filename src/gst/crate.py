@@ -11,7 +11,7 @@ import importlib.resources
 import io
 import json
 import zipfile
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
@@ -107,7 +107,7 @@ def pack_study(
     generated = config["specimen"] is not None
     made, tables = _results(results, contents), _tables(record)
     snakefile, *parts = _workflow(software)
-    about = _about(config, _left_out(results, [file.place for file in made]))
+    about = _about(config)
     readme = f"# {about['name']}\n\n{about['description']}\n"
     default = (ROOT / _DEFAULT).read_bytes()
     files = [
@@ -139,7 +139,7 @@ def pack_study(
     return len(files)
 
 
-def _about(config: Mapping[str, Any], left_out: str) -> dict[str, str]:
+def _about(config: Mapping[str, Any]) -> dict[str, str]:
     """Name and description of the whole."""
     stone, warning = "ground stone tool", ""
     if config["specimen"] is not None:
@@ -148,17 +148,9 @@ def _about(config: Mapping[str, Any], left_out: str) -> dict[str, str]:
         "name": f"Where a {stone} wears: {config['title']}",
         "description": f"{warning}Results of the study “{config['title']}”, by multi-scale contact "
         "mechanics. Open results/index.html. config/study.yaml is the config as it was run. Left "
-        "out, because the workflow can make them again from the inputs: other files of "
-        f"{left_out}.",
+        "out, because the workflow can make them again from the inputs, are logs and all fields "
+        "(HDF5).",
     }
-
-
-def _left_out(results: Path, packed: Collection[str]) -> str:
-    """Where in the results there are files that are not packed."""
-    names = [file.relative_to(results) for file in results.rglob("[!.]*") if file.is_file()]
-    return ", ".join(
-        sorted({name.parts[0] for name in names if f"results/{name}" not in packed})
-    )
 
 
 def _ended(results: Path, contents: Iterable[Mapping[str, str]]) -> str:

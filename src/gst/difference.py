@@ -6,7 +6,7 @@ that the schema does not list, or whose key does not tell its rows apart, is com
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -43,16 +43,22 @@ def compare_results(
     for name in sorted({*sides[0], *sides[1]}):
         tables = [side[name] for side in sides if name in side]
         if len(tables) == 2:
-            changes += [(name, *change) for change in _changes(name, *tables)]
+            changes += [(name, *change) for change in _changes(name, tables)]
         else:
-            changes.append((name, "", "", *("present" * (name in side) for side in sides)))
+            changes.append((name, "", "", *_where(name, sides)))
     columns = ["table", "row", "column", "before", "after"]
     found = pd.DataFrame(changes, columns=columns, dtype=str)
-    old, new = (pd.to_numeric(found[side], errors="coerce") for side in columns[-2:])
+    old = pd.to_numeric(found.before, errors="coerce")
+    new = pd.to_numeric(found.after, errors="coerce")
     largest = np.maximum(old.abs(), new.abs())
     relative = (new - old).abs() / largest.where(largest != 0, 1.0)
     found["relative"] = relative.where(np.isfinite(largest))
     return found[~(found.relative <= tolerance)].reset_index(drop=True)
+
+
+def _where(name: str, sides: Iterable[Collection[str]]) -> list[str]:
+    """On which sides there is something."""
+    return ["present" if name in side else "" for side in sides]
 
 
 def describe_changes(changes: pd.DataFrame, at_most: int = 20) -> str:
@@ -88,31 +94,38 @@ def _read_tables(folder: Path) -> dict[str, pd.DataFrame]:
     return tables
 
 
-def _changes(name: str, *sides: pd.DataFrame) -> list[tuple[str, str, str, str]]:
+def _changes(name: str, sides: Sequence[pd.DataFrame]) -> list[tuple[str, ...]]:
     """Row, column, text before and text after of each cell that differs."""
     key = _key(name, sides)
     cells = [side.set_axis(_rows(side, key)).stack() for side in sides]
     rows = [{*side.index.get_level_values(0)} for side in cells]
-    changes: dict[tuple[str, str, str, str], None] = {}  # which keeps one of each
-    for (row, column), *texts in pd.concat(cells, axis=1).fillna("").itertuples():
-        if not all(row in side for side in rows):
-            changes[row, "", *("present" * (row in side) for side in rows)] = None
-        elif texts[0] != texts[1]:
-            changes[row, column, *texts] = None
-    return list(changes)
+    changes: list[tuple[str, ...]] = []
+    for (row, column), old, new in pd.concat(cells, axis=1).fillna("").itertuples():
+        where = _where(row, rows)
+        if not all(where):
+            changes.append((row, "", *where))
+        elif old != new:
+            changes.append((row, column, old, new))
+    return list(dict.fromkeys(changes))
 
 
 def _rows(table: pd.DataFrame, key: list[str]) -> list[str]:
     """A name for each row: what its key says, or its number."""
     if not key:
         return [f"row {number}" for number in range(1, len(table) + 1)]
-    rows = table[key].to_dict("records")
-    return [", ".join(f"{part}={of}" for part, of in row.items() if of) for row in rows]
+    rows = []
+    for row in table[key].to_dict("records"):
+        rows.append(", ".join(f"{part}={value}" for part, value in row.items() if value))
+    return rows
 
 
 def _key(name: str, sides: Sequence[pd.DataFrame]) -> list[str]:
     """The columns that identify a row on every side; empty where none do."""
     listed = TABLES.get(Path(name).stem)
-    key = ["key"] if name == _PROVENANCE else listed.key if listed else []
-    is_unique = [{*key} <= {*side} and not side[key].duplicated().any() for side in sides]
-    return key if all(is_unique) else []
+    key = listed.key if listed else []
+    if name == _PROVENANCE:
+        key = ["key"]
+    for side in sides:
+        if not {*key} <= {*side} or side[key].duplicated().any():
+            return []
+    return key

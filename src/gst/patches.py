@@ -92,26 +92,29 @@ def no_patches() -> pd.DataFrame:
 def _find_scans(
     rows: pd.DataFrame, columns: Collection[str], folder: str | Path | None
 ) -> Iterator[Problem]:
-    """Put the names of the files in place of the names that they fit; what fits none, or several.
-
-    Without a folder they are those of a synthetic specimen, which has the repeats that are named.
-    """
-    after_patch = {"t0", "t1"}.isdisjoint(columns)
-    ending = ".plu" if folder is None else ".*"
+    """Put the names of files in place of the names that they fit; where none fits, or several."""
+    is_named = not {"t0", "t1"}.isdisjoint(columns)
     for line, row in rows.iterrows():
-        for column, epoch in EPOCHS.items():
-            given = row[column].replace("{patch}", row.patch)
-            if not given and after_patch and not (folder is None and epoch == REPEAT):
-                given = f"{row.patch}_{epoch}{ending}"
-            there = _fitting(given, Path(folder)) if given and folder is not None else [given]
+        for column, name in _names(row, is_named, folder is None).items():
+            there = [name] if folder is None else _fitting(name, Path(folder))
             is_asked = there or row[column] or column == "t0"
             if len(there) == 1:
                 rows.loc[line, column] = there[0]
-            elif "*" in given and is_asked:
+            elif "*" in name and is_asked:
                 fits = f"{' and '.join(there)} fit" if there else "no file fits"
-                yield line, f"{fits} {given} in {folder}: let one fit, or name it as {column}"
-        if not (after_patch or row.t0):
+                yield line, f"{fits} {name} in {folder}: let one fit, or name it as {column}"
+        if is_named and not row.t0:
             yield line, "t0 is empty"
+
+
+def _names(row: pd.Series, is_named: bool, is_generated: bool) -> dict[str, str]:
+    """The name of each scan of a patch, by column: from the table, or after patch and epoch."""
+    names = {each: row[each].replace("{patch}", row.patch) for each in EPOCHS if row[each]}
+    if is_named:
+        return names
+    if is_generated:  # a synthetic specimen has the repeats that are named
+        return {"t0": f"{row.patch}_T0.plu", "t1": f"{row.patch}_T1.plu"} | names
+    return {column: f"{row.patch}_{epoch}.*" for column, epoch in EPOCHS.items()} | names
 
 
 def _fitting(name: str, folder: Path) -> list[str]:

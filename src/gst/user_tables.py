@@ -1,4 +1,4 @@
-"""Tables that a user writes, each row checked against a schema: patches and poses.
+"""Tables that a user writes, each row checked against a schema: patches, poses, published values.
 
 Text as spreadsheets write it, in UTF-8 or (with its mark) UTF-16. Tabs, commas or semicolons
 separate the cells, as in the line of column names; unless commas separate them, numbers may have

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 import scipy.ndimage
 import xarray as xr
+from gstlib.errors import ConfigError
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.macroscale.gesture import Gesture, press_poses, stroke_poses
 from gstlib.surfaces.grid import make_surface
@@ -39,6 +40,10 @@ def test_published_values_of_patches_whatever_their_names(tmp_path):
         ["007", "MPa", "", "13"],
         ["", "MPa", "21", "22"],
     ]
+    published.write_text("quantity,patch,unit,value\npatch pressure,8,MPa,11\nforce,,MPa,1\n")
+    with pytest.raises(ConfigError, match=r"\(patch 8\): the study has no") as said:
+        script_of("compare_published").main(published, path, pressures, tmp_path / "published.csv")
+    assert "'force' is not one of" in str(said.value)
 
 
 def test_a_doubtful_contact_of_the_stone_is_told(tmp_path, caplog):

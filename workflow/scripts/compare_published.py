@@ -2,11 +2,9 @@
 
 from pathlib import Path
 
-import pandas as pd
-
 from gst.logs import run_script
 from gst.tables import columns_of, write_table
-from gstlib.errors import InputError
+from gst.user_tables import read_rows
 from gstlib.io.tables import read_pressures, read_table
 
 
@@ -20,24 +18,13 @@ def main(published: Path, path: Path, pressures: Path, table: Path) -> None:
     }
     for row in read_pressures(pressures).itertuples():
         computed["patch pressure", row.patch] = row.pressure_MPa
-    given = pd.read_csv(
-        published,
-        dtype={"patch": str},
-        comment="#",
-        keep_default_na=False,
-        na_values={"value": ""},
-    )
-    keys = list(zip(given.quantity, given.patch, strict=True))
-    if unknown := [key for key in keys if key not in computed]:
-        raise InputError(
-            published,
-            f"names quantities or patches that the study does not have: {unknown}",
-            f"Quantities are {sorted({quantity for quantity, _ in computed})}; patches are those "
-            "of the patch table.",
-        )
-    values = [float(computed[key]) for key in keys]
-    given = given.rename(columns={"value": "published"}).astype({"published": float})
-    write_table(table, given.assign(computed=values)[columns_of("published")])
+    given = read_rows(published, "published")
+    keys = given.rows[["quantity", "patch"]].apply(tuple, axis=1)
+    unknown = keys[~keys.isin(computed)]
+    given.refuse((line, f"the study has no {key}") for line, key in unknown.items())
+    rows = given.rows.rename(columns={"value": "published"})
+    values = keys.map(computed).astype(float)
+    write_table(table, rows.assign(computed=values)[columns_of("published")])
 
 
 if "snakemake" in globals():
