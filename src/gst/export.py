@@ -39,19 +39,26 @@ def export_study(results: Path, to: Path) -> list[Path]:
     mesh is elsewhere.
     """
     check_chain(results)
+    written = []
+    for name, content in _files(results):
+        written.append(to / name)
+        write_whole(written[-1], content)
+    return written
+
+
+def _files(results: Path) -> Iterator[tuple[str, bytes]]:
+    """Name and content of each file."""
     made = set(made_in(results))  # other files may be left of other configs
     by_patch: dict[str, dict[str, Path]] = {}
-    for stage, files in _BY_PATCH.items():
-        for file in made & set(results.glob(files)):
-            by_patch.setdefault(file.stem.partition("_")[0], {})[stage] = file
-    contents = {to / "tool.ply": _tool(results, made)}
+    for stage, pattern in _BY_PATCH.items():
+        for file in made & set(results.glob(pattern)):
+            patch = file.stem.partition("_")[0]
+            by_patch.setdefault(patch, {})[stage] = file
     for patch, stages in sorted(by_patch.items()):
         for name, field in _maps(stages):
             title = f"patch {patch}: {field.attrs['long_name']}"
-            contents[to / f"{patch}_{name}.x3p"] = x3p_of(field, title)
-    for file, content in contents.items():
-        write_whole(file, content)
-    return list(contents)
+            yield f"{patch}_{name}.x3p", x3p_of(field, title)
+    yield "tool.ply", _tool(results, made)
 
 
 def _maps(files: Mapping[str, Path]) -> Iterator[tuple[str, xr.DataArray]]:
