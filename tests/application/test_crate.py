@@ -144,8 +144,7 @@ def test_the_run_ends_with_its_newest_result_and_has_the_authors_given(results):
     assert "None is stated" in entities["./"]["license"]
     assert entities["Snakefile"]["license"] == {"@id": "https://spdx.org/licenses/MIT"}
     _, entities, action = packed(results, authors=["Ada Lovelace"], licence="CC-BY-4.0")
-    (agent,) = action["agent"]
-    assert entities[agent["@id"]]["name"] == "Ada Lovelace"
+    assert entities[action["agent"]["@id"]]["name"] == "Ada Lovelace"
     assert entities["./"]["author"] == action["agent"]
     assert entities[entities["./"]["license"]["@id"]]["name"] == "CC-BY-4.0"
 
