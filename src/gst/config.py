@@ -117,9 +117,11 @@ def read_study(config: Mapping, source: str) -> pd.DataFrame:
     """Check a config, defaults included, and read its patch table; without one, no rows.
 
     Raises a `ConfigError` that lists all that is wrong with the config, which it calls `source`,
-    or with the table.
+    or with a table.
     """
     refuse_config(config_problems(config), source)
+    if config["published"] is not None:
+        read_rows(config["published"], "published").refuse()
     if config["patches"] is None:
         return no_patches()
     return read_patches(
@@ -138,8 +140,6 @@ def refuse_study(config: Mapping, source: str) -> None:
     """
     patches = read_study(config, source)
     poses_of(config)
-    if config["published"] is not None:
-        read_rows(config["published"], "published").refuse()
     if config["inputs"] is not None:
         check_files(config, patches, ", ".join(filter(None, [source, config["patches"]])))
 

@@ -265,6 +265,7 @@ def test_files_that_cannot_be_used_are_listed_with_those_of_like_names(config, t
 
 
 BAD_TABLE, BAD_POSES = "patch,x_mm,y_mm,t0\n1,9,1,a\n", "x_mm,y_mm\n1,1\n"
+BAD_VALUES = "quantity,patch,unit,value\nload,,MPa,22\n"
 
 
 @pytest.mark.parametrize(
@@ -275,12 +276,14 @@ BAD_TABLE, BAD_POSES = "patch,x_mm,y_mm,t0\n1,9,1,a\n", "x_mm,y_mm\n1,1\n"
         ({"patches": "bad.csv"}, "bad.csv: 1 problem in this table"),
         ({"gesture": {"table": "poses.csv"}}, "poses.csv: missing columns"),
         ({"gesture": {"table": "gone.csv"}}, "gone.csv: cannot be read"),
+        ({"published": "values.csv"}, "line 2: quantity is 'load'"),
         ({"specimen": None, "inputs": INPUTS}, "files cannot be used\n  - mesh: a does not exist"),
     ],
 )
 def test_what_would_stop_a_run_before_its_first_step(tmp_path, monkeypatch, change, words):
     (tmp_path / "bad.csv").write_text(BAD_TABLE)
     (tmp_path / "poses.csv").write_text(BAD_POSES)
+    (tmp_path / "values.csv").write_text(BAD_VALUES)
     monkeypatch.chdir(tmp_path)
     whole = complete({"patches": str(ROOT / "config/patches_tiny.tsv")} | change)
     if words is None:
