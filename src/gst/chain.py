@@ -52,7 +52,8 @@ class Step(NamedTuple):
 
 def step_of(log: str | Path, params: Mapping, inputs: Iterable, outputs: Iterable) -> Step:
     """A step by what Snakemake knows about it."""
-    return Step(Path(log).stem, dict(params), [*map(Path, inputs)], [*map(Path, outputs)])
+    read, made = ([Path(file) for file in files] for files in (inputs, outputs))
+    return Step(Path(log).stem, dict(params), read, made)
 
 
 def steps_of(workflow: Any, results: Path) -> list[Step]:
@@ -242,8 +243,9 @@ def warnings_of(results: Path, step: str) -> list[str]:
 def last_took(results: Path, step: str) -> str:
     """How long a step took when it last ran, from its log; empty if that is gone."""
     log = results / _LOGS / f"{step}.log"
-    lines = log.read_text(encoding="utf-8").splitlines() if log.is_file() else []
-    return lines[-1].partition(TOOK)[2].partition(",")[0] if lines else ""
+    text = log.read_text(encoding="utf-8") if log.is_file() else ""
+    last = text.rstrip("\n").rpartition("\n")[2]
+    return last.partition(TOOK)[2].partition(",")[0]
 
 
 def check_links(results: Path) -> None:
@@ -285,15 +287,15 @@ def _digests(paths: Iterable[Path], results: Path | None, seen: Digests) -> dict
     """SHA-256 of files by name in `results`, or by path; empty for one that is missing."""
     found = {}
     for path in paths:
-        for file in _files_in(path) if path.is_dir() else [path]:
+        files = [path]
+        if path.is_dir():
+            files = [file for file in sorted(path.rglob("[!.]*")) if file.is_file()]
+        for file in files:
             if file not in seen:
                 seen[file] = sha256(file) if file.is_file() else ""
-            found[(file.relative_to(results) if results else file).as_posix()] = seen[file]
+            name = file.relative_to(results) if results else file
+            found[name.as_posix()] = seen[file]
     return found
-
-
-def _files_in(folder: Path) -> list[Path]:
-    return sorted(file for file in folder.rglob("[!.]*") if file.is_file())
 
 
 def _changed(before: Mapping[str, str], after: Mapping[str, str]) -> str | None:
