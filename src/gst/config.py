@@ -148,12 +148,10 @@ def config_problems(config: Mapping) -> list[str]:
     """Everything that is wrong with a whole config, one sentence each; empty if it can be used."""
     if unusable := list(_unusable_numbers(config)):
         return unusable
-    errors = sorted(
-        _validator().iter_errors(config),
-        key=lambda error: [str(part) for part in error.absolute_path],
-    )
+    errors = sorted(_validator().iter_errors(config), key=_order)
     # the contradictions rely on correct types
-    return [_explain(error) for error in errors] or list(contradictions(config))
+    explained = list(dict.fromkeys(map(_explain, errors)))
+    return explained or list(contradictions(config))
 
 
 @functools.cache
@@ -171,8 +169,15 @@ def _unusable_numbers(value: Any, key: str = "") -> Iterator[str]:
         yield f"'{key}' is {value}: give a finite number, at most {_LARGEST_NUMBER:g}"
 
 
+def _order(error: ValidationError) -> tuple[bool, list[str]]:
+    """By key; last, what cannot go together."""
+    return error.validator == "not", [str(part) for part in error.absolute_path]
+
+
 def _explain(error: ValidationError) -> str:
     """What is wrong with a value, and what is asked for."""
+    if error.validator == "not":
+        return error.schema["description"]
     key, value = ".".join(str(part) for part in error.absolute_path), error.instance
     if error.validator == "additionalProperties":
         return _unknown_keys(key, [*map(str, value)], error.schema["properties"])

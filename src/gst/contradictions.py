@@ -1,7 +1,7 @@
-"""What no schema can express: values of a config that cannot go together.
+"""What no schema can express: numbers and files of a config that cannot go together.
 
-The config is whole, and each value alone fits the schema. Each problem is a sentence with its key,
-its value and the remedy.
+The config is whole and fits the schema, which says what else cannot go together. Each problem is a
+sentence with its key, its value and the remedy.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,14 +22,11 @@ _CRUSHING_MPA = 1000.0
 
 
 def contradictions(config: Mapping) -> Iterator[str]:
-    """Everything in a config that cannot go together."""
+    """Every such problem of a config."""
     yield from _in_files(config)
     yield from _in_squares(config)
-    yield from _without_patches(config)
     yield from _in_load(config)
-    yield from _in_active_tool(config)
     yield from _in_interlayer(config)
-    yield from _in_gesture(config)
     short, long = config["texture"]["s_filter_um"], config["texture"]["l_filter_um"]
     if long is not None and long <= short:
         yield (
@@ -39,19 +36,11 @@ def contradictions(config: Mapping) -> Iterator[str]:
 
 
 def _in_files(config: Mapping) -> Iterator[str]:
-    inputs = config["inputs"]
-    if (config["specimen"] is None) == (inputs is None):
-        yield (
-            "give exactly one of 'specimen' (generated) and 'inputs' (your files); set the other "
-            "to null"
-        )
     if inside := input_in_results(config):
         yield (
             f"'results' is {config['results']!r}, a folder that contains {inside}: name a folder "
             "for the results alone"
         )
-    if config["patches"] is not None and inputs is not None and inputs["scan_folder"] is None:
-        yield "'inputs' lacks ['scan_folder'], where the scans of the patch table are: add it"
     for name in ("patches", "published"):
         if config[name] is not None and (problem := path_problem(config[name])):
             yield f"'{name}': {problem}: correct the path"
@@ -85,31 +74,9 @@ def _square_problems(key: str, points: Sequence, size_mm: float) -> Iterator[str
         )
 
 
-def _without_patches(config: Mapping) -> Iterator[str]:
-    if config["patches"] is not None:
-        return
-    if config["gesture"] is None:
-        yield (
-            "'patches' and 'gesture' are null: where to scan depends on how the load point "
-            "scatters; set gesture, such as {load_point_scatter_mm: 1, poses: 60}, or give a patch "
-            "table"
-        )
-    idle = [name for name in ("published", "interlayer") if config[name] is not None]
-    idle += ["counterface.scan"] if "scan" in (config["counterface"] or {}) else []
-    if idle:
-        yield (
-            f"'patches' is null, and {' and '.join(idle)} need{'s' * (len(idle) == 1)} scanned "
-            "patches: take out what needs them, or give a patch table"
-        )
-
-
 def _in_load(config: Mapping) -> Iterator[str]:
     """What is wrong with the load, and with what bears it."""
     load, size_mm = config["load"], config["square"]["size_mm"]
-    if (load["force_N"] is None) == (load["pressure_MPa"] is None):
-        both = "both" if load["force_N"] is not None else "neither"
-        yield f"'load' has {both} of force_N and pressure_MPa: give one, and set the other to null"
-        return
     pressure, cap = load_force(load, size_mm) / size_mm**2, config["pressure_cap_MPa"]
     if cap is not None and cap <= pressure:
         yield (
@@ -138,17 +105,6 @@ def _in_load(config: Mapping) -> Iterator[str]:
         )
 
 
-def _in_active_tool(config: Mapping) -> Iterator[str]:
-    form = config["counterface"] or {}
-    if form.get("radius_mm") and "mesh" in form:
-        yield "'counterface' has a radius and a mesh: give one of them"
-    if config["coupling"] == "levelled" and counterface_mesh(config, "") is not None:
-        yield (
-            "'counterface.mesh' (or specimen.counterface_seed) needs a stone at rest, and "
-            "coupling is levelled, which presses a flat: set coupling to placed"
-        )
-
-
 def _in_interlayer(config: Mapping) -> Iterator[str]:
     if (layer := config["interlayer"]) is None:
         return
@@ -163,23 +119,6 @@ def _in_interlayer(config: Mapping) -> Iterator[str]:
     if layer["thickness_um"] < spacing_um:
         fault = thinner_than_a_point(layer["thickness_um"], spacing_um)
         yield f"'interlayer.thickness_um': {fault}; make it thicker, or set interlayer to null"
-
-
-def _in_gesture(config: Mapping) -> Iterator[str]:
-    if (gesture := config["gesture"]) is None:
-        return
-    if len(gesture) != 2 - ("table" in gesture):
-        yield (
-            f"'gesture' is {gesture}: give a table, or poses with stroke_mm or "
-            "load_point_scatter_mm"
-        )
-    if config["coupling"] == "levelled":
-        yield (
-            "'gesture' needs a stone at rest, and coupling is levelled: set coupling to placed, "
-            "or gesture to null"
-        )
-    if config["interlayer"] is not None:
-        yield "'gesture' and 'interlayer' cannot wear a stone together: set one of them to null"
 
 
 def counterface_mesh(config: Mapping, specimen: str) -> dict | None:
