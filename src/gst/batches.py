@@ -17,13 +17,7 @@ def share_out(patches: Sequence[str], per_job: float | None = None) -> dict[str,
 
     A patch stays in its batch when others come or go: its id alone decides, among as many batches
     as a power of two. Only where that number changes, at about 13, 26, 52 … patches, all move.
-
-    Parameters
-    ----------
-    patches : sequence of str
-        Ids of all patches.
-    per_job : float, optional
-        About as many share a job, or more where that made more than 16 batches.
+    About `per_job` share a job, or more where that made more than 16 batches.
     """
     count = 1
     while count < _MOST_BATCHES and len(patches) > count * (per_job or _PER_JOB):

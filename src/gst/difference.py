@@ -33,10 +33,7 @@ def compare_results(
         ``before`` and ``after``, as written in the files, empty where absent; ``relative``,
         abs(after - before) over the larger magnitude, NaN for text.
 
-    Raises
-    ------
-    InputError
-        A folder has no tables, or a file in it cannot be read.
+    Raises an `InputError` if a folder has no tables, or a file in it cannot be read.
     """
     sides = [_read_tables(Path(folder)) for folder in (before, after)]
     changes: list[tuple[str, ...]] = []

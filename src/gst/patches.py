@@ -55,18 +55,9 @@ def read_patches(
 ) -> pd.DataFrame:
     """Read and check the patch table of a square of side `size_mm`.
 
-    Names of scans become those in `scan_folder`, which is None for a synthetic specimen.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row per patch, in natural order of ids ("2" before "10"), with every column of the
-        schema.
-
-    Raises
-    ------
-    ConfigError
-        Its message lists all that is wrong, with line numbers.
+    It has every column of the schema, and a row for each patch, in natural order of ids ("2" before
+    "10"). Names of scans become those in `scan_folder`, which is None for a synthetic specimen. A
+    `ConfigError` lists all that is wrong, with line numbers.
     """
     ignored = columns_of("places")
     table = read_rows(path, "patches", renamed={"place": "patch"}, ignored=ignored)

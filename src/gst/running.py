@@ -68,13 +68,8 @@ def run_study(
     """Run a study in the working folder, and say what to open; the exit code is Snakemake's.
 
     `cores`, `profile` and `plan` are as on the command line; `options` are further ones of
-    Snakemake.
-
-    Raises
-    ------
-    InputError
-        The config cannot be used; there is no such profile; an option is refused; Snakemake is not
-        installed; a run is, or may be, active in this folder.
+    Snakemake. Raises an `InputError` if the config cannot be used; there is no such profile; an
+    option is refused; Snakemake is not installed; a run is, or may be, active in this folder.
     """
     read = read_config(config)
     refuse_study(read, str(config))
@@ -168,12 +163,8 @@ def claim_folder(config: Path) -> None:
 def remove_results(config: Path, *, intermediate: bool) -> None:
     """Ask, and remove what a study made in its folder; the folder too, if nothing else is in it.
 
-    Or of a finished study only the `intermediate` results, which its stages gave to each other.
-
-    Raises
-    ------
-    InputError
-        Of intermediate results: the study is not finished, or not that of this config.
+    Or only the `intermediate` results, which its stages gave to each other; an `InputError` if the
+    study is not finished, or not that of this config.
     """
     read = read_config(config)
     refuse_config(config_problems(read), str(config))
@@ -213,10 +204,7 @@ def _size_mb(paths: Iterable[Path]) -> float:
 def lay_out(folder: Path, name: str) -> list[Path]:
     """Copy a shipped config, the tables that it names and their description; the copies.
 
-    Raises
-    ------
-    InputError
-        One of the files exists already, with other content.
+    Raises an `InputError` if one of the files exists already, with other content.
     """
     config = read_config(ROOT / f"config/{name}.yaml")
     tables = [config["patches"], config["published"]]

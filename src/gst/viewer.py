@@ -29,10 +29,7 @@ _BEGIN, _END = "<script>", "var camera,controls,scene"
 def three_js() -> str:
     """three.js (MIT licence), which defines THREE.
 
-    Raises
-    ------
-    InputError
-        The installed trimesh ships it in another form.
+    Raises an `InputError` if the installed trimesh ships it in another form.
     """
     template = importlib.resources.files("trimesh") / _TEMPLATE
     try:
