@@ -210,8 +210,9 @@ def _breaks(results: Path, steps: Iterable[str]) -> Iterator[str]:
             yield f"no record says what the step {name} made"
             continue
         for part in ("inputs", "outputs"):
-            now = _digests([results / each for each in record[part]], results, seen)
-            if changed := _changed(record[part], now):
+            files = [results / each for each in record[part]]
+            changed = _changed(record[part], _digests(files, results, seen))
+            if changed:
                 file, did = results / changed, "read" if part == "inputs" else "made"
                 if file.exists():
                     edited = ": cut, or edited" if part == "outputs" else ""
@@ -219,7 +220,8 @@ def _breaks(results: Path, steps: Iterable[str]) -> Iterator[str]:
                 else:
                     yield f"{file}, which the step {name} {did}, is missing"
         known = {path: of for path, of in record["files"].items() if Path(path).is_file()}
-        if changed := _changed(known, _digests(map(Path, known), None, seen)):
+        changed = _changed(known, _digests(map(Path, known), None, seen))
+        if changed:
             yield f"{changed} is not as the step {name} read it"
 
 

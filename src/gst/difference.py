@@ -8,6 +8,7 @@ that the schema does not list, or whose key does not tell its rows apart, is com
 import json
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -62,15 +63,21 @@ def describe_changes(changes: pd.DataFrame, at_most: int = 20) -> str:
     """The changes for a reader: one line each, at most the `at_most` largest per table."""
     lines = []
     for table, found in changes.groupby("table", sort=False):
-        lines.append(f"{table}: {len(found)} change{'s' if len(found) > 1 else ''}")
+        plural = "s" if len(found) > 1 else ""
+        lines.append(f"{table}: {len(found)} change{plural}")
         largest_first = found.sort_values("relative", ascending=False, na_position="first")
-        for change in largest_first.head(at_most).itertuples():
-            place = ", ".join(filter(None, [change.row, change.column]))
-            by = "" if np.isnan(change.relative) else f"  ({change.relative:.2g})"
-            values = f"{change.before or '(none)'} → {change.after or '(none)'}"
-            lines.append(f"  {place}: {values}{by}")
-        lines += [f"  ... and {len(found) - at_most} more"] if len(found) > at_most else []
+        lines += map(_described, largest_first.head(at_most).itertuples())
+        if len(found) > at_most:
+            lines.append(f"  ... and {len(found) - at_most} more")
     return "\n".join(lines)
+
+
+def _described(change: Any) -> str:
+    """One change in a line."""
+    place = ", ".join(filter(None, [change.row, change.column]))
+    old, new = change.before or "(none)", change.after or "(none)"
+    by = "" if np.isnan(change.relative) else f"  ({change.relative:.2g})"
+    return f"  {place}: {old} → {new}{by}"
 
 
 def _read_tables(folder: Path) -> dict[str, pd.DataFrame]:

@@ -116,11 +116,17 @@ def _fitting(name: str, folder: Path) -> list[str]:
     place = folder / name
     if place.is_file():
         return [name]
-    parts = map(re.escape, unicodedata.normalize("NFC", place.name).split("*"))
-    fits = re.compile(".*".join(parts), re.IGNORECASE)
-    files = place.parent.iterdir() if place.parent.is_dir() else ()
-    there = [f.name for f in files if fits.fullmatch(unicodedata.normalize("NFC", f.name))]
-    return sorted(str(Path(name).with_name(file)) for file in there)
+    parts = [re.escape(part) for part in _composed(place.name).split("*")]
+    pattern = re.compile(".*".join(parts), re.IGNORECASE)
+    there = []
+    for file in place.parent.iterdir() if place.parent.is_dir() else ():
+        if pattern.fullmatch(_composed(file.name)):
+            there.append(str(Path(name).with_name(file.name)))
+    return sorted(there)
+
+
+def _composed(name: str) -> str:
+    return unicodedata.normalize("NFC", name)
 
 
 def _repeated(rows: pd.DataFrame, patch_size: float) -> Iterator[Problem]:
@@ -142,15 +148,19 @@ def _out_of_square(rows: pd.DataFrame, size: float, patch_size: float) -> Iterat
     for row in rows.itertuples():
         angle = math.radians(row.rotation_deg)
         half = patch_size / 2 * (abs(math.cos(angle)) + abs(math.sin(angle)))
-        over = {"x = 0": half - row.x_mm, f"x = {size:g}": row.x_mm + half - size}
-        over |= {"y = 0": half - row.y_mm, f"y = {size:g}": row.y_mm + half - size}
-        beyond = [f"{mm:.4g} mm at the {s} side" for s, mm in over.items() if mm > _ROUNDING]
+        sides = {
+            "x = 0": half - row.x_mm,
+            f"x = {size:g}": row.x_mm + half - size,
+            "y = 0": half - row.y_mm,
+            f"y = {size:g}": row.y_mm + half - size,
+        }
+        beyond = {side: mm for side, mm in sides.items() if mm > _ROUNDING}
         if beyond:
-            yield (
-                row.Index,
-                f"its footprint of {patch_size:g} mm sticks out of the {size:g} mm square by "
-                f"{' and '.join(beyond)}",
+            said = " and ".join(
+                f"{mm:.4g} mm at the {side} side" for side, mm in beyond.items()
             )
+            footprint = f"its footprint of {patch_size:g} mm"
+            yield row.Index, f"{footprint} sticks out of the {size:g} mm square by {said}"
 
 
 def overlaps(patches: pd.DataFrame, size_mm: float) -> Iterator[tuple[str, str, float]]:
