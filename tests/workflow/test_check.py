@@ -35,7 +35,8 @@ def test_good_files(measured):
     assert "force through x 3.2, y 2 mm" in said
     plane = in_memory(measured).contact.interface.plane
     (tilt,) = re.findall(r"tilted by ([\d.]+) mrad", said)
-    assert float(tilt) == pytest.approx(1e3 * np.hypot(plane.slope_y, plane.slope_x), rel=0.2)  # of the mesh alone
+    # of the mesh alone
+    assert float(tilt) == pytest.approx(1e3 * np.hypot(plane.slope_y, plane.slope_x), rel=0.2)
     words = ("E* = 10346 MPa, from the elastic constants", "No problems found, but 1 warning")
     facts = ("up to 64 × 64 points; Sq ", " mm along its x, y, z; mean edge length ")
     assert missing(said, *words, *facts) == []

@@ -7,6 +7,7 @@ import trimesh
 from gstlib.errors import InputError
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.preprocess import interpolation, use_face
+from gstlib.preprocess import mesh as mesh_module
 from gstlib.preprocess.mesh import grid_mesh, gridding_table
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import Frame
@@ -173,7 +174,7 @@ def test_a_square_that_cannot_be_gridded(match, mesh, frame):
 def test_as_many_vertices_as_are_needed_are_enough(monkeypatch):
     mesh = sheet(hills, edge=1.0)
     inside = (abs(mesh.vertices[:, :2] - 2.5) <= 2.5).all(axis=1)
-    monkeypatch.setattr(gridding, "_FEWEST", int(inside.sum()))
+    monkeypatch.setattr(mesh_module, "_FEWEST", int(inside.sum()))
     assert grid(mesh).attrs["mesh_points"] >= inside.sum()
 
 
