@@ -82,8 +82,7 @@ def outcomes(study: Study) -> pd.DataFrame:
     rows = [(_PRESSURE, row.patch, row.pressure_MPa, *none) for row in selected.itertuples()]
     rows.append(("studied", "", int(selected.in_study.sum()), *none))
     if study.worn:
-        resamples = study.config["validation"]["resamples"]
-        summary = study.scored(seed=study.config["seed"], resamples=resamples)["summary"]
+        summary = study.scored()["summary"]
         own = summary[summary.model.isin(["", own_model(list(summary.model))])]
         for row in own[own.statistic.isin(_OF_PREDICTION)].itertuples():
             rows.append((row.statistic, "", row.value, row.low, row.high))

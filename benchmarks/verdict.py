@@ -45,7 +45,7 @@ def scored(study: Study, strengths: Sequence[float]) -> pd.DataFrame:
     contacts = {patch: study.contacts[patch] for patch in study.worn}
     predicted = {}
     for patch, contact in contacts.items():
-        maps = [wear_map(contact, worn, None, patch)]
+        maps = [wear_map(contact, worn, patch)]
         for limit in strengths:
             depth = wear_patch(contact, worn, patch, pressure_cap=limit)
             named = maps[0].assign_coords(model=[f"{limit:g} MPa"])

@@ -58,7 +58,7 @@ from .surfaces.grid import spacing_of as spacing_of
 from .surfaces.leveling import remove_plane as remove_plane
 from .validation.single_scale import press_whole as press_whole
 from .validation.summary import score_wear as score_wear
-from .wear.fit import wear_stone as wear_stone
-from .wear.interlayer import fit_interlayer as fit_interlayer
+from .wear.fit import fit_wear as fit_wear
+from .wear.fit import predict_wear as predict_wear
 
 __version__: str

@@ -1,4 +1,4 @@
-"""What a study is given: elastic constants and load, as its config has them."""
+"""What a study is given: elastic constants, load, and the settings of each stage."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,7 +7,17 @@ import numpy as np
 
 from gstlib.bem import contact_modulus
 
-__all__ = ["load_force", "load_point", "study_modulus", "study_poisson"]
+__all__ = [
+    "load_force",
+    "load_point",
+    "stage_settings",
+    "study_modulus",
+    "study_poisson",
+    "study_radius",
+]
+
+# The variants of the coupling: the study's own, and the paper's.
+PLACED, LEVELLED = "placed", "levelled"
 
 
 def study_modulus(material: Mapping) -> float:
@@ -44,3 +54,54 @@ def load_point(load: Mapping[str, Any], size_mm: float) -> tuple[float, float]:
     """Where (y, x), mm, the force acts: where the section says, or in the middle of the square."""
     x, y = load["at_mm"] or 2 * [size_mm / 2]
     return float(y), float(x)
+
+
+def study_radius(config: Mapping[str, Any]) -> float | None:
+    """Radius of the active tool, mm; None of a flat, by which the paper's square is pressed."""
+    if config["coupling"] != PLACED:
+        return None
+    return (config["counterface"] or {}).get("radius_mm")
+
+
+def stage_settings(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """What the config says to the function of each stage, by the stage's name."""
+    size_mm, patch_mm = config["square"]["size_mm"], config["scans"]["size_mm"]
+    macroscale, microscale = config["macroscale"], config["microscale"]
+    modulus, force_N = study_modulus(config["material"]), load_force(config["load"], size_mm)
+    at_load = {"modulus": modulus, "tolerance": macroscale["tolerance"], "force_N": force_N}
+    # The paper's square stays on its mean plane, and a flat presses it.
+    through, face_mm = None, None
+    if config["coupling"] == PLACED:
+        through, face_mm = load_point(config["load"], size_mm), macroscale["face_mm"]
+    grid = {name: macroscale[name] for name in ("grid", "interpolation")}
+    return {
+        "grid_macroscale": config["square"] | grid | {"face_mm": face_mm},
+        "prepare_scans": {name: config[name] for name in ("scans", "preprocessing")},
+        "compose_surface": {
+            "patch_mm": patch_mm,
+            "s_filter_um": microscale["s_filter_um"],
+            "placement_um": config["uncertainty"]["placement_um"],
+            "seed": config["seed"],
+        },
+        "solve_macroscale": at_load | {"through": through},
+        "solve_square": at_load,
+        "couple_scales": {"patch_mm": patch_mm},
+        "place_patches": {"patch_mm": patch_mm} | config["scans"]["mould"],
+        "register_patches": config["registration"] | config["traces"],
+        "select_patches": {
+            "selection": config["selection"],
+            "max_noise_fraction": config["validation"]["max_noise_fraction"],
+        },
+        "solve_patches": microscale | {"contact_modulus_MPa": modulus},
+        "fit_wear": {
+            "patch_mm": patch_mm,
+            "steps": config["wear_steps"],
+            "interlayer": config["interlayer"],
+        },
+        "predict_wear": {"pressure_cap": config["pressure_cap_MPa"]},
+        "score_wear": {
+            "expected_most_worn": config["validation"]["expected_most_worn"],
+            "seed": config["seed"],
+            "resamples": config["validation"]["resamples"],
+        },
+    }

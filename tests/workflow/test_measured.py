@@ -33,7 +33,7 @@ from gstlib.surfaces.footprints import Place, square_of
 from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import remove_plane
 from gstlib.validation.single_scale import composite_heights, two_scales_table
-from gstlib.wear.fit import wear_stone
+from gstlib.wear.fit import fit_wear
 from power import merged
 
 from .conftest import Study, assert_stored, fresh, in_memory, opened
@@ -401,9 +401,8 @@ def test_wear_follows_the_gesture(own, studied, stored, table, gesture, same):
     )
     np.testing.assert_allclose(rate, 5.5 * share, rtol=1e-3, atol=1e-4)
     scored = kept(studied)
-    scored.worn_square = wear_stone(
-        own.contact, own.selected, own.registration, patch_mm=0.85, steps=2, gesture=gesture
-    )
+    tables, options = (own.selected, own.registration), {"patch_mm": 0.85, "steps": 2}
+    scored.worn_square = fit_wear(own.contact, *tables, **options, gesture=gesture)
     found = scored.scored(seed=1, resamples=199)
     same(found["wear"], "wear")
     same(found["profile"], "wear_profile")

@@ -23,9 +23,8 @@ if REPEATED_PATCHES:
             mem_mb=growing(500, scan=100),
             runtime=growing(10, scans=0.5),
         params:
+            **SETTINGS["register_patches"],
             patches=REPEATED_PATCHES,
-            maximum_shift_mm=config["registration"]["maximum_shift_mm"],
-            minimum_points=config["traces"]["minimum_points"],
             code=code("measure_detection.py"),
         message:
             "Measuring the error of a height change on repeated scans"
@@ -48,9 +47,8 @@ rule register_patches:
         mem_mb=growing(500, scan=100),
         runtime=growing(10, batch=0.5),
     params:
+        **SETTINGS["register_patches"],
         patches=lambda wildcards: WORN_BATCHES[wildcards.batch],
-        maximum_shift_mm=config["registration"]["maximum_shift_mm"],
-        minimum_points=config["traces"]["minimum_points"],
         code=code("register_patches.py"),
     message:
         f"Registering T1 to T0: part {{wildcards.batch}} of {len(BATCHES)}"

@@ -13,7 +13,7 @@ from gst.patches import scan_files
 from gst.poses import batches_of, poses_of, reach_of
 from gst.provenance import commit, program_hash, source_hash
 from gst.tables import TABLES
-from gstlib.conditions import load_force, load_point, study_modulus, study_poisson
+from gstlib.conditions import stage_settings, study_poisson, study_radius
 from gstlib.preprocess.mesh import elements_around
 
 CAPTIONS = ROOT / "workflow/report"
@@ -34,7 +34,6 @@ GENERATED = config["specimen"] is not None
 # Of the coupling: the study's own, and the paper's to compare it with.
 PLACED = config["coupling"] == "placed"
 VARIANTS = ["placed", "levelled"] if PLACED else ["levelled"]
-CONTACT_MODULUS_MPA = study_modulus(config["material"])
 
 ALL_PATCHES = list(PATCHES.index)
 WORN_PATCHES = [patch for patch in ALL_PATCHES if PATCHES.t1[patch]]
@@ -49,16 +48,12 @@ COUNTERFACE_MESH = ACTIVE_TOOL["mesh"] if ACTIVE_TOOL else []
 POSES = poses_of(config)
 if ACTIVE_TOOL:
     ACTIVE_TOOL["reach_mm"] = reach_of(config)
-# The paper's square stays on its mean plane, and a flat presses it.
-LOAD = {
-    "force_N": load_force(config["load"], SQUARE_MM),
-    "through": load_point(config["load"], SQUARE_MM) if PLACED else None,
-}
-GRID = {
-    "grid": config["macroscale"]["grid"],
-    "face_mm": config["macroscale"]["face_mm"] if PLACED else None,
-    "radius_mm": (config["counterface"] or {}).get("radius_mm") if PLACED else None,
-}
+# What the config says to each stage, by its rule.
+SETTINGS = stage_settings(config)
+# A claim about other patches says nothing about these.
+if not set(config["validation"]["expected_most_worn"]) <= set(ALL_PATCHES):
+    SETTINGS["score_wear"]["expected_most_worn"] = []
+LOAD = {name: SETTINGS["solve_macroscale"][name] for name in ("force_N", "through")}
 REFERENCE = PLACED and SCANNED and config["reference_draws"] is not None
 if not GENERATED:
     check_files(config, PATCHES, ", ".join(filter(None, [CONFIG_FILES, config["patches"]])))

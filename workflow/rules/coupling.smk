@@ -14,9 +14,8 @@ rule place_patches:
     resources:
         mem_mb=growing(500, scan=60),
     params:
+        **SETTINGS["place_patches"],
         patches=PLACES,
-        patch_mm=PATCH_MM,
-        mould=config["scans"]["mould"],
         code=code("place_patches.py"),
     message:
         "Holding the patches against the square"
@@ -33,8 +32,8 @@ rule couple_scales:
     log:
         f"{RESULTS}/logs/couple_scales.log",
     params:
+        **SETTINGS["couple_scales"],
         patches=PLACES,
-        patch_mm=PATCH_MM,
         code=code("couple_scales.py"),
     message:
         "Summing macroscale forces over the patches"
@@ -87,9 +86,8 @@ rule select_patches:
     resources:
         mem_mb=growing(500, scan=60),
     params:
+        **SETTINGS["select_patches"],
         worn=WORN_PATCHES,
-        selection=config["selection"],
-        max_noise_fraction=config["validation"]["max_noise_fraction"],
         code=code("select_patches.py"),
     message:
         "Selecting the patches of the study"

@@ -24,11 +24,8 @@ if PLACED and SCANNED:
         resources:
             mem_mb=growing(500, scan=100),
         params:
+            **SETTINGS["compose_surface"],
             patches=PLACES,
-            patch_mm=PATCH_MM,
-            s_filter_um=config["microscale"]["s_filter_um"],
-            placement_um=config["uncertainty"]["placement_um"],
-            seed=config["seed"],
             code=code("compose_surface.py"),
         message:
             "Laying the scans on the mesh"
@@ -47,13 +44,10 @@ rule solve_macroscale:
     log:
         f"{RESULTS}/logs/solve_macroscale.log",
     params:
-        **{
-            name: config["macroscale"][name]
-            for name in ("steps", "tolerance", "maximum_displacement_um")
-        },
-        **LOAD,
+        **SETTINGS["solve_macroscale"],
+        steps=config["macroscale"]["steps"],
+        maximum_displacement_um=config["macroscale"]["maximum_displacement_um"],
         patch_mm=PATCH_MM,
-        contact_modulus_MPa=CONTACT_MODULUS_MPA,
         code=code("solve_macroscale.py"),
     message:
         "Pressing the stone with {params.force_N} N"
@@ -75,9 +69,7 @@ if PLACED and SCANNED:
         log:
             f"{RESULTS}/logs/solve_square.log",
         params:
-            force_N=LOAD["force_N"],
-            contact_modulus_MPa=CONTACT_MODULUS_MPA,
-            tolerance=config["macroscale"]["tolerance"],
+            **SETTINGS["solve_square"],
             code=code("solve_square.py"),
         message:
             "Pressing the paper's square alone"
@@ -106,7 +98,7 @@ if POSES is not None:
         log:
             f"{RESULTS}/logs/press_poses_{{batch}}.log",
         params:
-            contact_modulus_MPa=CONTACT_MODULUS_MPA,
+            contact_modulus_MPa=SETTINGS["solve_macroscale"]["modulus"],
             tolerance=config["macroscale"]["tolerance"],
             patch_mm=PATCH_MM,
             size_mm=SQUARE_MM,

@@ -24,10 +24,9 @@ rule solve_patches:
         mem_mb=growing(600, scan=80),
         runtime=growing(10, batch=0.5),
     params:
-        microscale=config["microscale"],
+        microscale=SETTINGS["solve_patches"],
         patches=lambda wildcards: BATCHES[wildcards.batch],
         variants=VARIANTS,
-        contact_modulus_MPa=CONTACT_MODULUS_MPA,
         code=code("solve_patches.py"),
     message:
         f"Pressing the patches up to their own pressures: part {{wildcards.batch}} of {len(BATCHES)}"

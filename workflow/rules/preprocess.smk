@@ -22,7 +22,7 @@ rule check_inputs:
         asked={
             "mesh_unit": MESH_UNIT,
             "square": config["square"],
-            "grid": GRID,
+            "grid": SETTINGS["grid_macroscale"],
             "scan_settings": config["scans"],
             "maximum_unmeasured": config["preprocessing"]["maximum_unmeasured"],
             "placed": PLACED and SCANNED,
@@ -66,7 +66,8 @@ rule grid_macroscale:
     resources:
         mem_mb=growing(600, mesh=14),
     params:
-        gridding=GRID | config["square"] | {"interpolation": config["macroscale"]["interpolation"]},
+        radius_mm=study_radius(config),
+        gridding=SETTINGS["grid_macroscale"],
         mesh_unit=MESH_UNIT,
         active_tool=ACTIVE_TOOL,
         code=code("grid_macroscale.py"),

@@ -30,9 +30,11 @@ if GENERATED:
             patches=columns("patch", "x_mm", "y_mm", "rotation_deg", "t0", "t1", "repeat"),
             specimen=config["specimen"],
             square_mm=SQUARE_MM,
-            grid=GRID["grid"],
+            grid=config["macroscale"]["grid"],
             # with either coupling: the specimen stays the same
-            around=elements_around(SQUARE_MM, GRID["grid"], config["macroscale"]["face_mm"]),
+            around=elements_around(
+                SQUARE_MM, config["macroscale"]["grid"], config["macroscale"]["face_mm"]
+            ),
             code=code("generate_specimen.py"),
         message:
             "Making the specimen: a mesh, and its patches scanned before and after use"

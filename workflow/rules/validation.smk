@@ -6,8 +6,6 @@
 
 if WORN_PATCHES:
 
-    EXPECTED_MOST_WORN = config["validation"]["expected_most_worn"]
-
     rule score_wear:
         input:
             contacts=expand(rules.solve_patches.output.contacts, batch=WORN_BATCHES),
@@ -28,13 +26,8 @@ if WORN_PATCHES:
             mem_mb=growing(500, scan=100, scans=12),
             runtime=growing(10, scans=0.5),
         params:
+            **SETTINGS["score_wear"],
             worn=WORN_PATCHES,
-            # a claim about other patches says nothing about these
-            expected_most_worn=(
-                EXPECTED_MOST_WORN if set(EXPECTED_MOST_WORN) <= set(ALL_PATCHES) else []
-            ),
-            seed=config["seed"],
-            resamples=config["validation"]["resamples"],
             code=code("score_wear.py"),
         message:
             "Scoring the predicted loss by the measured one"

@@ -12,7 +12,7 @@ rule fit_wear:
         pressures=PRESSURES,
         registration=rules.select_patches.output.registration,
     output:
-        **({"interlayer": f"{RESULTS}/wear/interlayer.h5"} if config["interlayer"] else {}),
+        **({"fitted": f"{RESULTS}/wear/interlayer.h5"} if config["interlayer"] else {}),
         square=f"{RESULTS}/wear/square.h5",
     log:
         f"{RESULTS}/logs/fit_wear.log",
@@ -20,10 +20,8 @@ rule fit_wear:
         mem_mb=growing(600, scan=600 if config["interlayer"] else 0),
         runtime=growing(30, scans=1 if config["interlayer"] else 0),
     params:
+        **SETTINGS["fit_wear"],
         patches=WORN_PATCHES,
-        patch_mm=PATCH_MM,
-        steps=config["wear_steps"],
-        interlayer_layer=config["interlayer"],
         poses=None if POSES is None else POSES.to_dict("list"),
         size_mm=SQUARE_MM,
         code=code("fit_wear.py"),
@@ -33,13 +31,13 @@ rule fit_wear:
         "../scripts/fit_wear.py"
 
 
-INTERLAYER = rules.fit_wear.output.interlayer if config["interlayer"] else []
+INTERLAYER = rules.fit_wear.output.fitted if config["interlayer"] else []
 
 
 rule predict_wear:
     input:
         square=rules.fit_wear.output.square,
-        interlayer=INTERLAYER,
+        fitted=INTERLAYER,
         contacts=rules.solve_patches.output.contacts,
     output:
         depths=directory(f"{RESULTS}/wear/{{batch}}"),
@@ -49,9 +47,9 @@ rule predict_wear:
         mem_mb=growing(500, scan=700),
         runtime=growing(10, batch=2),
     params:
+        **SETTINGS["predict_wear"],
         patches=lambda wildcards: WORN_BATCHES[wildcards.batch],
-        interlayer_layer=config["interlayer"],
-        pressure_cap=config["pressure_cap_MPa"],
+        interlayer=config["interlayer"],
         code=code("predict_wear.py"),
     message:
         f"Wearing the patches: part {{wildcards.batch}} of {len(BATCHES)}"

@@ -12,8 +12,7 @@ from gstlib.contact import Contact
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.macroscale.gesture import Gesture
-from gstlib.wear.fit import wear_stone
-from gstlib.wear.interlayer import fit_interlayer
+from gstlib.wear.fit import PatchMaps, fit_wear
 
 CHANGE = "change", "loss", "level_of_detection"
 
@@ -26,12 +25,12 @@ def main(
     pressures: Path,
     registration: Path,
     square: Path,
-    interlayer: Path | None = None,
+    fitted: Path | None = None,
     *,
     patches: list[str],
     patch_mm: float,
     steps: int,
-    interlayer_layer: dict[str, float] | None,
+    interlayer: dict[str, float] | None,
     poses: dict | None,
     size_mm: float,
 ) -> None:
@@ -41,18 +40,22 @@ def main(
         counterface = read_dataset(second).face if second else pressed.interface.counterface
         through = pressed.load.through
         gesture = Gesture(counterface, bool(second), size_mm, through, pd.DataFrame(poses))
-    settings = {"patch_mm": patch_mm, "steps": steps, "interlayer": interlayer_layer}
-    tables = read_pressures(pressures), read_table(registration)
-    worn = wear_stone(pressed, *tables, gesture=gesture, **settings)
+    settings = {"patch_mm": patch_mm, "steps": steps, "interlayer": interlayer}
+    worn = fit_wear(
+        pressed,
+        read_pressures(pressures),
+        read_table(registration),
+        PatchMaps(
+            Stored(files_of(contacts, patches), then=Contact.from_dataset),
+            Stored(files_of(registered, patches), CHANGE),
+        ),
+        gesture=gesture,
+        **settings,
+    )
     made = provenance([contact, pressures, registration], settings)
     write_dataset(square, worn.path if worn else xr.Dataset(), made)
-    if interlayer is not None:
-        fitted = xr.Dataset()
-        if worn:
-            before = Stored(files_of(contacts, patches), then=Contact.from_dataset)
-            fitted = fit_interlayer(worn, before, Stored(files_of(registered, patches), CHANGE))
-            fitted = fitted.assign(pressure=worn.interlayer.pressure)
-        write_dataset(interlayer, fitted, made)
+    if fitted is not None:
+        write_dataset(fitted, worn.fitted_interlayer if worn else xr.Dataset(), made)
 
 
 if "snakemake" in globals():

@@ -21,15 +21,14 @@ def main(
     *,
     mesh_unit: str,
     active_tool: dict | None,
+    radius_mm: float | None,
     gridding: dict,
 ) -> None:
     stone = read_mesh(mesh, unit=mesh_unit)
-    grid = {name: value for name, value in gridding.items() if name != "radius_mm"}
-    rounded = RoundedTool(gridding["radius_mm"])
-    tool = ActiveTool.read(**active_tool) if active_tool else rounded
-    gridded, of_other = grid_macroscale(stone, source=mesh, active_tool=tool, **grid)
+    tool = ActiveTool.read(**active_tool) if active_tool else RoundedTool(radius_mm)
+    gridded, of_other = grid_macroscale(stone, source=mesh, active_tool=tool, **gridding)
     inputs = [mesh, *([counterface] if active_tool else [])]
-    made = provenance(inputs, {"mesh_unit": mesh_unit} | gridding)
+    made = provenance(inputs, {"mesh_unit": mesh_unit, "radius_mm": radius_mm} | gridding)
     write_dataset(face, gridded, made)
     if second is not None:
         write_dataset(second, of_other.to_dataset(name="face"), made)

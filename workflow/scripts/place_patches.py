@@ -18,13 +18,12 @@ def main(
     *,
     patches: dict[str, list],
     patch_mm: float,
-    mould: dict,
+    invert: bool,
+    flip: str | None,
 ) -> None:
     scans = Stored(files_of(t0, patches["patch"]), ["height"])
-    surface = read_dataset(face, only=["height"]).height
-    table_of = pd.DataFrame(patches)
-    places = place_patches(surface, table_of, scans, patch_mm=patch_mm, **mould)
-    write_table(table, places)
+    given = read_dataset(face, only=["height"]).height, pd.DataFrame(patches), scans
+    write_table(table, place_patches(*given, patch_mm=patch_mm, invert=invert, flip=flip))
 
 
 if "snakemake" in globals():

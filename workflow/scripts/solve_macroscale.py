@@ -18,14 +18,14 @@ def main(
     *,
     force_N: float,
     through: tuple[float, float] | None,
-    contact_modulus_MPa: float,
+    modulus: float,
     tolerance: float,
     patch_mm: float,
     steps: int,
     maximum_displacement_um: float,
 ) -> None:
     whole = read_dataset(face, only=["height", "counterface", "size_mm"])
-    settings = {"force_N": force_N, "through": through, "modulus": contact_modulus_MPa}
+    settings = {"force_N": force_N, "through": through, "modulus": modulus}
     settings |= {"tolerance": tolerance, "steps": steps}
     settings |= {"maximum_displacement_um": maximum_displacement_um}
     solved = solve_macroscale(whole, source=face, **settings)

@@ -25,22 +25,19 @@ def main(
     *,
     patches: list[str],
     variants: list[str],
-    contact_modulus_MPa: float,
     microscale: dict[str, float],
 ) -> None:
-    stone = {}
+    scans, around = files_of(t0, patches), {}
     if composite:
-        stone["composite"] = read_dataset(composite)
-        stone["contact"] = Contact.from_dataset(read_dataset(contact))
+        around["composite"] = read_dataset(composite)
+        around["contact"] = Contact.from_dataset(read_dataset(contact))
     if counterface:
-        stone["counterface"] = read_dataset(counterface).height
-    around = [file for file in (counterface, composite, contact) if file]
-    scans = files_of(t0, patches)
+        around["counterface"] = read_dataset(counterface).height
     folders = dict(zip(variants, [contacts, others], strict=False))
-    settings = microscale | {"contact_modulus_MPa": contact_modulus_MPa}
-    given = Stored(scans, ["height"]), read_pressures(pressures), Microscale(**settings)
-    for patch, variant, found in solve_patches(*given, variants=variants, **stone):
-        made = provenance([scans[patch], *around], settings | {"variant": variant})
+    given = Stored(scans, ["height"]), read_pressures(pressures), Microscale(**microscale)
+    for patch, variant, found in solve_patches(*given, variants=variants, **around):
+        files = [scans[patch], *filter(None, (counterface, composite, contact))]
+        made = provenance(files, microscale | {"variant": variant})
         write_dataset(folders[variant] / f"{patch}.h5", found.to_dataset(), made)
 
 

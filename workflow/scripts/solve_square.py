@@ -9,10 +9,10 @@ from gstlib.macroscale.equilibrium import solve_square
 
 
 def main(
-    face: Path, contact: Path, *, force_N: float, contact_modulus_MPa: float, tolerance: float
+    face: Path, contact: Path, *, force_N: float, modulus: float, tolerance: float
 ) -> None:
     square = read_dataset(face, only=["height", "size_mm"])
-    settings = {"force_N": force_N, "modulus": contact_modulus_MPa, "tolerance": tolerance}
+    settings = {"force_N": force_N, "modulus": modulus, "tolerance": tolerance}
     solved = solve_square(square, source=face, **settings)
     write_dataset(contact, solved.to_dataset(), provenance([face], settings))
 

@@ -1,16 +1,13 @@
 """Which patches enter the study: those under load whose second scan matches the first."""
 
-import logging
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import pandas as pd
 import xarray as xr
 
 from gstlib.change.change import wear_summary
 
-__all__ = ["registration_table", "select_patches"]
-
-_log = logging.getLogger(__name__)
+__all__ = ["registration_table", "rise_warnings", "select_patches"]
 
 # Of each patch, in the order of the table, before it is said whether that excludes the patch.
 _REGISTRATION = ["patch", "found", "shift_x_um", "shift_y_um", "rotation_deg", "overlap"]
@@ -36,14 +33,12 @@ def registration_table(
     """How well T1 matches T0 on each patch, how much was lost, and which patches that excludes.
 
     `changes` are the height changes by patch; each is looked up once. A loss is above the noise
-    if the area that rose is at most the share `max_noise_fraction` of the area that fell; a
-    warning says where more rose.
+    if the area that rose is at most the share `max_noise_fraction` of the area that fell;
+    `rise_warnings` says where more rose.
     """
     rows = []
     for patch, change in changes.items():
         of = wear_summary(change)
-        if warning := _odd_rise(patch, of, max_noise_fraction):
-            _log.warning("%s", warning)
         said = {"found": bool(change.attrs["registration_found"])}
         said["above_noise"] = (
             not of["noise_fraction"] > max_noise_fraction and change.attrs["known_fraction"] > 0
@@ -57,25 +52,29 @@ def registration_table(
     return table.assign(excluded=~scored.in_study, reason=scored.reason)
 
 
-def _odd_rise(patch: str, of: Mapping[str, float], max_noise_fraction: float) -> str | None:
-    """What to look into where much rose: use only removes material."""
-    rose, fell, noise = (
-        100 * of[name] for name in ("gain_fraction", "loss_fraction", "noise_fraction")
-    )
-    if rose > _BEYOND_NOISE * fell:
-        return (
-            f"patch {patch}: far more rose than fell ({rose:.2g} % and {fell:.2g} % of the area), "
-            "but use only removes material. If this is so on all patches, check "
-            "scans.mould.invert; if on some, check for t0 and t1 exchanged in the patch table, or "
-            "for residue on the stone."
+def rise_warnings(registration: pd.DataFrame, *, max_noise_fraction: float) -> Iterator[str]:
+    """Sentences about patches where much rose, for use only removes material.
+
+    `registration` is from `registration_table`, which has taken the same `max_noise_fraction`.
+    """
+    for row in registration.itertuples():
+        rose, fell, noise = (
+            100 * of for of in (row.gain_fraction, row.loss_fraction, row.noise_fraction)
         )
-    if noise > 100 * max_noise_fraction:
-        return (
-            f"patch {patch}: {noise:.0f} % as much rose as fell, so the loss may be noise, which "
-            "mimics wear of the highest points. It is not tested against chance, and left out of "
-            "the statistics over patches. A larger traces.minimum_points removes noise."
-        )
-    return None
+        if rose > _BEYOND_NOISE * fell:
+            yield (
+                f"patch {row.patch}: far more rose than fell ({rose:.2g} % and {fell:.2g} % of the "
+                "area), but use only removes material. If this is so on all patches, check "
+                "scans.mould.invert; if on some, check for t0 and t1 exchanged in the patch table, "
+                "or for residue on the stone."
+            )
+        elif noise > 100 * max_noise_fraction:
+            yield (
+                f"patch {row.patch}: {noise:.0f} % as much rose as fell, so the loss may be noise, "
+                "which mimics wear of the highest points. It is not tested against chance, and "
+                "left out of the statistics over patches. A larger traces.minimum_points removes "
+                "noise."
+            )
 
 
 def select_patches(

@@ -16,7 +16,7 @@ from gstlib.contact import (
 from gstlib.macroscale.face import square_alone
 from gstlib.surfaces.grid import spacing_of
 
-__all__ = ["macroscale_table", "solve_macroscale", "solve_square"]
+__all__ = ["macroscale_table", "solve_at_load", "solve_macroscale", "solve_square"]
 
 
 def solve_macroscale(
@@ -68,8 +68,22 @@ def solve_square(
     source: str = "macroscale",
 ) -> Contact:
     """The paper's square alone at the force, without the path to it."""
-    interface = square_alone(face)
-    load = Load.of_force(force_N, interface.height)
+    solved = {"modulus": modulus, "tolerance": tolerance}
+    return solve_at_load(face, force_N=force_N, through=None, **solved, source=source)
+
+
+def solve_at_load(
+    face: xr.Dataset,
+    *,
+    force_N: float,
+    through: tuple[float, float] | None,
+    modulus: float,
+    tolerance: float,
+    source: str = "macroscale",
+) -> Contact:
+    """The contact of `solve_macroscale` at the load, without the path to it."""
+    interface = pressed_interface(face, through)
+    load = Load.of_force(force_N, interface.height, through)
     solved = {"modulus": modulus, "tolerance": tolerance}
     return contact_at_pressure(interface, load, source=source, **solved)
 

@@ -4,13 +4,14 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from gstlib.bem import solve_contact
+from gstlib.conditions import LEVELLED, PLACED
 from gstlib.contact import (
     Contact,
     ContactPath,
@@ -30,14 +31,12 @@ __all__ = [
     "Microscale",
     "load_path_table",
     "microscale_tables",
+    "solve_patch",
     "solve_patches",
     "with_interface_stiffness",
 ]
 
-# The variants of the coupling, and the pressure of a patch that each takes, from `couple_scales`.
-PLACED, LEVELLED = "placed", "levelled"
-
-
+# The pressure of a patch that each variant of the coupling takes, from `couple_scales`.
 _PRESSURES = {PLACED: "pressure_MPa", LEVELLED: "square_pressure_MPa"}
 
 
@@ -129,6 +128,25 @@ def solve_patches(
                 maximum_displacement_um=settings.maximum_displacement_um,
             )
             yield patch, variant, with_interface_stiffness(path)
+
+
+def solve_patch(
+    scan: xr.Dataset,
+    pressures: pd.DataFrame,
+    settings: Microscale,
+    patch: str,
+    variant: str,
+    **around: Any,
+) -> Contact:
+    """The contact of one patch at its own pressure in one variant, without the path to it.
+
+    `scan` is its prepared T0; `around` and the other parameters are as in `solve_patches`.
+    """
+    settings = settings._replace(steps=None)
+    solved = solve_patches({patch: scan}, pressures, settings, variants=[variant], **around)
+    ((_, _, contact),) = solved
+    assert isinstance(contact, Contact)  # without steps there is no path
+    return contact
 
 
 LOAD_PATHS = (

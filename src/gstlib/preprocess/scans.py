@@ -1,6 +1,8 @@
 """From a scan as measured to a surface ready for contact, in the same way at both epochs."""
 
+import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,8 +15,8 @@ from gstlib.preprocess.outliers import median_outliers, window_outliers
 from gstlib.surfaces.grid import MM_TO_UM
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["check_unmeasured", "interpolate_holes", "mould_of", "prepare_patch", "prepare_scan"]
-__all__ += ["preprocessing_table"]
+__all__ = ["check_unmeasured", "crop_of", "cut_patch", "interpolate_holes", "mould_of"]
+__all__ += ["prepare_patch", "prepare_scan", "preprocessing_table"]
 
 # ASSUME: r of the paper's windows, in points, is not published. At 5 a window of 121 points finds
 # spikes of up to 15 points.
@@ -131,6 +133,12 @@ def prepare_scan(
     )
 
 
+def crop_of(row: Any) -> tuple[float, float] | None:
+    """Centre (y, x), mm, of the piece to cut from the scans of a patch; `row` is its table's."""
+    y, x = float(row.crop_y_mm), float(row.crop_x_mm)
+    return None if math.isnan(x) else (y, x)
+
+
 def mould_of(mould: Mapping, flip: str) -> Mapping:
     """The section ``scans.mould`` for a patch whose own `flip` is x, y, none, or empty."""
     return mould if not flip else {**mould, "flip": None if flip == "none" else flip}
@@ -197,26 +205,40 @@ def prepare_patch(
 ) -> xr.Dataset:
     """Cut the patch out of a scan, undo the mould, replace outliers, fill and level (section 2.2).
 
-    `raw` comes from `gstlib.io.scans.read_scan`; `crop` is the centre (y, x) of the piece to cut,
-    None for a whole scan; `scans` and `preprocessing` are these sections of the config; `flip` is
-    the patch's own, as in the patch table. The result is that of
-    `gstlib.preprocess.scans.prepare_scan`.
-
-    Only T0 is cut. A scan of another `epoch` was laid under the instrument anew, so its middle is
-    another place of the stone; it stays whole, and its coordinates are those of the piece that
-    `crop` names.
+    `raw` comes from `gstlib.io.scans.read_scan`; `crop` and `epoch` are as in `cut_patch`; `scans`
+    and `preprocessing` are these sections of the config; `flip` is the patch's own, as in the patch
+    table. The result is that of `prepare_scan`.
     """
-    size_mm, mould = scans["size_mm"], mould_of(scans["mould"], flip)
-    raw = cut_scan(raw, crop, size_mm) if epoch == "T0" else whole_scan(raw, size_mm)
-    found = prepare_scan(
-        raw, mould_invert=mould["invert"], mould_flip=mould["flip"], **preprocessing
+    mould = mould_of(scans["mould"], flip)
+    piece = cut_patch(
+        raw, crop=crop, size_mm=scans["size_mm"], epoch=epoch, mould_flip=mould["flip"]
     )
+    return prepare_scan(
+        piece, mould_invert=mould["invert"], mould_flip=mould["flip"], **preprocessing
+    )
+
+
+def cut_patch(
+    raw: xr.DataArray,
+    *,
+    crop: Sequence[float] | None,
+    size_mm: float,
+    epoch: str = "T0",
+    mould_flip: str | None = None,
+) -> xr.DataArray:
+    """The patch of a scan as measured; `mould_flip` is the axis along which it will be mirrored.
+
+    Only T0 is cut, to the piece around `crop` (y, x), as in `gstlib.io.scans.cut_scan`. A scan of
+    another `epoch` was laid under the instrument anew, so its middle is another place of the stone;
+    it stays whole, and its coordinates are those of the piece that `crop` names.
+    """
     if epoch == "T0":
-        return found
+        return cut_scan(raw, crop, size_mm)
+    found = whole_scan(raw, size_mm)
     for axis, middle in zip("yx", crop or (0.0, 0.0), strict=True):
         beyond = (raw.sizes[axis] * raw[axis].attrs["spacing"] - size_mm) / 2
         if crop or beyond > 0.01 * size_mm:
-            start = beyond + (-middle if axis == mould["flip"] else middle)
+            start = beyond + (-middle if axis == mould_flip else middle)
             at = found[axis].copy(data=found[axis].values - start)
             found = found.assign_coords({axis: at})
     return found

@@ -29,7 +29,7 @@ with that of the bare stone is fitted as κ is, to the maps of loss of the other
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -49,6 +49,7 @@ __all__ = [
     "INTERLAYER",
     "Interlayer",
     "WornSquare",
+    "layer_of",
     "seen_depth",
     "wear_contact",
     "wear_elastic_and_capped",
@@ -92,10 +93,13 @@ class Interlayer(NamedTuple):
     layer : gstlib.bem.Layer
     pressure : (y, x) xarray.DataArray
         Under it on the square before use, MPa.
+    fitted : xarray.Dataset or None
+        Its coefficient, from `gstlib.wear.interlayer.fit_interlayer`.
     """
 
     layer: Layer
     pressure: xr.DataArray
+    fitted: xr.Dataset | None = None
 
 
 class WornSquare(NamedTuple):
@@ -116,10 +120,37 @@ class WornSquare(NamedTuple):
     path: xr.Dataset
     interlayer: Interlayer | None
 
+    @classmethod
+    def from_datasets(
+        cls, path: xr.Dataset, fitted: xr.Dataset | None, interlayer: Mapping[str, float] | None
+    ) -> Self | None:
+        """From its `path` and `fitted_interlayer` as stored; None where wear is not predicted.
+
+        `interlayer` is that section of the config.
+        """
+        if not path.sizes:
+            return None
+        if fitted is None or interlayer is None:
+            return cls(path, None)
+        return cls(path, Interlayer(layer_of(interlayer), fitted.pressure, fitted))
+
+    @property
+    def fitted_interlayer(self) -> xr.Dataset | None:
+        """The fitted coefficient of the interlayer, with the ``pressure`` (y, x) under it, MPa."""
+        if self.interlayer is None or self.interlayer.fitted is None:
+            return None
+        return self.interlayer.fitted.assign(pressure=self.interlayer.pressure)
+
     @property
     def fitted_to(self) -> list[str]:
         """The patches that κ is fitted to."""
         return self.path.patch.values[np.isfinite(self.path.measured.values)].tolist()
+
+
+def layer_of(interlayer: Mapping[str, float]) -> Layer:
+    """The layer of the section ``interlayer`` of the config."""
+    thickness_mm = interlayer["thickness_um"] * 1e-3
+    return Layer(interlayer["young_MPa"], interlayer["poisson"], thickness_mm)
 
 
 def wear_square(

@@ -1,14 +1,13 @@
 """Wear fitted to the losses of the patches, and the loss of each from those of the others."""
 
 import logging
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import Layer
 from gstlib.contact import Contact
 from gstlib.errors import InputError
 from gstlib.macroscale.gesture import Gesture
@@ -17,14 +16,29 @@ from gstlib.wear.archard import (
     CAPPED,
     INTERLAYER,
     WornSquare,
+    layer_of,
     wear_elastic_and_capped,
     wear_patch,
     wear_square,
 )
+from gstlib.wear.interlayer import fit_interlayer
 
-__all__ = ["Prediction", "wear_map", "wear_stone"]
+__all__ = ["PatchMaps", "Prediction", "fit_wear", "predict_wear", "wear_map"]
 
 _log = logging.getLogger(__name__)
+
+
+class PatchMaps(NamedTuple):
+    """What is known of the patches point by point: contact before use, and height change.
+
+    Attributes
+    ----------
+    contacts, changes : mapping
+        By patch.
+    """
+
+    contacts: Mapping[str, Contact]
+    changes: Mapping[str, xr.Dataset]
 
 
 class Prediction(NamedTuple):
@@ -33,7 +47,7 @@ class Prediction(NamedTuple):
     Attributes
     ----------
     depths : mapping of str to xarray.Dataset
-        From `wear_map`, by patch; there are none where no wear is predicted.
+        From `predict_wear`, by patch; there are none where no wear is predicted.
     fitted_to : sequence of str
         Patches whose measured losses it is fitted to.
     interlayer : xarray.Dataset or None
@@ -44,11 +58,19 @@ class Prediction(NamedTuple):
     fitted_to: Sequence[str] = ()
     interlayer: xr.Dataset | None = None
 
+    @classmethod
+    def of(cls, depths: Mapping[str, xr.Dataset], worn: WornSquare | None) -> Self:
+        """The depths with what they are predicted from, which is from `fit_wear`."""
+        if worn is None:
+            return cls({})
+        return cls(depths, worn.fitted_to, worn.fitted_interlayer)
 
-def wear_stone(
+
+def fit_wear(
     contact: Contact,
     pressures: pd.DataFrame,
     registration: pd.DataFrame,
+    maps: PatchMaps | None = None,
     *,
     patch_mm: float,
     steps: int,
@@ -57,16 +79,25 @@ def wear_stone(
 ) -> WornSquare | None:
     """Wear the face by Archard's law, and fit its coefficient to the measured losses.
 
-    `contact` is the face's at the target load; `pressures` and `registration` are the tables
-    ``patch_pressures`` and ``registration``: the loss above the noise of patches in the study
-    count; `interlayer` is that section of the config. Other parameters and the result are those
-    of `gstlib.wear.archard.wear_square`; None, with a warning, where there is no fit.
+    Parameters
+    ----------
+    contact : Contact
+        Of the face, at the target load.
+    pressures, registration : pandas.DataFrame
+        The tables ``patch_pressures`` and ``registration``: the losses above the noise of patches
+        in the study count.
+    maps : PatchMaps, optional
+        Of the patches with a T1; needed where there is an interlayer.
+    patch_mm, steps, gesture
+        As in `gstlib.wear.archard.wear_square`.
+    interlayer : mapping, optional
+        That section of the config. Its coefficient is fitted, too.
+
+    Returns
+    -------
+    WornSquare or None
+        None, with a warning, where there is no fit.
     """
-    layer = (
-        Layer(interlayer["young_MPa"], interlayer["poisson"], interlayer["thickness_um"] * 1e-3)
-        if interlayer
-        else None
-    )
     known = pressures.merge(registration, on="patch").set_index("patch")
     known = known[known.above_noise.astype(bool) & known.in_study.astype(bool)]
     known = known.dropna(subset="mean_wear_depth_um")
@@ -77,27 +108,42 @@ def wear_stone(
         )
         return None
     try:
-        return wear_square(
+        worn = wear_square(
             contact,
             pressures,
             known.mean_wear_depth_um.to_dict(),
             patch_mm=patch_mm,
             steps=steps,
-            interlayer=layer,
+            interlayer=layer_of(interlayer) if interlayer else None,
             gesture=gesture,
         )
     except InputError as error:
         _log.warning("wear is not predicted: %s", error.problem)
         return None
+    if worn.interlayer is None or maps is None:
+        return worn
+    fitted = fit_interlayer(worn, maps.contacts, maps.changes)
+    return worn._replace(interlayer=worn.interlayer._replace(fitted=fitted))
+
+
+def predict_wear(
+    contacts: Mapping[str, Contact],
+    worn: WornSquare | None,
+    *,
+    pressure_cap: float | None = None,
+) -> Iterator[tuple[str, xr.Dataset]]:
+    """The `wear_map` of each patch, in turn; none where no wear is predicted.
+
+    `contacts` are those of the patches before use; each is looked up once. `worn` is from
+    `fit_wear`.
+    """
+    if worn is not None:
+        for patch, contact in contacts.items():
+            yield patch, wear_map(contact, worn, patch, pressure_cap=pressure_cap)
 
 
 def wear_map(
-    contact: Contact,
-    worn: WornSquare,
-    fitted: xr.Dataset | None,
-    patch: str,
-    *,
-    pressure_cap: float | None = None,
+    contact: Contact, worn: WornSquare, patch: str, *, pressure_cap: float | None = None
 ) -> xr.Dataset:
     """Loss of a patch, as the other patches predict it.
 
@@ -106,8 +152,7 @@ def wear_map(
     contact : Contact
         The patch's contact before use.
     worn : WornSquare
-    fitted : xarray.Dataset or None
-        From `fit_interlayer`; None without an interlayer.
+        From `fit_wear`.
     patch : str
         Any patch of the square. The coefficient comes from all patches if it is none of those with
         a measured loss.
@@ -118,11 +163,11 @@ def wear_map(
     -------
     xarray.Dataset
         ``depth`` (model, y, x), mm, by ``archard``, the bare stone; where there is an interlayer,
-        ``interlayer``; and with a hardness ``archard_capped``, the last of these where summits
+        ``interlayer``; and with a cap ``archard_capped``, the last of these where summits
         yield.
     """
     found: dict[str, dict[str, float]] = {BARE: {}}
-    if fitted is not None:
+    if (fitted := worn.fitted_interlayer) is not None:
         ratio, kappa = fitted.ratio_of_all, fitted.kappa_of_all
         if patch in fitted.patch:
             ratio, kappa = (

@@ -16,7 +16,7 @@ from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import make_surface
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import Interlayer, WornSquare, wear_patch, wear_square
-from gstlib.wear.fit import Prediction, wear_map, wear_stone
+from gstlib.wear.fit import PatchMaps, Prediction, fit_wear, predict_wear, wear_map
 from gstlib.wear.interlayer import fit_interlayer
 
 SIDE, COUNT = 2.0, 40  # of the square: mm, elements
@@ -102,7 +102,7 @@ def test_a_patch_loses_what_the_square_takes_off_it(square, pressures):
     assert float(contact.interface.height.where(depth > 0).mean()) > float(
         contact.interface.height.mean()
     )
-    np.testing.assert_array_equal(wear_map(contact, found, None, "a").depth[0], depth)
+    np.testing.assert_array_equal(wear_map(contact, found, "a").depth[0], depth)
     spared = found._replace(path=path.assign(pressed=path.pressed.where(path.patch != "a", 0.0)))
     assert float(wear_patch(contact, spared, "a").max()) == 0
 
@@ -130,12 +130,12 @@ def worn_by_both():
     registration["loss_fraction"] = [float(of.loss.mean()) for of in changes.values()]
     tables = by_patch.assign(in_study=True), registration
     layer = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 200.0}
-    worn = wear_stone(contact, *tables, **options, interlayer=layer)
+    worn = fit_wear(contact, *tables, PatchMaps(contacts, changes), **options, interlayer=layer)
     assert worn.interlayer.layer == interlayer
     # under something soft, more of the square bears the same force
     assert float(worn.interlayer.pressure.mean()) == pytest.approx(20.0, rel=1e-6)
     assert (worn.interlayer.pressure > 0).mean() > 1.5 * (contact.pressure > 0).mean()
-    return worn, contacts, changes, fit_interlayer(worn, contacts, changes), tables
+    return worn, contacts, changes, worn.interlayer.fitted, tables
 
 
 def test_a_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_both):
@@ -143,8 +143,7 @@ def test_a_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_both
     assert fitted.ratio_of_all == 1.0
     np.testing.assert_array_equal(fitted.interlayer_ratio, 1.0)
     np.testing.assert_allclose(fitted.interlayer_kappa, 2e-5, rtol=0.05)
-    depths = {patch: wear_map(contacts[patch], worn, fitted, patch) for patch in contacts}
-    prediction = Prediction(depths, worn.fitted_to, fitted)
+    prediction = Prediction.of(dict(predict_wear(contacts, worn)), worn)
     found = score_wear(contacts, changes, prediction, *tables, seed=1, resamples=99)
     error = found["wear"].pivot(index="patch", columns="model", values="map_error_um")
     assert (error["interlayer"] < 0.5 * error["archard"]).all()
@@ -154,6 +153,11 @@ def test_a_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_both
     assert told.p_value == pytest.approx(2 / 2**6)  # each of six patches says so
     assert rows.loc[("interlayer", "interlayer_ratio"), "value"] == 1
     assert set(found["profile"].model) == {"measured", "archard", "interlayer"}
+
+
+def with_fitted(worn, fitted):
+    """The square with another interlayer's coefficient."""
+    return worn._replace(interlayer=worn.interlayer._replace(fitted=fitted))
 
 
 def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
@@ -168,7 +172,7 @@ def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
     for name in ("interlayer_ratio", "interlayer_kappa"):
         assert float(again[name].sel(patch="a")) == float(fitted[name].sel(patch="a"))
     assert (again.interlayer_kappa != fitted.interlayer_kappa).sum() == 5
-    maps = wear_map(contacts["a"], other, again, "a", pressure_cap=1e6).depth
+    maps = wear_map(contacts["a"], with_fitted(other, again), "a", pressure_cap=1e6).depth
     ratio, kappa = (
         float(again[name].sel(patch="a")) for name in ("interlayer_ratio", "interlayer_kappa")
     )
@@ -178,7 +182,7 @@ def test_the_coefficients_of_a_patch_come_from_all_others(worn_by_both):
         maps.sel(model="archard_capped"), expected
     )  # nothing yields so early
     out = again.sel(patch=list("bcdef"))
-    depth = wear_map(contacts["a"], other, out, "a").sel(model="interlayer").depth
+    depth = wear_map(contacts["a"], with_fitted(other, out), "a").sel(model="interlayer").depth
     ratio, kappa = float(out.ratio_of_all), float(out.kappa_of_all)
     expected = wear_patch(contacts["a"], other, "a", ratio=ratio, kappa=kappa)
     np.testing.assert_array_equal(depth, expected)
@@ -233,14 +237,14 @@ def test_a_interlayer_lies_among_the_pressures_that_are_under_it():
 def test_summits_that_yield_spread_the_same_loss_wider(square, pressures):
     found = worn(square, pressures, dict.fromkeys("abcd", 0.4))
     contact = patch_of(float(pressures.pressure_MPa[0]))
-    maps = wear_map(contact, found, None, "a", pressure_cap=100.0)
+    maps = wear_map(contact, found, "a", pressure_cap=100.0)
     elastic, yielding = maps.depth.values
     np.testing.assert_array_equal(elastic, wear_patch(contact, found, "a"))
     assert yielding.mean() == pytest.approx(elastic.mean(), rel=1e-9)
     assert yielding.max() < elastic.max()
     # a cap above all pressures, 607 MPa here, is not pressed against, with the same result
     for pressure_cap in (500.0, 600.0, 610.0, 700.0):
-        depth = wear_map(contact, found, None, "a", pressure_cap=pressure_cap).depth
+        depth = wear_map(contact, found, "a", pressure_cap=pressure_cap).depth
         with_cap = wear_patch(contact, found, "a", pressure_cap=pressure_cap)
         np.testing.assert_allclose(depth.sel(model="archard_capped"), with_cap, atol=1e-12)
     # each step takes off at most what the cap allows
@@ -259,16 +263,16 @@ def test_without_two_worn_patches_there_is_a_sentence(square, pressures, caplog)
         }
     )
     pressures, options = pressures.assign(in_study=True), {"patch_mm": 1.0, "steps": 2}
-    assert wear_stone(square, pressures, registration, **options) is None
+    assert fit_wear(square, pressures, registration, **options) is None
     assert "wear is not predicted: fewer than two patches" in caplog.text
     registration["above_noise"] = True
     registration["mean_wear_depth_um"] = [0.4, np.nan, 0.4]  # the change of b is not known
-    worn = wear_stone(square, pressures, registration, **options)
+    worn = fit_wear(square, pressures, registration, **options)
     assert worn.fitted_to == ["a", "c"]
     assert worn.path.measured.sel(patch="c") == pytest.approx(0.4e-3)
     assert float(worn.path.fitted.sel(patch="a")) > 0
     out = pressures.assign(in_study=pressures.patch != "c")
-    assert wear_stone(square, out, registration, **options) is None
+    assert fit_wear(square, out, registration, **options) is None
 
 
 def test_a_gesture_that_stays_in_place_wears_as_the_single_pose_does(square):
