@@ -1,7 +1,8 @@
 """Checks a study without running it, and says what a run would do: `gst check`."""
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,13 +18,21 @@ from gst.inputs import Asked, Inputs, check_inputs
 from gst.patches import overlaps, scan_files
 from gst.poses import poses_of, reach_of
 from gst.provenance import refuse_other_study
-from gstlib.conditions import load_force, load_point, study_modulus
-from gstlib.contact import Contact, Interface, Load, contact_at_pressure
-from gstlib.coupling.placement import place_patches
+from gstlib.conditions import (
+    PLACED,
+    load_force,
+    load_point,
+    stage_settings,
+    study_modulus,
+    study_radius,
+)
+from gstlib.coupling.placement import AGREES, ALL, CANNOT_TELL
 from gstlib.errors import GstError, InputsError
 from gstlib.io.files import check_writable
 from gstlib.macroscale.plausibility import plausibility_warnings
 from gstlib.macroscale.sampling_sites import CONTROL, COUNTS, EXPOSED
+from gstlib.preprocess.scans import mould_of, prepare_scan
+from gstlib.study import Study
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.grid import coarser
 
@@ -34,41 +43,46 @@ __all__ = ["check_study"]
 
 _log = logging.getLogger(__name__)
 
-
-def _at_rest(config: dict, face: xr.Dataset) -> Contact:
-    """Contact of the mesh alone, on elements twice as long as the study's."""
-    height, over = (coarser(face[name], 2) for name in ("height", "counterface"))
-    size_mm, placed = config["square"]["size_mm"], config["coupling"] == "placed"
-    through = load_point(config["load"], size_mm) if placed else None
-    return contact_at_pressure(
-        Interface(height, over),
-        Load.of_force(load_force(config["load"], size_mm), height, through),
-        modulus=study_modulus(config["material"]),
-        tolerance=config["macroscale"]["tolerance"],
-        source="the stone at rest",
-    )
+_SPOT = 2  # points of a coarse scan that make a loss or a gain
 
 
-def _rest(contact: Contact, size_mm: float) -> str:
-    """Where the mesh alone comes to rest, in a line."""
-    plane = contact.interface.plane
+def _at_rest(study: Study) -> dict[str, str]:
+    """Where the mesh alone comes to rest, in a line; its doubts are logged."""
+    contact, size_mm = study.contact, study.config["square"]["size_mm"]
+    for doubt in plausibility_warnings(contact, size_mm=size_mm):
+        _log.warning("%s", doubt)
+    plane, inside = contact.interface.plane, square_of(contact.pressure, size_mm)
     tilt = 1e3 * float(np.hypot(plane.slope_y, plane.slope_x))
-    inside = square_of(contact.pressure, size_mm)
     share = float(inside.sum() / contact.pressure.sum())
     touched = 100 * float((inside > 0).mean())
-    return (
+    said = (
         f"of the mesh alone: tilted by {tilt:.2g} mrad against the square's mean plane; "
         f"{100 * share:.0f} % of the force lies in the square, and touches {touched:.2g} % of it"
     )
+    return {"at rest": said}
+
+
+def _placement(study: Study) -> dict[str, str]:
+    """Whether the patches fit the mesh under them, in a line, if it shows such short waves."""
+    edge_mm = study.face.height.attrs["mesh_edge_mm"]
+    if study.patches.empty or WAVE_PER_EDGE * edge_mm > study.config["scans"]["size_mm"]:
+        return {}
+    status = study.placement.status[study.placement.patch != ALL]
+    if (status == CANNOT_TELL).all():
+        mean = study.placement.correlation.iloc[-1]
+        return {
+            "placement": f"not certain: patches and mesh correlate by {mean:.2f} on average"
+        }
+    fitting = (status == AGREES).sum()
+    return {"placement": f"{fitting} of {len(status)} patches fit the mesh under them"}
 
 
 def _summary(
     config: dict,
     patches: pd.DataFrame,
     found: Inputs | None,
-    rest: Contact | None,
     poses: pd.DataFrame | None,
-    on_t0: str,
+    said: dict[str, str],
 ) -> str:
     """What a run would do, and the sizes, which show whether units were read as intended."""
     macroscale, material = config["macroscale"], config["material"]
@@ -93,10 +107,6 @@ def _summary(
             f"{layer['thickness_um']:g} µm of {layer['young_MPa']:g} MPa, in turns with the bare "
             "stone"
         )
-    if rest is not None:
-        lines["at rest"] = _rest(rest, size_mm)
-        for doubt in plausibility_warnings(rest, size_mm=size_mm):
-            _log.warning("%s", doubt)
     if found is not None and found.stone is not None:
         size = " × ".join(f"{extent:.4g}" for extent in found.stone.extents)
         edge = found.stone.edges_unique_length.mean()
@@ -108,10 +118,8 @@ def _summary(
             f"{_range(scans.Sq_um)} µm; height range {_range(scans.range_um)} µm; "
             f"{_range(100 * scans.unmeasured)} % unmeasured"
         )
-    if on_t0:
-        lines["T1 on T0"] = on_t0
     return f"{config['title']}\n" + "\n".join(
-        f"  {name:<11} {text}" for name, text in lines.items()
+        f"  {name:<11} {text}" for name, text in (lines | said).items() if text
     )
 
 
@@ -172,23 +180,41 @@ def _pressed(config: dict) -> str:
     )
 
 
-def _hold_against_mesh(config: dict, patches: pd.DataFrame, found: Inputs) -> None:
-    """Warn of scans that do not fit the mesh under them, if it shows waves as short as a patch."""
-    patch_mm, face = config["scans"]["size_mm"], found.face
-    laid = patches[[(patch, "T0") in found.coarse for patch in patches.patch]]
-    if (
-        face is None
-        or laid.empty
-        or WAVE_PER_EDGE * face.height.attrs["mesh_edge_mm"] > patch_mm
-    ):
-        return
-    t0 = {patch: found.coarse[patch, "T0"] for patch in laid.patch}
-    place_patches(face.height, laid, t0, patch_mm=patch_mm, **config["scans"]["mould"])
-
-
 def _range(values: Iterable[float]) -> str:
     low, high = (f"{value:.4g}" for value in (min(values), max(values)))
     return low if low == high else f"{low} to {high}"
+
+
+class CoarseStudy(Study):
+    """The study as far as a check has time: coarser scans, and the mesh alone on longer elements.
+
+    `found` has a mesh and its face. Patches without a T0 are left out.
+    """
+
+    def __init__(self, config: dict, patches: pd.DataFrame, found: Inputs):
+        assert found.stone is not None
+        assert found.face is not None
+        stone, there = found.stone, [(patch, "T0") in found.coarse for patch in patches.patch]
+        super().__init__(
+            config | {"traces": {"minimum_points": _SPOT}},
+            patches[there],
+            read_mesh=lambda: stone,
+            read_scan=lambda *of: found.coarse[of],
+        )
+        self.face = found.face
+        pressed = {name: coarser(self.face[name], 2) for name in ("height", "counterface")}
+        self.composite = xr.Dataset(pressed | {"size_mm": self.face.size_mm})
+
+    def prepare(self, patch: str, epoch: str) -> xr.Dataset:
+        """A clean scan; how it is cut, and how much is unmeasured, was seen where it was read."""
+        row = self.patches.set_index("patch").loc[patch]
+        mould = mould_of(self.config["scans"]["mould"], row.flip)
+        return prepare_scan(
+            self.read_scan(patch, epoch),
+            mould_invert=mould["invert"],
+            mould_flip=mould["flip"],
+            maximum_unmeasured=1.0,
+        )
 
 
 class _Count(logging.Handler):
@@ -214,6 +240,52 @@ def check_study(path: Path) -> None:
     logging.getLogger().addHandler(warnings := _Count(logging.WARNING))
     config = read_config(path)
     patches = read_study(config, str(path))
+    _warn_of_overlaps(config, patches)
+    problems: list[GstError] = []
+    writable, reach, poses, found = False, None, None, None
+    with _noted(problems):
+        check_writable(config["results"])
+        writable = True
+        refuse_other_study(config)
+    with _noted(problems):  # of the table of poses
+        reach, poses = reach_of(config), poses_of(config)
+    if config["inputs"] is not None:
+        with _noted(problems):
+            check_files(
+                config, patches, ", ".join(filter(None, [str(path), config["patches"]]))
+            )
+        found = _read(config, patches, reach)
+        problems += found.problems
+    said: dict[str, str] = {}
+    if found is not None and found.face is not None and not found.problems:
+        study = CoarseStudy(config, patches, found)
+        if not problems:
+            others, said["T1 on T0"] = epochs_on_each_other(study)
+            problems += others
+        with _noted(problems):
+            said |= _placement(study) | _at_rest(study)
+    print(f"{path}: {_summary(config, patches, found, poses, said)}")
+    if writable and found is not None and found.frame is not None:
+        picture = _draw(config, patches, found, poses)
+        print(f"  {'picture':<11} {picture}: the square on the stone, and the patches in it")
+    if problems:
+        print(flush=True)
+        raise InputsError(problems)
+    warned = warnings.number
+    doubts = f", but {warned} warning{'s' * (warned > 1)}: see above" if warned else ""
+    print(f"\nNo problems found{doubts}.")
+
+
+@contextmanager
+def _noted(problems: list[GstError]) -> Iterator[None]:
+    """What is refused is noted, so that all can be corrected at once."""
+    try:
+        yield
+    except GstError as error:
+        problems.append(error)
+
+
+def _warn_of_overlaps(config: dict, patches: pd.DataFrame) -> None:
     for one, other, share in overlaps(patches, config["scans"]["size_mm"]):
         _log.warning(
             "%s: patches %s and %s have %.2g %% of their area in common, whose wear counts twice; "
@@ -223,88 +295,48 @@ def check_study(path: Path) -> None:
             other,
             100 * share,
         )
-    problems: list[GstError] = []
-    found, writable, on_t0 = None, False, ""
-    try:
-        check_writable(config["results"])
-        writable = True
-        refuse_other_study(config)
-    except GstError as error:
-        problems.append(error)
-    reach = poses = None
-    try:
-        reach, poses = reach_of(config), poses_of(config)
-    except GstError as error:  # of the table of poses
-        problems.append(error)
-    if config["inputs"] is not None:
-        try:
-            check_files(
-                config, patches, ", ".join(filter(None, [str(path), config["patches"]]))
-            )
-        except GstError as error:
-            problems.append(error)
-        second = counterface_mesh(config, "")
-        if second is not None:
-            is_whole = reach is not None and Path(second["mesh"]).is_file()
-            second = second | {"reach_mm": reach} if is_whole else None
-        mesh = Path(config["inputs"]["mesh"])
-        folder, face = (
-            config["inputs"]["scan_folder"],
-            (config["counterface"] or {}).get("scan"),
-        )
-        scans = [scan for scan in scan_files(patches, folder, face) if scan.path.is_file()]
-        placed = config["coupling"] == "placed"
-        asked = Asked(
-            mesh_unit=config["inputs"]["mesh_unit"],
-            square=config["square"],
-            grid={
-                "grid": config["macroscale"]["grid"],
-                "face_mm": config["macroscale"]["face_mm"] if placed else None,
-                "radius_mm": (config["counterface"] or {}).get("radius_mm") if placed else None,
-            },
-            scan_settings=config["scans"],
-            maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
-            placed=placed,
-            reference=placed and config["reference_draws"] is not None,
-            interlayer=config["interlayer"],
-            active_tool=second,
-        )
-        found = check_inputs(mesh if mesh.is_file() else None, scans, asked)
-        problems += found.problems
-        if not problems:
-            shift_mm = config["registration"]["maximum_shift_mm"]
-            others, on_t0 = epochs_on_each_other(
-                found.coarse, patches, maximum_shift_mm=shift_mm
-            )
-            problems += others
-    rest = None
-    if found is not None and found.face is not None and not found.problems:
-        _hold_against_mesh(config, patches, found)
-        try:
-            rest = _at_rest(config, found.face)
-        except GstError as error:
-            problems.append(error)
-    print(f"{path}: {_summary(config, patches, found, rest, poses, on_t0)}")
-    size_mm = config["square"]["size_mm"]
-    if writable and found is not None and found.stone is not None and found.frame is not None:
-        from gst.figures.style import save_figure
-        from gst.figures.tool import check_figure
 
-        picture = Path(config["results"]) / "check.png"
-        figure = check_figure(
-            found.stone,
-            found.frame,
-            found.face and square_of(found.face.height, size_mm),
-            patches,
-            size_mm=size_mm,
-            patch_size_mm=config["scans"]["size_mm"],
-            pressed=_active_stone(config, found.face, poses),
-        )
-        save_figure(figure, picture)
-        print(f"  {'picture':<11} {picture}: the square on the stone, and the patches in it")
-    if problems:
-        print(flush=True)
-        raise InputsError(problems)
-    warned = warnings.number
-    doubts = f", but {warned} warning{'s' * (warned > 1)}: see above" if warned else ""
-    print(f"\nNo problems found{doubts}.")
+
+def _read(config: dict, patches: pd.DataFrame, reach: float | None) -> Inputs:
+    """The contents of the files that are there."""
+    second = counterface_mesh(config, "")
+    if second is not None:
+        is_whole = reach is not None and Path(second["mesh"]).is_file()
+        second = second | {"reach_mm": reach} if is_whole else None
+    mesh, folder = Path(config["inputs"]["mesh"]), config["inputs"]["scan_folder"]
+    scans = scan_files(patches, folder, (config["counterface"] or {}).get("scan"))
+    is_placed = config["coupling"] == PLACED
+    asked = Asked(
+        mesh_unit=config["inputs"]["mesh_unit"],
+        face=stage_settings(config)["grid_macroscale"],
+        radius_mm=study_radius(config),
+        scan_settings=config["scans"],
+        maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
+        placed=is_placed,
+        reference=is_placed and config["reference_draws"] is not None,
+        interlayer=config["interlayer"],
+        active_tool=second,
+    )
+    there = [scan for scan in scans if scan.path.is_file()]
+    return check_inputs(mesh if mesh.is_file() else None, there, asked)
+
+
+def _draw(
+    config: dict, patches: pd.DataFrame, found: Inputs, poses: pd.DataFrame | None
+) -> Path:
+    """The picture of the square on the stone, and of the patches in it."""
+    from gst.figures.style import save_figure
+    from gst.figures.tool import check_figure
+
+    size_mm, picture = config["square"]["size_mm"], Path(config["results"]) / "check.png"
+    figure = check_figure(
+        found.stone,
+        found.frame,
+        found.face and square_of(found.face.height, size_mm),
+        patches,
+        size_mm=size_mm,
+        patch_size_mm=config["scans"]["size_mm"],
+        pressed=_active_stone(config, found.face, poses),
+    )
+    save_figure(figure, picture)
+    return picture

@@ -1,16 +1,15 @@
-"""Does each T1 show its patch, and after use? Coarser scans are registered, as the study does."""
+"""Does each T1 show its patch, and after use? What a study of coarser scans says, in words."""
 
-import functools
 import logging
-import math
-from collections.abc import Mapping
+from collections.abc import Iterator
 
+import numpy as np
 import pandas as pd
-import xarray as xr
 
-from gstlib.change.change import measured_change, wear_summary
 from gstlib.change.form import form_warning
+from gstlib.change.registration import register
 from gstlib.errors import InputError
+from gstlib.study import Study
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["epochs_on_each_other"]
@@ -21,7 +20,6 @@ _log = logging.getLogger(__name__)
 # share of its points than it lost on; exchanged, four of five gain by these on more.
 _GAIN_OVER_LOSS = 1.2
 _GAIN_LESS_LOSS = 0.015
-_SPOT = 2  # points, of a coarse scan
 # T1 that other software has laid on T0 is off by half a point at most: of a scan four times as fine
 # as the coarse one, with the error of its registration, a hundredth.
 _CO_LOCATED = 0.15
@@ -29,84 +27,93 @@ _CO_LOCATED = 0.15
 _MOST_TRIED = 100
 
 
-def epochs_on_each_other(
-    coarse: Mapping[tuple[str, str], xr.Dataset],
-    patches: pd.DataFrame,
-    *,
-    maximum_shift_mm: float,
-) -> tuple[list[InputError], str]:
+def epochs_on_each_other(study: Study) -> tuple[list[InputError], str]:
     """Scans after use that show another patch, and in words how far the others are shifted.
 
-    Of other doubts, warnings are logged.
-
-    Parameters
-    ----------
-    coarse : mapping of (str, str) to xarray.Dataset
-        Prepared scans by patch and epoch, all with one spacing.
-    patches : pandas.DataFrame
-        The patch table.
-    maximum_shift_mm : float
-        As in `gstlib.change.registration.register`.
+    Of other doubts, warnings are logged. A T1 that cannot be registered leaves the study.
     """
-    registered = functools.partial(
-        measured_change, maximum_shift_mm=maximum_shift_mm, minimum_points=_SPOT
-    )
-    before = {patch: of for (patch, epoch), of in coarse.items() if epoch == "T0"}
-    problems: list[InputError] = []
-    shifts_mm: list[float] = []
-    together, tried, gained = 0, 0, []
-    for row in patches.itertuples():
-        patch, after = row.patch, coarse.get((row.patch, "T1"))
-        if after is None or patch not in before:
-            continue
+    problems = [*_unregistered(study)]
+    table = study.registration
+    problems += _unlike_their_patch(study, table)
+    _warn_of_gains(table)
+    return problems, _shifts(study, table[table.found.astype(bool)])
+
+
+def _unregistered(study: Study) -> Iterator[InputError]:
+    """Why a T1 cannot be registered, by its file; without these, the study has a table."""
+    files = study.patches.set_index("patch").t1
+    for patch in list(study.worn):
         try:
-            registration, change = registered(before[patch], after)
+            study.changes[patch]
         except InputError as error:
-            problems.append(InputError(row.t1, f"patch {patch}: {error.problem}", error.remedy))
-            continue
-        doubt = form_warning(before[patch].height, after.height)
-        if registration.found:
+            study.worn.remove(patch)
+            yield InputError(files[patch], f"patch {patch}: {error.problem}", error.remedy)
+
+
+def _unlike_their_patch(study: Study, table: pd.DataFrame) -> Iterator[InputError]:
+    """Each T1 that shows another patch; warnings of those found nowhere, or without their form."""
+    files, tried = study.patches.set_index("patch"), 0
+    for row in table.itertuples():
+        patch, t0, t1 = row.patch, files.t0[row.patch], files.t1[row.patch]
+        before, after = study.prepared[patch, "T0"].height, study.prepared[patch, "T1"].height
+        doubt = form_warning(before, after)
+        if row.found:
             if doubt:
-                _log.warning("%s: patch %s: %s", row.t1, patch, doubt)
-            shifts_mm.append(math.hypot(registration.shift_x_mm, registration.shift_y_mm))
-            together += shifts_mm[-1] < _CO_LOCATED * max(spacing_of(before[patch].height))
-            shares = wear_summary(change)
-            loss, gain = shares["loss_fraction"], shares["gain_fraction"]
-            if gain > max(_GAIN_OVER_LOSS * loss, loss + _GAIN_LESS_LOSS):
-                gained.append(patch)
+                _log.warning("%s: patch %s: %s", t1, patch, doubt)
             continue
-        others = [name for name in before if name != patch][: _MOST_TRIED - tried]
+        others = [name for name in study.patches.patch if name != patch][: _MOST_TRIED - tried]
         tried += len(others)
-        for other in others:
-            if registered(before[other], after)[0].found:
-                problem = (
-                    f"as T1 of patch {patch}, it is not found on {row.t0}, but on T0 of patch "
-                    f"{other}"
-                )
-                problems.append(InputError(row.t1, problem, "Correct t1 in the patch table."))
-                break
+        if other := _found_on(study, patch, others):
+            problem = (
+                f"as T1 of patch {patch}, it is not found on {t0}, but on T0 of patch {other}"
+            )
+            yield InputError(t1, problem, "Correct t1 in the patch table.")
         else:
+            remedy = (
+                "check both names in the patch table, registration.maximum_shift_mm, and that no "
+                "form was taken out of one of the two"
+            )
             _log.warning(
                 "%s: as T1 of patch %s, it is not found on %s: %s",
-                row.t1,
+                t1,
                 patch,
-                row.t0,
-                doubt
-                or "check both names in the patch table, registration.maximum_shift_mm, and that "
-                "no form was taken out of one of the two",
+                t0,
+                doubt or remedy,
             )
-    if gained:
+
+
+def _found_on(study: Study, patch: str, others: list[str]) -> str | None:
+    """The first of the other patches whose T0 is on this one's T1."""
+    after, settings = study.prepared[patch, "T1"].height, study.config["registration"]
+    for other in others:
+        if register(study.prepared[other, "T0"].height, after, **settings).found:
+            return other
+    return None
+
+
+def _warn_of_gains(table: pd.DataFrame) -> None:
+    loss, gain = table.loss_fraction, table.gain_fraction
+    more = np.maximum(_GAIN_OVER_LOSS * loss, loss + _GAIN_LESS_LOSS)
+    gained = table.patch[table.found.astype(bool) & (gain > more)]
+    if len(gained):
         _log.warning(
             "from T0 to T1, more of patch%s %s rose than fell, and wear takes height: are t0 and "
             "t1 exchanged in the patch table?",
             "es" * (len(gained) > 1),
             ", ".join(gained),
         )
-    if not shifts_mm:
-        return problems, ""
-    most = float(f"{1e3 * max(shifts_mm):.2g}")
-    said = f"found on {len(shifts_mm)} patches, shifted by up to {most:g} µm"
+
+
+def _shifts(study: Study, found: pd.DataFrame) -> str:
+    """How far each T1 that was found is shifted."""
+    if found.empty:
+        return ""
+    shifts_um = np.hypot(found.shift_x_um, found.shift_y_um)
+    points_um = [1e3 * max(spacing_of(study.prepared[patch, "T0"])) for patch in found.patch]
+    together = int((shifts_um < _CO_LOCATED * np.array(points_um)).sum())
+    most = float(f"{shifts_um.max():.2g}")
+    said = f"found on {len(found)} patches, shifted by up to {most:g} µm"
     if together:
-        which = "all" if together == len(shifts_mm) else f"{together} of them"
+        which = "all" if together == len(found) else f"{together} of them"
         said += f"; {which} co-located already (shifted by less than half a point)"
-    return problems, said
+    return said

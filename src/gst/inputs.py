@@ -22,10 +22,10 @@ from gst.tables import columns_of
 from gstlib.contact import check_grid
 from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.io.meshes import is_mesh, read_mesh
-from gstlib.io.scans import cut_scan, read_scan, whole_scan
+from gstlib.io.scans import read_scan
 from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
 from gstlib.macroscale.face import grid_macroscale
-from gstlib.preprocess.scans import check_unmeasured, mould_of, prepare_scan
+from gstlib.preprocess.scans import check_unmeasured, cut_patch, mould_of
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import Frame, find_frame
 from gstlib.surfaces.grid import coarser, spacing_of
@@ -79,8 +79,8 @@ class Inputs:
     face : xarray.Dataset or None
         The square and the face around it, from `gstlib.macroscale.face.grid_macroscale`; None if
         they cannot be found.
-    coarse : dict of (str, str) to xarray.Dataset
-        By patch and epoch, what `gstlib.preprocess.scans.prepare_scan` makes of a coarser scan.
+    coarse : dict of (str, str) to xarray.DataArray
+        By patch and epoch, the patch as measured, with fewer points.
     problems : list of GstError
         Everything that would stop the study.
     """
@@ -89,7 +89,7 @@ class Inputs:
     stone: "trimesh.Trimesh | None"
     frame: Frame | None
     face: xr.Dataset | None
-    coarse: dict[tuple[str, str], xr.Dataset]
+    coarse: dict[tuple[str, str], xr.DataArray]
     problems: list[GstError]
 
 
@@ -113,10 +113,12 @@ class Asked:
     ----------
     mesh_unit : str
         As in `gstlib.io.meshes.read_mesh`.
-    square, scan_settings : mapping
-        The sections ``square`` and ``scans`` of the config.
-    grid : mapping
-        ``grid``, ``face_mm`` and ``radius_mm``, as in `gstlib.macroscale.face.grid_macroscale`.
+    face : mapping
+        The settings of `gstlib.macroscale.face.grid_macroscale`.
+    radius_mm : float or None
+        Of the active tool; None for a flat.
+    scan_settings : mapping
+        The section ``scans`` of the config.
     maximum_unmeasured : float
         Largest share (0 to 1) of unmeasured points in a patch.
     placed : bool
@@ -126,12 +128,12 @@ class Asked:
     interlayer : mapping or None
         The section ``interlayer`` of the config.
     active_tool : mapping or None
-        As in `gstlib.macroscale.active_tool.ActiveTool.read`; None for a flat.
+        As in `gstlib.macroscale.active_tool.ActiveTool.read`; None for one without a mesh.
     """
 
     mesh_unit: str
-    square: Mapping
-    grid: Mapping
+    face: Mapping
+    radius_mm: float | None
     scan_settings: Mapping
     maximum_unmeasured: float
     placed: bool
@@ -154,7 +156,7 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
     try:
         if mesh is not None:
             stone = read_mesh(mesh, unit=asked.mesh_unit)
-            points_mm, size_mm = asked.square["points_mm"], asked.square["size_mm"]
+            points_mm, size_mm = asked.face["points_mm"], asked.face["size_mm"]
             frame = find_frame(points_mm, stone, size_mm=size_mm, source=str(mesh))
             _mind_other_bodies(stone, frame, asked, source=str(mesh))
             face = _gridded(stone, asked, source=str(mesh))
@@ -163,7 +165,7 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
         problems.append(error)
     rows: list[dict[str, Any]] = []
     pieces: _Pieces = {}
-    coarse: dict[tuple[str, str], xr.Dataset] = {}
+    coarse: dict[tuple[str, str], xr.DataArray] = {}
     by_file: dict[Path, list[ScanFile]] = {}
     for scan in scans:
         by_file.setdefault(scan.path, []).append(scan)
@@ -177,12 +179,12 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
         heights_hash = hash(whole.values.tobytes())
         for use in uses:
             try:
-                size_mm = asked.scan_settings["size_mm"]
-                is_later = use.epoch in _COPIED
-                piece = (
-                    whole_scan(whole, size_mm)
-                    if is_later
-                    else cut_scan(whole, use.crop, size_mm)
+                piece = cut_patch(
+                    whole,
+                    crop=use.crop,
+                    size_mm=asked.scan_settings["size_mm"],
+                    epoch=use.epoch or "T0",
+                    mould_flip=mould_of(asked.scan_settings["mould"], use.flip)["flip"],
                 )
                 check_unmeasured(piece, asked.maximum_unmeasured)
             except InputError as error:
@@ -191,8 +193,7 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
                 continue
             facts, grid = _scan_facts(piece), (piece.shape, spacing_of(piece))
             if use.epoch:
-                mould = mould_of(asked.scan_settings["mould"], use.flip)
-                coarse[use.patch, use.epoch] = _coarse(piece, size_mm, mould)
+                coarse[use.patch, use.epoch] = _coarse(piece, asked.scan_settings["size_mm"])
             place = use.place if use.epoch == "T0" else None
             pieces[use.patch, use.epoch] = _Piece(
                 path, grid, (heights_hash, use.crop), Amplitude.of(path, piece, heights, place)
@@ -204,7 +205,7 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
     at_t0 = {patch: piece for (patch, epoch), piece in pieces.items() if epoch == "T0"}
     problems += _unlike_counterface(pieces.get((COUNTERFACE, "")), at_t0)
     if asked.reference:
-        problems += _no_reference(at_t0, asked.square["size_mm"])
+        problems += _no_reference(at_t0, asked.face["size_mm"])
     coarsest = max((row[f"spacing_{axis}_um"] for row in rows for axis in "xy"), default=0.0)
     if asked.interlayer is not None and asked.interlayer["thickness_um"] < coarsest:
         thin = thinner_than_a_point(asked.interlayer["thickness_um"], coarsest)
@@ -221,14 +222,8 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
     return Inputs(table, stone, frame, face, coarse, problems)
 
 
-def _coarse(piece: xr.DataArray, size_mm: float, mould: Mapping) -> xr.Dataset:
-    times = max(1, int(size_mm / max(spacing_of(piece))) // _COARSE)
-    return prepare_scan(
-        coarser(piece, times),
-        mould_invert=mould["invert"],
-        mould_flip=mould["flip"],
-        maximum_unmeasured=1.0,
-    )
+def _coarse(piece: xr.DataArray, size_mm: float) -> xr.DataArray:
+    return coarser(piece, max(1, int(size_mm / max(spacing_of(piece))) // _COARSE))
 
 
 def _mind_other_bodies(
@@ -237,7 +232,7 @@ def _mind_other_bodies(
     """Warn of what is large and apart from the stone, such as the table on which it was scanned."""
     from trimesh.graph import connected_component_labels
 
-    size_mm = asked.square["size_mm"]
+    size_mm = asked.face["size_mm"]
     middle = np.array(frame.origin) + size_mm / 2 * (frame.axes[0] + frame.axes[1])
     body = connected_component_labels(stone.faces[:, [0, 1, 1, 2]].reshape(-1, 2))
     away = np.linalg.norm(stone.vertices - middle, axis=1)
@@ -247,7 +242,7 @@ def _mind_other_bodies(
     nearest = np.full(len(areas), np.inf)
     np.minimum.at(nearest, body, away)
     is_other = (areas > _LARGE_BODY * areas.sum()) & (
-        nearest > (asked.grid["face_mm"] or size_mm)
+        nearest > (asked.face["face_mm"] or size_mm)
     )
     if is_other.any():
         _log.warning(
@@ -261,17 +256,11 @@ def _mind_other_bodies(
 
 def _gridded(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> xr.Dataset:
     """The face; errors also where the active tool misses it."""
-    second, rounded = asked.active_tool, RoundedTool(asked.grid["radius_mm"])
-    face, _ = grid_macroscale(
-        stone,
-        **asked.square,
-        grid=asked.grid["grid"],
-        face_mm=asked.grid["face_mm"],
-        active_tool=rounded if second is None else ActiveTool.read(**second),
-        interpolation="linear",  # the fastest: to look at, and to hold scans against
-        source=source,
-    )
-    return face
+    second, rounded = asked.active_tool, RoundedTool(asked.radius_mm)
+    tool = rounded if second is None else ActiveTool.read(**second)
+    # the fastest interpolation: to look at, and to hold scans against
+    settings = {**asked.face, "interpolation": "linear"}
+    return grid_macroscale(stone, **settings, active_tool=tool, source=source)[0]
 
 
 def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:

@@ -17,8 +17,9 @@ from PIL import Image
 SPACING = 0.01
 SETTINGS = {
     "mesh_unit": "mm",
-    "square": {"size_mm": 4.0, "points_mm": [[3.0, 3.0, 4.9], [7.0, 3.0, 4.9], [3.0, 7.0, 4.9]]},
-    "grid": {"grid": 20, "face_mm": 6.0, "radius_mm": 50.0},
+    "face": {"size_mm": 4.0, "points_mm": [[3.0, 3.0, 4.9], [7.0, 3.0, 4.9], [3.0, 7.0, 4.9]]}
+    | {"grid": 20, "face_mm": 6.0},
+    "radius_mm": 50.0,
     "scan_settings": {"size_mm": 0.5, "unit": None, "spacing_um": None}
     | {"mould": {"invert": False, "flip": None}},
     "maximum_unmeasured": 0.05,

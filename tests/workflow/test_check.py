@@ -112,6 +112,23 @@ def test_a_form_that_was_taken_out_of_one_epoch_is_told(measured):
     assert "check both names" not in said
 
 
+def test_a_repeat_that_shows_a_change_is_told(measured):
+    """As the study itself would, hours later; one that shows none is no cause for doubt."""
+    scans, noise = measured.folder / "data/scans", np.random.default_rng(1)
+    for patch, moved_mm in (("5", 0.0), ("13", 0.004)):
+        heights = read_scan(scans / f"{patch}_T0.plu")
+        heights[10:30, 10:40] += moved_mm
+        again = heights.values + 2e-5 * noise.standard_normal(heights.shape)
+        write_plu(scans / f"{patch}_repeat.plu", again, spacing_of(heights)[1])
+    table = measured.folder / "config/patches_tiny.tsv"
+    rows = table.read_text().replace("t0\tt1", "t0\tt1\trepeat")
+    table.write_text(re.sub(r"(\b(?:5|13)_)T1.plu", r"\1T1.plu\t\1repeat.plu", rows))
+    code, said = check(measured)
+    assert code == 0
+    assert "patch 13: its repeat is not used" in said
+    assert "patch 5: its repeat" not in said
+
+
 def test_scans_that_other_software_laid_on_each_other_are_told(measured):
     """As ConfoMap saves them: cut from one grid, worn in between; here as text without a unit."""
     scans = measured.folder / "data/scans"

@@ -21,8 +21,8 @@ rule check_inputs:
         uses=SCAN_USES,
         asked={
             "mesh_unit": MESH_UNIT,
-            "square": config["square"],
-            "grid": SETTINGS["grid_macroscale"],
+            "face": SETTINGS["grid_macroscale"],
+            "radius_mm": study_radius(config),
             "scan_settings": config["scans"],
             "maximum_unmeasured": config["preprocessing"]["maximum_unmeasured"],
             "placed": PLACED and SCANNED,
