@@ -1,10 +1,10 @@
 """The patches of a study shared out to jobs: a job takes longer to start than a patch to do."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from zlib import crc32
 
-__all__ = ["files_of", "share_out"]
+__all__ = ["files_by_epoch", "files_of", "share_out"]
 
 # About as many patches share a job: two jobs for 25, one on each of two cores.
 _PER_JOB = 13
@@ -38,3 +38,16 @@ def files_of(folders: Path | Iterable[Path], patches: Iterable[str]) -> dict[str
         file.stem.partition("_")[0]: file for each in folders for file in each.glob("*.h5")
     }
     return {patch: found[patch] for patch in patches if patch in found}
+
+
+def files_by_epoch(
+    folders: Mapping[str, Iterable[Path]], patches: Iterable[str]
+) -> dict[tuple[str, str], Path]:
+    """The files of the patches by patch and epoch; `folders` are those of each epoch's batches."""
+    files = {epoch: files_of(of_epoch, patches) for epoch, of_epoch in folders.items()}
+    return {
+        (patch, epoch): files[epoch][patch]
+        for patch in patches
+        for epoch in files
+        if patch in files[epoch]
+    }

@@ -19,7 +19,6 @@ from gst.patches import overlaps, scan_files
 from gst.poses import poses_of, reach_of
 from gst.provenance import refuse_other_study
 from gstlib.conditions import (
-    PLACED,
     load_force,
     load_point,
     stage_settings,
@@ -31,6 +30,7 @@ from gstlib.errors import GstError, InputsError
 from gstlib.io.files import check_writable
 from gstlib.macroscale.plausibility import plausibility_warnings
 from gstlib.macroscale.sampling_sites import CONTROL, COUNTS, EXPOSED
+from gstlib.microscale.patches import PLACED
 from gstlib.preprocess.scans import mould_of, prepare_scan
 from gstlib.study import Study
 from gstlib.surfaces.footprints import square_of

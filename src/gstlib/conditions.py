@@ -16,9 +16,6 @@ __all__ = [
     "study_radius",
 ]
 
-# The variants of the coupling: the study's own, and the paper's.
-PLACED, LEVELLED = "placed", "levelled"
-
 
 def study_modulus(material: Mapping) -> float:
     """The contact modulus (MPa) of the config's section ``material``: as given, or computed."""
@@ -58,7 +55,7 @@ def load_point(load: Mapping[str, Any], size_mm: float) -> tuple[float, float]:
 
 def study_radius(config: Mapping[str, Any]) -> float | None:
     """Radius of the active tool, mm; None of a flat, by which the paper's square is pressed."""
-    if config["coupling"] != PLACED:
+    if config["coupling"] != "placed":
         return None
     return (config["counterface"] or {}).get("radius_mm")
 
@@ -71,7 +68,7 @@ def stage_settings(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     at_load = {"modulus": modulus, "tolerance": macroscale["tolerance"], "force_N": force_N}
     # The paper's square stays on its mean plane, and a flat presses it.
     through, face_mm = None, None
-    if config["coupling"] == PLACED:
+    if config["coupling"] == "placed":
         through, face_mm = load_point(config["load"], size_mm), macroscale["face_mm"]
     grid = {name: macroscale[name] for name in ("grid", "interpolation")}
     return {

@@ -54,7 +54,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 import xarray as xr
 
-from gstlib.change.change import Detection, measure_detection, register_patch
+from gstlib.change.change import SCAN_FIELDS, Detection, measure_detection, register_patch
 from gstlib.change.selection import registration_table, select_patches
 from gstlib.conditions import stage_settings, study_radius
 from gstlib.contact import Contact
@@ -209,7 +209,7 @@ class Study:
         cut = {"epoch": epoch, "crop": crop_of(row), "flip": row.get("flip", "")}
         settings = self.settings["prepare_scans"]
         prepared = prepare_patch(self.read_scan(patch, epoch), **cut, **settings)
-        return prepared[["height", "filled", "outlier"]]
+        return prepared[SCAN_FIELDS]
 
     def contact_in(self, variant: str, patch: str) -> Contact:
         """Contact of a patch at its own pressure in a variant of the coupling."""

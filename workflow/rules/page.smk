@@ -113,7 +113,7 @@ if WORN_PATCHES:
             registration=rules.select_patches.output.registration,
             patches_table=rules.score_wear.output.patches,
             summary=rules.score_wear.output.summary,
-            wear=rules.score_wear.output.table,
+            wear=rules.score_wear.output.wear,
             wear_profile=rules.score_wear.output.profile,
             texture=rules.tabulate_texture.output.table,
         output:

@@ -11,13 +11,13 @@ if WORN_PATCHES:
             contacts=expand(rules.solve_patches.output.contacts, batch=WORN_BATCHES),
             registered=CHANGES,
             square=rules.fit_wear.output.square,
-            interlayer=INTERLAYER,
+            fitted=INTERLAYER,
             depths=DEPTHS,
             pressures=PRESSURES,
             registration=rules.select_patches.output.registration,
         output:
             patches=table("validation_patches", "5 Validation"),
-            table=table("wear", "5 Validation"),
+            wear=table("wear", "5 Validation"),
             profile=table("wear_profile", "5 Validation"),
             summary=table("validation_summary", "5 Validation"),
         log:
@@ -26,7 +26,7 @@ if WORN_PATCHES:
             mem_mb=growing(500, scan=100, scans=12),
             runtime=growing(10, scans=0.5),
         params:
-            **SETTINGS["score_wear"],
+            scoring=SETTINGS["score_wear"],
             worn=WORN_PATCHES,
             code=code("score_wear.py"),
         message:

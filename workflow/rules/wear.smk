@@ -49,7 +49,6 @@ rule predict_wear:
     params:
         **SETTINGS["predict_wear"],
         patches=lambda wildcards: WORN_BATCHES[wildcards.batch],
-        interlayer=config["interlayer"],
         code=code("predict_wear.py"),
     message:
         f"Wearing the patches: part {{wildcards.batch}} of {len(BATCHES)}"

@@ -2,11 +2,10 @@
 
 from pathlib import Path
 
-from gst.batches import files_of
 from gst.logs import run_script
+from gst.stored import contacts_of
 from gst.tables import write_table
-from gstlib.contact import Contact
-from gstlib.io.store import Stored, read_dataset
+from gstlib.io.store import read_dataset
 from gstlib.validation.single_scale import two_scales_table
 
 
@@ -20,7 +19,7 @@ def main(
     variants: list[str],
 ) -> None:
     by_variant = {
-        variant: Stored(files_of(folders, patches), then=Contact.from_dataset)
+        variant: contacts_of(folders, patches)
         for variant, folders in zip(variants, [contacts, others], strict=False)
     }
     write_table(table, two_scales_table(by_variant, read_dataset(reference)))

@@ -5,16 +5,13 @@ from pathlib import Path
 import pandas as pd
 import xarray as xr
 
-from gst.batches import files_of
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.contact import Contact
-from gstlib.io.store import Stored, read_dataset, write_dataset
+from gst.stored import changes_of, contact_of, contacts_of
+from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.macroscale.gesture import Gesture
 from gstlib.wear.fit import PatchMaps, fit_wear
-
-CHANGE = "change", "loss", "level_of_detection"
 
 
 def main(
@@ -35,23 +32,15 @@ def main(
     size_mm: float,
 ) -> None:
     """The files are empty where wear is not predicted."""
-    pressed, gesture = Contact.from_dataset(read_dataset(contact)), None
+    pressed, gesture = contact_of(contact), None
     if poses:
         counterface = read_dataset(second).face if second else pressed.interface.counterface
         through = pressed.load.through
         gesture = Gesture(counterface, bool(second), size_mm, through, pd.DataFrame(poses))
     settings = {"patch_mm": patch_mm, "steps": steps, "interlayer": interlayer}
-    worn = fit_wear(
-        pressed,
-        read_pressures(pressures),
-        read_table(registration),
-        PatchMaps(
-            Stored(files_of(contacts, patches), then=Contact.from_dataset),
-            Stored(files_of(registered, patches), CHANGE),
-        ),
-        gesture=gesture,
-        **settings,
-    )
+    tables = read_pressures(pressures), read_table(registration)
+    maps = PatchMaps(contacts_of(contacts, patches), changes_of(registered, patches))
+    worn = fit_wear(pressed, *tables, maps, gesture=gesture, **settings)
     made = provenance([contact, pressures, registration], settings)
     write_dataset(square, worn.path if worn else xr.Dataset(), made)
     if fitted is not None:

@@ -1,7 +1,4 @@
-"""Make the synthetic specimen: its mesh, its scans before and after use, and the truth.
-
-Without patches, its mesh alone.
-"""
+"""Make the synthetic specimen: mesh, scans and truth; without patches, its mesh alone."""
 
 from pathlib import Path
 
@@ -29,11 +26,11 @@ def main(
     parameters = SpecimenParameters(**specimen)
     if counterface is not None:
         write_whole(counterface, counterface_stl(parameters, square_mm))
-    grids = {"grid": grid, "around": around}
     if truth is None:
         write_whole(mesh, stone_stl(parameters, square_mm))
         return
-    made = make_specimen(pd.DataFrame(patches), parameters, square_mm=square_mm, **grids)
+    sizes = {"square_mm": square_mm, "grid": grid, "around": around}
+    made = make_specimen(pd.DataFrame(patches), parameters, **sizes)
     write_specimen(made, mesh=mesh, scan_folder=scans[0].parent, truth=truth, surface=surface)
 
 

@@ -7,10 +7,8 @@ import xarray as xr
 from gst.batches import files_of
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.change.change import measure_detection
+from gstlib.change.change import SCAN_FIELDS, measure_detection
 from gstlib.io.store import Stored, write_dataset
-
-READ = "height", "filled", "outlier"
 
 
 def main(
@@ -24,7 +22,9 @@ def main(
 ) -> None:
     first, second = (files_of(folders, patches) for folders in (t0, repeats))
     settings = {"maximum_shift_mm": maximum_shift_mm, "minimum_points": minimum_points}
-    found = measure_detection(Stored(first, READ), Stored(second, READ), **settings)
+    found = measure_detection(
+        Stored(first, SCAN_FIELDS), Stored(second, SCAN_FIELDS), **settings
+    )
     attrs = found._asdict() if found else {}  # nothing where no repeat serves
     made = provenance([*first.values(), *second.values()], settings)
     write_dataset(detection, xr.Dataset(attrs=attrs), made)

@@ -5,8 +5,8 @@ from pathlib import Path
 from gst.batches import files_of
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.contact import Contact
-from gstlib.io.store import Stored, read_dataset, write_dataset
+from gst.stored import contacts_of
+from gstlib.io.store import read_dataset, write_dataset
 from gstlib.wear.archard import WornSquare
 from gstlib.wear.fit import predict_wear
 
@@ -18,16 +18,14 @@ def main(
     depths: Path,
     *,
     patches: list[str],
-    interlayer: dict[str, float] | None,
     pressure_cap: float | None,
 ) -> None:
     """The folder stays empty where wear is not predicted."""
-    files, coefficient = files_of(contacts, patches), read_dataset(fitted) if fitted else None
-    worn = WornSquare.from_datasets(read_dataset(square), coefficient, interlayer)
-    settings = {"pressure_cap": pressure_cap, "interlayer": interlayer}
+    files, interlayer = files_of(contacts, patches), read_dataset(fitted) if fitted else None
+    worn = WornSquare.from_datasets(read_dataset(square), interlayer)
+    settings = {"pressure_cap": pressure_cap}
     depths.mkdir(exist_ok=True)
-    pressed = Stored(files, then=Contact.from_dataset)
-    for patch, found in predict_wear(pressed, worn, pressure_cap=pressure_cap):
+    for patch, found in predict_wear(contacts_of(contacts, patches), worn, **settings):
         made = provenance([square, *([fitted] if fitted else []), files[patch]], settings)
         write_dataset(depths / f"{patch}.h5", found, made)
 

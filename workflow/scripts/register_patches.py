@@ -6,11 +6,9 @@ from pathlib import Path
 from gst.batches import files_of
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.change.change import Detection, register_patch
+from gstlib.change.change import SCAN_FIELDS, Detection, register_patch
 from gstlib.change.form import form_warning
 from gstlib.io.store import read_attributes, read_dataset, write_dataset
-
-READ = "height", "filled", "outlier"
 
 
 def main(
@@ -25,16 +23,16 @@ def main(
 ) -> None:
     first, second = files_of(t0, patches), files_of(t1, patches)
     measured = Detection.of(read_attributes(detection)) if detection else None
-    further = [detection] if detection else []
     settings = {"maximum_shift_mm": maximum_shift_mm, "minimum_points": minimum_points}
     for patch in patches:
         files = [first[patch], second[patch]]
-        scans = [read_dataset(file, READ) for file in files]
+        scans = [read_dataset(file, SCAN_FIELDS) for file in files]
         logging.getLogger("gst").info("%s", patch)
         if doubt := form_warning(*(scan.height for scan in scans)):
             logging.getLogger("gstlib").warning("patch %s: %s", patch, doubt)
         found = register_patch(*scans, patch=patch, detection=measured, **settings)
-        write_dataset(registered / f"{patch}.h5", found, provenance(files + further, settings))
+        made = provenance([*files, *([detection] if detection else [])], settings)
+        write_dataset(registered / f"{patch}.h5", found, made)
 
 
 if "snakemake" in globals():

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gst.batches import files_of
+from gst.batches import files_by_epoch, files_of
 from gst.logs import run_script
 from gst.tables import write_table
 from gstlib.io.store import Stored, read_dataset
@@ -24,12 +24,10 @@ def main(
     patches: list[str],
     worn: list[str],
 ) -> None:
-    scans = {(patch, "T0"): file for patch, file in files_of(t0, patches).items()}
-    scans |= {(patch, "T1"): file for patch, file in files_of(t1, worn).items()}
     scores = score_truth(
         read_dataset(truth),
         face=read_dataset(surface, only=["height"]),
-        scans=Stored(scans),
+        scans=Stored(files_by_epoch({"T0": t0, "T1": t1}, patches)),
         changes=Stored(files_of(registered, worn), ["change", "loss"]),
         placement=read_table(placement),
         pressures=read_pressures(pressures),

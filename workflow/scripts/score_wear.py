@@ -2,54 +2,37 @@
 
 from pathlib import Path
 
-from gst.batches import files_of
 from gst.logs import run_script
+from gst.stored import changes_of, contacts_of, depths_of
 from gst.tables import write_table
-from gstlib.contact import Contact
-from gstlib.io.store import Stored, read_dataset
+from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
 from gstlib.wear.fit import Prediction
-
-CHANGE = "change", "loss", "level_of_detection"
 
 
 def main(
     contacts: list[Path],
     registered: list[Path],
     square: Path,
-    interlayer: Path | list,
+    fitted: Path | list,
     depths: list[Path],
     pressures: Path,
     registration: Path,
-    patches: Path,
-    table: Path,
-    profile: Path,
-    summary: Path,
     *,
     worn: list[str],
-    expected_most_worn: list[str],
-    seed: int,
-    resamples: int,
+    scoring: dict,
+    **tables: Path,
 ) -> None:
-    path, losses = read_dataset(square), Stored(files_of(depths, worn))
-    prediction = Prediction(losses)
-    if path.sizes:
-        layer = read_dataset(interlayer) if interlayer else None
-        prediction = Prediction(losses, WornSquare(path, None).fitted_to, layer)
-    found = score_wear(
-        Stored(files_of(contacts, worn), then=Contact.from_dataset),
-        Stored(files_of(registered, worn), CHANGE),
-        prediction,
-        read_pressures(pressures),
-        read_table(registration),
-        expected_most_worn=expected_most_worn,
-        seed=seed,
-        resamples=resamples,
-    )
-    files = {"patches": patches, "wear": table, "profile": profile, "summary": summary}
-    for name, file in files.items():
+    """`tables` are the files of what `score_wear` gives, by name."""
+    interlayer = read_dataset(fitted) if fitted else None
+    stone = WornSquare.from_datasets(read_dataset(square), interlayer)
+    prediction = Prediction.of(depths_of(depths, worn), stone)
+    given = contacts_of(contacts, worn), changes_of(registered, worn), prediction
+    known = read_pressures(pressures), read_table(registration)
+    found = score_wear(*given, *known, **scoring)
+    for name, file in tables.items():
         write_table(file, found[name])
 
 

@@ -1,14 +1,11 @@
-"""Press each patch of a batch up to its own pressure, in every variant of the coupling.
-
-The study's own variant, the first, is pressed step by step; the other at its pressure alone.
-"""
+"""Press each patch of a batch up to its own pressure, in every variant of the coupling."""
 
 from pathlib import Path
 
 from gst.batches import files_of
 from gst.logs import run_script
 from gst.provenance import provenance
-from gstlib.contact import Contact
+from gst.stored import contact_of
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.io.tables import read_pressures
 from gstlib.microscale.patches import Microscale, solve_patches
@@ -27,12 +24,10 @@ def main(
     variants: list[str],
     microscale: dict[str, float],
 ) -> None:
-    scans, around = files_of(t0, patches), {}
+    scans = files_of(t0, patches)
+    around = {"counterface": read_dataset(counterface).height} if counterface else {}
     if composite:
-        around["composite"] = read_dataset(composite)
-        around["contact"] = Contact.from_dataset(read_dataset(contact))
-    if counterface:
-        around["counterface"] = read_dataset(counterface).height
+        around |= {"composite": read_dataset(composite), "contact": contact_of(contact)}
     folders = dict(zip(variants, [contacts, others], strict=False))
     given = Stored(scans, ["height"]), read_pressures(pressures), Microscale(**microscale)
     for patch, variant, found in solve_patches(*given, variants=variants, **around):

@@ -39,6 +39,7 @@ from gstlib.preprocess.outliers import MAD_TO_SIGMA
 from gstlib.surfaces.grid import spacing_of
 
 __all__ = [
+    "SCAN_FIELDS",
     "Detection",
     "height_change",
     "measure_detection",
@@ -48,6 +49,9 @@ __all__ = [
 ]
 
 _log = logging.getLogger(__name__)
+
+# What registration and change need of a prepared scan.
+SCAN_FIELDS = ["height", "filled", "outlier"]
 
 # ASSUME: LoD95 = 1.96 standard deviations of the height difference on the unchanged part at the
 # slope of the point. It includes the noise of both scans and the residue of the registration; about

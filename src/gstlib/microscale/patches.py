@@ -11,7 +11,6 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.bem import solve_contact
-from gstlib.conditions import LEVELLED, PLACED
 from gstlib.contact import (
     Contact,
     ContactPath,
@@ -36,7 +35,8 @@ __all__ = [
     "with_interface_stiffness",
 ]
 
-# The pressure of a patch that each variant of the coupling takes, from `couple_scales`.
+# The variants of the coupling, and the pressure of a patch that each takes, from `couple_scales`.
+PLACED, LEVELLED = "placed", "levelled"
 _PRESSURES = {PLACED: "pressure_MPa", LEVELLED: "square_pressure_MPa"}
 
 

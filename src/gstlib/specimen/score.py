@@ -6,18 +6,20 @@ have 1 as their true value; biases and r.m.s. errors have 0.
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import scipy
 import xarray as xr
 
+from gstlib.contact import Contact, Interface, contact_at_pressure
 from gstlib.specimen.scanning import relocation
 from gstlib.surfaces.footprints import Place, square_of
 from gstlib.surfaces.grid import MM_TO_UM, make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["score_truth", "true_face"]
+__all__ = ["score_truth", "true_contact", "true_face"]
 
 # Significant digits of the larger number that are kept in the difference of two.
 _ERROR_DIGITS = 7
@@ -72,7 +74,8 @@ def score_truth(
     surface = _surface(truth)
     square = square_of(face["height"], spacing_of(surface)[0] * len(surface.y))
     add("macroscale", "", _macroscale_scores(surface, square))
-    for (patch, epoch), prepared in scans.items():
+    for patch, epoch in sorted(scans, key=lambda scan: scan[1]):  # T0 first
+        prepared = scans[patch, epoch]
         at = truth.sel(patch=patch)
         add("preprocessing", patch, _preparation_scores(at.sel(epoch=epoch), epoch, prepared))
         if epoch == "T0":
@@ -103,6 +106,23 @@ def true_face(truth: xr.Dataset) -> xr.DataArray:
     """The true heights of the face before use (y, x), mm, from a specimen's truth."""
     height = truth.face_height.rename(face_y="y", face_x="x")
     return height.drop_vars([name for name in height.coords if name not in height.dims])
+
+
+def true_contact(
+    truth: xr.Dataset,
+    counterface: xr.DataArray,
+    contact: Contact,
+    *,
+    source: str | Path = "truth",
+) -> Contact:
+    """The contact of the true face where the measured one has `contact`: under the same load."""
+    return contact_at_pressure(
+        Interface(true_face(truth), counterface),
+        contact.load,
+        modulus=contact.modulus,
+        tolerance=contact.tolerance,
+        source=source,
+    )
 
 
 def _surface(truth: xr.Dataset) -> xr.DataArray:

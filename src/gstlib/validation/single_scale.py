@@ -8,7 +8,7 @@ alone costs and, over several draws of the detail, how far the results depend on
 scanned.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -28,9 +28,11 @@ from gstlib.validation.masks import mask_scores
 
 __all__ = [
     "composite_heights",
+    "drawn_surfaces",
     "patches_of_reference",
     "placed_whole",
     "press_whole",
+    "solve_reference",
     "two_scales_table",
 ]
 
@@ -74,6 +76,60 @@ def composite_heights(
         composite.density,
         np.random.default_rng([seed, 3, draw]),
     )
+
+
+def drawn_surfaces(
+    face: xr.Dataset,
+    composite: xr.Dataset,
+    scans: Mapping[str, xr.Dataset],
+    *,
+    draws: int,
+    s_filter_um: float | None,
+    seed: int,
+) -> Iterator[xr.DataArray]:
+    """The `composite_heights` of so many draws, one after the other."""
+    for draw in range(draws):
+        yield composite_heights(
+            face, composite, scans, s_filter_um=s_filter_um, seed=seed, draw=draw
+        )
+
+
+def solve_reference(
+    surfaces: Iterable[xr.DataArray],
+    contact: Contact,
+    places: Mapping[str, Place],
+    scan: xr.DataArray,
+    *,
+    source: str | Path = "reference",
+) -> tuple[xr.Dataset, xr.Dataset]:
+    """Press the whole square at the scans' resolution, once for each of its surfaces.
+
+    Parameters
+    ----------
+    surfaces : iterable of (y, x) xarray.DataArray
+        Heights of the square, mm: `drawn_surfaces`, or that of a synthetic specimen.
+    contact : Contact
+        Of the face around it, as in `press_whole`.
+    places, scan
+        As in `patches_of_reference`.
+    source : path
+        The file of the surfaces, for messages.
+
+    Returns
+    -------
+    whole : xarray.Dataset
+        From `press_whole`, of the first surface.
+    patches : xarray.Dataset
+        From `patches_of_reference`, by ``draw``.
+    """
+    whole, drawn = None, []
+    for heights in surfaces:
+        solved = press_whole(heights, contact, source=source)
+        whole = solved if whole is None else whole
+        drawn.append(patches_of_reference(solved.pressure, places, scan))
+    if whole is None:
+        raise ValueError("there must be a surface")
+    return whole, xr.concat(drawn, "draw")
 
 
 def press_whole(

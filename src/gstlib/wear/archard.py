@@ -79,7 +79,11 @@ _DESCRIBED = {
     "y_mm": ("mm", "centre of the patch along y"),
     "rotation_deg": ("degree", "turn of the patch, x towards y"),
 }
-
+_OF_LAYER = {
+    "young": ("MPa", "Young's modulus of the interlayer"),
+    "poisson": ("1", "Poisson's ratio of the interlayer"),
+    "thickness": ("mm", "thickness of the interlayer"),
+}
 
 # The predictions: Archard's law, and what is changed in it.
 BARE, INTERLAYER, CAPPED = "archard", "interlayer", "archard_capped"
@@ -121,25 +125,30 @@ class WornSquare(NamedTuple):
     interlayer: Interlayer | None
 
     @classmethod
-    def from_datasets(
-        cls, path: xr.Dataset, fitted: xr.Dataset | None, interlayer: Mapping[str, float] | None
-    ) -> Self | None:
-        """From its `path` and `fitted_interlayer` as stored; None where wear is not predicted.
-
-        `interlayer` is that section of the config.
-        """
+    def from_datasets(cls, path: xr.Dataset, fitted: xr.Dataset | None) -> Self | None:
+        """From its `path` and `fitted_interlayer` as stored; None where wear is not predicted."""
         if not path.sizes:
             return None
-        if fitted is None or interlayer is None:
+        if fitted is None:
             return cls(path, None)
-        return cls(path, Interlayer(layer_of(interlayer), fitted.pressure, fitted))
+        layer = Layer(*(float(fitted[name]) for name in _OF_LAYER))
+        return cls(path, Interlayer(layer, fitted.pressure, fitted))
 
     @property
     def fitted_interlayer(self) -> xr.Dataset | None:
-        """The fitted coefficient of the interlayer, with the ``pressure`` (y, x) under it, MPa."""
+        """The fitted coefficient of the interlayer, and the interlayer itself.
+
+        Its ``young`` (MPa), ``poisson`` and ``thickness`` (mm), and the ``pressure`` (y, x), MPa,
+        under it on the square before use.
+        """
         if self.interlayer is None or self.interlayer.fitted is None:
             return None
-        return self.interlayer.fitted.assign(pressure=self.interlayer.pressure)
+        layer, pressure, fitted = self.interlayer
+        constants = {
+            name: ((), getattr(layer, name), {"units": units, "long_name": long_name})
+            for name, (units, long_name) in _OF_LAYER.items()
+        }
+        return fitted.assign(constants).assign(pressure=pressure)
 
     @property
     def fitted_to(self) -> list[str]:
