@@ -141,9 +141,11 @@ class WornSquare(NamedTuple):
         Its ``young`` (MPa), ``poisson`` and ``thickness`` (mm), and the ``pressure`` (y, x), MPa,
         under it on the square before use.
         """
-        if self.interlayer is None or self.interlayer.fitted is None:
+        if self.interlayer is None:
             return None
         layer, pressure, fitted = self.interlayer
+        if fitted is None:
+            return None
         constants = {
             name: ((), getattr(layer, name), {"units": units, "long_name": long_name})
             for name, (units, long_name) in _OF_LAYER.items()
