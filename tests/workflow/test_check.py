@@ -45,10 +45,10 @@ def test_good_files(measured):
 
 
 def test_a_load_that_nothing_can_hold_is_told(measured):
-    measured.change(load={"force_N": 550.0, "at_mm": [0.0, 0.0]}, macroscale={"face_mm": 5.0})
+    measured.change(load={"force_N": 550.0, "at_mm": [0.05, 0.05]}, macroscale={"face_mm": 5.0})
     code, said = check(measured)
     assert code == 2
-    assert missing(said, "the stone tips over", "x 0, y 0 mm", "load.at_mm") == []
+    assert missing(said, "the stone tips over", "x 0.05, y 0.05 mm", "load.at_mm") == []
 
 
 def test_every_problem_of_a_config(study):
