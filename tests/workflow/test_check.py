@@ -34,9 +34,9 @@ def test_good_files(measured):
     assert code == 0, said
     assert "force through x 3.2, y 2 mm" in said
     plane = in_memory(measured).contact.interface.plane
-    (tilt,) = re.findall(r"tilted by ([\d.]+) mrad", said)
     # of the mesh alone
-    assert float(tilt) == pytest.approx(1e3 * np.hypot(plane.slope_y, plane.slope_x), rel=0.2)
+    (tilt,) = map(float, re.findall(r"tilted by ([\d.]+) mrad", said))
+    assert tilt == pytest.approx(1e3 * np.hypot(plane.slope_y, plane.slope_x), rel=0.2)
     words = ("E* = 10346 MPa, from the elastic constants", "No problems found, but 1 warning")
     facts = ("up to 64 × 64 points; Sq ", " mm along its x, y, z; mean edge length ")
     assert missing(said, *words, *facts) == []

@@ -30,7 +30,7 @@ def test_a_shipped_config_plans_a_study(study, name):
     study.config = f"config/{name}"
     config = yaml.safe_load((study.folder / study.config).read_text())
     rules = {"check_inputs", "grid_macroscale", "solve_macroscale", "write_page"}
-    of_scans = {"couple_scales", "tabulate_preprocessing"}
+    of_scans = {"couple_scales", "tabulate_preprocessing", "solve_patches", "draw_contact"}
     if inputs := config.get("inputs"):
         files = [inputs["mesh"]]
         if config.get("patches"):

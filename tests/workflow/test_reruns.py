@@ -10,11 +10,6 @@ from gst.batches import share_out
 from .conftest import ROOT
 
 
-def test_the_whole_plan_is_known_before_anything_has_run(study):
-    drawn = {"draw_inputs", "draw_contact", "draw_validation"}
-    assert {"generate_specimen", "solve_patches", "score_wear", *drawn} <= study.planned()
-
-
 @pytest.mark.parametrize(
     ("change", "reruns", "stays"),
     [
