@@ -28,7 +28,6 @@ from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.macroscale.gesture import Gesture
 from gstlib.preprocess.scans import preprocessing_table
-from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.footprints import Place, square_of
 from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import remove_plane
@@ -348,17 +347,9 @@ def test_what_was_not_scanned_is_drawn_anew(own, stored, table):
     pressures = of[reference.patch.values]
     np.testing.assert_allclose(pressures, reference.pressure.mean("draw"), rtol=1e-3, atol=1e-6)
     scans = {patch: own.prepared[patch, "T0"] for patch in ALL}
-    of, alike = (own.face, own.composite), {"seed": 1, "draw": 0}
-    drawn = composite_heights(*of, scans, s_filter_um=5.0, **alike)
+    drawn = composite_heights(own.face, own.composite, scans, s_filter_um=5.0, seed=1, draw=0)
     first = stored("reference/contact").height
     np.testing.assert_allclose(first, remove_plane(drawn)[0], atol=1e-8)
-    smooth = {
-        patch: scan.assign(height=s_filtered(scan.height, 50.0)) for patch, scan in scans.items()
-    }
-    filtered = composite_heights(*of, scans, s_filter_um=50.0, **alike)
-    np.testing.assert_array_equal(
-        filtered, composite_heights(*of, smooth, s_filter_um=None, **alike)
-    )
 
 
 def test_every_pose_is_pressed_as_the_table_says(stored, table, gesture):
