@@ -28,8 +28,6 @@ import xarray as xr
 from power import merged, specimen_config, take
 
 from gst.patches import read_patches
-from gstlib.conditions import study_modulus
-from gstlib.contact import Interface, Load, contact_at_pressure
 from gstlib.coupling.intervals import Errors, Macroscale, draw_point, pressure_intervals
 from gstlib.coupling.placement import ALL
 from gstlib.coupling.pressures import patch_pressures
@@ -160,16 +158,17 @@ def study_of(
     return study, places
 
 
+def changed(study: Study, **changes: dict) -> Study:
+    """The same study on the same files, with other values in its config."""
+    files = {"read_mesh": study.read_mesh, "read_scan": study.read_scan}
+    return Study(merged(study.config, changes), study.patches, **files)
+
+
 def under(study: Study, radius_mm: float) -> Study:
     """The same study, with an active tool of another radius."""
     middle = 2 * (study.config["square"]["size_mm"] / 2,)
     over = rounded_counterface(study.face.height, radius_mm, middle)
-    other = Study(
-        merged(study.config, {"counterface": {"radius_mm": radius_mm}}),
-        study.patches,
-        read_mesh=study.read_mesh,
-        read_scan=study.read_scan,
-    )
+    other = changed(study, counterface={"radius_mm": radius_mm})
     take(other, study, ["square_contact"])
     other.prepared.update(study.prepared)
     other.face = study.face.assign(counterface=over)
@@ -177,25 +176,20 @@ def under(study: Study, radius_mm: float) -> Study:
     return other
 
 
-def truth_of(
-    study: Study, stone: Stone, surface: np.ndarray, radius_mm: float, distance_mm: float
-) -> Truth:
-    """The true stone at rest under the true force, which acts so far from the middle."""
+def truth_of(study: Study, stone: Stone, surface: np.ndarray, distance_mm: float) -> Truth:
+    """The true stone at rest under the true force, which acts so far from the middle.
+
+    It is the contact of the same study, were its face the true one, and its load point known.
+    """
     config, size_mm = study.config, stone.square_mm
     grid = config["macroscale"]["grid"]
-    measured = study.face.height
-    around = (measured.sizes["x"] - grid) // 2
-    height = measured.copy(data=stone.face_means(grid, around))
-    middle = size_mm / 2, size_mm / 2
+    around = (study.face.sizes["x"] - grid) // 2
+    height = study.face.height.copy(data=stone.face_means(grid, around))
     generator = np.random.default_rng([config["specimen"]["seed"], 6])
-    through = draw_point(height, middle, distance_mm, generator)
-    contact = contact_at_pressure(
-        Interface(height, rounded_counterface(height, radius_mm, middle)),
-        Load.of_force(config["load"]["force_N"], height, through),
-        modulus=study_modulus(config["material"]),
-        tolerance=config["macroscale"]["tolerance"],
-        source="true face",
-    )
+    y, x = draw_point(height, (size_mm / 2, size_mm / 2), distance_mm, generator)
+    true = changed(study, load={"at_mm": [x, y]})
+    true.composite = study.face.assign(height=height)
+    contact = true.contact
     heights = within_square(surface, stone).astype(float)
     pressed = press_whole(heights, contact)
     face_mm2 = height.size * np.prod(spacing_of(height))
@@ -390,7 +384,7 @@ def specimen(
             for case in of_form:
                 of = radius_mm, case.distance_mm
                 if of not in truths:
-                    truths[of] = truth_of(study, stone, surface, *of)
+                    truths[of] = truth_of(predicted.study, stone, surface, case.distance_mm)
                 rows = rows_of(predicted, truths[of])
                 if case in bounded:
                     held = held_by_intervals(predicted, truths[of], case.distance_mm)
