@@ -197,7 +197,7 @@ class CoarseStudy(Study):
         stone, there = found.stone, [(patch, "T0") in found.coarse for patch in patches.patch]
         super().__init__(
             config | {"traces": {"minimum_points": _SPOT}},
-            patches[there],
+            patches.loc[there],
             read_mesh=lambda: stone,
             read_scan=lambda *of: found.coarse[of],
         )

@@ -1,7 +1,4 @@
-"""Press the whole square at the scans' resolution, once for each draw of what was not scanned.
-
-On a synthetic specimen it is the true surface, of which there is one, in the true face at rest.
-"""
+"""Press the whole square at the scans' resolution: each draw of it, or a specimen's true one."""
 
 from pathlib import Path
 
