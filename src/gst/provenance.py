@@ -3,6 +3,7 @@
 import ast
 import functools
 import hashlib
+import importlib.util
 import json
 import os
 import platform
@@ -159,12 +160,13 @@ def source_hash(script: str | Path) -> str:
     stub: what a name is offered as changes no result. To `gst.tables` belongs the schema.
     """
     modules: dict[str, Path] = {}
-    ahead = {*_imported(Path(script))}
+    ahead = {*_imported(Path(script), "")}
     while ahead:
         name = ahead.pop()
         if name not in modules and name not in _RECORDING and (file := _source(name)):
             modules[name] = file
-            ahead |= _imported(file)
+            is_package = file.name == "__init__.py"
+            ahead |= _imported(file, name if is_package else name.rpartition(".")[0])
     parts = [(Path(script).name, Path(script))]
     for name, file in sorted(modules.items()):
         for part in sorted(file.parent.glob(f"{file.stem}.*")):
@@ -177,14 +179,16 @@ def source_hash(script: str | Path) -> str:
 
 
 @functools.cache
-def _imported(file: Path) -> set[str]:
-    """Names of our modules that a file imports, anywhere in it, and of their packages."""
+def _imported(file: Path, package: str) -> set[str]:
+    """Names of our modules that a file of a package imports, anywhere in it; and their packages."""
     names: list[str] = []
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):  # none is relative
-            names += [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            source = f"{'.' * node.level}{node.module or ''}"
+            source = importlib.util.resolve_name(source, package)
+            names += [f"{source}.{alias.name}" for alias in node.names]
     ours = [name.split(".") for name in names if name.startswith("gst")]
     return {".".join(parts[:end]) for parts in ours for end in range(1, len(parts) + 1)}
 
