@@ -71,7 +71,7 @@ def test_every_step_has_the_settings_of_the_config(results, config):
         },
         "surfaces/T1/1/13_T1": {"scans": config["scans"], "preprocessing": config["preprocessing"]},
         "wear/square": {"steps": 4, "interlayer": None, "patch_mm": 0.85},
-        "wear/1/13": {"interlayer": None, "pressure_cap": 800.0},
+        "wear/1/13": {"pressure_cap": 800.0},
         "reference/patches": placed,
     }
     for name, expected in named.items():
