@@ -97,7 +97,7 @@ def test_worth_of_the_prediction():
         ("summits", "| worn by rule, on"),
         ("archard", "| worn by Archard's law |"),
     ):
-        shown, rows = table("wear.md", heading), found[found.iloc[:, 0] == worn_by]
+        shown, rows = table("explanation/evidence.md", heading), found[found.iloc[:, 0] == worn_by]
         for cells, values in zip(shown, rows.to_numpy(), strict=True):
             for cell, value in zip(cells[1:], values[3:], strict=True):
                 assert not cell or same(cell, value), (cells, value)
@@ -132,7 +132,7 @@ def test_rates_of_the_tests():
         "spearman(pressure_MPa, loss_fraction)",
         "spearman(touched, mean_wear_depth_um)",
     )
-    for test, (_, *cells) in zip(tests, table("wear.md", "| claim |"), strict=True):
+    for test, (_, *cells) in zip(tests, table("explanation/evidence.md", "| claim |"), strict=True):
         for wear, cell in zip(power.OF_BARE, cells, strict=True):
             found = rates.loc[(test, wear)]
             assert same(cell, f"{found.rate} {found.low} {found.high}", 100), (test, wear)
@@ -140,7 +140,7 @@ def test_rates_of_the_tests():
 
 def test_errors_of_the_griddings():
     found = read_table(power.ROOT / "tests/baseline/tables/gridding.csv").left_out_rms_um
-    text = (DOCS / "method.md").read_text()
+    text = (DOCS / "explanation/method.md").read_text()
     said = re.search(r"r\.m\.s\. errors are (\S+), (\S+) and (\S+) µm", text).groups()
     assert all(map(same, said, found))
 
@@ -197,7 +197,7 @@ def test_the_paper_quotes_the_benchmarks():
 
 def test_many_patches():
     rows = pd.read_csv(scale.ROWS, index_col="quantity")
-    shown = table("cluster.md", "## Hundreds of patches")
+    shown = table("how-to/cluster.md", "## Hundreds of patches")
     assert [int(cells[0]) for cells in shown] == [int(patches) for patches in rows]
     for patches, steps, plan_s, plan_mb, *of_run in shown:
         found = rows[patches]
@@ -211,7 +211,7 @@ def test_many_patches():
 
 def test_rates_on_random_numbers():
     found = chance.rates(read_table(chance.ROWS))
-    text = " ".join((DOCS / "method.md").read_text().split())
+    text = " ".join((DOCS / "explanation/method.md").read_text().split())
     claims, held = found["claim", "mean"], found["held", "mean"]
     for said, value in (
         (r"test at 5 % claims a relation on (\S+) % of patches", claims["waves"]),
