@@ -83,7 +83,7 @@ def main() -> None:
     default="own",
     show_default=True,
     help="The shipped config to start from, such as config (the synthetic specimen) or tiny (the "
-    "same in seconds).",
+    "same in a minute).",
 )
 def new(folder, like) -> None:
     """Set up a study: a config, the tables that it names, and a description of every key."""
