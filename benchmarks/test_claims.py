@@ -1,6 +1,7 @@
 """The figures of the documents are those of the committed rows: benchmarks/README.md lists them."""
 
 import re
+from pathlib import Path
 
 import chance
 import pandas as pd
@@ -11,6 +12,7 @@ import transforms
 import two_scales
 import verdict
 
+from gst.tables import TABLES
 from gstlib.io.tables import read_table
 
 EVIDENCE = power.ROOT / "docs/explanation/evidence.md"
@@ -203,6 +205,17 @@ def test_power_makes_as_many_rows_as_are_committed():
     made = read_table(power.RESULT).groupby("wear").seed.nunique()
     assert {made[wear] for wear in power.OF_BARE} == {power.SPECIMENS}
     assert made["interlayer"] == power.INTERLAYERS
+
+
+def test_the_same_tables():
+    """The rows are of tables that there are; and nothing printed changed on fewer cores."""
+    rows = pd.read_csv(power.ROOT / "benchmarks/results/margin.csv")
+    assert {*rows.table} <= {Path(listed.file).name for listed in TABLES.values()}
+    older = rows[rows.run == "older processor"]
+    numbers, least = said(r"none of (\S+) printed numbers .*? at least (\d+) times")
+    assert int(numbers.replace(",", "")) == older["values"].sum()
+    assert int(least) <= rows.margin.min()
+    assert not rows.changes.any()
 
 
 def test_errors_of_the_griddings():
