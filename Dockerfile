@@ -1,5 +1,5 @@
 # Built and run with Buildah, on a Debian 12 made by debootstrap. Untried: Docker, Podman, Apptainer, and
-# Debian's own image (docs/deploy.md). The study imports ducc0 (GPL, version 2 or later) and surfalize
+# Debian's own image (docs/how-to/install.md). The study imports ducc0 (GPL, version 2 or later) and surfalize
 # (version 3): whoever passes the image on must heed the GPL 3 for the whole of it. codespell (GPL 2), of
 # the locked packages for development, is in it as a program of its own.
 FROM debian:bookworm-slim

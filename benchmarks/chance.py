@@ -1,4 +1,4 @@
-"""How often do the tests find a relation between numbers that have none? docs/method.md.
+"""How often do the tests find a relation where there is none? docs/explanation/evidence.md.
 
     python benchmarks/chance.py [--trials 3000] [--tables]
 

@@ -1,6 +1,6 @@
 """How often does the study find a relation that is there, and one that is not?
 
-    python benchmarks/power.py [--first-seed 2001] [--specimens 100] [--interlayers 20] [--tables]
+    python benchmarks/power.py [--first-seed 2001] [--specimens 100] [--interlayers 10] [--tables]
 
 Many specimens are generated, each with its wear on summits, with the same wear placed at random,
 with wear in waves longer than a patch, and with wear by Archard's law; some are also worn with a
@@ -53,6 +53,8 @@ __all__ += ["WEARS", "specimen_studies", "worn_patches"]
 
 ROOT = Path(__file__).parents[1]
 CONFIG, RESULT = ROOT / "benchmarks/power.yaml", ROOT / "benchmarks/results/power.csv"
+# How many specimens there are, and how many of them are studied with an interlayer, too.
+SPECIMENS, INTERLAYERS = 100, 10
 # How specimens wear for the study of the bare stone, and for that with an interlayer.
 BY_RULE, LAWS = ("summits", "random", "waves"), ("archard", "interlayer")
 OF_BARE, OF_INTERLAYER = (*BY_RULE, LAWS[0]), (BY_RULE[0], *LAWS)
@@ -275,11 +277,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--config", type=Path, nargs="+", default=[CONFIG])
     parser.add_argument("--first-seed", type=int, default=2001)
-    parser.add_argument("--specimens", type=int, default=100)
+    parser.add_argument("--specimens", type=int, default=SPECIMENS)
     parser.add_argument(
         "--interlayers",
         type=int,
-        default=20,
+        default=INTERLAYERS,
         help="of these, how many are studied with an interlayer",
     )
     parser.add_argument("--processes", type=int, default=2)

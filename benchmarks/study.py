@@ -32,6 +32,7 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -102,11 +103,12 @@ def run_study(config: str, cores: int, folder: Path) -> tuple[float, Path, dict[
     return wall, results, used
 
 
-def job_walls(results: Path) -> dict[str, list[float]]:
-    """Wall times (s) of the jobs of each rule, from their logs."""
+def job_walls(results: Path, rules: Collection[str]) -> dict[str, list[float]]:
+    """Wall times (s) of the jobs of each rule, from their logs: their names begin with it."""
     walls = defaultdict(list)
     for file in sorted((results / "logs").rglob("*.log")):
-        rule = file.relative_to(results / "logs").parts[0].removesuffix(".log")
+        name = file.relative_to(results / "logs").parts[0].removesuffix(".log")
+        rule = max((each for each in rules if f"{name}_".startswith(f"{each}_")), key=len)
         took = re.findall(r"^INFO took ([0-9.]+) s,", file.read_text("utf-8"), re.MULTILINE)
         walls[rule] += [float(wall) for wall in took]
     return walls
@@ -146,7 +148,7 @@ def main() -> None:
         measure = partial(start_time, repeats=options.repeats, folder=folder)
         rows = [
             (rule, len(walls), sum(walls), used[rule].cpu_s, len(walls) * start)
-            for rule, walls in job_walls(results).items()
+            for rule, walls in job_walls(results, set(used)).items()
             for start in [measure(used[rule].modules, cores=options.cores)]
         ]
         own = measure(used["snakemake"].modules, cores=1)

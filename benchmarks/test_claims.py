@@ -1,6 +1,7 @@
-"""The figures of the documents are those of the committed rows, as docs/claims.md says."""
+"""The figures of the documents are those of the committed rows: benchmarks/README.md lists them."""
 
 import re
+from pathlib import Path
 
 import chance
 import pandas as pd
@@ -11,9 +12,10 @@ import transforms
 import two_scales
 import verdict
 
+from gst.tables import TABLES
 from gstlib.io.tables import read_table
 
-DOCS = power.ROOT / "docs"
+EVIDENCE = power.ROOT / "docs/explanation/evidence.md"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
 
@@ -31,9 +33,9 @@ def same(shown, found, factor=1.0):
     )
 
 
-def table(document, heading):
+def table(heading, document=EVIDENCE):
     """The rows of cells of the first Markdown table below a heading, without its head."""
-    text = (DOCS / document).read_text()
+    text = document.read_text()
     lines = iter(text[text.index(heading) :].splitlines())
     rows = []
     for line in lines:
@@ -44,6 +46,15 @@ def table(document, heading):
     return rows[2:]
 
 
+def evidence():
+    return " ".join(EVIDENCE.read_text().split())
+
+
+def said(pattern):
+    """What the groups of a pattern are in the text of the evidence."""
+    return re.search(pattern, evidence()).groups()
+
+
 @pytest.fixture(scope="module")
 def scales():
     rows = pd.read_csv(two_scales.ROWS)
@@ -52,7 +63,7 @@ def scales():
 
 
 def test_two_scales_by_form(scales):
-    shown = table("two_scales.md", "## With the load point known")
+    shown = table("## What the two scales cost")
     cases = [
         (radius, variant) for radius in (60, 200, 1000) for variant in ("placed", "levelled")
     ]
@@ -64,16 +75,62 @@ def test_two_scales_by_form(scales):
 
 
 def test_load_at_a_cut_edge(scales):
-    shown = table("two_scales.md", "## Load at a cut edge")
-    for radius, (_, alone, in_face, face, _) in zip((60, 200, 1000), shown, strict=True):
-        of = scales.loc[128, "default", radius, 0]
-        assert same(alone, of.edge_of_square["levelled"], 100)
-        assert same(in_face, of.edge_of_square["placed"], 100)
-        assert same(face, of.edge_of_face["placed"], 100)
+    square, truth, face = said(
+        r"\((\d+) % of its load lies .*? the truth has (\S+) % .*? carry too much \((\d+) %\)"
+    )
+    assert same(square, scales.loc[128, "default", 200, 0, "levelled"].edge_of_square, 100)
+    assert same(truth, scales.loc[128, "default", 200, 0, "true face"].edge_of_square, 100)
+    assert same(face, scales.loc[128, "default", 1000, 0, "placed"].edge_of_face, 100)
+
+
+def test_two_scales_at_the_scans_own_resolution(scales):
+    placed, f1, levelled, f1_levelled, highest, unfiltered = said(
+        r"placed (\S+) % \[.*?\] and F1 (\S+) \[.*?levelled (\S+) % \[.*?\] and (\S+) \[.*?"
+        r"have F1 (\S+) placed\..*?F1 (\S+), and a quarter"
+    )
+    found = scales.loc[512, "default", 200, 0]
+    assert same(placed, found.misplaced["placed"], 100)
+    assert same(levelled, found.misplaced["levelled"], 100)
+    assert same(f1, found.f1["placed"])
+    assert same(f1_levelled, found.f1["levelled"])
+    assert same(highest, found.f1["highest_placed"])
+    assert same(unfiltered, scales.loc[512, "S-filter none", 200, 0, "placed"].f1)
+
+
+def test_two_scales_by_load_point(scales):
+    shown = table("## The load point and other errors")
+    for (radius, distance), (*_, placed, levelled) in zip(
+        ((60, 1), (200, 1), (200, 3), (1000, 1)), shown, strict=True
+    ):
+        for variant, cell in (("placed", placed), ("levelled", levelled)):
+            found = scales.loc[128, "default", radius, distance, variant]
+            wrong, *_, of_all, f1 = re.sub(r" \[.*?\]", "", cell).split(", ")
+            assert same(wrong, found.misplaced, 100)
+            assert same(of_all, found.misplaced_of_all, 100)
+            assert same(f1, found.f1)
+
+
+def test_coverage_of_the_intervals(scales):
+    found = scales.loc[128, "default", 200, 1, "placed"]
+    of_all, of_loaded = said(
+        r"true pressure of (\S+ % \[.*?\]) of 500 patches, and of (\S+ % \[.*?\]) of the 223"
+    )
+    assert same(of_all, found.held, 100)
+    assert same(of_loaded, found.loaded_held, 100)
+
+
+def test_what_pressures_are_worth_for_wear(scales):
+    placed, alone, true = said(
+        r"at 200 mm is (\S+) \[.*?equilibrium, (\S+) \[.*?and (\S+) with"
+    )
+    found = scales.loc[128, "default", 200, 0].volume_error
+    assert same(placed, found["placed"])
+    assert same(alone, found["levelled"])
+    assert same(true, found["true face"])
 
 
 def test_two_scales_by_error(scales):
-    shown = table("two_scales.md", "## Which error matters")
+    shown = table("| changed |")
     trials = [name for name in two_scales.TRIALS if not name.startswith("S-filter")]
     assert len(shown) == len(trials)
     of_shown = ("nothing", "mesh 0", "mesh 2", "mesh 10", "known", "± 100", "linear")
@@ -94,29 +151,23 @@ def test_two_scales_by_error(scales):
 def test_worth_of_the_prediction():
     found = verdict.model_table(read_table(verdict.RESULT))
     for worn_by, heading in (
-        ("summits", "| worn by rule, on"),
+        ("summits", "| summits worn by a rule | mean"),
         ("archard", "| worn by Archard's law |"),
     ):
-        shown, rows = table("wear.md", heading), found[found.iloc[:, 0] == worn_by]
+        shown, rows = table(heading), found[found.iloc[:, 0] == worn_by]
         for cells, values in zip(shown, rows.to_numpy(), strict=True):
             for cell, value in zip(cells[1:], values[3:], strict=True):
                 assert not cell or same(cell, value), (cells, value)
 
 
-def test_readme_quotes_the_worth_of_the_prediction():
-    found = verdict.model_table(read_table(verdict.RESULT)).set_index(["worn by", "model"])
-    text = " ".join((power.ROOT / "README.md").read_text().split())
-    quoted = re.search(
-        r"mean MCC of (\S+), and .*? pressure \((\S+)\)\. .*? them, (\S+) against (\S+)\.\s",
-        text,
-    )
-    models = [
-        (worn, model)
-        for worn in ("summits", "archard")
-        for model in ("archard", "pressure_volume")
-    ]
-    for value, model in zip(quoted.groups(), models, strict=True):
-        assert same(value, found["mean MCC"][model])
+def test_strength_of_the_stone():
+    found = verdict.strength_table(read_table(verdict.RESULT)).set_index(["worn_by", "model"])
+    models = "archard", "2000 MPa", "1000 MPa", "300 MPa"
+    shown = table("| mean MCC (map error, µm) |")
+    for worn_by, (_, *cells) in zip(("summits", "archard"), shown, strict=True):
+        for model, cell in zip(models, cells, strict=True):
+            row = found.loc[(worn_by, model)]
+            assert same(cell, f"{row.mcc} {row.map_error_um}"), (worn_by, model)
 
 
 def test_rates_of_the_tests():
@@ -132,17 +183,45 @@ def test_rates_of_the_tests():
         "spearman(pressure_MPa, loss_fraction)",
         "spearman(touched, mean_wear_depth_um)",
     )
-    for test, (_, *cells) in zip(tests, table("wear.md", "| claim |"), strict=True):
+    for test, (_, *cells) in zip(tests, table("| claim |"), strict=True):
         for wear, cell in zip(power.OF_BARE, cells, strict=True):
             found = rates.loc[(test, wear)]
             assert same(cell, f"{found.rate} {found.low} {found.high}", 100), (test, wear)
 
 
+def test_how_many_patches():
+    rates = power.rejection_rates(read_table(power.RESULT))
+    rates = rates[(rates.test == "spearman(pressure_MPa, loss_fraction)") & rates.drawn.notna()]
+    of = rates[(rates.level == power.SHOWN) & (rates.wear == "summits")].set_index("drawn").rate
+    shown = said(
+        r"six in (\S+) % of cases, with eight in (\S+) %, with ten in (\S+) %, .* (\S+) %\."
+    )
+    for patches, cell in zip((6, 8, 10, 12), shown, strict=True):
+        assert same(cell, of[patches], 100)
+    assert of[4] == 0
+
+
+def test_power_makes_as_many_rows_as_are_committed():
+    made = read_table(power.RESULT).groupby("wear").seed.nunique()
+    assert {made[wear] for wear in power.OF_BARE} == {power.SPECIMENS}
+    assert made["interlayer"] == power.INTERLAYERS
+
+
+def test_the_same_tables():
+    """The rows are of tables that there are; and nothing printed changed on fewer cores."""
+    rows = pd.read_csv(power.ROOT / "benchmarks/results/margin.csv")
+    assert {*rows.table} <= {Path(listed.file).name for listed in TABLES.values()}
+    older = rows[rows.run == "older processor"]
+    numbers, least = said(r"none of (\S+) printed numbers .*? at least (\d+) times")
+    assert int(numbers.replace(",", "")) == older["values"].sum()
+    assert int(least) <= rows.margin.min()
+    assert not rows.changes.any()
+
+
 def test_errors_of_the_griddings():
     found = read_table(power.ROOT / "tests/baseline/tables/gridding.csv").left_out_rms_um
-    text = (DOCS / "method.md").read_text()
-    said = re.search(r"r\.m\.s\. errors are (\S+), (\S+) and (\S+) µm", text).groups()
-    assert all(map(same, said, found))
+    shown = said(r"r\.m\.s\. errors of (\S+), (\S+) and (\S+) µm")
+    assert all(map(same, shown, found))
 
 
 def test_what_scipy_loses_against_ducc0():
@@ -197,7 +276,7 @@ def test_the_paper_quotes_the_benchmarks():
 
 def test_many_patches():
     rows = pd.read_csv(scale.ROWS, index_col="quantity")
-    shown = table("cluster.md", "## Hundreds of patches")
+    shown = table("## Hundreds of patches", power.ROOT / "docs/how-to/cluster.md")
     assert [int(cells[0]) for cells in shown] == [int(patches) for patches in rows]
     for patches, steps, plan_s, plan_mb, *of_run in shown:
         found = rows[patches]
@@ -211,11 +290,10 @@ def test_many_patches():
 
 def test_rates_on_random_numbers():
     found = chance.rates(read_table(chance.ROWS))
-    text = " ".join((DOCS / "method.md").read_text().split())
     claims, held = found["claim", "mean"], found["held", "mean"]
-    for said, value in (
+    for pattern, value in (
         (r"test at 5 % claims a relation on (\S+) % of patches", claims["waves"]),
         (r"a relation in (\S+) % of cases with twelve", claims["neighbours"]),
         (r"of normal numbers in (\S+) % of cases", held["mean of 6"]),
     ):
-        assert same(re.search(said, text)[1], value, 100)
+        assert same(*said(pattern), value, 100)

@@ -1,4 +1,4 @@
-"""What the study's two shortcuts cost, over many synthetic specimens: docs/two_scales.md.
+"""What the study's two shortcuts cost, over many synthetic specimens: docs/explanation/evidence.md.
 
     python benchmarks/two_scales.py [--plan forms errors detail] [--seeds 3001 ...]
 

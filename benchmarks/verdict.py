@@ -1,4 +1,4 @@
-"""What the prediction of wear is worth, over synthetic specimens: the figures of docs/wear.md.
+"""What the prediction of wear is worth, over synthetic specimens: for docs/explanation/evidence.md.
 
     python benchmarks/verdict.py [--seeds 7001 ...] [--processes 2]
     python benchmarks/verdict.py --tables
@@ -7,7 +7,8 @@ Each stone of a fresh seed wears twice, on its summits by rule and by Archard's 
 through the study in memory, with the settings and errors of the default config. Rows of
 ``wear.csv`` go to `benchmarks/results/verdict.csv`; those that it holds already are not computed
 again. A stone takes some 3 minutes of CPU and 3.4 GB. The stones of the first seeds are also worn
-with caps on the pressure. `--tables` prints the tables of docs/wear.md from the rows alone.
+with caps on the pressure. `--tables` prints the tables of the document from the rows
+alone.
 """
 
 import argparse

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 
 project, author, html_title = "gstlib", "", "Where does a ground stone tool wear?"
 root_doc = "docs/index"
-include_patterns = ["*.md", "docs/*.md", "config/README.md", "benchmarks/README.md"]
+include_patterns = ["*.md", "docs/**.md", "config/README.md", "benchmarks/README.md"]
 exclude_patterns = [".*", "build", "results*"]
 extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 myst_heading_anchors = 3

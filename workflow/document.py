@@ -1,9 +1,9 @@
 """Write the parts of the documents that are generated from the code.
 
-docs/tables.md: the tables of results, from their schema; workflow/report/tables: their captions.
-config/README.md: the tables of keys, from the JSON schemas. docs/assumptions.md: the modelling
-choices marked ``# ASSUME:`` in the code. docs/reference.md: what `gst --help` says. With --check,
-write nothing, and end with exit code 1 if the documents are out of date.
+In docs/reference: tables.md, the columns of every table of results, from their schema; choices.md,
+the modelling choices marked ``# ASSUME:`` in the code, by stage; cli.md, what `gst --help` says.
+config/README.md: the tables of keys, from the JSON schemas. workflow/report/tables: the captions of
+the tables. With --check, write nothing, and end with exit code 1 if one of them is out of date.
 """
 
 import argparse
@@ -22,6 +22,22 @@ from gst.tables import TABLES, Column, Table
 ROOT = Path(__file__).parents[1]
 # A comment that begins with ASSUME, and the comment lines that continue it.
 ASSUMPTION = re.compile(r"# ASSUME: (.*(?:\n[ \t]*# (?!ASSUME).*)*)")
+
+# The stages, in the order of the work: a module's folder, or its own name where it lies in none.
+STAGES = {
+    "preprocess": "Mesh and scans",
+    "macroscale": "Macroscale contact",
+    "coupling": "From the square to its patches",
+    "microscale": "Microscale contact",
+    "change": "Change from T0 to T1",
+    "wear": "Wear",
+    "validation": "Comparison with the measured loss",
+    "specimen": "Synthetic specimen",
+    "contact": "Contact in general",
+    "surfaces": "Surfaces and files",
+    "checks": "Checks",
+}
+STAGE_OF = {"conditions": "contact", "bem": "contact", "io": "surfaces"}
 
 SIGNS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
 
@@ -86,12 +102,26 @@ def config_table(schema: dict) -> str:
     return f"{len(leaves(schema))} keys, with every alternative.\n\n{table(schema)}"
 
 
-def assumptions() -> Iterator[str]:
-    """Every modelling choice marked in the code, by file."""
+def choices() -> Iterator[str]:
+    """Every modelling choice marked in the code, by stage."""
+    of_stage: dict[str, list[str]] = {stage: [] for stage in STAGES}
     for file in sorted([*ROOT.glob("src/**/*.py"), *ROOT.glob("workflow/scripts/*.py")]):
+        name = file.relative_to(ROOT).as_posix()
+        stage = stage_of(name)
         for match in ASSUMPTION.finditer(file.read_text(encoding="utf-8")):
             text = " ".join(line.strip(" \t#") for line in match[1].splitlines())
-            yield f"- {text} (`{file.relative_to(ROOT).as_posix()}`)"
+            for choice in text.split(" ASSUME: "):
+                of_stage[stage].append(f"- {choice} (`{name}`)")
+    for stage, listed in of_stage.items():
+        if listed:
+            yield "\n".join([f"## {STAGES[stage]}", "", *listed])
+
+
+def stage_of(name: str) -> str:
+    """The stage to which a module belongs; a module of the application belongs to the checks."""
+    package, _, rest = name.removeprefix("src/").partition("/")
+    room = rest.partition("/")[0].removesuffix(".py")
+    return STAGE_OF.get(room, room) if package == "gstlib" else "checks"
 
 
 def commands() -> Iterator[str]:
@@ -156,9 +186,9 @@ def main() -> None:
             "poses": table(poses),
             "published": table(published),
         },
-        "docs/tables.md": {"tables": "\n\n".join(results())},
-        "docs/assumptions.md": {"assumptions": "\n".join(assumptions())},
-        "docs/reference.md": {
+        "docs/reference/tables.md": {"tables": "\n\n".join(results())},
+        "docs/reference/choices.md": {"choices": "\n\n".join(choices())},
+        "docs/reference/cli.md": {
             "commands": "\n\n".join(f"```\n{text}\n```" for text in commands())
         },
     }

@@ -59,7 +59,7 @@ def main() -> None:
     type=click.Choice(gst.SHIPPED),
     default="own",
     help="The shipped config to start from, such as config (the synthetic specimen) or tiny (the "
-    "same in seconds).",
+    "same in a minute).",
 )
 def new(folder, like) -> None:
     """Set up a study: a config, the tables that it names, and a description of every key."""

@@ -83,7 +83,9 @@ def run_study(
     here = Path("profiles") / profile
     folder = next((each for each in (here, ROOT / here) if each.is_dir()), None)
     if folder is None:
-        raise InputError("--profile", f"there is no folder {here}", "See docs/cluster.md.")
+        raise InputError(
+            "--profile", f"there is no folder {here}", "See docs/how-to/cluster.md."
+        )
     results = Path(read["results"])
     refuse_other_study(read)
     check_links(results)

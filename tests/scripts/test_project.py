@@ -1,5 +1,8 @@
-"""The project's own tools, in any order, and beside whatever a user keeps in its folder."""
+"""The project's own tools, beside whatever a user keeps in its folder; and its documents."""
 
+import contextlib
+import io
+import json
 import os
 import re
 import shutil
@@ -7,7 +10,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+import yaml
+from gst.tables import TABLES
+
 ROOT = Path(__file__).parents[2]
+DOCUMENTS = [
+    *sorted(ROOT.glob("*.md")),
+    *sorted(ROOT.glob("docs/**/*.md")),
+    ROOT / "config/README.md",
+    ROOT / "benchmarks/README.md",
+]
 
 
 def test_folders_of_tests_are_collected_together():
@@ -32,7 +45,7 @@ def test_a_config_of_the_users_own_makes_no_document_stale(tmp_path):
 
 def test_the_layout_names_what_there_is():
     """All of `gst`; of the library every room, and the modules that the row of a room names."""
-    text = (ROOT / "docs/layout.md").read_text("utf-8")
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
     for package in ("gstlib", "gst"):
         table = re.search(rf"^## .*`src/{package}`\n(.*?)^## ", text, re.MULTILINE | re.DOTALL)[1]
         folder, named = ROOT / "src" / package, set()
@@ -60,3 +73,52 @@ def test_terms_are_those_of_the_field():
     command = ["git", "grep", "-nwiE", PRIVATE, "--", *places]
     said = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False).stdout
     assert said == ""
+
+
+def links_of(document):
+    """The files of the repository to which a document links."""
+    links = re.findall(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)", document.read_text("utf-8"))
+    return [(document.parent / link).resolve() for link in links if "://" not in link]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_links_lead_to_files(document):
+    assert [link for link in links_of(document) if not link.is_file()] == []
+
+
+def test_the_index_lists_every_document_once():
+    listed = links_of(ROOT / "docs/index.md")[1:]  # the first link stands in its first sentence
+    assert sorted(listed) == sorted({*DOCUMENTS} - {ROOT / "docs/index.md"})
+
+
+def test_the_lines_of_readme_print_what_they_say():
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    said = re.findall(r"print\(.*\)  # (\S+)", code)
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        exec(compile(code, "README.md", "exec"), {})
+    assert len(said) == 2
+    for number, line in zip(said, printed.getvalue().splitlines(), strict=True):
+        assert f" {number} " in line
+
+
+def test_no_document_installs_what_no_index_has():
+    """Only the page on installing names such a command, and says where it is to be run."""
+    telling = re.compile(r"pip install [^\n`]*gstlib(?!\[\w+\] @)")
+    found = {path.name for path in DOCUMENTS if telling.search(path.read_text("utf-8"))}
+    assert found <= {"install.md"}
+
+
+def test_places_are_counted_from_the_reference_corner():
+    patches = yaml.safe_load((ROOT / "workflow/schemas/patches.schema.yaml").read_text("utf-8"))
+    said = [patches["properties"][name]["description"] for name in ("x_mm", "y_mm")]
+    said += [one.columns["x_mm"].meaning for one in TABLES.values() if "x_mm" in one.columns]
+    assert len(said) > 2
+    assert [text for text in said if "from the reference corner" not in text] == []
+
+
+def test_citation_and_deposit_describe_the_same():
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    deposit = json.loads((ROOT / ".zenodo.json").read_text("utf-8"))
+    assert cited["abstract"] == deposit["description"]
+    assert cited["title"] == deposit["title"]
+    assert cited["keywords"] == deposit["keywords"]

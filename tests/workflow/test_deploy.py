@@ -1,4 +1,4 @@
-"""The other ways to run the study: the catalogue's, a container, conda. docs/deploy.md."""
+"""The other ways to run the study: the catalogue's, a container, conda. docs/how-to/install.md."""
 
 import json
 import re

@@ -151,7 +151,7 @@ def test_a_study_with_faults_of_jobs_is_the_one_of_one_machine(finished_tiny, tm
 
 
 def test_a_killed_snakemake_is_followed_by_the_documented_recovery(finished_tiny, tmp_path):
-    """docs/cluster.md: cancel what still runs, unlock, run again."""
+    """docs/how-to/cluster.md: cancel what still runs, unlock, run again."""
     study = fresh(tmp_path / "study")
     killed = Run(study, "killed")
     try:

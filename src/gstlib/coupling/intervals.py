@@ -5,7 +5,7 @@ elsewhere, the detail between the scans is drawn anew, and so are the elastic co
 point through which the force acts; the stone comes to rest again. The pressures of all draws
 together are what the measurements allow. Draws are pressed on elements twice as long as the
 study's. The error of summing macroscale forces in place of forces at the scans' resolution is small
-beside them (docs/two_scales.md).
+beside them (docs/explanation/evidence.md).
 """
 
 # ASSUME: errors of place are normal, alike along both axes and independent from patch to patch; a

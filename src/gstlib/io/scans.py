@@ -1,9 +1,10 @@
 """Height maps as the instrument wrote them, as surfaces in mm.
 
-docs/formats.md lists the formats and how each was checked. `read_scan` returns a plausible surface,
-or says why it cannot. Each format has a reader that returns the heights (ny, nx) in the file's
-unit, NaN where unmeasured; the spacing (dy, dx) in that unit, None if the file does not state it;
-the length of the unit in mm, None likewise; and what the file says about the instrument.
+docs/reference/formats.md lists the formats and how each was checked. `read_scan` returns a
+plausible surface, or says why it cannot. Each format has a reader that returns the heights (ny, nx)
+in the file's unit, NaN where unmeasured; the spacing (dy, dx) in that unit, None if the file does
+not state it; the length of the unit in mm, None likewise; and what the file says about the
+instrument.
 """
 
 import logging

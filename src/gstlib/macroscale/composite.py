@@ -6,7 +6,7 @@ laid on the plane of the mesh's surface under its outline. Between the outlines,
 the spectrum of what the scans show beyond the mesh is added to the mesh's surface.
 
 Measured against one contact of the whole square at the scans' resolution, these planes are what a
-prediction inside a patch needs most (docs/two_scales.md).
+prediction inside a patch needs most (docs/explanation/evidence.md).
 """
 
 # ASSUME: detail that was not scanned is Gaussian, isotropic and alike all over the face. Waves

@@ -17,7 +17,7 @@ __all__ = ["plausibility_warnings"]
 
 # Along an edge, so wide a strip (over the side) is told apart. Of a sound contact it bears next to
 # nothing; a square cut out of a stone and pressed alone bears a quarter of its load there
-# (docs/two_scales.md).
+# (docs/explanation/evidence.md).
 _EDGE, _MOST_AT_EDGE = 0.02, 0.05
 # Quartz, the hardest mineral of common stones, indents at 11 to 12 GPa.
 _STRONGEST_MPA = 12_000.0

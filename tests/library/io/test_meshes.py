@@ -167,7 +167,7 @@ def test_a_wrong_unit_is_named(tmp_path):
 
 @each_file
 def test_cut_files_are_refused(write, name):
-    """Wherever it is cut, but for an OBJ at the end of a line (see docs/formats.md)."""
+    """Wherever it is cut, but for an OBJ at the end of a line (see docs/reference/formats.md)."""
     content = FILES[name]
     for length in {0, 1, 40, *range(100, len(content) - 20, len(content) // 17)}:
         if name.endswith(".obj") and b"\nf" in content[:length]:
