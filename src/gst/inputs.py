@@ -151,66 +151,17 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
     -----
     What is odd but may be right is logged as a warning.
     """
-    problems: list[GstError] = []
-    stone = frame = face = heights = None
-    try:
-        if mesh is not None:
-            stone = read_mesh(mesh, unit=asked.mesh_unit)
-            points_mm, size_mm = asked.face["points_mm"], asked.face["size_mm"]
-            frame = find_frame(points_mm, stone, size_mm=size_mm, source=str(mesh))
-            _mind_other_bodies(stone, frame, asked, source=str(mesh))
-            face = _gridded(stone, asked, source=str(mesh))
-            heights = square_of(face.height, size_mm)
-    except GstError as error:
-        problems.append(error)
-    rows: list[dict[str, Any]] = []
-    pieces: _Pieces = {}
-    coarse: dict[tuple[str, str], xr.DataArray] = {}
-    by_file: dict[Path, list[ScanFile]] = {}
-    for scan in scans:
-        by_file.setdefault(scan.path, []).append(scan)
-    for path, uses in by_file.items():
-        try:
-            unit, spacing_um = asked.scan_settings["unit"], asked.scan_settings["spacing_um"]
-            whole = read_scan(path, unit=unit, spacing_um=spacing_um)
-        except GstError as error:
-            problems.append(error)
-            continue
-        heights_hash = hash(whole.values.tobytes())
-        for use in uses:
-            try:
-                piece = cut_patch(
-                    whole,
-                    crop=use.crop,
-                    size_mm=asked.scan_settings["size_mm"],
-                    epoch=use.epoch or "T0",
-                    mould_flip=mould_of(asked.scan_settings["mould"], use.flip)["flip"],
-                )
-                check_unmeasured(piece, asked.maximum_unmeasured)
-            except InputError as error:
-                named = f"{path} ({at_epoch(use.patch, use.epoch)})" if use.epoch else path
-                problems.append(InputError(named, error.problem, error.remedy))
-                continue
-            facts, grid = _scan_facts(piece), (piece.shape, spacing_of(piece))
-            if use.epoch:
-                coarse[use.patch, use.epoch] = _coarse(piece, asked.scan_settings["size_mm"])
-            place = use.place if use.epoch == "T0" else None
-            pieces[use.patch, use.epoch] = _Piece(
-                path, grid, (heights_hash, use.crop), Amplitude.of(path, piece, heights, place)
-            )
-            facts["range_um"] = facts["highest_um"] - facts["lowest_um"]
-            rows.append(facts | {"patch": use.patch, "epoch": use.epoch, "file": path.name})
-    problems += _unlike_epochs(pieces)
-    problems += _same_scans(pieces)
-    at_t0 = {patch: piece for (patch, epoch), piece in pieces.items() if epoch == "T0"}
-    problems += _unlike_counterface(pieces.get((COUNTERFACE, "")), at_t0)
+    stone, frame, face, problems = _read_stone(mesh, asked)
+    heights = square_of(face.height, asked.face["size_mm"]) if face is not None else None
+    read = _read_scans(scans, asked, heights)
+    problems += read.problems
+    problems += _unlike_epochs(read.pieces)
+    problems += _same_scans(read.pieces)
+    at_t0 = {patch: piece for (patch, epoch), piece in read.pieces.items() if epoch == "T0"}
+    problems += _unlike_counterface(read.pieces.get((COUNTERFACE, "")), at_t0)
     if asked.reference:
         problems += _no_reference(at_t0, asked.face["size_mm"])
-    coarsest = max((row[f"spacing_{axis}_um"] for row in rows for axis in "xy"), default=0.0)
-    if asked.interlayer is not None and asked.interlayer["thickness_um"] < coarsest:
-        thin = thinner_than_a_point(asked.interlayer["thickness_um"], coarsest)
-        remedy = "Make it thicker, or set interlayer to null."
-        problems.append(ConfigError("interlayer.thickness_um", thin, remedy))
+    problems += _thin_interlayer(read.rows, asked)
     edge_mm = heights.attrs["mesh_edge_mm"] if heights is not None else None
     amplitudes = {patch: piece.amplitude for patch, piece in at_t0.items()}
     for fault in other_units(amplitudes, edge_mm):
@@ -218,8 +169,94 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
             problems.append(fault)
         else:
             _log.warning("%s", fault)
-    table = pd.DataFrame(rows, columns=[*columns_of("inputs"), "range_um"])
-    return Inputs(table, stone, frame, face, coarse, problems)
+    table = pd.DataFrame(read.rows, columns=[*columns_of("inputs"), "range_um"])
+    return Inputs(table, stone, frame, face, read.coarse, problems)
+
+
+def _read_stone(
+    mesh: str | Path | None, asked: Asked
+) -> "tuple[trimesh.Trimesh | None, Frame | None, xr.Dataset | None, list[GstError]]":
+    """The mesh, the frame of the square and the face, as far as they can be had."""
+    stone = frame = face = None
+    try:
+        if mesh is not None:
+            stone = read_mesh(mesh, unit=asked.mesh_unit)
+            points_mm, size_mm = asked.face["points_mm"], asked.face["size_mm"]
+            frame = find_frame(points_mm, stone, size_mm=size_mm, source=str(mesh))
+            _mind_other_bodies(stone, frame, asked, source=str(mesh))
+            face = _gridded(stone, asked, source=str(mesh))
+    except GstError as error:
+        return stone, frame, face, [error]
+    return stone, frame, face, []
+
+
+class _Scans(NamedTuple):
+    """What the scans contain: rows of the table, pieces, and what cannot be used."""
+
+    rows: list[dict[str, Any]]
+    pieces: _Pieces
+    coarse: dict[tuple[str, str], xr.DataArray]
+    problems: list[GstError]
+
+
+def _read_scans(
+    scans: Iterable[ScanFile], asked: Asked, heights: xr.DataArray | None
+) -> _Scans:
+    """Every scan, each file read once."""
+    by_file: dict[Path, list[ScanFile]] = {}
+    for scan in scans:
+        by_file.setdefault(scan.path, []).append(scan)
+    read = _Scans([], {}, {}, [])
+    for path, uses in by_file.items():
+        try:
+            unit, spacing_um = asked.scan_settings["unit"], asked.scan_settings["spacing_um"]
+            whole = read_scan(path, unit=unit, spacing_um=spacing_um)
+        except GstError as error:
+            read.problems.append(error)
+            continue
+        for use in uses:
+            _add_piece(read, whole, use, asked, heights)
+    return read
+
+
+def _add_piece(
+    read: _Scans, whole: xr.DataArray, use: ScanFile, asked: Asked, heights: xr.DataArray | None
+) -> None:
+    """What a patch has of a scan."""
+    settings, path = asked.scan_settings, use.path
+    try:
+        piece = cut_patch(
+            whole,
+            crop=use.crop,
+            size_mm=settings["size_mm"],
+            epoch=use.epoch or "T0",
+            mould_flip=mould_of(settings["mould"], use.flip)["flip"],
+        )
+        check_unmeasured(piece, asked.maximum_unmeasured)
+    except InputError as error:
+        named = f"{path} ({at_epoch(use.patch, use.epoch)})" if use.epoch else path
+        read.problems.append(InputError(named, error.problem, error.remedy))
+        return
+    if use.epoch:
+        read.coarse[use.patch, use.epoch] = _coarse(piece, settings["size_mm"])
+    place = use.place if use.epoch == "T0" else None
+    amplitude = Amplitude.of(path, piece, heights, place)
+    same = hash(whole.values.tobytes()), use.crop
+    grid = piece.shape, spacing_of(piece)
+    read.pieces[use.patch, use.epoch] = _Piece(path, grid, same, amplitude)
+    facts = _scan_facts(piece)
+    facts["range_um"] = facts["highest_um"] - facts["lowest_um"]
+    read.rows.append(facts | {"patch": use.patch, "epoch": use.epoch, "file": path.name})
+
+
+def _thin_interlayer(rows: list[dict[str, Any]], asked: Asked) -> list[GstError]:
+    """An interlayer that is thinner than two points of a scan are apart."""
+    coarsest = max((row[f"spacing_{axis}_um"] for row in rows for axis in "xy"), default=0.0)
+    if asked.interlayer is None or asked.interlayer["thickness_um"] >= coarsest:
+        return []
+    thin = thinner_than_a_point(asked.interlayer["thickness_um"], coarsest)
+    remedy = "Make it thicker, or set interlayer to null."
+    return [ConfigError("interlayer.thickness_um", thin, remedy)]
 
 
 def _coarse(piece: xr.DataArray, size_mm: float) -> xr.DataArray:
