@@ -25,7 +25,7 @@ from gst.provenance import refuse_other_study
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
-__all__ = ["lay_out", "remove_results", "run_study"]
+__all__ = ["former_layout", "lay_out", "remove_results", "run_study"]
 
 # Folders of the results that a reader needs, and those with what one stage gives to the next.
 READ = ("figures", "logs", "tables")
@@ -89,6 +89,8 @@ def run_study(
     results = Path(read["results"])
     refuse_other_study(read)
     check_links(results)
+    if former := former_layout(results):
+        print(former, file=sys.stderr)
     plan = plan or not _PLANNING.isdisjoint(options)
     if not plan:
         check_writable(results)
@@ -131,6 +133,18 @@ def _snakemake(
             kept.seek(0)
             print(kept.read(), end="", file=sys.stderr)
     return process.returncode
+
+
+def former_layout(results: Path) -> str | None:
+    """What to know of a folder with results of a former layout, until it has records of a run."""
+    old = sorted([*results.glob("logs/*.sha256"), *results.glob("surfaces/*_T*.h5")])
+    if not old or any(results.glob("logs/*.json")):
+        return None
+    return (
+        f"{results} holds results of a former layout, such as {old[0]}. They stay as they are, and "
+        "the study makes its own beside them; to keep the two apart, name another folder as "
+        "results."
+    )
 
 
 def alive() -> list[int]:

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import gst
 import pytest
-from gst.running import lay_out, run_study
+from gst.running import former_layout, lay_out, run_study
 from gst.scheduler import end
 from gstlib.errors import InputError
 
@@ -88,3 +88,16 @@ def test_the_small_matrices_of_a_check_have_one_thread(start):
     free = {name: of for name, of in os.environ.items() if not name.endswith("_NUM_THREADS")}
     said = subprocess.check_output([sys.executable, "-c", count], env=free, text=True)
     assert said.endswith("threads 1\n")
+
+
+def test_results_of_a_former_layout_are_named_until_there_are_new_ones(tmp_path):
+    assert former_layout(tmp_path) is None
+    for name in ("logs/prepare.sha256", "surfaces/1_T0.h5"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).touch()
+    said = former_layout(tmp_path)
+    assert said is not None
+    assert str(tmp_path / "logs/prepare.sha256") in said
+    (tmp_path / "logs/grid_macroscale.json").touch()
+    assert former_layout(tmp_path) is None
+    assert (tmp_path / "surfaces/1_T0.h5").exists()
