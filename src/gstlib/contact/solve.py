@@ -68,7 +68,7 @@ def contact_path(
     """
     if load.through is not None:
         # ASSUME: on the way to the target load a body has the tilt that it has in the end.
-        solved = {"modulus": modulus, "tolerance": tolerance}
+        solved: dict[str, Any] = {"modulus": modulus, "tolerance": tolerance}
         interface = contact_at_pressure(interface, load, source=source, **solved).interface
     with solver_errors(source, load):
         path = load_path(
@@ -96,10 +96,12 @@ def contact_at_pressure(
     modulus: float,
     tolerance: float,
     source: str | Path = "surface",
+    initial_pressure: np.ndarray | None = None,
 ) -> Contact:
     """Contact of two faces at a load alone, without the path to it.
 
-    Parameters and errors are those of `contact_path`.
+    Parameters and errors are those of `contact_path`; `initial_pressure` (ny, nx), MPa, of a
+    contact that is much like this one, is where the solver starts.
     """
     through = None if load.through is None else from_corner(load.through, interface.height)
     with solver_errors(source, load):
@@ -109,6 +111,7 @@ def contact_at_pressure(
             mean_pressure=load.mean_pressure,
             through=through,
             tolerance=tolerance,
+            initial_pressure=initial_pressure,
         )
     log_state(state)
     if through is not None:

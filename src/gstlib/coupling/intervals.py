@@ -24,12 +24,13 @@ import xarray as xr
 
 from gstlib.bem import contact_modulus
 from gstlib.conditions import study_modulus
-from gstlib.contact import Interface, Load, contact_at_pressure
+from gstlib.contact import Interface, Load
 from gstlib.coupling.pressures import patch_pressures
 from gstlib.macroscale.active_tool import face_in_pose
 from gstlib.macroscale.composite import compose_grid, draw_mesh_errors, plane_under
+from gstlib.macroscale.ensemble import Case, press_each
 from gstlib.surfaces.footprints import Place, moved, places_of, spline_of
-from gstlib.surfaces.grid import coarser, spacing_of
+from gstlib.surfaces.grid import coarser
 from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["Errors", "Macroscale", "draw_contact_moduli", "draw_point", "pressure_intervals"]
@@ -164,49 +165,38 @@ def pressure_intervals(
         ``patch, pressure_MPa, low_MPa, high_MPa``; with a composite also ``tilt_mrad``,
         ``tilt_error_mrad`` and ``plane``, "mesh" or, where it is not known, "levelled".
     """
-    face, composite, counterface = macroscale
-    modulus = study_modulus(material)
+    composite = macroscale.composite
     generator = np.random.default_rng(seed)
-    moduli_MPa = modulus * draw_contact_moduli(material, errors, generator=generator)
-    mesh = coarser(face.height, _COARSER)
-    nominal = coarser(face.counterface, _COARSER)
-    mesh_errors = draw_mesh_errors(
-        face, mesh, len(moduli_MPa), np.random.default_rng([seed, 2])
+    moduli = study_modulus(material) * draw_contact_moduli(
+        material, errors, generator=generator
     )
-    area = mesh.size * float(np.prod(spacing_of(mesh)))
-    drawn = []
-    for draw, (modulus, mesh_error) in enumerate(zip(moduli_MPa, mesh_errors, strict=True)):
-        generator = np.random.default_rng([seed, 1, draw])
-        # drawn along x first
-        x, y = errors.placement_um * 1e-3 * generator.standard_normal((2, len(pressures)))
-        height = mesh + mesh_error
-        places = moved(pressures, (y, x), mesh, patch_mm)
+    mesh = coarser(macroscale.face.height, _COARSER)
+    mesh_errors = draw_mesh_errors(
+        macroscale.face, mesh, len(moduli), np.random.default_rng([seed, 2])
+    )
+    generators = [np.random.default_rng([seed, 1, draw]) for draw in range(len(moduli))]
+    places = [_misplaced(pressures, mesh, errors, patch_mm, of) for of in generators]
+
+    def case(draw: int) -> Case:
+        height = mesh + mesh_errors[draw]
         if composite is not None:
-            spline, at = spline_of(height), places_of(places).values()
-            planes = [plane_under(spline, place, patch_mm) for place in at]
-            laid = zip(at, planes, composite.scan.values, strict=True)
             # the generator goes on: another detail in each draw
-            height = compose_grid(height, laid, patch_mm, composite.density, generator)
-        over, point = nominal, through
+            height = _laid_on(height, composite, places[draw], patch_mm, generators[draw])
         pose = np.random.default_rng([seed, 4, draw])
         # first, so that it is the same with an active tool and without
         if through is not None:
             point = draw_point(mesh, through, errors.load_point_mm, pose)
         else:
-            height = remove_plane(height)[0]
-        if counterface is not None:
-            y, x = errors.pose_um * 1e-3 * pose.standard_normal(2)
-            size_mm = float(face.size_mm)
-            over = face_in_pose(counterface, mesh, Place(y, x), size_mm=size_mm)
-        contact = contact_at_pressure(
-            Interface(height, over),
-            Load(force_N / area, point),
-            modulus=float(modulus),
-            tolerance=_TOLERANCE,
-            source="macroscale",
-        )
-        by_patch = patch_pressures(contact.pressure, places, size_mm=patch_mm)
-        drawn.append(by_patch.pressure_MPa)
+            point, height = None, remove_plane(height)[0]
+        interface = Interface(height, _posed_over(macroscale, mesh, errors, pose))
+        return Case(interface, Load.of_force(force_N, height, point), float(moduli[draw]))
+
+    cases = map(case, range(len(moduli)))
+    contacts = press_each(cases, tolerance=_TOLERANCE, source="macroscale")
+    drawn = [
+        patch_pressures(contact.pressure, at, size_mm=patch_mm).pressure_MPa
+        for contact, at in zip(contacts, places, strict=True)
+    ]
     low, high = np.percentile(drawn, _PERCENTILES, axis=0)
     table = pressures[["patch", "pressure_MPa"]].assign(low_MPa=low, high_MPa=high)
     if composite is None:
@@ -216,3 +206,41 @@ def pressure_intervals(
         tilt_error_mrad=composite.tilt_error_mrad.values,
         plane=np.where(composite.known.values, "mesh", "levelled"),
     )
+
+
+def _misplaced(
+    patches: pd.DataFrame,
+    mesh: xr.DataArray,
+    errors: Errors,
+    patch_mm: float,
+    generator: np.random.Generator,
+) -> pd.DataFrame:
+    """The patches, each a little elsewhere."""
+    # drawn along x first
+    x, y = errors.placement_um * 1e-3 * generator.standard_normal((2, len(patches)))
+    return moved(patches, (y, x), mesh, patch_mm)
+
+
+def _laid_on(
+    height: xr.DataArray,
+    composite: xr.Dataset,
+    patches: pd.DataFrame,
+    patch_mm: float,
+    generator: np.random.Generator,
+) -> xr.DataArray:
+    """The scans laid on a surface, with other detail between them."""
+    spline, places = spline_of(height), places_of(patches).values()
+    planes = [plane_under(spline, place, patch_mm) for place in places]
+    laid = zip(places, planes, composite.scan.values, strict=True)
+    return compose_grid(height, laid, patch_mm, composite.density, generator)
+
+
+def _posed_over(
+    macroscale: Macroscale, mesh: xr.DataArray, errors: Errors, generator: np.random.Generator
+) -> xr.DataArray:
+    """The active tool over the grid of the draws; one that is a mesh stands a little elsewhere."""
+    if macroscale.counterface is None:
+        return coarser(macroscale.face.counterface, _COARSER)
+    y, x = errors.pose_um * 1e-3 * generator.standard_normal(2)
+    size_mm = float(macroscale.face.size_mm)
+    return face_in_pose(macroscale.counterface, mesh, Place(y, x), size_mm=size_mm)

@@ -1,5 +1,7 @@
 """The stone under its load, until its forces balance; the square alone stays on its plane."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -84,7 +86,7 @@ def solve_at_load(
     """The contact of `solve_macroscale` at the load, without the path to it."""
     interface = pressed_interface(face, through)
     load = Load.of_force(force_N, interface.height, through)
-    solved = {"modulus": modulus, "tolerance": tolerance}
+    solved: dict[str, Any] = {"modulus": modulus, "tolerance": tolerance}
     return contact_at_pressure(interface, load, source=source, **solved)
 
 

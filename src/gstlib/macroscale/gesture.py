@@ -20,11 +20,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.bem import solve_contact
-from gstlib.contact import Interface, Load, from_corner, log_state, solver_errors
+from gstlib.contact import Interface, Load
 from gstlib.macroscale.active_tool import face_in_pose
-from gstlib.surfaces.footprints import Place, footprint_weights, places_of
-from gstlib.surfaces.grid import spacing_of
+from gstlib.macroscale.ensemble import Case, patch_means, press_each
+from gstlib.surfaces.footprints import Place
 
 __all__ = [
     "Gesture",
@@ -37,6 +36,8 @@ __all__ = [
 
 # Columns of the poses of a gesture.
 _COLUMNS = ["x_mm", "y_mm", "rotation_deg", "force_N", "sliding_mm", "turning_deg", "weight"]
+# What is kept of each pose.
+_BY_POSE = "weight", "displacement", "contact_fraction", "patch_pressure", "patch_exposure"
 _VARIABLES = {
     "mean_pressure": ("MPa", "mean contact pressure of the poses"),
     "pressure_sum": ("MPa", "sum of the contact pressures of the poses"),
@@ -82,6 +83,13 @@ class Gesture(NamedTuple):
         if not self.is_mesh:
             return self.counterface
         return face_in_pose(self.counterface, height, place, size_mm=self.size_mm)
+
+    def case(self, height: xr.DataArray, pose: Any, modulus: float) -> Case:
+        """What is pressed in a pose, a row of `poses`."""
+        place = Place(pose.y_mm, pose.x_mm, pose.rotation_deg)
+        through = self.through[0] + pose.y_mm, self.through[1] + pose.x_mm
+        load = Load.of_force(pose.force_N, height, through)
+        return Case(Interface(height, self.over(height, place)), load, modulus)
 
 
 def stroke_poses(*, stroke_mm: float, poses: int, force_N: float) -> pd.DataFrame:
@@ -164,69 +172,47 @@ def press_poses(
         and ``patch_exposure`` N/mm. ``pressure`` (shown, y, x), MPa, in the poses to be shown.
     """
     poses = gesture.poses
-    outlines = [footprint_weights(height, at, patch_mm) for at in places_of(patches).values()]
-    share = np.reshape(outlines, (-1, *height.shape))  # there may be no patches
-    share = share * (np.prod(spacing_of(height)) / patch_mm**2)
+    means = patch_means(height, patches, size_mm=patch_mm)
     y, x = (height[axis].values - gesture.size_mm / 2 for axis in "yx")
-    far = np.hypot(y[:, None], x)
+    from_middle = np.hypot(y[:, None], x)
+    cases = (gesture.case(height, pose, contact_modulus_MPa) for pose in poses.itertuples())
+    contacts = press_each(cases, tolerance=tolerance, source="gesture", in_order=True)
+
     names = "pressure_sum", "highest_pressure", "touched_sum", "exposure"
-    found = {name: np.zeros(height.shape) for name in names}
-    rows: list[tuple] = []
+    sums = {name: np.zeros(height.shape) for name in names}
+    by_pose: dict[str, list] = {name: [] for name in _BY_POSE}
     kept: dict[int, np.ndarray] = {}
-    start: dict[str, Any] = {}
-    area = height.size * float(np.prod(spacing_of(height)))
-    for pose in poses.itertuples():
-        place = Place(pose.y_mm, pose.x_mm, pose.rotation_deg)
-        interface = Interface(height, gesture.over(height, place))
-        through = gesture.through[0] + pose.y_mm, gesture.through[1] + pose.x_mm
-        load = Load(pose.force_N / area, through)
-        with solver_errors("gesture", load):
-            state = solve_contact(
-                *interface.for_solver,
-                contact_modulus_MPa,
-                mean_pressure=load.mean_pressure,
-                through=from_corner(through, height),
-                tolerance=tolerance,
-                **start,
-            )
-        log_state(state)
-        start = {"initial_pressure": state.pressure}
-        if pose.Index in shown:
-            kept[pose.Index] = state.pressure
-        work = state.pressure * np.hypot(pose.sliding_mm, np.radians(pose.turning_deg) * far)
-        found["pressure_sum"] += pose.weight * state.pressure
-        found["touched_sum"] += pose.weight * state.contact
-        found["exposure"] += pose.weight * work
+    for pose, contact in zip(poses.itertuples(), contacts, strict=True):
+        pressure = contact.pressure.values
+        sliding_mm = np.hypot(pose.sliding_mm, np.radians(pose.turning_deg) * from_middle)
+        work = pressure * sliding_mm
+        sums["pressure_sum"] += pose.weight * pressure
+        sums["touched_sum"] += pose.weight * (pressure > 0)
+        sums["exposure"] += pose.weight * work
         if pose.weight > 0:
-            found["highest_pressure"] = np.maximum(found["highest_pressure"], state.pressure)
-        on_patches = (np.einsum("pyx,yx->p", share, of) for of in (state.pressure, work))
-        rows.append((pose.weight, state.displacement, state.contact_fraction, *on_patches))
-    weight, displacement, fraction, pressure, work = (
-        np.array(of) for of in zip(*rows, strict=True)
-    )
-    of_pose, of_patch = ("pose",), ("pose", "patch")
-    batch = xr.Dataset(
-        {name: (("y", "x"), values) for name, values in found.items()}
-        | {
-            "weight": (of_pose, weight),
-            "displacement": (of_pose, displacement),
-            "contact_fraction": (of_pose, fraction),
-            "patch_pressure": (of_patch, pressure),
-            "patch_exposure": (of_patch, weight[:, None] * work),
-            "pressure": (
-                ("shown", "y", "x"),
-                np.array(list(kept.values())).reshape(-1, *far.shape),
-            ),
-        },
-        coords={
-            "y": height.y,
-            "x": height.x,
-            "pose": poses.index,
-            "shown": list(kept),
-            "patch": list(patches.patch),
-        },
-    )
-    return _named(batch)
+            sums["highest_pressure"] = np.maximum(sums["highest_pressure"], pressure)
+        if pose.Index in shown:
+            kept[pose.Index] = pressure
+        by_pose["weight"].append(pose.weight)
+        by_pose["displacement"].append(contact.displacement)
+        by_pose["contact_fraction"].append(contact.contact_fraction)
+        by_pose["patch_pressure"].append(means @ pressure.ravel())
+        by_pose["patch_exposure"].append(pose.weight * (means @ work.ravel()))
+
+    shown_fields = np.array(list(kept.values())).reshape(-1, *height.shape)
+    variables: dict[str, tuple] = {name: (("y", "x"), of) for name, of in sums.items()}
+    for name, values in by_pose.items():
+        rows = np.array(values)
+        variables[name] = (("pose", "patch")[: rows.ndim], rows)
+    variables["pressure"] = (("shown", "y", "x"), shown_fields)
+    coordinates = {
+        "y": height.y,
+        "x": height.x,
+        "pose": poses.index,
+        "shown": list(kept),
+        "patch": list(patches.patch),
+    }
+    return _named(xr.Dataset(variables, coordinates))
 
 
 def exposure(batches: Iterable[xr.Dataset]) -> xr.Dataset:

@@ -110,7 +110,10 @@ def solve_patches(
                 over = xr.zeros_like(height) if pressed is None else pressed
                 interface = Interface(height, over)
             load = Load(float(of[_PRESSURES[variant]][patch]))
-            solved = {"modulus": settings.contact_modulus_MPa, "tolerance": settings.tolerance}
+            solved: dict[str, Any] = {
+                "modulus": settings.contact_modulus_MPa,
+                "tolerance": settings.tolerance,
+            }
             if settings.steps is None or variant != variants[0]:
                 yield (
                     patch,

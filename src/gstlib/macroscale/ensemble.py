@@ -1,0 +1,93 @@
+"""One stone pressed many times, with something changed each time.
+
+The poses of a gesture, the errors that an interval draws and the uses that may have worn a stone
+differ in what they change: a pose, a height, a load point, a radius, a modulus. Each gives a
+sequence of cases; here they are pressed, and the pressure of every patch is taken.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+import xarray as xr
+
+from gstlib.contact import Contact, Interface, Load, contact_at_pressure
+from gstlib.surfaces.footprints import footprint_weights, places_of
+from gstlib.surfaces.grid import spacing_of
+
+__all__ = ["Case", "patch_means", "press_each"]
+
+
+class Case(NamedTuple):
+    """What is pressed once: two faces, their load, and their contact modulus (MPa)."""
+
+    interface: Interface
+    load: Load
+    modulus: float
+
+
+def press_each(
+    cases: Iterable[Case], *, tolerance: float, source: str, in_order: bool = False
+) -> Iterator[Contact]:
+    """The contact of each case, one at a time.
+
+    Parameters
+    ----------
+    cases : iterable of Case
+        On one grid.
+    tolerance : float
+        As in `gstlib.contact.Contact`.
+    source : str
+        What is pressed, for messages.
+    in_order : bool
+        Cases that follow each other are alike: each contact starts from the one before.
+
+    Raises
+    ------
+    InputError
+        A contact cannot be solved, as in `gstlib.contact.contact_at_pressure`.
+    """
+    start = None
+    for case in cases:
+        contact = contact_at_pressure(
+            case.interface,
+            case.load,
+            modulus=case.modulus,
+            tolerance=tolerance,
+            source=source,
+            initial_pressure=start,
+        )
+        if in_order:
+            start = contact.pressure.values
+        yield contact
+
+
+def patch_means(
+    grid: xr.DataArray, patches: pd.DataFrame, *, size_mm: float
+) -> "scipy.sparse.csr_array":
+    """What takes a field on a grid to its mean in the outline of each patch.
+
+    Parameters
+    ----------
+    grid : (ny, nx) xarray.DataArray
+        Any field on it.
+    patches : pandas.DataFrame
+        ``patch, x_mm, y_mm, rotation_deg``.
+    size_mm : float
+        Side of a patch.
+
+    Returns
+    -------
+    scipy.sparse.csr_array, shape (patches, ny · nx)
+        Its product with the raveled field has the means; what lies beyond the grid counts as 0.
+    """
+    share = float(np.prod(spacing_of(grid))) / size_mm**2
+    rows = [
+        scipy.sparse.csr_array(share * footprint_weights(grid, place, size_mm).reshape(1, -1))
+        for place in places_of(patches).values()
+    ]
+    if not rows:
+        return scipy.sparse.csr_array((0, grid.size))
+    return scipy.sparse.csr_array(scipy.sparse.vstack(rows))
