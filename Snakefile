@@ -27,6 +27,11 @@ if SCANNED:
     include: "workflow/rules/change.smk"
 
 
+if INFERRED:
+
+    include: "workflow/rules/use.smk"
+
+
 if WORN_PATCHES:
 
     include: "workflow/rules/wear.smk"

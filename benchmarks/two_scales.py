@@ -454,7 +454,7 @@ def main() -> None:
         rows = pd.read_csv(options.rows)
     for plan in options.plan:
         changes, cases, bounded = PLANS[plan]
-        config = merged(specimen_config(), changes)
+        config = merged(specimen_config(), changes | {"use": None})
         config["microscale"]["tolerance"] = 1e-6  # no point of contact changes
         for seed in options.seeds:
             known = known_cases(rows, seed, config["specimen"]["scan_points"])

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import xarray as xr
-from power import asked, specimen_config, specimen_studies, worn_patches
+from power import asked, merged, specimen_config, specimen_studies, worn_patches
 
 from gstlib.io.tables import read_table, write_table
 from gstlib.study import Study
@@ -68,7 +68,7 @@ def scored(study: Study, strengths: Sequence[float]) -> pd.DataFrame:
 
 def rows_of(seed: int, *, with_strengths: bool) -> pd.DataFrame:
     """Rows of one stone, worn in both ways."""
-    config = specimen_config()
+    config = merged(specimen_config(), {"use": None})
     strengths = STRENGTHS if with_strengths else ()
     found = [
         scored(study, strengths).assign(seed=seed, worn_by=worn_by)

@@ -30,6 +30,7 @@ STAGES = {
     "coupling": "From the square to its patches",
     "microscale": "Microscale contact",
     "change": "Change from T0 to T1",
+    "use": "How the tool was used",
     "wear": "Wear",
     "validation": "Comparison with the measured loss",
     "specimen": "Synthetic specimen",

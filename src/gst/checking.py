@@ -196,7 +196,8 @@ class CoarseStudy(Study):
         assert found.face is not None
         stone, there = found.stone, [(patch, "T0") in found.coarse for patch in patches.patch]
         super().__init__(
-            config | {"traces": {"minimum_points": _SPOT}},
+            # under the use that is stated: to read it from the wear takes longer than the rest
+            config | {"traces": {"minimum_points": _SPOT}, "use": None},
             patches.loc[there],
             read_mesh=lambda: stone,
             read_scan=lambda *of: found.coarse[of],

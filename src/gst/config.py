@@ -124,12 +124,28 @@ def read_study(config: Mapping, source: str) -> pd.DataFrame:
         read_rows(config["published"], "published").refuse()
     if config["patches"] is None:
         return no_patches()
-    return read_patches(
+    patches = read_patches(
         config["patches"],
         size_mm=config["square"]["size_mm"],
         patch_size_mm=config["scans"]["size_mm"],
         scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
     )
+    if not (patches.t0 != "").any():
+        _refuse_without_scans(config)
+    return patches
+
+
+def _refuse_without_scans(config: Mapping) -> None:
+    """Refuse what needs scans, of a patch table that has grades in their place."""
+    needs = [name for name in ("published", "interlayer") if config[name] is not None]
+    if config["gesture"] is None or config["use"] is None or needs:
+        raise ConfigError(
+            config["patches"],
+            "has grades of wear and no scans, for which the config needs gesture and use, and "
+            "neither published nor interlayer",
+            "Set gesture, such as {load_point_scatter_mm: 1.0, poses: 60}, and use: {}; set "
+            f"{' and '.join(needs) or 'nothing else'} to null.",
+        )
 
 
 def refuse_study(config: Mapping, source: str) -> None:

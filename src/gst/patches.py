@@ -3,7 +3,8 @@
 `workflow/schemas/patches.schema.yaml` describes a row, `gst.user_tables` the text. A name with
 ``*`` is that of the one file that fits it, where ``{patch}`` stands for the patch. In a table
 without ``t0`` and ``t1``, a patch's scans are those named after it and the epoch: ``E1_T0.plux``
-and, if they are there, ``E1_T1.plux`` and ``E1_repeat.plux``.
+and, if they are there, ``E1_T1.plux`` and ``E1_repeat.plux``. A table with grades of wear in
+place of scans has no files.
 
 The table of proposed places (``places.csv``) is a patch table, too: ``place`` stands for ``patch``,
 and its other columns are for readers.
@@ -85,6 +86,8 @@ def _find_scans(
 ) -> Iterator[Problem]:
     """Put the names of files in place of the names that they fit; where none fits, or several."""
     is_named = not {"t0", "t1"}.isdisjoint(columns)
+    if "wear_grade" in columns and not is_named:
+        return
     for line, row in rows.iterrows():
         for column, name in _names(row, is_named, folder is None).items():
             there = [name] if folder is None else _fitting(name, Path(folder))

@@ -38,6 +38,7 @@ BETWEEN = (
     "reference",
     "specimen",
     "surfaces",
+    "use",
     "wear",
 )
 # What a study makes in its folder, except hidden parts of files.

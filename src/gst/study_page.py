@@ -23,7 +23,7 @@ from gst.page import (
 )
 from gst.poses import poses_of
 from gst.provenance import study_provenance
-from gst.verdict import verdict, where_to_scan
+from gst.verdict import used, verdict, where_to_scan
 from gstlib.conditions import load_force
 from gstlib.io.files import sha256, write_whole
 from gstlib.io.meshes import read_mesh
@@ -38,7 +38,7 @@ __all__ = ["StudyPage"]
 
 # Tables that the answer is computed from.
 _SCORED = ["patch_pressures", "patch_intervals", "registration", "validation_patches"]
-_SCORED += ["validation_summary", "exposure"]
+_SCORED += ["validation_summary", "exposure", "use"]
 _PAGE = "0 Overview", "the page of the study"
 _WHAT = (
     "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
@@ -145,7 +145,12 @@ class StudyPage:
             left = read_dataset(self.files["exposure"], only=["exposure", "touched"])
             size = {"size_mm": self.config["square"]["size_mm"], "patch_mm": self.patch_mm}
             held = concentration(left, self.proposed, **size)
-            return where_to_scan(self.proposed, held, force_N=self._force_N)
+            scan = where_to_scan(self.proposed, held, force_N=self._force_N)
+            return (
+                [used(read_table(self._tables["use"])), *scan]
+                if "use" in self._tables
+                else scan
+            )
         poses = poses_of(self.config)
         return verdict(
             {name: read_table(self._tables[name]) for name in _SCORED if name in self._tables},

@@ -12,11 +12,12 @@ from typing import Any
 import pandas as pd
 
 from gstlib.macroscale.sampling_sites import CONTROL, EXPOSED, Concentration
+from gstlib.use.infer import BETTER, CHANCE
 from gstlib.validation.baselines import ORACLE
 from gstlib.validation.scoring import own_model
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
-__all__ = ["LEVEL", "MODELS", "sign_of", "verdict", "where_to_scan"]
+__all__ = ["LEVEL", "MODELS", "sign_of", "used", "verdict", "where_to_scan"]
 
 LEVEL = 0.05  # the usual one
 # The predictions, their baselines and the cap, in words.
@@ -53,8 +54,8 @@ def verdict(
     ----------
     tables : mapping of str to pandas.DataFrame
         By name: ``patch_pressures``, ``patch_intervals``; of a study with scans after use,
-        ``registration``, ``validation_patches`` and ``validation_summary``; of one with a gesture,
-        ``exposure``.
+        ``registration``, ``validation_patches`` and ``validation_summary``; of one whose wear says
+        how the tool was used, ``use``; of one with a gesture, ``exposure``.
     force_N : float
         The whole load.
     interlayer, pressure_cap
@@ -65,7 +66,8 @@ def verdict(
         Whether the active tool has a mesh.
     """
     pressures = tables["patch_pressures"]
-    load = [_load(pressures, tables["patch_intervals"], force_N, second)]
+    load = [used(tables["use"])] if "use" in tables else []
+    load += [_load(pressures, tables["patch_intervals"], force_N, second)]
     if poses is not None:
         load.append(_exposed(tables["exposure"], poses))
     if not pressures["in_study"].any():
@@ -97,6 +99,40 @@ def verdict(
     untouched = _untouched(summary, pressures, tables["registration"])
     chance = _against_chance(summary, own, tables["validation_patches"])
     return [sentence for sentence in (*scored, untouched, chance, *load) if sentence]
+
+
+def used(use: pd.DataFrame) -> str:
+    """How the tool was used, as its wear says, and how sure that is."""
+    known, answer = use.set_index("parameter"), use.answer.iloc[0]
+    if not use.effective_draws.iloc[0] > 0:
+        return "How the tool was used cannot be read from its wear: too few patches wore."
+    said = [
+        f"{axis} {known['mean'][name]:.1f} mm ({known.low[name]:.1f} to {known.high[name]:.1f})"
+        for axis, name in (("x", "load_point_x"), ("y", "load_point_y"))
+    ]
+    told = [f"{known.stated[name]:.3g}" for name in ("load_point_x", "load_point_y")]
+    found = f"pressed at {' and '.join(said)}"
+    stated = f"x {told[0]} and y {told[1]} mm"
+    if "radius" in known.index:
+        row = known.loc["radius"]
+        found += (
+            f" against a tool of {row['mean']:.0f} mm radius ({row.low:.0f} to {row.high:.0f})"
+        )
+        stated += f" and {row.stated:.0f} mm"
+    if answer == CHANCE:
+        return (
+            "How the tool was used cannot be read from its wear: no use explains the wear better "
+            f"than the same wear exchanged among the patches (p = {known['mean']['p_value']:.2g}). "
+            "The study goes on as stated."
+        )
+    if answer == BETTER:
+        start = f"The wear says that the tool was {found}; stated were {stated}."
+        return f"{start} A use explains the wear better than heights alone do."
+    taken = "takes it" if use.taken.iloc[0] else "goes on as stated"
+    return (
+        f"The wear is consistent with a tool that was {found}; stated were {stated}. Heights alone "
+        f"may explain the wear as well, so that it need not have been so; the study {taken}."
+    )
 
 
 def sign_of(row: Any) -> int:

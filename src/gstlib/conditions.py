@@ -70,6 +70,7 @@ def stage_settings(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     through, face_mm = None, None
     if config["coupling"] == "placed":
         through, face_mm = load_point(config["load"], size_mm), macroscale["face_mm"]
+    errors = config["uncertainty"]
     grid = {name: macroscale[name] for name in ("grid", "interpolation")}
     return {
         "grid_macroscale": config["square"] | grid | {"face_mm": face_mm},
@@ -77,8 +78,20 @@ def stage_settings(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         "compose_surface": {
             "patch_mm": patch_mm,
             "s_filter_um": microscale["s_filter_um"],
-            "placement_um": config["uncertainty"]["placement_um"],
+            "placement_um": errors["placement_um"],
             "seed": config["seed"],
+        },
+        "infer_use": {
+            "stated": {
+                "force_N": force_N,
+                "through": through,
+                "load_point_mm": errors["load_point_mm"],
+                "radius_mm": study_radius(config),
+                "radius_fraction": errors["radius_fraction"],
+            },
+            "modulus": modulus,
+            "patch_mm": patch_mm,
+            "sampling": (config["use"] or {}) | {"seed": config["seed"]},
         },
         "solve_macroscale": at_load | {"through": through},
         "solve_square": at_load,

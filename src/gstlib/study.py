@@ -66,6 +66,7 @@ from gstlib.macroscale.equilibrium import solve_at_load, solve_square
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.microscale.patches import LEVELLED, Microscale, solve_patch
 from gstlib.preprocess.scans import crop_of, prepare_patch
+from gstlib.use.infer import Sampling, StatedUse, as_used, infer_use, leave_one_out, losses_of
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
 from gstlib.wear.fit import PatchMaps, Prediction, fit_wear, predict_wear
@@ -145,9 +146,22 @@ class Study:
         return compose_surface(*given, **self.settings["compose_surface"])
 
     @cached_property
+    def use(self) -> xr.Dataset | None:
+        """How the tool was used, from `infer_use`; None where the study goes on as stated."""
+        config, settings = self.config, dict(self.settings["infer_use"])
+        if config["use"] is None or config["coupling"] == LEVELLED or not self.worn:
+            return None
+        stated, drawn = (settings.pop(name) for name in ("stated", "sampling"))
+        known = losses_of(self.patches, self.registration)
+        given = StatedUse(**stated), Sampling(**drawn)
+        return infer_use(self.composite, *known, given[0], sampling=given[1], **settings)
+
+    @cached_property
     def contact(self) -> Contact:
         """Contact of the stone in equilibrium under its load; the paper's of the square alone."""
-        return solve_at_load(self.composite, **self.settings["solve_macroscale"])
+        settings = dict(self.settings["solve_macroscale"])
+        face, settings["through"] = as_used(self.composite, self.use, settings["through"])
+        return solve_at_load(face, **settings)
 
     @cached_property
     def square_contact(self) -> Contact:
@@ -160,7 +174,8 @@ class Study:
     def pressures(self) -> pd.DataFrame:
         """Pressure of every patch, from `couple_scales`."""
         fields = self.contact.pressure, self.square_contact.pressure
-        return couple_scales(*fields, self.patches, **self.settings["couple_scales"])
+        table = couple_scales(*fields, self.patches, **self.settings["couple_scales"])
+        return leave_one_out(table, self.use)
 
     @cached_property
     def placement(self) -> pd.DataFrame:

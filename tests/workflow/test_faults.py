@@ -72,7 +72,7 @@ def test_what_was_deleted_edited_or_cut_is_made_again(tiny):
         ("compare_scales", "no record says how it was made"),
     ):
         assert re.search(rf"^{step}: .*\n    {re.escape(why)}; last took \d", said, re.MULTILINE)
-    assert "solve_macroscale" not in said
+    assert "compose_surface" not in said
     result = tiny.gst("study", tiny.config)
     assert result.returncode == 0, result.stderr
     assert "again: change/1/7.h5 is not as it was made" in result.stderr

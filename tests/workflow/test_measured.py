@@ -287,7 +287,7 @@ def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
     }
     same(two_scales_table(typed, stored("reference/patches")), "two_scales")
     intervals = pressure_intervals(
-        Macroscale(own.face, own.composite, stored("macroscale/active_tool").face),
+        Macroscale(own.face, own.composite, stored("macroscale/active_tool").face, use=own.use),
         own.pressures,
         errors=Errors(**own.config["uncertainty"]),
         force_N=550.0,

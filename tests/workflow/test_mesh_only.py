@@ -2,14 +2,17 @@
 
 import lxml.html
 import numpy as np
+import pandas as pd
 import pytest
 import trimesh
 import xarray as xr
 from gst.config import read_config
 from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
+from gstlib.coupling.pressures import patch_pressures
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
+from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import FRAME, stored_frame
 
 from .conftest import assert_stored, fresh
@@ -100,7 +103,7 @@ def test_check_says_what_will_be_proposed(where):
 
 def test_the_proposed_places_are_a_patch_table(where, tmp_path):
     """The specimen's scans are taken there; what was proposed as exposed bears the load."""
-    where.change(results="results-then", patches="results-where/tables/places.csv")
+    where.change(results="results-then", patches="results-where/tables/places.csv", use=None)
     tables = [f"results-then/tables/{name}.csv" for name in ("registration", "patch_intervals")]
     where.succeed("results-then/tables/patch_pressures.csv", *tables)
     pressures = read_table(where.results / "tables/patch_pressures.csv").set_index("patch")
@@ -108,15 +111,11 @@ def test_the_proposed_places_are_a_patch_table(where, tmp_path):
     assert pressures.force_N.filter(regex="^C").sum() < 0.05 * pressures.force_N.sum()
     assert (where.results / "specimen/scans/E1_T1.plu").exists()
     config = read_config(where.folder / where.config)
-    # a load point that scatters errs by so much more
-    errors = config["uncertainty"] | {
-        "load_point_mm": np.hypot(1.0, GESTURE["load_point_scatter_mm"])
-    }
     files = (where.results / f"macroscale/{name}.h5" for name in ("surface", "composite"))
     intervals = pressure_intervals(
-        Macroscale(*map(read_dataset, files), None),
+        Macroscale(*map(read_dataset, files), None, radius_mm=200.0),
         read_pressures(where.results / "coupling/pressures.csv"),
-        errors=Errors(**errors),
+        errors=Errors(**config["uncertainty"]),
         force_N=550.0,
         through=(2.5, 2.5),
         material=config["material"],
@@ -124,3 +123,37 @@ def test_the_proposed_places_are_a_patch_table(where, tmp_path):
         seed=1,
     )
     assert_stored(intervals, where.results / "tables/patch_intervals.csv", tmp_path)
+
+
+def test_grades_of_wear_tell_how_a_tool_was_used(where, tmp_path_factory):
+    """Grades that the contact at a point gives; the study is told another one."""
+    study = fresh(tmp_path_factory.mktemp("artefact"))
+    square = square_of(read_dataset(where.results / "macroscale/contact.h5").pressure, 5.0)
+    y, x = np.meshgrid(*2 * [np.arange(0.5, 5.0, 1.0)], indexing="ij")
+    places = pd.DataFrame({"patch": np.arange(25), "x_mm": x.ravel(), "y_mm": y.ravel()})
+    places = places.assign(rotation_deg=0.0)
+    pressed = patch_pressures(square, places, size_mm=0.85).pressure_MPa
+    places["wear_grade"] = np.searchsorted([0.5, 20, 60], pressed)
+    places.to_csv(study.folder / "config/grades.csv", index=False)
+    used = {"draws": 60, "rounds": 10}
+    told = {"force_N": 550.0, "at_mm": [3.4, 1.8]}
+    study.change(patches="config/grades.csv", gesture=GESTURE, load=told, use=used)
+    assert study.gst("check", study.config).returncode == 0
+    study.succeed()
+    table = read_table(study.results / "tables/use.csv").set_index("parameter")
+    assert table.effective_draws.iloc[0] >= 40
+    for name, stated in zip(("load_point_x", "load_point_y"), told["at_mm"], strict=True):
+        assert table.stated[name] == stated
+        assert table.high[name] - table.low[name] < 2 * 1.96 * table.stated_error[name]
+    assert "pressed at x" in (study.results / "index.html").read_text(encoding="utf-8")
+    contact = read_dataset(study.results / "macroscale/contact.h5")
+    pressed_at = table["mean"] if table.taken.iloc[0] else table.stated
+    point = float(contact.through_x), float(contact.through_y)
+    assert point == pytest.approx(tuple(pressed_at[["load_point_x", "load_point_y"]]), rel=1e-4)
+
+
+def test_grades_without_a_gesture_are_refused(study):
+    study.change(patches="config/patches_artefact.tsv", gesture=None)
+    said = study.gst("check", study.config)
+    assert said.returncode != 0
+    assert "grades of wear" in said.stdout + said.stderr

@@ -11,6 +11,7 @@ from .conftest import ROOT, SNAKEMAKE, run
 
 # config/tiny.yaml is planned by other tests.
 CONFIGS = [
+    "artefact.yaml",
     "config.yaml",
     "m12.yaml",
     "mesh_only.yaml",
@@ -43,7 +44,11 @@ def test_a_shipped_config_plans_a_study(study, name):
             (study.folder / file).touch()  # a plan looks only at their presence
     planned = study.planned()
     assert rules <= planned
-    assert planned >= of_scans if name != "mesh_only.yaml" else planned.isdisjoint(of_scans)
+    if name in ("artefact.yaml", "mesh_only.yaml"):
+        assert planned.isdisjoint(of_scans)
+        assert ("infer_use" in planned) == (name == "artefact.yaml")
+    else:
+        assert planned >= of_scans
 
 
 def test_without_a_config_that_of_the_folder_is_taken(study):

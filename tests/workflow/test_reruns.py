@@ -26,8 +26,13 @@ from .conftest import ROOT
         ),
         (
             {"uncertainty": {"load_point_mm": 2.0}},
+            {"infer_use", "bound_pressures", "draw_contact"},
+            {"compose_surface", "register_patches", "solve_square"},
+        ),
+        (
+            {"uncertainty": {"poisson": 0.1}},
             {"bound_pressures", "draw_contact"},
-            {"solve_macroscale", "compose_surface", "solve_patches"},
+            {"solve_macroscale", "compose_surface", "solve_patches", "infer_use"},
         ),
         (
             {"coupling": "levelled"},
@@ -36,7 +41,7 @@ from .conftest import ROOT
         ),
         (
             {"gesture": {"load_point_scatter_mm": 0.5, "poses": 6}},
-            {"press_poses", "bound_pressures", "predict_wear"},
+            {"press_poses", "predict_wear"},
             {"solve_macroscale", "solve_patches"},
         ),
         ({"validation": {"resamples": 299}}, {"score_wear", "draw_validation", "write_page"}, None),

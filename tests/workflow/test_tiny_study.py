@@ -43,7 +43,9 @@ def truth(results):
 def test_every_table_is_there_and_no_other(results):
     files = {file.relative_to(results).as_posix(): file for file in results.rglob("*.csv")}
     assert set(files) == {one.file for name, one in TABLES.items() if name not in ABSENT}
-    assert all(len(read_table(file)) for file in files.values())
+    # five patches are too few to tell how the tool was used
+    empty = {name for name, file in files.items() if not len(read_table(file))}
+    assert empty == {"tables/predicted_losses.csv"}
 
 
 def test_intermediates_say_what_they_are_made_from(results):

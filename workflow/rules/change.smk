@@ -59,6 +59,32 @@ rule register_patches:
 CHANGES = expand(rules.register_patches.output.registered, batch=WORN_BATCHES)
 
 
+REGISTRATION = []
+
+
+if WORN_PATCHES:
+
+    rule tabulate_changes:
+        input:
+            registered=CHANGES,
+        output:
+            registration=table("registration", "5 Validation"),
+        log:
+            f"{RESULTS}/logs/tabulate_changes.log",
+        resources:
+            mem_mb=growing(500, scan=60),
+        params:
+            **SETTINGS["select_patches"],
+            worn=WORN_PATCHES,
+            code=code("tabulate_changes.py"),
+        message:
+            "Measuring how well T1 matches T0, and what was lost"
+        script:
+            "../scripts/tabulate_changes.py"
+
+    REGISTRATION = rules.tabulate_changes.output.registration
+
+
 # All patches in one job: loading the library of texture parameters takes as long as five patches.
 rule tabulate_texture:
     input:

@@ -24,8 +24,11 @@ PER_JOB = config.pop("patches_per_job", None)
 config.update(complete(config))
 PATCHES = read_study(config, CONFIG_FILES)
 PATCHES = PATCHES.set_index("patch", drop=False)
-# Without a patch table, the study says where to scan, and what follows from scans is left out.
-SCANNED = config["patches"] is not None
+# Places with a grade of wear, where there are grades in place of scans.
+GRADED = PATCHES[(PATCHES.t0 == "") & PATCHES.wear_grade.notna()]
+PATCHES = PATCHES[PATCHES.t0 != ""]
+# Without scans, the study says where to scan, and what follows from scans is left out.
+SCANNED = len(PATCHES) > 0
 # as Snakemake names the files in it
 RESULTS = os.path.normpath(config["results"])
 SQUARE_MM = config["square"]["size_mm"]
@@ -54,6 +57,8 @@ SETTINGS = stage_settings(config)
 if not set(config["validation"]["expected_most_worn"]) <= set(ALL_PATCHES):
     SETTINGS["score_wear"]["expected_most_worn"] = []
 LOAD = {name: SETTINGS["solve_macroscale"][name] for name in ("force_N", "through")}
+# How the tool was used is read from its wear, where the stone is free to tilt.
+INFERRED = PLACED and config["use"] is not None and (bool(WORN_PATCHES) or len(GRADED) > 0)
 REFERENCE = PLACED and SCANNED and config["reference_draws"] is not None
 if not GENERATED:
     check_files(config, PATCHES, ", ".join(filter(None, [CONFIG_FILES, config["patches"]])))
@@ -105,6 +110,11 @@ def surfaces(epoch):
 
 def surfaces_of_batch(epoch):
     return expand(rules.prepare_scans.output.surfaces, epoch=epoch, allow_missing=True)
+
+
+def inferred_use(wildcards):
+    """What the wear says of the use, of a later stage that needs no contact of this one; or nothing."""
+    return rules.infer_use.output.use if INFERRED else []
 
 
 def code(script):

@@ -27,6 +27,7 @@ rule couple_scales:
     input:
         contact=rules.solve_macroscale.output.contact,
         square=SQUARE_CONTACT,
+        use=inferred_use,
     output:
         pressures=f"{RESULTS}/coupling/pressures.csv",
     log:
@@ -46,6 +47,7 @@ rule bound_pressures:
         face=rules.grid_macroscale.output.face,
         composite=COMPOSITE,
         second=SECOND,
+        use=inferred_use,
         pressures=rules.couple_scales.output.pressures,
     output:
         table=table("patch_intervals", "3 Coupling"),
@@ -57,14 +59,8 @@ rule bound_pressures:
         **LOAD,
         material=config["material"],
         patch_mm=PATCH_MM,
-        # The hand errs about its load point, and scatters around it.
-        uncertainty=config["uncertainty"]
-        | {
-            "load_point_mm": math.hypot(
-                config["uncertainty"]["load_point_mm"],
-                (config["gesture"] or {}).get("load_point_scatter_mm", 0.0),
-            )
-        },
+        radius_mm=study_radius(config),
+        uncertainty=config["uncertainty"],
         seed=config["seed"],
         code=code("bound_pressures.py"),
     message:
@@ -77,17 +73,13 @@ rule select_patches:
     input:
         pressures=rules.couple_scales.output.pressures,
         # of a later stage, which needs nothing of this one
-        registered=lambda _: CHANGES,
+        registration=lambda _: REGISTRATION,
     output:
-        **({"registration": table("registration", "5 Validation")} if WORN_PATCHES else {}),
         table=table("patch_pressures", "3 Coupling"),
     log:
         f"{RESULTS}/logs/select_patches.log",
-    resources:
-        mem_mb=growing(500, scan=60),
     params:
-        **SETTINGS["select_patches"],
-        worn=WORN_PATCHES,
+        selection=config["selection"],
         code=code("select_patches.py"),
     message:
         "Selecting the patches of the study"

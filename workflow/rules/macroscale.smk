@@ -38,6 +38,7 @@ if PLACED and SCANNED:
 rule solve_macroscale:
     input:
         face=PRESSED_FACE,
+        use=inferred_use,
     output:
         contact=f"{RESULTS}/macroscale/contact.h5",
         path=table("macroscale_path", "2 Macroscale"),
@@ -92,6 +93,7 @@ if POSES is not None:
     rule press_poses:
         input:
             face=PRESSED_FACE,
+            use=inferred_use,
             second=SECOND,
         output:
             batch=f"{RESULTS}/gesture/poses_{{batch}}.h5",

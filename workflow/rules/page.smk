@@ -104,19 +104,38 @@ if WORN_PATCHES:
 
     rule draw_validation:
         input:
+            **(
+                {
+                    "surface": rules.grid_macroscale.output.face,
+                    "use": rules.infer_use.output.use,
+                    "use_table": rules.infer_use.output.table,
+                    "predicted_losses": rules.infer_use.output.losses,
+                }
+                if INFERRED
+                else {}
+            ),
             contacts=CONTACTS,
             t1=surfaces("T1"),
             registered=CHANGES,
             depths=DEPTHS,
             pressures=PRESSURES,
             intervals=rules.bound_pressures.output.table,
-            registration=rules.select_patches.output.registration,
+            registration=rules.tabulate_changes.output.registration,
             patches_table=rules.score_wear.output.patches,
             summary=rules.score_wear.output.summary,
             wear=rules.score_wear.output.wear,
             wear_profile=rules.score_wear.output.profile,
             texture=rules.tabulate_texture.output.table,
         output:
+            **(
+                {
+                    "use_png": picture(
+                        "use", "6 Use", "where the tool was pressed, and against what"
+                    )
+                }
+                if INFERRED
+                else {}
+            ),
             validation_png=picture(
                 "validation", "5 Validation", "the predicted loss beside its baselines"
             ),
@@ -136,6 +155,9 @@ if WORN_PATCHES:
             patches=ALL_PATCHES,
             worn=WORN_PATCHES,
             most_drawn_patches=config["most_drawn_patches"],
+            places=PLACES,
+            size_mm=SQUARE_MM,
+            patch_mm=PATCH_MM,
             note=SOURCE_NOTE,
             code=code("draw_figures.py"),
         message:
@@ -148,12 +170,29 @@ if not SCANNED:
 
     rule draw_places:
         input:
+            **(
+                {
+                    "use": rules.infer_use.output.use,
+                    "use_table": rules.infer_use.output.table,
+                }
+                if INFERRED
+                else {}
+            ),
             mesh=MESH,
             surface=rules.grid_macroscale.output.face,
             contact=rules.solve_macroscale.output.contact,
             exposure=EXPOSURE,
             proposed=rules.propose_places.output.table,
         output:
+            **(
+                {
+                    "use_png": picture(
+                        "use", "6 Use", "where the tool was pressed, and against what"
+                    )
+                }
+                if INFERRED
+                else {}
+            ),
             places_png=picture("places", "0 Overview", "where to scan: a sheet to print"),
             places_pdf=f"{RESULTS}/figures/places.pdf",
             contact_steps_png=picture("contact_steps", "2 Macroscale", "contact as the load grows"),
@@ -163,6 +202,7 @@ if not SCANNED:
         resources:
             mem_mb=growing(700, mesh=18),
         params:
+            places=GRADED[["patch", "x_mm", "y_mm", "rotation_deg"]].to_dict("list"),
             size_mm=SQUARE_MM,
             patch_mm=PATCH_MM,
             mesh_unit=MESH_UNIT,

@@ -14,7 +14,7 @@ if WORN_PATCHES:
             fitted=INTERLAYER,
             depths=DEPTHS,
             pressures=PRESSURES,
-            registration=rules.select_patches.output.registration,
+            registration=rules.tabulate_changes.output.registration,
         output:
             patches=table("validation_patches", "5 Validation"),
             wear=table("wear", "5 Validation"),
@@ -115,6 +115,7 @@ if GENERATED:
             t1=surfaces("T1"),
             registered=CHANGES,
             two_scales=rules.compare_scales.output.table if REFERENCE else [],
+            use=rules.infer_use.output.table if INFERRED else [],
         output:
             table=table("truth", "7 Against the truth"),
         log:

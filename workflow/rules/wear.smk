@@ -10,7 +10,7 @@ rule fit_wear:
         contacts=CONTACTS if config["interlayer"] else [],
         registered=CHANGES if config["interlayer"] else [],
         pressures=PRESSURES,
-        registration=rules.select_patches.output.registration,
+        registration=rules.tabulate_changes.output.registration,
     output:
         **({"fitted": f"{RESULTS}/wear/interlayer.h5"} if config["interlayer"] else {}),
         square=f"{RESULTS}/wear/square.h5",

@@ -13,6 +13,7 @@ def main(
     face: Path,
     composite: Path,
     second: Path,
+    use: Path,
     pressures: Path,
     table: Path,
     *,
@@ -20,6 +21,7 @@ def main(
     material: dict[str, float],
     force_N: float,
     through: tuple[float, float] | None,
+    radius_mm: float | None,
     patch_mm: float,
     seed: int,
 ) -> None:
@@ -27,6 +29,8 @@ def main(
         read_dataset(face),
         read_dataset(composite) if composite else None,
         read_dataset(second).face if second else None,
+        radius_mm,
+        read_dataset(use) if use else None,
     )
     load = {"force_N": force_N, "through": through}
     errors, given = Errors(**uncertainty), read_pressures(pressures)

@@ -8,14 +8,21 @@ from gst.logs import run_script
 from gst.tables import write_table
 from gstlib.coupling.pressures import couple_scales
 from gstlib.io.store import read_dataset
+from gstlib.use.infer import leave_one_out
 
 
 def main(
-    contact: Path, square: Path, pressures: Path, *, patches: dict[str, list], patch_mm: float
+    contact: Path,
+    square: Path,
+    use: Path,
+    pressures: Path,
+    *,
+    patches: dict[str, list],
+    patch_mm: float,
 ) -> None:
     pressed = (read_dataset(file, only=["pressure"]).pressure for file in (contact, square))
     table = couple_scales(*pressed, pd.DataFrame(patches), patch_mm=patch_mm)
-    write_table(pressures, table)
+    write_table(pressures, leave_one_out(table, read_dataset(use) if use else None))
 
 
 if "snakemake" in globals():

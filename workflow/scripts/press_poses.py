@@ -8,11 +8,13 @@ from gst.logs import run_script
 from gst.provenance import provenance
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.macroscale.gesture import Gesture, press_poses
+from gstlib.use.infer import as_used
 
 
 def main(
     face: Path,
     second: Path,
+    use: Path,
     batch: Path,
     *,
     size_mm: float,
@@ -24,7 +26,8 @@ def main(
     patch_mm: float,
     shown: list[int],
 ) -> None:
-    whole = read_dataset(face, only=["height", "counterface"])
+    whole = read_dataset(face, only=["height", "counterface", "size_mm"])
+    whole, through = as_used(whole, read_dataset(use) if use else None, through)
     counterface = read_dataset(second).face if second else whole.counterface
     gesture = Gesture(counterface, bool(second), size_mm, through, pd.DataFrame(poses))
     pressed = {"contact_modulus_MPa": contact_modulus_MPa, "tolerance": tolerance}

@@ -19,6 +19,7 @@ def main(
     t1: list[Path],
     registered: list[Path],
     two_scales: Path,
+    use: Path,
     table: Path,
     *,
     patches: list[str],
@@ -32,6 +33,7 @@ def main(
         placement=read_table(placement),
         pressures=read_pressures(pressures),
         two_scales=read_table(two_scales) if two_scales else None,
+        use=read_table(use) if use else None,
     )
     write_table(table, scores)
 

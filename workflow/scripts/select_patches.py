@@ -3,36 +3,24 @@
 import logging
 from pathlib import Path
 
-from gst.batches import files_of
+import pandas as pd
+
 from gst.logs import run_script
 from gst.tables import write_table
-from gstlib.change.selection import registration_table, rise_warnings, select_patches
-from gstlib.io.store import Stored
-from gstlib.io.tables import read_pressures
+from gstlib.change.selection import select_patches
+from gstlib.io.tables import read_pressures, read_table
 
 
 def main(
-    pressures: Path,
-    registered: list[Path],
-    table: Path,
-    registration: Path | None = None,
-    *,
-    worn: list[str],
-    selection: dict[str, float],
-    max_noise_fraction: float,
+    pressures: Path, registration: Path, table: Path, *, selection: dict[str, float]
 ) -> None:
-    changes = Stored(files_of(registered, worn), ["change", "loss", "gain"])
-    quality = registration_table(changes, selection, max_noise_fraction=max_noise_fraction)
-    selected = select_patches(read_pressures(pressures), quality, selection)
-    doubts = [*rise_warnings(quality, max_noise_fraction=max_noise_fraction)]
+    """Without a scan after use, the pressure alone decides."""
+    matches = read_table(registration) if registration else pd.DataFrame({"patch": []})
+    selected = select_patches(read_pressures(pressures), matches, selection)
     if not selected.in_study.any():
         reasons = f"{table} gives the reasons, the config's section 'selection' the rules"
-        doubts.append(f"no patch enters the study: {reasons}")
-    for doubt in doubts:
-        logging.getLogger("gst").warning("%s", doubt)
+        logging.getLogger("gst").warning("no patch enters the study: %s", reasons)
     write_table(table, selected)
-    if registration is not None:
-        write_table(registration, quality)
 
 
 if "snakemake" in globals():

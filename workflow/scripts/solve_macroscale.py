@@ -9,10 +9,12 @@ from gst.tables import write_table
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.macroscale.equilibrium import macroscale_table, solve_macroscale
 from gstlib.macroscale.plausibility import plausibility_warnings
+from gstlib.use.infer import as_used
 
 
 def main(
     face: Path,
+    use: Path,
     contact: Path,
     path: Path,
     *,
@@ -25,12 +27,13 @@ def main(
     maximum_displacement_um: float,
 ) -> None:
     whole = read_dataset(face, only=["height", "counterface", "size_mm"])
+    whole, through = as_used(whole, read_dataset(use) if use else None, through)
     settings = {"force_N": force_N, "through": through, "modulus": modulus}
     settings |= {"tolerance": tolerance, "steps": steps}
     settings |= {"maximum_displacement_um": maximum_displacement_um}
     solved = solve_macroscale(whole, source=face, **settings)
     stored, size_mm = solved.to_dataset(), float(whole.size_mm)
-    write_dataset(contact, stored, provenance([face], settings))
+    write_dataset(contact, stored, provenance([face, *([use] if use else [])], settings))
     write_table(path, macroscale_table(stored))
     for doubt in plausibility_warnings(solved.final, size_mm=size_mm, patch_mm=patch_mm):
         logging.getLogger("gstlib").warning("%s", doubt)

@@ -15,6 +15,7 @@ from gst.batches import files_of
 from gst.figures import macroscale, microscale, places, tables
 from gst.figures.microscale import PatchResult
 from gst.figures.style import message_figure, save_figure
+from gst.figures.use import use_figure
 from gstlib.errors import InputError
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
@@ -236,6 +237,20 @@ def _texture(study: Study) -> Figure:
     return tables.texture_figure(study.table("texture"))
 
 
+def _use(study: Study) -> Figure:
+    found = study.data("use")
+    if not found.sizes:
+        return message_figure("Too few patches wore to tell how the tool was used.")
+    return use_figure(
+        found,
+        study.table("use_table", "parameter"),
+        study.table("predicted_losses", "patch") if "predicted_losses" in study.files else None,
+        study.square("surface", "height")["height"],
+        pd.DataFrame(study.places),
+        patch_size_mm=study.patch_mm,
+    )
+
+
 # Figures that are not of a single patch.
 _FIGURES: dict[str, Callable[[Study], Figure]] = {
     "inputs": _inputs,
@@ -250,6 +265,7 @@ _FIGURES: dict[str, Callable[[Study], Figure]] = {
     "wear": _wear,
     "validation": _validation,
     "texture": _texture,
+    "use": _use,
 }
 
 

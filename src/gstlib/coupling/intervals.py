@@ -1,17 +1,18 @@
 """Intervals of each patch's pressure: the stone pressed many times, each time slightly perturbed.
 
 In each draw the mesh errs by what its vertices mispredict of each other, every patch lies a little
-elsewhere, the detail between the scans is drawn anew, and so are the elastic constants and the
-point through which the force acts; the stone comes to rest again. The pressures of all draws
-together are what the measurements allow. Draws are pressed on elements twice as long as the
-study's. The error of summing macroscale forces in place of forces at the scans' resolution is small
-beside them (docs/explanation/evidence.md).
+elsewhere, the detail between the scans is drawn anew, and so are the elastic constants, the force,
+the point through which it acts and the radius of the active tool; the stone comes to rest again.
+The pressures of all draws together are what the measurements allow. Draws are pressed on elements
+twice as long as the study's. The error of summing macroscale forces in place of forces at the
+scans' resolution is small beside them (docs/explanation/evidence.md).
 """
 
 # ASSUME: errors of place are normal, alike along both axes and independent from patch to patch; a
 # patch that would leave the face stays at its edge.
 # ASSUME: the load point, too, errs normally and alike along both axes, but not to where there
-# is no stone: it would tip over in the hand; the force is known.
+# is no stone: it would tip over in the hand. Force and radius err lognormally. Where the wear
+# says how the tool was used, load point and radius are drawn from what it says.
 # ASSUME: Young's moduli of both stones vary independently (lognormal), and so do their Poisson's
 # ratios (normal); which of the two readings of E* is right is not drawn.
 
@@ -26,7 +27,7 @@ from gstlib.bem import contact_modulus
 from gstlib.conditions import study_modulus
 from gstlib.contact import Interface, Load
 from gstlib.coupling.pressures import patch_pressures
-from gstlib.macroscale.active_tool import face_in_pose
+from gstlib.macroscale.active_tool import face_in_pose, rounded_counterface
 from gstlib.macroscale.composite import compose_grid, draw_mesh_errors, plane_under
 from gstlib.macroscale.ensemble import Case, press_each
 from gstlib.surfaces.footprints import Place, moved, places_of, spline_of
@@ -35,7 +36,7 @@ from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["Errors", "Macroscale", "draw_contact_moduli", "draw_point", "pressure_intervals"]
 
-_DRAWS = 100
+_DRAWS = 200
 # Draws of a load point until one has stone under it.
 _TRIES = 100
 _PERCENTILES = (2.5, 97.5)
@@ -59,6 +60,10 @@ class Errors(NamedTuple):
         Of the place of an active tool.
     load_point_mm : float
         Of the point through which the force acts, along each axis.
+    radius_fraction : float
+        Of the logarithm of the active tool's radius.
+    force_fraction : float
+        Of the logarithm of the force.
     """
 
     young_fraction: float
@@ -66,6 +71,8 @@ class Errors(NamedTuple):
     placement_um: float
     pose_um: float
     load_point_mm: float
+    radius_fraction: float
+    force_fraction: float
 
 
 class Macroscale(NamedTuple):
@@ -79,11 +86,18 @@ class Macroscale(NamedTuple):
         From `gstlib.macroscale.composite.compose_surface`; None where the mesh alone is pressed.
     counterface : (y, x) xarray.DataArray or None
         An active tool's, from `gstlib.macroscale.active_tool.grid_counterface`; None without one.
+    radius_mm : float or None
+        Of an active tool that is round.
+    use : xarray.Dataset or None
+        What the wear says of load point and radius, from `gstlib.use.infer.infer_use`; without it,
+        they are as stated.
     """
 
     face: xr.Dataset
     composite: xr.Dataset | None
     counterface: xr.DataArray | None
+    radius_mm: float | None = None
+    use: xr.Dataset | None = None
 
 
 def draw_contact_moduli(
@@ -170,6 +184,9 @@ def pressure_intervals(
     moduli = study_modulus(material) * draw_contact_moduli(
         material, errors, generator=generator
     )
+    forces_N = force_N * np.exp(
+        errors.force_fraction * np.random.default_rng([seed, 3]).standard_normal(len(moduli))
+    )
     mesh = coarser(macroscale.face.height, _COARSER)
     mesh_errors = draw_mesh_errors(
         macroscale.face, mesh, len(moduli), np.random.default_rng([seed, 2])
@@ -183,13 +200,14 @@ def pressure_intervals(
             # the generator goes on: another detail in each draw
             height = _laid_on(height, composite, places[draw], patch_mm, generators[draw])
         pose = np.random.default_rng([seed, 4, draw])
-        # first, so that it is the same with an active tool and without
-        if through is not None:
-            point = draw_point(mesh, through, errors.load_point_mm, pose)
+        if through is None:
+            point, radius_mm, height = None, macroscale.radius_mm, remove_plane(height)[0]
         else:
-            point, height = None, remove_plane(height)[0]
-        interface = Interface(height, _posed_over(macroscale, mesh, errors, pose))
-        return Case(interface, Load.of_force(force_N, height, point), float(moduli[draw]))
+            # first, so that the point is the same with an active tool and without
+            point, radius_mm = _drawn_use(macroscale, mesh, through, errors, pose)
+        over = _posed_over(macroscale, mesh, radius_mm, errors, pose)
+        load = Load.of_force(float(forces_N[draw]), height, point)
+        return Case(Interface(height, over), load, float(moduli[draw]))
 
     cases = map(case, range(len(moduli)))
     contacts = press_each(cases, tolerance=_TOLERANCE, source="macroscale")
@@ -235,12 +253,37 @@ def _laid_on(
     return compose_grid(height, laid, patch_mm, composite.density, generator)
 
 
+def _drawn_use(
+    macroscale: Macroscale,
+    mesh: xr.DataArray,
+    through: tuple[float, float],
+    errors: Errors,
+    generator: np.random.Generator,
+) -> tuple[tuple[float, float], float | None]:
+    """A load point (y, x), mm, and a radius: as the wear says, or as stated with their errors."""
+    use = macroscale.use
+    if use is not None and use.attrs["taken"]:
+        one = use.isel(draw=generator.choice(use.sizes["draw"], p=use.weight.values))
+        known = not np.isnan(one.radius_mm)
+        radius_mm = float(one.radius_mm) if known else macroscale.radius_mm
+        return (float(one.y_mm), float(one.x_mm)), radius_mm
+    point, radius_mm = draw_point(mesh, through, errors.load_point_mm, generator), None
+    if macroscale.radius_mm is not None:
+        error = errors.radius_fraction * generator.standard_normal()
+        radius_mm = macroscale.radius_mm * float(np.exp(error))
+    return point, radius_mm
+
+
 def _posed_over(
-    macroscale: Macroscale, mesh: xr.DataArray, errors: Errors, generator: np.random.Generator
+    macroscale: Macroscale,
+    mesh: xr.DataArray,
+    radius_mm: float | None,
+    errors: Errors,
+    generator: np.random.Generator,
 ) -> xr.DataArray:
     """The active tool over the grid of the draws; one that is a mesh stands a little elsewhere."""
-    if macroscale.counterface is None:
-        return coarser(macroscale.face.counterface, _COARSER)
-    y, x = errors.pose_um * 1e-3 * generator.standard_normal(2)
     size_mm = float(macroscale.face.size_mm)
+    if macroscale.counterface is None:
+        return rounded_counterface(mesh, radius_mm, (size_mm / 2, size_mm / 2))
+    y, x = errors.pose_um * 1e-3 * generator.standard_normal(2)
     return face_in_pose(macroscale.counterface, mesh, Place(y, x), size_mm=size_mm)

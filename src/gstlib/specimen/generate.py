@@ -21,6 +21,7 @@ from gstlib.errors import ConfigError
 from gstlib.io.files import write_whole
 from gstlib.io.plu import write_plu
 from gstlib.io.store import write_dataset
+from gstlib.specimen.law import LAWS, load_point_of
 from gstlib.specimen.pebble import OUTER_SIZE_MM
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.specimen.scanning import (
@@ -318,4 +319,14 @@ def _truth(
         "y": ("y", along_scan, {"units": "mm", "spacing": p.scan_spacing_mm}),
         "x": ("x", along_scan, {"units": "mm", "spacing": p.scan_spacing_mm}),
     }
-    return xr.Dataset(variables, coordinates, {"wear_threshold_um": _WEAR_THRESHOLD_UM})
+    return xr.Dataset(
+        variables, coordinates, {"wear_threshold_um": _WEAR_THRESHOLD_UM} | _use_of(stone)
+    )
+
+
+def _use_of(stone: Stone) -> dict[str, Any]:
+    """The use that wore a stone, if a law did."""
+    if stone.parameters.wear_placement not in LAWS:
+        return {}
+    y, x = load_point_of(stone)
+    return {"use_y_mm": y, "use_x_mm": x, "use_radius_mm": stone.parameters.worn_radius_mm}

@@ -19,17 +19,26 @@ from gstlib.validation.single_scale import placed_whole
 if TYPE_CHECKING:
     from gstlib.specimen.stone import Stone
 
-__all__ = ["worn_by_law"]
+__all__ = ["LAWS", "load_point_of", "worn_by_law"]
+
+# Placements of wear that a law makes.
+LAWS = "archard", "interlayer"
+
 
 # ASSUME: wear made by a law has these constants; the default study has 10,346 MPa, 550 N, 200 mm,
 # the middle of the square and elements of 50 µm. The interlayer is as stiff as hide or wood, and
 # does half of the wear. A gain on wear made by the law that predicts it is a check of the code,
 # not evidence.
-_CONTACT_MODULUS_MPA, _PRESSURE_MPA, _RADIUS_MM = 1e4, 20.0, 170.0
-_OFF_MIDDLE_MM = 0.5, -0.4  # of the force, along y and x
+_CONTACT_MODULUS_MPA, _PRESSURE_MPA = 1e4, 20.0
 _ELEMENTS, _AROUND = 64, 44  # of the face: in the square, and on each side of it
 _STEPS, _TOLERANCE = 4, 1e-6
 _INTERLAYER, _INTERLAYER_FRACTION = Layer(young=300.0, poisson=0.3, thickness=0.3), 0.5
+
+
+def load_point_of(stone: "Stone") -> tuple[float, float]:
+    """Where (y, x), mm, on the square the stone was pressed."""
+    y, x = (stone.square_mm / 2 + off for off in stone.parameters.worn_off_middle_mm)
+    return y, x
 
 
 def worn_by_law(stone: "Stone", mean_loss: float, *, with_interlayer: bool) -> np.ndarray:
@@ -42,9 +51,9 @@ def worn_by_law(stone: "Stone", mean_loss: float, *, with_interlayer: bool) -> n
     face = make_surface(stone.face_means(_ELEMENTS, _AROUND), spacing)
     along = axis_coordinates(_ELEMENTS + 2 * _AROUND, spacing) - _AROUND * spacing
     face = face.assign_coords({axis: face[axis].copy(data=along) for axis in "yx"})
-    through = size_mm / 2 + _OFF_MIDDLE_MM[0], size_mm / 2 + _OFF_MIDDLE_MM[1]
+    through = load_point_of(stone)
     contact = contact_at_pressure(
-        Interface(face, rounded_counterface(face, _RADIUS_MM, through)),
+        Interface(face, rounded_counterface(face, stone.parameters.worn_radius_mm, through)),
         Load.of_force(_PRESSURE_MPA * size_mm**2, face, through),
         modulus=_CONTACT_MODULUS_MPA,
         tolerance=_TOLERANCE,

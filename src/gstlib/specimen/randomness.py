@@ -43,6 +43,10 @@ class SpecimenParameters:
         Size of the blots that lack a value.
     wear_placement : str
         Where wear lies, as in `gstlib.specimen.stone.Stone.wear_depth`.
+    worn_off_middle_mm : (float, float)
+        Where the force of wear by a law acts, from the middle of the square along y and x.
+    worn_radius_mm : float
+        Of the active tool of wear by a law.
     mesh_noise_um : float
         R.m.s. of the mesh's own error in height.
     hurst_exponent : float
@@ -74,6 +78,8 @@ class SpecimenParameters:
     scan_spacing_um: float
     unmeasured_size_um: float
     wear_placement: str
+    worn_off_middle_mm: tuple[float, float] = (0.5, -0.4)
+    worn_radius_mm: float = 170.0
     # ASSUME: the synthetic stone is like M12, whose data is not public: with this relief its square
     # goes down by 27 µm to reach 22 MPa, as in the paper. The errors of mesh and scans are orders
     # of magnitude; the paper states none.

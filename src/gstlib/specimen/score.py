@@ -40,6 +40,7 @@ def score_truth(
     placement: pd.DataFrame,
     pressures: pd.DataFrame,
     two_scales: pd.DataFrame | None,
+    use: pd.DataFrame | None = None,
 ) -> pd.DataFrame:
     """Compare what the stages recovered with the truth.
 
@@ -54,9 +55,9 @@ def score_truth(
         ``height`` (y, x) mm on the analysis grid, of the square and around it.
     scans, changes : mapping to xarray.Dataset
         Prepared scans by patch and epoch, and height changes by patch; each is looked up once.
-    placement, pressures, two_scales : pandas.DataFrame
+    placement, pressures, two_scales, use : pandas.DataFrame
         ``placement.csv``, ``patch_pressures.csv`` and, if there is one, ``two_scales.csv``, which
-        has the true pressures.
+        has the true pressures, and ``use.csv``.
 
     Returns
     -------
@@ -99,6 +100,7 @@ def score_truth(
         for row in pressures.itertuples():
             scores = [("pressure", "MPa", known[row.patch], row.pressure_MPa)]
             add("coupling", row.patch, scores)
+    add("use", "", _use_scores(truth.attrs, use))
     return pd.DataFrame(rows)
 
 
@@ -183,6 +185,16 @@ def _preparation_scores(at: xr.Dataset, epoch: str, scan: xr.Dataset) -> Iterato
         high[row, column] = stands_out
     _, spikes = scipy.ndimage.label(high, np.ones((3, 3)))
     yield f"{epoch} leftover_spikes", "1", 0, spikes
+
+
+def _use_scores(truth: Mapping[str, float], use: pd.DataFrame | None) -> Iterator[_Row]:
+    """How the tool was used, if a law wore it and the study asked."""
+    if use is None or "use_x_mm" not in truth:
+        return
+    recovered = use.set_index("parameter")["mean"]
+    for name, true in (("load_point_x", "x"), ("load_point_y", "y"), ("radius", "radius")):
+        if np.isfinite(recovered.get(name, math.nan)):
+            yield name, "mm", truth[f"use_{true}_mm"], recovered[name]
 
 
 def _registration_scores(at: xr.Dataset, found: dict) -> Iterator[_Row]:

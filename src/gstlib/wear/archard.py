@@ -181,7 +181,9 @@ def wear_square(
     contact : Contact
         The face's at the target load.
     pressures : pandas.DataFrame
-        ``patch, x_mm, y_mm, rotation_deg`` of every patch, and ``pressure_MPa`` before use.
+        ``patch, x_mm, y_mm, rotation_deg`` of every patch, and ``pressure_MPa`` before use. With
+        ``leave_one_out_MPa``, from `gstlib.use.infer.leave_one_out`, a patch wears at that pressure
+        where it is known, and not at one that its own loss has a part in.
     losses_um : mapping
         Measured mean loss over each patch that κ is fitted to, µm, finite; of two at least.
     patch_mm : float
@@ -219,6 +221,7 @@ def wear_square(
             ]
         else:
             paths = [_pressed_in_poses(contact, gesture, table, reach * most, patch_mm, steps)]
+        paths = [_without_own_loss(path, table) for path in paths]
         bare = paths[0]
         loss = bare.pressed.sel(body="stone")
         others = (measured.index.drop(patch, errors="ignore") for patch in table.patch)
@@ -334,6 +337,16 @@ def _pressed_in_poses(
         pressed[0, step + 1] = pressed[0, step] + lost * found.patch_exposure.sum("pose").values
         height = height.copy(data=height.values - lost * found.exposure.values)
     return _path(np.linspace(0, kappa, steps + 1), pressed, table)
+
+
+def _without_own_loss(path: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
+    """The path at pressures under the use that the wear of the other patches says."""
+    if "leave_one_out_MPa" not in table:
+        return path
+    other = (table.leave_one_out_MPa - table.pressure_MPa).fillna(0.0).to_numpy()
+    # ASSUME: what the wear of the square changes in a patch's pressure is as under the whole use.
+    pressed = path.pressed + path.kappa * xr.DataArray(other, dims="patch")
+    return path.assign(pressed=np.maximum(pressed, 0).transpose(*path.pressed.dims))
 
 
 def _path(kappa: np.ndarray, pressed: np.ndarray, table: pd.DataFrame) -> xr.Dataset:

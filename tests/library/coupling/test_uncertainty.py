@@ -28,7 +28,13 @@ MODULUS, TARGET = 10000.0, 15.0  # MPa
 FORCE = TARGET * (COUNT * SPACING) ** 2
 MIDDLE = (COUNT * SPACING / 2, COUNT * SPACING / 2)
 NO_ERRORS = Errors(
-    young_fraction=0.0, poisson=0.0, placement_um=0.0, pose_um=0.0, load_point_mm=0.0
+    young_fraction=0.0,
+    poisson=0.0,
+    placement_um=0.0,
+    pose_um=0.0,
+    load_point_mm=0.0,
+    radius_fraction=0.0,
+    force_fraction=0.0,
 )
 
 

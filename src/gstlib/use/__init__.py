@@ -1,0 +1,1 @@
+"""How a tool was used, read from its wear."""

@@ -1,0 +1,507 @@
+"""How a tool was used, read from its wear: where it was pressed, and against how round a tool.
+
+Of many uses that are possible beforehand, each is a contact of its own, in equilibrium. A use whose
+pressures go with the wear of the patches counts more. The draws are importance samples: the first
+are from what the user states, with its standard errors; those of each further round lie about what
+the earlier ones found, and all of them are weighed together, as draws from one mixture (Owen & Zhou
+2000, J. Am. Stat. Assoc. 95:135). The prediction for a patch weighs the draws by the wear of the
+*other* patches alone.
+
+Something always fits best. So the answer is compared with chance, the wear of the patches exchanged
+among them; and with heights alone, wear in proportion to how far a patch stands out above a plane:
+high places bear load, so that wear that follows heights looks like a use.
+"""
+
+# ASSUME: the force is known: a loss knows it through the wear coefficient alone. The radius is
+# known but for a lognormal error, the load point but for a normal one, alike along both axes.
+# ASSUME: the pressures of a use are those before wear; what wear moves between patches is small
+# beside what is not known.
+
+import logging
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+import xarray as xr
+
+from gstlib.contact import Interface, Load
+from gstlib.errors import InputError
+from gstlib.macroscale.active_tool import rounded_counterface
+from gstlib.macroscale.ensemble import Case, patch_means, press_each
+from gstlib.surfaces.grid import coarser
+from gstlib.use.evidence import Evidence, Losses, Seen, log_evidence, weigh
+
+__all__ = ["BETTER", "CHANCE", "CONSISTENT", "UNKNOWN", "Sampling", "StatedUse", "as_used"]
+__all__ += ["infer_use", "leave_one_out", "losses_of", "predicted_losses", "use_pressures"]
+__all__ += ["use_table"]
+
+_log = logging.getLogger(__name__)
+
+# The three answers to: does a use explain the wear?
+BETTER = "better than heights alone"
+CONSISTENT = "consistent with a use"
+CHANCE = "not better than chance"
+# Nobody can tell.
+UNKNOWN = "too few worn patches to tell"
+
+# Contacts are pressed on elements twice as long as the study's.
+_COARSER = 2
+# Far below the printed digits: each round rests on the last bits of those before it.
+_TOLERANCE = 1e-9
+# Decimals of a predicted loss (µm) and pressure (MPa); what is less comes from uses of no weight.
+_DECIMALS = 6
+# Effective draws, and patches, below which nothing is inferred.
+_FEWEST, _FEWEST_PATCHES = 40, 6
+# Effective draws that a proposal is fitted to. It is as much wider, and its tails are Student's.
+_FITTED, _WIDER, _FREEDOM = 12, 1.3, 5.0
+_PERMUTATIONS = 199
+_LEVEL, _CLEARLY = 0.05, 1.645  # one-sided
+# Heights that a plane may have: shares of the elements below it.
+_BELOW_PLANE = np.linspace(0.3, 0.995, 60)
+_TAILS = 0.025, 0.975
+_PREDICTIVE = 4000
+
+
+# Units and meaning of what is stored.
+_DESCRIBED = {
+    "y_mm": ("mm", "load point along y"),
+    "x_mm": ("mm", "load point along x"),
+    "radius_mm": ("mm", "radius of the active tool, NaN where it is not asked for"),
+    "weight": ("1", "worth of the draw after the wear was seen"),
+    "pressure": ("MPa", "pressure of the patch"),
+    "weight_without": ("1", "worth of the draw by the wear of the other patches"),
+    "log_score": ("1", "log probability of the patch's wear, given the others'"),
+    "heights_log_score": ("1", "the same by heights alone"),
+    "wear_coefficient": ("um/MPa", "wear coefficient with the sliding"),
+    "scatter": ("1", "scatter of the wear"),
+    "floor": ("um", "scatter of a loss that does not grow with it"),
+}
+
+
+class StatedUse(NamedTuple):
+    """What the user states of a use, with standard errors.
+
+    Attributes
+    ----------
+    force_N : float
+    through : (float, float)
+        The load point (y, x) on the square, mm.
+    load_point_mm : float
+        Its standard error along each axis.
+    radius_mm : float or None
+        Of the active tool; None where its face is known, or flat.
+    radius_fraction : float
+        Standard error of the logarithm of the radius.
+    """
+
+    force_N: float
+    through: tuple[float, float]
+    load_point_mm: float
+    radius_mm: float | None = None
+    radius_fraction: float = 0.0
+
+    @property
+    def prior(self) -> Any:
+        """Distribution of y, x and, if it is asked for, the logarithm of the radius."""
+        mean, error = [*self.through], 2 * [self.load_point_mm]
+        if self.radius_mm is not None:
+            mean, error = [*mean, np.log(self.radius_mm)], [*error, self.radius_fraction]
+        return scipy.stats.multivariate_normal(mean, np.square(error))
+
+
+class Sampling(NamedTuple):
+    """How uses are drawn.
+
+    Attributes
+    ----------
+    draws, rounds : int
+        Draws of a round, and the most rounds.
+    seed : int
+    enough : float
+        Effective draws from which no further round is drawn.
+    """
+
+    draws: int
+    rounds: int
+    seed: int
+    enough: float = 150.0
+
+
+class _Draws(NamedTuple):
+    """Uses (draws, parameters), their probability beforehand, their pressures, what these show."""
+
+    points: np.ndarray
+    log_prior: np.ndarray
+    pressure: np.ndarray
+    seen: Seen
+
+
+def infer_use(
+    face: xr.Dataset,
+    patches: pd.DataFrame,
+    evidence: Evidence,
+    stated: StatedUse,
+    *,
+    modulus: float,
+    patch_mm: float,
+    sampling: Sampling,
+) -> xr.Dataset:
+    """Where a tool was pressed, and against how round a tool.
+
+    Parameters
+    ----------
+    face : xarray.Dataset
+        ``height``, ``counterface`` and ``size_mm``, from
+        `gstlib.macroscale.composite.compose_surface` or `gstlib.macroscale.face.grid_macroscale`.
+    patches : pandas.DataFrame
+        ``patch, x_mm, y_mm, rotation_deg`` of the patches whose wear is known.
+    evidence : Evidence
+        Their wear, in that order.
+    stated : StatedUse
+    modulus : float
+        Contact modulus E*, MPa.
+    patch_mm : float
+        Side of a patch.
+    sampling : Sampling
+
+    Returns
+    -------
+    xarray.Dataset
+        By ``draw``: ``y_mm``, ``x_mm``, ``radius_mm`` (NaN where it is not asked for), ``weight``
+        (what the draw is worth after the wear was seen), and what `Evidence.nodes` knows, of one
+        node. By ``draw`` and ``patch``: ``pressure``, MPa, and ``weight_without`` and means of the
+        nodes, ``…_without``, after the wear of the other patches was seen. By ``patch``:
+        ``log_score`` and ``heights_log_score``, of each patch given the others. Attributes:
+        ``effective_draws``; ``p_value`` against chance; ``gain`` of the log score over heights
+        alone, with its standard error ``gain_error``; ``answer``, one of `BETTER`, `CONSISTENT` and
+        `CHANCE`; and ``taken``, whether the study takes it.
+
+    Raises
+    ------
+    InputError
+        Too few draws count.
+    """
+    if len(patches) < _FEWEST_PATCHES or not evidence.tells:
+        _log.info("the wear of %d patches is known, too few to tell a use", len(patches))
+        return xr.Dataset(attrs={"answer": UNKNOWN, "taken": 0, "effective_draws": 0.0})
+    generator = np.random.default_rng([sampling.seed, 6])
+    height = coarser(face.height, _COARSER)
+    means = patch_means(height, patches, size_mm=patch_mm)
+
+    def pressures(points: np.ndarray) -> np.ndarray:
+        settings = {"modulus": modulus, "patch_mm": patch_mm}
+        return use_pressures(points, face, patches, stated, **settings)
+
+    draws = _sample(stated.prior, pressures, evidence, sampling, generator)
+    weight, score = draws.seen.weights(draws.log_prior), draws.seen.log_score(draws.log_prior)
+    if (effective := _effective(weight)) < _FEWEST:
+        raise InputError(
+            "use",
+            f"of {len(weight)} uses that were tried, only {effective:.0f} count, too few to say "
+            "how the tool was used",
+            f"Raise use.draws (now {sampling.draws}) or use.rounds (now {sampling.rounds}), or "
+            "set use to null.",
+        )
+    heights = _heights_score(height, means, evidence)
+    gain = score - heights
+    stated_pressures = draws.pressure[: sampling.draws]
+    explained = {
+        "p_value": _chance(evidence, stated_pressures, patches, generator),
+        "gain": float(gain.sum()),
+        "gain_error": float(np.sqrt(len(gain)) * gain.std(ddof=1)),
+    }
+    variables: dict[str, tuple] = {
+        **{name: ("draw", of) for name, of in _named(draws.points).items()},
+        **{name: ("draw", of) for name, of in draws.seen.drawn.items()},
+        **{
+            f"{name}_without": (("draw", "patch"), of)
+            for name, of in draws.seen.without.items()
+        },
+        "weight": ("draw", weight),
+        "pressure": (("draw", "patch"), draws.pressure),
+        "weight_without": (("draw", "patch"), draws.seen.weights_without(draws.log_prior)),
+        "log_score": ("patch", score),
+        "heights_log_score": ("patch", heights),
+    }
+    found = xr.Dataset(variables, {"patch": list(patches.patch)}, explained)
+    for name in found.data_vars:
+        units, long_name = _DESCRIBED[str(name).removesuffix("_without")]
+        if name in _DESCRIBED:
+            units, long_name = _DESCRIBED[str(name)]
+        else:
+            long_name += ", by the wear of the other patches"
+        found[name].attrs = {"units": units, "long_name": long_name}
+    return found.assign_attrs(effective_draws=effective, **_answer(**explained))
+
+
+def use_pressures(
+    points: np.ndarray,
+    face: xr.Dataset,
+    patches: pd.DataFrame,
+    stated: StatedUse,
+    *,
+    modulus: float,
+    patch_mm: float,
+) -> np.ndarray:
+    """Pressure (uses, patches), MPa, under some uses; 0 of one that tips the stone over.
+
+    `points` (uses, 2 or 3) are load point (y, x), mm, and logarithm of the radius; the rest is as
+    in `infer_use`.
+    """
+    height = coarser(face.height, _COARSER)
+    means = patch_means(height, patches, size_mm=patch_mm)
+    cases = _cases(points, face, height, stated, modulus)
+    return np.array([_patch_pressure(case, means) for case in cases])
+
+
+def _cases(
+    points: np.ndarray,
+    face: xr.Dataset,
+    height: xr.DataArray,
+    stated: StatedUse,
+    modulus: float,
+) -> Iterator[Case]:
+    """What is pressed in each use."""
+    middle = 2 * (float(face.size_mm) / 2,)
+    known = coarser(face.counterface, _COARSER)
+    for y, x, *log_radius in points:
+        over = known
+        if log_radius:
+            over = rounded_counterface(height, float(np.exp(log_radius[0])), middle)
+        yield Case(
+            Interface(height, over), Load.of_force(stated.force_N, height, (y, x)), modulus
+        )
+
+
+def _patch_pressure(case: Case, means: "scipy.sparse.csr_array") -> np.ndarray:
+    """Pressure (patches,), MPa, of a use; 0 of one that tips the stone over."""
+    try:
+        (contact,) = press_each([case], tolerance=_TOLERANCE, source="use")
+    except InputError:
+        return np.zeros(means.shape[0])
+    found: np.ndarray = means @ contact.pressure.values.ravel()
+    return found
+
+
+def _sample(
+    prior: Any,
+    pressures: Any,
+    evidence: Evidence,
+    sampling: Sampling,
+    generator: np.random.Generator,
+) -> _Draws:
+    """Uses in rounds, each about what the earlier ones found, until enough of them count."""
+    proposals, points, fields, seen = [prior], [], [], []
+    for _ in range(sampling.rounds):
+        new = proposals[-1].rvs(sampling.draws, random_state=generator)
+        points.append(np.reshape(new, (sampling.draws, -1)))
+        fields.append(pressures(points[-1]))
+        seen.append(weigh(evidence, fields[-1]))
+        uses = np.concatenate(points)
+        # draws of all rounds are those of one mixture
+        density = [of.logpdf(uses) for of in proposals]
+        mixture = scipy.special.logsumexp(density, axis=0) - np.log(len(proposals))
+        drawn = _Draws(uses, density[0] - mixture, np.concatenate(fields), Seen.joined(seen))
+        effective = _effective(drawn.seen.weights(drawn.log_prior))
+        _log.info("%d uses tried, of which %.1f count", len(uses), effective)
+        if effective >= sampling.enough:
+            break
+        proposals.append(_proposal(drawn))
+    return drawn
+
+
+def _proposal(draws: _Draws) -> Any:
+    """About what the draws found, with the wear counting just so much that enough of them do."""
+    power, weight = 1.0, draws.seen.weights(draws.log_prior)
+    while _effective(weight) < _FITTED and power > 1e-3:
+        power *= 0.8
+        weight = scipy.special.softmax(draws.log_prior + power * draws.seen.log_evidence)
+    mean = weight @ draws.points
+    apart = draws.points - mean
+    spread = (weight[:, None] * apart).T @ apart
+    shape = _WIDER**2 * (_FREEDOM - 2) / _FREEDOM * spread
+    return scipy.stats.multivariate_t(mean, shape, df=_FREEDOM)
+
+
+def _effective(weight: np.ndarray) -> float:
+    """How many draws of equal weight would be worth as much."""
+    return float(1 / (weight**2).sum())
+
+
+def _named(points: np.ndarray) -> dict[str, np.ndarray]:
+    radius = np.exp(points[:, 2]) if points.shape[1] > 2 else np.full(len(points), np.nan)
+    return {"y_mm": points[:, 0], "x_mm": points[:, 1], "radius_mm": radius}
+
+
+def _answer(p_value: float, gain: float, gain_error: float) -> dict[str, Any]:
+    """Whether a use explains the wear, and whether the study takes it."""
+    if p_value > _LEVEL:
+        return {"answer": CHANCE, "taken": 0}
+    answer = BETTER if gain > _CLEARLY * gain_error else CONSISTENT
+    # where heights alone tell more of the other patches, a use has not shown itself
+    return {"answer": answer, "taken": int(gain > 0)}
+
+
+def _chance(
+    evidence: Evidence,
+    pressure: np.ndarray,
+    patches: pd.DataFrame,
+    generator: np.random.Generator,
+) -> float:
+    """P-value of the wear where it is, among the same wear elsewhere.
+
+    `pressure` (draws, patches) is that of stated uses: what was drawn later knows the wear.
+    """
+    pressure = pressure[pressure.sum(axis=1) > 0]
+
+    def explained(of: Evidence) -> float:
+        return float(scipy.special.logsumexp(log_evidence(of, pressure)))
+
+    orders = _orders(patches, generator)
+    by_chance = [explained(evidence.permuted(next(orders))) for _ in range(_PERMUTATIONS)]
+    as_good = np.sum(np.array(by_chance) >= explained(evidence))
+    return float((1 + as_good) / (1 + _PERMUTATIONS))
+
+
+def _orders(patches: pd.DataFrame, generator: np.random.Generator) -> Iterator[np.ndarray]:
+    """Orders of the patches in which neighbours stay neighbours: all turned, mirrored, shifted."""
+    places = patches[["y_mm", "x_mm"]].to_numpy(dtype=float)
+    places = places - places.mean(axis=0)
+    size = np.ptp(places, axis=0).max()
+    while True:
+        angle = generator.uniform(0, 2 * np.pi)
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        mirror = [generator.choice([-1, 1]), 1]
+        moved = (places * mirror) @ turn + generator.uniform(-0.5, 0.5, 2) * size
+        apart = np.abs(moved[:, None] - places) % size
+        apart = np.minimum(apart, size - apart)  # beyond an edge, the other begins
+        yield scipy.optimize.linear_sum_assignment((apart**2).sum(axis=2))[1]
+
+
+def _heights_score(
+    height: xr.DataArray, means: "scipy.sparse.csr_array", evidence: Evidence
+) -> np.ndarray:
+    """Log score (patches,) of wear in proportion to the volume above a plane of any height."""
+    values = np.where(np.isnan(height.values), -np.inf, height.values).ravel()
+    inside = np.asarray(means.sum(axis=0)).ravel() > 0
+    planes = np.quantile(values[inside], _BELOW_PLANE)
+    above = np.array([means @ np.maximum(values - plane, 0) for plane in planes])
+    return weigh(evidence, above).log_score(np.zeros(len(planes)))
+
+
+def losses_of(patches: pd.DataFrame, registration: pd.DataFrame) -> tuple[pd.DataFrame, Losses]:
+    """The patches whose loss is known, and their losses.
+
+    `patches` is the patch table and `registration` the table ``registration``. Patches
+    whose T1 is excluded are left out; those that lost nothing count.
+    """
+    known = registration[~registration.excluded.astype(bool)].set_index("patch")
+    depth_um = known.mean_wear_depth_um.dropna()
+    chosen = patches[patches.patch.isin(depth_um.index)].reset_index(drop=True)
+    return chosen, Losses(depth_um[chosen.patch].to_numpy(dtype=float))
+
+
+def as_used(
+    face: xr.Dataset, use: xr.Dataset | None, through: tuple[float, float] | None
+) -> tuple[xr.Dataset, tuple[float, float] | None]:
+    """What is pressed, and through which point: as the wear says, or else as stated.
+
+    `face` has ``height``, ``counterface`` and ``size_mm``; `use` is from `infer_use`. The load
+    point is the mean of what the wear says, and the radius the geometric mean.
+    """
+    if use is None or not use.attrs["taken"]:
+        return face, through
+    weight = use.weight.values
+    point = float(weight @ use.y_mm.values), float(weight @ use.x_mm.values)
+    log_radius = float(weight @ np.log(use.radius_mm.values))
+    if np.isnan(log_radius):
+        return face, point
+    middle = 2 * (float(face.size_mm) / 2,)
+    over = rounded_counterface(face.height, float(np.exp(log_radius)), middle)
+    return face.assign(counterface=over.assign_attrs(face.counterface.attrs)), point
+
+
+def leave_one_out(pressures: pd.DataFrame, use: xr.Dataset | None) -> pd.DataFrame:
+    """The table of pressures with ``leave_one_out_MPa``, as the wear of the other patches says.
+
+    NaN where the wear of the patch is not known. Without a use that is taken, the table stays as it
+    is.
+    """
+    if use is None or not use.attrs["taken"]:
+        return pressures
+    expected = (use.weight_without * use.pressure).sum("draw")
+    by_patch = pd.Series(expected.values, expected.patch.values).round(_DECIMALS)
+    return pressures.assign(leave_one_out_MPa=pressures.patch.map(by_patch))
+
+
+def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame:
+    """Loss of each patch as a use predicts it that the wear of the other patches knows.
+
+    `use` is from `infer_use` with these `losses`. The result has ``patch``, ``loss_um`` as
+    measured, ``predicted_um``, and the limits of 95 %, ``low_um`` and ``high_um``, scatter
+    included; it has no rows where nothing was inferred.
+    """
+    generator = np.random.default_rng([seed, 7])
+    rows = []
+    known = use.patch.values if use.sizes else []
+    for patch, measured in zip(known, losses.depth_um, strict=False):
+        at = use.sel(patch=patch)
+        expected = (at.wear_coefficient_without * at.pressure).values
+        weight = at.weight_without.values
+        drawn = generator.choice(len(weight), _PREDICTIVE, p=weight / weight.sum())
+        width = np.hypot(at.scatter_without * expected, at.floor_without).values[drawn]
+        loss = expected[drawn] + width * generator.standard_t(4.0, _PREDICTIVE)
+        rows.append((patch, measured, float(weight @ expected), *np.quantile(loss, _TAILS)))
+    columns = ["patch", "loss_um", "predicted_um", "low_um", "high_um"]
+    return pd.DataFrame(rows, columns=columns).round(_DECIMALS)
+
+
+def use_table(use: xr.Dataset, stated: StatedUse) -> pd.DataFrame:
+    """The table ``use.csv``: what was stated of the use, and what the wear says.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each ``parameter`` with its ``unit``: ``stated`` and ``stated_error`` (of the
+        radius: of its logarithm), NaN where nothing was; ``mean`` (of the radius: geometric),
+        ``low`` and ``high`` of 95 %. Two rows more say how good the answer is: ``p_value`` against
+        chance, and ``gain`` of the log score over heights alone. In all rows the same:
+        ``effective_draws``, ``answer``, and ``taken``, whether the study takes it.
+    """
+    y, x = stated.through
+    rows: list[tuple] = [
+        ("load_point_x", "mm", "x_mm", x, stated.load_point_mm),
+        ("load_point_y", "mm", "y_mm", y, stated.load_point_mm),
+    ]
+    if stated.radius_mm is not None:
+        rows.append(("radius", "mm", "radius_mm", stated.radius_mm, stated.radius_fraction))
+    if "wear_coefficient" in use:
+        rows.append(("wear_coefficient", "um/MPa", "wear_coefficient", np.nan, np.nan))
+        rows.append(("scatter", "1", "scatter", np.nan, np.nan))
+    found = [
+        (parameter, unit, value, error, *_summary(use, name))
+        for parameter, unit, name, value, error in rows
+    ]
+    if use.sizes:
+        gain, error = use.attrs["gain"], 1.96 * use.attrs["gain_error"]
+        found.append(("p_value", "1", np.nan, np.nan, use.attrs["p_value"], np.nan, np.nan))
+        found.append(("gain", "1", np.nan, np.nan, gain, gain - error, gain + error))
+    columns = ["parameter", "unit", "stated", "stated_error", "mean", "low", "high"]
+    answered = {name: use.attrs[name] for name in ("effective_draws", "answer")}
+    return pd.DataFrame(found, columns=columns).assign(
+        **answered, taken=bool(use.attrs["taken"])
+    )
+
+
+def _summary(use: xr.Dataset, name: str) -> tuple[float, float, float]:
+    """Mean and limits of what the wear says."""
+    if name not in use:
+        return np.nan, np.nan, np.nan
+    values, weight = use[name].values, use.weight.values
+    mean = float(weight @ values)
+    if name == "radius_mm":
+        mean = float(np.exp(weight @ np.log(values)))
+    low, high = np.quantile(values, _TAILS, weights=weight, method="inverted_cdf")
+    return mean, float(low), float(high)

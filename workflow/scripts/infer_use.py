@@ -1,0 +1,55 @@
+"""Read from the losses of the patches, or from grades of wear, how the tool was used."""
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from gst.logs import run_script
+from gst.provenance import provenance
+from gst.tables import write_table
+from gstlib.io.store import read_dataset, write_dataset
+from gstlib.io.tables import read_table
+from gstlib.use.evidence import Grades
+from gstlib.use.infer import (
+    Sampling,
+    StatedUse,
+    infer_use,
+    losses_of,
+    predicted_losses,
+    use_table,
+)
+
+
+def main(
+    face: Path,
+    registration: Path,
+    use: Path,
+    table: Path,
+    losses: Path | None = None,
+    *,
+    patches: dict[str, list],
+    stated: dict[str, Any],
+    sampling: dict[str, Any],
+    modulus: float,
+    patch_mm: float,
+) -> None:
+    """The file of the use has attributes alone where too few patches wore to tell."""
+    whole = read_dataset(face, only=["height", "counterface", "size_mm"])
+    told, drawn = StatedUse(**stated), Sampling(**sampling)
+    places = pd.DataFrame(patches)
+    if registration:
+        known, wear = losses_of(places, read_table(registration))
+    else:
+        known, wear = places, Grades(places.wear_grade.to_numpy(dtype=int))
+    settings = {"modulus": modulus, "patch_mm": patch_mm}
+    found = infer_use(whole, known, wear, told, sampling=drawn, **settings)
+    sources = [face, registration] if registration else [face]
+    write_dataset(use, found, provenance(sources, settings | stated | sampling))
+    write_table(table, use_table(found, told))
+    if losses is not None:
+        write_table(losses, predicted_losses(found, wear, drawn.seed))
+
+
+if "snakemake" in globals():
+    run_script(snakemake, main)

@@ -1,0 +1,29 @@
+"""Say of each patch how well T1 matches T0, and what was lost."""
+
+import logging
+from pathlib import Path
+
+from gst.batches import files_of
+from gst.logs import run_script
+from gst.tables import write_table
+from gstlib.change.selection import registration_table, rise_warnings
+from gstlib.io.store import Stored
+
+
+def main(
+    registered: list[Path],
+    registration: Path,
+    *,
+    worn: list[str],
+    selection: dict[str, float],
+    max_noise_fraction: float,
+) -> None:
+    changes = Stored(files_of(registered, worn), ["change", "loss", "gain"])
+    table = registration_table(changes, selection, max_noise_fraction=max_noise_fraction)
+    for doubt in rise_warnings(table, max_noise_fraction=max_noise_fraction):
+        logging.getLogger("gst").warning("%s", doubt)
+    write_table(registration, table)
+
+
+if "snakemake" in globals():
+    run_script(snakemake, main)
