@@ -9,7 +9,7 @@ import json
 import sys
 from pathlib import Path
 
-from gst.figures.microscale import overview_figure
+from gst.figures.microscale import PatchResult, overview_figure
 from gst.figures.study import Study
 from gst.figures.style import save_figure
 from gstlib.io.tables import read_table
@@ -38,11 +38,8 @@ contact = study.by_patch("contacts", [patch], "height", "pressure", "mean_pressu
 figure = overview_figure(
     study.square("contact"),
     study.pressures,
-    contact,
-    study.change(patch),
-    study.predicted(patch),
     study.tool,
-    patch=patch,
+    PatchResult(patch, contact, study.change(patch), study.predicted(patch)),
     patch_size_mm=config["scans"]["size_mm"],
     force_N=config["load"]["force_N"],
 )
