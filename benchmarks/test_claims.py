@@ -10,6 +10,7 @@ import pytest
 import scale
 import transforms
 import two_scales
+import use
 import verdict
 
 from gst.tables import TABLES
@@ -158,6 +159,17 @@ def test_worth_of_the_prediction():
         for cells, values in zip(shown, rows.to_numpy(), strict=True):
             for cell, value in zip(cells[1:], values[3:], strict=True):
                 assert not cell or same(cell, value), (cells, value)
+
+
+def test_how_was_it_used():
+    found = use.summary(read_table(use.RESULT)).loc[["losses", "grades"]]
+    columns = ["stones", "y_mm", "x_mm", "log_radius", "held_50", "held_95", "told", "inferred"]
+    columns += ["known", "claims", "false_claims"]
+    shown = table("## How was it used?")
+    assert [cells[0] for cells in shown] == ["losses", "grades"]
+    for (_, *cells), (_, values) in zip(shown, found.iterrows(), strict=True):
+        for cell, column in zip(cells, columns, strict=True):
+            assert cell == "" or same(cell, values[column]), (column, cell)
 
 
 def test_strength_of_the_stone():
