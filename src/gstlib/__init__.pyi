@@ -9,6 +9,7 @@ from . import microscale as microscale
 from . import preprocess as preprocess
 from . import specimen as specimen
 from . import surfaces as surfaces
+from . import use as use
 from . import validation as validation
 from . import wear as wear
 from .bem import ContactError as ContactError
@@ -51,11 +52,10 @@ from .specimen.randomness import self_affine_field as self_affine_field
 from .study import Study as Study
 from .surfaces.filtering import s_filtered as s_filtered
 from .surfaces.footprints import Place as Place
-from .surfaces.footprints import places_of as places_of
-from .surfaces.frames import Frame as Frame
 from .surfaces.grid import make_surface as make_surface
 from .surfaces.grid import spacing_of as spacing_of
 from .surfaces.leveling import remove_plane as remove_plane
+from .use.infer import infer_use as infer_use
 from .validation.single_scale import press_whole as press_whole
 from .validation.summary import score_wear as score_wear
 from .wear.fit import fit_wear as fit_wear
