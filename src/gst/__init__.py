@@ -15,7 +15,17 @@ _INSTALLED = Path(__file__).parent / "shipped"
 ROOT = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[2]
 
 # The configs that come with it, by name; whatever else lies in its folder `config` is a user's.
-SHIPPED = ("config", "m12", "interlayer", "mesh_only", "own", "pebble", "tiny", "two_tools")
+SHIPPED = (
+    "config",
+    "artefact",
+    "m12",
+    "interlayer",
+    "mesh_only",
+    "own",
+    "pebble",
+    "tiny",
+    "two_tools",
+)
 
 # Scans' holes are filled over triangles of three points each. Where other work runs, threads of the
 # linear algebra wait for each other so long that this takes ten times the CPU; nothing here gains

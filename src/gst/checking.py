@@ -148,6 +148,12 @@ def _active_stone(
 def _patches(config: dict, patches: pd.DataFrame) -> str:
     """How many patches are solved; or, without any, what the study proposes."""
     size_mm = config["scans"]["size_mm"]
+    graded = patches.wear_grade.dropna()
+    if len(graded) and not (patches.t0 != "").any():
+        return (
+            f"{len(graded)} places of {size_mm:g} mm with grades of wear from {graded.min():g} to "
+            f"{graded.max():g}, and no scans"
+        )
     if config["patches"] is not None:
         repeats = (patches["repeat"] != "").sum()
         return (

@@ -54,8 +54,9 @@ _TOLERANCE = 1e-9
 _DECIMALS = 6
 # Effective draws, and patches, below which nothing is inferred.
 _FEWEST, _FEWEST_PATCHES = 40, 6
-# Effective draws that a proposal is fitted to. It is as much wider, and its tails are Student's.
-_FITTED, _WIDER, _FREEDOM = 12, 1.3, 5.0
+# Effective draws that a proposal is fitted to; its tails are Student's. A draw counts from this
+# share of the mean weight on.
+_FITTED, _FREEDOM, _LEAST = 12, 5.0, 1e-3
 _PERMUTATIONS = 199
 _LEVEL, _CLEARLY = 0.05, 1.645  # one-sided
 # Heights that a plane may have: shares of the elements below it.
@@ -312,17 +313,42 @@ def _sample(
     return drawn
 
 
-def _proposal(draws: _Draws) -> Any:
-    """About what the draws found, with the wear counting just so much that enough of them do."""
+class _Kernels(NamedTuple):
+    """A mixture of Student's t about the draws that count."""
+
+    points: np.ndarray
+    weight: np.ndarray
+    shape: np.ndarray
+
+    def rvs(self, draws: int, random_state: np.random.Generator) -> np.ndarray:
+        """So many draws (draws, parameters)."""
+        about = random_state.choice(len(self.points), draws, p=self.weight)
+        apart = scipy.stats.multivariate_t(shape=self.shape, df=_FREEDOM)
+        moved = apart.rvs(draws, random_state=random_state).reshape(draws, -1)
+        found: np.ndarray = self.points[about] + moved
+        return found
+
+    def logpdf(self, uses: np.ndarray) -> np.ndarray:
+        """Logarithm of the density of uses (uses, parameters)."""
+        apart = scipy.stats.multivariate_t(shape=self.shape, df=_FREEDOM)
+        each = apart.logpdf(uses[:, None] - self.points)
+        found: np.ndarray = scipy.special.logsumexp(each + np.log(self.weight), axis=1)
+        return found
+
+
+def _proposal(draws: _Draws) -> _Kernels:
+    """About the draws that count, with the wear counting just so much that enough of them do."""
     power, weight = 1.0, draws.seen.weights(draws.log_prior)
     while _effective(weight) < _FITTED and power > 1e-3:
         power *= 0.8
         weight = scipy.special.softmax(draws.log_prior + power * draws.seen.log_evidence)
-    mean = weight @ draws.points
-    apart = draws.points - mean
+    apart = draws.points - weight @ draws.points
     spread = (weight[:, None] * apart).T @ apart
-    shape = _WIDER**2 * (_FREEDOM - 2) / _FREEDOM * spread
-    return scipy.stats.multivariate_t(mean, shape, df=_FREEDOM)
+    # the bandwidth of Scott, of as many draws as count
+    bandwidth = _effective(weight) ** (-1 / (draws.points.shape[1] + 4))
+    shape = bandwidth**2 * (_FREEDOM - 2) / _FREEDOM * spread
+    counts = weight > _LEAST / len(weight)
+    return _Kernels(draws.points[counts], weight[counts] / weight[counts].sum(), shape)
 
 
 def _effective(weight: np.ndarray) -> float:
