@@ -23,7 +23,7 @@ from gst.page import (
 )
 from gst.poses import poses_of
 from gst.provenance import study_provenance
-from gst.verdict import used, verdict, where_to_scan
+from gst.verdict import Answer, verdict, where_to_scan
 from gstlib.conditions import load_force
 from gstlib.io.files import sha256, write_whole
 from gstlib.io.meshes import read_mesh
@@ -100,7 +100,7 @@ class StudyPage:
         """
         results = page.parent
         inputs = certified_inputs(results, self.steps, self.files["made_from"])
-        said = {"verdict": self.answer, "generated": self.config["specimen"] is not None}
+        said = {"answer": self.answer, "generated": self.config["specimen"] is not None}
         overview = self._pictures["overview" if self.proposed is None else "places"]
         shown = embedded(overview.read_bytes())
         write_whole(report, render("page.report.html", **said, overview=shown).encode())
@@ -139,18 +139,14 @@ class StudyPage:
         return [square_of(field, self.config["square"]["size_mm"]) for field in found]
 
     @cached_property
-    def answer(self) -> Any:
-        """What the study found, in sentences."""
+    def answer(self) -> Answer:
+        """What the study found."""
         if self.proposed is not None:
             left = read_dataset(self.files["exposure"], only=["exposure", "touched"])
             size = {"size_mm": self.config["square"]["size_mm"], "patch_mm": self.patch_mm}
             held = concentration(left, self.proposed, **size)
-            scan = where_to_scan(self.proposed, held, force_N=self._force_N)
-            return (
-                [used(read_table(self._tables["use"])), *scan]
-                if "use" in self._tables
-                else scan
-            )
+            use = read_table(self._tables["use"]) if "use" in self._tables else None
+            return where_to_scan(self.proposed, held, force_N=self._force_N, use=use)
         poses = poses_of(self.config)
         return verdict(
             {name: read_table(self._tables[name]) for name in _SCORED if name in self._tables},

@@ -1,23 +1,24 @@
-"""The answer of a study in a few sentences, computed from its tables.
+"""The answer of a study in a few labelled lines, computed from its tables.
 
-Whether the loss that the other patches predict of each is right, and better than baselines that are
-given the same data; whether patches that nothing touches wear less; which patches carry the load.
+Which patches wore; whether patches that nothing touches wear less; how the tool was used; whether
+the loss that the other patches predict of each is right, and better than baselines that are given
+the same data; which patches carry the load. The statistics behind it are details.
 No sentence claims more than its numbers allow: a difference must show in an interval and in a test.
 """
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import pandas as pd
 
 from gstlib.macroscale.sampling_sites import CONTROL, EXPOSED, Concentration
 from gstlib.use.infer import BETTER, CHANCE
-from gstlib.validation.baselines import ORACLE
+from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.scoring import own_model
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
-__all__ = ["LEVEL", "MODELS", "sign_of", "used", "verdict", "where_to_scan"]
+__all__ = ["LEVEL", "MODELS", "Answer", "sign_of", "used", "verdict", "where_to_scan"]
 
 LEVEL = 0.05  # the usual one
 # The predictions, their baselines and the cap, in words.
@@ -37,6 +38,28 @@ TOUCHED = "spearman(touched, mean_wear_depth_um)"
 STRENGTH = "quartz indents at 11 to 12 GPa, quartzite is crushed at 0.15 to 0.3 GPa"
 # A longer list of names does not help a reader.
 _MOST_NAMED = 5
+_COMPARED = {1: "better", -1: "worse", 0: "not shown to be better or worse"}
+_RULE = (
+    f"A patch is found better than by chance where p ≤ {LEVEL}. A difference is called better "
+)
+_RULE += f"or worse where its 95 % interval shows it, and a test with p ≤ {LEVEL}."
+_USED = "How was it used?"
+_WHERE = "Where within the patches?"
+
+
+class Answer(NamedTuple):
+    """What a study found.
+
+    Attributes
+    ----------
+    lines : list of (str, str)
+        A question, and its answer in a sentence.
+    details : list of str
+        The statistics behind the lines.
+    """
+
+    lines: list[tuple[str, str]]
+    details: list[str]
 
 
 def verdict(
@@ -47,8 +70,8 @@ def verdict(
     pressure_cap: float | None = None,
     poses: int | None = None,
     second: bool = False,
-) -> list[str]:
-    """What the study found, in sentences: the predicted loss first, then the load.
+) -> Answer:
+    """What the study found: the wear, its use, its prediction, and the load.
 
     Parameters
     ----------
@@ -65,47 +88,48 @@ def verdict(
     second : bool
         Whether the active tool has a mesh.
     """
-    pressures = tables["patch_pressures"]
-    load = [used(tables["use"])] if "use" in tables else []
-    load += [_load(pressures, tables["patch_intervals"], force_N, second)]
-    if poses is not None:
-        load.append(_exposed(tables["exposure"], poses))
+    pressures, is_compared = tables["patch_pressures"], "validation_summary" in tables
+    wore = "No patch has a scan after use (T1), so no prediction is compared with wear."
+    answers, details, models = {"Which patches wore?": wore}, [""], set()
+    if is_compared:
+        summary = tables["validation_summary"].fillna({"model": ""})
+        summary = summary.set_index(["model", "statistic"]).sort_index()
+        models = set(summary.index.unique("model")) & {BARE, INTERLAYER}
+        losses = pressures[["patch", "pressure_MPa"]].merge(tables["registration"], how="left")
+        answers["Which patches wore?"] = _which(losses)
+        answers["Does contact explain it?"] = _untouched(summary, losses)
+    if "use" in tables:
+        answers[_USED] = used(tables["use"])
     if not pressures["in_study"].any():
-        return [*load, "No patch is in the study: the table of patches gives the reasons."]
-    if "validation_summary" not in tables:
-        return [
-            *load,
-            "No patch has a scan after use (T1), so no prediction is compared with wear.",
-        ]
-    summary = tables["validation_summary"].fillna({"model": ""})
-    summary = summary.set_index(["model", "statistic"]).sort_index()
-    models = set(summary.index.unique("model")) & {BARE, INTERLAYER}
-    if not models:
-        return [
-            *load,
+        answers[_WHERE] = "No patch is in the study: the table of patches gives the reasons."
+    elif models:
+        own, law = own_model(list(models)), "Archard's law"
+        if poses is not None:
+            law += f" over a gesture of {poses} poses"
+        if own == INTERLAYER and interlayer is not None:
+            young, thick = interlayer["young_MPa"], interlayer["thickness_um"]
+            law += f" with an interlayer of {young:g} MPa, {thick:g} µm thick,"
+        answers[_WHERE] = _where(summary, own, law, tables["validation_patches"])
+        answers["How deep, how much?"] = _how_much(summary, own)
+        details = [_agreement(summary, own, law), _errors(summary, own, pressure_cap)]
+        details += [_without_interlayer(summary) if own == INTERLAYER else "", _RULE]
+    elif is_compared:
+        answers[_WHERE] = (
             "Nothing is compared with wear: no loss of a patch could be predicted from those of "
-            "the others.",
-        ]
-    own = own_model(list(models))
-    law = "Archard's law"
+            "the others."
+        )
+    load = _load(pressures, tables["patch_intervals"], force_N, second)
     if poses is not None:
-        law += f" over a gesture of {poses} poses"
-    if own == INTERLAYER and interlayer is not None:
-        young, thick = interlayer["young_MPa"], interlayer["thickness_um"]
-        law += f" with an interlayer of {young:g} MPa, {thick:g} µm thick,"
-    scored = [_where(summary, own, law), _how_much(summary, own, pressure_cap)]
-    if own == INTERLAYER:
-        scored.append(_without_interlayer(summary))
-    untouched = _untouched(summary, pressures, tables["registration"])
-    chance = _against_chance(summary, own, tables["validation_patches"])
-    return [sentence for sentence in (*scored, untouched, chance, *load) if sentence]
+        load += f" {_exposed(tables['exposure'], poses)}"
+    answers["Which patches bear the load?"] = load
+    return Answer([line for line in answers.items() if line[1]], list(filter(None, details)))
 
 
 def used(use: pd.DataFrame) -> str:
     """How the tool was used, as its wear says, and how sure that is."""
     known, answer = use.set_index("parameter"), use.answer.iloc[0]
     if not use.effective_draws.iloc[0] > 0:
-        return "How the tool was used cannot be read from its wear: too few patches wore."
+        return "This cannot be read from the wear: too few patches wore."
     said = [
         f"{axis} {known['mean'][name]:.1f} mm ({known.low[name]:.1f} to {known.high[name]:.1f})"
         for axis, name in (("x", "load_point_x"), ("y", "load_point_y"))
@@ -116,13 +140,14 @@ def used(use: pd.DataFrame) -> str:
     if "radius" in known.index:
         row = known.loc["radius"]
         found += (
-            f" against a tool of {row['mean']:.0f} mm radius ({row.low:.0f} to {row.high:.0f})"
+            f" against a tool of {_two_digits(row['mean'])} mm radius "
+            f"({_two_digits(row.low)} to {_two_digits(row.high)})"
         )
         stated += f" and {row.stated:.0f} mm"
     if answer == CHANCE:
         return (
-            "How the tool was used cannot be read from its wear: no use explains the wear better "
-            f"than the same wear exchanged among the patches (p = {known['mean']['p_value']:.2g}). "
+            "This cannot be read from the wear: no use explains it better than the same wear "
+            f"exchanged among the patches ({_p(known['mean']['p_value'])}). "
             "The study goes on as stated."
         )
     if answer == BETTER:
@@ -168,11 +193,11 @@ def _load(
         return f"P{top[1:]}."
     ordered = pressures.sort_values("force_N", ascending=False, kind="stable")
     shares = ordered["force_N"].cumsum() / total
-    *others, last = list(ordered["patch"])[: int((shares <= 0.5).sum()) + 1]
-    who = f"Patches {', '.join(others)} and {last} carry" if others else f"Patch {last} carries"
-    if len(others) >= _MOST_NAMED:
-        who = f"The load is spread: {len(others) + 1} patches carry"
-    share = f"{100 * shares.iloc[len(others)]:.0f} % of the load on the {count} patches"
+    first = list(ordered["patch"])[: int((shares <= 0.5).sum()) + 1]
+    who = f"Patches {_listed(first)} carry" if len(first) > 1 else f"Patch {first[0]} carries"
+    if len(first) > _MOST_NAMED:
+        who = f"The load is spread: {len(first)} patches carry"
+    share = f"{100 * shares.iloc[len(first) - 1]:.0f} % of the load on the {count} patches"
     share += f", which bear {100 * total / force_N:.0f} % of the force{against}"
     return f"{who} {share}; {top}."
 
@@ -188,8 +213,14 @@ def _exposed(exposure: pd.DataFrame, poses: int) -> str:
     )
 
 
-def where_to_scan(places: pd.DataFrame, held: Concentration, *, force_N: float) -> list[str]:
-    """Where pressure and exposure concentrate, and which places to scan, in sentences.
+def where_to_scan(
+    places: pd.DataFrame,
+    held: Concentration,
+    *,
+    force_N: float,
+    use: pd.DataFrame | None = None,
+) -> Answer:
+    """Where pressure and exposure concentrate, and which places to scan.
 
     Parameters
     ----------
@@ -199,7 +230,10 @@ def where_to_scan(places: pd.DataFrame, held: Concentration, *, force_N: float) 
         Its own.
     force_N : float
         The whole load.
+    use : pandas.DataFrame, optional
+        ``use.csv``, where the wear says how the tool was used.
     """
+    lines = [] if use is None else [(_USED, used(use))]
     exposed, controls = (places[places.kind == kind] for kind in (EXPOSED, CONTROL))
     spread = (
         f"Under {force_N:g} N, wherever the hand pushes, {100 * held.in_square:.0f} % of the "
@@ -207,16 +241,19 @@ def where_to_scan(places: pd.DataFrame, held: Concentration, *, force_N: float) 
         "area."
     )
     if exposed.empty:
-        return ["No pose touches the square, so there is nothing to scan in it."]
+        nothing = "No pose touches the square, so there is nothing to scan in it."
+        return Answer([*lines, ("Where to scan?", nothing)], [])
     first = exposed.iloc[0]
     scan = (
         f"Scan {_from_to(exposed)}: of the square's exposure, {100 * held.in_places:.0f} % lies "
         f"there, on {100 * held.places_area:.0f} % of its area; most in {first.place}, "
         f"{first.x_mm:g} mm along x and {first.y_mm:g} mm along y from the reference corner."
     )
-    if controls.empty:
-        return [scan, "No place is free of contact, so there is no control.", spread]
-    return [scan, f"No pose touches {_from_to(controls)}: scan them as controls.", spread]
+    control = "No place is free of contact, so there is no control."
+    if not controls.empty:
+        control = f"No pose touches {_from_to(controls)}: scan them as controls."
+    lines += [("Where to scan?", scan), ("What to compare with?", control)]
+    return Answer([*lines, ("Where is it exposed?", spread)], [])
 
 
 def _from_to(places: pd.DataFrame) -> str:
@@ -224,35 +261,106 @@ def _from_to(places: pd.DataFrame) -> str:
     return first if len(places) == 1 else f"{first} to {last}"
 
 
+def _listed(names: Sequence[str]) -> str:
+    *others, last = names
+    return f"{', '.join(others)} and {last}" if others else last
+
+
 def _two_digits(value: float) -> str:
     return f"{float(f'{value:.2g}'):g}"
 
 
-def _where(summary: pd.DataFrame, own: str, law: str) -> str:
-    """Was the place of the loss predicted, and better than by the best baseline?"""
-    mean, gain = (summary.loc[(own, f"{name}(mcc)")] for name in ("mean", "gain"))
-    if not mean.n:
+def _at_least(value: float, least: float, unit: str) -> str:
+    return f"{_two_digits(value)} {unit}" if value >= least else f"less than {least:g} {unit}"
+
+
+def _range(values: pd.Series, least: float, unit: str) -> str:
+    ends = [_at_least(value, least, unit) for value in (values.min(), values.max())]
+    return " to ".join(dict.fromkeys(ends))
+
+
+def _which(losses: pd.DataFrame) -> str:
+    """Which patches lost height, how much of their area and how deep; and what of the others."""
+    known = losses.dropna(subset="mean_wear_depth_um")
+    lost, certain = known.loss_fraction > 0, known.above_noise.astype(bool)
+    worn = known[lost & certain].sort_values("mean_wear_depth_um", ascending=False)
+    said, names = f"{len(worn) or 'None'} of {len(known)}", list(worn.patch)
+    if names:
+        who = f", patch {names[0]} the most"
+        if len(names) <= _MOST_NAMED:
+            who = f" (patch{'es' * (len(names) > 1)} {_listed(names)})"
+        area = _range(100 * worn.loss_fraction, 0.1, "%")
+        depth = _range(worn.mean_depth_where_worn_um, 0.01, "µm")
+        said += f"{who}: on {area} of the area, {depth} deep there on average"
+    others = {
+        "; {} lost less than the scans can show": len(known) - lost.sum(),
+        "; {} lost what may be noise": (lost & ~certain).sum(),
+        "; of {} more no loss is known": len(losses) - len(known),
+    }
+    return said + "".join(how.format(count) for how, count in others.items() if count) + "."
+
+
+def _where(summary: pd.DataFrame, own: str, law: str, patches: pd.DataFrame) -> str:
+    """Was the place of the loss predicted better than by chance, and than by the best baseline?"""
+    gain = summary.loc[(own, "gain(mcc)")]
+    if not gain.n:
         return (
             f"{law} predicts a loss, but no patch in the study lost enough to be compared with."
         )
+    p_values = patches.p_value[patches.in_statistics.astype(bool)]
+    tested, untested = int(p_values.notna().sum()), int(p_values.isna().sum())
+    chance = "not tested against chance"
+    if tested:
+        together = f"together {_p(summary.p_value[own, 'tested_mean(mcc)'])}" * (tested > 1)
+        rest = f"{untested} cannot be tested" * (untested > 0)
+        more = "; ".join(filter(None, (together, rest)))
+        chance = f"better than chance on {(p_values <= LEVEL).sum()} of {tested} patch"
+        chance += "es" * (tested > 1) + f" ({more})" * bool(more)
+    return (
+        f"Predicted from the wear of the other patches: {chance}; {_COMPARED[sign_of(gain)]} "
+        f"than the best baseline, {MODELS[gain.against]}."
+    )
+
+
+def _how_much(summary: pd.DataFrame, own: str) -> str:
+    """How wrong are depths and volumes, against the best baseline of each?"""
+    depth, volume = (summary.loc[(own, f"relative({of}_error)")] for of in ("map", "volume"))
+    if not (math.isfinite(depth.value) and math.isfinite(volume.value)):
+        return ""
+    # no loss is what maps are compared with; which baseline is best is not in that row
+    others = summary.value.xs("relative(map_error)", level="statistic").reindex(BASELINES)
+    others[depth.against] = 1.0
+    best = others.idxmin()
+    shows = int(volume.high < 1) - int(volume.low > 1)
+    shown = _COMPARED[shows * int(volume.p_value <= LEVEL)]
+    theirs = "it" if volume.against == best else f"the best, {MODELS[volume.against]}"
+    return (
+        f"Depths err {_two_digits(depth.value / others[best])} times as much as the best baseline, "
+        f"{MODELS[best]} (not tested); volumes {_two_digits(volume.value)} times as much as "
+        f"{theirs}: {shown} ({_p(volume.p_value)})."
+    )
+
+
+def _agreement(summary: pd.DataFrame, own: str, law: str) -> str:
+    """The agreement of predicted and measured places, and of the best baseline's."""
+    mean, gain = (summary.loc[(own, f"{name}(mcc)")] for name in ("mean", "gain"))
+    if not mean.n:
+        return ""
     baseline = summary.value[gain.against, "mean(mcc)"]
     interval = ""
     if math.isfinite(mean.low):
         interval = f"; 95 % interval {mean.low:.2f} to {mean.high:.2f}"
-    compared = {1: "better than", -1: "worse than", 0: "not shown to be better or worse than"}[
-        sign_of(gain)
-    ]
     patches = "1 patch" if mean.n == 1 else f"{mean.n} patches"
     sentence = (
         f"From the wear of the other patches, {law} predicts where each patch lost height with a "
         f"mean MCC of {mean.value:.2f} (0 is chance, 1 perfect{interval}) "
-        f"over {patches}: {compared} the best baseline that is given the same data, "
-        f"{MODELS[gain.against]} ({baseline:.2f}, {_p(gain)})."
+        f"over {patches}. The best baseline that is given the same data, {MODELS[gain.against]}, "
+        f"reaches {baseline:.2f} ({_p(gain.p_value)})."
     )
     return sentence.replace("-", "−")
 
 
-def _how_much(summary: pd.DataFrame, own: str, pressure_cap: float | None) -> str:
+def _errors(summary: pd.DataFrame, own: str, pressure_cap: float | None) -> str:
     """What masks of its areas could reach, errors of map and volume, and all if stone yields."""
     depth, volume = (summary.loc[(own, f"relative({of}_error)")] for of in ("map", "volume"))
     if not (math.isfinite(depth.value) and math.isfinite(volume.value)):
@@ -260,9 +368,9 @@ def _how_much(summary: pd.DataFrame, own: str, pressure_cap: float | None) -> st
     reached = summary.value[own, "mean(attainable_mcc)"]
     sentence = (
         f"Masks of the predicted areas could reach {reached:.2f}. "
-        f"Its maps err {_two_digits(depth.value)} times as much as no loss would ({_p(depth)}), "
-        f"its volumes {_two_digits(volume.value)} times as much as the best baseline's "
-        f"({_p(volume)})."
+        f"Its maps err {_two_digits(depth.value)} times as much as no loss would "
+        f"({_p(depth.p_value)}), its volumes {_two_digits(volume.value)} times as much as the best "
+        f"baseline's ({_p(volume.p_value)})."
     )
     if (CAPPED, "mean(mcc)") in summary.index and pressure_cap is not None:
         names = "mean(mcc)", "relative(map_error)", "relative(volume_error)"
@@ -281,52 +389,37 @@ def _without_interlayer(summary: pd.DataFrame) -> str:
         return ""
     return (
         f"Out of contact, where only an interlayer wears, its maps err {_two_digits(out.value)} "
-        f"times as much as those of the bare stone ({_p(out)})."
+        f"times as much as those of the bare stone ({_p(out.p_value)})."
     )
 
 
-def _untouched(
-    summary: pd.DataFrame, pressures: pd.DataFrame, registration: pd.DataFrame
-) -> str:
+def _untouched(summary: pd.DataFrame, losses: pd.DataFrame) -> str:
     """Do patches that nothing touches wear less than those that are touched?"""
-    known = pressures[["patch", "pressure_MPa"]].merge(registration, on="patch")
-    known = known[known.above_noise.astype(bool)].dropna(subset="mean_wear_depth_um")
+    known = losses.dropna(subset="mean_wear_depth_um")
+    known = known[known.above_noise.astype(bool)]
     is_touched = known.pressure_MPa > 0
     untouched, touched = (
         known.mean_wear_depth_um[is_touched == side] for side in (False, True)
     )
     if untouched.empty or touched.empty:
-        return ""
+        return "Not tested: this takes both touched and untouched patches of known loss."
     row = summary.loc[("", TOUCHED)]
     said = {
-        1: "untouched patches wear less",
-        -1: "untouched patches wear more",
-        0: "this does not show that untouched patches wear less",
-    }[sign_of(row)]
-    who = "patch" if len(untouched) == 1 else f"{len(untouched)} patches"
-    means = [_two_digits(losses.mean()) for losses in (untouched, touched)]
+        1: "Untouched patches wore less",
+        -1: "Untouched patches wore more",
+        0: "Not shown that untouched patches wore less",
+    }
+    who, other = ("one" if len(of) == 1 else len(of) for of in (untouched, touched))
+    means = [_at_least(of.mean(), 0.01, "µm") for of in (untouched, touched)]
     return (
-        f"The {who} that nothing touches lost {means[0]} µm on average, the "
-        f"{len(touched)} touched {means[1]} µm: {said} ({_p(row)})."
+        f"{said[sign_of(row)]}: the {who} that nothing touches lost {means[0]} on average, the "
+        f"{other} that are touched {means[1]} ({_p(row.p_value)})."
     )
 
 
-def _against_chance(summary: pd.DataFrame, own: str, patches: pd.DataFrame) -> str:
-    """On how many of the counted patches the places of the loss are better than chance."""
-    p_values = patches.p_value[patches.in_statistics.astype(bool)]
-    tested, untested = int(p_values.notna().sum()), int(p_values.isna().sum())
-    if not tested:
-        return "No patch can be tested against chance."
-    better = int((p_values <= LEVEL).sum())
-    together = ""
-    if tested > 1:
-        together = f"; together {_p(summary.loc[(own, 'tested_mean(mcc)')])}"
-    sentence = (
-        f"On {better} of the {tested} patches that can be tested, the places are predicted better "
-        f"than by chance (p ≤ {LEVEL}{together})"
-    )
-    return sentence + (f"; {untested} cannot be tested." if untested else ".")
-
-
-def _p(row: Any) -> str:
-    return f"p = {row.p_value:.2g}" if math.isfinite(row.p_value) else "not tested"
+def _p(value: float) -> str:
+    if not math.isfinite(value):
+        return "not tested"
+    if not 0.001 <= value <= 0.99:
+        return "p < 0.001" if value < 0.5 else "p > 0.99"
+    return f"p = {value:.2g}"

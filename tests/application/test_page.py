@@ -14,6 +14,7 @@ from gst.config import read_config
 from gst.figures.style import STONE
 from gst.figures.tool import coloured_tool
 from gst.tables import TABLES
+from gst.verdict import Answer
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import make_surface
 from PIL import Image
@@ -102,7 +103,12 @@ def test_the_caption_of_a_table_explains_its_columns_with_any_config(name, study
 
 
 def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():
+    answer = Answer([("Why?", "a < b, 5 %")], ["A mean MCC of 1 < 2.", "A mean MCC of 1."])
     for generated in (True, False):
-        html = page.render("page.verdict.html", verdict=["a < b.", "5 %"], generated=generated)
+        html = page.render("page.verdict.html", answer=answer, generated=generated)
         assert ("Synthetic specimen" in html) == generated
-        assert "<strong>a &lt; b.</strong><br> 5\xa0%</p>" in html
+        assert "<dt>Why?</dt><dd>a &lt; b, 5\xa0%</dd>" in html
+    assert html.count("<abbr") == html.count("Matthews") == 1
+    assert "<details" not in page.render(
+        "page.verdict.html", answer=answer._replace(details=[]), generated=False
+    )

@@ -4,18 +4,26 @@ import math
 
 import pandas as pd
 import pytest
-from gst.verdict import MODELS, where_to_scan
+from gst.verdict import MODELS, used, where_to_scan
 from gst.verdict import verdict as verdict_of
 from gstlib.macroscale.sampling_sites import Concentration
+from gstlib.use.infer import BETTER
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
 NAN = math.nan
 TOUCHED = "spearman(touched, mean_wear_depth_um)"
+WORE, CONTACT, USED = "Which patches wore?", "Does contact explain it?", "How was it used?"
+WHERE, DEEP = "Where within the patches?", "How deep, how much?"
+LOAD = "Which patches bear the load?"
 
 
 def verdict(tables, **more):
     return verdict_of(tables, force_N=200.0, **more)
+
+
+def line(question, tables, **more):
+    return dict(verdict(tables, **more).lines)[question]
 
 
 def loaded(forces, *, studied=True):
@@ -27,11 +35,14 @@ def loaded(forces, *, studied=True):
     return {"patch_pressures": pressures, "patch_intervals": intervals}
 
 
-def compared(*, model=BARE, p_values=(0.01, 0.2, 0.3, NAN), touched=(), mean=(), gain=()):
+def compared(
+    *, model=BARE, p_values=(0.01, 0.2, 0.3, NAN), touched=(), mean=(), gain=(), volume=()
+):
     """A study of patches a to d, of which nothing touches d, and what differs from its summary."""
     row = {"value": 0.5, "low": 0.4, "high": 0.6, "p_value": NAN, "n": 4, "against": ""}
     rows = [{"model": model, "statistic": "mean(mcc)"} | row | dict(mean)]
     rows += [{"model": "rigid", "statistic": "mean(mcc)"} | row | {"value": 0.4}]
+    rows += [{"model": "rigid", "statistic": "relative(map_error)"} | row | {"value": 0.5}]
     of = {"mean(mcc)": 0.45, "relative(map_error)": 0.7, "relative(volume_error)": 1.2}
     rows += [
         {"model": CAPPED, "statistic": name} | row | {"value": value} for name, value in of.items()
@@ -40,8 +51,11 @@ def compared(*, model=BARE, p_values=(0.01, 0.2, 0.3, NAN), touched=(), mean=(),
     for name, more in (
         ("mean(attainable_mcc)", {"value": 0.7}),
         ("gain(mcc)", better | dict(gain)),
-        ("relative(map_error)", {"value": 0.6, "p_value": 0.03, "against": "none"}),
-        ("relative(volume_error)", {"value": 1.3, "p_value": 1.0, "against": "mean_volume"}),
+        ("relative(map_error)", {"value": 0.6, "p_value": 0.0003, "against": "none"}),
+        (
+            "relative(volume_error)",
+            {"value": 1.3, "p_value": 1.0, "against": "rigid"} | dict(volume),
+        ),
         ("relative(out_of_contact)", {"value": 1.1, "p_value": 0.02, "against": BARE}),
         ("tested_mean(mcc)", {"p_value": 0.002, "against": "other patches' predictions"}),
     ):
@@ -53,6 +67,8 @@ def compared(*, model=BARE, p_values=(0.01, 0.2, 0.3, NAN), touched=(), mean=(),
         {"patch": list("abcd"), "p_value": list(p_values), "in_statistics": True}
     )
     lost = {"patch": list("abcd"), "mean_wear_depth_um": [0.2, 0.4, 0.6, 0.05], "above_noise": True}
+    lost |= {"loss_fraction": [0.1, 0.2, 0.3, 0.04]}
+    lost |= {"mean_depth_where_worn_um": [2.0, 2.0, 2.0, 1.25]}
     return loaded([1.0, 2.0, 3.0, 0.0]) | {
         "registration": pd.DataFrame(lost),
         "validation_patches": patches,
@@ -69,7 +85,7 @@ def compared(*, model=BARE, p_values=(0.01, 0.2, 0.3, NAN), touched=(), mean=(),
     ],
 )
 def test_the_fewest_patches_that_carry_most_of_the_load(forces, named, share, of_force):
-    first = verdict(loaded(forces))[0]
+    first = line(LOAD, loaded(forces))
     assert named in first
     assert f"{share} of the load on the {len(forces)} patches" in first
     assert f"bear {of_force} of the force" in first
@@ -77,96 +93,181 @@ def test_the_fewest_patches_that_carry_most_of_the_load(forces, named, share, of
 
 
 def test_a_single_patch_has_no_fraction_and_none_may_be_touched():
-    assert verdict(loaded([3.0]))[0].startswith("Patch a bears the highest pressure, 6 MPa")
-    none = verdict(loaded([0.0, 0.0]), second=True)[0]
+    assert line(LOAD, loaded([3.0])).startswith("Patch a bears the highest pressure, 6 MPa")
+    none = line(LOAD, loaded([0.0, 0.0]), second=True)
     assert "against the active tool, no scanned patch touches; within" in none
     assert none.endswith("patch a may bear the most, up to 120 MPa.")
 
 
 @pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, "4 of 4 (patches c, b, a and d): on 4 % to 30 % of the area, 1.2 µm to 2 µm deep"),
+        ({"above_noise": [True, True, False, True]}, "3 of 4 (patches b, a and d)"),
+        ({"above_noise": [True, True, False, True]}, "; 1 lost what may be noise."),
+        ({"loss_fraction": [0.1, 0.2, 0.3, 0.0]}, "3 of 4 (patches c, b and a)"),
+        ({"loss_fraction": [0.1, 0.2, 0.3, 0.0]}, "; 1 lost less than the scans can show."),
+        ({"loss_fraction": [0.1, 0.2, 0.3, 2e-5]}, ": on less than 0.1 % to 30 % of"),
+        ({"loss_fraction": 0.0}, "None of 4; 4 lost less than the scans can show."),
+        (
+            {"mean_wear_depth_um": [NAN, 0.4, NAN, NAN]},
+            "1 of 1 (patch b): on 20 % of the area, 2 µm",
+        ),
+        ({"mean_wear_depth_um": [NAN, 0.4, NAN, NAN]}, "; of 3 more no loss is known."),
+    ],
+)
+def test_which_patches_wore(changes, said):
+    tables = compared()
+    tables["registration"] = tables["registration"].assign(**changes)
+    assert said in line(WORE, tables)
+
+
+def test_of_many_worn_patches_the_most_worn_is_named():
+    names = list("abcdefgh")
+    of = {"mean_wear_depth_um": range(8), "loss_fraction": 0.5, "mean_depth_where_worn_um": 1.0}
+    many = pd.DataFrame({"patch": names, "above_noise": True} | of)
+    tables = compared() | loaded([1.0] * 9) | {"registration": many}
+    assert line(WORE, tables).startswith("8 of 8, patch h the most: on 50 % of the area, 1 µm deep")
+    assert line(WORE, tables).endswith("; of 1 more no loss is known.")
+
+
+@pytest.mark.parametrize(
     ("gain", "words"),
     [
-        ({}, ": better than the best baseline"),
-        ({"value": -0.1, "low": -0.2, "high": -0.01}, ": worse than the best baseline"),
-        ({"low": -0.1}, ": not shown to be better or worse than the best baseline"),
-        ({"p_value": 0.06}, ": not shown to be better or worse than the best baseline"),
-        (dict.fromkeys(("low", "high", "p_value"), NAN), ": not shown to be better or worse than"),
+        ({}, "; better than the best baseline"),
+        ({"value": -0.1, "low": -0.2, "high": -0.01}, "; worse than the best baseline"),
+        ({"low": -0.1}, "; not shown to be better or worse than the best baseline"),
+        ({"p_value": 0.06}, "; not shown to be better or worse than the best baseline"),
+        (dict.fromkeys(("low", "high", "p_value"), NAN), "; not shown to be better or worse than"),
     ],
 )
 def test_the_prediction_against_its_best_baseline(gain, words):
     """A difference must show in the interval and in the test."""
-    said = verdict(compared(gain=gain))[0]
-    assert said.startswith("From the wear of the other patches, Archard's law predicts where")
+    tables = compared(gain=gain)
+    assert words in line(WHERE, tables)
+    assert line(WHERE, tables).endswith(", a rigid flat sunk equally deep into every patch.")
+    detail = verdict(tables).details[0]
+    assert detail.startswith("From the wear of the other patches, Archard's law predicts where")
     numbers = "mean MCC of 0.50 (0 is chance, 1 perfect; 95 % interval 0.40 to 0.60)"
-    assert f"{numbers} over 4 patches{words}" in said
+    assert f"{numbers} over 4 patches." in detail
     p = "not tested" if math.isnan(gain.get("p_value", 0)) else f"p = {gain.get('p_value', 0.01)}"
-    assert said.endswith(f"a rigid flat sunk equally deep into every patch (0.40, {p}).")
+    assert detail.endswith(f"a rigid flat sunk equally deep into every patch, reaches 0.40 ({p}).")
 
 
 def test_map_volume_and_the_yielding_case():
     tables = compared()
-    errors = "Its maps err 0.6 times as much as no loss would (p = 0.03), its volumes 1.3 times"
-    said = verdict(tables)[1]
+    errors = "Its maps err 0.6 times as much as no loss would (p < 0.001), its volumes 1.3 times"
+    said = verdict(tables).details[1]
     assert said.startswith("Masks of the predicted areas could reach 0.70. ")
-    assert said.endswith(f"{errors} as much as the best baseline's (p = 1).")
-    said = verdict(tables, pressure_cap=2000.0)[1]
+    assert said.endswith(f"{errors} as much as the best baseline's (p > 0.99).")
+    said = verdict(tables, pressure_cap=2000.0).details[1]
     assert "If no element bears more than 2000 MPa (quartz indents at" in said
     assert said.endswith("the mean MCC is 0.45, and these errors are 0.7 and 1.2 times.")
+
+
+def test_depths_and_volumes_against_the_best_baseline_of_each():
+    """Of depths, no loss is one of them."""
+    rigid = "a rigid flat sunk equally deep into every patch"
+    said = line(DEEP, compared())
+    assert said.startswith(
+        f"Depths err 1.2 times as much as the best baseline, {rigid} (not tested)"
+    )
+    tables = compared()
+    of_rigid = tables["validation_summary"].query("model == 'rigid' and value == 0.5").index
+    tables["validation_summary"].loc[of_rigid, "value"] = 1.5
+    said = line(DEEP, tables)
+    assert said.startswith(
+        "Depths err 0.6 times as much as the best baseline, no loss (not tested)"
+    )
+    assert f"volumes 1.3 times as much as the best, {rigid}:" in said
+
+
+@pytest.mark.parametrize(
+    ("volume", "words"),
+    [
+        (
+            {"value": 0.5, "low": 0.4, "high": 0.9, "p_value": 0.01},
+            "0.5 times as much as it: better (p",
+        ),
+        ({"value": 1.5, "low": 1.1, "high": 2.0, "p_value": 0.01}, ": worse (p = 0.01)"),
+        (
+            {"value": 0.5, "low": 0.4, "high": 0.9, "p_value": 0.2},
+            ": not shown to be better or worse",
+        ),
+        ({"value": 0.5, "low": 0.4, "high": 1.1, "p_value": 0.01}, ": not shown to be better or"),
+    ],
+)
+def test_a_volume_is_better_where_interval_and_test_show_it(volume, words):
+    assert words in line(DEEP, compared(volume=volume))
 
 
 def test_interlayer_and_gesture_are_named():
     interlayer = {"young_MPa": 300.0, "poisson": 0.3, "thickness_um": 250.0}
     exposed = {"patch": ["a", "b"], "exposure_N_per_mm": [1.0, 3.0], "touched": [1.0, 0.25]}
     tables = compared(model=INTERLAYER) | {"exposure": pd.DataFrame(exposed)}
-    first, _, out, *_, last = verdict(tables, interlayer=interlayer, poses=7)
+    first, _, out, *_ = verdict(tables, interlayer=interlayer, poses=7).details
     assert (
         "law over a gesture of 7 poses with an interlayer of 300 MPa, 250 µm thick, predicts"
         in first
     )
     assert "err 1.1 times as much as those of the bare stone (p = 0.02)" in out
-    assert "patch b is exposed most; 25 % of them touch it" in last
+    load = line(LOAD, tables, interlayer=interlayer, poses=7)
+    assert "patch b is exposed most; 25 % of them touch it" in load
     # fitted, but with no interlayer: the bare stone is scored
-    assert "interlayer" not in verdict(compared(), interlayer=None)[0].replace("mate", "")
+    assert "interlayer" not in verdict(compared(), interlayer=None).details[0]
 
 
 FALLING, NOTHING = {"low": -0.9, "high": -0.1}, {"low": NAN, "high": NAN, "p_value": NAN}
 
 
 @pytest.mark.parametrize(
-    ("touched", "words"),
+    ("touched", "start", "p"),
     [
-        ({}, "untouched patches wear less (p = 0.004)"),
-        (FALLING, "untouched patches wear more"),
-        ({"p_value": 0.2}, "this does not show that untouched patches wear less (p = 0.2)"),
-        (NOTHING, "wear less (not tested)"),
+        ({}, "Untouched patches wore less: ", "p = 0.004"),
+        (FALLING, "Untouched patches wore more: ", "p = 0.004"),
+        ({"p_value": 0.2}, "Not shown that untouched patches wore less: ", "p = 0.2"),
+        (NOTHING, "Not shown that untouched patches wore less: ", "not tested"),
     ],
 )
-def test_untouched_patches(touched, words):
-    said = verdict(compared(touched=touched))[2]
-    lost = "The patch that nothing touches lost 0.05 µm on average, the 3 touched 0.4 µm: "
-    assert said.startswith(lost)
-    assert words in said
-    tables = compared()
+def test_untouched_patches(touched, start, p):
+    tables = compared(touched=touched)
+    lost = "the one that nothing touches lost 0.05 µm on average, the 3 that are touched 0.4 µm"
+    assert line(CONTACT, tables) == f"{start}{lost} ({p})."
+    tables["registration"].loc[3, "mean_wear_depth_um"] = 2e-6
+    assert "lost less than 0.01 µm on average" in line(CONTACT, tables)
     tables["registration"]["above_noise"] = [True, True, True, False]
-    assert not any("nothing touches" in sentence for sentence in verdict(tables))
+    assert line(CONTACT, tables).startswith("Not tested")
 
 
 def test_a_study_says_only_what_it_can():
-    said = verdict(compared())[3]
-    assert said.startswith("On 1 of the 3 patches that can be tested")
-    assert said.endswith("(p ≤ 0.05; together p = 0.002); 1 cannot be tested.")
-    untested = verdict(compared(p_values=[NAN] * 4))
-    assert untested[3] == "No patch can be tested against chance."
-    (_, none) = verdict(loaded([1.0, 2.0]))
-    assert "no prediction is compared" in none
-    (_, none) = verdict(compared() | loaded([1.0, 2.0], studied=False))
-    assert "No patch is in the study" in none
+    said = line(WHERE, compared())
+    assert "better than chance on 1 of 3 patches (together p = 0.002; 1 cannot be tested)" in said
+    assert "not tested against chance" in line(WHERE, compared(p_values=[NAN] * 4))
+    unused = verdict(loaded([1.0, 2.0]))
+    assert [question for question, _ in unused.lines] == [WORE, LOAD]
+    assert "no prediction is compared" in unused.lines[0][1]
+    assert not unused.details
+    left_out = verdict(compared() | loaded([1.0, 2.0], studied=False))
+    assert [question for question, _ in left_out.lines] == [WORE, CONTACT, WHERE, LOAD]
+    assert "No patch is in the study" in dict(left_out.lines)[WHERE]
     tables = compared()
     unfitted = tables["validation_summary"].query("model != model")
-    assert "could be predicted" in verdict(tables | {"validation_summary": unfitted})[-1]
+    assert "could be predicted" in line(WHERE, tables | {"validation_summary": unfitted})
     nothing = NOTHING | {"value": NAN, "against": NAN, "n": 0}
-    assert "lost enough" in verdict(compared(mean=nothing, gain=nothing))[0]
-    assert not any("nan" in sentence for sentence in verdict(compared(mean=nothing)))
+    found = verdict(compared(mean=nothing, gain=nothing))
+    assert "lost enough" in dict(found.lines)[WHERE]
+    assert not any("nan" in said for _, said in found.lines)
+    assert not any("nan" in said for said in found.details)
+
+
+def test_the_use_is_said_with_what_was_stated():
+    use = pd.DataFrame({"parameter": ["load_point_x", "load_point_y", "radius"]})
+    use = use.assign(stated=[2.5, 2.5, 200], mean=[2.24, 3.14, 169.8], low=[2, 3, 133.1])
+    use = use.assign(high=[2.5, 3.3, 224.1], answer=BETTER, effective_draws=99.0, taken="yes")
+    said = line(USED, compared() | {"use": use})
+    assert said.startswith("The wear says that the tool was pressed at x 2.2 mm (2.0 to 2.5) and")
+    assert "170 mm radius (130 to 220); stated were x 2.5 and y 2.5 mm and 200 mm." in said
+    assert "cannot be read" in used(use.assign(effective_draws=0.0))
 
 
 def test_every_model_has_words():
@@ -177,12 +278,12 @@ def test_where_to_scan_is_said_with_its_numbers():
     places = pd.DataFrame({"place": ["E1", "E2", "C1"], "x_mm": [1.55, 2, 4], "y_mm": [2.1, 4, 4]})
     places["kind"] = ["exposed", "exposed", "control"]
     held = Concentration(0.824, 0.0153, 0.94, 0.0578)
-    scan, controls, spread = where_to_scan(places, held, force_N=550.0)
+    (_, scan), (_, controls), (_, spread) = where_to_scan(places, held, force_N=550.0).lines
     assert spread.startswith("Under 550 N, wherever the hand pushes, 82 % of the exposure")
     assert "half of it on 1.5 % of its area" in spread
     assert scan.startswith("Scan E1 to E2: of the square's exposure, 94 % lies there, on 6 %")
     assert "most in E1, 1.55 mm along x and 2.1 mm along y" in scan
     assert controls == "No pose touches C1: scan them as controls."
-    assert "no control" in where_to_scan(places[:2], held, force_N=550.0)[1]
-    (nothing,) = where_to_scan(places[2:], held, force_N=550.0)
+    assert "no control" in where_to_scan(places[:2], held, force_N=550.0).lines[1][1]
+    ((_, nothing),) = where_to_scan(places[2:], held, force_N=550.0).lines
     assert nothing.startswith("No pose touches the square")

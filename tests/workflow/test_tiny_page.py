@@ -58,7 +58,8 @@ def interval(row):
 
 def test_the_answer_stands_first_with_the_numbers_of_the_tables(results, page, table):
     assert "Synthetic specimen" in text_of(page.find_class("mark")[0])
-    (answer,) = map(text_of, page.find_class("verdict"))
+    (shown,) = page.find_class("verdict")
+    answer, (detail,) = text_of(shown.find("dl")), map(text_of, shown.findall("details"))
     pressures, summary = table("patch_pressures"), table("validation_summary")
     top = pressures.sort_values("pressure_MPa").patch.iloc[-1]
     assert f"patch {top} bears the highest pressure" in answer
@@ -69,12 +70,16 @@ def test_the_answer_stands_first_with_the_numbers_of_the_tables(results, page, t
     )
     of = summary.set_index(["model", "statistic"])
     scored, cap = of.loc[("archard", "mean(mcc)")], of.value["archard_capped", "mean(mcc)"]
-    assert f"a mean MCC of {score(scored.value)} " in answer
-    assert f"over {scored.n} patches" in answer
-    yielded = answer[answer.index("If no element bears more than 800 MPa") :]
+    assert f"a mean MCC of {score(scored.value)} " in detail
+    assert f"over {scored.n} patches" in detail
+    losses = table("registration")
+    worn = losses[losses.above_noise & (losses.loss_fraction > 0)]
+    most = worn.patch[worn.mean_wear_depth_um.idxmax()]
+    assert f"{len(worn)} of {len(losses)} (patches {most}, " in answer
+    yielded = detail[detail.index("If no element bears more than 800 MPa") :]
     assert f"the mean MCC is {score(cap)}, " in yielded
     verdict = (results / "verdict.html").read_text(encoding="utf-8")
-    assert re.search(r'<p class="verdict">.*</p>', verdict)[0] in (
+    assert re.search(r'<div class="verdict">.*?</div>', verdict, re.DOTALL)[0] in (
         results / "index.html"
     ).read_text(encoding="utf-8")
 
@@ -183,7 +188,9 @@ def test_every_warning_of_every_step_is_told(results, page):
 
 
 def test_every_table_is_there_with_its_caption(results, page):
-    listed = {text_of(of.find("summary")).split(": ", 1)[-1]: of for of in page.iter("details")}
+    listed = {
+        text_of(of.find("summary")).split(": ", 1)[-1]: of for of in page.xpath("//main//details")
+    }
     shown = {name.split()[-3].rstrip(","): of for name, of in listed.items()}
     # a path of many steps is for programs
     files = {file.name for file in results.glob("tables/*.csv")} - {"microscale_paths.csv"}
