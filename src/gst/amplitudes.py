@@ -16,15 +16,17 @@ import numpy as np
 import xarray as xr
 from skimage.transform import resize_local_mean
 
-from gstlib.errors import InputError
+from gstlib.coupling.placement import WAVE_PER_EDGE
+from gstlib.errors import NOTE, FaultError
 from gstlib.surfaces.footprints import Place, on_patch, spline_of
 from gstlib.surfaces.grid import make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
-__all__ = ["UNIT_FACTOR", "WAVE_PER_EDGE", "Amplitude", "other_units"]
+__all__ = ["UNIT_FACTOR", "WRONG_UNIT", "Amplitude", "other_units"]
 
 _log = logging.getLogger(__name__)
 
+WRONG_UNIT = "units"  # the fault's name, as which a config accepts it
 # ASSUME: heights of one stone that differ by this factor, between two scans of a patch or, in the
 # waves that both see, between scans and mesh, are in different units.
 UNIT_FACTOR = 10.0
@@ -34,8 +36,6 @@ _FACTOR_UNSEEN = 100.0
 _ODD_FACTOR = 4.0
 # Fewest blocks along a patch's side: 2 × 2 blocks leave one degree of freedom after levelling.
 _FEWEST_BLOCKS = 2
-# A triangular net of edge a resolves waves down to √3 a, twice the distance between its rows.
-WAVE_PER_EDGE = math.sqrt(3)
 _MM_TO_UM = 1e3
 
 
@@ -86,18 +86,19 @@ def _common_waves(
 
 def other_units(
     at_t0: Mapping[str, Amplitude], mesh_edge_mm: float | None
-) -> Iterator[InputError]:
+) -> Iterator[FaultError]:
     """Scans whose heights are in another unit than those of the others, or all than the mesh's.
 
-    A lesser difference is logged as a warning; so is a mesh whose edges are too long to tell. They
-    are None without a mesh.
+    A lesser difference is logged as a warning, a mesh whose edges are too long to tell as a note.
+    They are None without a mesh.
     """
     alone = [fault for patch in at_t0 for fault in _unlike_others(patch, at_t0)]
     yield from alone
     waves = [amplitude.waves for amplitude in at_t0.values() if amplitude.waves]
     if at_t0 and mesh_edge_mm and not waves:
         # Bounds on their own would not tell: polish could be mistaken for a unit.
-        _log.warning(
+        _log.log(
+            NOTE,
             "scans: with edges of %.3g mm, the mesh shows no waves of a patch, so the unit of all "
             "heights could not be checked; compare their range with what the instrument shows, and "
             "correct scans.unit if it differs",
@@ -107,7 +108,8 @@ def other_units(
         return
     scan, mesh = np.sqrt(np.square(waves).mean(axis=0))
     if max(scan, mesh) > UNIT_FACTOR * min(scan, mesh):
-        yield InputError(
+        yield FaultError(
+            WRONG_UNIT,
             "scans",
             f"in the waves that scans and mesh both resolve, the scans are {scan * _MM_TO_UM:.3g} "
             f"µm high (r.m.s.) and the mesh under them {mesh * _MM_TO_UM:.3g} µm",
@@ -116,7 +118,7 @@ def other_units(
         )
 
 
-def _unlike_others(patch: str, at_t0: Mapping[str, Amplitude]) -> Iterator[InputError]:
+def _unlike_others(patch: str, at_t0: Mapping[str, Amplitude]) -> Iterator[FaultError]:
     """The fault of one patch, if its heights are of another order than those of all others."""
     own = at_t0[patch]
     # of two, each is compared with the other; of more, the median is not moved by one
@@ -128,7 +130,8 @@ def _unlike_others(patch: str, at_t0: Mapping[str, Amplitude]) -> Iterator[Input
     if scan and mesh:
         same_way = math.log(scan / mesh) * math.copysign(1.0, math.log(factor))
         off, unit = min(off, same_way), math.log(UNIT_FACTOR)
-    fault = InputError(
+    fault = FaultError(
+        WRONG_UNIT,
         own.path,
         f"its heights (patch {patch}) vary {factor:.3g} times as much as those of the other "
         "patches" + (", and do not fit the mesh under it" if scan and mesh else ""),
@@ -137,4 +140,4 @@ def _unlike_others(patch: str, at_t0: Mapping[str, Amplitude]) -> Iterator[Input
     if off > unit:
         yield fault
     elif off > math.log(_ODD_FACTOR):
-        _log.warning("%s", fault)
+        _log.warning("%s: %s. %s", fault.source, fault.problem, fault.remedy)

@@ -9,7 +9,7 @@ only read and compared. Nothing is written or deleted because a record names it.
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from gstlib.io.files import sha256, write_whole
 
 __all__ = [
     "AGAIN",
+    "LEVELS",
     "TOOK",
     "Step",
     "break_in",
@@ -25,8 +26,8 @@ __all__ = [
     "check_chain",
     "check_links",
 ]
-__all__ += ["given_to", "is_inside", "last_took", "made_in", "plan_again", "record_of"]
-__all__ += ["step_of", "steps_of", "warnings_of", "write_record"]
+__all__ += ["given_to", "is_inside", "last_took", "made_in", "messages_of", "plan_again"]
+__all__ += ["record_of", "step_of", "steps_of", "write_record"]
 
 # What a run makes again, and why: of each such step an output, which stands for its job. The
 # Snakefile fills it when it is read; `gst.scheduler` hands it to Snakemake, and the display shows
@@ -36,6 +37,9 @@ PAGE = "write_page"  # the last step: its record completes the chain
 _LOGS = "logs"
 # Before the duration in the last line of a step's log.
 TOOK = "took "
+# Of the messages of its log that a step's record keeps: faults that the config accepts, warnings
+# and notes (see `gstlib.errors`).
+LEVELS = ("ERROR", "WARNING", "NOTE")
 
 Record = dict[str, Any]
 Digests = dict[Path, str]
@@ -87,10 +91,12 @@ def record_of(results: Path, name: str) -> Path:
     return results / _LOGS / f"{name}.json"
 
 
-def write_record(results: Path, step: Step, given: Record, warned: list[str]) -> None:
-    """Record a step that has ended: what it was `given`, what it made, and its warnings."""
+def write_record(
+    results: Path, step: Step, given: Record, messages: Mapping[str, Sequence[str]]
+) -> None:
+    """Record a step that has ended: what it was `given`, what it made, its messages by level."""
     made = _digests(step.outputs, results, {})
-    record = given | {"outputs": made, "warnings": warned}
+    record = given | {"outputs": made, "messages": messages}
     text = json.dumps(record, indent=1, sort_keys=True, ensure_ascii=False)
     write_whole(record_of(results, step.name), f"{text}\n".encode())
 
@@ -115,9 +121,9 @@ def read_record(results: Path, name: str) -> Record | None:
     """The record of a step; None if there is none, or it is damaged or names files elsewhere."""
     try:
         record = json.loads(record_of(results, name).read_text(encoding="utf-8"))
-        parts = [record[part] for part in ("params", "inputs", "files", "outputs")]
+        parts = [record[part] for part in ("params", "inputs", "files", "outputs", "messages")]
         names = [*record["inputs"], *record["outputs"]]
-        is_whole = all(isinstance(part, dict) for part in parts) and "warnings" in record
+        is_whole = all(isinstance(part, dict) for part in parts)
     except (OSError, ValueError, KeyError, TypeError):
         return None
     return record if is_whole and all(map(is_inside, names)) else None
@@ -237,9 +243,9 @@ def _steps_in(results: Path) -> list[str]:
     return [*page["params"]["steps"], PAGE] if page else []
 
 
-def warnings_of(results: Path, step: str) -> list[str]:
-    """What a step warned of when it last ran."""
-    return _of(results, step, "warnings") or []
+def messages_of(results: Path, step: str, level: str) -> list[str]:
+    """What a step reported at one of the `LEVELS` when it last ran."""
+    return _of(results, step, "messages").get(level, [])
 
 
 def last_took(results: Path, step: str) -> str:

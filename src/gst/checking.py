@@ -1,6 +1,7 @@
 """Checks a study without running it, and says what a run would do: `gst check`."""
 
 import logging
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,7 +11,6 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gst.amplitudes import WAVE_PER_EDGE
 from gst.chain import break_in
 from gst.config import check_files, counterface_mesh, read_config, read_study
 from gst.epochs import epochs_on_each_other
@@ -25,8 +25,8 @@ from gstlib.conditions import (
     study_modulus,
     study_radius,
 )
-from gstlib.coupling.placement import AGREES, ALL, CANNOT_TELL
-from gstlib.errors import GstError, InputsError
+from gstlib.coupling.placement import AGREES, ALL, CANNOT_TELL, shows_waves
+from gstlib.errors import NOTE, GstError, InputsError, unaccepted
 from gstlib.io.files import check_writable
 from gstlib.macroscale.plausibility import plausibility_warnings
 from gstlib.macroscale.sampling_sites import CONTROL, COUNTS, EXPOSED
@@ -64,8 +64,8 @@ def _at_rest(study: Study) -> dict[str, str]:
 
 def _placement(study: Study) -> dict[str, str]:
     """Whether the patches fit the mesh under them, in a line, if it shows such short waves."""
-    edge_mm = study.face.height.attrs["mesh_edge_mm"]
-    if study.patches.empty or WAVE_PER_EDGE * edge_mm > study.config["scans"]["size_mm"]:
+    patch_mm = study.config["scans"]["size_mm"]
+    if study.patches.empty or not shows_waves(study.face.height, patch_mm):
         return {}
     status = study.placement.status[study.placement.patch != ALL]
     if (status == CANNOT_TELL).all():
@@ -225,12 +225,22 @@ class CoarseStudy(Study):
 
 
 class _Count(logging.Handler):
-    """Counts what is logged."""
+    """Counts what is logged, by level."""
 
-    number = 0
+    def __init__(self) -> None:
+        super().__init__(NOTE)
+        self.number: Counter[int] = Counter()
 
     def emit(self, record: logging.LogRecord) -> None:
-        self.number += 1
+        self.number[record.levelno] += 1
+
+    def __str__(self) -> str:
+        """What there was, such as ``1 accepted fault, 2 warnings``."""
+        names = {logging.ERROR: "accepted fault", logging.WARNING: "warning", NOTE: "note"}
+        counts = [(self.number[level], name) for level, name in names.items()]
+        return ", ".join(
+            f"{count} {name}{'s' * (count > 1)}" for count, name in counts if count
+        )
 
 
 def check_study(path: Path) -> None:
@@ -243,8 +253,8 @@ def check_study(path: Path) -> None:
     GstError
         Its message lists everything that is wrong.
     """
-    logging.basicConfig(format="%(levelname)s: %(message)s")
-    logging.getLogger().addHandler(warnings := _Count(logging.WARNING))
+    logging.basicConfig(format="%(levelname)s: %(message)s", level=NOTE)
+    logging.getLogger().addHandler(said_before := _Count())
     config = read_config(path)
     patches = read_study(config, str(path))
     _warn_of_overlaps(config, patches)
@@ -268,9 +278,10 @@ def check_study(path: Path) -> None:
         study = CoarseStudy(config, patches, found)
         if not problems:
             others, said["T1 on T0"] = epochs_on_each_other(study)
-            problems += others
-        with _noted(problems):
-            said |= _placement(study) | _at_rest(study)
+            problems += unaccepted(others, config["accept"])
+        for part in (_placement, _at_rest):
+            with _noted(problems):
+                said |= part(study)
     print(f"{path}: {_summary(config, patches, found, poses, said)}")
     if writable and found is not None and found.frame is not None:
         picture = _draw(config, patches, found, poses)
@@ -278,9 +289,7 @@ def check_study(path: Path) -> None:
     if problems:
         print(flush=True)
         raise InputsError(problems)
-    warned = warnings.number
-    doubts = f", but {warned} warning{'s' * (warned > 1)}: see above" if warned else ""
-    print(f"\nNo problems found{doubts}.")
+    print(f"\nNo problems found{f', but {said_before}: see above' * bool(said_before.number)}.")
 
 
 @contextmanager
@@ -323,6 +332,7 @@ def _read(config: dict, patches: pd.DataFrame, reach: float | None) -> Inputs:
         reference=is_placed and config["reference_draws"] is not None,
         interlayer=config["interlayer"],
         active_tool=second,
+        accept=config["accept"],
     )
     there = [scan for scan in scans if scan.path.is_file()]
     return check_inputs(mesh if mesh.is_file() else None, there, asked)

@@ -8,7 +8,8 @@ import pandas as pd
 
 from gstlib.change.form import form_warning
 from gstlib.change.registration import register
-from gstlib.errors import InputError
+from gstlib.change.selection import exchanged_epochs, rise_warnings
+from gstlib.errors import GstError, InputError
 from gstlib.study import Study
 from gstlib.surfaces.grid import spacing_of
 
@@ -16,10 +17,6 @@ __all__ = ["epochs_on_each_other"]
 
 _log = logging.getLogger(__name__)
 
-# Wear takes height. Of synthetic specimens, whose T0 and T1 are right, no patch gained on a larger
-# share of its points than it lost on; exchanged, four of five gain by these on more.
-_GAIN_OVER_LOSS = 1.2
-_GAIN_LESS_LOSS = 0.015
 # T1 that other software has laid on T0 is off by half a point at most: of a scan four times as fine
 # as the coarse one, with the error of its registration, a hundredth.
 _CO_LOCATED = 0.15
@@ -27,15 +24,18 @@ _CO_LOCATED = 0.15
 _MOST_TRIED = 100
 
 
-def epochs_on_each_other(study: Study) -> tuple[list[InputError], str]:
-    """Scans after use that show another patch, and in words how far the others are shifted.
+def epochs_on_each_other(study: Study) -> tuple[list[GstError], str]:
+    """What is wrong with scans after use, and in words how far the others are shifted.
 
-    Of other doubts, warnings are logged. A T1 that cannot be registered leaves the study.
+    What else is odd is logged as a warning. A T1 that cannot be registered leaves the study.
     """
-    problems = [*_unregistered(study)]
+    problems: list[GstError] = [*_unregistered(study)]
     table = study.registration
     problems += _unlike_their_patch(study, table)
-    _warn_of_gains(table)
+    problems += exchanged_epochs(table)
+    # that much may be noise is no news of scans so coarse
+    for odd in rise_warnings(table, max_noise_fraction=np.inf):
+        _log.warning("%s", odd)
     return problems, _shifts(study, table[table.found.astype(bool)])
 
 
@@ -89,19 +89,6 @@ def _found_on(study: Study, patch: str, others: list[str]) -> str | None:
         if register(study.prepared[other, "T0"].height, after, **settings).found:
             return other
     return None
-
-
-def _warn_of_gains(table: pd.DataFrame) -> None:
-    loss, gain = table.loss_fraction, table.gain_fraction
-    more = np.maximum(_GAIN_OVER_LOSS * loss, loss + _GAIN_LESS_LOSS)
-    gained = table.patch[table.found.astype(bool) & (gain > more)]
-    if len(gained):
-        _log.warning(
-            "from T0 to T1, more of patch%s %s rose than fell, and wear takes height: are t0 and "
-            "t1 exchanged in the patch table?",
-            "es" * (len(gained) > 1),
-            ", ".join(gained),
-        )
 
 
 def _shifts(study: Study, found: pd.DataFrame) -> str:

@@ -6,7 +6,7 @@ checked, so all can be corrected at once.
 
 import logging
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,16 +15,16 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gst.amplitudes import UNIT_FACTOR, Amplitude, other_units
+from gst.amplitudes import UNIT_FACTOR, WRONG_UNIT, Amplitude, other_units
 from gst.config import thinner_than_a_point
 from gst.patches import COUNTERFACE, REPEAT, ScanFile, at_epoch
 from gst.tables import columns_of
 from gstlib.contact import check_grid
-from gstlib.errors import ConfigError, GstError, InputError
+from gstlib.errors import ConfigError, FaultError, GstError, InputError, unaccepted
 from gstlib.io.meshes import is_mesh, read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
-from gstlib.macroscale.face import grid_macroscale
+from gstlib.macroscale.face import grid_macroscale, thin_stone
 from gstlib.preprocess.scans import check_unmeasured, cut_patch, mould_of
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import Frame, find_frame
@@ -39,6 +39,7 @@ __all__ = ["Asked", "Inputs", "check_inputs", "inspect_file"]
 _log = logging.getLogger(__name__)
 
 _MM_TO_UM = 1e3
+SAME_SCAN = "same_scan"  # the fault's name, as which a config accepts it
 # Share of the mesh's surface from which on something apart from the stone is no speck.
 _LARGE_BODY = 0.01
 # Fewest points along a patch of a coarser scan.
@@ -129,6 +130,8 @@ class Asked:
         The section ``interlayer`` of the config.
     active_tool : mapping or None
         As in `gstlib.macroscale.active_tool.ActiveTool.read`; None for one without a mesh.
+    accept : sequence of str
+        Names of faults that do not stop the study.
     """
 
     mesh_unit: str
@@ -140,6 +143,7 @@ class Asked:
     reference: bool
     interlayer: Mapping | None
     active_tool: Mapping | None
+    accept: Sequence[str] = ()
 
 
 def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Asked) -> Inputs:
@@ -168,9 +172,10 @@ def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Aske
         if asked.placed:
             problems.append(fault)
         else:
-            _log.warning("%s", fault)
+            _log.warning("%s: %s. %s", fault.source, fault.problem, fault.remedy)
     table = pd.DataFrame(read.rows, columns=[*columns_of("inputs"), "range_um"])
-    return Inputs(table, stone, frame, face, read.coarse, problems)
+    stopping = unaccepted(problems, asked.accept)
+    return Inputs(table, stone, frame, face, read.coarse, stopping)
 
 
 def _read_stone(
@@ -185,6 +190,7 @@ def _read_stone(
             frame = find_frame(points_mm, stone, size_mm=size_mm, source=str(mesh))
             _mind_other_bodies(stone, frame, asked, source=str(mesh))
             face = _gridded(stone, asked, source=str(mesh))
+            return stone, frame, face, list(thin_stone(face.height, source=mesh))
     except GstError as error:
         return stone, frame, face, [error]
     return stone, frame, face, []
@@ -313,7 +319,8 @@ def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
     # Two scans never have the same noise: one was copied, and would show no wear, or no error.
     for (epoch, other), patches in copied.items():
         patch = patches[0]
-        yield InputError(
+        yield FaultError(
+            SAME_SCAN,
             pieces[patch, epoch].path,
             f"patch {patch} has the same heights {_AT[epoch]} as at {other} "
             f"({pieces[patch, other].path}){_and_so([f'patch {name}' for name in patches[1:]])}",
@@ -333,7 +340,8 @@ def _unlike(first: _Piece, second: _Piece) -> Iterator[GstError]:
         )
     before, after = first.amplitude.spread, second.amplitude.spread
     if before and after and not 1 / UNIT_FACTOR <= after / before <= UNIT_FACTOR:
-        yield InputError(
+        yield FaultError(
+            WRONG_UNIT,
             second.path,
             f"its heights vary {after / before:.3g} times as much as those of "
             f"{first.path}: one of the two is in another unit",
@@ -350,7 +358,8 @@ def _same_scans(pieces: _Pieces) -> Iterator[GstError]:
     for first, *rest in alike.values():
         others = [use for use in rest if use[0] != first[0]]
         if others:
-            yield InputError(
+            yield FaultError(
+                SAME_SCAN,
                 pieces[others[0]].path,
                 f"{at_epoch(*others[0])} has the same heights as {at_epoch(*first)} "
                 f"({pieces[first].path}){_and_so([at_epoch(*use) for use in others[1:]])}",

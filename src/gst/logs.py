@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from gst.chain import TOOK, given_to, record_of, step_of, write_record
+from gst.chain import LEVELS, TOOK, given_to, record_of, step_of, write_record
 from gstlib.errors import GstError
 from gstlib.io.files import cannot_write
 
@@ -28,7 +28,9 @@ _START = time.perf_counter()
 PLAN = "GSTLIB_PLAN"
 # Of the application, and of the library.
 _LOGGERS = "gst", "gstlib"
-_RECORD = re.compile(r"^(\w+) (.*?)(?=^(?:INFO|WARNING|ERROR) |\Z)", re.MULTILINE | re.DOTALL)
+_RECORD = re.compile(
+    r"^(\w+) (.*?)(?=^(?:INFO|NOTE|WARNING|ERROR) |\Z)", re.MULTILINE | re.DOTALL
+)
 
 
 class _LogFile(logging.FileHandler):
@@ -118,7 +120,8 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
         record_of(results, step.name).unlink(missing_ok=True)
         given = given_to(results, step)
         main(**files, **settings)
-        write_record(results, step, given, logged(Path(snakemake.log[0]), "WARNING"))
+        messages = {level: logged(Path(snakemake.log[0]), level) for level in LEVELS}
+        write_record(results, step, given, messages)
         log.info("%s", _used())
 
 

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gst.chain import warnings_of
+from gst.chain import messages_of
 from gst.verdict import MODELS
 from gstlib.io.tables import read_table
 from gstlib.validation.baselines import BASELINES, ORACLE
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from gstlib.surfaces.frames import Frame
 
 __all__ = ["Shown", "by_category", "caption_html", "embedded", "patch_records", "render"]
-__all__ += ["tool_scene", "warned"]
+__all__ += ["reported", "tool_scene"]
 
 # Faces of an active tool, which is drawn transparent over the first.
 _SECOND_FACES = 20_000
@@ -88,20 +88,22 @@ def caption_html(template: str, **names: Any) -> str:
     return publish_parts(text, writer="html5", settings_overrides=quiet)["body"]
 
 
-def warned(results: Path, steps: Sequence[str]) -> list[dict[str, Any]]:
-    """The warnings of a study's steps, each once: ``text``, ``steps``, and the ``patch`` it
-    names.
+def reported(results: Path, steps: Sequence[str], level: str) -> list[dict[str, Any]]:
+    """What a study's steps reported at a level, each once: ``text``, ``steps``, ``patches`` named.
+
+    `level` is one of `gst.chain.LEVELS`.
     """
-    warners: dict[str, list[str]] = {}
+    reporters: dict[str, list[str]] = {}
     for name in steps:
         step = re.sub(r"_\d+$", "", name).replace("_", " ")  # a batch is not a separate step
-        for text in warnings_of(results, name):
-            if step not in (known := warners.setdefault(text, [])):
+        for text in messages_of(results, name, level):
+            if step not in (known := reporters.setdefault(text, [])):
                 known.append(step)
-    named = {text: re.match(r"patch ([\w-]+)", text) for text in warners}
+    named = {text: re.match(r"patch(?:es)? ([\w-]+(?:, [\w-]+)*)", text) for text in reporters}
     return [
-        {"text": text, "steps": of_text, "patch": match[1] if (match := named[text]) else None}
-        for text, of_text in warners.items()
+        {"text": text, "steps": of_text, "patches": match[1].split(", ") if match else []}
+        for text, of_text in reporters.items()
+        for match in (named[text],)
     ]
 
 

@@ -18,8 +18,8 @@ from gst.page import (
     embedded,
     patch_records,
     render,
+    reported,
     tool_scene,
-    warned,
 )
 from gst.poses import poses_of
 from gst.provenance import study_provenance
@@ -100,7 +100,11 @@ class StudyPage:
         """
         results = page.parent
         inputs = certified_inputs(results, self.steps, self.files["made_from"])
-        said = {"answer": self.answer, "generated": self.config["specimen"] is not None}
+        said = {
+            "answer": self.answer,
+            "generated": self.config["specimen"] is not None,
+            "faults": reported(results, self.steps, "ERROR"),
+        }
         overview = self._pictures["overview" if self.proposed is None else "places"]
         shown = embedded(overview.read_bytes())
         write_whole(report, render("page.report.html", **said, overview=shown).encode())
@@ -194,7 +198,8 @@ class StudyPage:
             "scene": scene,
             "size": scene["frame"]["size"],
             "records": {record["patch"]: record for record in records},
-            "warnings": warned(results, self.steps),
+            "warnings": reported(results, self.steps, "WARNING"),
+            "notes": reported(results, self.steps, "NOTE"),
             "shown": by_category(self.entries[: len(self.files["shown"])]),
             "compared": "validation_summary" in self._tables,
         }

@@ -1,8 +1,31 @@
-"""Errors in a study's input. Each message names the file or key, the value and the remedy."""
+"""Errors in a study's input. Each message names the file or key, the value and the remedy.
 
+What a study reports has three levels, those of its log. A fault makes the result wrong: it is an
+error, and stops the study unless the config accepts it. A warning may make it wrong. A note is good
+to know.
+"""
+
+import copy
+import logging
+from collections.abc import Container, Iterable
 from pathlib import Path
 
-__all__ = ["ConfigError", "GstError", "InputError", "InputsError", "OutputError"]
+__all__ = [
+    "NOTE",
+    "ConfigError",
+    "FaultError",
+    "GstError",
+    "InputError",
+    "InputsError",
+    "OutputError",
+]
+__all__ += ["raise_unless_accepted", "unaccepted"]
+
+_log = logging.getLogger(__name__)
+
+# Between logging's INFO and WARNING.
+NOTE = 25
+logging.addLevelName(NOTE, "NOTE")
 
 
 class GstError(Exception):
@@ -36,6 +59,21 @@ class ConfigError(InputError):
     """A value in the config file or a row of the patch table cannot be used."""
 
 
+class FaultError(InputError):
+    """What makes a result wrong, unless the user knows better and accepts it by its `name`.
+
+    The other parameters are those of an `InputError`.
+    """
+
+    def __init__(self, name: str, source: str | Path, problem: str, remedy: str):
+        super().__init__(source, problem, remedy)
+        self.args, self.name = (name, source, problem, remedy), name
+
+    def __str__(self) -> str:
+        accept = f"If it is right as it is, write accept: [{self.name}] in the config."
+        return f"{super().__str__()} {accept}"
+
+
 class OutputError(InputError):
     """A result cannot be written: the disk is full or read-only, or permission is denied."""
 
@@ -64,5 +102,23 @@ def _as_one(errors: list[GstError]) -> GstError:
     first = errors[0]
     if len(errors) == 1 or not isinstance(first, InputError):
         return first
-    sources = ", ".join(error.source for error in errors if isinstance(error, InputError))
-    return InputError(sources, first.problem, first.remedy)
+    whole = copy.copy(first)
+    whole.source = ", ".join(error.source for error in errors if isinstance(error, InputError))
+    return whole
+
+
+def unaccepted(errors: Iterable[GstError], accepted: Container[str]) -> list[GstError]:
+    """Those that stop a study; a fault that is `accepted` by its name is logged as an error."""
+    stopping = []
+    for error in errors:
+        if isinstance(error, FaultError) and error.name in accepted:
+            _log.error("%s", InputError.__str__(error))
+        else:
+            stopping.append(error)
+    return stopping
+
+
+def raise_unless_accepted(errors: Iterable[GstError], accepted: Container[str]) -> None:
+    """Raise those that stop a study, as one error."""
+    if stopping := unaccepted(errors, accepted):
+        raise InputsError(stopping)

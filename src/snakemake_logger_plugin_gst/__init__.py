@@ -18,7 +18,7 @@ from typing import Any
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
-from gst.chain import AGAIN, last_took
+from gst.chain import AGAIN, LEVELS, last_took
 from gst.logs import FILE_ONLY, PLAN, logged
 
 __all__ = ["LogHandler"]
@@ -88,8 +88,9 @@ class LogHandler(LogHandlerBase):
                 self._say(f"{self.total} steps to do.")
             case LogEvent.JOB_FINISHED if record.job_id in self.steps:
                 what, log = self.steps[record.job_id]
-                for text in logged(log, "WARNING"):
-                    self._say(f"WARNING: {text}\n  step: {what}\n  log:  {log}")
+                for level, text in ((of, text) for of in LEVELS for text in logged(log, of)):
+                    name = "ACCEPTED FAULT" if level == "ERROR" else level
+                    self._say(f"{name}: {text}\n  step: {what}\n  log:  {log}")
             case LogEvent.PROGRESS:
                 if 10 * record.done // record.total > 10 * self.done // record.total:
                     self._say(f"{self._elapsed()}  {record.done} of {record.total} steps done")

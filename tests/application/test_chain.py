@@ -45,7 +45,7 @@ def run(results, steps):
             file = output / "1.png" if output.suffix == "" else output
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text(f"{output.name} of {read['inputs']}")
-        write_record(results, step, read, [])
+        write_record(results, step, read, {})
 
 
 @pytest.fixture
@@ -197,7 +197,7 @@ def test_no_record_makes_anything_be_written_or_deleted(parts, tmp_path_factory)
         ],
     )
     (results / "out").symlink_to(folder)
-    record_of(results, "wear").write_text(json.dumps(parts | {"warnings": []}))
+    record_of(results, "wear").write_text(json.dumps(parts | {"messages": {}}))
     before = contents(folder)
     plan_again(steps, results)
     break_in(results)

@@ -53,7 +53,7 @@ def record(folder, specimen=None, results="out/results", **given):
     made = [folder / name for name in (*RESULTS, "contents.json", "provenance.json")]
     read = [Path(name) for name, content in INPUTS.items() if content]
     step = step_of(folder / "logs/write_page.log", {"steps": []}, read, made)
-    write_record(folder, step, given_to(folder, step), [])
+    write_record(folder, step, given_to(folder, step), {})
 
 
 @pytest.fixture

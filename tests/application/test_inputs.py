@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from gst.cli import main
 from gst.inputs import Asked, check_inputs, inspect_file
 from gst.patches import ScanFile
-from gstlib.errors import InputsError
+from gstlib.errors import NOTE, InputsError
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.footprints import Place, square_of
 from PIL import Image
@@ -250,6 +250,7 @@ def test_one_scan_in_another_unit(wavy, folder, caplog, mesh, factor, said):
 
 @pytest.mark.parametrize(("halvings", "told"), [(5, True), (6, False)])
 def test_units_that_the_mesh_is_too_coarse_to_check_are_told(folder, caplog, halvings, told):
+    caplog.set_level(NOTE)
     stone(halvings).export(folder / "stone.stl")
     write_plu(folder / "1_T0.plu", 1e3 * noise(8), 0.02)
     use = [ScanFile(folder / "1_T0.plu", "1", "T0", None, Place(2.0, 2.0))]

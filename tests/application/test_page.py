@@ -72,9 +72,9 @@ def test_the_scene_has_its_patches_where_the_table_puts_them(stone):
     assert json.dumps(scene) == json.dumps(again)
 
 
-def test_warnings_are_told_once_with_their_steps(tmp_path):
+def test_messages_are_told_once_with_their_steps(tmp_path):
     texts = {
-        "place_patches": ["patch 12 is shifted: check its place"],
+        "place_patches": ["patches 12, a-1: check their places"],
         "prepare_T0_scans_1": ["a.plu: only Z, is read"],
         "prepare_T0_scans_2": ["a.plu: only Z, is read"],
         "score_wear": ["a.plu: only Z, is read", "all"],
@@ -82,13 +82,15 @@ def test_warnings_are_told_once_with_their_steps(tmp_path):
     }
     for name, warned in texts.items():
         step = step_of(tmp_path / f"logs/{name}.log", {}, [], [])
-        write_record(tmp_path, step, given_to(tmp_path, step), warned)
+        write_record(tmp_path, step, given_to(tmp_path, step), {"WARNING": warned})
     steps = ["absent", *list(texts)[:-1]]
-    assert [tuple(warning.values()) for warning in page.warned(tmp_path, steps)] == [
-        ("patch 12 is shifted: check its place", ["place patches"], "12"),
-        ("a.plu: only Z, is read", ["prepare T0 scans", "score wear"], None),
-        ("all", ["score wear"], None),
+    found = page.reported(tmp_path, steps, "WARNING")
+    assert [tuple(message.values()) for message in found] == [
+        ("patches 12, a-1: check their places", ["place patches"], ["12", "a-1"]),
+        ("a.plu: only Z, is read", ["prepare T0 scans", "score wear"], []),
+        ("all", ["score wear"], []),
     ]
+    assert page.reported(tmp_path, steps, "ERROR") == []
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -105,10 +107,17 @@ def test_the_caption_of_a_table_explains_its_columns_with_any_config(name, study
 def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():
     answer = Answer([("Why?", "a < b, 5 %")], ["A mean MCC of 1 < 2.", "A mean MCC of 1."])
     for generated in (True, False):
-        html = page.render("page.verdict.html", answer=answer, generated=generated)
+        said = {"answer": answer, "generated": generated}
+        html = page.render("page.verdict.html", **said, faults=[])
         assert ("Synthetic specimen" in html) == generated
         assert "<dt>Why?</dt><dd>a &lt; b, 5\xa0%</dd>" in html
     assert html.count("<abbr") == html.count("Matthews") == 1
-    assert "<details" not in page.render(
-        "page.verdict.html", answer=answer._replace(details=[]), generated=False
-    )
+    plain = {"answer": answer._replace(details=[]), "generated": False, "faults": []}
+    assert "<details" not in page.render("page.verdict.html", **plain)
+
+
+def test_an_accepted_fault_is_shown_and_the_answer_withheld():
+    answer, fault = Answer([("Why?", "because")], []), {"text": "patches: they lie elsewhere"}
+    html = page.render("page.verdict.html", answer=answer, generated=False, faults=[fault])
+    assert fault["text"] in html
+    assert "because" not in html

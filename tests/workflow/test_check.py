@@ -37,10 +37,10 @@ def test_good_files(measured):
     # of the mesh alone
     (tilt,) = map(float, re.findall(r"tilted by ([\d.]+) mrad", said))
     assert tilt == pytest.approx(1e3 * np.hypot(plane.slope_y, plane.slope_x), rel=0.2)
-    words = ("E* = 10346 MPa, from the elastic constants", "No problems found, but 1 warning")
+    words = ("E* = 10346 MPa, from the elastic constants", "No problems found, but 1 note")
     facts = ("up to 64 × 64 points; Sq ", " mm along its x, y, z; mean edge length ")
     assert missing(said, *words, *facts) == []
-    assert said.count("WARNING") == 1  # the mesh is too coarse to check the heights' unit
+    assert said.count("NOTE") == 1  # the mesh is too coarse to check the heights' unit
     assert [file.name for file in measured.results.iterdir()] == ["check.png"]
 
 
@@ -69,9 +69,14 @@ def test_a_flip_that_is_wrong_is_named(study):
     for flip in ("x", None, "y"):
         study.change(scans={"mould": {"flip": flip}})
         code, said = check(study)
-        assert code == 0
-        assert ("set scans.mould.flip to x" in said) == ("WARNING" in said) == (flip != "x")
-    assert "set scans.mould.flip to x" in study.succeed("results-measured/tables/placement.csv")
+        assert ("et scans.mould.flip to x" in said) == (code == 2) == (flip != "x")
+    table = "results-measured/tables/placement.csv"
+    result = study.run(table)
+    assert result.returncode
+    assert "accept: [placement]" in result.stderr
+    study.change(accept=["placement"])
+    assert "ACCEPTED FAULT: patches: they fit the mesh turned" in study.succeed(table)
+    assert "1 accepted fault" in check(study)[1]
 
 
 def exchange(folder, one, other):
@@ -88,7 +93,7 @@ def test_scans_of_other_patches_and_epochs_are_told(measured):
     exchange(measured.folder, "7_T0", "7_T1")
     code, said = check(measured)
     assert code == 0
-    assert missing(said, "patches 5, 7 rose than fell", "t0 and t1 exchanged") == []
+    assert missing(said, "patches 5, 7: more rose than fell", "t0 and t1 exchanged") == []
     exchange(measured.folder, "10_T1", "11_T1")
     code, said = check(measured)
     assert code == 2
@@ -149,7 +154,7 @@ def test_scans_that_other_software_laid_on_each_other_are_told(measured):
     found = r"T1 on T0 +found on 6 patches, shifted by up to ([\d.]+) µm; all co-"
     (off,) = re.findall(found, said)
     assert float(off) < 0.05
-    assert said.count("WARNING") == 1  # the mesh is too coarse to check the heights' unit
+    assert said.count("NOTE") == 1  # the mesh is too coarse to check the heights' unit
 
 
 def test_everything_wrong_with_the_files_is_reported_at_once(measured):

@@ -76,6 +76,7 @@ if WORN_PATCHES:
         params:
             **SETTINGS["select_patches"],
             worn=WORN_PATCHES,
+            accept=config["accept"],
             code=code("tabulate_changes.py"),
         message:
             "Measuring how well T1 matches T0, and what was lost"

@@ -11,6 +11,7 @@ rule place_patches:
         table=table("placement", "3 Coupling"),
     log:
         f"{RESULTS}/logs/place_patches.log",
+    priority: 90  # a fault shows before the long steps
     resources:
         mem_mb=growing(500, scan=60),
     params:

@@ -29,6 +29,7 @@ rule check_inputs:
             "reference": REFERENCE,
             "interlayer": config["interlayer"],
             "active_tool": ACTIVE_TOOL,
+            "accept": config["accept"],
         },
         code=code("check_inputs.py"),
     message:

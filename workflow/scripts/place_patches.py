@@ -20,10 +20,12 @@ def main(
     patch_mm: float,
     invert: bool,
     flip: str | None,
+    accept: list[str],
 ) -> None:
     scans = Stored(files_of(t0, patches["patch"]), ["height"])
     given = read_dataset(face, only=["height"]).height, pd.DataFrame(patches), scans
-    write_table(table, place_patches(*given, patch_mm=patch_mm, invert=invert, flip=flip))
+    settings = {"patch_mm": patch_mm, "invert": invert, "flip": flip, "accept": accept}
+    write_table(table, place_patches(*given, **settings))
 
 
 if "snakemake" in globals():

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.errors import InputError
+from gstlib.errors import NOTE, InputError
 from gstlib.surfaces.filtering import low_pass
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 from gstlib.surfaces.leveling import remove_plane
@@ -64,7 +64,8 @@ def measure_texture(
             scans[patch].height, change, s_filter_um=s_filter_um, l_filter_um=l_filter_um
         )
         if change is not None and len(of_patch) == 1:
-            _log.warning(
+            _log.log(
+                NOTE,
                 "patch %s: T1 was not found on T0, or covers too little of it: the texture is that "
                 "of T0 alone",
                 patch,

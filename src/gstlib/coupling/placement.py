@@ -7,7 +7,8 @@ share, moulds that were undone wrongly, and, half of the time, a patch that lies
 """
 
 import logging
-from collections.abc import Mapping
+import math
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,14 +17,19 @@ import pandas as pd
 import scipy
 import xarray as xr
 
+from gstlib.errors import FaultError, raise_unless_accepted
 from gstlib.surfaces.footprints import moved, on_patch, places_of, spline_of
 
-__all__ = ["AGREES", "ALL", "CANNOT_TELL", "ELSEWHERE", "SHIFTED", "place_patches"]
+__all__ = ["AGREES", "ALL", "CANNOT_TELL", "ELSEWHERE", "FAULT", "SHIFTED"]
+__all__ += ["WAVE_PER_EDGE", "place_patches", "shows_waves"]
 
 _log = logging.getLogger(__name__)
 
 AGREES, SHIFTED, ELSEWHERE, CANNOT_TELL = "agrees", "shifted", "elsewhere", "cannot tell"
 ALL = "all"  # the row of all patches together
+FAULT = "placement"  # as which a config accepts it
+# A triangular net of edge a resolves waves down to √3 a, twice the distance between its rows.
+WAVE_PER_EDGE = math.sqrt(3)
 
 _SHIFT = ["shift_x_um", "shift_y_um", "shift_x_error_um", "shift_y_error_um"]
 # ASSUME: a scan that was laid wrongly is reversed, turned by quarter turns, or both, or has its
@@ -41,8 +47,28 @@ _LAID = {
 }
 _AS_GIVEN, *_OTHERS = _LAID
 _LOOKS = [*_LAID, "inverted", *(f"inverted and {name}" for name in _OTHERS)]
+# Patch tables as they are mistaken: each gives (x, y) on a square of side 1 from the stated ones.
+_TABLES = {
+    "x_mm and y_mm exchanged": lambda x, y: (y, x),
+    "x_mm measured from the other side": lambda x, y: (1 - x, y),
+    "y_mm measured from the other side": lambda x, y: (x, 1 - y),
+    "x_mm and y_mm measured from the other sides": lambda x, y: (1 - x, 1 - y),
+    "x_mm and y_mm exchanged, and x_mm then measured from the other side": lambda x, y: (
+        1 - y,
+        x,
+    ),
+    "x_mm and y_mm exchanged, and y_mm then measured from the other side": lambda x, y: (
+        y,
+        1 - x,
+    ),
+    "x_mm and y_mm exchanged, and both then measured from the other sides": (
+        lambda x, y: (1 - y, 1 - x)
+    ),
+}
 # Level of the tests: one right study in a hundred is warned of.
 _SIGNIFICANCE = 0.01
+# A mesh that is less than so high, beside the scans (r.m.s.), is too smooth to contradict them.
+_SMOOTH = 0.5
 # Points along a patch's side at which surfaces are compared: shorter waves the mesh does not hold.
 _POINTS = 24
 # Largest shift tried along each axis, and step between shifts, in sides of a patch: 0.2 mm and
@@ -73,8 +99,11 @@ def place_patches(
     patch_mm: float,
     invert: bool = False,
     flip: str | None = None,
+    accept: Container[str] = (),
 ) -> pd.DataFrame:
-    """Compare each patch with the square under it, and warn of places that look wrong.
+    """Compare each patch with the square under it; places that cannot be right are a `FAULT`.
+
+    Others that look wrong are warned of.
 
     Parameters
     ----------
@@ -89,6 +118,8 @@ def place_patches(
         Side of a patch.
     invert, flip
         How their moulds were undone, as in `gstlib.preprocess.scans.prepare_scan`.
+    accept : container of str
+        Names of faults that do not stop the study.
 
     Returns
     -------
@@ -98,16 +129,23 @@ def place_patches(
         also the shift that they share (true less stated place, along the square's axes),
         ``shift_x_um, shift_y_um``, and its standard errors, NaN where there is no peak; and how
         they look laid (``orientation``), empty where that is not clear.
+
+    Raises
+    ------
+    InputsError
+        Of a `FaultError`: the patches fit the mesh only if they are laid otherwise, or not at all.
     """
     half = round(_REACH / _STEP)
     steps = np.arange(-half, half + 1) * _STEP * patch_mm
-    maps = _correlations(surface, patches, scans, patch_mm, steps)
+    looks = np.array([_laid(scans[patch].height) for patch in patches.patch])
+    maps = _correlations(surface, patches, looks, patch_mm, steps)
     as_given, mould = maps[:, 0], _Mould(invert, flip)
     correlation = as_given[:, half, half]
     if len(patches) < _FEWEST_PATCHES:
         orientation = _unmoved_orientation(maps)
         if orientation:
-            _warn_of_orientation(orientation, correlation.mean(), mould)
+            fault = _orientation_fault(orientation, correlation.mean(), mould)
+            raise_unless_accepted([fault], accept)
         return _table(patches, correlation, orientation)
     shared = _shared_shift(as_given, steps)
     if shared.is_sure:
@@ -116,20 +154,79 @@ def place_patches(
     orientation = _orientation(maps)
     table = _table(patches, correlation, orientation, shared)
     if orientation not in ("", _AS_GIVEN):
-        _warn_of_orientation(orientation, correlation.mean(), mould)
+        faults = [_orientation_fault(orientation, correlation.mean(), mould)]
     elif apart := _laid_apart(patches, maps, mould):
-        for text in apart:  # what else does not fit may follow from these
-            _log.warning("%s", text)
+        faults = apart  # what else does not fit may follow from these
+    elif _is_elsewhere(correlation) and _tells(surface, patches, looks[:, 0], patch_mm):
+        faults = [_table_fault(surface, patches, looks[:, 0], patch_mm, correlation.mean())]
     else:
+        faults = []
         _warn_of_places(correlation.mean(), shared)
-    for elsewhere in table[table.status == ELSEWHERE].itertuples(index=False):
+    raise_unless_accepted(faults, accept)
+    elsewhere = table[table.status == ELSEWHERE]
+    if len(elsewhere):
         _log.warning(
-            "patch %s does not correlate with the macroscale (%.2f): check its place in the patch "
-            "table, and whether its scan is that of another patch",
-            elsewhere.patch,
-            elsewhere.correlation,
+            "patch%s %s: no correlation with the macroscale (at most %.2f): check the place in the "
+            "patch table, and whether the scan is that of another patch",
+            "es" * (len(elsewhere) > 1),
+            ", ".join(elsewhere.patch),
+            elsewhere.correlation.max(),
         )
     return table
+
+
+def shows_waves(surface: xr.DataArray, patch_mm: float) -> bool:
+    """Whether the edges of the mesh, where they are known, show waves as long as a patch."""
+    return bool(WAVE_PER_EDGE * surface.attrs.get("mesh_edge_mm", 0.0) <= patch_mm)
+
+
+def _is_elsewhere(correlation: np.ndarray) -> bool:
+    """Whether patches correlate no better than others would that lie anywhere."""
+    error = correlation.std(ddof=1) / np.sqrt(correlation.size)
+    least = scipy.special.stdtrit(correlation.size - 1, 1 - _SIGNIFICANCE) * error
+    return bool(correlation.mean() < min(least, _LOW))
+
+
+def _tells(
+    surface: xr.DataArray, patches: pd.DataFrame, scans: np.ndarray, patch_mm: float
+) -> bool:
+    """Whether the mesh is rough enough to contradict scans (patches, points, points)."""
+    under = _under(spline_of(surface), patches, patch_mm)
+    mesh, scan = (np.linalg.norm(_flat(heights), axis=-1) for heights in (under, scans))
+    return shows_waves(surface, patch_mm) and bool(np.median(mesh) > _SMOOTH * np.median(scan))
+
+
+def _table_fault(
+    surface: xr.DataArray,
+    patches: pd.DataFrame,
+    scans: np.ndarray,
+    patch_mm: float,
+    correlation: float,
+) -> FaultError:
+    """Patches that are elsewhere; the remedy says where, if the table is mirrored or turned."""
+    size_mm = float(surface.x[0] + surface.x[-1])  # the square lies in the middle of the face
+    looks, spline = _level(scans), spline_of(surface)
+    x, y = (patches[column] / size_mm for column in ("x_mm", "y_mm"))
+    fits = {}
+    for name, given in _TABLES.items():
+        other = dict(zip(("x_mm", "y_mm"), (size_mm * of for of in given(x, y)), strict=True))
+        under = _level(_under(spline, patches.assign(**other), patch_mm))
+        fits[name] = float(np.mean(np.sum(looks * under, axis=-1)))
+    best = max(fits, key=lambda name: fits[name])
+    problem = (
+        f"the patches do not lie where the table says: they correlate with the mesh under them by "
+        f"{correlation:.2f}, no more than patches from anywhere would"
+    )
+    if fits[best] > max(_LOW, _BY_CHANCE_UNMOVED / np.sqrt(len(patches))):
+        remedy = (
+            f"They fit the mesh ({fits[best]:.2f}) with {best}: correct the patch table so."
+        )
+    else:
+        remedy = (
+            "Check x_mm and y_mm of the patch table, square.points_mm, and the units of mesh and "
+            "scans."
+        )
+    return FaultError(FAULT, "patches", problem, remedy)
 
 
 class _Mould(NamedTuple):
@@ -179,13 +276,12 @@ def _table(
 
 
 def _warn_of_places(correlation: float, shared: _Shift) -> None:
-    """Warn where no patch, or every patch, lies elsewhere."""
+    """Warn where few patches, or none, may lie where the table says, or all are shifted."""
     if correlation < _LOW:
         _log.warning(
-            "the patches together correlate with the macroscale by no more than %.2f, as if few or "
-            "none of them lay where the patch table says: check its x_mm and y_mm, "
-            "square.points_mm, and the units of mesh and scans (a mesh that is too smooth looks "
-            "the same)",
+            "the patches together correlate with the macroscale by no more than %.2f: either the "
+            "mesh is too smooth to show them, or few lie where the patch table says; check its "
+            "x_mm and y_mm, square.points_mm, and the units of mesh and scans",
             correlation,
         )
     elif shared.is_sure:
@@ -200,20 +296,29 @@ def _warn_of_places(correlation: float, shared: _Shift) -> None:
 def _correlations(
     surface: xr.DataArray,
     patches: pd.DataFrame,
-    scans: Mapping[str, xr.Dataset],
+    looks: np.ndarray,
     patch_mm: float,
     steps: np.ndarray,
 ) -> np.ndarray:
-    """Correlation (patches, orientations, k, k) of scans and square, at shifts (mm) along y, x."""
-    looks = _level(np.array([_laid(scans[patch].height) for patch in patches.patch]))
-    spline = spline_of(surface)
+    """Correlation (patches, orientations, k, k) of scans and square, at shifts (mm) along y, x.
+
+    `looks` (patches, orientations, points, points) are the scans, from `_laid`.
+    """
+    looks, spline = _level(looks), spline_of(surface)
     found = np.empty((*looks.shape[:2], len(steps), len(steps)))
     for row, column in np.ndindex(found.shape[2:]):
         shifted = moved(patches, (steps[row], steps[column]), surface, patch_mm)
-        places = places_of(shifted).values()
-        under = [on_patch(spline, place, 2 * (_POINTS,), patch_mm) for place in places]
-        found[:, :, row, column] = np.einsum("pln,pn->pl", looks, _level(np.array(under)))
+        under = _level(_under(spline, shifted, patch_mm))
+        found[:, :, row, column] = np.einsum("pln,pn->pl", looks, under)
     return np.concatenate([found, -found], axis=1)
+
+
+def _under(
+    spline: "scipy.interpolate.RectBivariateSpline", patches: pd.DataFrame, patch_mm: float
+) -> np.ndarray:
+    """Heights (patches, points, points) of the square under each patch."""
+    places = places_of(patches).values()
+    return np.array([on_patch(spline, place, 2 * (_POINTS,), patch_mm) for place in places])
 
 
 def _laid(height: xr.DataArray) -> list[np.ndarray]:
@@ -228,13 +333,18 @@ def _laid(height: xr.DataArray) -> list[np.ndarray]:
     return laid
 
 
-def _level(heights: np.ndarray) -> np.ndarray:
-    """Heights (..., points, points) less their planes, as vectors of length 1; flat ones are 0."""
+def _flat(heights: np.ndarray) -> np.ndarray:
+    """Heights (..., points, points) less their planes, as vectors."""
     y, x = np.indices(2 * (_POINTS,))
     powers = np.stack([np.ones_like(x), y, x], axis=-1)
     planes, _ = np.linalg.qr(powers.reshape(-1, 3))
     flat = heights.reshape(*heights.shape[:-2], -1)
-    flat = flat - flat @ planes @ planes.T
+    return flat - flat @ planes @ planes.T
+
+
+def _level(heights: np.ndarray) -> np.ndarray:
+    """Heights (..., points, points) less their planes, as vectors of length 1; flat ones are 0."""
+    flat = _flat(heights)
     length = np.linalg.norm(flat, axis=-1, keepdims=True)
     return flat / np.where(length > 0, length, 1.0)
 
@@ -294,18 +404,20 @@ def _unmoved_orientation(maps: np.ndarray) -> str:
     return _LOOKS[best] if is_better else ""
 
 
-def _warn_of_orientation(orientation: str, correlation: float, mould: _Mould) -> None:
-    message = "the patches fit the mesh %s, and not as given (correlation %.2f): %s"
-    _log.warning(message, orientation, correlation, _remedy(orientation, mould))
+def _orientation_fault(orientation: str, correlation: float, mould: _Mould) -> FaultError:
+    problem = (
+        f"they fit the mesh {orientation}, and not as given (correlation {correlation:.2f})"
+    )
+    return FaultError(FAULT, "patches", problem, _remedy(orientation, mould))
 
 
-def _laid_apart(patches: pd.DataFrame, maps: np.ndarray, mould: _Mould) -> list[str]:
-    """Warnings of scans of one instrument, as their format tells, that alone are laid wrongly."""
+def _laid_apart(patches: pd.DataFrame, maps: np.ndarray, mould: _Mould) -> list[FaultError]:
+    """Scans of one instrument, as their format tells, that alone are laid wrongly."""
     if "t0" not in patches:
         return []
     kinds = patches.t0.map(lambda name: Path(name).suffix.lower())
     flips = patches["flip"] if "flip" in patches else kinds.map(lambda _: "")
-    said = []
+    faults = []
     for (kind, own), rows in patches.groupby([kinds, flips], sort=True).indices.items():
         if not _FEWEST_PATCHES <= len(rows) < len(patches):
             continue
@@ -314,11 +426,10 @@ def _laid_apart(patches: pd.DataFrame, maps: np.ndarray, mould: _Mould) -> list[
             continue
         flip = {"none": None, "": mould.flip}.get(own, own)
         remedy = _remedy(orientation, mould._replace(flip=flip), in_rows=True)
-        names = ", ".join(patches.patch.iloc[rows])
-        said.append(
-            f"patches {names} ({kind}) fit the mesh {orientation}, and not as given: {remedy}"
-        )
-    return said
+        names = f"patches {', '.join(patches.patch.iloc[rows])} ({kind})"
+        problem = f"they fit the mesh {orientation}, and not as given"
+        faults.append(FaultError(FAULT, names, problem, remedy))
+    return faults
 
 
 def _remedy(orientation: str, mould: _Mould, *, in_rows: bool = False) -> str:
@@ -348,4 +459,4 @@ def _remedy(orientation: str, mould: _Mould, *, in_rows: bool = False) -> str:
         by = turn if turn <= 180 else turn - 360
         whose = "each" if in_rows else "every patch"
         said += f"{', and ' if said else ''}add {by} to the rotation_deg of {whose}"
-    return said
+    return f"{said[0].upper()}{said[1:]}."

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from gstlib.errors import InputError
+from gstlib.errors import NOTE, InputError
 from gstlib.io.files import check_unpacked, check_unpacked_size
 
 __all__ = ["RawMap", "plain_text", "read_instrument_file"]
@@ -145,7 +145,7 @@ def _first_map(path: Path, known_as: str) -> RawMap:
     unit = topography.unit
     length = None if unit is None else get_unit_conversion_factor(unit, "mm")
     if known_as == "mnt":
-        _log.warning(_AS_MEASURED, path)
+        _log.log(NOTE, _AS_MEASURED, path)
     attrs = _instrument(topography.info)
     if maps[1:]:
         attrs["layer"] = f"{channel.name}, the first of {len(maps)} height maps"

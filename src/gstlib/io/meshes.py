@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gstlib.errors import InputError
+from gstlib.errors import NOTE, InputError
 from gstlib.io.files import check_size, check_unpacked
 
 if TYPE_CHECKING:
@@ -193,7 +193,7 @@ def _turn_outwards(mesh: "trimesh.Trimesh") -> None:
     closed = np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum()
     # measured from its middle, so pin-holes far from the origin matter little
     if closed and ((mesh.triangles_center - mesh.bounds.mean(axis=0)) * areas).sum() < 0:
-        _log.warning("the mesh is inside out (its volume is negative): its faces were turned")
+        _log.log(NOTE, "the mesh is inside out (its volume is negative): its faces were turned")
         mesh.invert()
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from gstlib.errors import InputError
+from gstlib.errors import NOTE, InputError
 from gstlib.io.files import check_size
 from gstlib.io.instruments import RawMap, plain_text, read_instrument_file
 from gstlib.io.plu import read_plu
@@ -115,7 +115,7 @@ def read_scan(
     _mind_step_too_few(path, heights.shape, spacing)
     attrs = {name: plain_text(value) for name, value in attrs.items()}
     if "layer" in attrs:
-        _log.warning("%s: only %s, is read", path, attrs["layer"])
+        _log.log(NOTE, "%s: only %s, is read", path, attrs["layer"])
     return make_surface(heights, spacing, long_name="height as measured").assign_attrs(
         file=path.name, **attrs
     )

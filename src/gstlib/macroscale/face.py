@@ -5,7 +5,7 @@ out of it and pressed alone (`square_alone`).
 """
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from gstlib.contact import Interface
-from gstlib.errors import InputError
+from gstlib.errors import FaultError, InputError
 from gstlib.macroscale.active_tool import (
     FLAT,
     ActiveTool,
@@ -30,12 +30,14 @@ from gstlib.surfaces.leveling import remove_plane
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["grid_macroscale", "square_alone"]
+__all__ = ["grid_macroscale", "square_alone", "thin_stone"]
 
 _log = logging.getLogger(__name__)
 
 # Largest share of the face that may have no stone.
 _MOST_ABSENT = 0.5
+# ASSUME: no ground stone tool is thinner (mm): points that see less lie on an edge or a speck.
+_THINNEST_MM = 1.0
 
 
 def grid_macroscale(
@@ -129,13 +131,27 @@ def _check_extent(height: xr.DataArray, face_mm: float, source: str | Path) -> N
             100 * absent,
             face_mm,
         )
-    if (thickness := height.attrs["thickness_mm"]) < face_mm:
+    thickness = height.attrs["thickness_mm"]
+    if _THINNEST_MM <= thickness < face_mm:
         _log.warning(
             "%s: the stone is %.3g mm thick under the square, less than the %g mm of its face: it "
-            "bends, and the contact of half-spaces that is solved does not; take a smaller face",
+            "bends, and the contact of half-spaces that is solved does not; set macroscale.face_mm "
+            "to %.2g, or read pressures with care if that is less than the square",
             source,
             thickness,
             face_mm,
+            thickness,
+        )
+
+
+def thin_stone(height: xr.DataArray, *, source: str | Path) -> Iterator[FaultError]:
+    """A fault, if the stone is so thin under the square that the points must be wrong."""
+    if (thickness := height.attrs["thickness_mm"]) < _THINNEST_MM:
+        yield FaultError(
+            "thickness",
+            source,
+            f"the stone is {thickness:.3g} mm thick under the square, and no tool is so thin",
+            "Pick square.points_mm where the stone was used, facing outwards, and check mesh_unit.",
         )
 
 

@@ -3,7 +3,16 @@
 import numpy as np
 import pandas as pd
 import pytest
-from gstlib.coupling.placement import AGREES, ALL, CANNOT_TELL, ELSEWHERE, SHIFTED, place_patches
+from gstlib.coupling.placement import (
+    AGREES,
+    ALL,
+    CANNOT_TELL,
+    ELSEWHERE,
+    FAULT,
+    SHIFTED,
+    place_patches,
+)
+from gstlib.errors import InputsError
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import axis_coordinates, make_surface
 
@@ -86,12 +95,39 @@ def test_patches_of_another_stone_or_of_wrong_places_are_noticed(caplog):
     # two exchanged: half of such are found, these two among them
     swapped = place(square, [heights[i] for i in (0, 7, 2, 3, 4, 5, 6, 1, 8)])
     assert list(swapped.index[swapped.status == ELSEWHERE]) == ["2", "8"]
-    assert caplog.text.count("whether its scan is that of another patch") == 2
+    assert caplog.text.count("patches 2, 8: no correlation") == 1
     for wrong in ([other.patch(y, x) for y, x in NINE], heights[4:] + heights[:4]):
+        with pytest.raises(InputsError, match="Check x_mm and y_mm"):
+            place(square, wrong)
         caplog.clear()
-        found = place(square, wrong)
+        found = place(square, wrong, accept=[FAULT])
         assert (found.status == CANNOT_TELL).all()
-        assert "check its x_mm and y_mm" in caplog.text
+        assert [record.levelname for record in caplog.records] == ["ERROR"]
+    # a mesh too smooth or too coarse to show the patches contradicts nothing
+    smooth, coarse = 0.1 * square, square.assign_attrs(mesh_edge_mm=0.6)
+    for mesh in (smooth, coarse):
+        caplog.clear()
+        place(mesh, heights[4:] + heights[:4])
+        assert [record.levelname for record in caplog.records] == ["WARNING"]
+
+
+@pytest.mark.parametrize(
+    ("table", "remedy"),
+    [
+        (lambda x, y: (y, x), "x_mm and y_mm exchanged: correct"),
+        (lambda x, y: (SQUARE - x, y), "x_mm measured from the other side"),
+        (lambda x, y: (x, SQUARE - y), "y_mm measured from the other side"),
+        (lambda x, y: (SQUARE - y, SQUARE - x), "both then measured from the other sides"),
+    ],
+)
+def test_a_mirrored_table_is_a_fault_and_named(table, remedy):
+    stone = Waves(11)
+    truth = [(1.0, 0.7), (1.2, 2.4), (2.3, 3.9), (3.1, 1.4), (3.9, 3.1), (4.2, 2.0)]
+    heights = [stone.patch(y, x) for y, x in truth]
+    stated = np.array([table(x, y) for y, x in truth])
+    with pytest.raises(InputsError, match=remedy) as error:
+        place(stone.square(), heights, columns={"x_mm": stated[:, 0], "y_mm": stated[:, 1]})
+    assert "accept: [placement]" in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -112,12 +148,12 @@ def test_patches_of_another_stone_or_of_wrong_places_are_noticed(caplog):
         (lambda h: h[::-1, ::-1], {}, "add 180 to the rotation_deg of every patch"),
     ],
 )
-def test_a_scan_laid_wrongly_is_noticed_and_the_remedy_named(wrong, mould, remedy, caplog):
+def test_a_scan_laid_wrongly_is_noticed_and_the_remedy_named(wrong, mould, remedy):
     stone = Waves(7)
     heights = [stone.patch(y + 0.02, x) for y, x in NINE[:6]]
     laid = [height.copy(data=wrong(height.values)) for height in heights]
-    place(stone.square(), laid, **mould)
-    assert caplog.messages[0].endswith(f": {remedy}")
+    with pytest.raises(InputsError, match=f"{remedy[1:]}\\. If it is right"):
+        place(stone.square(), laid, **mould)
 
 
 @pytest.mark.parametrize(("own", "right"), [("", "y"), ("y", "none")])
@@ -128,10 +164,11 @@ def test_scans_of_one_instrument_that_alone_are_laid_wrongly_are_named(own, righ
     for laid in heights[5:]:
         laid.values = laid.values[::-1]
     columns = {"t0": ["1.sur"] * 5 + ["1.asc"] * 4, "flip": [""] * 5 + [own] * 4}
-    place(stone.square(), heights, columns=columns)
-    assert "patches 6, 7, 8, 9 (.asc) fit the mesh reversed along y" in caplog.messages[0]
-    assert f"set flip in their rows of the patch table to {right}" in caplog.messages[0]
-    assert "x_mm" not in caplog.text
+    with pytest.raises(InputsError, match=r"patches 6, 7, 8, 9 \(.asc\): they fit") as error:
+        place(stone.square(), heights, columns=columns)
+    assert "reversed along y" in str(error.value)
+    assert f"flip in their rows of the patch table to {right}" in str(error.value)
+    assert "x_mm" not in str(error.value) + caplog.text
 
 
 @pytest.mark.parametrize(("count", "told"), [(1, False), (2, True), (3, True)])
@@ -139,6 +176,6 @@ def test_of_few_patches_a_clear_flip_is_told_and_of_one_none(caplog, count, told
     stone = Waves(7)
     laid = [stone.patch(y, x) for y, x in NINE[:count]]
     laid = [height.copy(data=height.values[:, ::-1]) for height in laid]
-    found = place(stone.square(), laid)
+    found = place(stone.square(), laid, accept=[FAULT])
     assert (found.status == CANNOT_TELL).all()
-    assert (": set scans.mould.flip to x" in caplog.text) == told
+    assert ("et scans.mould.flip to x" in caplog.text) == told
