@@ -2,15 +2,24 @@
 
 // --- cards of the patches: any link to a card opens it
 
+document.documentElement.classList.add("scripted");
+
 function openCard(name) {
   const card = name.startsWith("#patch-") && document.getElementById(decodeURI(name.slice(1)));
   if (card && !card.open) card.showModal();
+  if (card) history.replaceState(null, "", name); // the address of the card, to be passed on
   return Boolean(card);
 }
+
+for (const card of document.querySelectorAll("dialog.card"))
+  card.addEventListener("close", () => history.replaceState(null, "", location.pathname + location.search));
+window.addEventListener("hashchange", () => openCard(location.hash));
 
 document.addEventListener("click", (event) => {
   const link = event.target.closest("a[href^='#patch-']");
   if (link && openCard(link.getAttribute("href"))) event.preventDefault();
+  const blink = event.target.closest(".blink");
+  if (blink) compare(blink.dataset.patch);
   const picture = event.target.closest(".enlarge");
   if (picture) {
     const large = document.querySelector("#large img");
@@ -21,6 +30,31 @@ document.addEventListener("click", (event) => {
   if (event.target instanceof HTMLDialogElement) event.target.close(); // beside it
 });
 openCard(location.hash);
+
+// --- T0 and T1 of a patch in turn
+
+const EPOCHS = ["T0, before use", "T1, after use"];
+
+function showEpoch(number) {
+  document.getElementById("blink-picture").style.backgroundPositionX = `${50 * number}%`; // of three
+  document.getElementById("blink-picture").ariaLabel = EPOCHS[number];
+  document.getElementById("blink-now").textContent = EPOCHS[number];
+  document.getElementById("blink-now").dataset.epoch = number;
+}
+
+function compare(patch) {
+  const strip = document.querySelector(`.thumbnails a[href='#patch-${patch}'] img`);
+  document.getElementById("blink-picture").style.backgroundImage = `url(${strip.src})`;
+  document.getElementById("blink-title").textContent = `Patch ${patch}`;
+  showEpoch(0);
+  document.getElementById("blink").showModal();
+}
+
+const nextEpoch = () => showEpoch(1 - document.getElementById("blink-now").dataset.epoch);
+document.getElementById("blink-now").addEventListener("click", nextEpoch);
+setInterval(() => {
+  if (document.getElementById("blink").open && document.getElementById("blink-on").checked) nextEpoch();
+}, 700);
 
 // --- the table of the patches sorts by the column whose heading is clicked
 

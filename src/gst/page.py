@@ -66,15 +66,35 @@ class Shown:
 
 
 def embedded(png: bytes) -> str:
-    """A picture as a data URL, with fewer colours: a third of the size."""
-    from PIL import Image
+    """A picture as a data URL, with fewer colours: a third of the size.
+
+    Those of classes, which a legend names, stay as they are.
+    """
+    import numpy as np
+    from PIL import Image, ImageColor
+
+    from gst.figures.style import CLASSES
 
     with Image.open(io.BytesIO(png)) as picture:
-        few = picture.convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
+        whole = picture.convert("RGB")
+    few = whole.quantize(_COLOURS - len(CLASSES), dither=Image.Dither.NONE)
+    palette = (few.getpalette() or [])[: 3 * (_COLOURS - len(CLASSES))]
+    palette += [0] * (3 * (_COLOURS - len(CLASSES)) - len(palette))
+    index, pixels = np.array(few), np.asarray(whole)
+    for number, colour in enumerate(CLASSES, _COLOURS - len(CLASSES)):
+        rgb = ImageColor.getrgb(colour)
+        index[(pixels == rgb).all(axis=-1)] = number
+        palette += rgb
+    exact = Image.fromarray(index, mode="P")
+    exact.putpalette(palette)
     content = io.BytesIO()
-    few.save(content, "png", compress_level=7)
-    smaller = min(content.getvalue(), png, key=len)
-    return "data:image/png;base64," + base64.b64encode(smaller).decode("ascii")
+    exact.save(content, "png", compress_level=7)
+    return data_url(min(content.getvalue(), png, key=len), "png")
+
+
+def data_url(content: bytes, kind: str) -> str:
+    """A picture of this kind, as a page has it."""
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def caption_html(template: str, **names: Any) -> str:
@@ -107,15 +127,18 @@ def reported(results: Path, steps: Sequence[str], level: str) -> list[dict[str, 
     ]
 
 
-def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dict[str, Any]]:
+def patch_records(
+    tables: Mapping[str, Path], pictures: Path | None, strips: Path | None = None
+) -> list[dict[str, Any]]:
     """What the study says about each patch: its rows of the tables (or empty dicts), and a
     picture.
 
     ``wear`` is the row of the study's own prediction, ``mcc`` the score of every other model by the
     model's name in words.
 
-    `tables` are the study's, by the names of their files; `pictures` is the folder with those of
-    single patches, which are given as data URLs.
+    `tables` are the study's, by the names of their files; `pictures` and `strips` are folders of
+    pictures of single patches, from `gst.figures.microscale.patch_figure` and ``patch_strip``,
+    which are given as data URLs.
     """
     sources = {
         "pressure": "patch_pressures",
@@ -138,6 +161,8 @@ def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dic
     for patch in rows["pressure"]:
         picture = pictures and pictures / f"{patch}.png"
         shown = embedded(picture.read_bytes()) if picture and picture.exists() else None
+        strip = strips and strips / f"{patch}.jpg"
+        turned = data_url(strip.read_bytes(), "jpeg") if strip and strip.exists() else None
         of_tables = {name: of.get(patch, {}) for name, of in rows.items()}
         of_models = models.get(patch, {})
         of_tables["wear"] = of_models.get(own_model(list(of_models)), {})
@@ -146,7 +171,7 @@ def patch_records(tables: Mapping[str, Path], pictures: Path | None) -> list[dic
             for name in (CAPPED, *BASELINES, ORACLE)
             if name in of_models
         }
-        records.append({"patch": patch, "picture": shown} | of_tables)
+        records.append({"patch": patch, "picture": shown, "strip": turned} | of_tables)
     return records
 
 

@@ -1,6 +1,7 @@
 """The page of a study, with the answer, the contents and the record, from its stored results."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,14 +32,15 @@ from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
 from gstlib.macroscale.active_tool import ActiveTool, posed_mesh
 from gstlib.macroscale.sampling_sites import concentration
-from gstlib.surfaces.footprints import square_of
+from gstlib.surfaces.footprints import footprint_weights, places_of, square_of
 from gstlib.surfaces.frames import FRAME, stored_frame
 
 __all__ = ["StudyPage"]
 
 # Tables that the answer is computed from.
 _SCORED = ["patch_pressures", "patch_intervals", "registration", "validation_patches"]
-_SCORED += ["validation_summary", "exposure", "use"]
+_SCORED += ["validation_summary", "exposure", "use", "placement"]
+_INSIDE = 0.5  # share of an element that lies in a patch which colours it
 _PAGE = "0 Overview", "the page of the study"
 _WHAT = (
     "The answer, the tool in 3D, all warnings, a card for each patch, every figure and table."
@@ -54,14 +56,14 @@ class StudyPage:
     files : mapping
         ``mesh, counterface, surface, contact, exposure``; ``shown``, the figures and tables on the
         page, and ``behind``, that which is packed with them; ``captions`` of these; ``by_patch``,
-        the folder of the pictures of single patches; ``made_from``, the measured files. An empty
-        list stands for what the study does not have.
+        and ``strips``, the folders of the pictures of single patches; ``made_from``, the measured
+        files. An empty list stands for what the study does not have.
     titles : sequence of (str, str)
         Category and title of each that has a caption.
     steps : sequence of str
         Names of the study's steps, for their records and warnings.
     places : mapping
-        Columns ``patch, x_mm, y_mm, rotation_deg``.
+        Columns ``patch, x_mm, y_mm, rotation_deg, t0, t1``.
     patch_mm : float
         Side of a patch.
     mesh_unit : str
@@ -132,7 +134,7 @@ class StudyPage:
 
     @cached_property
     def fields(self) -> list[xr.DataArray]:
-        """What the tool shows: pressure and, of a gesture, exposure."""
+        """What the tool shows: pressure, measured loss and, of a gesture, exposure."""
         found = [read_dataset(self.files["contact"], only=["pressure"]).pressure]
         found[0].attrs["title"] = "pressure"
         if self.files["exposure"]:
@@ -140,7 +142,21 @@ class StudyPage:
             found.append(exposure.assign_attrs(title="exposure"))
         if self.proposed is not None:
             return found
-        return [square_of(field, self.config["square"]["size_mm"]) for field in found]
+        found = [square_of(field, self.config["square"]["size_mm"]) for field in found]
+        if "registration" in self._tables:
+            found.insert(1, self._loss_on(found[0]))
+        return found
+
+    def _loss_on(self, square: xr.DataArray) -> xr.DataArray:
+        """The mean depth that each patch lost, on the grid of the square."""
+        registration = read_table(self._tables["registration"]).set_index("patch")
+        loss = xr.zeros_like(square)
+        for patch, place in places_of(pd.DataFrame(self.places)).items():
+            depth = registration.mean_wear_depth_um.get(patch, math.nan)
+            if depth > 0:
+                inside = footprint_weights(square, place, self.patch_mm) > _INSIDE
+                loss.values[inside] = depth
+        return loss.assign_attrs(title="measured loss", units="µm")
 
     @cached_property
     def answer(self) -> Answer:
@@ -190,7 +206,12 @@ class StudyPage:
     def _content(self, results: Path) -> dict[str, Any]:
         scene, records = self._scene(), []
         if self.proposed is None:
-            records = patch_records(self._tables, self.files["by_patch"] or None)
+            folders = (self.files[name] or None for name in ("by_patch", "strips"))
+            records = patch_records(self._tables, *folders)
+            scans = pd.DataFrame(self.places).set_index("patch")
+            for record in records:
+                names = scans.loc[record["patch"], ["t0", "t1"]]
+                record["scans"] = " → ".join(filter(None, names))
         return {
             "title": self.config["title"],
             "force": self._force_N,

@@ -12,15 +12,19 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from gstlib.coupling.placement import AGREES, CANNOT_TELL
 from gstlib.macroscale.sampling_sites import CONTROL, EXPOSED, Concentration
 from gstlib.use.infer import BETTER, CHANCE
-from gstlib.validation.baselines import BASELINES, ORACLE
+from gstlib.validation.baselines import ORACLE
 from gstlib.validation.scoring import own_model
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
 __all__ = ["LEVEL", "MODELS", "Answer", "sign_of", "used", "verdict", "where_to_scan"]
 
 LEVEL = 0.05  # the usual one
+# The smallest p-value that an exchange test of n patches can give is 2^(1 - n): a mark for each of
+# these levels that it can reach.
+_LEVELS = 1.0, LEVEL, 0.001
 # The predictions, their baselines and the cap, in words.
 MODELS = {
     BARE: "Archard's law",
@@ -78,7 +82,8 @@ def verdict(
     tables : mapping of str to pandas.DataFrame
         By name: ``patch_pressures``, ``patch_intervals``; of a study with scans after use,
         ``registration``, ``validation_patches`` and ``validation_summary``; of one whose wear says
-        how the tool was used, ``use``; of one with a gesture, ``exposure``.
+        how the tool was used, ``use``; of one with a gesture, ``exposure``. ``placement``, where
+        patches were compared with the mesh.
     force_N : float
         The whole load.
     interlayer, pressure_cap
@@ -122,6 +127,7 @@ def verdict(
     if poses is not None:
         load += f" {_exposed(tables['exposure'], poses)}"
     answers["Which patches bear the load?"] = load
+    answers["How sure?"] = _how_sure(tables)
     return Answer([line for line in answers.items() if line[1]], list(filter(None, details)))
 
 
@@ -324,21 +330,50 @@ def _where(summary: pd.DataFrame, own: str, law: str, patches: pd.DataFrame) -> 
 
 def _how_much(summary: pd.DataFrame, own: str) -> str:
     """How wrong are depths and volumes, against the best baseline of each?"""
-    depth, volume = (summary.loc[(own, f"relative({of}_error)")] for of in ("map", "volume"))
+    names = "relative_to_best(map_error)", "relative(volume_error)"
+    depth, volume = (summary.loc[(own, name)] for name in names)
     if not (math.isfinite(depth.value) and math.isfinite(volume.value)):
         return ""
-    # no loss is what maps are compared with; which baseline is best is not in that row
-    others = summary.value.xs("relative(map_error)", level="statistic").reindex(BASELINES)
-    others[depth.against] = 1.0
-    best = others.idxmin()
-    shows = int(volume.high < 1) - int(volume.low > 1)
-    shown = _COMPARED[shows * int(volume.p_value <= LEVEL)]
-    theirs = "it" if volume.against == best else f"the best, {MODELS[volume.against]}"
+    same = volume.against == depth.against
+    theirs = "it" if same else f"the best, {MODELS[volume.against]}"
     return (
-        f"Depths err {_two_digits(depth.value / others[best])} times as much as the best baseline, "
-        f"{MODELS[best]} (not tested); volumes {_two_digits(volume.value)} times as much as "
-        f"{theirs}: {shown} ({_p(volume.p_value)})."
+        f"Depths err {_two_digits(depth.value)} times as much as the best baseline, "
+        f"{MODELS[depth.against]}: {_ratio_in_words(depth)}; volumes "
+        f"{_two_digits(volume.value)} times as much as {theirs}: {_ratio_in_words(volume)}."
     )
+
+
+def _ratio_in_words(row: Any) -> str:
+    """Whether a ratio of errors shows a difference; below 1, it is better."""
+    shows = int(row.high < 1) - int(row.low > 1)
+    return f"{_COMPARED[shows * int(row.p_value <= LEVEL)]} ({_p(row.p_value)})"
+
+
+def _how_sure(tables: Mapping[str, pd.DataFrame]) -> str:
+    """Marks for how many patches there are, where they lie, and how well T1 lies on T0."""
+    said = []
+    if "validation_patches" in tables:
+        count = int(tables["validation_patches"].in_statistics.sum())
+        reached = sum(2.0 ** (1 - count) <= level for level in _LEVELS)
+        said.append(f"number of patches {_marks(reached)} ({count})")
+    if "placement" in tables:
+        each = tables["placement"].iloc[:-1].status
+        together = tables["placement"].status.iloc[-1]
+        agreeing = int((each == AGREES).sum())
+        marks = 1 if together == CANNOT_TELL else 3 if (each == together).all() else 2
+        where = f"{agreeing} of {len(each)} agree with the mesh"
+        said.append(f"their places {_marks(marks)} ({where if agreeing else together})")
+    if "registration" in tables:
+        within = ~tables["registration"].excluded.astype(bool)
+        marks = 3 if within.all() else 2 if 2 * within.sum() >= len(within) else 1
+        said.append(f"T1 on T0 {_marks(marks)} ({within.sum()} of {len(within)} match)")
+    return " · ".join(said)
+
+
+def _marks(reached: int) -> str:
+    """Of three marks, so many full, and one at least."""
+    full = max(1, reached)
+    return "●" * full + "○" * (3 - full)
 
 
 def _agreement(summary: pd.DataFrame, own: str, law: str) -> str:

@@ -2,6 +2,7 @@
 
 import copy
 import io
+from itertools import combinations
 
 import matplotlib
 import numpy as np
@@ -116,10 +117,10 @@ MASKS = [
     ("patch", 2, style.BLACK, PRESSURE > 0),
     ("patch", -1, style.BLUE, CHANGE["loss"] & FORETOLD),
     ("patch", -1, style.AMBER, CHANGE["loss"] & ~FORETOLD),
-    ("patch", -1, style.BLACK, FORETOLD & ~CHANGE["loss"]),
+    ("patch", -1, style.PURPLE, FORETOLD & ~CHANGE["loss"]),
     ("overview", -1, "#ffffff", LOST.isnull()),
     ("two_scales", 0, style.BLUE, PRESSURE > 30),
-    ("two_scales", 1, style.BLACK, (PRESSURE > 0) & (PRESSURE <= 30)),
+    ("two_scales", 1, style.PURPLE, (PRESSURE > 0) & (PRESSURE <= 30)),
 ]
 VECTORS = {"overview": "pdf"}  # of the others, SVG
 CASES = [("13", {}), ("1", {"most": 1}), ("13", {"in_study": False})]
@@ -386,3 +387,27 @@ def test_the_name_of_a_patch_is_inside_its_outline(turn):
     draw_footprints(axes, pd.DataFrame(patch), 0.85, colour="black")
     (outline,), (name,) = axes.patches, axes.texts
     assert outline.get_path().contains_point(name.get_position())
+
+
+def test_collided_labels_are_moved_apart():
+    figure, (axes,) = style.panels(1, 1, (3.0, 3.0))
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    ends = [(0.5, 0.5), (0.5, 0.51), (0.51, 0.505), (0.9, 0.5)]
+    style.write_all(axes, ["1", "22", "3", "4"], ends)
+    figure.canvas.draw()
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+    assert [text.xy for text in axes.texts] == ends
+    assert axes.texts[3].get_position() == axes.texts[0].get_position()  # alone, it stays
+
+
+def test_raking_light_is_of_one_brightness_and_shows_slopes():
+    """A plane is as bright as its slope says, whatever the rest of the picture; polish is even."""
+    y, x = np.meshgrid(*2 * [0.01 * np.arange(40)], indexing="ij")
+    towards, away = (make_surface(slope * (x - y), 0.01) for slope in (0.1, -0.1))
+    bright, dark, level = (
+        np.asarray(maps.raking(of, 40)) for of in (towards, away, make_surface(0 * x, 0.01))
+    )
+    assert (np.ptp(bright), np.ptp(level)) == (0, 0)
+    assert dark.max() < level.min() < bright.min()
+    assert level[0, 0, 0] == round(255 / np.sqrt(2))

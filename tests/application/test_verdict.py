@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 from gst.verdict import MODELS, used, where_to_scan
 from gst.verdict import verdict as verdict_of
+from gstlib.coupling.placement import AGREES, CANNOT_TELL, ELSEWHERE
 from gstlib.macroscale.sampling_sites import Concentration
 from gstlib.use.infer import BETTER
 from gstlib.validation.baselines import BASELINES, ORACLE
@@ -15,7 +16,7 @@ NAN = math.nan
 TOUCHED = "spearman(touched, mean_wear_depth_um)"
 WORE, CONTACT, USED = "Which patches wore?", "Does contact explain it?", "How was it used?"
 WHERE, DEEP = "Where within the patches?", "How deep, how much?"
-LOAD = "Which patches bear the load?"
+LOAD, SURE = "Which patches bear the load?", "How sure?"
 
 
 def verdict(tables, **more):
@@ -36,7 +37,7 @@ def loaded(forces, *, studied=True):
 
 
 def compared(
-    *, model=BARE, p_values=(0.01, 0.2, 0.3, NAN), touched=(), mean=(), gain=(), volume=()
+    *, model=BARE, p_values=(0.01, 0.2, 0.3, NAN), touched=(), mean=(), gain=(), volume=(), depth=()
 ):
     """A study of patches a to d, of which nothing touches d, and what differs from its summary."""
     row = {"value": 0.5, "low": 0.4, "high": 0.6, "p_value": NAN, "n": 4, "against": ""}
@@ -56,6 +57,7 @@ def compared(
             "relative(volume_error)",
             {"value": 1.3, "p_value": 1.0, "against": "rigid"} | dict(volume),
         ),
+        ("relative_to_best(map_error)", {"value": 1.2, "against": "rigid"} | dict(depth)),
         ("relative(out_of_contact)", {"value": 1.1, "p_value": 0.02, "against": BARE}),
         ("tested_mean(mcc)", {"p_value": 0.002, "against": "other patches' predictions"}),
     ):
@@ -68,7 +70,7 @@ def compared(
     )
     lost = {"patch": list("abcd"), "mean_wear_depth_um": [0.2, 0.4, 0.6, 0.05], "above_noise": True}
     lost |= {"loss_fraction": [0.1, 0.2, 0.3, 0.04]}
-    lost |= {"mean_depth_where_worn_um": [2.0, 2.0, 2.0, 1.25]}
+    lost |= {"mean_depth_where_worn_um": [2.0, 2.0, 2.0, 1.25], "excluded": False}
     return loaded([1.0, 2.0, 3.0, 0.0]) | {
         "registration": pd.DataFrame(lost),
         "validation_patches": patches,
@@ -125,7 +127,7 @@ def test_which_patches_wore(changes, said):
 def test_of_many_worn_patches_the_most_worn_is_named():
     names = list("abcdefgh")
     of = {"mean_wear_depth_um": range(8), "loss_fraction": 0.5, "mean_depth_where_worn_um": 1.0}
-    many = pd.DataFrame({"patch": names, "above_noise": True} | of)
+    many = pd.DataFrame({"patch": names, "above_noise": True, "excluded": False} | of)
     tables = compared() | loaded([1.0] * 9) | {"registration": many}
     assert line(WORE, tables).startswith("8 of 8, patch h the most: on 50 % of the area, 1 µm deep")
     assert line(WORE, tables).endswith("; of 1 more no loss is known.")
@@ -168,18 +170,32 @@ def test_map_volume_and_the_yielding_case():
 def test_depths_and_volumes_against_the_best_baseline_of_each():
     """Of depths, no loss is one of them."""
     rigid = "a rigid flat sunk equally deep into every patch"
-    said = line(DEEP, compared())
+    better = {"value": 0.52, "low": 0.4, "high": 0.7, "p_value": 0.002}
+    said = line(DEEP, compared(depth=better))
     assert said.startswith(
-        f"Depths err 1.2 times as much as the best baseline, {rigid} (not tested)"
+        f"Depths err 0.52 times as much as the best baseline, {rigid}: better (p = 0.002)"
     )
-    tables = compared()
-    of_rigid = tables["validation_summary"].query("model == 'rigid' and value == 0.5").index
-    tables["validation_summary"].loc[of_rigid, "value"] = 1.5
-    said = line(DEEP, tables)
-    assert said.startswith(
-        "Depths err 0.6 times as much as the best baseline, no loss (not tested)"
-    )
+    assert "volumes 1.3 times as much as it:" in said
+    said = line(DEEP, compared(depth={"value": 1.5, "against": "none"}))
+    assert "the best baseline, no loss: not shown to be better or worse (not tested)" in said
     assert f"volumes 1.3 times as much as the best, {rigid}:" in said
+
+
+@pytest.mark.parametrize(
+    ("count", "status", "excluded", "marks"),
+    [
+        (4, [AGREES, AGREES, AGREES], 0, "●○○ ●●● ●●●"),
+        (6, [AGREES, ELSEWHERE, AGREES], 1, "●●○ ●●○ ●●○"),
+        (11, [CANNOT_TELL] * 3, 3, "●●● ●○○ ●○○"),
+    ],
+)
+def test_how_sure_it_is_is_computed(count, status, excluded, marks):
+    tables = compared()
+    tables["validation_patches"] = pd.DataFrame({"p_value": [NAN] * count, "in_statistics": True})
+    tables["placement"] = pd.DataFrame({"status": status})
+    tables["registration"].loc[: excluded - 1, "excluded"] = excluded > 0
+    said = line(SURE, tables)
+    assert " ".join(word for word in said.split() if set(word) <= set("●○")) == marks
 
 
 @pytest.mark.parametrize(
@@ -248,7 +264,7 @@ def test_a_study_says_only_what_it_can():
     assert "no prediction is compared" in unused.lines[0][1]
     assert not unused.details
     left_out = verdict(compared() | loaded([1.0, 2.0], studied=False))
-    assert [question for question, _ in left_out.lines] == [WORE, CONTACT, WHERE, LOAD]
+    assert [question for question, _ in left_out.lines] == [WORE, CONTACT, WHERE, LOAD, SURE]
     assert "No patch is in the study" in dict(left_out.lines)[WHERE]
     tables = compared()
     unfitted = tables["validation_summary"].query("model != model")

@@ -37,9 +37,12 @@ def opened_card(page):
     card = page.locator("dialog[open]")
     card.wait_for()
     title = card.locator("h2").inner_text()
+    number = re.match(r"Patch \S+", title)[0]
+    assert page.url.endswith(f"#{number.lower().replace(' ', '-')}")  # to be passed on
     page.keyboard.press("Escape")
     card.wait_for(state="detached" if card.count() == 0 else "hidden")
-    return title
+    page.wait_for_function("location.hash === ''")
+    return number
 
 
 def test_a_click_or_a_key_opens_the_card_of_the_patch(page):
@@ -65,6 +68,76 @@ def test_a_card_has_its_pictures_and_they_open_large(page):
     wide = page.evaluate("document.querySelector('#large img').naturalWidth")
     assert wide > 700
     assert page.locator("#large img").bounding_box()["width"] == wide
+
+
+def test_a_card_opened_by_its_address_closes_and_fits_the_screen(browser, finished_tiny):
+    address = (finished_tiny.results / "index.html").as_uri() + "#patch-13"
+    page = browser.new_page(viewport={"width": 1366, "height": 768})
+    page.goto(address)
+    card = page.locator("#patch-13")
+    assert card.is_visible()
+    picture = card.locator(".enlarge img").bounding_box()
+    assert picture["y"] + picture["height"] < 768
+    assert "13_T0.plu → 13_T1.plu" in card.inner_text()
+    card.locator("form button").click()
+    card.wait_for(state="hidden")
+    page.close()
+
+
+def test_the_map_shows_pressure_or_measured_loss(page):
+    shown = "all => all.map(one => one.getAttribute('display'))"
+    assert page.locator("#map image").evaluate_all(shown) == ["inline", "none"]
+    page.get_by_label("measured loss").check()
+    assert page.locator("#map image").evaluate_all(shown) == ["none", "inline"]
+    assert page.locator(".scale.field:visible").inner_text().endswith("µm")
+
+
+def test_thumbnails_lead_to_cards_where_t0_and_t1_are_compared(page):
+    page.click(".thumbnails a[href='#patch-13']")
+    page.click("#patch-13 .blink")
+    picture = page.locator("#blink-picture")
+    shots = [picture.screenshot()]
+    assert "T0" in picture.get_attribute("aria-label")
+    page.click("#blink-now")
+    shots.append(picture.screenshot())
+    assert "T1" in picture.get_attribute("aria-label")
+    assert shots[0] != shots[1]
+    page.check("#blink-on")
+    page.wait_for_function("document.getElementById('blink-now').dataset.epoch === '0'")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_stands_out_in_both_colour_schemes(browser, finished_tiny, scheme):
+    """By WCAG's contrast of at least 4.5, of the answer, links and notes on their ground."""
+    page = browser.new_page(color_scheme=scheme)
+    page.goto((finished_tiny.results / "index.html").as_uri())
+    contrast = """one => {
+      const parse = (colour) => colour.match(/[\\d.]+/g).map(Number);
+      const ground = (node) => {
+        for (; node; node = node.parentElement) {
+          const colour = parse(getComputedStyle(node).backgroundColor);
+          if (colour.length === 3 || colour[3] > 0) return colour;
+        }
+        return [255, 255, 255];
+      };
+      const bright = (colour) => colour.slice(0, 3).map((part) => part / 255)
+        .map((part) => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4)
+        .reduce((sum, part, k) => sum + part * [0.2126, 0.7152, 0.0722][k], 0);
+      const both = [bright(parse(getComputedStyle(one).color)), bright(ground(one))];
+      return (Math.max(...both) + 0.05) / (Math.min(...both) + 0.05);
+    }"""
+    for place in (".verdict dd", ".verdict dt", "nav a", "figcaption", ".mark", "th", "footer p"):
+        assert page.locator(place).first.evaluate(contrast) >= 4.5, place
+    page.close()
+
+
+def test_a_print_has_the_cards_and_the_whole_table(page):
+    page.emulate_media(media="print")
+    assert page.locator("dialog.card").evaluate_all("all => all.every(one => one.offsetHeight > 0)")
+    assert page.locator("#blink, #large").evaluate_all("all => all.every(one => !one.offsetHeight)")
+    table = page.locator("#patch-table")
+    page.set_viewport_size({"width": 720, "height": 1000})  # A4 less its margins
+    assert table.bounding_box()["width"] <= 720
 
 
 def test_the_table_sorts(page, finished_tiny):

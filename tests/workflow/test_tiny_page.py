@@ -158,16 +158,19 @@ def test_a_card_says_what_is_known_of_its_patch(page, known, table):
         ]
 
 
-def test_the_map_is_that_of_the_last_load_step(results, page):
+def test_the_map_is_that_of_the_last_load_step_or_of_the_loss(results, page, table):
     contact = read_dataset(results / "macroscale/contact.h5", only=["pressure"])
     pressure = square_of(contact, 5.0).pressure.values
-    (shown,) = page.xpath('//*[@id="map"]//image')
+    shown, loss = page.xpath('//*[@id="map"]//image')
+    assert loss.get("display") == "none"
     content = base64.b64decode(shown.get("href").partition(",")[2])
     colours = np.asarray(Image.open(io.BytesIO(content)).convert("RGB"))[::-1].astype(int)
     expected = 255 * FORCE_MAP(np.sqrt(pressure / pressure.max()))[..., :3]
     assert np.abs(colours - expected).max() < 12  # of fewer colours
-    (bar,) = page.find_class("scale")
+    bar, lost = page.find_class("scale")
     assert text_of(bar) == f"0 {number(pressure.max())} MPa"
+    deepest = table("registration").mean_wear_depth_um.max()
+    assert text_of(lost) == f"0 {number(deepest)} µm"
     colours = re.findall(r"#(\w{6})", bar.find_class("bar")[0].get("style"))
     low, high = (np.array(list(bytes.fromhex(colours[end]))) for end in (0, -1))
     np.testing.assert_allclose([low, high], 255 * FORCE_MAP([0.0, 1.0])[:, :3], atol=1)
@@ -189,7 +192,8 @@ def test_every_warning_of_every_step_is_told(results, page):
 
 def test_every_table_is_there_with_its_caption(results, page):
     listed = {
-        text_of(of.find("summary")).split(": ", 1)[-1]: of for of in page.xpath("//main//details")
+        text_of(of.find("summary")).split(": ", 1)[-1]: of
+        for of in page.xpath("//main//details[.//table]")
     }
     shown = {name.split()[-3].rstrip(","): of for name, of in listed.items()}
     # a path of many steps is for programs
@@ -206,6 +210,7 @@ def test_every_table_is_there_with_its_caption(results, page):
         assert caption.startswith(text_of(said[f"tables/{name}"]))
         for column in columns_of(name.removesuffix(".csv")):
             assert column in caption
+        assert of.xpath(f".//a[@href='tables/{name}']")
     content = (results / "index.html").read_text(encoding="utf-8")
     assert len(content) < 12e6
     assert "{{" not in content.split("<script")[0]

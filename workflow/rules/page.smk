@@ -145,6 +145,7 @@ if WORN_PATCHES:
             ),
             wear_svg=f"{RESULTS}/figures/wear.svg",
             patch_png=pictures_by_patch("patch", "5 Validation", "each patch before and after use"),
+            strip_jpg=directory(f"{RESULTS}/figures/strip"),
             texture_png=picture("texture", "5 Validation", "surface texture before and after use"),
             texture_svg=f"{RESULTS}/figures/texture.svg",
         log:
@@ -238,6 +239,7 @@ rule write_page:
         behind=LOAD_PATHS,
         captions=[caption for caption, _, _ in CAPTIONED.values()],
         by_patch=rules.draw_validation.output.patch_png if WORN_PATCHES else [],
+        strips=rules.draw_validation.output.strip_jpg if WORN_PATCHES else [],
         made_from=[*filter(None, [config["patches"], config["published"]])]
         + [
             (config["counterface"] or {}).get("mesh", []),
@@ -258,7 +260,7 @@ rule write_page:
         # The study's own, whose records and warnings the page takes; none that other configs left in
         # the folder, or of other studies in the same run.
         steps=[step.name for step in steps_of(workflow, Path(RESULTS))],
-        places=PLACES,
+        places=columns("patch", "x_mm", "y_mm", "rotation_deg", "t0", "t1"),
         patch_mm=PATCH_MM,
         mesh_unit=MESH_UNIT,
         active_tool=ACTIVE_TOOL,

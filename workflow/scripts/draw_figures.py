@@ -6,7 +6,7 @@ from pathlib import Path
 from gst.figures.study import Study, draw
 from gst.logs import run_script
 
-PICTURES = "_png", "_svg", "_pdf"
+PICTURES = "_png", "_svg", "_pdf", "_jpg"
 
 
 def main(

@@ -14,7 +14,14 @@ import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize, PowerNorm, to_rgb
+from matplotlib.colors import (
+    Colormap,
+    LinearSegmentedColormap,
+    ListedColormap,
+    Normalize,
+    PowerNorm,
+    to_rgb,
+)
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.patches import Polygon
@@ -26,26 +33,28 @@ from gst.figures.style import DPI, PALE, VERMILION, panels, short
 from gstlib.surfaces.footprints import outline, places_of
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
 
-__all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHTS", "HEIGHT_MAP", "OUTLINE", "draw_footprints"]
+__all__ = ["CHANGE_MAP", "FORCE_MAP", "HEIGHTS", "HEIGHT_MAP", "LOSS_MAP", "OUTLINE"]
 __all__ += [
+    "draw_footprints",
     "draw_forces",
     "draw_map",
     "draw_maps",
     "force_norm",
     "height_norm",
-    "label_in",
-    "mark_corner",
-    "scale_bar",
 ]
+__all__ += ["label_in", "mark_corner", "picture_of", "raking", "scale_bar"]
 
 # Few levels make small files; with these, the eye sees no steps.
 HEIGHT_MAP = colormaps["cividis"].resampled(64)
 HEIGHTS = {"cmap": HEIGHT_MAP, "bar": "height (µm)"}
 CHANGE_MAP = colormaps["RdBu"].resampled(65)
+LOSS_MAP = ListedColormap(CHANGE_MAP(np.arange(33)))  # its half, up to white
 # Light throughout: black and the class colours stand out even over valleys.
 RELIEF_MAP = LinearSegmentedColormap.from_list("relief", ["#c4c4c4", "#fafafa"], N=40)
 # Where a patch is named: this far from its middle to its corner, less for each further letter.
 _LABEL, _LETTER = 0.62, 0.08
+# Slopes of stone are gentle: under a raking light they are shown so many times as steep.
+_STEEPER = 2.0
 # White at zero: bare paper means no force.
 FORCE_MAP = LinearSegmentedColormap.from_list(
     "force", ["#ffffff", *colormaps["magma_r"](np.linspace(0.1, 0.95, 12))]
@@ -94,15 +103,10 @@ def draw_map(
     ticks : bool
         Draw axes in mm; without them, add a `scale_bar`.
     """
-    values = field.values * MM_TO_UM if values is None else values
     norm = norm or height_norm(field)
-    picture = cmap(norm(values), bytes=True)[..., :3]
-    for colour, mask in {PALE: np.isnan(values), **(marks or {})}.items():
-        picture[np.asarray(mask, dtype=bool)] = np.round(np.multiply(to_rgb(colour), 255))
-    image = Image.fromarray(picture)
     inches = axes.get_position(original=True).size * axes.figure.get_size_inches()
     pixels = round(float(min(inches)) * DPI)
-    image.thumbnail((pixels, pixels), Image.Resampling.BOX, reducing_gap=None)
+    image = picture_of(field, pixels, values, cmap=cmap, norm=norm, marks=marks)
     dy, dx = spacing_of(field)
     left, right = float(field.x[0]) - dx / 2, float(field.x[-1]) + dx / 2
     bottom, top = float(field.y[0]) - dy / 2, float(field.y[-1]) + dy / 2
@@ -120,6 +124,42 @@ def draw_map(
         colours.outline.set_visible(False)
         strip.tick_params(length=0, labelsize=6.5, pad=1)
         strip.set_xlabel(bar, fontsize=6.5, labelpad=1)
+
+
+def picture_of(
+    field: xr.DataArray,
+    pixels: int,
+    values: np.ndarray | None = None,
+    *,
+    cmap: Colormap = RELIEF_MAP,
+    norm: Normalize | None = None,
+    marks: Mapping[str, np.ndarray] | None = None,
+) -> Image.Image:
+    """What `draw_map` draws, at most so many `pixels` wide; its first row is that of the field."""
+    values = field.values * MM_TO_UM if values is None else values
+    norm = norm or height_norm(field)
+    picture = cmap(norm(values), bytes=True)[..., :3]
+    return _smaller(picture, {PALE: np.isnan(values), **(marks or {})}, pixels)
+
+
+def raking(height: xr.DataArray, pixels: int) -> Image.Image:
+    """Heights (mm) lit from the upper left, at most so many `pixels` wide; as `picture_of`."""
+    # Not by matplotlib's LightSource, which stretches the brightness of each picture by itself: two
+    # could not be compared.
+    known = height.fillna(float(height.mean())).values
+    slope_y, slope_x = (_STEEPER * of for of in np.gradient(known, *spacing_of(height)))
+    towards = (slope_x - slope_y + np.sqrt(2)) / 2 / np.sqrt(1 + slope_y**2 + slope_x**2)
+    grey = np.round(255 * towards.clip(0, 1)).astype(np.uint8)
+    return _smaller(np.stack(3 * [grey], axis=-1), {PALE: np.isnan(height.values)}, pixels)
+
+
+def _smaller(picture: np.ndarray, marks: Mapping[str, np.ndarray], pixels: int) -> Image.Image:
+    """A picture (ny, nx, 3) with marked elements; a pixel has the mean colour of those under it."""
+    for colour, mask in marks.items():
+        picture[np.asarray(mask, dtype=bool)] = np.round(np.multiply(to_rgb(colour), 255))
+    image = Image.fromarray(picture)
+    image.thumbnail((pixels, pixels), Image.Resampling.BOX, reducing_gap=None)
+    return image
 
 
 def draw_maps(

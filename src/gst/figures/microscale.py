@@ -18,9 +18,10 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from PIL import Image
 
 from gst.figures import maps, style
-from gst.figures.style import AMBER, BLACK, BLUE, VERMILION, styled
+from gst.figures.style import AMBER, BLACK, BLUE, PURPLE, VERMILION, styled
 from gst.figures.tool import draw_tool
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import MM_TO_UM, spacing_of
@@ -30,10 +31,11 @@ if TYPE_CHECKING:
     import trimesh
 
 __all__ = ["PatchResult", "load_curves_figure", "microscale_maps_figure", "overview_figure"]
-__all__ += ["patch_figure", "preparation_figure", "two_scales_figure"]
+__all__ += ["patch_figure", "patch_strip", "preparation_figure", "two_scales_figure"]
 
 _UNKNOWN = "#ffffff"
-_AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": BLACK}
+_TILE = 280  # side (pixels) of one of the pictures that the page shows in turn
+_AGREEMENT = {"hit": BLUE, "miss": AMBER, "false alarm": PURPLE}
 _BELOW = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.025)}  # the last panels of a row
 
 
@@ -100,7 +102,12 @@ def _agreement(predicted: xr.DataArray, change: xr.Dataset) -> dict[str, np.ndar
         depth = seen_depth(predicted.values[known])
         marked[known] = depth > change["level_of_detection"].values[known]
     loss &= known
-    return {BLUE: loss & marked, AMBER: loss & ~marked, BLACK: marked & ~loss, _UNKNOWN: ~known}
+    return {
+        BLUE: loss & marked,
+        AMBER: loss & ~marked,
+        PURPLE: marked & ~loss,
+        _UNKNOWN: ~known,
+    }
 
 
 @styled
@@ -118,7 +125,7 @@ def two_scales_figure(
     for patch, true in reference.items():
         for variant, of_variant in contacts.items():
             found = of_variant[patch]["pressure"].values > 0
-            marks = {BLUE: found & true, AMBER: true & ~found, BLACK: found & ~true}
+            marks = {BLUE: found & true, AMBER: true & ~found, PURPLE: found & ~true}
             title = f"patch {patch} {variant}: F1 {f1[variant, patch]:.2f}"
             drawn.append((title, of_variant[patch]["height"], {"marks": marks}))
         drawn.append(("whole square", of_variant[patch]["height"], {"marks": {BLUE: true}}))
@@ -129,7 +136,7 @@ def two_scales_figure(
         "Contact of the patches against one contact of the whole square at the scans' resolution\n"
         f"share of agreement (F1), all patches: {pooled}; 1 would be perfect"
     )
-    names = {"found": BLUE, "missed": AMBER, "not in the whole square's contact": BLACK}
+    names = {"found": BLUE, "missed": AMBER, "not in the whole square's contact": PURPLE}
     style.colour_legend(figure, names, bbox_to_anchor=(0.5, 1 - 0.45 / figure.get_figheight()))
     return figure
 
@@ -146,7 +153,7 @@ def patch_figure(result: PatchResult) -> Figure:
     touching = contact["pressure"].values > 0
 
     heights = maps.HEIGHTS | {"norm": maps.height_norm(t0, t1)}
-    colours = {"cmap": maps.CHANGE_MAP, "norm": _change_norm(change)}
+    colours = _change_colours(change)
     label = "height change (µm), 0 where not detected"
     measured = {"values": _detected(change), "marks": {_UNKNOWN: unknown}, "bar": label}
     lost_percent = 100 * change["loss"].values.sum() / known
@@ -192,13 +199,37 @@ def _detected(change: xr.Dataset) -> np.ndarray:
     return np.where(change["loss"].values | change["gain"].values, values, 0.0 * values)
 
 
-def _change_norm(change: xr.Dataset) -> Normalize:
-    """Colours of height changes (µm): as far as nearly all of them, or twice what is detected."""
+def _change_colours(change: xr.Dataset) -> dict:
+    """Colours of height changes (µm): as far as nearly all of them, or twice what is detected.
+
+    Gains have colours where there are gains.
+    """
     values = np.abs(np.nan_to_num(change["change"].values * MM_TO_UM))
     most = np.quantile(values, 0.995) or 1
     limit = change.attrs["level_of_detection_um"]  # NaN where no change is known
     bound = float(np.nanmax([most, 2 * limit]))
-    return Normalize(-bound, bound)
+    if change["gain"].values.any():
+        return {"cmap": maps.CHANGE_MAP, "norm": Normalize(-bound, bound)}
+    return {"cmap": maps.LOSS_MAP, "norm": Normalize(-bound, 0)}
+
+
+def patch_strip(result: PatchResult) -> "Image.Image":
+    """T0, T1 and where predicted and measured loss agree, side by side, to be shown in turn.
+
+    Heights are lit from the upper left, as a raking light shows them.
+    """
+    change, predicted = result.change, result.predicted
+    assert change is not None  # it has a T1
+    t0, t1 = result.contact["height"], change["t1"]
+    agreement = {} if predicted is None else _agreement(predicted, change)
+    tiles = [maps.raking(t0, _TILE), maps.raking(t1, _TILE)]
+    tiles.append(maps.picture_of(t0, _TILE, marks=agreement))
+    strip = Image.new("RGB", (3 * _TILE, _TILE))
+    for number, tile in enumerate(tiles):
+        # rows of a picture run down, those of a scan upwards
+        flipped = tile.transpose(Image.Transpose.FLIP_TOP_BOTTOM)
+        strip.paste(flipped.resize((_TILE, _TILE)), (number * _TILE, 0))
+    return strip
 
 
 @styled
@@ -262,9 +293,9 @@ def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -
     figure, (area, load, stiffness) = style.panels(3, 3, (1.75, 2.2), (0.5, 0.4, 0.3, 0.45))
     reached = [float(contact["mean_pressure"]) for contact in contacts.values()]
     colours = colormaps["viridis"](0.88 * np.array(reached) / max([*reached, 1e-9]))
-    for (name, path), colour in zip(
-        [*contacts.items(), ("square", square)], [*colours, BLACK], strict=True
-    ):
+    paths = [*contacts.items(), ("square", square)]
+    ends: dict[Axes, list] = {area: [], load: [], stiffness: []}
+    for (_, path), colour in zip(paths, [*colours, BLACK], strict=True):
         pressure = path["path_mean_pressure"].values
         share = path["path_contact_fraction"].values * 100
         for axes, x, y in (
@@ -273,11 +304,12 @@ def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -
             (stiffness, pressure, path["path_stiffness"].values / MM_TO_UM),
         ):
             axes.plot(x, y, marker=".", markersize=2, lw=1, color=colour)
-            style.write_beside(axes, name, (x[-1], y[-1]), color=colour)
+            ends[axes].append((x[-1], y[-1]))
     area.set(xlabel="F / (E* Aₙ)", ylabel="real contact area A / Aₙ (%)")
     load.set(xlabel="far-field displacement (µm)", ylabel="mean pressure (MPa)")
     stiffness.set(xlabel="mean pressure (MPa)", ylabel="stiffness (MPa/µm)")
     titles = "Area in contact", "Pressure", "Stiffness"
     for axes, title in zip((area, load, stiffness), titles, strict=True):
         axes.set(xlim=(0, None), ylim=(0, None), title=title)
+        style.write_all(axes, [name for name, _ in paths], ends[axes], color=[*colours, BLACK])
     return figure

@@ -1,5 +1,6 @@
 """The figures of a study, drawn from its stored results."""
 
+import io
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from gst.figures.microscale import PatchResult
 from gst.figures.style import message_figure, save_figure
 from gst.figures.use import use_figure
 from gstlib.errors import InputError
+from gstlib.io.files import write_whole
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
@@ -142,6 +144,12 @@ class Study:
             return None
         depth = found[patch].depth
         return depth.sel(model=own_model(list(depth.model.values)))
+
+    def result(self, patch: str) -> PatchResult:
+        """What the study found on a patch with a T1."""
+        only = "height", "pressure", "mean_pressure"
+        contact = self.by_patch("contacts", [patch], *only)[patch]
+        return PatchResult(patch, contact, self.change(patch), self.predicted(patch))
 
 
 def _inputs(study: Study) -> Figure:
@@ -277,12 +285,8 @@ def figure_of(name: str, study: Study) -> Figure:
 def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
     """`preparation` or `patch`: a figure for each of the patches."""
     if name == "patch":
-        only = "height", "pressure", "mean_pressure"
         for patch in study.compared:
-            contact = study.by_patch("contacts", [patch], *only)[patch]
-            change, predicted = study.change(patch), study.predicted(patch)
-            result = PatchResult(patch, contact, change, predicted)
-            yield patch, microscale.patch_figure(result)
+            yield patch, microscale.patch_figure(study.result(patch))
         return
     shown = evenly(study.patches, study.most_drawn_patches)
     for patch in shown:
@@ -302,7 +306,8 @@ def draw(study: Study, pictures: Mapping[str, Path], note: str | None) -> None:
     study : Study
     pictures : mapping
         By the figure's name and, after ``_``, its kind: the PNG, for some an SVG or a PDF to print,
-        for `preparation` and `patch` a folder, for a PNG of each patch.
+        for `preparation` and `patch` a folder, for a PNG of each patch; ``strip_jpg`` is a folder
+        for those of `microscale.patch_strip`.
     note : str or None
         On the source; on each figure.
     """
@@ -318,3 +323,7 @@ def draw(study: Study, pictures: Mapping[str, Path], note: str | None) -> None:
                 save_figure(figure, png / f"{patch}.png", source_note=note)
         else:
             save_figure(empty or figure_of(name, study), png, vector, source_note=note)
+    for patch in study.compared if "strip_jpg" in pictures else ():
+        content = io.BytesIO()
+        microscale.patch_strip(study.result(patch)).save(content, "jpeg", quality=80)
+        write_whole(pictures["strip_jpg"] / f"{patch}.jpg", content.getvalue())

@@ -18,15 +18,25 @@ from matplotlib.patches import Patch
 
 from gstlib.io.files import write_whole
 
-__all__ = ["AMBER", "BLACK", "BLUE", "CHARTS", "DPI", "GREY", "LEGIBLE", "MAPS"]
-__all__ += ["PALE", "STONE", "VERMILION", "colour_legend", "message_figure", "name_patches"]
-__all__ += ["panels", "save_figure", "short", "styled", "write_beside"]
+__all__ = ["AMBER", "BLACK", "BLUE", "CHARTS", "CLASSES", "DPI", "GREY", "LEGIBLE", "MAPS"]
+__all__ += ["PALE", "PURPLE", "STONE", "VERMILION", "colour_legend", "message_figure"]
+__all__ += [
+    "name_patches",
+    "panels",
+    "save_figure",
+    "short",
+    "styled",
+    "write_all",
+    "write_beside",
+]
 
 DPI = 120
 LEGIBLE = 40  # so many patches can be named side by side
 
 BLACK, GREY, PALE = "#000000", "#7a7a7a", "#e4e4e4"
 BLUE, VERMILION, AMBER, GREEN = "#0072B2", "#D55E00", "#E69F00", "#009E73"
+PURPLE = "#CC79A7"
+CLASSES = BLUE, VERMILION, AMBER, GREEN, PURPLE, BLACK  # whose names legends give
 STONE = "#b9b2a6"
 
 # Room (inches) for titles and labels at the left, right, top and bottom of a panel.
@@ -151,6 +161,28 @@ def write_beside(
     """Write small text beside a point of the data; `offset` in points."""
     place = {"xytext": offset, "textcoords": "offset points", "annotation_clip": False}
     axes.annotate(text, at, **({"fontsize": 6.5, "va": "center"} | place | look))
+
+
+def write_all(
+    axes: Axes, texts: Sequence[str], at: Sequence[tuple[float, float]], **look: Any
+) -> None:
+    """Write a text beside each of some points; where two would collide, the upper one moves up.
+
+    The limits of the axes must be final. `look` has a sequence, of a value for each text, or none.
+    """
+    width, height = 3.8 * max(map(len, texts), default=0), 7.0  # of a text, in points
+    places = axes.transData.transform(np.asarray(at).reshape(-1, 2)) * 72 / axes.figure.dpi
+    heights = places[:, 1].copy()
+    taken: list[int] = []
+    for number in np.argsort(heights, kind="stable"):
+        for other in sorted(taken, key=lambda one: heights[one]):
+            aside = abs(places[number, 0] - places[other, 0]) >= width
+            if not aside and abs(heights[number] - heights[other]) < height:
+                heights[number] = heights[other] + height
+        taken.append(int(number))
+    for number, text in enumerate(texts):
+        own = {name: values[number] for name, values in look.items()}
+        write_beside(axes, text, at[number], (3, heights[number] - places[number, 1]), **own)
 
 
 def short(value: float) -> str:

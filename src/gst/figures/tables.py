@@ -57,12 +57,11 @@ def validation_figure(
         at = known.pressure_MPa[those], known.mean_wear_depth_um[those]
         look = {"color": colour, "mfc": fill, "label": name, "clip_on": False, "zorder": 3}
         extent.plot(*at, "o", **look)
-    for row in known[is_touched].itertuples():
-        style.write_beside(
-            extent, row.patch, (row.pressure_MPa, row.mean_wear_depth_um), (3, 5)
-        )
     extent.set(xlabel="pressure of the patch (MPa)", ylabel="loss per area (µm)")
     extent.set(xlim=(0, None), ylim=(0, None))
+    touched = known[is_touched]
+    ends = list(zip(touched.pressure_MPa, touched.mean_wear_depth_um, strict=True))
+    style.write_all(extent, list(touched.patch), ends)
     title = "Do patches under more pressure wear more?"
     pairs = {
         "pressure and worn area": "spearman(pressure_MPa, loss_fraction)",
@@ -149,6 +148,7 @@ def wear_figure(
     table, profile = (of[of.patch.isin(list(in_statistics))] for of in (table, profile))
     units = 1e5  # µm³
     models = [model for model in _LOOKS if model in set(table.model)]
+    named: tuple[list[str], list] = [], []
     for model in models:
         of, (colour, marker) = table[table.model == model], _LOOKS[model]
         places = of.measured_volume_um3 / units, of.predicted_volume_um3 / units
@@ -159,11 +159,11 @@ def wear_figure(
             low, high = (share[end] / share.pressure_MPa for end in ("low_MPa", "high_MPa"))
             ends = places[1].to_numpy() * np.array([low, high])
             volumes.vlines(places[0], *ends, color=colour, lw=0.8)
-            for patch, x, y in zip(of.patch, *places, strict=True):
-                style.write_beside(volumes, patch, (x, y), (3, 3), color=colour)
+            named = list(of.patch), list(zip(*places, strict=True))
     most = 1.05 * max(1e-9, volumes.dataLim.x1, volumes.dataLim.y1)
     volumes.plot([0, most], [0, most], color=GREY, lw=0.6)
     volumes.set(xlim=(0, most), ylim=(0, most), aspect="equal")
+    style.write_all(volumes, *named, color=[BLUE] * len(named[0]))
     volumes.set(xlabel="measured volume (10⁵ µm³)", ylabel="predicted volume (10⁵ µm³)")
     volumes.set_title("How much did each patch lose?")
     figure.legend(*volumes.get_legend_handles_labels(), loc="upper center", ncols=3)

@@ -44,6 +44,7 @@ from gstlib.wear.fit import Prediction
 __all__ = ["patch_statistics", "score_wear", "summarise"]
 
 _NONE = BASELINES[0]
+_PREDICTIONS = BARE, INTERLAYER, CAPPED
 # What a patch lost, as area and as volume, both over the area measured: patches overlap to
 # different shares.
 _EXTENTS = "loss_fraction", "mean_wear_depth_um"
@@ -87,12 +88,12 @@ def summarise(
         ``model, statistic, value, low, high, p_value, n, against``, with 95 % intervals, over the
         patches that are in_statistics. Of each prediction ``mean(mcc)``,
         ``mean(attainable_mcc)``, and against the best baseline ``gain(mcc)``, a mean difference,
-        and ``relative(volume_error)``, a ratio of summed absolute errors; of all models
-        ``mean(mcc)`` and, against no loss, ``relative(map_error)``. Two-sided tests exchange the
-        two patch by patch. ``tested_mean(mcc)``: over the patches on which chance can be tested,
-        against the predictions of other patches, one-sided. ``spearman(a, b)``: rank correlation
-        over patches of pressure with the lost area, and of whether a patch bears any pressure
-        (``touched``) with the lost volume; the latter of patches in and out of the study.
+        ``relative(volume_error)`` and ``relative_to_best(map_error)``, ratios of summed absolute
+        errors; of all models ``mean(mcc)`` and, against no loss, ``relative(map_error)``. Two-sided
+        tests exchange the two patch by patch. ``tested_mean(mcc)``: over those on which chance can
+        be tested, against the predictions of other patches, one-sided. ``spearman(a, b)``: rank
+        correlation over patches of pressure with the lost area, and of whether a patch bears any
+        pressure (``touched``) with the lost volume; the latter of patches in and out of the study.
         ``expected_most_worn(5+8, column)``: share of these patches among the equally many largest
         (a tie counts against it), with the p-value of a random ranking. With an interlayer
         ``interlayer_ratio``, its coefficient over that of the bare stone, and
@@ -115,6 +116,8 @@ def summarise(
     if expected_most_worn:
         columns = [*_EXTENTS, "predicted_loss_um", "pressure_MPa", "contact_fraction"]
         rows += [_worst(in_statistics, expected_most_worn, column) for column in columns]
+    if len(scored):
+        rows += _depth_rows(scored, draws)  # last: the draws of the others stay as they were
     named = [
         {"model": model, "statistic": name, **estimate._asdict(), "against": against}
         for model, name, estimate, against in rows
@@ -154,11 +157,11 @@ def _model_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
     # no place is right or wrong where nothing was lost: so it is for all models alike
     mcc, attainable = mcc.dropna(), attainable.dropna()
     baselines = [name for name in BASELINES if name != _NONE]
-    for model in (BARE, INTERLAYER, CAPPED, *BASELINES, ORACLE):
+    for model in (*_PREDICTIONS, *BASELINES, ORACLE):
         if model not in mcc:
             continue
         yield model, "mean(mcc)", mean_of(mcc[model].to_numpy(), draws), ""
-        if model in (BARE, INTERLAYER, CAPPED):
+        if model in _PREDICTIONS:
             reached = mean_of(attainable[model].to_numpy(), draws)
             yield model, "mean(attainable_mcc)", reached, "any mask of its area"
             best = str(mcc[baselines].mean().idxmax()) if len(mcc) else ""
@@ -169,11 +172,26 @@ def _model_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
             errors = map_error[model].to_numpy(), map_error[_NONE].to_numpy()
             p = exchange_p_value(errors[1] - errors[0], draws.generator)
             yield model, "relative(map_error)", ratio_of_sums(*errors, draws, p), _NONE
-        if model in (BARE, INTERLAYER, CAPPED):
-            best = str(volume[list(BASELINES)].sum().idxmin())
-            errors = volume[model].to_numpy(), volume[best].to_numpy()
-            p = _against_best(errors[1] - errors[0], draws)
-            yield model, "relative(volume_error)", ratio_of_sums(*errors, draws, p), best
+        if model in _PREDICTIONS:
+            yield model, "relative(volume_error)", *_relative_to_best(volume, model, draws)
+
+
+def _depth_rows(scored: pd.DataFrame, draws: Draws) -> Iterator[_Row]:
+    """How wrong the predicted depths are, against the best baseline."""
+    errors = scored.pivot(index="patch", columns="model", values="map_error_um")
+    errors = errors.loc[list(dict.fromkeys(scored.patch))]
+    for model in _PREDICTIONS:
+        if model in errors:
+            found = _relative_to_best(errors, model, draws)
+            yield model, "relative_to_best(map_error)", *found
+
+
+def _relative_to_best(errors: pd.DataFrame, model: str, draws: Draws) -> tuple[Estimate, str]:
+    """Summed errors (patches, models) of a model over those of the best baseline, and which."""
+    best = str(errors[list(BASELINES)].sum().idxmin())
+    both = errors[model].to_numpy(), errors[best].to_numpy()
+    p = _against_best(both[1] - both[0], draws)
+    return ratio_of_sums(*both, draws, p), best
 
 
 def _against_best(gain: np.ndarray, draws: Draws) -> float:

@@ -107,6 +107,9 @@ def test_errors_are_over_those_of_no_loss_and_of_the_best_baseline():
     of_volume = rows.loc["archard", "relative(volume_error)"]
     assert (of_volume.value, of_volume.against) == (pytest.approx(0.5), "pressure_volume")
     assert rows.loc[("rigid", "relative(map_error)"), "value"] == pytest.approx(0.9)
+    best = summary(wear=wear).loc["archard", "relative_to_best(map_error)"]
+    assert (best.value, best.against) == (pytest.approx(0.5), "pressure_volume")
+    assert best.p_value == of_volume.p_value
     assert ("none", "relative(map_error)") not in rows.index
 
 
