@@ -1,6 +1,7 @@
 """Snakemake's logger plugin of this project (`logger: gst` in the profile): shows progress.
 
-It prints a line when a step begins, and when another tenth of the steps is done. A step's warnings
+It prints a line when a step begins, and, with the time that is left, when another tenth of the
+steps is done. After a minute of silence it shows how far the running steps are. A step's warnings
 and errors come from its log. For `gst study --plan` it shows what would run, why, and how long that
 last took. If Snakemake is asked for anything else (--dry-run, --verbose, ...), its own display is
 used.
@@ -9,6 +10,7 @@ used.
 import os
 import re
 import sys
+import threading
 import time
 from datetime import timedelta
 from logging import INFO, LogRecord
@@ -33,6 +35,30 @@ _REPLACED = (
     "Exiting because a job execution",
 )
 _WANTED = ("Terminating", "Will exit", "Nothing to be", "Trying to restart", "Waiting at most")
+# Seconds of CPU that a job of a rule takes in the default study, as its log says; a second for
+# all others. Only their ratios matter: the run itself shows how fast this machine is.
+_COSTS = {
+    "generate_specimen": 40,
+    "infer_use": 18,
+    "solve_reference": 17,
+    "bound_pressures": 16,
+    "solve_patches": 10,
+    "predict_wear": 9,
+    "draw_validation": 9,
+    "draw_contact": 7,
+    "write_page": 6,
+    "draw_inputs": 6,
+    "register_patches": 6,
+    "tabulate_texture": 6,
+    "solve_cases": 5,
+    "score_wear": 5,
+    "grid_macroscale": 5,
+    "prepare_scans": 3,
+    "compare_scales": 3,
+    "compose_surface": 3,
+    "solve_macroscale": 2,
+}
+_SILENCE = 60.0  # seconds after which the running steps are shown
 _PLACE = re.compile(r'^(?:\w+ in (?:rule .*)?file ".*", line \d+:|  File ".*)\n?', re.MULTILINE)
 
 
@@ -50,8 +76,12 @@ class LogHandler(LogHandlerBase):
         self.start, self.total, self.done = time.monotonic(), 0, 0
         self.is_closed = False
         self.steps: dict[int, tuple[str, Path]] = {}  # what each does, and its log
+        self.begun: dict[int, tuple[str, float]] = {}  # by job, its rule and when it began
+        self.to_do = self.cost_done = 0.0
+        self.said_last, self.ended = self.start, threading.Event()
         if self.writes_to_stream:
             os.environ[FILE_ONLY] = "1"  # for the steps, which inherit it
+            threading.Thread(target=self._watch, daemon=True).start()
 
     def emit(self, record: LogRecord) -> None:
         try:
@@ -61,6 +91,7 @@ class LogHandler(LogHandlerBase):
             self.handleError(record)
 
     def close(self) -> None:
+        self.ended.set()
         if not self.is_closed:  # Snakemake closes its handlers more than once
             self._end()
         self.is_closed = True
@@ -84,16 +115,21 @@ class LogHandler(LogHandlerBase):
             case _ if self.is_plan and record.levelno <= INFO:
                 pass
             case LogEvent.RUN_INFO:
-                self.total = record.stats["total"]
+                counts = dict(record.stats)
+                self.total = counts.pop("total")
+                self.to_do = sum(_COSTS.get(rule, 1) * n for rule, n in counts.items())
                 self._say(f"{self.total} steps to do.")
             case LogEvent.JOB_FINISHED if record.job_id in self.steps:
+                rule, _ = self.begun.pop(record.job_id)
+                self.cost_done += _COSTS.get(rule, 1)
                 what, log = self.steps[record.job_id]
                 for level, text in ((of, text) for of in LEVELS for text in logged(log, of)):
                     name = "ACCEPTED FAULT" if level == "ERROR" else level
                     self._say(f"{name}: {text}\n  step: {what}\n  log:  {log}")
             case LogEvent.PROGRESS:
                 if 10 * record.done // record.total > 10 * self.done // record.total:
-                    self._say(f"{self._elapsed()}  {record.done} of {record.total} steps done")
+                    done = f"{record.done} of {record.total} steps done"
+                    self._say(f"{self._elapsed()}  {done}{self._left()}")
                 self.done = record.done
             case LogEvent.JOB_ERROR:
                 self._fail(record.jobid, record.rule_msg or _SILENT)
@@ -114,6 +150,7 @@ class LogHandler(LogHandlerBase):
         """A step that begins; or that would run, why, and how long it last took."""
         what, log = record.rule_msg or record.rule_name, Path(record.log[0])
         self.steps[record.jobid] = what, log
+        self.begun[record.jobid] = record.rule_name, time.monotonic()
         # as the records say, or as was asked for by the rule's name
         asked = (record.rule_name, *record.output)
         again = next((AGAIN[name] for name in asked if name in AGAIN), None)
@@ -127,7 +164,29 @@ class LogHandler(LogHandlerBase):
         if again:
             self._say(f"  again: {again}")
 
+    def _left(self) -> str:
+        """About how long the rest takes, at the pace so far."""
+        if not 0 < self.cost_done < self.to_do:
+            return ""
+        pace = (time.monotonic() - self.start) / self.cost_done
+        minutes = pace * (self.to_do - self.cost_done) / 60
+        return (
+            f", about {minutes:.0f} min left" if minutes >= 1 else ", less than a minute left"
+        )
+
+    def _watch(self) -> None:
+        """After a minute of silence, and each one that follows, show how far the steps are."""
+        while not self.ended.wait(1.0):
+            if time.monotonic() - self.said_last > _SILENCE:
+                for job, (_, begun) in list(self.begun.items()):
+                    what, log = self.steps[job]
+                    minutes = (time.monotonic() - begun) / 60
+                    latest = (logged(log, "INFO") or ["working"])[-1].partition("\n")[0]
+                    self._say(f"{self._elapsed()}  {what}, for {minutes:.0f} min: {latest}")
+                self.said_last = time.monotonic()
+
     def _fail(self, job: int, reason: str) -> None:
+        self.begun.pop(job, None)
         what, log = self.steps[job]
         error = (logged(log, "ERROR") or [reason])[-1]
         self._say(f"ERROR: {error}\n  step: {what}\n  log:  {log}")
@@ -135,6 +194,7 @@ class LogHandler(LogHandlerBase):
     def _say(self, text: str) -> None:
         if not text.removeprefix("ERROR: ").startswith(_REPLACED):
             print(text.rstrip(), file=sys.stderr, flush=True)
+            self.said_last = time.monotonic()
 
     def _elapsed(self) -> str:
         return str(timedelta(seconds=round(time.monotonic() - self.start)))

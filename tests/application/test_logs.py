@@ -2,10 +2,12 @@
 
 import logging
 import re
+import time
 import warnings
 from types import SimpleNamespace
 
 import pytest
+import snakemake_logger_plugin_gst as plugin
 from gst.logs import FILE_ONLY, job_log, logged
 from gstlib.errors import InputError
 from snakemake_interface_logger_plugins.common import LogEvent
@@ -48,7 +50,7 @@ class Run:
         asked = "dryrun quiet verbose debug_dag printshellcmds"
         self.handler = LogHandler(SimpleNamespace(**dict.fromkeys(asked.split(), False)), None)
         self.total = total
-        self.tell(LogEvent.RUN_INFO, stats={"total": total})
+        self.tell(LogEvent.RUN_INFO, stats={"total": total, "solve_patches": total})
 
     def tell(self, event, text="", level=logging.INFO, **facts):
         record = logging.LogRecord("snakemake", level, "", 0, text, None, None)
@@ -111,6 +113,31 @@ def test_the_display_shows_warnings_and_the_error_of_a_failed_step_once(said, tm
     assert f"\nERROR: scan.plu: is empty. Copy it again.{place % 2}" in shown
     assert shown.count("is empty") == 1
     assert "Stopped with 1 of 4 steps done, after 0:00:00. Repeat the same command" in shown
+
+
+def test_the_time_that_is_left_is_that_of_the_steps_not_yet_done(said, monkeypatch):
+    run, costs = Run(10), plugin._COSTS
+    monkeypatch.setattr(plugin.time, "monotonic", lambda: run.handler.start + 300)
+    run.handler.to_do = 4 * costs["solve_patches"]
+    for job in (1, 2, 3):
+        run.begin(job)
+        run.end(job)
+    # a quarter of the work took five minutes, then a half, then three quarters
+    assert re.findall(r"(\d+) of 10 steps done, about (\d+) min left", said()) == [
+        ("1", "15"),
+        ("2", "5"),
+        ("3", "2"),
+    ]
+
+
+def test_silence_ends_with_how_far_the_running_steps_are(said, monkeypatch, tmp_path):
+    monkeypatch.setattr(plugin, "_SILENCE", 0.0)
+    run, log = Run(4), tmp_path / "job.log"
+    run.begin(1, log)
+    log.write_text("INFO patch 3\nINFO patch 4 of 9\n")
+    time.sleep(1.5)
+    run.handler.close()
+    assert "Pressing patch 1, for 0 min: patch 4 of 9\n" in said()
 
 
 def test_messages_of_snakemake_itself(said):
