@@ -104,6 +104,9 @@ def test_the_patches_are_listed_as_the_tables_have_them(page, known):
     }
     assert [text_of(head) for head in listed.findall("thead/tr/th")] == list(columns)
     rows = listed.findall("tbody/tr")
+    nothing = known.attainable_mcc == 0  # no place is predicted, so none is right or wrong
+    scores = {name: known[name].mask(nothing) for name in ("mcc", "attainable_mcc")}
+    known = known.assign(**scores)
     for cells, row in zip(rows, known.itertuples(), strict=True):
         for cell, (name, shown) in zip(cells, columns.values(), strict=True):
             assert text_of(cell) == shown(row), name
