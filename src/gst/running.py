@@ -16,6 +16,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import psutil
+import yaml
 
 from gst import ROOT
 from gst.chain import break_in, check_links
@@ -69,8 +70,9 @@ def run_study(
     """Run a study in the working folder, and say what to open; the exit code is Snakemake's.
 
     `cores`, `profile` and `plan` are as on the command line; `options` are further ones of
-    Snakemake. Raises an `InputError` if the config cannot be used; there is no such profile; an
-    option is refused; Snakemake is not installed; a run is, or may be, active in this folder.
+    Snakemake. Raises an `InputError` if the config cannot be used; there is no such profile, or no
+    Slurm for it; an option is refused; Snakemake is not installed; a run is, or may be, active in
+    this folder.
     """
     read = read_config(config)
     refuse_study(read, str(config))
@@ -86,6 +88,12 @@ def run_study(
     if folder is None:
         raise InputError(
             "--profile", f"there is no folder {here}", "See docs/how-to/cluster.md."
+        )
+    settings = yaml.safe_load((folder / "config.yaml").read_text(encoding="utf-8"))
+    if settings.get("executor") == "slurm" and shutil.which("sbatch") is None:
+        problem = "this profile hands jobs to Slurm, and there is no sbatch on this machine"
+        raise InputError(
+            folder, problem, "Start the study where Slurm is, or without --profile."
         )
     results = Path(read["results"])
     refuse_other_study(read)

@@ -1,16 +1,19 @@
 """Tables that a user writes, each row checked against a schema: patches, poses, published values.
 
-Text as spreadsheets write it, in UTF-8 or (with its mark) UTF-16. Tabs, commas or semicolons
-separate the cells, as in the line of column names; unless commas separate them, numbers may have
-decimal commas. ``#`` begins a comment line. `workflow/schemas/NAME.schema.yaml` describes a row:
-its columns, their types and bounds, and what stands for an empty cell.
+The first sheet of an .xlsx workbook, or text as spreadsheets write it: in UTF-8, in UTF-16 with its
+mark, or in code page 1252, as Windows does in the west. Tabs, commas or semicolons separate the
+cells, as in the line of column names; unless commas separate them, numbers may have decimal commas.
+``#`` begins a comment line. `workflow/schemas/NAME.schema.yaml` describes a row: its columns, their
+types and bounds, and what stands for an empty cell.
 """
 
 import csv
 import math
+import re
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import BadZipFile
 
 import pandas as pd
 import yaml
@@ -122,13 +125,9 @@ def _read_lines(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]
     """The column names, what separates the cells, and the cells of each row by line number."""
     try:
         check_size(path, LARGEST_TABLE)
-        text = decoded(path.read_bytes()).splitlines()
-        # A spreadsheet puts a comment in quotes, and writes blank rows as rows of empty cells.
-        said = [line for line in text if line.strip(' \t,;"') and not _is_comment(line)]
-        mark = separator_of(said[0] if said else "") or ","
-        reader = csv.reader(text, delimiter=mark)
-        lines = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        is_sheet = path.suffix.lower() == ".xlsx"
+        mark, lines = _sheet(path) if is_sheet else _text(path.read_bytes())
+    except (OSError, UnicodeDecodeError, csv.Error, BadZipFile, KeyError) as error:
         remedy = "Correct its path in the config, or save it as CSV in UTF-8."
         raise ConfigError(path, f"cannot be read ({error})", remedy) from error
     lines = [(n, cells) for n, cells in lines if any(cells) and not _is_comment(cells[0])]
@@ -143,6 +142,32 @@ def _read_lines(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]
     while not header[-1]:  # as long as the widest row
         header.pop()
     return header, mark, lines[1:]
+
+
+def _text(content: bytes) -> tuple[str, list[tuple[int, list[str]]]]:
+    """What separates the cells of a text, and the cells of each row by line number."""
+    try:
+        text = decoded(content).splitlines()
+    except UnicodeDecodeError:
+        text = content.decode("cp1252").splitlines()
+    # A spreadsheet puts a comment in quotes, and writes blank rows as rows of empty cells.
+    said = [line for line in text if line.strip(' \t,;"') and not _is_comment(line)]
+    mark = separator_of(said[0] if said else "") or ","
+    reader = csv.reader(text, delimiter=mark)
+    return mark, [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
+
+
+def _sheet(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
+    """The cells of a workbook's first sheet by row, as text."""
+    import openpyxl
+
+    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    rows = enumerate(book.worksheets[0].iter_rows(values_only=True), 1)
+    cells = [
+        (n, ["" if cell is None else str(cell).strip() for cell in row]) for n, row in rows
+    ]
+    book.close()
+    return ";", cells  # a number that was typed as text may have a decimal comma
 
 
 def _is_comment(line: str) -> bool:
@@ -169,4 +194,6 @@ def _explain(error: ValidationError) -> str:
         return f"{name} is {error.instance!r}, not a number"
     # a pattern is for the machine
     said = "" if error.validator == "pattern" else f": {error.message}"
+    if name == "patch" and error.validator == "pattern":
+        said = f": write {re.sub('[^A-Za-z0-9]+', '-', error.instance).strip('-')}"
     return f"{name} is {error.instance!r}{said} [{error.schema['description']}]"

@@ -4,6 +4,7 @@ import unicodedata
 from pathlib import Path
 
 import numpy as np
+import openpyxl
 import pytest
 from gst.patches import overlaps, read_patches, scan_files
 from gstlib.errors import ConfigError
@@ -60,7 +61,7 @@ def test_scans_are_found_however_their_accents_are_composed(table, tmp_path, in_
     assert [patches.t1[0], patches.t0[1], patches.t1[1]] == ["gone.plu", "b/gone.plu", ""]
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
 @pytest.mark.parametrize(("separator", "point"), [(",", "."), (";", ","), ("\t", ","), (";", ".")])
 def test_tables_as_spreadsheets_write_them(tmp_path, encoding, separator, point):
     rows = [
@@ -79,6 +80,20 @@ def test_tables_as_spreadsheets_write_them(tmp_path, encoding, separator, point)
     assert list(patches.x_mm) == [4.5, 1.0, 2.0]
     assert list(patches.y_mm) == [0.5, 1.25, 1.0]
     assert list(patches.note) == ["Höhe", "", ""]
+
+
+def test_a_table_in_a_workbook(tmp_path):
+    book = openpyxl.Workbook()
+    for row in (["# moulds"], [], ["patch", "x_mm", "y_mm", "t0"], ["07", 1, 1.25, "Höhe.plu"]):
+        book.active.append(row)
+    book.active.append([5, "4,5", 0.5, "5.plu"])
+    book.save(tmp_path / "p.xlsx")
+    patches = read(tmp_path / "p.xlsx")
+    assert list(patches.patch) == ["5", "07"]
+    assert list(patches.x_mm) == [4.5, 1.0]
+    assert list(patches.t0) == ["5.plu", "Höhe.plu"]
+    (tmp_path / "broken.xlsx").write_bytes(b"PK")
+    refused(tmp_path / "broken.xlsx", "save it as CSV")
     assert (patches.rotation_deg == 0).all()
     assert np.isnan(patches.crop_x_mm).all()
 
@@ -164,7 +179,7 @@ REFUSED = {
     "a head alone": (f"{HEAD}\n", "no rows"),
     "commas alone": (",,,\n,,,\n", "no rows"),
     "a spreadsheet": (b"PK\x03\x04\x14\0" + bytes(range(256)), "save it as CSV"),
-    "Latin-1": ("patch,x_mm,y_mm,t0,note\n1,1,1,a,Höhe".encode("latin-1"), "CSV in UTF-8"),
+    "a name with a blank": (f"{HEAD}\nloc 1_a,1,1,a\n", "write loc-1-a"),
     "T1 without T0": (f"{HEAD},t1\n1,1,1,,a\n", "t0 is empty"),
     "a repeat without T0": (f"{HEAD},repeat\n1,1,1,,a\n", "t0 is empty"),
     "a place twice": (

@@ -49,12 +49,14 @@ USUAL = {"cores": "1", "profile": "default", "plan": False, "options": ()}
     ("config", "asked", "said"),
     [
         ("mine.yaml", {"profile": "mine"}, "no folder profiles/mine"),
+        ("mine.yaml", {"profile": "slurm"}, "no sbatch on this machine"),
         ("yours.yaml", {}, r"yours\.yaml: cannot be opened"),
         ("bad.yaml", {}, r"bad\.yaml: .*\n  - 'results' is 5"),
         ("table.yaml", {"plan": True}, r"table\.tsv: missing columns \['x_mm'"),
     ],
 )
-def test_a_study_that_cannot_begin_leaves_nothing(folder, config, asked, said):
+def test_a_study_that_cannot_begin_leaves_nothing(folder, config, asked, said, monkeypatch):
+    monkeypatch.setattr("gst.running.shutil.which", lambda _: None)
     with pytest.raises(InputError, match=said):
         run_study(config, **USUAL | asked)
     names = {"bad.yaml", "config", "mine.yaml", "table.yaml", "table.tsv"}
