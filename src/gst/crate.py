@@ -48,6 +48,20 @@ _FORMATS = {
 # Of what a study was made, and what it made.
 _RECORD, _CONTENTS = "provenance.json", "contents.json"
 _DEFAULT = "config/config.yaml"
+# The program, and what pins the packages that it needs.
+_PACKAGES = "gst", "gstlib", "snakemake_logger_plugin_gst"
+_PINNED = {
+    "pyproject.toml": "What the program needs.",
+    "requirements.lock": "The packages with which it is tested, with their hashes.",
+}
+_AGAIN = """
+The program is in `src`, `workflow` and `profiles`. To make the results again, put the measured
+inputs where `config/study.yaml` names them, and run in this folder:
+
+    python3 -m venv .venv
+    .venv/bin/pip install --require-hashes -r requirements.lock
+    PYTHONPATH=src .venv/bin/python -m gst study config/study.yaml
+"""
 _GENERATED = (
     "The specimen is generated: a program made the stone, its scans and its wear. Nothing here "
     "says anything about a real tool. "
@@ -79,7 +93,7 @@ class _File:
 def pack_study(
     results: Path, target: Path, *, authors: Iterable[str] = (), licence: str | None = None
 ) -> int:
-    """Pack a finished study: page, tables, figures, config, patch table, workflow and metadata.
+    """Pack a finished study: page, tables, figures, config, patch table, program and metadata.
 
     Fields (HDF5), logs and measured inputs are left out; the metadata name them, the inputs with
     their SHA-256. The date of the run is that of its newest result. `authors` and `licence` (SPDX,
@@ -102,7 +116,7 @@ def pack_study(
     made, tables = _results(results, contents), _tables(record)
     snakefile, *parts = _workflow(software)
     about = _about(config)
-    readme = f"# {about['name']}\n\n{about['description']}\n"
+    readme = f"# {about['name']}\n\n{about['description']}\n{_AGAIN}"
     default = (ROOT / _DEFAULT).read_bytes()
     files = [
         *made,
@@ -110,6 +124,9 @@ def pack_study(
         _File(_DEFAULT, default, "Default config", "Read if no other is given."),
         _File("README.md", readme.encode(), "Read me", "What is in this folder."),
     ]
+    for name, said in _PINNED.items():
+        if (ROOT / name).is_file():  # of a clone
+            files.append(_File(name, (ROOT / name).read_bytes(), name, said))
     named = [file.name for file in tables]
     inputs = {path: digest for path, digest in record["inputs"].items() if path not in named}
     used = [file.id for file in tables] + [f"#{quote(path)}" for path in inputs]
@@ -129,7 +146,8 @@ def pack_study(
         used=used + ["#specimen"] * generated,
     )
     files += [snakefile, *parts, _File("ro-crate-metadata.json", metadata)]
-    write_whole(target, _zipped([*files, _File("workflow/", b"")]))
+    folders = [_File(f"{name}/", b"") for name in ("profiles", "src", "workflow")]
+    write_whole(target, _zipped([*files, *folders]))
     return len(files)
 
 
@@ -197,11 +215,16 @@ def _workflow(software: Mapping[str, Any]) -> list[_File]:
     # The results have their own authors and licence, so those of the workflow are not at the root.
     places = {"Snakefile": "Snakefile", "CITATION.cff": "workflow/CITATION.cff"}
     places["LICENSE"] = "workflow/LICENSE"
-    for file in sorted((ROOT / "workflow").rglob("[!.]*.*")):
-        if file.is_file() and file.suffix != ".pyc":
-            name = file.relative_to(ROOT).as_posix()
-            places[name] = name
-    return [_File(place, (ROOT / name).read_bytes()) for name, place in places.items()]
+    files = {place: ROOT / name for name, place in places.items()}
+    parts = {"workflow": ROOT / "workflow", "profiles/default": ROOT / "profiles/default"}
+    for name in _PACKAGES:
+        parts[f"src/{name}"] = Path(str(importlib.resources.files(name)))
+    for place, folder in parts.items():
+        for file in sorted(folder.rglob("[!.]*")):
+            within = file.relative_to(folder)
+            if file.is_file() and not {"__pycache__", "shipped"} & {*within.parts}:
+                files[f"{place}/{within.as_posix()}"] = file
+    return [_File(place, file.read_bytes()) for place, file in files.items()]
 
 
 def _version(software: Mapping[str, Any]) -> str:

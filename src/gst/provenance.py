@@ -8,6 +8,7 @@ import json
 import os
 import platform
 import subprocess
+import tomllib
 from collections.abc import Iterable, Mapping
 from importlib import metadata
 from pathlib import Path
@@ -114,7 +115,7 @@ def study_provenance(
 def _packages() -> dict[str, str]:
     """Version of every package that gstlib and its workflow require."""
     required = set()
-    for text in metadata.requires("gstlib") or []:
+    for text in _requirements():
         package = Requirement(text)
         for extra in ("", *_EXTRAS):
             if package.marker is None or package.marker.evaluate({"extra": extra}):
@@ -123,18 +124,35 @@ def _packages() -> dict[str, str]:
     return {name: metadata.version(name) for name in names}
 
 
+def _requirements() -> list[str]:
+    """What gstlib requires, as its installation says; or, where it only lies, its project file."""
+    try:
+        return metadata.requires("gstlib") or []
+    except metadata.PackageNotFoundError:
+        project = tomllib.loads((gst.ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+        extras = project["optional-dependencies"]
+        return [*project["dependencies"], *(text for name in _EXTRAS for text in extras[name])]
+
+
 @functools.cache
 def commit(folder: str | Path) -> str | None:
-    """Commit checked out in `folder`, followed by "+" if files differ; None without git."""
+    """Commit checked out in `folder`, with "+" if its program was changed; None without git."""
     # An installed gstlib may lie in a folder under somebody else's version control.
     if not (Path(folder) / ".git").exists():
         return None
-    describe = ["git", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"]
+    # a config or a table that was changed is in the record itself
+    program = ["status", "--porcelain", "--", "src", "workflow", "Snakefile"]
+    said = []
     try:
-        said = subprocess.run(describe, cwd=folder, capture_output=True, text=True, check=True)
+        for asked in (["rev-parse", "HEAD"], program):
+            command = ["git", *asked]
+            done = subprocess.run(
+                command, cwd=folder, capture_output=True, text=True, check=True
+            )
+            said.append(done.stdout.strip())
     except (OSError, subprocess.CalledProcessError):
         return None
-    return said.stdout.strip()
+    return said[0] + "+" * bool(said[1])
 
 
 @functools.cache

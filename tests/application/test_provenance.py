@@ -46,15 +46,17 @@ def test_commit_of_a_folder_and_its_changes(tmp_path):
 
     assert commit(tmp_path) is None
     git("init")
-    (tmp_path / "a").write_text("a")
-    git("add", "a")
+    for name in ("Snakefile", "config.yaml"):
+        (tmp_path / name).write_text("a")
+        git("add", name)
     git("commit", "-m", "first")
     commit.cache_clear()
     clean = commit(tmp_path)
     assert len(clean) == 40
-    (tmp_path / "a").write_text("b")
-    commit.cache_clear()
-    assert commit(tmp_path) == f"{clean}+"
+    for name, said in (("config.yaml", clean), ("Snakefile", f"{clean}+")):
+        (tmp_path / name).write_text("b")
+        commit.cache_clear()
+        assert commit(tmp_path) == said
 
 
 STEPS = "solve_patches", "tabulate_texture", "draw_figures", "write_page"

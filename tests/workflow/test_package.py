@@ -64,6 +64,19 @@ def test_installed_without_the_repository(built, version, finished_tiny, tmp_pat
 # --- The package of a study ------------------------------------------------------------------
 
 
+def test_a_package_makes_its_results_again(finished_tiny, tmp_path):
+    """With the packages that it pins, here this environment's, and no clone."""
+    study = Study(finished_tiny.folder)
+    pack_study(study.results, tmp_path / "tiny.zip")
+    shutil.unpack_archive(tmp_path / "tiny.zip", alone := tmp_path / "alone")
+    assert {"requirements.lock", "pyproject.toml"} <= {file.name for file in alone.iterdir()}
+    own = {"cwd": alone, "PYTHONPATH": "src"}
+    result = run(sys.executable, "-m", "gst", "study", "config/study.yaml", **own)
+    assert result.returncode == 0, result.stdout + result.stderr
+    made = Study(alone, "config/study.yaml")
+    assert made.tables() == finished_tiny.tables()
+
+
 CONTEXT = "https://w3id.org/ro/crate/1.1/context"
 
 
