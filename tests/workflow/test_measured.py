@@ -308,6 +308,44 @@ def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
     assert set(table("registration").detection) == {"repeat"}
 
 
+def test_the_check_says_what_the_study_is(studied, stored, table):
+    """Line by line, by the files, the tables and the stored contact."""
+    said = studied.gst("check", studied.config)
+    assert said.returncode == 0, said.stderr
+    shown = dict(re.findall(r"^  (\S.{10}) (.*)$", said.stdout, re.MULTILINE))
+    line = {name.strip(): text for name, text in shown.items()}
+
+    def numbers(name):
+        return [float(number) for number in re.findall(r"\d+\.?\d*", line[name])]
+
+    poisson, young = (0.1, 0.4), (60e3, 30e3)
+    modulus = 1 / sum((1 - nu**2) / of for nu, of in zip(poisson, young, strict=True))
+    assert line["stone"] == "data/mesh.stl"
+    assert numbers("macroscale") == [5, 125, 10, 3.2, 2]
+    assert "active tool" in line["macroscale"]
+    assert numbers("load") == [550, 22, 6]
+    assert float(re.findall(r"= ([\d.]+) MPa", line["stiffness"])[0]) == pytest.approx(modulus, 1e-4)
+    assert "from the elastic constants" in line["stiffness"]
+    assert numbers("patches") == [6, 0.85, 6, 5, 3]
+    assert line["results in"] == "results-measured: finished, with this config and these files"
+    assert numbers("gesture") == [3, 2 + 1 + 0.5]
+    mesh = trimesh.load(studied.folder / "data/mesh.stl", process=False)
+    assert numbers("mesh")[:3] == pytest.approx(1e-3 * mesh.extents, rel=1e-3)
+    inputs = table("inputs")
+    rough = [inputs.Sq_um.min(), inputs.Sq_um.max()]
+    assert numbers("scans")[:4] == pytest.approx([64, 64, *rough], rel=1e-3)
+    unmeasured = [100 * inputs.unmeasured.min(), 100 * inputs.unmeasured.max()]
+    assert numbers("scans")[-2:] == pytest.approx(unmeasured, rel=1e-3)
+    found = table("registration")
+    shifts = np.hypot(found.shift_x_um, found.shift_y_um)[found.found.astype(bool)]
+    assert numbers("T1 on T0")[2] == len(shifts)
+    assert numbers("T1 on T0")[-1] == pytest.approx(shifts.max(), rel=0.2)
+    contact = stored("macroscale/contact")  # of the mesh with the scans
+    share = square_of(contact, 5.0).pressure.sum() / contact.pressure.sum()
+    assert numbers("at rest")[1] == pytest.approx(100 * float(share), abs=15)
+    assert (studied.results / "check.png").is_file()
+
+
 def test_the_force_acts_where_it_is_said_on_stones_that_differ(studied, stored, table):
     contact, path = stored("macroscale/contact"), table("macroscale_path").iloc[-1]
     dy, dx = spacing_of(contact)
@@ -403,15 +441,16 @@ def test_wear_follows_the_gesture(own, studied, stored, table, gesture, same):
     assert len(summary) == len(found["summary"])
 
 
-def test_the_page_shows_both_stones_and_the_gesture(studied, stored):
+def test_the_page_shows_both_stones_and_the_gesture(studied, stored, table):
     page = (studied.results / "index.html").read_text(encoding="utf-8")
     assert "Synthetic specimen" not in page
     assert "what a gesture leaves on the square" in page
     assert "Archard&#39;s law over a gesture of 3 poses predicts" in page
     fields = [stored("macroscale/contact").pressure, stored("gesture/exposure").exposure]
     highest = [float(square_of(field, 5.0).max()) for field in fields]
-    said = re.findall(r"<span>([\d.]+) (MPa|N/mm)</span></span>", page.replace("\u202f", ""))
-    assert [unit for _, unit in said] == ["MPa", "N/mm"]
+    highest.insert(1, table("registration").mean_wear_depth_um.max())
+    said = re.findall(r"<span>([\d.]+) (MPa|µm|N/mm)</span></span>", page.replace("\u202f", ""))
+    assert [unit for _, unit in said] == ["MPa", "µm", "N/mm"]
     assert [float(value) for value, _ in said] == pytest.approx(highest, rel=5e-3)
     assert (studied.results / "figures/exposure.png").stat().st_size > 10_000
     (corners,) = re.findall(r'"patch": "11", "flat": (\[\[.*?\]\])', page)
