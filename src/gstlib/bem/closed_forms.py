@@ -26,6 +26,8 @@ __all__ = [
     "Sphere",
     "Wave",
     "crossed_waves_full_contact_pressure",
+    "crossed_waves_heavy_contact",
+    "crossed_waves_light_contact",
     "full_contact_rms_pressure",
     "love_rectangle_displacement",
     "persson_contact_fraction",
@@ -263,6 +265,11 @@ class Wave:
         share = min(mean_pressure / self.full_contact_pressure, 1.0)
         return 2 / math.pi * math.asin(math.sqrt(share))
 
+    def displacement(self, mean_pressure: float) -> float:
+        """Δ s (1 − ln s) (mm) with s = p̄/p*, from first touch to the mean line; Δ from p* on."""
+        share = min(mean_pressure / self.full_contact_pressure, 1.0)
+        return self.amplitude * share * (1 - math.log(share)) if share else 0.0
+
     def pressure(self, x, mean_pressure: float):
         """Pressure (MPa) at x (mm) from a crest; broadcasts.
 
@@ -284,6 +291,19 @@ def crossed_waves_full_contact_pressure(
     Johnson, Greenwood & Higginson (1985). Δ and λ in mm, E* in MPa.
     """
     return math.sqrt(2) * math.pi * contact_modulus * amplitude / wavelength
+
+
+def crossed_waves_light_contact(share: float) -> float:
+    """Contact fraction of crossed waves under a small share p̄/p* of the load that closes them.
+
+    Each crest as Hertz's sphere, π(3s/8π)^⅔; Johnson, Greenwood & Higginson (1985).
+    """
+    return math.pi * (3 * share / (8 * math.pi)) ** (2 / 3)
+
+
+def crossed_waves_heavy_contact(share: float) -> float:
+    """The same just before p* closes them: each hollow as a crack, 1 − 3(1 − s)/2π."""
+    return 1 - 3 * (1 - share) / (2 * math.pi)
 
 
 def full_contact_rms_pressure(rms_gradient: float, contact_modulus: float) -> float:

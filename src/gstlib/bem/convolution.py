@@ -58,17 +58,21 @@ class EvenConvolution:
         Of the kernel, on the padded grid (my, mx), at wave numbers from 0 on.
     dtype : data-type
         Precision of the computation: single or double.
+    padded : (int, int), optional
+        (my, mx), if not even. Without padding, at `shape` itself, fields are periodic.
     """
 
-    def __init__(self, shape, spectrum, dtype):
-        my, mx = (2 * (n - 1) for n in spectrum.shape)
+    def __init__(self, shape, spectrum, dtype, padded=None):
+        my, mx = padded or (2 * (n - 1) for n in spectrum.shape)
         self._shape, self._padded = shape, (my, mx)
         wave = np.result_type(dtype, np.complex64)
         # Transposed like the spectrum of the field below, and mirrored to all wave numbers along y.
         # As complex numbers, products take half the time in single precision (measured; no less in
         # double).
         half, stored = spectrum.T, np.complex64 if dtype == np.float32 else dtype
-        self._spectrum = np.concatenate((half, half[:, -2:0:-1]), axis=1, dtype=stored)
+        self._spectrum = np.concatenate(
+            (half, half[:, (my - 1) // 2 : 0 : -1]), axis=1, dtype=stored
+        )
         # Memory is kept from call to call: fresh pages are slow to touch. The transform is
         # transposed, so transforms along y run along contiguous memory.
         self._lines = _BLOCK // np.dtype(dtype).itemsize

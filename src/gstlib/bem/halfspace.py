@@ -1,7 +1,10 @@
 """The elastic half-space as an operator: pressure on a grid of elements to displacement.
 
-The half-space is not periodic. The discrete convolution with Love's kernel is done exactly, by FFT
-on a grid padded with zeros to at least twice the size (Liu, Wang & Liu, Wear 243 (2000) 101).
+By default nothing is loaded beyond the grid. The discrete convolution with Love's kernel is done
+exactly, by FFT on a grid padded with zeros to at least twice the size (Liu, Wang & Liu, Wear 243
+(2000) 101). A periodic half-space repeats the grid without end: each wave of the pressure gives the
+same wave of displacement, 2/(E*|q|) times as high (H. M. Stanley & T. Kato, J. Tribol. 119 (1997)
+481), and a uniform pressure gives none, as displacement is counted from its mean.
 
 Conventions: arrays are (ny, nx); pressure (MPa) is positive in compression, displacement (mm)
 positive into the half-space.
@@ -76,7 +79,7 @@ def contact_modulus(
 
 
 class HalfSpace:
-    """Exact non-periodic response of an elastic half-space to uniform pressures on rectangles.
+    """Exact response of an elastic half-space to uniform pressures on rectangles, or to waves.
 
     It keeps a workspace: do not call it from several threads at a time.
 
@@ -88,19 +91,22 @@ class HalfSpace:
         Side of the square elements, or (dy, dx) (mm).
     contact_modulus : float
         E* (MPa).
-    workers : int
-        Has no effect: one thread does the work.
     springs : float
         Compliance of a (Winkler) bed of independent springs in front of the half-space (mm/MPa);
         none by default.
     layer : Layer, optional
         A compliant layer in front of the half-space. Their displacements add up, as if the body
         behind the layer were rigid.
+    periodic : bool
+        The grid repeats itself without end.
 
     Attributes
     ----------
     self_influence : float
-        Displacement of an element under unit pressure on itself (mm/MPa).
+        Displacement of an element under unit pressure on itself (mm/MPa); if periodic, at least
+        half the largest difference to another's.
+    uniform_influence : float
+        Displacement under unit pressure all over (mm/MPa): infinite unless periodic.
 
     Raises
     ------
@@ -120,10 +126,10 @@ class HalfSpace:
         shape,
         spacing,
         contact_modulus,
-        workers: int = 1,
         *,
         springs: float = 0.0,
         layer: Layer | None = None,
+        periodic: bool = False,
     ):
         if len(shape) != 2 or min(shape) < 1:
             raise ContactInputError(f"shape must be (ny, nx), at least (1, 1), got {shape}")
@@ -137,6 +143,9 @@ class HalfSpace:
             "contact_modulus", contact_modulus, "MPa", positive=True
         )
         self.springs, self.layer = checked_number("springs", springs, "mm/MPa"), layer
+        self.periodic, self.uniform_influence = periodic, math.inf
+        if periodic:
+            self.uniform_influence = self.springs + (layer.uniform_influence if layer else 0.0)
         self.self_influence = float(self.kernel((1, 1))[0, 0])
         self._convolutions = 0
         self._box: HalfSpace | None = None
@@ -152,6 +161,8 @@ class HalfSpace:
 
     @cached_property
     def _single(self):
+        if self.periodic:
+            return self._exact(np.float32)
         reach = self.layer.reach if self.layer else 0.0
         if SplitConvolution.saves(self.shape, self.spacing, reach):
             return SplitConvolution(self.shape, self.spacing, self.contact_modulus, self.kernel)
@@ -159,12 +170,33 @@ class HalfSpace:
 
     @cached_property
     def _inverse(self):
-        spectrum = kernel_spectrum(inverse_padding(self.shape), self.kernel)
-        return EvenConvolution(self.shape, 1 / spectrum, np.float32)
+        padded = self.shape if self.periodic else inverse_padding(self.shape)
+        return EvenConvolution(self.shape, 1 / self.spectrum(padded), np.float32, padded)
 
     def _exact(self, dtype):
-        spectrum = kernel_spectrum(exact_padding(self.shape), self.kernel)
-        return EvenConvolution(self.shape, spectrum, dtype)
+        padded = self.shape if self.periodic else exact_padding(self.shape)
+        spectrum = self.spectrum(padded)
+        if self.periodic:
+            spectrum[0, 0] = self.uniform_influence
+        return EvenConvolution(self.shape, spectrum, dtype, padded)
+
+    def spectrum(self, grid: tuple[int, int], coarsening: int = 1) -> np.ndarray:
+        """Displacement of waves of unit pressure on a grid that repeats itself (mm/MPa), > 0.
+
+        At wave numbers from 0 on, shape (my // 2 + 1, mx // 2 + 1); the size must be even unless
+        the half-space is periodic, and then the first is that of half the least wave number.
+        """
+        if not self.periodic:
+            return kernel_spectrum(grid, lambda shape: self.kernel(shape, coarsening))
+        steps = [
+            2 * math.pi / (m * coarsening * side)
+            for m, side in zip(grid, self.spacing, strict=True)
+        ]
+        y, x = (np.arange(m // 2 + 1) * step for m, step in zip(grid, steps, strict=True))
+        wave_number = np.hypot(y[:, None], x)
+        wave_number[0, 0] = 0.5 * min(steps)
+        spectrum = self.springs + 2 / (self.contact_modulus * wave_number)
+        return spectrum + 1 / self.layer.stiffness(wave_number) if self.layer else spectrum
 
     def kernel(self, shape: tuple[int, int], coarsening: int = 1) -> np.ndarray:
         """Displacement of a quadrant of elements under unit pressure on its corner (mm/MPa).
@@ -210,6 +242,8 @@ class HalfSpace:
 
     def box(self, shape: tuple[int, int]) -> "HalfSpace":
         """The half-space on a part of the grid with at least `shape` elements."""
+        if self.periodic:
+            return self
         for known in (self, self._box):
             if (
                 known is not None

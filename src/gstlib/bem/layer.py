@@ -72,6 +72,11 @@ class Layer:
         """Distance (mm) beyond which a force does not displace it."""
         return _REACH * self.thickness
 
+    @property
+    def uniform_influence(self) -> float:
+        """Displacement under unit pressure all over (mm/MPa), t(1 + ν)(1 − 2ν)/(E(1 − ν))."""
+        return self.thickness * (1 - 2 * self.poisson) / (1 - self.poisson) ** 2 / self.modulus
+
     def stiffness(self, wave_number):
         """Pressure per displacement (MPa/mm) of waves of these wave numbers (1/mm), > 0."""
         wave_number = np.asarray(wave_number, dtype=float)

@@ -41,7 +41,7 @@ class LoadPath:
     stiffness : ndarray, shape (steps,)
         Contact stiffness d(mean pressure)/d(displacement) (MPa/mm): exact, by one linear solve
         on the fixed contact set of each state (its relative error is of the order of 1e-6; up to
-        1e-4 if the contact is a few long elements).
+        1e-4 if the contact is a few long elements). Infinite in full contact of periodic surfaces.
     final : ContactState
         The state at the target pressure.
     states : tuple of ContactState
@@ -66,15 +66,15 @@ def load_path(
     *,
     target_pressure,
     steps=20,
+    periodic=False,
     tolerance=1e-6,
-    workers=1,
     keep_states=False,
 ) -> LoadPath:
     """Press a rough surface in equal steps of displacement up to a mean pressure.
 
     Parameters
     ----------
-    heights, spacing, contact_modulus, workers
+    heights, spacing, contact_modulus, periodic
         As in `solve_contact`.
     target_pressure : float
         Mean pressure of the last state (MPa), ≥ 0; met to rounding. At 0 nothing touches: all
@@ -94,7 +94,7 @@ def load_path(
     ConvergenceError
         A state did not reach the tolerance.
     """
-    problem = ContactProblem(heights, spacing, contact_modulus)
+    problem = ContactProblem(heights, spacing, contact_modulus, periodic=periodic)
     target_pressure = checked_number("target_pressure", target_pressure, "MPa")
     steps, tolerance = checked_steps(steps), checked_tolerance(tolerance)
     final = problem.solve(Load(force=target_pressure * problem.relief.size), tolerance)
@@ -105,6 +105,7 @@ def load_path(
     stiffness, curve, states = np.zeros(steps), [], []
     state, window, pressure, response = final, None, np.zeros(0), np.zeros(0)
     for index in reversed(range(steps)):
+        load = Load(displacement=displacement[index])
         if window is not None:
             # Along the tangent of p², not of p: at a moving edge p is the root of the distance, so
             # p² is smooth where p is not (on Hertz's sphere p² is linear in δ).
@@ -115,17 +116,22 @@ def load_path(
             # On the way down elements leave the contact; any that join it nevertheless, against the
             # continuum's rule, are added by the solver's final check.
             state = problem.solve(
-                Load(displacement=displacement[index]),
+                load,
                 tolerance,
                 np.sqrt(np.maximum(squared, 0)),
                 window,
                 known=(pressure, opening + state.displacement),
             )
+        elif index < steps - 1:
+            state = problem.solve(load, tolerance)
         contact = np.flatnonzero(state.pressure)
-        if contact.size:
+        window, last = None, window
+        if contact.size == state.pressure.size and problem.full_displacement < math.inf:
+            stiffness[index] = math.inf
+        elif contact.size:
             before = np.zeros(state.pressure.size)
-            if window is not None:
-                before[window.elements] = response
+            if last is not None:
+                before[last.elements] = response
             window = Window(problem.half_space, contact)
             pressure = state.pressure.reshape(-1)[contact]
             response, stiffness[index] = _unit_response(window, before[contact])

@@ -134,8 +134,8 @@ def solve_contact(  # noqa: PLR0913
     initial_pressure=None,
     pressure_cap=math.inf,
     layer=None,
+    periodic=False,
     tolerance=1e-6,
-    workers=1,
 ) -> ContactState:
     """Contact at a given displacement, under a given mean pressure, or at rest under a force.
 
@@ -167,10 +167,12 @@ def solve_contact(  # noqa: PLR0913
         `through`.
     layer : Layer, optional
         A compliant layer between the surface and the half-space.
+    periodic : bool
+        The surface repeats itself without end in both directions; by default nothing touches beyond
+        the grid. The displacement is then that of the mean of the half-space's surface: it cannot
+        grow beyond full contact, and a flat surface takes none. Not with `through`.
     tolerance : float
         Largest `residual`, see `ContactState`. About 1e-12 is the floor of float64.
-    workers : int
-        Has no effect: one thread does the work.
 
     Raises
     ------
@@ -194,22 +196,8 @@ def solve_contact(  # noqa: PLR0913
     >>> [round(1e4 * slope) for slope in state.tilt]
     [0, 3]
     """
-    problem = ContactProblem(heights, spacing, contact_modulus, layer=layer)
-    if (displacement is None) == (mean_pressure is None):
-        raise ContactInputError("give exactly one of displacement (mm) and mean_pressure (MPa)")
-    if pressure_cap != math.inf:
-        pressure_cap = checked_number("pressure_cap", pressure_cap, "MPa", positive=True)
-    force = None
-    if mean_pressure is None:
-        displacement = checked_number("displacement", displacement, "mm")
-    else:
-        mean_pressure = checked_number("mean_pressure", mean_pressure, "MPa")
-        if mean_pressure >= pressure_cap:
-            raise ContactInputError(
-                f"mean_pressure {mean_pressure:g} MPa is not below pressure_cap "
-                f"{pressure_cap:g} MPa"
-            )
-        force = mean_pressure * problem.relief.size
+    problem = ContactProblem(heights, spacing, contact_modulus, layer=layer, periodic=periodic)
+    load = problem.load(displacement, mean_pressure, pressure_cap)
     if initial_pressure is not None:
         initial_pressure = checked_array(
             "initial_pressure", initial_pressure, problem.relief.shape
@@ -217,15 +205,16 @@ def solve_contact(  # noqa: PLR0913
         if initial_pressure.min() < 0:
             raise ContactInputError("initial_pressure must not be negative (MPa)")
         initial_pressure = np.where(problem.relief > -math.inf, initial_pressure, 0.0)
-    load = Load(displacement, force, pressure_cap)
     if through is not None:
-        if force is None or pressure_cap < math.inf:
+        if periodic:
+            raise ContactInputError("a periodic surface cannot tilt: leave out `through`")
+        if load.force is None or pressure_cap < math.inf:
             raise ContactInputError(
                 "a force through a point needs mean_pressure (MPa), not displacement, and no "
                 "pressure_cap: solve at rest without it, add the plane of `tilt` to the heights "
                 "and press these on a fixed plane"
             )
-        problem, load = problem.at_rest(force, checked_point(through))
+        problem, load = problem.at_rest(load.force, checked_point(through))
     state = problem.solve(load, checked_tolerance(tolerance), initial_pressure)
     if tilted_too_far(state.tilt):
         raise TippingError(tipping(through, "would tilt it by more than 45°"))
@@ -244,17 +233,45 @@ class ContactProblem:
         Slopes (y, x) that have been added to the heights.
     """
 
-    def __init__(self, heights, spacing, contact_modulus, springs=0.0, layer=None):
+    def __init__(self, heights, spacing, contact_modulus, **options):
         heights = checked_array("heights", heights, holes=True)
-        self.half_space = HalfSpace(
-            heights.shape, spacing, contact_modulus, springs=springs, layer=layer
-        )
+        self.half_space = HalfSpace(heights.shape, spacing, contact_modulus, **options)
         self.relief, self.tilt = heights - heights.max(), np.zeros(2)
         height = -float(self.relief.min(where=self.relief > -math.inf, initial=0.0))
         if height > _STEEPEST * min(self.half_space.spacing):
             raise ContactInputError(
                 f"heights range over {height:g} mm on elements of {spacing} mm: are both in mm?"
             )
+
+    @property
+    def full_displacement(self):
+        """Displacement at which a periodic surface is in full contact, and no longer sinks (mm)."""
+        return math.inf if self.half_space.uniform_influence else -float(self.relief.mean())
+
+    def load(self, displacement, mean_pressure, pressure_cap):
+        """The load that the arguments of `solve_contact` state."""
+        if (displacement is None) == (mean_pressure is None):
+            raise ContactInputError(
+                "give exactly one of displacement (mm) and mean_pressure (MPa)"
+            )
+        if pressure_cap != math.inf:
+            pressure_cap = checked_number("pressure_cap", pressure_cap, "MPa", positive=True)
+        if mean_pressure is None:
+            displacement = checked_number("displacement", displacement, "mm")
+            if displacement and displacement >= self.full_displacement:
+                raise ContactInputError(
+                    f"at a displacement of {self.full_displacement:g} mm the periodic surface is "
+                    f"in full contact, and {displacement:g} mm say no pressure: give "
+                    "mean_pressure (MPa)"
+                )
+            return Load(displacement, None, pressure_cap)
+        mean_pressure = checked_number("mean_pressure", mean_pressure, "MPa")
+        if mean_pressure >= pressure_cap:
+            raise ContactInputError(
+                f"mean_pressure {mean_pressure:g} MPa is not below pressure_cap "
+                f"{pressure_cap:g} MPa"
+            )
+        return Load(None, mean_pressure * self.relief.size, pressure_cap)
 
     def at_rest(self, force, through):
         """The problem of the surface as it lies at rest if all is rigid, and its load.
@@ -289,6 +306,10 @@ class ContactProblem:
             return ContactState(
                 nothing, -self.relief, 0.0, 0.0, 0.0, 0, 0, 0.0, load.pressure_cap, tilt
             )
+        if self.full_displacement == 0:
+            flat = np.full_like(self.relief, load.force / self.relief.size)
+            mean = float(flat[0, 0])
+            return ContactState(flat, 0 * flat, 0.0, mean, 1.0, 0, 0, 0.0, load.pressure_cap)
         few = self._only_candidates(load)
         if few.size:
             initial_pressure, window = (
@@ -319,7 +340,8 @@ class ContactProblem:
         if load.force is None or load.force >= load.pressure_cap:
             return few
         # One element that carries all the load sinks deepest.
-        near = self.relief >= -self.half_space.self_influence * load.force
+        sinks = self.half_space.self_influence * load.force
+        near = self.relief >= -(2 * sinks if self.half_space.periodic else sinks)
         if np.count_nonzero(near) > _FEW:
             return few
         return np.union1d(np.flatnonzero(near), load.followed())
@@ -331,11 +353,10 @@ class ContactProblem:
         # An odd grid is lengthened by a copy of its border; the solution there is a start only.
         relief = np.pad(self.relief, ((0, ny % 2), (0, nx % 2)), mode="edge")
         relief = _mean_of_four(relief)
-        spacing = tuple(2 * side for side in self.half_space.spacing)
         half_space = self.half_space
-        coarse = ContactProblem(
-            relief, spacing, half_space.contact_modulus, half_space.springs, half_space.layer
-        )
+        spacing = tuple(2 * side for side in half_space.spacing)
+        options = {name: getattr(half_space, name) for name in ("springs", "layer", "periodic")}
+        coarse = ContactProblem(relief, spacing, half_space.contact_modulus, **options)
         # δ is counted from the summit of the finest grid, which averaging lowers.
         coarse.relief = relief
         return coarse

@@ -104,8 +104,8 @@ def wear_path(  # noqa: C901, PLR0913
     steps=10,
     third_body=None,
     pressure_cap=math.inf,
+    periodic=False,
     tolerance=1e-6,
-    workers=1,
     keep_states=False,
     keep_depths=False,
 ) -> WearPath:
@@ -113,7 +113,7 @@ def wear_path(  # noqa: C901, PLR0913
 
     Parameters
     ----------
-    heights, spacing, contact_modulus, workers
+    heights, spacing, contact_modulus, periodic
         As in `solve_contact`.
     mean_pressure : float or array_like, shape (steps,)
         Force over nominal area (MPa), ≥ 0, one value or one per step, not zero in all. The sliding
@@ -186,7 +186,9 @@ def wear_path(  # noqa: C901, PLR0913
     # The same sliding in each step, and so the same operators.
     rates = [part * mean_loss / total for part, *_ in bodies]
     problems = [
-        ContactProblem(surface, spacing, contact_modulus, rate, layer)
+        ContactProblem(
+            surface, spacing, contact_modulus, springs=rate, layer=layer, periodic=periodic
+        )
         for rate, (_, surface, _, layer) in zip(rates, bodies, strict=True)
     ]
     depth, curve = np.zeros_like(heights), []
@@ -207,12 +209,7 @@ def wear_path(  # noqa: C901, PLR0913
             lowered = [problem.lowered(loss) for problem in problems]
             problems = [problem for problem, _ in lowered]
             # Kp − w of the worn surface is (K + κI)p − w of that before: the gap is the same.
-            if sunk := lowered[body][1]:
-                top = state.displacement - sunk
-                state = replace(
-                    state, displacement=top, residual=state.residual * state.displacement / top
-                )
-            reached.append(state)
+            reached.append(_sunk(state, lowered[body][1]))
         if keep_states:
             states.append(tuple(reached))
         if keep_depths:
@@ -228,6 +225,14 @@ def wear_path(  # noqa: C901, PLR0913
         depths=tuple(depths),
         **dict(zip(names, values, strict=True)),
     )
+
+
+def _sunk(state, depth):
+    """A state whose displacement is counted from a summit that lies deeper (mm)."""
+    top = state.displacement - depth
+    # A periodic surface that has worn flat takes no displacement.
+    residual = state.residual * state.displacement / top if top > 0 else 0.0
+    return replace(state, displacement=top, residual=residual) if depth else state
 
 
 def _in_steps(mean_pressure, steps):

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .convolution import EvenConvolution, kernel_spectrum
+from .convolution import EvenConvolution
 from .halfspace import HalfSpace, inverse_padding
 
 __all__ = ["Preconditioner", "Window", "dot"]
@@ -100,12 +100,12 @@ class Preconditioner:
 
     def __init__(self, window: Window):
         self._window = window
-        kernel = window.half_space.kernel
+        spectrum = window.half_space.spectrum
         ny, nx = (int(at.max()) + 1 for at in (window.rows, window.columns))
         self._stencil: list[tuple[int, float]] | None = None
         if window.elements.size < _SPARSE * ny * nx:
-            spectrum = 1 / kernel_spectrum((_INVERSE_GRID, _INVERSE_GRID), kernel)
-            inverse = np.fft.irfft2(np.concatenate((spectrum, spectrum[-2:0:-1])))
+            inverse = 1 / spectrum((_INVERSE_GRID, _INVERSE_GRID))
+            inverse = np.fft.irfft2(np.concatenate((inverse, inverse[-2:0:-1])))
             # Fields have a margin, to give each neighbour of an element a place.
             width = nx + 2 * _REACH
             self._field = np.zeros((ny + 2 * _REACH) * width)
@@ -121,7 +121,7 @@ class Preconditioner:
         self._shape = -(-ny // _BLOCK), -(-nx // _BLOCK)
         self._cells = window.rows // _BLOCK * self._shape[1] + window.columns // _BLOCK
         padded = inverse_padding(self._shape)
-        self._spectrum = kernel_spectrum(padded, lambda shape: kernel(shape, _BLOCK))
+        self._spectrum = spectrum(padded, _BLOCK)
         self._local = _LOCAL
         self._free: np.ndarray | None = None
 

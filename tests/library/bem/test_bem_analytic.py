@@ -12,8 +12,6 @@ from gstlib.bem.closed_forms import (
     SQUARE_PUNCH_STIFFNESS,
     Cone,
     Ellipsoid,
-    crossed_waves_full_contact_pressure,
-    full_contact_rms_pressure,
     love_rectangle_displacement,
 )
 
@@ -103,47 +101,6 @@ def test_uniform_rectangle_is_exact_at_element_centres():
     np.testing.assert_allclose(displacement, exact, rtol=1e-11)
     assert love_rectangle_displacement(0.3, 0.2, (0.5, 0.7), 1.0, MODULUS) == pytest.approx(
         influence(0.2, 0.3, 0.7, 0.5)
-    )
-
-
-# Corrected contact fraction of a periodic surface of crossed waves at p̄/p*: Johnson, Greenwood &
-# Higginson's problem, solved on 256² elements by an independent, periodic code.
-@pytest.mark.parametrize(
-    ("share", "expected", "on_all"), [(0.05, 0.1136, 0.0833), (0.2, 0.3446, 0.391)]
-)
-def test_crossed_waves_touch_as_much_as_periodic_ones(share, expected, on_all):
-    # On a free domain the pressure rises to the borders: what counts is that of the middle wave.
-    waves, wavelength, amplitude = 6, 0.1, 5e-4
-    star = crossed_waves_full_contact_pressure(amplitude, wavelength, MODULUS)
-    errors = []
-    for points in (32, 64, 128):
-        n, spacing = waves * points, wavelength / points
-        x, y = np.meshgrid(*2 * [(np.arange(n) + 0.5) * spacing])
-        heights = (
-            amplitude * np.cos(2 * np.pi * x / wavelength) * np.cos(2 * np.pi * y / wavelength)
-        )
-        state = solve_contact(heights, spacing, MODULUS, mean_pressure=on_all * star)
-        middle = slice(n // 2 - points // 2, n // 2 + points // 2)
-        local = state.pressure[middle, middle].mean() / star
-        assert local == pytest.approx(share, rel=0.02)
-        # To the tabulated load along the power law between the two loads.
-        power = math.log(0.3446 / 0.1136) / math.log(4)
-        found = corrected_contact_fraction(state.contact[middle, middle])
-        errors.append(abs(found * (share / local) ** power / expected - 1))
-    assert errors[-1] < 0.02
-    assert errors[-1] < max(errors)
-
-
-def test_full_contact_of_a_rough_surface():
-    n, length = 128, 0.85
-    heights = 1e-3 * self_affine(n, seed=4, cut_off=8)
-    state = solve_contact(heights, length / n, MODULUS, mean_pressure=50.0, tolerance=1e-9)
-    flat = solve_contact(0 * heights, length / n, MODULUS, mean_pressure=50.0, tolerance=1e-9)
-    assert state.contact_fraction == 1
-    middle = np.s_[16:-16, 16:-16]
-    found = (state.pressure - flat.pressure)[middle].std()
-    assert found == pytest.approx(
-        full_contact_rms_pressure(rms_gradient(heights, length), MODULUS), rel=0.1
     )
 
 

@@ -96,6 +96,9 @@ def test_a_wave_bears_its_mean_pressure_over_its_contact(share):
     half = WAVE.contact_fraction(mean) * WAVE.wavelength / 2
     borne = quad(WAVE.pressure, -half, half, args=(mean,))[0]
     assert borne / WAVE.wavelength == pytest.approx(mean, rel=1e-6)
+    # the crest sinks by the displacement, under a line load's −2/πE* ln 2 sin(πx/λ) and its images
+    sunk = quad(lambda x: WAVE.pressure(x, mean) * math.log(2 * math.sin(2 * math.pi * x)), 0, half)
+    assert WAVE.displacement(mean) == pytest.approx(-4 / (math.pi * 1e4) * sunk[0], rel=1e-6)
     # next to a crest too light to flatten it, Hertz's line contact: a² = 4PR/πE*
     if share < 0.1:
         radius = WAVE.wavelength**2 / (4 * math.pi**2 * WAVE.amplitude)
