@@ -9,26 +9,37 @@ until the body is at rest; `load_path` does so step by step, and
 Units: mm, N, MPa. This package knows nothing of stones, files or workflows.
 """
 
-from .errors import ContactError, ContactInputError, ConvergenceError, TippingError
+from .errors import (
+    ContactError,
+    ContactInputError,
+    ContactWarning,
+    ConvergenceError,
+    TippingError,
+)
 from .halfspace import HalfSpace, contact_modulus
 from .layer import Layer
 from .loading import LoadPath, load_path
-from .solver import ContactState, solve_contact
+from .roughness import Roughness, measure_roughness
+from .solver import solve_contact
+from .state import ContactState
 from .wear import ThirdBody, WearPath, wear_path
 
 __all__ = [
     "ContactError",
     "ContactInputError",
     "ContactState",
+    "ContactWarning",
     "ConvergenceError",
     "HalfSpace",
     "Layer",
     "LoadPath",
+    "Roughness",
     "ThirdBody",
     "TippingError",
     "WearPath",
     "contact_modulus",
     "load_path",
+    "measure_roughness",
     "solve_contact",
     "wear_path",
 ]

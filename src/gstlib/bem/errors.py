@@ -7,6 +7,7 @@ import numpy as np
 __all__ = [
     "ContactError",
     "ContactInputError",
+    "ContactWarning",
     "ConvergenceError",
     "TippingError",
     "checked_array",
@@ -25,6 +26,10 @@ class ContactInputError(ContactError, ValueError):
 
 class TippingError(ContactInputError):
     """A force acts through a point that nothing can hold."""
+
+
+class ContactWarning(UserWarning):
+    """The contact is right for what was given, which is hardly what was meant."""
 
 
 class ConvergenceError(ContactError):

@@ -1,19 +1,26 @@
-"""Load paths: the far-field displacement grows in equal steps until a target pressure is reached.
+"""Load paths: in equal steps of far-field displacement up to a target pressure, or at given loads.
 
 The contact is elastic and frictionless, so each state depends on its load alone and not on the
-path. The target state is therefore solved first, under load control, which gives the displacement
-that the steps divide; the others follow downwards, each started from the one above it along the
+path. The last state is therefore solved first, under load control, which gives the displacement
+that equal steps divide; the others follow downwards, each started from the one above it along the
 exact tangent dp/dδ.
 """
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .errors import checked_number, checked_steps, checked_tolerance
+if TYPE_CHECKING:
+    import pandas as pd
+
+from .doubts import warn_of_doubts
+from .errors import ContactInputError, checked_number, checked_steps, checked_tolerance
+from .fields import as_given
 from .load import Load
-from .solver import ContactProblem, ContactState
+from .solver import ContactProblem
+from .state import ContactState
 from .window import Window, dot
 
 __all__ = ["LoadPath", "load_path"]
@@ -25,27 +32,40 @@ _CURVE_TOLERANCE = 1e-6
 # of the stiffness is of second order in it.
 _RESPONSE_TOLERANCE = 3e-3
 # The properties of each state that a path has.
-_OF_STATE = "mean_pressure", "contact_fraction", "iterations", "convolutions", "residual"
+_OF_STATE = (
+    "displacement",
+    "mean_pressure",
+    "contact_fraction",
+    "iterations",
+    "convolutions",
+    "residual",
+)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LoadPath:
-    """States at equal increments of displacement, the last one at the target pressure.
+    """States at equal increments of displacement up to the target pressure, or at given loads.
 
     Attributes
     ----------
     displacement : ndarray, shape (steps,)
-        Far-field displacement from first touch (mm), in equal steps from displacement/steps on.
+        Far-field displacement from first touch (mm); in equal steps from displacement/steps on.
     mean_pressure, contact_fraction, iterations, convolutions, residual : ndarray, shape (steps,)
         Of each state, see `ContactState`. The cost of the stiffness is not included.
     stiffness : ndarray, shape (steps,)
         Contact stiffness d(mean pressure)/d(displacement) (MPa/mm): exact, by one linear solve
         on the fixed contact set of each state (its relative error is of the order of 1e-6; up to
-        1e-4 if the contact is a few long elements). Infinite in full contact of periodic surfaces.
+        1e-4 if the contact is a few long elements). If periodic, it
+        is −d(mean pressure)/d(mean gap), infinite in full contact.
     final : ContactState
         The state at the target pressure.
     states : tuple of ContactState
         All states in order of displacement, if requested; else empty.
+
+    Methods
+    -------
+    table()
+        A `DataFrame` with a row for each state, units in the names of its columns.
     """
 
     displacement: np.ndarray
@@ -58,19 +78,38 @@ class LoadPath:
     final: ContactState
     states: tuple[ContactState, ...]
 
+    def __repr__(self) -> str:
+        return f"LoadPath({self.displacement.size} states up to {self.final!r})"
 
-def load_path(
+    def table(self) -> "pd.DataFrame":
+        """A row for each state, units in the names of its columns."""
+        import pandas as pd  # here: solving needs it not
+
+        return pd.DataFrame(
+            {
+                "displacement_um": 1e3 * self.displacement,
+                "mean_pressure_MPa": self.mean_pressure,
+                "contact_fraction": self.contact_fraction,
+                "stiffness_MPa_per_um": 1e-3 * self.stiffness,
+                "residual": self.residual,
+            }
+        )
+
+
+# Its options are keywords.
+def load_path(  # noqa: PLR0913
     heights,
-    spacing,
-    contact_modulus,
+    spacing=None,
+    contact_modulus=None,
     *,
-    target_pressure,
+    target_pressure=None,
+    loads=None,
     steps=20,
     periodic=False,
     tolerance=1e-6,
     keep_states=False,
 ) -> LoadPath:
-    """Press a rough surface in equal steps of displacement up to a mean pressure.
+    """Press a rough surface in equal steps of displacement up to a mean pressure, or at loads.
 
     Parameters
     ----------
@@ -79,8 +118,11 @@ def load_path(
     target_pressure : float
         Mean pressure of the last state (MPa), ≥ 0; met to rounding. At 0 nothing touches: all
         values of the path are 0, the stiffness too.
+    loads : array_like, shape (steps,), optional
+        In its place the mean pressures of all states (MPa), in ascending order, as of
+        ``np.geomspace(1, 100, 20)``.
     steps : int
-        Number of states.
+        Number of states up to a target pressure.
     tolerance : float
         As in `solve_contact`, for the last state and those that are kept; for the others 1e-6 if
         that is larger.
@@ -90,64 +132,102 @@ def load_path(
     Raises
     ------
     ContactInputError
-        A negative target, no steps, and whatever `solve_contact` refuses.
+        A negative target, no steps, loads that do not ascend, and whatever `solve_contact` refuses.
     ConvergenceError
         A state did not reach the tolerance.
+
+    Warns
+    -----
+    ContactWarning
+        As `solve_contact`, of the last state.
     """
+    heights, spacing, like = as_given(heights, spacing)
     problem = ContactProblem(heights, spacing, contact_modulus, periodic=periodic)
-    target_pressure = checked_number("target_pressure", target_pressure, "MPa")
-    steps, tolerance = checked_steps(steps), checked_tolerance(tolerance)
-    final = problem.solve(Load(force=target_pressure * problem.relief.size), tolerance)
+    pressures = _checked_loads(target_pressure, loads)
+    steps = checked_steps(steps) if loads is None else len(pressures)
+    tolerance = checked_tolerance(tolerance)
+    final = problem.solve(Load(force=pressures[-1] * problem.relief.size), tolerance)
+    warn_of_doubts(final, problem)
     if not keep_states:
         tolerance = max(tolerance, _CURVE_TOLERANCE)
 
-    displacement = final.displacement * np.arange(1, steps + 1) / steps
     stiffness, curve, states = np.zeros(steps), [], []
-    state, window, pressure, response = final, None, np.zeros(0), np.zeros(0)
+    # What sets a state, and how fast it grows with the displacement.
+    level, rate = final.displacement * np.arange(1, steps + 1) / steps, np.ones(steps)
+    targets = [Load(displacement) for displacement in level]
+    if loads is not None:
+        targets = [Load(force=pressure * problem.relief.size) for pressure in pressures]
+        level, rate = np.array(pressures), stiffness
+    state, tangent = final, None
     for index in reversed(range(steps)):
-        load = Load(displacement=displacement[index])
-        if window is not None:
-            # Along the tangent of p², not of p: at a moving edge p is the root of the distance, so
-            # p² is smooth where p is not (on Hertz's sphere p² is linear in δ).
-            descent = displacement[index + 1] - displacement[index]
-            squared = pressure * (pressure - 2 * descent * response)
-            opening = state.gap.reshape(-1)[window.elements]
-            opening = opening + problem.relief.reshape(-1)[window.elements]
-            # On the way down elements leave the contact; any that join it nevertheless, against the
-            # continuum's rule, are added by the solver's final check.
-            state = problem.solve(
-                load,
-                tolerance,
-                np.sqrt(np.maximum(squared, 0)),
-                window,
-                known=(pressure, opening + state.displacement),
-            )
+        if tangent is not None:
+            descent = (level[index + 1] - level[index]) / rate[index + 1]
+            state = _below(problem, state, targets[index], tolerance, tangent, descent)
         elif index < steps - 1:
-            state = problem.solve(load, tolerance)
-        contact = np.flatnonzero(state.pressure)
-        window, last = None, window
-        if contact.size == state.pressure.size and problem.full_displacement < math.inf:
-            stiffness[index] = math.inf
-        elif contact.size:
-            before = np.zeros(state.pressure.size)
-            if last is not None:
-                before[last.elements] = response
-            window = Window(problem.half_space, contact)
-            pressure = state.pressure.reshape(-1)[contact]
-            response, stiffness[index] = _unit_response(window, before[contact])
+            state = problem.solve(targets[index], tolerance)
+        tangent, stiffness[index] = _tangent(problem, state, tangent)
         curve.append([getattr(state, name) for name in _OF_STATE])
         if keep_states:
-            states.append(state)
+            states.append(state.like(like))
     return LoadPath(
-        displacement=displacement,
         stiffness=stiffness,
-        final=final,
+        final=final.like(like),
         states=tuple(reversed(states)),
         **{
             name: np.array(values[::-1])
             for name, values in zip(_OF_STATE, zip(*curve, strict=True), strict=True)
         },
     )
+
+
+def _tangent(problem, state, above):
+    """The contact's window, its pressure and response to displacement; and the stiffness.
+
+    None in place of the three without contact, or in a full one that has no response. `above` are
+    the three of the state at the load before, if they are known.
+    """
+    contact = np.flatnonzero(state.pressure)
+    if not contact.size:
+        return None, 0.0
+    if contact.size == state.pressure.size and problem.full_displacement < math.inf:
+        return None, math.inf
+    before = np.zeros(state.pressure.size)
+    if above is not None:
+        before[above[0].elements] = above[2]
+    window = Window(problem.half_space, contact)
+    response, stiffness = _unit_response(window, before[contact])
+    return (window, state.pressure.reshape(-1)[contact], response), stiffness
+
+
+def _below(problem, above, load, tolerance, tangent, descent):
+    """The state at a smaller load: `descent` (mm) below another one, as far as its tangent says."""
+    window, pressure, response = tangent
+    # Along the tangent of p², not of p: at a moving edge p is the root of the distance, so p² is
+    # smooth where p is not (on Hertz's sphere p² is linear in δ).
+    squared = pressure * (pressure - 2 * descent * response)
+    opening = above.gap.reshape(-1)[window.elements]
+    opening = opening + problem.relief.reshape(-1)[window.elements]
+    # On the way down elements leave the contact; any that join it nevertheless, against the
+    # continuum's rule, are added by the solver's final check.
+    return problem.solve(
+        load,
+        tolerance,
+        load.scaled(np.sqrt(np.maximum(squared, 0))),
+        window,
+        known=(pressure, opening + above.displacement),
+    )
+
+
+def _checked_loads(target_pressure, loads):
+    """Mean pressures (MPa): the target alone, or the loads."""
+    if (target_pressure is None) == (loads is None):
+        raise ContactInputError("give exactly one of target_pressure and loads (MPa)")
+    if loads is None:
+        return [checked_number("target_pressure", target_pressure, "MPa")]
+    pressures = [checked_number("loads", load, "MPa") for load in np.ravel(loads)]
+    if not pressures or pressures != sorted(pressures):
+        raise ContactInputError(f"loads must ascend (MPa), got {loads}")
+    return pressures
 
 
 def _unit_response(window, start):

@@ -23,12 +23,13 @@ convolution, in double precision and on every element.
 
 import copy
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from .descent import MAX_ITERATIONS, descend
+from .doubts import fitted_plane, warn_of_doubts
 from .errors import (
     ContactInputError,
     ConvergenceError,
@@ -37,12 +38,14 @@ from .errors import (
     checked_number,
     checked_tolerance,
 )
+from .fields import as_given
 from .halfspace import APPROXIMATION_ERROR, HalfSpace
 from .load import Load
 from .rest import checked_point, resting, tilted_too_far, tipping
+from .state import ContactState
 from .window import Window
 
-__all__ = ["ContactProblem", "ContactState", "solve_contact"]
+__all__ = ["ContactProblem", "solve_contact"]
 
 # ASSUME: a stone's strength, if `pressure_cap` gives one, acts as a cap on the pressure.
 
@@ -63,70 +66,11 @@ _INNER_FRACTION = 0.7
 _STEEPEST = 1e9
 
 
-@dataclass(frozen=True, eq=False)
-class ContactState:
-    """A solved contact. Gap and residual are recomputed from the pressure.
-
-    Attributes
-    ----------
-    pressure : ndarray, shape (ny, nx)
-        Contact pressure (MPa), ≥ 0; zero out of contact.
-    gap : ndarray, shape (ny, nx)
-        Kp − w (mm): zero in contact and positive elsewhere, within `residual` × `displacement`;
-        inf where there is no surface.
-    displacement : float
-        Far-field displacement δ from first touch at the highest summit (mm); the largest rigid
-        interpenetration.
-    mean_pressure : float
-        Total force over nominal area (MPa).
-    contact_fraction : float
-        Share of elements with p > 0.
-    iterations, convolutions : int
-        Spent on the finest grid, the final check included.
-    residual : float
-        Largest of abs(gap) where p > 0 and of −gap where p = 0, divided by `displacement`.
-    pressure_cap : float
-        The requested cap (MPa). Where the pressure reaches it, −gap is the depth by which the
-        surface has yielded, not a violation.
-    tilt : (float, float)
-        Slopes (y, x) by which the surface has tilted: this is the contact of
-        heights + tilt·(r − through), from the highest summit of which `displacement` is counted.
-        Zero unless the force acts `through` a point; without force, the tilt of the rigid rest.
-    moment_residual : float
-        Distance between the pressure's centre Σ p r/Σ p and `through`, over the longer side of the
-        grid, from the final pressure in double precision; at most the tolerance. Zero without such
-        a point.
-    """
-
-    pressure: np.ndarray
-    gap: np.ndarray
-    displacement: float
-    mean_pressure: float
-    contact_fraction: float
-    iterations: int
-    convolutions: int
-    residual: float
-    pressure_cap: float = math.inf
-    tilt: tuple[float, float] = (0.0, 0.0)
-    moment_residual: float = 0.0
-
-    @property
-    def capped_fraction(self) -> float:
-        """Share of the contact whose pressure is at the limit; 0 without contact."""
-        at_limit = self.pressure[self.contact] >= self.pressure_cap
-        return float(at_limit.mean()) if at_limit.size else 0.0
-
-    @property
-    def contact(self) -> np.ndarray:
-        """Mask of the real contact, p > 0; bool, shape (ny, nx)."""
-        return self.pressure > 0
-
-
 # Its options are keywords.
 def solve_contact(  # noqa: PLR0913
     heights,
-    spacing,
-    contact_modulus,
+    spacing=None,
+    contact_modulus=None,
     *,
     displacement=None,
     mean_pressure=None,
@@ -143,9 +87,9 @@ def solve_contact(  # noqa: PLR0913
     ----------
     heights : array_like, shape (ny, nx)
         Heights of the rigid surface (mm), up towards the elastic body. −inf where there is no
-        surface: nothing touches there.
+        surface: nothing touches there. Of a `DataArray`, the fields of the result are such, too.
     spacing : float or (float, float)
-        Side of the square elements, or (dy, dx) (mm).
+        Side of the square elements, or (dy, dx) (mm); a `DataArray` says it by its coordinates.
     contact_modulus : float
         E* of the pair (MPa).
     displacement : float, optional
@@ -182,6 +126,12 @@ def solve_contact(  # noqa: PLR0913
     ConvergenceError
         The tolerance was not reached.
 
+    Warns
+    -----
+    ContactWarning
+        Much of the force on the rim of the grid, a surface in full contact, an r.m.s. slope above
+        1, or heights that were not levelled.
+
     Examples
     --------
     A flat surface is in contact everywhere:
@@ -196,6 +146,7 @@ def solve_contact(  # noqa: PLR0913
     >>> [round(1e4 * slope) for slope in state.tilt]
     [0, 3]
     """
+    heights, spacing, like = as_given(heights, spacing)
     problem = ContactProblem(heights, spacing, contact_modulus, layer=layer, periodic=periodic)
     load = problem.load(displacement, mean_pressure, pressure_cap)
     if initial_pressure is not None:
@@ -217,8 +168,20 @@ def solve_contact(  # noqa: PLR0913
         problem, load = problem.at_rest(load.force, checked_point(through))
     state = problem.solve(load, checked_tolerance(tolerance), initial_pressure)
     if tilted_too_far(state.tilt):
+        _refuse_steep_plane(heights, problem.half_space.spacing)
         raise TippingError(tipping(through, "would tilt it by more than 45°"))
-    return state
+    warn_of_doubts(state, problem)
+    return state.like(like)
+
+
+def _refuse_steep_plane(heights, spacing):
+    """Refuse heights that lie on a plane above 45° themselves."""
+    slopes, _ = fitted_plane(heights, spacing)
+    if tilted_too_far(slopes):
+        raise ContactInputError(
+            f"the heights lie on a plane of {math.degrees(math.atan(math.hypot(*slopes))):.0f}°, "
+            "and a map of heights shows what can touch up to 45°: level them first"
+        )
 
 
 class ContactProblem:
@@ -304,20 +267,24 @@ class ContactProblem:
         if load.displacement == 0 or load.force == 0:
             nothing, tilt = np.zeros_like(self.relief), tuple(self.tilt.tolist())
             return ContactState(
-                nothing, -self.relief, 0.0, 0.0, 0.0, 0, 0, 0.0, load.pressure_cap, tilt
+                *(nothing, -self.relief, 0.0, 0.0, 0.0, 0, 0, 0.0, load.pressure_cap, tilt),
+                periodic=self.half_space.periodic,
             )
         if self.full_displacement == 0:
             flat = np.full_like(self.relief, load.force / self.relief.size)
             mean = float(flat[0, 0])
-            return ContactState(flat, 0 * flat, 0.0, mean, 1.0, 0, 0, 0.0, load.pressure_cap)
+            state = ContactState(flat, 0 * flat, 0.0, mean, 1.0, 0, 0, 0.0, load.pressure_cap)
+            return replace(state, periodic=True)
         few = self._only_candidates(load)
         if few.size:
             initial_pressure, window = (
                 np.full(few.size, load.force),
                 Window(self.half_space, few),
             )
+            known = None
         elif initial_pressure is None or not _carried(load, initial_pressure):
             initial_pressure, window = self._start(load)
+            known = None
         elif window is None:
             initial_pressure = np.array(initial_pressure, order="C")
             if load.force and not 0.1 < initial_pressure.sum() / load.force < 10:
@@ -481,6 +448,7 @@ class ContactProblem:
             pressure_cap=load.pressure_cap,
             tilt=tuple((self.tilt + load.tilt(freedoms)).tolist()),
             moment_residual=own.eccentricity(loaded),
+            periodic=self.half_space.periodic,
         )
         return state, field
 

@@ -14,9 +14,14 @@ stone and one for the third body. The two take turns in each step.
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+if TYPE_CHECKING:
+    import pandas as pd
+
+from .doubts import warn_of_doubts
 from .errors import (
     ContactInputError,
     checked_array,
@@ -24,9 +29,11 @@ from .errors import (
     checked_steps,
     checked_tolerance,
 )
+from .fields import as_given
 from .layer import Layer
 from .load import Load
-from .solver import ContactProblem, ContactState
+from .solver import ContactProblem
+from .state import ContactState
 
 __all__ = ["ThirdBody", "WearPath", "wear_path"]
 
@@ -55,13 +62,13 @@ class ThirdBody:
     lowered: np.ndarray | float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class WearPath:
     """A surface as it wears.
 
     Attributes
     ----------
-    depth : ndarray, shape (ny, nx)
+    depth : ndarray or DataArray, shape (ny, nx)
         Height lost in the end (mm), ≥ 0.
     mean_loss : ndarray, shape (steps,)
         Mean depth over the grid after each step (mm).
@@ -76,11 +83,11 @@ class WearPath:
     states : tuple of tuple of ContactState
         For each step the contacts of the bare stone and of the third body, except one whose share
         is 0; empty unless requested.
-    depths : tuple of ndarray
+    depths : tuple of ndarray or DataArray
         `depth` after each step; empty unless requested.
     """
 
-    depth: np.ndarray
+    depth: Any
     mean_loss: np.ndarray
     contact_fraction: np.ndarray
     displacement: np.ndarray
@@ -90,17 +97,36 @@ class WearPath:
     highest_pressure: float
     final: ContactState
     states: tuple[tuple[ContactState, ...], ...]
-    depths: tuple[np.ndarray, ...]
+    depths: tuple[Any, ...]
+
+    def __repr__(self) -> str:
+        lost = f"{self.mean_loss[-1]:.4g} mm lost in {self.mean_loss.size} steps"
+        return f"WearPath({lost}, {self.final!r})"
+
+    def table(self) -> "pd.DataFrame":
+        """A row for each step, units in the names of its columns."""
+        import pandas as pd  # here: solving needs it not
+
+        return pd.DataFrame(
+            {
+                "mean_loss_um": 1e3 * self.mean_loss,
+                "mean_pressure_MPa": self.mean_pressure,
+                "contact_fraction": self.contact_fraction,
+                "displacement_um": 1e3 * self.displacement,
+            }
+        )
 
 
 # Its options are keywords; it is the inner loop of wear, whose steps share their state.
 def wear_path(  # noqa: C901, PLR0913
     heights,
-    spacing,
-    contact_modulus,
+    spacing=None,
+    contact_modulus=None,
     *,
     mean_pressure,
-    mean_loss,
+    mean_loss=None,
+    wear_rate=None,
+    sliding=None,
     steps=10,
     third_body=None,
     pressure_cap=math.inf,
@@ -122,6 +148,9 @@ def wear_path(  # noqa: C901, PLR0913
         Mean depth over the grid in the end (mm), ≥ 0. It sets κ, wear coefficient × sliding, that
         of the third body included: that of each step is `mean_loss` over the sum of the steps' mean
         pressures, each body's in its share.
+    wear_rate, sliding : float, optional
+        In its place, the specific wear rate k (mm³/(N·m)), that of the third body included, and the
+        sliding distance (m): the mean loss is k times the sliding and the mean pressure.
     steps : int
         Number of implicit steps.
     third_body : ThirdBody, optional
@@ -142,6 +171,11 @@ def wear_path(  # noqa: C901, PLR0913
     ConvergenceError
         A step did not reach the tolerance.
 
+    Warns
+    -----
+    ContactWarning
+        As `solve_contact`, of the last contact of the bare stone.
+
     Examples
     --------
     The lost volume is wear coefficient × sliding × force, however the contact grows:
@@ -152,6 +186,7 @@ def wear_path(  # noqa: C901, PLR0913
     >>> path.mean_loss
     array([5.0e-05, 1.0e-04, 1.5e-04, 2.0e-04])
     """
+    heights, spacing, like = as_given(heights, spacing)
     heights = checked_array("heights", heights, holes=True)
     steps, tolerance = checked_steps(steps), checked_tolerance(tolerance)
     share = third_body.share if third_body else 0.0
@@ -176,7 +211,7 @@ def wear_path(  # noqa: C901, PLR0913
         raise ContactInputError(
             f"mean_pressure {hardest:g} MPa is not below pressure_cap {pressure_cap:g} MPa"
         )
-    mean_loss = checked_number("mean_loss", mean_loss, "mm")
+    mean_loss = _checked_loss(mean_loss, wear_rate, sliding, total / steps)
     relief = float(np.ptp(heights[heights > -math.inf]))
     if mean_loss > relief:
         raise ContactInputError(
@@ -211,20 +246,33 @@ def wear_path(  # noqa: C901, PLR0913
             # Kp − w of the worn surface is (K + κI)p − w of that before: the gap is the same.
             reached.append(_sunk(state, lowered[body][1]))
         if keep_states:
-            states.append(tuple(reached))
+            states.append(tuple(state.like(like) for state in reached))
         if keep_depths:
-            depths.append(depth.copy())
+            depths.append(like("depth", depth.copy()))
         curve.append([float(depth.mean())] + [getattr(reached[0], name) for name in _OF_STATE])
+    warn_of_doubts(reached[0], problems[0])
     names = ("mean_loss", *_OF_STATE)
     values = (np.array(column) for column in zip(*curve, strict=True))
     return WearPath(
-        depth=depth,
+        depth=like("depth", depth),
         highest_pressure=highest,
-        final=reached[0],
+        final=reached[0].like(like),
         states=tuple(states),
         depths=tuple(depths),
         **dict(zip(names, values, strict=True)),
     )
+
+
+def _checked_loss(mean_loss, wear_rate, sliding, mean_pressure):
+    """Mean loss (mm) in the end; the mean pressure (MPa) is that of all steps."""
+    if (mean_loss is None) == (wear_rate is None) or (wear_rate is None) != (sliding is None):
+        raise ContactInputError(
+            "give mean_loss (mm), or both wear_rate (mm³/(N·m)) and sliding (m)"
+        )
+    if mean_loss is None:
+        wear_rate = checked_number("wear_rate", wear_rate, "mm³/(N·m)")
+        mean_loss = wear_rate * checked_number("sliding", sliding, "m") * mean_pressure
+    return checked_number("mean_loss", mean_loss, "mm")
 
 
 def _sunk(state, depth):

@@ -2,6 +2,7 @@
 
 import logging
 import math
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +14,7 @@ import xarray as xr
 from gstlib.bem import (
     ContactError,
     ContactState,
+    ContactWarning,
     LoadPath,
     TippingError,
     load_path,
@@ -164,9 +166,15 @@ def _finite(field: np.ndarray) -> np.ndarray:
 
 @contextmanager
 def solver_errors(source: str | Path, load: Load) -> Iterator[None]:
-    """Give an `InputError` in the study's words where a solver of `gstlib.bem` gives up."""
+    """Give an `InputError` in the study's words where a solver of `gstlib.bem` gives up.
+
+    Its doubts are for users without a study: here a patch's surroundings are in its heights, a face
+    ends where it ends, and `plausibility_warnings` says what is odd.
+    """
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ContactWarning)
+            yield
     except TippingError as error:
         y, x = load.through or (math.nan, math.nan)
         raise InputError(

@@ -56,14 +56,3 @@ def sphere(n, spacing, radius):
     """Heights of a sphere's cap, parabolic as in Hertz's theory, between four elements (n even)."""
     at = (np.arange(n) - (n - 1) / 2) * spacing
     return -(at[:, None] ** 2 + at**2) / (2 * radius)
-
-
-def corrected_contact_fraction(contact):
-    """Contact fraction with the excess of a pixelated edge removed.
-
-    A/A₀ − ((π − 1 + ln 2)/24) S Δx/A₀, with S the perimeter counted along element sides
-    (V. A. Yastrebov, G. Anciaux & J.-F. Molinari, Tribol. Int. 114 (2017) 161).
-    """
-    sides = sum(np.count_nonzero(np.diff(contact, axis=axis)) for axis in (0, 1))
-    factor = (math.pi - 1 + math.log(2)) / 24
-    return (np.count_nonzero(contact) - factor * sides) / contact.size

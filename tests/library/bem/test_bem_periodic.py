@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from bem_reference import MODULUS, corrected_contact_fraction, self_affine
+from bem_reference import MODULUS, self_affine
 from gstlib.bem import ContactInputError, Layer, load_path, solve_contact, wear_path
 from gstlib.bem.closed_forms import (
     Wave,
@@ -75,7 +75,7 @@ def crossed_contact(share, n):
     along = np.cos(2 * np.pi * np.arange(n) / n)
     surface = amplitude * np.outer(along, along), wavelength / n, MODULUS
     state = solve_contact(*surface, mean_pressure=share * star, periodic=True)
-    return corrected_contact_fraction(state.contact)
+    return state.corrected_fraction
 
 
 @pytest.mark.parametrize("layer", [None, Layer(50.0, 0.4, 0.02)])

@@ -1,0 +1,80 @@
+"""Doubts about what a caller meant: warnings, as the result is right for what was given."""
+
+import math
+import warnings
+
+import numpy as np
+
+from .errors import ContactWarning
+from .roughness import slope_of
+
+__all__ = ["fitted_plane", "warn_of_doubts"]
+
+# The rim is suspect with more of the force than this, and than so many times its share of the area
+# (measured at 256²: of rough surfaces without waves as long as the grid, alone at a few per cent of
+# contact, 3 to 16 %; of pieces of larger ones, 11 to 37 %; of a flat punch, 21 %).
+_MUCH_ON_RIM, _TIMES_ITS_AREA = 0.15, 2.0
+# Above this contact fraction heights hardly matter; rough stones touch on a few per cent.
+_FULL = 0.95
+# Slopes of half-spaces are far below this.
+_STEEP = 1.0
+# So much of the heights' variance is that of a plane where a scan was not levelled.
+_TILTED = 0.9
+# Doubts look at so many lines each way, to cost next to nothing.
+_SAMPLED = 64
+
+
+def warn_of_doubts(state, problem):
+    """Warn of a contact that is hardly what its caller wanted; for functions that a user calls."""
+    relief = problem.relief
+    flat = not relief.min(where=relief > -math.inf, initial=0.0)
+    if flat or not state.mean_pressure:
+        return
+    said = []
+    rim = state.rim_fraction
+    if rim > max(_MUCH_ON_RIM, _TIMES_ITS_AREA * state.rim_area):
+        said.append(
+            f"{rim:.0%} of the force acts on the outer three elements of the grid: if the surface "
+            "goes on beyond it, say periodic=True, lower it by what presses around it, or take its "
+            "form away first"
+        )
+    if state.contact_fraction > _FULL:
+        said.append(
+            f"{state.contact_fraction:.0%} of the surface touches: are heights and spacing in mm, "
+            "and the modulus in MPa?"
+        )
+    every = max(1, *(n // _SAMPLED for n in relief.shape))
+    slope = slope_of(relief, problem.half_space.spacing, every)
+    if slope > _STEEP:
+        said.append(
+            f"the r.m.s. slope is {slope:.2g}, and half-spaces stand for far less than 1: are "
+            "heights and spacing in mm?"
+        )
+    _, share = fitted_plane(relief[::every, ::every], problem.half_space.spacing)
+    if share > _TILTED and not any(state.tilt):
+        said.append(
+            "the heights are hardly more than an inclined plane, so that one side carries the "
+            "force: level them, or let the body rest under a force `through` a point"
+        )
+    for doubt in said:
+        warnings.warn(doubt, ContactWarning, stacklevel=3)
+
+
+def fitted_plane(heights, spacing):
+    """Slopes (y, x) of the plane through the heights (mm), −inf left out, and its share in them.
+
+    The share is that of the heights' variance.
+    """
+    known = np.isfinite(heights)
+    count = np.count_nonzero(known)
+    values = np.where(known, heights, 0.0)
+    values = np.where(known, values - values.sum() / count, 0.0)
+    y, x = (np.arange(n) * step for n, step in zip(heights.shape, spacing, strict=True))
+    y -= known.sum(axis=1) @ y / count
+    x -= known.sum(axis=0) @ x / count
+    mixed = float(y @ np.where(known, x, 0.0).sum(axis=1))
+    squares = np.array([[known.sum(axis=1) @ y**2, mixed], [mixed, known.sum(axis=0) @ x**2]])
+    right = np.array([values.sum(axis=1) @ y, values.sum(axis=0) @ x])
+    slopes = np.linalg.lstsq(squares, right)[0]
+    variance = float(np.einsum("ij,ij->", values, values))
+    return slopes, float(slopes @ right) / variance if variance else 0.0

@@ -1,0 +1,66 @@
+"""Surfaces in numbers, against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from bem_reference import self_affine
+from gstlib.bem import measure_roughness
+from gstlib.bem.closed_forms import full_contact_rms_pressure
+from gstlib.specimen.randomness import self_affine_field
+
+
+@pytest.mark.parametrize(("periodic", "within"), [(True, 1e-12), (False, 1e-2)])
+def test_an_egg_box_by_hand(periodic, within):
+    """A cos kx cos ky: height A/2, slope Ak/√2, ∇²h = −2k²h, and the least α of 3/2."""
+    n, amplitude, wavelength = 256, 1e-3, 0.25
+    dy, dx = 0.5 / n, 0.5 / 192
+    y, x = np.arange(n)[:, None] * dy, np.arange(192) * dx
+    wave_number = 2 * math.pi / wavelength
+    egg_box = amplitude * np.cos(wave_number * y) * np.cos(wave_number * x)
+    found = measure_roughness(egg_box + 7.0, (dy, dx), periodic=periodic)
+    expected = amplitude / 2, amplitude * wave_number / math.sqrt(2), amplitude * wave_number**2 / 2
+    assert (found.height, found.slope, found.curvature) == pytest.approx(expected, rel=within)
+    assert found.nayak == pytest.approx(1.5, rel=4 * within)
+
+
+def test_unmeasured_heights_do_not_count_and_a_plane_does():
+    surface = self_affine(128, seed=1, cut_off=16)
+    whole = measure_roughness(surface, 0.01)
+    holes = np.random.default_rng(0).random(surface.shape) < 0.1
+    for missing in (math.nan, -math.inf):
+        partial = measure_roughness(np.where(holes, missing, surface), 0.01)
+        for name in ("height", "slope", "curvature"):
+            assert getattr(partial, name) == pytest.approx(getattr(whole, name), rel=0.03)
+    tilted = measure_roughness(surface + 0.3 * 0.01 * np.arange(128), 0.01)
+    assert tilted.slope == pytest.approx(math.hypot(0.3, whole.slope), rel=1e-3)
+    assert tilted.curvature == pytest.approx(whole.curvature)
+
+
+def test_the_spectrum_of_a_self_affine_surface_gives_its_moments():
+    """Moments of the annulus q^(−2(1 + H)) from q₀ to q₁, integrated over the plane."""
+    hurst, longest, shortest, n = 0.8, 0.25, 0.0625, 512
+    low, high = 2 * math.pi / longest, 2 * math.pi / shortest
+    m0, m2, m4 = (
+        factor * (high ** (p - 2 * hurst) - low ** (p - 2 * hurst)) / (p - 2 * hurst)
+        for p, factor in ((0, 1), (2, 1 / 2), (4, 3 / 8))
+    )
+    waves = {"hurst_exponent": hurst, "roll_off": longest, "longest": longest}
+    found = [
+        measure_roughness(
+            self_affine_field(np.random.default_rng(seed), n, 8.0 / n, shortest=shortest, **waves),
+            8.0 / n,
+            periodic=True,
+        ).nayak
+        for seed in range(4)
+    ]
+    assert np.mean(found) == pytest.approx(m0 * m4 / m2**2, rel=0.03)
+
+
+def test_full_contact_has_the_pressure_of_the_slope():
+    """Each wave q takes E*|q|/2 per height, so r.m.s. pressure over E* is half the r.m.s. slope."""
+    surface = self_affine(64, seed=2, cut_off=8)
+    wave_number = 2 * np.pi * np.hypot(np.fft.fftfreq(64, 0.01)[:, None], np.fft.fftfreq(64, 0.01))
+    pressure = np.fft.ifft2(np.fft.fft2(surface) * wave_number * 1e4 / 2).real
+    slope = measure_roughness(surface, 0.01, periodic=True).slope
+    assert pressure.std() == pytest.approx(full_contact_rms_pressure(slope, 1e4))
