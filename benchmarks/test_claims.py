@@ -8,6 +8,7 @@ import pandas as pd
 import power
 import pytest
 import scale
+import statistics_of_contact
 import transforms
 import two_scales
 import use
@@ -45,6 +46,23 @@ def table(heading, document=EVIDENCE):
         elif rows:
             break
     return rows[2:]
+
+
+def test_statistics_of_rough_contact():
+    found = statistics_of_contact.summary(read_table(statistics_of_contact.ROWS))
+    shown = table("## Numbers that others", power.ROOT / "docs/explanation/solver.md")
+    for cells, row in zip(shown, found.itertuples(), strict=True):
+        _, _, kappa, published, deviation, area, persson, gamma = cells
+        assert same(kappa, f"{row.kappa} {row.error}")
+        assert same(area, row.contact)
+        assert same(persson, row.persson)
+        assert same(gamma, row.gamma)
+        assert bool(published) == (row.published == row.published)
+        if published:
+            assert same(
+                deviation.replace("+", ""), f"{row.deviation_percent} {row.error_percent}"
+            )
+            assert same(published, row.published)
 
 
 def evidence():

@@ -31,6 +31,7 @@ __all__ = [
     "full_contact_rms_pressure",
     "love_rectangle_displacement",
     "persson_contact_fraction",
+    "persson_pressure_density",
 ]
 
 SQUARE_PUNCH_STIFFNESS = 1.1523
@@ -319,6 +320,20 @@ def persson_contact_fraction(
 ) -> float:
     """Contact fraction of a rough surface under p̄ (MPa): erf(√2 p̄ / E* h'rms), by Persson."""
     return math.erf(math.sqrt(2) * mean_pressure / (contact_modulus * rms_gradient))
+
+
+def persson_pressure_density(
+    pressure, mean_pressure: float, rms_gradient: float, contact_modulus: float
+):
+    """Probability density (1/MPa) of a pressure p > 0 (MPa) on a rough surface, by Persson.
+
+    Two Gaussians of the variance (E* h'rms/2)² about ±p̄, one less the other: it starts from zero in
+    proportion to p, and its integral is the contact fraction. Broadcasts.
+    """
+    width = full_contact_rms_pressure(rms_gradient, contact_modulus)
+    at, mean = np.asarray(pressure) / width, mean_pressure / width
+    density = np.exp(-((at - mean) ** 2) / 2) - np.exp(-((at + mean) ** 2) / 2)
+    return density / (math.sqrt(2 * math.pi) * width)
 
 
 def love_rectangle_displacement(

@@ -18,6 +18,7 @@ from gstlib.bem.closed_forms import (
     full_contact_rms_pressure,
     love_rectangle_displacement,
     persson_contact_fraction,
+    persson_pressure_density,
 )
 from scipy.integrate import quad
 
@@ -127,6 +128,15 @@ def test_perssons_contact_starts_with_his_slope_and_ends_full():
     assert persson_contact_fraction(1e-4, 1.0, 1.0) == pytest.approx(1e-4 * PERSSON_SLOPE)
     assert persson_contact_fraction(10.0, 1.0, 1.0) == pytest.approx(1)
     assert pytest.approx((1.596, 2.507), abs=1e-3) == (PERSSON_SLOPE, BUSH_SLOPE)
+
+
+@pytest.mark.parametrize("mean", [5.0, 80.0])
+def test_perssons_pressures_carry_the_load_on_his_contact(mean):
+    given = mean, 0.02, 1e4
+    touching = quad(persson_pressure_density, 0, 2000, args=given, limit=200)[0]
+    carried = quad(lambda p: p * persson_pressure_density(p, *given), 0, 2000, limit=200)[0]
+    assert touching == pytest.approx(persson_contact_fraction(*given))
+    assert carried == pytest.approx(mean)
 
 
 def test_a_loaded_rectangle_sinks_in_its_middle_and_is_a_point_from_afar():

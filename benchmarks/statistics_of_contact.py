@@ -1,0 +1,89 @@
+"""Rough contact in numbers that others have published: periodic self-affine surfaces.
+
+`.venv/bin/python benchmarks/statistics_of_contact.py` presses ten surfaces each of two shortest
+waves (512² elements, Hurst exponent 0.8, roll-off at a quarter of the period), writes the rows, and
+prints the tables of docs/explanation/solver.md; `--tables` prints them from the rows.
+"""
+
+import argparse
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gstlib.bem import load_path, measure_roughness
+from gstlib.bem.closed_forms import persson_contact_fraction
+from gstlib.io.tables import read_table, write_table
+from gstlib.specimen.randomness import self_affine_field
+
+ROWS = Path(__file__).parent / "results/statistics_of_contact.csv"
+COUNT, HURST, ROLL_OFF, SEEDS = 512, 0.8, 0.25, 10
+# Mean pressure over E* times the r.m.s. slope.
+LOADS = 0.005, 0.01, 0.03, 0.1, 0.3, 1.0
+# Area over these loads by Tamaas 2.9, one run, corrected for the perimeter, by the shortest wave in
+# elements.
+PUBLISHED = {
+    4: dict(zip(LOADS, (2.095, 2.099, 2.040, 1.934), strict=False)),
+    16: dict(zip(LOADS, (2.337, 2.291, 2.171, 2.004), strict=False)),
+}
+
+
+def measured(shortest: int, seed: int) -> list[dict[str, float]]:
+    """A row for each load on one surface; lengths in periods, pressures over E*."""
+    heights = self_affine_field(
+        np.random.default_rng(seed),
+        COUNT,
+        1 / COUNT,
+        hurst_exponent=HURST,
+        roll_off=ROLL_OFF,
+        shortest=shortest / COUNT,
+    )
+    surface = measure_roughness(heights, 1 / COUNT, periodic=True)
+    loads = np.array(LOADS) * surface.slope
+    path = load_path(heights, 1 / COUNT, 1.0, loads=loads, periodic=True, keep_states=True)
+    return [
+        {
+            "shortest": shortest,
+            "seed": seed,
+            "load": load,
+            "nayak": surface.nayak,
+            "contact": state.corrected_fraction,
+            "stiffness": stiffness * surface.height,
+            "gap": float(state.gap.mean()) / surface.height,
+        }
+        for load, state, stiffness in zip(
+            LOADS, path.states, path.stiffness / loads, strict=True
+        )
+    ]
+
+
+def summary(rows: pd.DataFrame) -> pd.DataFrame:
+    """Means over the surfaces: area over load with its standard error, and what others found."""
+    rows = rows.assign(kappa=rows.contact / rows.load, gamma=1 / rows.stiffness)
+    groups = rows.groupby(["shortest", "load"])
+    found = groups[["nayak", "contact", "kappa", "gamma", "gap"]].mean()
+    found["error"] = groups.kappa.sem()
+    found["published"] = [PUBLISHED[wave].get(load, math.nan) for wave, load in found.index]
+    found["deviation_percent"] = 100 * (found.kappa / found.published - 1)
+    found["error_percent"] = 100 * found.error / found.kappa
+    found["persson"] = [persson_contact_fraction(load, 1.0, 1.0) for _, load in found.index]
+    return found.reset_index()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--tables", action="store_true", help="from the rows alone")
+    if not parser.parse_args().tables:
+        rows = [
+            row
+            for shortest in PUBLISHED
+            for seed in range(SEEDS)
+            for row in measured(shortest, seed)
+        ]
+        write_table(ROWS, pd.DataFrame(rows).round(6))
+    print(summary(read_table(ROWS)).round(4).to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
