@@ -21,6 +21,17 @@ __all__ = ["main"]
 
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 _PATH = click.Path(path_type=Path)
+_POSITIVE = click.FloatRange(min=0, min_open=True)
+_UNIT = click.option(
+    "--unit",
+    type=click.Choice(["m", "cm", "mm", "um", "nm", "in"]),
+    help="Unit of files that do not state one.",
+)
+_SPACING = click.option(
+    "--spacing-um",
+    type=_POSITIVE,
+    help="Point spacing (µm) of text files that do not state it.",
+)
 _CONFIG = click.argument("config", type=_PATH, default="config/config.yaml")
 
 # What messages name by its key in the config is an option of `gst inspect`.
@@ -121,16 +132,8 @@ def clean(config, intermediate) -> None:
 
 @main.command()
 @click.argument("files", nargs=-1, required=True, type=_PATH)
-@click.option(
-    "--unit",
-    type=click.Choice(["m", "cm", "mm", "um", "nm", "in"]),
-    help="Unit of files that do not state one.",
-)
-@click.option(
-    "--spacing-um",
-    type=click.FloatRange(min=0, min_open=True),
-    help="Point spacing (µm) of text files that do not state it.",
-)
+@_UNIT
+@_SPACING
 @click.option("--pictures", type=_PATH, help="A folder for a picture (PNG) of each file.")
 def inspect(files, unit, spacing_um, pictures) -> None:
     """Show what scans and meshes contain: size, spacing, units, unmeasured share, Sq.
@@ -161,6 +164,37 @@ def inspect(files, unit, spacing_um, pictures) -> None:
         click.echo(f"{file}\n{''.join(lines)}")
     if failed:
         sys.exit(2)
+
+
+@main.command()
+@click.argument("scan", type=_PATH)
+@click.option("--pressure", type=_POSITIVE, required=True, help="Mean pressure, MPa.")
+@click.option(
+    "--modulus", type=_POSITIVE, default=10346.0, help="Contact modulus E*, MPa, of sandstones."
+)
+@click.option("--periodic", is_flag=True, help="Let the surface repeat itself.")
+@_UNIT
+@_SPACING
+@click.option(
+    "--output", type=_PATH, help="The picture; by default SCAN's name and .png, here."
+)
+def press(scan, pressure, modulus, periodic, unit, spacing_um, output) -> None:
+    """Press one SCAN on a flat: the curve of its contact, and a picture of it.
+
+    It is cleaned and levelled as in a study, but lies alone: it warns of much force on its rim.
+    """
+    from gst.figures.pressed import pressed_figure
+    from gst.figures.style import save_figure
+    from gst.press import press_scan
+
+    options = {"periodic": periodic, "unit": unit, "spacing_um": spacing_um}
+    height, contact, doubts = press_scan(scan, pressure=pressure, modulus=modulus, **options)
+    for doubt in doubts:
+        click.echo(f"WARNING: {scan}: {doubt}", err=True)
+    click.echo(contact.table().to_string(index=False, float_format="{:.5g}".format))
+    picture = output or Path(f"{scan.name}.png")
+    save_figure(pressed_figure(height, contact, scan.name), picture)
+    click.echo(f"\npicture: {picture}")
 
 
 @main.command()
