@@ -12,16 +12,16 @@ rough = self_affine_field(np.random.default_rng(1), n, side / n, **waves)
 height = 0.002 * rough / rough.std()  # mm
 
 modulus = contact_modulus(19500, 0.24, 19500, 0.24)  # MPa
-pressure, coefficient, sliding = 22.0, 2e-8, 1000.0  # MPa, mm³/(N mm), mm
-mean_loss = coefficient * pressure * sliding  # mm
+pressure = 22.0  # MPa
+archard = {"wear_rate": 2e-5, "sliding": 1.0}  # mm³/(N m), m
 
 new = solve_contact(height, side / n, modulus, mean_pressure=pressure)
-worn = wear_path(height, side / n, modulus, mean_pressure=pressure, mean_loss=mean_loss)
+worn = wear_path(height, side / n, modulus, mean_pressure=pressure, **archard)
 
 volume = worn.depth.sum() * (side / n) ** 2
-archard = coefficient * (pressure * side**2) * sliding
+said = archard["wear_rate"] * (pressure * side**2) * archard["sliding"]
 touching, peak = 100 * worn.contact_fraction[-1], worn.final.pressure.max()
-print(f"volume lost: {1e9 * volume:.0f} µm³, Archard's k F s {1e9 * archard:.0f} µm³")
+print(f"volume lost: {1e9 * volume:.0f} µm³, Archard's k F s {1e9 * said:.0f} µm³")
 print(f"contact: {100 * new.contact_fraction:.1f} % new, {touching:.1f} % worn")
 print(f"highest pressure: {new.pressure.max():.0f} MPa new, {peak:.0f} MPa worn")
 

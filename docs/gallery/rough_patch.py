@@ -8,13 +8,12 @@ import sys
 import matplotlib.pyplot as plt
 import numpy as np
 
-from gstlib.bem import contact_modulus, load_path
+from gstlib.bem import contact_modulus, load_path, measure_roughness
 from gstlib.bem.closed_forms import BUSH_SLOPE, PERSSON_SLOPE
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.specimen.randomness import self_affine_field
-from gstlib.surfaces.grid import spacing_of
 
 file = sys.argv[1] if len(sys.argv) > 1 else "rough_patch.plu"
 if len(sys.argv) == 1:  # self-affine, 0.85 mm wide, with an Sq of 2 µm
@@ -25,14 +24,13 @@ if len(sys.argv) == 1:  # self-affine, 0.85 mm wide, with an Sq of 2 µm
 # level, holes and outliers filled; of a mould, add mould_invert=True, mould_flip="x"
 height = prepare_scan(read_scan(file)).height
 modulus = contact_modulus(19500, 0.24, 19500, 0.24)  # MPa
-path = load_path(height.values, spacing_of(height), modulus, target_pressure=22.0, steps=12)
+path = load_path(height, contact_modulus=modulus, target_pressure=22.0, steps=12)
 
 # Theories of rough contact say how the area A grows under small loads: A/A₀ = κ p/(E* h′), with
 # the r.m.s. slope h′, and κ = √(8/π) (Persson) or √2π (Bush, Gibson and Thomas).
-slope = np.hypot(*np.gradient(height.values, *spacing_of(height)))
-load = path.mean_pressure / (modulus * np.sqrt(np.mean(slope**2)))
+load = path.mean_pressure / (modulus * measure_roughness(height).slope)
 print(f"contact: {100 * path.contact_fraction[-1]:.2f} % of the patch")
-print(f"highest pressure: {path.final.pressure.max():.0f} MPa")
+print(f"highest pressure: {float(path.final.pressure.max()):.0f} MPa")
 theories = f"{PERSSON_SLOPE:.2f} and {BUSH_SLOPE:.2f}"
 print(f"kappa: {path.contact_fraction[-1] / load[-1]:.2f} (theories: {theories})")
 

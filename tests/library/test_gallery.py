@@ -65,6 +65,25 @@ def test_a_rough_patch_is_between_the_theories(run):
     assert theories[0] < kappa < theories[1]
 
 
+def test_area_grows_between_the_theories_and_to_perssons(run):
+    (_, (kappa, *theories), (last, persson)), names = run("area_and_load")
+    assert theories == pytest.approx([PERSSON_SLOPE, BUSH_SLOPE], abs=5e-3)
+    assert theories[0] < kappa < theories[1]
+    assert last == pytest.approx(persson, rel=0.05)
+    step = np.diff(names["pressure"])[0]
+    carried = (names["pressure"] * names["density"]).sum() * step
+    assert carried == pytest.approx(names["state"].mean_pressure, rel=0.01)
+
+
+def test_a_scan_bears_at_its_rim_alone_what_its_surface_does_not(run):
+    ((area,), (inside,), (alone, lowered), (warned,)), names = run("rim")
+    assert area == pytest.approx(100 * (1 - (250 / 256) ** 2), abs=0.05)
+    assert lowered == inside < alone / 2
+    assert warned == pytest.approx(alone, abs=0.5)
+    pressures = names["embedded"].pressure, names["inside"]
+    np.testing.assert_allclose(*pressures, atol=1e-3 * names["inside"].max())
+
+
 def test_partial_slip(run):
     ((stick, said), (force, asked)), _ = run("partial_slip")
     sphere = Sphere(50 * 0.6**2, 10.0, 10345)

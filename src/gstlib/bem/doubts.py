@@ -34,9 +34,9 @@ def warn_of_doubts(state, problem):
     rim = state.rim_fraction
     if rim > max(_MUCH_ON_RIM, _TIMES_ITS_AREA * state.rim_area):
         said.append(
-            f"{rim:.0%} of the force acts on the outer three elements of the grid: if the surface "
-            "goes on beyond it, say periodic=True, lower it by what presses around it, or take its "
-            "form away first"
+            f"{rim:.0%} of the force acts on the outer three elements of the grid, too much where "
+            "the surface goes on: say periodic=True if it repeats itself, or lower the heights by "
+            "the displacement of what presses around them"
         )
     if state.contact_fraction > _FULL:
         said.append(
