@@ -66,7 +66,8 @@ def fitted_plane(heights, spacing):
     The share is that of the heights' variance.
     """
     known = np.isfinite(heights)
-    count = np.count_nonzero(known)
+    if not (count := np.count_nonzero(known)):
+        return np.zeros(2), 0.0
     values = np.where(known, heights, 0.0)
     values = np.where(known, values - values.sum() / count, 0.0)
     y, x = (np.arange(n) * step for n, step in zip(heights.shape, spacing, strict=True))

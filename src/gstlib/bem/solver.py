@@ -277,14 +277,10 @@ class ContactProblem:
             return replace(state, periodic=True)
         few = self._only_candidates(load)
         if few.size:
-            initial_pressure, window = (
-                np.full(few.size, load.force),
-                Window(self.half_space, few),
-            )
-            known = None
+            initial_pressure = np.full(few.size, load.force)
+            window, known = Window(self.half_space, few), None
         elif initial_pressure is None or not _carried(load, initial_pressure):
-            initial_pressure, window = self._start(load)
-            known = None
+            (initial_pressure, window), known = self._start(load), None
         elif window is None:
             initial_pressure = np.array(initial_pressure, order="C")
             if load.force and not 0.1 < initial_pressure.sum() / load.force < 10:

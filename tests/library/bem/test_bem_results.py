@@ -24,6 +24,9 @@ SURFACE = HEIGHTS, SIDE / N, MODULUS
 # A piece of a surface with waves longer than it.
 PIECE = self_affine(2 * N, seed=1, length=2 * SIDE, roll_off=2 * SIDE)[:N, :N]
 INCLINED = 0.5 * SIDE / N * np.arange(N)[:, None] + HEIGHTS
+# Surface on every other element only.
+SIEVE = np.full((129, 129), -np.inf)
+SIEVE[1::2, 1::2] = 1e-3 * np.random.default_rng(0).random((64, 64))
 SCAN = xr.DataArray(
     HEIGHTS[:, :80],
     dims=("y", "x"),
@@ -58,6 +61,7 @@ def test_the_rim_is_the_outer_three_elements():
         (HEIGHTS, SIDE / N, {"periodic": True}, None),
         (INCLINED, SIDE / N, {"through": (0.4, 0.45)}, None),
         (0 * HEIGHTS, SIDE / N, {}, None),
+        (SIEVE, SIDE / 129, {}, None),
         (sphere(N, SIDE / N, 20.0), SIDE / N, {}, None),
     ],
 )
