@@ -9,12 +9,10 @@ scans' resolution in the face around it (`placed_faces` serves both).
 
 # ASSUME: the x and y of a patch are those of its centre; the paper gives the place by its x and y.
 
-import numpy as np
 import pandas as pd
 import xarray as xr
 
-from gstlib.surfaces.footprints import footprint_weights, places_of
-from gstlib.surfaces.grid import spacing_of
+from gstlib.macroscale.ensemble import patch_means
 
 __all__ = ["couple_scales", "patch_pressures"]
 
@@ -40,15 +38,13 @@ def patch_pressures(
         ``pressure_MPa``, over its nominal area; ``peak_pressure_MPa``, largest pressure of an
         element in it.
     """
-    area, values, rows = np.prod(spacing_of(pressure)), pressure.values, []
-    for place in places_of(patches).values():
-        weights = footprint_weights(pressure, place, size_mm)
-        force = float((values * weights).sum() * area)
-        peak = float(values[weights > 0].max(initial=0.0))
-        rows.append((force, force / size_mm**2, peak))
-    found = "force_N", "pressure_MPa", "peak_pressure_MPa"
+    means, values = patch_means(pressure, patches, size_mm=size_mm), pressure.values.ravel()
+    mean = means @ values
+    peaks = [values[row.indices].max(initial=0.0) for row in means]
     table = patches[["patch", "x_mm", "y_mm", "rotation_deg"]].reset_index(drop=True)
-    return table.join(pd.DataFrame(rows, columns=found))
+    return table.assign(
+        force_N=mean * size_mm**2, pressure_MPa=mean, peak_pressure_MPa=peaks
+    )
 
 
 def couple_scales(

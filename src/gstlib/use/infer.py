@@ -1,11 +1,8 @@
 """How a tool was used, read from its wear: where it was pressed, and against how round a tool.
 
 Of many uses that are possible beforehand, each is a contact of its own, in equilibrium. A use whose
-pressures go with the wear of the patches counts more. The draws are importance samples: the first
-are from what the user states, with its standard errors; those of each further round lie about what
-the earlier ones found, and all of them are weighed together, as draws from one mixture (Owen & Zhou
-2000, J. Am. Stat. Assoc. 95:135). The prediction for a patch weighs the draws by the wear of the
-*other* patches alone.
+pressures go with the wear of the patches counts more (`gstlib.use.sampling`). The prediction for a
+patch weighs the draws by the wear of the *other* patches alone.
 
 Something always fits best. So the answer is compared with chance, the wear of the patches exchanged
 among them; and with heights alone, wear in proportion to how far a patch stands out above a plane:
@@ -31,7 +28,8 @@ from gstlib.errors import InputError
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.macroscale.ensemble import Case, patch_means, press_each
 from gstlib.surfaces.grid import coarser
-from gstlib.use.evidence import Evidence, Losses, Seen, log_evidence, weigh
+from gstlib.use.evidence import Evidence, Losses, log_evidence, weigh
+from gstlib.use.sampling import Sampling, effective_draws, sample
 
 __all__ = ["BETTER", "CHANCE", "CONSISTENT", "UNKNOWN", "Sampling", "StatedUse", "as_used"]
 __all__ += ["infer_use", "leave_one_out", "losses_of", "predicted_losses", "use_pressures"]
@@ -54,9 +52,6 @@ _TOLERANCE = 1e-9
 _DECIMALS = 6
 # Effective draws, and patches, below which nothing is inferred.
 _FEWEST, _FEWEST_PATCHES = 40, 6
-# Effective draws that a proposal is fitted to; its tails are Student's. A draw counts from this
-# share of the mean weight on.
-_FITTED, _FREEDOM, _LEAST = 12, 5.0, 1e-3
 _PERMUTATIONS = 199
 _LEVEL, _CLEARLY = 0.05, 1.645  # one-sided
 # Heights that a plane may have: shares of the elements below it.
@@ -110,33 +105,6 @@ class StatedUse(NamedTuple):
         if self.radius_mm is not None:
             mean, error = [*mean, np.log(self.radius_mm)], [*error, self.radius_fraction]
         return scipy.stats.multivariate_normal(mean, np.square(error))
-
-
-class Sampling(NamedTuple):
-    """How uses are drawn.
-
-    Attributes
-    ----------
-    draws, rounds : int
-        Draws of a round, and the most rounds.
-    seed : int
-    enough : float
-        Effective draws from which no further round is drawn.
-    """
-
-    draws: int
-    rounds: int
-    seed: int
-    enough: float = 150.0
-
-
-class _Draws(NamedTuple):
-    """Uses (draws, parameters), their probability beforehand, their pressures, what these show."""
-
-    points: np.ndarray
-    log_prior: np.ndarray
-    pressure: np.ndarray
-    seen: Seen
 
 
 def infer_use(
@@ -195,9 +163,9 @@ def infer_use(
         settings = {"modulus": modulus, "patch_mm": patch_mm}
         return use_pressures(points, face, patches, stated, **settings)
 
-    draws = _sample(stated.prior, pressures, evidence, sampling, generator)
+    draws = sample(stated.prior, pressures, evidence, sampling, generator)
     weight, score = draws.seen.weights(draws.log_prior), draws.seen.log_score(draws.log_prior)
-    if (effective := _effective(weight)) < _FEWEST:
+    if (effective := effective_draws(weight)) < _FEWEST:
         raise InputError(
             "use",
             f"of {len(weight)} uses that were tried, only {effective:.0f} count, too few to say "
@@ -284,76 +252,6 @@ def _patch_pressure(case: Case, means: "scipy.sparse.csr_array") -> np.ndarray:
         return np.zeros(means.shape[0])
     found: np.ndarray = means @ contact.pressure.values.ravel()
     return found
-
-
-def _sample(
-    prior: Any,
-    pressures: Any,
-    evidence: Evidence,
-    sampling: Sampling,
-    generator: np.random.Generator,
-) -> _Draws:
-    """Uses in rounds, each about what the earlier ones found, until enough of them count."""
-    proposals, points, fields, seen = [prior], [], [], []
-    for _ in range(sampling.rounds):
-        new = proposals[-1].rvs(sampling.draws, random_state=generator)
-        points.append(np.reshape(new, (sampling.draws, -1)))
-        fields.append(pressures(points[-1]))
-        seen.append(weigh(evidence, fields[-1]))
-        uses = np.concatenate(points)
-        # draws of all rounds are those of one mixture
-        density = [of.logpdf(uses) for of in proposals]
-        mixture = scipy.special.logsumexp(density, axis=0) - np.log(len(proposals))
-        drawn = _Draws(uses, density[0] - mixture, np.concatenate(fields), Seen.joined(seen))
-        effective = _effective(drawn.seen.weights(drawn.log_prior))
-        _log.info("%d uses tried, of which %.1f count", len(uses), effective)
-        if effective >= sampling.enough:
-            break
-        proposals.append(_proposal(drawn))
-    return drawn
-
-
-class _Kernels(NamedTuple):
-    """A mixture of Student's t about the draws that count."""
-
-    points: np.ndarray
-    weight: np.ndarray
-    shape: np.ndarray
-
-    def rvs(self, draws: int, random_state: np.random.Generator) -> np.ndarray:
-        """So many draws (draws, parameters)."""
-        about = random_state.choice(len(self.points), draws, p=self.weight)
-        apart = scipy.stats.multivariate_t(shape=self.shape, df=_FREEDOM)
-        moved = apart.rvs(draws, random_state=random_state).reshape(draws, -1)
-        found: np.ndarray = self.points[about] + moved
-        return found
-
-    def logpdf(self, uses: np.ndarray) -> np.ndarray:
-        """Logarithm of the density of uses (uses, parameters)."""
-        apart = scipy.stats.multivariate_t(shape=self.shape, df=_FREEDOM)
-        each = apart.logpdf(uses[:, None] - self.points)
-        found: np.ndarray = scipy.special.logsumexp(each + np.log(self.weight), axis=1)
-        return found
-
-
-def _proposal(draws: _Draws) -> _Kernels:
-    """About the draws that count, with the wear counting just so much that enough of them do."""
-    power, weight = 1.0, draws.seen.weights(draws.log_prior)
-    while _effective(weight) < _FITTED and power > 1e-3:
-        power *= 0.8
-        weight = scipy.special.softmax(draws.log_prior + power * draws.seen.log_evidence)
-    apart = draws.points - weight @ draws.points
-    spread = (weight[:, None] * apart).T @ apart
-    # the bandwidth of Scott, of as many draws as count
-    bandwidth = _effective(weight) ** (-1 / (draws.points.shape[1] + 4))
-    shape = bandwidth**2 * (_FREEDOM - 2) / _FREEDOM * spread
-    counts = weight > _LEAST / len(weight)
-    return _Kernels(draws.points[counts], weight[counts] / weight[counts].sum(), shape)
-
-
-def _effective(weight: np.ndarray) -> float:
-    """How many draws of equal weight would be worth as much."""
-    return float(1 / (weight**2).sum())
 
 
 def _named(points: np.ndarray) -> dict[str, np.ndarray]:
