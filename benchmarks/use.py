@@ -1,19 +1,32 @@
 """Does the wear tell how a tool was used, and does the study claim a use where there was none?
 
-    python benchmarks/use.py [--first-seed 5001] [--specimens 20] [--wears archard summits]
+    python benchmarks/use.py [--cases law random …] [--stones 10]
+    python benchmarks/use.py --tables
 
-Stones are made that a law wore (`archard`), at a load point and against a radius that are drawn
-from what the study takes for possible beforehand; the study is told the middle of the square and
-200 mm. The same stones are also worn by rules that know no contact: on summits, at random, in
-waves. Writes benchmarks/results/use.csv (with --output: elsewhere), a row for each stone, kind of
-wear and what is known of each patch (`losses`, or `grades` from 0 to 3, of which a fifth are wrong
-by one):
+Stones are made that a law wore, at a load point and against a radius that are drawn from what the
+study takes for possible beforehand; the study is told the middle of the square and 200 mm. Scans
+have 128 × 128 points, all else is as in config/config.yaml. Seeds were chosen before any stone was
+made:
+
+law              5001 to 5040, worn by the law; from `losses`, and from `grades` from 0 to 3, of
+                 which a fifth are wrong by one
+summits, random, waves   5001 to 5020, worn by rules that know no contact
+12, 8            5001 to 5020, worn by the law: so many patches, by chance
+wrong            5001 to 5020, worn by the law: the loss of one patch is that of another
+outside          5101 to 5110, worn by the law at a load point beyond the square; the study is told
+                 that it may err by 2 mm
+
+Writes benchmarks/results/use.csv (with --output: elsewhere), a row for each stone, case and what is
+known of each patch; stones that the file holds already are not made again:
 
 true_*, mean_*   load point and logarithm of the radius, as they were and as they were found;
 below_*          the share of what was found that lies below the truth;
+sd_*             the standard deviation of what was found;
 effective_draws, p_value, gain, gain_error, answer   as in `gstlib.use.infer.infer_use`;
 told, inferred, known   r.m.s. error of the mean depths lost, each predicted from the others, over
                  that of no loss at all: with the use as told, as inferred, and as it was;
+mcc_*            mean over the worn patches of the MCC of the predicted places of wear, likewise;
+within_95        share of the losses within the 95 % that are predicted from the others;
 cpu_s            of the inference.
 
 `--tables` prints coverage, errors and rates of claims from the rows alone. `--grades FILE` writes
@@ -23,14 +36,15 @@ the patch table of config/artefact.yaml, with grades in place of scans, and noth
 import argparse
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from power import asked, specimen_config, specimen_studies, worn_patches
+import xarray as xr
+from power import asked, merged, specimen_config, specimen_studies, take, worn_patches
 
 from gstlib.io.tables import read_table, write_table
 from gstlib.specimen.randomness import SpecimenParameters
@@ -43,20 +57,45 @@ from gstlib.use.infer import (
     infer_use,
     losses_of,
     predicted_losses,
+    share_within,
     use_pressures,
 )
 
 ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "benchmarks/results/use.csv"
 LAW = "archard"
-WEARS = (LAW, "summits")
+# ASSUME: the contact of the macroscale knows nothing of what a coarser scan leaves out.
+COARSE = {"scan_points": 128, "scan_spacing_um": 6.64, "unmeasured_size_um": 20.0}
 # ASSUME: a stone is pressed within its square: uses beyond it cannot be told from each other.
 EDGE_MM = 0.5
+# How far beyond the square the load point of the case `outside` lies, and what the study is told.
+OUTSIDE_MM, TOLD_OUTSIDE_MM = (0.25, 1.5), 2.0
 # Grades: the shares of the patches below each, and of those that are wrong by one.
 BELOW_GRADES, WRONG = (0.4, 0.65, 0.85), 0.2
 # The stone of config/artefact.yaml, and the use that the study is not told.
 ARTEFACT_SEED = 4104
 _NAMES = ("y_mm", "x_mm", "log_radius")
+_RESAMPLES = 99  # the tests of the study are not used
+
+
+class Case(NamedTuple):
+    """What is tried on so many stones from a seed on: how they wore, and what is changed."""
+
+    wear: str
+    first_seed: int
+    stones: int
+
+
+CASES = {
+    "law": Case(LAW, 5001, 40),
+    **{wear: Case(wear, 5001, 20) for wear in ("summits", "random", "waves")},
+    **{name: Case(LAW, 5001, 20) for name in ("12", "8", "wrong")},
+    "outside": Case(LAW, 5101, 10),
+}
+# Cases that are studied from grades, too.
+GRADED = ("law",)
+# Cases of the stones of `law` that need no stone of their own.
+CHANGED = ("12", "8", "wrong")
 
 
 def drawn_use(config: Mapping[str, Any], seed: int) -> dict[str, Any]:
@@ -91,74 +130,154 @@ def known_error(pressure: np.ndarray, losses: Losses) -> float:
     return relative_error(seen.without["wear_coefficient"][0] * pressure, losses)
 
 
-def rows_of(study: Study, seed: int, wear: str) -> Iterator[dict[str, Any]]:
-    """What the wear of one stone tells, from losses and from grades."""
+def pushed_outside(config: Mapping[str, Any], seed: int) -> dict[str, Any]:
+    """The same with the load point beyond an edge of the square."""
+    generator = np.random.default_rng([seed, 10])
+    half = config["square"]["size_mm"] / 2
+    beyond = [generator.choice([-1, 1]) * (half + generator.uniform(*OUTSIDE_MM))]
+    beyond.append(generator.uniform(-half, half))
+    off = tuple(float(beyond[at]) for at in generator.permutation(2))
+    return drawn_use(config, seed) | {"worn_off_middle_mm": off}
+
+
+def changed(
+    patches: pd.DataFrame, losses: Losses, case: str, seed: int
+) -> tuple[pd.DataFrame, Losses]:
+    """Patches and losses of a stone, as in a case of `CHANGED`."""
+    generator = np.random.default_rng([seed, 11])
+    order = generator.permutation(len(patches))
+    if case == "wrong":
+        depth_um = losses.depth_um.copy()
+        depth_um[order[0]] = depth_um[order[1]]
+        return patches, Losses(depth_um)
+    chosen = np.sort(order[: int(case)])
+    return patches.iloc[chosen].reset_index(drop=True), losses.permuted(chosen)
+
+
+def known_use(true: Sequence[float], pressure: np.ndarray, patches: pd.DataFrame) -> xr.Dataset:
+    """The use as it was, as `gstlib.use.infer.infer_use` would find it."""
+    y_mm, x_mm, log_radius = true
+    one = {"y_mm": y_mm, "x_mm": x_mm, "radius_mm": np.exp(log_radius), "weight": 1.0}
+    by_patch = {"pressure": pressure, "weight_without": np.ones(len(patches))}
+    return xr.Dataset(
+        {name: ("draw", [of]) for name, of in one.items()}
+        | {name: (("draw", "patch"), of[None]) for name, of in by_patch.items()},
+        {"patch": list(patches.patch)},
+    )
+
+
+def mean_mcc(study: Study, use: xr.Dataset | None) -> float:
+    """Mean MCC over the worn patches of a study at a use, 0 where it predicts no wear."""
+    given = {name: getattr(study, name) for name in ("read_mesh", "read_scan")}
+    other = Study(study.config, study.patches, **given)
+    take(other, study, ("face", "composite", "square_contact", "detection", "registration"))
+    other.prepared.update(study.prepared)
+    other.changes.update(study.changes)
+    other.worn, other.use = study.worn, use
+    found = other.scored(seed=1, resamples=_RESAMPLES)["patches"]
+    if "mcc" not in found:
+        return 0.0
+    worn = study.registration.set_index("patch").above_noise.astype(bool)
+    mcc = found.set_index("patch").mcc
+    return float(mcc[worn.reindex(mcc.index)].fillna(0).mean())
+
+
+def rows_of(study: Study, seed: int, cases: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """What the wear of one stone tells in some cases of its wear."""
     settings = dict(study.settings["infer_use"])
     stated = StatedUse(**settings.pop("stated"))
     sampling = Sampling(**settings.pop("sampling"))
-    patches, losses = losses_of(study.patches, asked(lambda of: of.registration, study))
+    all_known = losses_of(study.patches, asked(lambda of: of.registration, study))
     specimen = SpecimenParameters(**study.config["specimen"])
     middle = study.config["square"]["size_mm"] / 2
     true = [middle + off for off in specimen.worn_off_middle_mm]
     true.append(float(np.log(specimen.worn_radius_mm)))
     told = [*stated.through, float(np.log(stated.radius_mm))]
-    at = use_pressures(np.array([told, true]), study.composite, patches, stated, **settings)
-    kinds: dict[str, Evidence] = {"losses": losses}
-    kinds["grades"] = grades_of(losses, np.random.default_rng([seed, 9]))
-    for kind, evidence in kinds.items():
-        start = time.process_time()
-        use = infer_use(
-            study.composite, patches, evidence, stated, sampling=sampling, **settings
-        )
-        row = {"seed": seed, "wear": wear, "evidence": kind, "patches": len(patches)}
-        found = use.assign(log_radius=np.log(use.radius_mm))
-        for name, truth in zip(_NAMES, true, strict=True):
-            values, weight = found[name].values, use.weight.values
-            row |= {f"true_{name}": truth, f"mean_{name}": weight @ values}
-            row[f"below_{name}"] = weight @ (values < truth)
-        row |= {name: use.attrs[name] for name in ("effective_draws", "p_value", "gain")}
-        row |= {name: use.attrs[name] for name in ("gain_error", "answer")}
-        row["cpu_s"] = time.process_time() - start
-        if kind == "losses":
-            predicted = predicted_losses(use, losses, sampling.seed).predicted_um.to_numpy()
-            row["told"], row["known"] = (known_error(of, losses) for of in at)
-            row["inferred"] = relative_error(predicted, losses)
-        yield row
+    for case in cases:
+        patches, losses = all_known
+        if case in CHANGED:
+            patches, losses = changed(patches, losses, case, seed)
+        kinds: dict[str, Evidence] = {"losses": losses}
+        if case in GRADED:
+            kinds["grades"] = grades_of(losses, np.random.default_rng([seed, 9]))
+        for kind, evidence in kinds.items():
+            row = {"seed": seed, "case": case, "evidence": kind, "patches": len(patches)}
+            start = time.process_time()
+            use = infer_use(
+                study.composite, patches, evidence, stated, sampling=sampling, **settings
+            )
+            row["cpu_s"] = time.process_time() - start
+            row |= found_in(use, true)
+            if kind == "losses" and use.sizes:
+                points = np.array([told, true])
+                at = use_pressures(points, study.composite, patches, stated, **settings)
+                predicted = predicted_losses(use, losses, sampling.seed)
+                row["told"], row["known"] = (known_error(of, losses) for of in at)
+                row["inferred"] = relative_error(predicted.predicted_um.to_numpy(), losses)
+                row["within_95"] = share_within(predicted)
+            if case == "law" and kind == "losses":
+                as_it_was = known_use(true, at[1], patches).assign_attrs(
+                    use.attrs | {"taken": 1}
+                )
+                for name, of in (("told", None), ("inferred", use), ("known", as_it_was)):
+                    row[f"mcc_{name}"] = mean_mcc(study, of)
+            yield row
+
+
+def found_in(use: xr.Dataset, true: Sequence[float]) -> dict[str, Any]:
+    """What was found, beside the truth."""
+    row = {f"true_{name}": truth for name, truth in zip(_NAMES, true, strict=True)}
+    row["answer"] = use.attrs["answer"]
+    if not use.sizes:
+        return row
+    found, weight = use.assign(log_radius=np.log(use.radius_mm)), use.weight.values
+    for name, truth in zip(_NAMES, true, strict=True):
+        values = found[name].values
+        mean = row[f"mean_{name}"] = weight @ values
+        row[f"sd_{name}"] = np.sqrt(weight @ (values - mean) ** 2)
+        row[f"below_{name}"] = weight @ (values < truth)
+    names = ("effective_draws", "p_value", "gain", "gain_error")
+    return row | {name: use.attrs[name] for name in names}
 
 
 def stone_rows(
-    config: Mapping[str, Any], patches: pd.DataFrame, seed: int, wears: Sequence[str]
+    config: Mapping[str, Any], patches: pd.DataFrame, seed: int, cases: Sequence[str]
 ) -> list[dict[str, Any]]:
-    """Those of one stone with each kind of wear."""
-    config = {**config, "specimen": config["specimen"] | drawn_use(config, seed)}
-    studies = specimen_studies(config, patches, seed, wears)
-    return [row for wear, study in studies for row in rows_of(study, seed, wear)]
+    """Those of one stone in some cases."""
+    use = drawn_use(config, seed)
+    if "outside" in cases:
+        use = pushed_outside(config, seed)
+        config = merged(config, {"uncertainty": {"load_point_mm": TOLD_OUTSIDE_MM}})
+    config = merged(config, {"specimen": use})
+    wears = list(dict.fromkeys(CASES[case].wear for case in cases))
+    return [
+        row
+        for wear, study in specimen_studies(config, patches, seed, wears)
+        for row in rows_of(study, seed, [case for case in cases if CASES[case].wear == wear])
+    ]
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
-    """What the rows of a benchmark show, from losses and from grades.
+    """What the rows of a benchmark show, by case and evidence.
 
-    By ``evidence``: ``stones`` that the law wore; median errors of the load point along ``y_mm``
-    and ``x_mm`` and of ``log_radius``; ``held_50`` and ``held_95``, percent of these that lie in
-    the middle 50 and 95 % of what was found; median errors of the losses, ``told``, ``inferred``
-    and ``known``; ``claims``, stones that the law wore whose wear a use is said to explain better
-    than heights alone, and ``false_claims`` among ``others``, those that a rule wore.
+    ``stones``; median errors of the load point along ``y_mm`` and ``x_mm`` and of ``log_radius``;
+    ``held_50`` and ``held_95``, percent of these that lie in the middle 50 and 95 % of what was
+    found; median errors of the losses, ``told``, ``inferred`` and ``known``; means of ``mcc_told``,
+    ``mcc_inferred``, ``mcc_known`` and ``within_95``; ``claims``, stones whose wear a use is said
+    to explain better than heights alone. Where no use made the wear, there is no error of it.
     """
     found = {}
-    for kind, of in rows.groupby("evidence", sort=False):
-        law, rule = of[of.wear == LAW], of[of.wear != LAW]
-        row: dict[str, Any] = {"stones": len(law)}
-        for name in _NAMES:
-            row[name] = abs(law[f"mean_{name}"] - law[f"true_{name}"]).median()
-        below = law[[f"below_{name}" for name in _NAMES]].to_numpy()
-        row |= {
-            f"held_{share}": 100 * (abs(below - 0.5) < share / 200).mean() for share in (50, 95)
-        }
-        row |= law[["told", "inferred", "known"]].median().to_dict()
-        row["claims"], row["false_claims"] = (
-            (each.answer == BETTER).sum() for each in (law, rule)
-        )
-        found[kind] = row | {"others": len(rule)}
+    for (case, kind), of in rows.groupby(["case", "evidence"], sort=False):
+        row: dict[str, Any] = {"stones": len(of)}
+        if CASES[case].wear == LAW:
+            for name in _NAMES:
+                row[name] = abs(of[f"mean_{name}"] - of[f"true_{name}"]).median()
+            below = of[[f"below_{name}" for name in _NAMES]].to_numpy()
+            for share in (50, 95):
+                row[f"held_{share}"] = 100 * (abs(below - 0.5) < share / 200).mean()
+        row |= of[["told", "inferred", "known"]].median().to_dict()
+        row |= of[["mcc_told", "mcc_inferred", "mcc_known", "within_95"]].mean().to_dict()
+        found[case, kind] = row | {"claims": (of.answer == BETTER).sum()}
     return pd.DataFrame(found).T
 
 
@@ -176,35 +295,52 @@ def write_grades(config: Mapping[str, Any], patches: pd.DataFrame, file: Path) -
     file.write_text(head + text, encoding="utf-8")
 
 
+def made(file: Path) -> pd.DataFrame:
+    """The rows that a file holds already."""
+    return read_table(file) if file.exists() else pd.DataFrame({"seed": [], "case": []})
+
+
+def stones_to_make(
+    names: Sequence[str], most: int, rows: pd.DataFrame
+) -> Iterator[tuple[int, list[str]]]:
+    """Seeds, and the cases of each that have no rows, up to so many stones of a case."""
+    there = set(zip(rows.seed, rows.case, strict=True))
+    asked_for: dict[int, list[str]] = {}
+    for name in names:
+        for number in range(min(most, CASES[name].stones)):
+            seed = CASES[name].first_seed + number
+            if (seed, name) not in there:
+                asked_for.setdefault(seed, []).append(name)
+    yield from sorted(asked_for.items())
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--first-seed", type=int, default=5001)
-    parser.add_argument("--specimens", type=int, default=20)
-    parser.add_argument("--wears", nargs="+", default=WEARS)
+    parser.add_argument("--cases", nargs="+", default=list(CASES), choices=list(CASES))
+    parser.add_argument("--stones", type=int, default=40, help="the most of each case")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--output", type=Path, default=RESULT)
     parser.add_argument("--tables", action="store_true", help="from the rows alone")
     parser.add_argument("--grades", type=Path, help="write the table of the artefact alone")
     options = parser.parse_args()
-    config = specimen_config()
-    patches = worn_patches(config)
     if options.grades:
-        write_grades(config, patches, options.grades)
+        config = specimen_config()
+        write_grades(config, worn_patches(config), options.grades)
         return
     if not options.tables:
-        found: list[dict[str, Any]] = []
+        config = merged(specimen_config(), {"specimen": COARSE})
+        patches, rows = worn_patches(config), made(options.output)
+        todo = list(stones_to_make(options.cases, options.stones, rows))
         # not forked: the transforms' threads would not come along
         context = get_context("spawn")
         with ProcessPoolExecutor(options.processes, mp_context=context) as processes:
-            jobs = [
-                processes.submit(
-                    stone_rows, config, patches, options.first_seed + number, options.wears
-                )
-                for number in range(options.specimens)
-            ]
-            for number, job in enumerate(jobs, start=1):
-                found += job.result()
-                write_table(options.output, pd.DataFrame(found))
+            jobs = [processes.submit(stone_rows, config, patches, *of) for of in todo]
+            for number, job in enumerate(as_completed(jobs), start=1):
+                rows = pd.concat([rows, pd.DataFrame(job.result())], ignore_index=True)
+                order = rows.case.map(list(CASES).index)
+                rows = rows.assign(order=order).sort_values(["order", "seed"], kind="stable")
+                rows = rows.drop(columns="order")
+                write_table(options.output, rows)
                 print(f"{number} of {len(jobs)} stones", flush=True)
     print(summary(read_table(options.output)).round(2).T.to_string())
 

@@ -21,9 +21,9 @@ from gst.provenance import refuse_other_study
 from gstlib.conditions import (
     load_force,
     load_point,
+    rounded_form,
     stage_settings,
     study_modulus,
-    study_radius,
 )
 from gstlib.coupling.placement import AGREES, ALL, CANNOT_TELL, shows_waves
 from gstlib.errors import NOTE, GstError, InputsError, unaccepted
@@ -177,7 +177,10 @@ def _pressed(config: dict) -> str:
         return f"{square}, alone on its mean plane, under a flat"
     y, x = load_point(config["load"], size_mm)
     form = config["counterface"] or {}
-    other = f"a stone of {form['radius_mm']:g} mm radius" if form.get("radius_mm") else "a flat"
+    radii = np.ravel(form.get("radius_mm") or ())
+    other = f"a stone of {' and '.join(f'{of:g}' for of in radii)} mm radius"
+    if not len(radii):
+        other = "a flat"
     if counterface_mesh(config, "") is not None:
         other = "an active tool"
     return (
@@ -325,7 +328,7 @@ def _read(config: dict, patches: pd.DataFrame, reach: float | None) -> Inputs:
     asked = Asked(
         mesh_unit=config["inputs"]["mesh_unit"],
         face=stage_settings(config)["grid_macroscale"],
-        radius_mm=study_radius(config),
+        rounded=rounded_form(config),
         scan_settings=config["scans"],
         maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
         placed=is_placed,

@@ -25,6 +25,7 @@ from gst.poses import poses_of
 from gst.user_tables import read_rows
 from gstlib.errors import ConfigError
 from gstlib.io.files import check_size
+from gstlib.use.evidence import FEWEST_PATCHES
 
 __all__ = [
     "check_files",
@@ -131,12 +132,19 @@ def read_study(config: Mapping, source: str) -> pd.DataFrame:
         scan_folder=config["inputs"]["scan_folder"] if config["inputs"] else None,
     )
     if not (patches.t0 != "").any():
-        _refuse_without_scans(config)
+        _refuse_without_scans(config, patches.wear_grade.dropna())
     return patches
 
 
-def _refuse_without_scans(config: Mapping) -> None:
-    """Refuse what needs scans, of a patch table that has grades in their place."""
+def _refuse_without_scans(config: Mapping, grades: pd.Series) -> None:
+    """Refuse what needs scans, of a patch table that has grades in their place, or too few."""
+    if (few := len(grades) < FEWEST_PATCHES) or grades.nunique() < 2:
+        raise ConfigError(
+            config["patches"],
+            f"grades {f'only {len(grades)}' if few else 'all'} of its places"
+            f"{'' if few else ' alike'}, which does not say how the tool was used",
+            f"Grade {FEWEST_PATCHES} places or more, better twenty, unworn ones too.",
+        )
     needs = [name for name in ("published", "interlayer") if config[name] is not None]
     if config["gesture"] is None or config["use"] is None or needs:
         raise ConfigError(

@@ -116,8 +116,8 @@ class Asked:
         As in `gstlib.io.meshes.read_mesh`.
     face : mapping
         The settings of `gstlib.macroscale.face.grid_macroscale`.
-    radius_mm : float or None
-        Of the active tool; None for a flat.
+    rounded : tuple
+        As in `gstlib.conditions.rounded_form`.
     scan_settings : mapping
         The section ``scans`` of the config.
     maximum_unmeasured : float
@@ -136,7 +136,7 @@ class Asked:
 
     mesh_unit: str
     face: Mapping
-    radius_mm: float | None
+    rounded: tuple
     scan_settings: Mapping
     maximum_unmeasured: float
     placed: bool
@@ -299,7 +299,7 @@ def _mind_other_bodies(
 
 def _gridded(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> xr.Dataset:
     """The face; errors also where the active tool misses it."""
-    second, rounded = asked.active_tool, RoundedTool(asked.radius_mm)
+    second, rounded = asked.active_tool, RoundedTool(*asked.rounded)
     tool = rounded if second is None else ActiveTool.read(**second)
     # the fastest interpolation: to look at, and to hold scans against
     settings = {**asked.face, "interpolation": "linear"}

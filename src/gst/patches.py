@@ -86,8 +86,15 @@ def _find_scans(
 ) -> Iterator[Problem]:
     """Put the names of files in place of the names that they fit; where none fits, or several."""
     is_named = not {"t0", "t1"}.isdisjoint(columns)
-    if "wear_grade" in columns and not is_named:
-        return
+    if "wear_grade" in columns:
+        if is_named and (graded := rows.index[rows.wear_grade.notna()]).size:
+            yield (
+                graded[0],
+                "wear_grade stands beside scans, in whose place grades are: take the column out, "
+                "or t0 and t1",
+            )
+        if not is_named or graded.size:
+            return
     for line, row in rows.iterrows():
         for column, name in _names(row, is_named, folder is None).items():
             there = [name] if folder is None else _fitting(name, Path(folder))

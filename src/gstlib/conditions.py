@@ -1,6 +1,6 @@
 """What a study is given: elastic constants, load, and the settings of each stage."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from gstlib.bem import contact_modulus
 __all__ = [
     "load_force",
     "load_point",
+    "rounded_form",
     "stage_settings",
     "study_modulus",
     "study_poisson",
@@ -53,11 +54,20 @@ def load_point(load: Mapping[str, Any], size_mm: float) -> tuple[float, float]:
     return float(y), float(x)
 
 
-def study_radius(config: Mapping[str, Any]) -> float | None:
-    """Radius of the active tool, mm; None of a flat, by which the paper's square is pressed."""
+def rounded_form(config: Mapping[str, Any]) -> tuple[float | Sequence[float] | None, float]:
+    """What `gstlib.macroscale.active_tool.RoundedTool` takes; the paper's tool is a flat."""
+    counterface = config["counterface"] or {}
     if config["coupling"] != "placed":
-        return None
-    return (config["counterface"] or {}).get("radius_mm")
+        counterface = {}
+    return counterface.get("radius_mm"), counterface.get("angle_deg", 0.0)
+
+
+def study_radius(config: Mapping[str, Any]) -> float | None:
+    """Radius of the active tool, mm, of two the geometric mean; None of a flat."""
+    radius_mm, _ = rounded_form(config)
+    if isinstance(radius_mm, Sequence):
+        return float(np.sqrt(np.prod(radius_mm)))
+    return radius_mm
 
 
 def stage_settings(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

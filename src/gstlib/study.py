@@ -56,7 +56,7 @@ import xarray as xr
 
 from gstlib.change.change import SCAN_FIELDS, Detection, measure_detection, register_patch
 from gstlib.change.selection import registration_table, select_patches
-from gstlib.conditions import stage_settings, study_radius
+from gstlib.conditions import rounded_form, stage_settings
 from gstlib.contact import Contact
 from gstlib.coupling.placement import place_patches
 from gstlib.coupling.pressures import couple_scales
@@ -133,7 +133,7 @@ class Study:
     @cached_property
     def face(self) -> xr.Dataset:
         """The face, from `grid_macroscale`; the paper's is the square, under a flat."""
-        tool = self.active_tool or RoundedTool(study_radius(self.config))
+        tool = self.active_tool or RoundedTool(*rounded_form(self.config))
         settings = self.settings["grid_macroscale"]
         return grid_macroscale(self.read_mesh(), active_tool=tool, **settings)[0]
 

@@ -19,7 +19,7 @@ SETTINGS = {
     "mesh_unit": "mm",
     "face": {"size_mm": 4.0, "points_mm": [[3.0, 3.0, 4.9], [7.0, 3.0, 4.9], [3.0, 7.0, 4.9]]}
     | {"grid": 20, "face_mm": 6.0},
-    "radius_mm": 50.0,
+    "rounded": (50.0, 0.0),
     "scan_settings": {"size_mm": 0.5, "unit": None, "spacing_um": None}
     | {"mould": {"invert": False, "flip": None}},
     "maximum_unmeasured": 0.05,

@@ -182,6 +182,7 @@ REFUSED = {
     "a name with a blank": (f"{HEAD}\nloc 1_a,1,1,a\n", "write loc-1-a"),
     "T1 without T0": (f"{HEAD},t1\n1,1,1,,a\n", "t0 is empty"),
     "a repeat without T0": (f"{HEAD},repeat\n1,1,1,,a\n", "t0 is empty"),
+    "a grade beside scans": (f"{HEAD},wear_grade\n1,1,1,a,2\n", "wear_grade stands beside scans"),
     "a place twice": (
         f"{HEAD}\n1,1,1,a\n2,1.7,1,b\n3,1.4,1,c\n",
         "line 4 (patch 3): 65% of its area is that of line 3 (patch 2)",

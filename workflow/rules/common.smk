@@ -13,7 +13,7 @@ from gst.patches import scan_files
 from gst.poses import batches_of, poses_of, reach_of
 from gst.provenance import commit, program_hash, source_hash
 from gst.tables import TABLES
-from gstlib.conditions import stage_settings, study_poisson, study_radius
+from gstlib.conditions import rounded_form, stage_settings, study_poisson, study_radius
 from gstlib.preprocess.mesh import elements_around
 
 CAPTIONS = ROOT / "workflow/report"

@@ -22,7 +22,7 @@ rule check_inputs:
         asked={
             "mesh_unit": MESH_UNIT,
             "face": SETTINGS["grid_macroscale"],
-            "radius_mm": study_radius(config),
+            "rounded": rounded_form(config),
             "scan_settings": config["scans"],
             "maximum_unmeasured": config["preprocessing"]["maximum_unmeasured"],
             "placed": PLACED and SCANNED,
@@ -67,7 +67,7 @@ rule grid_macroscale:
     resources:
         mem_mb=growing(600, mesh=14),
     params:
-        radius_mm=study_radius(config),
+        rounded=rounded_form(config),
         gridding=SETTINGS["grid_macroscale"],
         mesh_unit=MESH_UNIT,
         active_tool=ACTIVE_TOOL,

@@ -21,14 +21,17 @@ def main(
     *,
     mesh_unit: str,
     active_tool: dict | None,
-    radius_mm: float | None,
+    rounded: tuple,
     gridding: dict,
 ) -> None:
     stone = read_mesh(mesh, unit=mesh_unit)
-    tool = ActiveTool.read(**active_tool) if active_tool else RoundedTool(radius_mm)
+    tool = ActiveTool.read(**active_tool) if active_tool else RoundedTool(*rounded)
     gridded, of_other = grid_macroscale(stone, source=mesh, active_tool=tool, **gridding)
     inputs = [mesh, *([counterface] if active_tool else [])]
-    made = provenance(inputs, {"mesh_unit": mesh_unit, "radius_mm": radius_mm} | gridding)
+    made = provenance(
+        inputs,
+        {"mesh_unit": mesh_unit, "radius_mm": rounded[0], "angle_deg": rounded[1]} | gridding,
+    )
     write_dataset(face, gridded, made)
     if second is not None:
         write_dataset(second, of_other.to_dataset(name="face"), made)

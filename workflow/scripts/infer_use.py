@@ -46,9 +46,11 @@ def main(
     found = infer_use(whole, known, wear, told, sampling=drawn, **settings)
     sources = [face, registration] if registration else [face]
     write_dataset(use, found, provenance(sources, settings | stated | sampling))
-    write_table(table, use_table(found, told))
+    predicted = None
     if losses is not None:
-        write_table(losses, predicted_losses(found, wear, drawn.seed))
+        predicted = predicted_losses(found, wear, drawn.seed)
+        write_table(losses, predicted)
+    write_table(table, use_table(found, told, predicted))
 
 
 if "snakemake" in globals():

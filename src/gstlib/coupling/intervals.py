@@ -27,7 +27,7 @@ from gstlib.bem import contact_modulus
 from gstlib.conditions import study_modulus
 from gstlib.contact import Interface, Load
 from gstlib.coupling.pressures import patch_pressures
-from gstlib.macroscale.active_tool import face_in_pose, rounded_counterface
+from gstlib.macroscale.active_tool import as_round_as, face_in_pose
 from gstlib.macroscale.composite import compose_grid, draw_mesh_errors, plane_under
 from gstlib.macroscale.ensemble import Case, press_each
 from gstlib.surfaces.footprints import Place, moved, places_of, spline_of
@@ -87,7 +87,7 @@ class Macroscale(NamedTuple):
     counterface : (y, x) xarray.DataArray or None
         An active tool's, from `gstlib.macroscale.active_tool.grid_counterface`; None without one.
     radius_mm : float or None
-        Of an active tool that is round.
+        Of an active tool that is round; of two, the geometric mean.
     use : xarray.Dataset or None
         What the wear says of load point and radius, from `gstlib.use.infer.infer_use`; without it,
         they are as stated.
@@ -284,6 +284,9 @@ def _posed_over(
     """The active tool over the grid of the draws; one that is a mesh stands a little elsewhere."""
     size_mm = float(macroscale.face.size_mm)
     if macroscale.counterface is None:
-        return rounded_counterface(mesh, radius_mm, (size_mm / 2, size_mm / 2))
+        over = coarser(macroscale.face.counterface, _COARSER)
+        if radius_mm is None or macroscale.radius_mm is None:
+            return over
+        return as_round_as(over, macroscale.radius_mm, radius_mm)
     y, x = errors.pose_um * 1e-3 * generator.standard_normal(2)
     return face_in_pose(macroscale.counterface, mesh, Place(y, x), size_mm=size_mm)

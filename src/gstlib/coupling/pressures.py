@@ -42,9 +42,7 @@ def patch_pressures(
     mean = means @ values
     peaks = [values[row.indices].max(initial=0.0) for row in means]
     table = patches[["patch", "x_mm", "y_mm", "rotation_deg"]].reset_index(drop=True)
-    return table.assign(
-        force_N=mean * size_mm**2, pressure_MPa=mean, peak_pressure_MPa=peaks
-    )
+    return table.assign(force_N=mean * size_mm**2, pressure_MPa=mean, peak_pressure_MPa=peaks)
 
 
 def couple_scales(

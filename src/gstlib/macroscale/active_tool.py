@@ -9,11 +9,11 @@ down to a frame of the active mesh: that of the square as seen on the active fac
 the passive one turned over about the square's y axis, so that its x runs against the other's.
 """
 
-# ASSUME: an active tool that is not a mesh is round, a paraboloid of one radius, or flat. Its
+# ASSUME: an active tool that is not a mesh is a paraboloid of one or two radii, or flat. Its
 # summit may be anywhere: to move it is to tilt the stone, and at rest the stone finds its tilt
 # itself.
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,7 +23,7 @@ import xarray as xr
 from gstlib.errors import ConfigError, InputError
 from gstlib.io.meshes import read_mesh
 from gstlib.preprocess.mesh import grid_mesh
-from gstlib.surfaces.footprints import Place, spline_of, square_of
+from gstlib.surfaces.footprints import Place, rotated, spline_of, square_of
 from gstlib.surfaces.frames import Frame, find_frame
 from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import remove_plane
@@ -35,6 +35,7 @@ __all__ = [
     "FLAT",
     "ActiveTool",
     "RoundedTool",
+    "as_round_as",
     "face_in_pose",
     "grid_counterface",
     "pose_frame",
@@ -48,9 +49,18 @@ _RIGID = 1e-3
 
 
 class RoundedTool(NamedTuple):
-    """An active tool of one radius (mm), with its summit over the middle; None of a flat."""
+    """A rounded active tool, with its summit over the middle.
 
-    radius_mm: float | None
+    Attributes
+    ----------
+    radius_mm : float, (float, float) or None
+        Its radius, or that along an axis and that across it; None of a flat.
+    angle_deg : float
+        Of that axis, from x towards y.
+    """
+
+    radius_mm: float | Sequence[float] | None
+    angle_deg: float = 0.0
 
 
 FLAT = RoundedTool(None)
@@ -142,16 +152,32 @@ def posed_mesh(stone: ActiveTool, frame: Frame, *, size_mm: float) -> "trimesh.T
 
 
 def rounded_counterface(
-    height: xr.DataArray, radius_mm: float | None, middle: tuple[float, float]
+    height: xr.DataArray,
+    radius_mm: float | Sequence[float] | None,
+    middle: tuple[float, float],
+    angle_deg: float = 0.0,
 ) -> xr.DataArray:
-    """The face of an active tool of a radius over a surface (y, x), mm; 0 of a flat (None).
+    """The face of a rounded active tool over a surface (y, x), mm; 0 of a flat.
 
-    `middle` (y, x), mm, is where its summit lies.
+    `radius_mm` and `angle_deg` are as in `RoundedTool`; `middle` (y, x), mm, is where its summit
+    lies.
     """
     y, x = (height[axis].values - at for axis, at in zip("yx", middle, strict=True))
-    curvature = 0.0 if radius_mm is None else 1 / radius_mm
-    over = -0.5 * curvature * (y[:, None] ** 2 + x**2)
+    if isinstance(radius_mm, Sequence):
+        across, along = rotated(y[:, None], x, -angle_deg)
+        over = -0.5 * (along**2 / radius_mm[0] + across**2 / radius_mm[1])
+    else:
+        curvature = 0.0 if radius_mm is None else 1 / radius_mm
+        over = -0.5 * curvature * (y[:, None] ** 2 + x**2)
     return height.copy(data=over).assign_attrs(long_name="height of the counterface")
+
+
+def as_round_as(counterface: xr.DataArray, radius_mm: float, other_mm: float) -> xr.DataArray:
+    """The face of a rounded active tool of `radius_mm`, mm, with its radii in proportion.
+
+    `other_mm` is the radius that takes the place of `radius_mm`; of two radii, the geometric mean.
+    """
+    return counterface * (radius_mm / other_mm)
 
 
 def grid_counterface(

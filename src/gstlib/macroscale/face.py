@@ -105,7 +105,9 @@ def grid_macroscale(
         over = face_in_pose(counterface, height, Place(0.0, 0.0), size_mm=size_mm)
     else:
         counterface = None
-        over = rounded_counterface(height, active_tool.radius_mm, (size_mm / 2, size_mm / 2))
+        radius_mm, angle_deg = active_tool
+        middle = size_mm / 2, size_mm / 2
+        over = rounded_counterface(height, radius_mm, middle, angle_deg)
     over.attrs = {"units": "mm", "long_name": "height of the counterface, 0 of a flat"}
     _, plane = remove_plane(square_of(height, size_mm))
     face = {"height": height.copy(data=height.values - plane.heights(height))}

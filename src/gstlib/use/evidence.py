@@ -19,8 +19,19 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import scipy
 
-__all__ = ["Evidence", "Grades", "Losses", "Seen", "log_evidence", "weigh"]
+__all__ = [
+    "FEWEST_PATCHES",
+    "FEWEST_WORN",
+    "Evidence",
+    "Grades",
+    "Losses",
+    "Seen",
+    "log_evidence",
+    "weigh",
+]
 
+# Patches, and patches whose loss is above the noise, below which nothing is inferred.
+FEWEST_PATCHES, FEWEST_WORN = 6, 4
 _FREEDOM = 4.0
 _LOG_OF_T = float(scipy.stats.t.logpdf(0, _FREEDOM))
 # Wear coefficient about that of all patches together; scatter over the loss of the patch, and over
@@ -67,18 +78,23 @@ class Losses:
     ----------
     depth_um : (patches,) ndarray
         Volume lost over the area of the patch.
+    above_noise : (patches,) ndarray of bool, optional
+        Which losses are above the noise; by default, all but 0.
     """
 
     depth_um: np.ndarray
+    above_noise: np.ndarray | None = None
 
     @property
     def tells(self) -> bool:
-        """Whether there is a loss."""
-        return bool(self.depth_um.sum() > 0)
+        """Whether enough patches lost more than the noise."""
+        worn = self.depth_um > 0 if self.above_noise is None else self.above_noise
+        return bool(worn.sum() >= FEWEST_WORN)
 
     def permuted(self, order: Sequence[int] | np.ndarray) -> "Losses":
-        """The same losses on other patches."""
-        return Losses(self.depth_um[order])
+        """The same losses on other patches, or those of some patches."""
+        known = self.above_noise
+        return Losses(self.depth_um[order], None if known is None else known[order])
 
     def nodes(self, pressure: np.ndarray) -> Mapping[str, np.ndarray]:
         """``wear_coefficient`` (with the sliding, µm/MPa), ``scatter`` / loss, ``floor``, µm."""

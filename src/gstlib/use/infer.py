@@ -25,15 +25,22 @@ import xarray as xr
 
 from gstlib.contact import Interface, Load
 from gstlib.errors import InputError
-from gstlib.macroscale.active_tool import rounded_counterface
+from gstlib.macroscale.active_tool import as_round_as
 from gstlib.macroscale.ensemble import Case, patch_means, press_each
 from gstlib.surfaces.grid import coarser
-from gstlib.use.evidence import Evidence, Losses, log_evidence, weigh
+from gstlib.use.evidence import (
+    FEWEST_PATCHES,
+    FEWEST_WORN,
+    Evidence,
+    Losses,
+    log_evidence,
+    weigh,
+)
 from gstlib.use.sampling import Sampling, effective_draws, sample
 
 __all__ = ["BETTER", "CHANCE", "CONSISTENT", "UNKNOWN", "Sampling", "StatedUse", "as_used"]
 __all__ += ["infer_use", "leave_one_out", "losses_of", "predicted_losses", "use_pressures"]
-__all__ += ["use_table"]
+__all__ += ["share_within", "use_table"]
 
 _log = logging.getLogger(__name__)
 
@@ -50,8 +57,8 @@ _COARSER = 2
 _TOLERANCE = 1e-9
 # Decimals of a predicted loss (µm) and pressure (MPa); what is less comes from uses of no weight.
 _DECIMALS = 6
-# Effective draws, and patches, below which nothing is inferred.
-_FEWEST, _FEWEST_PATCHES = 40, 6
+# Effective draws below which nothing is inferred.
+_FEWEST = 40
 _PERMUTATIONS = 199
 _LEVEL, _CLEARLY = 0.05, 1.645  # one-sided
 # Heights that a plane may have: shares of the elements below it.
@@ -87,7 +94,8 @@ class StatedUse(NamedTuple):
     load_point_mm : float
         Its standard error along each axis.
     radius_mm : float or None
-        Of the active tool; None where its face is known, or flat.
+        Of the active tool whose face is pressed (of two, the geometric mean); None where it is
+        known, or flat.
     radius_fraction : float
         Standard error of the logarithm of the radius.
     """
@@ -150,10 +158,17 @@ def infer_use(
     Raises
     ------
     InputError
-        Too few draws count.
+        Too few draws count, or as in `gstlib.use.sampling.sample`.
     """
-    if len(patches) < _FEWEST_PATCHES or not evidence.tells:
-        _log.info("the wear of %d patches is known, too few to tell a use", len(patches))
+    if len(patches) < FEWEST_PATCHES or not evidence.tells:
+        _log.warning(
+            "the wear does not say how the tool was used: of %d patches whose wear is known, fewer "
+            "than %d lost more than the noise, or there are fewer than %d patches; the study goes "
+            "on as stated; scan more places that wore, or set use to null",
+            len(patches),
+            FEWEST_WORN,
+            FEWEST_PATCHES,
+        )
         return xr.Dataset(attrs={"answer": UNKNOWN, "taken": 0, "effective_draws": 0.0})
     generator = np.random.default_rng([sampling.seed, 6])
     height = coarser(face.height, _COARSER)
@@ -202,7 +217,10 @@ def infer_use(
         else:
             long_name += ", by the wear of the other patches"
         found[name].attrs = {"units": units, "long_name": long_name}
-    return found.assign_attrs(effective_draws=effective, **_answer(**explained))
+    stated_radius = np.nan if stated.radius_mm is None else stated.radius_mm
+    return found.assign_attrs(
+        effective_draws=effective, stated_radius_mm=stated_radius, **_answer(**explained)
+    )
 
 
 def use_pressures(
@@ -233,12 +251,11 @@ def _cases(
     modulus: float,
 ) -> Iterator[Case]:
     """What is pressed in each use."""
-    middle = 2 * (float(face.size_mm) / 2,)
     known = coarser(face.counterface, _COARSER)
     for y, x, *log_radius in points:
         over = known
-        if log_radius:
-            over = rounded_counterface(height, float(np.exp(log_radius[0])), middle)
+        if log_radius and stated.radius_mm is not None:
+            over = as_round_as(known, stated.radius_mm, np.exp(log_radius[0]))
         yield Case(
             Interface(height, over), Load.of_force(stated.force_N, height, (y, x)), modulus
         )
@@ -322,9 +339,12 @@ def losses_of(patches: pd.DataFrame, registration: pd.DataFrame) -> tuple[pd.Dat
     whose T1 is excluded are left out; those that lost nothing count.
     """
     known = registration[~registration.excluded.astype(bool)].set_index("patch")
-    depth_um = known.mean_wear_depth_um.dropna()
-    chosen = patches[patches.patch.isin(depth_um.index)].reset_index(drop=True)
-    return chosen, Losses(depth_um[chosen.patch].to_numpy(dtype=float))
+    known = known.dropna(subset="mean_wear_depth_um")
+    chosen = patches[patches.patch.isin(known.index)].reset_index(drop=True)
+    known = known.loc[chosen.patch]
+    return chosen, Losses(
+        known.mean_wear_depth_um.to_numpy(dtype=float), known.above_noise.to_numpy(dtype=bool)
+    )
 
 
 def as_used(
@@ -342,9 +362,8 @@ def as_used(
     log_radius = float(weight @ np.log(use.radius_mm.values))
     if np.isnan(log_radius):
         return face, point
-    middle = 2 * (float(face.size_mm) / 2,)
-    over = rounded_counterface(face.height, float(np.exp(log_radius)), middle)
-    return face.assign(counterface=over.assign_attrs(face.counterface.attrs)), point
+    over = as_round_as(face.counterface, use.attrs["stated_radius_mm"], np.exp(log_radius))
+    return face.assign(counterface=over), point
 
 
 def leave_one_out(pressures: pd.DataFrame, use: xr.Dataset | None) -> pd.DataFrame:
@@ -382,7 +401,14 @@ def predicted_losses(use: xr.Dataset, losses: Losses, seed: int) -> pd.DataFrame
     return pd.DataFrame(rows, columns=columns).round(_DECIMALS)
 
 
-def use_table(use: xr.Dataset, stated: StatedUse) -> pd.DataFrame:
+def share_within(predicted: pd.DataFrame) -> float:
+    """Share of the losses that lie within the limits of `predicted_losses`."""
+    return float(predicted.loss_um.between(predicted.low_um, predicted.high_um).mean())
+
+
+def use_table(
+    use: xr.Dataset, stated: StatedUse, predicted: pd.DataFrame | None = None
+) -> pd.DataFrame:
     """The table ``use.csv``: what was stated of the use, and what the wear says.
 
     Returns
@@ -390,8 +416,10 @@ def use_table(use: xr.Dataset, stated: StatedUse) -> pd.DataFrame:
     pandas.DataFrame
         A row for each ``parameter`` with its ``unit``: ``stated`` and ``stated_error`` (of the
         radius: of its logarithm), NaN where nothing was; ``mean`` (of the radius: geometric),
-        ``low`` and ``high`` of 95 %. Two rows more say how good the answer is: ``p_value`` against
-        chance, and ``gain`` of the log score over heights alone. In all rows the same:
+        ``low`` and ``high`` of 95 %. Further rows say how good the answer is: ``p_value`` against
+        chance; ``gain`` of the log score over heights alone; and, with `predicted` from
+        `predicted_losses`, the share of the losses ``within_95`` % of what the others predict,
+        the posterior predictive check. In all rows the same:
         ``effective_draws``, ``answer``, and ``taken``, whether the study takes it.
     """
     y, x = stated.through
@@ -412,6 +440,9 @@ def use_table(use: xr.Dataset, stated: StatedUse) -> pd.DataFrame:
         gain, error = use.attrs["gain"], 1.96 * use.attrs["gain_error"]
         found.append(("p_value", "1", np.nan, np.nan, use.attrs["p_value"], np.nan, np.nan))
         found.append(("gain", "1", np.nan, np.nan, gain, gain - error, gain + error))
+    if predicted is not None and len(predicted):
+        within = share_within(predicted)
+        found.append(("within_95", "1", np.nan, np.nan, within, np.nan, np.nan))
     columns = ["parameter", "unit", "stated", "stated_error", "mean", "low", "high"]
     answered = {name: use.attrs[name] for name in ("effective_draws", "answer")}
     return pd.DataFrame(found, columns=columns).assign(

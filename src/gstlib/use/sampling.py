@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
+from gstlib.errors import InputError
 from gstlib.use.evidence import Evidence, Seen, weigh
 
 __all__ = ["Draws", "Sampling", "effective_draws", "sample"]
@@ -57,12 +58,23 @@ def sample(
     sampling: Sampling,
     generator: np.random.Generator,
 ) -> Draws:
-    """Uses in rounds, each about what the earlier ones found, until enough of them count."""
+    """Uses in rounds, each about what the earlier ones found, until enough of them count.
+
+    Raises an `InputError` if no use that is possible beforehand presses a patch.
+    """
     proposals, points, fields, seen = [prior], [], [], []
     for _ in range(sampling.rounds):
         new = proposals[-1].rvs(sampling.draws, random_state=generator)
         points.append(np.reshape(new, (sampling.draws, -1)))
         fields.append(pressures(points[-1]))
+        if not fields[0].any():
+            raise InputError(
+                "use",
+                f"in none of {sampling.draws} uses about what is stated does the stone touch a "
+                "patch whose wear is known",
+                "Correct load.at_mm and counterface, raise uncertainty.load_point_mm, or set use "
+                "to null.",
+            )
         seen.append(weigh(evidence, fields[-1]))
         uses = np.concatenate(points)
         # draws of all rounds are those of one mixture

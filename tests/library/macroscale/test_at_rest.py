@@ -16,7 +16,7 @@ from gstlib.bem.closed_forms import Sphere
 from gstlib.conditions import load_force, load_point
 from gstlib.contact import Load, contact_at_pressure, contact_path
 from gstlib.coupling.embedding import placed_faces
-from gstlib.macroscale.active_tool import rounded_counterface
+from gstlib.macroscale.active_tool import as_round_as, rounded_counterface
 from gstlib.macroscale.composite import plane_under
 from gstlib.specimen.generate import make_specimen
 from gstlib.specimen.randomness import SpecimenParameters, smooth_field
@@ -151,6 +151,18 @@ def test_the_load_path_of_a_face_at_rest_ends_at_its_contact():
 
 
 # --- What meets the face -------------------------------------------------------------------------
+
+
+def test_an_ellipsoidal_stone_has_a_radius_along_an_axis_and_one_across_it():
+    face, middle, turn = 0 * rough(), (1.5, 1.5), np.radians(30)
+    over = rounded_counterface(face, (80.0, 20.0), middle, 30.0)
+    along, across = 0.7, -0.4
+    y = middle[0] + along * np.sin(turn) + across * np.cos(turn)
+    x = middle[1] + along * np.cos(turn) - across * np.sin(turn)
+    expected = -(along**2) / 160 - across**2 / 40
+    assert float(spline_of(over).ev(y, x)) == pytest.approx(expected, rel=1e-4)
+    scaled = as_round_as(over, 40.0, 80.0)  # the geometric mean, doubled
+    np.testing.assert_allclose(scaled, rounded_counterface(face, (160.0, 40.0), middle, 30.0))
 
 
 @pytest.mark.parametrize("own_radius", [None, -120.0, 60.0])

@@ -37,7 +37,8 @@ SAMPLING = Sampling(draws=40, rounds=12, seed=1, enough=50)
 def face():
     waves = smooth_field(np.random.default_rng(3), COUNT, ELEMENT, 0.5).astype(float)
     height = around(2e-3 * waves, ELEMENT, (COUNT * ELEMENT - SIZE) / 2)
-    return xr.Dataset({"height": height, "counterface": 0 * height, "size_mm": SIZE})
+    over = rounded_counterface(height, STATED.radius_mm, 2 * (SIZE / 2,))
+    return xr.Dataset({"height": height, "counterface": over, "size_mm": SIZE})
 
 
 @pytest.fixture(scope="module")
@@ -105,12 +106,16 @@ def test_table_has_what_was_stated_beside_what_the_wear_says(use, pressure):
     assert (known.low < known["mean"]).all()
     assert (known["mean"] < known.high).all()
     assert table["mean"]["p_value"] < 0.05
+    assert "within_95" not in table.index
     assert table.low["wear_coefficient"] < 0.01 < table.high["wear_coefficient"]
 
 
 def test_patch_is_predicted_by_the_losses_of_the_others(face, patches, losses, use):
     found = predicted_losses(use, losses, seed=1)
     assert np.corrcoef(found.predicted_um, losses.depth_um)[0, 1] > 0.8
+    within = use_table(use, STATED, found).set_index("parameter")["mean"]["within_95"]
+    inside = (found.low_um < losses.depth_um) & (losses.depth_um < found.high_um)
+    assert within == inside.mean() > 0.8
     # one loss that is wrong changes its own prediction hardly, and the answer little
     most = int(losses.depth_um.argmax())
     wrong = Losses(np.where(np.arange(len(patches)) == most, 0, losses.depth_um))
@@ -162,6 +167,13 @@ def test_heights_alone_explain_wear_of_the_heights(face, patches):
 def test_too_few_draws_are_an_error(face, patches, losses):
     with pytest.raises(InputError, match=r"use\.draws"):
         infer(face, patches, losses, sampling=Sampling(10, 1, 1))
+
+
+def test_stated_use_far_from_every_patch_is_an_error(face, patches, losses):
+    # beyond the face the stone tips over
+    far = STATED._replace(through=(9.0, 9.0), load_point_mm=0.1)
+    with pytest.raises(InputError, match=r"load\.at_mm"):
+        infer(face, patches, losses, far)
 
 
 @pytest.mark.parametrize(
@@ -240,12 +252,16 @@ def test_the_pressure_of_a_patch_is_that_which_the_others_tell(patches, use):
 
 def test_patches_that_lost_nothing_count_and_excluded_ones_do_not(patches):
     lost = pd.DataFrame({"patch": ["3", "1", "2"], "mean_wear_depth_um": [0.3, 0.0, 0.2]})
-    known, losses = losses_of(patches, lost.assign(excluded=[False, False, True]))
+    lost = lost.assign(excluded=[False, False, True], above_noise=[True, False, True])
+    known, losses = losses_of(patches, lost)
     assert list(known.patch) == ["1", "3"]
     np.testing.assert_array_equal(losses.depth_um, [0.0, 0.3])
+    np.testing.assert_array_equal(losses.above_noise, [False, True])
 
 
-@pytest.mark.parametrize("losses", [Losses(np.zeros(16)), Losses(np.ones(5))])
+@pytest.mark.parametrize(
+    "losses", [Losses(np.zeros(16)), Losses(np.ones(5)), Losses(np.ones(16), np.arange(16) < 3)]
+)
 def test_nothing_is_inferred_from_too_little(face, patches, losses):
     use = infer(face, patches[: len(losses.depth_um)], losses)
     table = use_table(use, STATED)
