@@ -1,18 +1,18 @@
 """Does the wear tell how a tool was used, and does the study claim a use where there was none?
 
-    python benchmarks/use.py [--cases law random …] [--stones 10]
+    python benchmarks/use.py [--cases law random …] [--seeds 5001 5010] [--fine]
     python benchmarks/use.py --tables
 
 Stones are made that a law wore, at a load point and against a radius that are drawn from what the
 study takes for possible beforehand; the study is told the middle of the square and 200 mm. Scans
-have 128 × 128 points, all else is as in config/config.yaml. Seeds were chosen before any stone was
-made:
+have 128 × 128 points, or 512 × 512 (with --fine; the first ten of `law` and `summits`); all else is
+as in config/config.yaml. Seeds were chosen before any stone was made:
 
 law              5001 to 5040, worn by the law; from `losses`, and from `grades` from 0 to 3, of
                  which a fifth are wrong by one
 summits, random, waves   5001 to 5020, worn by rules that know no contact
-12, 8            5001 to 5020, worn by the law: so many patches, by chance
-wrong            5001 to 5020, worn by the law: the loss of one patch is that of another
+12, 8            5011 to 5030, worn by the law: so many patches, by chance
+wrong            5011 to 5030, worn by the law: the loss of one patch is that of another
 outside          5101 to 5110, worn by the law at a load point beyond the square; the study is told
                  that it may err by 2 mm
 
@@ -89,11 +89,11 @@ class Case(NamedTuple):
 CASES = {
     "law": Case(LAW, 5001, 40),
     **{wear: Case(wear, 5001, 20) for wear in ("summits", "random", "waves")},
-    **{name: Case(LAW, 5001, 20) for name in ("12", "8", "wrong")},
+    **{name: Case(LAW, 5011, 20) for name in ("12", "8", "wrong")},
     "outside": Case(LAW, 5101, 10),
 }
 # Cases that are studied from grades, too.
-GRADED = ("law",)
+GRADED = ("law", "summits")
 # Cases of the stones of `law` that need no stone of their own.
 CHANGED = ("12", "8", "wrong")
 
@@ -202,6 +202,7 @@ def rows_of(study: Study, seed: int, cases: Sequence[str]) -> Iterator[dict[str,
             kinds["grades"] = grades_of(losses, np.random.default_rng([seed, 9]))
         for kind, evidence in kinds.items():
             row = {"seed": seed, "case": case, "evidence": kind, "patches": len(patches)}
+            row["scan_points"] = specimen.scan_points
             start = time.process_time()
             use = infer_use(
                 study.composite, patches, evidence, stated, sampling=sampling, **settings
@@ -301,15 +302,15 @@ def made(file: Path) -> pd.DataFrame:
 
 
 def stones_to_make(
-    names: Sequence[str], most: int, rows: pd.DataFrame
+    names: Sequence[str], seeds: range, rows: pd.DataFrame
 ) -> Iterator[tuple[int, list[str]]]:
-    """Seeds, and the cases of each that have no rows, up to so many stones of a case."""
+    """Seeds, of these, and the cases of each that have no rows."""
     there = set(zip(rows.seed, rows.case, strict=True))
     asked_for: dict[int, list[str]] = {}
     for name in names:
-        for number in range(min(most, CASES[name].stones)):
-            seed = CASES[name].first_seed + number
-            if (seed, name) not in there:
+        first, stones = CASES[name].first_seed, CASES[name].stones
+        for seed in range(first, first + stones):
+            if seed in seeds and (seed, name) not in there:
                 asked_for.setdefault(seed, []).append(name)
     yield from sorted(asked_for.items())
 
@@ -317,7 +318,8 @@ def stones_to_make(
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", nargs="+", default=list(CASES), choices=list(CASES))
-    parser.add_argument("--stones", type=int, default=40, help="the most of each case")
+    parser.add_argument("--seeds", type=int, nargs=2, default=(5001, 5999), help="these alone")
+    parser.add_argument("--fine", action="store_true", help="scans as in config/config.yaml")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--output", type=Path, default=RESULT)
     parser.add_argument("--tables", action="store_true", help="from the rows alone")
@@ -328,9 +330,12 @@ def main() -> None:
         write_grades(config, worn_patches(config), options.grades)
         return
     if not options.tables:
-        config = merged(specimen_config(), {"specimen": COARSE})
+        config = specimen_config()
+        if not options.fine:
+            config = merged(config, {"specimen": COARSE})
         patches, rows = worn_patches(config), made(options.output)
-        todo = list(stones_to_make(options.cases, options.stones, rows))
+        first, last = options.seeds
+        todo = list(stones_to_make(options.cases, range(first, last + 1), rows))
         # not forked: the transforms' threads would not come along
         context = get_context("spawn")
         with ProcessPoolExecutor(options.processes, mp_context=context) as processes:

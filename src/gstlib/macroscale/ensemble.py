@@ -21,11 +21,15 @@ __all__ = ["Case", "patch_means", "press_each"]
 
 
 class Case(NamedTuple):
-    """What is pressed once: two faces, their load, and their contact modulus (MPa)."""
+    """What is pressed once: two faces, their load, and their contact modulus (MPa).
+
+    `start` is a pressure (ny, nx), MPa, near that of the contact, from which it is found sooner.
+    """
 
     interface: Interface
     load: Load
     modulus: float
+    start: np.ndarray | None = None
 
 
 def press_each(
@@ -57,7 +61,7 @@ def press_each(
             modulus=case.modulus,
             tolerance=tolerance,
             source=source,
-            initial_pressure=start,
+            initial_pressure=start if in_order else case.start,
         )
         if in_order:
             start = contact.pressure.values

@@ -15,6 +15,7 @@ high places bear load, so that wear that follows heights looks like a use.
 # beside what is not known.
 
 import logging
+from collections import deque
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -53,6 +54,8 @@ UNKNOWN = "too few worn patches to tell"
 
 # Contacts are pressed on elements twice as long as the study's.
 _COARSER = 2
+# Contacts that are kept in memory, to start others from.
+_KEPT = 100
 # Far below the printed digits: each round rests on the last bits of those before it.
 _TOLERANCE = 1e-9
 # Decimals of a predicted loss (µm) and pressure (MPa); what is less comes from uses of no weight.
@@ -237,37 +240,26 @@ def use_pressures(
     `points` (uses, 2 or 3) are load point (y, x), mm, and logarithm of the radius; the rest is as
     in `infer_use`.
     """
-    height = coarser(face.height, _COARSER)
+    height, known = (coarser(face[name], _COARSER) for name in ("height", "counterface"))
     means = patch_means(height, patches, size_mm=patch_mm)
-    cases = _cases(points, face, height, stated, modulus)
-    return np.array([_patch_pressure(case, means) for case in cases])
-
-
-def _cases(
-    points: np.ndarray,
-    face: xr.Dataset,
-    height: xr.DataArray,
-    stated: StatedUse,
-    modulus: float,
-) -> Iterator[Case]:
-    """What is pressed in each use."""
-    known = coarser(face.counterface, _COARSER)
-    for y, x, *log_radius in points:
+    found = np.zeros((len(points), len(patches)))
+    scaled = points / stated.prior.cov.diagonal() ** 0.5
+    solved: deque[tuple[int, np.ndarray]] = deque(maxlen=_KEPT)
+    for number, (y, x, *log_radius) in enumerate(points):
         over = known
         if log_radius and stated.radius_mm is not None:
             over = as_round_as(known, stated.radius_mm, np.exp(log_radius[0]))
-        yield Case(
-            Interface(height, over), Load.of_force(stated.force_N, height, (y, x)), modulus
-        )
-
-
-def _patch_pressure(case: Case, means: "scipy.sparse.csr_array") -> np.ndarray:
-    """Pressure (patches,), MPa, of a use; 0 of one that tips the stone over."""
-    try:
-        (contact,) = press_each([case], tolerance=_TOLERANCE, source="use")
-    except InputError:
-        return np.zeros(means.shape[0])
-    found: np.ndarray = means @ contact.pressure.values.ravel()
+        # from the use most like this one
+        apart = [np.square(scaled[number] - scaled[other]).sum() for other, _ in solved]
+        start = solved[int(np.argmin(apart))][1] if solved else None
+        load = Load.of_force(stated.force_N, height, (y, x))
+        case = Case(Interface(height, over), load, modulus, start)
+        try:
+            (contact,) = press_each([case], tolerance=_TOLERANCE, source="use")
+        except InputError:  # it tips the stone over
+            continue
+        solved.append((number, contact.pressure.values))
+        found[number] = means @ contact.pressure.values.ravel()
     return found
 
 
