@@ -13,6 +13,8 @@ law              5001 to 5040, worn by the law; from `losses`, and from `grades`
 summits, random, waves   5001 to 5020, worn by rules that know no contact
 12, 8            5011 to 5030, worn by the law: so many patches, by chance
 wrong            5011 to 5030, worn by the law: the loss of one patch is that of another
+two radii        5201 to 5205, worn by the law and a tool of two radii, 1.56 to 1 like the paper's;
+                 the study is told a round tool, its true form, and that turned by 90°
 outside          5101 to 5110, worn by the law at a load point beyond the square; the study is told
                  that it may err by 2 mm
 
@@ -23,6 +25,7 @@ true_*, mean_*   load point and logarithm of the radius, as they were and as the
 below_*          the share of what was found that lies below the truth;
 sd_*             the standard deviation of what was found;
 effective_draws, p_value, gain, gain_error, answer   as in `gstlib.use.infer.infer_use`;
+log_score        log probability of each loss, given the others, summed;
 told, inferred, known   r.m.s. error of the mean depths lost, each predicted from the others, over
                  that of no loss at all: with the use as told, as inferred, and as it was;
 mcc_*            mean over the worn patches of the MCC of the predicted places of wear, likewise;
@@ -46,7 +49,9 @@ import pandas as pd
 import xarray as xr
 from power import asked, merged, specimen_config, specimen_studies, take, worn_patches
 
+from gstlib.conditions import study_radius
 from gstlib.io.tables import read_table, write_table
+from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.study import Study
 from gstlib.use.evidence import Evidence, Grades, Losses, weigh
@@ -70,6 +75,8 @@ COARSE = {"scan_points": 128, "scan_spacing_um": 6.64, "unmeasured_size_um": 20.
 EDGE_MM = 0.5
 # How far beyond the square the load point of the case `outside` lies, and what the study is told.
 OUTSIDE_MM, TOLD_OUTSIDE_MM = (0.25, 1.5), 2.0
+# The longer radius over the shorter one of the case `two radii`.
+ASPECT = 169 / 108
 # Grades: the shares of the patches below each, and of those that are wrong by one.
 BELOW_GRADES, WRONG = (0.4, 0.65, 0.85), 0.2
 # The stone of config/artefact.yaml, and the use that the study is not told.
@@ -90,6 +97,7 @@ CASES = {
     "law": Case(LAW, 5001, 40),
     **{wear: Case(wear, 5001, 20) for wear in ("summits", "random", "waves")},
     **{name: Case(LAW, 5011, 20) for name in ("12", "8", "wrong")},
+    "two radii": Case(LAW, 5201, 5),
     "outside": Case(LAW, 5101, 10),
 }
 # Cases that are studied from grades, too.
@@ -140,6 +148,11 @@ def pushed_outside(config: Mapping[str, Any], seed: int) -> dict[str, Any]:
     return drawn_use(config, seed) | {"worn_off_middle_mm": off}
 
 
+def two_radii(radius_mm: float) -> tuple[float, float]:
+    """Radii of an ellipsoidal tool, along its longer axis and across it, of this mean."""
+    return radius_mm * ASPECT**0.5, radius_mm / ASPECT**0.5
+
+
 def changed(
     patches: pd.DataFrame, losses: Losses, case: str, seed: int
 ) -> tuple[pd.DataFrame, Losses]:
@@ -182,39 +195,50 @@ def mean_mcc(study: Study, use: xr.Dataset | None) -> float:
     return float(mcc[worn.reindex(mcc.index)].fillna(0).mean())
 
 
+def tried(
+    study: Study, known: tuple[pd.DataFrame, Losses], case: str, seed: int
+) -> Iterator[tuple[str, pd.DataFrame, Evidence, xr.Dataset]]:
+    """What is known of the patches in a case, by name, and the face with its active tool."""
+    patches, losses = known
+    if case in CHANGED:
+        patches, losses = changed(patches, losses, case, seed)
+    yield "losses", patches, losses, study.composite
+    if case in GRADED:
+        grades = grades_of(losses, np.random.default_rng([seed, 9]))
+        yield "grades", patches, grades, study.composite
+    if case == "two radii":
+        angle, radius = study.config["specimen"]["worn_angle_deg"], study_radius(study.config)
+        radii, middle = two_radii(radius), 2 * (study.config["square"]["size_mm"] / 2,)
+        for form, turn in (("true form", angle), ("turned form", angle + 90)):
+            over = rounded_counterface(study.composite.height, radii, middle, turn)
+            yield form, patches, losses, study.composite.assign(counterface=over)
+
+
 def rows_of(study: Study, seed: int, cases: Sequence[str]) -> Iterator[dict[str, Any]]:
     """What the wear of one stone tells in some cases of its wear."""
     settings = dict(study.settings["infer_use"])
     stated = StatedUse(**settings.pop("stated"))
     sampling = Sampling(**settings.pop("sampling"))
-    all_known = losses_of(study.patches, asked(lambda of: of.registration, study))
+    known = losses_of(study.patches, asked(lambda of: of.registration, study))
     specimen = SpecimenParameters(**study.config["specimen"])
     middle = study.config["square"]["size_mm"] / 2
     true = [middle + off for off in specimen.worn_off_middle_mm]
-    true.append(float(np.log(specimen.worn_radius_mm)))
+    true.append(float(np.log(specimen.worn_radius_mm).mean()))
     told = [*stated.through, float(np.log(stated.radius_mm))]
     for case in cases:
-        patches, losses = all_known
-        if case in CHANGED:
-            patches, losses = changed(patches, losses, case, seed)
-        kinds: dict[str, Evidence] = {"losses": losses}
-        if case in GRADED:
-            kinds["grades"] = grades_of(losses, np.random.default_rng([seed, 9]))
-        for kind, evidence in kinds.items():
+        for kind, patches, evidence, face in tried(study, known, case, seed):
             row = {"seed": seed, "case": case, "evidence": kind, "patches": len(patches)}
             row["scan_points"] = specimen.scan_points
             start = time.process_time()
-            use = infer_use(
-                study.composite, patches, evidence, stated, sampling=sampling, **settings
-            )
+            use = infer_use(face, patches, evidence, stated, sampling=sampling, **settings)
             row["cpu_s"] = time.process_time() - start
             row |= found_in(use, true)
-            if kind == "losses" and use.sizes:
+            if isinstance(evidence, Losses) and use.sizes:
                 points = np.array([told, true])
-                at = use_pressures(points, study.composite, patches, stated, **settings)
-                predicted = predicted_losses(use, losses, sampling.seed)
-                row["told"], row["known"] = (known_error(of, losses) for of in at)
-                row["inferred"] = relative_error(predicted.predicted_um.to_numpy(), losses)
+                at = use_pressures(points, face, patches, stated, **settings)
+                predicted = predicted_losses(use, evidence, sampling.seed)
+                row["told"], row["known"] = (known_error(of, evidence) for of in at)
+                row["inferred"] = relative_error(predicted.predicted_um.to_numpy(), evidence)
                 row["within_95"] = share_within(predicted)
             if case == "law" and kind == "losses":
                 as_it_was = known_use(true, at[1], patches).assign_attrs(
@@ -237,6 +261,7 @@ def found_in(use: xr.Dataset, true: Sequence[float]) -> dict[str, Any]:
         mean = row[f"mean_{name}"] = weight @ values
         row[f"sd_{name}"] = np.sqrt(weight @ (values - mean) ** 2)
         row[f"below_{name}"] = weight @ (values < truth)
+    row["log_score"] = float(use.log_score.sum())
     names = ("effective_draws", "p_value", "gain", "gain_error")
     return row | {name: use.attrs[name] for name in names}
 
@@ -249,6 +274,9 @@ def stone_rows(
     if "outside" in cases:
         use = pushed_outside(config, seed)
         config = merged(config, {"uncertainty": {"load_point_mm": TOLD_OUTSIDE_MM}})
+    if "two radii" in cases:
+        angle = float(np.random.default_rng([seed, 12]).uniform(0, 180))
+        use |= {"worn_radius_mm": two_radii(use["worn_radius_mm"]), "worn_angle_deg": angle}
     config = merged(config, {"specimen": use})
     wears = list(dict.fromkeys(CASES[case].wear for case in cases))
     return [

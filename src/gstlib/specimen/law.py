@@ -52,8 +52,9 @@ def worn_by_law(stone: "Stone", mean_loss: float, *, with_interlayer: bool) -> n
     along = axis_coordinates(_ELEMENTS + 2 * _AROUND, spacing) - _AROUND * spacing
     face = face.assign_coords({axis: face[axis].copy(data=along) for axis in "yx"})
     through = load_point_of(stone)
+    p = stone.parameters
     contact = contact_at_pressure(
-        Interface(face, rounded_counterface(face, stone.parameters.worn_radius_mm, through)),
+        Interface(face, rounded_counterface(face, p.worn_radius_mm, through, p.worn_angle_deg)),
         Load.of_force(_PRESSURE_MPA * size_mm**2, face, through),
         modulus=_CONTACT_MODULUS_MPA,
         tolerance=_TOLERANCE,

@@ -45,8 +45,8 @@ class SpecimenParameters:
         Where wear lies, as in `gstlib.specimen.stone.Stone.wear_depth`.
     worn_off_middle_mm : (float, float)
         Where the force of wear by a law acts, from the middle of the square along y and x.
-    worn_radius_mm : float
-        Of the active tool of wear by a law.
+    worn_radius_mm, worn_angle_deg
+        Of the active tool of wear by a law, as in `gstlib.macroscale.active_tool.RoundedTool`.
     mesh_noise_um : float
         R.m.s. of the mesh's own error in height.
     hurst_exponent : float
@@ -79,7 +79,8 @@ class SpecimenParameters:
     unmeasured_size_um: float
     wear_placement: str
     worn_off_middle_mm: tuple[float, float] = (0.5, -0.4)
-    worn_radius_mm: float = 170.0
+    worn_radius_mm: float | tuple[float, float] = 170.0
+    worn_angle_deg: float = 0.0
     # ASSUME: the synthetic stone is like M12, whose data is not public: with this relief its square
     # goes down by 27 µm to reach 22 MPa, as in the paper. The errors of mesh and scans are orders
     # of magnitude; the paper states none.
