@@ -166,6 +166,19 @@ def used(use: pd.DataFrame) -> str:
     )
 
 
+def _without_curvature(use: pd.DataFrame) -> str:
+    """How much the answer rests on the form of a worn face."""
+    known = use.set_index("parameter")
+    if "mean_without_curvature" not in known or not known.taken.iloc[0]:
+        return ""
+    other = known.mean_without_curvature
+    radius = f" and {_two_digits(other['radius'])} mm" if "radius" in other else ""
+    return (
+        " Use may have ground the form of the face: with the curvature of the square taken out, it "
+        f"would be x {other['load_point_x']:.1f}, y {other['load_point_y']:.1f} mm{radius}."
+    )
+
+
 def sign_of(row: Any) -> int:
     """Whether an estimate is above 0 (1) or below it (-1); 0 where neither shows.
 
@@ -239,7 +252,7 @@ def where_to_scan(
     use : pandas.DataFrame, optional
         ``use.csv``, where the wear says how the tool was used.
     """
-    lines = [] if use is None else [(_USED, used(use))]
+    lines = [] if use is None else [(_USED, used(use) + _without_curvature(use))]
     exposed, controls = (places[places.kind == kind] for kind in (EXPOSED, CONTROL))
     spread = (
         f"Under {force_N:g} N, wherever the hand pushes, {100 * held.in_square:.0f} % of the "

@@ -145,6 +145,7 @@ def test_grades_of_wear_tell_how_a_tool_was_used(where, tmp_path_factory):
     for name, stated in zip(("load_point_x", "load_point_y"), told["at_mm"], strict=True):
         assert table.stated[name] == stated
         assert table.high[name] - table.low[name] < 2 * 1.96 * table.stated_error[name]
+    assert not table.mean_without_curvature["load_point_x":"radius"].isna().any()
     assert "pressed at x" in (study.results / "index.html").read_text(encoding="utf-8")
     contact = read_dataset(study.results / "macroscale/contact.h5")
     pressed_at = table["mean"] if table.taken.iloc[0] else table.stated

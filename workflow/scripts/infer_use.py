@@ -4,12 +4,14 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import xarray as xr
 
 from gst.logs import run_script
 from gst.provenance import provenance
 from gst.tables import write_table
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_table
+from gstlib.macroscale.face import without_curvature
 from gstlib.use.evidence import Grades
 from gstlib.use.infer import (
     Sampling,
@@ -43,14 +45,22 @@ def main(
     else:
         known, wear = places, Grades(places.wear_grade.to_numpy(dtype=int))
     settings = {"modulus": modulus, "patch_mm": patch_mm}
-    found = infer_use(whole, known, wear, told, sampling=drawn, **settings)
+
+    def infer(face: xr.Dataset) -> xr.Dataset:
+        return infer_use(face, known, wear, told, sampling=drawn, **settings)
+
+    found = infer(whole)
     sources = [face, registration] if registration else [face]
     write_dataset(use, found, provenance(sources, settings | stated | sampling))
     predicted = None
     if losses is not None:
         predicted = predicted_losses(found, wear, drawn.seed)
         write_table(losses, predicted)
-    write_table(table, use_table(found, told, predicted))
+    answers = use_table(found, told, predicted)
+    if not registration:  # the mesh is that of the worn tool
+        other = use_table(infer(without_curvature(whole)), told)
+        answers = answers.assign(mean_without_curvature=other["mean"])
+    write_table(table, answers)
 
 
 if "snakemake" in globals():

@@ -30,7 +30,7 @@ from gstlib.surfaces.leveling import remove_plane
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["grid_macroscale", "square_alone", "thin_stone"]
+__all__ = ["grid_macroscale", "square_alone", "thin_stone", "without_curvature"]
 
 _log = logging.getLogger(__name__)
 
@@ -114,6 +114,23 @@ def grid_macroscale(
     face |= {"counterface": over} | frame_variables(frame)
     face["size_mm"] = (), size_mm, {"units": "mm", "long_name": "side of the square"}
     return gridded.assign(face), counterface
+
+
+def without_curvature(face: xr.Dataset) -> xr.Dataset:
+    """The face without the curvature of its square, that of its least-squares quadric.
+
+    Use may have made it: a facet that is ground flat or hollow fits whatever ground it.
+    """
+    height, middle = face.height, float(face.size_mm) / 2
+
+    def powers(of: xr.DataArray) -> np.ndarray:
+        y, x = np.meshgrid(of.y.values - middle, of.x.values - middle, indexing="ij")
+        return np.stack([y * y, y * x, x * x, y, x, np.ones_like(x)], axis=-1)
+
+    square = square_of(height, float(face.size_mm))
+    there = np.isfinite(square.values)
+    factors, *_ = np.linalg.lstsq(powers(square)[there], square.values[there], rcond=None)
+    return face.assign(height=height - powers(height)[..., :3] @ factors[:3])
 
 
 def _check_extent(height: xr.DataArray, face_mm: float, source: str | Path) -> None:

@@ -221,17 +221,22 @@ class Seen(NamedTuple):
 
 def log_evidence(evidence: Evidence, pressure: np.ndarray) -> np.ndarray:
     """That of `weigh` alone (draws,)."""
-    total = evidence.log_likelihood(pressure).sum(axis=2)
+    parts = _parts(evidence, pressure)
+    total = np.concatenate([evidence.log_likelihood(part).sum(axis=2) for part in parts])
     found: np.ndarray = scipy.special.logsumexp(total, axis=1) - np.log(total.shape[1])
     return found
 
 
 def weigh(evidence: Evidence, pressure: np.ndarray) -> Seen:
     """How well pressures (draws, patches), MPa, go with what was seen."""
+    return Seen.joined([_weigh(evidence, part) for part in _parts(evidence, pressure)])
+
+
+def _parts(evidence: Evidence, pressure: np.ndarray) -> list[np.ndarray]:
+    """Draws whose likelihoods fit in memory together."""
     nodes = next(iter(evidence.nodes(pressure[:1]).values())).shape[1]
     each = max(1, _AT_A_TIME // (nodes * max(1, pressure.shape[1])))
-    starts = range(0, len(pressure), each)
-    return Seen.joined([_weigh(evidence, pressure[at : at + each]) for at in starts])
+    return [pressure[at : at + each] for at in range(0, len(pressure), each)]
 
 
 def _weigh(evidence: Evidence, pressure: np.ndarray) -> Seen:

@@ -62,7 +62,8 @@ _TOLERANCE = 1e-9
 _DECIMALS = 6
 # Effective draws below which nothing is inferred.
 _FEWEST = 40
-_PERMUTATIONS = 199
+# Of many patches, so many are exchanged: they are enough, and the time does not grow.
+_PERMUTATIONS, _MOST_PERMUTED = 199, 200
 _LEVEL, _CLEARLY = 0.05, 1.645  # one-sided
 # Heights that a plane may have: shares of the elements below it.
 _BELOW_PLANE = np.linspace(0.3, 0.995, 60)
@@ -287,6 +288,10 @@ def _chance(
 
     `pressure` (draws, patches) is that of stated uses: what was drawn later knows the wear.
     """
+    if len(patches) > _MOST_PERMUTED:
+        some = np.sort(generator.choice(len(patches), _MOST_PERMUTED, replace=False))
+        evidence, pressure = evidence.permuted(some), pressure[:, some]
+        patches = patches.iloc[some]
     pressure = pressure[pressure.sum(axis=1) > 0]
 
     def explained(of: Evidence) -> float:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from contacts import around, interface
 from gst.config import complete, read_config
 from gst.patches import read_patches
@@ -18,6 +19,7 @@ from gstlib.contact import Load, contact_at_pressure, contact_path
 from gstlib.coupling.embedding import placed_faces
 from gstlib.macroscale.active_tool import as_round_as, rounded_counterface
 from gstlib.macroscale.composite import plane_under
+from gstlib.macroscale.face import without_curvature
 from gstlib.specimen.generate import make_specimen
 from gstlib.specimen.randomness import SpecimenParameters, smooth_field
 from gstlib.study import Study
@@ -163,6 +165,14 @@ def test_an_ellipsoidal_stone_has_a_radius_along_an_axis_and_one_across_it():
     assert float(spline_of(over).ev(y, x)) == pytest.approx(expected, rel=1e-4)
     scaled = as_round_as(over, 40.0, 80.0)  # the geometric mean, doubled
     np.testing.assert_allclose(scaled, rounded_counterface(face, (160.0, 40.0), middle, 30.0))
+
+
+def test_the_curvature_of_the_square_is_taken_out_of_the_whole_face():
+    bare = xr.Dataset({"height": rough(), "size_mm": SIZE})
+    bent = bare.height + rounded_counterface(bare.height, (-90.0, 300.0), (1.2, 1.9), 20.0)
+    found = without_curvature(bare.assign(height=bent)).height
+    apart = found - without_curvature(bare).height
+    np.testing.assert_allclose(remove_plane(apart)[0], 0, atol=1e-12)
 
 
 @pytest.mark.parametrize("own_radius", [None, -120.0, 60.0])
