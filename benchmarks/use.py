@@ -293,7 +293,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     ``held_50`` and ``held_95``, percent of these that lie in the middle 50 and 95 % of what was
     found; median errors of the losses, ``told``, ``inferred`` and ``known``; means of ``mcc_told``,
     ``mcc_inferred``, ``mcc_known`` and ``within_95``; ``claims``, stones whose wear a use is said
-    to explain better than heights alone. Where no use made the wear, there is no error of it.
+    to explain better than heights alone. Where no use made the wear, none is known.
     """
     found = {}
     for (case, kind), of in rows.groupby(["case", "evidence"], sort=False):
@@ -304,7 +304,8 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
             below = of[[f"below_{name}" for name in _NAMES]].to_numpy()
             for share in (50, 95):
                 row[f"held_{share}"] = 100 * (abs(below - 0.5) < share / 200).mean()
-        row |= of[["told", "inferred", "known"]].median().to_dict()
+            row["known"] = of.known.median()
+        row |= of[["told", "inferred"]].median().to_dict()
         row |= of[["mcc_told", "mcc_inferred", "mcc_known", "within_95"]].mean().to_dict()
         found[case, kind] = row | {"claims": (of.answer == BETTER).sum()}
     return pd.DataFrame(found).T

@@ -9,8 +9,10 @@ among them; and with heights alone, wear in proportion to how far a patch stands
 high places bear load, so that wear that follows heights looks like a use.
 """
 
-# ASSUME: the force is known: a loss knows it through the wear coefficient alone. The radius is
-# known but for a lognormal error, the load point but for a normal one, alike along both axes.
+# ASSUME: force and modulus are known: a loss knows the force through the wear coefficient alone.
+# The radius is that for both as stated, for a round contact depends on F R / E*. It is known but
+# for a lognormal error, the load point but for a normal one, alike along both axes.
+# ASSUME: of two radii, the ratio and the direction are known.
 # ASSUME: the pressures of a use are those before wear; what wear moves between patches is small
 # beside what is not known.
 
