@@ -57,7 +57,6 @@ from gstlib.study import Study
 from gstlib.use.evidence import Evidence, Grades, Losses, weigh
 from gstlib.use.infer import (
     BETTER,
-    Sampling,
     StatedUse,
     infer_use,
     losses_of,
@@ -65,6 +64,7 @@ from gstlib.use.infer import (
     share_within,
     use_pressures,
 )
+from gstlib.use.sampling import Sampling
 
 ROOT = Path(__file__).parents[1]
 RESULT = ROOT / "benchmarks/results/use.csv"

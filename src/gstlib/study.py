@@ -66,7 +66,8 @@ from gstlib.macroscale.equilibrium import solve_at_load, solve_square
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.microscale.patches import LEVELLED, Microscale, solve_patch
 from gstlib.preprocess.scans import crop_of, prepare_patch
-from gstlib.use.infer import Sampling, StatedUse, as_used, infer_use, leave_one_out, losses_of
+from gstlib.use.infer import StatedUse, as_used, infer_use, leave_one_out, losses_of
+from gstlib.use.sampling import Sampling
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
 from gstlib.wear.fit import PatchMaps, Prediction, fit_wear, predict_wear

@@ -13,14 +13,8 @@ from gstlib.io.store import read_dataset, write_dataset
 from gstlib.io.tables import read_table
 from gstlib.macroscale.face import without_curvature
 from gstlib.use.evidence import Grades
-from gstlib.use.infer import (
-    Sampling,
-    StatedUse,
-    infer_use,
-    losses_of,
-    predicted_losses,
-    use_table,
-)
+from gstlib.use.infer import StatedUse, infer_use, losses_of, predicted_losses, use_table
+from gstlib.use.sampling import Sampling
 
 
 def main(

@@ -41,7 +41,7 @@ from gstlib.use.evidence import (
 )
 from gstlib.use.sampling import Sampling, effective_draws, sample
 
-__all__ = ["BETTER", "CHANCE", "CONSISTENT", "UNKNOWN", "Sampling", "StatedUse", "as_used"]
+__all__ = ["BETTER", "CHANCE", "CONSISTENT", "UNKNOWN", "StatedUse", "as_used"]
 __all__ += ["infer_use", "leave_one_out", "losses_of", "predicted_losses", "use_pressures"]
 __all__ += ["share_within", "use_table"]
 

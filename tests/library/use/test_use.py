@@ -16,7 +16,6 @@ from gstlib.use.evidence import Grades, Losses, weigh
 from gstlib.use.infer import (
     CHANCE,
     UNKNOWN,
-    Sampling,
     StatedUse,
     as_used,
     infer_use,
@@ -25,6 +24,7 @@ from gstlib.use.infer import (
     predicted_losses,
     use_table,
 )
+from gstlib.use.sampling import Sampling
 
 # A square of 3 mm in a face of 4.2 mm, with sixteen patches of 0.5 mm.
 SIZE, ELEMENT, COUNT, PATCH = 3.0, 0.06, 70, 0.5
