@@ -12,6 +12,7 @@ from contacts import pressed
 from gst.patches import read_patches
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
+from gstlib.io.stage import stage_of
 from gstlib.preprocess.mesh import grid_mesh
 from gstlib.preprocess.scans import prepare_patch
 from gstlib.surfaces.footprints import spline_of
@@ -44,6 +45,14 @@ def prepared(scan, size_mm):
             "outlier_fraction": 0.01,
         },
     )
+
+
+@pytest.mark.parametrize(
+    ("path", "stage_mm"), [(PLU, (-0.05216003, -6.04268)), (LEICA, (-58.20761, -0.121776))]
+)
+def test_a_plu_says_where_its_stage_stood(path, stage_mm):
+    """In µm: in mm, the stage of the second would have moved by 58 m."""
+    assert stage_of(read_scan(path)) == pytest.approx(stage_mm, rel=1e-6)
 
 
 @pytest.mark.parametrize(

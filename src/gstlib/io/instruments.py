@@ -4,6 +4,7 @@ It reads heights from where the header puts them, whatever stands behind: a byte
 before them shifts them all. Where a format says what follows its heights, that is checked here.
 """
 
+import functools
 import io
 import logging
 import math
@@ -19,8 +20,9 @@ import numpy as np
 
 from gstlib.errors import NOTE, InputError
 from gstlib.io.files import check_unpacked, check_unpacked_size
+from gstlib.io.stage import stage_attrs
 
-__all__ = ["RawMap", "plain_text", "read_instrument_file"]
+__all__ = ["RawMap", "instrument_endings", "plain_text", "read_instrument_file"]
 
 _log = logging.getLogger(__name__)
 
@@ -103,20 +105,27 @@ def plain_text(value: str) -> str:
     return " ".join(printable.split())[:_LONGEST_TEXT]
 
 
-def _format_of(path: Path) -> str:
-    """What SurfaceTopography calls the format of files of this ending."""
+@functools.cache
+def instrument_endings() -> dict[str, str]:
+    """What SurfaceTopography calls the format of files of each ending; empty without it."""
     try:  # here, for its import takes a second or two
         from SurfaceTopography.IO import readers
-    except ImportError as error:
-        problem = "cannot be read: SurfaceTopography, which reads its format, is not installed"
-        raise InputError(path, problem, "Install it: pip install 'gstlib[formats]'") from error
-
-    formats: dict[str, str] = {
+    except ImportError:
+        return {}
+    return {
         f".{ending}": reader.format()
         for reader in readers
         for ending in reader.file_extensions()
         if reader.format() not in _NOT_LEFT
     }
+
+
+def _format_of(path: Path) -> str:
+    """What SurfaceTopography calls the format of files of this ending."""
+    formats = instrument_endings()
+    if not formats:
+        problem = "cannot be read: SurfaceTopography, which reads its format, is not installed"
+        raise InputError(path, problem, "Install it: pip install 'gstlib[formats]'")
     if path.suffix.lower() not in formats:
         problem = f"cannot be read as a height map: the ending '{path.suffix}' is unknown"
         raise InputError(path, problem, _OWN_FORMAT)
@@ -146,7 +155,7 @@ def _first_map(path: Path, known_as: str) -> RawMap:
     length = None if unit is None else get_unit_conversion_factor(unit, "mm")
     if known_as == "mnt":
         _log.log(NOTE, _AS_MEASURED, path)
-    attrs = _instrument(topography.info)
+    attrs = _instrument(topography.info) | _stage(known_as, topography.info.get("raw_metadata"))
     if maps[1:]:
         attrs["layer"] = f"{channel.name}, the first of {len(maps)} height maps"
     return heights, spacing, length, attrs
@@ -169,6 +178,25 @@ def _instrument(info: Any) -> dict[str, str]:
         "acquired": info.get("acquisition_time"),
     }
     return {name: str(value) for name, value in known.items() if value is not None}
+
+
+def _stage(known_as: str, header: Any) -> dict[str, str]:
+    """Where the map's axes begin, in formats whose header has a place for it."""
+    from SurfaceTopography.Support.UnitConversion import get_unit_conversion_factor
+
+    if known_as == "x3p":
+        axes = header["Record1"]["Axes"]
+        x, y = (float(axes[axis].get("Offset") or 0) for axis in ("CX", "CY"))
+        return stage_attrs(x, y, 1e3)
+    if known_as == "os3d":
+        return stage_attrs(header["origin_x"], header["origin_y"], 1e-3)
+    if known_as == "sur":
+        units = header["x_unit"], header["y_unit"]
+        # steps in another unit: the header does not say which of the two its offsets are in
+        if units == (header["delta_x_unit"], header["delta_y_unit"]):
+            x, y = (get_unit_conversion_factor(unit, "mm") for unit in units)
+            return stage_attrs(x * header["x_offset"], y * header["y_offset"], 1.0)
+    return {}
 
 
 def _checked(path: Path) -> str | io.BytesIO:

@@ -24,7 +24,7 @@ from gstlib.io.files import check_size, check_unpacked
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["is_mesh", "ply_with", "read_mesh"]
+__all__ = ["UNITS", "is_closed", "is_mesh", "ply_with", "read_mesh", "units_of_size"]
 
 _log = logging.getLogger(__name__)
 
@@ -35,9 +35,11 @@ _NOT_READ = (".gltf", ".fbx", ".dae", ".wrl", ".x3d", ".usd", ".usdz", ".nxs", "
 _STATED = {"meters": "m", "meter": "m", "millimeters": "mm", "millimeter": "mm"}
 _STATED |= {"centimeter": "cm", "micron": "um", "inch": "in"}
 # Length of each unit in mm.
-_UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4}
+UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4}
 # Largest extent (mm) of a stone that a hand could grind with; outside it the unit is wrong.
 _SMALLEST_STONE, _LARGEST_STONE = 1.0, 1000.0
+# ASSUME: a stone of which only one unit makes a size (mm) within these is in that unit.
+_HAND_SIZED = 20.0, 300.0
 # A mesh whose area vectors cancel to this share is closed, except for pin-holes from the scanner.
 _CLOSED = 0.01
 # A stone is one part; each takes trimesh a quarter of a millisecond, whatever is in it.
@@ -89,8 +91,8 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     import trimesh
 
     path = Path(path)
-    if unit not in (None, *_UNITS):
-        raise InputError(path, f"unknown mesh unit {unit!r}", f"Use one of {list(_UNITS)}.")
+    if unit not in (None, *UNITS):
+        raise InputError(path, f"unknown mesh unit {unit!r}", f"Use one of {list(UNITS)}.")
     content = _read_content(path)
     announced = _announced_faces(path, content)
     vertices, faces, stated = _load(path, content)
@@ -98,7 +100,7 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     unit = _unit_to_read_in(path, unit, stated)
     _check_extent(path, float(np.ptp(vertices, axis=0).max()), unit)
     metadata = {"file_unit": unit, "states_unit": stated is not None}
-    mesh = trimesh.Trimesh(vertices * _UNITS[unit], faces, process=False, metadata=metadata)
+    mesh = trimesh.Trimesh(vertices * UNITS[unit], faces, process=False, metadata=metadata)
     mesh.merge_vertices()
     _refuse_zeros(path, vertices, faces, mesh)
     _turn_outwards(mesh)
@@ -114,7 +116,7 @@ def ply_with(mesh: "trimesh.Trimesh", scalars: Mapping[str, np.ndarray], *, unit
     import trimesh
 
     numbers: Any = {f"scalar_{name}": of.astype(np.float32) for name, of in scalars.items()}
-    vertices = np.asarray(mesh.vertices) / _UNITS[unit]
+    vertices = np.asarray(mesh.vertices) / UNITS[unit]
     whole = trimesh.Trimesh(vertices, mesh.faces, process=False, vertex_attributes=numbers)
     ply: Any = whole.export(file_type="ply", vertex_normal=False)
     return ply
@@ -189,12 +191,17 @@ def _unit_to_read_in(path: Path, given: str | None, stated: str | None) -> str:
 
 def _turn_outwards(mesh: "trimesh.Trimesh") -> None:
     """Turn the faces of a closed mesh that is inside out."""
-    areas = mesh.triangles_cross
-    closed = np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum()
     # measured from its middle, so pin-holes far from the origin matter little
-    if closed and ((mesh.triangles_center - mesh.bounds.mean(axis=0)) * areas).sum() < 0:
+    outwards = (mesh.triangles_center - mesh.bounds.mean(axis=0)) * mesh.triangles_cross
+    if is_closed(mesh) and outwards.sum() < 0:
         _log.log(NOTE, "the mesh is inside out (its volume is negative): its faces were turned")
         mesh.invert()
+
+
+def is_closed(mesh: "trimesh.Trimesh") -> bool:
+    """Whether a mesh has an underside, too, but for pin-holes."""
+    areas = mesh.triangles_cross
+    return bool(np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum())
 
 
 def _announced_faces(path: Path, content: bytes) -> int | None:
@@ -438,13 +445,27 @@ def _refuse_lost(path: Path, count: int, what: str) -> None:
 
 def _check_extent(path: Path, extent: float, unit: str) -> None:
     """Refuse a mesh whose largest extent (in `unit`) is not that of a stone."""
-    if _SMALLEST_STONE <= extent * _UNITS[unit] <= _LARGEST_STONE:
+    if _SMALLEST_STONE <= extent * UNITS[unit] <= _LARGEST_STONE:
         return
-    # Scanning software writes metres or millimetres: suggest them first.
-    fitting = [name for name in ("m", "mm", "um", "in") if 10 <= extent * _UNITS[name] <= 1000]
-    remedy = f"Scale the mesh to one of the units {list(_UNITS)} and set mesh_unit."
+    remedy = f"Scale the mesh to one of the units {list(UNITS)} and set mesh_unit."
+    fitting = {name: extent * UNITS[name] for name in units_of_size(extent)}
     if fitting:
-        remedy = f"It looks as if its unit were {fitting[0]}: set mesh_unit: {fitting[0]}."
+        sizes = " or ".join(f"mesh_unit: {name} ({mm:.3g} mm)" for name, mm in fitting.items())
+        remedy = f"It looks as if it were in another unit: set {sizes}."
     raise InputError(
         path, f"its largest extent is {extent:.4g} {unit}, which is no stone's size", remedy
     )
+
+
+def units_of_size(extent: float) -> list[str]:
+    """The units in which a largest extent is that of a stone as hands hold it.
+
+    If there is none, those in which it is that of any ground stone tool.
+
+    >>> [units_of_size(extent) for extent in (55.4, 0.0554, 8.0, 400.0)]
+    [['mm'], ['m'], ['cm', 'in'], ['mm']]
+    """
+    for low, high in (_HAND_SIZED, (10.0, _LARGEST_STONE)):
+        if fitting := [name for name, mm in UNITS.items() if low <= extent * mm <= high]:
+            return fitting
+    return []

@@ -14,6 +14,7 @@ import numpy as np
 
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
+from gstlib.io.stage import stage_attrs
 
 __all__ = ["PLU_UNMEASURED_UM", "read_plu", "write_plu"]
 
@@ -81,7 +82,7 @@ def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[s
         heights = np.frombuffer(content, "<f4", ny * nx, _HEADER).reshape(ny, nx).astype(float)
     heights[heights == PLU_UNMEASURED_UM] = np.nan
     _check_ends(path, heights, _ENDS.unpack_from(content, needed - _ENDS.size))
-    dx, dy = struct.unpack_from("<2f", content, 404)
+    dx, dy, x, y = struct.unpack_from("<4f", content, 404)
     (objective,) = struct.unpack_from("<I", content, 440)
     layers, version, instrument = content[489:492]
     attrs = {"vendor": "Sensofar", "objective": _OBJECTIVES.get(objective, f"no. {objective}")}
@@ -92,6 +93,8 @@ def read_plu(path: Path) -> tuple[np.ndarray, tuple[float, float], float, dict[s
     with contextlib.suppress(ValueError):
         date = str(datetime.strptime(date, "%a %b %d %H:%M:%S %Y"))
     attrs["acquired"] = date
+    # in µm: the two measured files then stand at 6 and 58 mm, within the travel of such a stage
+    attrs |= stage_attrs(x, y, 1e-3)
     if layers > 1:
         attrs["layer"] = f"layer0, the first of {layers} height maps"
     return heights, (dy, dx), 1e-3, attrs

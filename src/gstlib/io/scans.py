@@ -17,15 +17,20 @@ import xarray as xr
 
 from gstlib.errors import NOTE, InputError
 from gstlib.io.files import check_size
-from gstlib.io.instruments import RawMap, plain_text, read_instrument_file
+from gstlib.io.instruments import RawMap, instrument_endings, plain_text, read_instrument_file
 from gstlib.io.plu import read_plu
 from gstlib.io.text import SCAN_UNITS, read_matrix, read_points
 from gstlib.surfaces.grid import make_surface, spacing_of
 
-__all__ = ["cut_scan", "read_scan", "whole_scan"]
+__all__ = ["cut_scan", "is_scan", "read_scan", "whole_scan"]
 
 _log = logging.getLogger(__name__)
 
+_READERS: dict[str, Callable[[Path], RawMap]] = {
+    **dict.fromkeys((".plu", ".apx"), read_plu),
+    **dict.fromkeys((".csv", ".txt", ".asc"), read_matrix),
+    ".xyz": read_points,
+}
 # What any profilometer can have measured (mm); outside this range the unit is wrong.
 _LARGEST_FIELD, _LARGEST_RANGE = 50.0, 10.0
 _SMALLEST_SPACING, _LARGEST_SPACING = 1e-6, 0.5
@@ -88,12 +93,7 @@ def read_scan(
     if path.stat().st_size == 0:
         raise InputError(path, "the file is empty", "Copy it, or export it, again.")
     check_size(path)
-    readers: dict[str, Callable[[Path], RawMap]] = {
-        **dict.fromkeys((".plu", ".apx"), read_plu),
-        **dict.fromkeys((".csv", ".txt", ".asc"), read_matrix),
-        ".xyz": read_points,
-    }
-    read = readers.get(path.suffix.lower(), read_instrument_file)
+    read = _READERS.get(path.suffix.lower(), read_instrument_file)
     raw, steps, length, attrs = read(path)
     if length is None and unit is not None:
         length = SCAN_UNITS[unit]
@@ -119,6 +119,11 @@ def read_scan(
     return make_surface(heights, spacing, long_name="height as measured").assign_attrs(
         file=path.name, **attrs
     )
+
+
+def is_scan(path: str | Path) -> bool:
+    """Whether a file has the ending of a height map that `read_scan` reads."""
+    return Path(path).suffix.lower() in (*_READERS, *instrument_endings())
 
 
 def _not_stated(path: Path, *, unit: bool, spacing: bool) -> InputError:

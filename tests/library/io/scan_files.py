@@ -56,14 +56,14 @@ def write_plux(path, heights, spacing):
     path.write_bytes(zipped(plux_members([heights], spacing)))
 
 
-def write_x3p(path, heights, spacing, folder="", revision="ISO5436 - 2000"):
+def write_x3p(path, heights, spacing, folder="", revision="ISO5436 - 2000", stage_mm=(0, 0)):
     """Heights in m, NaN where unmeasured."""
     ny, nx = heights.shape
     axes = "".join(
         f"<C{axis}><AxisType>{kind}</AxisType><DataType>D</DataType>"
-        f"<Increment>{step!r}</Increment><Offset>0</Offset></C{axis}>"
-        for axis, kind, step in zip(
-            "XYZ", "IIA", (spacing[1] / 1e3, spacing[0] / 1e3, 1.0), strict=True
+        f"<Increment>{step!r}</Increment><Offset>{at / 1e3}</Offset></C{axis}>"
+        for axis, kind, step, at in zip(
+            "XYZ", "IIA", (spacing[1] / 1e3, spacing[0] / 1e3, 1.0), (*stage_mm, 0), strict=True
         )
     )
     index = (
@@ -88,7 +88,7 @@ def write_sdf(path, heights, spacing):
     path.write_bytes(header + values.astype("<f8").tobytes())
 
 
-def write_sur(path, heights, spacing, claim=None, kind=2, compressed=False):
+def write_sur(path, heights, spacing, claim=None, kind=2, compressed=False, stage_mm=(0, 0)):
     """Steps along x in mm, along y in µm; heights in nm, in steps of 1 pm."""
     ny, nx = heights.shape if claim is None else claim
     unit_nm = 1e-3
@@ -111,7 +111,7 @@ def write_sur(path, heights, spacing, claim=None, kind=2, compressed=False):
     header += struct.pack("<HHH12x7Hf", 1, 0, 0, 13, 40, 11, 19, 4, 2021, 1, 1.0)
     header += struct.pack("<I6x", len(content) if compressed else 0)
     comment = b"a comment"
-    header += struct.pack("<HH128s3f34x", len(comment), 0, b"", 0, 0, 0)
+    header += struct.pack("<HH128s3f34x", len(comment), 0, b"", stage_mm[0], stage_mm[1] * 1e3, 0)
     assert len(header) == 512
     path.write_bytes(header + comment + content)
 

@@ -159,9 +159,9 @@ def test_the_unit_that_a_3mf_states_holds(tmp_path, stated, unit, length):
 
 def test_a_wrong_unit_is_named(tmp_path):
     stone().apply_scale(1e-3).export(tmp_path / "metres.stl")
-    refused(tmp_path / "metres.stl", r"0\.04 mm.*set mesh_unit: m\.")
+    refused(tmp_path / "metres.stl", r"0\.04 mm.*set mesh_unit: m \(40 mm\)\.")
     stone().export(tmp_path / "mm.stl")
-    refused(tmp_path / "mm.stl", r"40 m, .*set mesh_unit: mm\.", unit="m")
+    refused(tmp_path / "mm.stl", r"40 m, .*set mesh_unit: mm \(40 mm\)\.", unit="m")
     refused(tmp_path / "mm.stl", "unknown mesh unit", unit="furlong")
 
 

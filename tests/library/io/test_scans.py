@@ -2,6 +2,7 @@
 
 import logging
 import math
+import struct
 import subprocess
 import sys
 
@@ -10,8 +11,9 @@ import pytest
 from gstlib.errors import InputError
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import cut_scan, read_scan
+from gstlib.io.stage import stage_of
 from gstlib.surfaces.grid import make_surface, spacing_of
-from scan_files import FORMATS, plux_members, refused, write_x3p, write_xyz, zipped
+from scan_files import FORMATS, plux_members, refused, write_sur, write_x3p, write_xyz, zipped
 
 DY, DX = 1.66e-3, 0.83e-3
 # what matrices do not say
@@ -258,6 +260,35 @@ def test_a_sur_states_micrometres_in_any_coding(tmp_path, heights, micro, name):
     scan = read_scan(path)
     np.testing.assert_allclose(scan.values, heights, atol=2e-9)
     assert spacing_of(scan) == pytest.approx((DY, DX), rel=1e-6)
+
+
+# --- The stage ----------------------------------------------------------------------------------
+
+
+def write_plu_at(path, heights, spacing, stage_mm):
+    """Bytes 412 to 420 of a measured `.plu` are its stage's x and y in µm."""
+    write_plu(path, heights, spacing)
+    content = bytearray(path.read_bytes())
+    struct.pack_into("<2f", content, 412, *(1e3 * at for at in stage_mm))
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize("write", [write_plu_at, write_x3p, write_sur])
+def test_where_the_stage_stood_is_read_in_mm(tmp_path, heights, write):
+    path = tmp_path / f"a.{write.__name__.split('_')[1]}"
+    write(path, heights, (DY, DX), stage_mm=(-58.2, 0.125))
+    assert stage_of(read_scan(path)) == pytest.approx((-58.2, 0.125), rel=1e-6)
+    write(path, heights, (DY, DX), stage_mm=(0, 0))  # as where it is not known
+    assert stage_of(read_scan(path)) is None
+
+
+def test_an_offset_in_one_of_two_units_is_no_place(tmp_path, heights):
+    write_sur(tmp_path / "a.sur", heights, (DY, DX), stage_mm=(2.0, 1.0))
+    content = (tmp_path / "a.sur").read_bytes()
+    # steps along x in mm, x itself in µm
+    other = content[:228] + b"\xb5m".ljust(16, b"\0") + content[244:]
+    (tmp_path / "a.sur").write_bytes(other)
+    assert stage_of(read_scan(tmp_path / "a.sur")) is None
 
 
 # --- Pieces of scans ----------------------------------------------------------------------------
