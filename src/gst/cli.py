@@ -7,6 +7,8 @@ Every command ends with one of these exit codes; `study`, once Snakemake runs, w
 - 2: it cannot be done (any `GstError` or `OSError`), was asked for wrongly, or was broken off
 """
 
+import os
+import shlex
 import sys
 from pathlib import Path
 
@@ -32,7 +34,22 @@ _SPACING = click.option(
     type=_POSITIVE,
     help="Point spacing (µm) of text files that do not state it.",
 )
-_CONFIG = click.argument("config", type=_PATH, default="config/config.yaml")
+
+
+def _in_its_folder(_context: click.Context, _parameter: click.Parameter, config: Path) -> Path:
+    """A config; of a folder that `gst new` made, or of its ``study.yaml``, from in there."""
+    folder = config if config.is_dir() else config.parent
+    if config not in (folder, folder / "study.yaml") or not (folder / "study.yaml").is_file():
+        return config
+    if folder.resolve() != Path.cwd():
+        click.echo(f"In {folder}:")
+        os.chdir(folder)
+    return Path("study.yaml")
+
+
+_CONFIG = click.argument(
+    "config", type=_PATH, default="config/config.yaml", callback=_in_its_folder
+)
 
 # What messages name by its key in the config is an option of `gst inspect`.
 _OF_INSPECT = {"scans.unit in the config": "--unit", "mesh_unit:": "--unit"}
@@ -65,20 +82,39 @@ def main() -> None:
 
 @main.command()
 @click.argument("folder", type=_PATH)
+@click.option("--mesh", type=_PATH, help="The mesh of the tool: the study is made from files.")
+@click.option(
+    "--scans", type=_PATH, multiple=True, help="A folder of scans, or a scan; may be repeated."
+)
 @click.option(
     "--like",
     type=click.Choice(gst.SHIPPED),
-    default="own",
-    help="The shipped config to start from, such as config (the synthetic specimen) or tiny (the "
-    "same in a minute).",
+    help="Instead, the shipped config to start from, such as config (the synthetic specimen) or "
+    "tiny (the same in a minute).",
 )
-def new(folder, like) -> None:
-    """Set up a study: a config, the tables that it names, and a description of every key."""
+def new(folder, mesh, scans, like) -> None:
+    """Set up a study in FOLDER, from a mesh and scans or like one that is shipped.
+
+    From files: what they tell is written into a config and a patch table, what they do not tell is
+    marked TODO there, and both are said.
+    """
+    if like and (mesh or scans):
+        raise click.UsageError("give --like, or --mesh and --scans, not both")
+    if scans and mesh is None:
+        raise click.UsageError("--scans needs the --mesh of the tool that was scanned")
+    if mesh is not None:
+        from gst.new_study import new_study
+
+        click.echo(new_study(folder, mesh, scans), nl=False)
+        return
     from gst.running import lay_out
 
+    like = like or "own"
     for copy in lay_out(folder, like):
         click.echo(copy)
-    click.echo(f"Fill them in, then: cd {folder}; gst check config/{like}.yaml")
+    click.echo(
+        f"Fill them in, then: cd {shlex.quote(str(folder))}; gst check config/{like}.yaml"
+    )
 
 
 @main.command()
@@ -136,14 +172,14 @@ def clean(config, intermediate) -> None:
 @_SPACING
 @click.option("--pictures", type=_PATH, help="A folder for a picture (PNG) of each file.")
 def inspect(files, unit, spacing_um, pictures) -> None:
-    """Show what scans and meshes contain: size, spacing, units, unmeasured share, Sq.
+    """Show what scans and meshes contain: size, spacing, units, unmeasured share, Sq, stage.
 
-    If a file cannot be read, the others are still shown.
+    Of a folder, the scans and meshes in it. If a file cannot be read, the others are still shown.
     """
-    from gst.inputs import inspect_file
+    from gst.inputs import files_in, inspect_file
 
     failed = False
-    for file in files:
+    for file in (file for given in files for file in files_in(given)):
         try:
             facts, content = inspect_file(file, unit=unit, spacing_um=spacing_um)
             if pictures is not None:

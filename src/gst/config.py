@@ -22,7 +22,8 @@ from gst.contradictions import contradictions, counterface_mesh, thinner_than_a_
 from gst.named_files import check_files
 from gst.patches import no_patches, read_patches
 from gst.poses import poses_of
-from gst.user_tables import read_rows
+from gst.todo import is_to_do, left_in
+from gst.user_tables import cells_to_do, read_rows
 from gstlib.errors import ConfigError
 from gstlib.io.files import check_size
 from gstlib.use.evidence import FEWEST_PATCHES
@@ -170,12 +171,20 @@ def refuse_study(config: Mapping, source: str) -> None:
 
 def config_problems(config: Mapping) -> list[str]:
     """Everything that is wrong with a whole config, one sentence each; empty if it can be used."""
-    if unusable := list(_unusable_numbers(config)):
+    if unusable := [*_unusable_numbers(config)] or [*_to_do(config)]:
         return unusable
     errors = sorted(_validator().iter_errors(config), key=_order)
     # the contradictions rely on correct types
     explained = list(dict.fromkeys(map(_explain, errors)))
     return explained or list(contradictions(config))
+
+
+def _to_do(config: Mapping) -> Iterator[str]:
+    """What `gst new` left to the user, in the config and its patch table."""
+    yield from left_in(config, _validator().schema)
+    table = config.get("patches")
+    if isinstance(table, str) and not is_to_do(table) and Path(table).is_file():
+        yield from cells_to_do(table, "patches")
 
 
 @functools.cache

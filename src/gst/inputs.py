@@ -21,8 +21,8 @@ from gst.patches import COUNTERFACE, REPEAT, ScanFile, at_epoch
 from gst.tables import columns_of
 from gstlib.contact import check_grid
 from gstlib.errors import ConfigError, FaultError, GstError, InputError, unaccepted
-from gstlib.io.meshes import is_mesh, read_mesh
-from gstlib.io.scans import read_scan
+from gstlib.io.meshes import UNITS, is_mesh, read_mesh
+from gstlib.io.scans import is_scan, read_scan
 from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
 from gstlib.macroscale.face import grid_macroscale, thin_stone
 from gstlib.preprocess.scans import check_unmeasured, cut_patch, mould_of
@@ -34,7 +34,7 @@ from gstlib.surfaces.leveling import remove_plane
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Asked", "Inputs", "check_inputs", "inspect_file"]
+__all__ = ["Asked", "Inputs", "check_inputs", "files_in", "inspect_file"]
 
 _log = logging.getLogger(__name__)
 
@@ -186,14 +186,37 @@ def _read_stone(
     try:
         if mesh is not None:
             stone = read_mesh(mesh, unit=asked.mesh_unit)
-            points_mm, size_mm = asked.face["points_mm"], asked.face["size_mm"]
-            frame = find_frame(points_mm, stone, size_mm=size_mm, source=str(mesh))
+            frame = _find_frame(stone, asked, source=str(mesh))
             _mind_other_bodies(stone, frame, asked, source=str(mesh))
             face = _gridded(stone, asked, source=str(mesh))
             return stone, frame, face, list(thin_stone(face.height, source=mesh))
     except GstError as error:
         return stone, frame, face, [error]
     return stone, frame, face, []
+
+
+def _find_frame(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> Frame:
+    """The frame of the square; where it is off the stone, the unit of the mesh may be wrong."""
+    points_mm, size_mm = asked.face["points_mm"], asked.face["size_mm"]
+    try:
+        return find_frame(points_mm, stone, size_mm=size_mm, source=source)
+    except ConfigError as error:
+        for unit, length_mm in UNITS.items():
+            other = stone.copy().apply_scale(length_mm / UNITS[asked.mesh_unit])
+            if _is_on(other, points_mm, size_mm):
+                problem = f"{error.problem}; with mesh_unit: {unit} it would be on the stone"
+                raise ConfigError(error.source, problem, error.remedy) from None
+        raise
+
+
+def _is_on(
+    stone: "trimesh.Trimesh", points_mm: Sequence[Sequence[float]], size_mm: float
+) -> bool:
+    try:
+        find_frame(points_mm, stone, size_mm=size_mm)
+    except ConfigError:
+        return False
+    return True
 
 
 class _Scans(NamedTuple):
@@ -410,6 +433,25 @@ def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[Gst
             "the contact of the whole square needs scans of one grid",
             "Scan all patches alike, or set reference_draws to null.",
         )
+
+
+def files_in(path: Path) -> list[Path]:
+    """The scans and meshes in a folder and those in it; a file itself.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    if not path.is_dir():
+        return [path]
+    there = sorted(file for file in path.rglob("[!.]*") if file.is_file())
+    found = [file for file in there if is_mesh(file) or is_scan(file)]
+    if not found:
+        raise InputError(
+            path, "has no file with the ending of a scan or a mesh", "Name another."
+        )
+    return found
 
 
 def inspect_file(

@@ -10,7 +10,7 @@ types and bounds, and what stands for an empty cell.
 import csv
 import math
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 from zipfile import BadZipFile
@@ -21,11 +21,12 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 
 from gst import ROOT
+from gst.todo import is_to_do, sentence
 from gstlib.errors import ConfigError
 from gstlib.io.files import LARGEST_TABLE, check_size
 from gstlib.io.text import decoded, separator_of
 
-__all__ = ["Problem", "UserTable", "read_rows", "rows_of"]
+__all__ = ["Problem", "UserTable", "cells_to_do", "read_rows", "rows_of"]
 
 # A square of 5 mm holds some forty patches side by side; a gesture has some hundred poses.
 _MOST_ROWS = 10_000
@@ -99,6 +100,35 @@ def read_rows(
         if any(cells[len(columns) :]):
             problems.append((line, f"{len(cells)} cells in {len(columns)} columns"))
     return UserTable(path, columns, rows_of(name, rows), problems)
+
+
+def cells_to_do(path: str | Path, name: str) -> Iterator[str]:
+    """A sentence for the cells of a table that are still to be filled in, by column."""
+    try:
+        header, _, lines = _read_lines(Path(path))
+    except ConfigError:  # which is said where the table is read
+        return
+    found: dict[tuple[str, tuple[int, ...]], list[str]] = {}
+    for n, column in enumerate(header):
+        left = {line: cells[n] for line, cells in lines if is_to_do("".join(cells[n : n + 1]))}
+        if left:  # the first value stands for all
+            found.setdefault((next(iter(left.values())), tuple(left)), []).append(column)
+    known = _schema(name)["properties"]
+    for (value, numbers), columns in found.items():
+        where = f"line{'s' * (len(numbers) > 1)} {_listed(numbers)}"
+        meaning = " ".join(known.get(column, {}).get("description", "") for column in columns)
+        yield sentence(f"{path}, {' and '.join(columns)} in {where},", value, meaning)
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    """Line numbers, of which many are shortened.
+
+    >>> _listed([2, 3, 4]), _listed([2, 4])
+    ('2 to 4', '2, 4')
+    """
+    if len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1:
+        return f"{numbers[0]} to {numbers[-1]}"
+    return ", ".join(map(str, numbers))
 
 
 def rows_of(name: str, rows: Mapping[int, Mapping[str, Any]]) -> pd.DataFrame:

@@ -63,6 +63,27 @@ def problems_of(folder, uses, mesh="stone.stl", **settings):
     return list(map(str, check_inputs(path, uses, Asked(**SETTINGS | settings)).problems))
 
 
+def test_a_square_off_the_stone_may_be_a_wrong_unit(folder):
+    """A mesh in mm that is read in cm: the points, in mm, are off it."""
+    (said, *_) = problems_of(folder, [], mesh_unit="cm")
+    assert "with mesh_unit: mm it would be on the stone" in said
+    far = [[300.0, 3.0, 4.9], [304.0, 3.0, 4.9], [300.0, 7.0, 4.9]]
+    (said, *_) = problems_of(folder, [], face=SETTINGS["face"] | {"points_mm": far})
+    assert "mesh_unit" not in said
+
+
+def test_a_folder_is_inspected_by_its_scans_and_meshes(folder):
+    (folder / "notes.pdf").write_bytes(b"-")
+    result = CliRunner().invoke(main, ["inspect", str(folder)])
+    assert result.exit_code == 0
+    assert all(name in result.output for name in ("stone.stl", "1_T0.plu", "2_T1.plu"))
+    assert "notes" not in result.output
+    (folder / "empty").mkdir()
+    result = CliRunner().invoke(main, ["inspect", str(folder / "empty")])
+    assert result.exit_code == 2
+    assert "no file with the ending" in result.stderr
+
+
 def test_good_files_are_described(folder):
     found = check_inputs(folder / "stone.stl", scans(folder), Asked(**SETTINGS))
     assert found.problems == []

@@ -5,11 +5,13 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pandas as pd
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from gstlib.change.change import wear_summary
 from gstlib.errors import FaultError
 
-__all__ = ["exchanged_epochs", "registration_table", "rise_warnings", "select_patches"]
+__all__ = ["exchanged_epochs", "is_more", "registration_table", "rise_warnings"]
+__all__ += ["select_patches"]
 
 # Of each patch, in the order of the table, before it is said whether that excludes the patch.
 _REGISTRATION = ["patch", "found", "shift_x_um", "shift_y_um", "rotation_deg", "overlap"]
@@ -95,12 +97,16 @@ def rise_warnings(registration: pd.DataFrame, *, max_noise_fraction: float) -> I
         )
 
 
+def is_more(one: ArrayLike, other: ArrayLike) -> np.ndarray:
+    """Whether a share of a patch, as that which rose, is clearly more than another, which fell."""
+    other = np.asarray(other)
+    return np.asarray(one) > np.maximum(_GAIN_OVER_LOSS * other, other + _GAIN_LESS_LOSS)
+
+
 def _rose(registration: pd.DataFrame) -> pd.Series:
     """Which patches gained height on more of their area than they lost it on."""
-    loss, gain = registration.loss_fraction, registration.gain_fraction
-    return registration.found.astype(bool) & (
-        gain > np.maximum(_GAIN_OVER_LOSS * loss, loss + _GAIN_LESS_LOSS)
-    )
+    more = is_more(registration.gain_fraction, registration.loss_fraction)
+    return registration.found.astype(bool) & more
 
 
 def _named(rows: pd.DataFrame) -> str:

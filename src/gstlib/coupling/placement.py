@@ -20,8 +20,8 @@ import xarray as xr
 from gstlib.errors import FaultError, raise_unless_accepted
 from gstlib.surfaces.footprints import moved, on_patch, places_of, spline_of
 
-__all__ = ["AGREES", "ALL", "CANNOT_TELL", "ELSEWHERE", "FAULT", "SHIFTED"]
-__all__ += ["WAVE_PER_EDGE", "place_patches", "shows_waves"]
+__all__ = ["AGREES", "ALL", "CANNOT_TELL", "ELSEWHERE", "FAULT", "ORIENTATIONS", "SHIFTED"]
+__all__ += ["WAVE_PER_EDGE", "oriented", "place_patches", "shows_waves"]
 
 _log = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ _SHIFT = ["shift_x_um", "shift_y_um", "shift_x_error_um", "shift_y_error_um"]
 # ASSUME: a scan that was laid wrongly is reversed, turned by quarter turns, or both, or has its
 # heights inverted, too. Each look: whether it is reversed along x first, and then by how much it is
 # turned, from x towards y (degrees).
-_LAID = {
+ORIENTATIONS = {
     "as given": (False, 0),
     "reversed along x": (True, 0),
     "reversed along y": (True, 180),
@@ -45,8 +45,8 @@ _LAID = {
     "reversed along x and turned by 90°": (True, 90),
     "reversed along y and turned by 90°": (True, -90),
 }
-_AS_GIVEN, *_OTHERS = _LAID
-_LOOKS = [*_LAID, "inverted", *(f"inverted and {name}" for name in _OTHERS)]
+_AS_GIVEN, *_OTHERS = ORIENTATIONS
+_LOOKS = [*ORIENTATIONS, "inverted", *(f"inverted and {name}" for name in _OTHERS)]
 # Patch tables as they are mistaken: each gives (x, y) on a square of side 1 from the stated ones.
 _TABLES = {
     "x_mm and y_mm exchanged": lambda x, y: (y, x),
@@ -326,11 +326,13 @@ def _laid(height: xr.DataArray) -> list[np.ndarray]:
     from skimage.transform import resize_local_mean
 
     coarse = resize_local_mean(height.values, 2 * (_POINTS,))
-    laid = []
-    for reversed_x, turn in _LAID.values():
-        seen = coarse[:, ::-1] if reversed_x else coarse
-        laid.append(np.rot90(seen, -turn // 90))
-    return laid
+    return [oriented(coarse, name) for name in ORIENTATIONS]
+
+
+def oriented(heights: np.ndarray, name: str) -> np.ndarray:
+    """Heights (ny, nx) laid in one of the `ORIENTATIONS`."""
+    reversed_x, turn = ORIENTATIONS[name]
+    return np.rot90(heights[:, ::-1] if reversed_x else heights, -turn // 90)
 
 
 def _flat(heights: np.ndarray) -> np.ndarray:
@@ -444,7 +446,7 @@ def _remedy(orientation: str, mould: _Mould, *, in_rows: bool = False) -> str:
         inverted = f"scans.mould.invert to {str(not mould.invert).lower()}"
         parts.append("the heights in their files to negative ones" if in_rows else inverted)
     laid = orientation.removeprefix("inverted").removeprefix(" and ")
-    reversed_x, turn = _LAID[laid or _AS_GIVEN]
+    reversed_x, turn = ORIENTATIONS[laid or _AS_GIVEN]
     # to reverse along y is to reverse along x and turn by 180°
     turn += 180 * (mould.flip == "y")
     if reversed_x == (mould.flip is not None):

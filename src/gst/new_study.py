@@ -1,0 +1,365 @@
+"""A study from a mesh and a folder of scans: `gst new FOLDER --mesh M --scans S`.
+
+It writes ``study.yaml`` and ``patches.csv``, and says what was inferred and from what. What the
+files do not tell is marked `TODO`, and `gst check` refuses it.
+"""
+
+import math
+import os
+import shlex
+import textwrap
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from gst import ROOT
+from gst.config import complete
+from gst.edited import with_values
+from gst.scan_folder import Pairs, Scan, find_scans, pair_scans, read_scans
+from gst.todo import TODO, is_to_do, left_in
+from gstlib.errors import InputError
+from gstlib.io.files import write_whole
+from gstlib.io.meshes import UNITS, is_closed, read_mesh, units_of_size
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["new_study"]
+
+_OK, _DOUBT, _TO_DO = "ok", "look", "to do"
+# Columns of the listing.
+_TOPIC, _WIDEST = 10, 90
+# Rows, and files left out, that are named.
+_SHOWN = 12
+# Radius (mm) around the stone's middle in which its thickness is taken.
+_AROUND = 2.5
+# Sides of a patch that differ by less are equal: as `gstlib.io.scans.cut_scan` has it.
+_SAME_SIZE = 0.01
+# ASSUME: two scans of different places have at most so much of their sides in common; stages that
+# say more were not read, or the stone was moved between the scans.
+_LEAST_APART = 0.5
+# How the load point scatters where the study proposes places to scan, as in config/mesh_only.yaml.
+_GESTURE = {"load_point_scatter_mm": 1.0, "poses": 60}
+_HEAD = """\
+# Made by `gst new` from the files that it names. A value that begins with TODO is yours to give:
+# `gst check` lists what is left. Paths are relative to this folder. Keys not given here have their
+# defaults; docs/how-to/your-own-tool.md has the steps.
+"""
+
+
+class _Said(NamedTuple):
+    """A line of what was found."""
+
+    topic: str
+    text: str
+    state: str = ""
+
+
+class _Stone(NamedTuple):
+    """What the mesh says."""
+
+    mesh: "trimesh.Trimesh"
+    unit: str  # or `TODO`
+    said: _Said
+
+
+def new_study(folder: Path, mesh: Path, scans: Sequence[Path]) -> str:
+    """Write a study into a folder; what was inferred, from what, and what is to be done.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or the folder has a study.
+    """
+    config_path, table_path = folder / "study.yaml", folder / "patches.csv"
+    if there := [path for path in (config_path, table_path) if path.exists()]:
+        raise InputError(there[0], "exists already", "Name another folder, or remove it.")
+    stone, table = _read_stone(mesh), ""
+    said = [stone.said]
+    values: dict[str, Any] = {
+        "results": "results",
+        "title": folder.resolve().name,
+        "inputs.mesh": _relative(mesh, folder),
+        "inputs.mesh_unit": stone.unit,
+        "square.points_mm": TODO,
+    }
+    if scans:
+        of_scans, table, more = _from_scans(folder, scans)
+        said += of_scans
+        values |= {"patches": table_path.name} | more
+    else:
+        values |= {"patches": None, "inputs.scan_folder": None, "gesture": _GESTURE}
+        text = "none: the study proposes where to scan, for a load point that scatters by 1 mm"
+        said.append(_Said("Scans", text, _DOUBT))
+    values["macroscale.face_mm"], of_face = _face(stone, values.get("square.size_mm", 5.0))
+    text = _template(values, [each for each in said if each.state == _TO_DO])
+    said += [of_face, _of_use(text)]
+    if table:
+        write_whole(table_path, table.encode())
+    write_whole(config_path, text.encode())
+    return _listing(said) + _what_next(folder, mesh, values, table, text)
+
+
+def _listing(said: Sequence[_Said]) -> str:
+    """What was found, a line each, with its state at the end."""
+    wide = min(_WIDEST, max(len(each.text) for each in said))
+    lines = [f"  {each.topic:<{_TOPIC}}{each.text:<{wide}}  {each.state}" for each in said]
+    return "".join(f"{line.rstrip()}\n" for line in lines)
+
+
+def _relative(path: Path, folder: Path) -> str:
+    """A path from the folder of the study, absolute where there is no way between them."""
+    try:
+        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    except ValueError:  # another drive
+        return path.resolve().as_posix()
+
+
+def _read_stone(path: Path) -> _Stone:
+    """The mesh in mm, and in which unit it is: the file's own, or the one that makes a stone."""
+    try:
+        mesh = read_mesh(path)
+    except InputError:  # a unit that is not stated, and not mm
+        for unit in UNITS:
+            try:
+                mesh = read_mesh(path, unit=unit)
+                break
+            except InputError:
+                continue
+        else:
+            raise
+    file_unit = mesh.metadata["file_unit"]
+    sides = mesh.extents / UNITS[file_unit]
+    shown = " × ".join(f"{side:.4g}" for side in sides)
+    if mesh.metadata["states_unit"]:
+        text = f"{shown} {file_unit}, as the file states"
+        return _Stone(mesh, file_unit, _Said("Mesh", text, _OK))
+    fitting = units_of_size(float(max(sides)))
+    if len(fitting) == 1:
+        (unit,) = fitting
+        mesh.apply_scale(UNITS[unit] / UNITS[file_unit])
+        text = f"{shown} → {unit} (only {unit} makes a hand-sized stone)"
+        return _Stone(mesh, unit, _Said("Mesh", text, _OK))
+    sizes = " or ".join(f"{max(sides) * UNITS[unit]:.3g} mm ({unit})" for unit in fitting)
+    text = f"{shown}, its unit not stated: is the stone {sizes} long?"
+    return _Stone(mesh, TODO, _Said("Mesh", text, _TO_DO))
+
+
+def _face(stone: _Stone, size_mm: float) -> tuple[float, _Said]:
+    """The side of the face: the default, unless the stone is thinner through its middle."""
+    usual: float = complete({})["macroscale"]["face_mm"]
+    usual = max(usual, size_mm)
+    if stone.unit == TODO or not is_closed(stone.mesh):
+        why = "its unit is not known" if stone.unit == TODO else "the mesh has no underside"
+        return usual, _Said(
+            "Face", f"{usual:g} mm, the default: {why}, so no thickness", _DOUBT
+        )
+    points = np.asarray(stone.mesh.vertices) - stone.mesh.triangles_center.mean(axis=0)
+    along = points @ np.linalg.eigh(np.cov(points, rowvar=False))[1]
+    middle = np.hypot(along[:, 1], along[:, 2]) < _AROUND
+    thickness = float(np.ptp(along[middle, 0])) if middle.sum() > 1 else math.nan
+    through = f"the stone is {thickness:.3g} mm thick through its middle"
+    if not thickness < usual:
+        return usual, _Said("Face", f"{usual:g} mm, the default: {through}", _OK)
+    face_mm = max(size_mm, math.floor(thickness))
+    state = _OK if face_mm <= thickness else _DOUBT
+    return face_mm, _Said("Face", f"{face_mm:g} mm, no more than {through}", state)
+
+
+def _from_scans(folder: Path, given: Sequence[Path]) -> tuple[list[_Said], str, dict[str, Any]]:
+    """What the scans say, the patch table, and values of the config."""
+    root, paths, others = find_scans(given)
+    scans, faults = read_scans(root, paths)
+    if not scans:
+        raise InputError(root, f"no scan in it can be read: {faults[0]}", "Export them again.")
+    pairs = pair_scans(scans)
+    by_name = {scan.name: scan for scan in scans if scan not in pairs.overviews}
+    first = [by_name.get(row.t0) for row in pairs.rows]
+    there = [scan for scan in first if scan is not None]
+    units = _units([*by_name.values()])
+    sizes, is_cut, of_sizes = _sizes(there or [*by_name.values()], units)
+    size_mm, units = sizes["scans.size_mm"], units | sizes
+    said = [_of_files([*by_name.values()], units), *of_sizes, *_of_pairs(pairs)]
+    places, square_mm, where = _where(first, size_mm, is_mould=pairs.invert is True)
+    values = units | {
+        "inputs.scan_folder": _relative(root, folder),
+        "square.size_mm": square_mm,
+        "scans.mould.invert": pairs.invert,
+        "scans.mould.flip": "x" if pairs.invert is True else None,
+    }
+    state = _TO_DO if is_to_do(pairs.invert) else _OK
+    said += [_Said("Mould", pairs.mould, state), where]
+    said += [_Said("Not read", fault.removeprefix(f"{root}/"), _DOUBT) for fault in faults]
+    left = [*pairs.left, *(path.relative_to(root).as_posix() for path in others)]
+    if left:
+        named = ", ".join(left[:_SHOWN]) + f", … ({len(left)} files)" * (len(left) > _SHOWN)
+        said.append(_Said("Left out", named))
+    return said, _table(pairs, places, is_cut=is_cut), values
+
+
+def _units(scans: Sequence[Scan]) -> dict[str, Any]:
+    """The unit of files that do not state it, and the spacing where nothing tells it."""
+    given = {scan.unit for scan in scans} - {None}
+    if TODO in given or len(given) > 1:
+        return {"scans.unit": TODO, "scans.spacing_um": TODO}
+    return {"scans.unit": given.pop() if given else None}
+
+
+def _of_files(scans: Sequence[Scan], units: dict[str, Any]) -> _Said:
+    """How many scans there are, how large, and in which unit."""
+    unit, count = units["scans.unit"], f"{len(scans)} files"
+    if unit == TODO:
+        text = f"{count}, of which some state neither unit nor spacing: which are they?"
+        return _Said("Scans", text, _TO_DO)
+    sizes = {f"{width:.3g} × {height:.3g}" for height, width in (s.size_mm for s in scans)}
+    steps = {f"{1e3 * scan.spacing_mm[1]:.3g}" for scan in scans}
+    stated = "unit stated" if unit is None else f"{unit} (only {unit} makes such a field)"
+    text = f"{' and '.join(sorted(sizes))} mm, every {' and '.join(sorted(steps))} µm, {stated}"
+    return _Said("Scans", f"{count}, {text}", _OK)
+
+
+def _sizes(
+    scans: Sequence[Scan], units: dict[str, Any]
+) -> tuple[dict[str, Any], bool, list[_Said]]:
+    """The side of the patches, and whether they are cut from the scans before use."""
+    if units["scans.unit"] == TODO:  # of points without a spacing, nothing tells it
+        return {"scans.size_mm": TODO}, False, []
+    sides = [side for scan in scans for side in scan.size_mm]
+    shorter = [min(scan.size_mm) for scan in scans]
+    if max(sides) - min(sides) <= _SAME_SIZE * min(sides):
+        return {"scans.size_mm": float(f"{np.mean(sides):.3g}")}, False, []
+    size_mm = math.floor(1e3 * min(sides)) / 1e3
+    if max(shorter) - min(shorter) <= _SAME_SIZE * min(shorter):
+        text = (
+            f"they are not square: the middle {size_mm:g} mm of each one before use are taken"
+        )
+        return {"scans.size_mm": size_mm}, True, [_Said("", text, _DOUBT)]
+    text = f"they are of several sizes: is {size_mm:g} mm the side of all patches?"
+    return {"scans.size_mm": f"{TODO} {size_mm:g}"}, True, [_Said("", text, _TO_DO)]
+
+
+def _of_pairs(pairs: Pairs) -> Iterator[_Said]:
+    """Which scans belong together and why, and what is asked."""
+    shown = [(row.patch, row.t0, row.t1, row.repeat) for row in pairs.rows]
+    wide = [max(map(len, column)) for column in zip(*shown, strict=True)]
+    for row, evidence in list(zip(shown, pairs.evidence, strict=True))[:_SHOWN]:
+        cells = [f"{cell:<{width}}" for cell, width in zip(row, wide, strict=True) if width]
+        state = _TO_DO if TODO in "".join(row) else _DOUBT if ";" in evidence else _OK
+        yield _Said("", "  ".join([*cells, evidence]), state)
+    if len(shown) > _SHOWN:
+        yield _Said("", f"… and {len(shown) - _SHOWN} more")
+    twice = sum(bool(row.repeat) for row in pairs.rows)
+    after = sum(row.t1 not in ("", TODO) for row in pairs.rows)
+    text = f"{len(shown)} places, {after} with a scan after use, {twice} scanned twice"
+    yield _Said("", f"{text}; {pairs.earlier}" if pairs.earlier else text, _OK)
+    for question in pairs.questions:
+        yield _Said("", question, _TO_DO)
+    for overview in pairs.overviews:
+        height, width = overview.size_mm
+        text = f"{overview.name}, {width:.3g} × {height:.3g} mm, is a map of several places"
+        yield _Said("Overview", text, _DOUBT)
+
+
+def _where(
+    scans: Sequence[Scan | None], size_mm: float | str, *, is_mould: bool
+) -> tuple[list[tuple[float, float]] | None, float, _Said]:
+    """Centres (x, y) on the square, mm, its side, and what tells them: the stage, or nothing."""
+    square_mm: float = complete({})["square"]["size_mm"]
+    there = [scan for scan in scans if scan is not None and scan.stage_mm is not None]
+    if not there or isinstance(size_mm, str):
+        text = "no stage coordinates in the files: x_mm and y_mm are yours to give"
+        return None, square_mm, _Said("Where", text, _TO_DO)
+    stages, sizes = (
+        np.array([getattr(s, of) for s in there]) for of in ("stage_mm", "size_mm")
+    )
+    steps = [abs(one - other).max() for one, other in combinations(stages, 2)]
+    doubt = ""
+    if len(there) < len(scans):
+        doubt = "not in all files"
+    elif min(steps, default=size_mm) < _LEAST_APART * size_mm:
+        doubt = "the same for different places"
+    elif (np.ptp(sizes, axis=0) > _SAME_SIZE * sizes.min()).any():
+        doubt = "of maps of different sizes, and of their corners or their centres"
+    if doubt:
+        text = f"stage coordinates are {doubt}: x_mm and y_mm are yours to give"
+        return None, square_mm, _Said("Where", text, _TO_DO)
+    at = stages * ((-1, 1) if is_mould else (1, 1))  # a mould is seen from behind
+    steps = [abs(one - other).max() for one, other in combinations(at, 2)]
+    if len(stages) < len(scans) or min(steps, default=size_mm) < _LEAST_APART * size_mm:
+        text = "stage coordinates that put different places on each other, or not in all files"
+        return None, square_mm, _Said("Where", text, _TO_DO)
+    middle = (at.min(axis=0) + at.max(axis=0)) / 2
+    span = float(np.ptp(at, axis=0).max()) + size_mm
+    # in halves of a millimetre
+    square_mm = max(square_mm, math.ceil(2 * span) / 2)
+    places = [(float(x), float(y)) for x, y in np.round(at - middle + square_mm / 2, 4)]
+    mirrored = ", mirrored in x as moulds are" * is_mould
+    text = f"by the stage, over {span:.3g} mm{mirrored}; which way its axes run, no file says"
+    return places, square_mm, _Said("Where", text, _DOUBT)
+
+
+def _table(pairs: Pairs, places: Sequence[tuple[float, float]] | None, *, is_cut: bool) -> str:
+    """The patch table. Semicolons leave room for decimal commas."""
+    columns = ["patch", "x_mm", "y_mm", "t0", "t1"]
+    columns += ["repeat"] * any(row.repeat for row in pairs.rows)
+    columns += ["crop_x_mm", "crop_y_mm"] * is_cut
+    lines = []
+    for number, row in enumerate(pairs.rows):
+        x, y = (TODO, TODO) if places is None else places[number]
+        cells = {"patch": row.patch, "x_mm": x, "y_mm": y, "crop_x_mm": 0, "crop_y_mm": 0}
+        cells |= {name: _cell(getattr(row, name)) for name in ("t0", "t1", "repeat")}
+        lines.append({column: cells[column] for column in columns})
+    return pd.DataFrame(lines, columns=columns).to_csv(
+        sep=";", index=False, lineterminator="\n"
+    )
+
+
+def _cell(name: str) -> str:
+    """A scan's name that the table does not take for a formula or an option."""
+    return f"./{name}" if name[:1] in tuple("~=+@-") else name
+
+
+def _template(values: dict[str, Any], asked: Sequence[_Said]) -> str:
+    """The shipped config for an own stone, with these values, and what is asked above."""
+    own = (ROOT / "config/own.yaml").read_text(encoding="utf-8")
+    head = own.index("\nresults:")
+    body = own[head:].replace(".venv/bin/gst", "gst").replace("data/own/mesh.stl", "MESH")
+    lines = textwrap.TextWrapper(98, initial_indent="# - ", subsequent_indent="#   ")
+    left = "".join(f"{lines.fill(each.text)}\n" for each in asked)
+    return _HEAD + left + with_values(body, values)
+
+
+def _of_use(text: str) -> _Said:
+    """What no file tells and has a default."""
+    config = complete(yaml.safe_load(text))
+    said = f"{config['load']['force_N']:g} N against a stone of "
+    said += f"{config['counterface']['radius_mm']:g} mm radius: the paper's; give yours"
+    return _Said("Use", said, _DOUBT)
+
+
+def _what_next(folder: Path, mesh: Path, values: dict[str, Any], table: str, text: str) -> str:
+    """Which files were written, what is left in them, and the next commands."""
+    left, cells = len([*left_in(yaml.safe_load(text), {})]), table.count(TODO)
+    written = f"  wrote {folder / 'study.yaml'} ({left} {TODO})"
+    written += f" and {folder / 'patches.csv'} ({cells} {TODO})" * bool(table)
+    pick = ["gst", "pick", str(mesh)]
+    options = {"--unit": "inputs.mesh_unit", "--size": "square.size_mm"}
+    options |= {"--patch-size": "scans.size_mm"}
+    for option, key in options.items():
+        if key in values and not is_to_do(values[key]):
+            pick += [option, f"{values[key]}"]
+    if table and not cells:
+        pick += ["--patches", str(folder / "patches.csv")]
+    check = shlex.join(["gst", "check", str(folder)])
+    return (
+        f"{written}\n\nNext:\n"
+        f"  {shlex.join(pick)}\n"
+        "  (a page on which you lay the square on the stone; copy its square.points_mm)\n"
+        f"  write that, and all else that is {TODO}, into these files; then\n"
+        f"  {check}\n"
+    )

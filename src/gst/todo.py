@@ -1,0 +1,36 @@
+"""What `gst new` could not tell from the files: values that begin with `TODO`.
+
+A likely value may follow the word; whoever deletes the word confirms it. Nothing runs while one is
+left.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+__all__ = ["TODO", "is_to_do", "left_in", "sentence"]
+
+TODO = "TODO"
+
+
+def is_to_do(value: Any) -> bool:
+    """Whether a value is still to be given or confirmed."""
+    return isinstance(value, str) and value.startswith(TODO)
+
+
+def left_in(config: Any, rule: Mapping, key: str = "") -> Iterator[str]:
+    """A sentence for each value that is left in a config; `rule` is the schema's."""
+    if isinstance(config, Mapping):
+        for name, value in config.items():
+            of = rule.get("properties", {}).get(name, {})
+            yield from left_in(value, of, f"{key}.{name}" if key else str(name))
+    elif is_to_do(config):
+        yield sentence(f"'{key}'", config, rule.get("description", ""))
+
+
+def sentence(what: str, value: str, description: str) -> str:
+    """What is to be done with a value, and what it means."""
+    likely = value.removeprefix(TODO).strip()
+    said = f"{what} is still {TODO}: fill it in"
+    if likely:
+        said = f"{what} is still '{value}': delete the word {TODO} if {likely} is right"
+    return f"{said} [{description}]" if description else said

@@ -1,0 +1,249 @@
+"""`gst new FOLDER --mesh M --scans S`: what files tell is written, and the rest is asked."""
+
+import struct
+
+import numpy as np
+import pytest
+import trimesh
+import yaml
+from click.testing import CliRunner
+from gst.cli import main
+from gst.config import complete, config_problems, read_config
+from gstlib.io.plu import write_plu
+from scipy.ndimage import gaussian_filter
+
+SPACING = 0.0133  # mm
+POINTS = 64
+
+
+def run(*arguments, code=0):
+    result = CliRunner().invoke(main, list(map(str, arguments)))
+    assert result.exit_code == code, result.output
+    return result.output
+
+
+def ground(seed):
+    """A rough surface, mm."""
+    return 0.02 * gaussian_filter(np.random.default_rng(seed).normal(size=(POINTS, POINTS)), 1.5)
+
+
+def used(surface, seed):
+    """The same with its summits lost, and the noise of another scan."""
+    noise = 2e-5 * np.random.default_rng(seed).normal(size=surface.shape)
+    return np.minimum(surface, np.quantile(surface, 0.9)) + noise
+
+
+def write_scan(path, heights, stage_mm=(0.0, 0.0), date=None):
+    write_plu(path, heights, SPACING)
+    content = bytearray(path.read_bytes())
+    struct.pack_into("<2f", content, 412, *(1e3 * at for at in stage_mm))
+    if date:
+        content[:24] = date.encode()
+    path.write_bytes(content)
+
+
+def write_stone(path, longest=60.0):
+    box = trimesh.creation.box(extents=(longest, 0.8 * longest, 0.2 * longest))
+    for _ in range(5):
+        box = box.subdivide()
+    box.export(path)
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch):
+    """A folder with a mesh and an empty one for scans, in which commands run."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scans").mkdir()
+    write_stone(tmp_path / "stone.stl")
+    return tmp_path
+
+
+def write_pairs(lab, name, sign=1, **options):
+    """Three places before and after use, named by a function of place and epoch."""
+    for place in range(3):
+        before = ground(place)
+        for epoch, heights in enumerate((before, used(before, 10 + place))):
+            path = lab / "scans" / name(place, epoch)
+            write_scan(path, sign * heights, **{k: of(place, epoch) for k, of in options.items()})
+
+
+def new(lab):
+    said = run("new", "study", "--mesh", "stone.stl", "--scans", "scans")
+    config = yaml.safe_load((lab / "study/study.yaml").read_text())
+    table = (lab / "study/patches.csv").read_text().splitlines()
+    header, *rows = (line.split(";") for line in table)
+    return said, config, [dict(zip(header, row, strict=True)) for row in rows]
+
+
+def by_word(place, epoch):
+    return f"Stone_loc{place}_{('before', 'after')[epoch]}.plu"
+
+
+def scans_of(rows):
+    return [(row["patch"], row["t0"], row["t1"]) for row in rows]
+
+
+def test_what_files_tell_is_written_and_the_rest_is_asked(lab, monkeypatch):
+    write_pairs(lab, by_word)
+    (lab / "scans/notes.pdf").write_bytes(b"-")
+    said, config, rows = new(lab)
+    expected = [(f"loc{n}", by_word(n, 0), by_word(n, 1)) for n in range(3)]
+    assert scans_of(rows) == expected
+    assert config["inputs"] == {
+        "mesh": "../stone.stl",
+        "mesh_unit": "mm",
+        "scan_folder": "../scans",
+    }
+    assert config["scans"]["size_mm"] == pytest.approx(POINTS * SPACING, rel=5e-3)
+    assert config["scans"]["mould"]["invert"] is False  # heights fell
+    assert config["macroscale"]["face_mm"] == 12  # the stone is as thick as that
+    assert "3 of 3 lost height" in said
+    assert "notes.pdf" in said
+    # refused by its keys, from here or there, before any file is read
+    (lab / "stone.stl").unlink()
+    for where in ("study", "study/study.yaml"):
+        refused = run("check", where, code=2)
+        assert "square.points_mm" in refused
+        assert "x_mm and y_mm in lines 2 to 4" in refused
+        monkeypatch.chdir(lab)
+
+
+def test_a_filled_in_study_has_no_problem(lab, monkeypatch):
+    write_pairs(lab, by_word)
+    new(lab)
+    text = (lab / "study/study.yaml").read_text()
+    assert "# of the stone that it was used against" in text  # comments are there
+    corners = "[[2.5, -2.5, 6], [7.5, -2.5, 6], [2.5, 2.5, 6]]"
+    (lab / "study/study.yaml").write_text(text.replace("points_mm: TODO", f"points_mm: {corners}"))
+    table = (lab / "study/patches.csv").read_text().replace("TODO", "2,5")
+    (lab / "study/patches.csv").write_text(table)
+    monkeypatch.chdir(lab / "study")
+    assert config_problems(read_config("study.yaml")) == []
+
+
+def test_serial_numbers_are_paired_by_heights(lab):
+    numbers = {(0, 0): 4, (0, 1): 1, (1, 0): 2, (1, 1): 5, (2, 0): 3, (2, 1): 0}
+    write_pairs(lab, lambda *of: f"Topo_{numbers[of]:04d}.plu")
+    _, config, rows = new(lab)
+    found = {tuple(int(name[5:9]) for name in names) for _, *names in scans_of(rows)}
+    assert found == {(4, 1), (2, 5), (3, 0)}
+    # of moulds it would be the other way round, and nothing tells
+    assert config["scans"]["mould"]["invert"] == "TODO false"
+
+
+def test_dates_in_the_files_tell_moulds_from_exchanged_epochs(lab):
+    write_pairs(lab, by_word, sign=-1)
+    said, config, _ = new(lab)
+    assert config["scans"]["mould"]["invert"] == "TODO"
+    assert "or t0 and t1 are exchanged" in said
+    for file in (lab / "study").iterdir():
+        file.unlink()
+    days = "Mon Apr 19 11:40:13 2021", "Tue May 18 11:40:13 2021"
+    write_pairs(lab, by_word, sign=-1, date=lambda _, epoch: days[epoch])
+    assert new(lab)[1]["scans"]["mould"] == {"invert": True, "flip": "x"}
+    for file in (lab / "study").iterdir():
+        file.unlink()
+    write_pairs(lab, by_word, date=lambda _, epoch: days[1 - epoch])
+    said, _, rows = new(lab)
+    assert all(t1.startswith("TODO ") for _, _, t1 in scans_of(rows))
+    assert "later date" in said
+
+
+def test_scans_that_do_not_show_what_their_names_say_are_asked(lab):
+    write_pairs(lab, by_word)
+    scans = lab / "scans"
+    (scans / by_word(0, 1)).rename(scans / "kept")
+    (scans / by_word(1, 1)).rename(scans / by_word(0, 1))
+    (scans / "kept").rename(scans / by_word(1, 1))
+    write_scan(scans / by_word(2, 1), np.rot90(used(ground(2), 12)))
+    said, _, rows = new(lab)
+    assert [t1 for _, _, t1 in scans_of(rows)] == [f"TODO {by_word(n, 1)}" for n in range(3)]
+    assert f"{by_word(0, 1)} shows the place of {by_word(1, 0)}" in said
+    assert "turned by 90°" in said
+
+
+def test_a_larger_map_after_use_is_found_on_the_smaller_one(lab):
+    """It has points enough for a coarser search, and the smaller one has not."""
+    rough = 0.02 * gaussian_filter(np.random.default_rng(3).normal(size=(300, 300)), 3)
+    write_scan(lab / "scans/1_T0.plu", rough[60:260, 40:240])
+    write_scan(lab / "scans/1_T1.plu", used(rough, 4))
+    assert "1_T1.plu  by name and heights" in new(lab)[0]
+
+
+PLACES = [(-40.0, 12.0), (-38.5, 12.25), (-39.0, 14.0)]
+
+
+def test_the_stage_gives_the_distances_of_patches(lab):
+    write_pairs(lab, by_word, stage_mm=lambda place, _: PLACES[place])
+    _, config, rows = new(lab)
+    given = np.array([[float(row["x_mm"]), float(row["y_mm"])] for row in rows])
+    np.testing.assert_allclose(given - given[0], np.subtract(PLACES, PLACES[0]), atol=1e-4)
+    assert config["square"] == {"size_mm": 5.0, "points_mm": "TODO"}
+    half = POINTS * SPACING / 2
+    assert half < given.min() < given.max() < 5 - half
+
+
+def test_one_stage_for_different_patches_is_no_place(lab):
+    write_pairs(lab, by_word, stage_mm=lambda *_: PLACES[0])
+    said, _, rows = new(lab)
+    assert {row["x_mm"] for row in rows} == {"TODO"}
+    assert "the same for different places" in said
+
+
+@pytest.mark.parametrize(
+    ("longest", "unit"), [(60.0, "mm"), (0.06, "m"), (6e4, "um"), (8.0, "TODO"), (25.0, "TODO")]
+)
+def test_a_mesh_is_in_the_unit_that_makes_a_stone(lab, longest, unit):
+    write_stone(lab / "stone.stl", longest)
+    said = run("new", "study", "--mesh", "stone.stl")
+    config = yaml.safe_load((lab / "study/study.yaml").read_text())
+    assert config["inputs"]["mesh_unit"] == unit
+    assert ("its unit not stated" in said) == (unit == "TODO")
+    config["square"]["points_mm"] = [[0, 0, 6], [5, 0, 6], [0, 5, 6]]
+    problems = config_problems(complete(config))  # the study proposes where to scan
+    assert [problem.split("'")[1] for problem in problems] == ["inputs.mesh_unit"] * (
+        unit == "TODO"
+    )
+
+
+def test_text_is_in_the_unit_that_makes_a_scan(lab):
+    y, x = np.indices((POINTS, POINTS)).reshape(2, -1) * SPACING
+    heights = ground(0).ravel()
+    np.savetxt(lab / "scans/1_T0.xyz", np.transpose([x, y, heights]), fmt="%.6f")
+    assert new(lab)[1]["scans"]["unit"] == "mm"
+    for file in (lab / "study").iterdir():
+        file.unlink()
+    np.savetxt(lab / "scans/2_T0.csv", ground(1), delimiter=",", fmt="%.6f")
+    scans = new(lab)[1]["scans"]
+    assert [scans[key] for key in ("unit", "spacing_um", "size_mm")] == 3 * ["TODO"]
+
+
+def test_maps_that_are_not_square_are_cut(lab):
+    write_scan(lab / "scans/1_T0.plu", ground(0)[:48])
+    _, config, rows = new(lab)
+    assert config["scans"]["size_mm"] == pytest.approx(48 * SPACING, abs=1e-3)
+    assert (rows[0]["crop_x_mm"], rows[0]["crop_y_mm"]) == ("0", "0")
+
+
+def test_a_study_is_not_overwritten(lab):
+    write_pairs(lab, by_word)
+    new(lab)
+    assert "exists already" in run("new", "study", "--mesh", "stone.stl", code=2)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--scans", "scans"], "needs the --mesh"),
+        (["--like", "own", "--mesh", "stone.stl"], "not both"),
+        (["--mesh", "gone.stl"], "gone.stl: no such file"),
+        (["--mesh", "stone.stl", "--scans", "gone"], "gone: no such file or folder"),
+        (["--mesh", "stone.stl", "--scans", "scans"], "holds no scan"),
+    ],
+)
+def test_what_cannot_be_set_up(lab, options, said):
+    assert said in run("new", "study", *options, code=2)
+
+
+def test_a_folder_with_a_blank_is_quoted(lab):
+    assert "cd 'Stein 1'" in run("new", "Stein 1")
