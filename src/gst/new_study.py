@@ -24,7 +24,7 @@ from gst.scan_folder import Pairs, Scan, find_scans, pair_scans, read_scans
 from gst.todo import TODO, is_to_do, left_in
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
-from gstlib.io.meshes import UNITS, is_closed, read_mesh, units_of_size
+from gstlib.io.meshes import UNITS, is_closed, is_mesh, read_mesh, units_of_size
 
 if TYPE_CHECKING:
     import trimesh
@@ -196,6 +196,7 @@ def _from_scans(folder: Path, given: Sequence[Path]) -> tuple[list[_Said], str, 
     said += [_Said("Mould", pairs.mould, state), where]
     said += [_Said("Not read", fault.removeprefix(f"{root}/"), _DOUBT) for fault in faults]
     left = [*pairs.left, *(path.relative_to(root).as_posix() for path in others)]
+    left = [name for name in left if not is_mesh(name)]
     if left:
         named = ", ".join(left[:_SHOWN]) + f", … ({len(left)} files)" * (len(left) > _SHOWN)
         said.append(_Said("Left out", named))

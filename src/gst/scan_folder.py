@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from gst.config import complete
-from gst.file_names import ORDER, PLACE, Names, Row, read_names
+from gst.file_names import ORDER, PLACE, Names, Question, Row, read_names
 from gst.todo import TODO
 from gstlib.change.change import measured_change, wear_summary
 from gstlib.change.selection import is_more
@@ -319,7 +319,9 @@ def _by_heights(told: _Told, compare: _Comparisons) -> _Told:
     everything = sorted(compare.scans)
     couples = list(itertools.combinations(everything, 2))
     if len(couples) > _MOST_COMPARED:
-        return told
+        text = f"{len(everything)} scans are too many to compare the heights of each two"
+        asked = [*told.names.questions, Question(PLACE, text)]
+        return told._replace(names=told.names._replace(questions=asked))
     places = {name: number for number, name in enumerate(everything)}
     for one, other in couples:
         if places[one] != places[other] and compare(one, other).found:
