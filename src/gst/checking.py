@@ -14,6 +14,7 @@ import xarray as xr
 from gst.chain import break_in
 from gst.config import check_files, counterface_mesh, read_config, read_study
 from gst.epochs import epochs_on_each_other
+from gst.fixing import Cure, cures_of
 from gst.inputs import Asked, Inputs, check_inputs
 from gst.patches import overlaps, scan_files
 from gst.poses import poses_of, reach_of
@@ -246,10 +247,11 @@ class _Count(logging.Handler):
         )
 
 
-def check_study(path: Path) -> None:
+def check_study(path: Path, cures: list[Cure] | None = None) -> None:
     """Read config, patch table and every measured file of a study, and print what a run would do.
 
-    If mesh and square can be read, ``check.png`` in the results folder shows them.
+    If mesh and square can be read, ``check.png`` in the results folder shows them. `cures` takes
+    those of what is found; None if they are not asked for.
 
     Raises
     ------
@@ -285,6 +287,8 @@ def check_study(path: Path) -> None:
         for part in (_placement, _at_rest):
             with _noted(problems):
                 said |= part(study)
+        if cures is not None:
+            cures += cures_of(study)
     print(f"{path}: {_summary(config, patches, found, poses, said)}")
     if writable and found is not None and found.frame is not None:
         picture = _draw(config, patches, found, poses)

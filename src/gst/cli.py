@@ -119,14 +119,32 @@ def new(folder, mesh, scans, like) -> None:
 
 @main.command()
 @_CONFIG
-def check(config) -> None:
+@click.option("--fix", is_flag=True, help="Show and, once confirmed, apply what has one cure.")
+def check(config, fix) -> None:
     """Check CONFIG, patch table, mesh and scans, and say what a run would do.
 
     All problems are listed at once.
     """
     from gst.checking import check_study
 
-    check_study(config)
+    if not fix:
+        check_study(config)
+        return
+    from gst.fixing import Cure, offer
+
+    cures: list[Cure] = []
+    try:
+        check_study(config, cures)
+    except GstError as error:
+        if not cures:
+            raise
+        click.echo(f"ERROR: {error}", err=True)
+    if not cures:
+        click.echo("Nothing is to be mended that has one cure.")
+    elif offer(config, cures):
+        click.echo("Check it again.")
+    else:
+        sys.exit(2)
 
 
 @main.command(context_settings={"ignore_unknown_options": True})

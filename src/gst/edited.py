@@ -1,15 +1,22 @@
-"""A config with other values, and its comments and layout as they were.
+"""A config or a table with other values, and its comments and layout as they were.
 
 No library at hand writes YAML back with its comments. PyYAML says where in the text each value
 stands, and only there it is changed.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+import csv
+import io
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
 
 import yaml
 
-__all__ = ["with_values"]
+from gstlib.io.text import separator_of
+
+__all__ = ["Cells", "with_cells", "with_values"]
+
+# Of a row's cells, by column, those that change.
+Cells: TypeAlias = Callable[[Mapping[str, str]], Mapping[str, object]]
 
 
 def with_values(text: str, values: Mapping[str, Any]) -> str:
@@ -77,3 +84,42 @@ def _flow(value: Any) -> str:
     layout: dict[str, Any] = {"default_flow_style": True, "width": 1 << 20, "sort_keys": False}
     written: str = yaml.safe_dump(value, allow_unicode=True, **layout)
     return written.removesuffix("\n").removesuffix("\n...")
+
+
+def with_cells(text: str, cells: Cells) -> str:
+    """The text of a table with some cells of its rows changed, and columns added where absent.
+
+    >>> print(with_cells("# places\\npatch;x\\n1; 2,5\\n", lambda row: {"note": row["x"]}), end="")
+    # places
+    patch;x;note
+    1;2,5;2,5
+    """
+    lines = text.splitlines()
+    numbers = [n for n, line in enumerate(lines) if not line.lstrip(' "').startswith("#")]
+    numbers = [n for n in numbers if lines[n].strip(' \t,;"')]
+    if not numbers:
+        return text
+    mark = separator_of(lines[numbers[0]]) or ","
+    header, *rows = (next(csv.reader([lines[n]], delimiter=mark)) for n in numbers)
+    known = [name.strip().lower() for name in header]
+    read = [dict(zip(known, map(str.strip, row), strict=False)) for row in rows]
+    changed = [cells(row) for row in read]
+    added = [
+        name
+        for name in dict.fromkeys(name for row in changed for name in row)
+        if name not in known
+    ]
+    for n, row, new in zip(numbers, [{}, *read], [{}, *changed], strict=True):
+        if n == numbers[0]:
+            written = [*header, *added]
+        else:
+            written = [str((row | dict(new)).get(name, "")) for name in [*known, *added]]
+        if added or new:
+            lines[n] = _joined(written, mark)
+    return "\n".join(lines) + "\n"
+
+
+def _joined(cells: Sequence[str], mark: str) -> str:
+    line = io.StringIO()
+    csv.writer(line, delimiter=mark, lineterminator="").writerow(cells)
+    return line.getvalue()

@@ -77,6 +77,11 @@ def test_a_flip_that_is_wrong_is_named(study):
     study.change(accept=["placement"])
     assert "ACCEPTED FAULT: patches: they fit the mesh turned" in study.succeed(table)
     assert "1 accepted fault" in check(study)[1]
+    # it has one cure
+    study.change(accept=[])
+    assert study.gst("check", study.config, "--fix", said="y\n").returncode == 0
+    assert check(study)[0] == 0
+    assert (study.folder / f"{study.config}.bak").exists()
 
 
 def exchange(folder, one, other):

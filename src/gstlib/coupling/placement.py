@@ -20,8 +20,18 @@ import xarray as xr
 from gstlib.errors import FaultError, raise_unless_accepted
 from gstlib.surfaces.footprints import moved, on_patch, places_of, spline_of
 
-__all__ = ["AGREES", "ALL", "CANNOT_TELL", "ELSEWHERE", "FAULT", "ORIENTATIONS", "SHIFTED"]
-__all__ += ["WAVE_PER_EDGE", "oriented", "place_patches", "shows_waves"]
+__all__ = [
+    "AGREES",
+    "ALL",
+    "AS_GIVEN",
+    "CANNOT_TELL",
+    "ELSEWHERE",
+    "FAULT",
+    "ORIENTATIONS",
+    "SHIFTED",
+]
+__all__ += ["WAVE_PER_EDGE", "Mould", "lying_right", "oriented", "place_patches"]
+__all__ += ["shows_waves"]
 
 _log = logging.getLogger(__name__)
 
@@ -45,7 +55,7 @@ ORIENTATIONS = {
     "reversed along x and turned by 90°": (True, 90),
     "reversed along y and turned by 90°": (True, -90),
 }
-_AS_GIVEN, *_OTHERS = ORIENTATIONS
+AS_GIVEN, *_OTHERS = ORIENTATIONS
 _LOOKS = [*ORIENTATIONS, "inverted", *(f"inverted and {name}" for name in _OTHERS)]
 # Patch tables as they are mistaken: each gives (x, y) on a square of side 1 from the stated ones.
 _TABLES = {
@@ -139,7 +149,7 @@ def place_patches(
     steps = np.arange(-half, half + 1) * _STEP * patch_mm
     looks = np.array([_laid(scans[patch].height) for patch in patches.patch])
     maps = _correlations(surface, patches, looks, patch_mm, steps)
-    as_given, mould = maps[:, 0], _Mould(invert, flip)
+    as_given, mould = maps[:, 0], Mould(invert, flip)
     correlation = as_given[:, half, half]
     if len(patches) < _FEWEST_PATCHES:
         orientation = _unmoved_orientation(maps)
@@ -153,7 +163,7 @@ def place_patches(
         correlation = as_given[:, row, column]
     orientation = _orientation(maps)
     table = _table(patches, correlation, orientation, shared)
-    if orientation not in ("", _AS_GIVEN):
+    if orientation not in ("", AS_GIVEN):
         faults = [_orientation_fault(orientation, correlation.mean(), mould)]
     elif apart := _laid_apart(patches, maps, mould):
         faults = apart  # what else does not fit may follow from these
@@ -229,7 +239,7 @@ def _table_fault(
     return FaultError(FAULT, "patches", problem, remedy)
 
 
-class _Mould(NamedTuple):
+class Mould(NamedTuple):
     """How moulds were undone: whether heights were inverted, and along which axis turned over."""
 
     invert: bool
@@ -406,14 +416,14 @@ def _unmoved_orientation(maps: np.ndarray) -> str:
     return _LOOKS[best] if is_better else ""
 
 
-def _orientation_fault(orientation: str, correlation: float, mould: _Mould) -> FaultError:
+def _orientation_fault(orientation: str, correlation: float, mould: Mould) -> FaultError:
     problem = (
         f"they fit the mesh {orientation}, and not as given (correlation {correlation:.2f})"
     )
     return FaultError(FAULT, "patches", problem, _remedy(orientation, mould))
 
 
-def _laid_apart(patches: pd.DataFrame, maps: np.ndarray, mould: _Mould) -> list[FaultError]:
+def _laid_apart(patches: pd.DataFrame, maps: np.ndarray, mould: Mould) -> list[FaultError]:
     """Scans of one instrument, as their format tells, that alone are laid wrongly."""
     if "t0" not in patches:
         return []
@@ -424,7 +434,7 @@ def _laid_apart(patches: pd.DataFrame, maps: np.ndarray, mould: _Mould) -> list[
         if not _FEWEST_PATCHES <= len(rows) < len(patches):
             continue
         orientation = _orientation(maps[rows])
-        if orientation in ("", _AS_GIVEN):
+        if orientation in ("", AS_GIVEN):
             continue
         flip = {"none": None, "": mould.flip}.get(own, own)
         remedy = _remedy(orientation, mould._replace(flip=flip), in_rows=True)
@@ -434,31 +444,44 @@ def _laid_apart(patches: pd.DataFrame, maps: np.ndarray, mould: _Mould) -> list[
     return faults
 
 
-def _remedy(orientation: str, mould: _Mould, *, in_rows: bool = False) -> str:
+def _remedy(orientation: str, mould: Mould, *, in_rows: bool = False) -> str:
     """The keys to set so that patches with this orientation, whose mould was undone so, lie right.
 
     They are those of the config, or those in the patches' rows of the patch table.
     """
+    right, turn = lying_right(orientation, mould)
     parts, key, none = [], "scans.mould.flip", "null"
     if in_rows:
         key, none = "flip in their rows of the patch table", "none"
-    if orientation.startswith("inverted"):
-        inverted = f"scans.mould.invert to {str(not mould.invert).lower()}"
+    if right.invert != mould.invert:
+        inverted = f"scans.mould.invert to {str(right.invert).lower()}"
         parts.append("the heights in their files to negative ones" if in_rows else inverted)
+    if right.flip != mould.flip:
+        parts.append(f"{key} to {right.flip or none}")
+    said = f"set {' and '.join(parts)}" if parts else ""
+    if turn:
+        whose = "each" if in_rows else "every patch"
+        said += f"{', and ' if said else ''}add {turn} to the rotation_deg of {whose}"
+    return f"{said[0].upper()}{said[1:]}."
+
+
+def lying_right(orientation: str, mould: Mould) -> tuple[Mould, int]:
+    """How to undo the moulds of patches with an orientation so that they lie right.
+
+    `orientation` is that of `place_patches`, with the moulds undone as `mould` says. There may be
+    degrees to add to the rotation of each patch, too, from -90 to 180.
+
+    >>> lying_right("reversed along y", Mould(invert=False, flip=None))
+    (Mould(invert=False, flip='y'), 0)
+    """
     laid = orientation.removeprefix("inverted").removeprefix(" and ")
-    reversed_x, turn = ORIENTATIONS[laid or _AS_GIVEN]
+    reversed_x, turn = ORIENTATIONS[laid or AS_GIVEN]
     # to reverse along y is to reverse along x and turn by 180°
     turn += 180 * (mould.flip == "y")
     if reversed_x == (mould.flip is not None):
-        right = None
+        flip = None
     else:
-        right = "x" if turn % 360 in (0, 90) else "y"
-        turn += 180 * (right == "y")
-    if right != mould.flip:
-        parts.append(f"{key} to {right or none}")
-    said = f"set {' and '.join(parts)}" if parts else ""
-    if turn := turn % 360:
-        by = turn if turn <= 180 else turn - 360
-        whose = "each" if in_rows else "every patch"
-        said += f"{', and ' if said else ''}add {by} to the rotation_deg of {whose}"
-    return f"{said[0].upper()}{said[1:]}."
+        flip = "x" if turn % 360 in (0, 90) else "y"
+        turn += 180 * (flip == "y")
+    invert = mould.invert != orientation.startswith("inverted")
+    return Mould(invert, flip), (turn + 179) % 360 - 179

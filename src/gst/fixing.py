@@ -1,0 +1,166 @@
+"""Faults with one cure, and how it is applied: `gst check --fix`.
+
+The user sees the difference of the files first, and confirms it; each file is kept beside, as
+``study.yaml.bak``. What could have two causes has no cure here: exchanged epochs, for one, look
+like moulds that were not undone, unless the mesh shows which of the two it is.
+"""
+
+import difflib
+import itertools
+import logging
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gst.config import read_config_file
+from gst.edited import Cells, with_cells, with_values
+from gstlib.change.selection import is_more
+from gstlib.coupling.placement import (
+    AS_GIVEN,
+    CANNOT_TELL,
+    SHIFTED,
+    Mould,
+    lying_right,
+    place_patches,
+    shows_waves,
+)
+from gstlib.coupling.placement import FAULT as PLACEMENT
+from gstlib.errors import GstError
+from gstlib.io.files import write_whole
+from gstlib.io.text import decoded
+from gstlib.study import Study
+
+__all__ = ["Cure", "cures_of", "offer"]
+
+
+class Cure(NamedTuple):
+    """What takes a fault away, and why: values of the config by key, cells of the patch table."""
+
+    why: str
+    values: Mapping[str, Any]
+    cells: Cells | None = None
+
+
+def cures_of(study: Study) -> list[Cure]:
+    """The cures of a study's faults, as far as each has one alone.
+
+    Its scans can be read. A T1 that cannot be registered has left the study.
+    """
+    former = logging.root.manager.disable
+    logging.disable()  # the check has said what is odd
+    try:
+        return [*_of_places(study), *_of_face(study)]
+    finally:
+        logging.disable(former)
+
+
+def _of_places(study: Study) -> Iterator[Cure]:
+    """Of scans that are laid wrongly, epochs that are exchanged, and a table that is shifted."""
+    patch_mm = study.config["scans"]["size_mm"]
+    if study.patches.empty or not shows_waves(study.face.height, patch_mm):
+        return
+    scans = {patch: study.prepared[patch, "T0"] for patch in study.patches.patch}
+    settings = study.settings["place_patches"] | {"accept": [PLACEMENT]}
+    together = place_patches(study.face.height, study.patches, scans, **settings).iloc[-1]
+    if together.orientation not in ("", AS_GIVEN):
+        if not study.patches.flip.any():  # in some rows, which are another matter
+            yield _laid_right(together.orientation, Mould(**study.config["scans"]["mould"]))
+        return
+    if together.status == CANNOT_TELL:
+        return
+    # heights that fit the mesh have the right sign, so that they rose tells the epochs
+    if _are_exchanged(study):
+        yield Cure("t0 and t1 are exchanged: heights rose with use", {}, _exchanged)
+    elif together.status == SHIFTED:
+        x, y = (round(float(together[f"shift_{axis}_um"])) / 1e3 for axis in "xy")
+        why = (
+            f"all patches lie {x:+g} mm along x and {y:+g} mm along y from where the table says"
+        )
+        yield Cure(
+            why, {}, lambda row: {"x_mm": _plus(row, "x_mm", x), "y_mm": _plus(row, "y_mm", y)}
+        )
+
+
+def _laid_right(orientation: str, mould: Mould) -> Cure:
+    """Of scans that fit the mesh with another orientation than the config gives them."""
+    right, turn = lying_right(orientation, mould)
+    values = {
+        f"scans.mould.{key}": value
+        for key, value in right._asdict().items()
+        if value != getattr(mould, key)
+    }
+    why = f"the patches fit the mesh {orientation}"
+    if not turn:
+        return Cure(why, values)
+    return Cure(why, values, lambda row: {"rotation_deg": _plus(row, "rotation_deg", turn)})
+
+
+def _are_exchanged(study: Study) -> bool:
+    """Whether heights rose from T0 to T1 on most patches, and clearly fell on none."""
+    try:
+        table = study.registration
+    except GstError:
+        return False
+    found = table[table.found.astype(bool)]
+    rose = is_more(found.gain_fraction, found.loss_fraction).sum()
+    return bool(
+        2 * rose > len(found) and not is_more(found.loss_fraction, found.gain_fraction).any()
+    )
+
+
+def _exchanged(row: Mapping[str, str]) -> Mapping[str, object]:
+    return {"t0": row["t1"], "t1": row["t0"]} if row.get("t0") and row.get("t1") else {}
+
+
+def _plus(row: Mapping[str, str], column: str, more: float) -> str:
+    """A number of a row and something to add; angles stay within half a turn."""
+    total = float((row.get(column) or "0").replace(",", ".")) + more
+    if column == "rotation_deg" and not -180 <= total <= 180:
+        total -= math.copysign(360, total)
+    return f"{round(total, 4):g}"
+
+
+def _of_face(study: Study) -> Iterator[Cure]:
+    """Of a face that is larger than the stone is thick, if the square is not."""
+    thickness, config = study.face.height.attrs["thickness_mm"], study.config
+    square_mm, face_mm = config["square"]["size_mm"], config["macroscale"]["face_mm"]
+    side = math.floor(10 * thickness) / 10 if math.isfinite(thickness) else math.inf
+    if square_mm <= side < face_mm:
+        why = f"the stone is {thickness:.3g} mm thick under the square, less than its face"
+        yield Cure(why, {"macroscale.face_mm": side})
+
+
+def offer(config: Path, cures: Sequence[Cure]) -> bool:
+    """Show what cures would change in a config and its patch table; ask; whether it was done."""
+    table = read_config_file(config).get("patches")
+    before = {
+        path: decoded(path.read_bytes()) for path in map(Path, filter(None, [config, table]))
+    }
+    after = dict(before)
+    for cure in cures:
+        after[config] = with_values(after[config], cure.values)
+        if cure.cells is not None and table:
+            after[Path(table)] = with_cells(after[Path(table)], cure.cells)
+    changed = [path for path in before if after[path] != before[path]]
+    if not changed:
+        print("What cures it cannot be written into these files.")
+        return False
+    print("\n".join(["", *(f"{cure.why[0].upper()}{cure.why[1:]}." for cure in cures), ""]))
+    for path in changed:
+        old, new = before[path].splitlines(), after[path].splitlines()
+        shown = difflib.unified_diff(old, new, str(path), f"{path}, mended", lineterm="", n=1)
+        print("\n".join(shown))
+    if input("\nWrite this, and keep the files as they are beside it? [y/N] ") != "y":
+        return False
+    for path in changed:
+        kept = next(each for each in _names_beside(path) if not each.exists())
+        write_whole(kept, path.read_bytes())
+        write_whole(path, after[path].encode())
+        print(f"{path}: written; as it was: {kept}")
+    return True
+
+
+def _names_beside(path: Path) -> Iterator[Path]:
+    yield path.with_name(f"{path.name}.bak")
+    yield from (path.with_name(f"{path.name}.bak{number}") for number in itertools.count(2))

@@ -1,0 +1,141 @@
+"""`gst check --fix`: what has one cure gets it, what has two does not; nothing is lost."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from gst.edited import with_cells
+from gst.fixing import Cure, cures_of, offer
+from gstlib.coupling.placement import Mould, oriented
+from gstlib.surfaces.footprints import Place, on_patch, spline_of
+from gstlib.surfaces.grid import make_surface
+from scipy.ndimage import gaussian_filter
+
+SQUARE, SIZE, POINTS = 5.0, 0.85, 48
+NINE = [(y, x) for y in (1.2, 2.5, 3.8) for x in (1.2, 2.5, 3.8)]
+
+
+def study(
+    laid="as given", shift=(0.0, 0.0), height=1.0, rose=(), fell=(), thickness=30.0, mould=None
+):
+    """Nine patches of a stone, scanned so, of which some rose and some fell.
+
+    `height` is that of the mesh beside that of the scans.
+    """
+    rough = gaussian_filter(np.random.default_rng(5).normal(size=(100, 100)), 2)
+    stone = make_surface(0.1 * rough, SQUARE / 100, mesh_edge_mm=0.1, thickness_mm=thickness)
+    mould = mould or Mould(invert=False, flip=None)
+    names = [str(n) for n in range(1, 10)]
+    scans = {}
+    for name, (y, x) in zip(names, NINE, strict=True):
+        place = Place(y + shift[0], x + shift[1], 0.0)
+        heights = on_patch(spline_of(stone), place, (POINTS, POINTS), SIZE)
+        seen = make_surface(oriented(heights, laid), SIZE / POINTS)
+        scans[name, "T0"] = seen.to_dataset(name="height")
+    y, x = np.transpose(NINE)
+    patches = pd.DataFrame({"patch": names, "x_mm": x, "y_mm": y, "rotation_deg": 0.0, "flip": ""})
+    shares = {"found": 1, "loss_fraction": 0.0, "gain_fraction": 0.0}
+    registration = pd.DataFrame({"patch": names} | shares)
+    for column, which in (("gain_fraction", rose), ("loss_fraction", fell)):
+        registration.loc[list(which), column] = 0.2
+    return SimpleNamespace(
+        config={"scans": {"size_mm": SIZE, "mould": mould._asdict()}}
+        | {"square": {"size_mm": SQUARE}, "macroscale": {"face_mm": 15.0}},
+        settings={"place_patches": {"patch_mm": SIZE, **mould._asdict()}},
+        face=SimpleNamespace(height=stone.copy(data=height * stone.values)),
+        patches=patches,
+        prepared=scans,
+        registration=registration,
+    )
+
+
+ROW = {"x_mm": "1,2", "y_mm": "1.2", "t0": "a", "t1": "b"}
+
+
+@pytest.mark.parametrize(
+    ("given", "values", "cells"),
+    [
+        ({}, {}, {}),
+        ({"laid": "reversed along x"}, {"scans.mould.flip": "x"}, {}),
+        ({"laid": "turned by 90°"}, {}, {"rotation_deg": -90}),
+        (
+            {"laid": "reversed along x", "mould": Mould(invert=False, flip="x")},
+            {"scans.mould.flip": None},
+            {},
+        ),
+        ({"shift": (0.06, -0.09)}, {}, {"x_mm": 1.11, "y_mm": 1.26}),
+        ({"rose": range(6)}, {}, {"t0": "b", "t1": "a"}),
+        ({"thickness": 12.34}, {"macroscale.face_mm": 12.3}, {}),
+    ],
+)
+def test_what_has_one_cure(given, values, cells):
+    found = cures_of(study(**given))
+    assert {key: value for cure in found for key, value in cure.values.items()} == values
+    written = {name: of for cure in found if cure.cells for name, of in cure.cells(ROW).items()}
+    numbers = {name: float(of) for name, of in written.items() if name not in ("t0", "t1")}
+    assert written | numbers == pytest.approx(cells, abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"rose": range(6), "fell": [7]},  # exchanged in some rows, or worn otherwise
+        {"rose": range(6), "height": 0.0},  # exchanged, or a mould: the mesh does not tell
+        {"thickness": 3.0},  # no face is as small as that
+        {"thickness": np.nan},
+    ],
+)
+def test_what_has_two_cures_or_none_has_none(given):
+    assert cures_of(study(**given)) == []
+
+
+CONFIG = "patches: mine.csv  # my table\nscans:\n  mould: {invert: true, flip: y}  # of silicone\n"
+TABLE = '# places\npatch;x_mm;t0;t1\n1;1,5;"a; b";c\n2;2,5;d;\n'
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "study.yaml").write_text(CONFIG)
+    (tmp_path / "mine.csv").write_text(TABLE)
+    return tmp_path
+
+
+def answered(monkeypatch, answer):
+    monkeypatch.setattr("builtins.input", lambda _: answer)
+
+
+CURES = [
+    Cure("they are turned", {"scans.mould.flip": "x"}, lambda _: {"rotation_deg": "90"}),
+    Cure("they are exchanged", {}, lambda row: {"t0": row["t1"], "t1": row["t0"]}),
+]
+
+
+def test_the_difference_is_shown_and_copies_are_kept(files, monkeypatch, capsys):
+    answered(monkeypatch, "")
+    assert not offer(files / "study.yaml", CURES)
+    assert (files / "study.yaml").read_text() == CONFIG
+    shown = capsys.readouterr().out
+    assert "-  mould: {invert: true, flip: y}  # of silicone" in shown
+    assert "+  mould: {invert: true, flip: x}  # of silicone" in shown
+    assert '+1;1,5;c;"a; b";90' in shown
+    answered(monkeypatch, "y")
+    assert offer(files / "study.yaml", CURES)
+    assert (files / "study.yaml").read_text() == CONFIG.replace("flip: y", "flip: x")
+    expected = '# places\npatch;x_mm;t0;t1;rotation_deg\n1;1,5;c;"a; b";90\n2;2,5;;d;90\n'
+    assert (files / "mine.csv").read_text() == expected
+    assert (files / "mine.csv.bak").read_text() == TABLE
+    assert offer(files / "study.yaml", CURES[1:])  # back again
+    assert (files / "mine.csv.bak").read_text() == TABLE
+    assert (files / "mine.csv.bak2").read_text() == expected
+
+
+def test_what_changes_nothing_is_not_asked(files, monkeypatch):
+    answered(monkeypatch, "y")
+    assert not offer(files / "study.yaml", [Cure("it is so already", {"scans.mould.flip": "y"})])
+    assert not (files / "study.yaml.bak").exists()
+
+
+def test_a_table_of_comments_stays():
+    assert with_cells("# nothing\n", lambda _: {"a": 1}) == "# nothing\n"
