@@ -10,8 +10,9 @@ import pytest
 import yaml
 from contacts import pressed
 from gst.patches import read_patches
+from gstlib.coupling.matching import match_map
 from gstlib.io.meshes import read_mesh
-from gstlib.io.scans import read_scan
+from gstlib.io.scans import cut_scan, read_scan
 from gstlib.io.stage import stage_of
 from gstlib.preprocess.mesh import grid_mesh
 from gstlib.preprocess.scans import prepare_patch
@@ -111,6 +112,24 @@ def test_nothing_of_a_mesh_is_lost(name, vertices, faces, extents):
     mesh = read_mesh(DATA / name)
     assert (len(mesh.vertices), len(mesh.faces)) == (vertices, faces)
     assert mesh.extents == pytest.approx(extents, abs=0.06)
+
+
+def test_the_map_of_the_pebble_is_found_on_its_face():
+    """Where the patch table says, whose places were found by hand; its patches alone are not."""
+    config = yaml.safe_load((ROOT / "config/pebble.yaml").read_text(encoding="utf-8"))
+    mesh = read_mesh(DATA / "pebble-mesh-3dhop/lithic_tool_model_full.ply")
+    frame = frame_from_points(config["square"]["points_mm"])
+    grids = {"size_mm": 5.0, "grid": 100, "around": 120, "interpolation": "linear"}
+    face = grid_mesh(mesh, frame, **grids).height
+    scan = read_scan(MAP, unit="um")
+    match = match_map(face, scan)
+    patches = read_patches(ROOT / "config/patches_pebble.tsv", size_mm=5.0, patch_size_mm=0.85)
+    assert match.found
+    assert match.place[:2] == pytest.approx((patches.y_mm.mean(), patches.x_mm.mean()), abs=0.03)
+    # it is reversed along y, as the config has it: along x, and turned by half a turn
+    assert match.mirrored
+    assert abs(match.place.rotation_deg) == pytest.approx(180, abs=1)
+    assert not match_map(face, cut_scan(scan, (0.5, 0.8), 0.85)).found
 
 
 def test_map_is_where_the_patch_table_says():
