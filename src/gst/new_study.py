@@ -338,8 +338,10 @@ def _template(values: dict[str, Any], asked: Sequence[_Said]) -> str:
 def _of_use(text: str) -> _Said:
     """What no file tells and has a default."""
     config = complete(yaml.safe_load(text))
-    said = f"{config['load']['force_N']:g} N against a stone of "
-    said += f"{config['counterface']['radius_mm']:g} mm radius: the paper's; give yours"
+    force_N, radius_mm = config["load"]["force_N"], config["counterface"]["radius_mm"]
+    said = (
+        f"{force_N:g} N against a stone of {radius_mm:g} mm radius are the paper's: give yours"
+    )
     return _Said("Use", said, _DOUBT)
 
 
@@ -358,7 +360,9 @@ def _what_next(folder: Path, mesh: Path, values: dict[str, Any], table: str, tex
         pick += ["--patches", str(folder / "patches.csv")]
     check = shlex.join(["gst", "check", str(folder)])
     return (
-        f"{written}\n\nNext:\n"
+        f"{written}\n"
+        f"  ({_OK}: told by the files; {_DOUBT}: a default or a doubt; {_TO_DO}: {TODO} in them)\n"
+        "\nNext:\n"
         f"  {shlex.join(pick)}\n"
         "  (a page on which you lay the square on the stone; copy its square.points_mm)\n"
         f"  write that, and all else that is {TODO}, into these files; then\n"

@@ -39,7 +39,9 @@ _COARSE, _SPOT = 128, 2
 _FIELDS = 0.05, 30.0
 # Comparing two scans takes a tenth of a second or two.
 _MOST_COMPARED, _MOST_OTHERS = 400, 40
-_NOT_FOUND = "; not found by heights"
+_NOT_FOUND, _ALONE = "; not found by heights", "; no other scan shows this place"
+# Spacings that differ by less (a share) are one.
+_SAME_SPACING = 1e-3
 # A map so many times as long as the other scans shows the places of several.
 _OVERVIEW = 1.8
 
@@ -289,7 +291,10 @@ def pair_scans(scans: Sequence[Scan]) -> Pairs:
         for row, _, _ in held
     ]
     questions += [text for _, _, own in held for text in own] + [*told.open.values()]
-    evidence = ["by heights" if told.by_heights else f"by name{said}" for _, said, _ in held]
+    evidence = [
+        f"by heights{_ALONE if not row.t1 else ''}" if told.by_heights else f"by name{said}"
+        for row, said, _ in held
+    ]
     mould = _stone_or_mould(names.epochs, order, by_loss=told.by_loss)
     return Pairs(rows, evidence, earlier, questions, *mould, names.left, overviews)
 
@@ -329,6 +334,9 @@ def _by_heights(told: _Told, compare: _Comparisons) -> _Told:
             places = {name: now if of == former else of for name, of in places.items()}
     if all(question.kind != ORDER for question in told.names.questions):
         return _Told(read_names(everything, places), True, False, {})
+    steps = [max(scan.spacing_mm) for scan in compare.scans.values()]
+    if max(steps) > (1 + _SAME_SPACING) * min(steps):  # such cannot be found on each other
+        return told
     later: set[str] = set()
     by_loss, questions = False, dict[str, str]()
     for place in sorted({*places.values()}):

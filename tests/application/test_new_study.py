@@ -131,6 +131,14 @@ def test_serial_numbers_are_paired_by_heights(lab):
     assert config["scans"]["mould"]["invert"] == "TODO false"
 
 
+def test_scans_that_cannot_be_compared_are_not_taken_for_different_places(lab):
+    write_scan(lab / "scans/Topo_1.plu", ground(0))
+    write_plu(lab / "scans/Topo_2.plu", ground(0), 2 * SPACING)
+    said, _, rows = new(lab)
+    assert [row["t1"] for row in rows] == ["TODO", "TODO"]
+    assert "none of the names says" in said
+
+
 def test_dates_in_the_files_tell_moulds_from_exchanged_epochs(lab):
     write_pairs(lab, by_word, sign=-1)
     said, config, _ = new(lab)
