@@ -324,7 +324,9 @@ def test_the_check_says_what_the_study_is(studied, stored, table):
     assert numbers("macroscale") == [5, 125, 10, 3.2, 2]
     assert "active tool" in line["macroscale"]
     assert numbers("load") == [550, 22, 6]
-    assert float(re.findall(r"= ([\d.]+) MPa", line["stiffness"])[0]) == pytest.approx(modulus, 1e-4)
+    assert float(re.findall(r"= ([\d.]+) MPa", line["stiffness"])[0]) == pytest.approx(
+        modulus, 1e-4
+    )
     assert "from the elastic constants" in line["stiffness"]
     assert numbers("patches") == [6, 0.85, 6, 5, 3]
     assert line["results in"] == "results-measured: finished, with this config and these files"
