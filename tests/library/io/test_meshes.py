@@ -8,7 +8,7 @@ import zipfile
 import numpy as np
 import pytest
 import trimesh
-from gstlib.errors import InputError
+from gstlib.errors import NOTE, InputError
 from gstlib.io.meshes import ply_with, read_mesh
 
 SIZE = (40.0, 30.0, 20.0)
@@ -298,6 +298,7 @@ def test_no_such_file_and_unknown_format(tmp_path, write):
 
 
 def test_a_closed_mesh_inside_out_is_turned(tmp_path, caplog):
+    caplog.set_level(NOTE)
     ball = trimesh.creation.icosphere(subdivisions=5, radius=20)
     ball.update_faces(np.arange(len(ball.faces)) > 2)  # pin-holes, as scanners leave them
     ball.apply_translation((500, 0, 0))

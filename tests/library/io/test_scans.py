@@ -1,6 +1,5 @@
 """Scans: orientation, spacing and unmeasured points as in the file; bad text is refused."""
 
-import logging
 import math
 import struct
 import subprocess
@@ -8,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from gstlib.errors import InputError
+from gstlib.errors import NOTE, InputError
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.io.stage import stage_of
@@ -80,7 +79,7 @@ def test_first_of_several_layers(tmp_path, heights, caplog, ending, layer):
     content[489] = 2  # layers; the second is never looked at
     layers = [heights, 0.5 * heights]
     path.write_bytes(content if ending == ".plu" else zipped(plux_members(layers, (DY, DX))))
-    with caplog.at_level(logging.WARNING, logger="gstlib"):
+    with caplog.at_level(NOTE, logger="gstlib"):
         scan = read_scan(path)
     np.testing.assert_allclose(scan.values, heights, atol=2e-9)
     assert scan.attrs["layer"] == layer
