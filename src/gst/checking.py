@@ -178,10 +178,8 @@ def _pressed(config: dict) -> str:
         return f"{square}, alone on its mean plane, under a flat"
     y, x = load_point(config["load"], size_mm)
     form = config["counterface"] or {}
-    radii = np.ravel(form.get("radius_mm") or ())
-    other = f"a stone of {' and '.join(f'{of:g}' for of in radii)} mm radius"
-    if not len(radii):
-        other = "a flat"
+    radii = " and ".join(f"{of:g}" for of in np.ravel(form.get("radius_mm") or ()))
+    other = f"a stone of {radii} mm radius" if radii else "a flat"
     if counterface_mesh(config, "") is not None:
         other = "an active tool"
     return (

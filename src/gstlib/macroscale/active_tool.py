@@ -177,7 +177,7 @@ def as_round_as(counterface: xr.DataArray, radius_mm: float, other_mm: float) ->
 
     `other_mm` is the radius that takes the place of `radius_mm`; of two radii, the geometric mean.
     """
-    return counterface * (radius_mm / other_mm)
+    return counterface.copy(data=counterface.values * (radius_mm / other_mm))
 
 
 def grid_counterface(
