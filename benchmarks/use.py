@@ -12,7 +12,8 @@ law              5001 to 5040, worn by the law; from `losses`, and from `grades`
                  which a fifth are wrong by one
 summits, random, waves   5001 to 5020, worn by rules that know no contact
 12, 8            5011 to 5030, worn by the law: so many patches, by chance
-wrong            5011 to 5030, worn by the law: the loss of one patch is that of another
+wrong            5011 to 5030, worn by the law: one patch of the more worn half has the loss of one
+                 of the other half
 two radii        5201 to 5205, worn by the law and a tool of two radii, 1.56 to 1 like the paper's;
                  the study is told a round tool, its true form, and that turned by 90°
 outside          5101 to 5110, worn by the law at a load point beyond the square; the study is told
@@ -158,12 +159,12 @@ def changed(
 ) -> tuple[pd.DataFrame, Losses]:
     """Patches and losses of a stone, as in a case of `CHANGED`."""
     generator = np.random.default_rng([seed, 11])
-    order = generator.permutation(len(patches))
     if case == "wrong":
-        depth_um = losses.depth_um.copy()
-        depth_um[order[0]] = depth_um[order[1]]
+        depth_um, order = losses.depth_um.copy(), losses.depth_um.argsort(kind="stable")
+        less, more = (generator.choice(half) for half in np.array_split(order, 2))
+        depth_um[more] = depth_um[less]
         return patches, Losses(depth_um)
-    chosen = np.sort(order[: int(case)])
+    chosen = np.sort(generator.permutation(len(patches))[: int(case)])
     return patches.iloc[chosen].reset_index(drop=True), losses.permuted(chosen)
 
 
