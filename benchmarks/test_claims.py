@@ -191,6 +191,27 @@ def test_how_was_it_used():
             assert pd.isna(value) if cell == "" else same(cell, value), (of, column, cell)
 
 
+def test_what_follows_from_the_use():
+    rows = read_table(use.RESULT)
+    found = use.summary(rows)
+    stones, *mcc = said(
+        r"on (\S+) stones of \*law\*, the mean MCC .*? is (\S+) as told, (\S+) inferred and "
+        r"(\S+) with the use known"
+    )
+    assert int(stones) == rows.mcc_told.notna().sum()
+    law = found.loc["law", "losses"]
+    assert all(map(same, mcc, law[["mcc_told", "mcc_inferred", "mcc_known"]]))
+    within = said(r"(\S+) % lie within .*? law wore, (\S+) % at random and (\S+) % in waves")
+    for case, cell in zip(("law", "random", "waves"), within, strict=True):
+        assert same(cell, found.within_95[case, "losses"], 100)
+    scores = found.log_score["two radii"]
+    cells = said(
+        r"others, is (\S+) higher on average .*? and (\S+) higher with the form turned"
+    )
+    for form, cell in zip(("true form", "turned form"), cells, strict=True):
+        assert same(cell, scores[form] - scores["losses"])
+
+
 def test_strength_of_the_stone():
     found = verdict.strength_table(read_table(verdict.RESULT)).set_index(["worn_by", "model"])
     models = "archard", "2000 MPa", "1000 MPa", "300 MPa"

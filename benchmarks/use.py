@@ -293,8 +293,8 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     ``stones``; median errors of the load point along ``y_mm`` and ``x_mm`` and of ``log_radius``;
     ``held_50`` and ``held_95``, percent of these that lie in the middle 50 and 95 % of what was
     found; median errors of the losses, ``told``, ``inferred`` and ``known``; means of ``mcc_told``,
-    ``mcc_inferred``, ``mcc_known`` and ``within_95``; ``claims``, stones whose wear a use is said
-    to explain better than heights alone. Where no use made the wear, none is known.
+    ``mcc_inferred``, ``mcc_known``, ``within_95`` and ``log_score``; ``claims``, stones whose wear
+    a use is said to explain better than heights alone. Where no use made the wear, none is known.
     """
     found = {}
     for (case, kind), of in rows.groupby(["case", "evidence"], sort=False):
@@ -308,6 +308,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
             row["known"] = of.known.median()
         row |= of[["told", "inferred"]].median().to_dict()
         row |= of[["mcc_told", "mcc_inferred", "mcc_known", "within_95"]].mean().to_dict()
+        row["log_score"] = of.log_score.mean()
         found[case, kind] = row | {"claims": (of.answer == BETTER).sum()}
     return pd.DataFrame(found).T
 
