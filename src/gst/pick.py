@@ -5,7 +5,6 @@ It finds the frame of three points as `gstlib.surfaces.frames.frame_from_points`
 """
 
 import html
-import importlib.resources
 import re
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from gst.viewer import coarsen, stone_data, three_js, to_script, viewer_js
+from gst.viewer import coarsen, shipped, stone_data, three_js, to_script, viewer_js
 
 if TYPE_CHECKING:
     import trimesh
@@ -53,13 +52,14 @@ def pick_page(
             f"{len(shown.faces):,} of {len(mesh.faces):,} triangles are shown: what you click lies "
             f"within {most:.2g} mm of the mesh (95 %), {largest:.2g} mm at most."
         )
-    page = (importlib.resources.files("gst") / "pick.html").read_text(encoding="utf-8")
+    page = shipped("pick.html")
     parts = {
         "NAME": html.escape(name),
         "SIZE": f"{size_mm:g}",
         "NOTE": note,
         "DATA": to_script(data),
         "VIEWER_JS": viewer_js(),
+        "SQUARE_JS": shipped("square.js"),
         "THREE_JS": three_js(),
     }
     # all at once: what is put in may contain such marks itself

@@ -19,7 +19,8 @@ from gstlib.errors import InputError
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["coarsen", "packed", "stone_data", "three_js", "to_script", "viewer_js"]
+__all__ = ["coarsen", "packed", "shipped", "stone_data", "three_js", "to_script"]
+__all__ += ["viewer_js"]
 
 # trimesh's page has one script: three.js, its controls and loaders, then trimesh's own code.
 _TEMPLATE = "resources/templates/viewer.zip"
@@ -44,7 +45,12 @@ def three_js() -> str:
 
 def viewer_js() -> str:
     """The function `stoneViewer`, which needs THREE."""
-    return (importlib.resources.files("gst") / "viewer.js").read_text(encoding="utf-8")
+    return shipped("viewer.js")
+
+
+def shipped(name: str) -> str:
+    """A page, script or style beside this file."""
+    return (importlib.resources.files("gst") / name).read_text(encoding="utf-8")
 
 
 def to_script(value: Any) -> str:
