@@ -118,6 +118,21 @@ def new(folder, mesh, scans, like) -> None:
 
 
 @main.command()
+@click.argument("folder", type=_PATH, callback=_in_its_folder)
+@click.option("--browser/--no-browser", default=True, help="Open the page in the browser.")
+def place(folder, browser) -> None:
+    """Open a page that takes the study in FOLDER, as `gst new` made it, to its result.
+
+    On it you say where the scans lie on the tool and how it was used, check the study and run it.
+    All of that is kept in FOLDER's config and patch table, so the page may be closed and opened
+    again. It needs no network, and is on this machine alone.
+    """
+    from gst.place import serve
+
+    serve(folder, browser=browser)
+
+
+@main.command()
 @_CONFIG
 @click.option("--fix", is_flag=True, help="Show and, once confirmed, apply what has one cure.")
 def check(config, fix) -> None:

@@ -39,6 +39,7 @@ __all__ = [
     "refuse_config",
     "refuse_study",
     "thinner_than_a_point",
+    "value_problems",
 ]
 
 _SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
@@ -185,6 +186,16 @@ def _to_do(config: Mapping) -> Iterator[str]:
     table = config.get("patches")
     if isinstance(table, str) and not is_to_do(table) and Path(table).is_file():
         yield from cells_to_do(table, "patches")
+
+
+def value_problems(config: Mapping, keys: Iterable[str]) -> list[str]:
+    """What is wrong with the values of these keys, each by itself, whatever else is."""
+    found = [*_unusable_numbers(config)]
+    for error in sorted(_validator().iter_errors(config), key=_order):
+        place = ".".join(map(str, error.absolute_path))
+        if any(place == key or place.startswith(f"{key}.") for key in keys):
+            found.append(_explain(error))
+    return found
 
 
 @functools.cache

@@ -102,7 +102,7 @@ def new_study(folder: Path, mesh: Path, scans: Sequence[Path]) -> str:
     if table:
         write_whole(table_path, table.encode())
     write_whole(config_path, text.encode())
-    return _listing(said) + _what_next(folder, mesh, values, table, text)
+    return _listing(said) + _what_next(folder, table, text)
 
 
 def _listing(said: Sequence[_Said]) -> str:
@@ -345,26 +345,16 @@ def _of_use(text: str) -> _Said:
     return _Said("Use", said, _DOUBT)
 
 
-def _what_next(folder: Path, mesh: Path, values: dict[str, Any], table: str, text: str) -> str:
+def _what_next(folder: Path, table: str, text: str) -> str:
     """Which files were written, what is left in them, and the next commands."""
     left, cells = len([*left_in(yaml.safe_load(text), {})]), table.count(TODO)
     written = f"  wrote {folder / 'study.yaml'} ({left} {TODO})"
     written += f" and {folder / 'patches.csv'} ({cells} {TODO})" * bool(table)
-    pick = ["gst", "pick", str(mesh)]
-    options = {"--unit": "inputs.mesh_unit", "--size": "square.size_mm"}
-    options |= {"--patch-size": "scans.size_mm"}
-    for option, key in options.items():
-        if key in values and not is_to_do(values[key]):
-            pick += [option, f"{values[key]}"]
-    if table and not cells:
-        pick += ["--patches", str(folder / "patches.csv")]
-    check = shlex.join(["gst", "check", str(folder)])
+    place = shlex.join(["gst", "place", str(folder)])
     return (
         f"{written}\n"
         f"  ({_OK}: told by the files; {_DOUBT}: a default or a doubt; {_TO_DO}: {TODO} in them)\n"
-        "\nNext:\n"
-        f"  {shlex.join(pick)}\n"
-        "  (a page on which you lay the square on the stone; copy its square.points_mm)\n"
-        f"  write that, and all else that is {TODO}, into these files; then\n"
-        f"  {check}\n"
+        f"\nNext:\n  {place}\n"
+        "  (a page to lay the scans on the stone, say how it was used, check and run;\n"
+        f"  or write all that is {TODO} into these files, then gst check and gst study)\n"
     )

@@ -29,6 +29,7 @@ __all__ = [
     "REPEAT",
     "ScanFile",
     "at_epoch",
+    "find_scans",
     "no_patches",
     "overlaps",
     "read_patches",
@@ -63,7 +64,7 @@ def read_patches(
     ignored = columns_of("places")
     table = read_rows(path, "patches", renamed={"place": "patch"}, ignored=ignored)
     rows = table.rows
-    problems = [*_find_scans(rows, table.columns, scan_folder)]
+    problems = [*find_scans(rows, table.columns, scan_folder)]
     problems += _repeated(rows, patch_size_mm)
     problems += _out_of_square(rows, size_mm, patch_size_mm)
     table.refuse(problems)
@@ -81,7 +82,7 @@ def no_patches() -> pd.DataFrame:
     return rows_of("patches", {})
 
 
-def _find_scans(
+def find_scans(
     rows: pd.DataFrame, columns: Collection[str], folder: str | Path | None
 ) -> Iterator[Problem]:
     """Put the names of files in place of the names that they fit; where none fits, or several."""

@@ -35,6 +35,7 @@ def run(*arguments, said=""):
         (["press", "gone.plu", "--pressure", "5"], "gone.plu: no such file"),
         (["press", "gone.plu", "--pressure", "0"], "not in the range"),
         (["pick", LONG], TOO_LONG),
+        (["place", "gone"], "gone: cannot be opened"),
         (["diff", "full", "gone"], "gone: has no tables"),
         (["diff", "full", "full", "--tolerance", "-1"], "not in the range"),
         (["export", "full"], "holds no finished study"),

@@ -1,0 +1,599 @@
+/* The five steps of `gst place`. What is done is saved at once, and read again when the page is. */
+
+"use strict";
+
+const $ = (id) => document.getElementById(id);
+const all = (selector) => [...document.querySelectorAll(selector)];
+const STEPS = ["where", "how", "check", "run", "result"];
+
+let state; // as the server has it: square, patches, answers …
+let isStaged = null; // whether the stage told the places; null until it is asked
+let viewer = null; // of the stone, once it is there
+let axes; // of the stone
+let clicks = []; // of corners
+let marks = []; // drawn on the stone
+const earlier = []; // for undo: square and patches as they were
+
+// --- the server
+
+async function ask(route, sent) {
+  const how = { method: "POST", headers: { "Content-Type": "application/json" } };
+  let answer;
+  try {
+    answer = await fetch(route, sent === undefined ? {} : { ...how, body: JSON.stringify(sent) });
+  } catch {
+    throw new Error("gst place has ended. Start it again to go on.");
+  }
+  const found = await answer.json();
+  if (!answer.ok) throw new Error(found.error);
+  return found;
+}
+
+function say(text, isWrong = false) {
+  $("status").textContent = text;
+  $("status").className = isWrong ? "wrong" : "";
+}
+
+/** Say what went wrong, where the browser would not. */
+const told = (work) => work.catch((error) => say(error.message, true));
+
+let dragged = false; // since the pointer went down
+let last = Promise.resolve();
+/** Save one thing after the other. */
+function save(route, sent) {
+  const text = JSON.parse(JSON.stringify(sent)); // as it is now
+  last = last.then(() => told(ask(route, text).then(() => say("Saved."))));
+  return last;
+}
+
+// --- step 1: the square
+
+const chosen = (name) => document.querySelector(`[name=${name}]:checked`).value;
+const isPlacing = () => chosen("mode") === "places";
+const size = () => state.square.size_mm;
+const side = () => state.patch_size_mm || 0.85;
+const frame = () => state.square.points_mm && frameOf(state.square.points_mm);
+const rounded = (points) => points.map((point) => point.map((value) => +value.toFixed(3)));
+
+/** Keep what is now, for undo. */
+function keep() {
+  const { square, patches } = state;
+  earlier.push(JSON.stringify({ square, patches }));
+}
+
+function savePlaces() {
+  draw();
+  return save("places", { square: state.square, patches: state.patches });
+}
+
+/** Lay the square about a point. */
+function lay(point, normal, degrees) {
+  state.square.points_mm = rounded(cornersAbout(point, normal, axes, size(), degrees));
+}
+
+/** Lay it about its own middle, with another side or turn. */
+function layAgain(former, degrees = turnOf(former.frame, axes)) {
+  lay(at(former.frame, former.side / 2, former.side / 2), former.frame.normal, degrees);
+}
+
+function picked(hit) {
+  if (!hit || isPlacing()) return;
+  if (chosen("pick") === "middle") {
+    keep();
+    const normal = viewer.normal(hit.point, size() / 2) || hit.normal;
+    lay(hit.point, normal, Number($("turn").value));
+  } else {
+    clicks.push(hit);
+    if (clicks.length < 3) return draw();
+    const corners = clicks.map((click) => click.point);
+    const found = frameOf(corners);
+    const inward = found && isInward(found, clicks);
+    clicks = [];
+    draw();
+    if (!found) return say("The three corners are in line: click them again.", true);
+    keep();
+    const [origin, first, second] = rounded(corners);
+    state.square.points_mm = inward ? [origin, second, first] : [origin, first, second];
+  }
+  savePlaces();
+}
+
+function straighten() {
+  if (!frame()) return;
+  const middle = at(frame(), size() / 2, size() / 2);
+  viewer.fit(middle, frame().normal, frame().y, span());
+}
+
+// --- step 1: the patches, seen straight from above; the plan has its y down, as SVG has
+
+const MARGIN = 0.1;
+const span = () => size() * (1 + 2 * MARGIN);
+const svg = (name, attributes, ...inside) => {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  made.append(...inside);
+  return made;
+};
+const isSet = (patch) => patch.x_mm !== null && patch.y_mm !== null;
+const turned = (degrees) => ((((degrees + 180) % 360) + 360) % 360) - 180;
+const hasPictures = () => state.has_scans && !lacksUnit() && !lacks("mould.invert");
+// another one once the mould is another
+const pictureOf = (number) => `scan/${number}?${state.answers["scans.mould.invert"]}`;
+const together = () => state.has_scans && $("together").checked;
+
+function sticksOut({ x_mm: x, y_mm: y, rotation_deg: turn }) {
+  const angle = (turn * Math.PI) / 180;
+  const half = (side() / 2) * (Math.abs(Math.cos(angle)) + Math.abs(Math.sin(angle)));
+  return [x, y].some((value) => value - half < -1e-9 || value + half > size() + 1e-9);
+}
+
+/** Move a patch, or with it all that are placed. */
+function move(patch, dx, dy) {
+  for (const each of together() ? state.patches.filter(isSet) : [patch]) {
+    each.x_mm = +(each.x_mm + dx).toFixed(3);
+    each.y_mm = +(each.y_mm + dy).toFixed(3);
+  }
+}
+
+/** Turn a patch, or all that are placed about their middle. */
+function rotate(patch, degrees) {
+  const group = together() ? state.patches.filter(isSet) : [patch];
+  const [x, y] = ["x_mm", "y_mm"].map(
+    (key) => group.reduce((sum, each) => sum + each[key], 0) / group.length);
+  const [cos, sin] = [Math.cos, Math.sin].map((of) => of((degrees * Math.PI) / 180));
+  for (const each of group) {
+    const [dx, dy] = [each.x_mm - x, each.y_mm - y];
+    each.x_mm = +(x + dx * cos - dy * sin).toFixed(3);
+    each.y_mm = +(y + dx * sin + dy * cos).toFixed(3);
+    each.rotation_deg = +turned(each.rotation_deg + degrees).toFixed(3);
+  }
+}
+
+/** Where on the square (x, y in mm) an event is. */
+function placeOf(event) {
+  const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(
+    $("plan").getScreenCTM().inverse());
+  return [at.x, size() - at.y];
+}
+
+/** Follow the pointer until it is let go; `moved` gets the way (mm) since the last call. */
+function drag(event, moved) {
+  event.preventDefault();
+  event.stopPropagation();
+  let before = placeOf(event);
+  dragged = false;
+  const follow = (next) => {
+    const now = placeOf(next);
+    if (!dragged) keep();
+    dragged = true;
+    moved(now[0] - before[0], now[1] - before[1], now, before);
+    before = now;
+    drawPlan();
+  };
+  const end = () => {
+    removeEventListener("pointermove", follow);
+    if (dragged) savePlaces();
+  };
+  addEventListener("pointermove", follow);
+  addEventListener("pointerup", end, { once: true });
+}
+
+function drawPlan(focused) {
+  $("plan").setAttribute("viewBox", [-MARGIN * size(), -MARGIN * size(), span(), span()].join(" "));
+  const active = focused || document.activeElement?.dataset?.patch;
+  $("plan").replaceChildren(svg("rect", { class: "edge", width: size(), height: size() }));
+  state.patches.forEach((patch, number) => isSet(patch) && drawOnPlan(patch, number));
+  if (active !== undefined)
+    all("#plan .patch").find((each) => each.dataset.patch === active)?.focus({ preventScroll: true });
+}
+
+function drawOnPlan(patch, number) {
+  const half = side() / 2;
+  const word = patch.wear_grade === null ? patch.patch : `${patch.patch}: ${patch.wear_grade}`;
+  const box = { x: -half, y: -half, width: side(), height: side() };
+  const handle = svg("circle", { class: "handle", cx: 0, cy: -half, r: size() / 70 });
+  const made = svg("g", {
+    class: `patch${sticksOut(patch) ? " out" : ""}`,
+    tabindex: 0,
+    role: "button",
+    "aria-label": `Patch ${word}`,
+    transform: `translate(${patch.x_mm} ${size() - patch.y_mm}) rotate(${-patch.rotation_deg})`,
+  });
+  if (hasPictures())
+    made.append(svg("image", { ...box, href: pictureOf(number), opacity: $("opacity").value }));
+  made.append(svg("rect", box), svg("text", { "font-size": size() / 32 }, word));
+  if (state.has_scans) made.append(handle);
+  made.dataset.patch = patch.patch;
+  made.onpointerdown = (event) => {
+    made.focus({ preventScroll: true });
+    drag(event, (dx, dy) => move(patch, dx, dy));
+  };
+  handle.onpointerdown = (event) => {
+    const angle = ([x, y]) => (Math.atan2(y - patch.y_mm, x - patch.x_mm) * 180) / Math.PI;
+    drag(event, (_dx, _dy, now, before) => rotate(patch, angle(now) - angle(before)));
+  };
+  made.onclick = (event) => event.stopPropagation();
+  made.onkeydown = (event) => press(event, patch);
+  $("plan").append(made);
+}
+
+function press(event, patch) {
+  const step = event.shiftKey ? 0.005 : 0.05;
+  const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+  const turns = { "[": 1, "]": -1, "{": 0.1, "}": -0.1 };
+  if (!(event.key in ways) && !(event.key in turns)) return;
+  event.preventDefault();
+  keep();
+  if (event.key in ways) move(patch, ...ways[event.key].map((way) => way * step));
+  else rotate(patch, turns[event.key]);
+  savePlaces();
+}
+
+/** The rows beside the plan. */
+function drawList() {
+  const active = document.activeElement?.id;
+  $("places").replaceChildren(...state.patches.map((patch, number) => {
+    const row = document.createElement("li");
+    if (hasPictures()) row.append(thumbnail(patch, number));
+    const name = document.createElement("b");
+    name.textContent = patch.patch;
+    row.append(name, numberOf(patch, "x_mm", "x"), numberOf(patch, "y_mm", "y"));
+    if (state.has_scans) row.append(numberOf(patch, "rotation_deg", "°"));
+    else row.append(gradeOf(patch), removal(patch));
+    return row;
+  }));
+  if (active) $(active)?.focus({ preventScroll: true });
+}
+
+function thumbnail(patch, number) {
+  const picture = document.createElement("img");
+  picture.src = pictureOf(number);
+  picture.alt = `Scan of ${patch.patch}`;
+  picture.draggable = false;
+  picture.onpointerdown = (event) => drag(event, (_dx, _dy, [x, y]) =>
+    Object.assign(patch, { x_mm: +x.toFixed(3), y_mm: +y.toFixed(3) }));
+  return picture;
+}
+
+function numberOf(patch, key, word) {
+  const label = document.createElement("label");
+  const input = document.createElement("input");
+  Object.assign(input, { type: "number", step: "any", id: `${key}-${patch.patch}` });
+  input.value = patch[key] ?? "";
+  input.onchange = () => {
+    keep();
+    patch[key] = input.value === "" ? (key === "rotation_deg" ? 0 : null) : Number(input.value);
+    if (key === "rotation_deg") patch[key] = turned(patch[key]);
+    savePlaces();
+  };
+  label.append(word, input);
+  return label;
+}
+
+function gradeOf(patch) {
+  const label = document.createElement("label");
+  const choice = document.createElement("select");
+  choice.id = `grade-${patch.patch}`;
+  for (const grade of ["", 0, 1, 2, 3]) choice.append(new Option(grade === "" ? "?" : grade, grade));
+  if (patch.wear_grade > 3) choice.append(new Option(patch.wear_grade));
+  choice.value = patch.wear_grade ?? "";
+  choice.onchange = () => {
+    keep();
+    patch.wear_grade = choice.value === "" ? null : Number(choice.value);
+    savePlaces();
+  };
+  label.append("worn", choice);
+  return label;
+}
+
+function removal(patch) {
+  const button = document.createElement("button");
+  button.type = "button";
+  button.textContent = "✕";
+  button.ariaLabel = `Remove ${patch.patch}`;
+  button.onclick = () => {
+    keep();
+    state.patches = state.patches.filter((each) => each !== patch);
+    savePlaces();
+  };
+  return button;
+}
+
+function addPlace(x, y) {
+  const numbers = state.patches.map((patch) => Number(patch.patch) || 0);
+  const name = String(Math.max(0, ...numbers) + 1);
+  keep();
+  const at = { x_mm: +x.toFixed(3), y_mm: +y.toFixed(3) };
+  state.patches.push({ patch: name, ...at, rotation_deg: 0, wear_grade: 0 });
+  savePlaces();
+}
+
+// --- step 1, drawn
+
+function hint() {
+  if (!viewer) return "";
+  const first = ["the reference corner, from which x and y run", "the end of x", "the end of y"];
+  if (!isPlacing() && chosen("pick") === "corners") return `Click ${first[clicks.length]}.`;
+  if (!frame()) return "Click the middle of the square.";
+  if (!isPlacing()) return "The square is laid. Turn it, or click elsewhere.";
+  if (!state.has_scans) return "Click each place that you can judge, and grade it: 0 is unworn.";
+  const left = state.patches.filter((patch) => !isSet(patch)).length;
+  if (left) return `Drag ${left} more to their places.`;
+  const out = state.patches.filter(sticksOut).length;
+  return out ? `${out} stick out of the square: move them, or make it larger.` : "All are placed.";
+}
+
+function draw() {
+  for (const mark of marks) mark.remove();
+  marks = [];
+  const [found, placing] = [frame(), isPlacing() && frame() !== null];
+  if (viewer && found) {
+    marks.push(...drawSquare(viewer, found, size()));
+    for (const { patch, x_mm: x, y_mm: y, rotation_deg: turn } of placing ? [] : state.patches)
+      if (x !== null && y !== null)
+        marks.push(...drawPatch(viewer, found, { name: patch, x, y, turn }, side()));
+  }
+  if (viewer) for (const { point } of clicks) marks.push(viewer.addLabel(point, "○"));
+  $("size").value = size() ?? "";
+  if (found && axes) $("turn").value = turnOf(found, axes);
+  $("plan").toggleAttribute("hidden", !placing);
+  $("of-square").hidden = placing;
+  $("of-places").hidden = !placing;
+  for (const id of ["together-asked", "of-all"]) $(id).hidden = !state.has_scans;
+  $("of-all").hidden ||= !$("together").checked;
+  $("add-asked").hidden = state.has_scans;
+  $("undo").disabled = !earlier.length && !clicks.length;
+  $("straight").disabled = !found;
+  $("whole").disabled = placing;
+  document.querySelector("[name=mode][value=places]").disabled = !found;
+  $("hint").textContent = hint();
+  if (placing) drawPlan();
+  drawList();
+}
+
+function setMode() {
+  if (isPlacing()) straighten();
+  const canvas = document.querySelector("canvas");
+  if (canvas) canvas.tabIndex = isPlacing() ? -1 : 0; // else its keys would turn it away
+  draw();
+}
+
+async function showStone() {
+  $("unit-asked").hidden = !isToDo(state.answers["inputs.mesh_unit"]);
+  if (viewer || !$("unit-asked").hidden) return;
+  say("Reading the stone …");
+  const stone = await ask("stone");
+  axes = stone.axes;
+  viewer = stoneViewer($("view"), stone, { label: `The stone ${state.mesh}`, lift: size() / 4 });
+  if (!viewer) return;
+  viewer.onclick = picked;
+  say("");
+  if (frame()) straighten();
+  draw();
+}
+
+$("size").onchange = () => {
+  const value = Number($("size").value);
+  if (!(value > 0 && value <= 100)) return say("Give a side between 0 and 100 mm.", true);
+  keep();
+  const former = { frame: frame(), side: size() };
+  state.square.size_mm = value;
+  if (former.frame) layAgain(former);
+  savePlaces();
+};
+let isTurning = false;
+$("turn").oninput = () => {
+  if (!frame()) return;
+  if (!isTurning) keep();
+  isTurning = true;
+  const degrees = $("turn").value;
+  layAgain({ frame: frame(), side: size() }, Number(degrees));
+  draw();
+  $("turn").value = degrees;
+};
+$("turn").onchange = () => {
+  isTurning = false;
+  if (frame()) savePlaces();
+};
+$("undo").onclick = () => {
+  if (clicks.length) clicks.pop();
+  else {
+    Object.assign(state, JSON.parse(earlier.pop()));
+    return savePlaces();
+  }
+  return draw();
+};
+$("whole").onclick = () => viewer?.fit();
+$("straight").onclick = straighten;
+$("opacity").oninput = () => drawPlan();
+$("together").onchange = draw;
+$("mirror").onclick = () => {
+  keep();
+  for (const patch of state.patches.filter(isSet)) patch.x_mm = +(size() - patch.x_mm).toFixed(3);
+  savePlaces();
+};
+$("turn-all").onchange = () => {
+  keep();
+  rotate(null, Number($("turn-all").value));
+  $("turn-all").value = 0;
+  savePlaces();
+};
+$("add").onclick = () => addPlace(size() / 2, size() / 2);
+$("plan").onpointerdown = () => { dragged = false; };
+$("plan").onclick = (event) => state.has_scans || dragged || addPlace(...placeOf(event));
+for (const choice of all("[name=mode]")) choice.onchange = setMode;
+for (const choice of all("[name=pick]")) choice.onchange = () => { clicks = []; draw(); };
+
+// --- step 2: each choice is the values that it writes
+
+const isAnswer = (values) =>
+  Object.entries(values).every(([key, value]) => state.answers[key] === value);
+const valuesOf = (choice) => JSON.parse(choice.dataset.values);
+const isToDo = (value) => typeof value === "string" && value.startsWith("TODO");
+/** Whether one of these keys of the scans is still to be given: before, they cannot be shown. */
+const lacks = (...keys) => keys.some((key) => isToDo(state.answers[`scans.${key}`]));
+const lacksUnit = () => lacks("unit", "spacing_um", "size_mm");
+$("rock-2").innerHTML = $("rock").innerHTML;
+
+function showAnswers() {
+  for (const name of new Set(all("#how [type=radio]").map((choice) => choice.name))) {
+    const group = all(`[name=${name}]`);
+    const found = group.find((choice) => choice.dataset.values && isAnswer(valuesOf(choice)));
+    for (const choice of group) choice.checked = choice === (found || group.find((one) => "own" in one.dataset));
+  }
+  for (const input of all("[data-key]")) {
+    const value = state.answers[input.dataset.key];
+    const isNumber = typeof value === "number";
+    if (isNumber) input.value = +(value * (input.dataset.scale || 1)).toPrecision(6);
+    else input.value = isToDo(value) ? "" : value ?? "";
+    if (isToDo(value)) input.placeholder = value.slice(4).trim(); // what is likely
+  }
+  for (const choice of all("[data-stone]")) {
+    const n = choice.dataset.stone;
+    const value = `${state.answers[`material.young_${n}_MPa`] / 1000} ${state.answers[`material.poisson_${n}`]}`;
+    choice.value = [...choice.options].some((option) => option.value === value) ? value : "";
+  }
+  $("mould").hidden = !state.has_scans;
+  $("scan-unit").hidden = !lacksUnit();
+  // asked at the first step where there are no pictures without an answer
+  if (lacks("mould.invert")) $("asked-first").append($("mould"));
+  if (lacksUnit()) $("asked-first").append($("scan-unit"));
+  for (const choice of all("#against input")) choice.disabled = state.own_tool;
+  if (state.own_tool) $("own-tool").textContent = "The config gives its mesh and pose, which are used.";
+}
+
+async function answer(values) {
+  await save("answers", values);
+  await load();
+}
+
+for (const choice of all("#how [type=radio]")) {
+  choice.onchange = () => {
+    if (choice.dataset.values) answer(valuesOf(choice));
+    else choice.closest("fieldset").querySelector(".own input").focus();
+  };
+}
+for (const input of all("[data-key]")) {
+  input.onchange = () => {
+    if (input.value === "") return;
+    const value = input.type === "number" ? Number(input.value) / (input.dataset.scale || 1) : input.value;
+    answer({ [input.dataset.key]: value });
+  };
+}
+for (const choice of all("[data-stone]")) {
+  choice.onchange = () => {
+    const [young, poisson] = choice.value.split(" ").map(Number);
+    const n = choice.dataset.stone;
+    if (poisson) answer({ [`material.young_${n}_MPa`]: young * 1000, [`material.poisson_${n}`]: poisson });
+  };
+}
+document.querySelector("form").onsubmit = (event) => event.preventDefault();
+
+// --- steps 3 and 4: commands, and what they say
+
+const SECTIONS = { check: "check", study: "run" };
+const shown = {};
+
+function howItIs(name, { running, code }) {
+  if (running) return "Running …";
+  if (code === null) return ""; // of another server
+  if (code === 0) return "Done.";
+  if (code < 0) return "Stopped.";
+  return name === "check" ? "Not yet: see below." : "It ended before it was done: see below.";
+}
+
+function showSaid(name, said) {
+  const section = $(SECTIONS[name]);
+  const text = JSON.stringify(said);
+  section.querySelector("[data-start]").disabled = said.running;
+  section.querySelector("[data-stop]").disabled = !said.running;
+  if (shown[name] === text) return;
+  shown[name] = text;
+  section.querySelector("[role=status]").textContent = howItIs(name, said);
+  const box = section.querySelector(".said");
+  box.replaceChildren(...said.records.map(({ level, text: line }) => {
+    const piece = document.createElement("p");
+    piece.className = level;
+    piece.textContent = line;
+    return piece;
+  }));
+  if (name === "study") showProgress(said, box);
+  else if (!said.running && box.textContent.includes("check.png")) showPicture();
+}
+
+function showPicture() {
+  const place = `results/check.png?${Date.now()}`; // it is another after each check
+  $("check-picture").onload = () => { $("check-link").hidden = false; };
+  $("check-picture").src = $("check-link").href = place;
+}
+
+/** How far it is, and how long it takes if it goes on like this. */
+function showProgress(said, box) {
+  const counts = [...box.textContent.matchAll(/(\d+):(\d+):(\d+) {2}(\d+) of (\d+) steps done/g)];
+  $("progress").hidden = !counts.length;
+  if (!counts.length) return;
+  const [hours, minutes, seconds, done, whole] = counts.at(-1).slice(1).map(Number);
+  $("progress").value = done / whole;
+  const left = ((hours * 60 + minutes + seconds / 60) * (whole - done)) / Math.max(done, 1);
+  if (said.running)
+    $("run").querySelector("[role=status]").textContent =
+      `${done} of ${whole} steps; about ${Math.ceil(left)} min left, if the rest goes as they did.`;
+  box.scrollTop = box.scrollHeight;
+}
+
+async function follow(name) {
+  const said = await ask(`said/${name}`);
+  showSaid(name, said);
+  if (said.running) setTimeout(() => told(follow(name)), 1000);
+}
+
+for (const button of all("[data-start]")) {
+  const name = button.dataset.start;
+  button.onclick = () => told(last.then(() => ask(`start/${name}`, {})).then(() => follow(name)));
+}
+for (const button of all("[data-stop]"))
+  button.onclick = () => told(ask(`stop/${button.dataset.stop}`, {}));
+
+// --- step 5
+
+async function showResult() {
+  const { page, problem } = await ask("result");
+  $("found").hidden = page === null;
+  if (page) $("open").href = page;
+  $("no-result").textContent = problem ? `${page ? "Run it again: " : ""}${problem}.` : "";
+}
+
+// --- the steps
+
+function show() {
+  const step = STEPS.includes(location.hash.slice(1)) ? location.hash.slice(1)
+    : frame() && state.patches.every(isSet) ? "how" : "where";
+  for (const each of STEPS) $(each).hidden = each !== step;
+  for (const link of all("nav a")) {
+    if (link.hash === `#${step}`) link.setAttribute("aria-current", "step");
+    else link.removeAttribute("aria-current");
+  }
+  if (step === "how") document.querySelector("form").append($("mould"), $("scan-unit"));
+  if (step === "check") told(follow("check"));
+  if (step === "run") told(follow("study"));
+  if (step === "result") told(showResult());
+}
+
+async function load() {
+  state = await ask("state");
+  $("title").textContent = document.title = state.title;
+  $("things").textContent = state.has_scans ? "Place the scans" : "Grade places";
+  $("legend").textContent = state.has_scans ? "Scans" : "Places, and how worn they are";
+  showAnswers();
+  draw();
+  await showStone();
+  if (isStaged !== null || !hasPictures()) return;
+  isStaged = (await ask("stage")).all;
+  $("together").checked = isStaged;
+  draw();
+}
+
+$("end").onclick = () => told(last.then(() => ask("end", {})).then(() =>
+  say("gst place has ended, and everything is saved. You may close this page.")));
+addEventListener("hashchange", () => { say(""); show(); });
+told(load()).then(() => state && show());

@@ -1,0 +1,321 @@
+"""A local page that takes a study from its files to its result: `gst place FOLDER`.
+
+The server listens on this machine alone. It answers whoever knows the token in the page's address,
+and asks for it under the server's own name, so that no other page in the same browser can. It reads
+the study's folder, its mesh and its scans, and takes no files. Everything that is done on the page
+is in the config and the patch table (`gst.place_state`).
+"""
+
+import json
+import mimetypes
+import re
+import secrets
+import subprocess
+import sys
+import threading
+import webbrowser
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import psutil
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import best_match
+
+from gst.chain import break_in
+from gst.config import read_config
+from gst.place_state import (
+    SENT_ANSWERS,
+    SENT_PLACES,
+    has_stage,
+    picture_of,
+    save_answers,
+    save_places,
+    state_of,
+    stone_of,
+)
+from gst.viewer import shipped, three_js
+from gstlib.errors import GstError
+
+__all__ = ["PlaceServer", "serve"]
+
+_FILES = ("place.css", "place.html", "place.js", "page.css", "square.js", "viewer.js")
+_JSON = "application/json"
+# Bytes of what a page sends: ten thousand patches.
+_MOST_SENT = 2_000_000
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+# A result's page has its scripts and pictures in it, and asks for nothing.
+_POLICY_OF_RESULTS = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+# Where a run leaves what it says, beside Snakemake's own.
+_LOGS = Path(".snakemake")
+# A line that begins what `gst` reports, with the lines behind it that are indented.
+_REPORT = re.compile(r"^(ERROR|WARNING|NOTE): ")
+
+
+class _RefusedError(Exception):
+    """A request that is not answered."""
+
+    def __init__(self, status: HTTPStatus, why: str):
+        super().__init__(why)
+        self.status = status
+
+
+class _Command:
+    """A command of `gst` in a process of its own, which outlives the page and the server.
+
+    What it says is in a file, its number in another, so that a later server finds both.
+    """
+
+    def __init__(self, name: str, config: Path):
+        self._words = ["-m", "gst", name, str(config)]
+        self._log, self._number = (_LOGS / f"place_{name}.{kind}" for kind in ("log", "pid"))
+        self._own: subprocess.Popen | None = None
+
+    def start(self) -> None:
+        """Start it; nothing happens while it runs."""
+        if self._running() is not None:
+            return
+        _LOGS.mkdir(exist_ok=True)
+        # -P: not a folder `gst` in the study's own
+        with self._log.open("wb") as said:
+            self._own = subprocess.Popen(
+                [sys.executable, "-P", "-u", *self._words],
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,  # Ctrl-C ends the server alone
+            )
+        self._number.write_text(str(self._own.pid), encoding="utf-8")
+
+    def stop(self) -> None:
+        """Ask it to end; a study keeps the steps that are done."""
+        if (process := self._running()) is not None:
+            process.terminate()
+
+    def said(self) -> dict[str, Any]:
+        """What it said so far, by level, whether it runs, and its exit code if it is known."""
+        is_running = self._running() is not None
+        text = self._log.read_text("utf-8", "replace") if self._log.is_file() else ""
+        code = self._own.returncode if self._own is not None else None
+        return {"records": _records(text), "running": is_running, "code": code}
+
+    def _running(self) -> psutil.Process | None:
+        if self._own is not None and self._own.poll() is not None:
+            return None
+        try:
+            process = psutil.Process(int(self._number.read_text(encoding="utf-8")))
+            # numbers are given again
+            is_it = process.cmdline()[-len(self._words) :] == self._words
+            return process if is_it and process.cwd() == str(Path.cwd()) else None
+        except (OSError, ValueError, psutil.Error):
+            return None
+
+
+def _records(text: str) -> list[dict[str, str]]:
+    """What was said, in pieces of one level: error, warning, note or text."""
+    found: list[dict[str, str]] = []
+    for line in text.splitlines():
+        match = _REPORT.match(line)
+        level = match[1].lower() if match else "text"
+        if not match and found and (found[-1]["level"] == "text" or line[:1] == " "):
+            found[-1]["text"] += f"\n{line}"
+        elif line.strip():
+            found.append({"level": level, "text": line[match.end() if match else 0 :]})
+    return found
+
+
+class PlaceServer(ThreadingHTTPServer):
+    """The server of a study in the working folder, on a free port of this machine.
+
+    Parameters
+    ----------
+    config : Path
+        The study's config.
+    """
+
+    daemon_threads = True
+
+    def __init__(self, config: Path):
+        super().__init__(("127.0.0.1", 0), _Handler)
+        self.config = config
+        self.token = secrets.token_urlsafe(24)
+        self.host = f"127.0.0.1:{self.server_port}"
+        self.url = f"http://{self.host}/{self.token}/"
+        self.commands = {name: _Command(name, config) for name in ("check", "study")}
+        self.lock = threading.Lock()
+
+    def result(self) -> dict[str, Any]:
+        """Where the page of the result is, if it is there, and what is wrong with it."""
+        config = read_config(self.config)
+        folder = Path(config["results"])
+        if not (folder / "index.html").is_file():
+            return {"page": None, "problem": "the study has not been run to its end"}
+        broken = break_in(folder, config)
+        return {"page": "results/index.html", "problem": broken}
+
+    def result_file(self, name: str) -> Path:
+        """A file of the results, which are in the study's folder."""
+        folder = Path(read_config(self.config)["results"]).resolve()
+        file = (folder / name).resolve()
+        if not (file.is_relative_to(folder) and folder.is_relative_to(Path.cwd())):
+            raise _RefusedError(HTTPStatus.FORBIDDEN, "outside the study's results")
+        if not file.is_file():
+            raise _RefusedError(HTTPStatus.NOT_FOUND, "no such file")
+        return file
+
+
+_SENT = {"answers": SENT_ANSWERS, "places": SENT_PLACES}
+# What is asked for by the first part of a path, and how it is answered: the server, the rest of the
+# path, and what was sent. Bytes are a picture, a path is a file, all else is JSON.
+_Answer = Callable[[PlaceServer, str, Any], Any]
+_ROUTES: dict[tuple[str, str], _Answer] = {
+    ("GET", "state"): lambda server, _rest, _sent: state_of(server.config),
+    ("GET", "stone"): lambda server, _rest, _sent: stone_of(server.config),
+    ("GET", "stage"): lambda server, _rest, _sent: {"all": has_stage(server.config)},
+    ("GET", "scan"): lambda server, rest, _sent: picture_of(server.config, _number(rest)),
+    ("GET", "said"): lambda server, rest, _sent: _command(server, rest).said(),
+    ("GET", "result"): lambda server, _rest, _sent: server.result(),
+    ("GET", "results"): lambda server, rest, _sent: server.result_file(rest),
+    ("POST", "answers"): lambda server, _rest, sent: save_answers(server.config, sent),
+    ("POST", "places"): lambda server, _rest, sent: save_places(
+        server.config, sent["square"], sent["patches"]
+    ),
+    ("POST", "start"): lambda server, rest, _sent: _command(server, rest).start(),
+    ("POST", "stop"): lambda server, rest, _sent: _command(server, rest).stop(),
+    ("POST", "end"): lambda server, _rest, _sent: threading.Thread(
+        target=server.shutdown
+    ).start(),
+}
+
+
+def _number(text: str) -> int:
+    if not re.fullmatch(r"\d{1,5}", text):
+        raise _RefusedError(HTTPStatus.NOT_FOUND, "no such scan")
+    return int(text)
+
+
+def _command(server: PlaceServer, name: str) -> _Command:
+    if name not in server.commands:
+        raise _RefusedError(HTTPStatus.NOT_FOUND, "no such command")
+    return server.commands[name]
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: PlaceServer
+    timeout = 60
+
+    def do_GET(self) -> None:
+        self._answer()
+
+    def do_POST(self) -> None:
+        self._answer()
+
+    def log_message(self, *_: Any) -> None:
+        """Say nothing: the token is in every address."""
+
+    def _answer(self) -> None:
+        try:
+            name = self._asked_for()
+            if self.command == "GET" and (name or "place.html") in (*_FILES, "three.js"):
+                self._send_file(name or "place.html")
+                return
+            first, _, rest = name.partition("/")
+            answer = _ROUTES.get((self.command, first))
+            if answer is None:
+                raise _RefusedError(HTTPStatus.NOT_FOUND, "no such page")
+            sent = self._sent(_SENT.get(first, {})) if self.command == "POST" else None
+            with self.server.lock:
+                content = answer(self.server, rest, sent)
+            self._send_content(content)
+        except _RefusedError as refused:
+            self._send(json.dumps({"error": str(refused)}).encode(), _JSON, refused.status)
+        except (GstError, OSError) as error:
+            said = json.dumps({"error": str(error)}).encode()
+            self._send(said, _JSON, HTTPStatus.UNPROCESSABLE_ENTITY)
+
+    def _asked_for(self) -> str:
+        """The path behind the token; what comes from elsewhere is refused."""
+        origin = self.headers.get("Origin", f"http://{self.server.host}")
+        if self.headers.get("Host") != self.server.host:
+            raise _RefusedError(HTTPStatus.FORBIDDEN, "asked for under a foreign name")
+        if origin != f"http://{self.server.host}":
+            raise _RefusedError(HTTPStatus.FORBIDDEN, "asked for by a foreign page")
+        _, token, *rest = [*self.path.partition("?")[0].split("/", 2), ""][:3]
+        if not secrets.compare_digest(token.encode(), self.server.token.encode()):
+            raise _RefusedError(HTTPStatus.FORBIDDEN, "asked for without the token")
+        return unquote("".join(rest))
+
+    def _sent(self, schema: Mapping[str, Any]) -> Any:
+        """The JSON of a request."""
+        length = self.headers.get("Content-Length", "")
+        if not length.isdecimal() or int(length) > _MOST_SENT:
+            raise _RefusedError(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too long")
+        if self.headers.get("Content-Type") != _JSON:
+            raise _RefusedError(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "not JSON")
+        try:
+            # neither NaN nor Infinity, which JSON does not have
+            sent = json.loads(self.rfile.read(int(length)), parse_constant=int)
+        except (ValueError, RecursionError):
+            raise _RefusedError(HTTPStatus.BAD_REQUEST, "not JSON") from None
+        if (error := best_match(Draft202012Validator(schema).iter_errors(sent))) is not None:
+            raise _RefusedError(HTTPStatus.BAD_REQUEST, error.message)
+        return sent
+
+    def _send_file(self, name: str) -> None:
+        text = three_js() if name == "three.js" else shipped(name)
+        kind = mimetypes.guess_type(name)[0] or "text/plain"
+        self._send(text.encode(), f"{kind}; charset=utf-8")
+
+    def _send_content(self, content: Any) -> None:
+        if isinstance(content, bytes):
+            self._send(content, "image/png")
+        elif isinstance(content, Path):
+            kind = mimetypes.guess_type(content.name)[0] or "application/octet-stream"
+            self._send(content.read_bytes(), kind, policy=_POLICY_OF_RESULTS)
+        else:
+            self._send(json.dumps(content).encode(), _JSON)
+
+    def _send(
+        self,
+        content: bytes,
+        kind: str,
+        status: HTTPStatus = HTTPStatus.OK,
+        policy: str = _POLICY,
+    ) -> None:
+        self.send_response(status)
+        headers = {
+            "Content-Type": kind,
+            "Content-Length": str(len(content)),
+            "Content-Security-Policy": policy,
+            "Cache-Control": "no-store",
+            "Referrer-Policy": "same-origin",
+            "X-Content-Type-Options": "nosniff",
+        }
+        for name, value in headers.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(content)
+
+
+def serve(config: Path, *, browser: bool) -> None:
+    """Serve the page of a study in the working folder until Ctrl-C, or until the page ends it."""
+    read_config(config)  # in a sentence, before anything opens
+    with PlaceServer(config) as server:
+        print(f"{server.url}\nThis page is on this machine alone. Ctrl-C ends it.", flush=True)
+        if browser:
+            webbrowser.open(server.url)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            print()
+        if server.commands["study"].said()["running"]:
+            print("The study still runs; open the page again to see it, or to stop it.")

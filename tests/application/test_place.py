@@ -1,0 +1,237 @@
+"""The server of `gst place`: whom it answers, what it writes, and what it shows."""
+
+import http.client
+import io
+import json
+import threading
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import trimesh
+import yaml
+from gst.place import PlaceServer
+from gst.place_state import picture_of
+from gstlib.io.plu import write_plu
+from matplotlib.image import imread
+from scipy.ndimage import gaussian_filter
+
+SPACING = 0.0133  # mm
+POINTS = 64
+SIZE = SPACING * POINTS
+CONFIG = f"""\
+# mine
+title: a stone
+results: results
+patches: patches.tsv
+inputs: {{mesh: stone.ply, mesh_unit: mm, scan_folder: scans}}
+square:
+  size_mm: 5.0
+  points_mm: TODO
+load: {{force_N: 550}}  # the paper's
+scans:
+  size_mm: {SIZE:.4f}
+  mould: {{invert: false, flip: null}}
+"""
+TABLE = "# by hand\npatch\tnote\tx_mm\ty_mm\tt0\nA\tdull\tTODO\tTODO\ta.plu\nB\t\t1,5\t2\tb.plu\n"
+POINTS_MM = [[0, 0, 10], [5, 0, 10], [0, 5, 10]]
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch):
+    """A study in the working folder, beside a file that is none of its own."""
+    folder = tmp_path / "study"
+    (folder / "scans").mkdir(parents=True)
+    (folder / "results").mkdir()
+    (tmp_path / "secret").write_text("secret")
+    (folder / "results/index.html").write_text("<title>result</title>")
+    (folder / "results/link").symlink_to(tmp_path / "secret")
+    (folder / "study.yaml").write_text(CONFIG)
+    (folder / "patches.tsv").write_text(TABLE)
+    trimesh.creation.icosphere(subdivisions=2, radius=10.0).export(folder / "stone.ply")
+    ground = 0.02 * gaussian_filter(np.random.default_rng(1).normal(size=(POINTS, POINTS)), 2)
+    for name in ("a", "b"):
+        write_plu(folder / f"scans/{name}.plu", ground, SPACING)
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@contextmanager
+def served():
+    with PlaceServer(Path("study.yaml")) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        yield server
+        server.shutdown()
+        thread.join()
+
+
+@pytest.fixture
+def server(study):
+    with served() as server:
+        yield server
+
+
+def ask(server, path, sent=None, method=None, token=None, **headers):
+    """The status of an answer, and its content."""
+    link = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=30)
+    body = sent if sent is None or isinstance(sent, str) else json.dumps(sent)
+    given = {"Content-Type": "application/json"} if sent is not None else {}
+    given |= {name.replace("_", "-"): value for name, value in headers.items()}
+    place = f"/{server.token if token is None else token}/{path}"
+    link.request(method or ("GET" if sent is None else "POST"), place, body, given)
+    answer = link.getresponse()
+    content = answer.read()
+    link.close()
+    is_json = answer.headers["Content-Type"] == "application/json"
+    return answer.status, json.loads(content) if is_json else content
+
+
+def row(patch, x, y, turn=0, grade=None):
+    columns = ("patch", "x_mm", "y_mm", "rotation_deg", "wear_grade")
+    return dict(zip(columns, (patch, x, y, turn, grade), strict=True))
+
+
+def places(*rows, points=None, size=5.0):
+    return {"square": {"points_mm": points, "size_mm": size}, "patches": rows}
+
+
+BOTH = row("A", 1, 1), row("B", 2, 2)
+REFUSED = {
+    "no token": ("state", None, {"token": ""}, 403),
+    "another token": ("state", None, {"token": "x" * 32}, 403),
+    "no token for the page itself": ("", None, {"token": "x"}, 403),
+    "a foreign name": ("state", None, {"Host": "evil.example"}, 403),
+    "a foreign page": ("state", None, {"Origin": "http://evil.example"}, 403),
+    "a foreign page that writes": ("answers", {}, {"Origin": "null"}, 403),
+    "an unknown route": ("files", None, {}, 404),
+    "a route with another method": ("answers", None, {}, 404),
+    "a script that is none of the page": ("place.py", None, {}, 404),
+    "a way up": ("results/../study.yaml", None, {}, 403),
+    "a hidden way up": ("results/%2e%2e/%2e%2e/secret", None, {}, 403),
+    "an absolute path": ("results//etc/passwd", None, {}, 403),
+    "a link that leads out": ("results/link", None, {}, 403),
+    "a folder": ("results/", None, {}, 404),
+    "a scan by its path": ("scan/../../secret", None, {}, 404),
+    "a scan beyond the table": ("scan/2", None, {}, 422),
+    "a command of another name": ("start/clean", {}, {}, 404),
+    "a form": ("answers", "a=1", {"Content_Type": "text/plain"}, 415),
+    "an upload": ("answers", {}, {"Content_Length": "3000000"}, 413),
+    "broken JSON": ("answers", "{", {}, 400),
+    "JSON without end": ("answers", "[" * 100_000, {}, 400),
+    "other JSON": ("answers", [1], {}, 400),
+    "a key that names a file": ("answers", {"inputs.mesh": "/etc/passwd"}, {}, 400),
+    "a value that cannot be meant": ("answers", {"load.force_N": -1}, {}, 422),
+    "no number": ("answers", '{"load.force_N": NaN}', {}, 400),
+    "too large a number": ("answers", '{"load.force_N": 1e999}', {}, 422),
+    "places without a square": ("places", {"patches": []}, {}, 400),
+    "a place that is text": ("places", places(row("A", "1", 1)), {}, 400),
+    "two points": ("places", places(*BOTH, points=POINTS_MM[:2]), {}, 422),
+    "another patch": ("places", places(BOTH[0], row("C", 2, 2)), {}, 422),
+    "a patch less": ("places", places(BOTH[0]), {}, 422),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_refused(server, study, case):
+    path, sent, options, expected = REFUSED[case]
+    status, content = ask(server, path, sent, **options)
+    assert status == expected
+    assert set(content) == {"error"}
+    assert "secret" not in content["error"].replace(str(study.parent), "")
+    assert (study / "study.yaml").read_text() == CONFIG
+    assert (study / "patches.tsv").read_text() == TABLE
+    assert sorted(path.name for path in study.iterdir()) == [
+        *("patches.tsv", "results", "scans", "stone.ply", "study.yaml")
+    ]
+
+
+def test_scans_and_results_outside_their_folders_are_refused(server, study):
+    (study / "scans/c.plu").symlink_to(study.parent / "secret")
+    (study / "patches.tsv").write_text(TABLE.replace("b.plu", "c.plu"))
+    assert ask(server, "scan/1")[0] == 422
+    (study / "study.yaml").write_text(CONFIG.replace("results: results", "results: .."))
+    assert ask(server, "results/secret")[0] == 403
+
+
+def test_its_files_are_answered_and_ask_for_nothing_else(server):
+    for name in ("", "place.js", "place.css", "page.css", "viewer.js", "square.js", "three.js"):
+        status, content = ask(server, name)
+        assert status == 200
+        if name != "three.js":
+            assert b"http://" not in content.replace(b"http://www.w3.org/2000/svg", b"")
+    assert ask(server, "results/index.html") == (200, b"<title>result</title>")
+    assert ask(server, "stone")[1]["bounds"] == [[-10] * 3, [10] * 3]
+    assert ask(server, "said/study")[1] == {"records": [], "running": False, "code": None}
+
+
+def test_places_are_written_and_the_rest_stays(server, study):
+    state = ask(server, "state")[1]
+    assert state["square"] == {"points_mm": None, "size_mm": 5.0}
+    assert state["patches"] == [row("A", None, None), row("B", 1.5, 2.0)]
+    sent = places(row("A", 1.23456, 0, -7.5), row("B", 1.5, None), points=POINTS_MM)
+    assert ask(server, "places", sent) == (200, None)
+    text = (study / "study.yaml").read_text()
+    assert text == CONFIG.replace("TODO", str(POINTS_MM))
+    assert (study / "patches.tsv").read_text() == (
+        "# by hand\npatch\tnote\tx_mm\ty_mm\tt0\trotation_deg\n"
+        "A\tdull\t1.235\t0\ta.plu\t-7.5\nB\t\t1.5\tTODO\tb.plu\t0\n"
+    )
+    # undone, also the turn
+    assert ask(server, "places", places(*state["patches"]))[0] == 200
+    assert (study / "study.yaml").read_text() == CONFIG
+    assert ask(server, "state")[1] == state
+
+
+def test_answers_are_written_and_comments_stay(server, study):
+    unknown = {"counterface.radius_mm": 274, "uncertainty.radius_fraction": 0.98}
+    for sent in ({"load.force_N": 30}, unknown, {"scans.mould.flip": "x"}):
+        assert ask(server, "answers", sent) == (200, None)
+        assert sent.items() <= ask(server, "state")[1]["answers"].items()
+    text = (study / "study.yaml").read_text()
+    assert "load: {force_N: 30}  # the paper's" in text
+    assert yaml.safe_load(text)["counterface"] == {"radius_mm": 274}
+
+
+def test_a_force_takes_the_place_of_a_pressure(server, study):
+    (study / "study.yaml").write_text(CONFIG.replace("force_N: 550", "pressure_MPa: 22"))
+    assert ask(server, "answers", {"load.force_N": 100})[0] == 200
+    load = yaml.safe_load((study / "study.yaml").read_text())["load"]
+    assert load == {"pressure_MPa": None, "force_N": 100}
+
+
+def test_places_of_a_tool_without_scans_make_a_table(server, study):
+    (study / "patches.tsv").unlink()
+    (study / "study.yaml").write_text(CONFIG.replace("patches.tsv", "null"))
+    assert ask(server, "places", places(row("1", 1, 2, grade=0), row("2", 3, 4)))[0] == 200
+    table = pd.read_csv("patches.csv", sep=";", dtype=str, keep_default_na=False)
+    assert table.to_numpy().tolist() == [["1", "1", "2", "0"], ["2", "3", "4", ""]]
+    assert yaml.safe_load((study / "study.yaml").read_text())["patches"] == "patches.csv"
+    sent = places(row("2", 3, 4, grade=3), row("7", 1, 1, grade=1))
+    assert ask(server, "places", sent)[0] == 200
+    assert ask(server, "state")[1]["patches"] == list(sent["patches"])
+    assert ask(server, "places", places())[0] == 200
+    assert not Path("patches.csv").exists()
+    assert ask(server, "state")[1]["patches"] == []
+
+
+def picture(heights, study, **mould):
+    write_plu(study / "scans/a.plu", heights, SPACING)
+    config = yaml.safe_load(CONFIG)
+    config["scans"]["mould"] = {"invert": False, "flip": None} | mould
+    (study / "study.yaml").write_text(yaml.safe_dump(config))
+    return imread(io.BytesIO(picture_of(Path("study.yaml"), 0)))[..., 0]
+
+
+def test_a_picture_is_lit_from_above_left_with_y_up(study):
+    """As the stone beside it is; a mould of the stone looks as the stone does."""
+    y, x = np.mgrid[-1 : 1 : POINTS * 1j, -1 : 1 : POINTS * 1j]
+    heights = 0.05 * np.exp(-((x - 0.4) ** 2 + (y - 0.2) ** 2) / 0.02)  # a hill, right and up
+    shown = picture(heights, study)
+    row, column = (int(POINTS * (1 - at) / 2) for at in (0.2, -0.4))
+    assert shown[row - 3, column - 3] > shown[row + 3, column + 3] + 0.5
+    assert np.ptp(shown[POINTS // 2 :, : POINTS // 2]) < 0.1  # nothing left and down
+    as_mould = picture(-np.fliplr(heights), study, invert=True, flip="x")
+    np.testing.assert_allclose(as_mould, shown, atol=0.02)
