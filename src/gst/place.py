@@ -238,6 +238,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send_content(content)
         except _RefusedError as refused:
             self._send(json.dumps({"error": str(refused)}).encode(), _JSON, refused.status)
+        except ConnectionError:
+            pass  # the page was closed meanwhile
         except (GstError, OSError) as error:
             said = json.dumps({"error": str(error)}).encode()
             self._send(said, _JSON, HTTPStatus.UNPROCESSABLE_ENTITY)

@@ -1,0 +1,298 @@
+"""`gst place` in a browser: from files to a result, left and taken up again on the way."""
+
+import os
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import psutil
+import pytest
+import trimesh
+import yaml
+from gst.edited import with_values
+from gst.patches import read_patches
+from gstlib.io.meshes import read_mesh
+from gstlib.surfaces.frames import find_frame
+
+from .conftest import run
+
+pytestmark = pytest.mark.browser
+
+GST = Path(sys.executable).with_name("gst")
+# As coarse as in config/tiny.yaml, and without what takes longest.
+COARSE = {
+    "macroscale.grid": 40,
+    "macroscale.face_mm": 10.0,
+    "macroscale.steps": 6,
+    "microscale.steps": 6,
+    "traces.minimum_points": 2,
+    "validation.resamples": 199,
+    "wear_steps": 4,
+    "reference_draws": None,
+    "use": None,
+}
+
+
+@pytest.fixture(scope="module")
+def folder(finished_tiny, tmp_path_factory):
+    """What `gst new` makes of the specimen's files."""
+    folder = tmp_path_factory.mktemp("place") / "study"
+    files = finished_tiny.results / "specimen"
+    made = run(GST, "new", folder, "--mesh", files / "mesh.stl", "--scans", files / "scans")
+    assert made.returncode == 0, made.stderr
+    assert "gst place" in made.stdout
+    config = folder / "study.yaml"
+    config.write_text(with_values(config.read_text(), COARSE))
+    yield folder
+    for process in psutil.process_iter(["cwd"]):  # a study that outlived a failure
+        if process.info["cwd"] == str(folder):
+            with suppress(psutil.Error):
+                process.terminate()
+
+
+@contextmanager
+def opened(browser, folder):
+    """The page of a server of its own, which asks for nothing else and complains of nothing."""
+    command = [GST, "place", folder, "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ) as server:
+        url = next(line.strip() for line in server.stdout if line.startswith("http"))
+        page = browser.new_page(viewport={"width": 1366, "height": 900})
+        asked, said = [], []
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("console", lambda m: said.append(m.text) if m.type == "error" else 0)
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.goto(url)
+        page.wait_for_selector("canvas")
+        try:
+            yield page, server
+        finally:
+            page.close()
+            server.terminate()
+    assert server.returncode in (0, -signal.SIGTERM)
+    assert [one for one in asked if not one.startswith((url, "data:"))] == []
+    assert said == []
+
+
+@pytest.fixture(scope="module")
+def stone(finished_tiny):
+    return read_mesh(finished_tiny.results / "specimen/mesh.stl", unit="mm")
+
+
+def frame_of(folder, stone):
+    return find_frame(config_of(folder)["square"]["points_mm"], stone, size_mm=5.0)
+
+
+def config_of(folder):
+    return yaml.safe_load((folder / "study.yaml").read_text())
+
+
+def table_of(folder):
+    return read_patches(folder / "patches.csv", size_mm=5.0, patch_size_mm=0.85).set_index("patch")
+
+
+def saved(page):
+    """Wait until what was done is in the files."""
+    page.evaluate("last")
+
+
+def click_stone(page, right=0, up=0):
+    """Click so many pixels from the middle of the view."""
+    box = page.locator("canvas").bounding_box()
+    at = box["x"] + box["width"] / 2 + right, box["y"] + box["height"] / 2 - up
+    page.mouse.click(*at)
+    saved(page)
+
+
+def drag(page, thing, right, up):
+    box = thing.bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + right, y - up, steps=3)
+    page.mouse.up()
+    saved(page)
+
+
+def lay_square(page, folder, stone):
+    """By its middle, undone, by three corners, turned and made larger."""
+    click_stone(page)
+    frame = frame_of(folder, stone)
+    middle = frame.origin + 2.5 * frame.axes[:2].sum(axis=0)
+    assert middle[:2] == pytest.approx([0, 0], abs=0.5)  # that of the stone's view
+    assert frame.normal[2] > 0.9
+    page.click("#undo")
+    saved(page)
+    assert config_of(folder)["square"]["points_mm"] == "TODO"
+    page.check("text=click three corners")
+    for right, up in ((-60, -60), (-60, 60), (60, -60)):  # clockwise: x and y are exchanged
+        click_stone(page, right, up)
+    assert frame_of(folder, stone).normal[2] > 0.9
+    page.check("text=click its middle")
+    click_stone(page)
+    page.fill("#turn", "30")
+    page.locator("#turn").dispatch_event("change")
+    saved(page)
+    after = frame_of(folder, stone)
+    assert page.input_value("#turn") == "30"
+    page.fill("#turn", "0")
+    page.locator("#turn").dispatch_event("change")
+    saved(page)
+    flat = frame_of(folder, stone)
+    assert np.dot(after.x_axis, flat.x_axis) == pytest.approx(np.cos(np.pi / 6), abs=1e-3)
+    assert np.dot(after.x_axis, flat.axes[1]) == pytest.approx(0.5, abs=1e-3)
+
+
+def place_scans(page, folder, wanted):
+    """The first by hand, the others by numbers."""
+    page.check("text=Place the scans")
+    first, *others = wanted.index
+    plan = page.locator("#plan").bounding_box()
+    scale = min(plan["width"], plan["height"]) / 6  # pixels a mm
+    picture = page.get_by_alt_text(f"Scan of {first}", exact=True)
+    box = picture.bounding_box()
+    middle = plan["x"] + plan["width"] / 2, plan["y"] + plan["height"] / 2
+    x, y = wanted.x_mm[first] - 2.5, wanted.y_mm[first] - 2.5
+    right = middle[0] + scale * x - box["x"] - box["width"] / 2
+    down = middle[1] - scale * y - box["y"] - box["height"] / 2
+    drag(page, picture, right, -down)
+    for patch in others:
+        for key in ("x_mm", "y_mm"):
+            page.fill(f"#{key}-{patch}", f"{wanted[key][patch]}")
+            page.locator(f"#{key}-{patch}").dispatch_event("change")
+    saved(page)
+    found = table_of(folder)
+    assert found[["x_mm", "y_mm"]].to_numpy() == pytest.approx(
+        wanted.loc[found.index, ["x_mm", "y_mm"]].to_numpy(), abs=0.03
+    )
+    return first
+
+
+def turn_and_move(page, folder, patch):
+    """By handle, by keys, all together; undone step by step."""
+    before = table_of(folder)
+    on_plan = page.locator(f"#plan [data-patch='{patch}']")
+    half = on_plan.locator("rect").bounding_box()["height"] / 2
+    drag(page, on_plan.locator(".handle"), -half, -half)  # from its top to its left
+    assert table_of(folder).rotation_deg[patch] == pytest.approx(90, abs=3)
+    on_plan.focus()
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("Shift+ArrowUp")
+    saved(page)
+    moved = table_of(folder)
+    assert moved.x_mm[patch] == pytest.approx(before.x_mm[patch] - 0.05)
+    assert moved.y_mm[patch] == pytest.approx(before.y_mm[patch] + 0.005)
+    page.check("#together")
+    on_plan.focus()
+    page.keyboard.press("ArrowLeft")
+    page.click("#mirror")
+    saved(page)
+    assert table_of(folder).x_mm.to_numpy() == pytest.approx(5.05 - moved.x_mm.to_numpy())
+    while table_of(folder).rotation_deg.any() or not table_of(folder).x_mm.equals(before.x_mm):
+        page.click("#undo")
+        saved(page)
+    page.uncheck("#together")
+    assert table_of(folder)[["x_mm", "y_mm"]].equals(before[["x_mm", "y_mm"]])
+
+
+def say_how(page, folder):
+    page.click("text=2 How")
+    page.check("text=with a hand: 100 N")
+    page.check("text=not known: anything from 50 to 1500 mm")
+    page.select_option("#rock-2", label="quartzite (Baraboo): 88.4 GPa, ν 0.11")
+    saved(page)
+    config = config_of(folder)
+    assert config["load"]["force_N"] == 100
+    assert config["counterface"] == {"radius_mm": 274}
+    assert config["uncertainty"]["radius_fraction"] == 0.98
+    stones = {"young_1_MPa": 19500, "young_2_MPa": 88400, "poisson_2": 0.11}
+    assert stones.items() <= config["material"].items()
+
+
+def wait_for(page, name):
+    """Until a command has ended."""
+    page.wait_for_selector(f"[data-stop={name}]:not([disabled])")
+    page.wait_for_selector(f"[data-start={name}]:not([disabled])", timeout=0)
+
+
+def test_the_five_steps(browser, folder, finished_tiny, stone):
+    places = finished_tiny.folder / "config/patches_tiny.tsv"
+    wanted = read_patches(places, size_mm=5.0, patch_size_mm=0.85).set_index("patch")
+    with opened(browser, folder) as (page, _):
+        page.click("text=3 Check")
+        page.click("[data-start=check]")
+        wait_for(page, "check")
+        assert "square.points_mm" in page.locator("#check .error").first.inner_text()
+        page.click("text=1 Where")
+        page.check("text=a mould of it")
+        saved(page)
+        assert config_of(folder)["scans"]["mould"] == {"invert": True, "flip": "x"}
+        lay_square(page, folder, stone)
+        turn_and_move(page, folder, place_scans(page, folder, wanted))
+    text = (folder / "study.yaml").read_text()
+    with opened(browser, folder) as (page, _):  # of another server, on another port
+        page.click("text=1 Where")
+        page.wait_for_selector("#plan", state="hidden")
+        assert page.input_value("#size") == "5"
+        assert (folder / "study.yaml").read_text() == text  # to look is not to change
+        say_how(page, folder)
+        page.reload()
+        page.wait_for_selector("[name=against]:checked")
+        assert page.is_checked("text=not known: anything from 50 to 1500 mm")
+        page.click("text=3 Check")
+        page.click("[data-start=check]")
+        wait_for(page, "check")
+        assert page.locator("#check .error").count() == 0
+        assert page.locator("#check .note").count() > 0
+        page.wait_for_selector("#check-picture")
+        assert page.evaluate("document.getElementById('check-picture').naturalWidth") > 500
+        page.click("text=5 Result")
+        page.wait_for_selector("#no-result:not(:empty)")
+        assert page.locator("#open").is_hidden()
+        page.click("text=4 Run")
+        page.click("[data-start=study]")
+        page.wait_for_selector("#progress:not([hidden])", timeout=0)
+    with opened(browser, folder) as (page, _):  # the study went on
+        page.click("text=4 Run")
+        wait_for(page, "study")
+        assert "Done." in page.locator("#run .said").inner_text()
+        page.click("text=5 Result")
+        with page.expect_popup() as popup:
+            page.click("#open")
+        popup.value.wait_for_selector("#patch-table")
+        assert page.inner_text("#no-result") == ""
+        popup.value.close()
+
+
+def test_places_are_graded_and_a_run_is_stopped(browser, tmp_path):
+    """Of a tool without scans."""
+    stone = trimesh.creation.icosphere(subdivisions=5)
+    stone.apply_transform(np.diag([20.0, 30.0, 10.0, 1.0]))
+    stone.export(tmp_path / "stone.ply")
+    folder = tmp_path / "study"
+    assert run(GST, "new", folder, "--mesh", tmp_path / "stone.ply").returncode == 0
+    with opened(browser, folder) as (page, server):
+        click_stone(page)
+        page.check("text=Grade places")
+        plan = page.locator("#plan").bounding_box()
+        scale = min(plan["width"], plan["height"]) / 6
+        middle = plan["x"] + plan["width"] / 2, plan["y"] + plan["height"] / 2
+        page.mouse.click(middle[0] + scale, middle[1] - 2 * scale)
+        page.click("#add")
+        page.select_option("#grade-2", "3")
+        saved(page)
+        table = pd.read_csv(folder / "patches.csv", sep=";")
+        assert table.wear_grade.tolist() == [0, 3]
+        assert table[["x_mm", "y_mm"]].to_numpy() == pytest.approx(
+            np.array([[3.5, 4.5], [2.5, 2.5]]), abs=0.03
+        )
+        page.click("text=4 Run")
+        page.click("[data-start=study]")
+        page.click("[data-stop=study]")
+        page.wait_for_selector("[data-start=study]:not([disabled])", timeout=0)
+        assert page.locator("#run [role=status]").inner_text() != "Done."
+        page.click("#end")
+        server.wait()
