@@ -250,6 +250,7 @@ function thumbnail(patch, number) {
   picture.src = pictureOf(number);
   picture.alt = `Scan of ${patch.patch}`;
   picture.draggable = false;
+  picture.onerror = () => told(ask(picture.src)); // which says why
   picture.onpointerdown = (event) => drag(event, (_dx, _dy, [x, y]) =>
     Object.assign(patch, { x_mm: +x.toFixed(3), y_mm: +y.toFixed(3) }));
   return picture;
@@ -260,6 +261,7 @@ function numberOf(patch, key, word) {
   const input = document.createElement("input");
   Object.assign(input, { type: "number", step: "any", id: `${key}-${patch.patch}` });
   input.value = patch[key] ?? "";
+  input.ariaLabel = `${word === "°" ? "turn" : word} of ${patch.patch}`;
   input.onchange = () => {
     keep();
     patch[key] = input.value === "" ? (key === "rotation_deg" ? 0 : null) : Number(input.value);
@@ -277,6 +279,7 @@ function gradeOf(patch) {
   for (const grade of ["", 0, 1, 2, 3]) choice.append(new Option(grade === "" ? "?" : grade, grade));
   if (patch.wear_grade > 3) choice.append(new Option(patch.wear_grade));
   choice.value = patch.wear_grade ?? "";
+  choice.ariaLabel = `How worn ${patch.patch} is`;
   choice.onchange = () => {
     keep();
     patch.wear_grade = choice.value === "" ? null : Number(choice.value);

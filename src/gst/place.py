@@ -13,6 +13,7 @@ import secrets
 import subprocess
 import sys
 import threading
+import traceback
 import webbrowser
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
@@ -243,6 +244,10 @@ class _Handler(BaseHTTPRequestHandler):
         except (GstError, OSError) as error:
             said = json.dumps({"error": str(error)}).encode()
             self._send(said, _JSON, HTTPStatus.UNPROCESSABLE_ENTITY)
+        except Exception:  # a bug, or a config that no check has seen yet
+            traceback.print_exc()
+            said = json.dumps({"error": "unexpected error: the terminal has more"}).encode()
+            self._send(said, _JSON, HTTPStatus.INTERNAL_SERVER_ERROR)
 
     def _asked_for(self) -> str:
         """The path behind the token; what comes from elsewhere is refused."""

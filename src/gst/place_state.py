@@ -100,7 +100,6 @@ def state_of(path: Path) -> dict[str, Any]:
     return {
         "title": config["title"],
         "mesh": config["inputs"] and Path(config["inputs"]["mesh"]).name,
-        "results": config["results"],
         "square": {
             "points_mm": _known(config["square"]["points_mm"]),
             "size_mm": _known(config["square"]["size_mm"]),
@@ -255,9 +254,10 @@ def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:
     config = read_config(path)
     rows, _ = _rows_of(config)
     scans, found = config["scans"], []
-    if config["inputs"] is None:
+    given = (config["inputs"] or {}).get("scan_folder")
+    if given is None:
         raise ConfigError(path, "names no scans", "Give inputs.scan_folder.")
-    folder = Path(config["inputs"]["scan_folder"]).resolve()
+    folder = Path(given).resolve()
     for number in numbers:
         if number not in rows.index or not rows.t0[number]:
             raise InputError(path, f"there is no scan {number}", "Load the page again.")

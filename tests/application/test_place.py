@@ -3,6 +3,7 @@
 import http.client
 import io
 import json
+import struct
 import threading
 from contextlib import contextmanager
 from pathlib import Path
@@ -151,7 +152,9 @@ def test_what_is_refused(server, study, case):
 def test_scans_and_results_outside_their_folders_are_refused(server, study):
     (study / "scans/c.plu").symlink_to(study.parent / "secret")
     (study / "patches.tsv").write_text(TABLE.replace("b.plu", "c.plu"))
-    assert ask(server, "scan/1")[0] == 422
+    status, content = ask(server, "scan/1")
+    assert status == 422
+    assert "lies outside" in content["error"]
     (study / "study.yaml").write_text(CONFIG.replace("results: results", "results: .."))
     assert ask(server, "results/secret")[0] == 403
 
@@ -215,6 +218,23 @@ def test_places_of_a_tool_without_scans_make_a_table(server, study):
     assert ask(server, "places", places())[0] == 200
     assert not Path("patches.csv").exists()
     assert ask(server, "state")[1]["patches"] == []
+
+
+def test_scans_move_together_if_the_stage_told_each_place(server, study):
+    assert ask(server, "stage") == (200, {"all": False})
+    for name, place in (("a", (10.0, 20.0)), ("b", (900.0, 20.0))):
+        path = study / f"scans/{name}.plu"
+        content = bytearray(path.read_bytes())
+        struct.pack_into("<2f", content, 412, *place)  # µm
+        path.write_bytes(content)
+    assert ask(server, "stage") == (200, {"all": True})
+
+
+def test_a_config_that_nothing_checked_is_said(server, study):
+    (study / "study.yaml").write_text("square: null\npatches: null\n")
+    assert ask(server, "state")[0] == 500
+    (study / "study.yaml").write_text("{")
+    assert ask(server, "state")[0] == 422
 
 
 def picture(heights, study, **mould):
