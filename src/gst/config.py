@@ -135,6 +135,9 @@ def read_study(config: Mapping, source: str) -> pd.DataFrame:
     )
     if not (patches.t0 != "").any():
         _refuse_without_scans(config, patches.wear_grade.dropna())
+    elif config["inputs"] is not None and config["inputs"]["scan_folder"] is None:
+        problem = f"{config['patches']} names scans, and 'inputs' lacks scan_folder"
+        raise ConfigError(source, problem, "Give the folder where they are.")
     return patches
 
 

@@ -15,6 +15,7 @@ from gst.config import (
     config_problems,
     counterface_mesh,
     read_config_file,
+    read_study,
     refuse_study,
 )
 from gst.user_tables import rows_of
@@ -231,6 +232,20 @@ def test_the_square_alone_knows_no_active_tool_and_no_gesture(config):
     assert "cannot wear a stone together" in "".join(config_problems(config | both))
     small = changed(changed(alone, "macroscale.face_mm", 4.0), "load.at_mm", [50.0, 0.0])
     assert config_problems(small) == []
+
+
+def test_scans_need_their_folder_and_grades_do_not(config, tmp_path):
+    table = tmp_path / "patches.csv"
+    without = INPUTS | {"scan_folder": None}
+    gesture = {"load_point_scatter_mm": 1.0, "poses": 60}
+    changes = {"specimen": None, "inputs": without, "patches": str(table), "gesture": gesture}
+    mine = complete(config | changes | {"published": None})
+    table.write_text("patch,x_mm,y_mm,wear_grade\nA,1,1,2\n")
+    assert read_study(mine, "m.yaml").wear_grade.tolist() == [2]
+    for scans in ("patch,x_mm,y_mm,t0\nA,1,1,a.plu\n", "patch,x_mm,y_mm\nA,1,1\n"):
+        table.write_text(scans)
+        with pytest.raises(ConfigError, match="lacks scan_folder"):
+            read_study(mine, "m.yaml")
 
 
 @pytest.mark.parametrize(("results", "inside"), [("a/b", "mesh"), ("a/b/scans", "scans")])
