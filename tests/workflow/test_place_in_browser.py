@@ -291,8 +291,10 @@ def test_places_are_graded_and_a_run_is_stopped(browser, tmp_path):
         )
         page.click("text=4 Run")
         page.click("[data-start=study]")
+        page.wait_for_selector("#run .said p", timeout=0)
         page.click("[data-stop=study]")
         page.wait_for_selector("[data-start=study]:not([disabled])", timeout=0)
-        assert page.locator("#run [role=status]").inner_text() != "Done."
+        assert "Stopped with" in page.locator("#run .said").inner_text()
+        assert page.locator("#run .error").count() == 0
         page.click("#end")
         server.wait()
