@@ -85,14 +85,14 @@ function picked(hit) {
   } else {
     clicks.push(hit);
     if (clicks.length < 3) return draw();
-    const corners = clicks.map((click) => click.point);
-    const found = frameOf(corners);
+    const three = clicks.map((click) => click.point);
+    const found = frameOf(three);
     const inward = found && isInward(found, clicks);
     clicks = [];
     draw();
     if (!found) return say("The three corners are in line: click them again.", true);
     keep();
-    const [origin, first, second] = rounded(corners);
+    const [origin, first, second] = rounded(three);
     state.square.points_mm = inward ? [origin, second, first] : [origin, first, second];
   }
   savePlaces();
@@ -117,8 +117,9 @@ const svg = (name, attributes, ...inside) => {
 const isSet = (patch) => patch.x_mm !== null && patch.y_mm !== null;
 const turned = (degrees) => ((((degrees + 180) % 360) + 360) % 360) - 180;
 const hasPictures = () => state.has_scans && !lacksUnit() && !lacks("mould.invert");
-// another one once the mould is another
-const pictureOf = (number) => `scan/${number}?${state.answers["scans.mould.invert"]}`;
+// read once, until the page is loaded again or the mould is another
+const opening = Date.now();
+const pictureOf = (number) => `scan/${number}?${opening}-${state.answers["scans.mould.invert"]}`;
 const together = () => state.has_scans && $("together").checked;
 
 function sticksOut({ x_mm: x, y_mm: y, rotation_deg: turn }) {
@@ -318,7 +319,12 @@ function hint() {
   const first = ["the reference corner, from which x and y run", "the end of x", "the end of y"];
   if (!isPlacing() && chosen("pick") === "corners") return `Click ${first[clicks.length]}.`;
   if (!frame()) return "Click the middle of the square.";
-  if (!isPlacing()) return "The square is laid. Turn it, or click elsewhere.";
+  if (!isPlacing()) {
+    const isOff = (corner) => !viewer.normal(corner, size() / 2);
+    if (corners(frame(), size() / 2, size() / 2, size()).some(isOff))
+      return "A corner is off the stone: does the square stick out?";
+    return "The square is laid. Turn it, or click elsewhere.";
+  }
   if (!state.has_scans) return "Click each place that you can judge, and grade it: 0 is unworn.";
   const left = state.patches.filter((patch) => !isSet(patch)).length;
   if (left) return `Drag ${left} more to their places.`;
@@ -342,7 +348,7 @@ function draw() {
   $("plan").toggleAttribute("hidden", !placing);
   $("of-square").hidden = placing;
   $("of-places").hidden = !placing;
-  for (const id of ["together-asked", "of-all"]) $(id).hidden = !state.has_scans;
+  for (const id of ["together-asked", "of-all", "opacity-asked"]) $(id).hidden = !state.has_scans;
   $("of-all").hidden ||= !$("together").checked;
   $("add-asked").hidden = state.has_scans;
   $("undo").disabled = !earlier.length && !clicks.length;
@@ -497,8 +503,9 @@ document.querySelector("form").onsubmit = (event) => event.preventDefault();
 const SECTIONS = { check: "check", study: "run" };
 const shown = {};
 
-function howItIs(name, { running, code }) {
+function howItIs(name, { running, code, changed }) {
   if (running) return "Running …";
+  if (changed) return "Something was changed since this was said.";
   if (code === null) return ""; // of another server
   if (code === 0) return "Done.";
   if (code < 0) return "Stopped.";

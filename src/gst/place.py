@@ -77,6 +77,7 @@ class _Command:
     """
 
     def __init__(self, name: str, config: Path):
+        self._config = config
         self._words = ["-m", "gst", name, str(config)]
         self._log, self._number = (_LOGS / f"place_{name}.{kind}" for kind in ("log", "pid"))
         self._own: subprocess.Popen | None = None
@@ -103,11 +104,19 @@ class _Command:
             process.terminate()
 
     def said(self) -> dict[str, Any]:
-        """What it said so far, by level, whether it runs, and its exit code if it is known."""
+        """What it said so far, by level, and how it is.
+
+        That is whether it is ``running``, its exit ``code`` if it is known, and whether the config
+        was ``changed`` since it said so.
+        """
         is_running = self._running() is not None
-        text = self._log.read_text("utf-8", "replace") if self._log.is_file() else ""
+        text, changed = "", False
+        if self._log.is_file():
+            text = self._log.read_text("utf-8", "replace")
+            changed = self._config.stat().st_mtime > self._log.stat().st_mtime
         code = self._own.returncode if self._own is not None else None
-        return {"records": _records(text), "running": is_running, "code": code}
+        state = {"running": is_running, "code": code, "changed": changed}
+        return {"records": _records(text)} | state
 
     def _running(self) -> psutil.Process | None:
         if self._own is not None and self._own.poll() is not None:
@@ -284,7 +293,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _send_content(self, content: Any) -> None:
         if isinstance(content, bytes):
-            self._send(content, "image/png")
+            self._send(content, "image/png", cache="private, max-age=86400")
         elif isinstance(content, Path):
             kind = mimetypes.guess_type(content.name)[0] or "application/octet-stream"
             self._send(content.read_bytes(), kind, policy=_POLICY_OF_RESULTS)
@@ -296,14 +305,16 @@ class _Handler(BaseHTTPRequestHandler):
         content: bytes,
         kind: str,
         status: HTTPStatus = HTTPStatus.OK,
+        *,
         policy: str = _POLICY,
+        cache: str = "no-store",
     ) -> None:
         self.send_response(status)
         headers = {
             "Content-Type": kind,
             "Content-Length": str(len(content)),
             "Content-Security-Policy": policy,
-            "Cache-Control": "no-store",
+            "Cache-Control": cache,
             "Referrer-Policy": "same-origin",
             "X-Content-Type-Options": "nosniff",
         }

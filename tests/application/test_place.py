@@ -167,7 +167,8 @@ def test_its_files_are_answered_and_ask_for_nothing_else(server):
             assert b"http://" not in content.replace(b"http://www.w3.org/2000/svg", b"")
     assert ask(server, "results/index.html") == (200, b"<title>result</title>")
     assert ask(server, "stone")[1]["bounds"] == [[-10] * 3, [10] * 3]
-    assert ask(server, "said/study")[1] == {"records": [], "running": False, "code": None}
+    said = {"records": [], "running": False, "code": None, "changed": False}
+    assert ask(server, "said/study")[1] == said
 
 
 def test_places_are_written_and_the_rest_stays(server, study):
