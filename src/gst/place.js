@@ -7,7 +7,7 @@ const all = (selector) => [...document.querySelectorAll(selector)];
 const STEPS = ["where", "how", "check", "run", "result"];
 
 let state; // as the server has it: square, patches, answers …
-let isStaged = null; // whether the stage told the places; null until it is asked
+let isStaged = null; // whether all places are from the stage; null until it is asked
 let viewer = null; // of the stone, once it is there
 let axes; // of the stone
 let clicks = []; // of corners
@@ -325,7 +325,7 @@ function hint() {
       return "A corner is off the stone: does the square stick out?";
     return "The square is laid. Turn it, or click elsewhere.";
   }
-  if (!state.has_scans) return "Click each place that you can judge, and grade it: 0 is unworn.";
+  if (!state.has_scans) return "Click each place whose wear you can grade: 0 is unworn.";
   const left = state.patches.filter((patch) => !isSet(patch)).length;
   if (left) return `Drag ${left} more to their places.`;
   const out = state.patches.filter(sticksOut).length;

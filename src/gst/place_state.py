@@ -244,7 +244,7 @@ def picture_of(path: Path, number: int) -> bytes:
 
 
 def has_stage(path: Path) -> bool:
-    """Whether the stage told the place of every scan, each another."""
+    """Whether every scan has a place from the stage, each another."""
     rows, has_scans = _rows_of(read_config(path))
     stages = [scan.stage_mm for scan in _scans_of(path, [*rows.index])] if has_scans else []
     return len(stages) > 1 and None not in stages and len({*stages}) == len(stages)

@@ -221,7 +221,7 @@ def test_places_of_a_tool_without_scans_make_a_table(server, study):
     assert ask(server, "state")[1]["patches"] == []
 
 
-def test_scans_move_together_if_the_stage_told_each_place(server, study):
+def test_scans_move_together_if_each_has_a_place_from_the_stage(server, study):
     assert ask(server, "stage") == (200, {"all": False})
     for name, place in (("a", (10.0, 20.0)), ("b", (900.0, 20.0))):
         path = study / f"scans/{name}.plu"
