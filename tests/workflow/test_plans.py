@@ -42,6 +42,10 @@ def test_a_shipped_config_plans_a_study(study, name):
         for file in files:
             (study.folder / file).parent.mkdir(parents=True, exist_ok=True)
             (study.folder / file).touch()  # a plan looks only at their presence
+    if name == "own.yaml":  # its user gives the square
+        refused = study.run("--dry-run")
+        assert "'square.points_mm' is still TODO" in refused.stdout + refused.stderr
+        study.change(square={"points_mm": [[0, 0, 0], [5, 0, 0], [0, 5, 0]]})
     planned = study.planned()
     assert rules <= planned
     if name in ("artefact.yaml", "mesh_only.yaml"):
