@@ -204,12 +204,6 @@ def test_what_follows_from_the_use():
     within = said(r"(\S+) % lie within .*? law wore, (\S+) % at random and (\S+) % in waves")
     for case, cell in zip(("law", "random", "waves"), within, strict=True):
         assert same(cell, found.within_95[case, "losses"], 100)
-    scores = found.log_score["two radii"]
-    cells = said(
-        r"others, is (\S+) higher on average .*? and (\S+) higher with the form turned"
-    )
-    for form, cell in zip(("true form", "turned form"), cells, strict=True):
-        assert same(cell, scores[form] - scores["losses"])
 
 
 def test_strength_of_the_stone():
