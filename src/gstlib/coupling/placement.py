@@ -8,7 +8,7 @@ share, moulds that were undone wrongly, and, half of the time, a patch that lies
 
 import logging
 import math
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -167,10 +167,11 @@ def place_patches(
         faults = [_orientation_fault(orientation, correlation.mean(), mould)]
     elif apart := _laid_apart(patches, maps, mould):
         faults = apart  # what else does not fit may follow from these
-    elif _is_elsewhere(correlation) and _tells(surface, patches, looks[:, 0], patch_mm):
-        faults = [_table_fault(surface, patches, looks[:, 0], patch_mm, correlation.mean())]
+    elif correlation.mean() < _LOW and _tells(surface, patches, looks[:, 0], patch_mm):
+        faults = [*_table_faults(surface, patches, looks[:, 0], patch_mm, correlation)]
     else:
         faults = []
+    if not faults:
         _warn_of_places(correlation.mean(), shared)
     raise_unless_accepted(faults, accept)
     elsewhere = table[table.status == ELSEWHERE]
@@ -206,14 +207,14 @@ def _tells(
     return shows_waves(surface, patch_mm) and bool(np.median(mesh) > _SMOOTH * np.median(scan))
 
 
-def _table_fault(
+def _table_faults(
     surface: xr.DataArray,
     patches: pd.DataFrame,
     scans: np.ndarray,
     patch_mm: float,
-    correlation: float,
-) -> FaultError:
-    """Patches that are elsewhere; the remedy says where, if the table is mirrored or turned."""
+    correlation: np.ndarray,
+) -> Iterator[FaultError]:
+    """Of a table that fits the mesh if it is mirrored or turned, or whose patches are elsewhere."""
     size_mm = float(surface.x[0] + surface.x[-1])  # the square lies in the middle of the face
     looks, spline = _level(scans), spline_of(surface)
     x, y = (patches[column] / size_mm for column in ("x_mm", "y_mm"))
@@ -222,21 +223,23 @@ def _table_fault(
         other = dict(zip(("x_mm", "y_mm"), (size_mm * of for of in given(x, y)), strict=True))
         under = _level(_under(spline, patches.assign(**other), patch_mm))
         fits[name] = float(np.mean(np.sum(looks * under, axis=-1)))
-    best = max(fits, key=lambda name: fits[name])
+    best, mean = max(fits, key=lambda name: fits[name]), correlation.mean()
     problem = (
-        f"the patches do not lie where the table says: they correlate with the mesh under them by "
-        f"{correlation:.2f}, no more than patches from anywhere would"
+        "they do not lie where the table says: they correlate with the mesh under them by "
+        f"{mean:.2f} on average"
     )
-    if fits[best] > max(_LOW, _BY_CHANCE_UNMOVED / np.sqrt(len(patches))):
-        remedy = (
-            f"They fit the mesh ({fits[best]:.2f}) with {best}: correct the patch table so."
-        )
-    else:
+    # some patches of a grid lie on the axis about which their table was mirrored
+    by_chance = max(_LOW, _BY_CHANCE_UNMOVED / np.sqrt(len(patches)), mean + _CLEAR_LEAD)
+    if fits[best] > by_chance:
+        remedy = f"They fit ({fits[best]:.2f}) with {best}: correct the patch table so."
+        yield FaultError(FAULT, "patches", problem, remedy)
+    elif _is_elsewhere(correlation):
+        problem += ", no more than patches from anywhere would"
         remedy = (
             "Check x_mm and y_mm of the patch table, square.points_mm, and the units of mesh and "
             "scans."
         )
-    return FaultError(FAULT, "patches", problem, remedy)
+        yield FaultError(FAULT, "patches", problem, remedy)
 
 
 class Mould(NamedTuple):

@@ -120,9 +120,13 @@ def test_patches_of_another_stone_or_of_wrong_places_are_noticed(caplog):
         (lambda x, y: (SQUARE - y, SQUARE - x), "both then measured from the other sides"),
     ],
 )
-def test_a_mirrored_table_is_a_fault_and_named(table, remedy):
+@pytest.mark.parametrize("right", [0, 3])
+def test_a_mirrored_table_is_a_fault_and_named(table, remedy, right):
+    """Also where some patches lie on the axis about which it was mirrored."""
     stone = Waves(11)
     truth = [(1.0, 0.7), (1.2, 2.4), (2.3, 3.9), (3.1, 1.4), (3.9, 3.1), (4.2, 2.0)]
+    grid = [(y, x) for y in np.arange(0.7, 4.5, 0.6) for x in np.arange(0.7, 4.5, 0.6)]
+    truth += [(y, x) for y, x in grid if np.allclose(table(x, y), (x, y))][:right]
     heights = [stone.patch(y, x) for y, x in truth]
     stated = np.array([table(x, y) for y, x in truth])
     with pytest.raises(InputsError, match=remedy) as error:
