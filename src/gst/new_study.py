@@ -20,6 +20,7 @@ import yaml
 from gst import ROOT
 from gst.config import complete
 from gst.edited import with_values
+from gst.patches import cell_of
 from gst.scan_folder import Pairs, Scan, find_scans, pair_scans, read_scans
 from gst.todo import TODO, is_to_do, left_in
 from gstlib.errors import InputError
@@ -313,16 +314,11 @@ def _table(pairs: Pairs, places: Sequence[tuple[float, float]] | None, *, is_cut
     for number, row in enumerate(pairs.rows):
         x, y = (TODO, TODO) if places is None else places[number]
         cells = {"patch": row.patch, "x_mm": x, "y_mm": y, "crop_x_mm": 0, "crop_y_mm": 0}
-        cells |= {name: _cell(getattr(row, name)) for name in ("t0", "t1", "repeat")}
+        cells |= {name: cell_of(getattr(row, name)) for name in ("t0", "t1", "repeat")}
         lines.append({column: cells[column] for column in columns})
     return pd.DataFrame(lines, columns=columns).to_csv(
         sep=";", index=False, lineterminator="\n"
     )
-
-
-def _cell(name: str) -> str:
-    """A scan's name that the table does not take for a formula or an option."""
-    return f"./{name}" if name[:1] in tuple("~=+@-") else name
 
 
 def _template(values: dict[str, Any], asked: Sequence[_Said]) -> str:

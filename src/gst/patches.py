@@ -29,6 +29,7 @@ __all__ = [
     "REPEAT",
     "ScanFile",
     "at_epoch",
+    "cell_of",
     "find_scans",
     "no_patches",
     "overlaps",
@@ -80,6 +81,11 @@ def read_patches(
 def no_patches() -> pd.DataFrame:
     """The patch table of a study before anything is scanned: no rows."""
     return rows_of("patches", {})
+
+
+def cell_of(name: str) -> str:
+    """A scan's name that the table does not take for a formula or an option."""
+    return f"./{name}" if name[:1] in tuple("~=+@-") else name
 
 
 def find_scans(

@@ -116,7 +116,8 @@ const svg = (name, attributes, ...inside) => {
 };
 const isSet = (patch) => patch.x_mm !== null && patch.y_mm !== null;
 const turned = (degrees) => ((((degrees + 180) % 360) + 360) % 360) - 180;
-const hasPictures = () => state.has_scans && !lacksUnit() && !lacks("mould.invert");
+const hasPictures = () => state.has_scans && !lacksUnit() && !lacks("mould.invert")
+  && !state.asked.some(({ column }) => column === "t0");
 // read once, until the page is loaded again or the mould is another
 const opening = Date.now();
 const pictureOf = (number) => `scan/${number}?${opening}-${state.answers["scans.mould.invert"]}`;
@@ -471,6 +472,24 @@ function showAnswers() {
   if (state.own_tool) $("own-tool").textContent = "The config gives its mesh and pose, which are used.";
 }
 
+/** Which scan a patch has at an epoch, where neither names nor heights say it. */
+function showFiles() {
+  $("files").hidden = !state.asked.length;
+  $("files").querySelector("div").replaceChildren(...state.asked.map(({ patch, column, likely }) => {
+    const label = document.createElement("label");
+    const choice = document.createElement("select");
+    choice.append(new Option("…", "…"));
+    if (column !== "t0") choice.append(new Option("none", ""));
+    for (const name of state.files) choice.append(new Option(name));
+    choice.onchange = async () => {
+      await save("file", { patch, column, name: choice.value });
+      await load();
+    };
+    label.append(`${column} of ${patch} `, choice, likely && ` likely ${likely}`);
+    return label;
+  }));
+}
+
 async function answer(values) {
   await save("answers", values);
   await load();
@@ -595,7 +614,9 @@ async function load() {
   $("things").textContent = state.has_scans ? "Place the scans" : "Grade places";
   $("legend").textContent = state.has_scans ? "Scans" : "Places, and how worn they are";
   showAnswers();
+  showFiles();
   draw();
+  if (!document.querySelector("nav [aria-current]")) show(); // the stone may take its time
   await showStone();
   if (isStaged !== null || !hasPictures()) return;
   isStaged = (await ask("stage")).all;
@@ -606,4 +627,4 @@ async function load() {
 $("end").onclick = () => told(last.then(() => ask("end", {})).then(() =>
   say("gst place has ended, and everything is saved. You may close this page.")));
 addEventListener("hashchange", () => { say(""); show(); });
-told(load()).then(() => state && show());
+told(load());

@@ -30,10 +30,12 @@ from gst.chain import break_in
 from gst.config import read_config
 from gst.place_state import (
     SENT_ANSWERS,
+    SENT_FILE,
     SENT_PLACES,
     has_stage,
     picture_of,
     save_answers,
+    save_file,
     save_places,
     state_of,
     stone_of,
@@ -183,7 +185,7 @@ class PlaceServer(ThreadingHTTPServer):
         return file
 
 
-_SENT = {"answers": SENT_ANSWERS, "places": SENT_PLACES}
+_SENT = {"answers": SENT_ANSWERS, "file": SENT_FILE, "places": SENT_PLACES}
 # What is asked for by the first part of a path, and how it is answered: the server, the rest of the
 # path, and what was sent. Bytes are a picture, a path is a file, all else is JSON.
 _Answer = Callable[[PlaceServer, str, Any], Any]
@@ -196,14 +198,15 @@ _ROUTES: dict[tuple[str, str], _Answer] = {
     ("GET", "result"): lambda server, _rest, _sent: server.result(),
     ("GET", "results"): lambda server, rest, _sent: server.result_file(rest),
     ("POST", "answers"): lambda server, _rest, sent: save_answers(server.config, sent),
+    ("POST", "file"): lambda server, _rest, sent: save_file(
+        server.config, sent["patch"], sent["column"], sent["name"]
+    ),
     ("POST", "places"): lambda server, _rest, sent: save_places(
         server.config, sent["square"], sent["patches"]
     ),
     ("POST", "start"): lambda server, rest, _sent: _command(server, rest).start(),
     ("POST", "stop"): lambda server, rest, _sent: _command(server, rest).stop(),
-    ("POST", "end"): lambda server, _rest, _sent: threading.Thread(
-        target=server.shutdown
-    ).start(),
+    ("POST", "end"): lambda _server, _rest, _sent: None,
 }
 
 
@@ -246,6 +249,8 @@ class _Handler(BaseHTTPRequestHandler):
             with self.server.lock:
                 content = answer(self.server, rest, sent)
             self._send_content(content)
+            if (self.command, first) == ("POST", "end"):  # its answer has been sent
+                self.server.shutdown()
         except _RefusedError as refused:
             self._send(json.dumps({"error": str(refused)}).encode(), _JSON, refused.status)
         except ConnectionError:

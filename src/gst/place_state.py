@@ -16,7 +16,8 @@ import yaml
 
 from gst.config import complete, read_config, refuse_config, value_problems
 from gst.edited import with_values
-from gst.patches import find_scans, no_patches
+from gst.patches import EPOCHS, cell_of, find_scans, no_patches
+from gst.scan_folder import find_scans as scans_in
 from gst.tables import columns_of
 from gst.todo import TODO, is_to_do
 from gst.user_tables import read_rows, with_rows
@@ -29,8 +30,8 @@ from gstlib.io.stage import stage_of
 from gstlib.preprocess.scans import crop_of, cut_patch, mould_of, prepare_scan
 from gstlib.surfaces.grid import coarser, spacing_of
 
-__all__ = ["SENT_ANSWERS", "SENT_PLACES", "has_stage", "picture_of", "save_answers"]
-__all__ += ["save_places", "state_of", "stone_of"]
+__all__ = ["SENT_ANSWERS", "SENT_FILE", "SENT_PLACES", "has_stage", "picture_of"]
+__all__ += ["save_answers", "save_file", "save_places", "state_of", "stone_of"]
 
 # What the page may write into the config; `inputs.mesh`, for one, is not among it, for the page
 # shows files.
@@ -67,6 +68,11 @@ SENT_ANSWERS: dict[str, Any] = {
     "propertyNames": {"enum": [*_ANSWERS]},
     "additionalProperties": {"type": ["number", "string", "boolean", "null"]},
 }
+SENT_FILE: dict[str, Any] = {
+    "type": "object",
+    "required": ["patch", "column", "name"],
+    "properties": {key: {"type": "string"} for key in ("patch", "column", "name")},
+}
 _LENGTH = {"type": ["number", "null"], "minimum": -1000, "maximum": 1000}
 _PLACE = {
     "patch": {"type": "string", "pattern": "^[A-Za-z0-9][A-Za-z0-9-]*$"},
@@ -97,6 +103,12 @@ def state_of(path: Path) -> dict[str, Any]:
     config = read_config(path)
     rows, has_scans = _rows_of(config)
     columns = ["patch", "x_mm", "y_mm", "rotation_deg", "wear_grade"]
+    asked = [
+        {"patch": row.patch, "column": column, "likely": likely.removeprefix(TODO).strip()}
+        for row in rows.itertuples()
+        for column in EPOCHS
+        if is_to_do(likely := getattr(row, column))
+    ]
     return {
         "title": config["title"],
         "mesh": config["inputs"] and Path(config["inputs"]["mesh"]).name,
@@ -107,9 +119,17 @@ def state_of(path: Path) -> dict[str, Any]:
         "patch_size_mm": _known(config["scans"]["size_mm"]),
         "has_scans": has_scans,
         "patches": rows[columns].astype(object).where(rows.notna(), None).to_dict("records"),
+        "asked": asked,
+        "files": _files_of(config) if asked else [],
         "own_tool": "mesh" in (config["counterface"] or {}),
         "answers": {key: _value(config, key) for key in _ANSWERS},
     }
+
+
+def _files_of(config: Mapping) -> list[str]:
+    """The names of all scans in their folder."""
+    root, paths, _ = scans_in([Path(config["inputs"]["scan_folder"])])
+    return [path.relative_to(root).as_posix() for path in paths]
 
 
 def _known(value: Any) -> Any:
@@ -148,6 +168,24 @@ def save_answers(path: Path, values: Mapping[str, Any]) -> None:
     if "load.force_N" in given and of_pressure is not None:
         given["load.pressure_MPa"] = None  # exactly one of them
     write_whole(path, _checked(path, given).encode())
+
+
+def save_file(path: Path, patch: str, column: str, name: str) -> None:
+    """Write which scan a patch has at an epoch, or "" for none; they fit `SENT_FILE`.
+
+    Raises a `ConfigError` if this is not asked for, or there is no such scan in the folder.
+    """
+    config = read_config(path)
+    state = state_of(path)
+    is_asked = (patch, column) in [(row["patch"], row["column"]) for row in state["asked"]]
+    if not is_asked or name not in ["", *state["files"]]:
+        problem = f"{column} of patch {patch} is not asked for, or there is no scan {name}"
+        raise ConfigError(config["patches"], problem, "Load the page again.")
+    rows = [{"patch": row["patch"]} for row in state["patches"]]
+    rows = [row | {column: cell_of(name)} if row["patch"] == patch else row for row in rows]
+    write_whole(
+        config["patches"], with_rows(config["patches"], rows, renamed=_RENAMED).encode()
+    )
 
 
 def save_places(path: Path, square: Mapping[str, Any], rows: Sequence[Mapping]) -> None:

@@ -221,6 +221,19 @@ def test_places_of_a_tool_without_scans_make_a_table(server, study):
     assert ask(server, "state")[1]["patches"] == []
 
 
+def test_a_scan_that_is_asked_for_is_named(server, study):
+    (study / "patches.tsv").write_text(TABLE.replace("\tb.plu", "\tTODO b.plu"))
+    state = ask(server, "state")[1]
+    assert state["asked"] == [{"patch": "B", "column": "t0", "likely": "b.plu"}]
+    assert state["files"] == ["a.plu", "b.plu"]
+    named = {"patch": "B", "column": "t0", "name": "b.plu"}
+    for other in ({"patch": "A"}, {"column": "note"}, {"name": "../../secret"}, {"name": "c.plu"}):
+        assert ask(server, "file", named | other)[0] == 422
+    assert ask(server, "file", named)[0] == 200
+    assert (study / "patches.tsv").read_text() == TABLE
+    assert ask(server, "state")[1]["asked"] == []
+
+
 def test_scans_move_together_if_each_has_a_place_from_the_stage(server, study):
     assert ask(server, "stage") == (200, {"all": False})
     for name, place in (("a", (10.0, 20.0)), ("b", (900.0, 20.0))):
