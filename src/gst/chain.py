@@ -35,6 +35,7 @@ __all__ += ["record_of", "step_of", "steps_of", "write_record"]
 AGAIN: dict[str, str] = {}
 PAGE = "write_page"  # the last step: its record completes the chain
 _LOGS = "logs"
+_LONGEST = 255  # bytes of a file's name
 # Before the duration in the last line of a step's log.
 TOOK = "took "
 # Of the messages of its log that a step's record keeps: faults that the config accepts, warnings
@@ -273,9 +274,11 @@ def _of(results: Path, step: str, part: str) -> Any:
 
 
 def is_inside(name: str) -> bool:
-    """Whether a name in a record stays within the results."""
+    """Whether a name in a record stays within the results, and can be that of a file."""
     path = Path(name)
-    return not path.is_absolute() and ".." not in path.parts
+    sizes = [len(part.encode("utf-8", "surrogatepass")) for part in path.parts]
+    fits = max(sizes, default=0) <= _LONGEST and sum(sizes) <= 4 * _LONGEST
+    return fits and not path.is_absolute() and ".." not in path.parts
 
 
 def _plain(value: Any, results: Path) -> Any:

@@ -177,6 +177,7 @@ def test_what_was_made_is_what_the_records_of_this_study_name(study):
 
 
 ELSEWHERE = "/etc/passwd", "../private", "wear/../../private", "out/private", "\0", "", ".", "1.h5"
+ELSEWHERE += "é" * 200, "/".join(600 * ["wear"])
 NAMES = st.dictionaries(st.sampled_from(ELSEWHERE) | st.text(), st.text() | st.none(), max_size=4)
 
 

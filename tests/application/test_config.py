@@ -240,8 +240,10 @@ def test_scans_need_their_folder_and_grades_do_not(config, tmp_path):
     gesture = {"load_point_scatter_mm": 1.0, "poses": 60}
     changes = {"specimen": None, "inputs": without, "patches": str(table), "gesture": gesture}
     mine = complete(config | changes | {"published": None})
-    table.write_text("patch,x_mm,y_mm,wear_grade\nA,1,1,2\n")
-    assert read_study(mine, "m.yaml").wear_grade.tolist() == [2]
+    grades = [2, 0, 1, 3, 0, 0]
+    rows = [f"{n},{1 + n % 3},{1 + 2 * (n // 3)},{grade}\n" for n, grade in enumerate(grades)]
+    table.write_text(f"patch,x_mm,y_mm,wear_grade\n{''.join(rows)}")
+    assert read_study(mine, "m.yaml").wear_grade.tolist() == grades
     for scans in ("patch,x_mm,y_mm,t0\nA,1,1,a.plu\n", "patch,x_mm,y_mm\nA,1,1\n"):
         table.write_text(scans)
         with pytest.raises(ConfigError, match="lacks scan_folder"):
