@@ -36,10 +36,18 @@ _SPACING = click.option(
 )
 
 
+# How a config begins that `gst new` wrote.
+_MADE_BY_NEW = "# Made by `gst new`"
+
+
 def _in_its_folder(_context: click.Context, _parameter: click.Parameter, config: Path) -> Path:
     """A config; of a folder that `gst new` made, or of its ``study.yaml``, from in there."""
     folder = config if config.is_dir() else config.parent
-    if config not in (folder, folder / "study.yaml") or not (folder / "study.yaml").is_file():
+    study = folder / "study.yaml"
+    if config not in (folder, study) or not study.is_file():
+        return config
+    # a package has a config/study.yaml, whose paths are those of the folder around it
+    if config == study and not study.read_text("utf-8", "replace").startswith(_MADE_BY_NEW):
         return config
     if folder.resolve() != Path.cwd():
         click.echo(f"In {folder}:")
