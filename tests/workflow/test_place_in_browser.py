@@ -306,6 +306,11 @@ def test_places_are_graded_and_a_run_is_stopped(browser, tmp_path):
         assert table[["x_mm", "y_mm"]].to_numpy() == pytest.approx(
             np.array([[3.5, 4.5], [2.5, 2.5]]), abs=0.03
         )
+        # as many as tell a use
+        more = pd.DataFrame({"patch": range(3, 7), "x_mm": [1, 1, 1, 4], "y_mm": [1, 2.2, 3.4, 1]})
+        more = pd.concat([table, more.assign(wear_grade=[0, 1, 2, 3])])
+        more.to_csv(folder / "patches.csv", sep=";", index=False)
+        page.reload()
         page.click("text=4 Run")
         page.click("[data-start=study]")
         page.wait_for_selector("#run .said p", timeout=0)
