@@ -35,7 +35,7 @@ __all__ += ["record_of", "step_of", "steps_of", "write_record"]
 AGAIN: dict[str, str] = {}
 PAGE = "write_page"  # the last step: its record completes the chain
 _LOGS = "logs"
-_LONGEST = 255  # bytes of a file's name
+_LONGEST, _LONGEST_PATH = 255, 2000  # bytes of a file's name, and of its path in the results
 # Before the duration in the last line of a step's log.
 TOOK = "took "
 # Of the messages of its log that a step's record keeps: faults that the config accepts, warnings
@@ -127,6 +127,7 @@ def read_record(results: Path, name: str) -> Record | None:
         is_whole = all(isinstance(part, dict) for part in parts)
     except (OSError, ValueError, KeyError, TypeError):
         return None
+    is_whole = is_whole and all(map(_can_be, record["files"]))
     return record if is_whole and all(map(is_inside, names)) else None
 
 
@@ -276,9 +277,13 @@ def _of(results: Path, step: str, part: str) -> Any:
 def is_inside(name: str) -> bool:
     """Whether a name in a record stays within the results, and can be that of a file."""
     path = Path(name)
-    sizes = [len(part.encode("utf-8", "surrogatepass")) for part in path.parts]
-    fits = max(sizes, default=0) <= _LONGEST and sum(sizes) <= 4 * _LONGEST
-    return fits and not path.is_absolute() and ".." not in path.parts
+    return _can_be(name) and not path.is_absolute() and ".." not in path.parts
+
+
+def _can_be(name: str) -> bool:
+    """Whether a name is no longer than that of a file."""
+    sizes = [len(part.encode("utf-8", "surrogatepass")) for part in Path(name).parts]
+    return max(sizes, default=0) <= _LONGEST and sum(sizes) + len(sizes) <= _LONGEST_PATH
 
 
 def _plain(value: Any, results: Path) -> Any:
