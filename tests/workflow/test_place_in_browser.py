@@ -213,7 +213,10 @@ def say_how(page, folder):
     page.click("text=2 How")
     page.check("text=with a hand: 100 N")
     page.check("text=not known: anything from 50 to 1500 mm")
-    page.select_option("#rock-2", label="quartzite (Baraboo): 88.3 GPa, ν 0.11")
+    page.select_option("#rock-2", label="another")
+    page.fill("[data-key='material.young_2_MPa']", "88300")
+    page.fill("[data-key='material.poisson_2']", "0.11")
+    page.press("[data-key='material.poisson_2']", "Tab")
     saved(page)
     config = config_of(folder)
     assert config["load"]["force_N"] == 100
