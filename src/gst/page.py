@@ -1,8 +1,7 @@
 """The page to open after a study, `index.html`.
 
 It is a single file, makes no network requests, and is made from stored results alone. Beside
-this module, `page.html` is its template, which takes in `page.css` and `page.js`;
-`page.verdict.html` is the answer alone, `page.report.html` the first page of the report.
+this module, `page.html` is its template; it takes in `page.answer.html`, `page.css` and `page.js`.
 Needs the extra ``workflow``.
 """
 

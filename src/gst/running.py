@@ -51,7 +51,6 @@ MADE = (
     "index.html",
     "provenance.json",
     "tool.ply",
-    "verdict.html",
 )
 LOCKS = Path(".snakemake/locks")
 HOST = Path(".snakemake/host")  # the machine on which the last run was started

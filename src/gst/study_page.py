@@ -16,7 +16,6 @@ from gst.page import (
     Shown,
     by_category,
     caption_html,
-    embedded,
     patch_records,
     render,
     reported,
@@ -82,16 +81,9 @@ class StudyPage:
     config: Mapping[str, Any]
 
     def write(
-        self,
-        page: Path,
-        report: Path,
-        record: Path,
-        contents: Path,
-        *,
-        commit: str | None,
-        program: str,
+        self, page: Path, record: Path, contents: Path, *, commit: str | None, program: str
     ) -> None:
-        """Write the page, the answer alone for the report, the record and the contents.
+        """Write the page, the record and the contents.
 
         `commit` and `program` are those of the program.
 
@@ -107,9 +99,6 @@ class StudyPage:
             "generated": self.config["specimen"] is not None,
             "faults": reported(results, self.steps, "ERROR"),
         }
-        overview = self._pictures["overview" if self.proposed is None else "places"]
-        shown = embedded(overview.read_bytes())
-        write_whole(report, render("page.report.html", **said, overview=shown).encode())
         write_whole(page, render("page.html", **said, **self._content(results)).encode())
         entries = [Shown(page, *_PAGE, _WHAT), *self.entries]
         _write_json(contents, _listed(entries, results))
@@ -118,10 +107,6 @@ class StudyPage:
     @cached_property
     def _tables(self) -> dict[str, Path]:
         return {file.stem: file for file in self.files["shown"] if file.suffix == ".csv"}
-
-    @cached_property
-    def _pictures(self) -> dict[str, Path]:
-        return {file.stem: file for file in self.files["shown"] if file.suffix == ".png"}
 
     @property
     def _force_N(self) -> float:  # noqa: N802

@@ -41,7 +41,7 @@ def test_what_is_deleted_is_planned_again(tiny):
     for names, rules in (
         (("macroscale/contact.h5",), {"solve_macroscale", "couple_scales"}),
         (("coupling/pressures.csv",), {"couple_scales"}),
-        (("verdict.html", "contents.json", "provenance.json"), {"write_page"}),
+        (("index.html", "contents.json", "provenance.json"), {"write_page"}),
         (("reference/contact.h5",), {"solve_reference", "compare_scales"}),
         (("microscale/levelled/1/7.h5",), {"solve_patches", "compare_scales"}),
     ):

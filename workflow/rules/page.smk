@@ -1,7 +1,7 @@
 # The page that a person opens after a study, and its pictures, from stored results only.
 # Takes: HDF5 and tables of every stage, and the tool's mesh. Gives: a PNG of each figure, an SVG of curves
-# too, and folders with a PNG for each patch; index.html, and the answer alone for the report; a record of
-# all inputs and results. One job draws several figures: it takes longer to start than to draw one.
+# too, and folders with a PNG for each patch; index.html; a record of all inputs and results. One job draws
+# several figures: it takes longer to start than to draw one.
 
 # Nobody must take a figure of a synthetic stone for one of a real tool.
 SOURCE_NOTE = "synthetic specimen" if GENERATED else None
@@ -247,8 +247,11 @@ rule write_page:
         ]
         + ([COUNTERFACE_SCAN] if GENERATED else [MESH, *SCANS]),
     output:
-        page=f"{RESULTS}/index.html",
-        report=f"{RESULTS}/verdict.html",
+        page=report(
+            f"{RESULTS}/index.html",
+            category="0 Overview",
+            labels={"what": "page: the answer, the tool in 3D, a card for each patch"},
+        ),
         record=f"{RESULTS}/provenance.json",
         contents=f"{RESULTS}/contents.json",
     log:

@@ -1,4 +1,4 @@
-"""Write the page of the study, the answer alone, the record of its sources, and the contents."""
+"""Write the page of the study, the record of its sources, and the contents."""
 
 from pathlib import Path
 
@@ -8,7 +8,6 @@ from gst.study_page import StudyPage
 
 def main(
     page: Path,
-    report: Path,
     record: Path,
     contents: Path,
     *,
@@ -25,7 +24,7 @@ def main(
 ) -> None:
     """`files` are the inputs (see `StudyPage`)."""
     study = StudyPage(files, titles, steps, places, patch_mm, mesh_unit, active_tool, config)
-    study.write(page, report, record, contents, commit=commit, program=program)
+    study.write(page, record, contents, commit=commit, program=program)
 
 
 if "snakemake" in globals():
