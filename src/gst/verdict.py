@@ -19,7 +19,7 @@ from gstlib.validation.baselines import ORACLE
 from gstlib.validation.scoring import own_model
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
-__all__ = ["LEVEL", "MODELS", "Answer", "sign_of", "used", "verdict", "where_to_scan"]
+__all__ = ["LEVEL", "MODELS", "Answer", "Line", "sign_of", "used", "verdict", "where_to_scan"]
 
 LEVEL = 0.05  # the usual one
 # The smallest p-value that an exchange test of n patches can give is 2^(1 - n): a mark for each of
@@ -51,18 +51,25 @@ _USED = "How was it used?"
 _WHERE = "Where within the patches?"
 
 
+class Line(NamedTuple):
+    """A question, its answer in a few words, and what follows them in the same sentence."""
+
+    question: str
+    short: str
+    rest: str
+
+
 class Answer(NamedTuple):
     """What a study found.
 
     Attributes
     ----------
-    lines : list of (str, str)
-        A question, and its answer in a sentence.
+    lines : list of Line
     details : list of str
         The statistics behind the lines.
     """
 
-    lines: list[tuple[str, str]]
+    lines: list[Line]
     details: list[str]
 
 
@@ -94,7 +101,10 @@ def verdict(
         Whether the active tool has a mesh.
     """
     pressures, is_compared = tables["patch_pressures"], "validation_summary" in tables
-    wore = "No patch has a scan after use (T1), so no prediction is compared with wear."
+    wore = (
+        "Not known",
+        ": no patch has a scan after use (T1), so no prediction is compared with wear.",
+    )
     answers, details, models = {"Which patches wore?": wore}, [""], set()
     if is_compared:
         summary = tables["validation_summary"].fillna({"model": ""})
@@ -106,7 +116,10 @@ def verdict(
     if "use" in tables:
         answers[_USED] = used(tables["use"])
     if not pressures["in_study"].any():
-        answers[_WHERE] = "No patch is in the study: the table of patches gives the reasons."
+        answers[_WHERE] = (
+            "No patch is in the study",
+            ": the table of patches gives the reasons.",
+        )
     elif models:
         own, law = own_model(list(models)), "Archard's law"
         if poses is not None:
@@ -120,49 +133,46 @@ def verdict(
         details += [_without_interlayer(summary) if own == INTERLAYER else "", _RULE]
     elif is_compared:
         answers[_WHERE] = (
-            "Nothing is compared with wear: no loss of a patch could be predicted from those of "
-            "the others."
+            "Nothing is compared with wear",
+            ": no loss of a patch could be predicted from those of the others.",
         )
-    load = _load(pressures, tables["patch_intervals"], force_N, second)
+    who, load = _load(pressures, tables["patch_intervals"], force_N, second)
     if poses is not None:
         load += f" {_exposed(tables['exposure'], poses)}"
-    answers["Which patches bear the load?"] = load
-    answers["How sure?"] = _how_sure(tables)
-    return Answer([line for line in answers.items() if line[1]], list(filter(None, details)))
+    answers["Which patches bear the load?"] = who, load
+    answers["How sure?"] = "", _how_sure(tables)
+    lines = [Line(question, *said) for question, said in answers.items() if any(said)]
+    return Answer(lines, list(filter(None, details)))
 
 
-def used(use: pd.DataFrame) -> str:
+def used(use: pd.DataFrame) -> tuple[str, str]:
     """How the tool was used, as its wear says, and how sure that is."""
     known, answer = use.set_index("parameter"), use.answer.iloc[0]
     if not use.effective_draws.iloc[0] > 0:
-        return "This cannot be read from the wear: too few patches wore."
-    said = [
-        f"{axis} {known['mean'][name]:.1f} mm ({known.low[name]:.1f} to {known.high[name]:.1f})"
-        for axis, name in (("x", "load_point_x"), ("y", "load_point_y"))
-    ]
-    told = [f"{known.stated[name]:.3g}" for name in ("load_point_x", "load_point_y")]
-    found = f"pressed at {' and '.join(said)}"
-    stated = f"x {told[0]} and y {told[1]} mm"
-    if "radius" in known.index:
-        row = known.loc["radius"]
-        found += (
-            f" against a tool of {_two_digits(row['mean'])} mm radius "
-            f"({_two_digits(row.low)} to {_two_digits(row.high)})"
-        )
-        stated += f" and {row.stated:.0f} mm"
+        return "Cannot be read from the wear", ": too few patches wore."
     if answer == CHANCE:
         return (
-            "This cannot be read from the wear: no use explains it better than the same wear "
-            f"exchanged among the patches ({_p(known['mean']['p_value'])}). "
-            "The study goes on as stated."
+            "Cannot be read from the wear",
+            ": no use explains it better than the same wear exchanged among the patches "
+            f"({_p(known['mean']['p_value'])}). The study goes on as stated.",
         )
+    x, y = (known.loc[f"load_point_{axis}"] for axis in "xy")
+    found = f"ressed at x {x['mean']:.1f} mm and y {y['mean']:.1f} mm"
+    within = f"x {x.low:.1f} to {x.high:.1f}, y {y.low:.1f} to {y.high:.1f} mm"
+    stated = f"x {x.stated:.3g} and y {y.stated:.3g} mm"
+    if "radius" in known.index:
+        row = known.loc["radius"]
+        found += f" against a tool of {_two_digits(row['mean'])} mm radius"
+        within += f", radius {_two_digits(row.low)} to {_two_digits(row.high)} mm"
+        stated += f" and {row.stated:.0f} mm"
+    said = f" (95 %: {within}); stated were {stated}."
     if answer == BETTER:
-        start = f"The wear says that the tool was {found}; stated were {stated}."
-        return f"{start} A use explains the wear better than heights alone do."
+        return f"P{found}", f"{said} A use explains the wear better than heights alone do."
     taken = "takes it" if use.taken.iloc[0] else "goes on as stated"
     return (
-        f"The wear is consistent with a tool that was {found}; stated were {stated}. Heights alone "
-        f"may explain the wear as well, so that it need not have been so; the study {taken}."
+        f"Perhaps p{found}",
+        f"{said} Heights alone may explain the wear as well, so that it need not have been so; the "
+        f"study {taken}.",
     )
 
 
@@ -189,36 +199,38 @@ def sign_of(row: Any) -> int:
 
 def _load(
     pressures: pd.DataFrame, intervals: pd.DataFrame, force_N: float, second: bool
-) -> str:
+) -> tuple[str, str]:
     """Which patches carry the load, and how well the highest pressure is known."""
     total, count = float(pressures["force_N"].sum()), len(pressures)
     against = " against the active tool" * second
     if not total > 0:
-        none = f"Under {force_N:g} N{against}, no scanned patch touches"
+        none, under = "No scanned patch touches", f" under {force_N:g} N{against}"
         may = intervals.loc[intervals["high_MPa"].fillna(0).idxmax()]
         if not may.high_MPa > 0:
-            return f"{none}."
-        return (
-            f"{none}; within the 95 % intervals, patch {may.patch} may bear the most, up to "
+            return none, f"{under}."
+        return none, (
+            f"{under}; within the 95 % intervals, patch {may.patch} may bear the most, up to "
             f"{_two_digits(may.high_MPa)} MPa."
         )
     highest = pressures.loc[pressures["pressure_MPa"].idxmax()]
     known = intervals.set_index("patch").loc[highest["patch"]]
     pressure = _two_digits(known.pressure_MPa)
-    top = f"patch {highest['patch']} bears the highest pressure, {pressure} MPa"
+    most, top = f"atch {highest['patch']}", f" bears the highest pressure, {pressure} MPa"
     if pd.notna(known.low_MPa):
         top += f" (95 % interval {_two_digits(known.low_MPa)} to {_two_digits(known.high_MPa)})"
     if count == 1:
-        return f"P{top[1:]}."
+        return f"P{most}", f"{top}."
     ordered = pressures.sort_values("force_N", ascending=False, kind="stable")
     shares = ordered["force_N"].cumsum() / total
     first = list(ordered["patch"])[: int((shares <= 0.5).sum()) + 1]
-    who = f"Patches {_listed(first)} carry" if len(first) > 1 else f"Patch {first[0]} carries"
+    who, carry = f"Patch {first[0]}", "carries"
+    if len(first) > 1:
+        who, carry = f"Patches {_listed(first)}", "carry"
     if len(first) > _MOST_NAMED:
-        who = f"The load is spread: {len(first)} patches carry"
+        who = f"The load is spread: {len(first)} patches"
     share = f"{100 * shares.iloc[len(first) - 1]:.0f} % of the load on the {count} patches"
     share += f", which bear {100 * total / force_N:.0f} % of the force{against}"
-    return f"{who} {share}; {top}."
+    return who, f" {carry} {share}; p{most}{top}."
 
 
 def _exposed(exposure: pd.DataFrame, poses: int) -> str:
@@ -252,27 +264,32 @@ def where_to_scan(
     use : pandas.DataFrame, optional
         ``use.csv``, where the wear says how the tool was used.
     """
-    lines = [] if use is None else [(_USED, used(use) + _without_curvature(use))]
+    lines = []
+    if use is not None:
+        short, rest = used(use)
+        lines = [Line(_USED, short, rest + _without_curvature(use))]
     exposed, controls = (places[places.kind == kind] for kind in (EXPOSED, CONTROL))
-    spread = (
-        f"Under {force_N:g} N, wherever the hand pushes, {100 * held.in_square:.0f} % of the "
-        f"exposure lies in the square, half of it on {_two_digits(100 * held.half_area)} % of its "
-        "area."
+    spread = Line(
+        "Where is it exposed?",
+        f"{100 * held.in_square:.0f} % of it lies in the square",
+        f", half of that on {_two_digits(100 * held.half_area)} % of its area, under {force_N:g} N "
+        "wherever the hand pushes.",
     )
     if exposed.empty:
-        nothing = "No pose touches the square, so there is nothing to scan in it."
-        return Answer([*lines, ("Where to scan?", nothing)], [])
+        nothing = "No pose touches the square", ", so there is nothing to scan in it."
+        return Answer([*lines, Line("Where to scan?", *nothing)], [])
     first = exposed.iloc[0]
     scan = (
-        f"Scan {_from_to(exposed)}: of the square's exposure, {100 * held.in_places:.0f} % lies "
+        f"Scan {_from_to(exposed)}",
+        f": of the square's exposure, {100 * held.in_places:.0f} % lies "
         f"there, on {100 * held.places_area:.0f} % of its area; most in {first.place}, "
-        f"{first.x_mm:g} mm along x and {first.y_mm:g} mm along y from the reference corner."
+        f"{first.x_mm:g} mm along x and {first.y_mm:g} mm along y from the reference corner.",
     )
-    control = "No place is free of contact, so there is no control."
+    control = "There is no control", ": no place is free of contact."
     if not controls.empty:
-        control = f"No pose touches {_from_to(controls)}: scan them as controls."
-    lines += [("Where to scan?", scan), ("What to compare with?", control)]
-    return Answer([*lines, ("Where is it exposed?", spread)], [])
+        control = f"Scan {_from_to(controls)} as controls", ": no pose touches them."
+    lines += [Line("Where to scan?", *scan), Line("What to compare with?", *control), spread]
+    return Answer(lines, [])
 
 
 def _from_to(places: pd.DataFrame) -> str:
@@ -298,61 +315,65 @@ def _range(values: pd.Series, least: float, unit: str) -> str:
     return " to ".join(dict.fromkeys(ends))
 
 
-def _which(losses: pd.DataFrame) -> str:
+def _which(losses: pd.DataFrame) -> tuple[str, str]:
     """Which patches lost height, how much of their area and how deep; and what of the others."""
     known = losses.dropna(subset="mean_wear_depth_um")
     lost, certain = known.loss_fraction > 0, known.above_noise.astype(bool)
     worn = known[lost & certain].sort_values("mean_wear_depth_um", ascending=False)
-    said, names = f"{len(worn) or 'None'} of {len(known)}", list(worn.patch)
+    short, said, names = f"{len(worn) or 'None'} of {len(known)}", "", list(worn.patch)
     if names:
         who = f", patch {names[0]} the most"
         if len(names) <= _MOST_NAMED:
             who = f" (patch{'es' * (len(names) > 1)} {_listed(names)})"
         area = _range(100 * worn.loss_fraction, 0.1, "%")
         depth = _range(worn.mean_depth_where_worn_um, 0.01, "µm")
-        said += f"{who}: on {area} of the area, {depth} deep there on average"
+        said = f"{who}: on {area} of the area, {depth} deep there on average"
     others = {
         "; {} lost less than the scans can show": len(known) - lost.sum(),
         "; {} lost what may be noise": (lost & ~certain).sum(),
         "; of {} more no loss is known": len(losses) - len(known),
     }
-    return said + "".join(how.format(count) for how, count in others.items() if count) + "."
+    said += "".join(how.format(count) for how, count in others.items() if count)
+    return short, f"{said}."
 
 
-def _where(summary: pd.DataFrame, own: str, law: str, patches: pd.DataFrame) -> str:
+def _where(summary: pd.DataFrame, own: str, law: str, patches: pd.DataFrame) -> tuple[str, str]:
     """Was the place of the loss predicted better than by chance, and than by the best baseline?"""
     gain = summary.loc[(own, "gain(mcc)")]
     if not gain.n:
         return (
-            f"{law} predicts a loss, but no patch in the study lost enough to be compared with."
+            "Not compared",
+            f": {law} predicts a loss, but no patch in the study lost enough to be compared with.",
         )
     p_values = patches.p_value[patches.in_statistics.astype(bool)]
     tested, untested = int(p_values.notna().sum()), int(p_values.isna().sum())
-    chance = "not tested against chance"
+    chance, more = "Not tested against chance", ""
     if tested:
         together = f"together {_p(summary.p_value[own, 'tested_mean(mcc)'])}" * (tested > 1)
         rest = f"{untested} cannot be tested" * (untested > 0)
         more = "; ".join(filter(None, (together, rest)))
-        chance = f"better than chance on {(p_values <= LEVEL).sum()} of {tested} patch"
-        chance += "es" * (tested > 1) + f" ({more})" * bool(more)
-    return (
-        f"Predicted from the wear of the other patches: {chance}; {_COMPARED[sign_of(gain)]} "
-        f"than the best baseline, {MODELS[gain.against]}."
+        chance = f"Better than chance on {(p_values <= LEVEL).sum()} of {tested} patch"
+        chance += "es" * (tested > 1)
+    return chance, (
+        f" ({more})"
+        * bool(more)
+        + f", predicted from the wear of the others; {_COMPARED[sign_of(gain)]} than the best "
+        f"baseline, {MODELS[gain.against]}."
     )
 
 
-def _how_much(summary: pd.DataFrame, own: str) -> str:
+def _how_much(summary: pd.DataFrame, own: str) -> tuple[str, str]:
     """How wrong are depths and volumes, against the best baseline of each?"""
     names = "relative_to_best(map_error)", "relative(volume_error)"
     depth, volume = (summary.loc[(own, name)] for name in names)
     if not (math.isfinite(depth.value) and math.isfinite(volume.value)):
-        return ""
+        return "", ""
     same = volume.against == depth.against
     theirs = "it" if same else f"the best, {MODELS[volume.against]}"
     return (
-        f"Depths err {_two_digits(depth.value)} times as much as the best baseline, "
-        f"{MODELS[depth.against]}: {_ratio_in_words(depth)}; volumes "
-        f"{_two_digits(volume.value)} times as much as {theirs}: {_ratio_in_words(volume)}."
+        f"Depths err {_two_digits(depth.value)} times as much as the best baseline",
+        f", {MODELS[depth.against]}: {_ratio_in_words(depth)}; volumes "
+        f"{_two_digits(volume.value)} times as much as {theirs}: {_ratio_in_words(volume)}.",
     )
 
 
@@ -441,7 +462,7 @@ def _without_interlayer(summary: pd.DataFrame) -> str:
     )
 
 
-def _untouched(summary: pd.DataFrame, losses: pd.DataFrame) -> str:
+def _untouched(summary: pd.DataFrame, losses: pd.DataFrame) -> tuple[str, str]:
     """Do patches that nothing touches wear less than those that are touched?"""
     known = losses.dropna(subset="mean_wear_depth_um")
     known = known[known.above_noise.astype(bool)]
@@ -450,18 +471,14 @@ def _untouched(summary: pd.DataFrame, losses: pd.DataFrame) -> str:
         known.mean_wear_depth_um[is_touched == side] for side in (False, True)
     )
     if untouched.empty or touched.empty:
-        return "Not tested: this takes both touched and untouched patches of known loss."
+        return "Not tested", ": this takes both touched and untouched patches of known loss."
     row = summary.loc[("", TOUCHED)]
-    said = {
-        1: "Untouched patches wore less",
-        -1: "Untouched patches wore more",
-        0: "Not shown that untouched patches wore less",
-    }
+    said = {1: "Yes", -1: "No, untouched patches wore more", 0: "Not shown"}
     who, other = ("one" if len(of) == 1 else len(of) for of in (untouched, touched))
     means = [_at_least(of.mean(), 0.01, "µm") for of in (untouched, touched)]
-    return (
-        f"{said[sign_of(row)]}: the {who} that nothing touches lost {means[0]} on average, the "
-        f"{other} that are touched {means[1]} ({_p(row.p_value)})."
+    return said[sign_of(row)], (
+        f": the {who} that nothing touches lost {means[0]} on average, the {other} that are "
+        f"touched {means[1]} ({_p(row.p_value)})."
     )
 
 

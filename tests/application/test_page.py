@@ -105,12 +105,12 @@ def test_the_caption_of_a_table_explains_its_columns_with_any_config(name, study
 
 
 def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():
-    answer = Answer([("Why?", "a < b, 5 %")], ["A mean MCC of 1 < 2.", "A mean MCC of 1."])
+    answer = Answer([("Why?", "Yes", ": a < b, 5 %")], ["A mean MCC of 1 < 2.", "A mean MCC of 1."])
     for generated in (True, False):
         said = {"answer": answer, "generated": generated}
         html = page.render("page.answer.html", **said, faults=[])
         assert ("Synthetic specimen" in html) == generated
-        assert "<dt>Why?</dt><dd>a &lt; b, 5\xa0%</dd>" in html
+        assert "<dt>Why?</dt><dd><strong>Yes</strong>: a &lt; b, 5\xa0%</dd>" in html
     assert html.count("<abbr") == html.count("Matthews") == 1
     plain = {"answer": answer._replace(details=[]), "generated": False, "faults": []}
     assert "<details" not in page.render("page.answer.html", **plain)
@@ -118,7 +118,7 @@ def test_the_answer_of_a_generated_specimen_says_so_and_texts_are_no_markup():
 
 def test_an_accepted_fault_is_shown_and_the_answer_withheld():
     answer, fault = (
-        Answer([("Why?", "because")], []),
+        Answer([("Why?", "Yes", ": because")], []),
         {"text": "patches: they lie elsewhere"},
     )
     html = page.render("page.answer.html", answer=answer, generated=False, faults=[fault])

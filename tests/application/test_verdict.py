@@ -8,7 +8,7 @@ from gst.verdict import MODELS, used, where_to_scan
 from gst.verdict import verdict as verdict_of
 from gstlib.coupling.placement import AGREES, CANNOT_TELL, ELSEWHERE
 from gstlib.macroscale.sampling_sites import Concentration
-from gstlib.use.infer import BETTER
+from gstlib.use.infer import BETTER, CONSISTENT
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.wear.archard import BARE, CAPPED, INTERLAYER
 
@@ -24,7 +24,12 @@ def verdict(tables, **more):
 
 
 def line(question, tables, **more):
-    return dict(verdict(tables, **more).lines)[question]
+    return said_of(verdict(tables, **more))[question]
+
+
+def said_of(answer):
+    """The sentence that answers each question."""
+    return {line.question: line.short + line.rest for line in answer.lines}
 
 
 def loaded(forces, *, studied=True):
@@ -97,7 +102,7 @@ def test_the_fewest_patches_that_carry_most_of_the_load(forces, named, share, of
 def test_a_single_patch_has_no_fraction_and_none_may_be_touched():
     assert line(LOAD, loaded([3.0])).startswith("Patch a bears the highest pressure, 6 MPa")
     none = line(LOAD, loaded([0.0, 0.0]), second=True)
-    assert "against the active tool, no scanned patch touches; within" in none
+    assert "No scanned patch touches under 200 N against the active tool; within" in none
     assert none.endswith("patch a may bear the most, up to 120 MPa.")
 
 
@@ -239,10 +244,10 @@ FALLING, NOTHING = {"low": -0.9, "high": -0.1}, {"low": NAN, "high": NAN, "p_val
 @pytest.mark.parametrize(
     ("touched", "start", "p"),
     [
-        ({}, "Untouched patches wore less: ", "p = 0.004"),
-        (FALLING, "Untouched patches wore more: ", "p = 0.004"),
-        ({"p_value": 0.2}, "Not shown that untouched patches wore less: ", "p = 0.2"),
-        (NOTHING, "Not shown that untouched patches wore less: ", "not tested"),
+        ({}, "Yes: ", "p = 0.004"),
+        (FALLING, "No, untouched patches wore more: ", "p = 0.004"),
+        ({"p_value": 0.2}, "Not shown: ", "p = 0.2"),
+        (NOTHING, "Not shown: ", "not tested"),
     ],
 )
 def test_untouched_patches(touched, start, p):
@@ -257,22 +262,22 @@ def test_untouched_patches(touched, start, p):
 
 def test_a_study_says_only_what_it_can():
     said = line(WHERE, compared())
-    assert "better than chance on 1 of 3 patches (together p = 0.002; 1 cannot be tested)" in said
-    assert "not tested against chance" in line(WHERE, compared(p_values=[NAN] * 4))
+    assert said.startswith("Better than chance on 1 of 3 patches (together p = 0.002; 1 cannot")
+    assert "Not tested against chance, predicted" in line(WHERE, compared(p_values=[NAN] * 4))
     unused = verdict(loaded([1.0, 2.0]))
-    assert [question for question, _ in unused.lines] == [WORE, LOAD]
-    assert "no prediction is compared" in unused.lines[0][1]
+    assert list(said_of(unused)) == [WORE, LOAD]
+    assert "no prediction is compared" in said_of(unused)[WORE]
     assert not unused.details
     left_out = verdict(compared() | loaded([1.0, 2.0], studied=False))
-    assert [question for question, _ in left_out.lines] == [WORE, CONTACT, WHERE, LOAD, SURE]
-    assert "No patch is in the study" in dict(left_out.lines)[WHERE]
+    assert list(said_of(left_out)) == [WORE, CONTACT, WHERE, LOAD, SURE]
+    assert "No patch is in the study" in said_of(left_out)[WHERE]
     tables = compared()
     unfitted = tables["validation_summary"].query("model != model")
     assert "could be predicted" in line(WHERE, tables | {"validation_summary": unfitted})
     nothing = NOTHING | {"value": NAN, "against": NAN, "n": 0}
     found = verdict(compared(mean=nothing, gain=nothing))
-    assert "lost enough" in dict(found.lines)[WHERE]
-    assert not any("nan" in said for _, said in found.lines)
+    assert "lost enough" in said_of(found)[WHERE]
+    assert not any("nan" in said for said in said_of(found).values())
     assert not any("nan" in said for said in found.details)
 
 
@@ -281,9 +286,12 @@ def test_the_use_is_said_with_what_was_stated():
     use = use.assign(stated=[2.5, 2.5, 200], mean=[2.24, 3.14, 169.8], low=[2, 3, 133.1])
     use = use.assign(high=[2.5, 3.3, 224.1], answer=BETTER, effective_draws=99.0, taken="yes")
     said = line(USED, compared() | {"use": use})
-    assert said.startswith("The wear says that the tool was pressed at x 2.2 mm (2.0 to 2.5) and")
-    assert "170 mm radius (130 to 220); stated were x 2.5 and y 2.5 mm and 200 mm." in said
-    assert "cannot be read" in used(use.assign(effective_draws=0.0))
+    assert said.startswith(
+        "Pressed at x 2.2 mm and y 3.1 mm against a tool of 170 mm radius (95 %: "
+    )
+    assert "x 2.0 to 2.5, y 3.0 to 3.3 mm, radius 130 to 220 mm); stated were x 2.5 and y" in said
+    assert used(use.assign(answer=CONSISTENT))[0].startswith("Perhaps pressed at x 2.2 mm")
+    assert used(use.assign(effective_draws=0.0))[0] == "Cannot be read from the wear"
 
 
 def test_every_model_has_words():
@@ -294,12 +302,11 @@ def test_where_to_scan_is_said_with_its_numbers():
     places = pd.DataFrame({"place": ["E1", "E2", "C1"], "x_mm": [1.55, 2, 4], "y_mm": [2.1, 4, 4]})
     places["kind"] = ["exposed", "exposed", "control"]
     held = Concentration(0.824, 0.0153, 0.94, 0.0578)
-    (_, scan), (_, controls), (_, spread) = where_to_scan(places, held, force_N=550.0).lines
-    assert spread.startswith("Under 550 N, wherever the hand pushes, 82 % of the exposure")
-    assert "half of it on 1.5 % of its area" in spread
+    scan, controls, spread = said_of(where_to_scan(places, held, force_N=550.0)).values()
+    assert spread.startswith("82 % of it lies in the square, half of that on 1.5 % of its area")
     assert scan.startswith("Scan E1 to E2: of the square's exposure, 94 % lies there, on 6 %")
     assert "most in E1, 1.55 mm along x and 2.1 mm along y" in scan
-    assert controls == "No pose touches C1: scan them as controls."
-    assert "no control" in where_to_scan(places[:2], held, force_N=550.0).lines[1][1]
-    ((_, nothing),) = where_to_scan(places[2:], held, force_N=550.0).lines
+    assert controls == "Scan C1 as controls: no pose touches them."
+    assert "no control" in where_to_scan(places[:2], held, force_N=550.0).lines[1].short
+    (nothing,) = said_of(where_to_scan(places[2:], held, force_N=550.0)).values()
     assert nothing.startswith("No pose touches the square")
