@@ -168,7 +168,7 @@ def test_figure_has_the_same_bytes_each_time_and_leaves_its_input_alone(tmp_path
 
 def test_a_map_has_its_origin_its_scale_and_marks_in_their_fraction():
     mask = RNG.random((300, 300)) < 0.15
-    _, (axes,) = style.panels(1, 1, (0.5, 0.5))
+    _, (axes,) = style.panels(1, 12)
     maps.draw_map(axes, make_surface(np.zeros(mask.shape), 0.01), marks={"#000000": mask})
     origin, far = axes.transData.transform([(0, 0), (3, 3)])
     assert (origin < far).all()
@@ -250,8 +250,8 @@ def test_validation_shows_what_the_tables_say():
     studied, left_out, untouched = points_of(extent)
     assert (studied, left_out, untouched) == ([[40, 0.1], [20, 0.2]], [[9, 0.05]], [[0, 0.01]])
     _, pressed, touched = extent.get_title().splitlines()
-    assert pressed.endswith("pressure and worn area: 0.5 [−0.1, 0.9], p = 0.2")
-    assert touched.endswith("touched or not and loss: 0.4, not tested")
+    assert pressed.endswith("pressure and worn area: ρ = 0.5 [−0.1, 0.9], p = 0.2")
+    assert touched.endswith("touched or not and loss: ρ = 0.4, not tested")
 
 
 def test_wear_shows_the_counted_patches_and_no_others():
@@ -308,8 +308,8 @@ def test_two_scales_shows_what_was_found_and_missed():
     figure = draw("two_scales")
     assert "0.45 levelled and 0.85 placed" in figure.get_suptitle()
     titles = [axes.get_title() for axes in figure.axes]
-    assert titles[:3] == ["patch 1 levelled: F1 0.40", "patch 1 placed: F1 0.90", "whole square"]
-    assert titles[3:] == ["patch 3 levelled: F1 0.50", "patch 3 placed: F1 0.80", "whole square"]
+    assert titles[:3] == ["1 levelled: 0.40", "1 placed: 0.90", "1 whole square"]
+    assert titles[3:] == ["3 levelled: 0.50", "3 placed: 0.80", "3 whole square"]
 
 
 # --- The whole stone -------------------------------------------------------------------------
@@ -390,7 +390,7 @@ def test_the_name_of_a_patch_is_inside_its_outline(turn):
 
 
 def test_collided_labels_are_moved_apart():
-    figure, (axes,) = style.panels(1, 1, (3.0, 3.0))
+    figure, (axes,) = style.panels(1, 2)
     axes.set(xlim=(0, 1), ylim=(0, 1))
     ends = [(0.5, 0.5), (0.5, 0.51), (0.51, 0.505), (0.9, 0.5)]
     style.write_all(axes, ["1", "22", "3", "4"], ends)

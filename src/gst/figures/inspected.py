@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 __all__ = ["inspected_figure"]
 
-_SIDE = 3.6  # inches
 # From where a mesh is seen: the directions to the right, and towards the eye.
 _VIEWS = {
     "from +z": ((1, 0, 0), (0, 0, 1)),
@@ -30,11 +29,11 @@ def inspected_figure(content: "xr.DataArray | trimesh.Trimesh", name: str) -> Fi
     """The content of a file, as `gst.inputs.inspect_file` returns it, under the file's name."""
     room = (0.55, 0.25, 0.3, 0.85)
     if isinstance(content, xr.DataArray):
-        figure, (axes,) = panels(1, 1, (_SIDE, _SIDE), room)
+        figure, (axes,) = panels(1, 2, 1.0, room)
         draw_map(axes, content, ticks=True, **HEIGHTS)
         axes.set_title(f"{name}, without its plane")
         return figure
-    figure, views = panels(len(_VIEWS), len(_VIEWS), (_SIDE, _SIDE))
+    figure, views = panels(len(_VIEWS), len(_VIEWS))
     mesh = coarsen(content, faces=FACES)
     for axes, (title, directions) in zip(views, _VIEWS.items(), strict=True):
         draw_stone(axes, mesh, Frame(mesh.bounds.mean(axis=0), *directions))

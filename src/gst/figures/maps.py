@@ -165,16 +165,15 @@ def _smaller(picture: np.ndarray, marks: Mapping[str, np.ndarray], pixels: int) 
 def draw_maps(
     maps: Sequence[tuple[str, xr.DataArray, Mapping]],
     columns: int,
-    side: float,
     room: tuple[float, float, float, float] = (0.05, 0.05, 0.2, 0.02),
     *,
     head: float = 0.25,
 ) -> Figure:
     """Small multiples: for each map its title, its field and further arguments of `draw_map`.
 
-    `side` is that of a map (inches); `columns`, `room` and `head` are as in `style.panels`.
+    `columns`, `room` and `head` are as in `style.panels`.
     """
-    figure, axes = panels(len(maps), columns, (side, side), room, head=head)
+    figure, axes = panels(len(maps), columns, 1.0, room, head=head)
     for panel, (title, field, look) in zip(axes, maps, strict=True):
         draw_map(panel, field, **look)
         panel.set_title(title, fontsize=7)

@@ -76,7 +76,7 @@ def preparation_figure(prepared: Mapping[str, xr.Dataset], *, patch: str) -> Fig
         before, after = (scan.attrs[f"Sq_{when}_um"] for when in ("before", "after"))
         title = f"patch {patch}, {epoch}: Sq {before:.3g} µm, prepared {after:.3g} µm"
         drawn.append((title, scan["measured"], maps.HEIGHTS | {"marks": marks}))
-    return maps.draw_maps(drawn, 2, 3.0, (0.05, 0.05, 0.3, 0.4), head=0)
+    return maps.draw_maps(drawn, 2, (0.05, 0.05, 0.3, 0.4), head=0)
 
 
 @styled
@@ -88,7 +88,7 @@ def microscale_maps_figure(contacts: Mapping[str, xr.Dataset]) -> Figure:
         pressure = float(contact["mean_pressure"])
         title = f"patch {patch}: {pressure:.1f} MPa, {100 * touching.mean():.2f} %"
         drawn.append((title, contact["height"], {"marks": {BLACK: touching}}))
-    return maps.draw_maps(drawn, 4, 1.7, head=0)
+    return maps.draw_maps(drawn, 4, head=0)
 
 
 def _agreement(predicted: xr.DataArray, change: xr.Dataset) -> dict[str, np.ndarray]:
@@ -126,11 +126,12 @@ def two_scales_figure(
         for variant, of_variant in contacts.items():
             found = of_variant[patch]["pressure"].values > 0
             marks = {BLUE: found & true, AMBER: true & ~found, PURPLE: found & ~true}
-            title = f"patch {patch} {variant}: F1 {f1[variant, patch]:.2f}"
+            title = f"{patch} {variant}: {f1[variant, patch]:.2f}"
             drawn.append((title, of_variant[patch]["height"], {"marks": marks}))
-        drawn.append(("whole square", of_variant[patch]["height"], {"marks": {BLUE: true}}))
+        look = {"marks": {BLUE: true}}
+        drawn.append((f"{patch} whole square", of_variant[patch]["height"], look))
     columns = (len(contacts) + 1) * min(2, len(reference))
-    figure = maps.draw_maps(drawn, columns, 1.5, (0.03, 0.03, 0.3, 0.03), head=0.75)
+    figure = maps.draw_maps(drawn, columns, (0.03, 0.03, 0.3, 0.03), head=0.75)
     pooled = " and ".join(f"{f1[name, 'all']:.2f} {name}" for name in contacts)
     figure.suptitle(
         "Contact of the patches against one contact of the whole square at the scans' resolution\n"
@@ -177,7 +178,7 @@ def patch_figure(result: PatchResult) -> Figure:
             agreement = _agreement(predicted, change)
             drawn.append(("predicted and measured loss", t0, {"marks": agreement}))
 
-    figure = maps.draw_maps(drawn, 3, 2.1, (0.05, 0.05, 0.3, 0.35), head=0.2)
+    figure = maps.draw_maps(drawn, 3, (0.05, 0.05, 0.3, 0.35), head=0.2)
     pressure, overlap = float(contact["mean_pressure"]), change.attrs["overlap"]
     covers = "T1 was not found on T0" if nowhere else f"T1 covers {100 * overlap:.0f} % of T0"
     figure.suptitle(f"patch {result.patch}: {style.short(pressure)} MPa, {covers}")
@@ -252,9 +253,7 @@ def overview_figure(
     if result is not None and result.change is not None and result.predicted is not None:
         agreement = _agreement(result.predicted, result.change)
     count = 2 + (result is not None) + (agreement is not None)
-    figure, (whole, forces, *axes) = style.panels(
-        count, count, (2.6, 2.6), (0.05, 0.05, 0.4, 0.2)
-    )
+    figure, (whole, forces, *axes) = style.panels(count, 4, 1.0, (0.05, 0.05, 0.4, 0.2))
     draw_tool(whole, *tool, square["pressure"])
     whole.set_title("1  the tool and its square\npressures on it in colour")
     maps.draw_forces(forces, square)
@@ -290,7 +289,7 @@ def load_curves_figure(square: xr.Dataset, contacts: Mapping[str, xr.Dataset]) -
 
     Figs. 7 and 10. All are contacts with their paths.
     """
-    figure, (area, load, stiffness) = style.panels(3, 3, (1.75, 2.2), (0.5, 0.4, 0.3, 0.45))
+    figure, (area, load, stiffness) = style.panels(3, 3, 1.3, (0.5, 0.4, 0.3, 0.45))
     reached = [float(contact["mean_pressure"]) for contact in contacts.values()]
     colours = colormaps["viridis"](0.88 * np.array(reached) / max([*reached, 1e-9]))
     paths = [*contacts.items(), ("square", square)]

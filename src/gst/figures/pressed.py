@@ -13,7 +13,7 @@ __all__ = ["pressed_figure"]
 @styled
 def pressed_figure(height: xr.DataArray, contact: LoadPath, name: str) -> Figure:
     """The heights with the contact over them, and area and displacement along the path."""
-    figure, (left, area, depth) = panels(3, 3, (2.8, 2.8), (0.55, 0.25, 0.3, 0.85))
+    figure, (left, area, depth) = panels(3, 2, 1.0, (0.55, 0.25, 0.3, 0.85))
     final, table = contact.final, contact.table()
     draw_map(left, height, marks={VERMILION: final.contact.values}, ticks=True, **HEIGHTS)
     left.set_title(

@@ -19,7 +19,7 @@ from matplotlib.patches import Patch
 from gstlib.io.files import write_whole
 
 __all__ = ["AMBER", "BLACK", "BLUE", "CHARTS", "CLASSES", "DPI", "GREY", "LEGIBLE", "MAPS"]
-__all__ += ["PALE", "PURPLE", "STONE", "VERMILION", "colour_legend", "message_figure"]
+__all__ += ["PALE", "PURPLE", "STONE", "VERMILION", "WIDTH", "colour_legend", "message_figure"]
 __all__ += [
     "name_patches",
     "panels",
@@ -31,7 +31,7 @@ __all__ += [
 ]
 
 DPI = 120
-LEGIBLE = 40  # so many patches can be named side by side
+LEGIBLE = 26  # so many patches can be named side by side
 
 BLACK, GREY, PALE = "#000000", "#7a7a7a", "#e4e4e4"
 BLUE, VERMILION, AMBER, GREEN = "#0072B2", "#D55E00", "#E69F00", "#009E73"
@@ -43,6 +43,9 @@ STONE = "#b9b2a6"
 MAPS = (0.05, 0.05, 0.4, 0.05)
 CHARTS = (0.6, 0.15, 0.35, 0.45)
 _FOOT = 0.2  # inches for the source note
+WIDTH = (
+    7.2  # inches, of every figure: text has one size wherever figures are shown side by side
+)
 
 _STYLE = {
     "figure.dpi": DPI,
@@ -111,7 +114,7 @@ def save_figure(
 def panels(
     count: int,
     columns: int,
-    size: tuple[float, float],
+    aspect: float = 1.0,
     room: tuple[float, float, float, float] = MAPS,
     *,
     head: float = 0.0,
@@ -121,26 +124,28 @@ def panels(
     Parameters
     ----------
     count, columns : int
-        Number of panels, and the most panels in a row.
-    size : (width, height)
-        Size of a panel.
+        Number of panels, and the panels of a full row; a row with fewer is centred.
+    aspect : float
+        Height of a panel over its width.
     room : (left, right, top, bottom)
         Room around each panel.
     head : float
         Room at the top of the figure, for a title or a legend.
     """
-    columns = min(columns, count)
     left, right, top, bottom = room
-    cell_width, cell_height = left + size[0] + right, top + size[1] + bottom
-    width, height = columns * cell_width, head + -(-count // columns) * cell_height + _FOOT
-    figure = Figure(figsize=(width, height))
+    cell = WIDTH / columns
+    panel_width = cell - left - right
+    panel_height = aspect * panel_width
+    row_height = top + panel_height + bottom
+    height = head + -(-count // columns) * row_height + _FOOT
+    figure = Figure(figsize=(WIDTH, height))
     axes = []
     for row, column in (divmod(number, columns) for number in range(count)):
-        from_left = (column * cell_width + left) / width
-        from_bottom = 1 - (head + row * cell_height + top + size[1]) / height
-        axes.append(
-            figure.add_axes((from_left, from_bottom, size[0] / width, size[1] / height))
-        )
+        absent = max(0, (row + 1) * columns - count)
+        x = (column + absent / 2) * cell + left
+        y = height - head - row * row_height - top - panel_height
+        place = x / WIDTH, y / height, panel_width / WIDTH, panel_height / height
+        axes.append(figure.add_axes(place))
     return figure, axes
 
 
@@ -194,12 +199,13 @@ def name_patches(axes: Axes, names: Sequence[str]) -> None:
     """Name the patches along x, one at each whole number; if there are many, every nth."""
     step = -(-len(names) // LEGIBLE) or 1
     axes.set_xticks(np.arange(0, len(names), step), list(names)[::step], fontsize=5.5)
+    axes.margins(x=0.01)
     axes.set_xlabel("patch" if step == 1 else f"patch (every {step}th is named)")
 
 
 @styled
 def message_figure(sentence: str) -> Figure:
     """A figure with one sentence, for a study that has nothing to draw."""
-    figure = Figure(figsize=(7.2, 1.0))
+    figure = Figure(figsize=(WIDTH, 1.0))
     figure.text(0.5, 0.55, sentence, ha="center", va="center", fontsize=9)
     return figure

@@ -44,7 +44,7 @@ def validation_figure(
     summary : pandas.DataFrame
         ``validation_summary.csv``.
     """
-    figure, (agreement, extent) = style.panels(2, 2, (3.4, 3.0), (0.5, 0.15, 0.45, 0.45))
+    figure, (agreement, extent) = style.panels(2, 2, 0.9, (0.5, 0.15, 0.45, 0.45))
     _draw_agreement(agreement, summary)
     in_statistics = set(patches.patch[patches.in_statistics.astype(bool)])
     known = losses[losses.above_noise.astype(bool)].dropna(subset="mean_wear_depth_um")
@@ -71,9 +71,9 @@ def validation_figure(
         for row in summary[summary.statistic == name].dropna(subset="value").itertuples():
             interval = f" [{row.low:.2g}, {row.high:.2g}]" if math.isfinite(row.low) else ""
             tested = f"p = {row.p_value:.2g}" if math.isfinite(row.p_value) else "not tested"
-            said = f"\nSpearman ρ, {words}: {row.value:.2g}{interval}, {tested}"
+            said = f"\n{words}: ρ = {row.value:.2g}{interval}, {tested}"
             title += said.replace("-", "−")
-    extent.set_title(title, fontsize=7)
+    extent.set_title(title, fontsize=6.5)
     extent.legend(loc="upper left")
     return figure
 
@@ -113,7 +113,7 @@ def texture_figure(table: pd.DataFrame) -> Figure:
         table[table["epoch"] == epoch].set_index("patch") for epoch in ("T0", "T1")
     )
     after, places = after.reindex(before.index), np.arange(len(before))
-    figure, axes = style.panels(len(_TEXTURE), 2, (3.0, 1.4), CHARTS, head=0.1)
+    figure, axes = style.panels(len(_TEXTURE), 2, 0.5, CHARTS, head=0.1)
     for panel, (column, title) in zip(axes, _TEXTURE.items(), strict=True):
         panel.set_title(title)
         old, new = before[column], after[column]
@@ -144,7 +144,7 @@ def wear_figure(
     in_statistics : iterable of str
         The patches that enter the statistics; only these are drawn.
     """
-    figure, (volumes, heights) = style.panels(2, 2, (2.8, 2.8), (0.7, *CHARTS[1:]), head=0.25)
+    figure, (volumes, heights) = style.panels(2, 2, 1.0, (0.7, *CHARTS[1:]), head=0.25)
     table, profile = (of[of.patch.isin(list(in_statistics))] for of in (table, profile))
     units = 1e5  # µm³
     models = [model for model in _LOOKS if model in set(table.model)]

@@ -40,7 +40,6 @@ __all__ += ["draw_tool", "outline_on", "tool_view"]
 _VIEW = np.array([-0.35, -0.55, 1.0])
 FACES = 60_000  # each is a pixel or two: more would not be seen; a page takes 24 bytes of each
 _LIGHT = np.array([-1.0, 1.0, 1.4]) / 2  # from the upper left
-_PANEL = (3.6, 3.6)
 # Edges over a wider face are no shorter than this share of it.
 _ELEMENTS = 100
 # Corners of a square of side 1, in order.
@@ -237,7 +236,7 @@ def check_figure(
     `pressed` gives a panel with the gap between the tools.
     """
     count = 2 + (height is not None) + (pressed is not None)
-    figure, panels = style.panels(count, count, _PANEL, (0.55, 0.25, 0.3, 0.85))
+    figure, panels = style.panels(count, 2, 1.0, (0.55, 0.25, 0.3, 0.85))
     mesh = coarsen(mesh, faces=FACES)
     views = {
         "along the square's normal": frame.axes[2],

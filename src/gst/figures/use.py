@@ -5,13 +5,13 @@ import pandas as pd
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from gst.figures import maps, style
 from gst.figures.style import BLACK, BLUE, GREY, VERMILION, styled
 
 __all__ = ["use_figure"]
 
-_SQUARE = (3.6, 3.6)
 _ROOM = (0.55, 0.25, 0.3, 0.85)
 _BINS = 24
 # Of the radius, what is drawn.
@@ -35,7 +35,7 @@ def use_figure(
     is the square's.
     """
     panels = 2 if losses is None else 3
-    figure, (square, radius, *others) = style.panels(panels, panels, _SQUARE, _ROOM)
+    figure, (square, radius, *others) = style.panels(panels, 2, 1.0, _ROOM)
     stated = table.set_index("parameter").stated
     maps.draw_map(square, height, ticks=True, **maps.HEIGHTS)
     maps.draw_footprints(square, patches, patch_size_mm, colour=BLACK)
@@ -45,7 +45,7 @@ def use_figure(
     square.scatter(use.x_mm.values[order], use.y_mm.values[order], **drawn)
     point = stated["load_point_x"], stated["load_point_y"]
     square.plot(*point, "P", color=BLUE, markersize=10, markeredgecolor="white")
-    square.set_title("load point: stated (cross), and from the wear (dots)")
+    square.set_title("load point: stated (cross), from wear (dots)")
     _draw_radius(radius, use, table)
     if losses is not None:
         _draw_losses(others[0], losses)
@@ -66,6 +66,9 @@ def _draw_radius(axes: Axes, use: xr.Dataset, table: pd.DataFrame) -> None:
     axes.hist(values, edges, weights=use.weight.values, color=VERMILION, label="from the wear")
     axes.axvline(told, color=BLUE, label="stated")
     axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter("")
     axes.set_xlabel("radius (mm)")
     axes.set_ylabel("probability")
     axes.legend()
