@@ -116,7 +116,9 @@ class LogHandler(LogHandlerBase):
                 pass
             case LogEvent.RUN_INFO:
                 counts = dict(record.stats)
-                self.total = counts.pop("total")
+                counts.pop("all", None)  # it makes nothing
+                counts.pop("total")
+                self.total = sum(counts.values())
                 self.to_do = sum(_COSTS.get(rule, 1) * n for rule, n in counts.items())
                 self._say(f"{self.total} steps to do.")
             case LogEvent.JOB_FINISHED if record.job_id in self.steps:
@@ -127,10 +129,11 @@ class LogHandler(LogHandlerBase):
                     name = "ACCEPTED FAULT" if level == "ERROR" else level
                     self._say(f"{name}: {text}\n  step: {what}\n  log:  {log}")
             case LogEvent.PROGRESS:
-                if 10 * record.done // record.total > 10 * self.done // record.total:
-                    done = f"{record.done} of {record.total} steps done"
-                    self._say(f"{self._elapsed()}  {done}{self._left()}")
-                self.done = record.done
+                done = min(record.done, self.total)  # without "all"
+                if self.total and 10 * done // self.total > 10 * self.done // self.total:
+                    how_far = f"{done} of {self.total} steps done"
+                    self._say(f"{self._elapsed()}  {how_far}{self._left()}")
+                self.done = done
             case LogEvent.JOB_ERROR:
                 self._fail(record.jobid, record.rule_msg or _SILENT)
             case LogEvent.GROUP_ERROR:

@@ -50,7 +50,7 @@ class Run:
         asked = "dryrun quiet verbose debug_dag printshellcmds"
         self.handler = LogHandler(SimpleNamespace(**dict.fromkeys(asked.split(), False)), None)
         self.total = total
-        self.tell(LogEvent.RUN_INFO, stats={"total": total, "solve_patches": total})
+        self.tell(LogEvent.RUN_INFO, stats={"total": total + 1, "all": 1, "solve_patches": total})
 
     def tell(self, event, text="", level=logging.INFO, **facts):
         record = logging.LogRecord("snakemake", level, "", 0, text, None, None)
@@ -63,7 +63,7 @@ class Run:
 
     def end(self, job):
         self.tell(LogEvent.JOB_FINISHED, job_id=job)
-        self.tell(LogEvent.PROGRESS, done=job, total=self.total)
+        self.tell(LogEvent.PROGRESS, done=job, total=self.total + 1)
 
     def fail(self, job):
         self.tell(LogEvent.JOB_ERROR, jobid=job, rule_name="solve_patches", rule_msg=None, log=[])
@@ -81,6 +81,7 @@ def test_the_display_counts_the_steps_without_control_characters(said):
     for job in range(1, 41):
         run.begin(job)
         run.end(job)
+    run.end(41)  # the rule that only names the others
     run.handler.close()
     shown = said()
     assert shown.startswith("40 steps to do.\n0:00:00  Pressing patch 1\n")
