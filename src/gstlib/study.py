@@ -66,8 +66,7 @@ from gstlib.macroscale.equilibrium import solve_at_load, solve_square
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.microscale.patches import LEVELLED, Microscale, solve_patch
 from gstlib.preprocess.scans import crop_of, prepare_patch
-from gstlib.use.infer import StatedUse, as_used, infer_use, leave_one_out, losses_of
-from gstlib.use.sampling import Sampling
+from gstlib.use.infer import as_used, leave_one_out, use_of_study
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
 from gstlib.wear.fit import PatchMaps, Prediction, fit_wear, predict_wear
@@ -148,14 +147,12 @@ class Study:
 
     @cached_property
     def use(self) -> xr.Dataset | None:
-        """How the tool was used, from `infer_use`; None where the study goes on as stated."""
-        config, settings = self.config, dict(self.settings["infer_use"])
+        """How the tool was used, from `use_of_study`; None where the study goes on as stated."""
+        config = self.config
         if config["use"] is None or config["coupling"] == LEVELLED or not self.worn:
             return None
-        stated, drawn = (settings.pop(name) for name in ("stated", "sampling"))
-        known = losses_of(self.patches, self.registration)
-        given = StatedUse(**stated), Sampling(**drawn)
-        return infer_use(self.composite, *known, given[0], sampling=given[1], **settings)
+        given = self.composite, self.patches, self.registration
+        return use_of_study(*given, **self.settings["infer_use"]).use
 
     @cached_property
     def contact(self) -> Contact:

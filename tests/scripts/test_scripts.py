@@ -54,8 +54,8 @@ def test_a_doubtful_contact_of_the_stone_is_told(tmp_path, caplog):
         variable.attrs.update(units="mm", long_name="height")
     write_dataset(tmp_path / "face.h5", face)
     face, *written = (tmp_path / name for name in ("face.h5", "contact.h5", "macroscale_path.csv"))
-    settings = {"steps": 2, "tolerance": 1e-6, "maximum_displacement_um": 100.0}
-    settings |= {"through": (2.5, 2.5), "modulus": 1e4, "patch_mm": 0.85}
+    settings = {"through": (2.5, 2.5), "modulus": 1e4, "patch_mm": 0.85}
+    settings["solving"] = {"steps": 2, "tolerance": 1e-6, "maximum_displacement_um": 100.0}
     script_of("solve_macroscale").main(face, [], *written, force_N=500.0, **settings)
     assert any("of the edge of what is pressed" in message for message in caplog.messages)
 

@@ -57,7 +57,7 @@ rule bound_pressures:
     resources:
         mem_mb=growing(500, scan=60),
     params:
-        **LOAD,
+        load=LOAD,
         material=config["material"],
         patch_mm=PATCH_MM,
         radius_mm=study_radius(config),

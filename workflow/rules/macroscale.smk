@@ -45,9 +45,12 @@ rule solve_macroscale:
     log:
         f"{RESULTS}/logs/solve_macroscale.log",
     params:
-        **SETTINGS["solve_macroscale"],
-        steps=config["macroscale"]["steps"],
-        maximum_displacement_um=config["macroscale"]["maximum_displacement_um"],
+        **LOAD,
+        solving={
+            name: config["macroscale"][name]
+            for name in ("tolerance", "steps", "maximum_displacement_um")
+        },
+        modulus=SETTINGS["solve_macroscale"]["modulus"],
         patch_mm=PATCH_MM,
         code=code("solve_macroscale.py"),
     message:

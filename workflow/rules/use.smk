@@ -19,7 +19,7 @@ rule infer_use:
     resources:
         runtime=growing(30, scans=0.1),
     params:
-        **SETTINGS["infer_use"],
+        settings=SETTINGS["infer_use"],
         patches=PLACES if SCANNED else GRADED[GRADES].to_dict("list"),
         code=code("infer_use.py"),
     message:

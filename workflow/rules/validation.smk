@@ -54,9 +54,11 @@ if REFERENCE:
             mem_mb=growing(700, square=45),
             runtime=growing(10, square=0.5 * config["reference_draws"]),
         params:
-            draws=config["reference_draws"],
-            s_filter_um=config["microscale"]["s_filter_um"],
-            seed=config["seed"],
+            drawn={
+                "draws": config["reference_draws"],
+                "s_filter_um": config["microscale"]["s_filter_um"],
+                "seed": config["seed"],
+            },
             code=code("solve_reference.py"),
         message:
             "Pressing the whole square at the scans' resolution"
@@ -125,7 +127,6 @@ if GENERATED:
             runtime=growing(10, scans=0.2),
         params:
             patches=ALL_PATCHES,
-            worn=WORN_PATCHES,
             code=code("score_truth.py"),
         message:
             "Scoring every stage against the specimen's truth"

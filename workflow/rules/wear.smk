@@ -20,10 +20,9 @@ rule fit_wear:
         mem_mb=growing(600, scan=600 if config["interlayer"] else 0),
         runtime=growing(30, scans=1 if config["interlayer"] else 0),
     params:
-        **SETTINGS["fit_wear"],
+        wear=SETTINGS["fit_wear"],
         patches=WORN_PATCHES,
-        poses=None if POSES is None else POSES.to_dict("list"),
-        size_mm=SQUARE_MM,
+        moved=(None if POSES is None else {"poses": POSES.to_dict("list"), "size_mm": SQUARE_MM}),
         code=code("fit_wear.py"),
     message:
         "Wearing the square, and fitting its wear to the losses"

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from gst.logs import run_script
+from gst.stored import active_tool_of, dataset_of
 from gst.tables import write_table
 from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
 from gstlib.io.store import read_dataset
@@ -11,32 +12,23 @@ from gstlib.io.tables import read_pressures
 
 def main(
     face: Path,
-    composite: Path,
-    second: Path,
-    use: Path,
+    composite: Path | list,
+    second: Path | list,
+    use: Path | list,
     pressures: Path,
     table: Path,
     *,
     uncertainty: dict[str, float],
     material: dict[str, float],
-    force_N: float,
-    through: tuple[float, float] | None,
+    load: dict,
     radius_mm: float | None,
     patch_mm: float,
     seed: int,
 ) -> None:
-    macroscale = Macroscale(
-        read_dataset(face),
-        read_dataset(composite) if composite else None,
-        read_dataset(second).face if second else None,
-        radius_mm,
-        read_dataset(use) if use else None,
-    )
-    load = {"force_N": force_N, "through": through}
-    errors, given = Errors(**uncertainty), read_pressures(pressures)
-    limits = pressure_intervals(
-        macroscale, given, material, errors, **load, patch_mm=patch_mm, seed=seed
-    )
+    pressed = read_dataset(face), dataset_of(composite), active_tool_of(second)
+    macroscale = Macroscale(*pressed, radius_mm, dataset_of(use))
+    given = read_pressures(pressures), material, Errors(**uncertainty)
+    limits = pressure_intervals(macroscale, *given, **load, patch_mm=patch_mm, seed=seed)
     write_table(table, limits)
 
 

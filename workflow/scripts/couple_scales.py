@@ -5,6 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from gst.logs import run_script
+from gst.stored import dataset_of
 from gst.tables import write_table
 from gstlib.coupling.pressures import couple_scales
 from gstlib.io.store import read_dataset
@@ -22,7 +23,7 @@ def main(
 ) -> None:
     pressed = (read_dataset(file, only=["pressure"]).pressure for file in (contact, square))
     table = couple_scales(*pressed, pd.DataFrame(patches), patch_mm=patch_mm)
-    write_table(pressures, leave_one_out(table, read_dataset(use) if use else None))
+    write_table(pressures, leave_one_out(table, dataset_of(use)))
 
 
 if "snakemake" in globals():

@@ -27,11 +27,9 @@ def main(
     stone = read_mesh(mesh, unit=mesh_unit)
     tool = ActiveTool.read(**active_tool) if active_tool else RoundedTool(*rounded)
     gridded, of_other = grid_macroscale(stone, source=mesh, active_tool=tool, **gridding)
+    settings = {"mesh_unit": mesh_unit, "radius_mm": rounded[0], "angle_deg": rounded[1]}
     inputs = [mesh, *([counterface] if active_tool else [])]
-    made = provenance(
-        inputs,
-        {"mesh_unit": mesh_unit, "radius_mm": rounded[0], "angle_deg": rounded[1]} | gridding,
-    )
+    made = provenance(inputs, settings | gridding)
     write_dataset(face, gridded, made)
     if second is not None:
         write_dataset(second, of_other.to_dataset(name="face"), made)

@@ -5,7 +5,7 @@ from pathlib import Path
 from gst.batches import files_of
 from gst.logs import run_script
 from gst.provenance import provenance
-from gst.stored import contacts_of
+from gst.stored import contacts_of, dataset_of
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.wear.archard import WornSquare
 from gstlib.wear.fit import predict_wear
@@ -21,8 +21,8 @@ def main(
     pressure_cap: float | None,
 ) -> None:
     """The folder stays empty where wear is not predicted."""
-    files, interlayer = files_of(contacts, patches), read_dataset(fitted) if fitted else None
-    worn = WornSquare.from_datasets(read_dataset(square), interlayer)
+    files = files_of(contacts, patches)
+    worn = WornSquare.from_datasets(read_dataset(square), dataset_of(fitted))
     settings = {"pressure_cap": pressure_cap}
     depths.mkdir(exist_ok=True)
     for patch, found in predict_wear(contacts_of(contacts, patches), worn, **settings):

@@ -6,6 +6,7 @@ import pandas as pd
 
 from gst.logs import run_script
 from gst.provenance import provenance
+from gst.stored import active_tool_of, dataset_of
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.macroscale.gesture import Gesture, press_poses
 from gstlib.use.infer import as_used
@@ -27,9 +28,9 @@ def main(
     shown: list[int],
 ) -> None:
     whole = read_dataset(face, only=["height", "counterface", "size_mm"])
-    whole, through = as_used(whole, read_dataset(use) if use else None, through)
-    counterface = read_dataset(second).face if second else whole.counterface
-    gesture = Gesture(counterface, bool(second), size_mm, through, pd.DataFrame(poses))
+    whole, through = as_used(whole, dataset_of(use), through)
+    tool = whole.counterface, active_tool_of(second)
+    gesture = Gesture.of(*tool, poses=poses, size_mm=size_mm, through=through)
     pressed = {"contact_modulus_MPa": contact_modulus_MPa, "tolerance": tolerance}
     settings = pressed | {"patch_mm": patch_mm, "shown": shown}
     found = press_poses(whole.height, gesture, pd.DataFrame(patches), **settings)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from gst.logs import run_script
-from gst.stored import changes_of, contacts_of, depths_of
+from gst.stored import changes_of, contacts_of, dataset_of, depths_of
 from gst.tables import write_table
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
@@ -26,8 +26,7 @@ def main(
     **tables: Path,
 ) -> None:
     """`tables` are the files of what `score_wear` gives, by name."""
-    interlayer = read_dataset(fitted) if fitted else None
-    stone = WornSquare.from_datasets(read_dataset(square), interlayer)
+    stone = WornSquare.from_datasets(read_dataset(square), dataset_of(fitted))
     prediction = Prediction.of(depths_of(depths, worn), stone)
     given = contacts_of(contacts, worn), changes_of(registered, worn), prediction
     known = read_pressures(pressures), read_table(registration)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
+from gst.stored import dataset_of
 from gst.tables import write_table
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.macroscale.equilibrium import macroscale_table, solve_macroscale
@@ -14,23 +15,19 @@ from gstlib.use.infer import as_used
 
 def main(
     face: Path,
-    use: Path,
+    use: Path | list,
     contact: Path,
     path: Path,
     *,
     force_N: float,
     through: tuple[float, float] | None,
     modulus: float,
-    tolerance: float,
+    solving: dict[str, float],
     patch_mm: float,
-    steps: int,
-    maximum_displacement_um: float,
 ) -> None:
     whole = read_dataset(face, only=["height", "counterface", "size_mm"])
-    whole, through = as_used(whole, read_dataset(use) if use else None, through)
-    settings = {"force_N": force_N, "through": through, "modulus": modulus}
-    settings |= {"tolerance": tolerance, "steps": steps}
-    settings |= {"maximum_displacement_um": maximum_displacement_um}
+    whole, through = as_used(whole, dataset_of(use), through)
+    settings = {"force_N": force_N, "through": through, "modulus": modulus} | solving
     solved = solve_macroscale(whole, source=face, **settings)
     stored, size_mm = solved.to_dataset(), float(whole.size_mm)
     write_dataset(contact, stored, provenance([face, *([use] if use else [])], settings))

@@ -8,7 +8,6 @@ from gst.provenance import provenance
 from gst.stored import contact_of
 from gstlib.io.store import Stored, read_dataset, write_dataset
 from gstlib.specimen.score import true_contact
-from gstlib.surfaces.footprints import places_of
 from gstlib.validation.single_scale import drawn_surfaces, solve_reference
 
 
@@ -22,12 +21,9 @@ def main(
     contact: Path,
     patches: Path,
     *,
-    draws: int,
-    s_filter_um: float | None,
-    seed: int,
+    drawn: dict,
 ) -> None:
     mesh, around = read_dataset(face), contact_of(macroscale)
-    settings = {"s_filter_um": s_filter_um, "seed": seed}
     lying = read_dataset(truth).sel(epoch="T0") if truth else read_dataset(composite)
     scans = Stored(files := files_of(t0, lying.patch.values), ["height"])
     if truth:
@@ -36,13 +32,11 @@ def main(
         surfaces = [read_dataset(true_surface).height.astype(float)]
     else:
         inputs = [face, composite, *files.values()]
-        surfaces = drawn_surfaces(mesh, lying, scans, draws=draws, **settings)
-    places = places_of(lying[["x_mm", "y_mm", "rotation_deg"]].to_dataframe().reset_index())
-    scan = scans[next(iter(places))].height
-    whole, on_patches = solve_reference(surfaces, around, places, scan, source=inputs[0])
-    write_dataset(contact, whole, provenance(inputs, settings))
-    drawn = settings | {"draws": on_patches.sizes["draw"]}
-    write_dataset(patches, on_patches, provenance(inputs, drawn))
+        surfaces = drawn_surfaces(mesh, lying, scans, **drawn)
+    whole, on_patches = solve_reference(surfaces, around, lying, scans, source=inputs[0])
+    write_dataset(contact, whole, provenance(inputs, drawn))
+    pressed = drawn | {"draws": on_patches.sizes["draw"]}
+    write_dataset(patches, on_patches, provenance(inputs, pressed))
 
 
 if "snakemake" in globals():

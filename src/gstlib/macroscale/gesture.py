@@ -13,8 +13,8 @@ starts from the one before.
 # ASSUME: the load point scatters about the stated one normally, alike along both axes, and the
 # stone slides by the same distance wherever the hand pushes.
 
-from collections.abc import Collection, Iterable
-from typing import Any, NamedTuple
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -77,6 +77,20 @@ class Gesture(NamedTuple):
     size_mm: float
     through: tuple[float, float]
     poses: pd.DataFrame
+
+    @classmethod
+    def of(
+        cls,
+        counterface: xr.DataArray,
+        mesh: xr.DataArray | None,
+        *,
+        poses: Mapping[str, Any],
+        size_mm: float,
+        through: tuple[float, float],
+    ) -> Self:
+        """Poses of the active tool's `mesh`, or without one of the `counterface` over the face."""
+        moved = counterface if mesh is None else mesh
+        return cls(moved, mesh is not None, size_mm, through, pd.DataFrame(poses))
 
     def over(self, height: xr.DataArray, place: Place) -> xr.DataArray:
         """The active tool over a face (y, x), mm, in a pose."""

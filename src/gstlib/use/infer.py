@@ -18,7 +18,7 @@ high places bear load, so that wear that follows heights looks like a use.
 
 import logging
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,20 +30,22 @@ from gstlib.contact import Interface, Load
 from gstlib.errors import InputError
 from gstlib.macroscale.active_tool import as_round_as
 from gstlib.macroscale.ensemble import Case, patch_means, press_each
+from gstlib.macroscale.face import without_curvature
 from gstlib.surfaces.grid import coarser
 from gstlib.use.evidence import (
     FEWEST_PATCHES,
     FEWEST_WORN,
     Evidence,
+    Grades,
     Losses,
     log_evidence,
     weigh,
 )
 from gstlib.use.sampling import Sampling, effective_draws, sample
 
-__all__ = ["BETTER", "CHANCE", "CONSISTENT", "UNKNOWN", "StatedUse", "as_used"]
+__all__ = ["BETTER", "CHANCE", "CONSISTENT", "UNKNOWN", "StatedUse", "UseOfStudy", "as_used"]
 __all__ += ["infer_use", "leave_one_out", "losses_of", "predicted_losses", "use_pressures"]
-__all__ += ["share_within", "use_table"]
+__all__ += ["share_within", "use_of_study", "use_table"]
 
 _log = logging.getLogger(__name__)
 
@@ -227,6 +229,64 @@ def infer_use(
     return found.assign_attrs(
         effective_draws=effective, stated_radius_mm=stated_radius, **_answer(**explained)
     )
+
+
+class UseOfStudy(NamedTuple):
+    """What a study says of a use.
+
+    Attributes
+    ----------
+    use : xarray.Dataset
+        From `infer_use`.
+    table : pandas.DataFrame
+        From `use_table`. Read from grades, it has ``mean_without_curvature``, too: the mesh is that
+        of the worn tool.
+    losses : pandas.DataFrame or None
+        From `predicted_losses`; None where there are grades in place of losses.
+    """
+
+    use: xr.Dataset
+    table: pd.DataFrame
+    losses: pd.DataFrame | None = None
+
+
+def use_of_study(
+    face: xr.Dataset,
+    patches: pd.DataFrame,
+    registration: pd.DataFrame | None,
+    *,
+    stated: Mapping[str, Any],
+    sampling: Mapping[str, Any],
+    modulus: float,
+    patch_mm: float,
+) -> UseOfStudy:
+    """How the tool of a study was used, from the losses of its patches, or from their grades.
+
+    Parameters
+    ----------
+    face, modulus, patch_mm
+        As in `infer_use`.
+    patches : pandas.DataFrame
+        ``patch, x_mm, y_mm, rotation_deg``, and without a registration ``wear_grade``.
+    registration : pandas.DataFrame or None
+        The table ``registration``.
+    stated, sampling : mapping
+        The fields of `StatedUse` and `gstlib.use.sampling.Sampling`.
+    """
+    told, drawn = StatedUse(**stated), Sampling(**sampling)
+    settings: dict[str, Any] = {"modulus": modulus, "patch_mm": patch_mm, "sampling": drawn}
+    if registration is not None:
+        known, losses = losses_of(patches, registration)
+        use = infer_use(face, known, losses, told, **settings)
+        predicted = predicted_losses(use, losses, drawn.seed)
+        return UseOfStudy(use, use_table(use, told, predicted), predicted)
+    grades = Grades(patches.wear_grade.to_numpy(dtype=int))
+    use, flat = (
+        infer_use(pressed, patches, grades, told, **settings)
+        for pressed in (face, without_curvature(face))
+    )
+    table = use_table(use, told)
+    return UseOfStudy(use, table.assign(mean_without_curvature=use_table(flat, told)["mean"]))
 
 
 def use_pressures(

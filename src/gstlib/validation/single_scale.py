@@ -97,8 +97,8 @@ def drawn_surfaces(
 def solve_reference(
     surfaces: Iterable[xr.DataArray],
     contact: Contact,
-    places: Mapping[str, Place],
-    scan: xr.DataArray,
+    patches: xr.Dataset,
+    scans: Mapping[str, xr.Dataset],
     *,
     source: str | Path = "reference",
 ) -> tuple[xr.Dataset, xr.Dataset]:
@@ -110,8 +110,10 @@ def solve_reference(
         Heights of the square, mm: `drawn_surfaces`, or that of a synthetic specimen.
     contact : Contact
         Of the face around it, as in `press_whole`.
-    places, scan
-        As in `patches_of_reference`.
+    patches : xarray.Dataset
+        By ``patch`` ``x_mm, y_mm, rotation_deg``: where the patches lie.
+    scans : mapping of str to xarray.Dataset
+        Their scans, on one grid.
     source : path
         The file of the surfaces, for messages.
 
@@ -122,6 +124,8 @@ def solve_reference(
     patches : xarray.Dataset
         From `patches_of_reference`, by ``draw``.
     """
+    places = places_of(patches[["x_mm", "y_mm", "rotation_deg"]].to_dataframe().reset_index())
+    scan = scans[next(iter(places))].height
     whole, drawn = None, []
     for heights in surfaces:
         solved = press_whole(heights, contact, source=source)
