@@ -40,6 +40,8 @@ STAGES = {
 }
 STAGE_OF = {"conditions": "contact", "bem": "contact", "io": "surfaces"}
 
+# Characters of a line of help.
+WIDTH = 110
 SIGNS = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
 
 
@@ -126,11 +128,12 @@ def stage_of(name: str) -> str:
 
 
 def commands() -> Iterator[str]:
-    """What `gst --help` says, and the help of each command."""
-    group = click.Context(gst, info_name="gst", terminal_width=80, **gst.context_settings)
+    """What `gst --help` says, and the help of each command without its option ``--help``."""
+    group = click.Context(gst, info_name="gst", terminal_width=WIDTH, **gst.context_settings)
     yield gst.get_help(group)
     for name, command in gst.commands.items():
-        yield command.get_help(click.Context(command, info_name=name, parent=group))
+        said = command.get_help(click.Context(command, info_name=name, parent=group))
+        yield re.sub(r"\n  -h, --help .*", "", said)
 
 
 def results() -> Iterator[str]:
@@ -189,9 +192,7 @@ def main() -> None:
         },
         "docs/reference/tables.md": {"tables": "\n\n".join(results())},
         "docs/reference/choices.md": {"choices": "\n\n".join(choices())},
-        "docs/reference/cli.md": {
-            "commands": "\n\n".join(f"```\n{text}\n```" for text in commands())
-        },
+        "docs/reference/cli.md": {"commands": "```\n" + "\n\n".join(commands()) + "\n```"},
     }
     captions = ROOT / "workflow/report/tables"
     files = {captions / f"{name}.rst": caption(listed) for name, listed in TABLES.items()}
