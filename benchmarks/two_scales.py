@@ -69,7 +69,6 @@ TRUE = "true face"
 SEEDS = list(range(3001, 3021))
 RESAMPLES = 9999
 LOADED_MPA = 1.0
-# Stages that do not depend on the form of the active tool.
 # The face loses as much as the default specimen's square does, by Archard's law.
 LOST_MM, WEAR_STEPS = 0.25e-3, 4
 
