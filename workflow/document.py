@@ -142,7 +142,7 @@ def results() -> Iterator[str]:
         yield f"## {stage}"
         for one in listed:
             only = f" ({one.only})" if one.only else ""
-            yield f"### `{one.file}`\n\n{one.title[0].upper()}{one.title[1:]}{only}."
+            yield f"### `{one.file}`: {one.title}{only}"
             rows = ["| column | unit | what it is |", "|---|---|---|"]
             for name, column in one.columns.items():
                 key = "**" if name in one.key else ""

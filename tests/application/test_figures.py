@@ -166,7 +166,7 @@ def test_figure_has_the_same_bytes_each_time_and_leaves_its_input_alone(tmp_path
             assert now.equals(then) if hasattr(now, "equals") else list(now) == list(then)
 
 
-def test_a_map_has_its_origin_its_scale_and_marks_in_their_fraction():
+def test_a_map_has_its_origin_its_scale_and_marks_of_the_right_area():
     mask = RNG.random((300, 300)) < 0.15
     _, (axes,) = style.panels(1, 12)
     maps.draw_map(axes, make_surface(np.zeros(mask.shape), 0.01), marks={"#000000": mask})
@@ -201,7 +201,7 @@ def test_forces_and_pressures_are_those_of_the_contact():
     assert corner == pytest.approx([2.5 - 0.425 * 1.1585, 1.5 + 0.425 * 0.8112], abs=1e-3)
 
 
-def test_epochs_fraction_their_colours_and_what_was_or_will_be_lost_is_red():
+def test_epochs_share_their_colours_and_what_was_or_will_be_lost_is_red():
     before, after, _, changed, predicted, _ = draw("patch").axes
     ends = [axes.child_axes[0].get_xticks().tolist() for axes in (before, after)]
     assert ends[0] == ends[1]

@@ -198,7 +198,7 @@ def test_many_equal_scans_are_a_problem_of_few_words(folder):
 
 
 @pytest.mark.parametrize("up_mm", [0.0, 1.0])
-def test_a_active_tool_that_misses_the_first_is_a_problem(folder, up_mm):
+def test_an_active_tool_that_misses_the_first_is_a_problem(folder, up_mm):
     stone(halvings=5).apply_translation((0, 0, 10)).export(folder / "other.stl")
     pose = np.eye(4)
     pose[2, 3] = up_mm

@@ -198,7 +198,7 @@ def measured_change(
 
     `before` and `after` are prepared scans (`gstlib.preprocess.scans.prepare_scan`): ``height``,
     ``filled``, ``outlier``. Other parameters as in `register` and `height_change`, whose results
-    are returned. All change is unknown if the registration is not above_noise.
+    are returned. All change is unknown if T1 was not found.
     """
     registration = register(before.height, after.height, maximum_shift_mm=maximum_shift_mm)
     replaced0, replaced1 = (

@@ -185,7 +185,7 @@ def _refuse_odd_decimals(path: Path, cells: Iterable[str], mark: str | None) -> 
 
 
 def _begins_with_numbers(row: str) -> bool:
-    """Whether a line is a row of numbers, not a header, scored by its first cells."""
+    """Whether a line is a row of numbers, not a header, by its first cells."""
     mark = separator_of(row)
     cells = row.split(mark)[:20]
     try:

@@ -11,7 +11,8 @@ the *other* patches lost. So does each baseline; none has seen what the patch it
   patches and gives the others their loss. The nearest model in print is that of Rausch et al.
   (2024, protocols.io 261ge346dl47), a rigid collision along a stroke.
 
-``oracle_area`` is no baseline but a cap: a plane that wears the share of the patch that did wear.
+``oracle_area`` is no baseline but an upper bound: a plane that wears the share of the patch that
+did wear.
 """
 
 from collections.abc import Iterable
@@ -79,7 +80,7 @@ def baseline_depths(
     worn_fraction: float,
     others: Others,
 ) -> dict[str, np.ndarray]:
-    """The depth (n,), mm, that each baseline, and the cap, takes off a patch's known points.
+    """The depth (n,), mm, that each baseline and the upper bound take off a patch's known points.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def baseline_depths(
     pressure_MPa : float
         Of the patch before use.
     worn_fraction : float
-        Share of the points that lost height; only the cap takes it.
+        Share of the points that lost height; only the upper bound takes it.
     others : Others
         Without the patch itself.
     """

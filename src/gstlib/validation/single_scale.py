@@ -2,10 +2,9 @@
 
 The study presses the face on a coarse grid and each patch by itself. Both are shortcuts. One
 contact of the whole square with all its detail needs neither: on a synthetic specimen it is the
-contact of the true surface, against which everything is in_statistics (mesh, places, noise,
-coupling). On a measured stone it is that of the composite surface, and tells what the coupling
-alone costs and, over several draws of the detail, how far the results depend on what was not
-scanned.
+contact of the true surface, against which everything counts (mesh, places, noise, coupling). On a
+measured stone it is that of the composite surface, and tells what the coupling alone costs and,
+over several draws of the detail, how far the results depend on what was not scanned.
 """
 
 from collections.abc import Iterable, Iterator, Mapping

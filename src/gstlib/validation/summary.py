@@ -86,7 +86,7 @@ def summarise(
     -------
     pandas.DataFrame
         ``model, statistic, value, low, high, p_value, n, against``, with 95 % intervals, over the
-        patches that are in_statistics. Of each prediction ``mean(mcc)``,
+        patches that are in the statistics. Of each prediction ``mean(mcc)``,
         ``mean(attainable_mcc)``, and against the best baseline ``gain(mcc)``, a mean difference,
         ``relative(volume_error)`` and ``relative_to_best(map_error)``, ratios of summed absolute
         errors; of all models ``mean(mcc)`` and, against no loss, ``relative(map_error)``. Two-sided

@@ -5,7 +5,7 @@ The square wears as a whole, so pressures move from patch to patch as the most h
 (`wear_square`); inside a patch, the summits wear first (`wear_patch`). The one unknown, κ, is
 fitted to the measured loss. A prediction for a patch uses the κ of all the *other* patches.
 
-Valleys wear too where something soft is between the stones: plants, hide, wood. A *interlayer*,
+Valleys wear too where something soft is between the stones: plants, hide, wood. An *interlayer*,
 an elastic layer that takes turns with the bare stone, stands for it. How its coefficient compares
 with that of the bare stone is fitted as κ is, to the maps of loss of the other patches
 (`fit_interlayer`).

@@ -166,7 +166,7 @@ def test_moduli_vary_as_their_stones_do():
     assert draw(0.0, 0.02).std() == pytest.approx(0.02 * 0.5 / 0.9375 / np.sqrt(2), rel=0.03)
 
 
-def test_a_active_tool_adds_the_error_of_its_pose(intervals):
+def test_an_active_tool_adds_the_error_of_its_pose(intervals):
     """A flat face adds nothing; a rough one adds more, the less certain its position."""
     at = axis_coordinates(3 * COUNT, SPACING) - COUNT * SPACING
 

@@ -47,7 +47,7 @@ def test_it_lies_at_rest_and_not_on_its_mean_plane(stone, bare):
     assert np.abs(again - bare).max() < 0.02 * bare.max()
 
 
-def test_a_interlayer_wears_valleys_too(stone, bare):
+def test_an_interlayer_wears_valleys_too(stone, bare):
     soft = worn_by_law(stone, 2e-4, with_interlayer=True)
     assert soft.mean() == pytest.approx(2e-4, rel=1e-6)
     assert (soft > 0).mean() > 1.3 * (bare > 0).mean()

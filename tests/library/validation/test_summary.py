@@ -171,7 +171,7 @@ def test_without_predictions_there_are_correlations_alone():
     assert nothing.value.isna().all()
 
 
-def test_a_interlayer_that_saves_a_hundredth_of_the_error_is_not_told():
+def test_an_interlayer_that_saves_a_hundredth_of_the_error_is_not_told():
     """Errors of measurement let an interlayer gain as much on stones that never saw one."""
     patches = list("85123467")
     misfit = np.tile([[2.0, 1.0, 3.0]], (8, 1))

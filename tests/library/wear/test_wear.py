@@ -138,7 +138,7 @@ def worn_by_both():
     return worn, contacts, changes, worn.interlayer.fitted, tables
 
 
-def test_a_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_both):
+def test_an_interlayer_is_found_by_its_traces_with_both_coefficients(worn_by_both):
     worn, contacts, changes, fitted, tables = worn_by_both
     assert fitted.ratio_of_all == 1.0
     np.testing.assert_array_equal(fitted.interlayer_ratio, 1.0)
@@ -217,7 +217,7 @@ def test_a_patch_is_worn_at_its_pressure_in_each_step():
     np.testing.assert_allclose(depth, path.depth, atol=1e-12)
 
 
-def test_a_interlayer_lies_among_the_pressures_that_are_under_it():
+def test_an_interlayer_lies_among_the_pressures_that_are_under_it():
     """What it takes off does not depend on what the bare stone would press around the patch."""
     worn, alone = by_hand([0.0] * 4, [20.0] * 4), patch_of(20.0)
     interlayer, shape = worn.interlayer, alone.pressure.shape
