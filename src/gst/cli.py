@@ -217,7 +217,7 @@ def inspect(files, unit, spacing_um, pictures) -> None:
 
     Of a folder, the scans and meshes in it. If a file cannot be read, the others are still shown.
     """
-    from gst.inputs import files_in, inspect_file
+    from gst.inspecting import files_in, inspect_file
 
     failed = False
     for file in (file for given in files for file in files_in(given)):

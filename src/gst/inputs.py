@@ -17,28 +17,27 @@ import xarray as xr
 
 from gst.amplitudes import UNIT_FACTOR, WRONG_UNIT, Amplitude, other_units
 from gst.config import thinner_than_a_point
+from gst.inspecting import scan_facts
 from gst.patches import COUNTERFACE, REPEAT, ScanFile, at_epoch
 from gst.tables import columns_of
 from gstlib.contact import check_grid
 from gstlib.errors import ConfigError, FaultError, GstError, InputError, unaccepted
-from gstlib.io.meshes import UNITS, is_mesh, read_mesh
-from gstlib.io.scans import is_scan, read_scan
+from gstlib.io.meshes import UNITS, read_mesh
+from gstlib.io.scans import read_scan
 from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
 from gstlib.macroscale.face import grid_macroscale, thin_stone
 from gstlib.preprocess.scans import check_unmeasured, cut_patch, mould_of
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import Frame, find_frame
-from gstlib.surfaces.grid import coarser, spacing_of
-from gstlib.surfaces.leveling import remove_plane
+from gstlib.surfaces.grid import MM_TO_UM, coarser, spacing_of
 
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Asked", "Inputs", "check_inputs", "files_in", "inspect_file"]
+__all__ = ["Asked", "Inputs", "check_inputs"]
 
 _log = logging.getLogger(__name__)
 
-_MM_TO_UM = 1e3
 SAME_SCAN = "same_scan"  # the fault's name, as which a config accepts it
 # Share of the mesh's surface from which on something apart from the stone is no speck.
 _LARGE_BODY = 0.01
@@ -273,7 +272,7 @@ def _add_piece(
     same = hash(whole.values.tobytes()), use.crop
     grid = piece.shape, spacing_of(piece)
     read.pieces[use.patch, use.epoch] = _Piece(path, grid, same, amplitude)
-    facts = _scan_facts(piece)
+    facts = scan_facts(piece)
     facts["range_um"] = facts["highest_um"] - facts["lowest_um"]
     read.rows.append(facts | {"patch": use.patch, "epoch": use.epoch, "file": path.name})
 
@@ -357,8 +356,8 @@ def _unlike(first: _Piece, second: _Piece) -> Iterator[GstError]:
     if not np.allclose(spacing_1, spacing_0, rtol=_SAME_SPACING, atol=0):
         yield InputError(
             second.path,
-            f"its points are {spacing_1[1] * _MM_TO_UM:.5g} µm apart, those of {first.path} "
-            f"{spacing_0[1] * _MM_TO_UM:.5g} µm",
+            f"its points are {spacing_1[1] * MM_TO_UM:.5g} µm apart, those of {first.path} "
+            f"{spacing_0[1] * MM_TO_UM:.5g} µm",
             "Scan both epochs of a patch with the same objective, or resample one.",
         )
     before, after = first.amplitude.spread, second.amplitude.spread
@@ -433,96 +432,3 @@ def _no_reference(at_t0: Mapping[str, _Piece], square_mm: float) -> Iterator[Gst
             "the contact of the whole square needs scans of one grid",
             "Scan all patches alike, or set reference_draws to null.",
         )
-
-
-def files_in(path: Path) -> list[Path]:
-    """The scans and meshes in a folder and those in it; a file itself.
-
-    Raises
-    ------
-    InputError
-        There is none.
-    """
-    if not path.is_dir():
-        return [path]
-    there = sorted(file for file in path.rglob("[!.]*") if file.is_file())
-    found = [file for file in there if is_mesh(file) or is_scan(file)]
-    if not found:
-        raise InputError(
-            path, "has no file with the ending of a scan or a mesh", "Name another."
-        )
-    return found
-
-
-def inspect_file(
-    path: str | Path, *, unit: str | None = None, spacing_um: float | None = None
-) -> tuple[dict[str, Any], "xr.DataArray | trimesh.Trimesh"]:
-    """Facts about a scan or a mesh, and its content to draw; errors as in their readers.
-
-    Parameters
-    ----------
-    path : str or Path
-    unit : str, optional
-        Unit of a file that does not state it; for meshes, by default mm, or m for GLB.
-    spacing_um : float, optional
-        Spacing of the points of a scan that does not state it (text).
-
-    Returns
-    -------
-    facts : dict
-        ``unit`` (and who states it); points, spacing, size and heights of a scan, and what it
-        says about its instrument; vertices, faces, size and state of a mesh.
-    content : (ny, nx) xarray.DataArray or trimesh.Trimesh
-        mm: the scan without its plane, or the mesh.
-    """
-    if is_mesh(path):
-        mesh = read_mesh(path, unit=unit)
-        file_unit = mesh.metadata["file_unit"]
-        said = f"{file_unit}, as given" if unit else f"{file_unit}, in the file"
-        if unit is None and not mesh.metadata["states_unit"]:
-            said = f"not stated: {file_unit} is assumed; give another as --unit"
-        return {"unit": said} | _mesh_facts(mesh), mesh
-    try:
-        scan, said = read_scan(path, spacing_um=spacing_um), "in the file"
-    except InputError:
-        if unit is None:
-            raise
-        scan, said = read_scan(path, unit=unit, spacing_um=spacing_um), f"{unit}, as given"
-    return {"unit": said} | _scan_facts(scan), remove_plane(scan)[0]
-
-
-def _scan_facts(scan: xr.DataArray) -> dict[str, Any]:
-    """Facts about a scan (mm) as it was read; Sq is about the least-squares plane."""
-    dy, dx = spacing_of(scan)
-    ny, nx = scan.shape
-    level, plane = remove_plane(scan)
-    own = {
-        name: value for name, value in scan.attrs.items() if name not in ("units", "long_name")
-    }
-    return {
-        "points_x": nx,
-        "points_y": ny,
-        "spacing_x_um": dx * _MM_TO_UM,
-        "spacing_y_um": dy * _MM_TO_UM,
-        "size_x_mm": nx * dx,
-        "size_y_mm": ny * dy,
-        "unmeasured": float(1 - np.isfinite(scan.values).mean()),
-        "lowest_um": float(np.nanmin(scan.values)) * _MM_TO_UM,
-        "highest_um": float(np.nanmax(scan.values)) * _MM_TO_UM,
-        "tilt_x_mrad": plane.tilt_x_mrad,
-        "tilt_y_mrad": plane.tilt_y_mrad,
-        "Sq_um": float(np.nanstd(level.values)) * _MM_TO_UM,
-        **own,
-    }
-
-
-def _mesh_facts(mesh: "trimesh.Trimesh") -> dict[str, Any]:
-    """Vertices, faces, size, mean edge and state of a mesh (mm)."""
-    facts: dict[str, Any] = {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
-    for axis, low, high in zip("xyz", *mesh.bounds.tolist(), strict=True):
-        facts |= {f"size_{axis}_mm": high - low, f"centre_{axis}_mm": (low + high) / 2}
-    return facts | {
-        "mean_edge_mm": float(mesh.edges_unique_length.mean()),
-        "bodies": int(mesh.body_count),
-        "closed": "yes" if mesh.is_watertight else "no",
-    }

@@ -7,7 +7,8 @@ import pytest
 import trimesh
 from click.testing import CliRunner
 from gst.cli import main
-from gst.inputs import Asked, check_inputs, inspect_file
+from gst.inputs import Asked, check_inputs
+from gst.inspecting import inspect_file
 from gst.patches import ScanFile
 from gstlib.errors import NOTE, InputsError
 from gstlib.io.plu import write_plu

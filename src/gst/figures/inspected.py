@@ -26,7 +26,7 @@ _VIEWS = {
 
 @styled
 def inspected_figure(content: "xr.DataArray | trimesh.Trimesh", name: str) -> Figure:
-    """The content of a file, as `gst.inputs.inspect_file` returns it, under the file's name."""
+    """The content of a file, as `gst.inspecting.inspect_file` returns it, under the file's name."""
     room = (0.55, 0.25, 0.3, 0.85)
     if isinstance(content, xr.DataArray):
         figure, (axes,) = panels(1, 2, 1.0, room)
