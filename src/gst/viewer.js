@@ -408,7 +408,7 @@ function stoneViewer(element, stone, options = {}) {
     setColours, rake, addStone, addLines, addLabel, pick, normal, fit, snapshot, onclick: null, onrender: null,
   };
   new ResizeObserver(render).observe(element);
-  setColours(stone.colours || null);
+  setColours(null);
   rake(315, 45);
   fit();
   return viewer;

@@ -102,12 +102,11 @@ def _row_numbers(rows: np.ndarray) -> np.ndarray:
     return np.ravel_multi_index(tuple(rows.T), tuple(rows.max(axis=0) + 1))
 
 
-def stone_data(mesh: "trimesh.Trimesh", colours: np.ndarray | None = None) -> dict[str, Any]:
+def stone_data(mesh: "trimesh.Trimesh") -> dict[str, Any]:
     """The data that `stoneViewer` draws, ready for JSON.
 
-    `mesh` is the stone (mm), as `coarsen` returns it; `colours` (n, 3) are red, green and blue of
-    its vertices. The result has ``vertices`` (float32, about ``centre``), ``faces`` (uint32) and,
-    if given, ``colours`` (uint8), each as base64, row by row; ``centre`` and ``bounds`` in mm;
+    `mesh` is the stone (mm), as `coarsen` returns it. The result has ``vertices`` (float32, about
+    ``centre``) and ``faces`` (uint32), each as base64, row by row; ``centre`` and ``bounds`` in mm;
     ``axes``, the stone's principal axes, the longest first.
     """
     low, high = mesh.bounds
@@ -115,14 +114,13 @@ def stone_data(mesh: "trimesh.Trimesh", colours: np.ndarray | None = None) -> di
     axes = np.linalg.eigh(np.cov(np.asarray(mesh.vertices).T))[1].T[::-1]
     # the signs that eigh gives are arbitrary
     axes = axes * np.sign([axis[np.abs(axis).argmax()] for axis in axes])[:, np.newaxis]
-    data = {
+    return {
         "vertices": packed(mesh.vertices - centre, "<f4"),
         "faces": packed(mesh.faces, "<u4"),
         "centre": centre.tolist(),
         "bounds": [low.tolist(), high.tolist()],
         "axes": axes.tolist(),
     }
-    return data if colours is None else data | {"colours": packed(colours, "u1")}
 
 
 def packed(values: np.ndarray, kind: str) -> str:

@@ -46,15 +46,13 @@ def test_vertices_that_are_kept_stay_where_they_are():
 def test_the_data_are_the_stone():
     mesh = trimesh.creation.box((10.0, 30.0, 20.0))
     mesh.apply_translation((100.0, 0.0, -5.0))
-    colours = np.arange(24).reshape(8, 3)
-    data = json.loads(viewer.to_script(viewer.stone_data(mesh, colours)))
+    data = json.loads(viewer.to_script(viewer.stone_data(mesh)))
     title = {"title": "</script><!--<script>"}
     assert "<" not in viewer.to_script(title)
     assert json.loads(viewer.to_script(title)) == title
     vertices = unpack(data["vertices"], "<f4", 3) + data["centre"]
     np.testing.assert_allclose(vertices, mesh.vertices, atol=1e-5)
     np.testing.assert_array_equal(unpack(data["faces"], "<u4", 3), mesh.faces)
-    np.testing.assert_array_equal(unpack(data["colours"], "u1", 3), colours)
     assert data["bounds"] == [[95, -15, -15], [105, 15, 5]]
     np.testing.assert_allclose(data["axes"], [[0, 1, 0], [0, 0, 1], [1, 0, 0]], atol=1e-9)
 
