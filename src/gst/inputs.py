@@ -24,7 +24,7 @@ from gstlib.contact import check_grid
 from gstlib.errors import ConfigError, FaultError, GstError, InputError, unaccepted
 from gstlib.io.meshes import UNITS, read_mesh
 from gstlib.io.scans import read_scan
-from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
+from gstlib.macroscale.active_tool import stated_tool
 from gstlib.macroscale.face import grid_macroscale, thin_stone
 from gstlib.preprocess.scans import check_unmeasured, cut_patch, mould_of
 from gstlib.surfaces.footprints import square_of
@@ -187,7 +187,10 @@ def _read_stone(
             stone = read_mesh(mesh, unit=asked.mesh_unit)
             frame = _find_frame(stone, asked, source=str(mesh))
             _mind_other_bodies(stone, frame, asked, source=str(mesh))
-            face = _gridded(stone, asked, source=str(mesh))
+            # the fastest interpolation: to look at, and to hold scans against
+            settings = {**asked.face, "interpolation": "linear", "source": str(mesh)}
+            tool = stated_tool(asked.active_tool, asked.rounded)
+            face = grid_macroscale(stone, **settings, active_tool=tool)[0]
             return stone, frame, face, list(thin_stone(face.height, source=mesh))
     except GstError as error:
         return stone, frame, face, [error]
@@ -317,15 +320,6 @@ def _mind_other_bodies(
             100 * areas[is_other].sum() / areas.sum(),
             nearest[is_other].min(),
         )
-
-
-def _gridded(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> xr.Dataset:
-    """The face; errors also where the active tool misses it."""
-    second, rounded = asked.active_tool, RoundedTool(*asked.rounded)
-    tool = rounded if second is None else ActiveTool.read(**second)
-    # the fastest interpolation: to look at, and to hold scans against
-    settings = {**asked.face, "interpolation": "linear"}
-    return grid_macroscale(stone, **settings, active_tool=tool, source=source)[0]
 
 
 def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:

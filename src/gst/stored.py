@@ -12,7 +12,7 @@ from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_table
 
 __all__ = ["active_tool_of", "changes_of", "contact_of", "contacts_of", "dataset_of"]
-__all__ += ["depths_of", "table_of"]
+__all__ += ["face_of", "table_of"]
 
 # Of a height change, what wear is fitted to and scored by.
 _CHANGE = "change", "loss", "level_of_detection"
@@ -21,6 +21,11 @@ _CHANGE = "change", "loss", "level_of_detection"
 def dataset_of(file: Path | list) -> xr.Dataset | None:
     """The dataset in a file; None for ``[]``, a file that the study does not have."""
     return read_dataset(file) if isinstance(file, Path) else None
+
+
+def face_of(file: Path) -> xr.Dataset:
+    """What is pressed: heights, the active tool over them, and the side of the square."""
+    return read_dataset(file, only=["height", "counterface", "size_mm"])
 
 
 def active_tool_of(file: Path | list) -> xr.DataArray | None:
@@ -51,10 +56,3 @@ def changes_of(
 ) -> Mapping[str, xr.Dataset]:
     """The height changes of patches, likewise."""
     return Stored(files_of(folders, patches), _CHANGE)
-
-
-def depths_of(
-    folders: Path | Iterable[Path], patches: Iterable[str]
-) -> Mapping[str, xr.Dataset]:
-    """The predicted depths of patches, likewise; none where no wear is predicted."""
-    return Stored(files_of(folders, patches))

@@ -7,7 +7,7 @@ from gst.provenance import provenance
 from gst.tables import write_table
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import write_dataset
-from gstlib.macroscale.active_tool import ActiveTool, RoundedTool
+from gstlib.macroscale.active_tool import stated_tool
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.preprocess.mesh import gridding_table
 
@@ -25,7 +25,7 @@ def main(
     gridding: dict,
 ) -> None:
     stone = read_mesh(mesh, unit=mesh_unit)
-    tool = ActiveTool.read(**active_tool) if active_tool else RoundedTool(*rounded)
+    tool = stated_tool(active_tool, rounded)
     gridded, of_other = grid_macroscale(stone, source=mesh, active_tool=tool, **gridding)
     settings = {"mesh_unit": mesh_unit, "radius_mm": rounded[0], "angle_deg": rounded[1]}
     inputs = [mesh, *([counterface] if active_tool else [])]

@@ -7,9 +7,9 @@ import pandas as pd
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gst.stored import table_of
+from gst.stored import face_of, table_of
 from gst.tables import write_table
-from gstlib.io.store import read_dataset, write_dataset
+from gstlib.io.store import write_dataset
 from gstlib.use.infer import use_of_study
 
 
@@ -24,8 +24,8 @@ def main(
     settings: dict[str, Any],
 ) -> None:
     """The file of the use has attributes alone where too few patches wore to tell."""
-    whole = read_dataset(face, only=["height", "counterface", "size_mm"])
-    found = use_of_study(whole, pd.DataFrame(patches), table_of(registration), **settings)
+    lost = table_of(registration)
+    found = use_of_study(face_of(face), pd.DataFrame(patches), lost, **settings)
     sources = [face, *([registration] if registration else [])]
     write_dataset(use, found.use, provenance(sources, settings))
     write_table(table, found.table)

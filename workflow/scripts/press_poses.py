@@ -6,8 +6,8 @@ import pandas as pd
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gst.stored import active_tool_of, dataset_of
-from gstlib.io.store import read_dataset, write_dataset
+from gst.stored import active_tool_of, dataset_of, face_of
+from gstlib.io.store import write_dataset
 from gstlib.macroscale.gesture import Gesture, press_poses
 from gstlib.use.infer import as_used
 
@@ -27,8 +27,7 @@ def main(
     patch_mm: float,
     shown: list[int],
 ) -> None:
-    whole = read_dataset(face, only=["height", "counterface", "size_mm"])
-    whole, through = as_used(whole, dataset_of(use), through)
+    whole, through = as_used(face_of(face), dataset_of(use), through)
     tool = whole.counterface, active_tool_of(second)
     gesture = Gesture.of(*tool, poses=poses, size_mm=size_mm, through=through)
     pressed = {"contact_modulus_MPa": contact_modulus_MPa, "tolerance": tolerance}

@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+from gst.batches import files_of
 from gst.logs import run_script
-from gst.stored import changes_of, contacts_of, dataset_of, depths_of
+from gst.stored import changes_of, contacts_of, dataset_of
 from gst.tables import write_table
-from gstlib.io.store import read_dataset
+from gstlib.io.store import Stored, read_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
@@ -27,7 +28,7 @@ def main(
 ) -> None:
     """`tables` are the files of what `score_wear` gives, by name."""
     stone = WornSquare.from_datasets(read_dataset(square), dataset_of(fitted))
-    prediction = Prediction.of(depths_of(depths, worn), stone)
+    prediction = Prediction.of(Stored(files_of(depths, worn)), stone)
     given = contacts_of(contacts, worn), changes_of(registered, worn), prediction
     known = read_pressures(pressures), read_table(registration)
     found = score_wear(*given, *known, **scoring)

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from gst.logs import run_script
 from gst.provenance import provenance
-from gst.stored import dataset_of
+from gst.stored import dataset_of, face_of
 from gst.tables import write_table
-from gstlib.io.store import read_dataset, write_dataset
+from gstlib.io.store import write_dataset
 from gstlib.macroscale.equilibrium import macroscale_table, solve_macroscale
 from gstlib.macroscale.plausibility import plausibility_warnings
 from gstlib.use.infer import as_used
@@ -25,8 +25,7 @@ def main(
     solving: dict[str, float],
     patch_mm: float,
 ) -> None:
-    whole = read_dataset(face, only=["height", "counterface", "size_mm"])
-    whole, through = as_used(whole, dataset_of(use), through)
+    whole, through = as_used(face_of(face), dataset_of(use), through)
     settings = {"force_N": force_N, "through": through, "modulus": modulus} | solving
     solved = solve_macroscale(whole, source=face, **settings)
     stored, size_mm = solved.to_dataset(), float(whole.size_mm)

@@ -15,7 +15,7 @@ the passive one turned over about the square's y axis, so that its x runs agains
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -41,6 +41,7 @@ __all__ = [
     "pose_frame",
     "posed_mesh",
     "rounded_counterface",
+    "stated_tool",
 ]
 
 _KEY = "counterface.pose"
@@ -92,6 +93,13 @@ class ActiveTool(NamedTuple):
     ) -> "ActiveTool":
         """The stone of a mesh's file, as in `gstlib.io.meshes.read_mesh`."""
         return cls(read_mesh(mesh, unit=mesh_unit), pose, reach_mm, str(mesh))
+
+
+def stated_tool(
+    mesh: Mapping[str, Any] | None, rounded: tuple[float | Sequence[float] | None, float]
+) -> ActiveTool | RoundedTool:
+    """The active tool of a `mesh`, as in `ActiveTool.read`, or else a `rounded` one."""
+    return RoundedTool(*rounded) if mesh is None else ActiveTool.read(**mesh)
 
 
 def pose_frame(
