@@ -24,6 +24,7 @@ from gstlib.contact import Interface, Load
 from gstlib.macroscale.active_tool import face_in_pose
 from gstlib.macroscale.ensemble import Case, patch_means, press_each
 from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.grid import described
 
 __all__ = [
     "Gesture",
@@ -226,7 +227,7 @@ def press_poses(
         "shown": list(kept),
         "patch": list(patches.patch),
     }
-    return _named(xr.Dataset(variables, coordinates))
+    return described(xr.Dataset(variables, coordinates), _VARIABLES)
 
 
 def exposure(batches: Iterable[xr.Dataset]) -> xr.Dataset:
@@ -248,15 +249,7 @@ def exposure(batches: Iterable[xr.Dataset]) -> xr.Dataset:
     found = of_poses.assign({name: (("y", "x"), np.asarray(of)) for name, of in fields.items()})
     found = found.assign_coords(y=parts[0].y, x=parts[0].x)
     found["pressure"] = xr.concat([part.pressure for part in parts], "shown")
-    return _named(found)
-
-
-def _named(found: xr.Dataset) -> xr.Dataset:
-    """With units and meaning of every variable."""
-    for name in found.data_vars:
-        units, long_name = _VARIABLES[str(name)]
-        found[name].attrs = {"units": units, "long_name": long_name}
-    return found
+    return described(found, _VARIABLES)
 
 
 def exposure_table(found: xr.Dataset, pressures: pd.DataFrame) -> pd.DataFrame:

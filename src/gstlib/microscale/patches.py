@@ -109,26 +109,18 @@ def solve_patches(
             else:
                 over = xr.zeros_like(height) if pressed is None else pressed
                 interface = Interface(height, over)
-            load = Load(float(of[_PRESSURES[variant]][patch]))
+            given = interface, Load(float(of[_PRESSURES[variant]][patch]))
             solved: dict[str, Any] = {
                 "modulus": settings.contact_modulus_MPa,
                 "tolerance": settings.tolerance,
+                "source": source,
             }
             if settings.steps is None or variant != variants[0]:
-                yield (
-                    patch,
-                    variant,
-                    contact_at_pressure(interface, load, source=source, **solved),
-                )
+                yield patch, variant, contact_at_pressure(*given, **solved)
                 continue
+            most_um = settings.maximum_displacement_um
             path = contact_path(
-                interface,
-                load,
-                modulus=settings.contact_modulus_MPa,
-                tolerance=settings.tolerance,
-                source=source,
-                steps=settings.steps,
-                maximum_displacement_um=settings.maximum_displacement_um,
+                *given, steps=settings.steps, maximum_displacement_um=most_um, **solved
             )
             yield patch, variant, with_interface_stiffness(path)
 

@@ -17,6 +17,7 @@ import xarray as xr
 from gstlib.bem import solve_contact
 from gstlib.contact import Contact, log_state, solver_errors
 from gstlib.errors import ConfigError
+from gstlib.surfaces.grid import described
 
 __all__ = [
     "capped_rows",
@@ -259,9 +260,8 @@ def check_cap(pressures: pd.DataFrame, pressure_cap: float) -> None:
 
 def _on_grid_of(contact: Contact, found: Mapping) -> xr.Dataset:
     """Fields (y, x) and numbers of a case, with their units."""
-    variables = {}
-    for name, value in found.items():
-        units, long_name = _VARIABLES[name]
-        dims = ("y", "x") if np.ndim(value) else ()
-        variables[name] = (dims, value, {"units": units, "long_name": long_name})
-    return xr.Dataset(variables, coords={"y": contact.pressure.y, "x": contact.pressure.x})
+    variables = {
+        name: (("y", "x") if np.ndim(value) else (), value) for name, value in found.items()
+    }
+    on_grid = xr.Dataset(variables, {"y": contact.pressure.y, "x": contact.pressure.x})
+    return described(on_grid, _VARIABLES)

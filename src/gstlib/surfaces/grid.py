@@ -5,12 +5,13 @@ the element centres in mm, both increasing; heights are float64 in mm, positive 
 unmeasured elements are NaN. A surface of n elements is n spacings long.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
 
-__all__ = ["MM_TO_UM", "axis_coordinates", "coarser", "make_surface", "spacing_of"]
+__all__ = ["MM_TO_UM", "axis_coordinates", "coarser", "described", "make_surface"]
+__all__ += ["spacing_of"]
 
 MM_TO_UM = 1e3
 
@@ -71,3 +72,11 @@ def coarser(surface: xr.DataArray, times: int) -> xr.DataArray:
         step = surface[axis].attrs["spacing"]
         found[axis].attrs = surface[axis].attrs | {"spacing": times * step}
     return found.assign_attrs(surface.attrs)
+
+
+def described(found: xr.Dataset, meanings: Mapping[str, tuple[str, str]]) -> xr.Dataset:
+    """A dataset with the unit and the long name of every variable, from `meanings` by name."""
+    for name in found.data_vars:
+        units, long_name = meanings[str(name)]
+        found[name].attrs = {"units": units, "long_name": long_name}
+    return found

@@ -158,8 +158,7 @@ class Grades:
         errors = _GRADE_ERRORS[:, None]
         inside = scipy.special.ndtr(to_upper[:, None, :] / errors)
         inside -= scipy.special.ndtr(to_lower[:, None, :] / errors)
-        found: np.ndarray = np.log((1 - _AT_RANDOM) * inside + _AT_RANDOM / len(grades))
-        return found
+        return np.asarray(np.log((1 - _AT_RANDOM) * inside + _AT_RANDOM / len(grades)))
 
 
 class Seen(NamedTuple):
@@ -199,13 +198,11 @@ class Seen(NamedTuple):
 
     def weights(self, log_prior: np.ndarray) -> np.ndarray:
         """Weight of each draw after what was seen; `log_prior` is that from before."""
-        found: np.ndarray = scipy.special.softmax(log_prior + self.log_evidence)
-        return found
+        return np.asarray(scipy.special.softmax(log_prior + self.log_evidence))
 
     def weights_without(self, log_prior: np.ndarray) -> np.ndarray:
         """The same (draws, patches), after what was seen on all other patches."""
-        found: np.ndarray = scipy.special.softmax(log_prior[:, None] + self.log_without, axis=0)
-        return found
+        return np.asarray(scipy.special.softmax(log_prior[:, None] + self.log_without, axis=0))
 
     def log_score(self, log_prior: np.ndarray) -> np.ndarray:
         """Logarithm of the probability (patches,) of what was seen on each, given all others.
@@ -216,16 +213,14 @@ class Seen(NamedTuple):
         """
         known = scipy.special.logsumexp(log_prior + self.log_evidence)
         others = scipy.special.logsumexp(log_prior[:, None] + self.log_without, axis=0)
-        score: np.ndarray = known - others
-        return score
+        return np.asarray(known - others)
 
 
 def log_evidence(evidence: Evidence, pressure: np.ndarray) -> np.ndarray:
     """That of `weigh` alone (draws,)."""
     parts = _parts(evidence, pressure)
     total = np.concatenate([evidence.log_likelihood(part).sum(axis=2) for part in parts])
-    found: np.ndarray = scipy.special.logsumexp(total, axis=1) - np.log(total.shape[1])
-    return found
+    return np.asarray(scipy.special.logsumexp(total, axis=1) - np.log(total.shape[1]))
 
 
 def weigh(evidence: Evidence, pressure: np.ndarray) -> Seen:

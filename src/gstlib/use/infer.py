@@ -31,7 +31,7 @@ from gstlib.errors import InputError
 from gstlib.macroscale.active_tool import as_round_as
 from gstlib.macroscale.ensemble import Case, patch_means, press_each
 from gstlib.macroscale.face import without_curvature
-from gstlib.surfaces.grid import coarser
+from gstlib.surfaces.grid import coarser, described
 from gstlib.use.evidence import (
     FEWEST_PATCHES,
     FEWEST_WORN,
@@ -218,13 +218,11 @@ def infer_use(
         "heights_log_score": ("patch", heights),
     }
     found = xr.Dataset(variables, {"patch": list(patches.patch)}, explained)
-    for name in found.data_vars:
-        units, long_name = _DESCRIBED[str(name).removesuffix("_without")]
-        if name in _DESCRIBED:
-            units, long_name = _DESCRIBED[str(name)]
-        else:
-            long_name += ", by the wear of the other patches"
-        found[name].attrs = {"units": units, "long_name": long_name}
+    by_others = {
+        f"{name}_without": (units, f"{text}, by the wear of the other patches")
+        for name, (units, text) in _DESCRIBED.items()
+    }
+    found = described(found, by_others | _DESCRIBED)
     stated_radius = np.nan if stated.radius_mm is None else stated.radius_mm
     return found.assign_attrs(
         effective_draws=effective, stated_radius_mm=stated_radius, **_answer(**explained)

@@ -101,15 +101,13 @@ class _Kernels(NamedTuple):
         about = random_state.choice(len(self.points), draws, p=self.weight)
         apart = scipy.stats.multivariate_t(shape=self.shape, df=_FREEDOM)
         moved = apart.rvs(draws, random_state=random_state).reshape(draws, -1)
-        found: np.ndarray = self.points[about] + moved
-        return found
+        return np.asarray(self.points[about] + moved)
 
     def logpdf(self, uses: np.ndarray) -> np.ndarray:
         """Logarithm of the density of uses (uses, parameters)."""
         apart = scipy.stats.multivariate_t(shape=self.shape, df=_FREEDOM)
         each = apart.logpdf(uses[:, None] - self.points)
-        found: np.ndarray = scipy.special.logsumexp(each + np.log(self.weight), axis=1)
-        return found
+        return np.asarray(scipy.special.logsumexp(each + np.log(self.weight), axis=1))
 
 
 def _proposal(draws: Draws) -> _Kernels:

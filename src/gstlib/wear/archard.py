@@ -42,6 +42,7 @@ from gstlib.coupling.pressures import patch_pressures
 from gstlib.errors import InputError
 from gstlib.macroscale.gesture import Gesture, exposure, press_poses
 from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.grid import described
 
 __all__ = [
     "BARE",
@@ -242,14 +243,10 @@ def wear_square(
         patch_mm=patch_mm,
     )
     path = path.assign({name: ("patch", table[name]) for name in _OF_PATCHES})
-    for name, (units, long_name) in _DESCRIBED.items():
-        path[name].attrs.update(units=units, long_name=long_name)
-    return WornSquare(
-        path,
-        None
-        if interlayer is None
-        else Interlayer(interlayer, _under_interlayer(contact, interlayer)),
-    )
+    path = described(path, _DESCRIBED)
+    if interlayer is None:
+        return WornSquare(path, None)
+    return WornSquare(path, Interlayer(interlayer, _under_interlayer(contact, interlayer)))
 
 
 def wear_contact(contact: Contact, source: str, **options: Any) -> WearPath:

@@ -7,6 +7,7 @@ import pandas as pd
 import xarray as xr
 
 from gstlib.contact import Contact
+from gstlib.surfaces.grid import described
 from gstlib.wear.archard import WornSquare, _driven, seen_depth, wear_contact
 
 __all__ = ["fit_interlayer", "interlayer_misfits"]
@@ -48,13 +49,10 @@ def interlayer_misfits(
         "misfit": ("mm2", "sum of squared differences of loss"),
         "product": ("mm2", "sum of products of these differences in two steps"),
     }
-    return xr.Dataset(
-        {
-            name: (("ratio", "step"), values, {"units": units, "long_name": long_name})
-            for (name, (units, long_name)), values in zip(named.items(), found, strict=True)
-        },
-        coords={"ratio": worn.path.ratio},
-    )
+    fields = {
+        name: (("ratio", "step"), values) for name, values in zip(named, found, strict=True)
+    }
+    return described(xr.Dataset(fields, {"ratio": worn.path.ratio}), named)
 
 
 def fit_interlayer(
