@@ -18,7 +18,8 @@ import pandas as pd
 import yaml
 from power import merged
 
-from gst.config import config_problems, counterface_mesh, read_config, refuse_config
+from gst.config import config_problems, read_config, refuse_config
+from gst.contradictions import counterface_mesh
 from gst.patches import read_patches
 from gst.poses import reach_of
 from gstlib.change.texture import measure_texture

@@ -19,7 +19,7 @@ from skimage.transform import resize_local_mean
 from gstlib.coupling.placement import WAVE_PER_EDGE
 from gstlib.errors import NOTE, FaultError
 from gstlib.surfaces.footprints import Place, on_patch, spline_of
-from gstlib.surfaces.grid import make_surface, spacing_of
+from gstlib.surfaces.grid import MM_TO_UM, make_surface, spacing_of
 from gstlib.surfaces.leveling import remove_plane
 
 __all__ = ["UNIT_FACTOR", "WRONG_UNIT", "Amplitude", "other_units"]
@@ -36,7 +36,6 @@ _FACTOR_UNSEEN = 100.0
 _ODD_FACTOR = 4.0
 # Fewest blocks along a patch's side: 2 × 2 blocks leave one degree of freedom after levelling.
 _FEWEST_BLOCKS = 2
-_MM_TO_UM = 1e3
 
 
 class Amplitude(NamedTuple):
@@ -111,8 +110,8 @@ def other_units(
         yield FaultError(
             WRONG_UNIT,
             "scans",
-            f"in the waves that scans and mesh both resolve, the scans are {scan * _MM_TO_UM:.3g} "
-            f"µm high (r.m.s.) and the mesh under them {mesh * _MM_TO_UM:.3g} µm",
+            f"in the waves that scans and mesh both resolve, the scans are {scan * MM_TO_UM:.3g} "
+            f"µm high (r.m.s.) and the mesh under them {mesh * MM_TO_UM:.3g} µm",
             "Check scans.unit and inputs.mesh_unit in the config. If both are right, the mesh does "
             "not show how the patches lie: set coupling to levelled.",
         )

@@ -12,10 +12,12 @@ import pandas as pd
 import xarray as xr
 
 from gst.chain import break_in
-from gst.config import check_files, counterface_mesh, read_config, read_study
+from gst.config import read_config, read_study
+from gst.contradictions import counterface_mesh
 from gst.epochs import epochs_on_each_other
 from gst.fixing import Cure, cures_of
 from gst.inputs import Asked, Inputs, check_inputs
+from gst.named_files import check_files
 from gst.patches import overlaps, scan_files
 from gst.poses import poses_of, reach_of
 from gst.provenance import refuse_other_study

@@ -18,7 +18,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 
 from gst import ROOT
-from gst.contradictions import contradictions, counterface_mesh, thinner_than_a_point
+from gst.contradictions import contradictions
 from gst.named_files import check_files
 from gst.patches import no_patches, read_patches
 from gst.poses import poses_of
@@ -28,19 +28,8 @@ from gstlib.errors import ConfigError
 from gstlib.io.files import check_size
 from gstlib.use.evidence import FEWEST_PATCHES
 
-__all__ = [
-    "check_files",
-    "complete",
-    "config_problems",
-    "counterface_mesh",
-    "read_config",
-    "read_config_file",
-    "read_study",
-    "refuse_config",
-    "refuse_study",
-    "thinner_than_a_point",
-    "value_problems",
-]
+__all__ = ["complete", "config_problems", "read_config", "read_config_file", "read_study"]
+__all__ += ["refuse_config", "refuse_study", "value_problems"]
 
 _SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
 # Bytes of a config, twenty times those of the longest shipped one.

@@ -16,7 +16,7 @@ import pandas as pd
 import xarray as xr
 
 from gst.amplitudes import UNIT_FACTOR, WRONG_UNIT, Amplitude, other_units
-from gst.config import thinner_than_a_point
+from gst.contradictions import thinner_than_a_point
 from gst.inspecting import scan_facts
 from gst.patches import COUNTERFACE, REPEAT, ScanFile, at_epoch
 from gst.tables import columns_of

@@ -9,15 +9,9 @@ import numpy as np
 import pytest
 import yaml
 from gst import SHIPPED
-from gst.config import (
-    check_files,
-    complete,
-    config_problems,
-    counterface_mesh,
-    read_config_file,
-    read_study,
-    refuse_study,
-)
+from gst.config import complete, config_problems, read_config_file, read_study, refuse_study
+from gst.contradictions import counterface_mesh
+from gst.named_files import check_files
 from gst.user_tables import rows_of
 from gstlib.conditions import study_poisson
 from gstlib.errors import ConfigError

@@ -8,7 +8,9 @@ from pathlib import Path
 from gst import ROOT
 from gst.batches import share_out
 from gst.chain import AGAIN, plan_again, steps_of
-from gst.config import check_files, complete, counterface_mesh, read_study
+from gst.config import complete, read_study
+from gst.contradictions import counterface_mesh
+from gst.named_files import check_files
 from gst.patches import scan_files
 from gst.poses import batches_of, poses_of, reach_of
 from gst.provenance import commit, program_hash, source_hash

@@ -28,7 +28,6 @@ __all__ = [
     "LOAD_PATHS",
     "PLACED",
     "Microscale",
-    "load_path_table",
     "microscale_tables",
     "solve_patch",
     "solve_patches",

@@ -27,18 +27,10 @@ from gstlib.surfaces.grid import spacing_of
 from gstlib.validation.baselines import BASELINES, ORACLE, Others, baseline_depths
 from gstlib.validation.masks import mask_counts, mask_scores
 from gstlib.validation.nulls import Places, p_value, swapped_mcc
-from gstlib.wear.archard import BARE, CAPPED, INTERLAYER, seen_depth
+from gstlib.wear.archard import BARE, INTERLAYER, seen_depth
 
-__all__ = [
-    "BARE",
-    "CAPPED",
-    "INTERLAYER",
-    "ScoredPatch",
-    "by_chance",
-    "score_patch",
-    "score_tables",
-]
-__all__ += ["other_patches", "own_model"]
+__all__ = ["ScoredPatch", "by_chance", "other_patches", "own_model", "score_patch"]
+__all__ += ["score_tables"]
 
 # Bands of equally many points, beginning with the highest points.
 _BANDS = 4
