@@ -5,6 +5,28 @@
 
 # Nobody must take a figure of a synthetic stone for one of a real tool.
 SOURCE_NOTE = "synthetic specimen" if GENERATED else None
+# What jobs that draw figures are told: all of them, and those that draw patches.
+DRAWN = {
+    "size_mm": SQUARE_MM,
+    "patch_mm": PATCH_MM,
+    "note": SOURCE_NOTE,
+    "code": code("draw_figures.py"),
+}
+OF_PATCHES = {
+    "patches": ALL_PATCHES,
+    "worn": WORN_PATCHES,
+    "most_drawn_patches": config["most_drawn_patches"],
+}
+# How the tool was used, where that is asked.
+OF_USE, USE_PICTURE = {}, {}
+
+
+if INFERRED:
+    OF_USE = {"use": rules.infer_use.output.use, "use_table": rules.infer_use.output.table}
+    if WORN_PATCHES:
+        OF_USE["surface"] = rules.grid_macroscale.output.face
+        OF_USE["predicted_losses"] = rules.infer_use.output.losses
+    USE_PICTURE["use_png"] = picture("use", "6 Use", "where the tool was pressed, and against what")
 
 
 if SCANNED:
@@ -22,14 +44,9 @@ if SCANNED:
         resources:
             mem_mb=growing(500, scan=100),
         params:
-            patches=ALL_PATCHES,
-            worn=WORN_PATCHES,
-            most_drawn_patches=config["most_drawn_patches"],
+            **OF_PATCHES,
+            **DRAWN,
             places=PLACES,
-            size_mm=SQUARE_MM,
-            patch_mm=PATCH_MM,
-            note=SOURCE_NOTE,
-            code=code("draw_figures.py"),
         message:
             "Drawing the inputs"
         script:
@@ -85,15 +102,10 @@ if SCANNED:
         resources:
             mem_mb=growing(700, scan=100, mesh=18),
         params:
-            patches=ALL_PATCHES,
-            worn=WORN_PATCHES,
-            most_drawn_patches=config["most_drawn_patches"],
-            size_mm=SQUARE_MM,
-            patch_mm=PATCH_MM,
+            **OF_PATCHES,
+            **DRAWN,
             force_N=LOAD["force_N"],
             mesh_unit=MESH_UNIT,
-            note=SOURCE_NOTE,
-            code=code("draw_figures.py"),
         message:
             "Drawing the contact"
         script:
@@ -104,16 +116,7 @@ if WORN_PATCHES:
 
     rule draw_validation:
         input:
-            **(
-                {
-                    "surface": rules.grid_macroscale.output.face,
-                    "use": rules.infer_use.output.use,
-                    "use_table": rules.infer_use.output.table,
-                    "predicted_losses": rules.infer_use.output.losses,
-                }
-                if INFERRED
-                else {}
-            ),
+            **OF_USE,
             contacts=CONTACTS,
             t1=surfaces("T1"),
             registered=CHANGES,
@@ -127,15 +130,7 @@ if WORN_PATCHES:
             wear_profile=rules.score_wear.output.profile,
             texture=rules.tabulate_texture.output.table,
         output:
-            **(
-                {
-                    "use_png": picture(
-                        "use", "6 Use", "where the tool was pressed, and against what"
-                    )
-                }
-                if INFERRED
-                else {}
-            ),
+            **USE_PICTURE,
             validation_png=picture(
                 "validation", "5 Validation", "the predicted loss beside its baselines"
             ),
@@ -153,14 +148,9 @@ if WORN_PATCHES:
         resources:
             mem_mb=growing(500, scan=120),
         params:
-            patches=ALL_PATCHES,
-            worn=WORN_PATCHES,
-            most_drawn_patches=config["most_drawn_patches"],
+            **OF_PATCHES,
+            **DRAWN,
             places=PLACES,
-            size_mm=SQUARE_MM,
-            patch_mm=PATCH_MM,
-            note=SOURCE_NOTE,
-            code=code("draw_figures.py"),
         message:
             "Drawing the validation"
         script:
@@ -171,29 +161,14 @@ if not SCANNED:
 
     rule draw_places:
         input:
-            **(
-                {
-                    "use": rules.infer_use.output.use,
-                    "use_table": rules.infer_use.output.table,
-                }
-                if INFERRED
-                else {}
-            ),
+            **OF_USE,
             mesh=MESH,
             surface=rules.grid_macroscale.output.face,
             contact=rules.solve_macroscale.output.contact,
             exposure=EXPOSURE,
             proposed=rules.propose_places.output.table,
         output:
-            **(
-                {
-                    "use_png": picture(
-                        "use", "6 Use", "where the tool was pressed, and against what"
-                    )
-                }
-                if INFERRED
-                else {}
-            ),
+            **USE_PICTURE,
             places_png=picture("places", "0 Overview", "where to scan: a sheet to print"),
             places_pdf=f"{RESULTS}/figures/places.pdf",
             contact_steps_png=picture("contact_steps", "2 Macroscale", "contact as the load grows"),
@@ -203,12 +178,9 @@ if not SCANNED:
         resources:
             mem_mb=growing(700, mesh=18),
         params:
+            **DRAWN,
             places=GRADED[["patch", "x_mm", "y_mm", "rotation_deg"]].to_dict("list"),
-            size_mm=SQUARE_MM,
-            patch_mm=PATCH_MM,
             mesh_unit=MESH_UNIT,
-            note=SOURCE_NOTE,
-            code=code("draw_figures.py"),
         message:
             "Drawing where to scan"
         script:
