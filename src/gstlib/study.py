@@ -152,7 +152,7 @@ class Study:
         if config["use"] is None or config["coupling"] == LEVELLED or not self.worn:
             return None
         given = self.composite, self.patches, self.registration
-        return use_of_study(*given, **self.settings["infer_use"]).use
+        return use_of_study(*given, **self.settings["infer_use"])[0]
 
     @cached_property
     def contact(self) -> Contact:

@@ -99,7 +99,7 @@ def test_the_exposure_is_that_of_every_batch(tmp_path):
     settings = {"contact_modulus_MPa": 1e4, "tolerance": 1e-8, "patch_mm": 1.0}
     files = [tmp_path / f"{number}.h5" for number in poses.index]
     for number, file in enumerate(files):
-        gesture = Gesture(flat, False, 4.0, (2.0, 2.0), poses[number : number + 1])
+        gesture = Gesture(flat, None, 4.0, (2.0, 2.0), poses[number : number + 1])
         patches = pd.DataFrame({"patch": ["A"], "x_mm": 2.0, "y_mm": 2.0, "rotation_deg": 0.0})
         write_dataset(file, press_poses(flat, gesture, patches, **settings))
     (tmp_path / "pressures.csv").write_text("patch,pressure_MPa\nA,2\n")

@@ -185,7 +185,7 @@ def own(studied):
 def gesture(studied):
     second = read_dataset(studied.results / "macroscale/active_tool.h5").face
     poses = read_poses(studied.folder / "poses.csv", size_mm=5.0)
-    return Gesture(second, True, 5.0, (2.0, 3.2), poses)
+    return Gesture(second, second, 5.0, (2.0, 3.2), poses)
 
 
 def test_the_record_holds_every_measured_file(studied):

@@ -22,7 +22,8 @@ rule fit_wear:
     params:
         wear=SETTINGS["fit_wear"],
         patches=WORN_PATCHES,
-        moved=(None if POSES is None else {"poses": POSES.to_dict("list"), "size_mm": SQUARE_MM}),
+        poses=None if POSES is None else POSES.to_dict("list"),
+        size_mm=SQUARE_MM,
         code=code("fit_wear.py"),
     message:
         "Wearing the square, and fitting its wear to the losses"

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pandas as pd
 import xarray as xr
 
 from gst.logs import run_script
@@ -25,13 +26,14 @@ def main(
     *,
     patches: list[str],
     wear: dict,
-    moved: dict | None,
+    poses: dict | None,
+    size_mm: float,
 ) -> None:
     """The files are empty where wear is not predicted."""
     pressed, gesture = contact_of(contact), None
-    if moved:
-        tool = pressed.interface.counterface, active_tool_of(second)
-        gesture = Gesture.of(*tool, through=pressed.load.through, **moved)
+    if poses:
+        tool = pressed.interface.counterface, active_tool_of(second), size_mm
+        gesture = Gesture(*tool, pressed.load.through, pd.DataFrame(poses))
     tables = read_pressures(pressures), read_table(registration)
     maps = PatchMaps(contacts_of(contacts, patches), changes_of(registered, patches))
     worn = fit_wear(pressed, *tables, maps, gesture=gesture, **wear)

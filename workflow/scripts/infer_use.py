@@ -25,12 +25,14 @@ def main(
 ) -> None:
     """The file of the use has attributes alone where too few patches wore to tell."""
     lost = table_of(registration)
-    found = use_of_study(face_of(face), pd.DataFrame(patches), lost, **settings)
+    found, answers, predicted = use_of_study(
+        face_of(face), pd.DataFrame(patches), lost, **settings
+    )
     sources = [face, *([registration] if registration else [])]
-    write_dataset(use, found.use, provenance(sources, settings))
-    write_table(table, found.table)
+    write_dataset(use, found, provenance(sources, settings))
+    write_table(table, answers)
     if losses is not None:
-        write_table(losses, found.losses)
+        write_table(losses, predicted)
 
 
 if "snakemake" in globals():

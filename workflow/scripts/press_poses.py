@@ -28,8 +28,8 @@ def main(
     shown: list[int],
 ) -> None:
     whole, through = as_used(face_of(face), dataset_of(use), through)
-    tool = whole.counterface, active_tool_of(second)
-    gesture = Gesture.of(*tool, poses=poses, size_mm=size_mm, through=through)
+    tool = whole.counterface, active_tool_of(second), size_mm
+    gesture = Gesture(*tool, through, pd.DataFrame(poses))
     pressed = {"contact_modulus_MPa": contact_modulus_MPa, "tolerance": tolerance}
     settings = pressed | {"patch_mm": patch_mm, "shown": shown}
     found = press_poses(whole.height, gesture, pd.DataFrame(patches), **settings)

@@ -13,8 +13,8 @@ starts from the one before.
 # ASSUME: the load point scatters about the stated one normally, alike along both axes, and the
 # stone slides by the same distance wherever the hand pushes.
 
-from collections.abc import Collection, Iterable, Mapping
-from typing import Any, NamedTuple, Self
+from collections.abc import Collection, Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -60,11 +60,11 @@ class Gesture(NamedTuple):
 
     Attributes
     ----------
-    counterface : (my, mx) xarray.DataArray
-        From `gstlib.macroscale.active_tool.grid_counterface`; or of a flat or rounded stone its
-        heights over the face, for to move it is to move the load point.
-    is_mesh : bool
-        Which of the two it is.
+    counterface : (ny, nx) xarray.DataArray
+        Of a flat or rounded stone the heights over the face, for to move it is to move the load
+        point.
+    mesh : (my, mx) xarray.DataArray or None
+        What is pressed in its place, from `gstlib.macroscale.active_tool.grid_counterface`.
     size_mm : float
         Side of the square, about whose middle a stone turns.
     through : (float, float)
@@ -74,30 +74,16 @@ class Gesture(NamedTuple):
     """
 
     counterface: xr.DataArray
-    is_mesh: bool
+    mesh: xr.DataArray | None
     size_mm: float
     through: tuple[float, float]
     poses: pd.DataFrame
 
-    @classmethod
-    def of(
-        cls,
-        counterface: xr.DataArray,
-        mesh: xr.DataArray | None,
-        *,
-        poses: Mapping[str, Any],
-        size_mm: float,
-        through: tuple[float, float],
-    ) -> Self:
-        """Poses of the active tool's `mesh`, or without one of the `counterface` over the face."""
-        moved = counterface if mesh is None else mesh
-        return cls(moved, mesh is not None, size_mm, through, pd.DataFrame(poses))
-
     def over(self, height: xr.DataArray, place: Place) -> xr.DataArray:
         """The active tool over a face (y, x), mm, in a pose."""
-        if not self.is_mesh:
+        if self.mesh is None:
             return self.counterface
-        return face_in_pose(self.counterface, height, place, size_mm=self.size_mm)
+        return face_in_pose(self.mesh, height, place, size_mm=self.size_mm)
 
     def case(self, height: xr.DataArray, pose: Any, modulus: float) -> Case:
         """What is pressed in a pose, a row of `poses`."""

@@ -43,7 +43,7 @@ from gstlib.use.evidence import (
 )
 from gstlib.use.sampling import Sampling, effective_draws, sample
 
-__all__ = ["BETTER", "CHANCE", "CONSISTENT", "UNKNOWN", "StatedUse", "UseOfStudy", "as_used"]
+__all__ = ["BETTER", "CHANCE", "CONSISTENT", "UNKNOWN", "StatedUse", "as_used"]
 __all__ += ["infer_use", "leave_one_out", "losses_of", "predicted_losses", "use_pressures"]
 __all__ += ["share_within", "use_of_study", "use_table"]
 
@@ -229,25 +229,6 @@ def infer_use(
     )
 
 
-class UseOfStudy(NamedTuple):
-    """What a study says of a use.
-
-    Attributes
-    ----------
-    use : xarray.Dataset
-        From `infer_use`.
-    table : pandas.DataFrame
-        From `use_table`. Read from grades, it has ``mean_without_curvature``, too: the mesh is that
-        of the worn tool.
-    losses : pandas.DataFrame or None
-        From `predicted_losses`; None where there are grades in place of losses.
-    """
-
-    use: xr.Dataset
-    table: pd.DataFrame
-    losses: pd.DataFrame | None = None
-
-
 def use_of_study(
     face: xr.Dataset,
     patches: pd.DataFrame,
@@ -257,7 +238,7 @@ def use_of_study(
     sampling: Mapping[str, Any],
     modulus: float,
     patch_mm: float,
-) -> UseOfStudy:
+) -> tuple[xr.Dataset, pd.DataFrame, pd.DataFrame | None]:
     """How the tool of a study was used, from the losses of its patches, or from their grades.
 
     Parameters
@@ -270,6 +251,16 @@ def use_of_study(
         The table ``registration``.
     stated, sampling : mapping
         The fields of `StatedUse` and `gstlib.use.sampling.Sampling`.
+
+    Returns
+    -------
+    use : xarray.Dataset
+        From `infer_use`.
+    table : pandas.DataFrame
+        From `use_table`. Read from grades, it has ``mean_without_curvature``, too: the mesh is that
+        of the worn tool.
+    losses : pandas.DataFrame or None
+        From `predicted_losses`; None where there are grades in place of losses.
     """
     told, drawn = StatedUse(**stated), Sampling(**sampling)
     settings: dict[str, Any] = {"modulus": modulus, "patch_mm": patch_mm, "sampling": drawn}
@@ -277,14 +268,14 @@ def use_of_study(
         known, losses = losses_of(patches, registration)
         use = infer_use(face, known, losses, told, **settings)
         predicted = predicted_losses(use, losses, drawn.seed)
-        return UseOfStudy(use, use_table(use, told, predicted), predicted)
+        return use, use_table(use, told, predicted), predicted
     grades = Grades(patches.wear_grade.to_numpy(dtype=int))
     use, flat = (
         infer_use(pressed, patches, grades, told, **settings)
         for pressed in (face, without_curvature(face))
     )
     table = use_table(use, told)
-    return UseOfStudy(use, table.assign(mean_without_curvature=use_table(flat, told)["mean"]))
+    return use, table.assign(mean_without_curvature=use_table(flat, told)["mean"]), None
 
 
 def use_pressures(

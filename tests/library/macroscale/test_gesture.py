@@ -46,7 +46,7 @@ def stroke(**more):
 
 def posed(poses, flat=False, **more):
     """The square under another face in some poses."""
-    gesture = Gesture(face(flat), True, SIDE, MIDDLE, poses)
+    gesture = Gesture(HEIGHT, face(flat), SIDE, MIDDLE, poses)
     return press_poses(HEIGHT, gesture, PATCHES, **OF_PATCHES | more)
 
 
@@ -112,7 +112,7 @@ def test_a_turn_slides_farther_out():
 def test_a_stone_without_a_mesh_is_moved_by_its_point_of_force():
     """To move a paraboloid is to tilt it, and at rest it finds its tilt itself."""
     pose, there = stroke().iloc[:1].assign(x_mm=0.2, y_mm=-0.1), (MIDDLE[0] - 0.1, MIDDLE[1] + 0.2)
-    gesture = Gesture(rounded_counterface(HEIGHT, 50.0, MIDDLE), False, SIDE, MIDDLE, pose)
+    gesture = Gesture(rounded_counterface(HEIGHT, 50.0, MIDDLE), None, SIDE, MIDDLE, pose)
     found = press_poses(HEIGHT, gesture, PATCHES, **OF_PATCHES)
     moved = rounded_counterface(HEIGHT, 50.0, there)
     alone = press(HEIGHT, moved, mean_pressure=20.0, through=there, **SETTINGS)

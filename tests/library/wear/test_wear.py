@@ -286,7 +286,7 @@ def test_a_gesture_that_stays_in_place_wears_as_the_single_pose_does(square):
     pressures = patch_pressures(square.pressure, PLACES, size_mm=1.0)
     wide = around(np.zeros((COUNT + 40, COUNT + 40)), SIDE / COUNT, 1.0)
     poses = stroke_poses(stroke_mm=1.0, poses=2, force_N=20.0 * SIDE**2).assign(x_mm=0.0)
-    gesture = Gesture(wide, True, SIDE, (SIDE / 2, SIDE / 2), poses)
+    gesture = Gesture(height, wide, SIDE, (SIDE / 2, SIDE / 2), poses)
     losses = dict.fromkeys("abcd", 0.2)
     errors = []
     for steps in (8, 16):
