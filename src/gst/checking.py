@@ -12,7 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from gst.chain import break_in
-from gst.config import read_config, read_study
+from gst.config import asked_of_files, read_config, read_study
 from gst.contradictions import counterface_mesh
 from gst.epochs import epochs_on_each_other
 from gst.fixing import Cure, cures_of
@@ -21,19 +21,12 @@ from gst.named_files import check_files
 from gst.patches import overlaps, scan_files
 from gst.poses import poses_of, reach_of
 from gst.provenance import refuse_other_study
-from gstlib.conditions import (
-    load_force,
-    load_point,
-    rounded_form,
-    stage_settings,
-    study_modulus,
-)
+from gstlib.conditions import load_force, load_point, study_modulus
 from gstlib.coupling.placement import AGREES, ALL, CANNOT_TELL, shows_waves
 from gstlib.errors import NOTE, GstError, InputsError, unaccepted
 from gstlib.io.files import check_writable
 from gstlib.macroscale.plausibility import plausibility_warnings
 from gstlib.macroscale.sampling_sites import CONTROL, COUNTS, EXPOSED
-from gstlib.microscale.patches import PLACED
 from gstlib.preprocess.scans import mould_of, prepare_scan
 from gstlib.study import Study
 from gstlib.surfaces.footprints import square_of
@@ -328,19 +321,7 @@ def _read(config: dict, patches: pd.DataFrame, reach: float | None) -> Inputs:
         second = second | {"reach_mm": reach} if is_whole else None
     mesh, folder = Path(config["inputs"]["mesh"]), config["inputs"]["scan_folder"]
     scans = scan_files(patches, folder, (config["counterface"] or {}).get("scan"))
-    is_placed = config["coupling"] == PLACED
-    asked = Asked(
-        mesh_unit=config["inputs"]["mesh_unit"],
-        face=stage_settings(config)["grid_macroscale"],
-        rounded=rounded_form(config),
-        scan_settings=config["scans"],
-        maximum_unmeasured=config["preprocessing"]["maximum_unmeasured"],
-        placed=is_placed,
-        reference=is_placed and config["reference_draws"] is not None,
-        interlayer=config["interlayer"],
-        active_tool=second,
-        accept=config["accept"],
-    )
+    asked = Asked(**asked_of_files(config, config["inputs"]["mesh_unit"], second))
     there = [scan for scan in scans if scan.path.is_file()]
     return check_inputs(mesh if mesh.is_file() else None, there, asked)
 

@@ -24,12 +24,13 @@ from gst.patches import no_patches, read_patches
 from gst.poses import poses_of
 from gst.todo import is_to_do, left_in
 from gst.user_tables import cells_to_do, read_rows
+from gstlib.conditions import rounded_form, stage_settings
 from gstlib.errors import ConfigError
 from gstlib.io.files import check_size
 from gstlib.use.evidence import FEWEST_PATCHES
 
-__all__ = ["complete", "config_problems", "read_config", "read_config_file", "read_study"]
-__all__ += ["refuse_config", "refuse_study", "value_problems"]
+__all__ = ["asked_of_files", "complete", "config_problems", "read_config", "read_config_file"]
+__all__ += ["read_study", "refuse_config", "refuse_study", "value_problems"]
 
 _SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
 # Bytes of a config, twenty times those of the longest shipped one.
@@ -148,6 +149,29 @@ def _refuse_without_scans(config: Mapping, grades: pd.Series) -> None:
             "Set gesture, such as {load_point_scatter_mm: 1.0, poses: 60}, and use: {}; set "
             f"{' and '.join(needs) or 'nothing else'} to null.",
         )
+
+
+def asked_of_files(
+    config: Mapping, mesh_unit: str, active_tool: Mapping | None
+) -> dict[str, Any]:
+    """What a config asks of the files of its study, for `gst.inputs.Asked`.
+
+    `active_tool` is as in `gst.contradictions.counterface_mesh`, with ``reach_mm``; None without a
+    mesh of it.
+    """
+    is_placed = config["coupling"] == "placed"
+    return {
+        "mesh_unit": mesh_unit,
+        "face": stage_settings(config)["grid_macroscale"],
+        "rounded": rounded_form(config),
+        "scan_settings": config["scans"],
+        "maximum_unmeasured": config["preprocessing"]["maximum_unmeasured"],
+        "placed": is_placed,
+        "reference": is_placed and config["reference_draws"] is not None,
+        "interlayer": config["interlayer"],
+        "active_tool": active_tool,
+        "accept": config["accept"],
+    }
 
 
 def refuse_study(config: Mapping, source: str) -> None:

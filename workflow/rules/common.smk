@@ -8,7 +8,7 @@ from pathlib import Path
 from gst import ROOT
 from gst.batches import share_out
 from gst.chain import AGAIN, plan_again, steps_of
-from gst.config import complete, read_study
+from gst.config import asked_of_files, complete, read_study
 from gst.contradictions import counterface_mesh
 from gst.named_files import check_files
 from gst.patches import scan_files

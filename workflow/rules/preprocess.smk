@@ -19,18 +19,7 @@ rule check_inputs:
         runtime=growing(10, scans=0.1),
     params:
         uses=SCAN_USES,
-        asked={
-            "mesh_unit": MESH_UNIT,
-            "face": SETTINGS["grid_macroscale"],
-            "rounded": rounded_form(config),
-            "scan_settings": config["scans"],
-            "maximum_unmeasured": config["preprocessing"]["maximum_unmeasured"],
-            "placed": PLACED and SCANNED,
-            "reference": REFERENCE,
-            "interlayer": config["interlayer"],
-            "active_tool": ACTIVE_TOOL,
-            "accept": config["accept"],
-        },
+        asked=asked_of_files(config, MESH_UNIT, ACTIVE_TOOL),
         code=code("check_inputs.py"),
     message:
         "Checking every file of the study"
