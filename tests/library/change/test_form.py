@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from gstlib.change.form import form_height, form_warning
+from gstlib.specimen.randomness import self_affine_field
 from gstlib.surfaces.grid import make_surface
 from numpy.polynomial.legendre import legvander2d
 
@@ -11,10 +12,8 @@ SIZE = 96
 
 def stone(seed):
     """Self-affine heights, mm, on twice the side of a scan."""
-    rng = np.random.default_rng(seed)
-    wave = np.hypot(*np.meshgrid(*2 * [np.fft.fftfreq(2 * SIZE) * 2 * SIZE], indexing="ij"))
-    amplitude = np.where(wave > 0, np.maximum(wave, 3) ** -1.8, 0)
-    heights = np.fft.ifft2(np.fft.fft2(rng.standard_normal(wave.shape)) * amplitude).real
+    waves = {"hurst_exponent": 0.8, "roll_off": 1 / 3}
+    heights = self_affine_field(np.random.default_rng(seed), 2 * SIZE, 0.5 / SIZE, **waves)
     return 5e-3 * heights / heights.std()
 
 
