@@ -452,6 +452,7 @@ function showAnswers() {
     for (const choice of group) choice.checked = choice === (found || group.find((one) => "own" in one.dataset));
   }
   for (const input of all("[data-key]")) {
+    if (input === document.activeElement) continue; // what is being typed there stays
     const value = state.answers[input.dataset.key];
     const isNumber = typeof value === "number";
     if (isNumber) input.value = +(value * (input.dataset.scale || 1)).toPrecision(6);
