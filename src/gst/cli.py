@@ -95,12 +95,18 @@ def main() -> None:
     "--scans", type=_PATH, multiple=True, help="A folder of scans, or a scan; may be repeated."
 )
 @click.option(
+    "--overview",
+    type=_PATH,
+    help="A larger map of the face, on which the scans are found; among --scans, it is known by "
+    "its size.",
+)
+@click.option(
     "--like",
     type=click.Choice(gst.SHIPPED),
     help="Instead, the shipped config to start from, such as config (the synthetic specimen) or "
     "tiny (the same in a minute).",
 )
-def new(folder, mesh, scans, like) -> None:
+def new(folder, mesh, scans, overview, like) -> None:
     """Set up a study in FOLDER, from a mesh and scans or like one that is shipped.
 
     From files: what they tell is written into a config and a patch table, what they do not tell is
@@ -108,12 +114,14 @@ def new(folder, mesh, scans, like) -> None:
     """
     if like and (mesh or scans):
         raise click.UsageError("give --like, or --mesh and --scans, not both")
+    if overview and not scans:
+        raise click.UsageError("--overview needs the --scans that lie on it")
     if scans and mesh is None:
         raise click.UsageError("--scans needs the --mesh of the tool that was scanned")
     if mesh is not None:
         from gst.new_study import new_study
 
-        click.echo(new_study(folder, mesh, scans), nl=False)
+        click.echo(new_study(folder, mesh, scans, overview), nl=False)
         return
     from gst.running import lay_out
 

@@ -1,14 +1,15 @@
 """A study from a mesh and a folder of scans: `gst new FOLDER --mesh M --scans S`.
 
-It writes ``study.yaml`` and ``patches.csv``, and says what was inferred and from what. What the
-files do not tell is marked `TODO`, and `gst check` refuses it.
+It writes ``study.yaml`` and ``patches.csv``, and says what was inferred and from what. Where the
+scans lie is found with an overview map or the stage's places. What the files do not tell is marked
+`TODO`, and `gst check` refuses it.
 """
 
 import math
 import os
 import shlex
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,11 +22,14 @@ from gst import ROOT
 from gst.config import complete
 from gst.edited import with_values
 from gst.patches import cell_of
+from gst.place_matching import Found, corners_of, described, on_square
+from gst.place_matching import find_scans as places_of_scans
 from gst.scan_folder import Pairs, Scan, find_scans, pair_scans, read_scans
 from gst.todo import TODO, is_to_do, left_in
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
 from gstlib.io.meshes import UNITS, is_closed, is_mesh, read_mesh, units_of_size
+from gstlib.surfaces.footprints import Place
 
 if TYPE_CHECKING:
     import trimesh
@@ -69,8 +73,13 @@ class _Stone(NamedTuple):
     said: _Said
 
 
-def new_study(folder: Path, mesh: Path, scans: Sequence[Path]) -> str:
+def new_study(
+    folder: Path, mesh: Path, scans: Sequence[Path], overview: Path | None = None
+) -> str:
     """Write a study into a folder; what was inferred, from what, and what is to be done.
+
+    An `overview` is a map of the face that holds the scanned places; among the scans, the one that
+    is much larger than the others is taken for it.
 
     Raises
     ------
@@ -90,14 +99,15 @@ def new_study(folder: Path, mesh: Path, scans: Sequence[Path]) -> str:
         "square.points_mm": TODO,
     }
     if scans:
-        of_scans, table, more = _from_scans(folder, scans)
+        of_scans, table, more = _from_scans(folder, stone, scans, overview)
         said += of_scans
         values |= {"patches": table_path.name} | more
     else:
         values |= {"patches": None, "inputs.scan_folder": None, "gesture": _GESTURE}
         text = "none: the study proposes where to scan, for a load point that scatters by 1 mm"
         said.append(_Said("Scans", text, _DOUBT))
-    values["macroscale.face_mm"], of_face = _face(stone, values.get("square.size_mm", 5.0))
+    face_mm, of_face = _face(stone, values.get("square.size_mm", 5.0))
+    values = {"macroscale.face_mm": face_mm} | values
     text = _template(values, [each for each in said if each.state == _TO_DO])
     said += [of_face, _of_use(text)]
     if table:
@@ -172,36 +182,45 @@ def _face(stone: _Stone, size_mm: float) -> tuple[float, _Said]:
     return face_mm, _Said("Face", f"{face_mm:g} mm, no more than {through}", state)
 
 
-def _from_scans(folder: Path, given: Sequence[Path]) -> tuple[list[_Said], str, dict[str, Any]]:
+def _from_scans(
+    folder: Path, stone: _Stone, given: Sequence[Path], overview: Path | None
+) -> tuple[list[_Said], str, dict[str, Any]]:
     """What the scans say, the patch table, and values of the config."""
     root, paths, others = find_scans(given)
-    scans, faults = read_scans(root, paths)
+    scans, faults = read_scans(root, [path for path in paths if path != overview])
     if not scans:
         raise InputError(root, f"no scan in it can be read: {faults[0]}", "Export them again.")
     pairs = pair_scans(scans)
     by_name = {scan.name: scan for scan in scans if scan not in pairs.overviews}
-    first = [by_name.get(row.t0) for row in pairs.rows]
-    there = [scan for scan in first if scan is not None]
+    first = {row.patch: by_name.get(row.t0) for row in pairs.rows}
+    there = [scan for scan in first.values() if scan is not None]
     units = _units([*by_name.values()])
     sizes, is_cut, of_sizes = _sizes(there or [*by_name.values()], units)
-    size_mm, units = sizes["scans.size_mm"], units | sizes
+    units |= sizes
     said = [_of_files([*by_name.values()], units), *of_sizes, *_of_pairs(pairs)]
-    places, square_mm, where = _where(first, size_mm, is_mould=pairs.invert is True)
-    values = units | {
-        "inputs.scan_folder": _relative(root, folder),
-        "square.size_mm": square_mm,
-        "scans.mould.invert": pairs.invert,
-        "scans.mould.flip": "x" if pairs.invert is True else None,
-    }
+    overviews = pairs.overviews if overview is None else _read_overview(overview)
+    where = _where(stone, first, overviews, pairs.invert, sizes["scans.size_mm"])
+    mould: dict[str, Any] = {"scans.mould.invert": pairs.invert, "scans.mould.flip": None}
+    if pairs.invert is True:
+        mould["scans.mould.flip"] = "x"
     state = _TO_DO if is_to_do(pairs.invert) else _OK
-    said += [_Said("Mould", pairs.mould, state), where]
+    values = units | {"inputs.scan_folder": _relative(root, folder)} | mould | where.values
+    said += [_Said("Mould", pairs.mould, state), *where.said]
     said += [_Said("Not read", fault.removeprefix(f"{root}/"), _DOUBT) for fault in faults]
     left = [*pairs.left, *(path.relative_to(root).as_posix() for path in others)]
     left = [name for name in left if not is_mesh(name)]
     if left:
         named = ", ".join(left[:_SHOWN]) + f", … ({len(left)} files)" * (len(left) > _SHOWN)
         said.append(_Said("Left out", named))
-    return said, _table(pairs, places, is_cut=is_cut), values
+    return said, _table(pairs, where.places, is_cut=is_cut), values
+
+
+def _read_overview(path: Path) -> list[Scan]:
+    """The map that is named as the overview."""
+    scans, faults = read_scans(path.resolve().parent, [path.resolve()])
+    if faults:
+        raise InputError(path, f"cannot be read: {faults[0]}", "Correct --overview.")
+    return scans
 
 
 def _units(scans: Sequence[Scan]) -> dict[str, Any]:
@@ -267,53 +286,127 @@ def _of_pairs(pairs: Pairs) -> Iterator[_Said]:
         yield _Said("Overview", text, _DOUBT)
 
 
+class _Where(NamedTuple):
+    """Where scans lie on the square, by patch, and what follows for the config."""
+
+    places: dict[str, Place]
+    values: dict[str, Any]
+    said: list[_Said]
+
+
 def _where(
-    scans: Sequence[Scan | None], size_mm: float | str, *, is_mould: bool
-) -> tuple[list[tuple[float, float]] | None, float, _Said]:
-    """Centres (x, y) on the square, mm, its side, and what tells them: the stage, or nothing."""
-    square_mm: float = complete({})["square"]["size_mm"]
-    there = [scan for scan in scans if scan is not None and scan.stage_mm is not None]
-    if not there or isinstance(size_mm, str):
-        text = "no stage coordinates in the files: x_mm and y_mm are yours to give"
-        return None, square_mm, _Said("Where", text, _TO_DO)
-    stages, sizes = (
-        np.array([getattr(s, of) for s in there]) for of in ("stage_mm", "size_mm")
-    )
-    steps = [abs(one - other).max() for one, other in combinations(stages, 2)]
-    doubt = ""
-    if len(there) < len(scans):
-        doubt = "not in all files"
-    elif min(steps, default=size_mm) < _LEAST_APART * size_mm:
-        doubt = "the same for different places"
-    elif (np.ptp(sizes, axis=0) > _SAME_SIZE * sizes.min()).any():
-        doubt = "of maps of different sizes, and of their corners or their centres"
-    if doubt:
-        text = f"stage coordinates are {doubt}: x_mm and y_mm are yours to give"
-        return None, square_mm, _Said("Where", text, _TO_DO)
-    at = stages * ((-1, 1) if is_mould else (1, 1))  # a mould is seen from behind
-    steps = [abs(one - other).max() for one, other in combinations(at, 2)]
-    if len(stages) < len(scans) or min(steps, default=size_mm) < _LEAST_APART * size_mm:
-        text = "stage coordinates that put different places on each other, or not in all files"
-        return None, square_mm, _Said("Where", text, _TO_DO)
+    stone: _Stone,
+    first: Mapping[str, Scan | None],
+    overviews: Sequence[Scan],
+    invert: bool | str,
+    size_mm: float | str,
+) -> _Where:
+    """Where scans lie: found on the mesh, or at least their distances, or nothing tells it."""
+    scans = {patch: scan for patch, scan in first.items() if scan is not None}
+    stages, doubt = _stages([*first.values()], size_mm)
+    can_match = not (isinstance(size_mm, str) or is_to_do(stone.unit) or not scans)
+    if can_match and (overviews or stages is not None):
+        overview = max(overviews, key=lambda scan: min(scan.size_mm), default=None)
+        found = places_of_scans(
+            stone.mesh,
+            {patch: scan.coarse for patch, scan in scans.items()},
+            overview=None if overview is None else overview.coarse,
+            stages=stages,
+        )
+        by = "the stage's distances" if overview is None else overview.name
+        if found.placed:
+            return _found(found, invert, float(size_mm), by)
+        told = found.on_stone
+        doubt = f"{by}: {described(told) if told else 'too small for the mesh'}; {doubt}"
+    if stages is None:
+        text = f"{doubt}: x_mm and y_mm are yours to give"
+        return _Where({}, {"square.size_mm": _square_mm()}, [_Said("Where", text, _TO_DO)])
+    return _by_stage([*scans], stages, float(size_mm), is_mould=invert is True)
+
+
+def _square_mm() -> float:
+    side: float = complete({})["square"]["size_mm"]
+    return side
+
+
+def _found(found: Found, invert: bool | str, size_mm: float, by: str) -> _Where:
+    """The square around the scans that were found, how they are laid, and how sure that is."""
+    frame, square_mm, places = on_square(found, side_mm=size_mm, least_mm=_square_mm())
+    any_of_them = next(iter(found.placed.values()))
+    inverted, error_um = any_of_them.inverted, math.ceil(found.error_um)
+    values = {
+        "square.size_mm": square_mm,
+        "square.points_mm": corners_of(frame, square_mm),
+        "scans.mould.invert": inverted,
+        "scans.mould.flip": "x" if any_of_them.mirrored else None,
+        "uncertainty.placement_um": error_um,
+    }
+    assert found.on_stone is not None
+    said = [_Said("Where", f"{by}, on the mesh: {described(found.on_stone)}", _OK)]
+    for patch, match in found.scans.items():
+        said.append(_Said("", f"{patch}: {described(match)}", _OK if match.found else _TO_DO))
+    laid = "mirrored" * any_of_them.mirrored, "inverted, as moulds" * inverted
+    how = " and ".join(filter(None, laid)) or "as it was scanned"
+    said.append(_Said("", f"what was scanned fits the mesh {how}", _OK))
+    if not is_to_do(invert) and invert != inverted:
+        values["scans.mould.invert"] = f"{TODO} {str(inverted).lower()}"
+        text = "by their change with use, heights have the other sign: which is right?"
+        said.append(_Said("", text, _TO_DO))
+    return _Where(places, values, said)
+
+
+def _stages(
+    scans: Sequence[Scan | None], size_mm: float | str
+) -> tuple[list[tuple[float, float]] | None, str]:
+    """The stage's places (x, y), mm; or why they tell nothing."""
+    there = [scan for scan in scans if scan is not None]
+    stages = [scan.stage_mm for scan in there if scan.stage_mm is not None]
+    if not stages or isinstance(size_mm, str):
+        return None, "no stage coordinates in the files, and no overview map"
+    if len(stages) < len(scans):
+        return None, "stage coordinates are not in all files"
+    apart = [np.abs(np.subtract(*two)).max() for two in combinations(stages, 2)]
+    if min(apart, default=size_mm) < _LEAST_APART * size_mm:
+        return None, "stage coordinates are the same for different places"
+    sizes = np.array([scan.size_mm for scan in there])
+    if (np.ptp(sizes, axis=0) > _SAME_SIZE * sizes.min()).any():
+        return None, "stage coordinates are of maps of different sizes, corners or centres"
+    return stages, ""
+
+
+def _by_stage(
+    patches: Sequence[str],
+    stages: Sequence[tuple[float, float]],
+    size_mm: float,
+    *,
+    is_mould: bool,
+) -> _Where:
+    """Distances of patches, in the middle of a square that is still to be laid."""
+    at = np.asarray(stages) * ((-1, 1) if is_mould else (1, 1))  # a mould is seen from behind
     middle = (at.min(axis=0) + at.max(axis=0)) / 2
     span = float(np.ptp(at, axis=0).max()) + size_mm
-    # in halves of a millimetre
-    square_mm = max(square_mm, math.ceil(2 * span) / 2)
-    places = [(float(x), float(y)) for x, y in np.round(at - middle + square_mm / 2, 4)]
+    square_mm = max(_square_mm(), math.ceil(2 * span) / 2)  # in halves of a millimetre
+    on_it = np.round(at - middle + square_mm / 2, 4)
+    places = {
+        patch: Place(float(y), float(x)) for patch, (x, y) in zip(patches, on_it, strict=True)
+    }
     mirrored = ", mirrored in x as moulds are" * is_mould
     text = f"by the stage, over {span:.3g} mm{mirrored}; which way its axes run, no file says"
-    return places, square_mm, _Said("Where", text, _DOUBT)
+    return _Where(places, {"square.size_mm": square_mm}, [_Said("Where", text, _DOUBT)])
 
 
-def _table(pairs: Pairs, places: Sequence[tuple[float, float]] | None, *, is_cut: bool) -> str:
+def _table(pairs: Pairs, places: Mapping[str, Place], *, is_cut: bool) -> str:
     """The patch table. Semicolons leave room for decimal commas."""
-    columns = ["patch", "x_mm", "y_mm", "t0", "t1"]
-    columns += ["repeat"] * any(row.repeat for row in pairs.rows)
+    columns = ["patch", "x_mm", "y_mm"]
+    columns += ["rotation_deg"] * any(place.rotation_deg for place in places.values())
+    columns += ["t0", "t1"] + ["repeat"] * any(row.repeat for row in pairs.rows)
     columns += ["crop_x_mm", "crop_y_mm"] * is_cut
     lines = []
-    for number, row in enumerate(pairs.rows):
-        x, y = (TODO, TODO) if places is None else places[number]
-        cells = {"patch": row.patch, "x_mm": x, "y_mm": y, "crop_x_mm": 0, "crop_y_mm": 0}
+    for row in pairs.rows:
+        cells: dict[str, Any] = {"patch": row.patch, "crop_x_mm": 0, "crop_y_mm": 0}
+        cells |= {"x_mm": TODO, "y_mm": TODO, "rotation_deg": 0}
+        if place := places.get(row.patch):
+            cells |= {name: round(of, 4) for name, of in place._asdict().items()}
         cells |= {name: cell_of(getattr(row, name)) for name in ("t0", "t1", "repeat")}
         lines.append({column: cells[column] for column in columns})
     return pd.DataFrame(lines, columns=columns).to_csv(
@@ -328,7 +421,10 @@ def _template(values: dict[str, Any], asked: Sequence[_Said]) -> str:
     body = own[head:].replace(".venv/bin/gst", "gst").replace("data/own/mesh.stl", "MESH")
     lines = textwrap.TextWrapper(98, initial_indent="# - ", subsequent_indent="#   ")
     left = "".join(f"{lines.fill(each.text)}\n" for each in asked)
-    return _HEAD + left + with_values(body, values)
+    text = _HEAD + left + with_values(body, values)
+    if "uncertainty.placement_um" in values:  # comes last
+        text = f"{text.rstrip()}  # of the places found by heights\n"
+    return text
 
 
 def _of_use(text: str) -> _Said:

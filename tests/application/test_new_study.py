@@ -3,14 +3,18 @@
 import struct
 
 import numpy as np
+import pandas as pd
 import pytest
 import trimesh
 import yaml
 from click.testing import CliRunner
 from gst.cli import main
 from gst.config import complete, config_problems, read_config
+from gstlib.io.meshes import read_mesh
 from gstlib.io.plu import write_plu
-from scipy.ndimage import gaussian_filter
+from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.frames import find_frame
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 SPACING = 0.0133  # mm
 POINTS = 64
@@ -231,6 +235,87 @@ def test_maps_that_are_not_square_are_cut(lab):
     _, config, rows = new(lab)
     assert config["scans"]["size_mm"] == pytest.approx(48 * SPACING, abs=1e-3)
     assert (rows[0]["crop_x_mm"], rows[0]["crop_y_mm"]) == ("0", "0")
+
+
+FACE, FINE = 24.0, 0.02  # mm
+
+
+def rough_stone(path):
+    """A slab with a rough upper face: its heights on fine elements, and its mesh of 0.2 mm."""
+    rng = np.random.default_rng(8)
+    waves = sum(gaussian_filter(rng.normal(size=2 * (round(FACE / FINE),)), s) * s for s in (6, 25))
+    heights = 0.03 * waves / waves.std()
+    y, x = np.mgrid[0:FACE:121j, 0:FACE:121j]
+    top = map_coordinates(
+        gaussian_filter(heights, 5), [y / FINE - 0.5, x / FINE - 0.5], mode="nearest"
+    )
+    n, count = 121, 121 * 121
+    corner = np.arange(count).reshape(n, n)[:-1, :-1].ravel()
+    faces = np.array([[0, 1, n + 1], [0, n + 1, n]])
+    up = (corner[:, None, None] + faces).reshape(-1, 3)
+    points = np.stack([x, y, top], axis=-1).reshape(-1, 3)
+    under = np.stack([x, y, np.full_like(x, -8)], axis=-1).reshape(-1, 3)
+    slab = trimesh.Trimesh(np.vstack([points, under]), np.vstack([up, up[:, ::-1] + count]))
+    slab.apply_transform(trimesh.transformations.euler_matrix(0.7, -0.4, 1.9))
+    slab.export(path)
+    return heights
+
+
+def taken(heights, centre, turn, side, step, mirrored=False):
+    """A scan of the stone with its centre at (y, x), mm."""
+    along = (np.arange(round(side / step)) - (round(side / step) - 1) / 2) * step
+    y, x = Place(*centre, turn).points(along[:, None], (-along if mirrored else along)[None, :])
+    return map_coordinates(heights, [y / FINE - 0.5, x / FINE - 0.5], order=3)
+
+
+CENTRES = {"1": (9.1, 13.2), "2": (10.4, 12.1), "3": (9.6, 11.8)}
+
+
+def distances(at):
+    """Of each two places."""
+    return np.linalg.norm(at[:, np.newaxis] - at, axis=-1)
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_scans_are_found_on_an_overview_and_it_on_the_mesh(lab, named):
+    heights = rough_stone(lab / "stone.stl")
+    elsewhere = lab / "overview.plu" if named else lab / "scans/overview.plu"
+    write_plu(elsewhere, taken(heights, (9.8, 12.5), 40.0, 3.6, 0.02, mirrored=True), 0.02)
+    for patch, centre in CENTRES.items():
+        write_scan(lab / f"scans/{patch}_T0.plu", taken(heights, centre, 40.0, 0.85, SPACING, True))
+    flat = 1e-4 * np.random.default_rng(3).normal(size=(POINTS, POINTS))
+    write_scan(lab / "scans/4_T0.plu", flat)
+    options = ["--overview", "overview.plu"] if named else []
+    said = run("new", "study", "--mesh", "stone.stl", "--scans", "scans", *options)
+    config = yaml.safe_load((lab / "study/study.yaml").read_text())
+    table = pd.read_csv(lab / "study/patches.csv", sep=";", dtype={"patch": str}).set_index("patch")
+    assert table.x_mm["4"] == "TODO"  # smooth: it shows no place
+    assert "4: not found" in said
+    found = table.loc[[*CENTRES], ["y_mm", "x_mm"]].astype(float).to_numpy()
+    expected = distances(np.array([*CENTRES.values()]))
+    np.testing.assert_allclose(distances(found), expected, atol=0.01)
+    assert table.rotation_deg[[*CENTRES]].astype(float).abs().max() < 1  # the square is the map's
+    assert config["scans"]["mould"] == {"invert": False, "flip": "x"}
+    assert 1 <= config["uncertainty"]["placement_um"] < 40
+    assert "found by heights" in (lab / "study/study.yaml").read_text()
+    stone = read_mesh(lab / "stone.stl", unit="mm")
+    frame = find_frame(config["square"]["points_mm"], stone, size_mm=5.0)
+    on_stone = np.array(frame.origin) + found[:, ::-1] @ frame.axes[:2]
+    turn = trimesh.transformations.euler_matrix(0.7, -0.4, 1.9)[:3, :3]
+    x, y, _ = (on_stone @ turn).T  # where they were scanned
+    np.testing.assert_allclose(np.transpose([y, x]), [*CENTRES.values()], atol=0.04)
+
+
+def test_an_overview_of_another_stone_gives_no_place(lab):
+    heights = rough_stone(lab / "stone.stl")
+    other = taken(heights[::-1, ::-1].T[::3, ::3], (3.8, 4.5), 0.0, 3.6, 0.02)
+    write_plu(lab / "scans/overview.plu", other, 0.02)
+    for patch, centre in CENTRES.items():
+        write_scan(lab / f"scans/{patch}_T0.plu", taken(heights, centre, 0.0, 0.85, SPACING))
+    said, config, rows = new(lab)
+    assert {row["x_mm"] for row in rows} == {"TODO"}
+    assert config["square"]["points_mm"] == "TODO"
+    assert "overview.plu: not found" in said
 
 
 def test_a_study_is_not_overwritten(lab):

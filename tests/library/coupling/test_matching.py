@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy
 from gstlib import self_affine_field
-from gstlib.coupling.matching import match_map
+from gstlib.coupling.matching import match_map, match_near, match_together
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import make_surface
 
@@ -82,6 +82,58 @@ def test_what_cannot_be_matched():
         match_map(surface, heights[:20, :20])
     with pytest.raises(ValueError, match="does not fit"):
         match_map(surface[:40, :40], heights)
+
+
+def patch(fine, place, mirrored):
+    """A scan of 0.85 mm, of a stone or of a mould of it."""
+    v = (np.arange(85) - 42) * 0.01
+    y, x = place.points(v[:, None], -v if mirrored else v)
+    heights = scipy.ndimage.map_coordinates(fine, [y / FINE - 0.5, x / FINE - 0.5], order=3)
+    return make_surface(-heights if mirrored else heights, 0.01)
+
+
+PATCHES = np.array([(3.0, 3.2), (3.4, 5.6), (4.4, 4.1), (5.5, 6.2), (6.1, 3.3), (6.3, 5.0)])
+
+
+@pytest.mark.parametrize(("seed", "turn", "mirrored"), [(1, 7.0, False), (2, -160.0, True)])
+def test_scans_that_the_stage_ties_together_are_found(seed, turn, mirrored):
+    """Whichever way its axes run; on another stone they are not."""
+    fine = stone(seed)
+    scans = [patch(fine, Place(y, x, turn), mirrored) for y, x in PATCHES]
+    middle = PATCHES.mean(axis=0)
+    v, u = Place(*middle, turn).seen(*PATCHES.T)
+    offsets = np.transpose([v, -u if mirrored else u])
+    readings = np.array([offsets * (-1, 1), offsets])
+    match, reading = match_together(mesh(fine), scans, readings)
+    assert match.found
+    assert (reading, match.mirrored, match.inverted) == (1, mirrored, mirrored)
+    for (y, x), offset in zip(PATCHES, offsets, strict=True):
+        assert match.place_of(*offset)[:2] == pytest.approx((y, x), abs=0.03)
+    assert not match_together(mesh(stone(9)), scans, readings)[0].found
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_scans_near_places_by_hand_snap_together(mirrored):
+    fine, rng = stone(3), np.random.default_rng(3)
+    scans = [patch(fine, Place(y, x, 30.0), mirrored) for y, x in PATCHES]
+    scans[2] = patch(stone(4), Place(4.0, 4.0), mirrored)  # of another stone
+    by_hand = [Place(y, x, 23.0) for y, x in PATCHES + rng.uniform(-0.5, 0.5, PATCHES.shape)]
+    matches = match_near(mesh(fine), scans, by_hand)
+    assert {(each.mirrored, each.inverted) for each in matches} == {(mirrored, mirrored)}
+    assert [each.found for each in matches] == [True, True, False, True, True, True]
+    off = [
+        np.hypot(*np.subtract(one.place[:2], at)) for one, at in zip(matches, PATCHES, strict=True)
+    ]
+    assert np.median(off) < 0.05
+    assert max(far for far, match in zip(off, matches, strict=True) if match.found) < 0.1
+    assert matches[0].place.rotation_deg == pytest.approx(30, abs=4)
+
+
+def test_scans_of_a_smooth_stone_do_not_snap():
+    smooth = scipy.ndimage.gaussian_filter(stone(5), 40)
+    scans = [patch(smooth, Place(y, x), mirrored=False) for y, x in PATCHES]
+    found = match_near(mesh(smooth), scans, [Place(y + 0.2, x - 0.3) for y, x in PATCHES])
+    assert not any(match.found for match in found)
 
 
 @pytest.mark.slow

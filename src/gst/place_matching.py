@@ -1,0 +1,138 @@
+"""Positions without clicking: where scans lie on a stone, by an overview map or by the stage.
+
+The overview is found on the mesh and the scans on the overview, by their heights; without one, the
+stage ties the scans together, and they are found on the mesh as one map.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from gstlib.coupling.finding import find_on_map, find_on_stone
+from gstlib.coupling.matching import Match
+from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.frames import Frame
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["Found", "corners_of", "described", "find_scans", "on_square", "stage_readings"]
+
+# The stage's zero is anywhere, and no file says which way its axes run.
+_DIRECTIONS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+
+
+class Found(NamedTuple):
+    """What was matched.
+
+    Attributes
+    ----------
+    frame : Frame or None
+        In which places are; None if nothing was found on the stone.
+    on_stone : Match or None
+        Of the overview, or of all scans together; None if they cannot be matched.
+    scans : dict of str to Match
+        Each scan's; those that are not found have a place that is not to be used.
+    """
+
+    frame: Frame | None
+    on_stone: Match | None
+    scans: dict[str, Match]
+
+    @property
+    def placed(self) -> dict[str, Match]:
+        """The scans that are found."""
+        return {name: match for name, match in self.scans.items() if match.found}
+
+    @property
+    def error_um(self) -> float:
+        """Root mean square of the errors of those that are found."""
+        return 1e3 * math.sqrt(np.mean([match.error_mm**2 for match in self.placed.values()]))
+
+
+def stage_readings(stages: Sequence[tuple[float, float]]) -> np.ndarray:
+    """Offsets (k, n, 2) along y and x of scans from their middle, as the stage may mean them."""
+    offsets = np.asarray(stages)[:, ::-1]
+    return np.array([(offsets - offsets.mean(axis=0)) * signs for signs in _DIRECTIONS])
+
+
+def find_scans(
+    mesh: "trimesh.Trimesh",
+    scans: Mapping[str, xr.DataArray],
+    *,
+    overview: xr.DataArray | None,
+    stages: Sequence[tuple[float, float]] | None,
+) -> Found:
+    """Find scans (y, x) on a stone (mm), with an overview or with places (x, y) from the stage."""
+    readings = None if stages is None else stage_readings(stages)
+    if overview is not None:
+        found = find_on_stone(mesh, [overview], np.zeros((1, 1, 2)))
+    elif readings is not None:
+        found = find_on_stone(mesh, [*scans.values()], readings)
+    else:
+        return Found(None, None, {})
+    if found is None or not found.match.found:
+        return Found(None, found and found.match, {})
+    if overview is None:
+        assert readings is not None
+        offsets = readings[found.reading]
+        each = {
+            name: found.match.at(*map(float, at))
+            for name, at in zip(scans, offsets, strict=True)
+        }
+        return Found(found.frame, found.match, each)
+    middle = [float(overview[axis].mean()) for axis in ("y", "x")]
+    inner = find_on_map(overview, scans, readings)
+    each = {name: found.match.carrying(match, middle) for name, match in inner.items()}
+    return Found(found.frame, found.match, _laid_alike(each))
+
+
+def _laid_alike(matches: dict[str, Match]) -> dict[str, Match]:
+    """Scans that are mirrored or inverted otherwise than most cannot be right."""
+    laid = [(each.mirrored, each.inverted) for each in matches.values() if each.found]
+    usual = max(laid, key=laid.count, default=None)
+    return {
+        name: replace(each, found=each.found and (each.mirrored, each.inverted) == usual)
+        for name, each in matches.items()
+    }
+
+
+def on_square(
+    found: Found, *, side_mm: float, least_mm: float
+) -> tuple[Frame, float, dict[str, Place]]:
+    """A square around the scans that are found: its frame, its side, and their places on it.
+
+    Its side is `least_mm`, or more if the scans, with a side of `side_mm`, need it.
+    """
+    assert found.frame is not None
+    at = np.array([match.place[:2] for match in found.placed.values()])
+    span = float(np.ptp(at, axis=0).max()) + math.sqrt(2) * side_mm
+    size_mm = max(least_mm, math.ceil(2 * span) / 2)  # in halves of a millimetre
+    y, x = (at.min(axis=0) + at.max(axis=0)) / 2 - size_mm / 2
+    x_axis, y_axis, _ = found.frame.axes
+    origin = np.asarray(found.frame.origin) + x * x_axis + y * y_axis
+    places = {
+        name: match.place._replace(y_mm=match.place.y_mm - y, x_mm=match.place.x_mm - x)
+        for name, match in found.placed.items()
+    }
+    return replace(found.frame, origin=origin.tolist()), size_mm, places
+
+
+def corners_of(frame: Frame, size_mm: float) -> list[list[float]]:
+    """The reference corner of a square and the ends of its x and y, for the config."""
+    x_axis, y_axis, _ = frame.axes
+    origin = np.asarray(frame.origin)
+    corners = origin, origin + size_mm * x_axis, origin + size_mm * y_axis
+    return [np.round(corner, 4).tolist() for corner in corners]
+
+
+def described(match: Match) -> str:
+    """How well a scan fits where it was found, or that it fits nowhere."""
+    fit = f"r {match.correlation:.2f}, lead {match.lead:.2f} over the next best"
+    if match.found:
+        return f"{fit}, ± {max(1, round(1e3 * match.error_mm))} µm"
+    return f"not found ({fit})"

@@ -1,0 +1,187 @@
+"""Where a stone was scanned: an overview map, or scans that the stage ties together, on its mesh.
+
+The stone is looked at from two opposite sides, as it lies when it is put down; then, if nothing is
+found, from the other four. What is found there is found again on the mesh as it looks straight from
+above, on shorter elements.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import scipy
+import xarray as xr
+
+from gstlib.coupling.matching import Match, match_map, match_together
+from gstlib.preprocess.interpolation import interpolate
+from gstlib.surfaces.frames import Frame
+from gstlib.surfaces.grid import axis_coordinates, make_surface, spacing_of
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["OnStone", "find_on_map", "find_on_stone", "view_of"]
+
+# A face of the mesh is seen if its normal is turned by less than some 70° from the view.
+_SEEN = 0.3
+# Elements an edge of the mesh, in a view of the whole stone and from straight above.
+_WHOLE, _CLOSE = 2, 4
+# What is farther than so many edges from all vertices is no stone.
+_GAP = 2.0
+# How far around the scans (mm) the mesh is looked at from straight above.
+_MARGIN = 1.5
+
+
+class OnStone(NamedTuple):
+    """Where scans lie on a stone.
+
+    `match` is that of their common point in `frame`, whose x runs as theirs does, or against it if
+    they are mirrored. `reading` is that of the stage.
+    """
+
+    frame: Frame
+    match: Match
+    reading: int
+
+
+def find_on_stone(
+    mesh: "trimesh.Trimesh", scans: Sequence[xr.DataArray], readings: np.ndarray
+) -> OnStone | None:
+    """Find scans whose distances are known on a whole stone.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        The stone, mm.
+    scans, readings
+        As in `gstlib.coupling.matching.match_together`; of an overview, itself and zeros.
+
+    Returns
+    -------
+    OnStone or None
+        Its match may be one that is not found, and then says how near it came; None if the scans
+        are too small for the mesh, or larger than the stone.
+    """
+    edge, best = float(mesh.edges_unique_length.mean()), None
+    # of several scans, a view takes many times as long
+    for pair in itertools.islice(_views(mesh), 3 if len(scans) == 1 else 1):
+        seen = []
+        for frame, side in pair:
+            view = view_of(mesh, frame, size_mm=side, step=edge / _WHOLE)
+            try:
+                seen.append((frame, *match_together(view, scans, readings)))
+            except ValueError:
+                continue
+        for frame, match, reading in seen:
+            others = [other.correlation for at, other, _ in seen if at is not frame]
+            found = OnStone(frame, match.among(others, len(scans)), reading)
+            if best is None or found.match.lead > best.match.lead:
+                best = found
+        if best is not None and best.match.found:
+            return _from_above(mesh, edge, best, scans, readings)
+    return best
+
+
+def _views(mesh: "trimesh.Trimesh") -> Iterator[list[tuple[Frame, float]]]:
+    """Frames (and sides, mm) from which a whole stone is seen, in opposite pairs."""
+    points = np.asarray(mesh.vertices)
+    axes = np.linalg.eigh(np.cov(points, rowvar=False))[1].T  # the thinnest first
+    for n in range(3):
+        pair = []
+        for normal in (axes[n], -axes[n]):
+            towards = np.array([axes[(n + 1) % 3], np.cross(normal, axes[(n + 1) % 3])])
+            low, high = np.array(
+                [(points @ towards.T).min(axis=0), (points @ towards.T).max(axis=0)]
+            )
+            corner = low @ towards + (points @ normal).mean() * normal
+            frame = Frame(corner.tolist(), towards[0].tolist(), normal.tolist())
+            pair.append((frame, float((high - low).max())))
+        yield pair
+
+
+def view_of(
+    mesh: "trimesh.Trimesh", frame: Frame, *, size_mm: float, step: float
+) -> xr.DataArray:
+    """Heights (y, x) of a stone as it is seen along a frame's normal, NaN beside it, mm.
+
+    `size_mm` is the side of the view, from the frame's origin, and `step` that of its elements.
+    What hides behind other parts of the stone is not told apart: it is a view to match maps with.
+    """
+    edge = float(mesh.edges_unique_length.mean())
+    points = frame.to_frame(mesh.vertices)
+    is_seen = np.asarray(mesh.vertex_normals) @ frame.axes[2] > _SEEN
+    is_near = ((points[:, :2] > -_GAP * edge) & (points[:, :2] < size_mm + _GAP * edge)).all(
+        axis=1
+    )
+    cloud = points[is_seen & is_near]
+    along = axis_coordinates(max(2, round(size_mm / step)), step)
+    heights = np.full(2 * along.shape, np.nan)
+    if len(cloud) > 3:
+        y, x = np.meshgrid(along, along, indexing="ij")
+        away, _ = scipy.spatial.KDTree(cloud[:, :2]).query(np.stack([x, y], axis=-1))
+        heights = np.where(
+            away > _GAP * edge, np.nan, interpolate("linear", cloud, along, edge)
+        )
+    rows, columns = (np.flatnonzero(np.isfinite(heights).any(axis=n)) for n in (1, 0))
+    view = make_surface(heights, step, mesh_edge_mm=edge)
+    return (
+        view[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+        if len(rows)
+        else view
+    )
+
+
+def _from_above(
+    mesh: "trimesh.Trimesh",
+    edge: float,
+    found: OnStone,
+    scans: Sequence[xr.DataArray],
+    readings: np.ndarray,
+) -> OnStone:
+    """What was found in a view, on the mesh around it."""
+    reading, place = readings[found.reading], found.match.place
+    corners = max(
+        math.hypot(*(n * d for n, d in zip(s.shape, spacing_of(s), strict=True))) for s in scans
+    )
+    middle = (reading.min(axis=0) + reading.max(axis=0)) / 2
+    half = float(np.ptp(reading, axis=0).max()) / 2 + corners / 2 + _MARGIN
+    at = found.match.place_of(*middle)
+    points = found.frame.to_frame(mesh.vertices)
+    normals = np.asarray(mesh.vertex_normals)
+    is_near = (np.hypot(points[:, 0] - at.x_mm, points[:, 1] - at.y_mm) < half) & (
+        normals @ found.frame.axes[2] > _SEEN
+    )
+    x, y, up = found.frame.axes
+    turn = math.radians(place.rotation_deg)
+    normal = normals[is_near].mean(axis=0)
+    along = math.cos(turn) * x + math.sin(turn) * y
+    along -= along @ normal / (normal @ normal) * normal
+    height = np.median(points[is_near, 2])
+    centre = np.array(found.frame.origin) + at.x_mm * x + at.y_mm * y + height * up
+    frame = Frame([0.0, 0.0, 0.0], along, normal)
+    origin = centre - half * (frame.axes[0] + frame.axes[1])
+    frame = Frame(origin.tolist(), frame.axes[0].tolist(), frame.axes[2].tolist())
+    view = view_of(mesh, frame, size_mm=2 * half, step=edge / _CLOSE)
+    match, _ = match_together(view, scans, reading[np.newaxis])
+    return OnStone(frame, match.among([found.match.next_best], len(scans)), found.reading)
+
+
+def find_on_map(
+    overview: xr.DataArray, scans: Mapping[str, xr.DataArray], readings: np.ndarray | None
+) -> dict[str, Match]:
+    """Find scans on a larger map, each by itself; by the stage where heights do not find all.
+
+    `readings` are as in `gstlib.coupling.matching.match_together`; None without a stage.
+    """
+    found = {name: match_map(overview, scan) for name, scan in scans.items()}
+    if readings is None or all(match.found for match in found.values()):
+        return found
+    together, number = match_together(overview, [*scans.values()], readings)
+    if not together.found:
+        return found
+    return {
+        name: match if match.found else together.at(*map(float, readings[number][n]))
+        for n, (name, match) in enumerate(found.items())
+    }
