@@ -60,19 +60,21 @@ def folder(finished_tiny, tmp_path_factory):
 def opened(browser, folder):
     """The page of a server of its own, which asks for nothing else and complains of nothing."""
     command = [GST, "place", folder, "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ) as server:
-        url = next(line.strip() for line in server.stdout if line.startswith("http"))
-        page = browser.new_page(viewport={"width": 1366, "height": 900})
+    with (
+        subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ) as server,
+        browser.new_page(viewport={"width": 1366, "height": 900}) as page,
+    ):
+        page.set_default_timeout(0)  # a busy machine is no fault
         asked, said = [], []
         page.on("request", lambda request: asked.append(request.url))
         page.on("console", lambda m: said.append(m.text) if m.type == "error" else 0)
         page.on("pageerror", lambda error: said.append(str(error)))
-        page.goto(url)
-        page.wait_for_selector("canvas", state="attached")
         try:
+            url = next(line.strip() for line in server.stdout if line.startswith("http"))
+            page.goto(url)
+            page.wait_for_selector("canvas", state="attached")
             yield page, server
         finally:
-            page.close()
             server.terminate()
     assert server.returncode in (0, -signal.SIGTERM)
     assert [one for one in asked if not one.startswith((url, "data:"))] == []
