@@ -11,11 +11,12 @@ import logging
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gst.config import read_config_file
 from gst.edited import Cells, with_cells, with_values
 from gstlib.change.selection import is_more
+from gstlib.coupling.matching import match_near
 from gstlib.coupling.placement import (
     AS_GIVEN,
     CANNOT_TELL,
@@ -30,8 +31,16 @@ from gstlib.errors import GstError
 from gstlib.io.files import write_whole
 from gstlib.io.text import decoded
 from gstlib.study import Study
+from gstlib.surfaces.footprints import places_of
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["Cure", "cures_of", "offer"]
+
+# Places that are off by less (mm) and turns that are (degrees) are left as they are; and how far
+# off they may be.
+_LEAST_MOVED, _LEAST_TURNED, _REACH = 0.05, 3.0, 0.75
 
 
 class Cure(NamedTuple):
@@ -68,6 +77,7 @@ def _of_places(study: Study) -> Iterator[Cure]:
             yield _laid_right(together.orientation, Mould(**study.config["scans"]["mould"]))
         return
     if together.status == CANNOT_TELL:
+        yield from _by_hand(study, scans)
         return
     # heights that fit the mesh have the right sign, so that they rose tells the epochs
     if _are_exchanged(study):
@@ -80,6 +90,27 @@ def _of_places(study: Study) -> Iterator[Cure]:
         yield Cure(
             why, {}, lambda row: {"x_mm": _plus(row, "x_mm", x), "y_mm": _plus(row, "y_mm", y)}
         )
+
+
+def _by_hand(study: Study, scans: Mapping[str, "xr.Dataset"]) -> Iterator[Cure]:
+    """Of places that are known to half a millimetre, as by hand; those that fit clearly."""
+    places = places_of(study.patches)
+    heights = [scans[patch].height for patch in places]
+    try:
+        found = match_near(study.face.height, heights, [*places.values()])
+    except ValueError:  # the mesh is too coarse
+        return
+    cells = {}
+    for (patch, former), match in zip(places.items(), found, strict=True):
+        off = math.dist(former[:2], match.place[:2])
+        if match.found and not match.mirrored and off > max(_LEAST_MOVED, 3 * match.error_mm):
+            y, x, turn = match.place
+            cells[patch] = {"x_mm": f"{x:.3f}", "y_mm": f"{y:.3f}"}
+            if abs(turn - former.rotation_deg) > _LEAST_TURNED:
+                cells[patch]["rotation_deg"] = f"{turn:.1f}"
+    if cells:
+        why = f"patches {', '.join(cells)} fit the mesh up to {_REACH} mm from where the table says"
+        yield Cure(why, {}, lambda row: cells.get(row["patch"], {}))
 
 
 def _laid_right(orientation: str, mould: Mould) -> Cure:

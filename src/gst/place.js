@@ -13,6 +13,7 @@ let axes; // of the stone
 let clicks = []; // of corners
 let marks = []; // drawn on the stone
 const earlier = []; // for undo: square and patches as they were
+let fits = {}; // what was said of each patch when their places were sought
 
 // --- the server
 
@@ -120,7 +121,8 @@ const hasPictures = () => state.has_scans && !lacksUnit() && !lacks("mould.inver
   && !state.asked.some(({ column }) => column === "t0");
 // read once, until the page is loaded again or the mould is another
 const opening = Date.now();
-const pictureOf = (number) => `scan/${number}?${opening}-${state.answers["scans.mould.invert"]}`;
+const pictureOf = (number) => `scan/${number}?${opening}-${
+  ["invert", "flip"].map((key) => state.answers[`scans.mould.${key}`])}`;
 const together = () => state.has_scans && $("together").checked;
 
 function sticksOut({ x_mm: x, y_mm: y, rotation_deg: turn }) {
@@ -240,7 +242,7 @@ function drawList() {
     const name = document.createElement("b");
     name.textContent = patch.patch;
     row.append(name, numberOf(patch, "x_mm", "x"), numberOf(patch, "y_mm", "y"));
-    if (state.has_scans) row.append(numberOf(patch, "rotation_deg", "°"));
+    if (state.has_scans) row.append(numberOf(patch, "rotation_deg", "°"), fits[patch.patch] || "");
     else row.append(gradeOf(patch), removal(patch));
     return row;
   }));
@@ -349,7 +351,7 @@ function draw() {
   $("plan").toggleAttribute("hidden", !placing);
   $("of-square").hidden = placing;
   $("of-places").hidden = !placing;
-  for (const id of ["together-asked", "of-all", "opacity-asked"]) $(id).hidden = !state.has_scans;
+  for (const id of ["together-asked", "of-all", "opacity-asked", "exact-asked"]) $(id).hidden = !state.has_scans;
   $("of-all").hidden ||= !$("together").checked;
   $("add-asked").hidden = state.has_scans;
   $("undo").disabled = !earlier.length && !clicks.length;
@@ -428,6 +430,18 @@ $("turn-all").onchange = () => {
   $("turn-all").value = 0;
   savePlaces();
 };
+$("exact").onclick = () => told(last.then(async () => {
+  say("Comparing heights: this takes up to a minute …");
+  const found = await ask("find", {});
+  fits = found.said;
+  keep();
+  state.square = found.square;
+  for (const place of found.places)
+    Object.assign(state.patches.find(({ patch }) => patch === place.patch), place);
+  await savePlaces();
+  if (found.places.length) await answer(found.answers);
+  say(`${found.all}. Those that are not stay where they were: see what is said of each.`, !found.places.length);
+}));
 $("add").onclick = () => addPlace(size() / 2, size() / 2);
 $("plan").onpointerdown = () => { dragged = false; };
 $("plan").onclick = (event) => state.has_scans || dragged || addPlace(...placeOf(event));

@@ -32,6 +32,7 @@ from gst.place_state import (
     SENT_ANSWERS,
     SENT_FILE,
     SENT_PLACES,
+    find_places,
     has_stage,
     picture_of,
     save_answers,
@@ -197,6 +198,7 @@ _ROUTES: dict[tuple[str, str], _Answer] = {
     ("GET", "said"): lambda server, rest, _sent: _command(server, rest).said(),
     ("GET", "result"): lambda server, _rest, _sent: server.result(),
     ("GET", "results"): lambda server, rest, _sent: server.result_file(rest),
+    ("POST", "find"): lambda server, _rest, _sent: find_places(server.config),
     ("POST", "answers"): lambda server, _rest, sent: save_answers(server.config, sent),
     ("POST", "file"): lambda server, _rest, sent: save_file(
         server.config, sent["patch"], sent["column"], sent["name"]

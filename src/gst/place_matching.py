@@ -12,18 +12,20 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import xarray as xr
 
-from gstlib.coupling.finding import find_on_map, find_on_stone
-from gstlib.coupling.matching import Match
+from gstlib.coupling.finding import find_on_map, find_on_stone, view_of
+from gstlib.coupling.matching import Match, match_near
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.frames import Frame
 
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Found", "corners_of", "described", "find_scans", "on_square", "stage_readings"]
+__all__ = ["Found", "corners_of", "described", "find_scans", "on_square", "seen_in", "snapped"]
 
 # The stage's zero is anywhere, and no file says which way its axes run.
 _DIRECTIONS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+# How far around a square (mm) the mesh is looked at for scans that may stick out of it.
+_AROUND = 1.5
 
 
 class Found(NamedTuple):
@@ -120,6 +122,34 @@ def on_square(
         for name, match in found.placed.items()
     }
     return replace(found.frame, origin=origin.tolist()), size_mm, places
+
+
+def snapped(
+    mesh: "trimesh.Trimesh",
+    frame: Frame,
+    size_mm: float,
+    scans: Mapping[str, xr.DataArray],
+    places: Mapping[str, Place],
+) -> dict[str, Match]:
+    """Where scans lie whose places on a square of a stone are known to half a millimetre."""
+    view = view_of(mesh, frame, size_mm=size_mm, around_mm=_AROUND)
+    names = [name for name in scans if name in places]
+    found = match_near(view, [scans[name] for name in names], [places[name] for name in names])
+    return dict(zip(names, found, strict=True))
+
+
+def seen_in(frame: Frame, found: Found) -> dict[str, Place]:
+    """Where the scans that are found lie on another square."""
+    assert found.frame is not None
+    x_axis, y_axis, _ = found.frame.axes
+    along = frame.axes[:2] @ x_axis
+    turn = math.degrees(math.atan2(along[1], along[0]))
+    places = {}
+    for name, match in found.placed.items():
+        y, x, own = match.place
+        ((u, v, _),) = frame.to_frame(np.array([found.frame.origin + x * x_axis + y * y_axis]))
+        places[name] = Place(float(v), float(u), (own + turn + 180) % 360 - 180)
+    return places
 
 
 def corners_of(frame: Frame, size_mm: float) -> list[list[float]]:

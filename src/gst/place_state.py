@@ -8,29 +8,39 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 import yaml
 
 from gst.config import complete, read_config, refuse_config, value_problems
 from gst.edited import with_values
 from gst.patches import EPOCHS, cell_of, find_scans, no_patches
+from gst.place_matching import Found, corners_of, described, on_square, seen_in, snapped
+from gst.place_matching import find_scans as places_of_scans
+from gst.scan_folder import OVERVIEW
 from gst.scan_folder import find_scans as scans_in
 from gst.tables import columns_of
 from gst.todo import TODO, is_to_do
 from gst.user_tables import read_rows, with_rows
 from gst.viewer import coarsen, stone_data
-from gstlib.errors import ConfigError, InputError
+from gstlib.coupling.matching import Match
+from gstlib.errors import ConfigError, GstError, InputError
 from gstlib.io.files import write_whole
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.stage import stage_of
 from gstlib.preprocess.scans import crop_of, cut_patch, mould_of, prepare_scan
+from gstlib.surfaces.footprints import Place, places_of
+from gstlib.surfaces.frames import frame_from_points
 from gstlib.surfaces.grid import coarser, spacing_of
 
-__all__ = ["SENT_ANSWERS", "SENT_FILE", "SENT_PLACES", "has_stage", "picture_of"]
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = ["SENT_ANSWERS", "SENT_FILE", "SENT_PLACES", "find_places", "has_stage", "picture_of"]
 __all__ += ["save_answers", "save_file", "save_places", "state_of", "stone_of"]
 
 # What the page may write into the config; `inputs.mesh`, for one, is not among it, for the page
@@ -49,6 +59,7 @@ _ANSWERS = (
     "scans.spacing_um",
     "scans.unit",
     "uncertainty.force_fraction",
+    "uncertainty.placement_um",
     "uncertainty.radius_fraction",
 )
 # A table of places that the study proposes is a patch table, too.
@@ -57,6 +68,7 @@ _RENAMED = {"place": "patch"}
 _TABLE = "patches.csv"
 # Points along the side of a picture, and the light on it, as `viewer.js` has it at first.
 _PICTURE_POINTS = 160
+_MATCHED_POINTS = 256  # along the side of an overview
 _AZIMUTH, _ALTITUDE = 315, 45
 # Share of unmeasured points up to which a scan can be shown.
 _MOSTLY_HOLES = 0.9
@@ -250,18 +262,22 @@ def _checked(path: Path, values: Mapping[str, Any]) -> str:
 
 def stone_of(path: Path) -> dict[str, Any]:
     """The stone of a config, as `gst.viewer.stone_data` has it."""
+    return stone_data(coarsen(_mesh_of(path)))
+
+
+def _mesh_of(path: Path) -> "trimesh.Trimesh":
     inputs = read_config(path)["inputs"]
     if inputs is None:
         raise ConfigError(path, "names no mesh", "Give inputs.mesh, or begin with `gst new`.")
     if is_to_do(inputs["mesh_unit"]):
         raise ConfigError(path, "does not say the unit of the mesh", "Give it on this page.")
     mesh = Path(inputs["mesh"])
-    return _stone(mesh, inputs["mesh_unit"], _version(mesh))
+    return _read_once(mesh, inputs["mesh_unit"], _version(mesh))
 
 
 @functools.lru_cache(maxsize=1)
-def _stone(mesh: Path, unit: str | None, _version: object) -> dict[str, Any]:
-    return stone_data(coarsen(read_mesh(mesh, unit=unit)))
+def _read_once(mesh: Path, unit: str | None, _version: object) -> "trimesh.Trimesh":
+    return read_mesh(mesh, unit=unit)
 
 
 def _version(path: Path) -> object:
@@ -269,11 +285,119 @@ def _version(path: Path) -> object:
     return (path.stat().st_mtime_ns, path.stat().st_size) if path.is_file() else None
 
 
+def find_places(path: Path) -> dict[str, Any]:
+    """Where the scans lie on the stone by their heights, to be shown; nothing is written.
+
+    On an overview map in the scans' folder, or tied together by the stage; otherwise near the
+    places that the table has. The result has the ``square`` and the ``places`` that were found
+    (``patch, x_mm, y_mm, rotation_deg``); what was ``said`` of each patch, and of ``all``; and the
+    ``answers`` that follow from how the scans are laid.
+    """
+    config = read_config(path)
+    rows, _ = _rows_of(config)
+    scans = dict(zip(rows.patch, _scans_of(path, [*rows.index]), strict=True))
+    stages = [scan.stage_mm for scan in scans.values()]
+    heights = {patch: scan.heights for patch, scan in scans.items()}
+    mesh, square = _mesh_of(path), config["square"]
+    size_mm, laid = square["size_mm"], _known(square["points_mm"])
+    overview = _overview_of(config, [*rows.t0, *rows.t1, *rows["repeat"]])
+    staged = None if None in stages or len({*stages}) < len(stages) else stages
+    found = places_of_scans(mesh, heights, overview=overview, stages=staged)
+    said = {patch: described(match) for patch, match in found.scans.items()}
+    if found.placed:
+        matches = found.scans
+        frame, size_mm, places = on_square(
+            found, side_mm=config["scans"]["size_mm"], least_mm=size_mm
+        )
+        if laid is not None:
+            places = seen_in(frame_from_points(laid), found)
+            size_mm = square["size_mm"]
+        else:
+            laid = corners_of(frame, size_mm)
+    else:
+        hand = rows.dropna(subset=["x_mm", "y_mm"])
+        if laid is None or hand.empty:
+            raise ConfigError(
+                path, _nothing_found(found), "Lay the square, and the scans on it."
+            )
+        frame = frame_from_points(laid)
+        try:
+            matches = snapped(mesh, frame, size_mm, heights, places_of(hand))
+        except ValueError as error:
+            remedy = "Place the scans by hand, or give a finer mesh."
+            raise InputError(
+                config["inputs"]["mesh"], f"is too coarse: {error}", remedy
+            ) from None
+        places = {patch: match.place for patch, match in matches.items() if match.found}
+        said = {patch: described(match) for patch, match in matches.items()}
+    return {
+        "square": {"points_mm": laid, "size_mm": size_mm},
+        "places": [{"patch": patch} | _shown(place) for patch, place in places.items()],
+        "said": said,
+        "all": f"{len(places)} of {len(rows)} found",
+        "answers": _of_matches(config, [matches[patch] for patch in places]),
+    }
+
+
+def _shown(place: Place) -> dict[str, float]:
+    return {name: round(value, _DECIMALS) for name, value in place._asdict().items()}
+
+
+def _nothing_found(found: Found) -> str:
+    """Why no scan is found without places by hand."""
+    if found.on_stone is None:
+        return "has neither an overview map nor the stage's places, nor places by hand"
+    return f"has scans that are not found on the stone: {described(found.on_stone)}"
+
+
+def _of_matches(config: Mapping, matches: Sequence[Match]) -> dict[str, Any]:
+    """How moulds are undone and how sure places are, by scans that were matched undone."""
+    if not matches:
+        return {}
+    mould, match = config["scans"]["mould"], matches[0]
+    error_um = math.ceil(1e3 * math.sqrt(np.mean([each.error_mm**2 for each in matches])))
+    values: dict[str, Any] = {"uncertainty.placement_um": min(error_um, 200)}
+    if match.inverted:
+        values["scans.mould.invert"] = not mould["invert"]
+    if match.mirrored:
+        values["scans.mould.flip"] = "x" if mould["flip"] is None else None
+    return values
+
+
+def _overview_of(config: Mapping, used: Sequence[str]) -> xr.DataArray | None:
+    """The largest map in the scans' folder that is no patch's and holds several."""
+    root, paths, _ = scans_in([Path(config["inputs"]["scan_folder"])])
+    scans, best = config["scans"], None
+    for path in paths:
+        if path.relative_to(root).as_posix() in used:
+            continue
+        try:
+            scan = read_scan(path, unit=scans["unit"], spacing_um=scans["spacing_um"])
+        except GstError:
+            continue
+        side = min(np.multiply(scan.shape, spacing_of(scan)))
+        if side > OVERVIEW * scans["size_mm"] and (best is None or side > best[0]):
+            best = side, scan
+    if best is None:
+        return None
+    mould = bool(scans["mould"]["invert"]), scans["mould"]["flip"]
+    return _undone(best[1], *mould)
+
+
+def _undone(scan: xr.DataArray, invert: bool, flip: str | None) -> xr.DataArray:
+    """Heights of the stone from those of a mould, on fewer points."""
+    scan = coarser(scan, max(1, min(scan.shape) // _MATCHED_POINTS))
+    return prepare_scan(
+        scan, mould_invert=invert, mould_flip=flip, maximum_unmeasured=_MOSTLY_HOLES
+    ).height
+
+
 class _Scan(NamedTuple):
     """What the page needs of a scan."""
 
     picture: bytes  # PNG, y up
     stage_mm: tuple[float, float] | None
+    heights: xr.DataArray  # prepared, on the picture's points
 
 
 def picture_of(path: Path, number: int) -> bytes:
@@ -337,4 +461,4 @@ def _scan(
     shade = light.hillshade(np.flipud(prepared.height.values), dx=step_x, dy=step_y)
     content = io.BytesIO()
     imsave(content, shade, cmap="gray", vmin=0, vmax=1, format="png")
-    return _Scan(content.getvalue(), stage_of(raw))
+    return _Scan(content.getvalue(), stage_of(raw), prepared.height)

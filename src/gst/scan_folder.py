@@ -31,7 +31,7 @@ from gstlib.io.text import SCAN_UNITS
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.grid import coarser, make_surface, spacing_of
 
-__all__ = ["Pairs", "Scan", "find_scans", "pair_scans", "read_scans"]
+__all__ = ["OVERVIEW", "Pairs", "Scan", "find_scans", "pair_scans", "read_scans"]
 
 # Points along a scan that is compared with others, and points that make a loss.
 _COARSE, _SPOT = 128, 2
@@ -43,7 +43,7 @@ _NOT_FOUND, _ALONE = "; not found by heights", "; no other scan shows this place
 # Spacings that differ by less (a share) are one.
 _SAME_SPACING = 1e-3
 # A map so many times as long as the other scans shows the places of several.
-_OVERVIEW = 1.8
+OVERVIEW = 1.8
 
 
 @dataclass(frozen=True)
@@ -307,7 +307,7 @@ def _doubtful(name: str) -> str:
 def _overviews(scans: Sequence[Scan]) -> list[Scan]:
     """Maps that are larger than the others, as of several places."""
     usual = np.median([max(scan.size_mm) for scan in scans])
-    return [scan for scan in scans if max(scan.size_mm) > _OVERVIEW * usual]
+    return [scan for scan in scans if max(scan.size_mm) > OVERVIEW * usual]
 
 
 class _Told(NamedTuple):

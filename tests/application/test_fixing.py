@@ -77,6 +77,19 @@ def test_what_has_one_cure(given, values, cells):
     assert written | numbers == pytest.approx(cells, abs=5e-3)
 
 
+def test_places_by_hand_snap_to_the_mesh():
+    given = study()
+    off = np.random.default_rng(2).uniform(-0.4, 0.4, (9, 2))
+    off[4] = 0.0
+    right = given.patches[["y_mm", "x_mm"]].to_numpy()
+    given.patches[["y_mm", "x_mm"]] = right + off
+    (cure,) = cures_of(given)
+    cells = {patch: cure.cells({"patch": patch}) for patch in given.patches.patch}
+    assert cells["5"] == {}  # that is where it lies
+    found = [[float(cells[p][c]) for c in ("y_mm", "x_mm")] for p in cells if cells[p]]
+    np.testing.assert_allclose(found, np.delete(right, 4, axis=0), atol=0.03)
+
+
 @pytest.mark.parametrize(
     "given",
     [

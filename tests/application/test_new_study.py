@@ -12,9 +12,9 @@ from gst.cli import main
 from gst.config import complete, config_problems, read_config
 from gstlib.io.meshes import read_mesh
 from gstlib.io.plu import write_plu
-from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.frames import find_frame
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import gaussian_filter
+from stones import TURN, rough_stone, taken
 
 SPACING = 0.0133  # mm
 POINTS = 64
@@ -237,37 +237,6 @@ def test_maps_that_are_not_square_are_cut(lab):
     assert (rows[0]["crop_x_mm"], rows[0]["crop_y_mm"]) == ("0", "0")
 
 
-FACE, FINE = 24.0, 0.02  # mm
-
-
-def rough_stone(path):
-    """A slab with a rough upper face: its heights on fine elements, and its mesh of 0.2 mm."""
-    rng = np.random.default_rng(8)
-    waves = sum(gaussian_filter(rng.normal(size=2 * (round(FACE / FINE),)), s) * s for s in (6, 25))
-    heights = 0.03 * waves / waves.std()
-    y, x = np.mgrid[0:FACE:121j, 0:FACE:121j]
-    top = map_coordinates(
-        gaussian_filter(heights, 5), [y / FINE - 0.5, x / FINE - 0.5], mode="nearest"
-    )
-    n, count = 121, 121 * 121
-    corner = np.arange(count).reshape(n, n)[:-1, :-1].ravel()
-    faces = np.array([[0, 1, n + 1], [0, n + 1, n]])
-    up = (corner[:, None, None] + faces).reshape(-1, 3)
-    points = np.stack([x, y, top], axis=-1).reshape(-1, 3)
-    under = np.stack([x, y, np.full_like(x, -8)], axis=-1).reshape(-1, 3)
-    slab = trimesh.Trimesh(np.vstack([points, under]), np.vstack([up, up[:, ::-1] + count]))
-    slab.apply_transform(trimesh.transformations.euler_matrix(0.7, -0.4, 1.9))
-    slab.export(path)
-    return heights
-
-
-def taken(heights, centre, turn, side, step, mirrored=False):
-    """A scan of the stone with its centre at (y, x), mm."""
-    along = (np.arange(round(side / step)) - (round(side / step) - 1) / 2) * step
-    y, x = Place(*centre, turn).points(along[:, None], (-along if mirrored else along)[None, :])
-    return map_coordinates(heights, [y / FINE - 0.5, x / FINE - 0.5], order=3)
-
-
 CENTRES = {"1": (9.1, 13.2), "2": (10.4, 12.1), "3": (9.6, 11.8)}
 
 
@@ -301,8 +270,7 @@ def test_scans_are_found_on_an_overview_and_it_on_the_mesh(lab, named):
     stone = read_mesh(lab / "stone.stl", unit="mm")
     frame = find_frame(config["square"]["points_mm"], stone, size_mm=5.0)
     on_stone = np.array(frame.origin) + found[:, ::-1] @ frame.axes[:2]
-    turn = trimesh.transformations.euler_matrix(0.7, -0.4, 1.9)[:3, :3]
-    x, y, _ = (on_stone @ turn).T  # where they were scanned
+    x, y, _ = (on_stone @ TURN[:3, :3]).T  # where they were scanned
     np.testing.assert_allclose(np.transpose([y, x]), [*CENTRES.values()], atol=0.04)
 
 

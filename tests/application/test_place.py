@@ -18,6 +18,7 @@ from gst.place_state import picture_of
 from gstlib.io.plu import write_plu
 from matplotlib.image import imread
 from scipy.ndimage import gaussian_filter
+from stones import TURN, rough_stone, taken
 
 SPACING = 0.0133  # mm
 POINTS = 64
@@ -242,6 +243,32 @@ def test_scans_move_together_if_each_has_a_place_from_the_stage(server, study):
         struct.pack_into("<2f", content, 412, *place)  # µm
         path.write_bytes(content)
     assert ask(server, "stage") == (200, {"all": True})
+
+
+def test_scans_find_their_exact_places_near_those_by_hand(server, study):
+    heights = rough_stone(study / "stone.ply")
+    right = {"A": (9.0, 13.0), "B": (11.0, 12.0), "C": (10.0, 10.5), "D": (12.0, 10.0)}
+    for patch, centre in right.items():
+        scan = taken(heights, centre, 8.0, SIZE, SPACING)
+        if patch == "D":  # smooth
+            scan = 1e-4 * np.random.default_rng(2).normal(size=scan.shape)
+        write_plu(study / f"scans/{patch}.plu", scan, SPACING)
+    corners = np.array([[8.0, 8.0, 0, 1], [13.0, 8.0, 0, 1], [8.0, 13.0, 0, 1]]) @ TURN.T
+    (study / "study.yaml").write_text(CONFIG.replace("TODO", str(corners[:, :3].tolist())))
+    off = zip(right.items(), [(0.4, -0.3), (-0.2, 0.5), (0.1, 0.3), (0, 0)], strict=True)
+    lines = [f"{p}\t{x - 8 + dx}\t{y - 8 + dy}\t{p}.plu\n" for (p, (y, x)), (dy, dx) in off]
+    (study / "patches.tsv").write_text("patch\tx_mm\ty_mm\tt0\n" + "".join(lines))
+    status, found = ask(server, "find", {})
+    assert (status, found["all"]) == (200, "3 of 4 found")
+    assert "not found" in found["said"]["D"]
+    for place in found["places"]:
+        expected = np.subtract(right[place["patch"]], 8.0)
+        assert [place["y_mm"], place["x_mm"]] == pytest.approx(expected, abs=0.06)
+        assert place["rotation_deg"] == pytest.approx(8, abs=3)
+    assert set(found["answers"]) == {"uncertainty.placement_um"}
+    assert ask(server, "answers", found["answers"]) == (200, None)
+    (study / "study.yaml").write_text(CONFIG)
+    assert "neither an overview" in ask(server, "find", {})[1]["error"]
 
 
 def test_a_config_that_nothing_checked_is_said(server, study):

@@ -102,15 +102,23 @@ def _views(mesh: "trimesh.Trimesh") -> Iterator[list[tuple[Frame, float]]]:
 
 
 def view_of(
-    mesh: "trimesh.Trimesh", frame: Frame, *, size_mm: float, step: float
+    mesh: "trimesh.Trimesh",
+    frame: Frame,
+    *,
+    size_mm: float,
+    step: float | None = None,
+    around_mm: float = 0.0,
 ) -> xr.DataArray:
     """Heights (y, x) of a stone as it is seen along a frame's normal, NaN beside it, mm.
 
-    `size_mm` is the side of the view, from the frame's origin, and `step` that of its elements.
+    `size_mm` is the side of a square at the frame's origin, of which the view shows `around_mm`
+    more on every side, and `step` that of its elements, by default a quarter of the mesh's edges.
     What hides behind other parts of the stone is not told apart: it is a view to match maps with.
     """
     edge = float(mesh.edges_unique_length.mean())
-    points = frame.to_frame(mesh.vertices)
+    step = edge / _CLOSE if step is None else step
+    points = frame.to_frame(mesh.vertices) + np.array([around_mm, around_mm, 0.0])
+    size_mm += 2 * around_mm
     is_seen = np.asarray(mesh.vertex_normals) @ frame.axes[2] > _SEEN
     is_near = ((points[:, :2] > -_GAP * edge) & (points[:, :2] < size_mm + _GAP * edge)).all(
         axis=1
@@ -126,6 +134,9 @@ def view_of(
         )
     rows, columns = (np.flatnonzero(np.isfinite(heights).any(axis=n)) for n in (1, 0))
     view = make_surface(heights, step, mesh_edge_mm=edge)
+    view = view.assign_coords(
+        {axis: view[axis].copy(data=view[axis] - around_mm) for axis in ("y", "x")}
+    )
     return (
         view[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
         if len(rows)
@@ -163,7 +174,7 @@ def _from_above(
     frame = Frame([0.0, 0.0, 0.0], along, normal)
     origin = centre - half * (frame.axes[0] + frame.axes[1])
     frame = Frame(origin.tolist(), frame.axes[0].tolist(), frame.axes[2].tolist())
-    view = view_of(mesh, frame, size_mm=2 * half, step=edge / _CLOSE)
+    view = view_of(mesh, frame, size_mm=2 * half)
     match, _ = match_together(view, scans, reading[np.newaxis])
     return OnStone(frame, match.among([found.match.next_best], len(scans)), found.reading)
 
