@@ -6,17 +6,28 @@ stands, and only there it is changed.
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import yaml
 
-from gstlib.io.text import separator_of
+from gstlib.errors import ConfigError
+from gstlib.io.text import decoded, separator_of
 
-__all__ = ["Cells", "with_cells", "with_values"]
+__all__ = ["Cells", "text_of", "with_cells", "with_values"]
 
-# Of a row's cells, by column, those that change.
-Cells: TypeAlias = Callable[[Mapping[str, str]], Mapping[str, object]]
+# Of a row's cells, by column, those that change; None if the row goes.
+Cells: TypeAlias = Callable[[Mapping[str, str]], Mapping[str, object] | None]
+
+
+def text_of(path: Path) -> str:
+    """The text of a config or a table that is to be changed."""
+    try:
+        return decoded(path.read_bytes())
+    except UnicodeDecodeError:
+        problem = "is no text in UTF-8, and cannot be changed here"
+        raise ConfigError(path, problem, "Save it as CSV in UTF-8.") from None
 
 
 def with_values(text: str, values: Mapping[str, Any]) -> str:
@@ -86,37 +97,51 @@ def _flow(value: Any) -> str:
     return written.removesuffix("\n").removesuffix("\n...")
 
 
-def with_cells(text: str, cells: Cells) -> str:
+def with_cells(
+    text: str,
+    cells: Cells,
+    more: Collection[Mapping[str, object]] = (),
+    renamed: Mapping[str, str] | None = None,
+) -> str:
     """The text of a table with some cells of its rows changed, and columns added where absent.
+
+    Rows may go, and `more` come at its end. `renamed` has other names of columns.
 
     >>> print(with_cells("# places\\npatch;x\\n1; 2,5\\n", lambda row: {"note": row["x"]}), end="")
     # places
     patch;x;note
     1;2,5;2,5
     """
-    lines = text.splitlines()
-    numbers = [n for n, line in enumerate(lines) if not line.lstrip(' "').startswith("#")]
-    numbers = [n for n in numbers if lines[n].strip(' \t,;"')]
+    lines: list[str | None] = [*text.splitlines()]
+    numbers = [n for n, line in enumerate(text.splitlines()) if _is_row(line)]
     if not numbers:
         return text
-    mark = separator_of(lines[numbers[0]]) or ","
-    header, *rows = (next(csv.reader([lines[n]], delimiter=mark)) for n in numbers)
+    mark = separator_of(lines[numbers[0]] or "") or ","
+    header, *rows = (next(csv.reader([lines[n] or ""], delimiter=mark)) for n in numbers)
     known = [name.strip().lower() for name in header]
+    known = [(renamed or {}).get(name, name) for name in known]
     read = [dict(zip(known, map(str.strip, row), strict=False)) for row in rows]
     changed = [cells(row) for row in read]
-    added = [
-        name
-        for name in dict.fromkeys(name for row in changed for name in row)
-        if name not in known
-    ]
-    for n, row, new in zip(numbers, [{}, *read], [{}, *changed], strict=True):
-        if n == numbers[0]:
-            written = [*header, *added]
-        else:
-            written = [str((row | dict(new)).get(name, "")) for name in [*known, *added]]
-        if added or new:
-            lines[n] = _joined(written, mark)
-    return "\n".join(lines) + "\n"
+    named = dict.fromkeys(name for row in [*changed, *more] for name in row or ())
+    added = [name for name in named if name not in known]
+    names = [*known, *added]
+    if added:
+        lines[numbers[0]] = _joined([*header, *added], mark)
+    for n, row, new in zip(numbers[1:], read, changed, strict=True):
+        if new is None:
+            lines[n] = None
+        elif added or new:
+            lines[n] = _row(row | dict(new), names, mark)
+    lines += [_row(row, names, mark) for row in more]
+    return "".join(f"{line}\n" for line in lines if line is not None)
+
+
+def _is_row(line: str) -> bool:
+    return not line.lstrip(' "').startswith("#") and line.strip(' \t,;"') != ""
+
+
+def _row(cells: Mapping[str, object], names: Sequence[str], mark: str) -> str:
+    return _joined([str(cells.get(name, "")) for name in names], mark)
 
 
 def _joined(cells: Sequence[str], mark: str) -> str:

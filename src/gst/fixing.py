@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gst.config import read_config_file
-from gst.edited import Cells, with_cells, with_values
+from gst.edited import Cells, text_of, with_cells, with_values
 from gstlib.change.selection import is_more
 from gstlib.coupling.matching import match_near
 from gstlib.coupling.placement import (
@@ -29,7 +29,6 @@ from gstlib.coupling.placement import (
 from gstlib.coupling.placement import FAULT as PLACEMENT
 from gstlib.errors import GstError
 from gstlib.io.files import write_whole
-from gstlib.io.text import decoded
 from gstlib.study import Study
 from gstlib.surfaces.footprints import places_of
 
@@ -165,9 +164,7 @@ def _of_face(study: Study) -> Iterator[Cure]:
 def offer(config: Path, cures: Sequence[Cure]) -> bool:
     """Show what cures would change in a config and its patch table; ask; whether it was done."""
     table = read_config_file(config).get("patches")
-    before = {
-        path: decoded(path.read_bytes()) for path in map(Path, filter(None, [config, table]))
-    }
+    before = {path: text_of(path) for path in map(Path, filter(None, [config, table]))}
     after = dict(before)
     for cure in cures:
         after[config] = with_values(after[config], cure.values)

@@ -16,7 +16,7 @@ import xarray as xr
 import yaml
 
 from gst.config import complete, read_config, refuse_config, value_problems
-from gst.edited import with_values
+from gst.edited import text_of, with_cells, with_values
 from gst.patches import EPOCHS, cell_of, find_scans, no_patches
 from gst.place_matching import Found, corners_of, described, on_square, seen_in, snapped
 from gst.place_matching import find_scans as places_of_scans
@@ -24,7 +24,7 @@ from gst.scan_folder import OVERVIEW
 from gst.scan_folder import find_scans as scans_in
 from gst.tables import columns_of
 from gst.todo import TODO, is_to_do
-from gst.user_tables import read_rows, with_rows
+from gst.user_tables import read_rows
 from gst.viewer import coarsen, stone_data
 from gstlib.coupling.matching import Match
 from gstlib.errors import ConfigError, GstError, InputError
@@ -193,11 +193,10 @@ def save_file(path: Path, patch: str, column: str, name: str) -> None:
     if not is_asked or name not in ["", *state["files"]]:
         problem = f"{column} of patch {patch} is not asked for, or there is no scan {name}"
         raise ConfigError(config["patches"], problem, "Load the page again.")
-    rows = [{"patch": row["patch"]} for row in state["patches"]]
-    rows = [row | {column: cell_of(name)} if row["patch"] == patch else row for row in rows]
-    write_whole(
-        config["patches"], with_rows(config["patches"], rows, renamed=_RENAMED).encode()
-    )
+    table = Path(config["patches"])
+    cells = {column: cell_of(name)}
+    text = with_cells(text_of(table), lambda row: cells if row["patch"] == patch else {})
+    write_whole(table, text.encode())
 
 
 def save_places(path: Path, square: Mapping[str, Any], rows: Sequence[Mapping]) -> None:
@@ -246,7 +245,12 @@ def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> None:
         lines = [";".join(rows[0]), *(";".join(row.values()) for row in rows)]
         write_whole(file, "".join(f"{line}\n" for line in lines).encode())
     elif rows:
-        write_whole(file, with_rows(file, rows, renamed=_RENAMED).encode())
+        left = {row["patch"]: row for row in rows}
+        # each row takes its own out, and those that the table lacks come at its end
+        text = with_cells(
+            text_of(file), lambda row: left.pop(row["patch"], None), left.values(), _RENAMED
+        )
+        write_whole(file, text.encode())
     elif former is not None:
         file.unlink(missing_ok=True)
 

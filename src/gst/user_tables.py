@@ -8,7 +8,6 @@ types and bounds, and what stands for an empty cell.
 """
 
 import csv
-import io
 import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -27,7 +26,7 @@ from gstlib.errors import ConfigError
 from gstlib.io.files import LARGEST_TABLE, check_size
 from gstlib.io.text import decoded, separator_of
 
-__all__ = ["Problem", "UserTable", "cells_to_do", "read_rows", "rows_of", "with_rows"]
+__all__ = ["Problem", "UserTable", "cells_to_do", "read_rows", "rows_of"]
 
 # A square of 5 mm holds some forty patches side by side; a gesture has some hundred poses.
 _MOST_ROWS = 10_000
@@ -130,32 +129,6 @@ def _listed(numbers: Sequence[int]) -> str:
     if len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1:
         return f"{numbers[0]} to {numbers[-1]}"
     return ", ".join(map(str, numbers))
-
-
-def with_rows(
-    path: str | Path, rows: Sequence[Mapping[str, str]], *, renamed: Mapping[str, str]
-) -> str:
-    """The text of a table with these rows, known by their first column; all others go.
-
-    What a row does not give stays as it was, and so do comments. Columns that the table lacks come
-    at its end. `renamed` is as in `read_rows`.
-    """
-    header, mark, lines = _read_lines(Path(path))
-    names = [renamed.get(name.lower(), name.lower()) for name in header]
-    added = [name for name in rows[0] if name not in names]
-    names += added
-    key = next(iter(rows[0]))
-    cells = [dict(zip(names, row, strict=False)) for _, row in lines]
-    former = {row[key]: row for row in cells}
-    table = [former.get(row[key], {}) | dict(row) for row in rows]
-    text = io.StringIO()
-    said = decoded(Path(path).read_bytes()).splitlines()
-    text.writelines(f"{line}\n" for line in said if _is_comment(line))
-    write = csv.writer(text, delimiter=mark, lineterminator="\n").writerow
-    write([*header, *added])
-    for each in table:
-        write([each.get(name, "") for name in names])
-    return text.getvalue()
 
 
 def rows_of(name: str, rows: Mapping[int, Mapping[str, Any]]) -> pd.DataFrame:
