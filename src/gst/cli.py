@@ -151,7 +151,8 @@ def place(folder, browser) -> None:
 @main.command()
 @_CONFIG
 @click.option("--fix", is_flag=True, help="Show and, once confirmed, apply what has one cure.")
-def check(config, fix) -> None:
+@click.option("--yes", is_flag=True, help="With --fix: confirm it at once.")
+def check(config, fix, yes) -> None:
     """Check CONFIG, patch table, mesh and scans, and say what a run would do.
 
     All problems are listed at once.
@@ -172,7 +173,7 @@ def check(config, fix) -> None:
         click.echo(f"ERROR: {error}", err=True)
     if not cures:
         click.echo("Nothing is to be mended that has one cure.")
-    elif offer(config, cures):
+    elif offer(config, cures, is_confirmed=yes):
         click.echo("Check it again.")
     else:
         sys.exit(2)

@@ -161,7 +161,7 @@ def _of_face(study: Study) -> Iterator[Cure]:
         yield Cure(why, {"macroscale.face_mm": side})
 
 
-def offer(config: Path, cures: Sequence[Cure]) -> bool:
+def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) -> bool:
     """Show what cures would change in a config and its patch table; ask; whether it was done."""
     table = read_config_file(config).get("patches")
     before = {path: text_of(path) for path in map(Path, filter(None, [config, table]))}
@@ -179,7 +179,7 @@ def offer(config: Path, cures: Sequence[Cure]) -> bool:
         old, new = before[path].splitlines(), after[path].splitlines()
         shown = difflib.unified_diff(old, new, str(path), f"{path}, mended", lineterm="", n=1)
         print("\n".join(shown))
-    if input("\nWrite this, and keep the files as they are beside it? [y/N] ") != "y":
+    if not (is_confirmed or _confirmed()):
         return False
     for path in changed:
         kept = next(each for each in _names_beside(path) if not each.exists())
@@ -187,6 +187,14 @@ def offer(config: Path, cures: Sequence[Cure]) -> bool:
         write_whole(path, after[path].encode())
         print(f"{path}: written; as it was: {kept}")
     return True
+
+
+def _confirmed() -> bool:
+    try:
+        return input("\nWrite this, and keep the files as they are beside it? [y/N] ") == "y"
+    except EOFError:  # nobody is there to answer
+        print()
+        return False
 
 
 def _names_beside(path: Path) -> Iterator[Path]:

@@ -50,7 +50,8 @@ function save(route, sent) {
 // --- step 1: the square
 
 const chosen = (name) => document.querySelector(`[name=${name}]:checked`).value;
-const isPlacing = () => chosen("mode") === "places";
+const isPlacing = () => chosen("mode") !== "square"; // seen straight from above
+const isPressing = () => chosen("mode") === "load";
 const size = () => state.square.size_mm;
 const side = () => state.patch_size_mm || 0.85;
 const frame = () => state.square.points_mm && frameOf(state.square.points_mm);
@@ -186,10 +187,20 @@ function drawPlan(focused) {
   $("plan").setAttribute("viewBox", [-MARGIN * size(), -MARGIN * size(), span(), span()].join(" "));
   const active = focused || document.activeElement?.dataset?.patch;
   $("plan").replaceChildren(svg("rect", { class: "edge", width: size(), height: size() }));
+  $("plan").classList.toggle("pressing", isPressing());
   state.patches.forEach((patch, number) => isSet(patch) && drawOnPlan(patch, number));
+  if (isPressing()) {
+    const [x, y] = loadPoint();
+    const arm = size() / 25;
+    $("plan").append(svg("path", {
+      class: "load", d: `M${x - arm} ${size() - y}h${2 * arm}M${x} ${size() - y - arm}v${2 * arm}` }));
+  }
   if (active !== undefined)
     all("#plan .patch").find((each) => each.dataset.patch === active)?.focus({ preventScroll: true });
 }
+
+const loadPoint = () => state.answers["load.at_mm"] || [size() / 2, size() / 2];
+const pressAt = (x, y) => answer({ "load.at_mm": [x, y].map((value) => +value.toFixed(3)) });
 
 function drawOnPlan(patch, number) {
   const half = side() / 2;
@@ -328,6 +339,7 @@ function hint() {
       return "A corner is off the stone: does the square stick out?";
     return "The square is laid. Turn it, or click elsewhere.";
   }
+  if (isPressing()) return "Click where the force acted on average.";
   if (!state.has_scans) return "Click each place whose wear you can grade: 0 is unworn.";
   const left = state.patches.filter((patch) => !isSet(patch)).length;
   if (left) return `Drag ${left} more to their places.`;
@@ -350,14 +362,16 @@ function draw() {
   if (found && axes) $("turn").value = turnOf(found, axes);
   $("plan").toggleAttribute("hidden", !placing);
   $("of-square").hidden = placing;
-  $("of-places").hidden = !placing;
+  $("of-places").hidden = !placing || isPressing();
+  $("of-load").hidden = !placing || !isPressing();
+  if (size()) [$("load-x").value, $("load-y").value] = loadPoint();
   for (const id of ["together-asked", "of-all", "opacity-asked", "exact-asked"]) $(id).hidden = !state.has_scans;
   $("of-all").hidden ||= !$("together").checked;
   $("add-asked").hidden = state.has_scans;
   $("undo").disabled = !earlier.length && !clicks.length;
   $("straight").disabled = !found;
   $("whole").disabled = placing;
-  document.querySelector("[name=mode][value=places]").disabled = !found;
+  for (const choice of all("[name=mode]")) choice.disabled = !found && choice.value !== "square";
   $("hint").textContent = hint();
   if (placing) drawPlan();
   drawList();
@@ -444,7 +458,13 @@ $("exact").onclick = () => told(last.then(async () => {
 }));
 $("add").onclick = () => addPlace(size() / 2, size() / 2);
 $("plan").onpointerdown = () => { dragged = false; };
-$("plan").onclick = (event) => state.has_scans || dragged || addPlace(...placeOf(event));
+$("plan").onclick = (event) => {
+  if (isPressing()) pressAt(...placeOf(event));
+  else if (!state.has_scans && !dragged) addPlace(...placeOf(event));
+};
+for (const id of ["load-x", "load-y"])
+  $(id).onchange = () => pressAt(Number($("load-x").value), Number($("load-y").value));
+$("load-middle").onclick = () => answer({ "load.at_mm": null });
 for (const choice of all("[name=mode]")) choice.onchange = setMode;
 for (const choice of all("[name=pick]")) choice.onchange = () => { clicks = []; draw(); };
 
@@ -483,6 +503,10 @@ function showAnswers() {
   // asked at the first step where there are no pictures without an answer
   if (lacks("mould.invert")) $("asked-first").append($("mould"));
   if (lacksUnit()) $("asked-first").append($("scan-unit"));
+  const modulus = state.answers["material.contact_modulus_MPa"];
+  $("own-modulus").hidden = modulus === null;
+  $("own-modulus").firstElementChild.textContent =
+    `The config gives contact_modulus_MPa, ${modulus} MPa, which is used in place of these.`;
   for (const choice of all("#against input")) choice.disabled = state.own_tool;
   if (state.own_tool) $("own-tool").textContent = "The config gives its mesh and pose, which are used.";
 }
@@ -504,6 +528,8 @@ function showFiles() {
     return label;
   }));
 }
+
+$("own-modulus").lastElementChild.onclick = () => answer({ "material.contact_modulus_MPa": null });
 
 async function answer(values) {
   await save("answers", values);
@@ -563,6 +589,8 @@ function showSaid(name, said) {
   }));
   if (name === "study") showProgress(said, box);
   else if (!said.running && box.textContent.includes("check.png")) showPicture();
+  if (name === "check")
+    $("apply-asked").hidden = said.running || said.changed || !/^\+\+\+ .*, mended$/m.test(box.textContent);
 }
 
 function showPicture() {
@@ -595,6 +623,13 @@ for (const button of all("[data-start]")) {
   const name = button.dataset.start;
   button.onclick = () => told(last.then(() => ask(`start/${name}`, {})).then(() => follow(name)));
 }
+$("apply").onclick = () => told(last.then(async () => {
+  await ask("start/fix", {});
+  while ((await ask("said/fix")).running) await new Promise((done) => { setTimeout(done, 1000); });
+  await load();
+  await ask("start/check", {});
+  await follow("check");
+}));
 for (const button of all("[data-stop]"))
   button.onclick = () => told(ask(`stop/${button.dataset.stop}`, {}));
 

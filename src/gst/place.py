@@ -61,6 +61,12 @@ _POLICY_OF_RESULTS = (
 )
 # Where a run leaves what it says, beside Snakemake's own.
 _LOGS = Path(".snakemake")
+# The check says what has one cure, and a click confirms it.
+_COMMANDS = {
+    "check": ("check", "--fix"),
+    "fix": ("check", "--fix", "--yes"),
+    "study": ("study",),
+}
 # A line that begins what `gst` reports, with the lines behind it that are indented.
 _REPORT = re.compile(r"^(ERROR|WARNING|NOTE): ")
 
@@ -81,7 +87,7 @@ class _Command:
 
     def __init__(self, name: str, config: Path):
         self._config = config
-        self._words = ["-m", "gst", name, str(config)]
+        self._words = ["-m", "gst", *_COMMANDS[name], str(config)]
         self._log, self._number = (_LOGS / f"place_{name}.{kind}" for kind in ("log", "pid"))
         self._own: subprocess.Popen | None = None
 
@@ -163,7 +169,7 @@ class PlaceServer(ThreadingHTTPServer):
         self.token = secrets.token_urlsafe(24)
         self.host = f"127.0.0.1:{self.server_port}"
         self.url = f"http://{self.host}/{self.token}/"
-        self.commands = {name: _Command(name, config) for name in ("check", "study")}
+        self.commands = {name: _Command(name, config) for name in _COMMANDS}
         self.lock = threading.Lock()
 
     def result(self) -> dict[str, Any]:

@@ -14,8 +14,10 @@ import xarray as xr
 
 from gstlib.coupling.finding import find_on_map, find_on_stone, view_of
 from gstlib.coupling.matching import Match, match_near
+from gstlib.coupling.placement import shows_waves
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.frames import Frame
+from gstlib.surfaces.grid import spacing_of
 
 if TYPE_CHECKING:
     import trimesh
@@ -131,8 +133,15 @@ def snapped(
     scans: Mapping[str, xr.DataArray],
     places: Mapping[str, Place],
 ) -> dict[str, Match]:
-    """Where scans lie whose places on a square of a stone are known to half a millimetre."""
+    """Where scans lie whose places on a square of a stone are known to half a millimetre.
+
+    Raises a `ValueError` if the mesh is too coarse.
+    """
     view = view_of(mesh, frame, size_mm=size_mm, around_mm=_AROUND)
+    side = min(min(np.multiply(scan.shape, spacing_of(scan))) for scan in scans.values())
+    if not shows_waves(view, side):
+        edge = view.attrs["mesh_edge_mm"]
+        raise ValueError(f"edges of {edge:.2g} mm show no waves in scans of {side:.2g} mm")
     names = [name for name in scans if name in places]
     found = match_near(view, [scans[name] for name in names], [places[name] for name in names])
     return dict(zip(names, found, strict=True))

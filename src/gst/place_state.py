@@ -48,7 +48,9 @@ __all__ += ["save_answers", "save_file", "save_places", "state_of", "stone_of"]
 _ANSWERS = (
     "counterface.radius_mm",
     "inputs.mesh_unit",
+    "load.at_mm",
     "load.force_N",
+    "material.contact_modulus_MPa",
     "material.poisson_1",
     "material.poisson_2",
     "material.young_1_MPa",
@@ -78,7 +80,10 @@ _DECIMALS = 3
 SENT_ANSWERS: dict[str, Any] = {
     "type": "object",
     "propertyNames": {"enum": [*_ANSWERS]},
-    "additionalProperties": {"type": ["number", "string", "boolean", "null"]},
+    "additionalProperties": {
+        "type": ["number", "string", "boolean", "array", "null"],
+        "items": {"type": "number"},
+    },
 }
 SENT_FILE: dict[str, Any] = {
     "type": "object",

@@ -144,6 +144,17 @@ def test_the_difference_is_shown_and_copies_are_kept(files, monkeypatch, capsys)
     assert (files / "mine.csv.bak2").read_text() == expected
 
 
+def test_where_nobody_can_answer_nothing_is_written_unless_it_is_confirmed(files, monkeypatch):
+    def nobody(_):
+        raise EOFError
+
+    monkeypatch.setattr("builtins.input", nobody)
+    assert not offer(files / "study.yaml", CURES)
+    assert (files / "study.yaml").read_text() == CONFIG
+    assert offer(files / "study.yaml", CURES, is_confirmed=True)
+    assert "flip: x" in (files / "study.yaml").read_text()
+
+
 def test_what_changes_nothing_is_not_asked(files, monkeypatch):
     answered(monkeypatch, "y")
     assert not offer(files / "study.yaml", [Cure("it is so already", {"scans.mould.flip": "y"})])

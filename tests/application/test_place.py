@@ -192,11 +192,12 @@ def test_places_are_written_and_the_rest_stays(server, study):
 
 def test_answers_are_written_and_comments_stay(server, study):
     unknown = {"counterface.radius_mm": 274, "uncertainty.radius_fraction": 0.98}
-    for sent in ({"load.force_N": 30}, unknown, {"scans.mould.flip": "x"}):
+    more = {"load.at_mm": [1.5, 2]}, {"material.contact_modulus_MPa": None}
+    for sent in ({"load.force_N": 30}, unknown, {"scans.mould.flip": "x"}, *more):
         assert ask(server, "answers", sent) == (200, None)
         assert sent.items() <= ask(server, "state")[1]["answers"].items()
     text = (study / "study.yaml").read_text()
-    assert "load: {force_N: 30}  # the paper's" in text
+    assert "load: {force_N: 30, at_mm: [1.5, 2]}  # the paper's" in text
     assert yaml.safe_load(text)["counterface"] == {"radius_mm": 274}
 
 

@@ -224,6 +224,18 @@ def say_how(page, folder):
     assert config["load"]["force_N"] == 100
     assert config["counterface"] == {"radius_mm": 274}
     assert config["uncertainty"]["radius_fraction"] == 0.98
+    page.click("text=1 Where")
+    page.check("text=Where it was pressed")
+    plan = page.locator("#plan").bounding_box()
+    middle = plan["x"] + plan["width"] / 2, plan["y"] + plan["height"] / 2
+    scale = min(plan["width"], plan["height"]) / 6  # pixels a mm
+    page.mouse.click(middle[0] + scale, middle[1] - scale)
+    saved(page)
+    page.wait_for_function("state.answers['load.at_mm'] !== null")
+    assert config_of(folder)["load"]["at_mm"] == pytest.approx([3.5, 3.5], abs=0.03)
+    page.click("#load-middle")
+    page.wait_for_function("state.answers['load.at_mm'] === null")
+    page.click("text=2 How")
     stones = {"young_1_MPa": 19500, "young_2_MPa": 88300, "poisson_2": 0.11}
     assert stones.items() <= config["material"].items()
 
@@ -254,7 +266,11 @@ def test_the_five_steps(browser, folder, finished_tiny, stone):
         page.click("text=1 Where")
         say_what_was_scanned(page, folder)
         lay_square(page, folder, stone)
-        turn_and_move(page, folder, place_scans(page, folder, wanted))
+        first = place_scans(page, folder, wanted)
+        page.click("#exact")
+        page.wait_for_selector("#status.wrong")
+        assert "too coarse" in page.inner_text("#status")  # as the specimen's mesh is
+        turn_and_move(page, folder, first)
     text = (folder / "study.yaml").read_text()
     with opened(browser, folder) as (page, _):  # of another server, on another port
         page.click("text=1 Where")
