@@ -8,8 +8,10 @@ stone, and of a smooth one, are to be said not to be found.
 """
 
 import argparse
+import itertools
 import resource
 import time
+from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from pathlib import Path
 
@@ -72,32 +74,32 @@ def scattered(rng, turn):
     return places
 
 
-def of_stones(count):
-    for seed in range(20, 20 + count):
-        rng, fine = np.random.default_rng(seed), stone(seed)
-        smooth = scipy.ndimage.gaussian_filter(fine, 40)
-        of = {"own": fine, "another": stone(100 + seed), "smooth": smooth}
-        surfaces = {"own": mesh(fine, seed), "smooth": mesh(smooth, seed)}
-        mirrored, turn = bool(rng.integers(2)), rng.uniform(-180, 180)
-        whole = Place(*rng.uniform(2.0, FACE - 2.0, 2), turn)
-        places = scattered(rng, turn)
-        at = np.array([place[:2] for place in places])
-        middle = at.mean(axis=0)
-        v, u = Place(*middle, turn).seen(*at.T)
-        offsets = np.transpose([v, -u if mirrored else u])
-        readings = np.array([offsets * signs for signs in product((1, -1), (1, -1))])
-        hand = at + rng.uniform(-OFF, OFF, at.shape)
-        by_hand = [Place(*place, turn + rng.uniform(-10, 10)) for place in hand[:1]]
-        by_hand = [Place(*place, by_hand[0].rotation_deg) for place in hand]
-        for name, surface_of in of.items():
-            surface = surfaces.get(name, surfaces["own"])
-            scans = [scan(surface_of, place, mirrored, PATCH) for place in places]
-            large = scan(surface_of, whole, mirrored, OVERVIEW)
-            yield from timed("overview", seed, name, [whole], alone, surface, large)
-            yield from timed(
-                "tied by the stage", seed, name, places, tied, surface, scans, readings
-            )
-            yield from timed("by hand", seed, name, places, match_near, surface, scans, by_hand)
+def of_stone(seed):
+    """Rows of a stone with its own scans, with those of another, and smooth."""
+    rows = []
+    rng, fine = np.random.default_rng(seed), stone(seed)
+    smooth = scipy.ndimage.gaussian_filter(fine, 40)
+    of = {"own": fine, "another": stone(100 + seed), "smooth": smooth}
+    surfaces = {"own": mesh(fine, seed), "smooth": mesh(smooth, seed)}
+    mirrored, turn = bool(rng.integers(2)), rng.uniform(-180, 180)
+    whole = Place(*rng.uniform(2.0, FACE - 2.0, 2), turn)
+    places = scattered(rng, turn)
+    at = np.array([place[:2] for place in places])
+    middle = at.mean(axis=0)
+    v, u = Place(*middle, turn).seen(*at.T)
+    offsets = np.transpose([v, -u if mirrored else u])
+    readings = np.array([offsets * signs for signs in product((1, -1), (1, -1))])
+    hand = at + rng.uniform(-OFF, OFF, at.shape)
+    turned = turn + rng.uniform(-10, 10)
+    by_hand = [Place(*place, turned) for place in hand]
+    for name, surface_of in of.items():
+        surface = surfaces.get(name, surfaces["own"])
+        scans = [scan(surface_of, place, mirrored, PATCH) for place in places]
+        large = scan(surface_of, whole, mirrored, OVERVIEW)
+        rows += timed("overview", seed, name, [whole], alone, surface, large)
+        rows += timed("tied by the stage", seed, name, places, tied, surface, scans, readings)
+        rows += timed("by hand", seed, name, places, match_near, surface, scans, by_hand)
+    return rows
 
 
 def alone(surface, scan):
@@ -205,9 +207,12 @@ def of_pebble():
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--stones", type=int, default=20)
+    parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--output", type=Path, help="CSV of the summary")
     options = parser.parse_args()
-    table = summary(pd.DataFrame(of_stones(options.stones)))
+    with ProcessPoolExecutor(options.workers) as pool:
+        rows = [*itertools.chain(*pool.map(of_stone, range(20, 20 + options.stones)))]
+    table = summary(pd.DataFrame(rows))
     if DATA.is_dir():
         pebble = of_pebble().rename(
             columns={"found": "found_fraction", "off_um": "off_median_um"}
@@ -219,7 +224,8 @@ def main():
             stated_median_um=pebble.stated_um,
         )
         table = pd.concat([table, pebble.reindex(columns=table.columns)])
-    table["peak_memory_MB"] = round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    of_whom = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    table["peak_memory_MB"] = max(resource.getrusage(who).ru_maxrss // 1024 for who in of_whom)
     print(table.to_string(index=False))
     if options.output:
         table.to_csv(options.output, index=False, float_format="%.3g")

@@ -22,31 +22,27 @@ __all__ = ["MEANING", "ORDER", "PLACE", "Names", "Question", "Row", "read_names"
 PLACE, ORDER, MEANING = "place", "order", "meaning"
 
 # English, German, French, Italian, Spanish and Portuguese, without accents.
-_BEFORE = {
-    "before",
-    "beforeuse",
-    "pre",
-    "preuse",
-    "unused",
-    "unworn",
-    "fresh",
-    "initial",
-    "new",
-}
-_BEFORE |= {"original", "vorher", "vor", "unbenutzt", "neu", "avant", "prima", "antes"}
-_AFTER = {"after", "afteruse", "post", "postuse", "used", "worn", "final", "nachher", "nach"}
-_AFTER |= {"benutzt", "gebraucht", "apres", "dopo", "despues", "depois", "usato", "usado"}
-_WORDS = dict.fromkeys(_BEFORE, 0.0) | dict.fromkeys(_AFTER, 1.0)
+_BEFORE = (
+    "before beforeuse pre preuse unused unworn fresh initial new original vorher vor unbenutzt neu "
+    "avant prima antes"
+)
+_AFTER = (
+    "after afteruse post postuse used worn final nachher nach benutzt gebraucht apres dopo despues "
+    "depois usato usado"
+)
+_WORDS = {word: rank for rank, of in ((0.0, _BEFORE), (1.0, _AFTER)) for word in of.split()}
 _EPOCHS = {"epoch", "stage", "state", "phase", "time", "zeit", "zustand", "etat", "fase"}
-_HOUR, _MINUTE, _SECOND = 60.0, 1.0, 1 / 60
 _AMOUNTS = {
-    **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "stunden"), ("time", _HOUR)),
-    **dict.fromkeys(("min", "mins", "minute", "minutes", "minuten"), ("time", _MINUTE)),
-    **dict.fromkeys(("sec", "second", "seconds", "sekunden"), ("time", _SECOND)),
-    **dict.fromkeys(("stroke", "strokes"), ("strokes", 1.0)),
-    **dict.fromkeys(("cycle", "cycles", "cyc", "zyklen", "cicli", "ciclos"), ("cycles", 1.0)),
-    **dict.fromkeys(("pass", "passes", "blow", "blows", "hit", "hits"), ("blows", 1.0)),
-    **dict.fromkeys(("coups", "colpi", "golpes", "schlage", "turns"), ("blows", 1.0)),
+    word: (kind, unit)
+    for kind, unit, words in (
+        ("time", 60.0, "h hr hrs hour hours stunden"),
+        ("time", 1.0, "min mins minute minutes minuten"),
+        ("time", 1 / 60, "sec second seconds sekunden"),
+        ("strokes", 1.0, "stroke strokes"),
+        ("cycles", 1.0, "cycle cycles cyc zyklen cicli ciclos"),
+        ("blows", 1.0, "pass passes blow blows hit hits coups colpi golpes schlage turns"),
+    )
+    for word in words.split()
 }
 _REPEAT = re.compile(
     r"(?:rep|repeat|repeated|repetition|replicate|rescan|again|bis|dup|duplicate|wdh|wiederholung"

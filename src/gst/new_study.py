@@ -187,7 +187,8 @@ def _from_scans(
 ) -> tuple[list[_Said], str, dict[str, Any]]:
     """What the scans say, the patch table, and values of the config."""
     root, paths, others = find_scans(given)
-    scans, faults = read_scans(root, [path for path in paths if path != overview])
+    is_overview = overview.resolve() if overview else None
+    scans, faults = read_scans(root, [path for path in paths if path != is_overview])
     if not scans:
         raise InputError(root, f"no scan in it can be read: {faults[0]}", "Export them again.")
     pairs = pair_scans(scans)
@@ -203,9 +204,13 @@ def _from_scans(
     mould: dict[str, Any] = {"scans.mould.invert": pairs.invert, "scans.mould.flip": None}
     if pairs.invert is True:
         mould["scans.mould.flip"] = "x"
-    state = _TO_DO if is_to_do(pairs.invert) else _OK
     values = units | {"inputs.scan_folder": _relative(root, folder)} | mould | where.values
-    said += [_Said("Mould", pairs.mould, state), *where.said]
+    if is_to_do(values["scans.mould.invert"]) == is_to_do(
+        pairs.invert
+    ):  # else the mesh tells it
+        state = _TO_DO if is_to_do(pairs.invert) else _OK
+        said.append(_Said("Mould", pairs.mould, state))
+    said += where.said
     said += [_Said("Not read", fault.removeprefix(f"{root}/"), _DOUBT) for fault in faults]
     left = [*pairs.left, *(path.relative_to(root).as_posix() for path in others)]
     left = [name for name in left if not is_mesh(name)]
@@ -304,6 +309,7 @@ def _where(
     """Where scans lie: found on the mesh, or at least their distances, or nothing tells it."""
     scans = {patch: scan for patch, scan in first.items() if scan is not None}
     stages, doubt = _stages([*first.values()], size_mm)
+    overviews = [scan for scan in overviews if not is_to_do(scan.unit)]
     can_match = not (isinstance(size_mm, str) or is_to_do(stone.unit) or not scans)
     if can_match and (overviews or stages is not None):
         overview = max(overviews, key=lambda scan: min(scan.size_mm), default=None)
@@ -316,8 +322,9 @@ def _where(
         by = "the stage's distances" if overview is None else overview.name
         if found.placed:
             return _found(found, invert, float(size_mm), by)
-        told = found.on_stone
-        doubt = f"{by}: {described(told) if told else 'too small for the mesh'}; {doubt}"
+        told = described(found.on_stone) if found.on_stone else "too small for the mesh"
+        none = ", and no scan is found on it" * bool(found.frame)
+        doubt = f"{by}, on the mesh: {told}{none}" + f"; {doubt}" * bool(doubt)
     if stages is None:
         text = f"{doubt}: x_mm and y_mm are yours to give"
         return _Where({}, {"square.size_mm": _square_mm()}, [_Said("Where", text, _TO_DO)])

@@ -6,6 +6,13 @@ const $ = (id) => document.getElementById(id);
 const all = (selector) => [...document.querySelectorAll(selector)];
 const STEPS = ["where", "how", "check", "run", "result"];
 
+/** An element with properties, and what is inside it. */
+function make(tag, properties, ...inside) {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...inside);
+  return made;
+}
+
 let state; // as the server has it: square, patches, answers …
 let isStaged = null; // whether all places are from the stage; null until it is asked
 let viewer = null; // of the stone, once it is there
@@ -248,33 +255,28 @@ function press(event, patch) {
 function drawList() {
   const active = document.activeElement?.id;
   $("places").replaceChildren(...state.patches.map((patch, number) => {
-    const row = document.createElement("li");
-    if (hasPictures()) row.append(thumbnail(patch, number));
-    const name = document.createElement("b");
-    name.textContent = patch.patch;
-    row.append(name, numberOf(patch, "x_mm", "x"), numberOf(patch, "y_mm", "y"));
-    if (state.has_scans) row.append(numberOf(patch, "rotation_deg", "°"), fits[patch.patch] || "");
-    else row.append(gradeOf(patch), removal(patch));
-    return row;
+    const picture = hasPictures() ? [thumbnail(patch, number)] : [];
+    const rest = state.has_scans ? [numberOf(patch, "rotation_deg", "°"), fits[patch.patch] || ""]
+      : [gradeOf(patch), removal(patch)];
+    return make("li", {}, ...picture, make("b", {}, patch.patch),
+      numberOf(patch, "x_mm", "x"), numberOf(patch, "y_mm", "y"), ...rest);
   }));
   if (active) $(active)?.focus({ preventScroll: true });
 }
 
 function thumbnail(patch, number) {
-  const picture = document.createElement("img");
-  picture.src = pictureOf(number);
-  picture.alt = `Scan of ${patch.patch}`;
-  picture.draggable = false;
-  picture.onerror = () => told(ask(picture.src)); // which says why
-  picture.onpointerdown = (event) => drag(event, (_dx, _dy, [x, y]) =>
-    Object.assign(patch, { x_mm: +x.toFixed(3), y_mm: +y.toFixed(3) }));
-  return picture;
+  return make("img", {
+    src: pictureOf(number),
+    alt: `Scan of ${patch.patch}`,
+    draggable: false,
+    onerror: () => told(ask(pictureOf(number))), // which says why
+    onpointerdown: (event) => drag(event, (_dx, _dy, [x, y]) =>
+      Object.assign(patch, { x_mm: +x.toFixed(3), y_mm: +y.toFixed(3) })),
+  });
 }
 
 function numberOf(patch, key, word) {
-  const label = document.createElement("label");
-  const input = document.createElement("input");
-  Object.assign(input, { type: "number", step: "any", id: `${key}-${patch.patch}` });
+  const input = make("input", { type: "number", step: "any", id: `${key}-${patch.patch}` });
   input.value = patch[key] ?? "";
   input.ariaLabel = `${word === "°" ? "turn" : word} of ${patch.patch}`;
   input.onchange = () => {
@@ -283,16 +285,12 @@ function numberOf(patch, key, word) {
     if (key === "rotation_deg") patch[key] = turned(patch[key]);
     savePlaces();
   };
-  label.append(word, input);
-  return label;
+  return make("label", {}, word, input);
 }
 
 function gradeOf(patch) {
-  const label = document.createElement("label");
-  const choice = document.createElement("select");
-  choice.id = `grade-${patch.patch}`;
-  for (const grade of ["", 0, 1, 2, 3]) choice.append(new Option(grade === "" ? "?" : grade, grade));
-  if (patch.wear_grade > 3) choice.append(new Option(patch.wear_grade));
+  const grades = [...new Set([0, 1, 2, 3, patch.wear_grade ?? 0])].map((grade) => new Option(grade));
+  const choice = make("select", { id: `grade-${patch.patch}` }, new Option("?", ""), ...grades);
   choice.value = patch.wear_grade ?? "";
   choice.ariaLabel = `How worn ${patch.patch} is`;
   choice.onchange = () => {
@@ -300,21 +298,16 @@ function gradeOf(patch) {
     patch.wear_grade = choice.value === "" ? null : Number(choice.value);
     savePlaces();
   };
-  label.append("worn", choice);
-  return label;
+  return make("label", {}, "worn", choice);
 }
 
 function removal(patch) {
-  const button = document.createElement("button");
-  button.type = "button";
-  button.textContent = "✕";
-  button.ariaLabel = `Remove ${patch.patch}`;
-  button.onclick = () => {
+  const onclick = () => {
     keep();
     state.patches = state.patches.filter((each) => each !== patch);
     savePlaces();
   };
-  return button;
+  return make("button", { type: "button", ariaLabel: `Remove ${patch.patch}`, onclick }, "✕");
 }
 
 function addPlace(x, y) {
@@ -515,17 +508,14 @@ function showAnswers() {
 function showFiles() {
   $("files").hidden = !state.asked.length;
   $("files").querySelector("div").replaceChildren(...state.asked.map(({ patch, column, likely }) => {
-    const label = document.createElement("label");
-    const choice = document.createElement("select");
-    choice.append(new Option("…", "…"));
-    if (column !== "t0") choice.append(new Option("none", ""));
-    for (const name of state.files) choice.append(new Option(name));
+    const none = column === "t0" ? [] : [new Option("none", "")];
+    const names = state.files.map((name) => new Option(name));
+    const choice = make("select", {}, new Option("…", "…"), ...none, ...names);
     choice.onchange = async () => {
       await save("file", { patch, column, name: choice.value });
       await load();
     };
-    label.append(`${column} of ${patch} `, choice, likely && ` likely ${likely}`);
-    return label;
+    return make("label", {}, `${column} of ${patch} `, choice, likely && ` likely ${likely}`);
   }));
 }
 
@@ -581,12 +571,8 @@ function showSaid(name, said) {
   shown[name] = text;
   section.querySelector("[role=status]").textContent = howItIs(name, said);
   const box = section.querySelector(".said");
-  box.replaceChildren(...said.records.map(({ level, text: line }) => {
-    const piece = document.createElement("p");
-    piece.className = level;
-    piece.textContent = line;
-    return piece;
-  }));
+  box.replaceChildren(...said.records.map(
+    ({ level, text: line }) => make("p", { className: level }, line)));
   if (name === "study") showProgress(said, box);
   else if (!said.running && box.textContent.includes("check.png")) showPicture();
   if (name === "check")

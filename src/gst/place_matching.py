@@ -90,7 +90,10 @@ def find_scans(
         }
         return Found(found.frame, found.match, each)
     middle = [float(overview[axis].mean()) for axis in ("y", "x")]
-    inner = find_on_map(overview, scans, readings)
+    try:
+        inner = find_on_map(overview, scans, readings)
+    except ValueError:  # its points are too far apart for them
+        inner = {}
     each = {name: found.match.carrying(match, middle) for name, match in inner.items()}
     return Found(found.frame, found.match, _laid_alike(each))
 

@@ -283,7 +283,7 @@ def test_an_overview_of_another_stone_gives_no_place(lab):
     said, config, rows = new(lab)
     assert {row["x_mm"] for row in rows} == {"TODO"}
     assert config["square"]["points_mm"] == "TODO"
-    assert "overview.plu: not found" in said
+    assert "overview.plu, on the mesh: not found" in said
 
 
 def test_a_study_is_not_overwritten(lab):

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from contacts import pressed
 from gst.patches import read_patches
-from gstlib.coupling.matching import match_map
+from gstlib.coupling.matching import match_map, match_together
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.io.stage import stage_of
@@ -130,6 +130,12 @@ def test_the_map_of_the_pebble_is_found_on_its_face():
     assert match.mirrored
     assert abs(match.place.rotation_deg) == pytest.approx(180, abs=1)
     assert not match_map(face, cut_scan(scan, (0.5, 0.8), 0.85)).found
+    # six of them are, if the stage ties them together
+    offsets = np.array([(y, x) for y in (-0.45, 0.45) for x in (-0.85, 0.0, 0.85)])
+    pieces = [cut_scan(scan, offset, 0.85) for offset in offsets]
+    together, reading = match_together(face, pieces, np.array([offsets * (1, -1), offsets]))
+    assert (together.found, together.mirrored, reading) == (True, True, 1)
+    assert together.place[:2] == pytest.approx(match.place[:2], abs=0.06)
 
 
 def test_map_is_where_the_patch_table_says():

@@ -175,7 +175,10 @@ def _from_above(
     origin = centre - half * (frame.axes[0] + frame.axes[1])
     frame = Frame(origin.tolist(), frame.axes[0].tolist(), frame.axes[2].tolist())
     view = view_of(mesh, frame, size_mm=2 * half)
-    match, _ = match_together(view, scans, reading[np.newaxis])
+    try:
+        match, _ = match_together(view, scans, reading[np.newaxis])
+    except ValueError:  # it sticks out of this view
+        return found
     return OnStone(frame, match.among([found.match.next_best], len(scans)), found.reading)
 
 

@@ -1,38 +1,39 @@
 """Where on a stone was a map taken? Scans are found on the mesh or on a larger map, by heights.
 
-Heights are correlated at every shift, for turns all around and mirrored, too. A plane is removed
-at each place from both (plane-free normalised correlation), so that tilt and form of the stone do
-not matter. The sums over the window at every shift are correlations themselves, by the fast Fourier
-transform (Lewis 1995, Vision Interface, 120). The best place is refined between the elements; its
-error is that of the jackknife over blocks of the map.
+Heights are correlated at every shift, for turns all around and mirrored, too
+(`gstlib.coupling.sliding`). The best place is refined between the elements, and its error estimated
+(`gstlib.coupling.aligning`).
 
 A patch of 0.85 mm has too few waves that a mesh shows to be found anywhere (`match_map`). Several
 are, whose distances the stage tells (`match_together`), or from a start by hand (`match_near`).
 """
 
-import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
-import scipy
 import xarray as xr
 
-from gstlib.preprocess.scans import interpolate_holes
-from gstlib.surfaces.footprints import Place, rotated, spline_of
-from gstlib.surfaces.grid import coarser, spacing_of
-from gstlib.surfaces.leveling import remove_plane
+from gstlib.coupling.aligning import Fit, part_around
+from gstlib.coupling.sliding import (
+    Image,
+    Template,
+    correlation_of,
+    elements,
+    middles,
+    peaks_of,
+    slid,
+    to_search,
+)
+from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.grid import spacing_of
 
 __all__ = ["Match", "match_map", "match_near", "match_together"]
 
 # Turns that are tried: a map of 2.5 mm that is turned by half a step too far is off by 50 µm at its
 # corners, a quarter of the shortest waves that a mesh shows.
 _TURNS = 72
-# Fewest elements of the surface along a scan's side: fewer show no waves. More than the most tell
-# nothing in a search; so many are enough to refine a place.
-_FEWEST, _MOST, _REFINED = 12, 40, 100
 # ASSUME: a map is found if it correlates by this much, and more than at any other place, turn or
 # mirroring by this much, in Fisher's z (artanh r); several scans that the stage ties together, by
 # the second. On their own synthetic stones maps lead by 1.0 or so, such scans by 0.8 to 1.1; on
@@ -43,10 +44,6 @@ _ONE = 1 - 1e-9
 # What is as near to the best place as this share of the map's shorter side, and is turned by no
 # more than this (degrees), is the same match.
 _SAME_PLACE, _SAME_TURN = 0.5, 20.0
-# Blocks along a side, of which each is left out in turn for the error of the place.
-_BLOCKS = 3
-# Below this share of the largest spread of a window, it is flat: its correlation means nothing.
-_FLAT = 1e-6
 # How far places by hand may be off (mm, degrees), and the step of the turns that are tried.
 _REACH, _STEP = 0.75, 3.0
 _BY_HAND = np.arange(-12.0, 12.1, _STEP)
@@ -167,17 +164,17 @@ def match_together(
     ValueError
         As in `match_map`.
     """
-    search, templates = _to_search(surface, scans)
+    search, templates = to_search(surface, scans)
     step = spacing_of(search)[0]
-    image, peaks = _Image.of(search), dict[_Key, np.ndarray]()
-    for pose, held in _held(image, templates, step, _all_around(templates, readings, step)):
+    image, peaks = Image.of(search), dict[_Key, np.ndarray]()
+    for pose, held in slid(image, templates, step, _all_around(templates, readings, step)):
         for number, reading in enumerate(readings):
-            at = _elements(reading, pose, step)
-            peaks[*pose, number] = _peaks(_correlation(held, at)) - [0, *at.min(axis=0)]
+            at = elements(reading, pose, step)
+            peaks[*pose, number] = peaks_of(correlation_of(held, at)) - [0, *at.min(axis=0)]
     key, best = _highest(peaks)
     mirrored, turn, number = key
-    y, x = _middles(best[np.newaxis, 1:], search, templates)[0]
-    fit = _Fit.of(surface, scans, readings[number], mirrored).refined(Place(y, x, turn))
+    y, x = middles(best[np.newaxis, 1:], search, templates)[0]
+    fit = Fit.of(surface, scans, readings[number], mirrored).refined(Place(y, x, turn))
     radius = _SAME_PLACE * min(min(each.sides) for each in templates) / step
     elsewhere = max(
         _elsewhere(found, best, radius if _is_same(key, other) else 0.0)
@@ -210,7 +207,7 @@ def match_near(
     ValueError
         As in `match_map`.
     """
-    search, templates = _to_search(surface, scans)
+    search, templates = to_search(surface, scans)
     near = [_near(search, *each) for each in zip(templates, places, strict=True)]
     sums = {pose: _common([peaks[pose] for peaks in near]) for pose in near[0]}
     pose = max(sums, key=lambda each: sums[each])
@@ -224,7 +221,7 @@ def match_near(
         own_turn, scale = math.inf, 1.0
         if len(there := peaks[pose]):
             best = there[there[:, 0].argmax()]
-            fit = _Fit.of(surface, [scan], np.zeros((1, 2)), mirrored)
+            fit = Fit.of(surface, [scan], np.zeros((1, 2)), mirrored)
             start = Place(float(best[1]), float(best[2]), place.rotation_deg + turn)
             lies = fit.refined(start, is_turned=False)
             own_turn = fit.refined(lies.place).place.rotation_deg - lies.place.rotation_deg
@@ -232,7 +229,7 @@ def match_near(
             scale, fits = sign * lies.scale, (sign * lies.correlation, elsewhere)
             match = replace(match, place=lies.place, error_mm=_NEAR_ERRORS * lies.error_mm)
             match = replace(match, correlation=fits[0], next_best=fits[1])
-        snapped.append((match, abs((own_turn + 180) % 360 - 180), math.log(max(scale, _FLAT))))
+        snapped.append((match, abs((own_turn + 180) % 360 - 180), math.log(max(scale, 1e-6))))
     usual = np.median([(match.strength, scale) for match, _, scale in snapped], axis=0)
     return [
         replace(
@@ -249,16 +246,16 @@ def match_near(
 
 
 def _near(
-    search: xr.DataArray, template: "_Template", place: Place
+    search: xr.DataArray, template: "Template", place: Place
 ) -> dict[tuple[bool, float, int, int], np.ndarray]:
     """Peaks (score, y, x) around a place, by mirroring, sign, half turn and number of the turn."""
     step = spacing_of(search)[0]
-    part = _around(search, place, template.count(step) * step / 2 + _REACH + step)
-    image, turns = _Image.of(part), place.rotation_deg + _BY_HAND
+    part = part_around(search, place, template.count(step) * step / 2 + _REACH + step)
+    image, turns = Image.of(part), place.rotation_deg + _BY_HAND
     found = {}
-    for number, (pose, held) in enumerate(_held(image, [template], step, turns)):
-        peaks = _peaks(_correlation(held, np.zeros((1, 2), int)))
-        peaks[:, 1:] = _middles(peaks[:, 1:], part, [template])
+    for number, (pose, held) in enumerate(slid(image, [template], step, turns)):
+        peaks = peaks_of(correlation_of(held, np.zeros((1, 2), int)))
+        peaks[:, 1:] = middles(peaks[:, 1:], part, [template])
         peaks = peaks[np.hypot(*(peaks[:, 1:] - place[:2]).T) <= _REACH]
         for sign in (1.0, -1.0):
             own = peaks[sign * peaks[:, 0] > 0] * [sign, 1, 1]
@@ -288,108 +285,17 @@ def _judged(match: Match, count: int) -> Match:
     return replace(match, found=match.found and is_right)
 
 
-_Pose = tuple[bool, float]  # mirrored, and turn in degrees
-_Key = tuple[bool, float, int]  # and the reading of the stage
-
-
-def _to_search(
-    surface: xr.DataArray, scans: Sequence[xr.DataArray]
-) -> tuple[xr.DataArray, list["_Template"]]:
-    """Surface and scans on elements that are long enough for a search."""
-    step = spacing_of(surface)[0]
-    side = min(
-        n * d for scan in scans for n, d in zip(scan.shape, spacing_of(scan), strict=True)
-    )
-    if side * math.sqrt(len(scans)) < _FEWEST * step:
-        raise ValueError(
-            f"a map of {side:.3g} mm has fewer than {_FEWEST} elements of {step:.3g} mm"
-        )
-    if np.isfinite(surface.values).sum() * step**2 < side**2:
-        raise ValueError("the map does not fit on the surface")
-    times = max(1, int(side / _MOST / step))
-    search = coarser(surface, times) if times > 1 else surface
-    edge = max(times * step, surface.attrs.get("mesh_edge_mm", 0.0))
-    return search, [_Template.of(scan, edge) for scan in scans]
+_Key = tuple[bool, float, int]  # mirrored, turn in degrees, and reading of the stage
 
 
 def _all_around(
-    templates: Sequence["_Template"], readings: np.ndarray, step: float
+    templates: Sequence["Template"], readings: np.ndarray, step: float
 ) -> np.ndarray:
     """Turns over half a circle: half of the way between two moves no scan by an element."""
     apart = np.linalg.norm(readings - readings.mean(axis=1, keepdims=True), axis=-1).max()
     radius = apart + max(math.hypot(*each.sides) / 2 for each in templates)
     count = max(_TURNS // 2, math.ceil(math.pi * radius / (2 * step)))
     return np.arange(count) * 180 / count
-
-
-def _held(
-    image: "_Image", templates: Sequence["_Template"], step: float, turns: Iterable[float]
-) -> Iterator[tuple[_Pose, list["_Held"]]]:
-    """Each scan held against a surface, at each turn and half a turn on, mirrored or not."""
-    count = _count(templates, step)
-    for turn in turns:
-        # half a turn later, and mirrored, too, a rectangle covers the same elements
-        sides = {each.sides: each for each in templates}
-        windows = {
-            of: image.window(each.covered(turn, step, count)) for of, each in sides.items()
-        }
-        for mirrored, whole in itertools.product((False, True), (turn, turn + 180)):
-            held = []
-            for each in templates:
-                window = windows[each.sides]
-                heights = each.laid(mirrored, whole, step, count)[window.covered]
-                held.append(image.held_against(heights, window))
-            yield (mirrored, whole), held
-
-
-def _count(templates: Sequence["_Template"], step: float) -> int:
-    return max(each.count(step) for each in templates)
-
-
-def _middles(
-    at: np.ndarray, search: xr.DataArray, templates: Sequence["_Template"]
-) -> np.ndarray:
-    """The middles (k, 2) of windows, mm, from their first elements (k, 2)."""
-    step = spacing_of(search)[0]
-    first = [float(search[axis][0]) for axis in ("y", "x")]
-    return (at + (_count(templates, step) - 1) / 2) * step + first
-
-
-def _elements(reading: np.ndarray, pose: _Pose, step: float) -> np.ndarray:
-    """By how many elements (n, 2) scans at a pose lie from their common point."""
-    mirrored, turn = pose
-    v, u = np.transpose(reading)
-    return np.rint(np.transpose(rotated(v, -u if mirrored else u, turn)) / step).astype(int)
-
-
-class _Held(NamedTuple):
-    """A scan held against a surface, by the window's first element; without their planes."""
-
-    products: np.ndarray
-    own: float  # sum of the squares of the scan's heights
-    under: np.ndarray  # that of the surface's, NaN where there is no stone
-
-
-def _correlation(held: Sequence[_Held], at: np.ndarray) -> np.ndarray:
-    """That of scans shifted by elements (n, 2) from each other; it begins where the first does."""
-    shifts = at - at.min(axis=0)
-    rows, columns = np.maximum(np.subtract(held[0].products.shape, shifts.max(axis=0)), 0)
-    products, under = np.zeros((rows, columns)), np.zeros((rows, columns))
-    for each, (row, column) in zip(held, shifts, strict=True):
-        part = np.s_[row : row + rows, column : column + columns]
-        products += each.products[part]
-        under += each.under[part]
-    own = sum(each.own for each in held)
-    return products / np.sqrt(own * under if own > 0 else np.inf)
-
-
-def _peaks(score: np.ndarray) -> np.ndarray:
-    """Scores, rows and columns (k, 3) of those larger (in size) than their neighbours."""
-    size = np.nan_to_num(np.abs(score))
-    if not size.size:
-        return np.empty((0, 3))
-    at = np.argwhere((size > 0) & (size == scipy.ndimage.maximum_filter(size, 3)))
-    return np.column_stack([score[tuple(at.T)], at])
 
 
 def _highest(peaks: dict[_Key, np.ndarray]) -> tuple[_Key, np.ndarray]:
@@ -414,231 +320,3 @@ def _is_same(one: _Key, other: _Key) -> bool:
     """Whether two are the same match if they are at the same place."""
     off = abs((one[1] - other[1] + 180) % 360 - 180)
     return one[0] == other[0] and one[2] == other[2] and off <= _SAME_TURN
-
-
-def _around(surface: xr.DataArray, place: Place, half: float) -> xr.DataArray:
-    """The part of a surface around a place."""
-    y, x = (slice(at - half, at + half) for at in place[:2])
-    return surface.sel(y=y, x=x)
-
-
-@dataclass(frozen=True)
-class _Template:
-    """A map that can be laid on the surface's grid, as smooth as the mesh."""
-
-    heights: xr.DataArray  # without holes, its coordinates from its centre
-    sides: tuple[float, float]  # mm, along y and x
-
-    @classmethod
-    def of(cls, scan: xr.DataArray, edge: float) -> "_Template":
-        """A scan, as smooth as a mesh with edges of this length (mm)."""
-        dy, dx = spacing_of(scan)
-        level = remove_plane(scan)[0]
-        whole = interpolate_holes(level.values, np.isnan(level.values))
-        smooth = scipy.ndimage.gaussian_filter(whole, (edge / 2 / dy, edge / 2 / dx))
-        centred = {axis: level[axis] - level[axis].mean() for axis in level.dims}
-        ny, nx = scan.shape
-        return cls(level.copy(data=smooth).assign_coords(centred), (ny * dy, nx * dx))
-
-    def count(self, step: float) -> int:
-        """Elements along a square window that holds the map, however it is turned."""
-        return math.ceil(math.hypot(*self.sides) / step) | 1
-
-    def _offsets(self, turn: float, step: float, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Places (v, u) of a window's elements along the axes of the turned map, mm."""
-        along = (np.arange(count) - (count - 1) / 2) * step
-        return rotated(along[:, None], along[None, :], -turn)
-
-    def covered(self, turn: float, step: float, count: int) -> np.ndarray:
-        """Which elements of a window the turned map covers."""
-        v, u = self._offsets(turn, step, count)
-        return (abs(v) <= self.sides[0] / 2) & (abs(u) <= self.sides[1] / 2)
-
-    def laid(self, mirrored: bool, turn: float, step: float, count: int) -> np.ndarray:
-        """Its heights on a window's elements."""
-        return self.at(*self._offsets(turn, step, count), mirrored)
-
-    def at(self, v: np.ndarray, u: np.ndarray, mirrored: bool) -> np.ndarray:
-        """Heights at places from its centre, along its own axes."""
-        places = [
-            (at - float(self.heights[axis][0])) / step
-            for axis, at, step in zip(
-                "yx", (v, -u if mirrored else u), spacing_of(self.heights), strict=True
-            )
-        ]
-        return scipy.ndimage.map_coordinates(
-            self.heights.values, places, order=1, mode="nearest"
-        )
-
-
-class _Window(NamedTuple):
-    """What the surface is under a window, wherever it lies."""
-
-    covered: np.ndarray
-    planes: np.ndarray  # (points, 3) an orthonormal basis of the planes
-    squares: (
-        np.ndarray
-    )  # sums of those of heights less their plane; NaN where there is no stone
-
-
-@dataclass(frozen=True)
-class _Image:
-    """A surface whose sums over windows are correlations."""
-
-    shape: tuple[int, ...]
-    padded: tuple[int, ...]
-    heights: np.ndarray  # transforms
-    squares: np.ndarray
-    absent: np.ndarray
-
-    @classmethod
-    def of(cls, surface: xr.DataArray) -> "_Image":
-        level = remove_plane(surface)[0].values
-        absent = np.isnan(level)
-        heights = np.where(absent, 0.0, level)
-        padded = tuple(scipy.fft.next_fast_len(n, real=True) for n in level.shape)
-        transforms = (scipy.fft.rfft2(of, padded) for of in (heights, heights**2, absent))
-        return cls(level.shape, padded, *transforms)
-
-    def _sums(
-        self, transforms: Sequence[np.ndarray], values: np.ndarray, covered: np.ndarray
-    ) -> list[np.ndarray]:
-        """Sums of what was transformed times values of a window, by the window's first element."""
-        window = np.zeros(covered.shape)
-        window[covered] = values
-        factor = np.conj(scipy.fft.rfft2(window, self.padded))
-        rows, columns = (
-            max(n - k + 1, 0) for n, k in zip(self.shape, covered.shape, strict=True)
-        )
-        return [
-            scipy.fft.irfft2(of * factor, self.padded)[:rows, :columns] for of in transforms
-        ]
-
-    def window(self, covered: np.ndarray) -> _Window:
-        """A window that covers these of its elements."""
-        y, x = np.nonzero(covered)
-        planes, _ = np.linalg.qr(_plane(y, x))
-        squares, absent = self._sums([self.squares, self.absent], np.ones(len(planes)), covered)
-        for plane in planes.T:
-            squares -= self._sums([self.heights], plane, covered)[0] ** 2
-        is_stone = (absent < 0.5) & (squares > _FLAT * squares.max(initial=0.0))
-        return _Window(covered, planes, np.where(is_stone, squares, np.nan))
-
-    def held_against(self, heights: np.ndarray, window: _Window) -> "_Held":
-        """What a scan's heights (points,) have in common with the surface, wherever they lie."""
-        flat = heights - window.planes @ (window.planes.T @ heights)
-        (products,) = self._sums([self.heights], flat, window.covered)
-        return _Held(products, float(flat @ flat), window.squares)
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """Scans that are held against a surface together; `points` are theirs from a common point."""
-
-    surface: xr.DataArray
-    points: list[tuple[np.ndarray, np.ndarray]]  # (v, u) of each, mm
-    heights: list[np.ndarray]
-    blocks: np.ndarray  # of all points
-    step: float
-
-    @classmethod
-    def of(
-        cls,
-        surface: xr.DataArray,
-        scans: Sequence[xr.DataArray],
-        reading: np.ndarray,
-        mirrored: bool,
-    ) -> "_Fit":
-        sides = [
-            n * d for scan in scans for n, d in zip(scan.shape, spacing_of(scan), strict=True)
-        ]
-        step = max(spacing_of(surface)[0], min(sides) / _REFINED)
-        edge = max(step, surface.attrs.get("mesh_edge_mm", 0.0))
-        points, heights, blocks = [], [], list[np.ndarray]()
-        for scan, (dv, du) in zip(scans, reading, strict=True):
-            template = _Template.of(scan, edge)
-            along = [np.arange(-side / 2 + step / 2, side / 2, step) for side in template.sides]
-            v, u = (each.ravel() for each in np.meshgrid(*along, indexing="ij"))
-            blocks.append(_blocks(v, u) + _BLOCKS**2 * len(blocks))
-            heights.append(template.at(v, u, mirrored))
-            points.append((v + dv, u + (-du if mirrored else du)))
-        return cls(surface, points, heights, np.concatenate(blocks), step)
-
-    def refined(self, start: Place, *, is_turned: bool = True) -> "_Refined":
-        """The best place near another; perhaps without turning."""
-        reach = max(np.hypot(v, u).max() for v, u in self.points) + 5 * self.step
-        spline = spline_of(_around(self.surface, start, reach))
-
-        def at(pose: np.ndarray) -> Place:
-            y, x, *turn = map(float, pose)
-            degrees = math.degrees(turn[0]) if turn else start.rotation_deg
-            return Place(y, x, (degrees + 180) % 360 - 180)
-
-        def under(pose: np.ndarray) -> Iterator[np.ndarray]:
-            yield from (spline.ev(*at(pose).points(v, u)) for v, u in self.points)
-
-        def residual(pose: np.ndarray) -> np.ndarray:
-            """Heights of the surface less those of each scan, without their planes and scales."""
-            columns = (
-                np.column_stack([_plane(v, u), heights])
-                for (v, u), heights in zip(self.points, self.heights, strict=True)
-            )
-            return np.concatenate([*map(_less, columns, under(pose))])
-
-        count = 3 if is_turned else 2
-        pose = np.array([start.y_mm, start.x_mm, math.radians(start.rotation_deg)])[:count]
-        scale = (self.step, self.step, 0.01)[:count]
-        fit = scipy.optimize.least_squares(residual, pose, x_scale=scale)
-        planes = [_plane(v, u) for v, u in self.points]
-        seen, own = (
-            np.concatenate([*map(_less, planes, of)]) for of in (under(fit.x), self.heights)
-        )
-        common, squares = float(seen @ own), float(own @ own)
-        length = math.sqrt(float(seen @ seen) * squares)
-        return _Refined(
-            at(fit.x),
-            correlation=common / length if length > 0 else 0.0,
-            error_mm=_jackknife(fit.jac, fit.fun, self.blocks),
-            scale=common / squares if squares > 0 else 0.0,
-        )
-
-
-class _Refined(NamedTuple):
-    """A place between the elements, how well scans fit there, and the error of the place."""
-
-    place: Place
-    correlation: float
-    error_mm: float
-    scale: float  # heights of the surface beside those of the scans
-
-
-def _less(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Values less what combinations of columns can give."""
-    rest: np.ndarray = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
-    return rest
-
-
-def _plane(v: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Rows of which combinations are planes over points (v, u)."""
-    return np.stack([np.ones_like(v), v, u], axis=1)
-
-
-def _blocks(v: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """The number of the block that each point (v, u) lies in."""
-    parts = [
-        np.clip((_BLOCKS * (at / (2 * abs(at).max()) + 0.5)).astype(int), 0, _BLOCKS - 1)
-        for at in (v, u)
-    ]
-    return _BLOCKS * parts[0] + parts[1]
-
-
-def _jackknife(jacobian: np.ndarray, residual: np.ndarray, block: np.ndarray) -> float:
-    """Standard error of a fitted place (y, x), the larger of the two, leaving out each block."""
-    moved = [
-        np.linalg.lstsq(jacobian[block != number], -residual[block != number], rcond=None)[0][
-            :2
-        ]
-        for number in np.unique(block)
-    ]
-    covariance = (len(moved) - 1) * np.cov(moved, rowvar=False, bias=True)
-    return float(np.sqrt(np.diag(covariance)).max())

@@ -1,0 +1,245 @@
+"""Scans slid over a surface: how well their heights correlate wherever they lie.
+
+A plane is removed from both at each place (plane-free normalised correlation), so that tilt and
+form do not matter. The sums over the window at every shift are correlations themselves, by the fast
+Fourier transform (Lewis 1995, Vision Interface, 120).
+"""
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+import xarray as xr
+
+from gstlib.preprocess.scans import interpolate_holes
+from gstlib.surfaces.footprints import rotated
+from gstlib.surfaces.grid import coarser, spacing_of
+from gstlib.surfaces.leveling import remove_plane
+
+__all__ = [
+    "Held",
+    "Image",
+    "Pose",
+    "Template",
+    "correlation_of",
+    "elements",
+    "middles",
+    "peaks_of",
+]
+__all__ += ["planes_over", "slid", "to_search"]
+
+# Fewest elements of the surface along a scan's side: fewer show no waves. More than the most tell
+# nothing in a search.
+_FEWEST, _MOST = 12, 40
+# Below this share of the largest spread of a window, it is flat: its correlation means nothing.
+_FLAT = 1e-6
+
+Pose = tuple[bool, float]  # mirrored, and turn in degrees
+
+
+def to_search(
+    surface: xr.DataArray, scans: Sequence[xr.DataArray]
+) -> tuple[xr.DataArray, list["Template"]]:
+    """Surface and scans on elements that are long enough for a search."""
+    step = spacing_of(surface)[0]
+    side = min(
+        n * d for scan in scans for n, d in zip(scan.shape, spacing_of(scan), strict=True)
+    )
+    if side * math.sqrt(len(scans)) < _FEWEST * step:
+        raise ValueError(
+            f"a map of {side:.3g} mm has fewer than {_FEWEST} elements of {step:.3g} mm"
+        )
+    if np.isfinite(surface.values).sum() * step**2 < side**2:
+        raise ValueError("the map does not fit on the surface")
+    times = max(1, int(side / _MOST / step))
+    search = coarser(surface, times) if times > 1 else surface
+    edge = max(times * step, surface.attrs.get("mesh_edge_mm", 0.0))
+    return search, [Template.of(scan, edge) for scan in scans]
+
+
+def slid(
+    image: "Image", templates: Sequence["Template"], step: float, turns: Iterable[float]
+) -> Iterator[tuple[Pose, list["Held"]]]:
+    """Each scan held against a surface, at each turn and half a turn on, mirrored or not."""
+    count = _count(templates, step)
+    for turn in turns:
+        # half a turn later, and mirrored, too, a rectangle covers the same elements
+        sides = {each.sides: each for each in templates}
+        windows = {
+            of: image.window(each.covered(turn, step, count)) for of, each in sides.items()
+        }
+        for mirrored, whole in itertools.product((False, True), (turn, turn + 180)):
+            held = []
+            for each in templates:
+                window = windows[each.sides]
+                heights = each.laid(mirrored, whole, step, count)[window.covered]
+                held.append(image.held_against(heights, window))
+            yield (mirrored, whole), held
+
+
+def _count(templates: Sequence["Template"], step: float) -> int:
+    return max(each.count(step) for each in templates)
+
+
+def middles(
+    at: np.ndarray, search: xr.DataArray, templates: Sequence["Template"]
+) -> np.ndarray:
+    """The middles (k, 2) of windows, mm, from their first elements (k, 2)."""
+    step = spacing_of(search)[0]
+    first = [float(search[axis][0]) for axis in ("y", "x")]
+    return (at + (_count(templates, step) - 1) / 2) * step + first
+
+
+def elements(reading: np.ndarray, pose: Pose, step: float) -> np.ndarray:
+    """By how many elements (n, 2) scans at a pose lie from their common point."""
+    mirrored, turn = pose
+    v, u = np.transpose(reading)
+    return np.rint(np.transpose(rotated(v, -u if mirrored else u, turn)) / step).astype(int)
+
+
+class Held(NamedTuple):
+    """A scan held against a surface, by the window's first element; without their planes."""
+
+    products: np.ndarray
+    own: float  # sum of the squares of the scan's heights
+    under: np.ndarray  # that of the surface's, NaN where there is no stone
+
+
+def correlation_of(held: Sequence[Held], at: np.ndarray) -> np.ndarray:
+    """That of scans shifted by elements (n, 2) from each other; it begins where the first does."""
+    shifts = at - at.min(axis=0)
+    rows, columns = np.maximum(np.subtract(held[0].products.shape, shifts.max(axis=0)), 0)
+    products, under = np.zeros((rows, columns)), np.zeros((rows, columns))
+    for each, (row, column) in zip(held, shifts, strict=True):
+        part = np.s_[row : row + rows, column : column + columns]
+        products += each.products[part]
+        under += each.under[part]
+    own = sum(each.own for each in held)
+    return products / np.sqrt(own * under if own > 0 else np.inf)
+
+
+def peaks_of(score: np.ndarray) -> np.ndarray:
+    """Scores, rows and columns (k, 3) of those larger (in size) than their neighbours."""
+    size = np.nan_to_num(np.abs(score))
+    if not size.size:
+        return np.empty((0, 3))
+    at = np.argwhere((size > 0) & (size == scipy.ndimage.maximum_filter(size, 3)))
+    return np.column_stack([score[tuple(at.T)], at])
+
+
+@dataclass(frozen=True)
+class Template:
+    """A map that can be laid on the surface's grid, as smooth as the mesh."""
+
+    heights: xr.DataArray  # without holes, its coordinates from its centre
+    sides: tuple[float, float]  # mm, along y and x
+
+    @classmethod
+    def of(cls, scan: xr.DataArray, edge: float) -> "Template":
+        """A scan, as smooth as a mesh with edges of this length (mm)."""
+        dy, dx = spacing_of(scan)
+        level = remove_plane(scan)[0]
+        whole = interpolate_holes(level.values, np.isnan(level.values))
+        smooth = scipy.ndimage.gaussian_filter(whole, (edge / 2 / dy, edge / 2 / dx))
+        centred = {axis: level[axis] - level[axis].mean() for axis in level.dims}
+        ny, nx = scan.shape
+        return cls(level.copy(data=smooth).assign_coords(centred), (ny * dy, nx * dx))
+
+    def count(self, step: float) -> int:
+        """Elements along a square window that holds the map, however it is turned."""
+        return math.ceil(math.hypot(*self.sides) / step) | 1
+
+    def _offsets(self, turn: float, step: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Places (v, u) of a window's elements along the axes of the turned map, mm."""
+        along = (np.arange(count) - (count - 1) / 2) * step
+        return rotated(along[:, None], along[None, :], -turn)
+
+    def covered(self, turn: float, step: float, count: int) -> np.ndarray:
+        """Which elements of a window the turned map covers."""
+        v, u = self._offsets(turn, step, count)
+        return (abs(v) <= self.sides[0] / 2) & (abs(u) <= self.sides[1] / 2)
+
+    def laid(self, mirrored: bool, turn: float, step: float, count: int) -> np.ndarray:
+        """Its heights on a window's elements."""
+        return self.at(*self._offsets(turn, step, count), mirrored)
+
+    def at(self, v: np.ndarray, u: np.ndarray, mirrored: bool) -> np.ndarray:
+        """Heights at places from its centre, along its own axes."""
+        places = [
+            (at - float(self.heights[axis][0])) / step
+            for axis, at, step in zip(
+                "yx", (v, -u if mirrored else u), spacing_of(self.heights), strict=True
+            )
+        ]
+        return scipy.ndimage.map_coordinates(
+            self.heights.values, places, order=1, mode="nearest"
+        )
+
+
+class _Window(NamedTuple):
+    """What the surface is under a window, wherever it lies."""
+
+    covered: np.ndarray
+    planes: np.ndarray  # (points, 3) an orthonormal basis of the planes
+    squares: (
+        np.ndarray
+    )  # sums of those of heights less their plane; NaN where there is no stone
+
+
+@dataclass(frozen=True)
+class Image:
+    """A surface whose sums over windows are correlations."""
+
+    shape: tuple[int, ...]
+    padded: tuple[int, ...]
+    heights: np.ndarray  # transforms
+    squares: np.ndarray
+    absent: np.ndarray
+
+    @classmethod
+    def of(cls, surface: xr.DataArray) -> "Image":
+        level = remove_plane(surface)[0].values
+        absent = np.isnan(level)
+        heights = np.where(absent, 0.0, level)
+        padded = tuple(scipy.fft.next_fast_len(n, real=True) for n in level.shape)
+        transforms = (scipy.fft.rfft2(of, padded) for of in (heights, heights**2, absent))
+        return cls(level.shape, padded, *transforms)
+
+    def _sums(
+        self, transforms: Sequence[np.ndarray], values: np.ndarray, covered: np.ndarray
+    ) -> list[np.ndarray]:
+        """Sums of what was transformed times values of a window, by the window's first element."""
+        window = np.zeros(covered.shape)
+        window[covered] = values
+        factor = np.conj(scipy.fft.rfft2(window, self.padded))
+        rows, columns = (
+            max(n - k + 1, 0) for n, k in zip(self.shape, covered.shape, strict=True)
+        )
+        return [
+            scipy.fft.irfft2(of * factor, self.padded)[:rows, :columns] for of in transforms
+        ]
+
+    def window(self, covered: np.ndarray) -> _Window:
+        """A window that covers these of its elements."""
+        y, x = np.nonzero(covered)
+        planes, _ = np.linalg.qr(planes_over(y, x))
+        squares, absent = self._sums([self.squares, self.absent], np.ones(len(planes)), covered)
+        for plane in planes.T:
+            squares -= self._sums([self.heights], plane, covered)[0] ** 2
+        is_stone = (absent < 0.5) & (squares > _FLAT * squares.max(initial=0.0))
+        return _Window(covered, planes, np.where(is_stone, squares, np.nan))
+
+    def held_against(self, heights: np.ndarray, window: _Window) -> "Held":
+        """What a scan's heights (points,) have in common with the surface, wherever they lie."""
+        flat = heights - window.planes @ (window.planes.T @ heights)
+        (products,) = self._sums([self.heights], flat, window.covered)
+        return Held(products, float(flat @ flat), window.squares)
+
+
+def planes_over(v: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Rows of which combinations are planes over points (v, u)."""
+    return np.stack([np.ones_like(v), v, u], axis=1)
