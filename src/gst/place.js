@@ -447,7 +447,7 @@ $("exact").onclick = () => told(last.then(async () => {
     Object.assign(state.patches.find(({ patch }) => patch === place.patch), place);
   await savePlaces();
   if (found.places.length) await answer(found.answers);
-  say(`${found.all}. Those that are not stay where they were: see what is said of each.`, !found.places.length);
+  say(`${found.all}. Others stay where they were; each says how well it fits.`, !found.places.length);
 }));
 $("add").onclick = () => addPlace(size() / 2, size() / 2);
 $("plan").onpointerdown = () => { dragged = false; };

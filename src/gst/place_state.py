@@ -333,10 +333,8 @@ def find_places(path: Path) -> dict[str, Any]:
         try:
             matches = snapped(mesh, frame, size_mm, heights, places_of(hand))
         except ValueError as error:
-            remedy = "Place the scans by hand, or give a finer mesh."
-            raise InputError(
-                config["inputs"]["mesh"], f"is too coarse: {error}", remedy
-            ) from None
+            why = f"the mesh is too coarse: {error}"
+            return {"square": square, "places": [], "said": {}, "all": why, "answers": {}}
         places = {patch: match.place for patch, match in matches.items() if match.found}
         said = {patch: described(match) for patch, match in matches.items()}
     return {

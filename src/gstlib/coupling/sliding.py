@@ -58,7 +58,19 @@ def to_search(
     times = max(1, int(side / _MOST / step))
     search = coarser(surface, times) if times > 1 else surface
     edge = max(times * step, surface.attrs.get("mesh_edge_mm", 0.0))
-    return search, [Template.of(scan, edge) for scan in scans]
+    templates = [Template.of(scan, edge) for scan in scans]
+    return _with_margin(search, _count(templates, times * step) // 2), templates
+
+
+def _with_margin(surface: xr.DataArray, count: int) -> xr.DataArray:
+    """A surface with NaN around it: a turned window may stick out where its scan does not."""
+    step = spacing_of(surface)[0]
+    along = {}
+    for axis in ("y", "x"):
+        beyond = np.arange(-count, surface.sizes[axis] + count) * step
+        along[axis] = (axis, beyond + float(surface[axis][0]), surface[axis].attrs)
+    wide = np.pad(surface.values, count, constant_values=np.nan)
+    return xr.DataArray(wide, dims=("y", "x"), coords=along, attrs=surface.attrs)
 
 
 def slid(

@@ -38,6 +38,14 @@ def test_a_map_is_found_where_it_was_taken(seed, place, mirrored):
     assert match.correlation > 0.9 > match.next_best
 
 
+def test_a_patch_in_the_corner_of_a_map_is_found_on_it():
+    fine = stone(6)
+    large, corner = scan(fine, Place(4.5, 4.5), False, (2.0, 2.5)), Place(3.93, 3.68)
+    match = match_map(large, scan(fine, corner, False, PATCH))
+    assert match.found
+    assert match.place[:2] == pytest.approx((corner.y_mm - 3.5, corner.x_mm - 3.25), abs=0.01)
+
+
 @pytest.mark.parametrize("seed", [11, 12])
 def test_a_map_of_another_stone_is_not_found(seed):
     heights = overview(stone(seed), Place(4.0, 5.0, 20.0))
