@@ -36,8 +36,7 @@ __all__ = ["Match", "match_map", "match_near", "match_together"]
 _TURNS = 72
 # ASSUME: a map is found if it correlates by this much, and more than at any other place, turn or
 # mirroring by this much, in Fisher's z (artanh r); several scans that the stage ties together, by
-# the second. On their own synthetic stones maps lead by 1.0 or so, such scans by 0.8 to 1.1; on
-# others by 0.14 and 0.12 at most (of 45 and 37).
+# the second: benchmarks/finding.py has how far they lead on their own stones, and on others.
 _LEAST_CORRELATION, _LEAST_LEAD, _LEAST_LEAD_TOGETHER = 0.6, 0.35, 0.25
 # The largest correlation whose z is used.
 _ONE = 1 - 1e-9
@@ -53,11 +52,11 @@ _SAME_NEAR = 0.25
 # ASSUME: a scan near its place by hand is found if it correlates by this much, and in Fisher's z
 # clearly more than elsewhere and hardly less than the scans do in general; if it does not turn
 # farther by itself (degrees), and if its heights are as high beside the mesh's as theirs, up to a
-# factor. Of synthetic patches in their right places 93 % are found, of strangers' 3 %.
+# factor: benchmarks/finding.py has what is found so, in its place and on another stone.
 _LEAST_NEAR, _LEAST_LEAD_NEAR, _BELOW_OTHERS = 0.8, 0.2, 0.5
 _MOST_TURNED, _MOST_HIGHER = 10.0, 1.4
 # The blocks of a patch are no longer than the waves that a mesh shows, so the jackknife's errors
-# are too small: on synthetic stones, by so much (benchmarks/finding.py).
+# are too small: on synthetic stones, by about so much.
 _NEAR_ERRORS = 1.8
 
 
