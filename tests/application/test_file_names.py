@@ -188,8 +188,8 @@ SCHEMES = {
         },
     ),
     "numbered repeats": (
-        "loc1_T0_rep1.sur loc1_T0_rep2.sur loc1_T1_rep1.sur",
-        {"1": ("loc1_T0_rep1.sur", "loc1_T1_rep1.sur", "loc1_T0_rep2.sur")},
+        "loc1_T0_rep2.sur loc1_T0_rep10.sur loc1_T1_rep2.sur",
+        {"1": ("loc1_T0_rep2.sur", "loc1_T1_rep2.sur", "loc1_T0_rep10.sur")},
     ),
     "a repeat in German": (
         "p1_vorher.sur p1_vorher_Wdh.sur p1_nachher.sur",
