@@ -15,7 +15,7 @@ PARALLEL := -n $(CORES) --dist loadfile
 
 .DEFAULT_GOAL := help
 .PHONY: help environment study check plan diff test test-all style types test-browser test-slurm \
-  test-faults hooks baseline bench margin power sweep docs site lock clean
+  test-faults hooks baseline expected bench margin power sweep docs site lock clean
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -96,6 +96,9 @@ baseline: $(READY) ## renew the tables with which the tests compare the default 
 	@$(STUDY) config/config.yaml
 	rm -rf tests/baseline && mkdir -p tests/baseline
 	cp -r results/tables tests/baseline/
+
+expected: $(READY) ## renew the numbers with which the tests compare their small studies (minutes)
+	RENEW=1 $(PYTEST) tests/workflow -k "as_expected"
 
 sweep: $(READY) ## find what changes the results most: one-at-a-time sensitivity (a quarter of an hour)
 	@$(STUDY) "$(CONFIG)"

@@ -18,24 +18,21 @@ import pytest
 import trimesh
 from gst.config import read_config
 from gst.poses import read_poses
-from gstlib.change.texture import measure_texture
 from gstlib.contact import Contact
-from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
-from gstlib.coupling.placement import place_patches
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_pressures, read_table
 from gstlib.macroscale.gesture import Gesture
-from gstlib.preprocess.scans import preprocessing_table
 from gstlib.surfaces.footprints import Place, square_of
 from gstlib.surfaces.grid import spacing_of
 from gstlib.surfaces.leveling import remove_plane
-from gstlib.validation.single_scale import composite_heights, two_scales_table
+from gstlib.validation.single_scale import composite_heights
 from gstlib.wear.fit import fit_wear
 from power import merged
 
 from .conftest import Study, assert_stored, fresh, in_memory, opened
+from .expected import assert_as_expected
 
 # Of the scans, from x towards y; and a patch whose scans the mould did not mirror.
 TURNED, MIRRORED = {"10": -90, "13": 90}, "7"
@@ -188,6 +185,10 @@ def gesture(studied):
     return Gesture(second, second, 5.0, (2.0, 3.2), poses)
 
 
+def test_the_study_is_as_expected(studied):
+    assert_as_expected(studied.results, "measured")
+
+
 def test_the_record_holds_every_measured_file(studied):
     record = json.loads((studied.results / "provenance.json").read_text())["inputs"]
     data = [*studied.folder.glob("data/**/*.*"), *studied.folder.glob("*.csv")]
@@ -266,39 +267,15 @@ def test_its_stages_are_those_of_the_library(own, studied, stored, table, same):
     np.testing.assert_allclose(*tilts, rtol=1e-6)
     same(own.selected, "patch_pressures")
     same(anew.registration, "registration")
-    scans = {patch: own.prepared[patch, "T0"] for patch in ALL}
-    at = {"patch_mm": 0.85, **own.config["scans"]["mould"]}
-    same(place_patches(own.face.height, own.patches, scans, **at), "placement")
-    done = {(p, epoch): own.prepared[p, epoch].attrs for p in ALL for epoch in epochs_of(p)}
-    same(preprocessing_table(done), "preprocessing")
-    contacts = {}
     for variant, folder in {"placed": "", "levelled": "levelled/"}.items():
-        contacts[variant] = {patch: stored(f"microscale/{folder}1/{patch}") for patch in ALL}
-        for patch, found in contacts[variant].items():
+        for patch in ALL:
+            found = stored(f"microscale/{folder}1/{patch}")
             expected = own.contact_in(variant, patch).to_dataset()
             for name in ("height", "counterface", "surroundings", "slope_y", "slope_x"):
                 np.testing.assert_allclose(found[name], expected[name], atol=1e-7)
             np.testing.assert_allclose(found.pressure, expected.pressure, atol=1.0)
             if patch in ("7", "13"):
                 assert np.ptp(found.counterface.values) > 5e-3  # no flat, but a rough face
-    typed = {
-        variant: {patch: Contact.from_dataset(found) for patch, found in of.items()}
-        for variant, of in contacts.items()
-    }
-    same(two_scales_table(typed, stored("reference/patches")), "two_scales")
-    intervals = pressure_intervals(
-        Macroscale(own.face, own.composite, stored("macroscale/active_tool").face, use=own.use),
-        own.pressures,
-        errors=Errors(**own.config["uncertainty"]),
-        force_N=550.0,
-        through=(2.0, 3.2),
-        material=own.config["material"],
-        patch_mm=0.85,
-        seed=1,
-    )
-    same(intervals, "patch_intervals")
-    changes = {patch: own.changes[patch] for patch in WORN}
-    same(measure_texture(scans, changes, **ASKED["texture"]), "texture")
     # the noise of two scans of 0.1 µm, less what the laying of one on the other smooths
     found = stored("change/detection").attrs
     assert 0.10 < found["level_mm2"] ** 0.5 * 1e3 < 0.15
@@ -485,6 +462,10 @@ def with_a_interlayer(studied, tmp_path_factory):
     study.change(gesture=None, interlayer=interlayer)
     study.succeed()
     return study
+
+
+def test_its_wear_is_as_expected(with_a_interlayer):
+    assert_as_expected(with_a_interlayer.results, "interlayer", "wear", "validation_summary")
 
 
 def test_a_interlayer_takes_turns_with_the_bare_stone(with_a_interlayer, tmp_path):

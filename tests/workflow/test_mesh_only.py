@@ -6,16 +6,15 @@ import pandas as pd
 import pytest
 import trimesh
 import xarray as xr
-from gst.config import read_config
-from gstlib.coupling.intervals import Errors, Macroscale, pressure_intervals
 from gstlib.coupling.pressures import patch_pressures
 from gstlib.io.meshes import read_mesh
 from gstlib.io.store import read_dataset
-from gstlib.io.tables import read_pressures, read_table
+from gstlib.io.tables import read_table
 from gstlib.surfaces.footprints import square_of
 from gstlib.surfaces.frames import FRAME, stored_frame
 
-from .conftest import assert_stored, fresh
+from .conftest import fresh
+from .expected import assert_as_expected
 
 GESTURE = {"load_point_scatter_mm": 0.5, "poses": 6}
 
@@ -26,6 +25,10 @@ def where(tmp_path_factory):
     study.change(results="results-where", patches=None, gesture=GESTURE)
     study.succeed()
     return study
+
+
+def test_the_study_is_as_expected(where):
+    assert_as_expected(where.results, "where")
 
 
 def test_what_needs_scans_is_left_out(where):
@@ -101,7 +104,7 @@ def test_check_says_what_will_be_proposed(where):
     assert "8 places of 0.85 mm are proposed for scanning" in said.stdout
 
 
-def test_the_proposed_places_are_a_patch_table(where, tmp_path):
+def test_the_proposed_places_are_a_patch_table_as_expected(where):
     """The specimen's scans are taken there; what was proposed as exposed bears the load."""
     where.change(results="results-then", patches="results-where/tables/places.csv", use=None)
     tables = [f"results-then/tables/{name}.csv" for name in ("registration", "patch_intervals")]
@@ -110,22 +113,10 @@ def test_the_proposed_places_are_a_patch_table(where, tmp_path):
     assert pressures.force_N["E1"] > 0
     assert pressures.force_N.filter(regex="^C").sum() < 0.05 * pressures.force_N.sum()
     assert (where.results / "specimen/scans/E1_T1.plu").exists()
-    config = read_config(where.folder / where.config)
-    files = (where.results / f"macroscale/{name}.h5" for name in ("surface", "composite"))
-    intervals = pressure_intervals(
-        Macroscale(*map(read_dataset, files), None, radius_mm=200.0),
-        read_pressures(where.results / "coupling/pressures.csv"),
-        errors=Errors(**config["uncertainty"]),
-        force_N=550.0,
-        through=(2.5, 2.5),
-        material=config["material"],
-        patch_mm=0.85,
-        seed=1,
-    )
-    assert_stored(intervals, where.results / "tables/patch_intervals.csv", tmp_path)
+    assert_as_expected(where.results, "then", "patch_intervals", "patch_pressures")
 
 
-def test_grades_of_wear_tell_how_a_tool_was_used(where, tmp_path_factory):
+def test_grades_of_wear_tell_how_a_tool_was_used_as_expected(where, tmp_path_factory):
     """Grades that the contact at a point gives; the study is told another one."""
     study = fresh(tmp_path_factory.mktemp("artefact"))
     square = square_of(read_dataset(where.results / "macroscale/contact.h5").pressure, 5.0)
@@ -142,6 +133,7 @@ def test_grades_of_wear_tell_how_a_tool_was_used(where, tmp_path_factory):
     study.succeed()
     table = read_table(study.results / "tables/use.csv").set_index("parameter")
     assert table.effective_draws.iloc[0] >= 40
+    assert_as_expected(study.results, "grades", "use")
     for name, stated in zip(("load_point_x", "load_point_y"), told["at_mm"], strict=True):
         assert table.stated[name] == stated
         assert table.high[name] - table.low[name] < 2 * 1.96 * table.stated_error[name]

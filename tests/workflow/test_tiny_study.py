@@ -15,18 +15,17 @@ from gst.provenance import commit, program_hash
 from gst.tables import TABLES
 from gstlib.conditions import study_modulus
 from gstlib.contact import Interface, Load, contact_at_pressure
-from gstlib.io.scans import read_scan
 from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_table
-from gstlib.specimen.score import score_truth, true_face
+from gstlib.specimen.score import true_face
 from gstlib.surfaces.grid import spacing_of
-from gstlib.surfaces.leveling import remove_plane
 from gstlib.validation.single_scale import press_whole
 from matplotlib.colors import to_rgb
 from power import merged
 from sweep import outcomes
 
-from .conftest import ROOT, assert_stored, in_memory
+from .conftest import ROOT, in_memory
+from .expected import assert_as_expected
 
 # Of the tables listed, those that this study has no use for.
 ABSENT = {"exposure", "places", "published"}
@@ -35,6 +34,10 @@ ABSENT = {"exposure", "places", "published"}
 @pytest.fixture(scope="module")
 def truth(results):
     return read_dataset(results / "specimen/truth.h5")
+
+
+def test_the_study_is_as_expected(results):
+    assert_as_expected(results, "tiny")
 
 
 # --- Tables -----------------------------------------------------------------------------------
@@ -124,24 +127,6 @@ def in_square(field):
     return field[..., 20:60, 20:60]
 
 
-def test_scans_are_counted_as_they_are(results, table, config):
-    told, prepared = (table(name) for name in ("inputs", "preprocessing"))
-    assert len(told) == len(prepared) == 12
-    for row, done in zip(told.itertuples(), prepared.itertuples(), strict=True):
-        assert (row.patch, row.epoch) == (done.patch, done.epoch)
-        name = f"{row.patch}_{row.epoch}"
-        raw = 1e3 * read_scan(results / f"specimen/scans/{name}.plu")
-        assert (row.points_y, row.points_x) == raw.shape
-        assert row.spacing_x_um == pytest.approx(config["specimen"]["scan_spacing_um"])
-        assert row.unmeasured == pytest.approx(float(raw.isnull().mean()), rel=1e-4)
-        assert row.Sq_um == pytest.approx(float(remove_plane(raw)[0].std()), rel=1e-3)
-        surface = read_dataset(results / f"surfaces/{row.epoch}/1/{name}.h5")
-        assert done.unmeasured == done.filled == raw.isnull().sum()
-        assert done.outliers == surface.outlier.values.sum() > 0
-        assert done.Sq_before_um == pytest.approx(float(raw.std()), rel=1e-4)
-        assert done.Sq_after_um == pytest.approx(surface.height.values.std() * 1e3, rel=1e-4)
-
-
 def force_on(contact):
     """Of a contact, in N."""
     dy, dx = spacing_of(contact)
@@ -206,22 +191,8 @@ def test_cases_are_those_of_the_stored_contacts(results, table, config):
 # --- Wear and scores --------------------------------------------------------------------------
 
 
-def test_every_stage_is_scored_against_the_truth(results, truth, table, tmp_path):
+def test_every_stage_is_scored_against_the_truth(table):
     rows = table("truth")
-    patches = table("patch_pressures").patch
-    epochs = [(patch, epoch) for epoch in ("T0", "T1") for patch in patches]
-    found = score_truth(
-        truth,
-        face=read_dataset(results / "macroscale/surface.h5"),
-        scans={
-            of: read_dataset(results / f"surfaces/{of[1]}/1/{'_'.join(of)}.h5") for of in epochs
-        },
-        changes={patch: read_dataset(results / f"change/1/{patch}.h5") for patch in patches},
-        placement=table("placement"),
-        pressures=table("patch_pressures"),
-        two_scales=table("two_scales"),
-    )
-    assert_stored(found, results / "tables/truth.csv", tmp_path)
     np.testing.assert_allclose(
         rows.error, rows.recovered - rows.true, atol=1e-4 * (1 + rows.true.abs().max())
     )

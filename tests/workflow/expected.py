@@ -1,0 +1,151 @@
+"""What a finished study has, in numbers few enough to read, beside those kept in `expected`.
+
+Tables cell by cell. Of each field its mean, its spread, and how it leans along each axis, so that
+none can be scaled, turned or mirrored unseen; so of what the page draws in space. Of each picture
+the grey of 4 × 6 parts; of the page what its cells say, and the numbers in its text and drawings,
+whatever the words. `make expected` renews them: read what `git diff` then shows.
+"""
+
+import base64
+import io
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import lxml.html
+import numpy as np
+import pandas as pd
+from gst.difference import compare_results, describe_changes
+from gstlib.io.store import read_dataset
+from PIL import Image
+
+EXPECTED = Path(__file__).parent / "expected"
+# Of the page, what is shown elsewhere: tables, programs, and the specimen's solid.
+ELSEWHERE = "//script | //style | //main//details[.//table]"
+# How much may differ with the processor: of leans, and of levels of grey.
+ALLOWED = {"fields": 0.01, "pictures": 0.5}
+# How the page packs numbers.
+PACKED = {"vertices": "<f4", "faces": "<u4", "colours": "u1"}
+DRAWN = "points", "d", "transform", "x", "y", "width", "height", "data-value", "viewBox"
+
+
+def assert_as_expected(results: Path, name: str, *only: str) -> None:
+    """The results are those kept under `name`; of some studies only these tables."""
+    kept, tables = EXPECTED / name, only or [file.stem for file in results.glob("tables/*.csv")]
+    found = {} if only else {"fields": fields_of(results), "pictures": pictures_of(results)}
+    if "RENEW" in os.environ:
+        shutil.rmtree(kept, ignore_errors=True)
+        (kept / "tables").mkdir(parents=True)
+        for table in tables:
+            shutil.copy(results / f"tables/{table}.csv", kept / "tables")
+        for what, table in found.items():
+            table.to_csv(kept / f"{what}.csv", index=False, float_format="%.5g")
+        if not only:
+            (kept / "page.txt").write_text(page_of(results / "index.html"), encoding="utf-8")
+    changed = compare_results(kept, results, tolerance=1e-4)
+    asked = changed.table.isin([f"{table}.csv" for table in only])
+    changed = changed[asked if only else changed.table != "provenance"]
+    assert changed.empty, describe_changes(changed)
+    for what, table in found.items():
+        expected = pd.read_csv(kept / f"{what}.csv").set_index("file")
+        numbers = table.set_index("file")
+        assert list(numbers.index) == list(expected.index)
+        size = (expected["mean"].abs() + expected.spread) if what == "fields" else 0
+        for column in numbers.columns:
+            allowed = 2e-3 * size + 1e-12 if column in ("mean", "spread") else ALLOWED[what]
+            wrong = ~(abs(numbers[column] - expected[column]) <= allowed)
+            assert not wrong.any(), (column, numbers[column][wrong], expected[column][wrong])
+    if not only:
+        page = (kept / "page.txt").read_text(encoding="utf-8")
+        assert page_of(results / "index.html").splitlines() == page.splitlines()
+
+
+def fields_of(results: Path) -> pd.DataFrame:
+    """A row for each array, and for each attribute that is a number."""
+    rows = []
+    for file in sorted(results.rglob("*.h5")):
+        stored, where = read_dataset(file), file.relative_to(results).as_posix()
+        for name, field in sorted(stored.variables.items()):
+            # what a solver leaves over differs with the processor
+            if field.dtype.kind in "biuf" and not name.endswith("residual"):
+                rows.append((f"{where} {name}", *facts(field.values.astype(float))))
+        for name, value in sorted(stored.attrs.items()):
+            if isinstance(value, np.number):
+                rows.append((f"{where} @{name}", *facts(np.asarray(value, float))))
+    for name, values in drawn_in_space(results / "index.html"):
+        rows.append((f"page {name}", *facts(values)))
+    columns = ["file", "count", "missing", "mean", "spread", "lean_y", "lean_x"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def drawn_in_space(page: Path) -> Iterator[tuple[str, np.ndarray]]:
+    """Each array that the page's script is given, by its name."""
+
+    def arrays(value, name):
+        if isinstance(value, dict):
+            for key, part in value.items():
+                yield from arrays(part, f"{name} {key}".strip())
+        elif isinstance(value, list) and any(isinstance(part, dict) for part in value):
+            for number, part in enumerate(value):
+                yield from arrays(part, f"{name} {number}")
+        elif isinstance(value, str) and (kind := PACKED.get(name.split()[-1])):
+            yield name, np.frombuffer(base64.b64decode(value), kind).astype(float)
+        elif isinstance(value, str) and value.startswith("data:image"):
+            content = base64.b64decode(value.partition(",")[2])
+            yield name, np.asarray(Image.open(io.BytesIO(content)).convert("L"), float)
+        elif np.asarray(value).dtype.kind in "biuf":
+            yield name, np.asarray(value, float)
+
+    content = page.read_text(encoding="utf-8")
+    scene = re.search(r'<script type="application/json" id="scene">(.*?)</script>', content, re.S)
+    yield from arrays(json.loads(scene[1]) if scene else {}, "")
+
+
+def facts(values: np.ndarray) -> tuple:
+    """Numbers in all and missing, mean, standard deviation, correlation with each axis."""
+    known = np.isfinite(values)
+    if not known.any():
+        return values.size, values.size, 0.0, 0.0, 0.0, 0.0
+    mean = values[known].mean()
+    apart = np.where(known, values - mean, 0.0)
+    spread = np.sqrt((apart**2).mean())
+    lean = [0.0, 0.0]
+    for axis in range(-min(values.ndim, 2), 0):
+        along = np.linspace(-1, 1, values.shape[axis])
+        by_step = np.moveaxis(apart, axis, -1).reshape(-1, len(along)).mean(axis=0)
+        lean[axis] = (by_step * along).mean() / (spread or 1.0)
+    return values.size, values.size - known.sum(), mean, spread, *lean
+
+
+def pictures_of(results: Path) -> pd.DataFrame:
+    """Of each picture its size in pixels, and the grey of its parts from the upper left."""
+    rows = []
+    for file in sorted([*results.glob("figures/**/*.png"), *results.glob("figures/**/*.jpg")]):
+        with Image.open(file) as picture:
+            # the colours count, too: each channel with its own weight
+            parts = picture.convert("RGB").resize((6, 4), Image.Resampling.BOX)
+            grey = np.asarray(parts, float) @ [0.5, 0.3, 0.2]
+            rows.append((file.relative_to(results).as_posix(), *picture.size, *grey.ravel()))
+    parts = [f"part_{row}{column}" for row in range(4) for column in range(6)]
+    return pd.DataFrame(rows, columns=["file", "width", "height", *parts])
+
+
+def page_of(file: Path) -> str:
+    """Lines of the page, each with what in it has digits: words, or the places of a drawing."""
+    page = lxml.html.fromstring(file.read_text(encoding="utf-8"))
+    for part in page.xpath(ELSEWHERE):
+        part.drop_tree()
+    lines = []
+    for element in page.iter(lxml.html.etree.Element):
+        drawn = [element.get(name) for name in DRAWN if element.get(name)]
+        said = " ".join([element.text or "", *(child.tail or "" for child in element)])
+        words = re.findall(r"\S*\d\S*", " ".join([*drawn, said]))
+        if element.tag in ("td", "th", "dd") and len(said) < 40:
+            words = " ".join([*drawn, said]).split()
+        if words:
+            where = element.get("id") or element.get("class") or ""
+            lines.append(" ".join([f"{element.tag}{where and f'[{where}]'}:", *words]))
+    return "\n".join(lines) + "\n"
