@@ -237,6 +237,10 @@ SCHEMES = {
         "1_T1_before-cleaning.sur 1_T1_after-cleaning.sur",
         None,
     ),
+    "two kinds of words, one of them on some": (
+        "loc1_T0_before.sur loc1_T1_after.sur loc2_T0.sur loc2_T1.sur",
+        None,
+    ),
     "capitals alone tell two apart": ("a1_T0.sur A1_T0.sur a1_T1.sur A1_T1.sur", None),
 }
 

@@ -175,6 +175,15 @@ def test_scans_of_one_instrument_that_alone_are_laid_wrongly_are_named(own, righ
     assert "x_mm" not in str(error.value) + caplog.text
 
 
+def test_three_scans_of_one_instrument_are_too_few_to_be_named():
+    stone = Waves(7)
+    heights = [stone.patch(y, x) for y, x in NINE]
+    for laid in heights[6:]:
+        laid.values = laid.values[::-1]
+    found = place(stone.square(), heights, columns={"t0": ["1.sur"] * 6 + ["1.asc"] * 3})
+    assert found.orientation.fillna("").eq("").all()
+
+
 @pytest.mark.parametrize(("count", "told"), [(1, False), (2, True), (3, True)])
 def test_of_few_patches_a_clear_flip_is_told_and_of_one_none(caplog, count, told):
     stone = Waves(7)

@@ -79,6 +79,11 @@ def flat_sur(path):
     path.write_bytes(path.read_bytes() + np.random.default_rng(1).bytes(1_000_000))
 
 
+def test_a_scan_that_compresses_well_is_read(tmp_path):
+    write_sur(tmp_path / "a.sur", np.zeros((300, 300)), (1e-3, 1e-3), compressed=True)
+    assert read_scan(tmp_path / "a.sur").shape == (300, 300)
+
+
 def fan(path):
     """A face of six thousand corners, each of them at three places."""
     path.write_text("v 0 0 0\nv 9 0 0\nv 0 9 0\nf" + " 1 2 3" * 2000 + "\n")
