@@ -83,6 +83,7 @@ def test_a_force_near_the_outline_of_what_touches():
     (doubt,) = said(contact)
     distance = float(doubt.split("only ")[1].split(" mm inside")[0])
     assert 0 <= distance < 0.02 * SIDE
+    assert said(pressed(domes(*TRIANGLE), force=0.5, through=(1.98, 3.0))) == []
 
 
 @pytest.mark.parametrize(("patch_mm", "count"), [(0.8, 0), (0.49, 1), (None, 0)])
