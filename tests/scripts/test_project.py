@@ -91,7 +91,8 @@ def test_the_index_lists_every_document_once():
     assert sorted(listed) == sorted({*DOCUMENTS} - {ROOT / "docs/index.md"})
 
 
-def test_the_lines_of_readme_print_what_they_say():
+def test_the_lines_of_readme_print_what_they_say(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
     said = re.findall(r"print\(.*\)  # (\S+)", code)
     with contextlib.redirect_stdout(io.StringIO()) as printed:
@@ -99,6 +100,7 @@ def test_the_lines_of_readme_print_what_they_say():
     assert len(said) == 2
     for number, line in zip(said, printed.getvalue().splitlines(), strict=True):
         assert f" {number} " in line
+    assert (tmp_path / "contact.png").is_file()
 
 
 def test_no_document_installs_what_no_index_has():

@@ -7,10 +7,10 @@ import numpy as np
 
 from .errors import ContactInputError
 
-__all__ = ["as_given"]
+__all__ = ["FIELDS", "as_given"]
 
 # Unit and long name of each field that is given back.
-_FIELDS = {
+FIELDS = {
     "pressure": ("MPa", "contact pressure"),
     "gap": ("mm", "gap between the bodies"),
     "depth": ("mm", "height lost by wear"),
@@ -35,7 +35,7 @@ def as_given(heights: Any, spacing: Any) -> tuple[Any, Any, Callable[[str, np.nd
 
     def like(name: str, values: np.ndarray) -> Any:
         field = heights.copy(data=values).rename(name)
-        units, long_name = _FIELDS[name]
+        units, long_name = FIELDS[name]
         field.attrs = {"units": units, "long_name": long_name}
         return field
 

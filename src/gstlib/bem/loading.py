@@ -8,7 +8,7 @@ exact tangent dp/dδ.
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from .doubts import warn_of_doubts
 from .errors import ContactInputError, checked_number, checked_steps, checked_tolerance
 from .fields import as_given
 from .load import Load
+from .plots import plot_curve
 from .solver import ContactProblem
 from .state import ContactState
 from .window import Window, dot
@@ -66,6 +67,8 @@ class LoadPath:
     -------
     table()
         A `DataFrame` with a row for each state, units in the names of its columns.
+    plot(y="contact_fraction", x="mean_pressure_MPa", axes=None)
+        A column of that over another; gives the Matplotlib axes, new ones unless some are given.
     """
 
     displacement: np.ndarray
@@ -94,6 +97,12 @@ class LoadPath:
                 "residual": self.residual,
             }
         )
+
+    def plot(
+        self, y: str = "contact_fraction", x: str = "mean_pressure_MPa", axes: Any = None
+    ) -> Any:
+        """Draw a column of `table` over another; the Matplotlib axes, new ones unless given."""
+        return plot_curve(self.table(), x, y, axes)
 
 
 # Its options are keywords.

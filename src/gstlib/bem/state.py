@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from .plots import plot_field
+
 __all__ = ["ContactState"]
 
 # Elements from the border that are its rim: what a body that ends there bears alone.
@@ -91,6 +93,14 @@ class ContactState:
         if pressure is self.pressure:
             return self
         return replace(self, pressure=pressure, gap=field("gap", self.gap))
+
+    def plot(self, field: str = "pressure", axes: Any = None) -> Any:
+        """Draw ``"pressure"`` in contact or ``"gap"`` out of contact; the Matplotlib axes.
+
+        On the current axes unless others are given.
+        """
+        shown = self.contact if field == "pressure" else ~self.contact
+        return plot_field(field, getattr(self, field), shown, axes)
 
     @property
     def rim_fraction(self) -> float:

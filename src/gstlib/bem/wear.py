@@ -32,6 +32,7 @@ from .errors import (
 from .fields import as_given
 from .layer import Layer
 from .load import Load
+from .plots import plot_field
 from .solver import ContactProblem
 from .state import ContactState
 
@@ -115,6 +116,10 @@ class WearPath:
                 "displacement_um": 1e3 * self.displacement,
             }
         )
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the depth where there is wear; the Matplotlib axes, as `ContactState.plot`."""
+        return plot_field("depth", self.depth, self.depth > 0, axes)
 
 
 # Its options are keywords; it is the inner loop of wear, whose steps share their state.

@@ -1,11 +1,13 @@
 """The state of two faces under a load, and along the path to it; as it is stored."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from gstlib.bem.plots import plot_curve, plot_field
 from gstlib.contact.dataset import FIELDS, NUMBERS, PATH, variables
 from gstlib.contact.interface import Interface
 from gstlib.contact.load import Load
@@ -44,6 +46,12 @@ class Contact:
     mean_pressure: float
     contact_fraction: float
     residual: float
+
+    def plot(self, field: str = "pressure", axes: Any = None) -> Any:
+        """As `gstlib.bem.ContactState.plot`."""
+        touches = self.pressure > 0
+        shown = touches if field == "pressure" else ~touches
+        return plot_field(field, getattr(self, field), shown, axes)
 
     def to_dataset(self) -> xr.Dataset:
         """As it is stored, with units and long names."""
@@ -95,6 +103,12 @@ class ContactPath:
     interface_stiffness: np.ndarray | None = None
     pressure: np.ndarray | None = None
     gap: np.ndarray | None = None
+
+    def plot(
+        self, y: str = "contact_fraction", x: str = "mean_pressure_MPa", axes: Any = None
+    ) -> Any:
+        """Draw a column of `load_path_table` over another, as `gstlib.bem.LoadPath.plot`."""
+        return plot_curve(load_path_table(self.to_dataset()), x, y, axes)
 
     def to_dataset(self) -> xr.Dataset:
         """As it is stored: the contact at the end, and what is along the path as ``path_…``."""

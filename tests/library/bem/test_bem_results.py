@@ -17,6 +17,7 @@ from gstlib.bem import (
     wear_path,
 )
 from gstlib.bem.closed_forms import Sphere
+from matplotlib.figure import Figure
 
 N, SIDE = 96, 0.85
 HEIGHTS = self_affine(N, seed=3, roll_off=0.05)
@@ -153,6 +154,25 @@ def test_tables_have_units_and_representations_are_short():
     worn = wear_path(*SURFACE, mean_pressure=20.0, mean_loss=1e-4, steps=3)
     np.testing.assert_allclose(worn.table().mean_loss_um, [0.1 / 3, 0.2 / 3, 0.1])
     assert all(len(repr(result)) < 250 for result in (path, path.final, worn))
+
+
+def test_results_are_drawn_on_the_axes_that_are_given():
+    options = {"contact_modulus": MODULUS, "mean_pressure": 20.0}
+    state, worn = solve_contact(SCAN, **options), wear_path(SCAN, **options, mean_loss=1e-4)
+    path = load_path(*SURFACE, target_pressure=20.0, steps=3)
+    for field, plot in (
+        (state.pressure.where(state.contact), state.plot),
+        (state.gap.where(~state.contact), lambda **on: state.plot("gap", **on)),
+        (worn.depth.where(worn.depth > 0), worn.plot),
+        (np.where(path.final.contact, path.final.pressure, np.nan), path.final.plot),
+    ):
+        axes = Figure().subplots()
+        assert plot(axes=axes) is axes
+        np.testing.assert_array_equal(axes.images[0].get_array().filled(np.nan), field)
+    assert state.plot(axes=Figure().subplots()).get_xlabel() == "x"  # the scan's own coordinate
+    axes = path.plot("stiffness_MPa_per_um", axes=Figure().subplots())
+    np.testing.assert_allclose(axes.lines[0].get_xdata(), path.mean_pressure)
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), 1e-3 * path.stiffness)
 
 
 def test_the_corrected_area_takes_off_the_sides_of_an_edge():
