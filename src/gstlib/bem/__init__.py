@@ -19,7 +19,7 @@ from .errors import (
 from .halfspace import HalfSpace, contact_modulus
 from .layer import Layer
 from .loading import LoadPath, load_path
-from .roughness import Roughness, measure_roughness
+from .roughness import Roughness, measure_roughness, measure_spectrum
 from .solver import solve_contact
 from .state import ContactState
 from .wear import ThirdBody, WearPath, wear_path
@@ -40,6 +40,7 @@ __all__ = [
     "contact_modulus",
     "load_path",
     "measure_roughness",
+    "measure_spectrum",
     "solve_contact",
     "wear_path",
 ]

@@ -7,7 +7,8 @@ are zero out of contact, displacements positive into the half-space.
 Sources: K. L. Johnson, *Contact Mechanics* (1985), cited by equation; I. N. Sneddon, Int. J. Eng.
 Sci. 3 (1965) 47; H. M. Westergaard, J. Appl. Mech. 6 (1939) A49; K. L. Johnson, J. A. Greenwood &
 J. G. Higginson, Int. J. Mech. Sci. 27 (1985) 383; A. W. Bush, R. D. Gibson & T. R. Thomas, Wear 35
-(1975) 87; B. N. J. Persson, J. Chem. Phys. 115 (2001) 3840.
+(1975) 87; B. N. J. Persson, J. Chem. Phys. 115 (2001) 3840; J. A. Greenwood & J. B. P. Williamson,
+Proc. R. Soc. A 295 (1966) 300; J. I. McCool, Wear 107 (1986) 37.
 """
 
 import math
@@ -16,12 +17,15 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from .roughness import Roughness
+
 __all__ = [
     "BUSH_SLOPE",
     "PERSSON_SLOPE",
     "SQUARE_PUNCH_STIFFNESS",
     "Cone",
     "Ellipsoid",
+    "GreenwoodWilliamson",
     "RoundPunch",
     "Sphere",
     "Wave",
@@ -282,6 +286,59 @@ class Wave:
         share = mean_pressure / self.full_contact_pressure
         root = _root(share - np.sin(phase) ** 2)
         return 2 * self.full_contact_pressure * np.abs(np.cos(phase)) * root
+
+
+@dataclass(frozen=True)
+class GreenwoodWilliamson:
+    """Summits of one radius and of Gaussian heights, each pressed by itself as Hertz's sphere.
+
+    Attributes
+    ----------
+    density : float
+        η, summits on an area (1/mm²).
+    radius : float
+        R of their curvature (mm).
+    height : float
+        σ, standard deviation of their heights (mm).
+    contact_modulus : float
+        E* (MPa).
+    """
+
+    density: float
+    radius: float
+    height: float
+    contact_modulus: float
+
+    @classmethod
+    def of(cls, surface: Roughness, contact_modulus: float) -> "GreenwoodWilliamson":
+        """The summits of a Gaussian surface, from its moments: Nayak, McCool.
+
+        η = m₄/(6√3 π m₂), R = (3/8)√(π/m₄), σ² = (1 − 0.8968/α) m₀, as `gstlib.bem.roughness`
+        defines them.
+        """
+        m0, m2, m4 = surface.height**2, surface.slope**2 / 2, 1.5 * surface.curvature**2
+        return cls(
+            m4 / (6 * math.sqrt(3) * math.pi * m2),
+            0.375 * math.sqrt(math.pi / m4),
+            math.sqrt((1 - 0.8968 / surface.nayak) * m0),
+            contact_modulus,
+        )
+
+    def contact_fraction(self, separation):
+        """πηRσ F₁(d/σ) at d (mm) above the mean height of the summits; broadcasts."""
+        mean = self.height * self._mean_power(separation, 1)
+        return math.pi * self.density * self.radius * mean
+
+    def mean_pressure(self, separation):
+        """(4/3) E* η √R σ^³⁄₂ F_³⁄₂(d/σ) (MPa) at d (mm); broadcasts."""
+        mean = self.height**1.5 * self._mean_power(separation, 1.5)
+        return 4 / 3 * self.contact_modulus * self.density * math.sqrt(self.radius) * mean
+
+    def _mean_power(self, separation, power):
+        """Fₙ(t), the mean of (s − t)ⁿ over s > t, normal: by parabolic cylinder functions."""
+        t = np.asarray(separation) / self.height
+        factor = math.gamma(power + 1) / math.sqrt(2 * math.pi)
+        return factor * np.exp(-(t**2) / 4) * scipy.special.pbdv(-power - 1, t)[0]
 
 
 def crossed_waves_full_contact_pressure(

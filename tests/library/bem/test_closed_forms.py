@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gstlib.bem import contact_modulus
+from gstlib.bem import contact_modulus, measure_roughness
 from gstlib.bem.closed_forms import (
     BUSH_SLOPE,
     PERSSON_SLOPE,
     Cone,
     Ellipsoid,
+    GreenwoodWilliamson,
     RoundPunch,
     Sphere,
     Wave,
@@ -20,7 +21,9 @@ from gstlib.bem.closed_forms import (
     persson_contact_fraction,
     persson_pressure_density,
 )
+from gstlib.specimen.randomness import self_affine_field
 from scipy.integrate import quad
+from scipy.stats import norm
 
 SPHERE = Sphere(20.0, 10.0, 1e4)
 ELLIPSOID = Ellipsoid(20.0, 12.0, 4.0, 1e4)
@@ -137,6 +140,38 @@ def test_perssons_pressures_carry_the_load_on_his_contact(mean):
     carried = quad(lambda p: p * persson_pressure_density(p, *given), 0, 2000, limit=200)[0]
     assert touching == pytest.approx(persson_contact_fraction(*given))
     assert carried == pytest.approx(mean)
+
+
+@pytest.mark.parametrize("separation", [-1e-3, 0.0, 3e-3])
+def test_summits_of_greenwood_and_williamson_are_hertzs_spheres(separation):
+    rough = GreenwoodWilliamson(50.0, 0.2, 2e-3, 1e4)
+
+    def borne(height):
+        depth = height - separation
+        sphere = Sphere(4 / 3 * 1e4 * math.sqrt(0.2 * depth**3), 0.2, 1e4)
+        assert sphere.displacement == pytest.approx(depth)
+        share = 50 * norm.pdf(height, scale=2e-3)
+        return share * sphere.force, share * math.pi * sphere.contact_radius**2
+
+    force, area = (
+        quad(lambda s, of=of: borne(s)[of], separation + 1e-12, 0.02, epsabs=0)[0] for of in (0, 1)
+    )
+    assert rough.mean_pressure(separation) == pytest.approx(force, rel=1e-6)
+    assert rough.contact_fraction(separation) == pytest.approx(area, rel=1e-6)
+
+
+def test_greenwood_and_williamsons_summits_are_those_of_a_gaussian_surface():
+    """Counted: elements above their eight neighbours."""
+    waves = {"hurst_exponent": 0.8, "roll_off": 0.1, "shortest": 16 / 512}
+    h = 1e-3 * self_affine_field(np.random.default_rng(2), 512, 1 / 512, **waves)
+    around = [np.roll(h, by, (0, 1)) for by in np.ndindex(3, 3) if by != (1, 1)]
+    around = [np.roll(of, (-1, -1), (0, 1)) for of in around]
+    summits = h > np.max(around, axis=0)
+    laplacian = sum(np.roll(h, by, axis) - h for by in (1, -1) for axis in (0, 1)) * 512**2
+    said = GreenwoodWilliamson.of(measure_roughness(h, 1 / 512, periodic=True), 1.0)
+    assert said.density == pytest.approx(summits.sum(), rel=0.1)
+    assert said.height == pytest.approx(h[summits].std(), rel=0.1)
+    assert 1 / said.radius == pytest.approx(-laplacian[summits].mean() / 2, rel=0.1)
 
 
 def test_a_loaded_rectangle_sinks_in_its_middle_and_is_a_point_from_afar():
