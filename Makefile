@@ -15,7 +15,7 @@ PARALLEL := -n $(CORES) --dist loadfile
 
 .DEFAULT_GOAL := help
 .PHONY: help environment study check plan diff test test-all style types test-browser test-slurm \
-  test-faults hooks baseline expected bench margin power sweep docs site lock clean
+  test-faults hooks baseline expected bench margin power sweep docs site notebooks lock clean
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -52,7 +52,7 @@ test: style types ## check style and types, and run the quick tests (minutes)
 test-all: test ## run all tests: also whole studies, browser, site, Slurm, faults (an hour)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[record]'
 	$(PYTEST) $(PARALLEL) -m "slow and not slurm"
-	$(MAKE) test-browser site
+	$(MAKE) test-browser site notebooks
 	$(PYTEST) -m slurm
 	$(MAKE) test-faults
 
@@ -113,6 +113,12 @@ site: $(READY) ## make an offline site of the documents and the API in build/sit
 	$(BIN)/python -m sphinx -W --keep-going -E -q -c docs -d build/doctrees . build/site
 	@! grep -rE '<(script|link|img)[^>]+https?://' build/site --include='*.html'
 	@echo "Done. Open build/site/index.html"
+
+notebooks: $(READY) ## make notebooks of the gallery's scripts in build/notebooks, run without the workflow's packages (minutes)
+	rm -rf build/notebooks && mkdir -p build/notebooks && cp docs/gallery/*.py build/notebooks
+	cd build/notebooks && env -u PYTHONPATH ../../$(BIN)/uv run --isolated --no-project --with ../.. \
+	  --with ipykernel,jupytext,matplotlib,nbconvert \
+	  jupytext --quiet --to ipynb --set-kernel python3 --execute *.py
 
 lock: $(READY) ## renew requirements.lock with the newest versions that fit
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \

@@ -47,7 +47,7 @@ def with_results(found):
     printed = subprocess.run(
         run, cwd=folder, check=True, stdout=subprocess.PIPE, text=True
     ).stdout
-    code = script.read_text(encoding="utf-8")
+    code = re.sub(r"^# %%.*\n", "", script.read_text(encoding="utf-8"), flags=re.M)
     picture = f"![What {script.name} draws](/build/gallery/{found[2]}.png)"
     return f"{found[0]}\n```python\n{code}```\n\nprints\n\n```\n{printed}```\n\n{picture}\n"
 

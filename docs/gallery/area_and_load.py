@@ -1,5 +1,7 @@
+# %% [markdown]
 """How a rough surface comes into contact, from a hundredth of its area to nearly all of it."""
 
+# %%
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -7,6 +9,7 @@ from gstlib.bem import contact_modulus, load_path, measure_roughness
 from gstlib.bem.closed_forms import (
     BUSH_SLOPE,
     PERSSON_SLOPE,
+    GreenwoodWilliamson,
     persson_contact_fraction,
     persson_pressure_density,
 )
@@ -22,6 +25,8 @@ modulus = contact_modulus(19500, 0.24, 19500, 0.24)  # MPa
 numbers = measure_roughness(surface, periodic=True)
 scale = modulus * numbers.slope  # MPa
 loads = scale * np.geomspace(0.005, 0.8, 16)
+
+# %%
 path = load_path(surface, contact_modulus=modulus, loads=loads, periodic=True, keep_states=True)
 
 area = np.array([state.corrected_fraction for state in path.states])
@@ -31,10 +36,15 @@ theories = f"theories {PERSSON_SLOPE:.2f} and {BUSH_SLOPE:.2f}"
 print(f"area over load: {area[0] / 0.005:.2f} first, {theories}")
 print(f"area: {area[-1]:.4f} last, {erf[-1]:.4f} by Persson")
 
+# %%
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
 left.loglog(loads / scale, area, ".-", label="gstlib.bem")
 left.loglog(loads / scale, erf, "--", label="Persson")
 left.loglog(loads / scale, np.minimum(BUSH_SLOPE * loads / scale, 1), ":", label="Bush et al.")
+summits = GreenwoodWilliamson.of(numbers, modulus)
+above = summits.height * np.linspace(1.5, 0)  # the mean of the summits, mm
+spheres = summits.mean_pressure(above) / scale, summits.contact_fraction(above)
+left.loglog(*spheres, "-.", label="Greenwood and Williamson")
 left.set(xlabel="p̄/(E* h′)", ylabel="area in contact")
 left.legend()
 state = path.states[8]

@@ -1,5 +1,7 @@
+# %% [markdown]
 """A sphere pressed against a flat, beside Hertz's solution (Johnson, Contact Mechanics, §4.2)."""
 
+# %%
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -11,6 +13,7 @@ modulus = contact_modulus(19500, 0.24, 19500, 0.24)  # MPa: sandstone on sandsto
 
 hertz = Sphere(force, radius, modulus)
 
+# %%
 # heights of the sphere, as the parabola that Hertz takes for it, on a grid of 255 × 255 elements
 side, n = 2.5 * hertz.contact_radius, 255
 x = ((np.arange(n) + 0.5) / n - 0.5) * side
@@ -23,6 +26,7 @@ found_radius = np.sqrt(state.contact_fraction * side**2 / np.pi)
 print(f"radius of the contact: {found_radius:.4f} mm, Hertz {hertz.contact_radius:.4f} mm")
 print(f"highest pressure: {state.pressure.max():.1f} MPa, Hertz {hertz.peak_pressure:.1f} MPa")
 
+# %%
 figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
 axes.plot(x, state.pressure[n // 2], ".", label="gstlib.bem")
 axes.plot(x, hertz.pressure(x, 0), label="Hertz")

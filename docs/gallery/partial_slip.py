@@ -1,5 +1,7 @@
+# %% [markdown]
 """A sphere pressed on a flat and pushed sideways, beside Cattaneo's and Mindlin's solution."""
 
+# %%
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -12,6 +14,7 @@ radius, modulus, mean_pressure = 10.0, 10345.0, 50.0  # mm, MPa, MPa
 side, n = 0.6, 256  # mm, elements along a side
 friction, ratio = 0.5, 0.6  # of the force that makes the sphere slide, 60 % push it
 
+# %%
 x = ((np.arange(n) + 0.5) / n - 0.5) * side
 distance = np.hypot(x, x[:, None])
 sphere = make_surface(-(distance**2) / (2 * radius), side / n)
@@ -26,6 +29,7 @@ force = float(slip.traction.sum()) / (friction * float(contact.pressure.sum()))
 print(f"radius that sticks: {stick:.4f} mm, Cattaneo and Mindlin {c:.4f} mm")
 print(f"tangential force: {force:.3f} of the force to slide, given {ratio:.3f}")
 
+# %%
 figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
 axes.plot(x, friction * contact.pressure[n // 2], "--", label="friction × pressure")
 axes.plot(x, slip.traction[n // 2], label="traction")

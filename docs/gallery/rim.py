@@ -1,5 +1,7 @@
+# %% [markdown]
 """What a scan's rim bears if it is pressed alone, and what it bears as a part of its surface."""
 
+# %%
 import warnings
 
 import matplotlib.pyplot as plt
@@ -17,6 +19,7 @@ rough = self_affine_field(np.random.default_rng(1), 2 * n, spacing, **waves)
 whole = 0.006 * rough / rough.std()  # mm
 scan = whole[:n, :n]
 
+# %%
 surface = solve_contact(whole, spacing, modulus, mean_pressure=pressure, periodic=True)
 inside = surface.pressure[:n, :n]
 rim = np.ones((n, n), bool)
@@ -41,6 +44,7 @@ print(
 )
 print(f"alone it warns: {said[0].message}")
 
+# %%
 figure, axes = plt.subplots(1, 3, figsize=(10, 3.6), layout="constrained")
 panels = {"in its surface": inside, "alone": alone.pressure, "lowered": embedded.pressure}
 for axis, (title, field) in zip(axes, panels.items(), strict=True):

@@ -1,26 +1,29 @@
-"""A scanned patch pressed against a flat: your own `.plu`, or a generated one if you name none.
+# %% [markdown]
+"""A scanned patch pressed against a flat: `rough_patch.plu`, which is generated if it is not there.
 
-python docs/gallery/rough_patch.py scan.plu
+Put your own scan in its place, or name it below: any format that states its unit and spacing.
 """
 
-import sys
+# %%
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from gstlib.bem import contact_modulus, load_path, measure_roughness
+from gstlib.bem import contact_modulus, load_path, measure_roughness, measure_spectrum
 from gstlib.bem.closed_forms import BUSH_SLOPE, PERSSON_SLOPE
 from gstlib.io.plu import write_plu
 from gstlib.io.scans import read_scan
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.specimen.randomness import self_affine_field
 
-file = sys.argv[1] if len(sys.argv) > 1 else "rough_patch.plu"
-if len(sys.argv) == 1:  # self-affine, 0.85 mm wide, with an Sq of 2 µm
+file = Path("rough_patch.plu")
+if not file.exists():  # self-affine, 0.85 mm wide, with an r.m.s. height of 2 µm
     waves = {"hurst_exponent": 0.8, "roll_off": 0.2, "shortest": 0.02}  # lengths in mm
     rough = self_affine_field(np.random.default_rng(1), 512, 0.00166, **waves)
     write_plu(file, 0.002 * rough / rough.std(), 0.00166)
 
+# %%
 # level, holes and outliers filled; of a mould, add mould_invert=True, mould_flip="x"
 height = prepare_scan(read_scan(file)).height
 modulus = contact_modulus(19500, 0.24, 19500, 0.24)  # MPa
@@ -34,10 +37,14 @@ print(f"highest pressure: {float(path.final.pressure.max()):.0f} MPa")
 theories = f"{PERSSON_SLOPE:.2f} and {BUSH_SLOPE:.2f}"
 print(f"kappa: {path.contact_fraction[-1] / load[-1]:.2f} (theories: {theories})")
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
+# %%
+figure, (left, middle, right) = plt.subplots(1, 3, figsize=(13, 4), layout="constrained")
 left.imshow(height.values * 1e3, cmap="gray", origin="lower")
 left.contour(path.final.contact, [0.5], colors="tab:red", linewidths=0.8)
 left.set(title="height, and the edges of contact", xticks=[], yticks=[])
+spectrum = measure_spectrum(height)
+middle.loglog(spectrum.wave_number_per_mm, spectrum.density_mm4)
+middle.set(xlabel="wave number (rad/mm)", ylabel="power spectrum (mm⁴)")
 right.plot(100 * load, 100 * path.contact_fraction, ".-", label="gstlib.bem")
 right.plot(100 * load, 100 * PERSSON_SLOPE * load, "--", label="Persson")
 right.plot(100 * load, 100 * BUSH_SLOPE * load, ":", label="Bush, Gibson and Thomas")

@@ -1,5 +1,7 @@
+# %% [markdown]
 """Two rough stones on each other: only the gap between them counts, not which one is below."""
 
+# %%
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -27,6 +29,7 @@ def pressed(lower, upper):
     return contact_at_pressure(both, load, modulus=modulus, tolerance=1e-9).pressure.values
 
 
+# %%
 slab, handstone, flat = rough(1, 0.002), rough(2, 0.003), rough(2, 0.0)
 by_flat, on_slab = pressed(slab, flat), pressed(slab, handstone)
 swapped = pressed(handstone, slab)[:, ::-1]  # turned over, as the slab sees it
@@ -35,6 +38,7 @@ print(f"pressures after a swap differ by {difference:.0e} of the highest")
 print(f"contact of the slab: {100 * np.mean(by_flat > 0):.2f} % with a flat")
 print(f"contact of the slab: {100 * np.mean(on_slab > 0):.2f} % with the handstone")
 
+# %%
 panels = {"by a flat": by_flat, "by the handstone": on_slab, "swapped": swapped}
 figure, axes = plt.subplots(1, 3, figsize=(10, 3.6), layout="constrained")
 for axis, (title, pressure) in zip(axes, panels.items(), strict=True):

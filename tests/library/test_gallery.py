@@ -3,7 +3,6 @@
 import math
 import re
 import runpy
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -22,9 +21,8 @@ def run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
 
-    def run(name, *arguments):
+    def run(name):
         script = DOCS / "gallery" / f"{name}.py"
-        monkeypatch.setattr(sys, "argv", [str(script), *arguments])
         names = runpy.run_path(str(script), run_name="__main__")
         assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
         lines = capsys.readouterr().out.splitlines()
@@ -50,8 +48,8 @@ def test_hertz(run):
 def test_a_patch_of_ones_own_is_the_one_that_is_pressed(run, tmp_path):
     spacing, n, radius = 0.004, 200, 20.0
     x = (np.arange(n) - (n - 1) / 2) * spacing
-    write_plu(tmp_path / "own.plu", -(x**2 + x[:, None] ** 2) / (2 * radius), spacing)
-    ((contact,), (peak,), _), _ = run("rough_patch", "own.plu")
+    write_plu(tmp_path / "rough_patch.plu", -(x**2 + x[:, None] ** 2) / (2 * radius), spacing)
+    ((contact,), (peak,), _), _ = run("rough_patch")
     exact = Sphere(22.0 * (n * spacing) ** 2, radius, MODULUS)
     assert contact == pytest.approx(
         100 * math.pi * (exact.contact_radius / n / spacing) ** 2, rel=0.01
@@ -70,6 +68,14 @@ def test_area_grows_between_the_theories_and_to_perssons(run):
     assert theories == pytest.approx([PERSSON_SLOPE, BUSH_SLOPE], abs=5e-3)
     assert theories[0] < kappa < theories[1]
     assert last == pytest.approx(persson, rel=0.05)
+    # summits by themselves touch as Persson says, too, and less than the surface
+    load, summits = names["spheres"]
+    summits = np.interp(0.01, load[:-1], summits[:-1])
+    assert (
+        0.01 * theories[0]
+        < summits
+        < np.interp(0.01, names["loads"] / names["scale"], names["area"])
+    )
     step = np.diff(names["pressure"])[0]
     carried = (names["pressure"] * names["density"]).sum() * step
     assert carried == pytest.approx(names["state"].mean_pressure, rel=0.01)
@@ -108,3 +114,38 @@ def test_two_tools_are_pressed_as_the_sum_of_their_gaps(run):
     modulus = 1 / ((1 - 0.24**2) / 19500 + (1 - 0.17**2) / 60000)
     state = solve_contact(slab + handstone[:, ::-1], 0.85 / 256, modulus, mean_pressure=22.0)
     assert both == pytest.approx(100 * state.contact_fraction, abs=5e-3)
+
+
+def test_waves_without_end_are_westergaards_and_a_piece_is_not(run):
+    ((difference,), (said,), (periodic, free), (rim,)), names = run("waves")
+    assert difference < 2 / 64  # two elements of a wave
+    assert (said, periodic) == (0.5, pytest.approx(0.5, abs=1e-3))
+    assert free < periodic - 0.05
+    assert rim > 20
+    pressure = names["wave"].pressure(names["x"], names["loads"][6])
+    found = names["periodic"].states[6].pressure[0]
+    np.testing.assert_allclose(found, pressure, atol=0.05 * pressure.max())
+
+
+def test_a_cap_leads_from_the_elastic_to_the_plastic_contact(run):
+    ((elastic, peak), (cap, touching), (_, plastic)), names = run("pressure_cap")
+    assert (cap, plastic) == (100.0, 22.0)
+    assert plastic < touching < 1.05 * plastic
+    highest = [float(state.pressure.max()) for state in names["states"]]
+    assert highest == pytest.approx(np.minimum(names["caps"], peak), rel=1e-3)
+    assert names["contact"][0] == pytest.approx(elastic / 100, abs=1e-4)
+
+
+def test_a_body_tilts_until_its_pressures_balance_the_force(run):
+    ((tilt, said), (centre, force)), _ = run("tilting")
+    assert said == pytest.approx(3e3 * 20 * 0.16 / (4 * 10345 * 0.48**3), rel=1e-4)
+    assert tilt == pytest.approx(said, rel=0.01)  # elements along the rim of the punch
+    assert centre == pytest.approx(force, abs=1e-4)
+
+
+def test_a_thick_layer_is_a_half_space_and_a_thin_one_hardly_there(run):
+    ((bare, thick), (soft,), (sharp, blunt)), names = run("layer")
+    assert thick == pytest.approx(soft, abs=0.1)
+    assert bare < 100 * names["contact"][0] < thick
+    assert (np.diff(names["contact"]) > -1e-4).all()
+    assert sharp > 10 * blunt

@@ -1,0 +1,43 @@
+# %% [markdown]
+"""Something soft between two stones: what hardly touched touches, and the summits are spared."""
+
+# %%
+import matplotlib.pyplot as plt
+import numpy as np
+
+from gstlib.bem import Layer, contact_modulus, solve_contact
+from gstlib.specimen.randomness import self_affine_field
+from gstlib.surfaces.grid import make_surface
+
+n, side = 128, 0.85  # elements, mm
+waves = {"hurst_exponent": 0.8, "roll_off": 0.2, "shortest": 0.03}  # lengths in mm
+rough = self_affine_field(np.random.default_rng(1), n, side / n, **waves)
+surface = make_surface(0.002 * rough / rough.std(), side / n)
+stone, young, poisson = 19500.0, 300.0, 0.3  # of the stones; of what is soft; MPa
+modulus = contact_modulus(stone, 0.24, stone, 0.24)
+
+# %%
+options = {"contact_modulus": modulus, "mean_pressure": 5.0, "periodic": True}
+thicknesses = np.geomspace(0.003, 3.0, 7)  # mm
+layers = [Layer(young, poisson, thickness) for thickness in thicknesses]
+states = [solve_contact(surface, layer=layer, **options) for layer in layers]
+bare = solve_contact(surface, **options)
+
+# one thicker than all waves is a half-space for them, of both compliances
+both = 1 / (1 / modulus + (1 - poisson**2) / young)
+soft = solve_contact(surface, **options | {"contact_modulus": both})
+contact = np.array([state.contact_fraction for state in states])
+print(
+    f"contact: {100 * bare.contact_fraction:.2f} % bare, {100 * contact[-1]:.1f} % with a layer"
+)
+print(f"of a half-space as soft: {100 * soft.contact_fraction:.1f} %")
+print(f"highest pressures: {bare.pressure.max():.0f} and {states[-1].pressure.max():.0f} MPa")
+
+# %%
+figure, axes = plt.subplots(1, 3, figsize=(12, 3.6), layout="constrained")
+bare.plot(axes=axes[0]).set_title("bare")
+states[3].plot(axes=axes[1]).set_title(f"a layer of {1e3 * thicknesses[3]:.0f} µm")
+axes[2].semilogx(1e3 * thicknesses, contact, ".-")
+axes[2].axhline(soft.contact_fraction, linestyle="--", color="black")
+axes[2].set(xlabel="thickness (µm)", ylabel="contact fraction", title="to a half-space as soft")
+figure.savefig("layer.png", dpi=120)

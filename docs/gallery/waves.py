@@ -1,0 +1,45 @@
+# %% [markdown]
+"""Waves without end and a piece of them, from first touch to full contact, beside Westergaard."""
+
+# %%
+import matplotlib.pyplot as plt
+import numpy as np
+
+from gstlib.bem import contact_modulus, load_path
+from gstlib.bem.closed_forms import Wave
+from gstlib.surfaces.grid import make_surface
+
+n, side, waves = 256, 1.0, 4  # elements, mm
+modulus = contact_modulus(19500, 0.24, 19500, 0.24)  # MPa
+wave = Wave(1e-3, side / waves, modulus)  # an amplitude of 1 µm
+
+x = (np.arange(n) + 0.5) * side / n
+profile = wave.amplitude * np.cos(2 * np.pi * x / wave.wavelength)
+surface = make_surface(np.tile(profile, (n, 1)), side / n)
+
+# %%
+loads = wave.full_contact_pressure * np.linspace(0.02, 0.98, 13)
+options = {"contact_modulus": modulus, "loads": loads, "keep_states": True}
+periodic = load_path(surface, periodic=True, **options)
+free = load_path(surface, **options)
+
+exact = np.array([wave.contact_fraction(load) for load in loads])
+difference = np.abs(periodic.contact_fraction - exact).max()
+half = len(loads) // 2
+print(f"periodic: the contact differs from Westergaard's by at most {difference:.3f}")
+print(f"contact at half of full pressure: {exact[half]:.3f} by Westergaard,")
+print(f"periodic {periodic.contact_fraction[half]:.3f}, free {free.contact_fraction[half]:.3f}")
+print(f"a free piece bears {100 * free.states[half].rim_fraction:.0f} % on its rim")
+
+# %%
+figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
+periodic.plot(axes=left)
+free.plot(axes=left)
+left.plot(loads, exact, "k--")
+left.legend(["periodic", "free", "Westergaard"])
+right.plot(x, periodic.states[half].pressure[n // 2], label="periodic")
+right.plot(x, free.states[half].pressure[n // 2], label="free")
+right.plot(x, wave.pressure(x, loads[half]), "k--", label="Westergaard")
+right.set(xlabel="x (mm)", ylabel="pressure (MPa)", ylim=(0, 6 * loads[half]))
+right.legend()
+figure.savefig("waves.png", dpi=120)
