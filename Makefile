@@ -15,7 +15,7 @@ PARALLEL := -n $(CORES) --dist loadfile
 
 .DEFAULT_GOAL := help
 .PHONY: help environment study check plan diff test test-all style types test-browser test-slurm \
-  test-faults hooks baseline expected bench margin power sweep docs site notebooks lock clean
+  test-faults hooks baseline expected bench margin power sweep docs site notebooks dist lock clean
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -119,6 +119,14 @@ notebooks: $(READY) ## make notebooks of the gallery's scripts in build/notebook
 	cd build/notebooks && env -u PYTHONPATH ../../$(BIN)/uv run --isolated --no-project --with ../.. \
 	  --with ipykernel,jupytext,matplotlib,nbconvert \
 	  jupytext --quiet --to ipynb --set-kernel python3 --execute *.py
+
+dist: $(READY) ## build wheel and sdist in dist/, and run the sdist's tests on the wheel elsewhere (minutes)
+	rm -rf dist && $(BIN)/uv build --quiet --out-dir dist .
+	folder=$$(mktemp -d) && tar -xzf dist/*.tar.gz -C "$$folder" --strip-components=1 \
+	  && $(BIN)/uv venv --quiet --python $(BIN)/python "$$folder/.venv" \
+	  && $(BIN)/uv pip install --quiet --python "$$folder/.venv" -r requirements.lock dist/*.whl \
+	  && cd "$$folder" && env -u PYTHONPATH $(PYTEST) $(PARALLEL) -m "not slow" tests/library tests/application tests/scripts \
+	  && rm -r "$$folder"
 
 lock: $(READY) ## renew requirements.lock with the newest versions that fit
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \

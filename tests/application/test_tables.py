@@ -1,11 +1,13 @@
 """The schema of the tables agrees with itself, with what is written and with the baseline."""
 
+from pathlib import Path
+
 import pandas as pd
 import pytest
-from gst import ROOT
 from gst.tables import TABLES, columns_of, write_table
 from gstlib.io.tables import printed
 
+ROOT = Path(__file__).parents[2]
 BASELINE = sorted((ROOT / "tests/baseline/tables").glob("*.csv"))
 # How the name of a column spells its unit.
 SPELLED = {"/": "_per_", "µ": "u", "²": "2", "³": "3", "°": "deg", "%": "percent"}
