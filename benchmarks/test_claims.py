@@ -4,11 +4,13 @@ import re
 from pathlib import Path
 
 import chance
+import left_out
 import pandas as pd
 import power
 import pytest
 import scale
 import statistics_of_contact
+import strikes
 import transforms
 import two_scales
 import use
@@ -214,6 +216,30 @@ def test_strength_of_the_stone():
         for model, cell in zip(models, cells, strict=True):
             row = found.loc[(worn_by, model)]
             assert same(cell, f"{row.mcc} {row.map_error_um}"), (worn_by, model)
+
+
+def test_what_a_contact_leaves_out():
+    found = left_out.summary(read_table(left_out.ROWS))
+    shown = table("## What a patch's contact leaves out")
+    for (_, *cells), (_, *values, patches) in zip(
+        shown, found.itertuples(index=False), strict=True
+    ):
+        assert patches == 20
+        for cell, value in zip(cells, values, strict=True):
+            assert same(cell, value) if cell else value != value
+
+
+def test_what_wear_sees_of_a_rough_tool():
+    found = strikes.summary(read_table(strikes.ROWS))
+    named = ["area_ratio", "correlation_smooth", "correlation_halves"]
+    named += ["mcc_smooth", "mcc_halves", "mcc_height"]
+    shown = table("**Is the contact with a smooth tool")
+    for (_, rms, *cells), (_, row) in zip(shown, found.iterrows(), strict=True):
+        assert (float(rms), row.patches) == (row.rms_um, 20)
+        assert all(same(cell, row[name]) for cell, name in zip(cells, named, strict=True))
+    single = said(r"smooth contact at (\S+) to (\S+), (\S+) to (\S+) and (\S+) to (\S+)\.")
+    by_rms = found.sort_values("rms_um", kind="stable").correlation_strike
+    assert all(same(cell, value) for cell, value in zip(single, by_rms, strict=True))
 
 
 def test_rates_of_the_tests():
