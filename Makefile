@@ -116,7 +116,7 @@ site: $(READY) ## make an offline site of the documents and the API in build/sit
 
 notebooks: $(READY) ## make notebooks of the gallery's scripts in build/notebooks, run without the workflow's packages (minutes)
 	rm -rf build/notebooks && mkdir -p build/notebooks && cp docs/gallery/*.py build/notebooks
-	cd build/notebooks && env -u PYTHONPATH ../../$(BIN)/uv run --isolated --no-project --with ../.. \
+	cd build/notebooks && env -u PYTHONPATH ../../$(BIN)/uv run --isolated --no-project --refresh-package gstlib --with ../.. \
 	  --with ipykernel,jupytext,matplotlib,nbconvert \
 	  jupytext --quiet --to ipynb --set-kernel python3 --execute *.py
 
