@@ -403,8 +403,9 @@ def test_every_pose_is_pressed_as_the_table_says(stored, table, gesture):
 def test_wear_follows_the_gesture(own, studied, stored, table, gesture, same):
     """Patches lose in proportion to their exposure, as long as little is lost."""
     path, of_gesture = stored("wear/square"), table("exposure").set_index("patch")
-    first = path.pressed.sel(ratio=0, body="stone").isel(step=1).to_series()
-    rate = first / float(path.kappa.sel(ratio=0)[1])
+    path = path.sel(ratio=0, reach=float(path.reach_of_all))
+    first = path.pressed.sel(body="stone").isel(step=1).to_series()
+    rate = first / float(path.kappa[1])
     share = of_gesture.exposure_N_per_mm[rate.index] / float(
         stored("gesture/exposure").exposure.mean()
     )

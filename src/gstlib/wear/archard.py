@@ -27,8 +27,9 @@ with that of the bare stone is fitted as κ is, to the maps of loss of the other
 # of its depths.
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -50,6 +51,7 @@ __all__ = [
     "INTERLAYER",
     "Interlayer",
     "WornSquare",
+    "driven",
     "layer_of",
     "seen_depth",
     "wear_contact",
@@ -58,9 +60,10 @@ __all__ = [
     "wear_square",
 ]
 
-# The square wears to this many times the κ of the bare stone that its first pressures give, or to
-# more, where patches are then short of their losses.
-_REACHES = 1.5, 3.0, 6.0
+# The square wears to the power of √2 (mm/MPa) next above so many times the κ that the losses of a
+# patch's others and their first pressures give, or on to one of so many more where they are then
+# short of their losses. So its own loss moves none of its steps, and most patches share a path.
+_REACHES, _MORE = 1.25, 4
 # Coefficients of the interlayer that are tried, over that of the bare stone.
 _RATIOS = 0.0, 0.1, 0.3, 1.0, 3.0
 _BODIES = "stone", "interlayer"
@@ -69,10 +72,13 @@ _BORNE = 0.9
 
 _OF_PATCHES = "pressure_MPa", "x_mm", "y_mm", "rotation_deg"
 _DESCRIBED = {
+    "reach": ("mm/MPa", "κ of the bare stone at the end of a path"),
     "kappa": ("mm/MPa", "wear coefficient × sliding"),
     "pressed": ("mm", "mean depth that one body alone would remove"),
     "fitted": ("mm/MPa", "κ of other patches"),
     "kappa_of_all": ("mm/MPa", "κ of all patches"),
+    "reach_of": ("mm/MPa", "end of the path of a patch, from the others' losses"),
+    "reach_of_all": ("mm/MPa", "the same of all patches"),
     "measured": ("mm", "measured mean depth lost"),
     "pressure_MPa": ("MPa", "pressure before use"),
     "patch_mm": ("mm", "side of a patch"),
@@ -113,12 +119,14 @@ class WornSquare(NamedTuple):
     Attributes
     ----------
     path : xarray.Dataset
-        By ``ratio`` of the interlayer's coefficient to the bare stone's, 0 alone without an
-        interlayer: ``kappa`` (ratio, step), both bodies' together, mm/MPa, from 0 on; ``pressed``
-        (ratio, body, step, patch): mean depth that one body alone would remove, mm. ``fitted``
-        (patch): κ of the bare stone from the measured losses of all other patches;
-        ``kappa_of_all``: from all. ``measured`` (patch), mm, NaN where κ is not fitted to a
-        patch; ``pressure_MPa`` before use and ``x_mm, y_mm, rotation_deg`` (patch); ``patch_mm``.
+        By ``reach``, κ of the bare stone up to which it wears, and ``ratio`` of the interlayer's
+        coefficient to the bare stone's, 0 alone without an interlayer: ``kappa`` (reach, ratio,
+        step), both bodies' together, mm/MPa, from 0 on; ``pressed`` (reach, ratio, body, step,
+        patch): mean depth that one body alone would remove, mm. ``fitted`` (patch): κ of the bare
+        stone from the measured losses of all other patches, and ``reach_of`` (patch) the path that
+        they lead to; ``kappa_of_all``, ``reach_of_all``: from all. ``measured`` (patch), mm, NaN
+        where κ is not fitted to a patch; ``pressure_MPa`` before use and ``x_mm, y_mm,
+        rotation_deg`` (patch); ``patch_mm``.
     interlayer : Interlayer or None
     """
 
@@ -152,6 +160,11 @@ class WornSquare(NamedTuple):
             for name, (units, long_name) in _OF_LAYER.items()
         }
         return fitted.assign(constants).assign(pressure=pressure)
+
+    def along(self, patch: str, ratio: float) -> xr.Dataset:
+        """The path that a patch wears along, of whose steps its own loss knows nothing."""
+        at = self.path.sel(patch=patch, ratio=ratio)
+        return at.sel(reach=float(at.reach_of))
 
     @property
     def fitted_to(self) -> list[str]:
@@ -204,41 +217,32 @@ def wear_square(
     """
     measured = pd.Series(losses_um, dtype=float) * 1e-3
     table = pressures.set_index("patch", drop=False)
-    most = measured.sum() / table.pressure_MPa[measured.index].sum()
-    for reach in _REACHES:
+    # an interlayer adds to what the bare stone does
+    ratios = _RATIOS if interlayer else _RATIOS[:1]
+
+    @cache
+    def path_to(reach: float) -> xr.Dataset:
         if gesture is None:
-            # an interlayer adds to what the bare stone does
             paths = [
-                _pressed(
-                    contact,
-                    table,
-                    (1 + ratio) * reach * most,
-                    ratio,
-                    interlayer,
-                    patch_mm,
-                    steps,
-                )
-                for ratio in (_RATIOS if interlayer else _RATIOS[:1])
+                _pressed(contact, table, (1 + of) * reach, of, interlayer, patch_mm, steps)
+                for of in ratios
             ]
         else:
-            paths = [_pressed_in_poses(contact, gesture, table, reach * most, patch_mm, steps)]
+            paths = [_pressed_in_poses(contact, gesture, table, reach, patch_mm, steps)]
         paths = [_without_own_loss(path, table) for path in paths]
-        bare = paths[0]
-        loss = bare.pressed.sel(body="stone")
-        others = (measured.index.drop(patch, errors="ignore") for patch in table.patch)
-        fits = [_fit(bare.kappa, loss, measured[of]) for of in (measured.index, *others)]
-        if np.isfinite(fits).all():
-            break
-    else:
-        raise InputError(
-            "macroscale",
-            "the measured losses are more than this square can lose under its patches",
-            "Look for a patch whose T1 is wrong.",
-        )
-    path = xr.concat(paths, pd.Index(_RATIOS[: len(paths)], name="ratio"))
+        return xr.concat(paths, pd.Index(ratios, name="ratio"))
+
+    others = [measured.drop(patch, errors="ignore") for patch in table.patch]
+    fits, reaches = zip(
+        *(_fit(path_to, table.pressure_MPa, of) for of in (measured, *others)), strict=True
+    )
+    ends = sorted({*reaches})
+    path = xr.concat([path_to(end) for end in ends], pd.Index(ends, name="reach"))
     path = path.assign(
-        fitted=("patch", fits[1:]),
+        fitted=("patch", list(fits[1:])),
+        reach_of=("patch", list(reaches[1:])),
         kappa_of_all=fits[0],
+        reach_of_all=reaches[0],
         measured=("patch", measured.reindex(table.index)),
         patch_mm=patch_mm,
     )
@@ -353,10 +357,23 @@ def _path(kappa: np.ndarray, pressed: np.ndarray, table: pd.DataFrame) -> xr.Dat
     )
 
 
-def _fit(kappa: xr.DataArray, loss: xr.DataArray, measured: pd.Series) -> float:
-    """The κ at which the patches of `measured` have lost as much in sum; NaN beyond the path."""
-    total = loss.sel(patch=list(measured.index)).sum("patch").values
-    return float(np.interp(measured.sum(), total, kappa, right=math.nan))
+def _fit(
+    path_to: Callable[[float], xr.Dataset], pressures: pd.Series, measured: pd.Series
+) -> tuple[float, float]:
+    """The κ at which the patches of `measured` have lost as much in sum, and its path's end."""
+    patches, total = list(measured.index), measured.sum()
+    first = math.ceil(2 * math.log2(_REACHES * total / pressures[patches].sum()))
+    for power in range(first, first + _MORE + 1):
+        reach = 2.0 ** (power / 2)
+        path = path_to(reach).sel(ratio=0)
+        lost = path.pressed.sel(body="stone", patch=patches).sum("patch").values
+        if total <= lost[-1]:
+            return float(np.interp(total, lost, path.kappa)), reach
+    raise InputError(
+        "macroscale",
+        "the measured losses are more than this square can lose under its patches",
+        "Look for a patch whose T1 is wrong.",
+    )
 
 
 def seen_depth(depth: np.ndarray) -> np.ndarray:
@@ -396,7 +413,7 @@ def wear_patch(
         The depth lost, mm.
     """
     kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
-    lost, options = _driven(contact, worn, patch, ratio, kappa)
+    lost, options = driven(contact, worn, worn.along(patch, ratio), kappa)
     if not lost > 0:
         return np.zeros(contact.pressure.shape)
     if pressure_cap is not None:
@@ -415,7 +432,7 @@ def wear_elastic_and_capped(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The depths of `wear_patch` without the cap and with it, in one go."""
     kappa = float(worn.path.fitted.sel(patch=patch)) if kappa is None else kappa
-    lost, options = _driven(contact, worn, patch, ratio, kappa)
+    lost, options = driven(contact, worn, worn.along(patch, ratio), kappa)
     if not lost > 0:
         return (nothing := np.zeros(contact.pressure.shape)), nothing
     source = f"patch {patch}"
@@ -428,11 +445,14 @@ def wear_elastic_and_capped(
     return elastic.depth, wear_contact(contact, source, **bounded).depth
 
 
-def _driven(
-    contact: Contact, worn: WornSquare, patch: str, ratio: float, kappa: float
+def driven(
+    contact: Contact, worn: WornSquare, at: xr.Dataset, kappa: float
 ) -> tuple[float, dict]:
-    """Mean loss (mm) of a patch at a κ, and the settings of `wear_path` that lead to it."""
-    at, steps = worn.path.sel(patch=patch, ratio=ratio), worn.path.sizes["step"] - 1
+    """Mean loss (mm) of a patch at a κ, and the settings of `wear_path` that lead to it.
+
+    `at` is the path of the square there, at one reach and one ratio.
+    """
+    ratio, steps = float(at.ratio), at.sizes["step"] - 1
     share, fine = ratio / (1 + ratio), kappa * np.arange(steps + 1) / steps
     pressed = [np.interp(fine, at.kappa, at.pressed.sel(body=body)) for body in _BODIES]
     stone, soft = (np.diff(of) / fine[1] for of in pressed)
@@ -445,7 +465,7 @@ def _driven(
 
 
 def _bounded(options: dict, ratio: float, pressure_cap: float) -> dict:
-    """The settings of `_driven` with a cap on the pressure, and no more than it lets pass."""
+    """The settings of `driven` with a cap on the pressure, and no more than it lets pass."""
     most, share = _BORNE * pressure_cap, ratio / (1 + ratio)
     body, stone = options.get("third_body"), np.minimum(options["mean_pressure"], most)
     asked = (1 - share) * options["mean_pressure"].sum()

@@ -8,7 +8,7 @@ import xarray as xr
 
 from gstlib.contact import Contact
 from gstlib.surfaces.grid import described
-from gstlib.wear.archard import WornSquare, _driven, seen_depth, wear_contact
+from gstlib.wear.archard import WornSquare, driven, seen_depth, wear_contact
 
 __all__ = ["fit_interlayer", "interlayer_misfits"]
 
@@ -16,43 +16,43 @@ __all__ = ["fit_interlayer", "interlayer_misfits"]
 def interlayer_misfits(
     contact: Contact, change: xr.Dataset, worn: WornSquare, patch: str
 ) -> xr.Dataset:
-    """How a patch's wear compares with its measured loss, by ratio, along the path of the square.
+    """How a patch's wear compares with its measured loss, along each path of the square.
 
     Returns
     -------
     xarray.Dataset
-        ``visible`` (ratio, step): mean of the predicted depth above its median, mm; ``misfit``
-        (ratio, step): sum over the points of (predicted − measured loss)², mm²; ``product`` (ratio,
-        step): that of the errors of a step and the next.
+        ``visible`` (reach, ratio, step): mean of the predicted depth above its median, mm;
+        ``misfit`` (reach, ratio, step): sum over the points of (predicted − measured loss)², mm²;
+        ``product`` (reach, ratio, step): that of the errors of a step and the next.
     """
     known = np.isfinite(change.change.values)
     lost = -change.change.values[known]
-    steps = worn.path.sizes["step"] - 1
-    found = np.zeros((3, len(worn.path.ratio), steps + 1))
-    for row, ratio in enumerate(worn.path.ratio.values):
-        kappa = float(worn.path.kappa.sel(ratio=ratio)[-1])
-        total, options = _driven(contact, worn, patch, ratio, kappa)
+    path, steps = worn.path.sel(patch=patch), worn.path.sizes["step"] - 1
+    shape = path.kappa.shape[:2]
+    found = np.zeros((3, *shape, steps + 1))
+    for row in np.ndindex(shape):
+        at = path.isel(reach=row[0], ratio=row[1])
+        total, options = driven(contact, worn, at, float(at.kappa[-1]))
         depths: np.ndarray | tuple = np.zeros((steps, *contact.pressure.shape))
         if total > 0:
             options["keep_depths"] = True
             depths = wear_contact(contact, f"patch {patch}", **options).depths
         before = -lost
-        found[1, row, 0] = before @ before
+        found[1, *row, 0] = before @ before
         for step, depth in enumerate(depths, start=1):
             seen = seen_depth(depth[known])
             error = seen - lost
-            found[:, row, step] = seen.clip(0).mean(), error @ error, 0
-            found[2, row, step - 1] = before @ error
+            found[:, *row, step] = seen.clip(0).mean(), error @ error, 0
+            found[2, *row, step - 1] = before @ error
             before = error
     named = {
         "visible": ("mm", "mean predicted depth above its median"),
         "misfit": ("mm2", "sum of squared differences of loss"),
         "product": ("mm2", "sum of products of these differences in two steps"),
     }
-    fields = {
-        name: (("ratio", "step"), values) for name, values in zip(named, found, strict=True)
-    }
-    return described(xr.Dataset(fields, {"ratio": worn.path.ratio}), named)
+    dims = path.kappa.dims
+    fields = {name: (dims, values) for name, values in zip(named, found, strict=True)}
+    return described(xr.Dataset(fields, {"reach": path.reach, "ratio": path.ratio}), named)
 
 
 def fit_interlayer(
@@ -85,11 +85,12 @@ def fit_interlayer(
     found = xr.concat(by_patch.values(), pd.Index(by_patch, name="patch"))
     measured = worn.path.measured.sel(patch=list(by_patch)).values
 
-    def misfit(of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def misfit(of: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
         """κ (ratio,), and the misfits (ratio, patch), where the patches `of` are fitted."""
         kappas, errors = [], []
         for ratio in worn.path.ratio.values:
-            at, kappa = found.sel(ratio=ratio), worn.path.kappa.sel(ratio=ratio).values
+            where = {"ratio": ratio, "reach": reach}
+            at, kappa = found.sel(where), worn.path.kappa.sel(where).values
             visible = at.visible[of].sum("patch")
             place = np.interp(measured[of].sum(), visible, np.arange(kappa.size))
             low = min(int(place), kappa.size - 2)
@@ -103,11 +104,11 @@ def fit_interlayer(
         return np.array(kappas), np.array(errors)
 
     every = np.arange(len(by_patch))
-    kappas_of_all, all_misfits = misfit(every)
+    kappas_of_all, all_misfits = misfit(every, float(worn.path.reach_of_all))
     ratios, kappas = [], []
-    for own in every:
+    for own, patch in enumerate(by_patch):
         others = np.delete(every, own)
-        kappa, errors = misfit(others)
+        kappa, errors = misfit(others, float(worn.path.reach_of.sel(patch=patch)))
         best = int(errors[:, others].sum(axis=1).argmin())
         ratios.append(float(worn.path.ratio[best]))
         kappas.append(kappa[best])
