@@ -13,6 +13,9 @@ __all__ = ["MAX_ITERATIONS", "descend"]
 MAX_ITERATIONS = 500
 # A cut larger than this share of the step is convolved at once rather than with the next one.
 _LARGE_CUT = 0.3
+# Bounds of the next trial's step. The line searches of a rough 4096² ask for 0.15: with a bound of
+# 0.3, trials go too far, cuts are large, and every third iteration has a convolution more.
+_SHORTEST_STEP, _LONGEST_STEP = 0.1, 3.0
 # Least share of the largest lift, so that every free element can take part in balancing the load.
 _LEAST_LIFT = 1e-3
 # A line search changes the pressure as a whole by no more than this share.
@@ -124,7 +127,7 @@ def descend(  # noqa: C901, PLR0915
         weights = _energy_weights(steps, [dot(vector, penetration) for vector, _ in steps])
         if weights[0] <= 0 or abs(weights[1:]).sum() > _LARGE_LEVEL:
             weights = np.array([scale if scale > 0 else 1.0, *[0.0] * len(level)])
-        step = min(max(weights[0] * step, 0.3), 3.0)
+        step = min(max(weights[0] * step, _SHORTEST_STEP), _LONGEST_STEP)
 
         change, change_field = (_combination(weights, c) for c in zip(*steps, strict=True))
         convolved = convolved + change
