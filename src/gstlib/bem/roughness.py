@@ -1,4 +1,4 @@
-"""A rough surface in numbers, each by its definition.
+"""A rough surface in numbers, each by its definition::
 
     r.m.s. height      √⟨(h − ⟨h⟩)²⟩
     r.m.s. slope       √⟨|∇h|²⟩
@@ -10,7 +10,7 @@ m₂ and m₄ are the second and fourth moments of a profile's spectrum, average
 398). α is at least 1.5, and grows with the width of the spectrum. Of a periodic surface all
 derivatives are those of its waves; of others, differences between neighbours.
 
-The spectrum is the power of a wave vector q (rad/mm) on an area,
+The spectrum is the power of a wave vector q (rad/mm) on an area::
 
     C(q) = |∫ h exp(−iq·r) d²r|²/A   (mm⁴), so that ⟨h²⟩ = ∫ C d²q/(2π)²
 """

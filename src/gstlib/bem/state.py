@@ -88,7 +88,7 @@ class ContactState:
         return self.pressure > 0
 
     def like(self, field: Callable[[str, np.ndarray], Any]) -> "ContactState":
-        """The same with fields as their heights were given, see `gstlib.bem.fields`."""
+        """The same with fields as their heights were given, see ``gstlib.bem.fields``."""
         pressure = field("pressure", self.pressure)
         if pressure is self.pressure:
             return self
