@@ -347,13 +347,14 @@ def test_command_draws_the_files(tilted, tmp_path):
         np.asarray(Image.open(tmp_path / f"seen/{name}.png").convert("RGB"), dtype=int)
         for name in ("a.plu", "a.ply")
     )
-    scan = scan[: round(120 * (0.3 + 3.6))]  # without the scale of colours below the map
+    side = 120 * 2.8  # of the map, in pixels
+    scan = scan[: round(120 * 0.3 + side)]  # without the scale of colours below the map
     blue, yellow = scan[..., 2] - scan[..., 0] > 40, scan[..., 0] - scan[..., 2] > 40
     left = np.arange(scan.shape[1]) < scan.shape[1] / 2
     assert 0.6 < (blue & left).sum() / (blue & ~left).sum() < 1.6  # noise, not a slope
     assert yellow.sum() > 1000
     pale = (scan == 0xE4).all(axis=-1)
-    assert pale.sum() == pytest.approx(0.01 * (3.6 * 120) ** 2, rel=0.1)  # 24 of 2400 points
+    assert pale.sum() == pytest.approx(0.01 * side**2, rel=0.1)  # 24 of 2400 points
     thirds = np.array_split((mesh < 250).any(axis=-1), 3, axis=1)
     assert all(0.2 < third.mean() < 0.8 for third in thirds)  # a ball, three times
 
