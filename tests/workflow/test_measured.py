@@ -454,7 +454,7 @@ def test_the_other_stone_is_lifted_on_the_page(studied, browser):
 
 
 @pytest.fixture(scope="module")
-def with_a_interlayer(studied, tmp_path_factory):
+def with_an_interlayer(studied, tmp_path_factory):
     """The interlayer takes the place of the gesture."""
     folder = tmp_path_factory.mktemp("interlayer") / "study"
     shutil.copytree(studied.folder, folder, copy_function=shutil.copy2)
@@ -465,17 +465,17 @@ def with_a_interlayer(studied, tmp_path_factory):
     return study
 
 
-def test_its_wear_is_as_expected(with_a_interlayer):
-    assert_as_expected(with_a_interlayer.results, "interlayer", "wear", "validation_summary")
+def test_its_wear_is_as_expected(with_an_interlayer):
+    assert_as_expected(with_an_interlayer.results, "interlayer", "wear", "validation_summary")
 
 
-def test_a_interlayer_takes_turns_with_the_bare_stone(with_a_interlayer, tmp_path):
-    scored = kept(with_a_interlayer).scored(seed=1, resamples=199)
+def test_an_interlayer_takes_turns_with_the_bare_stone(with_an_interlayer, tmp_path):
+    scored = kept(with_an_interlayer).scored(seed=1, resamples=199)
     for name, rows in {"wear": scored["wear"], "validation_summary": scored["summary"]}.items():
-        assert_stored(rows, with_a_interlayer.results / f"tables/{name}.csv", tmp_path)
+        assert_stored(rows, with_an_interlayer.results / f"tables/{name}.csv", tmp_path)
     assert {"archard", "interlayer", "archard_capped"} < set(scored["wear"].model)
     page = (
-        (with_a_interlayer.results / "index.html").read_text(encoding="utf-8").replace("\xa0", " ")
+        (with_an_interlayer.results / "index.html").read_text(encoding="utf-8").replace("\xa0", " ")
     )
     assert "with an interlayer of 300 MPa, 300 µm thick, predicts" in page
 
