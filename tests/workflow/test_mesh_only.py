@@ -119,7 +119,8 @@ def test_the_proposed_places_are_a_patch_table_as_expected(where):
 def test_grades_of_wear_tell_how_a_tool_was_used_as_expected(where, tmp_path_factory):
     """Grades that the contact at a point gives; the study is told another one."""
     study = fresh(tmp_path_factory.mktemp("artefact"))
-    square = square_of(read_dataset(where.results / "macroscale/contact.h5").pressure, 5.0)
+    pressed = where.folder / "results-where/macroscale/contact.h5"  # whatever ran before
+    square = square_of(read_dataset(pressed).pressure, 5.0)
     y, x = np.meshgrid(*2 * [np.arange(0.5, 5.0, 1.0)], indexing="ij")
     places = pd.DataFrame({"patch": np.arange(25), "x_mm": x.ravel(), "y_mm": y.ravel()})
     places = places.assign(rotation_deg=0.0)
