@@ -645,7 +645,13 @@ function show() {
 }
 
 async function load() {
-  state = await ask("state");
+  let before, found;
+  do { // until nothing was answered meanwhile, which would be shown as it was before
+    before = last;
+    await before;
+    found = await ask("state");
+  } while (before !== last);
+  state = found;
   $("title").textContent = document.title = state.title;
   $("things").textContent = state.has_scans ? "Place the scans" : "Grade places";
   $("legend").textContent = state.has_scans ? "Scans" : "Places, and how worn they are";
