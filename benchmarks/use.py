@@ -56,15 +56,8 @@ from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.specimen.randomness import SpecimenParameters
 from gstlib.study import Study
 from gstlib.use.evidence import Evidence, Grades, Losses, weigh
-from gstlib.use.infer import (
-    BETTER,
-    StatedUse,
-    infer_use,
-    losses_of,
-    predicted_losses,
-    share_within,
-    use_pressures,
-)
+from gstlib.use.infer import BETTER, StatedUse, infer_use, use_pressures
+from gstlib.use.outcome import losses_of, predicted_losses, share_within
 from gstlib.use.sampling import Sampling
 
 ROOT = Path(__file__).parents[1]

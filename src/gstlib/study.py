@@ -66,7 +66,7 @@ from gstlib.macroscale.equilibrium import solve_at_load, solve_square
 from gstlib.macroscale.face import grid_macroscale
 from gstlib.microscale.patches import LEVELLED, Microscale, solve_patch
 from gstlib.preprocess.scans import crop_of, prepare_patch
-from gstlib.use.infer import as_used, leave_one_out, use_of_study
+from gstlib.use.outcome import as_used, leave_one_out, use_of_study
 from gstlib.validation.summary import score_wear
 from gstlib.wear.archard import WornSquare
 from gstlib.wear.fit import PatchMaps, Prediction, fit_wear, predict_wear

@@ -9,7 +9,7 @@ from gst.stored import dataset_of
 from gst.tables import write_table
 from gstlib.coupling.pressures import couple_scales
 from gstlib.io.store import read_dataset
-from gstlib.use.infer import leave_one_out
+from gstlib.use.outcome import leave_one_out
 
 
 def main(

@@ -10,7 +10,7 @@ from gst.provenance import provenance
 from gst.stored import face_of, table_of
 from gst.tables import write_table
 from gstlib.io.store import write_dataset
-from gstlib.use.infer import use_of_study
+from gstlib.use.outcome import use_of_study
 
 
 def main(

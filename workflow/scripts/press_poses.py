@@ -9,7 +9,7 @@ from gst.provenance import provenance
 from gst.stored import active_tool_of, dataset_of, face_of
 from gstlib.io.store import write_dataset
 from gstlib.macroscale.gesture import Gesture, press_poses
-from gstlib.use.infer import as_used
+from gstlib.use.outcome import as_used
 
 
 def main(

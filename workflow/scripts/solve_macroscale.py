@@ -10,7 +10,7 @@ from gst.tables import write_table
 from gstlib.io.store import write_dataset
 from gstlib.macroscale.equilibrium import macroscale_table, solve_macroscale
 from gstlib.macroscale.plausibility import plausibility_warnings
-from gstlib.use.infer import as_used
+from gstlib.use.outcome import as_used
 
 
 def main(

@@ -196,8 +196,8 @@ def wear_square(
         The face's at the target load.
     pressures : pandas.DataFrame
         ``patch, x_mm, y_mm, rotation_deg`` of every patch, and ``pressure_MPa`` before use. With
-        ``leave_one_out_MPa``, from `gstlib.use.infer.leave_one_out`, a patch wears at that pressure
-        where it is known, and not at one that its own loss has a part in.
+        ``leave_one_out_MPa``, from `gstlib.use.outcome.leave_one_out`, a patch wears at that
+        pressure where it is known, and not at one that its own loss has a part in.
     losses_um : mapping
         Measured mean loss over each patch that κ is fitted to, µm, finite; of two at least.
     patch_mm : float

@@ -13,17 +13,8 @@ from gstlib.macroscale.ensemble import Case, patch_means, press_each
 from gstlib.specimen.randomness import smooth_field
 from gstlib.surfaces.grid import coarser
 from gstlib.use.evidence import Grades, Losses, weigh
-from gstlib.use.infer import (
-    CHANCE,
-    UNKNOWN,
-    StatedUse,
-    as_used,
-    infer_use,
-    leave_one_out,
-    losses_of,
-    predicted_losses,
-    use_table,
-)
+from gstlib.use.infer import CHANCE, UNKNOWN, StatedUse, infer_use
+from gstlib.use.outcome import as_used, leave_one_out, losses_of, predicted_losses, use_table
 from gstlib.use.sampling import Sampling
 
 # A square of 3 mm in a face of 4.2 mm, with sixteen patches of 0.5 mm.
