@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gst.config import read_config_file
 from gst.edited import Cells, text_of, with_cells, with_values
 from gstlib.change.selection import is_more
-from gstlib.coupling.matching import match_near
+from gstlib.coupling.matching import REACH, match_near
 from gstlib.coupling.placement import (
     AS_GIVEN,
     CANNOT_TELL,
@@ -37,9 +37,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Cure", "cures_of", "offer"]
 
-# Places that are off by less (mm) and turns that are (degrees) are left as they are; and how far
-# off they may be.
-_LEAST_MOVED, _LEAST_TURNED, _REACH = 0.05, 3.0, 0.75
+# Places that are off by less (mm) and turns that are (degrees) are left as they are.
+_LEAST_MOVED, _LEAST_TURNED = 0.05, 3.0
 
 
 class Cure(NamedTuple):
@@ -108,7 +107,7 @@ def _by_hand(study: Study, scans: Mapping[str, "xr.Dataset"]) -> Iterator[Cure]:
             if abs(turn - former.rotation_deg) > _LEAST_TURNED:
                 cells[patch]["rotation_deg"] = f"{turn:.1f}"
     if cells:
-        why = f"patches {', '.join(cells)} fit the mesh up to {_REACH} mm from where the table says"
+        why = f"patches {', '.join(cells)} fit the mesh up to {REACH} mm from where the table says"
         yield Cure(why, {}, lambda row: cells.get(row["patch"], {}))
 
 

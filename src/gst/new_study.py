@@ -22,9 +22,8 @@ from gst import ROOT
 from gst.config import complete
 from gst.edited import with_values
 from gst.patches import cell_of
-from gst.place_matching import Found, corners_of, described, on_square
-from gst.place_matching import find_scans as places_of_scans
-from gst.scan_folder import Pairs, Scan, find_scans, pair_scans, read_scans
+from gst.place_matching import Found, corners_of, described, located, on_square
+from gst.scan_folder import Pairs, Scan, pair_scans, read_scans, scans_in
 from gst.todo import TODO, is_to_do, left_in
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
@@ -186,7 +185,7 @@ def _from_scans(
     folder: Path, stone: _Stone, given: Sequence[Path], overview: Path | None
 ) -> tuple[list[_Said], str, dict[str, Any]]:
     """What the scans say, the patch table, and values of the config."""
-    root, paths, others = find_scans(given)
+    root, paths, others = scans_in(given)
     is_overview = overview.resolve() if overview else None
     scans, faults = read_scans(root, [path for path in paths if path != is_overview])
     if not scans:
@@ -313,7 +312,7 @@ def _where(
     can_match = not (isinstance(size_mm, str) or is_to_do(stone.unit) or not scans)
     if can_match and (overviews or stages is not None):
         overview = max(overviews, key=lambda scan: min(scan.size_mm), default=None)
-        found = places_of_scans(
+        found = located(
             stone.mesh,
             {patch: scan.coarse for patch, scan in scans.items()},
             overview=None if overview is None else overview.coarse,

@@ -22,7 +22,7 @@ from gstlib.surfaces.grid import spacing_of
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["Found", "corners_of", "described", "find_scans", "on_square", "seen_in", "snapped"]
+__all__ = ["Found", "corners_of", "described", "located", "on_square", "seen_in", "snapped"]
 
 # The stage's zero is anywhere, and no file says which way its axes run.
 _DIRECTIONS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
@@ -64,7 +64,7 @@ def stage_readings(stages: Sequence[tuple[float, float]]) -> np.ndarray:
     return np.array([(offsets - offsets.mean(axis=0)) * signs for signs in _DIRECTIONS])
 
 
-def find_scans(
+def located(
     mesh: "trimesh.Trimesh",
     scans: Mapping[str, xr.DataArray],
     *,

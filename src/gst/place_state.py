@@ -18,10 +18,16 @@ import yaml
 from gst.config import complete, read_config, refuse_config, value_problems
 from gst.edited import text_of, with_cells, with_values
 from gst.patches import EPOCHS, cell_of, find_scans, no_patches
-from gst.place_matching import Found, corners_of, described, on_square, seen_in, snapped
-from gst.place_matching import find_scans as places_of_scans
-from gst.scan_folder import OVERVIEW
-from gst.scan_folder import find_scans as scans_in
+from gst.place_matching import (
+    Found,
+    corners_of,
+    described,
+    located,
+    on_square,
+    seen_in,
+    snapped,
+)
+from gst.scan_folder import OVERVIEW, scans_in
 from gst.tables import columns_of
 from gst.todo import TODO, is_to_do
 from gst.user_tables import read_rows
@@ -305,13 +311,11 @@ def find_places(path: Path) -> dict[str, Any]:
     config = read_config(path)
     rows, _ = _rows_of(config)
     scans = dict(zip(rows.patch, _scans_of(path, [*rows.index]), strict=True))
-    stages = [scan.stage_mm for scan in scans.values()]
     heights = {patch: scan.heights for patch, scan in scans.items()}
     mesh, square = _mesh_of(path), config["square"]
     size_mm, laid = square["size_mm"], _known(square["points_mm"])
     overview = _overview_of(config, [*rows.t0, *rows.t1, *rows["repeat"]])
-    staged = None if None in stages or len({*stages}) < len(stages) else stages
-    found = places_of_scans(mesh, heights, overview=overview, stages=staged)
+    found = located(mesh, heights, overview=overview, stages=_stages([*scans.values()]))
     said = {patch: described(match) for patch, match in found.scans.items()}
     if found.placed:
         matches = found.scans
@@ -363,7 +367,7 @@ def _of_matches(config: Mapping, matches: Sequence[Match]) -> dict[str, Any]:
         return {}
     mould, match = config["scans"]["mould"], matches[0]
     error_um = math.ceil(1e3 * math.sqrt(np.mean([each.error_mm**2 for each in matches])))
-    values: dict[str, Any] = {"uncertainty.placement_um": min(error_um, 200)}
+    values: dict[str, Any] = {"uncertainty.placement_um": error_um}
     if match.inverted:
         values["scans.mould.invert"] = not mould["invert"]
     if match.mirrored:
@@ -415,8 +419,13 @@ def picture_of(path: Path, number: int) -> bytes:
 def has_stage(path: Path) -> bool:
     """Whether every scan has a place from the stage, each another."""
     rows, has_scans = _rows_of(read_config(path))
-    stages = [scan.stage_mm for scan in _scans_of(path, [*rows.index])] if has_scans else []
-    return len(stages) > 1 and None not in stages and len({*stages}) == len(stages)
+    return has_scans and _stages(_scans_of(path, [*rows.index])) is not None
+
+
+def _stages(scans: Sequence[_Scan]) -> list[tuple[float, float]] | None:
+    """The stage's places; None unless it has one for each of several scans, each another."""
+    found = [scan.stage_mm for scan in scans if scan.stage_mm is not None]
+    return found if 1 < len({*found}) == len(scans) else None
 
 
 def _scans_of(path: Path, numbers: Sequence[int]) -> list[_Scan]:

@@ -31,7 +31,7 @@ from gstlib.io.text import SCAN_UNITS
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.grid import coarser, make_surface, spacing_of
 
-__all__ = ["OVERVIEW", "Pairs", "Scan", "find_scans", "pair_scans", "read_scans"]
+__all__ = ["OVERVIEW", "Pairs", "Scan", "pair_scans", "read_scans", "scans_in"]
 
 # Points along a scan that is compared with others, and points that make a loss.
 _COARSE, _SPOT = 128, 2
@@ -92,7 +92,7 @@ class Scan:
         return prepare_scan(coarser(self.coarse, times), maximum_unmeasured=1.0)
 
 
-def find_scans(given: Iterable[Path]) -> tuple[Path, list[Path], list[Path]]:
+def scans_in(given: Iterable[Path]) -> tuple[Path, list[Path], list[Path]]:
     """The folder of all scans, those in it, and other files there.
 
     Files that are named are scans, whatever their ending; in folders, it tells.

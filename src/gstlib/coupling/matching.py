@@ -29,7 +29,7 @@ from gstlib.coupling.sliding import (
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import spacing_of
 
-__all__ = ["Match", "match_map", "match_near", "match_together"]
+__all__ = ["REACH", "Match", "match_map", "match_near", "match_together"]
 
 # Turns that are tried: a map of 2.5 mm that is turned by half a step too far is off by 50 µm at its
 # corners, a quarter of the shortest waves that a mesh shows.
@@ -44,7 +44,7 @@ _ONE = 1 - 1e-9
 # more than this (degrees), is the same match.
 _SAME_PLACE, _SAME_TURN = 0.5, 20.0
 # How far places by hand may be off (mm, degrees), and the step of the turns that are tried.
-_REACH, _STEP = 0.75, 3.0
+REACH, _STEP = 0.75, 3.0
 _BY_HAND = np.arange(-12.0, 12.1, _STEP)
 # Of scans near places by hand, what is nearer to the best than this share of their side is the same
 # match.
@@ -249,13 +249,13 @@ def _near(
 ) -> dict[tuple[bool, float, int, int], np.ndarray]:
     """Peaks (score, y, x) around a place, by mirroring, sign, half turn and number of the turn."""
     step = spacing_of(search)[0]
-    part = part_around(search, place, template.count(step) * step / 2 + _REACH + step)
+    part = part_around(search, place, template.count(step) * step / 2 + REACH + step)
     image, turns = Image.of(part), place.rotation_deg + _BY_HAND
     found = {}
     for number, (pose, held) in enumerate(slid(image, [template], step, turns)):
         peaks = peaks_of(correlation_of(held, np.zeros((1, 2), int)))
         peaks[:, 1:] = middles(peaks[:, 1:], part, [template])
-        peaks = peaks[np.hypot(*(peaks[:, 1:] - place[:2]).T) <= _REACH]
+        peaks = peaks[np.hypot(*(peaks[:, 1:] - place[:2]).T) <= REACH]
         for sign in (1.0, -1.0):
             own = peaks[sign * peaks[:, 0] > 0] * [sign, 1, 1]
             found[pose[0], sign, number % 2, number // 4] = own
