@@ -21,7 +21,7 @@ import scipy
 import yaml
 
 from gst.patches import read_patches
-from gst.place_matching import find_scans
+from gst.place_matching import located
 from gstlib import self_affine_field
 from gstlib.coupling.matching import match_map, match_near, match_together
 from gstlib.io.meshes import read_mesh
@@ -178,7 +178,7 @@ def of_pebble():
     face = grid_mesh(whole, frame, **grids).height
     rows = [*timed("map on its face", 0, "pebble", [right], alone, face, scan)]
     start = time.process_time()
-    found = find_scans(whole, {}, overview=coarser(scan, 1), stages=None)
+    found = located(whole, {}, overview=coarser(scan, 1), stages=None)
     cpu_s = time.process_time() - start
     match = found.on_stone
     at = found.frame.origin + match.place.x_mm * found.frame.axes[0]

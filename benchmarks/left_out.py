@@ -8,18 +8,14 @@ pressure; and worn on the same place again and again by a tool that wears as muc
 go to `results/left_out.csv`; `--tables` prints the table of docs/explanation/evidence.md from them.
 """
 
-import argparse
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from strikes import SEEDS, loaded_contacts, solved
+from strikes import loaded_contacts, run, solved
 
 from gstlib.contact import Contact
-from gstlib.io.tables import read_table, write_table
 from gstlib.wear.archard import wear_contact
 
 ROWS = Path(__file__).parent / "results/left_out.csv"
@@ -71,18 +67,5 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     return found.assign(patches=groups.size()).reset_index()
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
-    parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--tables", action="store_true", help="from the rows alone")
-    arguments = parser.parse_args()
-    if not arguments.tables:
-        with ProcessPoolExecutor(arguments.processes, get_context("spawn")) as pool:
-            found = [row for rows in pool.map(rows_of, arguments.seeds) for row in rows]
-        write_table(ROWS, pd.DataFrame(found).round(4))
-    print(summary(read_table(ROWS)).round(3).to_string(index=False))
-
-
 if __name__ == "__main__":
-    main()
+    run(__doc__, rows_of, ROWS, summary)

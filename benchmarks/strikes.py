@@ -12,7 +12,7 @@ to `results/strikes.csv`; `--tables` prints the table of docs/explanation/eviden
 
 import argparse
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -137,8 +137,14 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     return found.assign(patches=groups.size()).reset_index()
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def run(
+    what: str,
+    rows_of: Callable[[int], list[dict]],
+    file: Path,
+    summary: Callable[[pd.DataFrame], pd.DataFrame],
+) -> None:
+    """Make the rows of both stones, unless only the tables are asked for, and print their means."""
+    parser = argparse.ArgumentParser(description=what.splitlines()[0])
     parser.add_argument("--seeds", type=int, nargs="+", default=SEEDS)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--tables", action="store_true", help="from the rows alone")
@@ -146,9 +152,9 @@ def main() -> None:
     if not arguments.tables:
         with ProcessPoolExecutor(arguments.processes, get_context("spawn")) as pool:
             found = [row for rows in pool.map(rows_of, arguments.seeds) for row in rows]
-        write_table(ROWS, pd.DataFrame(found).round(4))
-    print(summary(read_table(ROWS)).round(3).to_string(index=False))
+        write_table(file, pd.DataFrame(found).round(4))
+    print(summary(read_table(file)).round(3).to_string(index=False))
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, rows_of, ROWS, summary)

@@ -360,6 +360,26 @@ def test_many_patches():
             assert pd.isna(value) if cell == "–" else same(cell, value), (patches, cell)
 
 
+def test_places_by_heights():
+    """As the evidence has them in words."""
+    found = pd.read_csv(power.ROOT / "benchmarks/results/finding.csv").set_index(
+        ["how", "scans"]
+    )
+    own = found.xs("own", level="scans")
+    text = " ".join(EVIDENCE.read_text().split())
+    said = text[text.index("Places by heights") :]
+    overview, hand = own.loc["overview"], own.loc["by hand"]
+    assert f"found on all, {overview.within_20_um:.0%} within 20 µm".replace("%", " %") in said
+    assert own.loc[["overview", "tied by the stage"], "found_fraction"].eq(1).all()
+    assert own.within_50_um["tied by the stage"] == 1
+    by_hand = f"{hand.found_fraction:.0%} are found, {hand.within_50_um:.0%} within 50 µm"
+    assert by_hand.replace("%", " %") in said
+    assert own.found_and_wrong.eq(0).all()  # "none wrong by more than 100 µm"
+    others = found[found.index.isin(["another", "smooth"], level="scans")]
+    assert len(others) == 6
+    assert others.found_fraction.eq(0).all()
+
+
 def test_rates_on_random_numbers():
     found = chance.rates(read_table(chance.ROWS))
     claims, held = found["claim", "mean"], found["held", "mean"]
