@@ -131,8 +131,8 @@ class LogHandler(LogHandlerBase):
             case LogEvent.PROGRESS:
                 done = min(record.done, self.total)  # without "all"
                 if self.total and 10 * done // self.total > 10 * self.done // self.total:
-                    how_far = f"{done} of {self.total} steps done"
-                    self._say(f"{self._elapsed()}  {how_far}{self._left()}")
+                    left = self._left() if done < self.total else ""
+                    self._say(f"{self._elapsed()}  {done} of {self.total} steps done{left}")
                 self.done = done
             case LogEvent.JOB_ERROR:
                 self._fail(record.jobid, record.rule_msg or _SILENT)

@@ -78,6 +78,7 @@ def said(monkeypatch, capsys):
 
 def test_the_display_counts_the_steps_without_control_characters(said):
     run = Run(40)
+    run.handler.to_do += 1  # of a step whose end is not yet told
     for job in range(1, 41):
         run.begin(job)
         run.end(job)
@@ -87,6 +88,7 @@ def test_the_display_counts_the_steps_without_control_characters(said):
     assert shown.startswith("40 steps to do.\n0:00:00  Pressing patch 1\n")
     tenths = [f"{done} of 40" for done in range(4, 41, 4)]
     assert re.findall(r"(\d+ of 40) steps done", shown) == tenths
+    assert "40 of 40 steps done\n" in shown
     assert shown.endswith("All 40 steps are done, after 0:00:00.\n")
     assert not re.search(r"[^\x20-\x7e\n]", shown)
 
