@@ -219,11 +219,7 @@ rule write_page:
         ]
         + ([COUNTERFACE_SCAN] if GENERATED else [MESH, *SCANS]),
     output:
-        page=report(
-            f"{RESULTS}/index.html",
-            category="0 Overview",
-            labels={"what": "page: the answer, the tool in 3D, a card for each patch"},
-        ),
+        page=f"{RESULTS}/index.html",
         record=f"{RESULTS}/provenance.json",
         contents=f"{RESULTS}/contents.json",
     log:
