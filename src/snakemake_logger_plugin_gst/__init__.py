@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 from datetime import timedelta
+from graphlib import TopologicalSorter
 from logging import INFO, LogRecord
 from pathlib import Path
 from typing import Any
@@ -77,6 +78,9 @@ class LogHandler(LogHandlerBase):
         self.is_closed = False
         self.steps: dict[int, tuple[str, Path]] = {}  # what each does, and its log
         self.begun: dict[int, tuple[str, float]] = {}  # by job, its rule and when it began
+        self.planned: dict[
+            int, tuple[str, Any]
+        ] = {}  # by job, what to say of it, and its record
         self.to_do = self.cost_done = 0.0
         self.said_last, self.ended = self.start, threading.Event()
         if self.writes_to_stream:
@@ -99,7 +103,7 @@ class LogHandler(LogHandlerBase):
 
     def _end(self) -> None:
         if self.is_plan:
-            print(f"{len(self.steps)} steps would run." if self.steps else "Nothing to do.")
+            print(*self._plan(), sep="\n")
         elif self.done < self.total:
             how_far = f"{self.done} of {self.total} steps done, after {self._elapsed()}"
             self._say(
@@ -160,12 +164,30 @@ class LogHandler(LogHandlerBase):
         if self.is_plan:
             took = last_took(log.parents[1], log.stem)
             why = (again or _why(record.reason)) + (f"; last took {took}" if took else "")
-            print(f"{record.rule_name}: {what}\n    {why}")
+            self.planned[record.jobid] = f"{record.rule_name}: {what}\n    {why}", record
             return
         log.unlink(missing_ok=True)  # of an earlier run
         self._say(f"{self._elapsed()}  {what}")
         if again:
             self._say(f"  again: {again}")
+
+    def _plan(self) -> list[str]:
+        """The steps in an order in which they could run, the same each time; and their number."""
+        if not self.planned:
+            return ["Nothing to do."]
+        makes = {file: job for job, (_, of) in self.planned.items() for file in of.output}
+        needs = {
+            job: {makes[file] for file in of.input if file in makes}
+            for job, (_, of) in self.planned.items()
+        }
+        sorter = TopologicalSorter(needs)
+        sorter.prepare()
+        lines: list[str] = []
+        while sorter.is_active():
+            ready = sorter.get_ready()
+            lines += sorted(self.planned[job][0] for job in ready)
+            sorter.done(*ready)
+        return [*lines, f"{len(self.planned)} steps would run."]
 
     def _left(self) -> str:
         """About how long the rest takes, at the pace so far."""

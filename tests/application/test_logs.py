@@ -4,11 +4,12 @@ import logging
 import re
 import time
 import warnings
+from itertools import permutations
 from types import SimpleNamespace
 
 import pytest
 import snakemake_logger_plugin_gst as plugin
-from gst.logs import FILE_ONLY, job_log, logged
+from gst.logs import FILE_ONLY, PLAN, job_log, logged
 from gstlib.errors import InputError
 from snakemake_interface_logger_plugins.common import LogEvent
 from snakemake_logger_plugin_gst import _SILENT, LogHandler
@@ -157,3 +158,25 @@ def test_messages_of_snakemake_itself(said):
         "ERROR: mine.yaml: is bad",
         "Terminating processes on user request",
     ]
+
+
+def test_a_plan_is_the_same_in_whatever_order_snakemake_tells_it(tmp_path, monkeypatch, capsys):
+    makes = {"wear": (["contact"], "depth"), "press": (["grid"], "contact"), "map": ([], "grid")}
+    monkeypatch.setenv(PLAN, "1")
+    monkeypatch.setenv(FILE_ONLY, "")  # restored afterwards: the display sets it
+    shown = set()
+    for order in permutations(makes):
+        asked = dict.fromkeys(("quiet", "verbose", "debug_dag", "printshellcmds"), False)
+        handler = LogHandler(SimpleNamespace(dryrun=True, **asked), None)
+        for job, rule in enumerate(order):
+            inputs, output = makes[rule]
+            record = logging.LogRecord("snakemake", logging.INFO, "", 0, "", None, None)
+            record.__dict__ |= {"event": LogEvent.JOB_INFO, "jobid": job, "rule_name": rule}
+            record.__dict__ |= {"rule_msg": rule, "reason": "Missing output files: a"}
+            record.__dict__ |= {"input": inputs, "output": [output], "log": [f"{tmp_path}/logs/a"]}
+            handler.handle(record)
+        handler.close()
+        shown.add(capsys.readouterr().out)
+    (plan,) = shown
+    steps = [line.split(":")[0] for line in plan.splitlines() if not line.startswith(" ")]
+    assert steps == ["map", "press", "wear", "3 steps would run."]
