@@ -15,7 +15,7 @@ PARALLEL := -n $(CORES) --dist loadfile
 
 .DEFAULT_GOAL := help
 .PHONY: help environment study check plan diff test test-all style types test-browser test-slurm \
-  test-faults hooks baseline expected bench margin power sweep docs site notebooks dist lock clean
+  test-faults hooks baseline expected bench evidence margin power sweep docs site notebooks dist lock clean
 
 help: ## list these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /\1|/' \
@@ -86,6 +86,12 @@ hooks: $(READY) ## check the style of each commit before it is made
 bench: $(READY) ## measure the contact solver against other codes (an hour)
 	$(BIN)/python benchmarks/run.py
 
+evidence: $(READY) ## print what the committed rows show, and how old they are
+	$(BIN)/python benchmarks/two_scales.py
+	for name in verdict use strikes left_out power chance statistics_of_contact; do \
+	  echo "$$name:"; $(BIN)/python benchmarks/$$name.py --tables || exit 1; done
+	$(BIN)/python benchmarks/age.py
+
 margin: $(READY) ## measure how much unrounded tables differ between cores and processors (10 minutes)
 	$(BIN)/python benchmarks/margin.py --config "$(CONFIG)"
 
@@ -106,6 +112,7 @@ sweep: $(READY) ## find what changes the results most: one-at-a-time sensitivity
 
 docs: $(READY) ## renew the parts of the documents that are generated from the code
 	$(BIN)/python workflow/document.py
+	$(BIN)/python benchmarks/age.py
 
 site: $(READY) ## make an offline site of the documents and the API in build/site; any warning is an error
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation -e '.[docs]'

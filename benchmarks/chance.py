@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from age import record
 
 from gstlib.io.tables import read_table, write_table
 from gstlib.specimen.randomness import self_affine_field
@@ -116,6 +117,7 @@ def main() -> None:
             print(f"{name}: done", flush=True)
         columns = ["case", "p_value", "held"]
         write_table(options.rows, pd.DataFrame(found, columns=columns))
+        record(options.rows)
     print(rates(read_table(options.rows)).to_string())
 
 

@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 import scipy
 import yaml
+from age import record
 
 from gst.patches import read_patches
 from gst.place_matching import located
@@ -229,6 +230,7 @@ def main():
     print(table.to_string(index=False))
     if options.output:
         table.to_csv(options.output, index=False, float_format="%.3g")
+        record(options.output)
 
 
 if __name__ == "__main__":

@@ -32,6 +32,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import yaml
+from age import record
 from commands import snakemake_command
 
 from gst.difference import compare_results
@@ -114,6 +115,7 @@ def main() -> None:
     text = table.to_csv(index=False, float_format="%.2g", lineterminator="\n")
     options.output.parent.mkdir(parents=True, exist_ok=True)
     options.output.write_text(text, encoding="utf-8")
+    record(options.output)
     print(text)
 
 

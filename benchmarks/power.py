@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from age import record
 from scipy.stats import beta
 
 from gst.config import complete, read_config_file, read_study
@@ -313,6 +314,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 found.append(job.result())
                 write_table(options.output, pd.concat(found, ignore_index=True))
                 print(f"{number} of {len(jobs)} studies", flush=True)
+        record(options.output)
     rates = rejection_rates(read_table(options.output))
     shown = rates[(rates.level == SHOWN) & rates.drawn.isna()].round(3)
     columns = ["test", "wear", "claims", "of", "specimens", "rate", "low", "high"]

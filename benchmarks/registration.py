@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 import scipy.ndimage
+from age import record
 
 from gstlib.change.registration import register
 from gstlib.surfaces.grid import make_surface
@@ -286,6 +287,7 @@ def main():
     print(groups.to_string(index=False))
     if options.output:
         groups.to_csv(options.output, index=False, float_format="%.3g")
+        record(options.output)
 
 
 def measure(label, method, condition, case, size):

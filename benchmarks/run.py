@@ -12,6 +12,7 @@ import math
 import time
 from pathlib import Path
 
+from age import record
 from cases import CASES, CODES, Growth
 from environments import ENVIRONMENTS, UnavailableError
 from machine import describe
@@ -101,6 +102,7 @@ def write_table(path, rows):
         writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
         writer.writeheader()
         writer.writerows({key: rounded(key, value) for key, value in r.items()} for r in rows)
+    record(path)
 
 
 def arguments():

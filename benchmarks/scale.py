@@ -28,6 +28,7 @@ from pathlib import Path
 
 import pandas as pd
 import yaml
+from age import record
 from commands import snakemake_command
 
 from gst.patches import read_patches
@@ -202,6 +203,7 @@ def main() -> None:
         )
         table = table.drop(index="patches")
         table.to_csv(options.output, float_format="%.4g", lineterminator="\n")
+    record(options.output)
     print(table)
 
 

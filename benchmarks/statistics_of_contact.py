@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from age import record
 
 from gstlib.bem import load_path, measure_roughness
 from gstlib.bem.closed_forms import persson_contact_fraction
@@ -82,6 +83,7 @@ def main() -> None:
             for row in measured(shortest, seed)
         ]
         write_table(ROWS, pd.DataFrame(rows).round(6))
+        record(ROWS)
     print(summary(read_table(ROWS)).round(4).to_string(index=False))
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from age import record
 from power import CONFIG, merged, specimen_config, specimen_studies, worn_patches
 
 from gstlib.bem import ContactState, ContactWarning, solve_contact
@@ -153,6 +154,7 @@ def run(
         with ProcessPoolExecutor(arguments.processes, get_context("spawn")) as pool:
             found = [row for rows in pool.map(rows_of, arguments.seeds) for row in rows]
         write_table(file, pd.DataFrame(found).round(4))
+        record(file)
     print(summary(read_table(file)).round(3).to_string(index=False))
 
 

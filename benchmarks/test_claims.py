@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import age
 import chance
 import left_out
 import pandas as pd
@@ -17,6 +18,7 @@ import use
 import verdict
 
 from gst.tables import TABLES
+from gstlib.io.files import sha256
 from gstlib.io.tables import read_table
 
 EVIDENCE = power.ROOT / "docs/explanation/evidence.md"
@@ -48,6 +50,34 @@ def table(heading, document=EVIDENCE):
         elif rows:
             break
     return rows[2:]
+
+
+def test_the_rows_are_those_that_their_program_made():
+    kept = {file.stem: sha256(file)[:16] for file in age.MADE.parent.glob("*.csv")}
+    kept.pop("calibration")  # where a search for tolerances starts
+    assert kept == {name: made["rows"] for name, made in age.read().items()}
+
+
+def test_the_evidence_says_how_old_its_rows_are():
+    text = EVIDENCE.read_text()
+    shown = text.partition(age.BEGIN)[2].partition(age.END)[0]
+    assert shown.strip() == age.said(), "run benchmarks/age.py"
+
+
+def test_rows_are_of_the_program_until_a_module_changes(tmp_path, monkeypatch):
+    monkeypatch.setattr(age, "MADE", tmp_path / "made.json")
+    rows = tmp_path / "chance.csv"
+    rows.write_text("case\n")
+    age.record(rows)
+    now, earlier = age.said().splitlines()
+    assert "`chance.csv`" in now
+    assert "`chance.csv`" not in earlier
+    monkeypatch.setattr(age, "program_of", lambda script: "another")
+    assert "`chance.csv`" in age.said().splitlines()[-1]
+    age.record(rows, adds=True)
+    assert age.read()["chance"]["program"] == age.SEVERAL
+    age.record(rows)
+    assert age.read()["chance"]["program"] == "another"
 
 
 def test_statistics_of_rough_contact():

@@ -11,6 +11,8 @@ import os
 import time
 from pathlib import Path
 
+from age import record
+
 os.environ["OMP_NUM_THREADS"] = "1"
 
 import pandas as pd
@@ -44,6 +46,7 @@ def main() -> None:
                     rows.append((case, by, time.process_time() - start))
     table = pd.DataFrame(rows, columns=["case", "transforms", "cpu_s"])
     write_table(ROWS, table)
+    record(ROWS)
     median = table.groupby(["case", "transforms"], sort=False).cpu_s.median().unstack()
     print(median.assign(ratio=median.SciPy / median.ducc0).round(3).to_string())
 

@@ -25,6 +25,7 @@ import numpy as np
 import pandas as pd
 import trimesh
 import xarray as xr
+from age import record
 from power import merged, specimen_config, take
 
 from gst.patches import read_patches
@@ -449,7 +450,7 @@ def main() -> None:
     parser.add_argument("--rows", type=Path, default=ROWS)
     options = parser.parse_args()
     rows = pd.DataFrame(columns=[*KEY, "held", "loaded_held"])
-    if options.rows.exists():
+    if adds := options.rows.exists():
         rows = pd.read_csv(options.rows)
     for plan in options.plan:
         changes, cases, bounded = PLANS[plan]
@@ -461,6 +462,7 @@ def main() -> None:
             for found in specimen(config, seed, missing, bounded):
                 rows = pd.concat([rows, found], ignore_index=True)
                 rows.to_csv(options.rows, index=False, float_format="%.5g")
+                record(options.rows, adds=adds)
             print(f"{plan}, seed {seed}: done", flush=True)
     table = summary(rows[rows.seed.isin(options.seeds)])
     for columns in TABLES:

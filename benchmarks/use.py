@@ -48,6 +48,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
+from age import record
 from power import asked, merged, specimen_config, specimen_studies, take, worn_patches
 
 from gstlib.conditions import study_radius
@@ -357,6 +358,7 @@ def main() -> None:
         config = specimen_config()
         if not options.fine:
             config = merged(config, {"specimen": COARSE})
+        adds = options.output.exists()
         patches, rows = worn_patches(config), made(options.output)
         first, last = options.seeds
         todo = list(stones_to_make(options.cases, range(first, last + 1), rows))
@@ -370,6 +372,7 @@ def main() -> None:
                 rows = rows.assign(order=order).sort_values(["order", "seed"], kind="stable")
                 rows = rows.drop(columns="order")
                 write_table(options.output, rows)
+                record(options.output, adds=adds)
                 print(f"{number} of {len(jobs)} stones", flush=True)
     print(summary(read_table(options.output)).round(2).T.to_string())
 

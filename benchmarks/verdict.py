@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import xarray as xr
+from age import record
 from power import asked, merged, specimen_config, specimen_studies, worn_patches
 
 from gstlib.io.tables import read_table, write_table
@@ -135,7 +136,7 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--tables", action="store_true", help="from the rows alone")
     options = parser.parse_args()
-    rows = read_table(RESULT) if RESULT.exists() else None
+    rows = read_table(RESULT) if (adds := RESULT.exists()) else None
     if not options.tables:
         known = set() if rows is None else set(rows.seed)
         wanted = [seed for seed in options.seeds if seed not in known]
@@ -151,6 +152,7 @@ def main() -> None:
                 rows = pd.concat([rows, job.result()], ignore_index=True)
                 rows = rows.sort_values("seed", kind="stable", ignore_index=True)
                 write_table(RESULT, rows)
+                record(RESULT, adds=adds)
                 print(f"seed {jobs[job]}: done", flush=True)
     for table in (model_table(rows), strength_table(rows)):
         print(table.to_string(index=False), end="\n\n")

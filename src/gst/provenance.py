@@ -25,6 +25,7 @@ from gstlib.io.files import sha256
 __all__ = [
     "commit",
     "program_hash",
+    "program_of",
     "provenance",
     "refuse_other_study",
     "source_hash",
@@ -177,15 +178,26 @@ def source_hash(script: str | Path) -> str:
     beside a module under its name, such as ``page.css`` beside ``page.py``, belongs to it, but no
     stub: what a name is offered as changes no result. To `gst.tables` belongs the schema.
     """
+    return _hash_of([(Path(script).name, Path(script)), *_parts_of(Path(script))])
+
+
+@functools.cache
+def program_of(script: str | Path) -> str:
+    """The same hash without `script` itself: of the program that it measures."""
+    return _hash_of(_parts_of(Path(script)))
+
+
+def _parts_of(script: Path) -> list[tuple[str, Path]]:
+    """The files of every module of ours that a script imports, in a stable order, with names."""
     modules: dict[str, Path] = {}
-    ahead = {*_imported(Path(script), "")}
+    ahead = {*_imported(script, "")}
     while ahead:
         name = ahead.pop()
         if name not in modules and name not in _RECORDING and (file := _source(name)):
             modules[name] = file
             is_package = file.name == "__init__.py"
             ahead |= _imported(file, name if is_package else name.rpartition(".")[0])
-    parts = [(Path(script).name, Path(script))]
+    parts = []
     for name, file in sorted(modules.items()):
         for part in sorted(file.parent.glob(f"{file.stem}.*")):
             if part.suffix != ".pyi":
@@ -193,7 +205,7 @@ def source_hash(script: str | Path) -> str:
     if "gst.tables" in modules:
         schema = gst.ROOT / "workflow/schemas/tables.yaml"
         parts.append((schema.name, schema))
-    return _hash_of(parts)
+    return parts
 
 
 @functools.cache

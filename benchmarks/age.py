@@ -1,0 +1,88 @@
+"""How old are the rows in results/: were they made by the program as it stands?
+
+    python benchmarks/age.py
+
+says so, and writes it into docs/explanation/evidence.md. Each benchmark notes in results/made.json
+what its rows are, and which program made them: by the modules of ours that it imports, or all of
+the program if it runs whole studies.
+"""
+
+import json
+from pathlib import Path
+
+from gst.provenance import program_hash, program_of
+from gstlib.io.files import sha256, write_whole
+
+HERE = Path(__file__).parent
+MADE = HERE / "results/made.json"
+EVIDENCE = HERE.parent / "docs/explanation/evidence.md"
+BEGIN, END = "<!-- age: begin -->\n", "<!-- age: end -->\n"
+# What measures: for each file of rows, the scripts that import what made them; none if all did.
+_SOLVER = ("codes/gstlib_bem.py", "problems.py")
+SCRIPTS = {
+    **dict.fromkeys(("hertz-256", "hertz-512", "rough-22", "rough-76"), _SOLVER),
+    **dict.fromkeys(("path-22", "path-76", "growth"), _SOLVER),
+    "transforms": ("transforms.py", "problems.py"),
+    "statistics_of_contact": ("statistics_of_contact.py",),
+    "registration": ("registration.py",),
+    "finding": ("finding.py",),
+    "chance": ("chance.py",),
+    "two_scales": ("two_scales.py", "power.py"),
+    "left_out": ("left_out.py", "strikes.py", "power.py"),
+    "strikes": ("strikes.py", "power.py"),
+    "power": ("power.py",),
+    "verdict": ("verdict.py", "power.py"),
+    "use": ("use.py", "power.py"),
+    "margin": (),
+    "scale": (),
+}
+SEVERAL = "several"  # programs made the rows
+
+
+def record(rows: Path, *, adds: bool = False) -> None:
+    """Note that the program as it stands made these rows; or some of them, if it `adds`."""
+    if rows.parent.resolve() != MADE.parent.resolve():
+        return
+    made, now = read(), _program(rows.stem)
+    before = made.get(rows.stem, {}).get("program")
+    program = SEVERAL if adds and before not in (None, now) else now
+    made[rows.stem] = {"program": program, "rows": sha256(rows)[:16]}
+    write_whole(MADE, json.dumps(made, indent=2, sort_keys=True).encode() + b"\n")
+
+
+def read() -> dict[str, dict[str, str]]:
+    """What results/made.json says, by the name of a file of rows."""
+    return json.loads(MADE.read_text(encoding="utf-8")) if MADE.exists() else {}
+
+
+def _program(name: str) -> str:
+    scripts = SCRIPTS[name]
+    return "".join(program_of(HERE / script) for script in scripts) or program_hash()
+
+
+def said() -> str:
+    """Which rows the program as it stands made, and which an earlier one: a line for each."""
+    made = read()
+    now = [name for name in SCRIPTS if made.get(name, {}).get("program") == _program(name)]
+    earlier = [name for name in SCRIPTS if name not in now]
+    parts = {
+        "Made by the program as it stands": now,
+        "Made by an earlier version of it": earlier,
+    }
+    return "\n".join(
+        f"- {what}: {', '.join(f'`{name}.csv`' for name in names)}."
+        for what, names in parts.items()
+        if names
+    )
+
+
+def main() -> None:
+    text = EVIDENCE.read_text(encoding="utf-8")
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    write_whole(EVIDENCE, f"{before}{BEGIN}\n{said()}\n\n{END}{after}".encode())
+    print(said())
+
+
+if __name__ == "__main__":
+    main()
