@@ -67,7 +67,7 @@ def said() -> str:
     earlier = [name for name in SCRIPTS if name not in now]
     parts = {
         "Made by the program as it stands": now,
-        "Made by an earlier version of it": earlier,
+        "Made by an earlier version of the program": earlier,
     }
     return "\n".join(
         f"- {what}: {', '.join(f'`{name}.csv`' for name in names)}."
