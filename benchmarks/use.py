@@ -365,8 +365,11 @@ def main() -> None:
         # not forked: the transforms' threads would not come along
         context = get_context("spawn")
         with ProcessPoolExecutor(options.processes, mp_context=context) as processes:
-            jobs = [processes.submit(stone_rows, config, patches, *of) for of in todo]
+            jobs = {processes.submit(stone_rows, config, patches, *of): of for of in todo}
             for number, job in enumerate(as_completed(jobs), start=1):
+                if error := job.exception():  # the others' rows are kept
+                    print(f"{jobs[job]}: {error!r}", flush=True)
+                    continue
                 rows = pd.concat([rows, pd.DataFrame(job.result())], ignore_index=True)
                 order = rows.case.map(list(CASES).index)
                 rows = rows.assign(order=order).sort_values(["order", "seed"], kind="stable")

@@ -76,13 +76,15 @@ def embedded(png: bytes) -> str:
 
     with Image.open(io.BytesIO(png)) as picture:
         whole = picture.convert("RGB")
+    # a pixel as one number: compared in a quarter of the time
+    pixels = np.asarray(whole.convert("RGBA")).view(np.uint32)[..., 0]
     few = whole.quantize(_COLOURS - len(CLASSES), dither=Image.Dither.NONE)
     palette = (few.getpalette() or [])[: 3 * (_COLOURS - len(CLASSES))]
     palette += [0] * (3 * (_COLOURS - len(CLASSES)) - len(palette))
-    index, pixels = np.array(few), np.asarray(whole)
+    index = np.array(few)
     for number, colour in enumerate(CLASSES, _COLOURS - len(CLASSES)):
         rgb = ImageColor.getrgb(colour)
-        index[(pixels == rgb).all(axis=-1)] = number
+        index[pixels == np.array([*rgb, 255], np.uint8).view(np.uint32)] = number
         palette += rgb
     exact = Image.fromarray(index, mode="P")
     exact.putpalette(palette)

@@ -430,7 +430,9 @@ def _refuse_zeros(
     elsewhere = int(np.bincount(merged.faces[shrunk & ~lost, 0]).max(initial=0))
     if (count := int(lost.sum())) >= _FEWEST_EMPTY and count > _ZEROS_TIMES * elsewhere:
         _refuse_lost(path, count, "faces")
-    corners = vertices[np.unique(faces)]
+    is_used = np.zeros(len(vertices), bool)
+    is_used[faces] = True
+    corners = vertices[is_used]
     lost = ~corners.any(axis=1)
     if (count := int(lost.sum())) >= _FEWEST_EMPTY:
         _, copies = np.unique(corners[~lost], axis=0, return_counts=True)

@@ -345,9 +345,13 @@ def _without_own_loss(path: xr.Dataset, table: pd.DataFrame) -> xr.Dataset:
     if "leave_one_out_MPa" not in table:
         return path
     other = (table.leave_one_out_MPa - table.pressure_MPa).fillna(0.0).to_numpy()
-    # ASSUME: what the wear of the square changes in a patch's pressure is as under the whole use.
-    pressed = path.pressed + path.kappa * xr.DataArray(other, dims="patch")
-    return path.assign(pressed=np.maximum(pressed, 0).transpose(*path.pressed.dims))
+    # ASSUME: what the wear of the square changes in a patch's pressure is as under the whole use;
+    # where that would leave less than none, the patch bears none in this step.
+    steps = np.diff(path.pressed.values, axis=1)
+    steps = np.maximum(steps + np.diff(path.kappa)[:, np.newaxis] * other, 0)
+    pressed = path.pressed.copy()
+    pressed[:, 1:] = np.cumsum(steps, axis=1)
+    return path.assign(pressed=pressed)
 
 
 def _path(kappa: np.ndarray, pressed: np.ndarray, table: pd.DataFrame) -> xr.Dataset:

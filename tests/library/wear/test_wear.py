@@ -76,6 +76,36 @@ def test_the_coefficient_behind_the_losses_is_found_without_a_patch_of_its_own(s
     assert float(other.path.fitted.sel(patch="a")) > 1.1 * kappa
 
 
+def rates(path):
+    """The pressure (MPa) on the bare stone in each step."""
+    return (path.pressed.sel(body="stone").diff("step") / path.kappa.diff("step")).values
+
+
+@pytest.mark.parametrize("layer", [None, Layer(300.0, 0.3, 0.2)])
+def test_a_patch_is_pressed_as_the_wear_of_the_others_says(square, pressures, layer):
+    """And its own loss moves nothing of it, with an interlayer neither."""
+    options = {"patch_mm": 1.0, "steps": 8, "interlayer": layer}
+    losses = dict.fromkeys("abcd", 0.4)
+    stated = wear_square(square, pressures, losses, **options)
+    first, *_, last = rates(of_all(stated))
+    sinks = "abcd"[np.argmax(first - last)]
+    before = rates(stated.along(sinks, 0))
+    less = (before[0] + before[-1]) / 2  # of which the last step has too little
+    told = pressures.set_index("patch", drop=False)
+    told["leave_one_out_MPa"] = told.pressure_MPa.where(told.patch == sinks) - less
+    found = wear_square(square, told, losses, **options)
+    after = rates(found.along(sinks, 0))
+    assert found.along(sinks, 0).reach == stated.along(sinks, 0).reach
+    assert after[0] > 0 == after[-1]
+    np.testing.assert_allclose(after, np.maximum(before - less, 0), atol=1e-9)
+    assert wear_patch(patch_of(20.0), found, sinks).mean() > 0
+    again = wear_square(square, told, losses | {sinks: 0.8}, **options)
+    for ratio in found.path.ratio.values:
+        one, two = (of.along(sinks, ratio) for of in (found, again))
+        np.testing.assert_array_equal(one.pressed, two.pressed)
+        np.testing.assert_array_equal(one.fitted, two.fitted)
+
+
 def test_losses_that_the_square_cannot_give_are_refused(square, pressures):
     with pytest.raises(InputError, match="macroscale: its contact could not be solved: mean_loss"):
         worn(square, pressures, {"a": 1e5, "b": 1e5})
