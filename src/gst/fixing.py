@@ -29,6 +29,7 @@ from gstlib.coupling.placement import (
 from gstlib.coupling.placement import FAULT as PLACEMENT
 from gstlib.errors import GstError
 from gstlib.io.files import write_whole
+from gstlib.macroscale.face import largest_face
 from gstlib.study import Study
 from gstlib.surfaces.footprints import places_of
 
@@ -152,11 +153,9 @@ def _plus(row: Mapping[str, str], column: str, more: float) -> str:
 
 def _of_face(study: Study) -> Iterator[Cure]:
     """Of a face that is larger than the stone is thick, if the square is not."""
-    thickness, config = study.face.height.attrs["thickness_mm"], study.config
-    square_mm, face_mm = config["square"]["size_mm"], config["macroscale"]["face_mm"]
-    side = math.floor(10 * thickness) / 10 if math.isfinite(thickness) else math.inf
-    if square_mm <= side < face_mm:
-        why = f"the stone is {thickness:.3g} mm thick under the square, less than its face"
+    config, side = study.config, largest_face(study.face.height)
+    if config["square"]["size_mm"] <= side < config["macroscale"]["face_mm"]:
+        why = f"the stone is {side:g} mm thick under the square, less than its face"
         yield Cure(why, {"macroscale.face_mm": side})
 
 

@@ -5,6 +5,7 @@ out of it and pressed alone (`square_alone`).
 """
 
 import logging
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,7 +31,7 @@ from gstlib.surfaces.leveling import remove_plane
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["grid_macroscale", "square_alone", "thin_stone", "without_curvature"]
+__all__ = ["grid_macroscale", "largest_face", "square_alone", "thin_stone", "without_curvature"]
 
 _log = logging.getLogger(__name__)
 
@@ -155,12 +156,18 @@ def _check_extent(height: xr.DataArray, face_mm: float, source: str | Path) -> N
         _log.warning(
             "%s: the stone is %.3g mm thick under the square, less than the %g mm of its face: it "
             "bends, and the contact of half-spaces that is solved does not; set macroscale.face_mm "
-            "to %.2g, or read pressures with care if that is less than the square",
+            "to %.3g, or read pressures with care if that is less than the square",
             source,
             thickness,
             face_mm,
-            thickness,
+            largest_face(height),
         )
+
+
+def largest_face(height: xr.DataArray) -> float:
+    """The largest side (mm) of a face of which the stone under the square is no thinner."""
+    thickness = height.attrs["thickness_mm"]
+    return math.floor(10 * thickness) / 10 if math.isfinite(thickness) else math.inf
 
 
 def thin_stone(height: xr.DataArray, *, source: str | Path) -> Iterator[FaultError]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from contacts import interface
 from gstlib.contact import Load, contact_at_pressure
+from gstlib.macroscale.face import largest_face
 from gstlib.macroscale.plausibility import plausibility_warnings
 from gstlib.surfaces.grid import make_surface
 
@@ -98,3 +99,8 @@ def test_a_stone_that_rests_steeply():
     contact = pressed(domes(*TRIANGLE) + 0.25 * x)
     (doubt,) = said(contact)
     assert float(doubt.split("tilted by ")[1].split(" mrad")[0]) == pytest.approx(250, rel=0.05)
+
+
+@pytest.mark.parametrize(("thickness", "side"), [(14.67, 14.6), (8.0, 8.0), (np.nan, np.inf)])
+def test_the_largest_face_is_never_wider_than_the_stone_is_thick(thickness, side):
+    assert largest_face(make_surface(np.zeros((4, 4)), 1.0, thickness_mm=thickness)) == side
