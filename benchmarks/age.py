@@ -3,14 +3,14 @@
     python benchmarks/age.py
 
 says so, and writes it into docs/explanation/evidence.md. Each benchmark notes in results/made.json
-what its rows are, and which program made them: by the modules of ours that it imports, or all of
-the program if it runs whole studies.
+what its rows are, and which program made them: by the modules of the library that it imports, or by
+all of the program if it runs whole studies.
 """
 
 import json
 from pathlib import Path
 
-from gst.provenance import program_hash, program_of
+from gst.provenance import library_hash, program_hash
 from gstlib.io.files import sha256, write_whole
 
 HERE = Path(__file__).parent
@@ -57,7 +57,7 @@ def read() -> dict[str, dict[str, str]]:
 
 def _program(name: str) -> str:
     scripts = SCRIPTS[name]
-    return "".join(program_of(HERE / script) for script in scripts) or program_hash()
+    return "".join(library_hash(HERE / script) for script in scripts) or program_hash()
 
 
 def said() -> str:

@@ -72,7 +72,7 @@ def test_rows_are_of_the_program_until_a_module_changes(tmp_path, monkeypatch):
     now, earlier = age.said().splitlines()
     assert "`chance.csv`" in now
     assert "`chance.csv`" not in earlier
-    monkeypatch.setattr(age, "program_of", lambda script: "another")
+    monkeypatch.setattr(age, "library_hash", lambda script: "another")
     assert "`chance.csv`" in age.said().splitlines()[-1]
     age.record(rows, adds=True)
     assert age.read()["chance"]["program"] == age.SEVERAL

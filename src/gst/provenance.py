@@ -24,8 +24,8 @@ from gstlib.io.files import sha256
 
 __all__ = [
     "commit",
+    "library_hash",
     "program_hash",
-    "program_of",
     "provenance",
     "refuse_other_study",
     "source_hash",
@@ -182,9 +182,9 @@ def source_hash(script: str | Path) -> str:
 
 
 @functools.cache
-def program_of(script: str | Path) -> str:
-    """The same hash without `script` itself: of the program that it measures."""
-    return _hash_of(_parts_of(Path(script)))
+def library_hash(script: str | Path) -> str:
+    """Hash of the modules of `gstlib` that a script imports, and of those that they import."""
+    return _hash_of(part for part in _parts_of(Path(script)) if part[0].startswith("gstlib"))
 
 
 def _parts_of(script: Path) -> list[tuple[str, Path]]:

@@ -115,7 +115,7 @@ def verdict(
         answers["Does contact explain it?"] = _untouched(summary, losses)
     if "use" in tables:
         answers[_USED] = used(tables["use"])
-    if not pressures["in_study"].any():
+    if is_compared and not pressures["in_study"].any():
         answers[_WHERE] = (
             "No patch is in the study",
             ": the table of patches gives the reasons.",
@@ -271,7 +271,7 @@ def where_to_scan(
     exposed, controls = (places[places.kind == kind] for kind in (EXPOSED, CONTROL))
     spread = Line(
         "Where is it exposed?",
-        f"{100 * held.in_square:.0f} % of it lies in the square",
+        f"{100 * held.in_square:.0f} % of the exposure lies in the square",
         f", half of that on {_two_digits(100 * held.half_area)} % of its area, under {force_N:g} N "
         "wherever the hand pushes.",
     )

@@ -268,6 +268,7 @@ def test_a_study_says_only_what_it_can():
     assert list(said_of(unused)) == [WORE, LOAD]
     assert "no prediction is compared" in said_of(unused)[WORE]
     assert not unused.details
+    assert list(said_of(verdict(loaded([0.0, 0.0], studied=False)))) == [WORE, LOAD]
     left_out = verdict(compared() | loaded([1.0, 2.0], studied=False))
     assert list(said_of(left_out)) == [WORE, CONTACT, WHERE, LOAD, SURE]
     assert "No patch is in the study" in said_of(left_out)[WHERE]
@@ -303,7 +304,9 @@ def test_where_to_scan_is_said_with_its_numbers():
     places["kind"] = ["exposed", "exposed", "control"]
     held = Concentration(0.824, 0.0153, 0.94, 0.0578)
     scan, controls, spread = said_of(where_to_scan(places, held, force_N=550.0)).values()
-    assert spread.startswith("82 % of it lies in the square, half of that on 1.5 % of its area")
+    assert spread.startswith(
+        "82 % of the exposure lies in the square, half of that on 1.5 % of its area"
+    )
     assert scan.startswith("Scan E1 to E2: of the square's exposure, 94 % lies there, on 6 %")
     assert "most in E1, 1.55 mm along x and 2.1 mm along y" in scan
     assert controls == "Scan C1 as controls: no pose touches them."
