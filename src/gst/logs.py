@@ -4,7 +4,6 @@ import gc
 import logging
 import os
 import re
-import resource
 import sys
 import time
 import warnings
@@ -127,6 +126,8 @@ def run_script(snakemake: Any, main: Callable[..., None]) -> None:
 
 def _used() -> str:
     """What this process has used so far, exactly; Snakemake's `benchmark` samples it, at a cost."""
+    import resource  # Windows has none; there, all but a study may run
+
     used = resource.getrusage(resource.RUSAGE_SELF)
     wall_s, cpu_s = time.perf_counter() - _START, used.ru_utime + used.ru_stime
     status, memory_mb = Path("/proc/self/status"), used.ru_maxrss / 1e6  # bytes on macOS

@@ -229,7 +229,7 @@ def _load(
     if len(first) > _MOST_NAMED:
         who = f"The load is spread: {len(first)} patches"
     share = f"{100 * shares.iloc[len(first) - 1]:.0f} % of the load on the {count} patches"
-    share += f", which bear {100 * total / force_N:.0f} % of the force{against}"
+    share += f", which bear {_at_least(100 * total / force_N, 1, '%')} of the force{against}"
     return who, f" {carry} {share}; p{most}{top}."
 
 
@@ -271,7 +271,7 @@ def where_to_scan(
     exposed, controls = (places[places.kind == kind] for kind in (EXPOSED, CONTROL))
     spread = Line(
         "Where is it exposed?",
-        f"{100 * held.in_square:.0f} % of the exposure lies in the square",
+        f"{_at_least(100 * held.in_square, 1, '%')} of the exposure lies in the square",
         f", half of that on {_two_digits(100 * held.half_area)} % of its area, under {force_N:g} N "
         "wherever the hand pushes.",
     )
