@@ -103,11 +103,10 @@ def run_study(
     if not plan:
         check_writable(results)
         claim_folder(config)
-    command: list[object] = ["--workflow-profile", folder]
+    command: list[object] = ["--configfile", config, "--workflow-profile", folder]
     command += ["--cores", cores] if cores else []
     command += ["--dry-run"] if plan else []
-    command += [*options, "--configfile", config, "--"]
-    code = _snakemake(*command, environment={PLAN: "1"} if plan else {})
+    code = _snakemake(*command, *options, environment={PLAN: "1"} if plan else {})
     if code or plan:
         return code
     if broken := break_in(results, read):  # the options asked for less

@@ -110,7 +110,8 @@ class LogHandler(LogHandlerBase):
                 f"Stopped with {how_far}. Repeat the same command to continue from there."
             )
         elif self.total:
-            self._say(f"All {self.done} steps are done, after {self._elapsed()}.")
+            are = f"All {_steps(self.done)} are" if self.done > 1 else "The step is"
+            self._say(f"{are} done, after {self._elapsed()}.")
 
     def _show(self, record: Any) -> None:  # noqa: C901, a case for each event
         match getattr(record, "event", None):
@@ -124,7 +125,7 @@ class LogHandler(LogHandlerBase):
                 counts.pop("total")
                 self.total = sum(counts.values())
                 self.to_do = sum(_COSTS.get(rule, 1) * n for rule, n in counts.items())
-                self._say(f"{self.total} steps to do.")
+                self._say(f"{_steps(self.total)} to do.")
             case LogEvent.JOB_FINISHED if record.job_id in self.steps:
                 rule, _ = self.begun.pop(record.job_id)
                 self.cost_done += _COSTS.get(rule, 1)
@@ -187,7 +188,7 @@ class LogHandler(LogHandlerBase):
             ready = sorter.get_ready()
             lines += sorted(self.planned[job][0] for job in ready)
             sorter.done(*ready)
-        return [*lines, f"{len(self.planned)} steps would run."]
+        return [*lines, f"{_steps(len(self.planned))} would run."]
 
     def _left(self) -> str:
         """About how long the rest takes, at the pace so far."""
@@ -223,6 +224,10 @@ class LogHandler(LogHandlerBase):
 
     def _elapsed(self) -> str:
         return str(timedelta(seconds=round(time.monotonic() - self.start)))
+
+
+def _steps(count: int) -> str:
+    return f"{count} step{'s' * (count != 1)}"
 
 
 def _why(reason: str) -> str:

@@ -94,6 +94,15 @@ def test_the_display_counts_the_steps_without_control_characters(said):
     assert not re.search(r"[^\x20-\x7e\n]", shown)
 
 
+def test_a_single_step_is_not_called_steps(said):
+    run = Run(1)
+    run.begin(1)
+    run.end(1)
+    run.handler.close()
+    first, *_, last = said().splitlines()
+    assert (first, last) == ("1 step to do.", "The step is done, after 0:00:00.")
+
+
 def test_the_display_shows_warnings_and_the_error_of_a_failed_step_once(said, tmp_path):
     log = tmp_path / "job.log"
     log.write_text("WARNING of yesterday\nERROR of yesterday\n")
