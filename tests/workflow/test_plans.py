@@ -68,6 +68,7 @@ def test_gst_plans_what_it_is_asked_for(study):
     for options, planned in (
         (["--plan"], "solve_patches: Pressing"),
         (["--dry-run", "--forcerun", "solve_cases"], "solve_cases"),
+        (["--plan", "grid_macroscale"], "3 steps would run."),  # with the specimen and its check
     ):
         result = study.gst("study", "config/tiny.yaml", *options)
         assert result.returncode == 0, result.stderr
