@@ -165,7 +165,7 @@ def used(use: pd.DataFrame) -> tuple[str, str]:
         found += f" against a tool of {_two_digits(row['mean'])} mm radius"
         within += f", radius {_two_digits(row.low)} to {_two_digits(row.high)} mm"
         stated += f" and {row.stated:.0f} mm"
-    said = f" (95 %: {within}); stated were {stated}."
+    said = f" (95 %: {within}); stated were {stated}.".replace("-", "\N{MINUS SIGN}")
     if answer == BETTER:
         return f"P{found}", f"{said} A use explains the wear better than heights alone do."
     taken = "takes it" if use.taken.iloc[0] else "goes on as stated"

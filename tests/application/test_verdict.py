@@ -292,6 +292,7 @@ def test_the_use_is_said_with_what_was_stated():
     )
     assert "x 2.0 to 2.5, y 3.0 to 3.3 mm, radius 130 to 220 mm); stated were x 2.5 and y" in said
     assert used(use.assign(answer=CONSISTENT))[0].startswith("Perhaps pressed at x 2.2 mm")
+    assert "x \N{MINUS SIGN}0.1 to 2.5" in used(use.assign(low=[-0.1, 3, 133.1]))[1]
     assert used(use.assign(effective_draws=0.0))[0] == "Cannot be read from the wear"
 
 
