@@ -387,6 +387,8 @@ def test_the_name_of_a_patch_is_inside_its_outline(turn):
     draw_footprints(axes, pd.DataFrame(patch), 0.85, colour="black")
     (outline,), (name,) = axes.patches, axes.texts
     assert outline.get_path().contains_point(name.get_position())
+    draw_footprints(axes, pd.DataFrame(patch).assign(wear_grade=[3.0]), 0.85, colour="black")
+    assert [text.get_text() for text in axes.texts] == ["7", "7: 3"]
 
 
 def test_collided_labels_are_moved_apart():

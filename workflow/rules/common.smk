@@ -27,7 +27,8 @@ config.update(complete(config))
 PATCHES = read_study(config, CONFIG_FILES)
 PATCHES = PATCHES.set_index("patch", drop=False)
 # Places with a grade of wear, where there are grades in place of scans.
-GRADED = PATCHES[(PATCHES.t0 == "") & PATCHES.wear_grade.notna()]
+IS_GRADED = (PATCHES.t0 == "") & PATCHES.wear_grade.notna()
+GRADED = PATCHES.loc[IS_GRADED, ["patch", "x_mm", "y_mm", "rotation_deg", "wear_grade"]]
 PATCHES = PATCHES[PATCHES.t0 != ""]
 # Without scans, the study says where to scan, and what follows from scans is left out.
 SCANNED = len(PATCHES) > 0

@@ -179,7 +179,7 @@ if not SCANNED:
             mem_mb=growing(700, mesh=18),
         params:
             **DRAWN,
-            places=GRADED[["patch", "x_mm", "y_mm", "rotation_deg"]].to_dict("list"),
+            places=GRADED.to_dict("list"),
             mesh_unit=MESH_UNIT,
         message:
             "Drawing where to scan"

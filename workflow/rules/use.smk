@@ -3,8 +3,6 @@
 # wear by eye. Gives: where it was pressed, and against how round a tool, as the wear says; every contact
 # after this one is under that use.
 
-GRADES = ["patch", "x_mm", "y_mm", "rotation_deg", "wear_grade"]
-
 
 rule infer_use:
     input:
@@ -20,7 +18,7 @@ rule infer_use:
         runtime=growing(30, scans=0.1),
     params:
         settings=SETTINGS["infer_use"],
-        patches=PLACES if SCANNED else GRADED[GRADES].to_dict("list"),
+        patches=PLACES if SCANNED else GRADED.to_dict("list"),
         code=code("infer_use.py"),
     message:
         "Reading from the wear how the tool was used"

@@ -209,17 +209,22 @@ def mark_corner(axes: Axes) -> None:
 def draw_footprints(
     axes: Axes, patches: pd.DataFrame, patch_size_mm: float, *, colour: str
 ) -> None:
-    """Outline and name the patches: solid if in the study, else dashed.
+    """Outline and name the patches: solid if in the study, else dashed; graded ones "name: grade".
 
-    `patches` has ``patch, x_mm, y_mm, rotation_deg`` and optionally ``in_study``.
+    `patches` has ``patch, x_mm, y_mm, rotation_deg`` and optionally ``in_study``, ``wear_grade``.
     """
     look = {"color": colour, "path_effects": OUTLINE}
+    names = patches.patch.astype(str)
+    if "wear_grade" in patches:
+        names += ": " + patches.wear_grade.map("{:g}".format)
     studied = patches.get("in_study", pd.Series(True, patches.index))
-    for (patch, place), is_studied in zip(places_of(patches).items(), studied, strict=True):
+    for place, name, is_studied in zip(
+        places_of(patches).values(), names, studied, strict=True
+    ):
         corners, line = outline(place, patch_size_mm), "-" if is_studied else "--"
         axes.add_patch(Polygon(corners, fill=False, linestyle=line, **look))
-        at = label_in(corners, str(patch))
-        axes.text(*at, str(patch), fontsize=6.5, ha="center", va="center", **look)
+        at = label_in(corners, name)
+        axes.text(*at, name, fontsize=6.5, ha="center", va="center", **look)
 
 
 def label_in(corners: np.ndarray, name: str) -> np.ndarray:
