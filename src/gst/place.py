@@ -28,13 +28,11 @@ from jsonschema.exceptions import best_match
 
 from gst.chain import break_in
 from gst.config import read_config
+from gst.place_scans import find_places, has_stage, picture_of
 from gst.place_state import (
     SENT_ANSWERS,
     SENT_FILE,
     SENT_PLACES,
-    find_places,
-    has_stage,
-    picture_of,
     save_answers,
     save_file,
     save_places,

@@ -14,7 +14,7 @@ import pytest
 import trimesh
 import yaml
 from gst.place import PlaceServer
-from gst.place_state import picture_of
+from gst.place_scans import picture_of
 from gstlib.io.plu import write_plu
 from matplotlib.image import imread
 from scipy.ndimage import gaussian_filter
@@ -78,7 +78,7 @@ def server(study):
 
 def ask(server, path, sent=None, method=None, token=None, **headers):
     """The status of an answer, and its content."""
-    link = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=30)
+    link = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=600)
     body = sent if sent is None or isinstance(sent, str) else json.dumps(sent)
     given = {"Content-Type": "application/json"} if sent is not None else {}
     given |= {name.replace("_", "-"): value for name, value in headers.items()}
