@@ -190,7 +190,7 @@ def check(config, fix, yes) -> None:
 def study(config, options, cores, profile, plan) -> None:
     """Run the study of CONFIG in this folder.
 
-    Options of Snakemake may follow CONFIG, such as --report FILE for its report.
+    Options and rules of Snakemake may follow CONFIG, such as --report FILE for its report.
     """
     if str(config).startswith("-"):
         raise click.UsageError(f"name CONFIG before Snakemake's option {config}")
