@@ -4,8 +4,10 @@
     python benchmarks/left_out.py --tables
 
 Of the patches of benchmarks/strikes.py: with the paper's contact modulus; with a cap on the
-pressure; and worn on the same place again and again by a tool that wears as much as the stone. Rows
-go to `results/left_out.csv`; `--tables` prints the table of docs/explanation/evidence.md from them.
+pressure; and worn on the same place again and again by a tool that wears as much as the stone. Of
+its stones: against a tool of two radii, 1.56 to 1 like the paper's, of the same geometric mean, in
+three directions: the share of the patches' force that lies on other patches. Rows go to
+`results/left_out.csv`; `--tables` prints the table of docs/explanation/evidence.md from them.
 """
 
 from collections.abc import Iterator
@@ -13,9 +15,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from strikes import loaded_contacts, run, solved
+import xarray as xr
+from power import merged
+from strikes import loaded_contacts, run, solved, stone
 
+from gstlib.conditions import study_radius
 from gstlib.contact import Contact
+from gstlib.macroscale.active_tool import rounded_counterface
+from gstlib.study import Study
 from gstlib.wear.archard import wear_contact
 
 ROWS = Path(__file__).parent / "results/left_out.csv"
@@ -24,6 +31,8 @@ OTHERWISE = {
     "cap of 2 GPa": {"pressure_cap": 2000.0},
     "cap of 1 GPa": {"pressure_cap": 1000.0},
 }
+# The longer radius over the shorter one, and how far its direction is turned from x.
+ASPECT, ANGLES_DEG = 169 / 108, (0.0, 60.0, 120.0)
 # Wear coefficient times sliding: half a micrometre at 25 MPa.
 KAPPA = 2e-5  # mm/MPa
 
@@ -52,12 +61,33 @@ def changed(contact: Contact) -> Iterator[dict]:
     }
 
 
+def against_two_radii(study: Study) -> Iterator[dict]:
+    """A row for each direction of a tool of two radii in place of the round one, use as stated."""
+    radius, middle = study_radius(study.config), 2 * (study.config["square"]["size_mm"] / 2,)
+    read = {name: getattr(study, name) for name in ("read_mesh", "read_scan")}
+
+    def forces(composite: xr.Dataset) -> pd.Series:
+        other = Study(merged(study.config, {"use": None}), study.patches, **read)
+        other.composite = composite
+        return other.pressures.force_N
+
+    round_tool = forces(study.composite)
+    for angle in ANGLES_DEG:
+        radii = radius * ASPECT**0.5, radius / ASPECT**0.5
+        over = rounded_counterface(study.composite.height, radii, middle, angle)
+        moved = forces(study.composite.assign(counterface=over)) - round_tool
+        share = abs(moved).sum() / 2 / round_tool.sum()
+        yield {"patch": f"all, {angle:g}°", "changed": "two radii", "force_moved": share}
+
+
 def rows_of(seed: int) -> list[dict]:
-    return [
-        {"seed": seed, "patch": patch} | row
-        for patch, contact in loaded_contacts(seed).items()
+    study = stone(seed)
+    rows = [
+        {"patch": patch} | row
+        for patch, contact in loaded_contacts(study).items()
         for row in changed(contact)
     ]
+    return [{"seed": seed} | row for row in [*rows, *against_two_radii(study)]]
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:

@@ -26,6 +26,7 @@ from gstlib.bem import ContactState, ContactWarning, solve_contact
 from gstlib.contact import Contact
 from gstlib.io.tables import read_table, write_table
 from gstlib.specimen.randomness import ROLL_OFF_MM, self_affine_field, stream
+from gstlib.study import Study
 
 ROWS = Path(__file__).parent / "results/strikes.csv"
 SEEDS, PATCHES = (8001, 8002), 10
@@ -79,10 +80,15 @@ def agreement(worn: np.ndarray, *ranked: np.ndarray) -> float:
     return float((hit - share) / (1 - share))
 
 
-def loaded_contacts(seed: int) -> dict[str, Contact]:
-    """Contacts of loaded patches of one stone, as a study solves them."""
+def stone(seed: int) -> Study:
+    """The study of one stone."""
     config = merged(specimen_config(CONFIG), {"specimen": SCANS, "interlayer": None})
     ((_, study),) = specimen_studies(config, worn_patches(config), seed, ("summits",))
+    return study
+
+
+def loaded_contacts(study: Study) -> dict[str, Contact]:
+    """Contacts of loaded patches of one stone, as a study solves them."""
     loaded = study.pressures.query("pressure_MPa > 1").patch[:PATCHES]
     return {patch: study.contacts[patch] for patch in loaded}
 
@@ -91,7 +97,7 @@ def rows_of(seed: int) -> list[dict]:
     """A row for each patch of one stone, roughness and kind of positions."""
     return [
         row
-        for patch, contact in loaded_contacts(seed).items()
+        for patch, contact in loaded_contacts(stone(seed)).items()
         for row in struck(contact, patch, seed)
     ]
 
