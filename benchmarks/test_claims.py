@@ -238,6 +238,35 @@ def test_what_follows_from_the_use():
         assert same(cell, found.within_95[case, "losses"], 100)
 
 
+def test_what_is_said_of_a_use_that_was_not_there_or_lay_elsewhere():
+    rows = read_table(use.RESULT)
+    unused = rows[rows.case.isin(["summits", "random", "waves"])]
+    cases, claimed = map(
+        int, said(r"in (\d+) such cases, a use was called .*? alone in (\d+)\.")
+    )
+    assert (cases, claimed) == (len(unused), (unused.answer == use.BETTER).sum())
+    side, reach = 5.0, 1.96  # of config/config.yaml, mm; standard deviations
+    off = [
+        abs(rows[f"mean_{axis}_mm"] - side / 2) + reach * rows[f"sd_{axis}_mm"] for axis in "yx"
+    ]
+    is_beyond = (off[0] > side / 2) | (off[1] > side / 2)
+    counts = said(
+        r"on (\d+) of (\d+) such stones, and from losses on (\d+) of the (\d+) of \*law"
+    )
+    outside, law = rows.case == "outside", (rows.case == "law") & (rows.evidence == "losses")
+    found = [of for case in (outside, law) for of in (is_beyond[case].sum(), case.sum())]
+    assert [*map(int, counts)] == found
+    score = rows[rows.case == "two radii"].pivot(
+        index="seed", columns="evidence", values="log_score"
+    )
+    of_round, stones, of_turned = said(
+        r"a round one on (\d+) of (\d+) stones, .*? one on (\d+)\."
+    )
+    assert int(stones) == len(score)
+    assert int(of_round) == (score["true form"] > score["losses"]).sum()
+    assert int(of_turned) == (score["true form"] > score["turned form"]).sum()
+
+
 def test_strength_of_the_stone():
     found = verdict.strength_table(read_table(verdict.RESULT)).set_index(["worn_by", "model"])
     models = "archard", "2000 MPa", "1000 MPa", "300 MPa"

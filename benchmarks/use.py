@@ -5,8 +5,8 @@
 
 Stones are made that a law wore, at a load point and against a radius that are drawn from what the
 study takes for possible beforehand; the study is told the middle of the square and 200 mm. Scans
-have 128 × 128 points, or 512 × 512 (with --fine; the first ten of `law` and `summits`); all else is
-as in config/config.yaml. Seeds were chosen before any stone was made:
+have 128 × 128 points, or 512 × 512 with --fine; all else is as in config/config.yaml. Seeds were
+chosen before any stone was made:
 
 law              5001 to 5040, worn by the law; from `losses`, and from `grades` from 0 to 3, of
                  which a fifth are wrong by one

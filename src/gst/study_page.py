@@ -146,16 +146,18 @@ class StudyPage:
     @cached_property
     def answer(self) -> Answer:
         """What the study found."""
+        square_mm = self.config["square"]["size_mm"]
+        given = {"force_N": self._force_N, "square_mm": square_mm}
         if self.proposed is not None:
             left = read_dataset(self.files["exposure"], only=["exposure", "touched"])
-            size = {"size_mm": self.config["square"]["size_mm"], "patch_mm": self.patch_mm}
+            size = {"size_mm": square_mm, "patch_mm": self.patch_mm}
             held = concentration(left, self.proposed, **size)
             use = read_table(self._tables["use"]) if "use" in self._tables else None
-            return where_to_scan(self.proposed, held, force_N=self._force_N, use=use)
+            return where_to_scan(self.proposed, held, use=use, **given)
         poses = poses_of(self.config)
         return verdict(
             {name: read_table(self._tables[name]) for name in _SCORED if name in self._tables},
-            force_N=self._force_N,
+            **given,
             interlayer=self.config["interlayer"],
             pressure_cap=self.config["pressure_cap_MPa"],
             poses=None if poses is None else len(poses),

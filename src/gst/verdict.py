@@ -77,6 +77,7 @@ def verdict(
     tables: Mapping[str, pd.DataFrame],
     *,
     force_N: float,
+    square_mm: float,
     interlayer: Mapping[str, float] | None = None,
     pressure_cap: float | None = None,
     poses: int | None = None,
@@ -93,6 +94,8 @@ def verdict(
         patches were compared with the mesh.
     force_N : float
         The whole load.
+    square_mm : float
+        Side of the square.
     interlayer, pressure_cap
         The sections ``interlayer`` and ``pressure_cap_MPa`` of the config.
     poses : int, optional
@@ -114,7 +117,7 @@ def verdict(
         answers["Which patches wore?"] = _which(losses)
         answers["Does contact explain it?"] = _untouched(summary, losses)
     if "use" in tables:
-        answers[_USED] = used(tables["use"])
+        answers[_USED] = used(tables["use"], square_mm)
     if is_compared and not pressures["in_study"].any():
         answers[_WHERE] = (
             "No patch is in the study",
@@ -145,7 +148,7 @@ def verdict(
     return Answer(lines, list(filter(None, details)))
 
 
-def used(use: pd.DataFrame) -> tuple[str, str]:
+def used(use: pd.DataFrame, square_mm: float) -> tuple[str, str]:
     """How the tool was used, as its wear says, and how sure that is."""
     known, answer = use.set_index("parameter"), use.answer.iloc[0]
     if not use.effective_draws.iloc[0] > 0:
@@ -166,6 +169,8 @@ def used(use: pd.DataFrame) -> tuple[str, str]:
         within += f", radius {_two_digits(row.low)} to {_two_digits(row.high)} mm"
         stated += f" and {row.stated:.0f} mm"
     said = f" (95 %: {within}); stated were {stated}.".replace("-", "\N{MINUS SIGN}")
+    if min(x.low, y.low) < 0 or max(x.high, y.high) > square_mm:
+        said += " It may have been pressed beyond the square, where its place is known roughly."
     if answer == BETTER:
         return f"P{found}", f"{said} A use explains the wear better than heights alone do."
     taken = "takes it" if use.taken.iloc[0] else "goes on as stated"
@@ -249,6 +254,7 @@ def where_to_scan(
     held: Concentration,
     *,
     force_N: float,
+    square_mm: float,
     use: pd.DataFrame | None = None,
 ) -> Answer:
     """Where pressure and exposure concentrate, and which places to scan.
@@ -261,12 +267,14 @@ def where_to_scan(
         Its own.
     force_N : float
         The whole load.
+    square_mm : float
+        Side of the square.
     use : pandas.DataFrame, optional
         ``use.csv``, where the wear says how the tool was used.
     """
     lines = []
     if use is not None:
-        short, rest = used(use)
+        short, rest = used(use, square_mm)
         lines = [Line(_USED, short, rest + _without_curvature(use))]
     exposed, controls = (places[places.kind == kind] for kind in (EXPOSED, CONTROL))
     spread = Line(

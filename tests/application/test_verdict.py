@@ -20,7 +20,7 @@ LOAD, SURE = "Which patches bear the load?", "How sure?"
 
 
 def verdict(tables, **more):
-    return verdict_of(tables, force_N=200.0, **more)
+    return verdict_of(tables, force_N=200.0, square_mm=5.0, **more)
 
 
 def line(question, tables, **more):
@@ -291,9 +291,13 @@ def test_the_use_is_said_with_what_was_stated():
         "Pressed at x 2.2 mm and y 3.1 mm against a tool of 170 mm radius (95 %: "
     )
     assert "x 2.0 to 2.5, y 3.0 to 3.3 mm, radius 130 to 220 mm); stated were x 2.5 and y" in said
-    assert used(use.assign(answer=CONSISTENT))[0].startswith("Perhaps pressed at x 2.2 mm")
-    assert "x \N{MINUS SIGN}0.1 to 2.5" in used(use.assign(low=[-0.1, 3, 133.1]))[1]
-    assert used(use.assign(effective_draws=0.0))[0] == "Cannot be read from the wear"
+    assert used(use.assign(answer=CONSISTENT), 5.0)[0].startswith("Perhaps pressed at x 2.2 mm")
+    assert "beyond the square" not in said
+    off = used(use.assign(low=[-0.1, 3, 133.1]), 5.0)[1]
+    assert "x \N{MINUS SIGN}0.1 to 2.5" in off
+    assert "beyond the square" in off
+    assert "beyond the square" in used(use.assign(high=[2.5, 5.1, 224.1]), 5.0)[1]
+    assert used(use.assign(effective_draws=0.0), 5.0)[0] == "Cannot be read from the wear"
 
 
 def test_every_model_has_words():
@@ -304,13 +308,17 @@ def test_where_to_scan_is_said_with_its_numbers():
     places = pd.DataFrame({"place": ["E1", "E2", "C1"], "x_mm": [1.55, 2, 4], "y_mm": [2.1, 4, 4]})
     places["kind"] = ["exposed", "exposed", "control"]
     held = Concentration(0.824, 0.0153, 0.94, 0.0578)
-    scan, controls, spread = said_of(where_to_scan(places, held, force_N=550.0)).values()
+    scan, controls, spread = said_of(
+        where_to_scan(places, held, force_N=550.0, square_mm=5.0)
+    ).values()
     assert spread.startswith(
         "82 % of the exposure lies in the square, half of that on 1.5 % of its area"
     )
     assert scan.startswith("Scan E1 to E2: of the square's exposure, 94 % lies there, on 6 %")
     assert "most in E1, 1.55 mm along x and 2.1 mm along y" in scan
     assert controls == "Scan C1 as controls: no pose touches them."
-    assert "no control" in where_to_scan(places[:2], held, force_N=550.0).lines[1].short
-    (nothing,) = said_of(where_to_scan(places[2:], held, force_N=550.0)).values()
+    assert (
+        "no control" in where_to_scan(places[:2], held, force_N=550.0, square_mm=5.0).lines[1].short
+    )
+    (nothing,) = said_of(where_to_scan(places[2:], held, force_N=550.0, square_mm=5.0)).values()
     assert nothing.startswith("No pose touches the square")
