@@ -389,6 +389,16 @@ def test_the_paper_quotes_the_benchmarks():
     )
     found = [own, *ratios, own_path, peer / own_path]
     assert all(abs(float(a) / b - 1) < 0.01 for a, b in zip(said, found, strict=True))
+    rows = read_table(use.RESULT)
+    law = use.summary(rows).loc["law", "losses"]
+    quoted = re.search(
+        r"On (\d+) synthetic stones .*? error of (\S+) of .*? against (\S+) with the use known and "
+        r"(\S+) as told; and of (\d+) cases .*?, (one) was claimed",
+        text,
+    ).groups()
+    assert all(map(same, quoted, law[["stones", "inferred", "known", "told"]]))
+    unused = rows[rows.case.isin(["summits", "random", "waves"])]
+    assert (int(quoted[4]), 1) == (len(unused), (unused.answer == use.BETTER).sum())
     found = verdict.model_table(read_table(verdict.RESULT)).set_index(["worn by", "model"])
     quoted = re.search(
         r"coefficient of (\S+), and its best fair baseline reaches (\S+): "
