@@ -18,6 +18,7 @@ import pandas as pd
 import xarray as xr
 from power import merged
 from strikes import loaded_contacts, run, solved, stone
+from use import two_radii
 
 from gstlib.conditions import study_radius
 from gstlib.contact import Contact
@@ -31,8 +32,8 @@ OTHERWISE = {
     "cap of 2 GPa": {"pressure_cap": 2000.0},
     "cap of 1 GPa": {"pressure_cap": 1000.0},
 }
-# The longer radius over the shorter one, and how far its direction is turned from x.
-ASPECT, ANGLES_DEG = 169 / 108, (0.0, 60.0, 120.0)
+# How far the longer of two radii is turned from x.
+ANGLES_DEG = 0.0, 60.0, 120.0
 # Wear coefficient times sliding: half a micrometre at 25 MPa.
 KAPPA = 2e-5  # mm/MPa
 
@@ -63,7 +64,7 @@ def changed(contact: Contact) -> Iterator[dict]:
 
 def against_two_radii(study: Study) -> Iterator[dict]:
     """A row for each direction of a tool of two radii in place of the round one, use as stated."""
-    radius, middle = study_radius(study.config), 2 * (study.config["square"]["size_mm"] / 2,)
+    radii, middle = two_radii(study_radius(study.config)), study.config["square"]["size_mm"] / 2
     read = {name: getattr(study, name) for name in ("read_mesh", "read_scan")}
 
     def forces(composite: xr.Dataset) -> pd.Series:
@@ -73,8 +74,7 @@ def against_two_radii(study: Study) -> Iterator[dict]:
 
     round_tool = forces(study.composite)
     for angle in ANGLES_DEG:
-        radii = radius * ASPECT**0.5, radius / ASPECT**0.5
-        over = rounded_counterface(study.composite.height, radii, middle, angle)
+        over = rounded_counterface(study.composite.height, radii, (middle, middle), angle)
         moved = forces(study.composite.assign(counterface=over)) - round_tool
         share = abs(moved).sum() / 2 / round_tool.sum()
         yield {"patch": f"all, {angle:g}°", "changed": "two radii", "force_moved": share}
