@@ -78,9 +78,8 @@ class LogHandler(LogHandlerBase):
         self.is_closed = False
         self.steps: dict[int, tuple[str, Path]] = {}  # what each does, and its log
         self.begun: dict[int, tuple[str, float]] = {}  # by job, its rule and when it began
-        self.planned: dict[
-            int, tuple[str, Any]
-        ] = {}  # by job, what to say of it, and its record
+        # by job, what to say of it, and its record
+        self.planned: dict[int, tuple[str, Any]] = {}
         self.to_do = self.cost_done = 0.0
         self.said_last, self.ended = self.start, threading.Event()
         if self.writes_to_stream:

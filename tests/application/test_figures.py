@@ -387,8 +387,10 @@ def test_the_name_of_a_patch_is_inside_its_outline(turn):
     draw_footprints(axes, pd.DataFrame(patch), 0.85, colour="black")
     (outline,), (name,) = axes.patches, axes.texts
     assert outline.get_path().contains_point(name.get_position())
-    draw_footprints(axes, pd.DataFrame(patch).assign(wear_grade=[3.0]), 0.85, colour="black")
-    assert [text.get_text() for text in axes.texts] == ["7", "7: 3"]
+    for grade in (3.0, np.nan):
+        graded = pd.DataFrame(patch).assign(wear_grade=[grade])
+        draw_footprints(axes, graded, 0.85, colour="black")
+    assert [text.get_text() for text in axes.texts] == ["7", "7: 3", "7"]
 
 
 def test_collided_labels_are_moved_apart():

@@ -216,7 +216,8 @@ def draw_footprints(
     look = {"color": colour, "path_effects": OUTLINE}
     names = patches.patch.astype(str)
     if "wear_grade" in patches:
-        names += ": " + patches.wear_grade.map("{:g}".format)
+        graded = names + ": " + patches.wear_grade.map("{:g}".format)
+        names = names.where(patches.wear_grade.isna(), graded)
     studied = patches.get("in_study", pd.Series(True, patches.index))
     for place, name, is_studied in zip(
         places_of(patches).values(), names, studied, strict=True
