@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from gst.chain import (
@@ -19,9 +20,11 @@ from gst.chain import (
     record_of,
     write_record,
 )
+from gst.logs import run_script
 from gstlib.errors import InputError
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from snakemake.iocontainers import Namedlist
 
 SCAN = Path("scans/1.plu")
 
@@ -90,6 +93,20 @@ def test_a_scan_of_the_same_size_and_date_is_seen(study):
     assert break_in(results) == "scans/1.plu is not as the step clean read it"
     with pytest.raises(InputError, match=r"scans/1\.plu is not as the step clean read it"):
         certified_inputs(results, ["clean"], [SCAN])
+
+
+def test_a_file_that_changes_while_a_step_reads_it_is_seen(study):
+    results, (clean, *others) = study
+
+    def main(scan, surface, *, flip):
+        surface.write_text(f"{flip} of {scan.read_text()}")
+        rewrite(SCAN, "HEIGHTS")
+
+    files = {"input": {"scan": str(SCAN)}, "output": {"surface": str(results / "1.h5")}}
+    job = {name: Namedlist(fromdict=named) for name, named in files.items()}
+    log = record_of(results, "clean").with_suffix(".log")
+    run_script(SimpleNamespace(**job, params=clean.params, log=[str(log)]), main)
+    assert plan_again([clean, *others], results)["results/1.h5"] == "scans/1.plu has changed"
 
 
 @pytest.mark.parametrize("name", ["1.h5", "wear/1.png"])

@@ -130,6 +130,7 @@ def test_a_repeat_is_a_scan_of_the_same_piece(table, tmp_path):
     first, again, *others = scan_files(patches, tmp_path, None)
     assert again == first._replace(path=tmp_path / "b.plu", epoch="repeat")
     assert [scan.epoch for scan in others] == ["T0", "T1"]
+    assert [scan.crop for scan in (first, *others)] == [(-0.1, 0.2), None, None]  # y, x
     refused(
         table("patch,x_mm,y_mm,t0,repeat\n1,1,1,a,/b.plu\n"),
         "line 2 (patch 1): repeat is '/b.plu' [",

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import gst
 import pytest
-from gst.running import former_layout, lay_out, run_study
+from gst.running import alive, former_layout, lay_out, run_study
 from gst.scheduler import end
 from gstlib.errors import InputError
 
@@ -90,6 +90,22 @@ def test_the_small_matrices_of_a_check_have_one_thread(start):
     free = {name: of for name, of in os.environ.items() if not name.endswith("_NUM_THREADS")}
     said = subprocess.check_output([sys.executable, "-c", count], env=free, text=True)
     assert said.endswith("threads 1\n")
+
+
+def test_a_run_in_this_folder_is_seen_and_one_elsewhere_is_not(tmp_path, monkeypatch):
+    here, away = tmp_path / "here", tmp_path / "away"
+    runs = []
+    for folder in (here, away):
+        folder.mkdir()
+        (folder / "gst.scheduler").write_text("input()")  # called as `python -m gst.scheduler` is
+        command = [sys.executable, "-u", "gst.scheduler"]
+        runs.append(subprocess.Popen(command, cwd=folder, stdin=subprocess.PIPE))
+    try:
+        monkeypatch.chdir(here)
+        assert alive() == [runs[0].pid]
+    finally:
+        for run in runs:
+            run.communicate()
 
 
 def test_results_of_a_former_layout_are_named_until_there_are_new_ones(tmp_path):

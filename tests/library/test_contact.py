@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
-from contacts import interface, rough
+from contacts import around, interface, rough
 from gstlib.bem import load_path
 from gstlib.contact import (
     Contact,
@@ -104,6 +104,26 @@ def test_table_converts_to_micrometres(contact):
     np.testing.assert_allclose(table.stiffness_MPa_per_um, path.stiffness / 1000)
     np.testing.assert_allclose(table.mean_pressure_MPa, path.mean_pressure)
     np.testing.assert_array_equal(table.contact_fraction, path.contact_fraction)
+
+
+def test_the_force_acts_where_the_load_says_wherever_the_grid_begins():
+    """A ball under a force on its summit stays as it is; beside it, it rolls there."""
+    along = 0.1 * (np.arange(25) - 12)
+    ball = around(-np.add.outer(along**2, along**2) / (2 * 50.0), 0.1, shift=3.0)
+    summit = float(ball.y[12])
+    for off in (0.0, 0.1):
+        load = Load(5.0, through=(summit, summit + off))
+        rests = contact_at_pressure(interface(ball), load, **SOURCE)
+        plane = rests.interface.plane
+        assert plane.slope_y == pytest.approx(0, abs=1e-7)
+        assert plane.slope_x == pytest.approx(off / 50.0, rel=0.02, abs=1e-7)
+
+
+@pytest.mark.parametrize("tolerance", [1e-10, 1e-8])
+def test_a_contact_is_solved_as_exactly_as_it_says(tolerance):
+    alone = contact_at_pressure(FACES, LOAD, **SOURCE | {"tolerance": tolerance})
+    along = contact_path(FACES, LOAD, **PATH | {"tolerance": tolerance})
+    assert max(alone.residual, along.final.residual) <= tolerance
 
 
 def test_errors_of_the_solver_name_the_file_and_the_remedy():

@@ -43,6 +43,17 @@ def test_displacement_is_the_dense_sum(shape, spacing):
     np.testing.assert_allclose(displacement.ravel(), expected, atol=1e-13 * abs(expected).max())
 
 
+@pytest.mark.parametrize("periodic", [False, True])
+def test_springs_give_way_to_the_pressure_on_them_its_mean_included(periodic):
+    pressure = np.random.default_rng(1).random((9, 12))
+    stiff, soft = (
+        HalfSpace(pressure.shape, 0.01, MODULUS, springs=springs, periodic=periodic)
+        for springs in (0.0, 3e-6)
+    )
+    given = soft.displacement(pressure) - stiff.displacement(pressure)
+    np.testing.assert_allclose(given, 3e-6 * pressure, atol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("shape", "spacing"),
     [

@@ -17,6 +17,7 @@ from gstlib.bem import (
     wear_path,
 )
 from gstlib.bem.closed_forms import Sphere
+from gstlib.bem.doubts import fitted_plane
 from matplotlib.figure import Figure
 
 N, SIDE = 96, 0.85
@@ -77,6 +78,15 @@ def test_what_was_hardly_meant_is_told(heights, spacing, options, doubt):
         with pytest.warns(ContactWarning, match=doubt):
             solve_contact(heights, spacing, MODULUS, mean_pressure=20.0, **options)
         assert all(warning.filename == __file__ for warning in said)
+
+
+def test_the_plane_of_heights_knows_nothing_of_holes():
+    y, x = np.indices((40, 50)) * np.array([0.02, 0.01])[:, None, None]
+    heights = 7 + 0.3 * y - 0.1 * x
+    heights[:25, :30] = -np.inf
+    slopes, share = fitted_plane(heights, (0.02, 0.01))
+    assert slopes == pytest.approx([0.3, -0.1])
+    assert share == pytest.approx(1)
 
 
 def test_heights_on_a_steep_plane_are_not_called_tipping():

@@ -380,6 +380,7 @@ def test_a_repeat_that_shows_another_surface_is_not_used(caplog):
         "other": (once, good[1]),
         "worn": scanned_twice(5e-3, seed=2, loss=2e-3),
         "deeper": (once, again.assign(height=1.4 * again.height)),
+        "shallower": (once, again.assign(height=again.height / 1.4)),
         "deep": (once, again.assign(height=3 * again.height)),
         "lacks": (once, lacks),
     }
@@ -391,6 +392,7 @@ def test_a_repeat_that_shows_another_surface_is_not_used(caplog):
         "other": "it was not found on t0",
         "worn": "gained, so the surface was not the same",
         "deeper": "its dales are 1.4 times as deep",
+        "shallower": "its dales are 0.7",
         "deep": "its dales match those of T0, but are",
         "lacks": "hardly any point",
     }.items():

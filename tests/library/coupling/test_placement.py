@@ -192,3 +192,11 @@ def test_of_few_patches_a_clear_flip_is_told_and_of_one_none(caplog, count, told
     found = place(stone.square(), laid, accept=[FAULT])
     assert (found.status == CANNOT_TELL).all()
     assert ("et scans.mould.flip to x" in caplog.text) == told
+
+
+@pytest.mark.parametrize(("count", "shifted"), [(3, False), (4, True)])
+def test_four_patches_are_enough_for_a_shift_that_all_share(count, shifted):
+    stone = Waves(3)
+    heights = [stone.patch(y + 0.06, x - 0.09) for y, x in NINE[:count]]
+    found = place(stone.square(), heights)
+    assert (ALL in found.index and found.loc[ALL].status == SHIFTED) == shifted

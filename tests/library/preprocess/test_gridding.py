@@ -80,9 +80,10 @@ def test_ball_gives_the_side_that_the_normal_leaves(radius):
     np.testing.assert_allclose(surface.values, exact, atol=0.02)
 
 
-def test_speck_over_the_surface_is_not_the_use_face():
+@pytest.mark.parametrize("high", [2.0, 4.0])  # the larger covers a third of the square
+def test_speck_over_the_surface_is_not_the_use_face(high):
     plane = sheet(lambda x, y: 0 * x - 0.5)
-    speck = sheet(lambda x, y: 0 * x, low=1.0, high=2.0)
+    speck = sheet(lambda x, y: 0 * x, low=1.0, high=high)
     surface = grid(trimesh.util.concatenate([plane, speck]))
     np.testing.assert_allclose(surface.values, -0.5, atol=1e-12)
 

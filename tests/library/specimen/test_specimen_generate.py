@@ -57,6 +57,15 @@ def test_another_patch_table_changes_no_other_patch(make, patches, parameters, s
         assert part.scans[scan].identical(specimen.scans[scan])
 
 
+def test_a_repeat_has_noise_of_its_own(make, patches, parameters):
+    twice = patches.iloc[:1].assign(repeat="5_again.plu")
+    exact = dataclasses.replace(parameters, relocation_error_um=0.0, noise_um=1.0)
+    scans = make(twice, exact)["summits"].scans
+    off = (scans["5", "T0"] - scans["5", "repeat"]).diff("x")  # without their planes
+    spread = scipy.stats.median_abs_deviation(off, None, scale="normal", nan_policy="omit")
+    assert spread == pytest.approx(2 * 1e-3, rel=0.1)
+
+
 def test_files_read_back_are_the_specimen_in_memory(write, patches, make, parameters, made):
     patches = patches.assign(t1=patches.t1.where(patches.patch != "7", ""))  # not after use
     folder, specimen = (
