@@ -20,7 +20,7 @@ from gstlib.io.files import write_whole
 from gstlib.io.meshes import ply_with, read_mesh
 from gstlib.io.store import read_dataset
 from gstlib.io.tables import read_table
-from gstlib.surfaces.footprints import rotated
+from gstlib.surfaces.footprints import places_of
 from gstlib.surfaces.frames import FRAME, on_mesh, stored_frame
 from gstlib.surfaces.grid import spacing_of
 
@@ -103,9 +103,9 @@ def _tool(results: Path, made: set[Path]) -> bytes:
     if patches in made:
         half = config["scans"]["size_mm"] / 2
         row = xr.zeros_like(grid)
-        for number, place in enumerate(read_table(patches).itertuples(), start=1):
-            off = rotated(grid.y - place.y_mm, grid.x - place.x_mm, -place.rotation_deg)
-            inside = (abs(off[0]) <= half) & (abs(off[1]) <= half)
+        for number, place in enumerate(places_of(read_table(patches)).values(), start=1):
+            v, u = place.seen(grid.y, grid.x)
+            inside = (abs(v) <= half) & (abs(u) <= half)
             row = row.where(~inside.transpose(*row.dims), number)
         fields["patch"] = row
     face = results / "macroscale/surface.h5"

@@ -214,6 +214,13 @@ def test_epochs_share_their_colours_and_what_was_or_will_be_lost_is_red():
     assert np.abs(redness[PREDICTED.values == 5e-3]).max() < 0.03
 
 
+def test_the_lost_share_is_of_the_area_whose_change_is_known():
+    assert CHANGE["change"].isnull().any()
+    share = CHANGE["loss"].values[CHANGE["change"].notnull()].mean()
+    titles = [panel.get_title() for panel in draw("patch").axes]
+    assert any(title.endswith(f": {100 * share:.1f} %") for title in titles)
+
+
 def test_a_patch_without_a_known_change_shows_its_scans_and_says_so():
     nothing = {"change": xr.full_like(LOST, np.nan), "loss": xr.zeros_like(CHANGE["loss"])}
     nothing |= {"t1": T0, "gain": nothing["loss"]}

@@ -87,6 +87,7 @@ def test_a_table_in_a_workbook(tmp_path):
     for row in (["# moulds"], [], ["patch", "x_mm", "y_mm", "t0"], ["07", 1, 1.25, "Höhe.plu"]):
         book.active.append(row)
     book.active.append([5, "4,5", 0.5, "5.plu"])
+    book.active = book.create_sheet("notes")  # was open when it was saved
     book.save(tmp_path / "p.xlsx")
     patches = read(tmp_path / "p.xlsx")
     assert list(patches.patch) == ["5", "07"]

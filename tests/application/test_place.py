@@ -113,6 +113,7 @@ REFUSED = {
     "a script that is none of the page": ("place.py", None, {}, 404),
     "a way up": ("results/../study.yaml", None, {}, 403),
     "a hidden way up": ("results/%2e%2e/%2e%2e/secret", None, {}, 403),
+    "a folder beside it that begins like it": ("results/../results-old/a", None, {}, 403),
     "an absolute path": ("results//etc/passwd", None, {}, 403),
     "a link that leads out": ("results/link", None, {}, 403),
     "a folder": ("results/", None, {}, 404),

@@ -264,6 +264,9 @@ def test_a_study_says_only_what_it_can():
     said = line(WHERE, compared())
     assert said.startswith("Better than chance on 1 of 3 patches (together p = 0.002; 1 cannot")
     assert "Not tested against chance, predicted" in line(WHERE, compared(p_values=[NAN] * 4))
+    fewer = compared()
+    fewer["validation_patches"]["in_statistics"] = [False, True, True, True]
+    assert line(WHERE, fewer).startswith("Better than chance on 0 of 2 patches")
     unused = verdict(loaded([1.0, 2.0]))
     assert list(said_of(unused)) == [WORE, LOAD]
     assert "no prediction is compared" in said_of(unused)[WORE]

@@ -169,9 +169,8 @@ def patch_figure(result: PatchResult) -> Figure:
     ]
     agreement = {}
     if predicted is not None:
-        depth = seen_depth(predicted.values * MM_TO_UM).clip(
-            0
-        )  # from its median, as scans show it
+        # from its median, as scans show it
+        depth = seen_depth(predicted.values * MM_TO_UM).clip(0)
         title = f"predicted from the others: mean {depth.mean():.2g} µm"
         drawn.append((title, t0, colours | {"values": -depth}))
         if not nowhere:

@@ -6,7 +6,7 @@ import trimesh
 from contacts import around
 from gstlib.surfaces.footprints import Place, on_patch, spline_of
 from gstlib.surfaces.frames import Frame, on_mesh
-from gstlib.surfaces.grid import make_surface
+from gstlib.surfaces.grid import coarser, make_surface, spacing_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -46,6 +46,14 @@ def test_a_field_lies_on_the_vertices_over_it():
     np.testing.assert_array_equal(values[inside], 8 * row + column)
     outside = (slab.vertices[:, 2] < 0) | (abs(x - 1) > 2.001) | (abs(y - 1) > 2.001)
     assert (values[outside] == 0).all()
+
+
+def test_coarser_elements_are_means_of_what_is_known():
+    """Where the stone ends within one, it is not lost; what fills none in the end is left out."""
+    heights = np.array([[1.0, np.nan, 5.0], [3.0, 5.0, 7.0], [0.0, 0.0, 0.0]])
+    found = coarser(make_surface(heights, (0.5, 0.25)), 2)
+    np.testing.assert_array_equal(found, [[3.0]])
+    assert spacing_of(found) == (1.0, 0.5)
 
 
 @pytest.mark.parametrize("spacing", [0.0, -1.0, np.nan, np.inf, (1.0, -1.0)])

@@ -116,6 +116,22 @@ def test_patch_is_predicted_by_the_losses_of_the_others(face, patches, losses, u
     assert own > losses.depth_um.max() / 3
 
 
+def test_its_own_loss_weighs_no_use_that_predicts_it():
+    """By hand: of two uses, its own loss would speak for the first, and the others' do not."""
+    by_patch = {
+        "pressure": [[1.0], [3.0]],
+        "weight_without": [[0.0], [1.0]],
+        "wear_coefficient_without": [[0.1], [0.2]],
+        "scatter_without": [[0.01], [0.01]],
+        "floor_without": [[0.0], [0.0]],
+    }
+    known = {name: (("draw", "patch"), values) for name, values in by_patch.items()}
+    use = xr.Dataset({"weight": ("draw", [1.0, 0.0])} | known, {"patch": ["a"]})
+    (row,) = predicted_losses(use, Losses(np.array([0.1])), seed=1).itertuples()
+    assert row.predicted_um == pytest.approx(0.6)
+    assert 0.57 < row.low_um < 0.6 < row.high_um < 0.63
+
+
 def test_grades_tell_where_the_tool_was_pressed(face, patches, pressure):
     grade = np.searchsorted([0.1, 4, 12], pressure)
     assert len(set(grade)) > 2
@@ -248,6 +264,11 @@ def test_patches_that_lost_nothing_count_and_excluded_ones_do_not(patches):
     assert list(known.patch) == ["1", "3"]
     np.testing.assert_array_equal(losses.depth_um, [0.0, 0.3])
     np.testing.assert_array_equal(losses.above_noise, [False, True])
+
+
+def test_four_worn_patches_of_six_tell_something(face, patches):
+    losses = Losses(np.array([0.0, 0.3, 0.1, 0.0, 0.2, 0.2]))
+    assert infer(face, patches[:6], losses).attrs["answer"] != UNKNOWN
 
 
 @pytest.mark.parametrize(
