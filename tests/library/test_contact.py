@@ -130,6 +130,10 @@ def test_errors_of_the_solver_name_the_file_and_the_remedy():
     high, little = Load(5e3), {"maximum_displacement_um": 1.0}
     with pytest.raises(InputError, match=r"surface\.h5.*5000 MPa cannot be reached.*Lower"):
         contact_path(FACES, high, **PATH | little)
+    needed_um = 1e3 * contact_path(FACES, LOAD, **PATH).final.displacement
+    contact_path(FACES, LOAD, **PATH | {"maximum_displacement_um": 1.01 * needed_um})
+    with pytest.raises(InputError, match="cannot be reached"):
+        contact_path(FACES, LOAD, **PATH | {"maximum_displacement_um": 0.99 * needed_um})
     beside = Load(50.0, through=(0.12, 0.33))
     with pytest.raises(
         InputError, match=r"surface\.h5: the stone tips over.*x 0\.33, y 0\.12 mm.*at_mm"

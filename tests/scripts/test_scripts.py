@@ -1,6 +1,7 @@
 """Scripts refuse what they cannot use, and pass on what is doubtful."""
 
 import importlib.util
+import re
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,19 @@ def script_of(rule):
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
     return script
+
+
+def test_a_changed_program_is_a_reason_to_run_every_script_again():
+    """By the param `code`, which the pictures have from `DRAWN`."""
+    drawn = {"draw_figures.py": r"\*\*DRAWN\b"}
+    told = []
+    for file in sorted(WORKFLOW.glob("rules/*.smk")):
+        for rule in re.split(r"^ *rule ", file.read_text(encoding="utf-8"), flags=re.MULTILINE):
+            for script in re.findall(r'script:\s*"\.\./scripts/(\w+\.py)"', rule):
+                param = drawn.get(script, rf'\bcode=code\("{re.escape(script)}"\)')
+                assert re.search(param, rule), f"{file.name}: {rule.partition(':')[0]}"
+                told.append(script)
+    assert {path.name for path in WORKFLOW.glob("scripts/*.py")} == {*told}
 
 
 def test_published_values_of_patches_whatever_their_names(tmp_path):

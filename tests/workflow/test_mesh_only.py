@@ -84,6 +84,7 @@ def test_the_page_says_where_to_scan(where):
     assert page.index("Scan E1") < page.index('id="viewer"') < page.index("Where to scan</h2>")
     assert "N/mm</span>" in page
     assert "where to scan?</h1>" in page
+    assert "(22 MPa on the square)" in page.replace("\N{NO-BREAK SPACE}", " ")  # 550 N on 25 mm²
     (listed,) = lxml.html.fromstring(page).xpath('//table[@id="patch-table"]')
     rows = [[cell.text_content().strip() for cell in row] for row in listed.iter("tr")]
     assert [head.split()[-1] for head in rows[0]] == ["Place", "Kind", "mm", "mm", "N/mm", "poses"]

@@ -82,6 +82,30 @@ def test_the_map_is_that_of_the_last_load_step_or_of_the_loss(results, page, tab
     assert "under 550 N (22 MPa on the square)" in text_of(caption)
 
 
+def test_the_table_of_patches_has_the_numbers_of_the_tables(page, table):
+    names = "patch_pressures", "patch_intervals", "registration", "validation_patches"
+    pressures, intervals, losses, scores = (table(name).set_index("patch") for name in names)
+    predicted = table("wear").query("model == 'archard'").set_index("patch")
+    shown = page.xpath('//*[@id="patch-table"]/tbody/tr')
+    assert [text_of(row.find("th")) for row in shown] == list(pressures.index)
+    assert (scores.attainable_mcc == 0).any()
+    for patch, row in zip(pressures.index, shown, strict=True):
+        within, score_of = intervals.loc[patch], scores.loc[patch]
+        low_high = f"({number(within.low_MPa)} to {number(within.high_MPa)})"
+        is_nowhere = score_of.attainable_mcc == 0  # so that none is right or wrong
+        cells = [text_of(cell) for cell in row.findall("td")]
+        assert cells[:-1] == [
+            f"{number(pressures.pressure_MPa[patch])} {low_high}",
+            number(100 * score_of.contact_fraction),
+            number(100 * losses.loss_fraction[patch]),
+            number(losses.loss_volume_um3[patch]),
+            number(predicted.predicted_volume_um3[patch]),
+            *("–" if is_nowhere else score(score_of[name]) for name in ("mcc", "attainable_mcc")),
+            score(score_of.map_error),
+        ]
+        assert cells[-1].startswith("yes" if pressures.in_study[patch] else "no: ")
+
+
 def test_every_warning_of_every_step_is_told(results, page):
     logs = (file.read_text(encoding="utf-8") for file in results.glob("logs/**/*.log"))
     raised = set(re.findall(r"^WARNING (.*)", "\n".join(logs), re.MULTILINE))

@@ -112,6 +112,9 @@ def test_a_data_array_says_its_spacing_and_gets_its_like():
     worn = wear_path(SCAN, **load, mean_loss=1e-4, steps=2, keep_depths=True)
     assert worn.depth.attrs == {"units": "mm", "long_name": "height lost by wear"}
     assert float(worn.depths[0].mean()) == pytest.approx(5e-5)
+    turned = solve_contact(SCAN.transpose("x", "y"), **load)
+    assert turned.pressure.dims == ("x", "y")
+    np.testing.assert_allclose(turned.pressure.T, state.pressure, atol=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -1,16 +1,22 @@
 """The S-filter: which waves pass, and what happens at the edges."""
 
 import numpy as np
+import pytest
 from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.grid import axis_coordinates, make_surface
 
 
-def test_s_filter_halves_a_wave_as_long_as_its_nesting_index():
+@pytest.mark.parametrize("axis", [0, 1])
+def test_s_filter_halves_a_wave_as_long_as_its_nesting_index(axis):
+    """Along either axis, of which the points lie closer along this one."""
     at = axis_coordinates(512, 1e-3)
     wave = np.cos(2 * np.pi * at / 0.032)
-    surface = make_surface(np.tile(wave, (64, 1)), 1e-3)
-    filtered = s_filtered(surface, 32.0).values[32, 128:384]
-    np.testing.assert_allclose(filtered, 0.5 * wave[128:384], atol=2e-3)
+    heights, spacing = np.tile(wave, (64, 1)), (3e-3, 1e-3)
+    if axis == 0:
+        heights, spacing = heights.T, spacing[::-1]
+    surface = make_surface(heights, spacing)
+    filtered = np.moveaxis(s_filtered(surface, 32.0).values, axis, 1)
+    np.testing.assert_allclose(filtered[32, 128:384], 0.5 * wave[128:384], atol=2e-3)
     assert s_filtered(surface, None) is surface
 
 
