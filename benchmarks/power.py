@@ -68,7 +68,9 @@ _PAIR = f"spearman({_PREDICTOR}, {_EXTENT})"
 # ASSUME: what can be had with fewer patches is that of so many drawn at random from a specimen's.
 _PATCH_COUNTS = (4, 6, 8, 10, 12)
 _RESAMPLES = 999  # draws of chance; intervals are not used here
-_BEFORE_USE = "face", "composite", "contact", "square_contact", "pressures", "counterface"
+# Stages that no scan after use enters; of the latter, only while the use is as stated.
+_BEFORE_USE = "face", "composite", "square_contact", "counterface"
+_OF_STATED_USE = "contact", "pressures"
 _TESTS = ["test", "drawn", "patches", "p_value"]
 
 
@@ -181,7 +183,9 @@ def specimen_studies(
             take(study, first, _BEFORE_USE)
             scans = {of: scan for of, scan in first.prepared.items() if of[1] != "T1"}
             study.prepared.update(scans)
-            study.contacts.update(first.contacts)
+            if config["use"] is None:
+                take(study, first, _OF_STATED_USE)
+                study.contacts.update(first.contacts)
         yield wear, study
         first = first or study
 
