@@ -139,11 +139,14 @@ def test_a_difference_is_claimed_on_the_side_where_it_lies():
     assert np.ptp(of_four) > 0.2  # other patches each time
 
 
-def test_the_later_studies_fraction_what_precedes_use_and_nothing_else():
+@pytest.mark.parametrize("inferred", [False, True])
+def test_the_later_studies_share_what_precedes_use_and_nothing_else(inferred):
+    """The contact does not, where the wear says how the tool was used."""
+    config = CONFIG if inferred else merged(CONFIG, {"use": None})
     row = {"patch": ["a"], "x_mm": 2.5, "y_mm": 2.5, "rotation_deg": 0.0, "t0": "a", "t1": "b"}
     patches = pd.DataFrame(row | {"crop_x_mm": np.nan, "crop_y_mm": np.nan})
     found = {}
-    for wear, study in specimen_studies(CONFIG, patches, 3):
+    for wear, study in specimen_studies(config, patches, 3):
         assert "worn_square" not in vars(study)
         study.worn_square = wear  # as if it had been asked for
         stages = {"change": study.changes["a"], "T0": study.prepared["a", "T0"]}
@@ -151,12 +154,12 @@ def test_the_later_studies_fraction_what_precedes_use_and_nothing_else():
         found[wear] = stages | {"square": study.contact, "places": study.pressures}
         found[wear]["selected"] = study.selected
     assert tuple(found) == BY_RULE
-    _, another = next(specimen_studies(CONFIG, patches, 4))
+    _, another = next(specimen_studies(config, patches, 4))
     assert not another.prepared["a", "T0"].equals(study.prepared["a", "T0"])
     summits = found.pop("summits")
     for other in found.values():
         shared = {stage for stage in summits if other[stage] is summits[stage]}
-        assert shared == {"T0", "contact", "square", "places"}
+        assert shared == {"T0"} | (set() if inferred else {"contact", "square", "places"})
         assert not any(other[stage].equals(summits[stage]) for stage in ("change", "T1"))
 
 

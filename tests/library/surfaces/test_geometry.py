@@ -46,6 +46,10 @@ def test_a_field_lies_on_the_vertices_over_it():
     np.testing.assert_array_equal(values[inside], 8 * row + column)
     outside = (slab.vertices[:, 2] < 0) | (abs(x - 1) > 2.001) | (abs(y - 1) > 2.001)
     assert (values[outside] == 0).all()
+    arm = slab.copy().apply_translation((0, 0, 9.0))  # of the same stone, above the face
+    both = on_mesh(around(np.ones((8, 8)), 0.5, 1.0), trimesh.util.concatenate([slab, arm]), frame)
+    assert both[: len(slab.vertices)].any()
+    assert not both[len(slab.vertices) :].any()
 
 
 def test_coarser_elements_are_means_of_what_is_known():
