@@ -99,7 +99,7 @@ def test_the_fewest_patches_that_carry_most_of_the_load(forces, named, share, of
     assert f"{2 * max(forces):g} MPa (95 % interval 1 to 120)" in first
 
 
-def test_a_single_patch_has_no_fraction_and_none_may_be_touched():
+def test_a_single_patch_has_no_share_and_none_may_be_touched():
     assert line(LOAD, loaded([3.0])).startswith("Patch a bears the highest pressure, 6 MPa")
     none = line(LOAD, loaded([0.0, 0.0]), second=True)
     assert "No scanned patch touches under 200 N against the active tool; within" in none

@@ -55,7 +55,7 @@ def test_a_paraboloid_rolls_under_a_force_off_its_summit(elements):
 
 
 @pytest.mark.parametrize("slopes", [(0.0, 0.0), (0.05, -0.2)])
-def test_three_caps_fraction_the_force_as_levers_do(slopes):
+def test_three_caps_share_the_force_as_levers_do(slopes):
     shape, spacing, force, point = (120, 150), 0.05, 60.0, np.array([2.9, 3.3])
     y, x = places(shape, spacing)
     tops = [(1.0, 1.2, 4.0, 0.0), (5.0, 2.6, 9.0, 0.012), (2.4, 6.3, 2.0, -0.02)]

@@ -127,7 +127,7 @@ def test_stone_and_third_body_take_what_their_coefficients_and_forces_say():
     assert path.states[-1][1].contact_fraction > 2 * path.states[-1][0].contact_fraction
 
 
-def test_a_third_body_without_a_fraction_changes_nothing_and_alone_it_does_all(path):
+def test_a_third_body_without_a_share_changes_nothing_and_alone_it_does_all(path):
     body = ThirdBody(SOFT, 0.0, 20.0)
     same = wear_path(*SURFACE, **WEAR, steps=10, tolerance=1e-9, third_body=body)
     np.testing.assert_array_equal(same.depth, path.depth)

@@ -37,7 +37,7 @@ def test_rotation_turns_x_towards_y():
     st.floats(-1, 1),
     st.floats(-90, 90),
 )
-def test_footprints_that_tile_fraction_out_all_of_the_force(seed, size, shift_x, shift_y, rotation):
+def test_footprints_that_tile_share_out_all_of_the_force(seed, size, shift_x, shift_y, rotation):
     pressure = pressure_field(seed)
     angle = np.radians(rotation)
     count = int(np.ceil(5 / size)) + 2

@@ -56,7 +56,7 @@ def place(square, heights, rotation_deg=0.0, columns=None, **mould):
 
 
 @pytest.mark.parametrize("rotation", [0.0, -7.0, 90.0])
-def test_a_shift_that_all_fraction_is_found_whatever_planes_and_scales_are(rotation, caplog):
+def test_a_shift_that_all_share_is_found_whatever_planes_and_scales_are(rotation, caplog):
     stone = Waves(3)
     heights = [stone.patch(y + 0.06, x - 0.09, rotation) for y, x in NINE]
     heights = [2.0 * (height + 0.01 * height.x - 0.02 * height.y + 3) for height in heights]
