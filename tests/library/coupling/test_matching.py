@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import scipy
 from finding import OVERVIEW, PATCH, mesh, scan, stone
-from gstlib.coupling.matching import match_map, match_near, match_together
+from gstlib.coupling.finding import find_on_map
+from gstlib.coupling.matching import Match, match_map, match_near, match_together
 from gstlib.surfaces.footprints import Place
 
 
@@ -112,3 +113,37 @@ def test_scans_of_a_smooth_stone_do_not_snap():
     scans = [patch(smooth, Place(y, x)) for y, x in PATCHES]
     found = match_near(mesh(smooth), scans, [Place(y + 0.2, x - 0.3) for y, x in PATCHES])
     assert not any(match.found for match in found)
+
+
+def test_a_scan_that_is_not_found_on_a_map_is_where_the_stage_says():
+    fine, centre = stone(1), (4.5, 4.5)
+    at = np.array([(4.1, 4.0), (4.2, 5.1), (4.85, 4.5)])
+    scans = dict(zip("abc", (patch(fine, Place(*place)) for place in at), strict=True))
+    noise = scipy.ndimage.gaussian_filter(np.random.default_rng(1).normal(size=scans["c"].shape), 8)
+    scans["c"] = scans["c"] + 0.02 * noise / noise.std()
+    on_map, offsets = overview(fine, Place(*centre)), at - at.mean(axis=0)
+    alone = find_on_map(on_map, scans, None)
+    assert [match.found for match in alone.values()] == [True, True, False]
+    tied = find_on_map(on_map, scans, np.array([offsets * (-1, 1), offsets]))
+    for match, place in zip(tied.values(), at, strict=True):
+        assert match.found
+        expected = place - centre + np.array(OVERVIEW) / 2
+        assert match.place[:2] == pytest.approx(expected, abs=0.02)
+
+
+@pytest.mark.parametrize("mirrored", [(False, False), (False, True), (True, False), (True, True)])
+def test_a_scan_on_a_map_lies_where_its_points_do_on_the_stone(mirrored):
+    """Mirrored and turned as both are: the map on the stone, and the scan on the map."""
+    middle, judged = (0.9, 1.4), {"inverted": False, "correlation": 0.9, "next_best": 0.1}
+    places = Place(7.0, 3.0, 25.0), Place(1.2, 1.1, -70.0)
+    outer, inner = (
+        Match(place, mirrored=is_mirrored, error_mm=0.03, found=True, **judged)
+        for place, is_mirrored in zip(places, mirrored, strict=True)
+    )
+    whole = outer.carrying(inner, middle)
+    for point in ((0.0, 0.0), (0.3, 0.0), (0.0, 0.2)):
+        y, x, _ = inner.place_of(*point)
+        on_map = y - middle[0], x - middle[1]
+        assert whole.place_of(*point)[:2] == pytest.approx(outer.place_of(*on_map)[:2])
+    assert whole.mirrored == (mirrored[0] != mirrored[1])
+    assert whole.error_mm == pytest.approx(0.03 * 2**0.5)

@@ -6,7 +6,7 @@ import pytest
 from contacts import pressed
 from gstlib.contact import ContactPath
 from gstlib.io.store import Stored
-from gstlib.microscale.patches import LEVELLED, PLACED, Microscale, solve_patches
+from gstlib.microscale.patches import LEVELLED, PLACED, Microscale, microscale_tables, solve_patches
 from gstlib.surfaces.filtering import s_filtered
 from gstlib.surfaces.grid import make_surface
 
@@ -86,3 +86,14 @@ def test_the_scan_of_the_active_stone_is_turned_over_onto_every_patch(scans):
     ):
         own, other = (s_filtered(of, 120.0).values for of in (scans.scans[patch].height, face))
         np.testing.assert_allclose(contact.interface.pressed, own + other[:, ::-1], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("residual", "stated"), [(3e-9, 1e-8), (1e-8, 1e-8), (0.9e-7, 1e-7), (0, 0)]
+)
+def test_a_residual_is_stated_as_no_less_than_it_is(scans, stone, residual, stated):
+    settings = SETTINGS._replace(steps=2)
+    found = solve_patches(scans, PRESSURES, settings, variants=[PLACED], **stone)
+    of = {patch: contact.to_dataset().assign(residual=residual) for patch, _, contact in found}
+    states, _ = microscale_tables(of)
+    assert states.residual.tolist() == pytest.approx([stated] * len(of))
