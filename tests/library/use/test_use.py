@@ -142,6 +142,16 @@ def test_grades_tell_where_the_tool_was_pressed(face, patches, pressure):
     assert "wear_coefficient" not in set(use_table(use, STATED).parameter)
 
 
+def test_chance_is_asked_of_uses_that_do_not_know_the_wear(face, patches, losses, monkeypatch):
+    """Later rounds draw where the wear has pointed."""
+    asked = []
+    monkeypatch.setattr(
+        "gstlib.use.infer._chance", lambda evidence, pressure, *_: asked.append(pressure) or 1.0
+    )
+    use = infer(face, patches, losses)
+    np.testing.assert_array_equal(asked[0], use.pressure[: SAMPLING.draws])
+
+
 def test_same_seed_gives_the_same_use(face, patches, losses, use):
     xr.testing.assert_identical(infer(face, patches, losses), use)
 

@@ -148,6 +148,9 @@ def test_spatial_autocorrelation_weakens_a_correlation_of_smooth_numbers():
 def test_the_permutation_test_bounds_the_spatial_p_value():
     x = fields(1.0, seed=4)[0, 0]
     assert spatial_p_value(x, np.exp(x), PLACES, permuted=1e-9) == 1e-9
+    nearly = x + 0.1 * np.sin(9 * np.arange(x.size))
+    alone = spatial_p_value(x, nearly, PLACES, permuted=0.0)
+    assert 0 < alone < 0.5 == spatial_p_value(x, nearly, PLACES, permuted=0.5)
     four = np.arange(4.0)
     assert spatial_p_value(four, four, PLACES[:4], permuted=2 / 24) == 2 / 24
     for y in (np.zeros(4), np.arange(3.0)):  # no spread, or too few patches
