@@ -9,7 +9,7 @@ from gstlib.errors import ConfigError, InputError
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
-from gstlib.specimen.scanning import place_scans, relocation, sample
+from gstlib.specimen.scanning import place_scans, poor_overlaps, relocation, sample
 from gstlib.specimen.stone import Stone
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import make_surface, spacing_of
@@ -64,6 +64,13 @@ def test_a_repeat_has_noise_of_its_own(make, patches, parameters):
     off = (scans["5", "T0"] - scans["5", "repeat"]).diff("x")  # without their planes
     spread = scipy.stats.median_abs_deviation(off, None, scale="normal", nan_policy="omit")
     assert spread == pytest.approx(2 * 1e-3, rel=0.1)
+
+
+def test_which_scans_are_misplaced_does_not_depend_on_the_order_of_the_table():
+    names = [str(n) for n in range(20)]
+    chosen = poor_overlaps(names, seed=3)
+    assert 0 < len(chosen) < 20
+    assert poor_overlaps(names[::-1], seed=3) == chosen != poor_overlaps(names, seed=4)
 
 
 def test_files_read_back_are_the_specimen_in_memory(write, patches, make, parameters, made):
