@@ -207,10 +207,19 @@ def test_what_is_no_patch_table(tmp_path, what):
         read(path, scan_folder=tmp_path)
 
 
-@pytest.mark.parametrize("name", ["/data/1.plu", "~/1.plu", r"C:\data\1.plu", r"\\server\1.plu"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("/data/1.plu", "~/1.plu", r"C:\data\1.plu", r"\\server\1.plu"),
+        *("../1.plu", "a/../../1.plu", "a/.."),
+    ],
+)
 def test_scans_lie_in_the_scan_folder(table, name):
-    text = f"{HEAD},t1\n1,1,1,{name},a\n2,3,1,a,{name}\n"
-    said = (f"line 2 (patch 1): t0 is {name!r} [", f"line 3 (patch 2): t1 is {name!r} [")
+    text = f"{HEAD},t1,repeat\n1,1,1,{name},a,\n2,3,1,a,{name},\n3,2,3,a,b,{name}\n"
+    said = [
+        f"line {n + 1} (patch {n}): {column} is {name!r} ["
+        for n, column in enumerate(("t0", "t1", "repeat"), start=1)
+    ]
     refused(table(text), *said)
 
 
