@@ -172,7 +172,7 @@ def check(config, fix, yes) -> None:
             raise
         click.echo(f"ERROR: {error}", err=True)
     if not cures:
-        click.echo("Nothing is to be mended that has one cure.")
+        click.echo("Nothing that has one cure needs mending.")
     elif offer(config, cures, is_confirmed=yes):
         click.echo("Check it again.")
     else:
