@@ -46,11 +46,16 @@ def read_poses(path: str | Path, *, size_mm: float) -> pd.DataFrame:
     return rows.fillna({"force_N": pressure_MPa * size_mm**2}).reset_index(drop=True)
 
 
-def batches_of(poses: pd.DataFrame | None) -> list[pd.DataFrame]:
-    """The poses in order, as many in each batch as one job presses; none without poses."""
+def batches_of(poses: pd.DataFrame | None) -> dict[str, dict]:
+    """By name, as many poses in order as one job presses, as params; none without poses.
+
+    Each column has its values by the number of the pose.
+    """
     if poses is None:
-        return []
-    return [poses[start : start + _IN_BATCH] for start in range(0, len(poses), _IN_BATCH)]
+        return {}
+    starts = range(0, len(poses), _IN_BATCH)
+    batches = (poses[start : start + _IN_BATCH] for start in starts)
+    return {str(n): batch.to_dict() for n, batch in enumerate(batches, start=1)}
 
 
 def reach_of(config: Mapping[str, Any]) -> float:

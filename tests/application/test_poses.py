@@ -65,14 +65,16 @@ def test_the_face_is_known_as_far_as_the_poses_reach(tmp_path):
     path.write_text(TABLE.replace("0.1\t0", "3\t4"))
     of_table = config | {"gesture": {"table": str(path)}}
     assert reach_of(of_table) == 5
-    path.write_text(TABLE.replace("x_mm", "rotation_deg\tx_mm").replace("0.1", "45\t0"))
-    # the corners of the face turn with it
-    assert reach_of(of_table) == pytest.approx(6 * (np.sqrt(2) - 1))
+    turned = TABLE.replace("x_mm", "rotation_deg\tx_mm").replace("-0.1", "0.1")
+    for turn in ("45", "-45"):  # the corners of the face turn with it
+        path.write_text(turned.replace("0.1", f"{turn}\t0"))
+        assert reach_of(of_table) == pytest.approx(6 * (np.sqrt(2) - 1))
 
 
-def test_no_pose_is_lost_between_batches():
+def test_no_pose_is_lost_between_batches_and_each_keeps_its_number():
     poses = pd.DataFrame({"x_mm": np.arange(450.0)})
     batches = batches_of(poses)
-    assert len(batches) == 3
-    pd.testing.assert_frame_equal(pd.concat(batches), poses)
-    assert batches_of(None) == []
+    assert [*batches] == ["1", "2", "3"]
+    together = pd.concat(pd.DataFrame(batch) for batch in batches.values())
+    pd.testing.assert_frame_equal(together, poses)
+    assert batches_of(None) == {}

@@ -84,7 +84,7 @@ if PLACED and SCANNED:
 
 
 # By batch. A batch takes as long to start as a hundred poses to press.
-POSE_BATCHES = {str(n): batch for n, batch in enumerate(batches_of(POSES), start=1)}
+POSE_BATCHES = batches_of(POSES)
 # Poses that a figure shows, in even steps.
 SHOWN_POSES = 4
 # The exposure that they leave.
@@ -108,7 +108,7 @@ if POSES is not None:
             patch_mm=PATCH_MM,
             size_mm=SQUARE_MM,
             through=LOAD["through"],
-            poses=lambda wildcards: POSE_BATCHES[wildcards.batch].to_dict(),
+            poses=lambda wildcards: POSE_BATCHES[wildcards.batch],
             patches=PLACES,
             shown=[
                 round(place)
