@@ -176,6 +176,14 @@ def test_a_result_is_whole_without_the_measured_files_but_not_with_others(study)
     assert "scans/1.plu" in break_in(results)
 
 
+def test_a_page_of_what_was_there_before_is_not_whole(study):
+    results, (first, *_) = study
+    read = given_to(results, first)
+    (results / "1.h5").write_text("as a newer program makes it")
+    write_record(results, first, read, {})
+    assert break_in(results) == "results/1.h5 is not as the step wear read it"
+
+
 def test_a_page_is_that_of_its_config(study):
     results, _ = study
     assert break_in(results, {"results": "results"}) is None

@@ -30,6 +30,8 @@ INPUTS = {
     "config/patches ü.tsv": b"patch\tt0\n5\ta.plu\n",
     "data/a.plu": b"heights",
     "gone.stl": b"",
+    "config/poses.tsv": b"x_mm\n0.1\n",
+    "config/published.csv": b"patch\n5\n",
 }
 
 
@@ -41,9 +43,9 @@ def write(folder, files):
 
 def record(folder, specimen=None, results="out/results", **given):
     """A study of measured files, or with a section `specimen` of generated ones."""
-    paths = dict(zip(("patches", "scan", "mesh"), INPUTS, strict=True))
-    config = {"results": results, "title": "a & b", "patches": paths["patches"]}
-    config |= {"published": None, "gesture": None, "specimen": specimen}
+    patches, _, _, poses, published = INPUTS
+    config = {"results": results, "title": "a & b", "patches": patches}
+    config |= {"published": published, "gesture": {"table": poses}, "specimen": specimen}
     inputs = {name: hashlib.sha256(content).hexdigest() for name, content in INPUTS.items()}
     software = {"gstlib": gstlib.__version__, "commit": None, "python": "3.11"}
     software |= {"program": program_hash()} | given
@@ -112,11 +114,12 @@ def test_every_file_is_described_and_everything_described_is_there(results):
 
 def test_inputs_are_known_by_their_hash_and_tables_are_packed(results):
     files, entities, action = packed(results)
-    table, scan, mesh = INPUTS
-    assert files[table] == INPUTS[table]
+    patches, scan, mesh, *others = INPUTS
+    tables = {patches, *others}
+    assert {name: files[name] for name in tables} == {name: INPUTS[name] for name in tables}
     assert entities[f"#{scan}"]["sha256"] == hashlib.sha256(INPUTS[scan]).hexdigest()
     used = {unquote(one["@id"]) for one in action["object"]}
-    assert used == {"config/study.yaml", table, f"#{scan}", f"#{mesh}"}
+    assert used == {"config/study.yaml", *tables, f"#{scan}", f"#{mesh}"}
     provenance = json.loads(files["results/provenance.json"])
     assert yaml.safe_load(files["config/study.yaml"]) == provenance["config"]
 

@@ -241,6 +241,10 @@ SCHEMES = {
         "loc1_T0_before.sur loc1_T1_after.sur loc2_T0.sur loc2_T1.sur",
         None,
     ),
+    "both on one day": (
+        "2026-05-01_loc1_before.sur 2026-05-01_loc1_after.sur",
+        {"1": ("2026-05-01_loc1_before.sur", "2026-05-01_loc1_after.sur")},
+    ),
     "capitals alone tell two apart": ("a1_T0.sur A1_T0.sur a1_T1.sur A1_T1.sur", None),
 }
 

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 import snakemake_logger_plugin_gst as plugin
 from gst.logs import FILE_ONLY, PLAN, job_log, logged
-from gstlib.errors import InputError
+from gstlib.errors import NOTE, InputError
 from snakemake_interface_logger_plugins.common import LogEvent
 from snakemake_logger_plugin_gst import _SILENT, LogHandler
 
@@ -42,6 +42,18 @@ def test_warnings_reach_the_log(tmp_path, capsys):
     assert text.splitlines() == ["INFO step 1", "WARNING UserWarning: contact at the border"]
     assert "contact at the border" in capsys.readouterr().err
     assert logging.getLogger("gstlib").level == level
+
+
+def test_each_message_is_read_back_whichever_follows(tmp_path):
+    levels = {"ERROR": logging.ERROR, "WARNING": logging.WARNING, "NOTE": NOTE}
+    for first, second in permutations(levels, 2):
+        with job_log(tmp_path / "job.log") as log:
+            for level in (first, second):
+                log.log(levels[level], "%s: a patch\n  and another line", level.lower())
+        for level in levels:
+            expected = [f"{level.lower()}: a patch\n  and another line"]
+            found = logged(tmp_path / "job.log", level)
+            assert found == (expected if level in (first, second) else [])
 
 
 class Run:

@@ -93,10 +93,13 @@ def test_a_table_in_a_workbook(tmp_path):
     assert list(patches.patch) == ["5", "07"]
     assert list(patches.x_mm) == [4.5, 1.0]
     assert list(patches.t0) == ["5.plu", "Höhe.plu"]
-    (tmp_path / "broken.xlsx").write_bytes(b"PK")
-    refused(tmp_path / "broken.xlsx", "save it as CSV")
     assert (patches.rotation_deg == 0).all()
     assert np.isnan(patches.crop_x_mm).all()
+    book.worksheets[0]["B5"] = "far"
+    book.save(tmp_path / "p.xlsx")
+    refused(tmp_path / "p.xlsx", "line 5 (patch 5)")
+    (tmp_path / "broken.xlsx").write_bytes(b"PK")
+    refused(tmp_path / "broken.xlsx", "save it as CSV")
 
 
 def test_spreadsheet_tables_keep_their_line_numbers(table):

@@ -9,6 +9,8 @@ import pandas as pd
 import pytest
 import scipy.ndimage
 import xarray as xr
+from contacts import interface, rough
+from gstlib.contact import Load, contact_at_pressure
 from gstlib.errors import ConfigError
 from gstlib.io.store import read_dataset, write_dataset
 from gstlib.macroscale.gesture import Gesture, press_poses, stroke_poses
@@ -28,6 +30,8 @@ def script_of(rule):
 def test_a_changed_program_is_a_reason_to_run_every_script_again():
     """By the param `code`, which the pictures have from `DRAWN`."""
     drawn = {"draw_figures.py": r"\*\*DRAWN\b"}
+    page = (WORKFLOW / "rules/page.smk").read_text(encoding="utf-8")
+    assert re.search(r'^DRAWN = \{[^}]*"code": code\("draw_figures.py"\)', page, re.MULTILINE)
     told = []
     for file in sorted(WORKFLOW.glob("rules/*.smk")):
         for rule in re.split(r"^ *rule ", file.read_text(encoding="utf-8"), flags=re.MULTILINE):
@@ -104,6 +108,59 @@ def test_a_form_taken_out_of_t1_is_warned_of_where_it_is_registered(tmp_path, ca
     )
     (said,) = (message for message in caplog.messages if "long waves" in message)
     assert said.startswith("patch B: the long waves of T1 are")
+
+
+@pytest.mark.parametrize("taken", [True, False])
+def test_a_gesture_goes_on_where_the_wear_says_that_it_was_pressed(tmp_path, taken):
+    flat = make_surface(np.zeros((16, 16)), 0.25)
+    face = {"height": flat, "counterface": flat, "size_mm": xr.DataArray(4.0)}
+    named = {name: of.assign_attrs(units="mm", long_name=name) for name, of in face.items()}
+    write_dataset(tmp_path / "face.h5", xr.Dataset(named))
+    found = {
+        "weight": [0.5, 0.5],
+        "y_mm": [1.5, 2.5],
+        "x_mm": [2.0, 3.0],
+        "radius_mm": [np.nan] * 2,
+    }
+    units = {"units": "1", "long_name": "of a draw"}
+    draws = {name: ("draw", values, units) for name, values in found.items()}
+    use = xr.Dataset(draws, attrs={"taken": taken, "stated_radius_mm": np.nan})
+    write_dataset(tmp_path / "use.h5", use)
+    poses = stroke_poses(stroke_mm=0.0, poses=1, force_N=16.0)
+    script_of("press_poses").main(
+        tmp_path / "face.h5",
+        [],
+        tmp_path / "use.h5",
+        tmp_path / "batch.h5",
+        size_mm=4.0,
+        through=(2.0, 1.5),
+        poses=poses.to_dict(),
+        patches={"patch": ["A"], "x_mm": [2.0], "y_mm": [2.0], "rotation_deg": [0.0]},
+        contact_modulus_MPa=1e4,
+        tolerance=1e-8,
+        patch_mm=1.0,
+        shown=[0],
+    )
+    pressure = read_dataset(tmp_path / "batch.h5").pressure.isel(shown=0)
+    centre = [float((pressure * pressure[axis]).sum() / pressure.sum()) for axis in "yx"]
+    assert centre == pytest.approx([2.0, 2.5] if taken else [2.0, 1.5])
+
+
+def test_a_cap_is_held_against_the_patches_of_the_study(tmp_path):
+    pressures, cases = tmp_path / "pressures.csv", tmp_path / "cases.csv"
+    contact = contact_at_pressure(interface(rough(5)), Load(20.0), modulus=1e4, tolerance=1e-6)
+    for patch in "AB":
+        write_dataset(tmp_path / f"1/{patch}.h5", contact.to_dataset())
+    given = [tmp_path / "1"], pressures, cases
+    settings = {"patches": ["A", "B"], "grinding": None, "pressure_cap": 500.0}
+    columns = "patch,x_mm,y_mm,rotation_deg,pressure_MPa,square_pressure_MPa,in_study"
+    table = f"{columns}\nA,1,1,0,20,9,yes\nB,3,3,0,600,9,yes\n"
+    pressures.write_text(table)
+    with pytest.raises(ConfigError, match="pressure_cap_MPa"):
+        script_of("solve_cases").main(*given, **settings)
+    pressures.write_text(table.replace("600,9,yes", "600,9,no"))
+    script_of("solve_cases").main(*given, **settings)
+    assert set(pd.read_csv(cases).patch.dropna()) == {"A"}  # and means over the patches
 
 
 def test_the_exposure_is_that_of_every_batch(tmp_path):

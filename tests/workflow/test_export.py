@@ -1,5 +1,7 @@
 """`gst export`: other programs' readers find in its files what the study holds."""
 
+import shutil
+
 import meshio
 import numpy as np
 import pytest
@@ -18,10 +20,20 @@ PATCH = "7"
 @pytest.fixture(scope="module")
 def exported(finished_tiny, tmp_path_factory):
     folder = tmp_path_factory.mktemp("export")
+    # left of another config, with more patches
+    other = finished_tiny.results / "surfaces/T0/9/99_T0.h5"
+    other.parent.mkdir()
+    shutil.copy(finished_tiny.results / f"surfaces/T0/1/{PATCH}_T0.h5", other)
     said = finished_tiny.gst("export", str(finished_tiny.results), "--to", str(folder))
+    shutil.rmtree(other.parent)
     assert said.returncode == 0, said.stderr
     assert said.stdout == f"{folder}: {len(list(folder.iterdir()))} files\n"
     return folder
+
+
+def test_what_is_left_of_another_study_is_not_exported(exported):
+    assert list(exported.glob(f"{PATCH}_*"))
+    assert not list(exported.glob("99_*"))
 
 
 def stored(results):

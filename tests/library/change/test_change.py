@@ -169,17 +169,18 @@ def test_the_same_scan_twice_shows_no_wear(remeasure, dtype):
     assert 1.9e-4 * float(t0.std()) < result.attrs["level_of_detection_um"] < 1e-6
 
 
-def prepared(surface, replaced):
-    masks = {"filled": (("y", "x"), replaced), "outlier": (("y", "x"), np.zeros_like(replaced))}
+def prepared(surface, replaced, mask="filled"):
+    masks = {name: (("y", "x"), replaced & (name == mask)) for name in ("filled", "outlier")}
     return xr.Dataset({"height": surface} | masks)
 
 
-def test_from_prepared_scans_to_the_change(remeasure):
+@pytest.mark.parametrize("mask", ["filled", "outlier"])
+def test_from_prepared_scans_to_the_change(remeasure, mask):
     t0, t1, truth = remeasure((13.4, -9.7), wear=0.12)
     hole0, hole1 = np.zeros((2, *t0.shape), dtype=bool)
     hole0[100, 100], hole1[150, 150] = True, True
     registration, result = measured_change(
-        prepared(t0, hole0), prepared(t1, hole1), maximum_shift_mm=0.1, minimum_points=8
+        prepared(t0, hole0, mask), prepared(t1, hole1, mask), maximum_shift_mm=0.1, minimum_points=8
     )
     assert registration.found
     known = np.isfinite(result["change"].values)

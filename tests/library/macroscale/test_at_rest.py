@@ -19,6 +19,7 @@ from gstlib.contact import Load, contact_at_pressure, contact_path
 from gstlib.coupling.embedding import placed_faces
 from gstlib.macroscale.active_tool import as_round_as, rounded_counterface
 from gstlib.macroscale.composite import plane_under
+from gstlib.macroscale.equilibrium import macroscale_table
 from gstlib.macroscale.face import without_curvature
 from gstlib.specimen.generate import make_specimen
 from gstlib.specimen.randomness import SpecimenParameters, smooth_field
@@ -138,8 +139,10 @@ def test_a_plane_changes_the_tilt_by_itself_and_nothing_else():
     assert abs(fixed.pressure - straight.pressure).max() > 0.1 * scale
 
 
-def test_the_load_path_of_a_face_at_rest_ends_at_its_contact():
+@pytest.mark.parametrize("missing", [0, 6])
+def test_the_load_path_of_a_face_at_rest_ends_at_its_contact(missing):
     face = plane(rough(), 3e-3, 2e-3)
+    face[:missing] = np.nan
     contact = at_rest(face)
     settings = {"steps": 5, "maximum_displacement_um": 100.0, "every_step": True}
     path = contact_path(interface(face), contact.load, **SOURCE, **settings)
@@ -150,6 +153,7 @@ def test_the_load_path_of_a_face_at_rest_ends_at_its_contact():
     for slope in ("slope_y", "slope_x"):
         assert slope_of(path.final, slope) == pytest.approx(slope_of(contact, slope), abs=1e-9)
     assert float(path.mean_pressure[-1]) == pytest.approx(300 / (COUNT * ELEMENT) ** 2)
+    assert macroscale_table(path.to_dataset()).force_N.iloc[-1] == pytest.approx(300)
 
 
 # --- What meets the face -------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from gstlib.errors import ConfigError, InputError
 from gstlib.io.meshes import read_mesh
 from gstlib.io.scans import read_scan
 from gstlib.io.store import read_dataset
-from gstlib.specimen.scanning import place_scans, poor_overlaps, relocation, sample
+from gstlib.specimen.scanning import place_scans, poor_overlaps, relocation, sample, take_scan
 from gstlib.specimen.stone import Stone
 from gstlib.surfaces.footprints import Place
 from gstlib.surfaces.grid import make_surface, spacing_of
@@ -118,6 +118,13 @@ def test_scan_is_the_truth_with_tilt_noise_spikes_and_holes(specimen, truth, par
     assert truth.outlier.values.mean() == pytest.approx(parameters.spike_fraction, rel=0.2)
     noise_and_tilt = truth[["unmeasured", "plane_x_mrad"]].astype(float).diff("epoch")
     assert noise_and_tilt.any(["y", "x"]).all().to_array().all()
+
+
+def test_a_spike_that_no_scan_shows_is_no_outlier_to_be_found(parameters):
+    many = dataclasses.replace(parameters, spike_fraction=0.3)
+    scan, truth = take_scan(np.zeros((64, 64)), "5", "T0", many)
+    assert truth["outlier"].mean() == pytest.approx(0.3, rel=0.1)
+    assert np.isfinite(scan.values[:, ::-1][truth["outlier"]]).all()
 
 
 def test_mesh_and_scans_agree_where_they_overlap(make, patches, parameters):
