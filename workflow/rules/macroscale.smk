@@ -54,7 +54,7 @@ rule solve_macroscale:
         patch_mm=PATCH_MM,
         code=code("solve_macroscale.py"),
     message:
-        "Pressing the stone with {params.force_N} N"
+        f"Pressing the stone with {LOAD['force_N']:g} N"
     script:
         "../scripts/solve_macroscale.py"
 
