@@ -5,23 +5,27 @@
 
 Of the patches of benchmarks/strikes.py: with the paper's contact modulus; with a cap on the
 pressure; and worn on the same place again and again by a tool that wears as much as the stone. Of
-its stones: against a tool of two radii, 1.56 to 1 like the paper's, of the same geometric mean, in
-three directions: the share of the patches' force that lies on other patches. Rows go to
-`results/left_out.csv`; `--tables` prints the table of docs/explanation/evidence.md from them.
+its stones, under the use that is stated: the share of the patches' force that lies on other
+patches, against a tool of two radii, 1.56 to 1 like the paper's, of the same geometric mean, in
+three directions, and with more of the stone around the square, against the stated radius and twice
+that; and the share of their loss that lies on other patches, if the stone comes to rest anew while
+it wears. Rows go to `results/left_out.csv`; `--tables` prints the table of
+docs/explanation/evidence.md from them.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import xarray as xr
 from power import merged
 from strikes import loaded_contacts, run, solved, stone
 from use import two_radii
 
 from gstlib.conditions import study_radius
-from gstlib.contact import Contact
+from gstlib.contact import Contact, contact_at_pressure
+from gstlib.coupling.pressures import patch_means
 from gstlib.macroscale.active_tool import rounded_counterface
 from gstlib.study import Study
 from gstlib.wear.archard import wear_contact
@@ -36,6 +40,8 @@ OTHERWISE = {
 ANGLES_DEG = 0.0, 60.0, 120.0
 # Wear coefficient times sliding: half a micrometre at 25 MPa.
 KAPPA = 2e-5  # mm/MPa
+# The face that is pressed, over that of the config.
+WIDER = 1.25
 
 
 def changed(contact: Contact) -> Iterator[dict]:
@@ -62,22 +68,63 @@ def changed(contact: Contact) -> Iterator[dict]:
     }
 
 
-def against_two_radii(study: Study) -> Iterator[dict]:
-    """A row for each direction of a tool of two radii in place of the round one, use as stated."""
-    radii, middle = two_radii(study_radius(study.config)), study.config["square"]["size_mm"] / 2
+def as_stated(study: Study, changes: Mapping | None = None) -> Study:
+    """The same stone, pressed as the config states, with some of it changed."""
+    config = merged(study.config, {"use": None} | (changes or {}))
     read = {name: getattr(study, name) for name in ("read_mesh", "read_scan")}
+    return Study(config, study.patches, **read)
 
-    def forces(composite: xr.Dataset) -> pd.Series:
-        other = Study(merged(study.config, {"use": None}), study.patches, **read)
-        other.composite = composite
-        return other.pressures.force_N
 
-    round_tool = forces(study.composite)
+def against_two_radii(stated: Study) -> Iterator[dict]:
+    """A row for each direction of a tool of two radii in place of the round one."""
+    radii = two_radii(study_radius(stated.config))
+    middle = stated.config["square"]["size_mm"] / 2
     for angle in ANGLES_DEG:
-        over = rounded_counterface(study.composite.height, radii, (middle, middle), angle)
-        moved = forces(study.composite.assign(counterface=over)) - round_tool
-        share = abs(moved).sum() / 2 / round_tool.sum()
+        over = rounded_counterface(stated.composite.height, radii, (middle, middle), angle)
+        other = as_stated(stated)
+        other.composite = stated.composite.assign(counterface=over)
+        share = moved(stated.pressures.force_N, other.pressures.force_N)
         yield {"patch": f"all, {angle:g}°", "changed": "two radii", "force_moved": share}
+
+
+def on_wider_faces(stated: Study) -> Iterator[dict]:
+    """A row for each radius of the tool, with more of the stone around the square pressed."""
+    radius, face_mm = study_radius(stated.config), stated.config["macroscale"]["face_mm"]
+    wider = {"macroscale": {"face_mm": WIDER * face_mm}}
+    for times in (1, 2):
+        tool = {"counterface": {"radius_mm": times * radius}}
+        forces = [as_stated(stated, of).pressures.force_N for of in (tool, tool | wider)]
+        named = f"wider face, {times} x radius"
+        yield {"patch": "all", "changed": named, "force_moved": moved(*forces)}
+
+
+def tilting(stated: Study) -> dict:
+    """A row for a stone that comes to rest anew in each step of its wear."""
+    lost = [worn(stated, is_held=is_held) for is_held in (True, False)]
+    return {"patch": "all", "changed": "it tilts", "loss_moved": moved(*lost)}
+
+
+def worn(stated: Study, *, is_held: bool) -> np.ndarray:
+    """What each patch loses while the face wears with the tilt that it has before use, or not."""
+    contact, steps = stated.contact, stated.config["wear_steps"]
+    pressure, size_mm = contact.load.mean_pressure, stated.config["scans"]["size_mm"]
+    of_patches = patch_means(contact.pressure, stated.patches, size_mm=size_mm)
+    lost = np.zeros(contact.pressure.shape)
+    for _ in range(steps):
+        options = {"mean_pressure": pressure, "mean_loss": KAPPA * pressure / steps, "steps": 1}
+        depth = wear_contact(contact, "", **options).depth
+        lost += depth
+        lower = replace(contact.interface, height=contact.interface.height - depth)
+        contact = replace(contact, interface=lower)
+        if not is_held:
+            solved = {"modulus": contact.modulus, "tolerance": contact.tolerance}
+            contact = contact_at_pressure(contact.interface, contact.load, **solved)
+    return of_patches @ lost.ravel()
+
+
+def moved(stated: np.ndarray, other: np.ndarray) -> float:
+    """The share of what the patches bear or lose that lies on other patches."""
+    return float(np.abs(other - stated).sum() / 2 / np.sum(stated))
 
 
 def rows_of(seed: int) -> list[dict]:
@@ -87,14 +134,16 @@ def rows_of(seed: int) -> list[dict]:
         for patch, contact in loaded_contacts(study).items()
         for row in changed(contact)
     ]
-    return [{"seed": seed} | row for row in [*rows, *against_two_radii(study)]]
+    stated = as_stated(study)
+    rows += [*against_two_radii(stated), *on_wider_faces(stated), tilting(stated)]
+    return [{"seed": seed} | row for row in rows]
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
-    """Means over the patches."""
+    """Means over the patches, or over the stones and directions."""
     groups = rows.groupby("changed", sort=False)
     found = groups.mean(numeric_only=True).drop(columns="seed")
-    return found.assign(patches=groups.size()).reset_index()
+    return found.assign(cases=groups.size()).reset_index()
 
 
 if __name__ == "__main__":
