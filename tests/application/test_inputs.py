@@ -254,6 +254,11 @@ def test_scans_and_mesh_in_different_units(wavy, caplog, halvings):
         found = wavy(halvings, (Place(2.0, 1.5), factor))
         assert len(found) == wrong
         assert all("scans.unit" in problem for problem in found)
+    # one that is a little lower is as wrong as the others, and no more
+    rows = [(Place(y, 1.5), factor) for y, factor in ((1.2, 1e-3), (2.0, 8e-4), (2.8, 1e-3))]
+    (problem,) = wavy(halvings, *rows)
+    assert "scans.unit" in problem
+    assert "2.plu" not in problem
     caplog.clear()
     assert wavy(halvings, (Place(2.0, 1.5), 1e-3), placed=False) == []
     assert "scans.unit" in caplog.text
