@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 import yaml
 from gst import SHIPPED
-from gst.config import complete, config_problems, read_config_file, read_study, refuse_study
+from gst.config import (
+    asked_of_files,
+    complete,
+    config_problems,
+    read_config_file,
+    read_study,
+    refuse_study,
+)
 from gst.contradictions import counterface_mesh
 from gst.named_files import check_files
 from gst.user_tables import rows_of
@@ -226,6 +233,9 @@ def test_the_square_alone_knows_no_active_tool_and_no_gesture(config):
     assert "cannot wear a stone together" in "".join(config_problems(config | both))
     small = changed(changed(alone, "macroscale.face_mm", 4.0), "load.at_mm", [50.0, 0.0])
     assert config_problems(small) == []
+    # the whole square is not pressed at the scans' resolution, which takes one grid and memory
+    asked = [asked_of_files(of, "mm", None)["reference"] for of in (config, alone)]
+    assert asked == [True, False]
 
 
 def test_scans_need_their_folder_and_grades_do_not(config, tmp_path):

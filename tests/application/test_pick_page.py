@@ -42,6 +42,14 @@ def test_the_page_holds_the_stone_and_the_patches(mesh, tmp_path):
     assert not re.search(r"""(src|href)=["']?http""", text.split("<script>")[0])
 
 
+def test_the_unit_to_copy_is_that_of_a_file_which_states_its_own(tmp_path):
+    trimesh.creation.icosphere(subdivisions=2, radius=0.02).export(tmp_path / "stone.glb")
+    assert pick(tmp_path / "stone.glb", "--output", tmp_path / "page.html").exit_code == 0
+    data = data_of((tmp_path / "page.html").read_text())
+    assert data["unit"] == "m"
+    assert data["stone"]["bounds"][1] == pytest.approx([20] * 3, rel=1e-4)
+
+
 def test_a_name_is_text_wherever_it_stands(tmp_path):
     """Even one with a mark of the template in it, or what opens a script or a comment."""
     path = tmp_path / "@DATA@@NOTE@<!--<script><img src=x>.stl"
