@@ -201,6 +201,10 @@ SCHEMES = {
     ),
     "a second scan that may be a repeat": ("loc1_T0.sur loc1_T0_2.sur loc1_T1.sur", None),
     "letters behind the epoch": ("loc1_T0a.sur loc1_T0b.sur loc1_T1.sur", None),
+    "only what is unworn is named": (
+        "E1_before.sur E1.sur E2_before.sur E2.sur",
+        {"E1": ("E1_before.sur", "E1.sur"), "E2": ("E2_before.sur", "E2.sur")},
+    ),
     "only what is worn is named": (
         "loc1.sur loc1_worn.sur loc2.sur loc2_worn.sur",
         {"loc1": ("loc1.sur", "loc1_worn.sur"), "loc2": ("loc2.sur", "loc2_worn.sur")},

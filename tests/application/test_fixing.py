@@ -163,3 +163,8 @@ def test_what_changes_nothing_is_not_asked(files, monkeypatch):
 
 def test_a_table_of_comments_stays():
     assert with_cells("# nothing\n", lambda _: {"a": 1}) == "# nothing\n"
+
+
+def test_columns_are_known_in_whatever_case():
+    table = "Patch; X_mm\n1; 2\n"
+    assert with_cells(table, lambda row: {"x_mm": row["patch"]}) == "Patch; X_mm\n1;1\n"

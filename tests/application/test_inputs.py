@@ -184,6 +184,15 @@ def test_a_file_is_of_one_patch_and_epoch(folder):
         assert said in problem
 
 
+@pytest.mark.parametrize("epoch", ["T1", "repeat"])
+def test_a_larger_scan_is_not_its_own_later_one(folder, epoch):
+    """Of which T0 alone is cut."""
+    write_plu(folder / "large.plu", noise(1, 120), SPACING)
+    uses = [ScanFile(folder / "large.plu", "1", when, (0.0, 0.3)) for when in ("T0", epoch)]
+    (problem,) = problems_of(folder, uses)
+    assert "large.plu" in problem
+
+
 def test_many_equal_scans_are_a_problem_of_few_words(folder):
     uses = [
         ScanFile(folder / f"1_{epoch}.plu", str(patch), epoch)
