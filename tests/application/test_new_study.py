@@ -58,7 +58,7 @@ def lab(tmp_path, monkeypatch):
     """A folder with a mesh and an empty one for scans, in which commands run."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scans").mkdir()
-    write_stone(tmp_path / "stone.stl")
+    write_stone(tmp_path / "stone.stl", 64.0)
     return tmp_path
 
 
@@ -100,7 +100,7 @@ def test_what_files_tell_is_written_and_the_rest_is_asked(lab, monkeypatch):
     }
     assert config["scans"]["size_mm"] == pytest.approx(POINTS * SPACING, rel=5e-3)
     assert config["scans"]["mould"]["invert"] is False  # heights fell
-    assert config["macroscale"]["face_mm"] == 12  # the stone is as thick as that
+    assert config["macroscale"]["face_mm"] == 12  # of a stone of 12.8 mm
     assert "3 of 3 lost height" in said
     assert "notes.pdf" in said
     # refused by its keys, from here or there, before any file is read

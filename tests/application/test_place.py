@@ -13,6 +13,8 @@ import pandas as pd
 import pytest
 import trimesh
 import yaml
+from gst.chain import PAGE, Step, given_to, write_record
+from gst.config import read_config
 from gst.place import PlaceServer
 from gst.place_scans import picture_of
 from gstlib.io.plu import write_plu
@@ -280,6 +282,18 @@ def test_a_config_that_nothing_checked_is_said(server, study):
     assert ask(server, "state")[0] == 422
 
 
+def test_a_result_of_other_settings_is_said_to_be(server, study):
+    results = Path("results")
+    given = {"steps": [], "config": read_config(Path("study.yaml"))}
+    step = Step(PAGE, given, [], [results / "index.html"])
+    write_record(results, step, given_to(results, step), {})
+    assert ask(server, "result") == (200, {"page": "results/index.html", "problem": None})
+    assert ask(server, "answers", {"load.force_N": 100.0})[0] == 200
+    status, found = ask(server, "result")
+    assert (status, found["page"]) == (200, "results/index.html")
+    assert "made with another config" in found["problem"]
+
+
 def picture(heights, study, **mould):
     write_plu(study / "scans/a.plu", heights, SPACING)
     config = yaml.safe_load(CONFIG)
@@ -298,3 +312,8 @@ def test_a_picture_is_lit_from_above_left_with_y_up(study):
     assert np.ptp(shown[POINTS // 2 :, : POINTS // 2]) < 0.1  # nothing left and down
     as_mould = picture(-np.fliplr(heights), study, invert=True, flip="x")
     np.testing.assert_allclose(as_mould, shown, atol=0.02)
+    # the flip of the patch itself goes before that of the config
+    table = TABLE.replace("t0\n", "t0\tflip\n").replace("a.plu", "a.plu\tx")
+    (study / "patches.tsv").write_text(table.replace("b.plu", "b.plu\t"))
+    alone = picture(-np.fliplr(heights), study, invert=True)
+    np.testing.assert_array_equal(alone, as_mould)
