@@ -11,7 +11,7 @@ import pytest
 import trimesh
 import xarray as xr
 from contacts import contact_of
-from gst.figures import macroscale, maps, microscale, style, tables
+from gst.figures import macroscale, maps, microscale, style, tables, use
 from gst.figures.maps import draw_footprints
 from gst.figures.microscale import PatchResult
 from gst.figures.study import Study, evenly
@@ -111,6 +111,15 @@ TOUCHED = {patch: CONTACTS[patch].pressure.values > 30 for patch in "13"}
 FROM["two_scales"] = (({"levelled": CONTACTS, "placed": CONTACTS}, TOUCHED, TWO_SCALES), {})
 ALONE["microscale_maps"] = CONTACTS
 FROM |= {name: ((found,), {}) for name, found in ALONE.items()}
+DRAWS = {"x_mm": [1.0, 2.0, 2.5], "y_mm": [2.0, 1.0, 1.5], "radius_mm": [90.0, 200.0, 150.0]}
+USE = xr.Dataset({name: ("draw", of) for name, of in (DRAWS | {"weight": [0.3, 0.6, 0.1]}).items()})
+STATED = pd.DataFrame({"parameter": ["load_point_x", "load_point_y", "radius"]}).assign(
+    stated=[1.5, 1.5, 200.0]
+)
+FORETELLING = pd.DataFrame({"loss_um": [1.0, 0.2], "predicted_um": [0.9, 0.4]}).assign(
+    low_um=[0.5, -0.1], high_um=[1.3, 0.9]
+)
+FROM["use"] = ((USE, STATED, FORETELLING, SQUARE["height"], PRESSURES), {"patch_size_mm": 0.8})
 MASKS = [
     ("contact_steps", -1, style.BLACK, SQUARE["pressure"] > 0),
     ("preparation", 0, style.VERMILION, PREPARED["outlier"]),
@@ -128,7 +137,8 @@ CASES += [("3", {"pressure_MPa": [2.0, 9.0, 4.0], "in_study": True, "most": 1})]
 
 
 def draw(name):
-    home = (m for m in (macroscale, microscale, style, tables) if f"{name}_figure" in m.__all__)
+    rooms = macroscale, microscale, style, tables, use
+    home = (m for m in rooms if f"{name}_figure" in m.__all__)
     return getattr(next(home), f"{name}_figure")(*FROM[name][0], **FROM[name][1])
 
 
@@ -309,6 +319,17 @@ def test_study_shows_the_loss_that_the_study_predicts(tmp_path):
 def test_study_refuses_a_table_of_other_patches(tmp_path):
     with pytest.raises(InputError, match=r"pressures\.csv.*one row for each patch"):
         run(tmp_path, "microscale_maps", patch=["1", "2", "4"])
+
+
+def test_the_likelier_a_use_the_stronger_its_dot():
+    square, radius, losses = draw("use").axes[:3]
+    (dots,) = (of for of in square.collections if len(of.get_offsets()) == len(USE.weight))
+    shown = dict(zip(map(tuple, dots.get_offsets().tolist()), dots.get_alpha(), strict=True))
+    strengths = [shown[place] for place in zip(DRAWS["x_mm"], DRAWS["y_mm"], strict=True)]
+    assert strengths == pytest.approx([0.5, 1.0, 1 / 6])
+    bars = {bar.get_x(): bar.get_height() for bar in radius.patches if bar.get_height()}
+    assert [bars[at] for at in sorted(bars)] == pytest.approx([0.3, 0.1, 0.6])
+    assert points_of(losses) == [FORETELLING[["loss_um", "predicted_um"]].to_numpy().tolist()]
 
 
 def test_two_scales_shows_what_was_found_and_missed():
