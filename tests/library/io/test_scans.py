@@ -275,8 +275,9 @@ def write_plu_at(path, heights, spacing, stage_mm):
 @pytest.mark.parametrize("write", [write_plu_at, write_x3p, write_sur])
 def test_where_the_stage_stood_is_read_in_mm(tmp_path, heights, write):
     path = tmp_path / f"a.{write.__name__.split('_')[1]}"
-    write(path, heights, (DY, DX), stage_mm=(-58.2, 0.125))
-    assert stage_of(read_scan(path)) == pytest.approx((-58.2, 0.125), rel=1e-6)
+    for stage_mm in ((-58.2, 0.125), (-58.2, 0.0), (0.0, 0.125)):
+        write(path, heights, (DY, DX), stage_mm=stage_mm)
+        assert stage_of(read_scan(path)) == pytest.approx(stage_mm, rel=1e-6)
     write(path, heights, (DY, DX), stage_mm=(0, 0))  # as where it is not known
     assert stage_of(read_scan(path)) is None
 
