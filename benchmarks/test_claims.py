@@ -164,7 +164,7 @@ def test_two_scales_by_load_point(scales):
 def test_coverage_of_the_intervals(scales):
     found = scales.loc[128, "default", 200, 1, "placed"]
     of_all, of_loaded = said(
-        r"true pressure of (\S+ % \[.*?\]) of 500 patches, and of (\S+ % \[.*?\]) of the 223"
+        r"true pressure of (\S+ % \[.*?\]) of 500 patches, and of (\S+ % \[.*?\]) of the 236"
     )
     assert same(of_all, found.held, 100)
     assert same(of_loaded, found.loaded_held, 100)
