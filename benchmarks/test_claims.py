@@ -340,7 +340,7 @@ def test_the_same_tables():
     rows = pd.read_csv(power.ROOT / "benchmarks/results/margin.csv")
     assert {*rows.table} <= {Path(listed.file).name for listed in TABLES.values()}
     numbers, changes, largest = said(
-        r"none of (\S+) printed numbers changed.*? instructions, (\d+) did, .*? more than (\S+) %"
+        r"none of (\S+) printed numbers changed.*? instructions, (\d+) did, by (\S+) % of"
     )
     found = rows.groupby("run")[["values", "different", "changes"]].sum()
     assert (found["values"] == int(numbers.replace(",", ""))).all()
