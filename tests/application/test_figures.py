@@ -284,13 +284,15 @@ def test_wear_shows_the_counted_patches_and_no_others():
 def run(folder, *names, most=2, **columns):
     """Draw figures of the study in files; `columns` change the table of pressures."""
     datasets = {"change/1": CHANGE, "change/3": CHANGE, "square": SQUARE}
-    for name in ("change", "contact"):
+    datasets |= {f"t1/{patch}": CHANGE.rename(t1="height") for patch in "13"}
+    for name in ("change", "contact", "t1"):
         (folder / name).mkdir()
     for name, dataset in (datasets | {f"contact/{p}": c for p, c in CONTACTS.items()}).items():
         dataset.to_netcdf(folder / f"{name}.h5", engine="h5netcdf")
     PRESSURES.assign(**columns).to_csv(folder / "pressures.csv", index=False)
     files = {"contact": folder / "square.h5", "pressures": folder / "pressures.csv"}
     files |= {"contacts": [folder / "contact"], "registered": [folder / "change"]}
+    files |= {"t1": [folder / "t1"]}
     pictures = {f"{name}_png": folder / f"{name}.png" for name in names}
     if "patch" in names:
         pictures |= {"patch_png": folder / "patch", "load_curves_svg": folder / "load_curves.svg"}

@@ -9,10 +9,12 @@ import pandas as pd
 import pytest
 import scipy.ndimage
 import xarray as xr
-from contacts import interface, rough
+from contacts import interface, mesh_face, rough
 from gstlib.contact import Load, contact_at_pressure
+from gstlib.coupling.intervals import Errors
 from gstlib.errors import ConfigError
 from gstlib.io.store import read_dataset, write_dataset
+from gstlib.io.tables import read_table
 from gstlib.macroscale.gesture import Gesture, press_poses, stroke_poses
 from gstlib.surfaces.grid import make_surface
 
@@ -110,22 +112,33 @@ def test_a_form_taken_out_of_t1_is_warned_of_where_it_is_registered(tmp_path, ca
     assert said.startswith("patch B: the long waves of T1 are")
 
 
+@pytest.fixture
+def stone(tmp_path):
+    """A folder with a flat face, and with what its wear said of its use, taken or not."""
+
+    def stone(*, taken: bool) -> Path:
+        face = mesh_face(make_surface(np.zeros((16, 16)), 0.25), error=0.0, vertices=9, seed=1)
+        for field in face.values():
+            field.attrs |= {"units": "mm", "long_name": "of the face"}
+        write_dataset(tmp_path / "face.h5", face)
+        found = {
+            "weight": [0.5, 0.5],
+            "y_mm": [1.5, 2.5],
+            "x_mm": [2.0, 3.0],
+            "radius_mm": [np.nan] * 2,
+        }
+        units = {"units": "1", "long_name": "of a draw"}
+        draws = {name: ("draw", values, units) for name, values in found.items()}
+        use = xr.Dataset(draws, attrs={"taken": taken, "stated_radius_mm": np.nan})
+        write_dataset(tmp_path / "use.h5", use)
+        return tmp_path
+
+    return stone
+
+
 @pytest.mark.parametrize("taken", [True, False])
-def test_a_gesture_goes_on_where_the_wear_says_that_it_was_pressed(tmp_path, taken):
-    flat = make_surface(np.zeros((16, 16)), 0.25)
-    face = {"height": flat, "counterface": flat, "size_mm": xr.DataArray(4.0)}
-    named = {name: of.assign_attrs(units="mm", long_name=name) for name, of in face.items()}
-    write_dataset(tmp_path / "face.h5", xr.Dataset(named))
-    found = {
-        "weight": [0.5, 0.5],
-        "y_mm": [1.5, 2.5],
-        "x_mm": [2.0, 3.0],
-        "radius_mm": [np.nan] * 2,
-    }
-    units = {"units": "1", "long_name": "of a draw"}
-    draws = {name: ("draw", values, units) for name, values in found.items()}
-    use = xr.Dataset(draws, attrs={"taken": taken, "stated_radius_mm": np.nan})
-    write_dataset(tmp_path / "use.h5", use)
+def test_a_gesture_goes_on_where_the_wear_says_that_it_was_pressed(stone, tmp_path, taken):
+    stone(taken=taken)
     poses = stroke_poses(stroke_mm=0.0, poses=1, force_N=16.0)
     script_of("press_poses").main(
         tmp_path / "face.h5",
@@ -144,6 +157,33 @@ def test_a_gesture_goes_on_where_the_wear_says_that_it_was_pressed(tmp_path, tak
     pressure = read_dataset(tmp_path / "batch.h5").pressure.isel(shown=0)
     centre = [float((pressure * pressure[axis]).sum() / pressure.sum()) for axis in "yx"]
     assert centre == pytest.approx([2.0, 2.5] if taken else [2.0, 1.5])
+
+
+@pytest.mark.parametrize("taken", [True, False])
+def test_intervals_are_drawn_about_the_use_that_the_wear_tells(stone, tmp_path, taken):
+    """Each patch lies where one of two uses presses; the stated one is certain."""
+    stone(taken=taken)
+    patches = {"patch": ["A", "B"], "x_mm": [2.0, 3.0], "y_mm": [1.5, 2.5], "rotation_deg": 0.0}
+    pressures = pd.DataFrame(patches).assign(pressure_MPa=1.0, square_pressure_MPa=1.0)
+    pressures.to_csv(tmp_path / "pressures.csv", index=False)
+    errors = dict.fromkeys(Errors._fields, 0.0)
+    stones = {"young_1_MPa": 2e4, "poisson_1": 0.2, "young_2_MPa": 2e4, "poisson_2": 0.2}
+    script_of("bound_pressures").main(
+        tmp_path / "face.h5",
+        [],
+        [],
+        tmp_path / "use.h5",
+        tmp_path / "pressures.csv",
+        tmp_path / "patch_intervals.csv",
+        uncertainty=errors,
+        material=stones | {"contact_modulus_MPa": 1e4},
+        load={"force_N": 16.0, "through": (2.0, 1.5)},
+        radius_mm=None,
+        patch_mm=1.0,
+        seed=1,
+    )
+    found = read_table(tmp_path / "patch_intervals.csv")
+    assert ((found.high_MPa > 1.1 * found.low_MPa) == taken).all()
 
 
 def test_a_cap_is_held_against_the_patches_of_the_study(tmp_path):

@@ -223,6 +223,7 @@ def test_figures_are_drawn_from_the_stages_that_they_name(finished_tiny, results
     files |= {"two_scales": results / "tables/two_scales.csv"}
     files |= {"reference": results / "reference/patches.h5"}
     folders = {"contacts": "microscale", "others": "microscale/levelled", "registered": "change"}
+    folders |= {"t1": "surfaces/T1"}
     files |= {name: [results / of / "1"] for name, of in folders.items()}
     study = figures.Study(files, patches, patches, 100, {}, 5.0, 0.85, 550.0, "mm")
     for name in ("overview", "forces", "two_scales"):  # with the rule's files and settings

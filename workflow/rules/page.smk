@@ -64,7 +64,7 @@ if SCANNED:
                 else {}
             ),
             **({"exposure": EXPOSURE} if EXPOSURE else {}),
-            **({"depths": DEPTHS} if WORN_PATCHES else {}),
+            **({"t1": surfaces("T1"), "depths": DEPTHS} if WORN_PATCHES else {}),
             mesh=MESH,
             surface=rules.grid_macroscale.output.face,
             contact=rules.solve_macroscale.output.contact,

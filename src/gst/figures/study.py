@@ -132,8 +132,8 @@ class Study:
             return None
         only = "t1", "change", "level_of_detection", "loss", "gain"
         change = self.by_patch("registered", [patch], *only)[patch]
-        if "t1" in self.files and change.change.isnull().all():
-            scanned = self.by_patch("t1", [patch], "height")[patch].height
+        scanned = self.by_patch("t1", [patch], "height")[patch].height
+        if change.change.isnull().all():
             change["t1"] = scanned
         return change
 
