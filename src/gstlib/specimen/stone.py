@@ -69,8 +69,8 @@ _CHIPS_PER_MM2, _CHIP_RADIUS_UM, _CHIP_DEPTH_FRACTION = 40.0, 15.0, 0.15
 _CHIP_SPREAD, _CHIP_LARGEST = 0.4, 3.0
 # Loss at any height: share of the area, greatest depth, length over which it varies.
 _VALLEY_FRACTION, _VALLEY_DEPTH_MM, _VALLEY_SIZE_MM = 0.02, 2e-3, 40e-3
-# Mean depth of wear by a law over that of wear on summits. It lies on fewer patches; with as much,
-# T1 no longer looks like T0 on some of them.
+# Mean depth of wear by a law over that of wear on summits, if the square bears all the force.
+# It lies on fewer patches; with as much, T1 no longer looks like T0 on some of them.
 _LAW_FRACTION = 0.5
 
 
@@ -236,7 +236,7 @@ class Stone:
         """Depth of the material lost between T0 and T1, mm, float32, on the grid of `detail`.
 
         `placement` is "summits", or a law: "archard" or "interlayer". Wear by a law has half the
-        mean depth of wear on summits.
+        mean depth of wear on summits, or less where the square bears a part of the force.
         """
         p, points = self.parameters, len(self.grid)
         step = max(1, int(_CHANCE_LENGTH_UM / _POINTS_PER_LENGTH / p.scan_spacing_um))

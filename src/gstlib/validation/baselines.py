@@ -11,8 +11,8 @@ the *other* patches lost. So does each baseline; none has seen what the patch it
   patches and gives the others their loss. The nearest model in print is that of Rausch et al.
   (2024, protocols.io 261ge346dl47), a rigid collision along a stroke.
 
-``oracle_area`` is no baseline but an upper bound: a plane that wears the share of the patch that
-did wear.
+``oracle_area`` is no baseline, for it knows the answer: a plane that wears the share of the patch
+that did wear.
 """
 
 from collections.abc import Iterable
