@@ -16,6 +16,7 @@ import transforms
 import two_scales
 import use
 import verdict
+from PIL import Image
 
 from gst.tables import TABLES
 from gstlib.io.files import sha256
@@ -347,6 +348,13 @@ def test_the_same_tables():
     assert not found.loc["1 core", ["different", "changes"]].any()
     assert int(changes) == found.changes["older processor"]
     assert same(largest, rows.largest_relative.max(), 100)
+
+
+def test_the_picture_of_readme_shows_the_stored_study():
+    """`docs/overview.py` draws it, and says in it of which scores."""
+    with Image.open(power.ROOT / "docs/overview.png") as picture:
+        shows = picture.text["scores"]
+    assert shows == sha256(power.ROOT / "tests/baseline/tables/validation_patches.csv")
 
 
 def test_errors_of_the_griddings():

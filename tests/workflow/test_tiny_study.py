@@ -4,6 +4,7 @@ That its tables are those of the library: test_measured.py. What its page says o
 test_tiny_page.py.
 """
 
+import importlib.util
 import json
 import re
 
@@ -15,12 +16,14 @@ from gst.provenance import commit, program_hash
 from gst.tables import TABLES
 from gstlib.conditions import study_modulus
 from gstlib.contact import Interface, Load, contact_at_pressure
+from gstlib.io.files import sha256
 from gstlib.io.store import read_attributes, read_dataset
 from gstlib.io.tables import read_table
 from gstlib.specimen.score import true_face
 from gstlib.surfaces.grid import spacing_of
 from gstlib.validation.single_scale import press_whole
 from matplotlib.colors import to_rgb
+from PIL import Image
 from power import merged
 from sweep import outcomes
 
@@ -246,6 +249,16 @@ def test_figures_are_drawn_from_the_stages_that_they_name(finished_tiny, results
         colours = axes.images[0].get_array()[..., :3]
         is_blue = np.isclose(colours, 255 * np.array(to_rgb(BLUE)), atol=2).all(axis=-1)
         assert is_blue.sum() == (found & true).sum()
+
+
+def test_the_picture_of_readme_is_drawn(results, tmp_path):
+    """That of the default study, by the same script."""
+    spec = importlib.util.spec_from_file_location("overview", ROOT / "docs/overview.py")
+    overview = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(overview)
+    overview.main(results, tmp_path / "overview.png")
+    with Image.open(tmp_path / "overview.png") as picture:
+        assert picture.text["scores"] == sha256(results / "tables/validation_patches.csv")
 
 
 # --- In memory: every setting counts ----------------------------------------------------------
