@@ -83,6 +83,14 @@ def test_rows_columns_and_tables_on_one_side(folders):
     assert "  patch=8: present → (none)" in describe_changes(found)
 
 
+def test_the_largest_changes_are_shown_first(folders):
+    edit(folders[1], "tables/microscale_paths.csv", "5,1,100.5", "5,1,100.6")
+    edit(folders[1], "tables/microscale_paths.csv", "8,1,90", "8,1,900")
+    _, first, more = describe_changes(compare_results(*folders), at_most=1).splitlines()
+    assert first == "  patch=8, step=1, stiffness: 90 → 900  (0.9)"
+    assert more == "  ... and 1 more"
+
+
 @pytest.mark.parametrize(
     ("name", "rows"),
     [

@@ -6,6 +6,7 @@ import json
 import struct
 import threading
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,12 @@ import yaml
 from gst.chain import PAGE, Step, given_to, write_record
 from gst.config import read_config
 from gst.place import PlaceServer
+from gst.place_matching import Found, seen_in
 from gst.place_scans import picture_of
+from gstlib.coupling.matching import Match
 from gstlib.io.plu import write_plu
+from gstlib.surfaces.footprints import Place, outline
+from gstlib.surfaces.frames import Frame
 from matplotlib.image import imread
 from scipy.ndimage import gaussian_filter
 from stones import TURN, rough_stone, taken
@@ -178,6 +183,7 @@ def test_its_files_are_answered_and_ask_for_nothing_else(server):
 def test_places_are_written_and_the_rest_stays(server, study):
     state = ask(server, "state")[1]
     assert state["square"] == {"points_mm": None, "size_mm": 5.0}
+    assert state["patch_size_mm"] == pytest.approx(SIZE, abs=1e-4)
     assert state["patches"] == [row("A", None, None), row("B", 1.5, 2.0)]
     sent = places(row("A", 1.23456, 0, -7.5), row("B", 1.5, None), points=POINTS_MM)
     assert ask(server, "places", sent) == (200, None)
@@ -273,6 +279,21 @@ def test_scans_find_their_exact_places_near_those_by_hand(server, study):
     assert ask(server, "answers", found["answers"]) == (200, None)
     (study / "study.yaml").write_text(CONFIG)
     assert "neither an overview" in ask(server, "find", {})[1]["error"]
+
+
+def test_what_is_found_on_one_square_lies_there_on_another():
+    turned = Frame((1.0, 2.0, 3.0), (0.0, 0.6, 0.8), (1.0, 0.0, 0.0))
+    square = Frame((1.0, 0.5, 2.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
+    match = Match(Place(1.0, 2.0, 150.0), False, False, 0.9, 0.1, 0.01, True)
+    found = Found(turned, None, {"A": match, "B": replace(match, found=False)})
+    seen = seen_in(square, found)
+    assert list(seen) == ["A"]
+    assert -180 <= seen["A"].rotation_deg < 180
+    ours, theirs = (
+        outline(place, SIZE) @ frame.axes[:2] + frame.origin
+        for frame, place in ((square, seen["A"]), (turned, match.place))
+    )
+    np.testing.assert_allclose(ours, theirs, atol=1e-12)
 
 
 def test_a_config_that_nothing_checked_is_said(server, study):

@@ -203,6 +203,17 @@ def test_a_cap_is_held_against_the_patches_of_the_study(tmp_path):
     assert set(pd.read_csv(cases).patch.dropna()) == {"A"}  # and means over the patches
 
 
+@pytest.mark.parametrize(("least_MPa", "count"), [(5.0, 0), (13.0, 1)])
+def test_a_study_that_no_patch_enters_is_told(tmp_path, caplog, least_MPa, count):
+    pressures, table = tmp_path / "pressures.csv", tmp_path / "patch_pressures.csv"
+    columns = "patch,x_mm,y_mm,rotation_deg,force_N,pressure_MPa,peak_pressure_MPa"
+    rows = "A,1,1,0,12,12,20,9\nB,2,1,0,0,0,0,9\n"
+    pressures.write_text(f"{columns},square_pressure_MPa\n{rows}")
+    selection = {"minimum_pressure_MPa": least_MPa}
+    script_of("select_patches").main(pressures, [], table, selection=selection)
+    assert sum("no patch enters the study" in message for message in caplog.messages) == count
+
+
 def test_the_exposure_is_that_of_every_batch(tmp_path):
     flat = make_surface(np.zeros((8, 8)), 0.5)
     flat.attrs.update(units="mm", long_name="height")
