@@ -49,6 +49,9 @@ def test_a_load_that_nothing_can_hold_is_told(measured):
     code, said = check(measured)
     assert code == 2
     assert missing(said, "the stone tips over", "x 0.05, y 0.05 mm", "load.at_mm") == []
+    measured.change(load={"at_mm": [1.0, 1.0]})
+    code, said = check(measured)
+    assert (code, missing(said, "of the edge of what is pressed", "1 warning")) == (0, [])
 
 
 def test_every_problem_of_a_config(study):
@@ -226,6 +229,11 @@ def test_what_no_reader_needs_can_go_from_a_finished_study(tiny):
     refused = tiny.gst(*clean, said="y")
     assert (refused.returncode, "index.html" in refused.stderr) == (2, True)
     page.write_bytes(content)
+    given = tiny.config
+    tiny.change(wear_steps=5)
+    refused = tiny.gst(*clean[:-1], tiny.config, said="y")
+    assert (refused.returncode, "with another config" in refused.stderr) == (2, True)
+    tiny.config = given
 
     def sizes():
         stats = {file: file.stat() for file in tiny.results.rglob("*") if file.is_file()}

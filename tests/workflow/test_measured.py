@@ -199,6 +199,13 @@ def test_the_record_holds_every_measured_file(studied):
     }
 
 
+def test_every_contact_after_the_use_is_told_of_it(studied):
+    """These six patches are too few to show by a number that it is."""
+    for step in ("solve_macroscale", "press_poses_1", "couple_scales", "bound_pressures"):
+        record = json.loads((studied.results / f"logs/{step}.json").read_text())
+        assert "use/use.h5" in record["inputs"], step
+
+
 # --- The same stone, however it is told -------------------------------------------------------
 
 
