@@ -344,14 +344,19 @@ def _unlike_epochs(pieces: _Pieces) -> Iterator[GstError]:
         )
 
 
+def _apart(spacing: tuple[float, float]) -> str:
+    """How far apart points lie: along y and x, where these differ."""
+    steps = dict.fromkeys(f"{step * MM_TO_UM:.5g}" for step in spacing)
+    return " × ".join(steps) + " µm"
+
+
 def _unlike(first: _Piece, second: _Piece) -> Iterator[GstError]:
     """Two scans of a patch that differ in spacing, or in the unit of their heights."""
     (_, spacing_0), (_, spacing_1) = first.grid, second.grid
     if not np.allclose(spacing_1, spacing_0, rtol=_SAME_SPACING, atol=0):
         yield InputError(
             second.path,
-            f"its points are {spacing_1[1] * MM_TO_UM:.5g} µm apart, those of {first.path} "
-            f"{spacing_0[1] * MM_TO_UM:.5g} µm",
+            f"its points are {_apart(spacing_1)} apart, those of {first.path} {_apart(spacing_0)}",
             "Scan both epochs of a patch with the same objective, or resample one.",
         )
     before, after = first.amplitude.spread, second.amplitude.spread
