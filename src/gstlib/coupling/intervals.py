@@ -9,7 +9,8 @@ scans' resolution is small beside them (docs/explanation/evidence.md).
 """
 
 # ASSUME: errors of place are normal, alike along both axes and independent from patch to patch; a
-# patch that would leave the face stays at its edge.
+# patch that would leave the face stays at its edge. Patches found on one map share its error, too,
+# which is not drawn apart: each interval is that of one patch, and as wide.
 # ASSUME: the load point, too, errs normally and alike along both axes, but not to where there
 # is no stone: it would tip over in the hand. Force and radius err lognormally. Where the wear
 # says how the tool was used, load point and radius are drawn from what it says.
