@@ -15,7 +15,6 @@ import scipy
 import xarray as xr
 
 from gstlib.coupling.matching import Match, match_map, match_together
-from gstlib.preprocess.interpolation import interpolate
 from gstlib.surfaces.frames import Frame
 from gstlib.surfaces.grid import axis_coordinates, make_surface, spacing_of
 
@@ -128,10 +127,11 @@ def view_of(
     heights = np.full(2 * along.shape, np.nan)
     if len(cloud) > 3:
         y, x = np.meshgrid(along, along, indexing="ij")
-        away, _ = scipy.spatial.KDTree(cloud[:, :2]).query(np.stack([x, y], axis=-1))
-        heights = np.where(
-            away > _GAP * edge, np.nan, interpolate("linear", cloud, along, edge)
-        )
+        places, tree = np.stack([x, y], axis=-1), scipy.spatial.KDTree(cloud[:, :2])
+        away, _ = tree.query(places, distance_upper_bound=_GAP * edge)
+        is_stone = np.isfinite(away)
+        linear = scipy.interpolate.LinearNDInterpolator(cloud[:, :2], cloud[:, 2])
+        heights[is_stone] = linear(places[is_stone])
     rows, columns = (np.flatnonzero(np.isfinite(heights).any(axis=n)) for n in (1, 0))
     view = make_surface(heights, step, mesh_edge_mm=edge)
     view = view.assign_coords(

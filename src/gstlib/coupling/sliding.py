@@ -136,10 +136,11 @@ def correlation_of(held: Sequence[Held], at: np.ndarray) -> np.ndarray:
 
 def peaks_of(score: np.ndarray) -> np.ndarray:
     """Scores, rows and columns (k, 3) of those larger (in size) than their neighbours."""
-    size = np.nan_to_num(np.abs(score))
-    if not size.size:
-        return np.empty((0, 3))
-    at = np.argwhere((size > 0) & (size == scipy.ndimage.maximum_filter(size, 3)))
+    size = np.fmax(np.abs(score), 0.0)  # NaN is no peak
+    most = np.pad(size, 1)
+    most = np.maximum(np.maximum(most[:-2], most[1:-1]), most[2:])
+    most = np.maximum(np.maximum(most[:, :-2], most[:, 1:-1]), most[:, 2:])
+    at = np.argwhere((size > 0) & (size == most))
     return np.column_stack([score[tuple(at.T)], at])
 
 
@@ -227,7 +228,9 @@ class Image:
         """Sums of what was transformed times values of a window, by the window's first element."""
         window = np.zeros(covered.shape)
         window[covered] = values
-        factor = np.conj(scipy.fft.rfft2(window, self.padded))
+        # along the window's few rows first
+        rows_of = scipy.fft.rfft(window, self.padded[1])
+        factor = np.conj(scipy.fft.fft(rows_of, self.padded[0], axis=0))
         rows, columns = (
             max(n - k + 1, 0) for n, k in zip(self.shape, covered.shape, strict=True)
         )
