@@ -2,7 +2,8 @@
 
 Twenty synthetic stones, and the measured pebble where its files are. A stone is rough with a mesh
 of edges of 0.2 mm that has 3 µm of noise; places, turns and mirroring are drawn. Scans of another
-stone, and of a smooth one, are to be said not to be found.
+stone, and of a smooth one, are to be said not to be found, and so is one that was taken elsewhere
+than the others say.
 
     .venv/bin/python benchmarks/finding.py --output benchmarks/results/finding.csv
 """
@@ -76,7 +77,7 @@ def scattered(rng, turn):
 
 
 def of_stone(seed):
-    """Rows of a stone with its own scans, with those of another, and smooth."""
+    """Rows of a stone with its own scans, with those of another, smooth, and with one wrong."""
     rows = []
     rng, fine = np.random.default_rng(seed), stone(seed)
     smooth = scipy.ndimage.gaussian_filter(fine, 40)
@@ -100,6 +101,15 @@ def of_stone(seed):
         rows += timed("overview", seed, name, [whole], alone, surface, large)
         rows += timed("tied by the stage", seed, name, places, tied, surface, scans, readings)
         rows += timed("by hand", seed, name, places, match_near, surface, scans, by_hand)
+    wide = FACE - 4.0  # the last is taken half of this from its place along both axes
+    elsewhere = Place(*(at[-1] - 2.0 + wide / 2) % wide + 2.0, turn)
+    mixed = [scan(fine, place, mirrored, PATCH) for place in (*places[:-1], elsewhere)]
+    for how, work, by in (
+        ("tied by the stage", tied, readings),
+        ("by hand", match_near, by_hand),
+    ):
+        of_each = timed(how, seed, "one elsewhere", places, work, surfaces["own"], mixed, by)
+        rows += [*of_each][-1:]
     return rows
 
 
@@ -109,7 +119,7 @@ def alone(surface, scan):
 
 def tied(surface, scans, readings):
     match, reading = match_together(surface, scans, readings)
-    return [match.at(*offset) for offset in readings[reading]]
+    return match.each(readings[reading])
 
 
 def timed(how, seed, name, places, work, *of):

@@ -83,12 +83,8 @@ def located(
         return Found(None, found and found.match, {})
     if overview is None:
         assert readings is not None
-        offsets = readings[found.reading]
-        each = {
-            name: found.match.at(*map(float, at))
-            for name, at in zip(scans, offsets, strict=True)
-        }
-        return Found(found.frame, found.match, each)
+        tied = found.match.each(readings[found.reading])
+        return Found(found.frame, found.match, dict(zip(scans, tied, strict=True)))
     middle = [float(overview[axis].mean()) for axis in ("y", "x")]
     try:
         inner = find_on_map(overview, scans, readings)

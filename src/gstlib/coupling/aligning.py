@@ -83,14 +83,13 @@ class Fit:
         scale = (self.step, self.step, 0.01)[:count]
         fit = scipy.optimize.least_squares(residual, pose, x_scale=scale)
         planes = [planes_over(v, u) for v, u in self.points]
-        seen, own = (
-            np.concatenate([*map(_less, planes, of)]) for of in (under(fit.x), self.heights)
-        )
+        pairs = [[*map(_less, planes, of)] for of in (under(fit.x), self.heights)]
+        seen, own = map(np.concatenate, pairs)
         common, squares = float(seen @ own), float(own @ own)
-        length = math.sqrt(float(seen @ seen) * squares)
         return Refined(
             at(fit.x),
-            correlation=common / length if length > 0 else 0.0,
+            correlation=_correlation(seen, own),
+            each=np.array([*map(_correlation, *pairs)]),
             error_mm=_jackknife(fit.jac, fit.fun, self.blocks),
             scale=common / squares if squares > 0 else 0.0,
         )
@@ -101,6 +100,7 @@ class Refined(NamedTuple):
 
     place: Place
     correlation: float
+    each: np.ndarray  # correlation of each scan by itself, there
     error_mm: float
     scale: float  # heights of the surface beside those of the scans
 
@@ -115,6 +115,12 @@ def _less(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Values less what combinations of columns can give."""
     rest: np.ndarray = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
     return rest
+
+
+def _correlation(one: np.ndarray, other: np.ndarray) -> float:
+    """That of values without their means; 0 if one is flat."""
+    length = math.sqrt(float(one @ one) * float(other @ other))
+    return float(one @ other) / length if length > 0 else 0.0
 
 
 def _blocks(v: np.ndarray, u: np.ndarray) -> np.ndarray:

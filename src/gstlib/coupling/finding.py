@@ -195,7 +195,8 @@ def find_on_map(
     together, number = match_together(overview, [*scans.values()], readings)
     if not together.found:
         return found
+    tied = together.each(readings[number])
     return {
-        name: match if match.found else together.at(*map(float, readings[number][n]))
-        for n, (name, match) in enumerate(found.items())
+        name: match if match.found else by_stage
+        for (name, match), by_stage in zip(found.items(), tied, strict=True)
     }

@@ -38,6 +38,9 @@ _TURNS = 72
 # mirroring by this much, in Fisher's z (artanh r); several scans that the stage ties together, by
 # the second: benchmarks/finding.py has how far they lead on their own stones, and on others.
 _LEAST_CORRELATION, _LEAST_LEAD, _LEAST_LEAD_TOGETHER = 0.6, 0.35, 0.25
+# ASSUME: a scan that the stage ties to others was taken elsewhere if it correlates by less than
+# this where they lie, and in Fisher's z by so much less than they do.
+_LEAST_OWN, _BELOW_TIED = 0.7, 0.6
 # The largest correlation whose z is used.
 _ONE = 1 - 1e-9
 # What is as near to the best place as this share of the map's shorter side, and is turned by no
@@ -72,6 +75,7 @@ class Match:
     next_best: float  # correlation elsewhere, or otherwise turned or mirrored
     error_mm: float  # standard error of the place, along the axis where it is larger; a guide
     found: bool  # whether correlation and lead are those of a right match
+    own: tuple[float, ...] = ()  # of scans that were found together: the correlation of each
 
     @property
     def strength(self) -> float:
@@ -91,6 +95,17 @@ class Match:
     def at(self, v: float, u: float) -> "Match":
         """The same of what lies (v, u) from the centre."""
         return replace(self, place=self.place_of(v, u))
+
+    def each(self, offsets: np.ndarray) -> "list[Match]":
+        """Those of scans that were found together, at (n, 2) from their common point.
+
+        One that does not fit there by itself is not found: it shows another place.
+        """
+        places = (self.at(*map(float, offset)) for offset in offsets)
+        return [
+            lies if fits else replace(lies, correlation=own, found=False)
+            for lies, own, fits in zip(places, self.own, _fitting(self.own), strict=True)
+        ]
 
     def carrying(self, inner: "Match", middle: Sequence[float]) -> "Match":
         """Where a scan lies that was found on this scan, whose middle is at (y, x) there, mm."""
@@ -173,16 +188,28 @@ def match_together(
     key, best = _highest(peaks)
     mirrored, turn, number = key
     y, x = middles(best[np.newaxis, 1:], search, templates)[0]
-    fit = Fit.of(surface, scans, readings[number], mirrored).refined(Place(y, x, turn))
+    sign, at = np.sign(best[0]), readings[number]
+    start = Place(y, x, turn)
+    fit = Fit.of(surface, scans, at, mirrored).refined(start)
+    own, place, error_mm = sign * fit.each, fit.place, fit.error_mm
+    if not (fits := _fitting(own)).all():  # the others alone say where they lie
+        kept = [scan for scan, fitting in zip(scans, fits, strict=True) if fitting]
+        again = Fit.of(surface, kept, at[fits], mirrored).refined(start)
+        place, error_mm = again.place, again.error_mm
     radius = _SAME_PLACE * min(min(each.sides) for each in templates) / step
     elsewhere = max(
         _elsewhere(found, best, radius if _is_same(key, other) else 0.0)
         for other, found in peaks.items()
     )
-    inverted = bool(best[0] < 0)
-    correlation = abs(fit.correlation)
     match = Match(
-        fit.place, mirrored, inverted, correlation, elsewhere, fit.error_mm, found=True
+        place,
+        mirrored,
+        inverted=bool(sign < 0),
+        correlation=abs(fit.correlation),
+        next_best=elsewhere,
+        error_mm=error_mm,
+        found=True,
+        own=tuple(map(float, own)),
     )
     return _judged(match, len(scans)), number
 
@@ -282,6 +309,13 @@ def _judged(match: Match, count: int) -> Match:
     least = _LEAST_LEAD if count == 1 else _LEAST_LEAD_TOGETHER
     is_right = match.correlation >= _LEAST_CORRELATION and match.lead >= least
     return replace(match, found=match.found and is_right)
+
+
+def _fitting(own: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Which scans fit where all lie, by the correlation of each."""
+    strength = np.arctanh(np.clip(own, -_ONE, _ONE))
+    is_usual = strength >= np.median(strength) - _BELOW_TIED
+    return is_usual | (np.asarray(own) >= _LEAST_OWN)
 
 
 _Key = tuple[bool, float, int]  # mirrored, turn in degrees, and reading of the stage

@@ -131,6 +131,20 @@ def test_a_scan_that_is_not_found_on_a_map_is_where_the_stage_says():
         assert match.place[:2] == pytest.approx(expected, abs=0.02)
 
 
+def test_a_scan_of_another_stone_does_not_lie_where_the_stage_says():
+    """Nor does it move the others, or turn them."""
+    at = np.array([(4.1, 4.0), (4.2, 5.1), (4.85, 4.5), (4.6, 5.2)])
+    scans = [patch(stone(1), Place(*place)) for place in at]
+    scans[3] = patch(stone(2), Place(*at[3]))
+    on_map, offsets = overview(stone(1), Place(4.5, 4.5)), at - at.mean(axis=0)
+    match, _ = match_together(on_map, scans, offsets[np.newaxis])
+    assert match.found
+    each = match.each(offsets)
+    assert [one.found for one in each] == [True, True, True, False]
+    expected = at - 4.5 + np.array(OVERVIEW) / 2
+    np.testing.assert_allclose([one.place[:2] for one in each], expected, atol=0.001)
+
+
 @pytest.mark.parametrize("mirrored", [(False, False), (False, True), (True, False), (True, True)])
 def test_a_scan_on_a_map_lies_where_its_points_do_on_the_stone(mirrored):
     """Mirrored and turned as both are: the map on the stone, and the scan on the map."""
