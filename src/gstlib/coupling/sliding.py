@@ -137,7 +137,7 @@ def correlation_of(held: Sequence[Held], at: np.ndarray) -> np.ndarray:
 def peaks_of(score: np.ndarray) -> np.ndarray:
     """Scores, rows and columns (k, 3) of those larger (in size) than their neighbours."""
     size = np.fmax(np.abs(score), 0.0)  # NaN is no peak
-    most = np.pad(size, 1)
+    most = np.pad(size, 1)  # of each and its neighbours: by shifts, faster than by a filter
     most = np.maximum(np.maximum(most[:-2], most[1:-1]), most[2:])
     most = np.maximum(np.maximum(most[:, :-2], most[:, 1:-1]), most[:, 2:])
     at = np.argwhere((size > 0) & (size == most))
