@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import json
 import os
 import re
 import shutil
@@ -116,11 +115,3 @@ def test_places_are_counted_from_the_reference_corner():
     said += [one.columns["x_mm"].meaning for one in TABLES.values() if "x_mm" in one.columns]
     assert len(said) > 2
     assert [text for text in said if "from the reference corner" not in text] == []
-
-
-def test_citation_and_deposit_describe_the_same():
-    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
-    deposit = json.loads((ROOT / ".zenodo.json").read_text("utf-8"))
-    assert cited["abstract"] == deposit["description"]
-    assert cited["title"] == deposit["title"]
-    assert cited["keywords"] == deposit["keywords"]

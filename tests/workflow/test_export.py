@@ -95,9 +95,3 @@ def test_two_libraries_read_the_tool(exported):
     assert set(one.point_data) == set(read.dtype.names) - set("xyz")
     for name, values in one.point_data.items():
         np.testing.assert_array_equal(values, read[name])
-
-
-def test_a_folder_without_a_study_is_refused(finished_tiny, tmp_path):
-    said = finished_tiny.gst("export", str(tmp_path), "--to", str(tmp_path / "to"))
-    assert (said.returncode, said.stdout) == (2, "")
-    assert "holds no finished study. Run the study (again)" in said.stderr
