@@ -16,11 +16,8 @@ from gstlib.io.scans import cut_scan, read_scan
 from gstlib.io.stage import stage_of
 from gstlib.preprocess.mesh import grid_mesh
 from gstlib.preprocess.scans import prepare_patch
-from gstlib.surfaces.footprints import spline_of
 from gstlib.surfaces.frames import frame_from_points
-from gstlib.surfaces.grid import make_surface, spacing_of
-from gstlib.surfaces.leveling import remove_plane
-from scipy.ndimage import gaussian_filter
+from gstlib.surfaces.grid import spacing_of
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"
@@ -136,33 +133,3 @@ def test_the_map_of_the_pebble_is_found_on_its_face():
     together, reading = match_together(face, pieces, np.array([offsets * (1, -1), offsets]))
     assert (together.found, together.mirrored, reading) == (True, True, 1)
     assert together.place[:2] == pytest.approx(match.place[:2], abs=0.06)
-
-
-def test_map_is_where_the_patch_table_says():
-    config = yaml.safe_load((ROOT / "config/pebble.yaml").read_text(encoding="utf-8"))
-    use_face = grid_mesh(
-        read_mesh(DATA / "pebble-mesh-3dhop/lithic_tool_model_full.ply"),
-        frame_from_points(config["square"]["points_mm"]),
-        size_mm=5.0,
-        grid=100,
-    ).height
-    patches = read_patches(ROOT / "config/patches_pebble.tsv", size_mm=5.0, patch_size_mm=0.85)
-    scan = read_scan(MAP, unit="um")
-    # To the resolution of the mesh (edges of 0.19 mm), which also filters the square.
-    stone = gaussian_filter(np.flipud(remove_plane(scan)[0].values), 0.1 / 0.01)
-    filtered = spline_of(use_face.copy(data=gaussian_filter(use_face.values, 0.1 / 0.05)))
-    v, u = ((np.arange(count) - (count - 1) / 2) * 0.01 for count in stone.shape)
-
-    def correlation(heights, shift_y=0.0, shift_x=0.0):
-        """With the square, moved; a plane taken out of both."""
-        y, x = patches.y_mm.mean() + shift_y + v, patches.x_mm.mean() + shift_x + u
-        under = filtered(y, x)
-        both = (remove_plane(make_surface(one, 0.01))[0] for one in (under, heights))
-        return float(np.corrcoef(*(one.values.ravel() for one in both))[0, 1])
-
-    here = correlation(stone)
-    assert here > 0.95
-    # Nowhere near is better, and no other way round comes close.
-    for shift in (-0.1, 0.1):
-        assert max(correlation(stone, shift), correlation(stone, 0.0, shift)) < here
-    assert max(map(correlation, (stone[::-1], stone[:, ::-1], stone[::-1, ::-1]))) < 0.6
