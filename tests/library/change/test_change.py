@@ -18,6 +18,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 SPACING = 1.66e-3
+SEARCH = {"maximum_shift_mm": 0.1, "minimum_points": 8}
+
+
+def prepared(surface, replaced=False, mask="filled"):
+    """A scan as the preparation leaves it, where `replaced` points were not measured."""
+    replaced = np.broadcast_to(replaced, surface.shape)
+    masks = {name: (("y", "x"), replaced & (name == mask)) for name in ("filled", "outlier")}
+    return xr.Dataset({"height": surface} | masks)
 
 
 def plateau(share, depth, *, noise=0.1e-3, tilt=0.0, seed=0, size=80):
@@ -158,20 +166,12 @@ def test_smaller_spots_are_no_trace(points):
 def test_the_same_scan_twice_shows_no_wear(remeasure, dtype):
     """Laid over itself, it differs by what the arithmetic rounds."""
     t0, _, _ = remeasure((0, 0))
-    nothing = np.zeros(t0.shape, dtype=bool)
-    again = prepared(t0.astype(dtype).astype(float), nothing)
-    registration, result = measured_change(
-        prepared(t0, nothing), again, maximum_shift_mm=0.1, minimum_points=1
-    )
+    again = prepared(t0.astype(dtype).astype(float))
+    registration, result = measured_change(prepared(t0), again, **SEARCH | {"minimum_points": 1})
     assert registration.found
     summary = wear_summary(result)
     assert (summary["loss_fraction"], summary["gain_fraction"]) == (0, 0)
     assert 1.9e-4 * float(t0.std()) < result.attrs["level_of_detection_um"] < 1e-6
-
-
-def prepared(surface, replaced, mask="filled"):
-    masks = {name: (("y", "x"), replaced & (name == mask)) for name in ("filled", "outlier")}
-    return xr.Dataset({"height": surface} | masks)
 
 
 @pytest.mark.parametrize("mask", ["filled", "outlier"])
@@ -180,7 +180,7 @@ def test_from_prepared_scans_to_the_change(remeasure, mask):
     hole0, hole1 = np.zeros((2, *t0.shape), dtype=bool)
     hole0[100, 100], hole1[150, 150] = True, True
     registration, result = measured_change(
-        prepared(t0, hole0, mask), prepared(t1, hole1, mask), maximum_shift_mm=0.1, minimum_points=8
+        prepared(t0, hole0, mask), prepared(t1, hole1, mask), **SEARCH
     )
     assert registration.found
     known = np.isfinite(result["change"].values)
@@ -203,9 +203,7 @@ def test_scans_of_one_grid_are_said_to_be(remeasure, caplog, shift, together):
     """As other software saves them, co-located and cut alike."""
     caplog.set_level("INFO")
     t0, t1, _ = remeasure(shift)
-    nothing = np.zeros(t0.shape, dtype=bool)
-    epochs = prepared(t0, nothing), prepared(t1, nothing)
-    found = register_patch(*epochs, patch="7", maximum_shift_mm=0.1, minimum_points=8)
+    found = register_patch(prepared(t0), prepared(t1), patch="7", **SEARCH)
     off = np.array([found.attrs["shift_y_um"], found.attrs["shift_x_um"]]) / spacing_of(t0) / 1e3
     assert off == pytest.approx(shift, abs=0.02)
     assert found.attrs["rotation_deg"] == pytest.approx(0, abs=0.01)
@@ -214,10 +212,7 @@ def test_scans_of_one_grid_are_said_to_be(remeasure, caplog, shift, together):
 
 def test_nothing_is_known_of_another_stone(remeasure):
     t0, t1, _ = remeasure((0, 0), other=True)
-    nothing = np.zeros(t0.shape, dtype=bool)
-    registration, result = measured_change(
-        prepared(t0, nothing), prepared(t1, nothing), maximum_shift_mm=0.1, minimum_points=8
-    )
+    registration, result = measured_change(prepared(t0), prepared(t1), **SEARCH)
     assert not registration.found
     assert np.isnan(result["change"]).all()
     assert not result["loss"].any()
@@ -231,13 +226,7 @@ def test_nothing_is_known_where_hardly_a_point_was_measured_at_both_epochs(remea
     holes0, holes1 = np.zeros((2, *t0.shape), dtype=bool)
     holes0[::2], holes1[1::2] = True, True
     holes1[1, :50] = False  # measured at both
-    result = register_patch(
-        prepared(t0, holes0),
-        prepared(t1, holes1),
-        patch="7",
-        maximum_shift_mm=0.1,
-        minimum_points=8,
-    )
+    result = register_patch(prepared(t0, holes0), prepared(t1, holes1), patch="7", **SEARCH)
     assert result.attrs["registration_found"]
     assert result.attrs["known_fraction"] == 0
     assert np.isnan(result["change"]).all()
@@ -251,11 +240,9 @@ def test_nothing_is_known_where_hardly_a_point_was_measured_at_both_epochs(remea
 )
 def test_heights_of_another_scale_are_told_from_wear(remeasure, caplog, factor, refused, warned):
     t0, t1, _ = remeasure((20, -10), wear=0.05)
-    nothing = np.zeros(t0.shape, dtype=bool)
-    epochs = prepared(t0, nothing), prepared(factor * t1, nothing)
     found = []
     try:
-        register_patch(*epochs, patch="7", maximum_shift_mm=0.1, minimum_points=8)
+        register_patch(prepared(t0), prepared(factor * t1), patch="7", **SEARCH)
     except InputError as error:
         found.append(str(error))
     assert len(found) == refused
@@ -264,8 +251,6 @@ def test_heights_of_another_scale_are_told_from_wear(remeasure, caplog, factor, 
 
 
 # --- The level of detection as repeated scans give it ------------------------------------------
-
-SEARCH = {"maximum_shift_mm": 0.1, "minimum_points": 8}
 
 
 def scanned_twice(relief, *, noise=0.1e-3, scatter=0.5, size=200, seed=0, loss=0.0, shift=(7, -4)):
@@ -288,9 +273,8 @@ def scanned_twice(relief, *, noise=0.1e-3, scatter=0.5, size=200, seed=0, loss=0
         stone - loss * (stone > 0.8 * relief),
         [axis + of[tuple(moved)] for axis, of in zip(moved, off, strict=True)],
     )
-    nothing = np.zeros((size, size), dtype=bool)
     return [
-        prepared(make_surface(h + noise * rng.standard_normal(h.shape), SPACING), nothing)
+        prepared(make_surface(h + noise * rng.standard_normal(h.shape), SPACING))
         for h in (once, again)
     ]
 

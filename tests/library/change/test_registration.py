@@ -30,15 +30,6 @@ def test_within_a_fifth_of_the_field_and_two_degrees_all_are_found(scans, share,
         assert found.rotation_deg == pytest.approx(turn, abs=0.05)
 
 
-def test_what_is_co_located_already_stays_where_it_is(scans):
-    """As after a shift-extract in ConfoMap: T1 on the grid of T0."""
-    for seed in SEEDS:
-        found = register(*scans(seed), maximum_shift_mm=0.7 * SIZE * SPACING)
-        assert found.found
-        assert error_in_elements(found, (0.0, 0.0)) < 0.05
-        assert found.rotation_deg == pytest.approx(0.0, abs=0.02)
-
-
 def test_stones_that_have_nothing_in_common_are_not_found(scans, monkeypatch):
     """Also not with a lower bound on the correlation, where the overlap is small."""
     monkeypatch.setattr("gstlib.change.registration._LEAST_CORRELATION", 0.3)
