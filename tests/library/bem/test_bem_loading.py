@@ -69,7 +69,7 @@ def test_stiffness_is_the_derivative(path, index):
     assert path.stiffness[index] == pytest.approx((above - below) / (2 * step), rel=1e-5)
 
 
-def test_stiffness_of_hertz_and_of_the_full_square():
+def test_stiffness_is_that_of_hertz():
     radius, force = 10.0, 20.0
     exact = Sphere(force, radius, MODULUS)
     n, side = 128, 3 * exact.contact_radius
@@ -77,8 +77,6 @@ def test_stiffness_of_hertz_and_of_the_full_square():
         sphere(n, side / n, radius), side / n, MODULUS, target_pressure=force / side**2, steps=2
     )
     assert path.stiffness[-1] == pytest.approx(exact.stiffness / side**2, rel=0.02)
-    flat = load_path(np.zeros((64, 64)), 0.85 / 64, MODULUS, target_pressure=5.0, steps=2)
-    np.testing.assert_allclose(flat.stiffness, 1.14617 * MODULUS / 0.85, rtol=1e-5)
 
 
 def test_states_that_are_not_kept_are_solved_as_tightly_as_their_curve_needs(path):

@@ -56,12 +56,15 @@ def test_nothing_wears_out_of_contact_and_nothing_grows(path):
     assert np.all(np.diff(path.contact_fraction) > 0)
 
 
-def test_error_is_of_first_order_in_the_step():
+@pytest.mark.parametrize("body", [None, ThirdBody(Layer(300.0, 0.3, 0.3), 0.5, 30.0)])
+def test_error_is_of_first_order_in_the_step(body):
+    """Of the stone alone, and with the third body in turn."""
     depths = [
-        wear_path(*SURFACE, **WEAR, steps=steps, tolerance=1e-8).depth for steps in (5, 10, 20, 40)
+        wear_path(*SURFACE, **WEAR, steps=steps, tolerance=1e-8, third_body=body).depth
+        for steps in (5, 10, 20, 40)
     ]
     changes = [np.linalg.norm(b - a) for a, b in itertools.pairwise(depths)]
-    np.testing.assert_allclose(np.divide(changes[:-1], changes[1:]), 2, atol=0.25)
+    np.testing.assert_allclose(np.divide(changes[:-1], changes[1:]), 2, atol=0.3)
 
 
 def test_a_wave_in_full_contact_wears_flat_exponentially():
@@ -140,16 +143,6 @@ def test_a_third_body_without_a_share_changes_nothing_and_alone_it_does_all(path
     deep = np.where(np.arange(80) < 40, 1.0, 0.0)
     tilted = wear_path(*SURFACE, **one, third_body=ThirdBody(SOFT, 1.0, 20.0, deep))
     assert tilted.depth[:, :40].max() == 0 < tilted.depth[:, 40:].min()
-
-
-def test_two_bodies_in_turn_err_in_first_order():
-    body = ThirdBody(Layer(300.0, 0.3, 0.3), 0.5, 30.0)
-    depths = [
-        wear_path(*SURFACE, **WEAR, steps=steps, tolerance=1e-8, third_body=body).depth
-        for steps in (5, 10, 20, 40)
-    ]
-    changes = [np.linalg.norm(b - a) for a, b in itertools.pairwise(depths)]
-    np.testing.assert_allclose(np.divide(changes[:-1], changes[1:]), 2, atol=0.3)
 
 
 def test_a_cap_bounds_what_a_step_takes_off_and_leaves_the_volume(path):

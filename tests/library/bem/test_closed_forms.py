@@ -16,7 +16,6 @@ from gstlib.bem.closed_forms import (
     Sphere,
     Wave,
     crossed_waves_full_contact_pressure,
-    full_contact_rms_pressure,
     love_rectangle_displacement,
     persson_contact_fraction,
     persson_pressure_density,
@@ -118,13 +117,6 @@ def test_waves_close_where_their_valleys_just_bear():
     assert crossed_waves_full_contact_pressure(1e-3, 0.5, 1e4) == pytest.approx(
         2 * Wave(0.5e-3, 0.5 / math.sqrt(2), 1e4).full_contact_pressure
     )
-
-
-def test_full_contact_with_a_wave_has_the_pressure_of_its_gradient():
-    """Of a wave of one direction, p* cos: its standard deviation is that of the rough formula."""
-    gradient = 2 * math.pi * WAVE.amplitude / WAVE.wavelength / math.sqrt(2)
-    expected = WAVE.full_contact_pressure / math.sqrt(2)
-    assert full_contact_rms_pressure(gradient, 1e4) == pytest.approx(expected)
 
 
 def test_perssons_contact_starts_with_his_slope_and_ends_full():
