@@ -100,7 +100,7 @@ function showTool(scene) {
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   const mean = (points) =>
     [0, 1, 2].map((k) => points.reduce((sum, point) => sum + point[k], 0) / points.length);
-  viewer.addLines(scene.square.outline, "#b34a00", true, 2);
+  viewer.addOutline(scene.square.outline, "#b34a00", 2);
   const name = viewer.addLabel(mean(scene.square.outline), "analysed square").element;
   name.style.marginTop = "28px";
   const numbers = scene.patches.map((one) => viewer.addLabel(mean(one.outline), one.patch).element);
@@ -115,7 +115,7 @@ function showTool(scene) {
     if (isNear === Boolean(outlines.length)) return;
     for (const outline of outlines) outline.remove();
     outlines = isNear
-      ? scene.patches.map((one) => viewer.addLines(one.outline, "#005a8f", true, 1)) : [];
+      ? scene.patches.map((one) => viewer.addOutline(one.outline, "#005a8f", 1)) : [];
   };
   const second = scene.second && viewer.addStone(scene.second);
   const whole = () => {

@@ -57,7 +57,7 @@ function corners(frame, x, y, side, degrees = 0) {
 /** Draw the square with its axes; what was drawn. */
 function drawSquare(viewer, frame, side) {
   return [
-    viewer.addLines(corners(frame, side / 2, side / 2, side), "#c4400a", true, 3),
+    viewer.addOutline(corners(frame, side / 2, side / 2, side), "#c4400a", 3),
     viewer.addLabel(frame.origin, "●"),
     viewer.addLabel(at(frame, -side / 8, -side / 8), "reference"),
     viewer.addLabel(at(frame, 1.1 * side, 0), "x"),
@@ -67,6 +67,6 @@ function drawSquare(viewer, frame, side) {
 
 /** Draw a patch with its name; what was drawn. */
 const drawPatch = (viewer, frame, { name, x, y, turn }, side) => [
-  viewer.addLines(corners(frame, x, y, side, turn), "#0b5c8f", true, 1.5),
+  viewer.addOutline(corners(frame, x, y, side, turn), "#0b5c8f", 1.5),
   viewer.addLabel(at(frame, x, y), name),
 ];

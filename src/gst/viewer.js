@@ -1,21 +1,20 @@
 /* A stone that can be turned, drawn by three.js with WebGL, only when something changes.
 
-   const viewer = stoneViewer(element, stone, {colour, background, label, lift})
+   const viewer = stoneViewer(element, stone, {label, lift})
      element     an HTML element with a size; a canvas fills it
      stone       what gst.viewer.stone_data returns
-     options     colour "#aaa397" of a stone without colours, background "#ffffff",
-                 label: the name that a screen reader says, lift: mm of stone through which lines
+     options     label: the name that a screen reader says, lift: mm of stone through which lines
                  and labels show, 2 % of its radius by default
      returns     null, with a message in the element, if the browser has no WebGL
 
    Points, normals and sizes are in the mesh's own coordinates, in mm, as arrays [x, y, z].
 
-     setColours(rgb)        colours of the vertices: base64 or Uint8Array of 3 bytes each, or null
+     setColours(rgb)        colours of the vertices: base64 of 3 bytes each
      rake(azimuth, altitude)  where light comes from, in degrees: clockwise from the top of the
                             view, and above the plane of the view (90: from behind the viewer)
-     addStone(stone, opacity)  another, transparent stone; returns {shift(vector), show(is), remove()};
+     addStone(stone)        another, transparent stone; returns {shift(vector), show(is)};
                             shift moves it by a vector (mm) from its original place
-     addLines(points, colour, closed, width)  a line, width in pixels; returns {remove()}
+     addOutline(points, colour, width)  a closed line, width in pixels; returns {remove()}
      addLabel(point, text)  HTML at a point, hidden while the stone covers it: the returned
                             {element, remove()} can be styled, and listened to once its
                             pointer-events are set to auto
@@ -36,7 +35,8 @@
 "use strict";
 
 function stoneViewer(element, stone, options = {}) {
-  const { colour = "#aaa397", background = "#ffffff", label = "Stone in 3D" } = options;
+  const { label = "Stone in 3D" } = options;
+  const background = "#ffffff";
   const canvas = document.createElement("canvas");
   const wanted = { antialias: true, alpha: false };
   const context = canvas.getContext("webgl2", wanted) || canvas.getContext("webgl", wanted);
@@ -48,7 +48,6 @@ function stoneViewer(element, stone, options = {}) {
   const vector = (point) => new THREE.Vector3(...point);
   const centre = vector(stone.centre);
   const inside = (point) => vector(point).sub(centre); // coordinates about the centre
-  const vertices = new Float32Array(bytes(stone.vertices).buffer);
   const radius = vector(stone.bounds[1]).distanceTo(vector(stone.bounds[0])) / 2;
   const depth = 6 * radius; // of the space that is drawn
   const lift = options.lift || 0.02 * radius;
@@ -63,23 +62,24 @@ function stoneViewer(element, stone, options = {}) {
   const light = new THREE.DirectionalLight();
   camera.add(light, light.target); // the light turns with the eye
   scene.add(camera, marks, new THREE.AmbientLight("#ffffff", 0.4));
-  const geometry = new THREE.BufferGeometry();
-  geometry.setAttribute("position", new THREE.BufferAttribute(vertices, 3));
-  geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(bytes(stone.faces).buffer), 1));
-  geometry.computeVertexNormals();
-  const normals = geometry.attributes.normal.array;
-  const material = new THREE.MeshLambertMaterial({ color: colour, side: THREE.DoubleSide });
+  function shapeOf(of) {
+    const shape = new THREE.BufferGeometry();
+    const places = new Float32Array(bytes(of.vertices).buffer);
+    shape.setAttribute("position", new THREE.BufferAttribute(places, 3));
+    shape.setIndex(new THREE.BufferAttribute(new Uint32Array(bytes(of.faces).buffer), 1));
+    shape.computeVertexNormals();
+    return shape;
+  }
+
+  const geometry = shapeOf(stone);
+  const [vertices, normals] = [geometry.attributes.position.array, geometry.attributes.normal.array];
+  const material = new THREE.MeshLambertMaterial({ color: "#aaa397", side: THREE.DoubleSide });
   const mesh = new THREE.Mesh(geometry, material);
   scene.add(mesh);
 
-  function addStone(other, opacity = 0.3) {
-    const shape = new THREE.BufferGeometry();
-    const places = new Float32Array(bytes(other.vertices).buffer);
-    shape.setAttribute("position", new THREE.BufferAttribute(places, 3));
-    shape.setIndex(new THREE.BufferAttribute(new Uint32Array(bytes(other.faces).buffer), 1));
-    shape.computeVertexNormals();
-    const look = { color: "#6f8fa8", transparent: true, opacity, depthWrite: false, side: THREE.DoubleSide };
-    const part = new THREE.Mesh(shape, new THREE.MeshLambertMaterial(look));
+  function addStone(other) {
+    const look = { color: "#6f8fa8", transparent: true, opacity: 0.3, depthWrite: false, side: THREE.DoubleSide };
+    const part = new THREE.Mesh(shapeOf(other), new THREE.MeshLambertMaterial(look));
     const shift = (by) => {
       part.position.copy(inside(other.centre)).add(vector(by));
       render();
@@ -87,16 +87,13 @@ function stoneViewer(element, stone, options = {}) {
     scene.add(part);
     shift([0, 0, 0]);
     const show = (is) => { part.visible = is; render(); };
-    return { shift, show, remove: () => { scene.remove(part); render(); } };
+    return { shift, show };
   }
 
   function setColours(rgb) {
-    material.vertexColors = rgb !== null;
-    material.color.set(rgb === null ? colour : "#ffffff");
-    if (rgb !== null) {
-      const values = typeof rgb === "string" ? bytes(rgb) : rgb;
-      geometry.setAttribute("color", new THREE.BufferAttribute(values, 3, true));
-    }
+    geometry.setAttribute("color", new THREE.BufferAttribute(bytes(rgb), 3, true));
+    material.color.set("#ffffff");
+    material.vertexColors = true;
     material.needsUpdate = true;
     render();
   }
@@ -205,9 +202,8 @@ function stoneViewer(element, stone, options = {}) {
     }`;
   const FRAGMENT = "uniform vec3 colour; void main() { gl_FragColor = vec4(colour, 1.0); }";
 
-  function addLines(points, colour = "#000000", closed = false, width = 2) {
-    const ends = points.map(inside);
-    if (closed) ends.push(ends[0]);
+  function addOutline(points, colour, width) {
+    const ends = [...points, points[0]].map(inside);
     const [position, other, side, index] = [[], [], [], []];
     for (let k = 0; k + 1 < ends.length; k++) {
       const [a, b] = [ends[k].toArray(), ends[k + 1].toArray()];
@@ -405,10 +401,9 @@ function stoneViewer(element, stone, options = {}) {
   if (getComputedStyle(element).position === "static") element.style.position = "relative";
   element.append(frame);
   const viewer = {
-    setColours, rake, addStone, addLines, addLabel, pick, normal, fit, snapshot, onclick: null, onrender: null,
+    setColours, rake, addStone, addOutline, addLabel, pick, normal, fit, snapshot, onclick: null, onrender: null,
   };
   new ResizeObserver(render).observe(element);
-  setColours(null);
   rake(315, 45);
   fit();
   return viewer;
