@@ -21,7 +21,10 @@ import xarray as xr
 
 from gst.chain import messages_of
 from gst.verdict import MODELS
+from gst.viewer import coarsen, packed, shipped, stone_data, three_js, to_script
 from gstlib.io.tables import read_table
+from gstlib.surfaces.footprints import Place, outline, places_of
+from gstlib.surfaces.grid import spacing_of
 from gstlib.validation.baselines import BASELINES, ORACLE
 from gstlib.validation.scoring import own_model
 from gstlib.wear.archard import CAPPED
@@ -69,7 +72,6 @@ def embedded(png: bytes) -> str:
 
     Those of classes, which a legend names, stay as they are.
     """
-    import numpy as np
     from PIL import Image, ImageColor
 
     from gst.figures.style import CLASSES
@@ -214,9 +216,6 @@ def tool_scene(
 
     from gst.figures.maps import FORCE_MAP, force_norm, label_in
     from gst.figures.tool import coloured_tool, outline_on, tool_view
-    from gst.viewer import coarsen, packed, stone_data
-    from gstlib.surfaces.footprints import Place, outline, places_of
-    from gstlib.surfaces.grid import spacing_of
 
     stone, *colours = coloured_tool(mesh, frame, *fields)
     size, patch_mm = sizes_mm
@@ -280,14 +279,8 @@ def render(template: str, **content: Any) -> str:
     """A template, filled in."""
     import jinja2
 
-    from gst.viewer import three_js, to_script, viewer_js
-
-    folder = Path(__file__).parent
-    parts = {
-        name: (folder / f"page.{name}").read_text(encoding="utf-8") for name in ("css", "js")
-    }
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(folder),
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
         undefined=jinja2.StrictUndefined,
         autoescape=True,
         trim_blocks=True,
@@ -295,8 +288,8 @@ def render(template: str, **content: Any) -> str:
     )
     environment.filters |= {"number": _number, "script": to_script, "capfirst": _capitalised}
     environment.filters |= {"breakable": _breakable, "score": _score}
-    libraries = {"three_js": three_js, "viewer_js": viewer_js}
-    return environment.get_template(template).render(content | parts | libraries) + "\n"
+    libraries = {"three_js": three_js, "shipped": shipped}
+    return environment.get_template(template).render(content | libraries) + "\n"
 
 
 def _capitalised(text: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from gst.viewer import coarsen, shipped, stone_data, three_js, to_script, viewer_js
+from gst.viewer import coarsen, shipped, stone_data, three_js, to_script
 
 if TYPE_CHECKING:
     import trimesh
@@ -58,7 +58,7 @@ def pick_page(
         "SIZE": f"{size_mm:g}",
         "NOTE": note,
         "DATA": to_script(data),
-        "VIEWER_JS": viewer_js(),
+        "VIEWER_JS": shipped("viewer.js"),
         "SQUARE_JS": shipped("square.js"),
         "THREE_JS": three_js(),
     }

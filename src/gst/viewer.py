@@ -1,7 +1,7 @@
 """A stone that can be turned in a web page: scripts and data, without network requests.
 
 `viewer.js`, beside this file, draws the stone; its head describes its interface. A page contains
-`three_js` and `viewer_js` as inline scripts, and `stone_data` as JSON (`to_script`). three.js is
+`three_js` and `viewer.js` as inline scripts, and `stone_data` as JSON (`to_script`). three.js is
 the copy that trimesh ships for its own viewer.
 """
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     import trimesh
 
 __all__ = ["coarsen", "packed", "shipped", "stone_data", "three_js", "to_script"]
-__all__ += ["viewer_js"]
 
 # trimesh's page has one script: three.js, its controls and loaders, then trimesh's own code.
 _TEMPLATE = "resources/templates/viewer.zip"
@@ -41,11 +40,6 @@ def three_js() -> str:
         problem = "does not contain three.js where gst looks for it"
         remedy = "Install the version of trimesh given in requirements.lock."
         raise InputError(str(template), problem, remedy) from error
-
-
-def viewer_js() -> str:
-    """The function `stoneViewer`, which needs THREE."""
-    return shipped("viewer.js")
 
 
 def shipped(name: str) -> str:

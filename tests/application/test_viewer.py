@@ -62,7 +62,9 @@ def test_the_scale_bar_is_as_long_as_it_says(pixel):
     """A pixel is so many mm."""
     if (node := shutil.which("node")) is None:
         pytest.skip("needs Node.js on the PATH")
-    place = re.search(r"function placeScale\(\) {.*?\n  }", viewer.viewer_js(), re.DOTALL)[0]
+    place = re.search(r"function placeScale\(\) {.*?\n  }", viewer.shipped("viewer.js"), re.DOTALL)[
+        0
+    ]
     script = f"const scale = {{ style: {{}} }}; const pixel = () => {pixel}; {place} placeScale();"
     script += "console.log(scale.textContent, scale.style.width);"
     said = subprocess.run([node, "-e", script], capture_output=True, text=True, check=True).stdout
