@@ -146,7 +146,7 @@ class Study:
         return depth.sel(model=own_model(list(depth.model.values)))
 
     def result(self, patch: str) -> PatchResult:
-        """What the study found on a patch with a T1."""
+        """What the study found on a patch."""
         only = "height", "pressure", "mean_pressure"
         contact = self.by_patch("contacts", [patch], *only)[patch]
         return PatchResult(patch, contact, self.change(patch), self.predicted(patch))
@@ -158,31 +158,22 @@ def _inputs(study: Study) -> Figure:
     return macroscale.input_figure(height, places, patch_size_mm=study.patch_mm)
 
 
-def _contact_steps(study: Study) -> Figure:
-    return macroscale.contact_steps_figure(study.data("contact"), size_mm=study.size_mm)
-
-
 def _forces(study: Study) -> Figure:
-    limits = study.table("intervals", "patch", "low_MPa", "high_MPa")
-    limits = limits[["patch", "low_MPa", "high_MPa"]]
-    pressures = study.pressures.merge(limits, on="patch")
-    square = study.square("contact")
-    return macroscale.force_figure(square, pressures, patch_size_mm=study.patch_mm)
+    columns = ["patch", "low_MPa", "high_MPa"]
+    pressures = study.pressures.merge(study.table("intervals", *columns)[columns], on="patch")
+    return macroscale.force_figure(
+        study.square("contact"), pressures, patch_size_mm=study.patch_mm
+    )
 
 
 def _exposure(study: Study) -> Figure:
-    if "proposed" in study.files:
-        return _exposure_of_face(study)
-    in_square = study.square("exposure"), study.square("contact")
-    size = {"patch_size_mm": study.patch_mm}
-    return macroscale.exposure_figure(*in_square, study.pressures, **size)
-
-
-def _exposure_of_face(study: Study) -> Figure:
-    """Where nothing is scanned: the square in the face."""
-    middle = {"patch": "", "x_mm": study.size_mm / 2, "y_mm": study.size_mm / 2}
-    square = pd.DataFrame([middle | {"rotation_deg": 0.0}])
-    fields = study.data("exposure"), study.data("contact")
+    if "proposed" not in study.files:
+        fields, outlined = map(study.square, ("exposure", "contact")), study.pressures
+        return macroscale.exposure_figure(*fields, outlined, patch_size_mm=study.patch_mm)
+    # where nothing is scanned: the square in the face
+    middle = study.size_mm / 2
+    square = pd.DataFrame([{"patch": "", "x_mm": middle, "y_mm": middle, "rotation_deg": 0.0}])
+    fields = map(study.data, ("exposure", "contact"))
     return macroscale.exposure_figure(*fields, square, patch_size_mm=study.size_mm)
 
 
@@ -193,16 +184,11 @@ def _places(study: Study) -> Figure:
 
 
 def _overview(study: Study) -> Figure:
-    shown = next(iter(study.drawn), None)
-    result = None
-    if shown is not None:
-        change, predicted = study.change(shown), study.predicted(shown)
-        result = PatchResult(shown, study.contacts[shown], change, predicted)
     return microscale.overview_figure(
         study.square("contact"),
         study.pressures,
         study.tool,
-        result,
+        study.result(study.drawn[0]) if study.drawn else None,
         patch_size_mm=study.patch_mm,
         force_N=study.force_N,
     )
@@ -210,10 +196,6 @@ def _overview(study: Study) -> Figure:
 
 def _load_curves(study: Study) -> Figure:
     return microscale.load_curves_figure(study.square("contact"), study.contacts)
-
-
-def _microscale_maps(study: Study) -> Figure:
-    return microscale.microscale_maps_figure(study.contacts)
 
 
 def _two_scales(study: Study) -> Figure:
@@ -241,10 +223,6 @@ def _validation(study: Study) -> Figure:
     return tables.validation_figure(patches, losses, study.table("summary"))
 
 
-def _texture(study: Study) -> Figure:
-    return tables.texture_figure(study.table("texture"))
-
-
 def _use(study: Study) -> Figure:
     found = study.data("use")
     if not found.sizes:
@@ -262,17 +240,19 @@ def _use(study: Study) -> Figure:
 # Figures that are not of a single patch.
 _FIGURES: dict[str, Callable[[Study], Figure]] = {
     "inputs": _inputs,
-    "contact_steps": _contact_steps,
+    "contact_steps": lambda study: macroscale.contact_steps_figure(
+        study.data("contact"), size_mm=study.size_mm
+    ),
     "forces": _forces,
     "exposure": _exposure,
     "places": _places,
     "overview": _overview,
     "load_curves": _load_curves,
-    "microscale_maps": _microscale_maps,
+    "microscale_maps": lambda study: microscale.microscale_maps_figure(study.contacts),
     "two_scales": _two_scales,
     "wear": _wear,
     "validation": _validation,
-    "texture": _texture,
+    "texture": lambda study: tables.texture_figure(study.table("texture")),
     "use": _use,
 }
 
@@ -288,8 +268,7 @@ def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
         for patch in study.compared:
             yield patch, microscale.patch_figure(study.result(patch))
         return
-    shown = evenly(study.patches, study.most_drawn_patches)
-    for patch in shown:
+    for patch in evenly(study.patches, study.most_drawn_patches):
         epochs = ["T0", "T1"] if patch in study.worn else ["T0"]
         only = "measured", "filled", "outlier"
         scans = {
