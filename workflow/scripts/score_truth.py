@@ -27,14 +27,10 @@ def main(
 ) -> None:
     found = {"placement": read_table(placement), "pressures": read_pressures(pressures)}
     found |= {"two_scales": table_of(two_scales), "use": table_of(use)}
-    scores = score_truth(
-        read_dataset(truth),
-        face=read_dataset(surface, only=["height"]),
-        scans=Stored(files_by_epoch({"T0": t0, "T1": t1}, patches)),
-        changes=Stored(files_of(registered, patches), ["change", "loss"]),
-        **found,
-    )
-    write_table(table, scores)
+    found |= {"face": read_dataset(surface, only=["height"])}
+    found |= {"scans": Stored(files_by_epoch({"T0": t0, "T1": t1}, patches))}
+    found |= {"changes": Stored(files_of(registered, patches), ["change", "loss"])}
+    write_table(table, score_truth(read_dataset(truth), **found))
 
 
 if "snakemake" in globals():
