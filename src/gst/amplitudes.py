@@ -39,21 +39,13 @@ _FEWEST_BLOCKS = 2
 
 
 class Amplitude(NamedTuple):
-    """How high a scan is.
-
-    Attributes
-    ----------
-    path : Path
-        Its file.
-    spread : float
-        How much heights vary over an eighth of the scan (mm), regardless of tilt and spikes.
-    waves : (float, float) or None
-        R.m.s. heights (mm) of the scan and of the mesh under it, in waves that the mesh's edges
-        resolve; None if these are longer than the scan.
-    """
+    """How high a scan is."""
 
     path: Path
+    # How much heights vary over an eighth of the scan (mm), regardless of tilt and spikes.
     spread: float
+    # R.m.s. heights (mm) of the scan and of the mesh under it, in waves that the mesh's edges
+    # resolve; None if these are longer than the scan.
     waves: tuple[float, float] | None = None
 
     @classmethod

@@ -73,24 +73,14 @@ class Question(NamedTuple):
 
 
 class Names(NamedTuple):
-    """What names say.
+    """What names say."""
 
-    Attributes
-    ----------
-    rows : list of Row
-        In natural order. Where there are questions, the likely reading.
-    questions : list of Question
-    epochs : (str, str)
-        What tells earlier scans from later ones, such as ``"before"`` and ``"after"``, in quotes if
-        it is in the names; empty if nothing does.
-    left : list of str
-        Names in no row.
-    """
-
-    rows: list[Row]
+    rows: list[Row]  # in natural order; where there are questions, the likely reading
     questions: list[Question]
+    # What tells earlier scans from later ones, such as ``"before"`` and ``"after"``, in quotes if
+    # it is in the names; empty if nothing does.
     epochs: tuple[str, str]
-    left: list[str]
+    left: list[str]  # names in no row
 
 
 @dataclass

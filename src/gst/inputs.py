@@ -64,33 +64,21 @@ _BYTES = 200
 
 @dataclass(frozen=True)
 class Inputs:
-    """The contents of a study's files, and their faults.
+    """The contents of a study's files, and their faults."""
 
-    Attributes
-    ----------
-    scans : pandas.DataFrame
-        A row for each readable scan: ``patch, epoch, file``; ``points_x, points_y, spacing_x_um,
-        spacing_y_um``; ``unmeasured`` (share); ``Sq_um, tilt_x_mrad, tilt_y_mrad`` about and of the
-        least-squares plane; ``instrument, objective``; ``range_um``, of the heights as read.
-    stone : trimesh.Trimesh or None
-        The mesh, mm; None if it cannot be read.
-    frame : Frame or None
-        Where the square lies on it; None if there is no mesh, or if the config gives no frame.
-    face : xarray.Dataset or None
-        The square and the face around it, from `gstlib.macroscale.face.grid_macroscale`; None if
-        they cannot be found.
-    coarse : dict of (str, str) to xarray.DataArray
-        By patch and epoch, the patch as measured, with fewer points.
-    problems : list of GstError
-        Everything that would stop the study.
-    """
-
+    # A row for each readable scan: ``patch, epoch, file``; ``points_x, points_y, spacing_x_um,
+    # spacing_y_um``; ``unmeasured`` (share); ``Sq_um, tilt_x_mrad, tilt_y_mrad`` about and of the
+    # least-squares plane; ``instrument, objective``; ``range_um``, of the heights as read.
     scans: pd.DataFrame
-    stone: "trimesh.Trimesh | None"
+    stone: "trimesh.Trimesh | None"  # mm; None if it cannot be read
+    # Where the square lies on it; None if there is no mesh, or if the config gives no frame.
     frame: Frame | None
+    # The square and the face around it, from `gstlib.macroscale.face.grid_macroscale`; None if
+    # they cannot be found.
     face: xr.Dataset | None
+    # By patch and epoch, the patch as measured, with fewer points.
     coarse: dict[tuple[str, str], xr.DataArray]
-    problems: list[GstError]
+    problems: list[GstError]  # everything that would stop the study
 
 
 class _Piece(NamedTuple):
@@ -107,42 +95,19 @@ _Pieces = dict[tuple[str, str], _Piece]  # by patch and epoch
 
 @dataclass(frozen=True)
 class Asked:
-    """What the config asks of the files.
+    """What the config asks of the files."""
 
-    Attributes
-    ----------
-    mesh_unit : str
-        As in `gstlib.io.meshes.read_mesh`.
-    face : mapping
-        The settings of `gstlib.macroscale.face.grid_macroscale`.
-    rounded : tuple
-        As in `gstlib.conditions.rounded_form`.
-    scan_settings : mapping
-        The section ``scans`` of the config.
-    maximum_unmeasured : float
-        Largest share (0 to 1) of unmeasured points in a patch.
-    placed : bool
-        Whether the scans are laid on the mesh: both must then see the same stone.
-    reference : bool
-        Whether the whole square is pressed at the scans' resolution, which takes memory.
-    interlayer : mapping or None
-        The section ``interlayer`` of the config.
-    active_tool : mapping or None
-        As in `gstlib.macroscale.active_tool.ActiveTool.read`; None for one without a mesh.
-    accept : sequence of str
-        Names of faults that do not stop the study.
-    """
-
-    mesh_unit: str
-    face: Mapping
-    rounded: tuple
-    scan_settings: Mapping
-    maximum_unmeasured: float
-    placed: bool
-    reference: bool
-    interlayer: Mapping | None
+    mesh_unit: str  # as in `gstlib.io.meshes.read_mesh`
+    face: Mapping  # the settings of `gstlib.macroscale.face.grid_macroscale`
+    rounded: tuple  # as in `gstlib.conditions.rounded_form`
+    scan_settings: Mapping  # the section ``scans`` of the config
+    maximum_unmeasured: float  # largest share (0 to 1) of unmeasured points in a patch
+    placed: bool  # the scans are laid on the mesh: both must then see the same stone
+    reference: bool  # the whole square is pressed at the scans' resolution, which takes memory
+    interlayer: Mapping | None  # the section ``interlayer`` of the config
+    # As in `gstlib.macroscale.active_tool.ActiveTool.read`; None for one without a mesh.
     active_tool: Mapping | None
-    accept: Sequence[str] = ()
+    accept: Sequence[str] = ()  # names of faults that do not stop the study
 
 
 def check_inputs(mesh: str | Path | None, scans: Iterable[ScanFile], asked: Asked) -> Inputs:

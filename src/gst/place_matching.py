@@ -31,21 +31,12 @@ _AROUND = 1.5
 
 
 class Found(NamedTuple):
-    """What was matched.
+    """What was matched."""
 
-    Attributes
-    ----------
-    frame : Frame or None
-        In which places are; None if nothing was found on the stone.
-    on_stone : Match or None
-        Of the overview, or of all scans together; None if they cannot be matched.
-    scans : dict of str to Match
-        Each scan's; those that are not found have a place that is not to be used.
-    """
-
-    frame: Frame | None
+    frame: Frame | None  # in which places are; None if nothing was found on the stone
+    # Of the overview, or of all scans together; None if they cannot be matched.
     on_stone: Match | None
-    scans: dict[str, Match]
+    scans: dict[str, Match]  # those that are not found have a place that is not to be used
 
     @property
     def placed(self) -> dict[str, Match]:

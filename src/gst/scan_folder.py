@@ -48,31 +48,17 @@ OVERVIEW = 1.8
 
 @dataclass(frozen=True)
 class Scan:
-    """What a file says.
-
-    Attributes
-    ----------
-    path : Path
-    name : str
-        Its path in the folder of all scans, with ``/``.
-    unit : str or None
-        Its unit if the file does not state it, or `TODO` if nothing tells it; None if it does.
-    shape, spacing_mm : (y, x)
-    stage_mm : (x, y) or None
-    acquired : str
-        When, if the file says so.
-    coarse : (y, x) xarray.DataArray
-        Its heights on fewer points.
-    """
+    """What a file says."""
 
     path: Path
-    name: str
+    name: str  # its path in the folder of all scans, with ``/``
+    # Its unit if the file does not state it, or `TODO` if nothing tells it; None if it does.
     unit: str | None
-    shape: tuple[int, ...]
-    spacing_mm: tuple[float, float]
-    stage_mm: tuple[float, float] | None
-    acquired: str
-    coarse: xr.DataArray
+    shape: tuple[int, ...]  # (y, x)
+    spacing_mm: tuple[float, float]  # (y, x)
+    stage_mm: tuple[float, float] | None  # (x, y)
+    acquired: str  # when, if the file says so
+    coarse: xr.DataArray  # its heights (y, x) on fewer points
 
     @property
     def size_mm(self) -> tuple[float, float]:
@@ -185,37 +171,18 @@ def _halvings(points: int) -> int:
 
 
 class Pairs(NamedTuple):
-    """The rows of a patch table, and how sure they are.
+    """The rows of a patch table, and how sure they are."""
 
-    Attributes
-    ----------
-    rows : list of Row
-        A cell that is doubtful begins with `TODO`.
-    evidence : list of str
-        For each row, what says that its scans show one place.
-    earlier : str
-        Which scans are the earlier, and why; empty if there is one epoch.
-    questions : list of str
-        What is not told, in sentences.
-    invert : bool or str
-        Whether moulds were scanned: False if heights fell with use, as on the stone itself, or a
-        text that begins with `TODO`.
-    mould : str
-        What tells it, or that nothing does.
-    left : list of str
-        Names of scans that are in no row.
-    overviews : list of Scan
-        Maps of several places.
-    """
-
-    rows: list[Row]
-    evidence: list[str]
-    earlier: str
-    questions: list[str]
+    rows: list[Row]  # a cell that is doubtful begins with `TODO`
+    evidence: list[str]  # for each row, what says that its scans show one place
+    earlier: str  # which scans are the earlier, and why; empty if there is one epoch
+    questions: list[str]  # what is not told, in sentences
+    # Whether moulds were scanned: False if heights fell with use, as on the stone itself, or a
+    # text that begins with `TODO`.
     invert: bool | str
-    mould: str
-    left: list[str]
-    overviews: list[Scan]
+    mould: str  # what tells it, or that nothing does
+    left: list[str]  # names of scans that are in no row
+    overviews: list[Scan]  # maps of several places
 
 
 class _Compared(NamedTuple):

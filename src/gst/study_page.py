@@ -48,36 +48,19 @@ _WHAT = (
 
 @dataclass(frozen=True)
 class StudyPage:
-    """What the page of a study is made of.
+    """What the page of a study is made of."""
 
-    Attributes
-    ----------
-    files : mapping
-        ``mesh, counterface, surface, contact, exposure``; ``shown``, the figures and tables on the
-        page, and ``behind``, that which is packed with them; ``captions`` of these; ``by_patch``,
-        and ``strips``, the folders of the pictures of single patches; ``made_from``, the measured
-        files. An empty list stands for what the study does not have.
-    titles : sequence of (str, str)
-        Category and title of each that has a caption.
-    steps : sequence of str
-        Names of the study's steps, for their records and warnings.
-    places : mapping
-        Columns ``patch, x_mm, y_mm, rotation_deg, t0, t1``.
-    patch_mm : float
-        Side of a patch.
-    mesh_unit : str
-    active_tool : mapping or None
-        Of `ActiveTool.read`.
-    config : mapping
-    """
-
+    # ``mesh, counterface, surface, contact, exposure``; ``shown``, the figures and tables on the
+    # page, and ``behind``, that which is packed with them; ``captions`` of these; ``by_patch``,
+    # and ``strips``, the folders of the pictures of single patches; ``made_from``, the measured
+    # files. An empty list stands for what the study does not have.
     files: Mapping[str, Any]
-    titles: Sequence[Sequence[str]]
-    steps: Sequence[str]
-    places: Mapping[str, list]
+    titles: Sequence[Sequence[str]]  # category and title of each that has a caption
+    steps: Sequence[str]  # names of the study's steps, for their records and warnings
+    places: Mapping[str, list]  # columns ``patch, x_mm, y_mm, rotation_deg, t0, t1``
     patch_mm: float
     mesh_unit: str
-    active_tool: Mapping[str, Any] | None
+    active_tool: Mapping[str, Any] | None  # of `ActiveTool.read`
     config: Mapping[str, Any]
 
     def write(

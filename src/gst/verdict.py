@@ -60,17 +60,10 @@ class Line(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What a study found.
-
-    Attributes
-    ----------
-    lines : list of Line
-    details : list of str
-        The statistics behind the lines.
-    """
+    """What a study found."""
 
     lines: list[Line]
-    details: list[str]
+    details: list[str]  # the statistics behind the lines
 
 
 def verdict(

@@ -41,24 +41,16 @@ _BELOW = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.025)}  # the last pane
 
 @dataclass(frozen=True)
 class PatchResult:
-    """What the study found on one patch.
-
-    Attributes
-    ----------
-    patch : str
-    contact : xarray.Dataset
-        ``height``, ``pressure`` (y, x) and ``mean_pressure`` of its contact before use.
-    change : xarray.Dataset or None
-        ``t1``, ``change``, ``level_of_detection``, ``loss``, ``gain`` (y, x) and the attributes
-        ``level_of_detection_um``, ``overlap``. Where no change is known, ``t1`` is the scan by
-        itself. None without a T1.
-    predicted : (y, x) xarray.DataArray or None
-        Depth that the study's own prediction takes off it, mm; None if no loss is predicted.
-    """
+    """What the study found on one patch."""
 
     patch: str
+    # ``height``, ``pressure`` (y, x) and ``mean_pressure`` of its contact before use.
     contact: xr.Dataset
+    # ``t1``, ``change``, ``level_of_detection``, ``loss``, ``gain`` (y, x) and the attributes
+    # ``level_of_detection_um``, ``overlap``. Where no change is known, ``t1`` is the scan by
+    # itself. None without a T1.
     change: xr.Dataset | None
+    # Depth (y, x) that the study's own prediction takes off it, mm; None if there is none.
     predicted: xr.DataArray | None
 
 

@@ -47,30 +47,14 @@ def evenly(patches: Sequence[str], most: int) -> list[str]:
 
 @dataclass(frozen=True)
 class Study:
-    """Files and settings that the figures are drawn from; each figure needs some of them.
+    """Files and settings that the figures are drawn from; each figure needs some of them."""
 
-    Attributes
-    ----------
-    files : mapping
-        By name: a file, or the folders with a file for each patch.
-    patches, worn : sequence of str
-        All, and those with a T1.
-    most_drawn_patches : int
-        That are drawn one by one.
-    places : mapping, optional
-        Columns ``patch, x_mm, y_mm, rotation_deg``.
-    size_mm, patch_mm : float, optional
-        Sides of the square and of a patch.
-    force_N : float, optional
-    mesh_unit : str, optional
-    """
-
-    files: Mapping[str, Any]
+    files: Mapping[str, Any]  # by name: a file, or the folders with a file for each patch
     patches: Sequence[str] = ()
-    worn: Sequence[str] = ()
-    most_drawn_patches: int = 0
-    places: Mapping[str, list] | None = None
-    size_mm: float = math.nan
+    worn: Sequence[str] = ()  # those with a T1
+    most_drawn_patches: int = 0  # that are drawn one by one
+    places: Mapping[str, list] | None = None  # columns ``patch, x_mm, y_mm, rotation_deg``
+    size_mm: float = math.nan  # side of the square
     patch_mm: float = math.nan
     force_N: float = math.nan
     mesh_unit: str = "mm"

@@ -201,21 +201,11 @@ def draw_tool(
 
 
 class PressedFace(NamedTuple):
-    """The face, and how the active tool is pressed on it.
+    """The face, and how the active tool is pressed on it."""
 
-    Attributes
-    ----------
-    face : xarray.Dataset
-        ``height`` and ``counterface`` (y, x), mm.
-    pushed : (n, 2) ndarray
-        Points (y, x), mm, through which the tool is pushed.
-    interlayer_um : float or None
-        Thickness of what is between.
-    """
-
-    face: xr.Dataset
-    pushed: np.ndarray
-    interlayer_um: float | None = None
+    face: xr.Dataset  # ``height`` and ``counterface`` (y, x), mm
+    pushed: np.ndarray  # (n, 2): points (y, x), mm, through which the tool is pushed
+    interlayer_um: float | None = None  # thickness of what is between
 
 
 @styled
