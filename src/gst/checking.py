@@ -244,12 +244,8 @@ def check_study(path: Path, cures: list[Cure] | None = None) -> None:
     """Read config, patch table and every measured file of a study, and print what a run would do.
 
     If mesh and square can be read, ``check.png`` in the results folder shows them. `cures` takes
-    those of what is found; None if they are not asked for.
-
-    Raises
-    ------
-    GstError
-        Its message lists everything that is wrong.
+    those of what is found; None if they are not asked for. The `GstError` that it raises lists
+    everything that is wrong.
     """
     logging.basicConfig(format="%(levelname)s: %(message)s", level=NOTE)
     logging.getLogger().addHandler(said_before := _Count())

@@ -98,13 +98,8 @@ def pack_study(
     Fields (HDF5), logs and measured inputs are left out; the metadata name them, the inputs with
     their SHA-256. The date of the run is that of its newest result. `authors` and `licence` (SPDX,
     such as CC-BY-4.0) are those of the results; the workflow has its own. The result is the number
-    of files in the zip.
-
-    Raises
-    ------
-    InputError
-        `results` has no finished study, a file has changed since, a table of the study is missing,
-        or another version of the program made the results.
+    of files in the zip. Raises an `InputError` if `results` has no finished study, a file has
+    changed since, a table of the study is missing, or another version of the program made them.
     """
     check_chain(results)
     record, contents = (

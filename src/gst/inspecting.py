@@ -21,10 +21,7 @@ __all__ = ["files_in", "inspect_file", "scan_facts"]
 def files_in(path: Path) -> list[Path]:
     """The scans and meshes in a folder and those in it; a file itself.
 
-    Raises
-    ------
-    InputError
-        There is none.
+    Raises an `InputError` if there is none.
     """
     if not path.is_dir():
         return [path]
@@ -42,21 +39,10 @@ def inspect_file(
 ) -> tuple[dict[str, Any], "xr.DataArray | trimesh.Trimesh"]:
     """Facts about a scan or a mesh, and its content to draw; errors as in their readers.
 
-    Parameters
-    ----------
-    path : str or Path
-    unit : str, optional
-        Unit of a file that does not state it; for meshes, by default mm, or m for GLB.
-    spacing_um : float, optional
-        Spacing of the points of a scan that does not state it (text).
-
-    Returns
-    -------
-    facts : dict
-        ``unit`` (and who states it); points, spacing, size and heights of a scan, and what it
-        says about its instrument; vertices, faces, size and state of a mesh.
-    content : (ny, nx) xarray.DataArray or trimesh.Trimesh
-        mm: the scan without its plane, or the mesh.
+    `unit` is that of a file that does not state it (meshes: mm, or m for GLB), `spacing_um` that
+    of the points of a text. Facts are the ``unit``, and who states it; points, spacing, size and
+    heights of a scan, and what it says about its instrument; vertices, faces, size and state of a
+    mesh. The content is the scan (y, x) without its plane, or the mesh, both in mm.
     """
     if is_mesh(path):
         mesh = read_mesh(path, unit=unit)

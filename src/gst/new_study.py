@@ -78,12 +78,8 @@ def new_study(
     """Write a study into a folder; what was inferred, from what, and what is to be done.
 
     An `overview` is a map of the face that holds the scanned places; among the scans, the one that
-    is much larger than the others is taken for it.
-
-    Raises
-    ------
-    InputError
-        A file cannot be read, or the folder has a study.
+    is much larger than the others is taken for it. Raises an `InputError` if a file cannot be read,
+    or the folder has a study.
     """
     config_path, table_path = folder / "study.yaml", folder / "patches.csv"
     if there := [path for path in (config_path, table_path) if path.exists()]:

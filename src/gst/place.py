@@ -151,13 +151,7 @@ def _records(text: str) -> list[dict[str, str]]:
 
 
 class PlaceServer(ThreadingHTTPServer):
-    """The server of a study in the working folder, on a free port of this machine.
-
-    Parameters
-    ----------
-    config : Path
-        The study's config.
-    """
+    """The server of a study in the working folder, on a free port of this machine."""
 
     daemon_threads = True
 

@@ -26,23 +26,9 @@ def press_scan(
 ) -> tuple[xr.DataArray, LoadPath, list[str]]:
     """Clean, level and press a scan up to a mean pressure.
 
-    Parameters
-    ----------
-    path : Path
-    pressure, modulus : float
-        Mean pressure and contact modulus, MPa.
-    periodic : bool
-        Whether the surface repeats itself.
-    unit, spacing_um
-        As in `gstlib.io.scans.read_scan`.
-
-    Returns
-    -------
-    height : (y, x) xarray.DataArray
-        What was pressed, mm.
-    contact : LoadPath
-    doubts : list of str
-        What was hardly meant.
+    `pressure` and `modulus` are in MPa; a `periodic` surface repeats itself; `unit` and
+    `spacing_um` are as in `gstlib.io.scans.read_scan`. The result is what was pressed (y, x), mm,
+    its contact, and what was hardly meant.
     """
     height = prepare_scan(read_scan(path, unit=unit, spacing_um=spacing_um))["height"]
     with warnings.catch_warnings(record=True) as said:

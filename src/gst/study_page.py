@@ -66,14 +66,9 @@ class StudyPage:
     def write(
         self, page: Path, record: Path, contents: Path, *, commit: str | None, program: str
     ) -> None:
-        """Write the page, the record and the contents.
+        """Write the page, the record and the contents; `commit` and `program` are the program's.
 
-        `commit` and `program` are those of the program.
-
-        Raises
-        ------
-        InputError
-            A result is not as its step made it.
+        Raises an `InputError` if a result is not as its step made it.
         """
         results = page.parent
         inputs = certified_inputs(results, self.steps, self.files["made_from"])

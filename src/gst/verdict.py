@@ -78,23 +78,11 @@ def verdict(
 ) -> Answer:
     """What the study found: the wear, its use, its prediction, and the load.
 
-    Parameters
-    ----------
-    tables : mapping of str to pandas.DataFrame
-        By name: ``patch_pressures``, ``patch_intervals``; of a study with scans after use,
-        ``registration``, ``validation_patches`` and ``validation_summary``; of one whose wear says
-        how the tool was used, ``use``; of one with a gesture, ``exposure``. ``placement``, where
-        patches were compared with the mesh.
-    force_N : float
-        The whole load.
-    square_mm : float
-        Side of the square.
-    interlayer, pressure_cap
-        The sections ``interlayer`` and ``pressure_cap_MPa`` of the config.
-    poses : int, optional
-        Of the gesture, if there is one.
-    second : bool
-        Whether the active tool has a mesh.
+    `tables` are, by name, ``patch_pressures``, ``patch_intervals``; of a study with scans after
+    use, ``registration``, ``validation_patches`` and ``validation_summary``; of one whose wear says
+    how the tool was used, ``use``; of one with a gesture, which has so many `poses`, ``exposure``.
+    ``placement``, where patches were compared with the mesh. `force_N` is the whole load,
+    `square_mm` the side of the square; `second` says whether the active tool has a mesh.
     """
     pressures, is_compared = tables["patch_pressures"], "validation_summary" in tables
     wore = (
@@ -252,18 +240,8 @@ def where_to_scan(
 ) -> Answer:
     """Where pressure and exposure concentrate, and which places to scan.
 
-    Parameters
-    ----------
-    places : pandas.DataFrame
-        ``places.csv``.
-    held : Concentration
-        Its own.
-    force_N : float
-        The whole load.
-    square_mm : float
-        Side of the square.
-    use : pandas.DataFrame, optional
-        ``use.csv``, where the wear says how the tool was used.
+    `places` and `use`, where the wear says how the tool was used, are the tables of these names;
+    `force_N` is the whole load, `square_mm` the side of the square.
     """
     lines = []
     if use is not None:

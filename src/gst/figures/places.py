@@ -38,18 +38,8 @@ def places_figure(
 ) -> Figure:
     """The square on the stone and in the face, and the places in the square with their distances.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The stone, mm.
-    frame : Frame
-        Of the square.
-    exposure : xarray.Dataset
-        ``exposure, touched`` (y, x) of the face, from `gstlib.macroscale.gesture.exposure`.
-    places : pandas.DataFrame
-        ``places.csv``.
-    size_mm, patch_size_mm : float
-        Sides of the square and of a place.
+    `mesh` is the stone, mm; `exposure` has ``exposure, touched`` (y, x) of the face, from
+    `gstlib.macroscale.gesture.exposure`; `places` is ``places.csv``.
     """
     figure = Figure(figsize=_PAGE)
     stone, face = _panel(figure, 0.3, 5.75, 2.9), _panel(figure, 4.2, 5.75, 2.9)

@@ -262,17 +262,11 @@ def figures_by_patch(name: str, study: Study) -> Iterator[tuple[str, Figure]]:
 
 
 def draw(study: Study, pictures: Mapping[str, Path], note: str | None) -> None:
-    """Draw figures of a study.
+    """Draw figures of a study, each with a `note` on the source, if there is one.
 
-    Parameters
-    ----------
-    study : Study
-    pictures : mapping
-        By the figure's name and, after ``_``, its kind: the PNG, for some an SVG or a PDF to print,
-        for `preparation` and `patch` a folder, for a PNG of each patch; ``strip_jpg`` is a folder
-        for those of `microscale.patch_strip`.
-    note : str or None
-        On the source; on each figure.
+    `pictures` are by the figure's name and, after ``_``, its kind: the PNG, for some an SVG or a
+    PDF to print, for `preparation` and `patch` a folder, for a PNG of each patch; ``strip_jpg`` is
+    a folder for those of `microscale.patch_strip`.
     """
     for name in (each.removesuffix("_png") for each in pictures if each.endswith("_png")):
         png, empty = pictures[f"{name}_png"], None

@@ -83,12 +83,8 @@ def save_figure(
 ) -> None:
     """Write a figure as PNG and, if requested, as SVG or PDF; the same figure gives the same bytes.
 
-    The files hold no date and no version of matplotlib, and each is complete or absent.
-
-    Parameters
-    ----------
-    source_note : str, optional
-        Small print in the corner, which marks pictures of a synthetic specimen as such.
+    The files hold no date and no version of matplotlib, and each is complete or absent. A
+    `source_note` is small print in the corner, which marks pictures of a synthetic specimen.
     """
     if source_note:
         look: dict[str, Any] = {

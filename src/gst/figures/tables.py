@@ -35,14 +35,8 @@ def validation_figure(
 ) -> Figure:
     """Mean agreement of the prediction and its baselines with the loss, and loss against pressure.
 
-    Parameters
-    ----------
-    patches : pandas.DataFrame
-        ``validation_patches.csv``.
-    losses : pandas.DataFrame
-        ``registration.csv`` with the column ``pressure_MPa``.
-    summary : pandas.DataFrame
-        ``validation_summary.csv``.
+    `patches` and `summary` are ``validation_patches.csv`` and ``validation_summary.csv``; `losses`
+    is ``registration.csv`` with the column ``pressure_MPa``.
     """
     figure, (agreement, extent) = style.panels(2, 2, 0.9, (0.5, 0.15, 0.45, 0.45))
     _draw_agreement(agreement, summary)
@@ -135,14 +129,9 @@ def wear_figure(
 ) -> Figure:
     """Predicted against measured volume of every patch, and loss by height.
 
-    Parameters
-    ----------
-    table, profile : pandas.DataFrame
-        ``wear.csv`` and ``wear_profile.csv``.
-    limits : pandas.DataFrame
-        ``patch_intervals.csv``: a volume and its interval are proportional to the pressure.
-    in_statistics : iterable of str
-        The patches that enter the statistics; only these are drawn.
+    `table` and `profile` are ``wear.csv`` and ``wear_profile.csv``, of which only the patches
+    `in_statistics` are drawn; `limits` is ``patch_intervals.csv``: a volume and its interval are
+    proportional to the pressure.
     """
     figure, (volumes, heights) = style.panels(2, 2, 1.0, (0.7, *CHARTS[1:]), head=0.25)
     table, profile = (of[of.patch.isin(list(in_statistics))] for of in (table, profile))

@@ -84,22 +84,10 @@ def coloured_tool(
 ) -> tuple[Any, ...]:
     """A mesh with fewer faces, except over the fields, whose faces are cut as fine as their grid.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        The tool, mm.
-    frame : Frame
-        The square's frame.
-    *fields : (y, x) xarray.DataArray
-        Pressures, exposures and the like, all on the grid of the square, or of the face around it.
-    faces : int
-        About this many faces remain elsewhere.
-
-    Returns
-    -------
-    mesh : trimesh.Trimesh
-    *colours : (n, 3) ndarray of uint8
-        The colours of its vertices by each field; `STONE` elsewhere.
+    `mesh` is the tool, mm, and `frame` the square's; the `fields` (y, x) are pressures, exposures
+    and the like, all on the grid of the square, or of the face around it. About so many `faces`
+    remain elsewhere. Behind the mesh come the colours of its vertices by each field, (n, 3), uint8;
+    `STONE` elsewhere.
     """
     first, element = fields[0], max(spacing_of(fields[0]))
     edge_mm = element * max(1.5, len(first.x) / _ELEMENTS)
