@@ -59,9 +59,9 @@ def test_each_message_is_read_back_whichever_follows(tmp_path):
 class Run:
     """Snakemake's messages to the display, and what that shows."""
 
-    def __init__(self, total):
-        asked = "dryrun quiet verbose debug_dag printshellcmds"
-        self.handler = LogHandler(SimpleNamespace(**dict.fromkeys(asked.split(), False)), None)
+    def __init__(self, total, *, dryrun=False):
+        asked = dict.fromkeys(("quiet", "verbose", "debug_dag", "printshellcmds"), False)
+        self.handler = LogHandler(SimpleNamespace(dryrun=dryrun, **asked), None)
         self.total = total
         self.tell(LogEvent.RUN_INFO, stats={"total": total + 1, "all": 1, "solve_patches": total})
 
@@ -187,16 +187,13 @@ def test_a_plan_is_the_same_in_whatever_order_snakemake_tells_it(tmp_path, monke
     monkeypatch.setenv(FILE_ONLY, "")  # restored afterwards: the display sets it
     shown = set()
     for order in permutations(makes):
-        asked = dict.fromkeys(("quiet", "verbose", "debug_dag", "printshellcmds"), False)
-        handler = LogHandler(SimpleNamespace(dryrun=True, **asked), None)
+        run = Run(3, dryrun=True)
         for job, rule in enumerate(order):
             inputs, output = makes[rule]
-            record = logging.LogRecord("snakemake", logging.INFO, "", 0, "", None, None)
-            record.__dict__ |= {"event": LogEvent.JOB_INFO, "jobid": job, "rule_name": rule}
-            record.__dict__ |= {"rule_msg": rule, "reason": "Missing output files: a"}
-            record.__dict__ |= {"input": inputs, "output": [output], "log": [f"{tmp_path}/logs/a"]}
-            handler.handle(record)
-        handler.close()
+            facts = {"rule_name": rule, "rule_msg": rule, "reason": "Missing output files: a"}
+            facts |= {"input": inputs, "output": [output], "log": [f"{tmp_path}/logs/a"]}
+            run.tell(LogEvent.JOB_INFO, jobid=job, **facts)
+        run.handler.close()
         shown.add(capsys.readouterr().out)
     (plan,) = shown
     steps = [line.split(":")[0] for line in plan.splitlines() if not line.startswith(" ")]

@@ -1,5 +1,6 @@
 """`gst new FOLDER --mesh M --scans S`: what files tell is written, and the rest is asked."""
 
+import shutil
 import struct
 
 import numpy as np
@@ -72,6 +73,8 @@ def write_pairs(lab, name, sign=1, **options):
 
 
 def new(lab):
+    """What is said, the config and the rows of a study that is made anew."""
+    shutil.rmtree(lab / "study", ignore_errors=True)
     said = run("new", "study", "--mesh", "stone.stl", "--scans", "scans")
     config = yaml.safe_load((lab / "study/study.yaml").read_text())
     table = (lab / "study/patches.csv").read_text().splitlines()
@@ -148,13 +151,9 @@ def test_dates_in_the_files_tell_moulds_from_exchanged_epochs(lab):
     said, config, _ = new(lab)
     assert config["scans"]["mould"]["invert"] == "TODO"
     assert "or t0 and t1 are exchanged" in said
-    for file in (lab / "study").iterdir():
-        file.unlink()
     days = "Mon Apr 19 11:40:13 2021", "Tue May 18 11:40:13 2021"
     write_pairs(lab, by_word, sign=-1, date=lambda _, epoch: days[epoch])
     assert new(lab)[1]["scans"]["mould"] == {"invert": True, "flip": "x"}
-    for file in (lab / "study").iterdir():
-        file.unlink()
     write_pairs(lab, by_word, date=lambda _, epoch: days[1 - epoch])
     said, _, rows = new(lab)
     assert all(t1.startswith("TODO ") for _, _, t1 in scans_of(rows))
@@ -223,8 +222,6 @@ def test_text_is_in_the_unit_that_makes_a_scan(lab):
     heights = ground(0).ravel()
     np.savetxt(lab / "scans/1_T0.xyz", np.transpose([x, y, heights]), fmt="%.6f")
     assert new(lab)[1]["scans"]["unit"] == "mm"
-    for file in (lab / "study").iterdir():
-        file.unlink()
     np.savetxt(lab / "scans/2_T0.csv", ground(1), delimiter=",", fmt="%.6f")
     scans = new(lab)[1]["scans"]
     assert [scans[key] for key in ("unit", "spacing_um", "size_mm")] == 3 * ["TODO"]

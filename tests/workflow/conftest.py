@@ -174,14 +174,26 @@ def browser():
         browser.close()
 
 
-@contextmanager
-def opened(browser, file: Path, size: tuple[int, int] = (1366, 768)):
-    """A page with a stone; it asks for nothing but itself, and complains of nothing."""
-    page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+def listened_to(page):
+    """What a page asks for, and what it complains of, from now on."""
     asked, said = [], []
     page.on("request", lambda request: asked.append(request.url))
     page.on("console", lambda message: said.append(message.text) if message.type == "error" else 0)
     page.on("pageerror", lambda error: said.append(str(error)))
+    return asked, said
+
+
+def middle_of(thing):
+    """Where the middle of a thing on a page is, from the left and from the top."""
+    box = thing.bounding_box()
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+@contextmanager
+def opened(browser, file: Path, size: tuple[int, int] = (1366, 768)):
+    """A page with a stone; it asks for nothing but itself, and complains of nothing."""
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    asked, said = listened_to(page)
     page.goto(file.as_uri())
     page.wait_for_selector("canvas")
     yield page

@@ -10,7 +10,7 @@ import pytest
 from gstlib.io.tables import read_table
 from PIL import Image, ImageChops, ImageStat
 
-from .conftest import opened
+from .conftest import middle_of, opened
 
 pytestmark = pytest.mark.browser
 
@@ -57,8 +57,7 @@ def test_a_click_or_a_key_opens_the_card_of_the_patch(page):
     page.click("#see-square")
     number = page.locator("#viewer span", has_text=re.compile("^16$"))
     page.wait_for_function("element => element.style.opacity === '1'", arg=number.element_handle())
-    box = number.bounding_box()
-    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.click(*middle_of(number))
     assert opened_card(page) == "Patch 16"
     for place in ("#patch-table a[href='#patch-5']", "#map a[href='#patch-5']"):
         page.locator(place).focus()

@@ -11,7 +11,7 @@ from gst.cli import main
 from gst.config import config_problems, read_config_file
 from gstlib.surfaces.frames import find_frame, frame_from_points
 
-from .conftest import ROOT, opened
+from .conftest import ROOT, middle_of, opened
 
 pytestmark = pytest.mark.browser
 
@@ -50,9 +50,9 @@ def click(page, *offsets):
     scale = page.evaluate("1 / (2 * Math.hypot(20, 30, 10))")  # of the stone's sphere
     box = page.locator("canvas").bounding_box()
     pixels = scale * min(box["width"], box["height"])
+    x, y = middle_of(page.locator("canvas"))
     for right, up in offsets:
-        middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-        page.mouse.click(middle[0] + pixels * right, middle[1] - pixels * up)
+        page.mouse.click(x + pixels * right, y - pixels * up)
 
 
 def config_of(page):
@@ -126,13 +126,9 @@ def test_a_square_seen_straight_has_x_right_and_y_up(page):
     page.check("[value=centre]")
     click(page, (1, 2))
     page.evaluate("viewer.snapshot()")
-    boxes = {
-        name: page.locator("#stone").get_by_text(name, exact=True).bounding_box()
-        for name in ("reference", "x", "y")
-    }
     corner, x, y = (
-        np.array([box["x"] + box["width"] / 2, box["y"] + box["height"] / 2])
-        for box in boxes.values()
+        np.array(middle_of(page.locator("#stone").get_by_text(name, exact=True)))
+        for name in ("reference", "x", "y")
     )
     right, down = x - corner
     assert abs(down) < 0.3 * right
@@ -153,8 +149,7 @@ def test_enter_clicks_the_middle_of_the_view(page):
 
 def test_the_stone_turns_by_pointer_and_keys_and_rests_otherwise(page):
     views = [page.evaluate("viewer.snapshot()")]
-    box = page.locator("canvas").bounding_box()
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    x, y = middle_of(page.locator("canvas"))
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + 60, y + 30, steps=3)

@@ -18,7 +18,7 @@ from gst.patches import read_patches
 from gstlib.io.meshes import read_mesh
 from gstlib.surfaces.frames import find_frame
 
-from .conftest import run
+from .conftest import listened_to, middle_of, run
 
 pytestmark = pytest.mark.browser
 
@@ -65,10 +65,7 @@ def opened(browser, folder):
         browser.new_page(viewport={"width": 1366, "height": 900}) as page,
     ):
         page.set_default_timeout(0)  # a busy machine is no fault
-        asked, said = [], []
-        page.on("request", lambda request: asked.append(request.url))
-        page.on("console", lambda m: said.append(m.text) if m.type == "error" else 0)
-        page.on("pageerror", lambda error: said.append(str(error)))
+        asked, said = listened_to(page)
         try:
             url = next(line.strip() for line in server.stdout if line.startswith("http"))
             page.goto(url)
@@ -105,15 +102,21 @@ def saved(page):
 
 def click_stone(page, right=0, up=0):
     """Click so many pixels from the middle of the view."""
-    box = page.locator("canvas").bounding_box()
-    at = box["x"] + box["width"] / 2 + right, box["y"] + box["height"] / 2 - up
-    page.mouse.click(*at)
+    x, y = middle_of(page.locator("canvas"))
+    page.mouse.click(x + right, y - up)
     saved(page)
 
 
+def seen_on_plan(page, x_mm, y_mm):
+    """Where a point of the square of 5 mm is on the screen: the plan shows 6 mm."""
+    box = page.locator("#plan").bounding_box()
+    scale = min(box["width"], box["height"]) / 6
+    x, y = middle_of(page.locator("#plan"))
+    return x + scale * (x_mm - 2.5), y - scale * (y_mm - 2.5)
+
+
 def drag(page, thing, right, up):
-    box = thing.bounding_box()
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    x, y = middle_of(thing)
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + right, y - up, steps=3)
@@ -163,14 +166,10 @@ def place_scans(page, folder, wanted):
     """The first by hand, the others by numbers."""
     page.check("text=Place the scans")
     first, *others = wanted.index
-    plan = page.locator("#plan").bounding_box()
-    scale = min(plan["width"], plan["height"]) / 6  # pixels a mm
     picture = page.get_by_alt_text(f"Scan of {first}", exact=True)
-    box = picture.bounding_box()
-    middle = plan["x"] + plan["width"] / 2, plan["y"] + plan["height"] / 2
-    x, y = wanted.x_mm[first] - 2.5, wanted.y_mm[first] - 2.5
-    right = middle[0] + scale * x - box["x"] - box["width"] / 2
-    down = middle[1] - scale * y - box["y"] - box["height"] / 2
+    right, down = np.subtract(
+        seen_on_plan(page, *wanted.loc[first, ["x_mm", "y_mm"]]), middle_of(picture)
+    )
     drag(page, picture, right, -down)
     for patch in others:
         for key in ("x_mm", "y_mm"):
@@ -226,10 +225,7 @@ def say_how(page, folder):
     assert config["uncertainty"]["radius_fraction"] == 0.98
     page.click("text=1 Where")
     page.check("text=Where it was pressed")
-    plan = page.locator("#plan").bounding_box()
-    middle = plan["x"] + plan["width"] / 2, plan["y"] + plan["height"] / 2
-    scale = min(plan["width"], plan["height"]) / 6  # pixels a mm
-    page.mouse.click(middle[0] + scale, middle[1] - scale)
+    page.mouse.click(*seen_on_plan(page, 3.5, 3.5))
     saved(page)
     assert config_of(folder)["load"]["at_mm"] == pytest.approx([3.5, 3.5], abs=0.03)
     page.click("#load-middle")
@@ -315,10 +311,7 @@ def test_places_are_graded_and_a_run_is_stopped(browser, tmp_path):
     with opened(browser, folder) as (page, server):
         click_stone(page)
         page.check("text=Grade places")
-        plan = page.locator("#plan").bounding_box()
-        scale = min(plan["width"], plan["height"]) / 6
-        middle = plan["x"] + plan["width"] / 2, plan["y"] + plan["height"] / 2
-        page.mouse.click(middle[0] + scale, middle[1] - 2 * scale)
+        page.mouse.click(*seen_on_plan(page, 3.5, 4.5))
         page.click("#add")
         page.select_option("#grade-2", "3")
         saved(page)
