@@ -26,15 +26,11 @@ def compare_results(
 ) -> pd.DataFrame:
     """Compare two result folders; numbers that differ by at most `tolerance` count as equal.
 
-    Returns
-    -------
-    pandas.DataFrame
-        One line per change: ``table`` (or "provenance"); ``row`` (as in ``patch=5, epoch=T0``),
-        empty if one side has no such table; ``column``, empty if one side has no such row;
-        ``before`` and ``after``, as written in the files, empty where absent; ``relative``,
-        abs(after - before) over the larger magnitude, NaN for text.
-
-    Raises an `InputError` if a folder has no tables, or a file in it cannot be read.
+    The result has a row for each change: ``table`` (or "provenance"); ``row`` (as in
+    ``patch=5, epoch=T0``), empty if one side has no such table; ``column``, empty if one side has
+    no such row; ``before`` and ``after``, as written in the files, empty where absent;
+    ``relative``, abs(after - before) over the larger magnitude, NaN for text. Raises an
+    `InputError` if a folder has no tables, or a file in it cannot be read.
     """
     sides = [_read_tables(Path(folder)) for folder in (before, after)]
     changes: list[tuple[str, ...]] = []

@@ -16,7 +16,8 @@ from datetime import date
 from pathlib import PurePosixPath
 from typing import NamedTuple
 
-__all__ = ["MEANING", "ORDER", "PLACE", "Names", "Question", "Row", "read_names"]
+__all__ = ["MEANING", "ORDER", "PLACE", "Names", "Question", "Row", "natural"]
+__all__ += ["read_names"]
 
 # What a question is about: which scans show one place, which is earlier, or what names mean.
 PLACE, ORDER, MEANING = "place", "order", "meaning"
@@ -141,7 +142,7 @@ def read_names(
         questions += _against_dates(scans, files)
         rows.append(Row(patch, *scans))
         left += [file.name for file in rest]
-    rows.sort(key=lambda row: _natural(row.patch))
+    rows.sort(key=lambda row: natural(row.patch))
     return Names(rows, questions, said, left)
 
 
@@ -386,6 +387,6 @@ def _patch_names(places: Sequence[Sequence[_Name]]) -> list[str]:
     return named
 
 
-def _natural(name: str) -> str:
-    """Sorts "2" before "10", as the patch table is sorted."""
+def natural(name: str) -> str:
+    """What sorts names with "2" before "10": numbers within them are padded to equal length."""
     return re.sub(r"\d+", lambda found: found[0].zfill(20), name)

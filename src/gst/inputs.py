@@ -170,20 +170,13 @@ def _find_frame(stone: "trimesh.Trimesh", asked: Asked, *, source: str) -> Frame
     except ConfigError as error:
         for unit, length_mm in UNITS.items():
             other = stone.copy().apply_scale(length_mm / UNITS[asked.mesh_unit])
-            if _is_on(other, points_mm, size_mm):
-                problem = f"{error.problem}; with mesh_unit: {unit} it would be on the stone"
-                raise ConfigError(error.source, problem, error.remedy) from None
+            try:
+                find_frame(points_mm, other, size_mm=size_mm)
+            except ConfigError:
+                continue
+            problem = f"{error.problem}; with mesh_unit: {unit} it would be on the stone"
+            raise ConfigError(error.source, problem, error.remedy) from None
         raise
-
-
-def _is_on(
-    stone: "trimesh.Trimesh", points_mm: Sequence[Sequence[float]], size_mm: float
-) -> bool:
-    try:
-        find_frame(points_mm, stone, size_mm=size_mm)
-    except ConfigError:
-        return False
-    return True
 
 
 class _Scans(NamedTuple):
@@ -234,7 +227,8 @@ def _add_piece(
         read.problems.append(InputError(named, error.problem, error.remedy))
         return
     if use.epoch:
-        read.coarse[use.patch, use.epoch] = _coarse(piece, settings["size_mm"])
+        times = max(1, int(settings["size_mm"] / max(spacing_of(piece))) // _COARSE)
+        read.coarse[use.patch, use.epoch] = coarser(piece, times)
     place = use.place if use.epoch == "T0" else None
     amplitude = Amplitude.of(path, piece, heights, place)
     same = hash(whole.values.tobytes()), use.crop
@@ -253,10 +247,6 @@ def _thin_interlayer(rows: list[dict[str, Any]], asked: Asked) -> list[GstError]
     thin = thinner_than_a_point(asked.interlayer["thickness_um"], coarsest)
     remedy = "Make it thicker, or set interlayer to null."
     return [ConfigError("interlayer.thickness_um", thin, remedy)]
-
-
-def _coarse(piece: xr.DataArray, size_mm: float) -> xr.DataArray:
-    return coarser(piece, max(1, int(size_mm / max(spacing_of(piece))) // _COARSE))
 
 
 def _mind_other_bodies(

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
+from gst.file_names import natural
 from gst.tables import columns_of
 from gst.user_tables import Problem, read_rows, rows_of
 from gstlib.surfaces.footprints import Place, outline, places_of
@@ -69,12 +70,8 @@ def read_patches(
     problems += _repeated(rows, patch_size_mm)
     problems += _out_of_square(rows, size_mm, patch_size_mm)
     table.refuse(problems)
-    # natural order: numbers within a name are padded to equal length
     return rows.sort_values(
-        "patch",
-        key=lambda ids: ids.str.replace(r"\d+", lambda found: found[0].zfill(20), regex=True),
-        kind="stable",
-        ignore_index=True,
+        "patch", key=lambda ids: ids.map(natural), kind="stable", ignore_index=True
     )
 
 

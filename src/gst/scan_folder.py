@@ -81,12 +81,8 @@ class Scan:
 def scans_in(given: Iterable[Path]) -> tuple[Path, list[Path], list[Path]]:
     """The folder of all scans, those in it, and other files there.
 
-    Files that are named are scans, whatever their ending; in folders, it tells.
-
-    Raises
-    ------
-    InputError
-        There is no such file or folder, or no scan in it.
+    Files that are named are scans, whatever their ending; in folders, it tells. Raises an
+    `InputError` if there is no such file or folder, or no scan in it.
     """
     scans: set[Path] = set()
     others: set[Path] = set()
