@@ -585,17 +585,14 @@ function showPicture() {
   $("check-picture").src = $("check-link").href = place;
 }
 
-/** How far it is, and how long it takes if it goes on like this. */
+/** How far it is, and how long it still takes, as it says itself. */
 function showProgress(said, box) {
-  const counts = [...box.textContent.matchAll(/(\d+):(\d+):(\d+) {2}(\d+) of (\d+) steps done/g)];
-  $("progress").hidden = !counts.length;
-  if (!counts.length) return;
-  const [hours, minutes, seconds, done, whole] = counts.at(-1).slice(1).map(Number);
+  const last = [...box.textContent.matchAll(/(\d+) of (\d+) steps done.*/g)].at(-1);
+  $("progress").hidden = !last;
+  if (!last) return;
+  const [text, done, whole] = last;
   $("progress").value = done / whole;
-  const left = ((hours * 60 + minutes + seconds / 60) * (whole - done)) / Math.max(done, 1);
-  if (said.running)
-    $("run").querySelector("[role=status]").textContent =
-      `${done} of ${whole} steps; about ${Math.ceil(left)} min left, if the rest goes as they did.`;
+  if (said.running) $("run").querySelector("[role=status]").textContent = `${text}.`;
   box.scrollTop = box.scrollHeight;
 }
 
