@@ -226,12 +226,6 @@ class _Handler(BaseHTTPRequestHandler):
     server: PlaceServer
     timeout = 60
 
-    def do_GET(self) -> None:
-        self._answer()
-
-    def do_POST(self) -> None:
-        self._answer()
-
     def log_message(self, *_: Any) -> None:
         """Say nothing: the token is in every address."""
 
@@ -252,16 +246,17 @@ class _Handler(BaseHTTPRequestHandler):
             if (self.command, first) == ("POST", "end"):  # its answer has been sent
                 self.server.shutdown()
         except _RefusedError as refused:
-            self._send(json.dumps({"error": str(refused)}).encode(), _JSON, refused.status)
+            self._send_error(str(refused), refused.status)
         except ConnectionError:
             pass  # the page was closed meanwhile
         except (GstError, OSError) as error:
-            said = json.dumps({"error": str(error)}).encode()
-            self._send(said, _JSON, HTTPStatus.UNPROCESSABLE_ENTITY)
+            self._send_error(str(error), HTTPStatus.UNPROCESSABLE_ENTITY)
         except Exception:  # a bug, or a config that no check has seen yet
             traceback.print_exc()
-            said = json.dumps({"error": "unexpected error: the terminal has more"}).encode()
-            self._send(said, _JSON, HTTPStatus.INTERNAL_SERVER_ERROR)
+            said = "unexpected error: the terminal has more"
+            self._send_error(said, HTTPStatus.INTERNAL_SERVER_ERROR)
+
+    do_GET = do_POST = _answer
 
     def _asked_for(self) -> str:
         """The path behind the token; what comes from elsewhere is refused."""
@@ -290,6 +285,9 @@ class _Handler(BaseHTTPRequestHandler):
         if (error := best_match(Draft202012Validator(schema).iter_errors(sent))) is not None:
             raise _RefusedError(HTTPStatus.BAD_REQUEST, error.message)
         return sent
+
+    def _send_error(self, why: str, status: HTTPStatus) -> None:
+        self._send(json.dumps({"error": why}).encode(), _JSON, status)
 
     def _send_file(self, name: str) -> None:
         text = three_js() if name == "three.js" else shipped(name)

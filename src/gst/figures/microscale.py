@@ -156,7 +156,11 @@ def patch_figure(result: PatchResult) -> Figure:
     drawn = [
         ("T0, before use", t0, heights),
         ("T1, after use" + ", not laid on T0" * nowhere, t1, heights),
-        (f"contact before use: {100 * touching.mean():.2f} %", t0, _marked(BLACK, touching)),
+        (
+            f"contact before use: {100 * touching.mean():.2f} %",
+            t0,
+            {"marks": {BLACK: touching}},
+        ),
         ("no change is known" if nowhere else lost, t0, colours | measured),
     ]
     agreement = {}
@@ -178,11 +182,6 @@ def patch_figure(result: PatchResult) -> Figure:
         named = {f"{name} {percent[c]:.1f} %": c for name, c in _AGREEMENT.items()}
         style.colour_legend(figure, named, **_BELOW)
     return figure
-
-
-def _marked(colour: str, mask: np.ndarray) -> dict:
-    """The look of a map with a mask in a colour."""
-    return {"marks": {colour: mask}}
 
 
 def _detected(change: xr.Dataset) -> np.ndarray:
