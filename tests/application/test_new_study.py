@@ -1,7 +1,6 @@
 """`gst new FOLDER --mesh M --scans S`: what files tell is written, and the rest is asked."""
 
 import shutil
-import struct
 
 import numpy as np
 import pandas as pd
@@ -14,6 +13,7 @@ from gst.config import complete, config_problems, read_config
 from gstlib.io.meshes import read_mesh
 from gstlib.io.plu import write_plu
 from gstlib.surfaces.frames import find_frame
+from scan_files import write_plu_at
 from scipy.ndimage import gaussian_filter
 from stones import TURN, rough_stone, taken
 
@@ -39,12 +39,9 @@ def used(surface, seed):
 
 
 def write_scan(path, heights, stage_mm=(0.0, 0.0), date=None):
-    write_plu(path, heights, SPACING)
-    content = bytearray(path.read_bytes())
-    struct.pack_into("<2f", content, 412, *(1e3 * at for at in stage_mm))
+    write_plu_at(path, heights, SPACING, stage_mm)
     if date:
-        content[:24] = date.encode()
-    path.write_bytes(content)
+        path.write_bytes(date.encode() + path.read_bytes()[24:])
 
 
 def write_stone(path, longest=60.0):

@@ -3,7 +3,6 @@
 import http.client
 import io
 import json
-import struct
 import threading
 from contextlib import contextmanager
 from dataclasses import replace
@@ -24,6 +23,7 @@ from gstlib.io.plu import write_plu
 from gstlib.surfaces.footprints import Place, outline
 from gstlib.surfaces.frames import Frame
 from matplotlib.image import imread
+from scan_files import write_plu_at
 from scipy.ndimage import gaussian_filter
 from stones import TURN, rough_stone, taken
 
@@ -247,11 +247,8 @@ def test_a_scan_that_is_asked_for_is_named(server, study):
 
 def test_scans_move_together_if_each_has_a_place_from_the_stage(server, study):
     assert ask(server, "stage") == (200, {"all": False})
-    for name, place in (("a", (10.0, 20.0)), ("b", (900.0, 20.0))):
-        path = study / f"scans/{name}.plu"
-        content = bytearray(path.read_bytes())
-        struct.pack_into("<2f", content, 412, *place)  # µm
-        path.write_bytes(content)
+    for name, place in (("a", (0.01, 0.02)), ("b", (0.9, 0.02))):
+        write_plu_at(study / f"scans/{name}.plu", np.eye(POINTS), SPACING, place)
     assert ask(server, "stage") == (200, {"all": True})
 
 

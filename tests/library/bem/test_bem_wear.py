@@ -26,8 +26,13 @@ def test_what_is_lost_is_wear_coefficient_times_force_times_sliding():
     assert path.depth.mean() == pytest.approx(3e-4, rel=1e-12)
 
 
-def test_the_final_contact_is_that_of_the_worn_surface(path):
+@pytest.mark.parametrize("lost", [0, 40])
+def test_the_final_contact_is_that_of_the_worn_surface(lost):
+    """Also where a corner has no surface."""
     heights, *elastic = SURFACE
+    diagonals = np.add.outer(np.arange(80), np.arange(80))
+    heights = np.where(diagonals < lost, -math.inf, heights)
+    path = wear_path(heights, *elastic, **WEAR, steps=3, tolerance=1e-9)
     direct = solve_contact(heights - path.depth, *elastic, mean_pressure=76.0, tolerance=1e-10)
     assert path.final.residual <= 2e-9
     np.testing.assert_allclose(
@@ -36,16 +41,6 @@ def test_the_final_contact_is_that_of_the_worn_surface(path):
     np.testing.assert_allclose(path.final.gap, direct.gap, atol=1e-8 * direct.displacement)
     assert path.final.displacement == pytest.approx(direct.displacement, rel=1e-8)
     assert path.contact_fraction[-1] == pytest.approx(direct.contact_fraction, abs=2 / 80**2)
-
-
-def test_a_surface_with_a_hole_wears_around_it():
-    heights, *elastic = SURFACE
-    heights = np.where(np.add.outer(np.arange(80), np.arange(80)) < 40, -math.inf, heights)
-    path = wear_path(heights, *elastic, **WEAR, steps=3, tolerance=1e-9)
-    direct = solve_contact(heights - path.depth, *elastic, mean_pressure=76.0, tolerance=1e-10)
-    np.testing.assert_allclose(
-        path.final.pressure, direct.pressure, atol=1e-6 * direct.pressure.max()
-    )
 
 
 def test_nothing_wears_out_of_contact_and_nothing_grows(path):

@@ -52,6 +52,14 @@ def plux_members(layers, spacing):
     return members | {"index.xml": f"{index}</xml>".encode()}
 
 
+def write_plu_at(path, heights, spacing, stage_mm):
+    """Bytes 412 to 420 of a measured `.plu` are its stage's x and y in µm."""
+    write_plu(path, heights, spacing)
+    content = bytearray(path.read_bytes())
+    struct.pack_into("<2f", content, 412, *(1e3 * at for at in stage_mm))
+    path.write_bytes(content)
+
+
 def write_plux(path, heights, spacing):
     path.write_bytes(zipped(plux_members([heights], spacing)))
 

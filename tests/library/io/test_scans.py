@@ -1,7 +1,6 @@
 """Scans: orientation, spacing and unmeasured points as in the file; bad text is refused."""
 
 import math
-import struct
 import subprocess
 import sys
 
@@ -12,7 +11,16 @@ from gstlib.io.plu import write_plu
 from gstlib.io.scans import cut_scan, read_scan
 from gstlib.io.stage import stage_of
 from gstlib.surfaces.grid import make_surface, spacing_of
-from scan_files import FORMATS, plux_members, refused, write_sur, write_x3p, write_xyz, zipped
+from scan_files import (
+    FORMATS,
+    plux_members,
+    refused,
+    write_plu_at,
+    write_sur,
+    write_x3p,
+    write_xyz,
+    zipped,
+)
 
 DY, DX = 1.66e-3, 0.83e-3
 # what matrices do not say
@@ -262,14 +270,6 @@ def test_a_sur_states_micrometres_in_any_coding(tmp_path, heights, micro, name):
 
 
 # --- The stage ----------------------------------------------------------------------------------
-
-
-def write_plu_at(path, heights, spacing, stage_mm):
-    """Bytes 412 to 420 of a measured `.plu` are its stage's x and y in µm."""
-    write_plu(path, heights, spacing)
-    content = bytearray(path.read_bytes())
-    struct.pack_into("<2f", content, 412, *(1e3 * at for at in stage_mm))
-    path.write_bytes(content)
 
 
 @pytest.mark.parametrize("write", [write_plu_at, write_x3p, write_sur])
