@@ -269,7 +269,7 @@ def press(scan, pressure, modulus, periodic, unit, spacing_um, output) -> None:
 
     It is cleaned and levelled as in a study, but lies alone: it warns of much force on its rim.
     """
-    from gst.figures.pressed import pressed_figure
+    from gst.figures.inspected import pressed_figure
     from gst.figures.style import save_figure
     from gst.press import press_scan
 
