@@ -16,8 +16,7 @@ from datetime import date
 from pathlib import PurePosixPath
 from typing import NamedTuple
 
-__all__ = ["MEANING", "ORDER", "PLACE", "Names", "Question", "Row", "natural"]
-__all__ += ["read_names"]
+__all__ = ["MEANING", "ORDER", "PLACE", "Names", "Question", "Row", "natural", "read_names"]
 
 # What a question is about: which scans show one place, which is earlier, or what names mean.
 PLACE, ORDER, MEANING = "place", "order", "meaning"

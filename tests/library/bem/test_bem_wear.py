@@ -51,15 +51,17 @@ def test_nothing_wears_out_of_contact_and_nothing_grows(path):
     assert np.all(np.diff(path.contact_fraction) > 0)
 
 
-@pytest.mark.parametrize("body", [None, ThirdBody(Layer(300.0, 0.3, 0.3), 0.5, 30.0)])
-def test_error_is_of_first_order_in_the_step(body):
+@pytest.mark.parametrize(
+    ("body", "within"), [(None, 0.25), (ThirdBody(Layer(300.0, 0.3, 0.3), 0.5, 30.0), 0.3)]
+)
+def test_error_is_of_first_order_in_the_step(body, within):
     """Of the stone alone, and with the third body in turn."""
     depths = [
         wear_path(*SURFACE, **WEAR, steps=steps, tolerance=1e-8, third_body=body).depth
         for steps in (5, 10, 20, 40)
     ]
     changes = [np.linalg.norm(b - a) for a, b in itertools.pairwise(depths)]
-    np.testing.assert_allclose(np.divide(changes[:-1], changes[1:]), 2, atol=0.3)
+    np.testing.assert_allclose(np.divide(changes[:-1], changes[1:]), 2, atol=within)
 
 
 def test_a_wave_in_full_contact_wears_flat_exponentially():
