@@ -441,17 +441,23 @@ def test_places_by_heights():
     )
     own = found.xs("own", level="scans")
     text = " ".join(EVIDENCE.read_text().split())
-    said = text[text.index("Places by heights") :]
+    places = text[text.index("Places by heights") :]
     overview, hand = own.loc["overview"], own.loc["by hand"]
-    assert f"found on all, {overview.within_20_um:.0%} within 20 µm".replace("%", " %") in said
+    assert (
+        f"found on all, {overview.within_20_um:.0%} within 20 µm".replace("%", " %") in places
+    )
     assert own.loc[["overview", "tied by the stage"], "found_fraction"].eq(1).all()
     assert own.within_50_um["tied by the stage"] == 1
     by_hand = f"{hand.found_fraction:.0%} are found, {hand.within_50_um:.0%} within 50 µm"
-    assert by_hand.replace("%", " %") in said
+    assert by_hand.replace("%", " %") in places
     assert own.found_and_wrong.eq(0).all()  # "none wrong by more than 100 µm"
     others = found[found.index.isin(["another", "smooth"], level="scans")]
     assert len(others) == 6
     assert others.found_fraction.eq(0).all()
+    elsewhere = found.xs("one elsewhere", level="scans")
+    told, wrong = said(r"the stage shows it on (\d+) of 20; .*?hand, (\d+) of these 20")
+    assert int(told) == 20 * (1 - elsewhere.found_fraction["tied by the stage"])
+    assert int(wrong) == elsewhere.found_and_wrong["by hand"]
 
 
 def test_rates_on_random_numbers():
