@@ -1,6 +1,7 @@
 """Whole studies, each started anew: for `make test-all`."""
 
 import re
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from gst.difference import compare_results, describe_changes
 from gst.tables import TABLES
 from gstlib.io.tables import read_table
 
-from .conftest import fresh
+from .conftest import ROOT, fresh
 from .test_tiny_study import ABSENT
 
 pytestmark = pytest.mark.slow
@@ -18,17 +19,41 @@ pytestmark = pytest.mark.slow
 BASELINE = Path(__file__).parents[1] / "baseline"
 
 
-def test_the_default_study_gives_the_baseline(tmp_path):
-    """Digit by digit. Where a change is meant, `make baseline` renews the tables."""
-    study = fresh(tmp_path / "study")
+@pytest.fixture(scope="module")
+def default(tmp_path_factory):
+    """The tables of the default study, and the results."""
+    study = fresh(tmp_path_factory.mktemp("default") / "study")
     study.config = "config/config.yaml"
     tables = sorted(file.name for file in BASELINE.glob("tables/*.csv"))
+    study.succeed(*(f"results/tables/{name}" for name in tables))
+    return tables, study.results
+
+
+def test_the_default_study_gives_the_baseline(default):
+    """Digit by digit. Where a change is meant, `make baseline` renews the tables."""
+    tables, results = default
     listed = {one.file for name, one in TABLES.items() if name not in ABSENT}
     assert {f"tables/{name}" for name in tables} == listed - {TABLES["pressures"].file}
-    study.succeed(*(f"results/tables/{name}" for name in tables))
-    found = compare_results(BASELINE, study.results)
+    found = compare_results(BASELINE, results)
     found = found[found.table != "provenance"]
     assert found.empty, describe_changes(found)
+
+
+def test_the_rules_take_the_memory_that_the_documents_say(default):
+    _, results = default
+    took = defaultdict(int)
+    for log in results.glob("logs/*.log"):
+        memory = int(re.findall(r"(\d+) MB of memory", log.read_text("utf-8"))[-1])
+        rule = re.sub(r"(_T\d)?(_\d+)?$", "", log.stem)
+        took[rule] = max(took[rule], memory)
+    assert len(took) > 20
+    text = (ROOT / "docs/how-to/cluster.md").read_text("utf-8")
+    for rules, memory in re.findall(r"^\| (`.*?) \| (.*?) \|$", text, re.MULTILINE):
+        said = map(float, re.findall(r"(\d+) MB", memory))
+        for rule, most in zip(re.findall(r"`(\w+)`", rules), said, strict=True):
+            assert took.pop(rule, most) == pytest.approx(most, rel=0.2), rule
+    (others,) = re.findall(r"^\| all others \| (\d+) MB or less", text, re.MULTILINE)
+    assert max(took.values()) <= 1.2 * float(others)
 
 
 def test_one_core_of_an_older_processor_gives_the_same_tables_as_two(finished_tiny, tmp_path):
