@@ -12,7 +12,7 @@ from pathlib import Path
 
 from PIL import Image, PngImagePlugin
 
-from gst.figures.microscale import PatchResult, overview_figure
+from gst.figures.microscale import overview_figure
 from gst.figures.study import Study
 from gst.figures.style import save_figure
 from gstlib.io.files import sha256
@@ -40,12 +40,11 @@ def main(results: Path, picture: Path) -> None:
         worn=list(scores.patch),
         size_mm=config["square"]["size_mm"],
     )
-    contact = study.by_patch("contacts", [patch], "height", "pressure", "mean_pressure")[patch]
     figure = overview_figure(
         study.square("contact"),
         study.pressures,
         study.tool,
-        PatchResult(patch, contact, study.change(patch), study.predicted(patch)),
+        study.result(patch),
         patch_size_mm=config["scans"]["size_mm"],
         force_N=config["load"]["force_N"],
     )

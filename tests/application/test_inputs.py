@@ -152,7 +152,7 @@ SAME = "has the same heights"
 # What is written as which file, and the problem with that.
 WRITTEN = [
     ("1_T1", noise(9, 100), SPACING / 2, "5 µm apart"),
-    ("1_T1", noise(9, 100)[:, :50], (SPACING / 2, SPACING), "µm apart"),
+    ("1_T1", noise(9, 100)[:, :50], (SPACING / 2, SPACING), "5 × 10 µm apart"),
     ("1_T1", 1e3 * noise(9), SPACING, "scans.unit"),
     ("1_T1", 1e-3 * noise(9), SPACING, "scans.unit"),
     ("1_T1", 3.0 * noise(9), SPACING, None),  # use and another calibration may do that
