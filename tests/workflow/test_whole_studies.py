@@ -17,6 +17,7 @@ from .test_tiny_study import ABSENT
 pytestmark = pytest.mark.slow
 
 BASELINE = Path(__file__).parents[1] / "baseline"
+SHARED = ROOT.parent / "shared"
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +55,31 @@ def test_the_rules_take_the_memory_that_the_documents_say(default):
             assert took.pop(rule, most) == pytest.approx(most, rel=0.2), rule
     (others,) = re.findall(r"^\| all others \| (\d+) MB or less", text, re.MULTILINE)
     assert max(took.values()) <= 1.2 * float(others)
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the measured files are not beside the project")
+def test_the_measured_stone_is_as_the_evidence_says(tmp_path):
+    """Its pressures at rest, and those of the square alone."""
+    (tmp_path / "shared").symlink_to(SHARED)
+    study, found = fresh(tmp_path / "study"), {}
+    study.config = "config/pebble.yaml"
+    for coupling in ("placed", "levelled"):
+        study.change(coupling=coupling, results=f"results-{coupling}")
+        study.succeed(f"results-{coupling}/tables/patch_intervals.csv")
+        found[coupling] = read_table(study.results / "tables/patch_intervals.csv")
+    text = " ".join((ROOT / "docs/explanation/evidence.md").read_text("utf-8").split())
+    touched, first, second, alone = re.search(
+        r"just touched, by (\S+) MPa; the intervals of two reach (\d+) and (\d+) MPa.*? "
+        r"would have put (\d+) MPa on the first",
+        text,
+    ).groups()
+    rest = found["placed"]
+    (pressure,) = rest.pressure_MPa[rest.pressure_MPa > 0]
+    assert f"{pressure:.1f}" == touched
+    reached = rest.high_MPa[rest.high_MPa > 1]
+    assert [f"{high:.0f}" for high in reached] == [first, second]
+    assert rest.pressure_MPa[reached.index[0]] == 0
+    assert f"{found['levelled'].pressure_MPa[reached.index[0]]:.0f}" == alone
 
 
 def test_one_core_of_an_older_processor_gives_the_same_tables_as_two(finished_tiny, tmp_path):
