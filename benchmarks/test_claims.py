@@ -6,6 +6,7 @@ from pathlib import Path
 import age
 import chance
 import left_out
+import numpy as np
 import pandas as pd
 import power
 import pytest
@@ -247,16 +248,23 @@ def test_what_is_said_of_a_use_that_was_not_there_or_lay_elsewhere():
     )
     assert (cases, claimed) == (len(unused), (unused.answer == use.BETTER).sum())
     side, reach = 5.0, 1.96  # of config/config.yaml, mm; standard deviations
-    off = [
-        abs(rows[f"mean_{axis}_mm"] - side / 2) + reach * rows[f"sd_{axis}_mm"] for axis in "yx"
-    ]
-    is_beyond = (off[0] > side / 2) | (off[1] > side / 2)
+    middles, reaches, truths = (
+        rows[[f"{name}_{axis}_mm" for axis in "yx"]].to_numpy()
+        for name in ("mean", "sd", "true")
+    )
+    named, over = (
+        np.stack([at - by < 0, at + by > side])
+        for at, by in ((middles, reach * reaches), (truths, 0.0))
+    )
+    is_beyond = named.any(axis=(0, 2))
     counts = said(
-        r"on (\d+) of (\d+) such stones, and from losses on (\d+) of the (\d+) of \*law"
+        r"on (\d+) of (\d+) such stones, and from losses on (\d+) of the (\d+) of \*law.*?"
+        r"on (\d+) of the (\d+), the hand"
     )
     outside, law = rows.case == "outside", (rows.case == "law") & (rows.evidence == "losses")
     found = [of for case in (outside, law) for of in (is_beyond[case].sum(), case.sum())]
-    assert [*map(int, counts)] == found
+    right = (named & over).any(axis=(0, 2)) & outside
+    assert [*map(int, counts)] == [*found, right.sum(), (is_beyond & outside).sum()]
     score = rows[rows.case == "two radii"].pivot(
         index="seed", columns="evidence", values="log_score"
     )

@@ -141,7 +141,7 @@ def used(use: pd.DataFrame, square_mm: float) -> tuple[str, str]:
             f"({_p(known['mean']['p_value'])}). The study goes on as stated.",
         )
     x, y = (known.loc[f"load_point_{axis}"] for axis in "xy")
-    found = f"ressed at x {x['mean']:.1f} mm and y {y['mean']:.1f} mm"
+    found = f"at x {x['mean']:.1f} mm and y {y['mean']:.1f} mm"
     within = f"x {x.low:.1f} to {x.high:.1f}, y {y.low:.1f} to {y.high:.1f} mm"
     stated = f"x {x.stated:.3g} and y {y.stated:.3g} mm"
     if "radius" in known.index:
@@ -149,14 +149,27 @@ def used(use: pd.DataFrame, square_mm: float) -> tuple[str, str]:
         found += f" against a tool of {_two_digits(row['mean'])} mm radius"
         within += f", radius {_two_digits(row.low)} to {_two_digits(row.high)} mm"
         stated += f" and {row.stated:.0f} mm"
-    said = f" (95 %: {within}); stated were {stated}.".replace("-", "\N{MINUS SIGN}")
-    if min(x.low, y.low) < 0 or max(x.high, y.high) > square_mm:
-        said += " It may have been pressed beyond the square, where its place is known roughly."
+    said = f" (95 %: {within}); stated were {stated}."
+    edges = [
+        f"{axis} = {edge:g}"
+        for axis, of in (("x", x), ("y", y))
+        for edge, is_reached in ((0, of.low < 0), (square_mm, of.high > square_mm))
+        if is_reached
+    ]
+    if edges:  # their side is found, but not how far beyond, nor where along them
+        said = f": found {found}{said} Beyond the square, these intervals are too narrow."
+        found = (
+            f"near or beyond the edge{'s' * (len(edges) > 1)} {_listed(edges)} mm of the square"
+        )
+    found, said = (of.replace("-", "\N{MINUS SIGN}") for of in (found, said))
     if answer == BETTER:
-        return f"P{found}", f"{said} A use explains the wear better than heights alone do."
+        return (
+            f"Pressed {found}",
+            f"{said} A use explains the wear better than heights alone do.",
+        )
     taken = "takes it" if use.taken.iloc[0] else "goes on as stated"
     return (
-        f"Perhaps p{found}",
+        f"Perhaps pressed {found}",
         f"{said} Heights alone may explain the wear as well, so that it need not have been so; the "
         f"study {taken}.",
     )

@@ -295,12 +295,18 @@ def test_the_use_is_said_with_what_was_stated():
     )
     assert "x 2.0 to 2.5, y 3.0 to 3.3 mm, radius 130 to 220 mm); stated were x 2.5 and y" in said
     assert used(use.assign(answer=CONSISTENT), 5.0)[0].startswith("Perhaps pressed at x 2.2 mm")
-    assert "beyond the square" not in said
-    off = used(use.assign(low=[-0.1, 3, 133.1]), 5.0)[1]
-    assert "x \N{MINUS SIGN}0.1 to 2.5" in off
-    assert "beyond the square" in off
-    assert "beyond the square" in used(use.assign(high=[2.5, 5.1, 224.1]), 5.0)[1]
+    assert "eyond" not in said
     assert used(use.assign(effective_draws=0.0), 5.0)[0] == "Cannot be read from the wear"
+    off, where = used(use.assign(low=[-0.1, 3, 133.1]), 5.0)
+    assert off == "Pressed near or beyond the edge x = 0 mm of the square"
+    assert where.startswith(": found at x 2.2 mm and y 3.1 mm against a tool of 170 mm radius")
+    assert "x \N{MINUS SIGN}0.1 to 2.5" in where
+    assert "intervals are too narrow" in where
+    both = use.assign(low=[-0.1, 3, 133.1], high=[2.5, 5.1, 224.1], answer=CONSISTENT)
+    assert (
+        used(both, 5.0)[0]
+        == "Perhaps pressed near or beyond the edges x = 0 and y = 5 mm of the square"
+    )
 
 
 def test_every_model_has_words():
