@@ -325,19 +325,25 @@ function hint() {
   if (!viewer) return "";
   const first = ["the reference corner, from which x and y run", "the end of x", "the end of y"];
   if (!isPlacing() && chosen("pick") === "corners") return `Click ${first[clicks.length]}.`;
-  if (!frame()) return "Click the middle of the square.";
+  const isAll = state.patches.every(isSet);
+  if (!frame())
+    return `Click the middle of the square.${state.has_scans
+      ? " With an overview map, Find their exact places needs none." : ""}`;
   if (!isPlacing()) {
     const isOff = (corner) => !viewer.normal(corner, size() / 2);
     if (corners(frame(), size() / 2, size() / 2, size()).some(isOff))
       return "A corner is off the stone: does the square stick out?";
-    return "The square is laid. Turn it, or click elsewhere.";
+    return `The square is laid${isAll && state.patches.length
+      ? ", and all places are on it: a click would move it away from them."
+      : ". Turn it, or click elsewhere."}`;
   }
   if (isPressing()) return "Click where the force acted on average.";
   if (!state.has_scans) return "Click each place whose wear you can grade: 0 is unworn.";
   const left = state.patches.filter((patch) => !isSet(patch)).length;
   if (left) return `Drag ${left} more to their places.`;
   const out = state.patches.filter(sticksOut).length;
-  return out ? `${out} stick out of the square: move them, or make it larger.` : "All are placed.";
+  return out ? `${out} stick out of the square: move them, or make it larger.`
+    : "All are placed: go on to 2, How.";
 }
 
 function draw() {
@@ -361,6 +367,7 @@ function draw() {
   for (const id of ["together-asked", "of-all", "opacity-asked", "exact-asked"]) $(id).hidden = !state.has_scans;
   $("of-all").hidden ||= !$("together").checked;
   $("add-asked").hidden = state.has_scans;
+  $("scan-keys").hidden = !state.has_scans;
   $("undo").disabled = !earlier.length && !clicks.length;
   $("straight").disabled = !found;
   $("whole").disabled = placing;
@@ -370,7 +377,9 @@ function draw() {
   drawList();
 }
 
-function setMode() {
+/** Show what the mode needs; or another mode. */
+function setMode(mode) {
+  if (mode) all("[name=mode]").find((choice) => choice.value === mode).checked = true;
   if (isPlacing()) straighten();
   const canvas = document.querySelector("canvas");
   if (canvas) canvas.tabIndex = isPlacing() ? -1 : 0; // else its keys would turn it away
@@ -387,8 +396,11 @@ async function showStone() {
   if (!viewer) return;
   viewer.onclick = picked;
   say("");
-  if (frame()) straighten();
-  draw();
+  if (frame() && state.patches.length && state.patches.every(isSet)) setMode("places");
+  else {
+    if (frame()) straighten();
+    draw();
+  }
 }
 
 $("size").onchange = () => {
@@ -447,7 +459,8 @@ $("exact").onclick = () => told(last.then(async () => {
     Object.assign(state.patches.find(({ patch }) => patch === place.patch), place);
   await savePlaces();
   if (found.places.length) await answer(found.answers);
-  say(`${found.all}. Others stay where they were; each says how well it fits.`, !found.places.length);
+  say(found.all, !found.places.length);
+  if (found.places.length) setMode("places"); // where each says how well it fits
 }));
 $("add").onclick = () => addPlace(size() / 2, size() / 2);
 $("plan").onpointerdown = () => { dragged = false; };
@@ -458,13 +471,14 @@ $("plan").onclick = (event) => {
 for (const id of ["load-x", "load-y"])
   $(id).onchange = () => pressAt(Number($("load-x").value), Number($("load-y").value));
 $("load-middle").onclick = () => answer({ "load.at_mm": null });
-for (const choice of all("[name=mode]")) choice.onchange = setMode;
+for (const choice of all("[name=mode]")) choice.onchange = () => setMode();
 for (const choice of all("[name=pick]")) choice.onchange = () => { clicks = []; draw(); };
 
 // --- step 2: each choice is the values that it writes
 
-const isAnswer = (values) =>
-  Object.entries(values).every(([key, value]) => state.answers[key] === value);
+// how a scan is flipped, the mesh may have told
+const isAnswer = (values) => Object.entries(values).every(
+  ([key, value]) => key === "scans.mould.flip" || state.answers[key] === value);
 const valuesOf = (choice) => JSON.parse(choice.dataset.values);
 const isToDo = (value) => typeof value === "string" && value.startsWith("TODO");
 /** Whether one of these keys of the scans is still to be given: before, they cannot be shown. */
@@ -507,6 +521,8 @@ function showAnswers() {
 /** Which scan a patch has at an epoch, where neither names nor heights say it. */
 function showFiles() {
   $("files").hidden = !state.asked.length;
+  const words = { t0: "before use", t1: "after use", repeat: "again, without use" };
+  $("as-likely").hidden = !state.asked.some(({ likely }) => likely);
   $("files").querySelector("div").replaceChildren(...state.asked.map(({ patch, column, likely }) => {
     const none = column === "t0" ? [] : [new Option("none", "")];
     const names = state.files.map((name) => new Option(name));
@@ -515,9 +531,15 @@ function showFiles() {
       await save("file", { patch, column, name: choice.value });
       await load();
     };
-    return make("label", {}, `${column} of ${patch} `, choice, likely && ` likely ${likely}`);
+    return make("label", {}, `${patch} ${words[column]} `, choice, likely && ` likely ${likely}`);
   }));
 }
+
+$("as-likely").onclick = async () => {
+  for (const { patch, column, likely } of state.asked.filter((each) => each.likely))
+    await save("file", { patch, column, name: likely });
+  await load();
+};
 
 $("own-modulus").lastElementChild.onclick = () => answer({ "material.contact_modulus_MPa": null });
 
@@ -557,7 +579,7 @@ function howItIs(name, { running, code, changed }) {
   if (running) return "Running …";
   if (changed) return "Something was changed since this was said.";
   if (code === null) return ""; // of another server
-  if (code === 0) return "Done.";
+  if (code === 0) return name === "check" ? "Done: go on to 4, Run." : "Done: go on to 5, Result.";
   if (code < 0) return "Stopped.";
   return name === "check" ? "Not yet: see below." : "It ended before it was done: see below.";
 }
@@ -629,7 +651,7 @@ async function showResult() {
 
 function show() {
   const step = STEPS.includes(location.hash.slice(1)) ? location.hash.slice(1)
-    : frame() && state.patches.every(isSet) ? "how" : "where";
+    : frame() && state.patches.every(isSet) && !state.asked.length ? "how" : "where";
   for (const each of STEPS) $(each).hidden = each !== step;
   for (const link of all("nav a")) {
     if (link.hash === `#${step}`) link.setAttribute("aria-current", "step");

@@ -83,17 +83,31 @@ def find_places(path: Path) -> dict[str, Any]:
             return {"square": square, "places": [], "said": {}, "all": why, "answers": {}}
         places = {patch: match.place for patch, match in matches.items() if match.found}
         said = {patch: described(match) for patch, match in matches.items()}
+    answers, turn = _of_matches(config, matches, places)
     return {
         "square": {"points_mm": laid, "size_mm": size_mm},
-        "places": [{"patch": patch} | _shown(place) for patch, place in places.items()],
+        "places": [{"patch": patch} | _shown(place, turn) for patch, place in places.items()],
         "said": said,
-        "all": f"{len(places)} of {len(rows)} found",
-        "answers": _of_matches(config, [matches[patch] for patch in places]),
+        "all": _how_many(len(places), len(rows)),
+        "answers": answers,
     }
 
 
-def _shown(place: Place) -> dict[str, float]:
-    return {name: round(value, DECIMALS) for name, value in place._asdict().items()}
+def _shown(place: Place, turn: float) -> dict[str, float]:
+    rotation_deg = (place.rotation_deg + turn + 180) % 360 - 180
+    turned = place._replace(rotation_deg=rotation_deg)
+    return {name: round(value, DECIMALS) for name, value in turned._asdict().items()}
+
+
+def _how_many(found: int, scans: int) -> str:
+    """How many scans are found, and what to do next."""
+    if not found:
+        return (
+            "No scan is found, and all stay where they were: does each lie within half a "
+            "millimetre of its place, and turned as on the stone, within 10°?"
+        )
+    rest = "" if found == scans else " The others stay where they were."
+    return f"{found} of {scans} are found; each says how well it fits.{rest}"
 
 
 def _nothing_found(found: Found) -> str:
@@ -103,18 +117,30 @@ def _nothing_found(found: Found) -> str:
     return f"has scans that are not found on the stone: {described(found.on_stone)}"
 
 
-def _of_matches(config: Mapping, matches: Sequence[Match]) -> dict[str, Any]:
-    """How moulds are undone and how sure places are, by scans that were matched undone."""
-    if not matches:
-        return {}
-    mould, match = config["scans"]["mould"], matches[0]
-    error_um = math.ceil(1e3 * math.sqrt(np.mean([each.error_mm**2 for each in matches])))
+def _of_matches(
+    config: Mapping, matches: Mapping[str, Match], places: Mapping[str, Place]
+) -> tuple[dict[str, Any], float]:
+    """How moulds are undone and how sure places are, by scans that were matched undone.
+
+    And by how much (degrees) each is turned besides.
+    """
+    if not places:
+        return {}, 0.0
+    mould, match = config["scans"]["mould"], matches[next(iter(places))]
+    errors_mm = [matches[patch].error_mm for patch in places]
+    error_um = math.ceil(1e3 * math.sqrt(np.mean(np.square(errors_mm))))
     values: dict[str, Any] = {"uncertainty.placement_um": error_um}
     if match.inverted:
         values["scans.mould.invert"] = not mould["invert"]
-    if match.mirrored:
-        values["scans.mould.flip"] = "x" if mould["flip"] is None else None
-    return values
+    if not match.mirrored:
+        return values, 0.0
+    # a map that is reversed along y is that reversed along x, and turned by 180 degrees
+    flip, turn = {None: ("x", 0.0), "x": (None, 0.0), "y": (None, 180.0)}[mould["flip"]]
+    upright = np.cos(np.radians([place.rotation_deg + turn for place in places.values()])).sum()
+    if flip == "x" and upright < 0:  # as it was scanned rather than upside down
+        flip, turn = "y", 180.0
+    values["scans.mould.flip"] = flip
+    return values, turn
 
 
 def _overview_of(config: Mapping, used: Sequence[str]) -> xr.DataArray | None:

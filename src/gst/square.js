@@ -60,8 +60,8 @@ function drawSquare(viewer, frame, side) {
     viewer.addOutline(corners(frame, side / 2, side / 2, side), "#c4400a", 3),
     viewer.addLabel(frame.origin, "●"),
     viewer.addLabel(at(frame, -side / 8, -side / 8), "reference"),
-    viewer.addLabel(at(frame, 1.1 * side, 0), "x"),
-    viewer.addLabel(at(frame, 0, 1.1 * side), "y"),
+    viewer.addLabel(at(frame, 1.04 * side, 0), "x"),
+    viewer.addLabel(at(frame, 0, 1.04 * side), "y"),
   ];
 }
 

@@ -252,28 +252,39 @@ def test_scans_move_together_if_each_has_a_place_from_the_stage(server, study):
     assert ask(server, "stage") == (200, {"all": True})
 
 
-def test_scans_find_their_exact_places_near_those_by_hand(server, study):
+FOUND = "3 of 4 are found; each says how well it fits. The others stay where they were."
+
+
+@pytest.mark.parametrize(
+    ("flip", "stated"), [("null", "null"), ("x", "null"), ("y", "null"), ("null", "y")]
+)
+def test_scans_find_their_exact_places_near_those_by_hand(server, study, flip, stated):
     heights = rough_stone(study / "stone.ply")
     right = {"A": (9.0, 13.0), "B": (11.0, 12.0), "C": (10.0, 10.5), "D": (12.0, 10.0)}
     for patch, centre in right.items():
         scan = taken(heights, centre, 8.0, SIZE, SPACING)
         if patch == "D":  # smooth
             scan = 1e-4 * np.random.default_rng(2).normal(size=scan.shape)
+        scan = {"null": scan, "x": scan[:, ::-1], "y": scan[::-1]}[flip]
         write_plu(study / f"scans/{patch}.plu", scan, SPACING)
     corners = np.array([[8.0, 8.0, 0, 1], [13.0, 8.0, 0, 1], [8.0, 13.0, 0, 1]]) @ TURN.T
-    (study / "study.yaml").write_text(CONFIG.replace("TODO", str(corners[:, :3].tolist())))
+    config = CONFIG.replace("flip: null", f"flip: {stated}")
+    (study / "study.yaml").write_text(config.replace("TODO", str(corners[:, :3].tolist())))
     off = zip(right.items(), [(0.4, -0.3), (-0.2, 0.5), (0.1, 0.3), (0, 0)], strict=True)
     lines = [f"{p}\t{x - 8 + dx}\t{y - 8 + dy}\t{p}.plu\n" for (p, (y, x)), (dy, dx) in off]
     (study / "patches.tsv").write_text("patch\tx_mm\ty_mm\tt0\n" + "".join(lines))
     status, found = ask(server, "find", {})
-    assert (status, found["all"]) == (200, "3 of 4 found")
+    assert (status, found["all"]) == (200, FOUND)
     assert "not found" in found["said"]["D"]
     for place in found["places"]:
         expected = np.subtract(right[place["patch"]], 8.0)
         assert [place["y_mm"], place["x_mm"]] == pytest.approx(expected, abs=0.06)
         assert place["rotation_deg"] == pytest.approx(8, abs=3)
-    assert set(found["answers"]) == {"uncertainty.placement_um"}
     assert ask(server, "answers", found["answers"]) == (200, None)
+    assert found["answers"].pop("uncertainty.placement_um") > 0
+    assert found["answers"] == (
+        {"scans.mould.flip": yaml.safe_load(flip)} if flip != stated else {}
+    )
     (study / "study.yaml").write_text(CONFIG)
     assert "neither an overview" in ask(server, "find", {})[1]["error"]
 

@@ -270,7 +270,7 @@ def test_the_five_steps(browser, folder, finished_tiny, stone):
     text = (folder / "study.yaml").read_text()
     with opened(browser, folder) as (page, _):  # of another server, on another port
         page.click("text=1 Where")
-        page.wait_for_selector("#plan", state="hidden")
+        page.wait_for_selector("#plan")  # all scans are placed
         assert page.input_value("#size") == "5"
         assert (folder / "study.yaml").read_text() == text  # to look is not to change
         say_how(page, folder)
