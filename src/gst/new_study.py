@@ -23,7 +23,7 @@ from gst.config import complete
 from gst.edited import with_values
 from gst.patches import cell_of
 from gst.place_matching import Found, corners_of, described, located, on_square
-from gst.scan_folder import Pairs, Scan, pair_scans, read_scans, scans_in
+from gst.scan_folder import OTHER_SPACING, Pairs, Scan, pair_scans, read_scans, scans_in
 from gst.todo import TODO, is_to_do, left_in
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
@@ -235,7 +235,7 @@ def _of_files(scans: Sequence[Scan], units: dict[str, Any]) -> _Said:
     """How many scans there are, how large, and in which unit."""
     unit, count = units["scans.unit"], f"{len(scans)} files"
     if unit == TODO:
-        text = f"{count}, of which some state neither unit nor spacing: which are they?"
+        text = f"{count}; some state neither unit nor spacing: what are these?"
         return _Said("Scans", text, _TO_DO)
     sizes = {f"{width:.3g} × {height:.3g}" for height, width in (s.size_mm for s in scans)}
     steps = {f"{1e3 * scan.spacing_mm[1]:.3g}" for scan in scans}
@@ -248,8 +248,11 @@ def _sizes(
     scans: Sequence[Scan], units: dict[str, Any]
 ) -> tuple[dict[str, Any], bool, list[_Said]]:
     """The side of the patches, and whether they are cut from the scans before use."""
-    if units["scans.unit"] == TODO:  # of points without a spacing, nothing tells it
-        return {"scans.size_mm": TODO}, False, []
+    if units["scans.unit"] == TODO:  # of points without a spacing, only the others tell it
+        known = [side for scan in scans if scan.unit != TODO for side in scan.size_mm]
+        is_likely = known and max(known) - min(known) <= _SAME_SIZE * min(known)
+        likely = f"{TODO} {np.mean(known):.3g}" if is_likely else TODO
+        return {"scans.size_mm": likely}, False, []
     sides = [side for scan in scans for side in scan.size_mm]
     shorter = [min(scan.size_mm) for scan in scans]
     if max(sides) - min(sides) <= _SAME_SIZE * min(sides):
@@ -278,6 +281,12 @@ def _of_pairs(pairs: Pairs) -> Iterator[_Said]:
     after = sum(row.t1 not in ("", TODO) for row in pairs.rows)
     text = f"{len(shown)} places, {after} with a scan after use, {twice} scanned twice"
     yield _Said("", f"{text}; {pairs.earlier}" if pairs.earlier else text, _OK)
+    if any(evidence.endswith(OTHER_SPACING) for evidence in pairs.evidence):
+        text = (
+            "scans before and after use differ in spacing, so that nothing can be compared: scan "
+            "both with the same objective, or resample one in your instrument's software"
+        )
+        yield _Said("", text, _TO_DO)
     for question in pairs.questions:
         yield _Said("", question, _TO_DO)
     for overview in pairs.overviews:
@@ -306,6 +315,12 @@ def _where(
     stages, doubt = _stages([*first.values()], size_mm)
     overviews = [scan for scan in overviews if not is_to_do(scan.unit)]
     can_match = not (isinstance(size_mm, str) or is_to_do(stone.unit) or not scans)
+    if overviews and not can_match:
+        doubt = (
+            f"on {overviews[0].name}, once the units and the side of a patch are known (gst place: "
+            "Find their exact places)"
+        )
+        return _Where({}, {"square.size_mm": _square_mm()}, [_Said("Where", doubt, _TO_DO)])
     if can_match and (overviews or stages is not None):
         overview = max(overviews, key=lambda scan: min(scan.size_mm), default=None)
         found = located(

@@ -31,7 +31,7 @@ from gstlib.io.text import SCAN_UNITS
 from gstlib.preprocess.scans import prepare_scan
 from gstlib.surfaces.grid import coarser, make_surface, spacing_of
 
-__all__ = ["OVERVIEW", "Pairs", "Scan", "pair_scans", "read_scans", "scans_in"]
+__all__ = ["OTHER_SPACING", "OVERVIEW", "Pairs", "Scan", "pair_scans", "read_scans", "scans_in"]
 
 # Points along a scan that is compared with others, and points that make a loss.
 _COARSE, _SPOT = 128, 2
@@ -40,6 +40,7 @@ _FIELDS = 0.05, 30.0
 # Comparing two scans takes a tenth of a second or two.
 _MOST_COMPARED, _MOST_OTHERS = 400, 40
 _NOT_FOUND, _ALONE = "; not found by heights", "; no other scan shows this place"
+OTHER_SPACING = "; not compared by heights"
 # Spacings that differ by less (a share) are one.
 _SAME_SPACING = 1e-3
 # A map so many times as long as the other scans shows the places of several.
@@ -209,6 +210,11 @@ class _Comparisons:
             self._known[before, after] = self._compare(*pair)
         return self._known[before, after]
 
+    def can(self, before: str, after: str) -> bool:
+        """Whether the heights of two scans can be compared: on one spacing alone."""
+        steps = [max(self.scans[name].spacing_mm) for name in (before, after)]
+        return max(steps) <= (1 + _SAME_SPACING) * min(steps)
+
     def turned(self, before: str, after: str) -> str:
         """The orientation in which a scan is found on another; empty if there is none."""
         one, other = self.scans[before], self.scans[after]
@@ -269,8 +275,9 @@ def _doubtful(name: str) -> str:
 
 def _overviews(scans: Sequence[Scan]) -> list[Scan]:
     """Maps that are larger than the others, as of several places."""
-    usual = np.median([max(scan.size_mm) for scan in scans])
-    return [scan for scan in scans if max(scan.size_mm) > OVERVIEW * usual]
+    known = [scan for scan in scans if scan.unit != TODO]  # of the others, the size is not
+    usual = np.median([max(scan.size_mm) for scan in known or scans])
+    return [scan for scan in known if max(scan.size_mm) > OVERVIEW * usual]
 
 
 class _Told(NamedTuple):
@@ -297,8 +304,8 @@ def _by_heights(told: _Told, compare: _Comparisons) -> _Told:
             places = {name: now if of == former else of for name, of in places.items()}
     if all(question.kind != ORDER for question in told.names.questions):
         return _Told(read_names(everything, places), True, False, {})
-    steps = [max(scan.spacing_mm) for scan in compare.scans.values()]
-    if max(steps) > (1 + _SAME_SPACING) * min(steps):  # such cannot be found on each other
+    one, *rest = everything
+    if not all(compare.can(one, other) for other in rest):  # not found on each other
         return told
     later: set[str] = set()
     by_loss, questions = False, dict[str, str]()
@@ -340,6 +347,8 @@ def _held_against_heights(
         return row._replace(repeat=_doubtful(again)), "", [text]
     if not (t0 and t1):
         return row, " and heights" * bool(again), []
+    if not compare.can(t0, t1):
+        return row, OTHER_SPACING, []
     if compare(t0, t1).found:
         return row, " and heights", []
     others = [other.t0 for other in rows if other.t0 not in ("", t0)][:_MOST_OTHERS]
@@ -352,7 +361,10 @@ def _held_against_heights(
         "",
     )
     if not text and (turned := compare.turned(t0, t1)):
-        text = f"{t1} fits {t0} if it is {turned}: scan it as the first, or turn the file"
+        text = (
+            f"{t1} fits {t0} if it is {turned}: the two files begin at different corners, or it "
+            "was scanned otherwise; turn it in the program that wrote it"
+        )
     if text:
         return row._replace(t1=_doubtful(t1)), "", [text]
     return row, _NOT_FOUND, []
@@ -362,6 +374,7 @@ class _Evidence(NamedTuple):
     """In how many pairs something speaks for or against the order of t0 and t1."""
 
     pairs: int
+    compared: int  # whose heights can be
     found: int  # on each other by their heights
     fell: int  # whose heights clearly fell from t0 to t1
     rose: int
@@ -375,6 +388,7 @@ class _Evidence(NamedTuple):
         dated = [pair for pair in when if all(pair) and pair[0] != pair[1]]
         return cls(
             pairs=len(pairs),
+            compared=sum(compare.can(*pair) for pair in pairs),
             found=len(found),
             fell=sum(bool(is_more(each.loss, each.gain)) for each in found),
             rose=sum(bool(is_more(each.gain, each.loss)) for each in found),
@@ -389,12 +403,12 @@ class _Evidence(NamedTuple):
 
 def _which_is_earlier(epochs: tuple[str, str], evidence: _Evidence) -> tuple[str, list[str]]:
     """Which scans are the earlier and why, and questions."""
-    pairs, found, fell, *_ = evidence
+    pairs, compared, found, fell, *_ = evidence
     by = ["by name"] * any(epochs)
     by += ["by the dates in the files"] * evidence.has_order_of_dates
     by += [f"{fell} of {pairs} lost height"] * bool(fell)
     questions = []
-    if not found and pairs > 1:
+    if not found and compared > 1:
         questions.append("no scan after use is found by its heights on the one before use")
     if evidence.backwards:
         text = (
@@ -408,7 +422,7 @@ def _stone_or_mould(
     epochs: tuple[str, str], evidence: _Evidence, *, by_loss: bool
 ) -> tuple[bool | str, str]:
     """Whether moulds were scanned, and why: there, heights rise where the stone lost some."""
-    pairs, _, fell, rose, *_ = evidence
+    pairs, _, _, fell, rose, *_ = evidence
     if rose > fell:
         said = f"heights rose with use in {rose} of {pairs} pairs"
         if any(epochs) and evidence.has_order_of_dates:

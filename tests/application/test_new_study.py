@@ -143,6 +143,16 @@ def test_scans_that_cannot_be_compared_are_not_taken_for_different_places(lab):
     assert "none of the names says" in said
 
 
+def test_scans_of_two_instruments_that_cannot_be_compared_are_named(lab):
+    for place in range(2):
+        write_scan(lab / f"scans/E{place}_T0.plu", ground(place))
+        write_plu(lab / f"scans/E{place}_T1.plu", ground(place)[::2, ::2], 2 * SPACING)
+    said, _, rows = new(lab)
+    assert scans_of(rows) == [(f"E{n}", f"E{n}_T0.plu", f"E{n}_T1.plu") for n in range(2)]
+    assert "differ in spacing" in said
+    assert "is found by its heights" not in said  # they were not compared
+
+
 def test_dates_in_the_files_tell_moulds_from_exchanged_epochs(lab):
     write_pairs(lab, by_word, sign=-1)
     said, config, _ = new(lab)
@@ -216,12 +226,16 @@ def test_a_mesh_is_in_the_unit_that_makes_a_stone(lab, longest, unit):
 
 def test_text_is_in_the_unit_that_makes_a_scan(lab):
     y, x = np.indices((POINTS, POINTS)).reshape(2, -1) * SPACING
-    heights = ground(0).ravel()
-    np.savetxt(lab / "scans/1_T0.xyz", np.transpose([x, y, heights]), fmt="%.6f")
+    for place in (0, 1):
+        points = np.transpose([x, y, ground(place).ravel()])
+        np.savetxt(lab / f"scans/{place}_T0.xyz", points, fmt="%.6f")
     assert new(lab)[1]["scans"]["unit"] == "mm"
     np.savetxt(lab / "scans/2_T0.csv", ground(1), delimiter=",", fmt="%.6f")
     scans = new(lab)[1]["scans"]
-    assert [scans[key] for key in ("unit", "spacing_um", "size_mm")] == 3 * ["TODO"]
+    assert [scans[key] for key in ("unit", "spacing_um")] == 2 * ["TODO"]
+    assert scans["size_mm"] == f"TODO {POINTS * SPACING:.3g}"  # as of the other
+    write_plu(lab / "scans/overview.plu", np.tile(ground(1), (3, 3)), SPACING)
+    assert "overview.plu, once the units" in new(lab)[0]
 
 
 def test_maps_that_are_not_square_are_cut(lab):
