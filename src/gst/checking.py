@@ -23,6 +23,7 @@ from gst.poses import poses_of, reach_of
 from gst.provenance import refuse_other_study
 from gstlib.conditions import load_force, load_point, study_modulus
 from gstlib.coupling.placement import AGREES, ALL, CANNOT_TELL, shows_waves
+from gstlib.coupling.pressures import patch_pressures
 from gstlib.errors import NOTE, GstError, InputsError, unaccepted
 from gstlib.io.files import check_writable
 from gstlib.macroscale.plausibility import plausibility_warnings
@@ -47,6 +48,13 @@ def _at_rest(study: Study) -> dict[str, str]:
     contact, size_mm = study.contact, study.config["square"]["size_mm"]
     for doubt in plausibility_warnings(contact, size_mm=size_mm):
         _log.warning("%s", doubt)
+    patch_mm = study.config["scans"]["size_mm"]
+    pressed = patch_pressures(contact.pressure, study.patches, size_mm=patch_mm)
+    if len(pressed) and not (pressed.pressure_MPa > 0).any():
+        _log.warning(
+            "of the mesh alone, no patch is touched: there may be nothing to compare with wear; "
+            "correct load.at_mm, load.force_N or counterface.radius_mm if it was used otherwise"
+        )
     plane, inside = contact.interface.plane, square_of(contact.pressure, size_mm)
     tilt = 1e3 * float(np.hypot(plane.slope_y, plane.slope_x))
     share = float(inside.sum() / contact.pressure.sum())

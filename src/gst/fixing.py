@@ -9,6 +9,7 @@ import difflib
 import itertools
 import logging
 import math
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -188,11 +189,11 @@ def offer(config: Path, cures: Sequence[Cure], *, is_confirmed: bool = False) ->
 
 
 def _confirmed() -> bool:
-    try:
-        return input("\nWrite this, and keep the files as they are beside it? [y/N] ") == "y"
-    except EOFError:  # nobody is there to answer
-        print()
-        return False
+    if sys.stdin.isatty():
+        print(
+            "\nWrite this, and keep the files as they are beside it? [y/N] ", end="", flush=True
+        )
+    return sys.stdin.readline().strip() == "y"  # empty where nobody is there to answer
 
 
 def _names_beside(path: Path) -> Iterator[Path]:

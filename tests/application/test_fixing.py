@@ -1,5 +1,6 @@
 """`gst check --fix`: what has one cure gets it, what has two does not; nothing is lost."""
 
+import io
 from types import SimpleNamespace
 
 import numpy as np
@@ -116,7 +117,7 @@ def files(tmp_path, monkeypatch):
 
 
 def answered(monkeypatch, answer):
-    monkeypatch.setattr("builtins.input", lambda _: answer)
+    monkeypatch.setattr("sys.stdin", io.StringIO(9 * f"{answer}\n"))
 
 
 CURES = [
@@ -145,10 +146,7 @@ def test_the_difference_is_shown_and_copies_are_kept(files, monkeypatch, capsys)
 
 
 def test_where_nobody_can_answer_nothing_is_written_unless_it_is_confirmed(files, monkeypatch):
-    def nobody(_):
-        raise EOFError
-
-    monkeypatch.setattr("builtins.input", nobody)
+    monkeypatch.setattr("sys.stdin", io.StringIO())
     assert not offer(files / "study.yaml", CURES)
     assert (files / "study.yaml").read_text() == CONFIG
     assert offer(files / "study.yaml", CURES, is_confirmed=True)

@@ -54,6 +54,14 @@ def test_a_load_that_nothing_can_hold_is_told(measured):
     assert (code, missing(said, "of the edge of what is pressed", "1 warning")) == (0, [])
 
 
+def test_a_load_that_no_patch_bears_is_told(measured):
+    for force_N, is_told in ((0.1, True), (550.0, False)):
+        load = {"force_N": force_N, "at_mm": [0.6, 4.4]}
+        measured.change(load=load, counterface={"radius_mm": 20.0})
+        code, said = check(measured)
+        assert (code, "no patch is touched" in said) == (0, is_told), said
+
+
 def test_every_problem_of_a_config(study):
     study.change(macroscale={"grid": -4, "steppes": 3}, material={"poisson_1": 0.7})
     words = ("macroscale.grid", "-4", "steppes", "remove or correct", "material.poisson_1", "0.7")
