@@ -146,7 +146,7 @@ def raking(height: xr.DataArray, pixels: int) -> Image.Image:
     """Heights (mm) lit from the upper left, at most so many `pixels` wide; as `picture_of`."""
     # Not by matplotlib's LightSource, which stretches the brightness of each picture by itself: two
     # could not be compared.
-    known = height.fillna(float(height.mean())).values
+    known = height.fillna(height.mean().fillna(0)).values  # where nothing is measured, level
     slope_y, slope_x = (_STEEPER * of for of in np.gradient(known, *spacing_of(height)))
     towards = (slope_x - slope_y + np.sqrt(2)) / 2 / np.sqrt(1 + slope_y**2 + slope_x**2)
     grey = np.round(255 * towards.clip(0, 1)).astype(np.uint8)
