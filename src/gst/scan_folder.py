@@ -40,7 +40,7 @@ _FIELDS = 0.05, 30.0
 # Comparing two scans takes a tenth of a second or two.
 _MOST_COMPARED, _MOST_OTHERS = 400, 40
 _NOT_FOUND, _ALONE = "; not found by heights", "; no other scan shows this place"
-OTHER_SPACING = "; not compared by heights"
+OTHER_SPACING, _NO_SPACING = "; not compared: another spacing", "; not compared: which spacing?"
 # Spacings that differ by less (a share) are one.
 _SAME_SPACING = 1e-3
 # A map so many times as long as the other scans shows the places of several.
@@ -347,6 +347,8 @@ def _held_against_heights(
         return row._replace(repeat=_doubtful(again)), "", [text]
     if not (t0 and t1):
         return row, " and heights" * bool(again), []
+    if TODO in {compare.scans[name].unit for name in (t0, t1)}:
+        return row, _NO_SPACING, []
     if not compare.can(t0, t1):
         return row, OTHER_SPACING, []
     if compare(t0, t1).found:

@@ -167,11 +167,11 @@ def used(use: pd.DataFrame, square_mm: float) -> tuple[str, str]:
             f"Pressed {found}",
             f"{said} A use explains the wear better than heights alone do.",
         )
-    taken = "takes it" if use.taken.iloc[0] else "goes on as stated"
+    under = "under this use" if use.taken.iloc[0] else "as stated"
     return (
         f"Perhaps pressed {found}",
-        f"{said} Heights alone may explain the wear as well, so that it need not have been so; the "
-        f"study {taken}.",
+        f"{said} Heights alone may explain the wear as well: it may have been used otherwise. The "
+        f"study goes on {under}.",
     )
 
 
