@@ -1,7 +1,7 @@
 """Registration of T1 to T0: gstlib's against well-kept libraries, on scans with known truth.
 
     uv run --with scikit-image --with simpleitk --with pystackreg --with opencv-python-headless \
-        python benchmarks/registration.py --cases 10
+        python benchmarks/registration.py --cases 8 --output benchmarks/results/registration.csv
 
 Each library gets what it asks for: band-passed heights, the coarse shift found by scikit-image's
 masked correlation over the overlap, a plane taken off; those that take a mask are run again
@@ -14,6 +14,7 @@ import argparse
 import math
 import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -343,7 +344,7 @@ def arguments():
     parser.add_argument("--cases", type=int, default=10, help="pairs of scans a condition")
     parser.add_argument("--size", type=int, default=512, help="points along a side")
     parser.add_argument("--methods", nargs="*", help="parts of names")
-    parser.add_argument("--output", help="CSV of the summary")
+    parser.add_argument("--output", type=Path, help="CSV of the summary")
     return parser.parse_args()
 
 
