@@ -347,7 +347,7 @@ def _held_against_heights(
         return row._replace(repeat=_doubtful(again)), "", [text]
     if not (t0 and t1):
         return row, " and heights" * bool(again), []
-    if TODO in {compare.scans[name].unit for name in (t0, t1)}:
+    if len({compare.scans[name].unit == TODO for name in (t0, t1)}) > 1:  # both may be alike
         return row, _NO_SPACING, []
     if not compare.can(t0, t1):
         return row, OTHER_SPACING, []
