@@ -83,7 +83,7 @@ test-faults: $(READY) ## kill runs, fill disks, damage files, and count what is 
 hooks: $(READY) ## check the style of each commit before it is made
 	$(BIN)/pre-commit install
 
-bench: $(READY) ## measure the contact solver against other codes (an hour)
+bench: $(READY) ## measure the contact solver against other codes (90 minutes)
 	$(BIN)/python benchmarks/run.py
 
 evidence: $(READY) ## print what the committed rows show, and how old they are

@@ -1,10 +1,11 @@
 """What is measured: codes, and the cases they are put to."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from problems import Surface
+from problems import CUT_OFF, Surface
 
-__all__ = ["CASES", "CODES", "GOAL", "Case", "Code", "Growth"]
+__all__ = ["CASES", "CODES", "GOAL", "Case", "Code", "Grids", "Growth"]
 
 # Accuracy asked of every code: gap error over r.m.s. height, by our evaluator.
 GOAL = 1e-9
@@ -78,21 +79,31 @@ class Case:
     steps: int = 1
 
 
+class Grids(NamedTuple):
+    """Grids of several sizes for one code, one surface a seed; shortest wave in elements."""
+
+    code: str
+    sizes: tuple[int, ...]
+    seeds: tuple[int, ...] = (0,)
+    cut_off: int = CUT_OFF
+
+
 @dataclass(frozen=True)
 class Growth:
-    """One problem on finer and finer grids: (code, sizes, seeds) and what --all adds."""
+    """One problem on finer and finer grids, and what --all adds."""
 
     name: str
     title: str
     pressure: float
-    runs: tuple[tuple[str, tuple[int, ...], tuple[int, ...]], ...]
-    more: tuple[tuple[str, tuple[int, ...], tuple[int, ...]], ...]
+    runs: tuple[Grids, ...]
+    more: tuple[Grids, ...]
 
 
 _NATIVE = ("aspher native, FFT", "aspher native, FFT mixed precision")
 _SINGLE = tuple(
     label for label in CODES if not label.startswith("aspher native") and "warm" not in label
 )
+_PERIODIC = tuple(label for label in _SINGLE if label != "aspher, H2")
 _PATH = (
     "gstlib, load",
     "aspher, FFT",
@@ -102,6 +113,8 @@ _PATH = (
 )
 _PATH_MORE = ("aspher native, FFT warm", "ContactMechanics, CCG", "Tamaas, Polonsky–Keer–Rey")
 _P2 = Surface("rough", 512)
+_P2_PERIODIC = Surface("rough", 512, periodic=True)
+_SEEDS = (0, 1, 2, 3, 4)
 
 CASES = {
     case.name: case
@@ -142,20 +155,35 @@ CASES = {
             _PATH_MORE,
             steps=STEPS,
         ),
+        Case(
+            "periodic-76",
+            "Rough 512² at 76 MPa, periodic, cold, one thread",
+            _P2_PERIODIC,
+            76.0,
+            _PERIODIC,
+        ),
+        Case(
+            "periodic-2000",
+            "Rough 512² at 2000 MPa, periodic, cold, one thread",
+            _P2_PERIODIC,
+            2000.0,
+            _PERIODIC,
+        ),
         Growth(
             "growth",
             "Rough at 76 MPa, cold, one thread: finer grids",
             76.0,
             (
-                ("gstlib, load", (256, 512, 1024, 2048), (0, 1, 2, 3, 4)),
-                ("gstlib, load", (4096,), (0,)),
-                ("aspher, FFT", (256, 512, 1024, 2048, 4096), (0,)),
-                ("slippy, BCCG", (256, 512, 1024), (0,)),
+                Grids("gstlib, load", (256, 512, 1024, 2048, 4096), _SEEDS),
+                # with the waves of 2048²: is it the size, or the finer roughness?
+                Grids("gstlib, load", (4096,), _SEEDS, 2 * CUT_OFF),
+                Grids("aspher, FFT", (256, 512, 1024, 2048, 4096)),
+                Grids("slippy, BCCG", (256, 512, 1024)),
             ),
             (
-                ("aspher, FFT mixed precision", (256, 512, 1024, 2048), (0,)),
-                ("slippy, BCCG", (2048,), (0,)),
-                ("Tamaas, Polonsky–Keer–Rey", (256, 512, 1024), (0,)),
+                Grids("aspher, FFT mixed precision", (256, 512, 1024, 2048)),
+                Grids("slippy, BCCG", (2048,)),
+                Grids("Tamaas, Polonsky–Keer–Rey", (256, 512, 1024)),
             ),
         ),
     )

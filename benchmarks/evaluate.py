@@ -1,7 +1,8 @@
 """Accuracy of a pressure field, recomputed here: independent of every code that is measured.
 
 The displacement is a plain zero-padded convolution with Love's kernel (Johnson, *Contact Mechanics*
-(1985), eq. 3.25), by scipy.fft on twice the grid. Nothing of gstlib is used.
+(1985), eq. 3.25), by scipy.fft on twice the grid; on a periodic surface, each wave of the pressure
+times 2/(E*|q|) (ch. 13.2). Nothing of gstlib is used.
 """
 
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.fft
 
-__all__ = ["Accuracy", "displacement", "evaluate", "kernel"]
+__all__ = ["Accuracy", "displacement", "evaluate", "kernel", "periodic_displacement"]
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,19 @@ def displacement(pressure, spacing, modulus):
     return scipy.fft.irfft2(spectrum, padded)[:ny, :nx]
 
 
-def evaluate(pressure, heights, spacing, modulus, *, load=None, far_field=None) -> Accuracy:
+def periodic_displacement(pressure, spacing, modulus):
+    """Displacement (mm) from its mean under a pressure (MPa) that repeats itself, both (ny, nx)."""
+    ny, nx = pressure.shape
+    along_y, along_x = scipy.fft.fftfreq(ny, spacing), scipy.fft.rfftfreq(nx, spacing)
+    wave_number = 2 * np.pi * np.hypot(along_y[:, None], along_x)
+    wave_number[0, 0] = np.inf
+    spectrum = scipy.fft.rfft2(pressure) * (2 / (modulus * wave_number))
+    return scipy.fft.irfft2(spectrum, pressure.shape)
+
+
+def evaluate(
+    pressure, heights, spacing, modulus, *, load=None, far_field=None, periodic=False
+) -> Accuracy:
     """Accuracy of a pressure under load control (`load`, MPa) or displacement control (mm).
 
     Under load control the displacement is not prescribed: the one that suits the field best is
@@ -72,7 +85,8 @@ def evaluate(pressure, heights, spacing, modulus, *, load=None, far_field=None) 
     pressure = np.asarray(pressure, dtype=float)
     if not np.isfinite(pressure).all():
         return Accuracy(np.inf, np.inf, np.inf, np.nan, np.nan)
-    opening = displacement(pressure, spacing, modulus) + (heights.max() - heights)
+    sunk = periodic_displacement if periodic else displacement
+    opening = sunk(pressure, spacing, modulus) + (heights.max() - heights)
     contact = pressure > 0
     largest = opening[contact].max() if contact.any() else opening.min()
     if far_field is None:

@@ -6,12 +6,13 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from problems import CUT_OFF
 
 __all__ = ["draw"]
 
 PANELS = (
     ("rough-76", "rough 512², 76 MPa"),
-    ("rough-22", "rough 512², 22 MPa"),
+    ("periodic-76", "periodic, rough 512², 76 MPa"),
     ("hertz-512", "smooth sphere, 512²"),
     ("path-76", "20 steps to 76 MPa, rough 512²"),
 )
@@ -106,7 +107,7 @@ def _times(axis, rows, title, labels, named):
 def _growth(axis, rows, key, title):
     axis.set_title(title, fontsize=10, loc="left")
     axis.set(xscale="log", yscale="log")
-    rows = [row for row in rows if row[key]]
+    rows = [row for row in rows if row[key] and row["cut_off"] == CUT_OFF]
     for label in dict.fromkeys(row["code"] for row in rows):
         own = [row for row in rows if row["code"] == label]
         sizes = sorted({row["size"] for row in own})

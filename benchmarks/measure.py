@@ -58,10 +58,10 @@ class Run:
 
 def run(code: Code, surface: Surface, levels: dict, tolerance: float) -> Run:
     """Solve once in a process of its own, and evaluate what it returns."""
-    python = ENVIRONMENTS[code.environment].interpreter()
+    python, problem = ENVIRONMENTS[code.environment].interpreter(), surface.stored()
     with tempfile.TemporaryDirectory(dir=SCRATCH) as folder:
         task = {
-            "problem": str(surface.stored()),
+            "problem": str(problem),
             "variant": code.variant,
             "control": code.control,
             "levels": levels[code.control],
@@ -101,6 +101,7 @@ def run(code: Code, surface: Surface, levels: dict, tolerance: float) -> Run:
             MODULUS,
             load=level if control == "load" else None,
             far_field=level if control == "displacement" else None,
+            periodic=surface.periodic,
         )
         for field, level in zip(pressure, wanted, strict=True)
     ]
@@ -132,6 +133,7 @@ def levels_of(surface: Surface, pressure: float, steps: int) -> dict:
             MODULUS,
             target_pressure=pressure,
             steps=steps,
+            periodic=surface.periodic,
             tolerance=1e-11,
         )
         levels = {"load": list(path.mean_pressure), "displacement": list(path.displacement)}
@@ -246,23 +248,23 @@ def measure_growth(case: Growth, runs, calibration: Calibration, keep) -> list[d
     """Rows, one for each code, size and seed; `keep` stores them after each."""
     rows = []
     reached = {}
-    for label, sizes, seeds in runs:
+    for label, sizes, seeds, cut_off in runs:
         code = CODES[label]
         first = calibration.known.get(("rough-76", label), code.start)
         for size in sizes:
             for seed in seeds:
-                surface = Surface("rough", size, seed)
+                surface = Surface("rough", size, seed, cut_off)
                 try:
                     levels = {"load": [case.pressure]}
                     if code.control == "displacement":
                         levels = levels_of(surface, case.pressure, 1)
-                    tolerance = reached.get((label, seed), first)
+                    tolerance = reached.get((label, seed, cut_off), first)
                     for _ in range(8):
                         result = run(code, surface, levels, tolerance)
                         say(f"{case.name} {size}² seed {seed}", label, tolerance, result)
                         if result.reached:
                             # a finer grid starts with what the coarser one needed
-                            reached[label, seed] = tolerance
+                            reached[label, seed, cut_off] = tolerance
                             break
                         tolerance /= RUNG
                     else:
@@ -271,7 +273,7 @@ def measure_growth(case: Growth, runs, calibration: Calibration, keep) -> list[d
                     print(f"peer {label}: not available ({problem})", flush=True)
                     continue
                 entry = row(code, tolerance, 1, [result])
-                rows.append({"size": size, "seed": seed, **entry})
+                rows.append({"size": size, "seed": seed, "cut_off": cut_off, **entry})
                 keep(rows)
     return rows
 

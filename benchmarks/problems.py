@@ -8,7 +8,7 @@ import numpy as np
 
 from gstlib.specimen.randomness import self_affine_field, stream
 
-__all__ = ["MODULUS", "Surface"]
+__all__ = ["CUT_OFF", "MODULUS", "Surface"]
 
 SCRATCH = Path(__file__).parent / ".scratch"
 # Side of the patch (mm) and contact modulus (MPa) of the study.
@@ -22,22 +22,24 @@ RADIUS = 1.5
 
 @dataclass(frozen=True)
 class Surface:
-    """A surface on n × n elements of one patch.
+    """A surface on n × n elements of one patch, alone or `periodic`: repeated without end.
 
     `kind` "rough": self-affine, the same statistics at every n but for the cut-off, which stays at
     four *elements*: a finer grid shows finer roughness, so that the contact breaks up further and
-    the problem grows harder as well as larger. "sphere": a paraboloid.
+    the problem grows harder as well as larger. With another `cut_off`, in elements, that can be
+    told apart. "sphere": a paraboloid.
     """
 
     kind: str
     size: int
     seed: int = 0
+    cut_off: int = CUT_OFF
+    periodic: bool = False
 
     @property
     def name(self):
-        return f"{self.kind}-{self.size}" + (
-            f"-seed{self.seed}" if self.kind == "rough" else ""
-        )
+        rough = f"-seed{self.seed}-cut{self.cut_off}" if self.kind == "rough" else ""
+        return f"{self.kind}-{self.size}{rough}" + ("-periodic" if self.periodic else "")
 
     @property
     def spacing(self):
@@ -54,17 +56,21 @@ class Surface:
             self.spacing,
             hurst_exponent=HURST,
             roll_off=ROLL_OFF,
-            shortest=CUT_OFF * self.spacing,
+            shortest=self.cut_off * self.spacing,
         ).astype(float)
         return (field - field.mean()) * (RMS / field.std())
 
     def stored(self) -> Path:
         """The npz that runners read; written at the first call."""
-        recipe = repr((self, LENGTH, MODULUS, RMS, HURST, ROLL_OFF, CUT_OFF, RADIUS)).encode()
+        recipe = repr((self, LENGTH, MODULUS, RMS, HURST, ROLL_OFF, RADIUS)).encode()
         path = SCRATCH / f"{self.name}-{hashlib.sha256(recipe).hexdigest()[:8]}.npz"
         if not path.exists():
             SCRATCH.mkdir(exist_ok=True)
             np.savez(
-                path, heights=self.heights(), spacing=self.spacing, contact_modulus=MODULUS
+                path,
+                heights=self.heights(),
+                spacing=self.spacing,
+                contact_modulus=MODULUS,
+                periodic=self.periodic,
             )
         return path

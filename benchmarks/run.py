@@ -48,7 +48,7 @@ def measure(case, options, available, calibration):
     path = RESULTS / f"{case.name}.csv"
     if isinstance(case, Growth):
         runs = case.runs + (case.more if options.all else ())
-        runs = [entry for entry in runs if wanted(entry[0])]
+        runs = [entry for entry in runs if wanted(entry.code)]
         measure_growth(case, runs, calibration, lambda rows: write_table(path, rows))
     else:
         labels = case.codes + (case.more if options.all else ())
@@ -62,7 +62,7 @@ def check_environments(cases, options):
     needed = set()
     for case in cases:
         if isinstance(case, Growth):
-            labels = [run[0] for run in case.runs + (case.more if options.all else ())]
+            labels = [run.code for run in case.runs + (case.more if options.all else ())]
         else:
             labels = case.codes + (case.more if options.all else ())
         needed |= {CODES[label].environment for label in labels}

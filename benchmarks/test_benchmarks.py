@@ -6,7 +6,7 @@ Needs this project's environment only: ``python -m pytest benchmarks``.
 import numpy as np
 import pytest
 from cases import CODES, GOAL
-from evaluate import displacement, evaluate, kernel
+from evaluate import displacement, evaluate, kernel, periodic_displacement
 from measure import levels_of, run
 from problems import MODULUS, Surface
 from report import growth_factors
@@ -44,6 +44,18 @@ def test_displacement_is_the_direct_sum():
     np.testing.assert_allclose(displacement(pressure, SPACING, MODULUS), direct, rtol=1e-13)
 
 
+def test_displacement_of_a_wave():
+    """A wave p of length L sinks in by p L/(π E*) in any direction; a uniform pressure does not."""
+    row, column = np.indices((8, 12))
+    wave = np.cos(2 * np.pi * (row / 8 + 2 * column / 12))
+    length = SPACING / np.hypot(1 / 8, 2 / 12)
+    np.testing.assert_allclose(
+        periodic_displacement(3.0 + wave, SPACING, MODULUS),
+        wave * length / (np.pi * MODULUS),
+        atol=1e-15 * length,
+    )
+
+
 def test_a_wrong_pressure_is_seen():
     surface = Surface("rough", 32)
     rng = np.random.default_rng(2)
@@ -66,8 +78,9 @@ def test_a_wrong_pressure_is_seen():
 
 @pytest.mark.parametrize("label", ["gstlib, load", "gstlib, displacement"])
 @pytest.mark.parametrize("steps", [1, 3])
-def test_runner_of_gstlib(label, steps):
-    surface = Surface("rough", 32)
+@pytest.mark.parametrize("periodic", [False, True])
+def test_runner_of_gstlib(label, steps, periodic):
+    surface = Surface("rough", 32, periodic=periodic)
     result = run(CODES[label], surface, levels_of(surface, 76.0, steps), 1e-11)
     assert result.gap_error < GOAL
     assert 0 < result.contact_fraction < 0.5
@@ -76,8 +89,10 @@ def test_runner_of_gstlib(label, steps):
 
 
 def test_growth_is_taken_surface_by_surface():
+    counts = (256, 0, 4, 20), (256, 1, 4, 30), (512, 0, 4, 40), (512, 1, 4, 30), (512, 0, 8, 25)
     rows = [
-        {"code": "a", "size": size, "seed": seed, "convolutions": count}
-        for size, seed, count in ((256, 0, 20), (256, 1, 30), (512, 0, 40), (512, 1, 30))
+        {"code": "a", "size": size, "seed": seed, "cut_off": cut_off, "convolutions": count}
+        for size, seed, cut_off, count in counts
     ]
-    assert growth_factors(rows) == {("a", 512): (pytest.approx(2**0.5), 2.0)}
+    found = growth_factors(rows)
+    assert found == {("a", 512, 4): (pytest.approx(2**0.5), 2.0), ("a", 512, 8): (1.25, 1.25)}

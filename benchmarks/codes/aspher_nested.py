@@ -56,6 +56,8 @@ def path(gap, problem, task):
 
 
 def nested(gap, level, problem, task, options):
+    if problem.periodic:
+        options = {**options, "backend": "periodic"}
     return aspher.solve_nested(
         grid_size=len(problem.heights),
         gap=gap,

@@ -4,7 +4,8 @@ A runner is a script that the interpreter of its own code runs, in a fresh proce
 measurement: ``python codes/slippy_solvers.py task.json``. It needs numpy and its code only, and no
 newer Python than 3.10.
 
-The task (JSON) names `problem` (npz: heights (mm), spacing (mm), contact_modulus (MPa)), `variant`,
+The task (JSON) names `problem` (npz: heights (mm), spacing (mm), contact_modulus (MPa), periodic:
+whether the surface repeats itself; displacements then count from the mean), `variant`,
 `control` ("load": levels are mean pressures in MPa; "displacement": far-field displacements from
 first touch in mm), `levels` (ascending; one of them is a single solve), `target_pressure` (the
 last mean pressure), `tolerance` in the code's own sense, `threads`, and where to write `fields`
@@ -46,6 +47,7 @@ def main(solve):
             heights=stored["heights"],
             spacing=float(stored["spacing"]),
             modulus=float(stored["contact_modulus"]),
+            periodic=bool(stored["periodic"]),
         )
     before = _memory_mb("VmRSS")
     wall, cpu = time.perf_counter(), time.process_time()

@@ -5,7 +5,7 @@ Its tolerances are absolute: the task's one is taken in units of the r.m.s. heig
 
 import numpy as np
 from common import main
-from ContactMechanics import FreeFFTElasticHalfSpace
+from ContactMechanics import FreeFFTElasticHalfSpace, PeriodicFFTElasticHalfSpace
 from ContactMechanics.Systems import NonSmoothContactSystem
 from SurfaceTopography import Topography
 
@@ -15,7 +15,13 @@ MAX_ITERATIONS = 3000
 def solve(problem, task):
     heights, spacing = problem.heights, problem.spacing
     sizes = tuple(n * spacing for n in heights.shape)
-    substrate = FreeFFTElasticHalfSpace(heights.shape, problem.modulus, sizes)
+    if problem.periodic:
+        # Displacement counted from its mean: a uniform pressure gives none.
+        substrate = PeriodicFFTElasticHalfSpace(
+            heights.shape, problem.modulus, sizes, stiffness_q0=0.0
+        )
+    else:
+        substrate = FreeFFTElasticHalfSpace(heights.shape, problem.modulus, sizes)
     evaluate, calls = substrate.evaluate_disp, [0]
 
     def counted(*arguments, **options):
@@ -58,7 +64,7 @@ def by_load(problem, task, system, gap):
     heights = problem.heights
     padded = system.substrate.nb_subdomain_grid_pts
     ny, nx = heights.shape
-    # Its forces are negative in compression and live on the padded grid.
+    # Its forces are negative in compression and live on the padded grid, if there is one.
     force = np.zeros(padded)
     force[:ny, :nx] = -1.0
     forces, iterations, verdicts = [], 0, set()

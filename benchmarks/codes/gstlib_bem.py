@@ -3,6 +3,7 @@
 Named after neither package nor module, which it would hide from its own import.
 """
 
+import scipy.fft  # noqa: F401, which gstlib imports when it first transforms
 from common import main
 
 from gstlib.bem import load_path, solve_contact
@@ -10,7 +11,7 @@ from gstlib.bem import load_path, solve_contact
 
 def solve(problem, task):
     surface = (problem.heights, problem.spacing, problem.modulus)
-    options = {"tolerance": task.tolerance}
+    options = {"tolerance": task.tolerance, "periodic": problem.periodic}
     if len(task.levels) > 1:
         path = load_path(
             *surface,

@@ -1,4 +1,4 @@
-"""Tamaas: Polonsky–Keer–Rey under load with the non-periodic (dcfft) operator.
+"""Tamaas: Polonsky–Keer–Rey under load, periodic or with the non-periodic (dcfft) operator.
 
 The order matters: elastic constants before the operator, and the operator given to the solver too;
 otherwise it corrupts the kernel or solves the periodic problem, without a word.
@@ -20,10 +20,12 @@ def solve(problem, task):
         tamaas.model_type.basic_2d, sizes, list(heights.shape)
     )
     model.E, model.nu = problem.modulus, 0.0
-    tamaas.ModelFactory.registerNonPeriodic(model, "dcfft")
+    if not problem.periodic:
+        tamaas.ModelFactory.registerNonPeriodic(model, "dcfft")
     # Two convolutions an iteration, as the method has it; its interface offers no counter.
     solver = tamaas.PolonskyKeerRey(model, heights, task.tolerance)
-    solver.setIntegralOperator("dcfft")
+    if not problem.periodic:
+        solver.setIntegralOperator("dcfft")
     solver.max_iter = MAX_ITERATIONS
     pressures, errors = [], []
     for level in task.levels:
