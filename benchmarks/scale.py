@@ -1,6 +1,6 @@
 """How does a study grow with its number of patches?
 
-    python benchmarks/scale.py [--patches 25 320 2500] [--run 2500] [--cores 2]
+    python benchmarks/scale.py [--patches 25 320 1000 2500] [--run 1000] [--cores 1]
 
 Makes a study of measured files for each number, in a folder of its own: patches of 0.85 mm, 1 mm
 apart, scanned at 64 x 64 points before and after use, on a square as large as they need, of a
@@ -185,11 +185,11 @@ def measure(patches: int, cores: int, *, in_full: bool) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--patches", type=int, nargs="+", default=[25, 320, 2500])
+    parser.add_argument("--patches", type=int, nargs="+", default=[25, 320, 1000, 2500])
     parser.add_argument(
-        "--run", type=int, default=2500, help="most patches of a study that is run"
+        "--run", type=int, default=1000, help="most patches of a study that is run"
     )
-    parser.add_argument("--cores", type=int, default=2)
+    parser.add_argument("--cores", type=int, default=1)
     parser.add_argument("--output", type=Path, default=ROWS)
     options = parser.parse_args()
     rows = []
