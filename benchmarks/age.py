@@ -21,8 +21,7 @@ BEGIN, END = "<!-- age: begin -->\n", "<!-- age: end -->\n"
 _SOLVER = ("codes/gstlib_bem.py", "problems.py")
 SCRIPTS = {
     **dict.fromkeys(("hertz-256", "hertz-512", "rough-22", "rough-76"), _SOLVER),
-    **dict.fromkeys(("periodic-76", "periodic-2000"), _SOLVER),
-    **dict.fromkeys(("path-22", "path-76", "growth"), _SOLVER),
+    **dict.fromkeys(("path-22", "path-76", "periodic-76", "periodic-2000", "growth"), _SOLVER),
     "transforms": ("transforms.py", "problems.py"),
     "statistics_of_contact": ("statistics_of_contact.py",),
     "registration": ("registration.py",),
