@@ -15,11 +15,20 @@ import numpy as np
 
 from gstlib.errors import InputError
 
-__all__ = ["SCAN_UNITS", "decoded", "read_matrix", "read_points", "separator_of"]
+__all__ = [
+    "FORMULA_ERROR",
+    "SCAN_UNITS",
+    "decoded",
+    "read_matrix",
+    "read_points",
+    "separator_of",
+]
 
 # Length of each unit in mm.
 SCAN_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
 
+# A cell whose formula failed, as spreadsheets in several languages write it. No comment begins so.
+FORMULA_ERROR = re.compile(r"#(N/?[A-Z]|[^\sa-z,;]{2,}[!?])(?![^\s,;\"])")
 # Cells that stand for an unmeasured point, except empty ones and NaN, which NumPy knows.
 _UNMEASURED = re.compile(r"\bbad\b|---", re.IGNORECASE)
 # Lines above an ESRI grid; others state its corner. Its cells are unmeasured by a number.
