@@ -14,7 +14,7 @@ import yaml
 
 from gst.strict_yaml import as_yaml
 from gstlib.errors import ConfigError
-from gstlib.io.text import decoded, separator_of
+from gstlib.io.text_rows import decoded, separator_of
 
 __all__ = ["Cells", "text_of", "with_cells", "with_values"]
 

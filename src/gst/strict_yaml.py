@@ -12,6 +12,7 @@ given twice, but it also accepts ``0550`` and ``1_000``, so that the same checks
 import re
 import unicodedata
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -86,7 +87,7 @@ def parse_yaml(text: str, source: str | Path) -> dict:
     alias, a tag or a second document; or if programs read one of its values differently.
     """
     try:
-        doubts = [*_syntax(text)]
+        doubts = [*islice(_syntax(text), 1)]  # of very many, the first is enough
         node = None if doubts else yaml.compose(text, _Loader)
         doubts += _doubts(node) if node else []
         values = None if doubts else yaml.load(text, _Loader)
@@ -94,7 +95,7 @@ def parse_yaml(text: str, source: str | Path) -> dict:
     except (ValueError, RecursionError, yaml.YAMLError) as error:
         raise _not_yaml(source, error) from None
     if doubts:
-        lines = [*dict.fromkeys(f"line {line}: {doubt}" for line, doubt in doubts)]
+        lines = [f"line {line}: {doubt}" for line, doubt in doubts]
         listed = "".join(f"\n  - {line}" for line in lines)
         problem = f"has lines that cannot be used{listed}\n " if lines[1:] else lines[0]
         raise ConfigError(source, problem, "See config/README.md for all keys.")

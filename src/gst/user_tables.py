@@ -3,8 +3,9 @@
 The first sheet of an .xlsx workbook, or text as spreadsheets write it: in UTF-8, in UTF-16 with its
 mark, or in code page 1252, as Windows does in the west. Tabs, commas or semicolons separate the
 cells, as in the line of column names; unless commas separate them, numbers may have decimal commas.
-Each row has as many cells as there are columns. ``#`` begins a comment line. `workflow/schemas/NAME.schema.yaml` describes a row: its columns, their
-types and bounds, and what stands for an empty cell.
+Each row has as many cells as there are columns. ``#`` begins a comment line.
+`workflow/schemas/NAME.schema.yaml` describes a row: its columns, their types and bounds, and what
+stands for an empty cell.
 """
 
 import csv
@@ -25,7 +26,7 @@ from gst import ROOT
 from gst.todo import is_to_do, sentence
 from gstlib.errors import ConfigError
 from gstlib.io.files import LARGEST_TABLE, check_size
-from gstlib.io.text import FORMULA_ERROR, decoded, separator_of
+from gstlib.io.text_rows import FORMULA_ERROR, decoded, separator_of
 
 __all__ = ["Problem", "UserTable", "cells_to_do", "read_rows", "rows_of"]
 
@@ -72,9 +73,9 @@ def read_rows(
 ) -> UserTable:
     """Read a table whose rows the schema `name` describes, and check each row.
 
-    Columns are recognised in whatever case, and none may be given twice. `renamed` has other names for some, which count where the
-    schema's own are not there; the columns `ignored` are for readers. Raises a `ConfigError` if it
-    is no text, or has no rows, or not the columns.
+    Columns are recognised in whatever case, and a column may not be given twice. `renamed` has
+    other names for some, which count if the schema's own are absent; the columns `ignored` are for
+    readers. Raises a `ConfigError` if it is no text, or has no rows, or not the columns.
     """
     path, schema = Path(path), _schema(name)
     known = schema["properties"]
