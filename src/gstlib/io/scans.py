@@ -62,9 +62,11 @@ def read_scan(
         SurfaceTopography reads); a matrix of heights in text, a row of the map a line (.csv, .txt,
         .asc); or points on a grid in text (.xyz: columns x, y, z).
     unit : {"m", "mm", "um", "nm"}, optional
-        Unit of files that do not state theirs; no effect on others.
+        Unit of files that do not state theirs; no effect on others. A line in a text that states
+        a unit, but is not understood, is refused.
     spacing_um : float, optional
-        Distance (µm) of the points in files that do not state it; no effect on others.
+        Distance (µm) of the points in files that do not state it; no effect on others, except that
+        coordinates beside a matrix, and numbers in place of the x and y of points, must agree.
 
     Returns
     -------

@@ -70,15 +70,16 @@ _LARGEST_SIDE = 1 << 16
 _CUT_TIMES = 2
 # Lines that are looked at to see whether one is unlike the others.
 _SAMPLED = 200
-# ASSUME: a first row or column of so many numbers in even steps, where most of the others are not
-# even, holds coordinates: no measured profile is so even. If the steps were rounded, there must be
-# more of them, and three times as far from the next line as that is from the third; ten times, if
-# they only rise.
+# ASSUME: a first row or column of five or more numbers in even steps holds coordinates, if most of
+# the others are uneven, because no measured profile is so even. If the steps were rounded, it has
+# 20 numbers or more and lies three times as far from the second line as that from the third. If it
+# only rises, it lies ten times as far, and is refused.
 _FEWEST_TICKS, _MORE_TICKS = 5, 20
 _ROUNDED, _APART, _FAR_APART = 0.5, 3, 10
 # Coordinates and a spacing in the config that differ by more contradict each other.
 _SPACING_TOLERANCE = 0.01
-# ASSUME: if most neighbouring heights differ by more steps of the grid, their unit is another one.
+# ASSUME: if half of the neighbouring heights differ by more than ten steps of the grid, heights and
+# coordinates have two units, because no stone is so steep.
 _STEEPEST = 10.0
 # Columns of fewer than so many points each are those of a table, such as x, y, z and intensity.
 _MOST_COLUMNS, _LONG = 6, 20
@@ -138,8 +139,9 @@ def read_points(
     points = numbers_in(path, table, order)
     for n in order:
         refuse_odd_decimals(path, (row.split(table.mark)[n] for row in table.rows), table.mark)
-    length = units["z"] if units else None
-    if length is not None:
+    length = None
+    if units:
+        length = units["z"]
         points[:, :2] *= np.array([units["x"], units["y"]]) / length
     # A point without x or y has no place; one without z is unmeasured.
     points = points[np.isfinite(points[:, :2]).all(axis=1)]
