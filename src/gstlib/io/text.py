@@ -108,8 +108,7 @@ def read_matrix(
     is_stated = len(stated) == 3
     if is_grid or is_stated:  # and nothing but heights follows
         refuse_odd_decimals(path, table.rows, table.mark)
-        if table.corner:
-            raise InputError(path, f"its first cell is {table.corner!r:.20}", UNMEASURED_CELLS)
+        _refuse_corner(path, table)
     if is_grid:
         return _esri_grid(path, grid, numbers)
     is_list = nx == 3 < ny or (nx <= _MOST_COLUMNS and ny > _LONG * nx)
@@ -222,28 +221,14 @@ def _without_coordinates(
     """
     ticks = _ticks(path, numbers.T), _ticks(path, numbers)
     has_y, has_x = (each is not None for each in ticks)
-    corner = numbers[0, 0]
-    steps: list[float] = []
-    for each, other in zip(ticks, (has_x, has_y), strict=True):
-        if each is None:
-            continue
-        step = float(each[-1] - each[0]) / (len(each) - 1)
-        before = each[0] - step
-        if not other and not abs(corner - before) <= _ROUNDED * abs(step):
-            problem = (
-                f"its first {'row' if has_x else 'column'} has coordinates, and its corner not"
-            )
-            raise InputError(path, problem, "Delete them, or have them in both directions.")
-        start = min(before if not other else each[0], each[-1])
-        if abs(step) != 1 or start not in (0, 1):
-            _refuse_other_spacing(path, abs(step), given)
-            steps.append(abs(step))
+    if not (has_x and has_y):
+        _refuse_corner(path, table)
+    steps = _steps_between(path, ticks, numbers[0, 0], given)
     heights = numbers[int(has_x) :, int(has_y) :]
     again = [_ticks(path, lines) for lines in (heights, heights.T)] if has_x or has_y else []
-    if any(each is not None for each in again) or (table.corner and not (has_x and has_y)):
-        first = f"; its first cell is {table.corner!r:.20}" * bool(table.corner)
-        problem = f"its first rows and columns are not one of coordinates each{first}"
-        raise InputError(path, problem, "Keep the heights, with or without their coordinates.")
+    if any(each is not None for each in again):
+        problem = "has two rows or columns of coordinates in one direction"
+        raise InputError(path, problem, "Keep one of them, or none.")
     rows = table.rows[int(has_x) :]
     if has_y:
         rows = [row.split(table.mark, 1)[1] for row in rows]
@@ -255,6 +240,32 @@ def _without_coordinates(
         return heights, None
     _refuse_two_units(path, heights, steps)
     return heights, (steps[0], steps[1])
+
+
+def _refuse_corner(path: Path, table: Table) -> None:
+    """Refuse a word in the first cell, unless coordinates lie on both sides of it."""
+    if table.corner:
+        problem = f"its first cell is {table.corner!r:.20}, beside heights"
+        raise InputError(path, problem, UNMEASURED_CELLS)
+
+
+def _steps_between(
+    path: Path, ticks: Sequence[np.ndarray | None], corner: float, given: float | None
+) -> list[float]:
+    """The steps of the coordinates (y, x), as far as they have some; numbers have none."""
+    steps = []
+    for each, across in zip(ticks, reversed(ticks), strict=True):
+        if each is None:
+            continue
+        step = float(each[-1] - each[0]) / (len(each) - 1)
+        start = each[0] if across is not None else each[0] - step  # which the corner continues
+        if across is None and not abs(corner - start) <= _ROUNDED * abs(step):
+            problem = f"has coordinates in one direction only, and {corner:g} in their corner"
+            raise InputError(path, problem, "Delete them, or have them in both directions.")
+        if abs(step) != 1 or min(start, each[-1]) not in (0, 1):
+            _refuse_other_spacing(path, abs(step), given)
+            steps.append(abs(step))
+    return steps
 
 
 def _ticks(path: Path, lines: np.ndarray) -> np.ndarray | None:

@@ -201,7 +201,7 @@ MAPS = {
     "other spacing": (lines_of(with_coordinates(2 * X, 2 * Y)), "coordinates are 3 apart"),
     "other unit": (lines_of(with_coordinates(X / 1e3, Y / 1e3)), "coordinates are 0.0015 apart"),
     "uneven": (lines_of(with_coordinates(X**1.1 + 60, Y)), "uneven"),
-    "two rows": (lines_of(np.vstack([np.arange(NX), X, HEIGHTS])), "one of coordinates each"),
+    "two rows": (lines_of(np.vstack([np.arange(NX), X, HEIGHTS])), "two rows or columns"),
     "a unit in the corner": (first_as("x [nm]", lines_of(with_coordinates())), "states a unit"),
     "a word as height": (first_as("word", lines_of(HEIGHTS)), "its first cell is 'word'"),
     "a table of points": ("x,y,z,i\n" + lines_of(points((0, 1, 2, 2))), "4 columns and 720 rows"),
