@@ -22,11 +22,11 @@ from gst.contradictions import accepted_patches, contradictions
 from gst.named_files import check_files
 from gst.patches import no_patches, read_patches
 from gst.poses import poses_of
+from gst.strict_yaml import read_yaml
 from gst.todo import is_to_do, left_in
 from gst.user_tables import cells_to_do, read_rows
 from gstlib.conditions import rounded_form, stage_settings
 from gstlib.errors import FAULTS, ConfigError
-from gstlib.io.files import check_size
 from gstlib.use.evidence import FEWEST_PATCHES
 
 __all__ = ["asked_of_files", "complete", "config_problems", "config_schema", "read_config"]
@@ -34,8 +34,6 @@ __all__ += ["read_config_file"]
 __all__ += ["read_study", "refuse_config", "refuse_study", "value_problems"]
 
 _SCHEMA = ROOT / "workflow/schemas/config.schema.yaml"
-# Bytes of a config, twenty times those of the longest shipped one.
-_LARGEST = 100_000
 # No length, force or seed is larger; sums and squares of such numbers stay finite.
 _LARGEST_NUMBER = 1e15
 # What usually lies behind a value of a wrong kind.
@@ -44,34 +42,11 @@ _LIST = "write decimal points, not commas"
 
 
 def read_config_file(path: str | Path) -> dict:
-    """The keys and values of a YAML file in UTF-8, nested as in the file, without defaults.
+    """The keys and values of a config, nested as in the file, without defaults.
 
-    Raises a `ConfigError` if it cannot be opened, or is no such file.
+    Raises a `ConfigError` as `gst.strict_yaml.read_yaml` does.
     """
-    try:
-        check_size(path, _LARGEST)
-        text = Path(path).read_text(encoding="utf-8")
-        # a few lines of aliases can stand for more values than memory holds
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
-            problem = "repeats a value by an alias (*)"
-            raise ConfigError(path, problem, "Write each value where it belongs.")
-        config = yaml.safe_load(text)
-    except OSError as error:
-        remedy = "Correct its path, or make one with `gst new`."
-        raise ConfigError(path, f"cannot be opened ({error.strerror})", remedy) from None
-    # also of a date or number that is none, or of lists in lists without end
-    except (ValueError, RecursionError, yaml.YAMLError) as error:
-        problem = f"is not YAML in UTF-8: {' '.join(str(error).split())}"
-        remedy = (
-            "Correct that line, or the one before it: put text with a colon in quotes, and "
-            "indent lines with spaces, not tabs."
-        )
-        raise ConfigError(path, problem, remedy) from None
-    if not isinstance(config, dict):
-        problem = f"holds {config!r:.40}, not keys with values"
-        remedy = "Write one 'key: value' per line, as in config/config.yaml."
-        raise ConfigError(path, problem, remedy)
-    return config
+    return read_yaml(path, "Correct its path, or make one with `gst new`.")
 
 
 def read_config(path: str | Path) -> dict:

@@ -25,6 +25,7 @@ from lxml.html import fromstring
 from gst import ROOT
 from gst.chain import check_chain, is_inside
 from gst.provenance import program_hash
+from gst.strict_yaml import as_yaml
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
 
@@ -186,7 +187,7 @@ def _results(results: Path, contents: Iterable[Mapping[str, str]]) -> list[_File
 def _tables(record: Mapping[str, Any]) -> list[_File]:
     """The config and the tables that it names."""
     config = record["config"]
-    text = yaml.safe_dump(config, sort_keys=False, allow_unicode=True)
+    text = as_yaml(config)
     said = "The config as it was run", "Defaults included."
     files = [_File("config/study.yaml", text.encode(), *said)]
     named = config["patches"], config["published"], (config["gesture"] or {}).get("table")

@@ -12,8 +12,9 @@ from typing import Any, TypeAlias
 
 import yaml
 
+from gst.strict_yaml import as_yaml
 from gstlib.errors import ConfigError
-from gstlib.io.text import decoded, separator_of
+from gstlib.io.text_rows import decoded, separator_of
 
 __all__ = ["Cells", "text_of", "with_cells", "with_values"]
 
@@ -92,8 +93,7 @@ def _end(node: yaml.Node) -> int:
 
 def _flow(value: Any) -> str:
     """A value in one line of YAML."""
-    layout: dict[str, Any] = {"default_flow_style": True, "width": 1 << 20, "sort_keys": False}
-    written: str = yaml.safe_dump(value, allow_unicode=True, **layout)
+    written = as_yaml(value, default_flow_style=True, width=1 << 20)
     return written.removesuffix("\n").removesuffix("\n...")
 
 

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from gst import ROOT
 from gst.config import complete
@@ -24,6 +23,7 @@ from gst.edited import with_values
 from gst.patches import cell_of
 from gst.place_matching import Found, corners_of, described, located, on_square
 from gst.scan_folder import OTHER_SPACING, Pairs, Scan, pair_scans, read_scans, scans_in
+from gst.strict_yaml import parse_yaml
 from gst.todo import TODO, is_to_do, left_in
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
@@ -446,7 +446,7 @@ def _template(values: dict[str, Any], asked: Sequence[_Said]) -> str:
 
 def _of_use(text: str) -> _Said:
     """What no file tells and has a default."""
-    config = complete(yaml.safe_load(text))
+    config = complete(parse_yaml(text, "study.yaml"))
     force_N, radius_mm = config["load"]["force_N"], config["counterface"]["radius_mm"]
     said = (
         f"{force_N:g} N against a stone of {radius_mm:g} mm radius are the paper's: give yours"
@@ -456,7 +456,7 @@ def _of_use(text: str) -> _Said:
 
 def _what_next(folder: Path, table: str, text: str) -> str:
     """Which files were written, what is left in them, and the next commands."""
-    left, cells = len([*left_in(yaml.safe_load(text), {})]), table.count(TODO)
+    left, cells = len([*left_in(parse_yaml(text, "study.yaml"), {})]), table.count(TODO)
     written = f"  wrote {folder / 'study.yaml'} ({left} {TODO})"
     written += f" and {folder / 'patches.csv'} ({cells} {TODO})" * bool(table)
     place = shlex.join(["gst", "place", str(folder)])

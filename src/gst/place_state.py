@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-import yaml
 
 from gst.config import complete, read_config, refuse_config, value_problems
 from gst.edited import text_of, with_cells, with_values
 from gst.patches import EPOCHS, cell_of, find_scans, no_patches
 from gst.scan_folder import scans_in
+from gst.strict_yaml import parse_yaml
 from gst.tables import columns_of
 from gst.todo import TODO, is_to_do
 from gst.user_tables import read_rows
@@ -251,7 +251,7 @@ def _write_table(former: str | None, rows: Sequence[Mapping[str, str]]) -> None:
 def _checked(path: Path, values: Mapping[str, Any]) -> str:
     """The config's text with these values; a `ConfigError` if one of them cannot be meant."""
     text = with_values(path.read_text(encoding="utf-8"), values)
-    config = complete(yaml.safe_load(text))
+    config = complete(parse_yaml(text, path))
     asked = [key for key, value in values.items() if not is_to_do(value)]
     refuse_config(value_problems(config, asked), str(path))
     return text

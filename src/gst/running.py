@@ -16,13 +16,13 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import psutil
-import yaml
 
 from gst import ROOT
 from gst.chain import break_in, check_links
 from gst.config import config_problems, read_config, refuse_config, refuse_study
 from gst.logs import PLAN
 from gst.provenance import refuse_other_study
+from gst.strict_yaml import read_yaml
 from gstlib.errors import InputError
 from gstlib.io.files import check_writable, write_whole
 
@@ -88,7 +88,7 @@ def run_study(
         raise InputError(
             "--profile", f"there is no folder {here}", "See docs/how-to/cluster.md."
         )
-    settings = yaml.safe_load((folder / "config.yaml").read_text(encoding="utf-8"))
+    settings = read_yaml(folder / "config.yaml")
     if settings.get("executor") == "slurm" and shutil.which("sbatch") is None:
         problem = "this profile hands jobs to Slurm, and there is no sbatch on this machine"
         raise InputError(

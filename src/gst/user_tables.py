@@ -3,13 +3,15 @@
 The first sheet of an .xlsx workbook, or text as spreadsheets write it: in UTF-8, in UTF-16 with its
 mark, or in code page 1252, as Windows does in the west. Tabs, commas or semicolons separate the
 cells, as in the line of column names; unless commas separate them, numbers may have decimal commas.
-``#`` begins a comment line. `workflow/schemas/NAME.schema.yaml` describes a row: its columns, their
-types and bounds, and what stands for an empty cell.
+Each row has as many cells as there are columns. ``#`` begins a comment line.
+`workflow/schemas/NAME.schema.yaml` describes a row: its columns, their types and bounds, and what
+stands for an empty cell.
 """
 
 import csv
 import math
 import re
+import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,10 +26,12 @@ from gst import ROOT
 from gst.todo import is_to_do, sentence
 from gstlib.errors import ConfigError
 from gstlib.io.files import LARGEST_TABLE, check_size
-from gstlib.io.text import decoded, separator_of
+from gstlib.io.text_rows import FORMULA_ERROR, decoded, separator_of
 
 __all__ = ["Problem", "UserTable", "cells_to_do", "read_rows", "rows_of"]
 
+# What every program reads as this number; Python's float takes 1_5, nan and digits of all scripts.
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 # A square of 5 mm holds some forty patches side by side; a gesture has some hundred poses.
 _MOST_ROWS = 10_000
 
@@ -69,14 +73,15 @@ def read_rows(
 ) -> UserTable:
     """Read a table whose rows the schema `name` describes, and check each row.
 
-    Columns are known in whatever case. `renamed` has other names for some, which count where the
-    schema's own are not there; the columns `ignored` are for readers. Raises a `ConfigError` if it
-    is no text, or has no rows, or not the columns.
+    Columns are recognised in whatever case, and a column may not be given twice. `renamed` has
+    other names for some, which count if the schema's own are absent; the columns `ignored` are for
+    readers. Raises a `ConfigError` if it is no text, or has no rows, or not the columns.
     """
     path, schema = Path(path), _schema(name)
     known = schema["properties"]
     header, mark, lines = _read_lines(path)
-    columns = [{column.lower(): column for column in known}.get(c.lower(), c) for c in header]
+    names = {_alike(name): name for name in [*ignored, *(renamed or {}), *known]}
+    columns = [names.get(_alike(column), column) for column in header]
     for other, own in (renamed or {}).items():
         columns = [own if c == other and own not in columns else c for c in columns]
     missing = [column for column in schema["required"] if column not in columns]
@@ -97,9 +102,26 @@ def read_rows(
             if cell and column in known
         }
         problems += [(line, _explain(error)) for error in validator.iter_errors(row)]
-        if any(cells[len(columns) :]):
+        if len(cells) < len(columns) or any(cells[len(columns) :]):
             problems.append((line, f"{len(cells)} cells in {len(columns)} columns"))
+    if mark in (";", "\t"):
+        numbers = {name for name, rule in known.items() if rule["type"] != "string"}
+        problems += _two_decimal_signs(columns, lines, numbers)
     return UserTable(path, columns, rows_of(name, rows), problems)
+
+
+def _two_decimal_signs(
+    columns: Sequence[str], lines: Iterable[tuple[int, list[str]]], numbers: Collection[str]
+) -> Iterator[Problem]:
+    """Numbers with a point in a table that has decimal commas: it may separate thousands."""
+    points: list[Problem] = []
+    has_commas = False
+    for line, cells in lines:
+        for column, cell in zip(columns, cells, strict=False):
+            if column in numbers and "." in cell and _NUMBER.fullmatch(cell):
+                points.append((line, f"{column} is {cell!r}, and others have decimal commas"))
+            has_commas |= column in numbers and "," in cell
+    yield from points if has_commas else []
 
 
 def cells_to_do(path: str | Path, name: str) -> Iterator[str]:
@@ -168,10 +190,21 @@ def _read_lines(path: Path) -> tuple[list[str], str, list[tuple[int, list[str]]]
             f"the table has {count if count > 0 else 'no'} rows",
             f"Give a line of column names and at most {_MOST_ROWS} rows, a line each.",
         )
-    header = lines[0][1]
+    line, header = lines[0]
     while not header[-1]:  # as long as the widest row
         header.pop()
+    columns: dict[str, str] = {}
+    for column in header:
+        if other := columns.get(_alike(column)):
+            problem = f"line {line}: a column is given twice, as {other!r} and as {column!r}"
+            raise ConfigError(path, problem, "Remove one of them, or rename it.")
+        columns[_alike(column)] = column
     return header, mark, lines[1:]
+
+
+def _alike(column: str) -> str:
+    """A column's name without its capitals, blanks and marks that nobody sees."""
+    return unicodedata.normalize("NFKC", column).strip(" \ufeff\u200b").casefold()
 
 
 def _text(content: bytes) -> tuple[str, list[tuple[int, list[str]]]]:
@@ -183,7 +216,10 @@ def _text(content: bytes) -> tuple[str, list[tuple[int, list[str]]]]:
     # A spreadsheet puts a comment in quotes, and writes blank rows as rows of empty cells.
     said = [line for line in text if line.strip(' \t,;"') and not _is_comment(line)]
     mark = separator_of(said[0] if said else "") or ","
-    reader = csv.reader(text, delimiter=mark)
+    rows = ("" if _is_comment(line) else line for line in text)
+    reader = csv.reader(
+        rows, delimiter=mark, strict=True
+    )  # a quote that is not closed hides rows
     return mark, [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
 
 
@@ -197,19 +233,21 @@ def _sheet(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
         (n, ["" if cell is None else str(cell).strip() for cell in row]) for n, row in rows
     ]
     book.close()
-    return ";", cells  # a number that was typed as text may have a decimal comma
+    width = max((len(row) for _, row in cells), default=0)
+    padded = [(n, row + [""] * (width - len(row))) for n, row in cells]
+    return "", padded  # a number that was typed as text may have a decimal comma
 
 
 def _is_comment(line: str) -> bool:
-    return line.lstrip(' "').startswith("#")
+    """Whether a line, or its first cell, is a comment, and not the error of a formula."""
+    start = line.lstrip(' "')
+    return start.startswith("#") and not FORMULA_ERROR.match(start)
 
 
 def _number(cell: str, mark: str) -> float | str:
     """The number in a cell; the cell itself if it is not a finite number."""
-    try:
-        value = float(cell if mark == "," else cell.replace(",", "."))
-    except ValueError:
-        return cell
+    text = cell if mark == "," else cell.replace(",", ".")
+    value = float(text) if _NUMBER.fullmatch(text) else math.inf
     return value if math.isfinite(value) else cell
 
 

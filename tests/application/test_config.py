@@ -152,7 +152,6 @@ def test_defaults_come_in_as_snakemake_merges_the_template(config, name):
         ("square.size_mm", 4.0, "corners 5 and 5 mm apart, and square.size_mm is 4"),
         ("square.points_mm", SMALL, "corners 0.005 and 0.005 mm apart"),
         ("results", "my results", "letters without accents, digits, and . _ - /"),
-        # YAML takes for text a number with an exponent but no point
         ("microscale.tolerance", "1e-9", "such as 20 or 1.0e-9) ["),
         ("colour", "blue", "unknown keys ['colour']"),
         ("macroscale.steppes", 3, "did you mean steps for steppes?"),
@@ -359,7 +358,6 @@ def test_poisson_stands_for_the_compliances_of_both_stones(first, second):
         (b"# a stone\ntitle: my: stone\n", "line 2, column 10: title: my: stone"),
         (b"square:\n\tsize_mm: 5\n", "line 2"),
         (b'title: "\x07"\n', "#x0007"),
-        (b"title: 2024-13-45\n", "month must be in 1..12"),
         (b"seed: " + 5000 * b"1", "digits"),
         (b"load: &a {f: [*a]}\n", "by an alias (*)"),
         (b"# a stone\ntitle: Fl\xe4che\n", "byte 0xe4"),

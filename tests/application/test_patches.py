@@ -176,28 +176,67 @@ def test_all_problems_at_once(table):
 
 
 HEAD = "patch,x_mm,y_mm,t0"
-REFUSED = {
-    "a column is missing": ("patch,x_mm,t0\n1,1,1\n", "missing columns ['y_mm']"),
-    "a column is unknown": (f"{HEAD},pressure\n1,1,1,1,1\n", "unknown columns ['pressure']"),
-    "blanks": ("patch x_mm y_mm t0\n1 1 1 1\n", "separated by tabs, commas or semicolons"),
-    "nothing": ("", "no rows"),
-    "a head alone": (f"{HEAD}\n", "no rows"),
-    "commas alone": (",,,\n,,,\n", "no rows"),
-    "a spreadsheet": (b"PK\x03\x04\x14\0" + bytes(range(256)), "save it as CSV"),
-    "a name with a blank": (f"{HEAD}\nloc 1_a,1,1,a\n", "write loc-1-a"),
-    "T1 without T0": (f"{HEAD},t1\n1,1,1,,a\n", "t0 is empty"),
-    "a repeat without T0": (f"{HEAD},repeat\n1,1,1,,a\n", "t0 is empty"),
-    "a grade beside scans": (f"{HEAD},wear_grade\n1,1,1,a,2\n", "wear_grade stands beside scans"),
-    "a place twice": (
-        f"{HEAD}\n1,1,1,a\n2,1.7,1,b\n3,1.4,1,c\n",
-        "line 4 (patch 3): 65% of its area is that of line 3 (patch 2)",
-    ),
-    "no end": (f"{HEAD}\n1,inf,1,a\n", "x_mm is 'inf', not a number"),
-    "turned, it sticks out": (
-        f"{HEAD},rotation_deg\n1,0.45,1,a,45\n",
-        "0.151 mm at the x = 0 side",
-    ),
-}
+REFUSED = (
+    {
+        "a column is missing": ("patch,x_mm,t0\n1,1,1\n", "missing columns ['y_mm']"),
+        "a column is unknown": (f"{HEAD},pressure\n1,1,1,1,1\n", "unknown columns ['pressure']"),
+        "blanks": ("patch x_mm y_mm t0\n1 1 1 1\n", "separated by tabs, commas or semicolons"),
+        "nothing": ("", "no rows"),
+        "a head alone": (f"{HEAD}\n", "no rows"),
+        "commas alone": (",,,\n,,,\n", "no rows"),
+        "a spreadsheet": (b"PK\x03\x04\x14\0" + bytes(range(256)), "save it as CSV"),
+        "a name with a blank": (f"{HEAD}\nloc 1_a,1,1,a\n", "write loc-1-a"),
+        "T1 without T0": (f"{HEAD},t1\n1,1,1,,a\n", "t0 is empty"),
+        "a repeat without T0": (f"{HEAD},repeat\n1,1,1,,a\n", "t0 is empty"),
+        "a grade beside scans": (
+            f"{HEAD},wear_grade\n1,1,1,a,2\n",
+            "wear_grade stands beside scans",
+        ),
+        "a place twice": (
+            f"{HEAD}\n1,1,1,a\n2,1.7,1,b\n3,1.4,1,c\n",
+            "line 4 (patch 3): 65% of its area is that of line 3 (patch 2)",
+        ),
+        "a column twice": (f"{HEAD},x_mm\n1,1,1,a,2\n", "line 1: a column is given twice"),
+        "a column in capitals": (f"# mine\n{HEAD}, X_MM\n1,1,1,a,2\n", "line 2: a column is given"),
+        "a column with marks": (f"{HEAD},\ufeffｘ_mm\n1,1,1,a,2\n", "as 'x_mm' and as"),
+        "a note twice": (f"{HEAD},note,Note\n1,1,1,a,2,3\n", "as 'note' and as 'Note'"),
+        "too few cells": (f"{HEAD},t1\n1,1,1,a\n", "line 2 (patch 1): 4 cells in 5 columns"),
+        "a quote without its end": (f'{HEAD},note\n1,1,1,a,"\n2,3,1,b,\n', "cannot be read"),
+        "both decimal signs": (
+            f"{HEAD}\n1,1.500,0,a\n2,1,2|5,b\n".replace(",", ";").replace("|", ","),
+            "line 2 (patch 1): x_mm is '1.500', and others have decimal commas",
+        ),
+        "an error of a formula": (
+            f"{HEAD}\n#N/A,1,1,a\n2,3,1,b\n",
+            "line 2 (patch #N/A): patch is",
+        ),
+    }
+    | {
+        f"the number {cell}": (
+            f"{HEAD}\n1,{cell},1,a\n",
+            f"line 2 (patch 1): x_mm is '{cell}', not",
+        )
+        for cell in (
+            "inf",
+            "nan",
+            "1_5",
+            "1e",
+            "0x10",
+            "1d0",
+            "١.٥",
+            "１.５",
+            "−1",
+            "1 mm",
+            "#DIV/0!",
+        )
+    }
+    | {
+        "turned, it sticks out": (
+            f"{HEAD},rotation_deg\n1,0.45,1,a,45\n",
+            "0.151 mm at the x = 0 side",
+        )
+    }
+)
 
 
 @pytest.mark.parametrize("what", REFUSED)

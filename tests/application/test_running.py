@@ -39,6 +39,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "bad.yaml").write_text("results: 5\n")
     (tmp_path / "table.yaml").write_text("patches: table.tsv\n")
     (tmp_path / "table.tsv").write_text("patch\n5\n")
+    (tmp_path / "twice.yaml").write_text("seed: 1\nseed: 2\n")
     return tmp_path
 
 
@@ -51,6 +52,7 @@ USUAL = {"cores": "1", "profile": "default", "plan": False, "options": ()}
         ("mine.yaml", {"profile": "mine"}, "no folder profiles/mine"),
         ("mine.yaml", {"profile": "slurm"}, "no sbatch on this machine"),
         ("yours.yaml", {}, r"yours\.yaml: cannot be opened"),
+        ("twice.yaml", {"plan": True}, r"twice\.yaml: line 2: seed is given in line 1"),
         ("bad.yaml", {}, r"bad\.yaml: .*\n  - 'results' is 5"),
         ("table.yaml", {"plan": True}, r"table\.tsv: missing columns \['x_mm'"),
     ],
@@ -59,7 +61,7 @@ def test_a_study_that_cannot_begin_leaves_nothing(folder, config, asked, said, m
     monkeypatch.setattr("gst.running.shutil.which", lambda _: None)
     with pytest.raises(InputError, match=said):
         run_study(config, **USUAL | asked)
-    names = {"bad.yaml", "config", "mine.yaml", "table.yaml", "table.tsv"}
+    names = {"bad.yaml", "config", "mine.yaml", "table.yaml", "table.tsv", "twice.yaml"}
     assert {file.name for file in folder.iterdir()} == names
 
 

@@ -56,12 +56,17 @@ def test_a_shipped_config_plans_a_study(study, name):
 
 
 def test_without_a_config_that_of_the_folder_is_taken(study):
-    """And what it leaves out has the schema's default."""
-    (study.folder / "config/config.yaml").write_text("results: elsewhere\n")
+    """Its values are those that `gst` reads; keys left out have the schema's default."""
+    config, text = study.folder / "config/config.yaml", "results: elsewhere\nwear_steps: 4\n"
+    config.write_text(f"{text}pressure_cap_MPa: 1e3\n")  # which is text in YAML 1.1
     command = *SNAKEMAKE, "--snakefile", ROOT / "Snakefile", "--dry-run"
     for more in ([], ["--config", "seed=3"]):
         said = run(*command, *more, cwd=study.folder)
         assert "elsewhere/specimen/scans/25_T0.plu" in said.stdout
+    config.write_text(f"{text}wear_steps: 8\n")
+    said = run(*command, cwd=study.folder)
+    assert said.returncode != 0
+    assert "config.yaml: line 3: wear_steps is given in line 2" in said.stdout + said.stderr
 
 
 def test_gst_plans_what_it_is_asked_for(study):

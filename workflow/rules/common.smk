@@ -8,7 +8,7 @@ from pathlib import Path
 from gst import ROOT
 from gst.batches import share_out
 from gst.chain import AGAIN, plan_again, steps_of
-from gst.config import asked_of_files, complete, read_study
+from gst.config import asked_of_files, complete, read_config_file, read_study
 from gst.contradictions import counterface_mesh
 from gst.named_files import check_files
 from gst.patches import scan_files
@@ -17,9 +17,18 @@ from gst.provenance import commit, program_hash, source_hash
 from gst.tables import TABLES
 from gstlib.conditions import rounded_form, stage_settings, study_poisson, study_radius
 from gstlib.preprocess.mesh import elements_around
+from snakemake.utils import update_config
 
 CAPTIONS = ROOT / "workflow/report"
 CONFIG_FILES = " + ".join(os.path.relpath(file) for file in workflow.configfiles)
+
+# Snakemake reads YAML 1.1. The values are those that `gst check` reads, and a file that it refuses is
+# refused here, too. A module's config comes from the workflow around it, as Snakemake reads it.
+if not workflow.modifier.skip_configfile:
+    config.clear()
+    for config_file in workflow.configfiles:
+        update_config(config, read_config_file(config_file))
+    update_config(config, workflow.config_settings.config)  # of the command line
 
 # Patches that share a job, from the profile; no result depends on it.
 PER_JOB = config.pop("patches_per_job", None)

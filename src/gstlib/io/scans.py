@@ -26,8 +26,9 @@ __all__ = ["cut_scan", "is_scan", "read_scan", "whole_scan"]
 
 _log = logging.getLogger(__name__)
 
-_READERS: dict[str, Callable[[Path], RawMap]] = {
-    **dict.fromkeys((".plu", ".apx"), read_plu),
+_READERS: dict[str, Callable[[Path], RawMap]] = {**dict.fromkeys((".plu", ".apx"), read_plu)}
+# These are given unit and spacing of the config, too, with which they may disagree.
+_TEXT_READERS: dict[str, Callable[[Path, str | None, float | None], RawMap]] = {
     **dict.fromkeys((".csv", ".txt", ".asc"), read_matrix),
     ".xyz": read_points,
 }
@@ -61,9 +62,11 @@ def read_scan(
         SurfaceTopography reads); a matrix of heights in text, a row of the map a line (.csv, .txt,
         .asc); or points on a grid in text (.xyz: columns x, y, z).
     unit : {"m", "mm", "um", "nm"}, optional
-        Unit of files that do not state theirs; no effect on others.
+        Unit of files that do not state theirs; no effect on others. A line in a text that states
+        a unit, but is not understood, is refused.
     spacing_um : float, optional
-        Distance (µm) of the points in files that do not state it; no effect on others.
+        Distance (µm) of the points in files that do not state it; no effect on others, except that
+        coordinates beside a matrix, and numbers in place of the x and y of points, must agree.
 
     Returns
     -------
@@ -93,8 +96,11 @@ def read_scan(
     if path.stat().st_size == 0:
         raise InputError(path, "the file is empty", "Copy it, or export it, again.")
     check_size(path)
-    read = _READERS.get(path.suffix.lower(), read_instrument_file)
-    raw, steps, length, attrs = read(path)
+    ending = path.suffix.lower()
+    if read_text := _TEXT_READERS.get(ending):
+        raw, steps, length, attrs = read_text(path, unit, spacing_um)
+    else:
+        raw, steps, length, attrs = _READERS.get(ending, read_instrument_file)(path)
     if length is None and unit is not None:
         length = SCAN_UNITS[unit]
     steps_mm = None if spacing_um is None else (spacing_um * 1e-3, spacing_um * 1e-3)
@@ -123,7 +129,7 @@ def read_scan(
 
 def is_scan(path: str | Path) -> bool:
     """Whether a file has the ending of a height map that `read_scan` reads."""
-    return Path(path).suffix.lower() in (*_READERS, *instrument_endings())
+    return Path(path).suffix.lower() in (*_READERS, *_TEXT_READERS, *instrument_endings())
 
 
 def _not_stated(path: Path, *, unit: bool, spacing: bool) -> InputError:

@@ -1,32 +1,66 @@
 """Height maps in text: matrices (.csv, .txt, .asc), a row of the map a line, and points (.xyz).
 
-NumPy reads the cells, and strictly: a row of another length, or a word among the numbers, is a
-damaged file. Of headers, those of Gwyddion's matrices and of ESRI's grids are understood; others
-leave unit and spacing to the config.
+`gstlib.io.text_rows` reads the rows. Gwyddion's header of a matrix, that of an ESRI grid, and units
+beside the names of the columns x, y and z are understood. Another header that states a unit or a
+size is refused. Without a header, unit and spacing come from the config, and from coordinates in
+the first row and column.
 """
 
-import itertools
+import logging
 import re
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
 from gstlib.errors import InputError
+from gstlib.io.text_rows import (
+    UNMEASURED_CELLS,
+    Table,
+    numbers_in,
+    read_table,
+    refuse_odd_decimals,
+)
 
-__all__ = ["SCAN_UNITS", "decoded", "read_matrix", "read_points", "separator_of"]
+__all__ = ["SCAN_UNITS", "read_matrix", "read_points"]
 
-# Length of each unit in mm.
+_log = logging.getLogger(__name__)
+
+# As a reader of `gstlib.io.scans` returns it.
+TextMap: TypeAlias = tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str]]
+
+# Length of each unit in mm; headers may also have others.
 SCAN_UNITS = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
+_HEADER_UNITS = SCAN_UNITS | {"cm": 10.0, "pm": 1e-9, "µm": 1e-3, "μm": 1e-3, "Å": 1e-7}
+_UNIT = "|".join(sorted(_HEADER_UNITS, key=len, reverse=True))
 
-# Cells that stand for an unmeasured point, except empty ones and NaN, which NumPy knows.
-_UNMEASURED = re.compile(r"\bbad\b|---", re.IGNORECASE)
 # Lines above an ESRI grid; others state its corner. Its cells are unmeasured by a number.
 _ESRI = re.compile(
     r"^\s*(ncols|nrows|cellsize|dx|dy|nodata_value)\s+(\S+)\s*$", re.IGNORECASE | re.MULTILINE
 )
 _ESRI_UNMEASURED = -9999.0
+_GWYDDION = re.compile(
+    r"^# *(Width|Height|Value)(?: units)?: *((?:\d+(?:[.,]\d*)?(?:[eE][-+]?\d+)?)?) *"
+    rf"({_UNIT})\s*$",
+    re.MULTILINE,
+)
+# Names of the columns of points with their units, as in x[mm], Y (µm) or z_um.
+_UNIT_OF_COLUMN = re.compile(rf"(?<![^\W_])([xyzXYZ])[^\S\n]*[\[(_/ ]\s*({_UNIT})(?![^\W_])")
+# A line that states a unit or a size, in whatever language, as far as its words show.
+_UNIT_STATED = re.compile(
+    rf"(?:[\d\[({{:=/,_]\s*|\bin\s+)({_UNIT}|inch(?:es)?|mils?|px)(?![^\W_])"
+)
+_SIZE_STATED = re.compile(
+    r"\b(?:unit(?!ed)|einheit|unid|eenhe|enhet|jednot|ncols|nrows"
+    r"|micro(?:n|met)|nanomet|millimet|mikromet)"
+    r"|(?:spac|pitch|pixel|cell|step|scal|échel|factor|fakt|facteur|fatt|schritt|abstand|incr"
+    r"|[xy]inc|\bd[xy]\b|resol|risol|auflös|\bpas\b|\bpass?o\b)[^\d\n]*\d"
+    r"|(?:width|height|size|length|breite|höhe|länge|größe|largeur|hauteur|taille|anch|altura"
+    r"|alto|tama|largh|altezz|dimens)[^\d\n:=]*[:=]\s*[-+]?[.\d]",
+    re.IGNORECASE,
+)
+
 # Coordinates in text are rounded: a point belongs to a grid if within this share of a step.
 _GRID_TOLERANCE = 0.05
 # If points fill a smaller share of their grid, they are scattered, or one of them is far off.
@@ -34,38 +68,285 @@ _LEAST_FILLED = 0.25
 _LARGEST_SIDE = 1 << 16
 # A last line that lacks more points than so many times the longest row of unmeasured ones is cut.
 _CUT_TIMES = 2
-# Numbers of a column of points, or of a matrix, are written with equally many decimals, or with
-# many different counts. If up to this share of them differs, digits were lost or added.
-_ODD_FRACTION = 1e-3
+# Lines that are looked at to see whether one is unlike the others.
+_SAMPLED = 200
+# ASSUME: a first row or column of five or more numbers in even steps holds coordinates, if most of
+# the others are uneven, because no measured profile is so even. If the steps were rounded, it has
+# 20 numbers or more and lies three times as far from the second line as that from the third. If it
+# only rises, it lies ten times as far, and is refused.
+_FEWEST_TICKS, _MORE_TICKS = 5, 20
+_ROUNDED, _APART, _FAR_APART = 0.5, 3, 10
+# Coordinates and a spacing in the config that differ by more contradict each other.
+_SPACING_TOLERANCE = 0.01
+# ASSUME: if half of the neighbouring heights differ by more than ten steps of the grid, heights and
+# coordinates have two units, because no stone is so steep.
+_STEEPEST = 10.0
+# Columns of fewer than so many points each are those of a table, such as x, y, z and intensity.
+_MOST_COLUMNS, _LONG = 6, 20
 
 
 def read_matrix(
-    path: Path,
-) -> tuple[np.ndarray, tuple[float, float] | None, float | None, dict[str, str]]:
-    """Read a matrix of heights, as a reader of `gstlib.io.scans`."""
-    header, heights = _read_rows(path)
+    path: Path, unit: str | None = None, spacing_um: float | None = None
+) -> TextMap:
+    """Read a matrix of heights, as a reader of `gstlib.io.scans`.
+
+    `unit` and `spacing_um` are those of the config, with which coordinates must agree.
+    """
+    table = read_table(path, corner=True)
+    header = "\n".join(table.header)
+    if table.is_split:
+        problem = "blank lines or comments part its rows into blocks, as of several maps"
+        raise InputError(path, problem, "Keep one map a file.")
+    numbers = numbers_in(path, table)
+    ny, nx = numbers.shape
     grid = {name.lower(): cell for name, cell in _ESRI.findall(header)}
-    if {"ncols", "nrows"} <= grid.keys():
-        return _esri_grid(path, grid, heights)
-    ny, nx = heights.shape
+    is_grid = {"ncols", "nrows"} <= grid.keys()
     stated = {
-        name: float(number or 1) * SCAN_UNITS[unit]
-        for name, number, unit in re.findall(
-            r"^# *(Width|Height|Value)(?: units)?: *([\d.eE+-]*) *(m|mm|um|nm)$",
-            header.replace("µ", "u").replace("μ", "u"),
-            re.MULTILINE,
-        )
+        name: float(number.replace(",", ".") or 1) * _HEADER_UNITS[symbol]
+        for name, number, symbol in _GWYDDION.findall(header)
     }
-    if nx < 3 or (nx == 3 < ny and not stated):
+    is_stated = len(stated) == 3
+    if is_grid or is_stated:  # and nothing but heights follows
+        refuse_odd_decimals(path, table.rows, table.mark)
+        _refuse_corner(path, table)
+    if is_grid:
+        return _esri_grid(path, grid, numbers)
+    is_list = nx == 3 < ny or (nx <= _MOST_COLUMNS and ny > _LONG * nx)
+    if nx < 3 or (is_list and not is_stated):
         raise InputError(
             path,
             f"has {nx} columns and {ny} rows, as profiles and points have, not a map",
             "If it holds points x, y, z, change its ending to .xyz; else export the whole map.",
         )
-    if len(stated) < 3:
-        return heights, None, None, {}
-    unit = stated["Value"]
-    return heights, (stated["Height"] / ny / unit, stated["Width"] / nx / unit), unit, {}
+    if is_stated:
+        length = stated["Value"]
+        steps = stated["Height"] / ny / length, stated["Width"] / nx / length
+        return numbers, steps, length, {}
+    _refuse_statements(path, [*table.header, table.corner], unit)
+    return *_without_coordinates(path, table, numbers, _step(unit, spacing_um)), None, {}
+
+
+def read_points(
+    path: Path, unit: str | None = None, spacing_um: float | None = None
+) -> TextMap:
+    """Read points on a grid, as a reader of `gstlib.io.scans`.
+
+    `unit` and `spacing_um` are those of the config, with which numbers of points must agree.
+    """
+    table = read_table(path)
+    order, units = _columns_of_points(path, table, unit)
+    points = numbers_in(path, table, order)
+    for n in order:
+        refuse_odd_decimals(path, (row.split(table.mark)[n] for row in table.rows), table.mark)
+    length = None
+    if units:
+        length = units["z"]
+        points[:, :2] *= np.array([units["x"], units["y"]]) / length
+    # A point without x or y has no place; one without z is unmeasured.
+    points = points[np.isfinite(points[:, :2]).all(axis=1)]
+    columns, dx = _grid_lines(path, points[:, 0])
+    rows, dy = _grid_lines(path, points[:, 1])
+    ny, nx = int(rows.max()) + 1, int(columns.max()) + 1
+    places = rows * nx + columns
+    if not len(np.unique(places)) == len(points) >= _LEAST_FILLED * ny * nx:
+        raise _scattered(path, len(points))
+    _refuse_cut_grid(path, rows, columns)
+    if length is None:
+        _mind_point_numbers(path, points[:, :2], (dx, dy), _step(unit, spacing_um))
+    heights = np.full((ny, nx), np.nan)
+    heights[rows, columns] = points[:, 2]
+    _refuse_two_units(path, heights, (dy, dx))
+    return heights, (dy, dx), length, {}
+
+
+# --- Headers and coordinates --------------------------------------------------------------------
+
+
+def _refuse_statements(path: Path, lines: Iterable[str], unit: str | None) -> None:
+    """Refuse lines that state a unit or a size in words that are not understood.
+
+    Those without numbers that only repeat the `unit` of the config agree with it.
+    """
+    for line in lines:
+        symbols = _UNIT_STATED.findall(line)
+        lengths = {_HEADER_UNITS.get(symbol) for symbol in symbols}
+        if symbols and unit and lengths == {SCAN_UNITS[unit]} and not re.search(r"\d", line):
+            continue
+        if symbols or _SIZE_STATED.search(line):
+            raise InputError(
+                path,
+                f"its line {line.strip()!r:.80} states a unit or a size that is not understood",
+                "Export the scan with an English header, or in a format that states its unit and "
+                "spacing. If the line states what scans.unit and scans.spacing_um say, delete it.",
+            )
+
+
+def _columns_of_points(
+    path: Path, table: Table, unit: str | None
+) -> tuple[list[int], dict[str, float] | None]:
+    """Where x, y and z are among the columns, and their units (mm), if the header states them."""
+    header = [line for line in table.header if line]
+    units: dict[str, float] = {}
+    for letter, symbol in _UNIT_OF_COLUMN.findall("\n".join(header)):
+        units.setdefault(letter.lower(), _HEADER_UNITS[symbol])
+    names = table.names or re.split(r"[\s,;]+", header[-1].strip("# ") if header else "")
+    letters = [name.strip("# ").lower()[:1] for name in names]
+    count = len(table.rows[0].split(table.mark))
+    if len(units) < 3:
+        _refuse_statements(path, header, unit)
+    if len(letters) == count and {*"xyz"} <= {*letters}:
+        order = [letters.index(letter) for letter in "xyz"]
+    elif table.names:
+        problem = f"names its columns {', '.join(names):.60}, of which x, y and z are not clear"
+        raise InputError(path, problem, "Name them x, y and z, or delete the line.")
+    elif len(units) == 3:
+        order = [[*units].index(letter) for letter in "xyz"]
+    else:
+        order = [0, 1, 2]
+    return order, units if len(units) == 3 else None
+
+
+def _step(unit: str | None, spacing_um: float | None) -> float | None:
+    """The spacing of the config in its unit; None if it lacks one of them."""
+    return spacing_um * 1e-3 / SCAN_UNITS[unit] if unit and spacing_um else None
+
+
+def _without_coordinates(
+    path: Path, table: Table, numbers: np.ndarray, given: float | None
+) -> tuple[np.ndarray, tuple[float, float] | None]:
+    """Heights without coordinates in their first row and column; the steps (y, x) of both.
+
+    Rows and columns are then in the order of the coordinates, which rise, as those of points. The
+    steps are None unless both are known. Numbers of rows and columns have no steps.
+    """
+    ticks = _ticks(path, numbers.T), _ticks(path, numbers)
+    has_y, has_x = (each is not None for each in ticks)
+    if not (has_x and has_y):
+        _refuse_corner(path, table)
+    steps = _steps_between(path, ticks, numbers[0, 0], given)
+    heights = numbers[int(has_x) :, int(has_y) :]
+    again = [_ticks(path, lines) for lines in (heights, heights.T)] if has_x or has_y else []
+    if any(each is not None for each in again):
+        problem = "has two rows or columns of coordinates in one direction"
+        raise InputError(path, problem, "Keep one of them, or none.")
+    rows = table.rows[int(has_x) :]
+    if has_y:
+        rows = [row.split(table.mark, 1)[1] for row in rows]
+    refuse_odd_decimals(path, rows, table.mark)
+    for axis, each in enumerate(ticks):
+        if each is not None and each[-1] < each[0]:
+            heights = np.flip(heights, axis)
+    if len(steps) < 2:
+        return heights, None
+    _refuse_two_units(path, heights, steps)
+    return heights, (steps[0], steps[1])
+
+
+def _refuse_corner(path: Path, table: Table) -> None:
+    """Refuse a word in the first cell, unless coordinates lie on both sides of it."""
+    if table.corner:
+        problem = f"its first cell is {table.corner!r:.20}, beside heights"
+        raise InputError(path, problem, UNMEASURED_CELLS)
+
+
+def _steps_between(
+    path: Path, ticks: Sequence[np.ndarray | None], corner: float, given: float | None
+) -> list[float]:
+    """The steps of the coordinates (y, x), as far as they have some; numbers have none."""
+    steps = []
+    for each, across in zip(ticks, reversed(ticks), strict=True):
+        if each is None:
+            continue
+        step = float(each[-1] - each[0]) / (len(each) - 1)
+        start = each[0] if across is not None else each[0] - step  # which the corner continues
+        if across is None and not abs(corner - start) <= _ROUNDED * abs(step):
+            problem = f"has coordinates in one direction only, and {corner:g} in their corner"
+            raise InputError(path, problem, "Delete them, or have them in both directions.")
+        if abs(step) != 1 or min(start, each[-1]) not in (0, 1):
+            _refuse_other_spacing(path, abs(step), given)
+            steps.append(abs(step))
+    return steps
+
+
+def _ticks(path: Path, lines: np.ndarray) -> np.ndarray | None:
+    """The coordinates in the first of some lines, but for the corner; None if it has heights."""
+    first, others = lines[0, 1:], lines[1:, 1:]
+    if len(first) < _FEWEST_TICKS or len(others) < 2 or not np.isfinite(first).all():
+        return None
+    sample = others[:: max(1, len(others) // _SAMPLED)]
+    (own,), uneven = _unevenness(first[None]), np.median(_unevenness(sample))
+    # lines with unmeasured points are not even, and a comparison with NaN is false
+    near, next_ = (
+        np.nanmedian(np.abs(pair)) if np.isfinite(pair).any() else np.nan
+        for pair in (first - others[0], others[0] - others[1])
+    )
+    if uneven <= _ROUNDED:  # a plane, or heights in few steps
+        return None
+    is_long = len(first) >= _MORE_TICKS
+    if own <= _GRID_TOLERANCE or (is_long and own <= _ROUNDED and near > _APART * next_):
+        return first
+    steps = np.diff(first)
+    is_rising = np.all(steps > 0) or np.all(steps < 0)
+    if is_long and is_rising and near > _FAR_APART * next_:
+        problem = (
+            f"its first row or column rises or falls from {first[0]:g} to {first[-1]:g} in uneven "
+            "steps, far from all others, as coordinates do"
+        )
+        raise InputError(path, problem, "Grid the points evenly, and export the map again.")
+    return None
+
+
+def _unevenness(lines: np.ndarray) -> np.ndarray:
+    """How far each line departs from even steps between its ends, in such steps."""
+    count = lines.shape[1] - 1
+    steps = (lines[:, -1:] - lines[:, :1]) / count
+    with np.errstate(divide="ignore", invalid="ignore"):
+        departures = np.abs((lines - lines[:, :1]) / steps - np.arange(count + 1)).max(axis=1)
+    return np.where(np.isfinite(departures), departures, np.inf)
+
+
+def _refuse_other_spacing(path: Path, step: float, given: float | None) -> None:
+    if given is not None and abs(step - given) > _SPACING_TOLERANCE * given:
+        raise InputError(
+            path,
+            f"its coordinates are {step:g} apart, and by scans.spacing_um {given:g}, in scans.unit",
+            "Correct scans.unit or scans.spacing_um, or delete the coordinates.",
+        )
+
+
+def _refuse_two_units(path: Path, heights: np.ndarray, steps: Sequence[float]) -> None:
+    """Refuse heights so steep that their unit is not that of the coordinates."""
+    known = np.where(np.isfinite(heights), heights, np.nan)
+    slopes = [np.abs(np.diff(known, axis=n)) / step for n, step in enumerate(steps)]
+    slopes = [each[np.isfinite(each)] for each in slopes]
+    steepness = min((float(np.median(each)) for each in slopes if each.size), default=0.0)
+    if steepness > _STEEPEST:
+        raise InputError(
+            path,
+            f"half of its heights differ from the next by more than {steepness:.3g} times the "
+            "distance of the points: coordinates and heights have two units",
+            "Export all in one unit; for points, a first line such as x[mm] y[mm] z[um] states "
+            "each.",
+        )
+
+
+def _mind_point_numbers(
+    path: Path, places: np.ndarray, steps: Sequence[float], given: float | None
+) -> None:
+    """Refuse numbers of points in place of lengths, if the config states their spacing."""
+    starts = {*places.min(axis=0)}
+    if {*steps} != {1.0} or not starts <= {0, 1} or (places % 1).any():
+        return
+    numbered = "its x and y are whole numbers, 1 apart, as numbers of points"
+    if given is None:
+        message = "%s: %s. They are read as lengths in scans.unit"
+        _log.warning(message, path, numbered)
+    elif abs(given - 1) > _SPACING_TOLERANCE:
+        problem = f"{numbered}, and scans.spacing_um states {given:g} in scans.unit"
+        remedy = "Multiply them by the spacing, or save the heights as a matrix (.csv)."
+        raise InputError(
+            path, problem, f"{remedy} If they are lengths, correct scans.spacing_um."
+        )
 
 
 def _esri_grid(
@@ -90,120 +371,7 @@ def _esri_grid(
     return heights[::-1], (spacing[0], spacing[1]), None, {}
 
 
-def read_points(path: Path) -> tuple[np.ndarray, tuple[float, float], None, dict[str, str]]:
-    """Read points on a grid, as a reader of `gstlib.io.scans`."""
-    points = _read_rows(path, columns=range(3))[1]
-    # A point without x or y has no place; one without z is unmeasured.
-    points = points[np.isfinite(points[:, :2]).all(axis=1)]
-    columns, dx = _grid_lines(path, points[:, 0])
-    rows, dy = _grid_lines(path, points[:, 1])
-    ny, nx = int(rows.max()) + 1, int(columns.max()) + 1
-    places = rows * nx + columns
-    if not len(np.unique(places)) == len(points) >= _LEAST_FILLED * ny * nx:
-        raise _scattered(path, len(points))
-    _refuse_cut_grid(path, rows, columns)
-    heights = np.full((ny, nx), np.nan)
-    heights[rows, columns] = points[:, 2]
-    return heights, (dy, dx), None, {}
-
-
-def separator_of(line: str) -> str | None:
-    """Separator of a line's cells, None for blanks.
-
-    >>> [separator_of(line) for line in ("1,5; 2", "1,5\\t2", "1, 2", "1 2")]
-    [';', '\\t', ',', None]
-    """
-    return next((mark for mark in ";\t," if mark in line), None)
-
-
-def decoded(content: bytes) -> str:
-    """Text in UTF-16, if it begins with its byte order mark, else in UTF-8."""
-    is_utf_16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
-    return content.decode("utf-16" if is_utf_16 else "utf-8-sig")
-
-
-def _read_rows(path: Path, columns: Sequence[int] | None = None) -> tuple[str, np.ndarray]:
-    """The lines above the first row of numbers, and the cells, or some `columns`, of all rows."""
-    content = path.read_bytes()
-    try:
-        text = decoded(content)
-    except UnicodeError:
-        text = content.decode("latin-1")
-    if "\0" in text:
-        raise InputError(path, "is not text, though its name says so", "Correct its ending.")
-    lines = text.splitlines()
-    rows = [line.partition("#")[0].strip(" ") for line in lines]
-    first = next((n for n, row in enumerate(rows) if _begins_with_numbers(row)), None)
-    if first is None:
-        raise InputError(path, "has no row of numbers", "Export the whole topography as text.")
-    rows = list(filter(None, rows[first:]))
-    mark = separator_of(rows[0])
-    if columns is not None:
-        _refuse_cut_lines(path, text, rows, mark)
-    if mark and all(row.endswith(mark) for row in rows):  # which adds one empty cell
-        rows = [row[:-1] for row in rows] if columns is None else rows
-    try:
-        numbers = _numbers(rows, mark, columns)
-    except ValueError as error:
-        problem = (
-            f"from line {first + 1} on, is not a table of numbers: {str(error).split(';')[0]}"
-        )
-        remedy = "Unmeasured points are empty cells, NaN, BAD or ---; comments begin with '#'."
-        raise InputError(path, problem, f"Export or copy the file again. {remedy}") from error
-    if columns is None:
-        _refuse_odd_decimals(path, rows, mark)
-    for n in columns or ():
-        _refuse_odd_decimals(path, (row.split(mark)[n] for row in rows), mark)
-    return "\n".join(lines[:first]), numbers
-
-
-def _refuse_cut_lines(path: Path, text: str, rows: Sequence[str], mark: str | None) -> None:
-    """Refuse rows that end within a line, or two that are joined: NumPy reads some of them."""
-    if not text.endswith(("\n", "\r")):
-        remedy = "Export or copy it again. If it is whole, end its last line."
-        raise InputError(path, "ends within a line: it is cut", remedy)
-    count = len(rows[0].split(mark))
-    other = next((row for row in rows if len(row.split(mark)) != count), None)
-    if other is not None:
-        problem = f"has rows of {count} and of {len(other.split(mark))} cells: it is damaged"
-        raise InputError(path, problem, "Export or copy the file again.")
-
-
-def _refuse_odd_decimals(path: Path, cells: Iterable[str], mark: str | None) -> None:
-    """Refuse numbers that have lost digits, or been given some, where all have equally many."""
-    decimals = re.compile(r"\.(\d+)" if mark == "," else r"[.,](\d+)")
-    found = itertools.chain.from_iterable(map(decimals.findall, cells))
-    (usual, count), *others = Counter(map(len, found)).most_common() or [(0, 0)]
-    odd = sum(times for _, times in others)
-    if 0 < odd <= _ODD_FRACTION * count:
-        raise InputError(
-            path,
-            f"{count} of its numbers have {usual} decimals, and {odd} others, such as "
-            f"{others[-1][0]}: it is damaged",
-            "Export or copy the file again. If you changed numbers, write all decimals.",
-        )
-
-
-def _begins_with_numbers(row: str) -> bool:
-    """Whether a line is a row of numbers, not a header, by its first cells."""
-    mark = separator_of(row)
-    cells = row.split(mark)[:20]
-    try:
-        return len(cells) > 1 and bool(len(_numbers([(mark or " ").join(cells)], mark)))
-    except ValueError:
-        return False
-
-
-def _numbers(
-    rows: Sequence[str], mark: str | None, columns: Sequence[int] | None = None
-) -> np.ndarray:
-    """The cells of rows, or some `columns` of them, NaN where unmeasured."""
-    text = _UNMEASURED.sub("nan", "\n".join(rows))
-    if mark in (";", "\t"):
-        text = text.replace(",", ".")  # beside these separators, a comma is a decimal sign
-    if mark:  # empty cells
-        text = re.sub(f"(?<![^{mark}\n]) *(?=[{mark}\n]|\\Z)", "nan", text)
-    return np.loadtxt(text.splitlines(), delimiter=mark, usecols=columns, ndmin=2)
+# --- Points ------------------------------------------------------------------------------------
 
 
 def _grid_lines(path: Path, values: np.ndarray) -> tuple[np.ndarray, float]:

@@ -1,0 +1,262 @@
+"""The rows of a table of numbers in text, whoever wrote it, and its cells.
+
+NumPy reads the cells, and strictly: a row of another length, or a word among the numbers, is a
+damaged file.
+"""
+
+import itertools
+import logging
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from gstlib.errors import InputError
+
+__all__ = [
+    "FORMULA_ERROR",
+    "Table",
+    "decoded",
+    "numbers_in",
+    "read_table",
+    "refuse_odd_decimals",
+]
+__all__ += ["UNMEASURED_CELLS", "separator_of"]
+
+_log = logging.getLogger(__name__)
+
+# A cell whose formula failed, as spreadsheets in several languages write it. No comment begins so.
+FORMULA_ERROR = re.compile(r"#(N/?[A-Z]|[^\sa-z,;]{2,}[!?])(?![^\s,;\"])")
+# Cells that stand for an unmeasured point, except empty ones and NaN: of instruments, of ConfoMap
+# (*****), of compilers (1.#QNAN), and of libraries and spreadsheets.
+_UNMEASURED = re.compile(
+    r"(?<![^\s,;])(?:"
+    r"(?i:bad|-{2,}|\*+|[-+]?nan(?:\(\w*\))?|[-+]?\d\.#\w+|n/?a|null|none|masked|no ?data)"
+    rf"|{FORMULA_ERROR.pattern})(?![^\s,;])"
+)
+_SPECIAL = re.compile(r"[^0-9\s.,;eE+-]|--")
+_NUMBER = r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?"
+_CELL = re.compile(rf"\s*(?:{_NUMBER}|nan|[-+]?inf|)\s*", re.ASCII | re.IGNORECASE)
+# Lines that are looked at to see how a file is laid out.
+_SAMPLED = 200
+# Numbers of a column of points, or of a matrix, are written with equally many decimals, or with
+# many different counts. If up to this share of them differs, digits were lost or added.
+_ODD_FRACTION = 1e-3
+# Fewer cells do not show that each number was split at its decimal comma.
+_FEWEST_SPLIT, _ALIKE = 20, 0.9
+
+UNMEASURED_CELLS = (
+    "Unmeasured points are empty cells, NaN, BAD, --- or ***; a line that begins with '#' is a "
+    "comment."
+)
+_EXPORT = "Export it again with decimal points, or with semicolons or tabs between the cells."
+
+
+class Table(NamedTuple):
+    """The lines of a text, before their cells are read."""
+
+    header: list[str]
+    names: list[str]  # of the columns, if a row has them
+    corner: str  # a word in the first cell, beside numbers
+    rows: list[str]
+    mark: str | None  # between the cells; None for blanks
+    first: int  # number of the first row's line
+    is_split: bool  # into blocks
+
+
+def separator_of(line: str) -> str | None:
+    """Separator of a line's cells, None for blanks.
+
+    >>> [separator_of(line) for line in ("1,5; 2", "1,5\\t2", "1, 2", "1 2")]
+    [';', '\\t', ',', None]
+    """
+    return next((mark for mark in ";\t," if mark in line), None)
+
+
+def decoded(content: bytes) -> str:
+    """Text in UTF-16, if it begins with its byte order mark, else in UTF-8."""
+    is_utf_16 = content.startswith((b"\xff\xfe", b"\xfe\xff"))
+    return content.decode("utf-16" if is_utf_16 else "utf-8-sig")
+
+
+def _text_of(path: Path) -> str:
+    """The text of a file, in which each unmeasured cell is nan and each number is plain."""
+    content = path.read_bytes()
+    try:
+        text = decoded(content)
+    except UnicodeError:
+        text = content.decode("latin-1")
+    if "\0" in text:
+        raise InputError(path, "is not text, though its name says so", "Correct its ending.")
+    if '"' in text:
+        text = re.sub(r'"([^",;\t\n]*)"', r"\1", text)
+    if _SPECIAL.search(text):
+        text = _UNMEASURED.sub("nan", text.replace("−", "-"))
+        text = re.sub(r"(?<=\d)[dD](?=[-+]\d)", "e", text)  # of Fortran
+    return text
+
+
+def read_table(path: Path, *, corner: bool = False) -> Table:
+    """The lines of a table of numbers; with `corner`, its first cell may be a word."""
+    text = _text_of(path)
+    lines = [line.strip(" ") for line in text.splitlines()]
+    mark, count = _layout(path, lines)
+
+    def is_row(line: str) -> bool:
+        """Not a comment, unless its first cell is a number that had no room (####)."""
+        return not line.startswith("#") or (
+            line.startswith("##") and len(line.split(mark)) == count
+        )
+
+    top = next(
+        n for n, line in enumerate(lines) if is_row(line) and len(line.split(mark)) == count
+    )
+    names = _names_in(path, top, lines[top].split(mark))
+    first = top + bool(names)
+    numbers = [n for n in range(first, len(lines)) if lines[n] and is_row(lines[n])]
+    rows = [lines[n] for n in numbers]
+    _refuse_numbers_above(path, lines[:top], count)
+    if mark == ",":
+        _refuse_split_numbers(path, rows)
+    word = ""
+    if not corner:
+        _refuse_cut_lines(path, text, rows, mark)
+    else:
+        if mark and all(row.endswith(mark) for row in rows):  # which adds one empty cell
+            rows = [row[:-1] for row in rows]
+        cell, *others = rows[0].split(mark)
+        if not _CELL.fullmatch(cell) and all(map(_CELL.fullmatch, others)):
+            word, rows[0] = cell.strip(), (mark or " ").join(["nan", *others])
+    is_split = len({*np.diff(numbers)}) > 1
+    return Table(lines[:first], names, word, rows, mark, first + 1, is_split)
+
+
+def _layout(path: Path, lines: Sequence[str]) -> tuple[str | None, int]:
+    """What separates the cells of most rows of numbers, and how many cells these have."""
+    filled = [line for line in lines if line]
+    votes: Counter[tuple[str | None, int]] = Counter()
+    for line in filled[:: max(1, len(filled) // _SAMPLED)]:
+        mark = separator_of(line)
+        if mark == "," and re.search(r"\d,\d+\s+[-+\d]", line) and not re.search(r",\s", line):
+            mark = None  # blanks, between numbers with decimal commas
+        cells = line.split(mark)
+        if len(cells) > 1 and all(map(_CELL.fullmatch, cells[:20])):
+            votes[mark, len(cells)] += 1
+    if not votes:
+        middle = filled[len(filled) // 2] if filled else ""
+        problem = f"has no row of numbers; in its middle, a line begins {middle!r:.40}"
+        remedy = "Export the whole topography as text, with no mark between thousands."
+        raise InputError(path, problem, remedy)
+    return votes.most_common(1)[0][0]
+
+
+def _names_in(path: Path, line: int, cells: Sequence[str]) -> list[str]:
+    """The names of columns, if the cells of a row are words; its first one may be empty."""
+    words = [cell.strip() for cell in cells]
+    others = [*filter(None, words[1:])]
+    if not others or any(map(_CELL.fullmatch, others)):
+        return []
+    word, count = Counter(others).most_common(1)[0]
+    if count > 1:  # what stands in place of numbers
+        problem = f"line {line + 1} has {word!r:.20} in {count} cells, in place of numbers"
+        raise InputError(path, problem, UNMEASURED_CELLS)
+    return words
+
+
+def _refuse_numbers_above(path: Path, lines: Iterable[str], count: int) -> None:
+    """Refuse a line of numbers above rows of another length: they state something, or are cut."""
+    for line in lines:
+        cells = line.split(separator_of(line))
+        read = [cell for cell in cells if _CELL.fullmatch(cell)]
+        numbers = [cell for cell in read if re.search(r"\d", cell)]
+        if numbers and (len(read) == len(cells) or 2 < len(cells) < 2 * len(numbers)):
+            problem = f"has rows of {len(cells)} and of {count} cells: it is damaged"
+            remedy = "Export or copy it again, without numbers above the heights."
+            raise InputError(path, problem, remedy)
+
+
+def _refuse_split_numbers(path: Path, rows: Sequence[str]) -> None:
+    """Refuse numbers with decimal commas between commas, each of which is two whole numbers.
+
+    The second ones have no sign, and as many digits each. Whole heights that look so, too, do so
+    in all columns.
+    """
+    cells = [row.split(",") for row in rows[:_SAMPLED]]
+    whole, parts = ([cell for row in cells for cell in row[n::2]] for n in (0, 1))
+    digits = re.compile(rf"\d{{{len(parts[0])}}}", re.ASCII)
+    alike = sum(map(bool, map(digits.fullmatch, whole))) > _ALIKE * len(whole)
+    is_padded = any(re.match("0.", part) for part in parts)
+    is_padded &= not any(re.match("0.", cell) for cell in whole)
+    if (
+        len(parts) >= _FEWEST_SPLIT
+        and len(parts) == len(whole)
+        and all(map(digits.fullmatch, parts))
+        and all(re.fullmatch(r"\s*[-+]?\d+", cell) for cell in whole)
+        and (is_padded or not alike)
+    ):
+        problem = f"has commas between its cells and in its numbers, as in {rows[0]!r:.40}"
+        raise InputError(path, problem, _EXPORT)
+
+
+def _refuse_cut_lines(path: Path, text: str, rows: Sequence[str], mark: str | None) -> None:
+    """Refuse rows that end within a line, or two that are joined: NumPy reads some of them."""
+    if not text.endswith(("\n", "\r")):
+        remedy = "Export or copy it again. If it is whole, end its last line."
+        raise InputError(path, "ends within a line: it is cut", remedy)
+    count = len(rows[0].split(mark))
+    other = next((row for row in rows if len(row.split(mark)) != count), None)
+    if other is not None:
+        problem = f"has rows of {count} and of {len(other.split(mark))} cells: it is damaged"
+        raise InputError(path, problem, "Export or copy the file again.")
+
+
+def refuse_odd_decimals(path: Path, cells: Iterable[str], mark: str | None) -> None:
+    """Refuse numbers that have lost digits, or been given some, where all have equally many."""
+    decimals = re.compile(r"\.(\d+)" if mark == "," else r"[.,](\d+)")
+    found = itertools.chain.from_iterable(map(decimals.findall, cells))
+    (usual, count), *others = Counter(map(len, found)).most_common() or [(0, 0)]
+    odd = sum(times for _, times in others)
+    if 0 < odd <= _ODD_FRACTION * count:
+        raise InputError(
+            path,
+            f"{count} of its numbers have {usual} decimals, and {odd} others, such as "
+            f"{others[-1][0]}: it is damaged",
+            "Export or copy the file again. If you changed numbers, write all decimals.",
+        )
+
+
+def numbers_in(path: Path, table: Table, columns: Sequence[int] | None = None) -> np.ndarray:
+    """The cells of all rows, or some `columns` of them, NaN where unmeasured."""
+    mark, text = table.mark, "\n".join(table.rows)
+    if mark != "," and "," in text:  # beside other separators, it is a decimal sign
+        _mind_decimal_commas(path, text)
+        text = text.replace(",", ".")
+    if mark:  # empty cells
+        text = re.sub(f"(?<![^{mark}\n]) *(?=[{mark}\n]|\\Z)", "nan", text)
+    try:
+        return np.loadtxt(
+            text.splitlines(), delimiter=mark, usecols=columns, ndmin=2, comments=None
+        )
+    except ValueError as error:
+        problem = (
+            f"from line {table.first} on, is not a table of numbers: {str(error).split(';')[0]}"
+        )
+        remedy = f"Export or copy the file again. {UNMEASURED_CELLS}"
+        raise InputError(path, problem, remedy) from error
+
+
+def _mind_decimal_commas(path: Path, text: str) -> None:
+    """Refuse points beside decimal commas; warn if all commas may separate thousands."""
+    if "." in text:
+        problem = "has numbers with commas and with points: one of them separates thousands"
+        raise InputError(path, problem, _EXPORT)
+    numbers = (match.group() for match in re.finditer(r"[\d,]+", text))
+    if all(re.fullmatch(r"[1-9]\d{0,2},\d{3}", number) for number in numbers):
+        message = (
+            "%s: its commas are read as decimal signs. If they separate thousands, the heights are "
+            "wrong: export them without"
+        )
+        _log.warning(message, path)
