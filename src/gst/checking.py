@@ -26,6 +26,7 @@ from gstlib.coupling.placement import AGREES, ALL, CANNOT_TELL, shows_waves
 from gstlib.coupling.pressures import patch_pressures
 from gstlib.errors import NOTE, GstError, InputsError, unaccepted
 from gstlib.io.files import check_writable
+from gstlib.io.meshes import steps_of
 from gstlib.macroscale.plausibility import plausibility_warnings
 from gstlib.macroscale.sampling_sites import CONTROL, COUNTS, EXPOSED
 from gstlib.preprocess.scans import mould_of, prepare_scan
@@ -114,7 +115,10 @@ def _summary(
     if found is not None and found.stone is not None:
         size = " × ".join(f"{extent:.4g}" for extent in found.stone.extents)
         edge = found.stone.edges_unique_length.mean()
-        lines["mesh"] = f"{size} mm along its x, y, z; mean edge length {edge:.3g} mm"
+        lines["mesh"] = (
+            f"{size} mm along its x, y, z; mean edge length {edge:.3g} mm; "
+            f"coordinates in {steps_of(found.stone)}"
+        )
     if found is not None and len(found.scans):
         scans = found.scans
         lines["scans"] = (

@@ -154,7 +154,7 @@ def _plus(row: Mapping[str, str], column: str, more: float) -> str:
 
 def _of_face(study: Study) -> Iterator[Cure]:
     """Of a face that is larger than the stone is thick, if the square is not."""
-    config, side = study.config, largest_face(study.face.height)
+    config, side = study.config, largest_face(study.face.height.attrs["thickness_mm"])
     if config["square"]["size_mm"] <= side < config["macroscale"]["face_mm"]:
         why = f"the stone is {side:g} mm thick under the square, less than its face"
         yield Cure(why, {"macroscale.face_mm": side})

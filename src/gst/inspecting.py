@@ -86,12 +86,13 @@ def scan_facts(scan: xr.DataArray) -> dict[str, Any]:
 
 
 def _mesh_facts(mesh: "trimesh.Trimesh") -> dict[str, Any]:
-    """Vertices, faces, size, mean edge and state of a mesh (mm)."""
+    """Vertices, faces, size, mean edge, step of the coordinates and state of a mesh (mm)."""
     facts: dict[str, Any] = {"vertices": len(mesh.vertices), "faces": len(mesh.faces)}
     for axis, low, high in zip("xyz", *mesh.bounds.tolist(), strict=True):
         facts |= {f"size_{axis}_mm": high - low, f"centre_{axis}_mm": (low + high) / 2}
     return facts | {
         "mean_edge_mm": float(mesh.edges_unique_length.mean()),
+        "step_um": mesh.metadata["step_mm"] * MM_TO_UM,
         "bodies": int(mesh.body_count),
         "closed": "yes" if mesh.is_watertight else "no",
     }

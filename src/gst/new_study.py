@@ -27,8 +27,11 @@ from gst.strict_yaml import parse_yaml
 from gst.todo import TODO, is_to_do, left_in
 from gstlib.errors import InputError
 from gstlib.io.files import write_whole
-from gstlib.io.meshes import UNITS, is_closed, is_mesh, read_mesh, units_of_size
+from gstlib.io.meshes import UNITS, is_closed, is_mesh, read_mesh, steps_of, units_of_size
+from gstlib.macroscale.face import largest_face
+from gstlib.preprocess.use_face import Layout, find_use_face
 from gstlib.surfaces.footprints import Place
+from gstlib.surfaces.frames import Frame, frame_from_points
 
 if TYPE_CHECKING:
     import trimesh
@@ -40,8 +43,8 @@ _OK, _DOUBT, _TO_DO = "ok", "look", "to do"
 _TOPIC, _WIDEST = 10, 90
 # Rows, and files left out, that are named.
 _SHOWN = 12
-# Radius (mm) around the stone's middle in which its thickness is taken.
-_AROUND = 2.5
+# Rays along the square by which its thickness is taken.
+_RAYS = 50
 # Sides of a patch that differ by less are equal: as `gstlib.io.scans.cut_scan` has it.
 _SAME_SIZE = 0.01
 # ASSUME: two scans of different places have at most so much of their sides in common; stages that
@@ -101,7 +104,9 @@ def new_study(
         values |= {"patches": None, "inputs.scan_folder": None, "gesture": _GESTURE}
         text = "none: the study proposes where to scan, for a load point that scatters by 1 mm"
         said.append(_Said("Scans", text, _DOUBT))
-    face_mm, of_face = _face(stone, values.get("square.size_mm", 5.0))
+    points_mm = values["square.points_mm"]
+    corners = None if is_to_do(points_mm) else points_mm
+    face_mm, of_face = _face(stone, values.get("square.size_mm", 5.0), corners)
     values = {"macroscale.face_mm": face_mm} | values
     text = _template(values, [each for each in said if each.state == _TO_DO])
     said += [of_face, _of_use(text)]
@@ -142,22 +147,30 @@ def _read_stone(path: Path) -> _Stone:
     file_unit = mesh.metadata["file_unit"]
     sides = mesh.extents / UNITS[file_unit]
     shown = " × ".join(f"{side:.4g}" for side in sides)
+    steps = f", coordinates in {steps_of(mesh)}"
     if mesh.metadata["states_unit"]:
-        text = f"{shown} {file_unit}, as the file states"
+        text = f"{shown} {file_unit}, as the file states{steps}"
         return _Stone(mesh, file_unit, _Said("Mesh", text, _OK))
     fitting = units_of_size(float(max(sides)))
     if len(fitting) == 1:
         (unit,) = fitting
-        mesh.apply_scale(UNITS[unit] / UNITS[file_unit])
-        text = f"{shown} → {unit} (only {unit} makes a hand-sized stone)"
+        if unit != file_unit:
+            mesh = read_mesh(path, unit=unit)
+        steps = f", coordinates in {steps_of(mesh)}"
+        text = f"{shown} → {unit} (only {unit} makes a hand-sized stone){steps}"
         return _Stone(mesh, unit, _Said("Mesh", text, _OK))
     sizes = " or ".join(f"{max(sides) * UNITS[unit]:.3g} mm ({unit})" for unit in fitting)
     text = f"{shown}, its unit not stated: is the stone {sizes} long?"
     return _Stone(mesh, TODO, _Said("Mesh", text, _TO_DO))
 
 
-def _face(stone: _Stone, size_mm: float) -> tuple[float, _Said]:
-    """The side of the face: the default, unless the stone is thinner through its middle."""
+def _face(
+    stone: _Stone, size_mm: float, corners: Sequence[Sequence[float]] | None
+) -> tuple[float, _Said]:
+    """The side of the face: the default, unless the stone is thinner under the square.
+
+    Before the square is known, by its `corners`, the stone's middle stands for it.
+    """
     usual: float = complete({})["macroscale"]["face_mm"]
     usual = max(usual, size_mm)
     if stone.unit == TODO or not is_closed(stone.mesh):
@@ -165,16 +178,32 @@ def _face(stone: _Stone, size_mm: float) -> tuple[float, _Said]:
         return usual, _Said(
             "Face", f"{usual:g} mm, the default: {why}, so no thickness", _DOUBT
         )
-    points = np.asarray(stone.mesh.vertices) - stone.mesh.triangles_center.mean(axis=0)
-    along = points @ np.linalg.eigh(np.cov(points, rowvar=False))[1]
-    middle = np.hypot(along[:, 1], along[:, 2]) < _AROUND
-    thickness = float(np.ptp(along[middle, 0])) if middle.sum() > 1 else math.nan
-    through = f"the stone is {thickness:.3g} mm thick through its middle"
-    if not thickness < usual:
-        return usual, _Said("Face", f"{usual:g} mm, the default: {through}", _OK)
-    face_mm = max(size_mm, math.floor(thickness))
-    state = _OK if face_mm <= thickness else _DOUBT
-    return face_mm, _Said("Face", f"{face_mm:g} mm, no more than {through}", state)
+    frame = _broad_side(stone.mesh, size_mm) if corners is None else frame_from_points(corners)
+    where = "through its middle" if corners is None else "under the square"
+    layout = Layout(size_mm, _RAYS, 0)
+    try:
+        found = find_use_face(stone.mesh, frame, layout, source=stone.said.text)
+    except InputError:
+        text = f"{usual:g} mm, the default: the mesh does not show its thickness {where}"
+        return usual, _Said("Face", text, _DOUBT)
+    side = largest_face(found.thickness)
+    through = f"the stone is {side:g} mm thick {where}"
+    through += "; gst check tells it of the square" * (corners is None)
+    state = _DOUBT if corners is None or size_mm > side else _OK
+    if side >= usual:
+        return usual, _Said("Face", f"{usual:g} mm, the default: {through}", state)
+    face_mm = max(size_mm, side)
+    return face_mm, _Said("Face", f"{face_mm:g} mm, as {through}", state)
+
+
+def _broad_side(mesh: "trimesh.Trimesh", size_mm: float) -> Frame:
+    """The frame of a square in the middle of a stone's broad side."""
+    middle = mesh.triangles_center.mean(axis=0)
+    points = np.asarray(mesh.vertices) - middle
+    normal, _, x_axis = np.linalg.eigh(np.cov(points, rowvar=False))[1].T
+    centre = middle + (points @ normal).max() * normal
+    corner = centre - size_mm / 2 * (x_axis + np.cross(normal, x_axis))
+    return Frame(corner, x_axis, normal)
 
 
 def _from_scans(

@@ -100,7 +100,7 @@ def test_what_files_tell_is_written_and_the_rest_is_asked(lab, monkeypatch):
     }
     assert config["scans"]["size_mm"] == pytest.approx(POINTS * SPACING, rel=5e-3)
     assert config["scans"]["mould"]["invert"] is False  # heights fell
-    assert config["macroscale"]["face_mm"] == 12  # of a stone of 12.8 mm
+    assert config["macroscale"]["face_mm"] == 12.8  # as thick as the stone
     assert "3 of 3 lost height" in said
     assert "notes.pdf" in said
     # refused by its keys, from here or there, before any file is read

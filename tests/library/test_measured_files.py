@@ -16,6 +16,7 @@ from gstlib.io.scans import cut_scan, read_scan
 from gstlib.io.stage import stage_of
 from gstlib.preprocess.mesh import grid_mesh
 from gstlib.preprocess.scans import prepare_patch
+from gstlib.preprocess.use_face import Layout, find_use_face
 from gstlib.surfaces.frames import frame_from_points
 from gstlib.surfaces.grid import spacing_of
 
@@ -109,6 +110,32 @@ def test_nothing_of_a_mesh_is_lost(name, vertices, faces, extents):
     mesh = read_mesh(DATA / name)
     assert (len(mesh.vertices), len(mesh.faces)) == (vertices, faces)
     assert mesh.extents == pytest.approx(extents, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("points_mm", "size_mm", "thickness"),
+    [
+        (
+            [[-2.5, -2.5, 0.0], [2.5, -2.5, 0.0], [-2.5, 2.5, 0.0]],
+            5.0,
+            22.0,
+        ),  # two rays meet a flap
+        ([[20.66, -11.67, -4.13], [24.31, 3.77, -16.3], [3.03, -3.62, 0.8]], 20.0, 7.3),  # the rim
+    ],
+)
+def test_few_rays_do_not_make_a_pebble_thin(points_mm, size_mm, thickness):
+    mesh = read_mesh(DATA / "pebble-mesh-3dhop/lithic_tool_model_full.ply")
+    layout = Layout(size_mm, 100, 0)
+    frame = frame_from_points(points_mm)
+    found = find_use_face(mesh, frame, layout, source="pebble").thickness
+    assert found == pytest.approx(thickness, abs=0.3)
+
+
+def test_the_pebbles_coordinates_are_multiples_of_a_64th_of_a_millimetre(caplog):
+    mesh = read_mesh(DATA / "pebble-mesh-3dhop/lithic_tool_model_full.ply")
+    assert mesh.metadata["step_mm"] == 1 / 64
+    assert (64 * mesh.vertices == np.round(64 * mesh.vertices)).all()
+    assert "steps of 15.6 µm" in caplog.text
 
 
 def test_the_map_of_the_pebble_is_found_on_its_face():

@@ -1,66 +1,101 @@
 """Triangle meshes of stones (STL, PLY, OBJ, OFF, GLB, 3MF), read through trimesh, in mm.
 
-trimesh reads a damaged file without complaint and returns the part that it understood. A cut file
-must never pass for a smaller stone, so the number of its faces is compared with the stated one.
+trimesh reads some damaged files without complaint and returns the part that it understood. A cut
+file must never pass for a smaller stone, so its faces are counted and compared with the count that
+it states. Text comes in many dialects, which `gstlib.io.mesh_text` makes one.
 """
 
 import io
-import itertools
-import json
 import logging
-import re
 import warnings
 import zipfile
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gstlib.errors import NOTE, InputError
 from gstlib.io.files import check_size, check_unpacked
+from gstlib.io.gltf import MOST_PARTS, checked_header, position_accessors
+from gstlib.io.mesh_text import (
+    EXPORT_AGAIN,
+    PlainText,
+    plain_obj,
+    plain_off,
+    plain_ply,
+    plain_stl,
+    unit_word,
+)
+from gstlib.io.rounding import coordinate_step
 
 if TYPE_CHECKING:
     import trimesh
 
-__all__ = ["UNITS", "is_closed", "is_mesh", "ply_with", "read_mesh", "units_of_size"]
+__all__ = [
+    "UNITS",
+    "is_closed",
+    "is_mesh",
+    "ply_with",
+    "read_mesh",
+    "steps_of",
+    "units_of_size",
+]
 
 _log = logging.getLogger(__name__)
 
 _READ = (".stl", ".ply", ".obj", ".off", ".glb", ".3mf")
 # Other formats of meshes: trimesh needs further packages for them, or reads them unchecked.
 _NOT_READ = (".gltf", ".fbx", ".dae", ".wrl", ".x3d", ".usd", ".usdz", ".nxs", ".nxz", ".ctm")
-# The units that trimesh finds: GLB prescribes metres, 3MF states its own.
-_STATED = {"meters": "m", "meter": "m", "millimeters": "mm", "millimeter": "mm"}
-_STATED |= {"centimeter": "cm", "micron": "um", "inch": "in"}
+# The units that files state, in any case; 3MF allows the first six.
+_STATED = {"micron": "um", "millimeter": "mm", "centimeter": "cm", "inch": "in", "foot": "ft"}
+_STATED |= {
+    "meter": "m",
+    "metre": "m",
+    "millimetre": "mm",
+    "centimetre": "cm",
+    "micrometer": "um",
+}
+_STATED |= {"mm": "mm", "cm": "cm", "um": "um", "m": "m", "inche": "in", "feet": "ft"}
 # Length of each unit in mm.
-UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4}
+UNITS = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3, "in": 25.4, "ft": 304.8}
+# Nobody exports stones in feet, but a 3MF may say so.
+_LIKELY_UNITS = "mm", "cm", "m", "um", "in"
 # Largest extent (mm) of a stone that a hand could grind with; outside it the unit is wrong.
 _SMALLEST_STONE, _LARGEST_STONE = 1.0, 1000.0
 # ASSUME: a stone of which only one unit makes a size (mm) within these is in that unit.
 _HAND_SIZED = 20.0, 300.0
 # A mesh whose area vectors cancel to this share is closed, except for pin-holes from the scanner.
 _CLOSED = 0.01
-# A stone is one part; each takes trimesh a quarter of a millisecond, whatever is in it.
-_MOST_PARTS = 10_000
 # Faces and vertices that are zeros, as in a lost block of the file: so many, and ten times as many
 # as are in any other place, where one vertex is. Rounding shrinks triangles to points, too, but
 # everywhere.
 _FEWEST_EMPTY, _ZEROS_TIMES = 3, 10
 # Bytes of a 3MF's XML, each of which takes thirty of memory: a stone of a million triangles.
 _LONGEST_XML = 1 << 26
-# Bytes of a face in an OBJ: of a thousand corners, which trimesh needs a thousand times for.
-_LONGEST_FACE = 10_000
-# Types of numbers in a PLY, and those of NumPy.
-_PLY_TYPES = {
-    b"char": "i1", b"uchar": "u1", b"short": "i2", b"ushort": "u2", b"int": "i4", b"uint": "u4",
-    b"float": "f4", b"double": "f8", b"int8": "i1", b"uint8": "u1", b"int16": "i2",
-    b"uint16": "u2", b"int32": "i4", b"uint32": "u4", b"float32": "f4", b"float64": "f8",
-}  # fmt: skip
-# How many rows an element of a PLY has, and the words of the header that describe its properties.
-_PlyElement = tuple[int, list[list[bytes]]]
-_EXPORT_AGAIN = "Export the mesh again as triangles (binary STL or PLY)."
+# Steps of the coordinates (mm) from which on heights between them are doubtful, and worthless: wear
+# is a few micrometres deep, and the relief that carries a contact some tens.
+_DOUBTFUL_STEP, _LARGEST_STEP = 1e-3, 20e-3
+# Where a coordinate is so many times as large as the mesh, its distance has used up the digits.
+_FAR = 10.0
+# No number (mm) says more than that the step does not matter.
+_NO_STEP = 1e-8
+_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_STL_HEADER = 84
+# Counts in the header of an STL that was written before its program knew how many triangles follow.
+_STREAMED = 0, 0xFFFFFFFF
+_GLB_HEADER = 20
+# Types of whole numbers in a GLB.
+_WHOLE_NUMBERS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2"}
+
+
+class _Part(NamedTuple):
+    """A part of a scene in its place, in the unit of the file."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    step: float  # of its coordinates
 
 
 def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh":
@@ -70,23 +105,26 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     ----------
     path : str or Path
         STL (binary or ASCII), PLY, OBJ, OFF, 3MF or GLB; the parts of a scene keep their places.
-    unit : {"mm", "cm", "m", "um", "in"}, optional
+    unit : {"mm", "cm", "m", "um", "in", "ft"}, optional
         Unit of the file's coordinates; None for the one that the file states, or else mm. 3MF
         states it: another is refused. GLB prescribes metres: because exporters write other units,
-        another is accepted, with a warning. The other formats do not state one.
+        another is accepted, with a warning, as is another than a comment of a text states. The
+        other formats do not state one.
 
     Returns
     -------
     trimesh.Trimesh
         Vertices in mm, equal ones merged; colours, textures and normals are left out. A closed one
         that is inside out is turned, with a warning. Its metadata ``file_unit`` is the unit of the
-        file, and ``states_unit`` is whether it states one.
+        file, ``states_unit`` is whether it states one, and ``step_mm`` is the step of its
+        coordinates, as in `gstlib.io.rounding.coordinate_step`. Above 1 µm there is a warning.
 
     Raises
     ------
     InputError
         The file is missing, cut, damaged or not a mesh; the mesh has no faces, or vertices
-        that are not finite; or its size is not that of a stone, as when the unit is wrong.
+        that are not finite; its size is not that of a stone, as when the unit is wrong; or the
+        step of its coordinates is above 20 µm.
     """
     import trimesh
 
@@ -94,15 +132,17 @@ def read_mesh(path: str | Path, *, unit: str | None = None) -> "trimesh.Trimesh"
     if unit not in (None, *UNITS):
         raise InputError(path, f"unknown mesh unit {unit!r}", f"Use one of {list(UNITS)}.")
     content = _read_content(path)
-    announced = _announced_faces(path, content)
-    vertices, faces, stated = _load(path, content)
-    _check_faces(path, vertices, faces, announced)
+    parts, stated, is_ended = _load(path, content)
+    vertices, faces = _joined(parts)
+    _mind_cut_end(path, vertices, faces, is_ended=is_ended)
     unit = _unit_to_read_in(path, unit, stated)
-    _check_extent(path, float(np.ptp(vertices, axis=0).max()), unit)
-    metadata = {"file_unit": unit, "states_unit": stated is not None}
+    step_mm = max(part.step for part in parts) * UNITS[unit]
+    _check_step_and_extent(path, vertices[faces], step_mm, unit)
+    metadata = {"file_unit": unit, "states_unit": stated is not None, "step_mm": step_mm}
     mesh = trimesh.Trimesh(vertices * UNITS[unit], faces, process=False, metadata=metadata)
     mesh.merge_vertices()
     _refuse_zeros(path, vertices, faces, mesh)
+    _drop_copies(mesh)
     _turn_outwards(mesh)
     return mesh
 
@@ -150,27 +190,25 @@ def _check_archive(path: Path) -> None:
             check_unpacked(path, archive)
             models = [name for name in archive.namelist() if name.endswith(".model")]
             _refuse_long_xml(sum(archive.getinfo(model).file_size for model in models))
-            _refuse_parts(sum(archive.read(model).count(b"<item") for model in models))
+            count = sum(archive.read(model).count(b"<item") for model in models)
+            if count > MOST_PARTS:
+                raise ValueError(f"it has {count} parts, and a stone is one")
     except unreadable as error:
-        raise InputError(path, f"is damaged, or too large ({error})", _EXPORT_AGAIN) from error
+        raise InputError(path, f"is damaged, or too large ({error})", EXPORT_AGAIN) from error
 
 
-def _check_faces(
-    path: Path, vertices: np.ndarray, faces: np.ndarray, announced: int | None
-) -> None:
-    """Refuse faces that are not all that the file states, and vertices that are no places."""
-    if announced not in (None, len(faces)):
-        raise InputError(
-            path,
-            f"{len(faces)} triangles can be read, but the file states {announced}: it is cut or "
-            "damaged, or its faces are not triangles",
-            _EXPORT_AGAIN,
-        )
-    if len(faces) == 0:
-        raise InputError(path, "the mesh has no faces", "Export it again, with its triangles.")
+def _joined(parts: Sequence[_Part]) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (n, 3) and triangles (m, 3) of all parts."""
+    before = np.cumsum([0, *(len(part.vertices) for part in parts)])
+    faces = [part.faces + count for part, count in zip(parts, before, strict=False)]
+    return np.concatenate([part.vertices for part in parts]), np.concatenate(faces)
+
+
+def _check_faces(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Refuse faces of vertices that are not there, or are no places."""
     if faces.min() < 0 or faces.max() >= len(vertices):
         problem = f"a face refers to a vertex outside its {len(vertices)}: it is cut or damaged"
-        raise InputError(path, problem, _EXPORT_AGAIN)
+        raise InputError(path, problem, EXPORT_AGAIN)
     if bad := int((~np.isfinite(vertices)).any(axis=1).sum()):
         raise InputError(
             path, f"{bad} of {len(vertices)} vertices are not numbers", "Repair it."
@@ -184,8 +222,8 @@ def _unit_to_read_in(path: Path, given: str | None, stated: str | None) -> str:
         if path.suffix.lower() == ".3mf":
             problem = f"states its unit, {stated}, and is to be read in {unit}"
             raise InputError(path, problem, f"Set mesh_unit: {stated}.")
-        message = "%s: GLB is in %s by its specification, but is read in %s, as given"
-        _log.warning(message, path, stated, unit)
+        by = "by its specification" if path.suffix.lower() == ".glb" else "by its own comment"
+        _log.warning("%s: is in %s %s, but is read in %s, as given", path, stated, by, unit)
     return unit
 
 
@@ -204,221 +242,181 @@ def is_closed(mesh: "trimesh.Trimesh") -> bool:
     return bool(np.abs(areas.sum(axis=0)).max() < _CLOSED * np.linalg.norm(areas, axis=1).sum())
 
 
-def _announced_faces(path: Path, content: bytes) -> int | None:
-    """Number of faces that the file states, None if the format states none.
+def _drop_copies(mesh: "trimesh.Trimesh") -> None:
+    """Leave each face once, whichever way round, as in a mesh whose sides are both drawn."""
+    is_first = mesh.unique_faces()
+    if not is_first.all():
+        message = "%d of %d faces are in the mesh twice: their copies were left out"
+        _log.log(NOTE, message, (~is_first).sum(), len(is_first))
+        mesh.update_faces(is_first)
 
-    Content that contradicts itself is refused.
-    """
+
+def _mind_cut_end(
+    path: Path, vertices: np.ndarray, faces: np.ndarray, *, is_ended: bool
+) -> None:
+    """Refuse text that ends within a line, if its last face or its vertices show that it is cut."""
+    unused = len(vertices) - len(np.unique(faces))
+    left = f"{unused} of its vertices belong to no face"
+    if is_ended:
+        if (
+            unused and path.suffix.lower() == ".obj"
+        ):  # which does not state how many faces follow
+            _log.warning("%s: %s. If it was cut, copy it again", path, left)
+        return
+    longest = np.linalg.norm(np.diff(vertices[faces[:, [0, 1, 2, 0]]], axis=1), axis=2).max(
+        axis=1
+    )
+    if unused or longest[-1] > longest[:-1].max(initial=0):
+        problem = (
+            f"ends within a line, and {left if unused else 'its last face is odd'}: it is cut"
+        )
+        raise InputError(path, problem, f"{EXPORT_AGAIN} If it is whole, end its last line.")
+
+
+def _plain(path: Path, content: bytes) -> PlainText:
+    """A file's content as trimesh reads it, and what it states."""
     kind = path.suffix.lower()
     if kind == ".stl":
-        return _faces_of_stl(path, content)
-    if kind == ".ply":
-        return _faces_of_ply(path, content)
-    if kind == ".off":
-        return _faces_of_off(path, content)
-    if kind == ".obj":
-        _refuse_odd_text(path, content)
-        _refuse_odd_obj(path, content)
-    return None
+        text = content.rstrip(b"\0")
+        is_text = bool(text) and b"\0" not in text
+        return plain_stl(path, content) if is_text else _binary_stl(path, content)
+    if kind in (".obj", ".off", ".ply"):
+        read = {".obj": plain_obj, ".off": plain_off, ".ply": plain_ply}[kind]
+        return read(path, content)
+    if kind == ".glb":  # its length is that of its header; more may follow
+        content = content[: max(int.from_bytes(content[8:12], "little"), _GLB_HEADER)]
+    return PlainText(content, None, is_ended=True)
 
 
-def _faces_of_stl(path: Path, content: bytes) -> int:
-    # Some binary files begin with "solid" too, but no text has zero bytes.
-    if b"\0" in content:
-        return int.from_bytes(content[80:84], "little")
-    if not content.rstrip().rsplit(b"\n", 1)[-1].lstrip().lower().startswith(b"endsolid"):
-        raise InputError(path, "ends without 'endsolid': it is cut, or no STL", _EXPORT_AGAIN)
-    return content.lower().count(b"endfacet")
+def _binary_stl(path: Path, content: bytes) -> PlainText:
+    """The triangles of a binary STL, without what some programs write behind them.
 
-
-def _faces_of_off(path: Path, content: bytes) -> int:
-    _refuse_odd_text(path, content)
-    found = re.match(rb"(?:\s|#.*\n)*C?OFF(?:\s|#.*\n)*(?=\d+\s+(\d+)\s)", content)
-    if found is None:
-        raise _no_header(path)
-    body = content[found.end() :]
-    _check_rows(path, body, sum(map(int, body.split(maxsplit=2)[:2])))
-    return int(found[1])
-
-
-def _faces_of_ply(path: Path, content: bytes) -> int:
-    header, end, body = content.partition(b"end_header")
-    elements = _ply_elements(header)
-    if b"face" not in elements:
-        raise _no_header(path)
-    if b"format ascii" in header:
-        _refuse_odd_text(path, content)
-        _check_rows(path, end + body, sum(count for count, _ in elements.values()))
-        _check_ply_cells(path, elements.values(), body)
-    else:
-        order = ">" if b"binary_big_endian" in header else "<"
-        _check_ply_lists(path, elements.values(), order, body.partition(b"\n")[2])
-    return elements[b"face"][0]
-
-
-def _no_header(path: Path) -> InputError:
-    problem = f"does not begin with the header of {path.suffix[1:].upper()} with its faces"
-    return InputError(path, problem, "Correct its ending, or export it again.")
-
-
-def _refuse_odd_text(path: Path, content: bytes) -> None:
-    if not content.endswith((b"\n", b"\r")):
-        raise InputError(path, "ends within a line: it is cut", _EXPORT_AGAIN)
-    if b"\0" in content:
-        raise InputError(path, "is text with zero bytes in it: it is damaged", _EXPORT_AGAIN)
-
-
-def _ply_elements(header: bytes) -> dict[bytes, _PlyElement]:
-    """Elements of a PLY by name, in the order of the file."""
-    elements: dict[bytes, _PlyElement] = {}
-    for line in header.splitlines():
-        if found := re.match(rb"element\s+(\w+)\s+(\d+)", line):
-            properties: list[list[bytes]] = []
-            elements[found[1]] = int(found[2]), properties
-        elif elements and line.startswith(b"property"):
-            properties.append(line.split()[1:-1])
-    return elements
-
-
-def _check_ply_cells(path: Path, elements: Iterable[_PlyElement], body: bytes) -> None:
-    """Refuse text whose rows have more or fewer cells than the header says.
-
-    trimesh takes all lists to be as long as the first, and drops what is left.
+    A program that writes while it reads cannot know the count, and leaves 0 or −1.
     """
-    rows = (row for row in map(bytes.split, body.splitlines()) if row and row[0][:1] != b"#")
-    for count, properties in elements:
-        for row in itertools.islice(rows, count):
-            if not _has_cells(row, properties):
-                problem = f"has a row that its header does not describe: {row[:9]}"
-                raise InputError(path, problem, _EXPORT_AGAIN)
+    stated, fitting = int.from_bytes(content[80:84], "little"), len(content) - _STL_HEADER
+    count, left = divmod(fitting, _RECORD.itemsize)
+    if stated in _STREAMED and count > 0 and not left:
+        stated = count
+    elif stated > count:
+        problem = (
+            f"{max(count, 0)} triangles can be read, but the file states {stated}: it is cut"
+        )
+        raise InputError(path, f"{problem} or damaged", EXPORT_AGAIN)
+    end = _STL_HEADER + stated * _RECORD.itemsize
+    corners = np.frombuffer(content, _RECORD, count, _STL_HEADER)["corners"]
+    own, more = corners[:stated], corners[stated:]
+    if stated and len(more):
+        inside = (more >= own.min(axis=(0, 1))) & (more <= own.max(axis=(0, 1)))
+        if (inside.all(axis=(1, 2)) & more.any(axis=(1, 2))).any():
+            problem = f"states {stated} triangles, and more follow: it is damaged"
+            raise InputError(path, problem, EXPORT_AGAIN)
+    counted = content[:80] + stated.to_bytes(4, "little") + content[_STL_HEADER:end]
+    return PlainText(counted, stated, is_ended=True)
 
 
-def _has_cells(row: Sequence[bytes], properties: Iterable[Sequence[bytes]]) -> bool:
-    at = 0
+def _load(path: Path, content: bytes) -> tuple[list[_Part], str | None, bool]:
+    """The parts of a mesh, the unit that it states, and whether its last line has an end."""
+    kind = path.suffix.lower()[1:]
+    plain = _plain(path, content)
     try:
-        for words in properties:
-            at += 1 + int(row[at]) if words[0] == b"list" else 1
-    except (IndexError, ValueError):
-        return False
-    return at == len(row)
+        with warnings.catch_warnings():
+            # NumPy stops at a word that is not a number, and only warns.
+            warnings.filterwarnings("error", message="string or file could not be read")
+            stored = position_accessors(checked_header(path, content)) if kind == "glb" else []
+            scene = _scene(plain.content, kind)
+            if kind == "ply":
+                _check_ply_lists(path, scene)
+            parts = [*_parts(path, scene, stored)]
+        word = str(scene.units or "").lower().removesuffix("s") or unit_word(content)
+    except InputError:
+        raise
+    except Exception as error:  # trimesh raises whatever its parsers raise
+        problem = f"cannot be read as {kind.upper()} ({type(error).__name__}: {error})"
+        raise InputError(path, problem, EXPORT_AGAIN) from error
+    if kind == "3mf" and word not in _STATED:
+        problem = f"states a unit that 3MF does not have, {word!r}"
+        raise InputError(path, problem, "Export it again, in millimeter.")
+    count = sum(len(part.faces) for part in parts)
+    if plain.faces not in (None, count):
+        raise InputError(
+            path,
+            f"{count} triangles can be read, but the file states {plain.faces}: it is cut or "
+            "damaged",
+            EXPORT_AGAIN,
+        )
+    if count == 0:
+        raise InputError(path, "the mesh has no faces", "Export it again, with its triangles.")
+    return parts, _STATED.get(word), plain.is_ended
 
 
-def _check_ply_lists(
-    path: Path, elements: Iterable[_PlyElement], order: str, body: bytes
-) -> None:
-    """Refuse a binary PLY with lists that are not as long as the first of their property."""
-    at = 0
-    try:
-        for count, properties in elements:
-            if not count:
-                continue
-            rows = np.frombuffer(body, _ply_row(properties, order, body, at), count, at)
-            lengths = [rows[name] for name in rows.dtype.names or () if name[0] == "n"]
-            if any((length != length[:1]).any() for length in lengths):
-                problem = "is damaged, or its faces are not all triangles"
-                raise InputError(path, problem, _EXPORT_AGAIN)
-            at += rows.nbytes
-    except (IndexError, KeyError, ValueError) as error:
-        raise InputError(path, f"cannot be read as PLY ({error})", _EXPORT_AGAIN) from error
-
-
-def _ply_row(
-    properties: Iterable[Sequence[bytes]], order: str, body: bytes, at: int
-) -> np.dtype[Any]:
-    """A row of a PLY's element, with its lists as long as those in the row at byte `at`."""
-    fields: list[Any] = []
-    for number, (kind, *of) in enumerate(properties):
-        if kind == b"list":
-            length_type, item = (order + _PLY_TYPES[word] for word in of)
-            (length,) = np.frombuffer(body, length_type, 1, at + np.dtype(fields).itemsize)
-            fields += [(f"n{number}", length_type), (f"items {number}", item, int(length))]
-        else:
-            fields.append((f"value {number}", order + _PLY_TYPES[kind]))
-    return np.dtype(fields)
-
-
-def _check_rows(path: Path, body: bytes, stated: int) -> None:
-    """Refuse text whose rows, after one of the header, are not as many as it states.
-
-    trimesh reads those that it needs.
-    """
-    lines = re.finditer(rb"^[ \t]*[^\s#]", body.replace(b"\r", b"\n"), re.MULTILINE)
-    if (count := sum(1 for _ in lines) - 1) != stated:
-        problem = f"has {count} rows, but states {stated}: it is cut or damaged"
-        raise InputError(path, problem, _EXPORT_AGAIN)
-
-
-def _refuse_odd_obj(path: Path, content: bytes) -> None:
-    """Refuse faces that trimesh would read with other vertices, and lines that it passes over."""
-    for odd, problem in (
-        (rb"^f\b[^\n]*\s(?:-|0[\s/])", "has a face with vertex numbers below 1"),
-        (rb"^f\b[^\n]{%d}" % _LONGEST_FACE, "has a face of a thousand corners"),
-        (
-            rb"(?<!\\)(?<!\\\r)\n[ \t]*[-+.\d]",
-            "has a line that begins with a number: it is damaged",
-        ),
-    ):
-        if re.search(odd, content, re.MULTILINE):
-            raise InputError(path, problem, _EXPORT_AGAIN)
-
-
-def _load(path: Path, content: bytes) -> tuple[np.ndarray, np.ndarray, str | None]:
-    """Vertices (n, 3), triangles (m, 3) and the stated unit, as trimesh reads them."""
+def _scene(content: bytes, kind: str) -> "trimesh.Scene":
+    """What trimesh reads."""
     import trimesh
 
-    kind = path.suffix.lower()[1:]
     # Textures and materials would open other files and split vertices.
     options: dict[str, Any] = {
         "skip_materials": True,
         "fix_texture": False,
         "maintain_order": True,
     }
-    try:
-        with warnings.catch_warnings():
-            # NumPy stops at a word that is not a number, and only warns.
-            warnings.filterwarnings("error", message="string or file could not be read")
-            # From memory, so that trimesh cannot look for other files beside this one.
-            file = io.BytesIO(content)
-            if kind == "glb":
-                _refuse_unlikely_header(content)
-            scene: Any = trimesh.load_scene(file, file_type=kind, process=False, **options)
-            named = [scene.geometry[scene.graph[n][1]] for n in scene.graph.nodes_geometry]
-            if sum(len(getattr(part, "faces", ())) for part in named) > len(content):
-                raise ValueError("it repeats its parts until there are more faces than bytes")
-            vertices, faces, count = [np.empty((0, 3))], [np.empty((0, 3), np.int64)], 0
-            part: Any
-            for part in scene.dump():
-                vertices.append(np.asarray(part.vertices, dtype=np.float64))
-                faces.append(
-                    np.asarray(getattr(part, "faces", faces[0]), dtype=np.int64) + count
-                )
-                count += len(vertices[-1])
-        return np.concatenate(vertices), np.concatenate(faces), _STATED.get(str(scene.units))
-    except Exception as error:  # trimesh raises whatever its parsers raise
-        problem = f"cannot be read as {kind.upper()} ({type(error).__name__}: {error})"
-        raise InputError(path, problem, _EXPORT_AGAIN) from error
+    # From memory, so that trimesh cannot look for other files beside this one.
+    file = io.BytesIO(content)
+    scene: Any = trimesh.load_scene(file, file_type=kind, process=False, **options)
+    named = [scene.geometry[scene.graph[node][1]] for node in scene.graph.nodes_geometry]
+    if sum(len(getattr(part, "faces", ())) for part in named) > len(content):
+        raise ValueError("it repeats its parts until there are more faces than bytes")
+    return scene
 
 
-def _refuse_parts(count: int) -> None:
-    if count > _MOST_PARTS:
-        raise ValueError(f"it has {count} parts, and a stone is one")
+def _parts(
+    path: Path, scene: "trimesh.Scene", stored: Sequence[Mapping[str, Any]]
+) -> Iterator[_Part]:
+    """The parts of a scene that have faces, each where it stands.
+
+    `stored` says how a GLB stores the positions of each part.
+    """
+    accessors = dict(zip(scene.geometry, stored, strict=bool(stored)))
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        part: Any = scene.geometry[name]
+        faces = np.asarray(getattr(part, "faces", ()), np.int64)
+        if not len(faces):
+            continue
+        vertices, step = _numbers(np.asarray(part.vertices, float), accessors.get(name, {}))
+        _check_faces(path, vertices, faces)
+        turn, shift = matrix[:3, :3], matrix[:3, 3]
+        scale = float(np.linalg.norm(turn, axis=0).max())
+        step = scale * (step or coordinate_step(vertices, faces))
+        is_mirrored = np.linalg.det(turn) < 0
+        yield _Part(vertices @ turn.T + shift, faces[:, ::-1] if is_mirrored else faces, step)
+
+
+def _numbers(stored: np.ndarray, accessor: Mapping[str, Any]) -> tuple[np.ndarray, float]:
+    """Coordinates of a part, and their step if they are whole numbers, as in quantised GLB."""
+    if (kind := accessor.get("componentType")) not in _WHOLE_NUMBERS:
+        return stored, 0.0
+    if not accessor.get("normalized"):
+        return stored, 1.0
+    largest = np.iinfo(_WHOLE_NUMBERS[kind]).max
+    return np.maximum(stored / largest, -1.0), 1.0 / largest
+
+
+def _check_ply_lists(path: Path, scene: "trimesh.Scene") -> None:
+    """Refuse a binary PLY with lists that are not as long as the first of their property."""
+    for part in scene.geometry.values():
+        for element in part.metadata.pop("_ply_raw", {}).values():
+            rows = element.get("data")
+            for name in getattr(getattr(rows, "dtype", None), "names", None) or ():
+                lengths = rows[name]["f0"] if rows.dtype[name].names else rows[:0]
+                if len(lengths) and (lengths != lengths[0]).any():
+                    problem = "is damaged, or its faces have different numbers of corners"
+                    raise InputError(path, problem, EXPORT_AGAIN)
 
 
 def _refuse_long_xml(size: int) -> None:
     if size > _LONGEST_XML:
         most = f"at most {_LONGEST_XML / 1e6:.0f} MB are read"
         raise ValueError(f"it holds {size / 1e6:.0f} MB of XML, and {most}")
-
-
-def _refuse_unlikely_header(content: bytes) -> None:
-    """Refuse a GLB of very many parts, or of more vertices and faces than the file has bytes.
-
-    By its specification, numbers that are not in the file are zeros.
-    """
-    header = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
-    _refuse_parts(len(header.get("nodes", ())))
-    if sum(part["count"] for part in header.get("accessors", ())) > len(content):
-        raise ValueError("it states more numbers than it holds")
 
 
 def _refuse_zeros(
@@ -445,11 +443,44 @@ def _refuse_lost(path: Path, count: int, what: str) -> None:
     raise InputError(path, problem, "Copy it, or export it, again.")
 
 
+def _check_step_and_extent(path: Path, corners: np.ndarray, step_mm: float, unit: str) -> None:
+    """Refuse coordinates with too few digits, or that span (in `unit`) what is no stone's size."""
+    extent = float(np.ptp(corners, axis=(0, 1)).max())
+    farthest = float(np.abs(corners).max())
+    length_mm = UNITS[unit]
+    cause = "they have too few digits"
+    if farthest > _FAR * extent:
+        cause = f"the mesh lies {_length(farthest * length_mm)} from its origin"
+    problem = f"its coordinates have steps of {_length(step_mm)} because {cause}"
+    remedy = (
+        "Export it again with the origin on the tool, in double precision or with more digits."
+    )
+    # of a mesh in another unit than its own, the steps grow with the size
+    if step_mm > max(_LARGEST_STEP, _LARGEST_STEP / _LARGEST_STONE * extent * length_mm):
+        raise InputError(path, f"{problem}; at most 20 µm can be used", remedy)
+    _check_extent(path, extent, unit)
+    if step_mm > _DOUBTFUL_STEP:
+        _log.warning("%s: %s, and heights err by as much. %s", path, problem, remedy)
+
+
+def steps_of(mesh: "trimesh.Trimesh") -> str:
+    """The steps of the coordinates of a mesh from `read_mesh`, in words."""
+    return f"steps of {_length(mesh.metadata['step_mm'])}"
+
+
+def _length(mm: float) -> str:
+    """A length in the unit in which it is a short number."""
+    for unit, length in (("km", 1e6), ("m", 1e3), ("mm", 1.0), ("µm", 1e-3)):
+        if mm >= length:
+            return f"{mm / length:.3g} {unit}"
+    return f"{1e6 * mm:.2g} nm" if mm >= _NO_STEP else "less than 0.01 nm"
+
+
 def _check_extent(path: Path, extent: float, unit: str) -> None:
     """Refuse a mesh whose largest extent (in `unit`) is not that of a stone."""
     if _SMALLEST_STONE <= extent * UNITS[unit] <= _LARGEST_STONE:
         return
-    remedy = f"Scale the mesh to one of the units {list(UNITS)} and set mesh_unit."
+    remedy = f"Scale the mesh to one of the units {list(_LIKELY_UNITS)} and set mesh_unit."
     fitting = {name: extent * UNITS[name] for name in units_of_size(extent)}
     if fitting:
         sizes = " or ".join(f"mesh_unit: {name} ({mm:.3g} mm)" for name, mm in fitting.items())
@@ -468,6 +499,7 @@ def units_of_size(extent: float) -> list[str]:
     [['mm'], ['m'], ['cm', 'in'], ['mm']]
     """
     for low, high in (_HAND_SIZED, (10.0, _LARGEST_STONE)):
-        if fitting := [name for name, mm in UNITS.items() if low <= extent * mm <= high]:
+        fitting = [name for name in _LIKELY_UNITS if low <= extent * UNITS[name] <= high]
+        if fitting:
             return fitting
     return []

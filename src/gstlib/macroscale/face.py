@@ -152,22 +152,25 @@ def _check_extent(height: xr.DataArray, face_mm: float, source: str | Path) -> N
             face_mm,
         )
     thickness = height.attrs["thickness_mm"]
-    if _THINNEST_MM <= thickness < face_mm:
+    side = largest_face(thickness)
+    if thickness >= _THINNEST_MM and side < face_mm:
         _log.warning(
-            "%s: the stone is %.3g mm thick under the square, less than the %g mm of its face: it "
+            "%s: the stone is %g mm thick under the square, less than the %g mm of its face: it "
             "bends, and the contact of half-spaces that is solved does not; set macroscale.face_mm "
-            "to %.3g, or read pressures with care if that is less than the square",
+            "to %g, or read pressures with care if that is less than the square",
             source,
-            thickness,
+            side,
             face_mm,
-            largest_face(height),
+            side,
         )
 
 
-def largest_face(height: xr.DataArray) -> float:
-    """The largest side (mm) of a face of which the stone under the square is no thinner."""
-    thickness = height.attrs["thickness_mm"]
-    return math.floor(10 * thickness) / 10 if math.isfinite(thickness) else math.inf
+def largest_face(thickness_mm: float) -> float:
+    """The largest side (mm) of a face of which a stone is no thinner under its square.
+
+    It is the thickness that is said of a stone, too, in tenths of a millimetre.
+    """
+    return math.floor(10 * thickness_mm) / 10 if math.isfinite(thickness_mm) else math.inf
 
 
 def thin_stone(height: xr.DataArray, *, source: str | Path) -> Iterator[FaultError]:

@@ -74,9 +74,9 @@ def grid_mesh(
         ``height`` (y, x) along the normal, mm, above the frame's origin, at the element centres of
         the face, the square's from 0 to `size_mm`; NaN where there is no stone. Its attributes
         ``mesh_points`` (number interpolated), ``mesh_edge_mm`` (mean edge length in the crop),
-        ``interpolation``, and ``thickness_mm``, the stone's least under the square (NaN for a mesh
-        without an underside). ``vertex_y, vertex_x`` (vertex), mm, of the vertices left out, and
-        ``left_out_error`` (vertex), mm: height less its prediction from the others.
+        ``interpolation``, and ``thickness_mm``, the stone's under the square, a low percentile
+        (NaN for a mesh without an underside). ``vertex_y, vertex_x`` (vertex), mm, of the vertices
+        left out, and ``left_out_error`` (vertex), mm: height less its prediction from the others.
         ``left_out_rms`` (candidate), mm: the r.m.s. of these errors for each interpolation tried.
 
     Raises

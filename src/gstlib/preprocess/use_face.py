@@ -5,6 +5,7 @@ often. The faces near the square form connected bodies, each with an upper and a
 sides that cover most of the square, the use-face is the one nearest to its plane.
 """
 
+import logging
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,14 +21,23 @@ if TYPE_CHECKING:
 
 __all__ = ["Layout", "UseFace", "find_use_face"]
 
+_log = logging.getLogger(__name__)
+
 # ASSUME: beyond the square, what the mesh does not show or shows twice is no stone: the use-face
 # ends or turns away there. In the square it is a fault.
 # ASSUME: overhangs up to this share of the square are specks of the scanner and are accepted.
 _FOLDED_FRACTION = 1e-3
 # Heights of one element that differ by less (mm) count as one: the element lies on an edge.
 _SAME_HEIGHT = 1e-6
+# Two surfaces that look the same way and are less apart (mm) are one, scanned twice.
+_DOUBLE_MM = 0.5
+# A body whose underside is under more than this share of the square has one.
+_JOINED = 0.5
 # A face seen edge-on (area in mm²) covers nothing.
 _EDGE_ON = 1e-12
+# ASSUME: a stone is as thick as the thinnest twentieth of it under the square, in percent: what
+# fewer rays meet is a flap, a speck or the rim, and does not let the whole bend.
+_THIN_SHARE = 5.0
 # How far beyond the grid the cloud is cropped: the paper says "bigger than the square".
 _MARGIN_MM = 1.0
 
@@ -91,7 +101,7 @@ class UseFace(NamedTuple):
     bare : (n, n) ndarray of bool
         Elements of the square that no face of it covers.
     thickness : float
-        The stone's least under the square; NaN for a mesh without an underside.
+        The stone's under the square, a low percentile; NaN for a mesh without an underside.
     """
 
     cloud: np.ndarray
@@ -121,13 +131,13 @@ def find_use_face(
     lowest, highest, below = _heights_met(crop, hits, is_own, layout)
     folded, bare = highest - lowest > _SAME_HEIGHT, np.isnan(highest)
     _check_folds(folded, highest - lowest, layout, source)
-    own = crop.faces[is_own]
+    own, through = crop.faces[is_own], (highest - below)[layout.in_square & ~np.isnan(below)]
     return UseFace(
         cloud=crop.points[np.unique(own)],
         edge=_mean_edge(crop.points[own]),
         ends=(folded | bare) & ~layout.in_square,
         bare=bare & layout.in_square,
-        thickness=float(np.fmin.reduce((highest - below)[layout.in_square])),
+        thickness=float(np.percentile(through, _THIN_SHARE)) if len(through) else np.nan,
     )
 
 
@@ -135,12 +145,13 @@ class _Crop(NamedTuple):
     """The part of a mesh near a face, in the square's frame (mm).
 
     `points` (n, 3), `faces` (m, 3), and their `areas` (m,) as the frame's normal sees them:
-    positive of those that look up.
+    positive of those that look up. `bodies` (m,) numbers the connected parts of the whole mesh.
     """
 
     points: np.ndarray
     faces: np.ndarray
     areas: np.ndarray
+    bodies: np.ndarray
 
 
 class _Hits(NamedTuple):
@@ -153,6 +164,8 @@ class _Hits(NamedTuple):
 
 def _cropped(mesh: "trimesh.Trimesh", frame: Frame, layout: Layout) -> _Crop:
     """The faces that lie near the face of the layout."""
+    from trimesh.graph import connected_component_labels
+
     vertices = frame.to_frame(mesh.vertices)
     corners = vertices[:, :2][mesh.faces]
     low, high = layout.bounds
@@ -163,7 +176,8 @@ def _cropped(mesh: "trimesh.Trimesh", frame: Frame, layout: Layout) -> _Crop:
     points, faces = vertices[used], inverse.reshape(-1, 3)
     a, b, c = (points[faces[:, k], :2] for k in range(3))
     (bx, by), (cx, cy) = (b - a).T, (c - a).T
-    return _Crop(points, faces, 0.5 * (bx * cy - by * cx))
+    body = connected_component_labels(mesh.faces[:, [0, 1, 1, 2]].reshape(-1, 2), len(vertices))
+    return _Crop(points, faces, 0.5 * (bx * cy - by * cx), body[mesh.faces[near, 0]])
 
 
 def _hits(crop: _Crop, layout: Layout) -> _Hits:
@@ -196,8 +210,19 @@ def _side_of_use(crop: _Crop, hits: _Hits, layout: Layout, source: str) -> np.nd
     cover = np.bincount(side_hit)
     # Specks, flaps and the inside of a hollow scan are no candidates.
     candidates = np.flatnonzero(cover >= 0.5 * cover.max())
-    away = [abs(float(np.median(height[side_hit == one]))) for one in candidates]
-    use_side = candidates[np.argmin(away)]
+    heights = np.array([np.median(height[side_hit == one]) for one in candidates])
+    nearest = np.argmin(np.abs(heights))
+    use_side, apart = candidates[nearest], np.abs(heights - heights[nearest])
+    is_double = (
+        (candidates % 2 == use_side % 2) & (candidates != use_side) & (apart < _DOUBLE_MM)
+    )
+    if is_double.any():
+        _log.warning(
+            "%s: the mesh has a second surface over the square, %.2g mm from that which is taken: "
+            "if it was scanned twice, merge the two scans",
+            source,
+            apart[is_double].min(),
+        )
     if use_side % 2 == 0:
         raise InputError(
             source,
@@ -211,7 +236,11 @@ def _side_of_use(crop: _Crop, hits: _Hits, layout: Layout, source: str) -> np.nd
 def _heights_met(
     crop: _Crop, hits: _Hits, is_own: np.ndarray, layout: Layout
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of each element (n, n): lowest and highest of the use-face, and the underside below it."""
+    """Of each element (n, n): lowest and highest of the use-face, and the underside below it.
+
+    The underside is that of the body of the use-face; of any other, if that has none, as where the
+    two sides of a stone were not joined.
+    """
     count = layout.in_square.size
     lowest, highest, below = (np.full(count, np.nan) for _ in range(3))
     element, face, height = hits
@@ -220,6 +249,8 @@ def _heights_met(
     np.fmax.at(highest, element[own], height[own])
     looks_down = crop.areas[face] < 0
     under = layout.in_square.ravel()[element] & looks_down & (height < highest[element])
+    same = under & np.isin(crop.bodies[face], crop.bodies[is_own])
+    under = same if len(np.unique(element[same])) > _JOINED * layout.grid**2 else under
     np.fmax.at(below, element[under], height[under])
     shape = layout.in_square.shape
     return lowest.reshape(shape), highest.reshape(shape), below.reshape(shape)

@@ -1,6 +1,7 @@
 """Meshes: what is read is whole and in mm; what is cut or damaged is refused with its reason."""
 
 import itertools
+import json
 import re
 import struct
 import zipfile
@@ -17,6 +18,13 @@ SIZE = (40.0, 30.0, 20.0)
 def stone():
     """A box with 26 vertices and 48 triangles."""
     return trimesh.creation.box(SIZE).subdivide()
+
+
+def uneven(roughness=0.02):
+    """A rough ball of 5120 triangles."""
+    ball = trimesh.creation.icosphere(4, radius=20)
+    ball.vertices *= 1 + roughness * np.random.default_rng(1).normal(size=(len(ball.vertices), 1))
+    return ball
 
 
 def exported(kind):
@@ -140,6 +148,8 @@ def test_glb_is_in_metres_and_another_unit_is_warned_of(write, tmp_path, caplog)
         (b' unit="micron"', "um", 1e-3),
         (b' unit="centimeter"', "cm", 10.0),
         (b' unit="meter"', "m", 1e3),
+        (b' unit="foot"', "ft", 304.8),
+        (b' unit="MilliMeter"', "mm", 1.0),
         (b"", "mm", 1.0),  # by the specification
     ],
 )
@@ -157,6 +167,136 @@ def test_the_unit_that_a_3mf_states_holds(tmp_path, stated, unit, length):
     refused(path, f"Set mesh_unit: {unit}", unit="mm" if unit != "mm" else "m")
 
 
+def glb(change=lambda header: header, numbers="<f4", largest=None, **part):
+    """A ball of 60 mm as a GLB, its positions as a kind of numbers, its header changed."""
+    mesh = trimesh.creation.icosphere(4, radius=0.03)  # m
+    places = np.asarray(mesh.vertices)
+    places = np.round(places / 0.03 * largest) if largest else places
+    rows = np.zeros((len(places), 4), numbers)
+    rows[:, :3] = places
+    corners = np.asarray(mesh.faces, "<u4")
+    data = rows.tobytes() + corners.tobytes()
+    types = {"<f4": 5126, "<i2": 5122, "i1": 5120}
+    views = [
+        {"buffer": 0, "byteLength": rows.nbytes, "byteStride": 4 * rows.itemsize},
+        {"buffer": 0, "byteOffset": rows.nbytes, "byteLength": corners.nbytes},
+    ]
+    positions = {"bufferView": 0, "componentType": types[numbers], "count": len(rows)}
+    indices = {"bufferView": 1, "componentType": 5125, "count": corners.size, "type": "SCALAR"}
+    header = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1} | part]}],
+        "buffers": [{"byteLength": len(data)}],
+        "bufferViews": views,
+        "accessors": [positions | {"type": "VEC3"}, indices],
+    }
+    text = json.dumps(change(header)).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(data), b"BIN\0") + data
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def scaled(scale, **accessor):
+    def change(header):
+        header["nodes"][0]["scale"] = [scale] * 3
+        header["accessors"][0] |= accessor
+        return header | {"extensionsRequired": ["KHR_mesh_quantization"]}
+
+    return change
+
+
+def placed(header):
+    """The node of its node moves it by a kilometre, turns and mirrors it."""
+    header["nodes"] = [
+        {"children": [1], "translation": [1000, 0, 0]},
+        {"mesh": 0, "scale": [-1, 1, 1], "rotation": [0, 0, 0.6, 0.8]},
+    ]
+    return header
+
+
+@pytest.mark.parametrize(
+    ("content", "step_mm"),
+    [
+        (glb(), 1.9e-6),
+        (glb(placed), 1.9e-6),
+        (glb(scaled(0.03 / 32767), "<i2", 32767), 0.92e-3),
+        (glb(scaled(0.03, normalized=True), "<i2", 32767), 0.92e-3),
+    ],
+)
+def test_positions_of_a_glb_are_read_as_they_are_meant(write, content, step_mm):
+    mesh = read_mesh(write("a.glb", content))
+    assert mesh.extents == pytest.approx([60, 60, 60], rel=1e-3)
+    assert mesh.volume == pytest.approx(4 / 3 * np.pi * 30**3, rel=0.01)
+    assert mesh.metadata["step_mm"] == pytest.approx(step_mm, rel=0.1)
+
+
+def changed(*path, **keys):
+    """What changes the part of a header at the end of a path."""
+
+    def change(header):
+        part = header
+        for step in path:
+            part = part[step]
+        part |= keys
+        return header
+
+    return change
+
+
+def without_view(header):
+    del header["accessors"][0]["bufferView"]
+    return header
+
+
+MESHOPT = {"EXT_meshopt_compression": {"buffer": 0}}
+
+
+@pytest.mark.parametrize(
+    ("content", "match"),
+    [
+        (glb(scaled(0.03, normalized=True), "i1", 127), "steps of 236 µm"),
+        (glb(changed(extensionsRequired=["KHR_draco_mesh_compression"])), "KHR_draco"),
+        (glb(changed(extensionsRequired=["EXT_x"])), "EXT_x"),
+        (glb(changed("bufferViews", 0, extensions=MESHOPT)), "EXT_meshopt"),
+        (glb(changed("accessors", 0, sparse={"count": 10})), "sparse positions"),
+        (glb(changed("accessors", 1, sparse={"count": 10})), "sparse triangles"),
+        (glb(without_view), "positions"),
+        (glb(changed("meshes", 0, weights=[0.0, 0.5])), "morph"),
+        (glb(changed("nodes", 0, skin=0)), "skin"),
+        (glb(changed("buffers", 0, uri="a.bin")), "a.bin"),
+        (glb(mode=6), "fans"),
+    ],
+)
+def test_what_a_glb_uses_and_is_not_read_is_named(write, content, match):
+    refused(write("a.glb", content), match)
+
+
+def test_strips_of_a_glb_are_triangles_that_look_one_way(write):
+    def strip(header):
+        header["accessors"][1]["count"] = 6
+        return header
+
+    mesh = read_mesh(write("a.glb", glb(strip, mode=5)))
+    assert len(mesh.faces) == 4
+
+
+@pytest.mark.parametrize("unit", ["furlong", "pixel"])
+def test_a_unit_that_3mf_does_not_have_is_named(tmp_path, unit):
+    stone().export(tmp_path / "plain.3mf")
+    with (
+        zipfile.ZipFile(tmp_path / "plain.3mf") as plain,
+        zipfile.ZipFile(tmp_path / "odd.3mf", "w") as odd,
+    ):
+        for name in plain.namelist():
+            content = plain.read(name)
+            odd.writestr(name, content.replace(b'"millimeter"', f'"{unit}"'.encode()))
+    refused(tmp_path / "odd.3mf", unit)
+
+
 def test_a_wrong_unit_is_named(tmp_path):
     stone().apply_scale(1e-3).export(tmp_path / "metres.stl")
     refused(tmp_path / "metres.stl", r"0\.04 mm.*set mesh_unit: m \(40 mm\)\.")
@@ -165,17 +305,174 @@ def test_a_wrong_unit_is_named(tmp_path):
     refused(tmp_path / "mm.stl", "unknown mesh unit", unit="furlong")
 
 
+def ball():
+    """A stone of 2562 vertices, in mm, none of whose coordinates has an end."""
+    return uneven(0.3)
+
+
+def text_stl(mesh, number):
+    corners = ("vertex " + " ".join(number % c for c in p) for t in mesh.triangles for p in t)
+    faces = zip(*[corners] * 3, strict=True)
+    body = "\nendloop\nendfacet\nfacet normal 0 0 1\nouter loop\n".join(map("\n".join, faces))
+    return f"solid a\nfacet normal 0 0 1\nouter loop\n{body}\nendloop\nendfacet\nendsolid a\n"
+
+
+def moved(by, kind="<f8", scale=1.0):
+    """The ball, with coordinates that have gone through numbers of a kind far from the origin."""
+    mesh = ball()
+    vertices = (mesh.vertices * scale + by).astype(kind).astype(float)
+    return trimesh.Trimesh(vertices, mesh.faces, process=False)
+
+
+def double_ply(mesh):
+    header = double_header(len(mesh.vertices), len(mesh.faces))
+    rows = np.zeros(len(mesh.faces), [("n", "u1"), ("corners", "<i4", 3)])
+    rows["n"], rows["corners"] = 3, mesh.faces
+    return header + np.asarray(mesh.vertices, "<f8").tobytes() + rows.tobytes()
+
+
+def double_header(vertices, faces):
+    return (
+        "ply\nformat binary_little_endian 1.0\n"
+        f"element vertex {vertices}\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
+    ).encode()
+
+
+UTM = [431_234.0, 5_412_345.0, 120.0]  # m
+STEPS = {
+    "single.stl": (ball().export(file_type="stl"), "mm", 3.8e-6),
+    "double.ply": (double_ply(ball()), "mm", 7.1e-15),
+    "10m.stl": (moved(1e4).export(file_type="stl"), "mm", 0.98e-3),
+    "100m.stl": (moved(1e5).export(file_type="stl"), "mm", 7.8e-3),
+    "single_in_double.ply": (double_ply(moved(1e5, "<f4")), "mm", 7.8e-3),
+    "1km.stl": (moved(1e6).export(file_type="stl"), "mm", 62e-3),
+    "utm_in_m.stl": (moved(UTM, scale=1e-3).export(file_type="stl"), "m", 500),
+    "utm_in_double.ply": (double_ply(moved(UTM, scale=1e-3)), "m", 0.93e-6),
+    # moved back, as some programs do when they export
+    "back.ply": (double_ply(moved(1e5, "<f4").apply_translation([-1e5] * 3)), "mm", 7.8e-3),
+    "two_decimals.stl": (text_stl(ball(), "%.2f").encode(), "mm", 10e-3),
+    "three_digits.stl": (text_stl(ball(), "%.3g").encode(), "mm", 100e-3),
+}
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_the_step_of_the_coordinates_is_said_warned_of_and_refused(write, caplog, name):
+    content, unit, step_mm = STEPS[name]
+    if step_mm > 20e-3:
+        refused(write(name, content), "steps of .* (origin|digits)", unit=unit)
+        return
+    mesh = read_mesh(write(name, content), unit=unit)
+    assert mesh.metadata["step_mm"] == pytest.approx(step_mm, rel=0.1)
+    assert ("steps of" in caplog.text) == (step_mm > 1e-3)
+
+
+def test_a_grid_of_heights_is_not_rounded_to_its_spacing(write):
+    y, x = np.mgrid[0:40, 0:40] * 0.5
+    z = np.random.default_rng(1).random(x.shape)
+    corner = np.arange(39 * 40).reshape(39, 40)[:, :-1].ravel()
+    faces = np.vstack([corner[:, np.newaxis] + corners for corners in ([0, 1, 41], [0, 41, 40])])
+    sheet = trimesh.Trimesh(np.stack([x, y, z], axis=-1).reshape(-1, 3), faces, process=False)
+    assert read_mesh(write("a.ply", double_ply(sheet))).metadata["step_mm"] < 1e-5
+
+
+def quads(kind):
+    """The box of quads as another kind of text, with its rows of vertices and faces."""
+    lines = [line.split() for line in quads_obj().decode().splitlines()]
+    places = [" ".join(line[1:]) for line in lines if line[0] == "v"]
+    sides = [[int(c.split("/")[0]) - 1 for c in line[1:]] for line in lines if line[0] == "f"]
+    rows = [*places, *("4 " + " ".join(map(str, side)) for side in sides)]
+    if kind == "off":
+        return "\n".join(["OFF", f"{len(places)} {len(sides)} 0", *rows]).encode()
+    header = [
+        "ply",
+        "format ascii 1.0",
+        "comment before end_header",
+        f"element vertex {len(places)}",
+    ]
+    header += [f"property float {axis}" for axis in "xyz"]
+    header += [f"element face {len(sides)}", "property list uchar int vertex_indices", "end_header"]
+    return "\n".join(header + rows).encode()
+
+
+def without_end(name):
+    return FILES[name].rstrip(b"\r\n")
+
+
+def counted(stated):
+    return FILES["binary.stl"][:80] + stated.to_bytes(4, "little") + FILES["binary.stl"][84:]
+
+
+PLAIN = FILES["plain.obj"]
+DIALECTS = {
+    "bytes behind.stl": FILES["binary.stl"] + b"more",
+    "a line end behind.stl": FILES["binary.stl"] + b"\r\n",
+    "padded.stl": FILES["binary.stl"] + bytes(512),
+    "streamed.stl": counted(0),
+    "streamed minus.stl": counted(0xFFFFFFFF),
+    "named.stl": FILES["ascii.stl"].replace(b"solid ", b"solid my endsolid vertex ", 1),
+    "padded text.stl": FILES["ascii.stl"] + bytes(9),
+    "no end.obj": without_end("plain.obj"),
+    "no end.off": without_end("text.off"),
+    "no end.ply": without_end("ascii.ply"),
+    "tabs.obj": PLAIN.replace(b" ", b"\t"),
+    "indented.obj": PLAIN.replace(b"\n", b" \n  "),
+    "old Mac.obj": PLAIN.replace(b"\n", b"\r"),
+    "commented.obj": PLAIN.replace(b"\nf ", b" # a vertex\n\n# a face\nf ", 1),
+    "backwards.obj": re.sub(
+        rb"(?<= )\d+(?=[ \n])", lambda n: b"%d" % (int(n[0]) - 27), PLAIN[PLAIN.index(b"\nf") :]
+    ).join([PLAIN[: PLAIN.index(b"\nf")], b""]),
+    "marked.obj": b"\xef\xbb\xbf" + PLAIN,
+    "sixteen.obj": PLAIN.decode().encode("utf-16"),
+    "tabs.off": FILES["text.off"].replace(b" ", b"\t").replace(b"OFF\n", b"NOFF # normals\n"),
+    "quads.off": quads("off"),
+    "quads.ply": quads("ply"),
+    "both sides.stl": trimesh.util.concatenate(
+        [stone(), trimesh.Trimesh(stone().vertices, stone().faces[:, ::-1], process=False)]
+    ).export(file_type="stl"),
+    "bytes behind.glb": FILES["whole.glb"] + b"more",
+}
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_dialects_are_read(write, name):
+    mesh = read_mesh(write(name, DIALECTS[name]), unit="mm")
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(np.prod(SIZE), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "match"),
+    [
+        ("more.stl", counted(40), "states 40 triangles, and more follow"),
+        ("commas.obj", PLAIN.replace(b".", b","), "decimal commas"),
+        ("weights.obj", re.sub(rb"(?m)^v .*$", rb"\g<0> 2.0", PLAIN), "fourth number"),
+        ("4D.off", FILES["text.off"].replace(b"OFF", b"4OFF"), "header of OFF"),
+        ("mixed.obj", b"f -1 -1 -1\n" + PLAIN.replace(b"\nf 1", b"\nf -1"), "backwards"),
+    ],
+)
+def test_what_could_mean_two_stones_is_refused(write, name, content, match):
+    refused(write(name, content), match)
+
+
+@pytest.mark.parametrize("comment", [b"# Units: centimeters", b"# File units = cm", b"# unit cm"])
+def test_a_comment_states_the_unit(write, caplog, comment):
+    content = comment + b"\n" + stone().apply_scale(0.1).export(file_type="obj").encode()
+    assert read_mesh(write("a.obj", content)).extents == pytest.approx(SIZE)
+    assert not caplog.text
+    assert read_mesh(write("a.obj", content), unit="mm").extents[0] == pytest.approx(4)
+    assert "is in cm" in caplog.text
+
+
 @each_file
 def test_cut_files_are_refused(write, name):
     """Wherever it is cut, but for an OBJ at the end of a line (see docs/reference/formats.md)."""
-    content = FILES[name]
+    content = uneven().export(file_type="obj").encode() if name.endswith("obj") else FILES[name]
     for length in {0, 1, 40, *range(100, len(content) - 20, len(content) // 17)}:
-        if name.endswith(".obj") and b"\nf" in content[:length]:
-            length = content.rindex(b"\n", 0, length) - 1
         with pytest.raises(InputError, match=name):
-            read_mesh(write(name, content[:length]))
-    if name != "ascii.stl" and "windows" not in name:  # whose last byte means nothing
-        refused(write(name, content[: len(content) - 1]), "cut|truncated|unexpected length")
+            read_mesh(write(name, content[:length].rstrip(b"\r\n")))
+    if re.match("binary|little|big|whole", name):
+        refused(write(name, content[:-1]), "cut|truncated|unexpected length")
 
 
 @pytest.mark.parametrize(
@@ -185,15 +482,14 @@ def test_cut_files_are_refused(write, name):
         ("ascii.stl", b"vertex", b"vortex", "cannot be read as STL"),
         ("ascii.stl", b"endfacet", b"", "48 triangles can be read.*states 47"),
         ("plain.obj", b"\nv ", b"\nw ", "cannot be read as OBJ"),
-        ("plain.obj", b"\nf 1 ", b"\nf 0 ", "vertex numbers below 1"),
-        ("quads.obj", b" 7/1/1 ", b" -1/1/1 ", "vertex numbers below 1"),
+        ("plain.obj", b"\nf 1 ", b"\nf 0 ", "vertex number 0"),
         ("ascii.ply", b"5 3 0 ", b"5 3 77 ", "a face refers to a vertex outside its 26"),
         ("ascii.ply", b"-20 ", b"-2O ", "could not be read"),
         ("little.ply", struct.pack("<2Bi", 5, 3, 0), struct.pack("<2Bi", 5, 3, -1), "outside its"),
         ("little.ply", b"float y", b"float w", "cannot be read as PLY"),
         ("little.ply", b"face 48", b"face 100000000000", "cannot be read as PLY"),
         ("text.off", b"26 48", b"26 49", "has 74 rows, but states 75"),
-        ("binary.stl", FILES["binary.stl"], FILES["binary.stl"] + b"more", "0 triangles .* 48"),
+        ("binary.stl", FILES["binary.stl"], FILES["binary.stl"][:-50], "47 triangles .* 48"),
         ("binary.stl", FILES["binary.stl"], bytes(84), "no faces"),
         ("plain.obj", FILES["plain.obj"], b"v 0 0 0\nv 9 0 0\nv 0 9 0\n", "no faces"),
         ("whole.glb", b"glTF", b"gITF", "cannot be read as GLB"),
@@ -209,7 +505,7 @@ def test_cut_files_are_refused(write, name):
                 name,
                 FILES[name][-14:],
                 FILES[name][-14:-13] + corners + FILES[name][-12:],
-                "not all triangles",
+                "different numbers of corners",
             )
             for name in ("little.ply", "big.ply")
             for corners in (b"\0", b"\7")
@@ -239,13 +535,6 @@ def test_bytes_of_an_archive_that_look_like_text_are_read(write):
     assert read_mesh(path).extents == pytest.approx(SIZE)
 
 
-def uneven():
-    """A rough ball of 5120 triangles."""
-    ball = trimesh.creation.icosphere(4, radius=20)
-    ball.vertices *= 1 + 0.02 * np.random.default_rng(1).normal(size=(len(ball.vertices), 1))
-    return ball
-
-
 @pytest.mark.parametrize("share", [0.1, 0.01])
 @pytest.mark.parametrize("at", [0.2, 0.4, 0.8])
 @pytest.mark.parametrize("kind", ["stl", "ply", "glb"])
@@ -255,7 +544,7 @@ def test_a_mesh_with_a_block_of_zeros_is_refused(tmp_path, kind, at, share):
     first = round(at * len(content)) if kind != "glb" else content.index(b"BIN\0") + 70_000
     lost = round(share * len(content))
     (tmp_path / f"a.{kind}").write_bytes(content[:first] + bytes(lost) + content[first + lost :])
-    refused(tmp_path / f"a.{kind}", "are nothing but zeros|not all triangles", unit="mm")
+    refused(tmp_path / f"a.{kind}", "are nothing but zeros|different numbers of corners", unit="mm")
 
 
 @pytest.mark.parametrize("kind", ["ply", "glb"])
@@ -285,7 +574,7 @@ def test_triangles_that_rounding_shrinks_and_copies_of_the_origin_are_read(tmp_p
     for mesh in (ball, soup, rounded):
         for kind in ("ply", "stl"):
             mesh.export(tmp_path / f"a.{kind}")
-            assert len(read_mesh(tmp_path / f"a.{kind}").faces) == 5120
+            assert read_mesh(tmp_path / f"a.{kind}").extents == pytest.approx(mesh.extents)
     shrunk = (rounded.triangles == rounded.triangles[:, :1]).all(axis=(1, 2))
     assert shrunk.sum() > 100
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import trimesh
 from gstlib.errors import InputError
-from gstlib.macroscale.face import grid_macroscale
+from gstlib.macroscale.face import grid_macroscale, thin_stone
 from gstlib.preprocess import interpolation, use_face
 from gstlib.preprocess import mesh as mesh_module
 from gstlib.preprocess.mesh import grid_mesh, gridding_table
@@ -86,6 +86,69 @@ def test_speck_over_the_surface_is_not_the_use_face(high):
     speck = sheet(lambda x, y: 0 * x, low=1.0, high=high)
     surface = grid(trimesh.util.concatenate([plane, speck]))
     np.testing.assert_allclose(surface.values, -0.5, atol=1e-12)
+
+
+def ball_with(*others):
+    """A stone of 40 mm, and other bodies."""
+    return trimesh.util.concatenate([trimesh.creation.icosphere(5, radius=20.0), *others])
+
+
+def ball_with_flap():
+    """A ball, and a triangle that hangs on its top and looks down, under 1 % of the square."""
+    ball = ball_with()
+    top = int(ball.vertices[:, 2].argmax())
+    corners = ball.vertices[top] + [[0.6, 0.0, -0.02], [0.0, 0.6, -0.02]]
+    last = len(ball.vertices)
+    faces = np.vstack([ball.faces, [[top, last + 1, last]]])
+    return trimesh.Trimesh(np.vstack([ball.vertices, corners]), faces, process=False)
+
+
+def cavity():
+    """The inside of a hollow ball."""
+    ball = trimesh.creation.icosphere(5, radius=19.5)
+    ball.invert()
+    return ball
+
+
+def plate(thickness):
+    box = trimesh.creation.box([20.0, 20.0, thickness]).subdivide_to_size(0.5)
+    return box.apply_translation([0, 0, 20.0 - thickness / 2])
+
+
+@pytest.mark.parametrize(
+    ("mesh", "thickness", "is_fault"),
+    [
+        (ball_with(), 39.5, False),
+        (ball_with_flap(), 39.5, False),
+        (ball_with(cavity()), 39.5, False),
+        (
+            ball_with(trimesh.creation.icosphere(2, radius=0.4).apply_translation([0, 0, 20.2])),
+            39.5,
+            False,
+        ),
+        (plate(0.5), 0.5, True),
+        (plate(1.5), 1.5, False),
+    ],
+)
+def test_the_thickness_is_that_of_the_stone(mesh, thickness, is_fault):
+    surface = grid(mesh, on_top(20.0))
+    assert surface.attrs["thickness_mm"] == pytest.approx(thickness, abs=0.3)
+    assert [fault.name for fault in thin_stone(surface, source="mesh")] == ["thickness"] * is_fault
+
+
+def test_heights_far_from_the_origin_are_those_near_it():
+    """Coordinates of a national grid, in mm, of which float64 keeps a nanometre or so."""
+    ball, far = ball_with(), np.array([431_234_000.0, 5_412_345_000.0, 120_000.0])
+    here = on_top(20.0)
+    there = Frame(far + here.origin, here.x_axis, here.normal)
+    moved = trimesh.Trimesh(ball.vertices + far, ball.faces, process=False)
+    np.testing.assert_allclose(grid(moved, there).values, grid(ball, here).values, atol=1e-5)
+
+
+@pytest.mark.parametrize(("apart", "is_warned"), [(0.01, True), (0.3, True), (2.0, False)])
+def test_a_stone_that_was_scanned_twice_is_warned_of(caplog, apart, is_warned):
+    grid(trimesh.util.concatenate([sheet(hills), sheet(lambda x, y: hills(x, y) + apart)]))
+    assert ("second surface" in caplog.text) == is_warned
 
 
 def near(mesh, radius):

@@ -1,0 +1,77 @@
+"""The step to which the coordinates of a mesh were rounded when its file was written."""
+
+import numpy as np
+
+__all__ = ["coordinate_step"]
+
+# The step is looked for among coordinates above these shares of the largest one: numbers with a
+# fixed count of digits, binary or decimal, have finer steps near zero.
+_SHARES = 0.5, 0.9
+# Fewer distinct coordinates tell nothing about their step.
+_FEWEST = 20
+# The smallest of the distances between n coordinates that are spread at random over a range is
+# about range / n². A distance that is larger by this factor is a step; chance leaves one in 20,000.
+_TIMES_CHANCE = 10.0
+# Edges of a mesh go over many of its steps. A grid of heights, where each edge goes to the next
+# place of the grid, is not rounded to its spacing. One that was thinned out has longer edges, but
+# its heights are not on a grid, too.
+_EDGES, _EDGES_OF_ALL = 4.0, 1.5
+
+
+def coordinate_step(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """The step of a mesh's coordinates, in their own unit: the largest of the three axes.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray
+        As they are in the file, before any transformation.
+    faces : (m, 3) ndarray of int
+
+    Returns
+    -------
+    float
+        The distance between neighbouring numbers: of 32 bits, if all coordinates are such numbers,
+        else of 64 bits. Where all distinct coordinates lie farther apart than this, as those with
+        few decimals do, the smallest of their distances.
+
+    Examples
+    --------
+    >>> corners = np.random.default_rng(1).random((1000, 3))
+    >>> faces = np.arange(999).reshape(-1, 3)
+    >>> f"{coordinate_step(corners.astype(np.float32).astype(float), faces):.0e}"
+    '6e-08'
+    >>> f"{coordinate_step(corners.round(3), faces):.3f}"
+    '0.001'
+    """
+    triangles = vertices[faces]
+    edges = np.abs(triangles - np.roll(triangles, 1, axis=1))
+    distances, over_steps, numbers = np.zeros((3, 3))
+    for axis in range(3):
+        values, along = triangles[..., axis], edges[..., axis]
+        numbers[axis] = _next_number(values)
+        distances[axis] = _regular_distance(values)
+        if distances[axis] and along.any():
+            over_steps[axis] = np.median(along[along > 0]) / distances[axis]
+    least = _EDGES_OF_ALL if distances.all() else _EDGES
+    return float(np.maximum(numbers, np.where(over_steps >= least, distances, 0)).max())
+
+
+def _next_number(values: np.ndarray) -> float:
+    """How far the next number is from the largest one, of 32 bits if all are such numbers."""
+    with np.errstate(over="ignore"):
+        is_single = bool((values.astype(np.float32) == values).all())
+    largest = np.abs(values).max()
+    return float(np.spacing(np.float32(largest) if is_single else largest))
+
+
+def _regular_distance(values: np.ndarray) -> float:
+    """The smallest distance of coordinates along an axis, 0 if it may be chance."""
+    largest, regular = np.abs(values).max(), 0.0
+    for share in _SHARES:
+        distinct = np.unique(values[np.abs(values) >= share * largest])
+        count = len(distinct)
+        if count >= _FEWEST:
+            smallest = float(np.diff(distinct).min())
+            if smallest * count**2 > _TIMES_CHANCE * np.ptp(distinct):
+                regular = max(regular, smallest)
+    return regular
