@@ -9,7 +9,7 @@ from gst.figures.maps import HEIGHTS, draw_map
 from gst.figures.style import BLUE, VERMILION, panels, styled
 from gst.figures.tool import FACES, draw_stone
 from gst.viewer import coarsen
-from gstlib.bem import LoadPath
+from gstlib.bem.loading import LoadPath
 from gstlib.surfaces.frames import Frame
 
 if TYPE_CHECKING:
