@@ -109,9 +109,8 @@ def prepare_scan(
     clean = stone.copy(data=interpolate_holes(stone.values, unmeasured | outlier))
     level, plane = remove_plane(clean)
     level.attrs = {"units": "mm", "long_name": "height of the stone, level"}
-    texts = {
-        name: value for name, value in raw.attrs.items() if name not in ("units", "long_name")
-    }
+    not_kept = "units", "long_name", "unit_stated"
+    texts = {name: value for name, value in raw.attrs.items() if name not in not_kept}
     masks = {
         name: (level.dims, mask, {"units": "1", "long_name": f"{long_name} from around it"})
         for name, mask, long_name in (

@@ -406,3 +406,14 @@ def test_a_piece_that_sticks_out_and_a_scan_of_another_size_are_refused():
     with pytest.raises(InputError, match=r"map\.plu: the scan is 4 × 3 mm.*3 × 3"):
         cut_scan(SCAN, None, 3.0)
     assert cut_scan(SCAN[:, :30], None, 3.0).equals(SCAN[:, :30])
+
+
+def test_a_unit_that_the_file_states_is_not_the_config_s(tmp_path):
+    """Heights of a metre are in a wrong unit, whoever states it."""
+    tall = np.random.default_rng(1).normal(size=(8, 8)) * 1e3
+    write_plu(tmp_path / "a.plu", tall, 1e-3)
+    np.savetxt(tmp_path / "a.csv", tall, delimiter=",")
+    for name, stated in (("a.plu", True), ("a.csv", False)):
+        with pytest.raises(InputError) as refused:
+            read_scan(tmp_path / name, unit="mm", spacing_um=1.0)
+        assert refused.value.remedy.startswith("Check scans.unit") != stated
