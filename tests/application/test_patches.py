@@ -192,6 +192,7 @@ REFUSED = {
         f"{HEAD}\n1,1,1,a\n2,1.7,1,b\n3,1.4,1,c\n",
         "line 4 (patch 3): 65% of its area is that of line 3 (patch 2)",
     ),
+    "a folder": (f"{HEAD}\n1,inf,1,.\n", "x_mm is 'inf'"),
     "no end": (f"{HEAD}\n1,inf,1,a\n", "x_mm is 'inf', not a number"),
     "turned, it sticks out": (
         f"{HEAD},rotation_deg\n1,0.45,1,a,45\n",
